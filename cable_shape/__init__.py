@@ -1,0 +1,73 @@
+"""cable_shape: the quasistatic shape of the cable held between two grippers, every control cycle.
+
+The public contract is what this module exports. It imports no ROS, viewer, collision or robot library.
+"""
+
+from cable_shape.cable import Cable
+from cable_shape.cycle import Cycle
+from cable_shape.errors import (
+    ArgumentError,
+    BagError,
+    CableShapeError,
+    DependencyError,
+    InputError,
+    RobotError,
+    StaleInputError,
+    UnknownKeyError,
+)
+from cable_shape.pose import FreeEnd, Grip, Pose
+from cable_shape.predictor import Predictor, predict
+from cable_shape.report import BodyDistance, CableWarning, Clearance, CycleReport, Severity, WarningKind
+from cable_shape.scene import (
+    Box,
+    Capsule,
+    Clip,
+    Cylinder,
+    HalfSpace,
+    Mesh,
+    Obstacle,
+    PointMass,
+    Scene,
+    Sphere,
+)
+from cable_shape.shape import CableShape, Status
+from cable_shape.warm_up import warm_up
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "ArgumentError",
+    "BagError",
+    "BodyDistance",
+    "Box",
+    "Cable",
+    "CableShape",
+    "CableShapeError",
+    "CableWarning",
+    "Capsule",
+    "Clearance",
+    "Clip",
+    "Cycle",
+    "CycleReport",
+    "Cylinder",
+    "DependencyError",
+    "FreeEnd",
+    "Grip",
+    "HalfSpace",
+    "InputError",
+    "Mesh",
+    "Obstacle",
+    "PointMass",
+    "Pose",
+    "Predictor",
+    "RobotError",
+    "Scene",
+    "Severity",
+    "Sphere",
+    "StaleInputError",
+    "Status",
+    "UnknownKeyError",
+    "WarningKind",
+    "predict",
+    "warm_up",
+]

@@ -1,0 +1,106 @@
+"""Checks of arguments, each with one wording: name, value, bound, remedy."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cable_shape.errors import ArgumentError, UnknownKeyError
+
+Array = NDArray[np.float64]
+
+#: Quaternions this close to unit length are normalised, others refused (ROS publishes rounded ones).
+QUATERNION_TOLERANCE = 1e-3
+
+
+def number(
+    name: str,
+    value: Any,
+    *,
+    above: float | None = None,
+    at_least: float | None = None,
+    unit: str = "",
+    remedy: str = "",
+) -> float:
+    """`value` as a finite float, above or at least a bound."""
+    suffix = f" {unit}" if unit else ""
+    remedy = remedy or f"Give {name} in {unit or 'SI units'} as one finite number."
+    if isinstance(value, (bool, str)) or value is None:
+        raise ArgumentError.of(name, value, "it must be a number", remedy)
+    try:
+        x = float(value)
+    except (TypeError, ValueError):
+        raise ArgumentError.of(name, value, "it must be a number", remedy) from None
+    if not math.isfinite(x):
+        raise ArgumentError.of(name, x, "it must be finite", remedy)
+    if above is not None and not x > above:
+        raise ArgumentError.of(name, x, f"it must be above {above:g}{suffix}", remedy)
+    if at_least is not None and not x >= at_least:
+        raise ArgumentError.of(name, x, f"it must be at least {at_least:g}{suffix}", remedy)
+    return x
+
+
+def optional_number(name: str, value: Any, **bounds: Any) -> float | None:
+    """Like :func:`number`, None allowed."""
+    return None if value is None else number(name, value, **bounds)
+
+
+def integer(name: str, value: Any, *, at_least: int, at_most: int | None = None) -> int:
+    """`value` as an int within bounds; a float is refused."""
+    bound = f"it must be a whole number of at least {at_least}" + (f" and at most {at_most}" if at_most else "")
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
+        raise ArgumentError.of(name, value, bound, "")
+    if value < at_least or (at_most is not None and value > at_most):
+        raise ArgumentError.of(name, int(value), bound, f"Choose {name} within these bounds.")
+    return int(value)
+
+
+def vector(name: str, value: ArrayLike, size: int = 3, unit: str = "") -> Array:
+    """`value` as a new finite float64 array of shape (size,)."""
+    in_unit = f" in {unit}" if unit else ""
+    remedy = f"Give {name} as {size} finite numbers{in_unit}."
+    try:
+        a = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ArgumentError.of(name, value, f"it must be {size} numbers", remedy) from None
+    if a.shape != (size,):
+        raise ArgumentError.of(name, value, f"it must have shape ({size},), not {a.shape}", remedy)
+    if not np.isfinite(a).all():
+        raise ArgumentError.of(name, a.tolist(), "every entry must be finite", remedy)
+    return a
+
+
+def quaternion(name: str, value: ArrayLike) -> Array:
+    """`value` as a new unit quaternion (4,), x y z w; refused unless within 1e-3 of unit length."""
+    q = vector(name, value, 4)
+    length = math.sqrt(float(q @ q))
+    if abs(length - 1.0) > QUATERNION_TOLERANCE:
+        raise ArgumentError.of(
+            name,
+            q.tolist(),
+            f"its length is {length:.6g}, it must be within {QUATERNION_TOLERANCE:g} of 1",
+            "Normalise it; the order is x, y, z, w and the identity is (0, 0, 0, 1).",
+        )
+    return q / length
+
+
+def one_of(name: str, value: Any, options: Iterable[str]) -> str:
+    """`value`, if it is one of the words `options`."""
+    words = tuple(options)
+    if value not in words:
+        raise ArgumentError.of(name, value, f"it must be one of {', '.join(words)}", "Choose one of these.")
+    return str(value)
+
+
+def known_keys(where: str, given: Mapping[str, Any], known: Iterable[str]) -> None:
+    """Refuses keys of `given` that are not among `known`, naming the nearest."""
+    names = tuple(known)
+    if not isinstance(given, Mapping):
+        raise ArgumentError.of(where, given, "it must be a mapping of keys to values", f"Known keys: {names}.")
+    for key in given:
+        if key not in names:
+            raise UnknownKeyError.among(where, key, names)

@@ -1,0 +1,40 @@
+"""Reading YAML and JSON files: safe-loaded, bounded in size, with errors that name the file."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from cable_shape.errors import ArgumentError
+
+#: Larger files are refused: a cable, scene or case is a few kilobytes.
+MAX_BYTES = 16 * 1024 * 1024
+
+
+def read_text(path: str | Path) -> str:
+    """The text of a file, refused above 16 MiB."""
+    file = Path(path).expanduser()
+    try:
+        size = file.stat().st_size
+        if size > MAX_BYTES:
+            raise ArgumentError(f"{file}: {size} bytes, at most {MAX_BYTES} are read. Is it the right file?")
+        return file.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise ArgumentError(f"{file}: no such file. Check the path; it is taken from {Path.cwd()}.") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ArgumentError(f"{file}: cannot be read as text ({error}).") from None
+
+
+def load_yaml(path: str | Path) -> dict[str, Any]:
+    """A YAML (or JSON) file whose top level is a mapping."""
+    import yaml
+
+    text = read_text(path)
+    try:
+        data = json.loads(text) if str(path).endswith(".json") else yaml.safe_load(text)
+    except (yaml.YAMLError, json.JSONDecodeError, RecursionError) as error:
+        raise ArgumentError(f"{path}: not well formed: {' '.join(str(error).split())}") from None
+    if not isinstance(data, dict):
+        raise ArgumentError(f"{path}: the top level must be a mapping of keys to values, not {type(data).__name__}.")
+    return data

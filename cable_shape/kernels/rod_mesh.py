@@ -1,0 +1,165 @@
+"""Where the nodes go, and the loads and rest curvature of every element.
+
+A mesh is equidistributed: every element gets the same share of a density that rises towards the ends, where the
+boundary layer sqrt(EI/|n|) is, or that an error indicator of an earlier solution asks for. Arc lengths where the
+internal force jumps are nodes.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from cable_shape.kernels._jit import kernel
+
+Array = Any
+
+
+@kernel
+def equidistribute(x: Array, density: Array, stops: Array, elements: int, s: Array) -> None:
+    """Fills s (elements + 1,) with nodes of equal share of the density, given at x and linear between.
+
+    stops: ascending arc lengths inside that must be nodes; there must be more elements than stops.
+    """
+    k = x.shape[0]
+    share = np.empty(k)
+    share[0] = 0.0
+    for i in range(k - 1):
+        share[i + 1] = share[i] + 0.5 * (density[i] + density[i + 1]) * (x[i + 1] - x[i])
+    whole = share[k - 1]
+    pieces = stops.shape[0] + 1
+    node = 0
+    s[0] = x[0]
+    a = 0.0
+    for p in range(pieces):
+        stop = stops[p] if p < pieces - 1 else x[k - 1]
+        b = whole
+        if p < pieces - 1:
+            j = 0
+            while j < k - 2 and x[j + 1] < stop:
+                j += 1
+            t = stop - x[j]
+            slope = (density[j + 1] - density[j]) / (x[j + 1] - x[j])
+            b = share[j] + density[j] * t + 0.5 * slope * t * t
+        rest = pieces - 1 - p
+        count = elements - node if rest == 0 else round((elements - node) * (b - a) / (whole - a))
+        count = max(1, min(count, elements - node - rest))
+        j = 0
+        for c in range(1, count):
+            target = a + (b - a) * c / count
+            while j < k - 2 and share[j + 1] < target:
+                j += 1
+            over = target - share[j]
+            dx = x[j + 1] - x[j]
+            slope = (density[j + 1] - density[j]) / dx
+            s[node + c] = x[j] + 2.0 * over / (density[j] + math.sqrt(max(density[j] ** 2 + 2.0 * slope * over, 0.0)))
+        node += count
+        s[node] = stop
+        a = b
+
+
+@kernel
+def layered(length: float, layer: float, x: Array, density: Array) -> None:
+    """A density with half of the nodes within a few `layer` of the two ends; x becomes graded like it."""
+    k = x.shape[0]
+    reach = min(3.0 * layer, length)
+    tail = 1.0 - math.exp(-length / reach)
+    gain = length / (2.0 * reach * tail)
+    for i in range(k):
+        # abscissae dense at both ends
+        c = 0.5 - 0.5 * math.cos(math.pi * i / (k - 1))
+        x[i] = length * c
+    for i in range(k):
+        density[i] = 1.0 + gain * (math.exp(-x[i] / reach) + math.exp(-(length - x[i]) / reach))
+
+
+@kernel
+def indicated(s: Array, errors: Array, x: Array, density: Array) -> None:
+    """Density (error / h^5)^(1/5) of each element's fifth-order defect, smoothed and bounded; x (N+2,), density too."""
+    elements = errors.shape[0]
+    length = s[elements] - s[0]
+    raw = np.empty(elements)
+    total = 0.0
+    for e in range(elements):
+        h = s[e + 1] - s[e]
+        raw[e] = max(errors[e], 1e-300) ** 0.2 / h
+        total += raw[e] * h
+    mean = total / length
+    for e in range(elements):
+        raw[e] = max(raw[e], 0.25 * mean)
+    soft = raw.copy()
+    for _ in range(2):
+        for e in range(elements):
+            a, b = raw[max(e - 1, 0)], raw[min(e + 1, elements - 1)]
+            soft[e] = max(raw[e], 0.6 * max(a, b))
+        raw[:] = soft
+    x[0], x[elements + 1] = s[0], s[elements]
+    density[0], density[elements + 1] = raw[0], raw[elements - 1]
+    for e in range(elements):
+        x[e + 1] = 0.5 * (s[e] + s[e + 1])
+        density[e + 1] = raw[e]
+
+
+@kernel
+def element_loads(s: Array, ends: Array, points: Array, weights: Array, tip: Array, h: Array, load: Array) -> None:
+    """Lengths h (N,) and internal force without lambda, load (N, 9), at the left, middle and right of each element.
+
+    ends (2, 3) [N/m]: distributed load at both ends, linear between; points (k,), weights (k, 3): concentrated loads
+    at nodes; tip (3,) [N]: load on a free end.
+    """
+    elements = h.shape[0]
+    length = s[elements]
+    for e in range(elements):
+        h[e] = s[e + 1] - s[e]
+        for j in range(3):
+            x = s[e] + 0.5 * j * h[e]
+            y = length - x
+            for i in range(3):
+                # integral of the load from x to the end
+                at_x = ends[0, i] + (ends[1, i] - ends[0, i]) * x / length
+                load[e, 3 * j + i] = 0.5 * (at_x + ends[1, i]) * y + tip[i]
+        middle = 0.5 * (s[e] + s[e + 1])
+        for p in range(points.shape[0]):
+            if points[p] > middle:
+                for j in range(3):
+                    for i in range(3):
+                        load[e, 3 * j + i] += weights[p, i]
+
+
+@kernel
+def element_rest(s: Array, table: Array, rest: Array) -> None:
+    """Mean and slope of the rest curvature over each element, rest (N, 6), from a table (n, 3) uniform in arc length.
+
+    The least-squares line over the element, exact for the piecewise linear table.
+    """
+    elements = rest.shape[0]
+    length = s[elements]
+    rows = table.shape[0]
+    for e in range(elements):
+        for i in range(6):
+            rest[e, i] = 0.0
+        if rows == 1:
+            for i in range(3):
+                rest[e, i] = table[0, i]
+            continue
+        a, b = s[e], s[e + 1]
+        h, middle = b - a, 0.5 * (a + b)
+        cell = length / (rows - 1)
+        j = min(int(a / cell), rows - 2)
+        left = a
+        while left < b:
+            right = b if j >= rows - 2 else min(b, (j + 1) * cell)
+            if right > left:
+                for i in range(3):
+                    slope = (table[j + 1, i] - table[j, i]) / cell
+                    ya = table[j, i] + slope * (left - j * cell)
+                    yb = table[j, i] + slope * (right - j * cell)
+                    d = right - left
+                    rest[e, i] += 0.5 * (ya + yb) * d / h
+                    # first moment about the middle
+                    c = 0.5 * (left + right) - middle
+                    rest[e, 3 + i] += 12.0 / h**3 * (0.5 * (ya + yb) * d * c + slope * d**3 / 12.0)
+            left = right
+            j += 1

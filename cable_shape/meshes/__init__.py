@@ -1,0 +1,1 @@
+"""Triangle meshes: files, and the tree that clearance searches."""

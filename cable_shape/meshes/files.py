@@ -1,0 +1,97 @@
+"""Reading triangle meshes: binary and ASCII STL, OBJ. :func:`read_mesh`"""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+
+from cable_shape import checks
+from cable_shape.checks import Array
+from cable_shape.errors import ArgumentError
+from cable_shape.scene import MAX_FACES, Mesh
+
+#: Larger files are refused.
+MAX_BYTES = 64 * 1024 * 1024
+
+_STL_HEADER = 84  # bytes: 80 of text, then the number of triangles as uint32
+_STL_RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+
+
+def read_mesh(path: str | Path, scale: float = 1.0) -> Mesh:
+    """The mesh in an STL or OBJ file, equal vertices merged; its coordinates times `scale` are metres.
+
+    Raises
+    ------
+    ArgumentError
+        Naming the file: missing, too large, of another kind, cut off, or without triangles.
+    """
+    factor = checks.number("scale", scale, above=0.0, remedy="1 for a file in metres, 0.001 for one in millimetres.")
+    file = Path(path).expanduser()
+    suffix = file.suffix.lower()
+    if suffix not in (".stl", ".obj"):
+        raise ArgumentError(f"{file}: meshes are read from .stl and .obj files, not {suffix or 'without suffix'}.")
+    try:
+        size = file.stat().st_size
+        if size > MAX_BYTES:
+            raise ArgumentError(f"{file}: {size} bytes, at most {MAX_BYTES} are read. Simplify the mesh.")
+        data = file.read_bytes()
+    except FileNotFoundError:
+        raise ArgumentError(f"{file}: no such mesh file. A scene names it from its own folder.") from None
+    except OSError as error:
+        raise ArgumentError(f"{file}: cannot be read ({error}).") from None
+    try:
+        vertices, faces = _obj(data) if suffix == ".obj" else _stl(data)
+        return Mesh(vertices * factor, faces)
+    except ArgumentError as error:
+        raise ArgumentError(f"{file}: {error}") from None
+    except (ValueError, IndexError) as error:
+        raise ArgumentError(f"{file}: not a well-formed {suffix[1:].upper()} file ({error}).") from None
+
+
+def _stl(data: bytes) -> tuple[Array, Array]:
+    """Binary if its length fits the number of triangles it states (a binary header may also start with "solid")."""
+    if len(data) >= _STL_HEADER:
+        count = int(np.frombuffer(data, "<u4", 1, 80)[0])
+        if len(data) == _STL_HEADER + count * _STL_RECORD.itemsize:
+            corners = np.frombuffer(data, _STL_RECORD, count, _STL_HEADER)["corners"].astype(np.float64)
+            return _merged(corners.reshape(-1, 3))
+    if not data.lstrip().startswith(b"solid"):
+        raise ValueError("neither ASCII nor a binary file of the stated length; is it cut off?")
+    words = data.decode("ascii", errors="replace").split()
+    at = [i for i, word in enumerate(words) if word == "vertex"]
+    if len(at) % 3 or "endsolid" not in words:
+        raise ValueError("a facet is incomplete; is it cut off?")
+    return _merged(np.array([words[i + 1 : i + 4] for i in at], dtype=np.float64).reshape(-1, 3))
+
+
+def _obj(data: bytes) -> tuple[Array, Array]:
+    """Lines `v x y z` and `f a b c ...` (`a/t/n`, negative counts from the last vertex); polygons become fans."""
+    vertices: list[list[float]] = []
+    faces: list[tuple[int, int, int]] = []
+    for line in data.decode("utf-8", errors="replace").splitlines():
+        words = line.split()
+        if not words:
+            continue
+        if words[0] == "v":
+            vertices.append([float(word) for word in words[1:4]])
+        elif words[0] == "f":
+            numbers = [int(word.split("/")[0]) for word in words[1:]]
+            if 0 in numbers or len(numbers) < 3:
+                raise ValueError(f"face {line.strip()!r} needs three or more indices that count from 1")
+            corners = [n - 1 if n > 0 else len(vertices) + n for n in numbers]
+            faces.extend((corners[0], b, c) for b, c in itertools.pairwise(corners[1:]))
+            if len(faces) > MAX_FACES:
+                break
+    if not faces:
+        raise ValueError("it holds no face")
+    return np.array(vertices, dtype=np.float64), np.array(faces, dtype=np.int64)
+
+
+def _merged(corners: Array) -> tuple[Array, Array]:
+    """Vertices and faces of triangles that are given corner by corner (3 f, 3)."""
+    if not len(corners):
+        raise ValueError("it holds no triangle")
+    vertices, inverse = np.unique(corners, axis=0, return_inverse=True)
+    return vertices, inverse.reshape(-1, 3).astype(np.int64)

@@ -1,0 +1,1 @@
+"""One solver a file: `solve(problem, guess) -> CableShape`."""

@@ -1,0 +1,261 @@
+"""From ends to shape: :class:`Predictor` (a control loop) and :func:`predict` (a script)."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable
+from typing import Protocol, final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cable_shape import checks
+from cable_shape.cable import Cable
+from cable_shape.checks import Array
+from cable_shape.errors import ArgumentError
+from cable_shape.kernels.poses import moved
+from cable_shape.models import catenary, cosserat, gradient
+from cable_shape.models.rod_state import RodState
+from cable_shape.pose import FreeEnd, Grip, Pose
+from cable_shape.problem import AUTO_TOLERANCE, NAMED_TOLERANCE, Problem
+from cable_shape.scene import Scene
+from cable_shape.shape import CableShape
+
+MODELS = ("catenary", "gradient4", "gradient6", "cosserat", "auto")
+
+#: The last shape is given again while the ends have moved by less than this fraction of `tolerance`, rotations counted
+#: as length x angle. A shape moves by at most 100 times as much as its ends down to a slack of 1e-5 of the length.
+REUSE_FRACTION = 0.01
+
+
+class Solver(Protocol):
+    """One model with its warm start."""
+
+    def solve(self, problem: Problem) -> CableShape:
+        """The shape, from the last solution if there is one."""
+
+    def reset(self) -> None:
+        """Forgets the last solution."""
+
+
+@final
+class ClosedForm:
+    """A model in closed form; its warm start is a handful of numbers, NaN when cold."""
+
+    __slots__ = ("_solve", "_warm")
+
+    def __init__(self, solve: Callable[[Problem, Array], CableShape]) -> None:
+        self._solve = solve
+        self._warm = np.full(4, math.nan)
+
+    def solve(self, problem: Problem) -> CableShape:
+        return self._solve(problem, self._warm)
+
+    def reset(self) -> None:
+        self._warm[:] = math.nan
+
+
+@final
+class Rod:
+    """The Cosserat rod; its warm start is the last solution with its mesh."""
+
+    __slots__ = ("state",)
+
+    def __init__(self) -> None:
+        self.state: RodState | None = None
+
+    def solve(self, problem: Problem) -> CableShape:
+        if self.state is None:
+            self.state = RodState(problem)
+        return cosserat.solve(problem, self.state)
+
+    def reset(self) -> None:
+        self.state = None
+
+
+@final
+class Predictor:
+    """Predicts one cable's shape again and again, each time starting from the last solution.
+
+    Parameters
+    ----------
+    cable : Cable
+    model : str
+        "catenary", "gradient4", "gradient6", "cosserat", or "auto": the catenary for a cable without bending
+        stiffness, else the Cosserat rod.
+    gravity : (3,) array_like
+        [m/s^2], world.
+    points : int
+        Number of points of the shape, uniform in arc length.
+    tolerance : float, optional
+        [m], largest position error allowed. Default: 1e-5 of the length for a named model, of its discretisation;
+        1e-3 of the length for "auto".
+    scene : Scene, optional
+        Its masses load the cable.
+    distributed_load : (2, 3) array_like, optional
+        [N/m], world, at s = 0 and s = length, linear between, added to the weight.
+
+    Raises
+    ------
+    ArgumentError
+        Naming the value, the bound and the remedy.
+    """
+
+    def __init__(
+        self,
+        cable: Cable,
+        *,
+        model: str = "auto",
+        gravity: ArrayLike = (0.0, 0.0, -9.81),
+        points: int = 150,
+        tolerance: float | None = None,
+        scene: Scene | None = None,
+        distributed_load: ArrayLike | None = None,
+    ) -> None:
+        self.model = checks.one_of("model", model, MODELS)
+        self._problem_in = functools.partial(
+            Problem,
+            cable,
+            gravity=gravity,
+            points=points,
+            tolerance=tolerance,
+            distributed_load=distributed_load,
+            relative_tolerance=AUTO_TOLERANCE if model == "auto" else NAMED_TOLERANCE,
+        )
+        self.problem = self._problem_in(scene=scene)
+        self._solver = _solver_for(self.model, cable)
+        _refuse_clips(scene)
+        self._last: CableShape | None = None
+        self._last_ends: tuple[Grip, Grip | FreeEnd] | None = None
+
+    @property
+    def cable(self) -> Cable:
+        """The cable, as given."""
+        return self.problem.cable
+
+    @property
+    def scene(self) -> Scene | None:
+        """The scene; setting it keeps the warm start."""
+        return self.problem.scene
+
+    @scene.setter
+    def scene(self, scene: Scene | None) -> None:
+        _refuse_clips(scene)
+        self.problem = self._problem_in(scene=scene)
+        self._last = None
+
+    def predict(self, start: Pose | Grip, end: Pose | Grip | FreeEnd | None) -> CableShape:
+        """The shape between these ends; never raises for a physical reason: look at `status`.
+
+        Parameters
+        ----------
+        start, end : Pose or Grip
+            A bare Pose is clamped; `end` may be a FreeEnd, None is a free end without load.
+        """
+        problem = self.problem.move(start, end)
+        if self._last is not None and self._unmoved(problem):
+            return self._last.again()
+        shape = self._solver.solve(problem)
+        self._last = shape
+        self._last_ends = (problem.start, problem.end)
+        return shape
+
+    def reset(self) -> None:
+        """Forgets the last solution: the next one starts cold."""
+        self._solver.reset()
+        self._last = None
+
+    def sensitivity(self, *, at: str = "cable") -> Array:
+        """(points, 3, 12): how the centreline moves with the ends, d positions at fixed arc length / d (twists).
+
+        Columns: vx vy vz [m/s] wx wy wz [rad/s] of the start, then of the end, in world axes; rotation is about that
+        cable end, or with ``at="gripper"`` about the gripper's own origin. Of the last solved shape.
+
+        Raises
+        ------
+        ArgumentError
+            If the model is not the Cosserat rod, or nothing was predicted yet.
+        """
+        if not isinstance(self._solver, Rod):
+            raise ArgumentError.of(
+                "model", self.model, "sensitivity needs the Cosserat rod", "Choose model='cosserat' or 'auto'."
+            )
+        if self._solver.state is None:
+            raise ArgumentError("sensitivity() needs a solution, and there is none yet. Call predict first.")
+        return cosserat.sensitivity(self._solver.state, at=at)
+
+    def _unmoved(self, problem: Problem) -> bool:
+        """Whether the ends moved too little since the last solve to change the answer by its tolerance."""
+        assert self._last_ends is not None
+        start, end = self._last_ends
+        length = problem.cable.length
+        moved = _moved(start, problem.start, length) + _moved(end, problem.end, length)
+        return moved < REUSE_FRACTION * problem.tolerance
+
+
+def predict(
+    cable: Cable,
+    start: Pose | Grip,
+    end: Pose | Grip | FreeEnd | None,
+    *,
+    model: str = "auto",
+    gravity: ArrayLike = (0.0, 0.0, -9.81),
+    points: int = 150,
+    tolerance: float | None = None,
+    scene: Scene | None = None,
+    distributed_load: ArrayLike | None = None,
+) -> CableShape:
+    """The shape of a cable between two ends, solved once from nothing. The keywords are those of :class:`Predictor`."""
+    predictor = Predictor(
+        cable,
+        model=model,
+        gravity=gravity,
+        points=points,
+        tolerance=tolerance,
+        scene=scene,
+        distributed_load=distributed_load,
+    )
+    return predictor.predict(start, end)
+
+
+def _solver_for(model: str, cable: Cable) -> Solver:
+    """The solver of a model; for "auto" the catenary without bending stiffness, else the Cosserat rod."""
+    limp = cable.mean_bending_stiffness == 0.0
+    if limp and model not in ("catenary", "auto"):
+        raise ArgumentError.of(
+            "bending_stiffness",
+            0.0,
+            f"model {model!r} needs it above 0 N m^2",
+            "Give EI in N m^2, or choose model='catenary'.",
+        )
+    if model == "catenary" or limp:
+        return ClosedForm(catenary.solve)
+    if model == "gradient4":
+        return ClosedForm(gradient.solve4)
+    if model == "gradient6":
+        return ClosedForm(gradient.solve6)
+    return Rod()
+
+
+def _refuse_clips(scene: Scene | None) -> None:
+    """No model knows clips yet."""
+    if scene is not None and scene.clips:
+        raise ArgumentError.of(
+            "scene.clips", len(scene.clips), "no model of this version holds a cable in clips", "Remove the clips."
+        )
+
+
+def _moved(before: Grip | FreeEnd, now: Grip | FreeEnd, length: float) -> float:
+    """[m], how far an end moved: distance plus length times angle; infinite if it is held in another way."""
+    if before is now:
+        return 0.0
+    if type(before) is not Grip or type(now) is not Grip:
+        return math.inf
+    if before.kind != now.kind:
+        return math.inf
+    if before.curvature is not now.curvature and before.curvature.tobytes() != now.curvature.tobytes():
+        return math.inf
+    if before.cable_frame.turns != now.cable_frame.turns:
+        return math.inf
+    return float(moved(before.cable_frame.array, now.cable_frame.array, length))

@@ -1,0 +1,129 @@
+"""What a model is asked to solve: :class:`Problem`, built once and moved every cycle."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cable_shape import checks
+from cable_shape.cable import Cable
+from cable_shape.checks import Array
+from cable_shape.errors import ArgumentError
+from cable_shape.pose import FreeEnd, Grip, Pose, as_grip
+from cable_shape.scene import PointMass, Scene
+
+#: default `tolerance` / length of a named model (its discretisation) and of "auto" (discretisation and model)
+NAMED_TOLERANCE = 1e-5
+AUTO_TOLERANCE = 1e-3
+MIN_POINTS, MAX_POINTS = 2, 100_000
+_UNLOADED = FreeEnd()
+
+
+class Problem:
+    """One cable between two ends, under its loads; the ends may move, the rest stays.
+
+    Attributes
+    ----------
+    cable : Cable
+    gravity : (3,) [m/s^2]
+    points : int
+    tolerance : float [m], largest position error allowed
+    load : (2, 3) [N/m], world: weight and distributed load at s = 0 and s = length, linear between
+    load_arc_length : (k,) [m], ascending, of the concentrated loads
+    load_force : (k, 3) [N], world, of the concentrated loads (weights of point masses)
+    masses : the point masses behind the concentrated loads
+    start : Grip
+    end : Grip or FreeEnd
+    cache : what a model derives once from all but the ends, by the model's name
+    """
+
+    __slots__ = (
+        "cable",
+        "cache",
+        "end",
+        "gravity",
+        "load",
+        "load_arc_length",
+        "load_force",
+        "masses",
+        "points",
+        "scene",
+        "start",
+        "tolerance",
+    )
+
+    def __init__(
+        self,
+        cable: Cable,
+        *,
+        gravity: ArrayLike = (0.0, 0.0, -9.81),
+        points: int = 150,
+        tolerance: float | None = None,
+        scene: Scene | None = None,
+        distributed_load: ArrayLike | None = None,
+        relative_tolerance: float = NAMED_TOLERANCE,
+    ) -> None:
+        if not isinstance(cable, Cable):
+            raise ArgumentError.of("cable", cable, "it must be a Cable", "Write Cable(length=..., ...).")
+        self.cable = cable
+        self.gravity = checks.vector("gravity", gravity, 3, "m/s^2")
+        self.points = checks.integer("points", points, at_least=MIN_POINTS, at_most=MAX_POINTS)
+        if tolerance is None:
+            self.tolerance = relative_tolerance * cable.length
+        else:
+            self.tolerance = checks.number("tolerance", tolerance, above=0.0, unit="m")
+        self.load = np.tile(cable.linear_density * self.gravity, (2, 1))
+        if distributed_load is not None:
+            self.load += _two_forces(distributed_load)
+        self.scene = scene
+        self.cache: dict[str, Any] = {}
+        self.masses: tuple[PointMass, ...] = ()
+        self.load_arc_length: Array = np.empty(0)
+        self.load_force: Array = np.empty((0, 3))
+        if scene is not None:
+            self._load_masses(scene)
+        self.start = Grip(Pose())
+        self.end: Grip | FreeEnd = FreeEnd()
+
+    def _load_masses(self, scene: Scene) -> None:
+        """Point masses become concentrated loads, in ascending arc length."""
+        self.masses = tuple(sorted(scene.masses, key=lambda m: m.arc_length))
+        for mass in self.masses:
+            if mass.arc_length > self.cable.length:
+                raise ArgumentError.of(
+                    "PointMass.arc_length",
+                    mass.arc_length,
+                    f"it must be at most the length of the cable, {self.cable.length:g} m",
+                    "Arc length counts from the start grip.",
+                )
+        self.load_arc_length = np.array([m.arc_length for m in self.masses])
+        self.load_force = np.array([m.mass * self.gravity for m in self.masses]).reshape(-1, 3)
+
+    def move(self, start: Pose | Grip, end: Pose | Grip | FreeEnd | None) -> Problem:
+        """Puts the ends there (None: a free end) and returns itself."""
+        self.start = start if type(start) is Grip else as_grip("start", start)
+        if type(end) is Grip or type(end) is FreeEnd:
+            self.end = end
+        elif end is None:
+            self.end = _UNLOADED
+        else:
+            self.end = as_grip("end", end)
+        return self
+
+
+def _two_forces(value: ArrayLike) -> Array:
+    """((fx, fy, fz) at s = 0, (fx, fy, fz) at s = length) as (2, 3)."""
+    try:
+        a = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        a = np.empty(0)
+    if a.shape != (2, 3) or not np.isfinite(a).all():
+        raise ArgumentError.of(
+            "distributed_load",
+            value,
+            "it must be two rows of three finite numbers in N/m",
+            "Write ((fx, fy, fz) at s = 0, (fx, fy, fz) at s = length).",
+        )
+    return a

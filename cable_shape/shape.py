@@ -1,0 +1,180 @@
+"""What comes out: :class:`CableShape`, and how good it is: :class:`Status`."""
+
+from __future__ import annotations
+
+import enum
+from typing import Any, final
+
+import numpy as np
+
+from cable_shape.checks import Array
+
+#: Numbers per point in a shape's buffer: arc length 1, position 3, quaternion 4, curvature 3, force 3, moment 3.
+NUMBERS_PER_POINT = 17
+
+
+@final
+class Status(enum.Enum):
+    """How a prediction ended; true in a boolean context if the shape may be acted on.
+
+    The values are those of ``cable_shape_msgs/CableShape.status``.
+    """
+
+    OK = 0
+    UNSTABLE = 1
+    SNAPPED = 2
+    BUDGET = 3
+    OVERSTRETCHED = 4
+    NOT_CONVERGED = 5
+    BUDGET_EXCEEDED = 6
+
+    def __bool__(self) -> bool:
+        return self.value <= Status.BUDGET.value
+
+    @property
+    def remedy(self) -> str:
+        """What the status means and what to do about it, in words."""
+        return _REMEDY[self]
+
+
+_REMEDY = {
+    Status.OK: "The shape is a stable equilibrium within tolerance.",
+    Status.UNSTABLE: "An equilibrium, but not a stable one: the cable will leave it. Move the grips back.",
+    Status.SNAPPED: "The cable jumped to another stable shape. Check the path that led here.",
+    Status.BUDGET: "Out of time, yet within tolerance.",
+    Status.OVERSTRETCHED: "The grips are further apart than the cable is long. Bring them closer; "
+    "the shape is the straight line.",
+    Status.NOT_CONVERGED: "No equilibrium was found. Move the grips in smaller steps or choose another model.",
+    Status.BUDGET_EXCEEDED: "Out of time and not within tolerance. Raise the time budget or the tolerance.",
+}
+
+
+@final
+class CableShape:
+    """The predicted shape of one cable at n points, uniform in arc length.
+
+    Arrays are views of one buffer, made when asked for. See the properties for shapes, units and frames.
+    """
+
+    __slots__ = (
+        "buffer",
+        "detail",
+        "energy",
+        "error_estimate",
+        "iterations",
+        "length",
+        "model",
+        "points",
+        "residual",
+        "reused",
+        "roll_error",
+        "solve_time",
+        "status",
+        "turns",
+        "twist",
+    )
+
+    def __init__(
+        self,
+        buffer: Array,
+        points: int,
+        *,
+        length: float,
+        model: str,
+        status: Status,
+        detail: str = "",
+        energy: float = 0.0,
+        error_estimate: float = 0.0,
+        residual: float = 0.0,
+        iterations: int = 0,
+        solve_time: float = 0.0,
+        reused: bool = False,
+        turns: int = 0,
+        twist: float = 0.0,
+        roll_error: float = 0.0,
+    ) -> None:
+        self.buffer = buffer  # (17 n,): arc_length n | positions 3n | quaternions 4n | curvature, force, moment 3n each
+        self.points = points
+        self.length = length  # m, stress-free
+        self.model = model
+        self.status = status
+        self.detail = detail  # what the status means here, with its remedy; empty when OK
+        self.energy = energy  # J, elastic + gravitational, zero at the world origin
+        self.error_estimate = error_estimate  # m, estimated largest position error
+        self.residual = residual  # 1, largest relative defect of the model's own equations and boundary conditions
+        self.iterations = iterations
+        self.solve_time = solve_time  # s
+        self.reused = reused  # the last shape again: the grips moved less than can change the answer
+        self.turns = turns  # winding that the shape was solved for
+        self.twist = twist  # rad, integral of the twist rate u3
+        self.roll_error = roll_error  # rad, roll about d3 that the model leaves unmet at the end grip
+
+    @staticmethod
+    def new_buffer(points: int) -> Array:
+        """An uninitialised buffer for `points` points."""
+        return np.empty(NUMBERS_PER_POINT * points)
+
+    @property
+    def arc_length(self) -> Array:
+        """(n,) [m], from 0 to length, uniform."""
+        return self.buffer[: self.points]
+
+    @property
+    def positions(self) -> Array:
+        """(n, 3) [m], world."""
+        n = self.points
+        return self.buffer[n : 4 * n].reshape(n, 3)
+
+    @property
+    def quaternions(self) -> Array:
+        """(n, 4) x, y, z, w: the cable frame in the world, d3 = tangent."""
+        n = self.points
+        return self.buffer[4 * n : 8 * n].reshape(n, 4)
+
+    @property
+    def curvature(self) -> Array:
+        """(n, 3) [1/m], Darboux vector (rest curvature included), in the cable frame."""
+        n = self.points
+        return self.buffer[8 * n : 11 * n].reshape(n, 3)
+
+    @property
+    def force(self) -> Array:
+        """(n, 3) [N], world, acting on the section from its far side."""
+        n = self.points
+        return self.buffer[11 * n : 14 * n].reshape(n, 3)
+
+    @property
+    def moment(self) -> Array:
+        """(n, 3) [N m], world, acting on the section from its far side."""
+        n = self.points
+        return self.buffer[14 * n :].reshape(n, 3)
+
+    @property
+    def tangents(self) -> Array:
+        """(n, 3), unit, world: the third axis of the cable frame."""
+        x, y, z, w = self.quaternions.T
+        return np.stack((2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)), axis=1)
+
+    @property
+    def tension(self) -> Array:
+        """(n,) [N]: the force along the tangent, negative in compression."""
+        return np.asarray(np.einsum("ij,ij->i", self.force, self.tangents))
+
+    @property
+    def bend_radius(self) -> Array:
+        """(n,) [m]: 1 over the bending curvature, infinite where straight."""
+        with np.errstate(divide="ignore"):
+            return 1.0 / np.hypot(self.curvature[:, 0], self.curvature[:, 1])
+
+    def again(self) -> CableShape:
+        """The same shape, marked as reused: arrays are shared, the time is 0."""
+        keywords: dict[str, Any] = {name: getattr(self, name) for name in self.__slots__}
+        keywords.update(reused=True, solve_time=0.0, iterations=0)
+        return CableShape(**keywords)
+
+    def __repr__(self) -> str:
+        detail = f", {self.detail}" if self.detail else ""
+        return (
+            f"CableShape({self.model}, {self.status.name}{detail}, {self.points} points, length {self.length:.4g} m, "
+            f"error estimate {self.error_estimate:.2g} m, {self.iterations} iterations, {self.solve_time * 1e6:.0f} us)"
+        )

@@ -1,0 +1,35 @@
+"""Compiling or loading every kernel once, before the first cycle: :func:`warm_up`."""
+
+from __future__ import annotations
+
+from cable_shape.cable import Cable
+from cable_shape.cycle import Cycle
+from cable_shape.pose import IDENTITY, FreeEnd, Grip, Pose
+from cable_shape.predictor import MODELS, predict
+from cable_shape.scene import Box, Capsule, Cylinder, HalfSpace, Obstacle, PointMass, Scene, Sphere
+
+
+def warm_up() -> None:
+    """Runs every kernel on a small problem, so that no cycle has to wait for the compiler.
+
+    The first call on a machine compiles and fills the cache on disk, later ones load from it. Set-up and the node's
+    configure transition call it.
+    """
+    cable = Cable(length=1.0, linear_density=0.1, bending_stiffness=0.01, max_tension=1e3)
+    start = Pose((0.0, 0.0, 0.5), (0.5, 0.5, 0.5, 0.5))
+    end = Pose((0.8, 0.0, 0.5), (0.5, 0.5, 0.5, 0.5))
+    scene = Scene(
+        obstacles=(
+            Obstacle("box", Box((0.1, 0.1, 0.1)), Pose((0.4, 0.0, 0.1))),
+            Obstacle("sphere", Sphere(0.05), Pose((0.4, 0.1, 0.1))),
+            Obstacle("cylinder", Cylinder(0.05, 0.1), Pose((0.4, -0.1, 0.1))),
+            Obstacle("capsule", Capsule(0.05, 0.1), IDENTITY, link="tool"),
+            Obstacle("floor", HalfSpace()),
+        ),
+        masses=(PointMass(0.5, 0.01),),
+    )
+    for model in MODELS[:-1]:
+        for far in (end, Grip(end, kind="pinned"), FreeEnd(mass=0.01)):
+            predict(cable, start, far, model=model, scene=scene)
+        for _ in range(2):
+            Cycle(cable, model=model, scene=scene).step({"cable": (start, end)}, stamp=0, links={"tool": start})

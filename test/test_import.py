@@ -1,0 +1,47 @@
+"""What `import cable_shape` may load, and how what it exports is guarded."""
+
+import json
+import subprocess
+import sys
+
+import cable_shape as cs
+
+HEAVY = (
+    "rclpy",
+    "rerun",
+    "fcl",
+    "pinocchio",
+    "mink",
+    "mujoco",
+    "matplotlib",
+    "rosbags",
+    "tqdm",
+)
+
+
+def test_import_leaves_heavy_libraries_out() -> None:
+    code = f"import json, sys, cable_shape; print(json.dumps([m for m in {HEAVY!r} if m in sys.modules]))"
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120)
+    assert json.loads(out.stdout) == [], "import cable_shape loads libraries that only some uses need"
+
+
+def test_cycle_without_meshes_needs_no_heavy_library() -> None:
+    code = f"""
+import json, sys
+import cable_shape as cs
+cable = cs.Cable(1.0, 0.1, 0.01)
+scene = cs.Scene(obstacles=[cs.Obstacle("post", cs.Cylinder(0.03, 0.4), cs.Pose((0.4, 0, 0)))])
+q = (0.5, 0.5, 0.5, 0.5)
+grips = {{"cable": (cs.Pose((0, 0, 0.5), q), cs.Pose((0.8, 0, 0.5), q))}}
+report = cs.Cycle(cable, model="gradient4", scene=scene).step(grips, 0)
+assert report.shapes["cable"].status
+print(json.dumps([m for m in {HEAVY!r} if m in sys.modules]))
+"""
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=300)
+    assert json.loads(out.stdout) == []
+
+
+def test_every_export_exists_and_is_sorted() -> None:
+    assert list(cs.__all__) == sorted(cs.__all__)
+    for name in cs.__all__:
+        assert hasattr(cs, name), f"cable_shape.__all__ names {name}, which does not exist"
