@@ -1,0 +1,1 @@
+"""Cycle reports to rerun, in a process of its own: start at :mod:`cable_shape.viewer.process`."""

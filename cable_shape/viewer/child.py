@@ -1,0 +1,94 @@
+"""The viewer process, started by :class:`~cable_shape.viewer.process.ViewerProcess`: takes reports, writes to rerun.
+
+    python -m cable_shape.viewer.child SETUP MAILBOX
+
+SETUP and MAILBOX are inherited descriptors; standard input wakes the process and, by ending, ends it.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import select
+import signal
+import subprocess
+import sys
+import time
+
+import rerun as rr
+
+from cable_shape.cable import Cable
+from cable_shape.scene import Obstacle
+from cable_shape.viewer.mailbox import Mailbox, decode
+from cable_shape.viewer.process import start_viewer
+from cable_shape.viewer.recording import ReportLogger, new_recording
+
+_NICENESS = 5  # the loop that is watched goes first
+_WINDOW_OPENS_WITHIN = 30.0  # s
+_LOOK_UP = 0.5  # s, between looks whether the window is still there
+_FLUSH_WITHIN = 30.0  # s; the parent ends the process sooner if it wants to
+
+
+def main() -> int:
+    """Shows reports until the parent closes the pipe or the window is closed."""
+    papers, file = (int(argument) for argument in sys.argv[1:])
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # what was taken is still written
+    os.nice(_NICENESS)
+    with open(papers, "rb") as setup_file:
+        setup_file.seek(0)
+        setup = pickle.load(setup_file)
+    recording = new_recording(setup["path"])
+    window = None if setup["path"] else _open_window(recording, setup["memory_limit"])
+    logger = ReportLogger(
+        recording,
+        {name: Cable.from_mapping(values) for name, values in setup["cables"].items()},
+        setup["scene"],
+        _links(setup["robot"]),
+        colour=setup["colour"],
+        times=setup["times"],
+        live=window is not None,
+    )
+    try:
+        _show(logger, Mailbox(file), 1.0 / setup["max_rate"], window)
+    finally:
+        recording.flush(timeout_sec=_FLUSH_WITHIN)
+        recording.disconnect()
+    return 0
+
+
+def _show(logger: ReportLogger, mailbox: Mailbox, period: float, window: subprocess.Popen[bytes] | None) -> None:
+    """Takes the newest report, at most one a period, until the pipe ends; the last one is always taken."""
+    number, ended = 0, False
+    while not ended and (window is None or window.poll() is None):
+        ready, _, _ = select.select([0], [], [], _LOOK_UP)
+        if not ready:
+            continue
+        ended = os.read(0, 1 << 16) == b""
+        began = time.monotonic()
+        letter = mailbox.take(number)
+        if letter is not None:
+            number = letter[0]
+            logger.log(decode(letter[1]))
+        if not ended:
+            time.sleep(max(0.0, period - (time.monotonic() - began)))
+
+
+def _links(robot: str | tuple[Obstacle, ...]) -> tuple[Obstacle, ...]:
+    """What the robot's links look like; a path names the robot's YAML file."""
+    if isinstance(robot, tuple):
+        return robot
+    from cable_shape.robot import Robot
+
+    return Robot.from_yaml(robot).link_geometry
+
+
+def _open_window(recording: rr.RecordingStream, memory_limit: str) -> subprocess.Popen[bytes]:
+    """Opens rerun's window and connects the recording to it. It stays open when this process ends."""
+    limits = ("--memory-limit", memory_limit, "--server-memory-limit", memory_limit)
+    window, url = start_viewer("--expect-data-soon", *limits, timeout=_WINDOW_OPENS_WITHIN)
+    recording.connect_grpc(url)
+    return window
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,362 @@
+"""Cycle reports as rerun entities: :class:`ReportLogger`, and :class:`RecordingWriter` for a complete .rrd.
+
+This module imports rerun, so it is imported by the viewer process and by whoever writes a recording, and only there.
+
+=============================  ====================================================================================
+/world/obstacles/NAME          obstacles of the scene, once
+/world/robot/LINK              pose of a robot link; its solids lie below, once
+/world/cables/NAME/line        the centreline, as thick as the cable, coloured by curvature or clearance
+/world/cables/NAME/start, end  cable frames at the grips: d1 red, d2 green, d3 (the tangent) blue
+/world/cables/NAME/closest     the closest pair of points and their distance
+/world/cables/NAME/clips/K     clips of the scene; point masses likewise in masses/K
+/world/markers                 markers that were measured on the real cable
+/plots/...                     clearance and bend radius [mm], tension [N], time [ms]
+/warnings, /state              what is wrong, and how each cable is, in words
+=============================  ====================================================================================
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self, final
+
+import numpy as np
+import rerun as rr
+
+from cable_shape.cable import Cable
+from cable_shape.checks import Array
+from cable_shape.pose import IDENTITY, Grip, Pose
+from cable_shape.report import Clearance, CycleReport, Severity
+from cable_shape.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Obstacle, Scene, Solid, Sphere
+from cable_shape.shape import CableShape
+from cable_shape.viewer import colour as colours
+from cable_shape.viewer import text as text
+from cable_shape.viewer.blueprint import blueprint, eye
+
+TIMELINE = "stamp"
+#: Stamps below this are the clock of a simulation, which begins near 0, and not a date. [ns], March 1973.
+FIRST_DATE = 10**17
+#: A cable is drawn with at most so many segments, however many points were asked for.
+MAX_SEGMENTS = 400
+FLOOR_SIZE = 6.0  # m, of the plate that stands for a half-space
+FLOOR_THICKNESS = 0.01  # m
+FLOOR_GAP = 0.001  # m, by which the plate is drawn too low, so that the grid of the ground lies on it
+
+_LEVELS = {Severity.WARN: rr.TextLogLevel.WARN, Severity.ERROR: rr.TextLogLevel.ERROR, None: rr.TextLogLevel.INFO}
+
+
+@final
+class ReportLogger:
+    """Writes cycle reports to a rerun recording; what does not move is written once, with the first report.
+
+    Parameters
+    ----------
+    recording : rerun.RecordingStream
+        It must have a sink already (`save`, `connect_grpc`, ...).
+    cables, scene
+        As given to :class:`cable_shape.cycle.Cycle`.
+    links : sequence of Obstacle
+        ``Robot.link_geometry``: solids of the robot, each in the frame of its link.
+    colour : str
+        What colours the cable: "curvature" or "clearance".
+    times : bool
+        Whether to show how long things took. Without, the recording depends on the reports' content only.
+    live : bool
+        Whether the viewer follows the newest report, or plays the recording from its beginning.
+    """
+
+    def __init__(
+        self,
+        recording: rr.RecordingStream,
+        cables: Mapping[str, Cable],
+        scene: Scene,
+        links: Sequence[Obstacle] = (),
+        *,
+        colour: str = "curvature",
+        times: bool = True,
+        live: bool = False,
+    ) -> None:
+        self.recording = recording
+        self.cables = dict(cables)
+        self.scene = scene
+        self.links = tuple(links)
+        self.colour = colours.check_colouring(colour)
+        self.times = times
+        self.live = live
+        self._warnings = text.WarningLog()
+        self._logged: dict[str, object] = {}  # entity -> what was written there last
+        self._begun = False
+        self._dates: bool | None = None  # whether stamps are dates; the first one tells
+        # One time for each row: the stamp. The wall clock and a count would differ between two runs.
+        recording.set_log_time_enabled(False)
+        recording.set_log_tick_enabled(False)
+
+    def log(self, report: CycleReport) -> None:
+        """Writes one report at its stamp."""
+        if not self._begun:
+            self._begin(report)
+        self._at(report.stamp)
+        for link, pose in (report.links or {}).items():
+            self._move(f"/world/robot/{_part(link)}", pose)
+        for name, shape in report.shapes.items():
+            base = f"/world/cables/{_part(name)}"
+            self._log_line(base, name, shape, report)
+            start, end = report.grips.get(name, (None, None))
+            self._log_grip(f"{base}/start", start, shape, 0)
+            self._log_grip(f"{base}/end", end, shape, -1)
+            self._log_closest(f"{base}/closest", report.clearance.get(name), shape)
+            self._log_plots(_part(name), shape, report.clearance.get(name))
+        self._log_words(report)
+
+    def log_markers(self, points: Array, stamp: int | None = None) -> None:
+        """Writes measured markers (k, 3) [m], world, at `stamp` [ns], by default that of the last report."""
+        if stamp is not None:
+            self._at(stamp)
+        radius = 0.8 * max((cable.diameter for cable in self.cables.values()), default=0.01)
+        self._write("/world/markers", rr.Points3D(points, radii=radius, colors=colours.MARKER))
+
+    def _write(self, entity: str, *what: Any, static: bool = False) -> None:
+        self.recording.log(entity, *what, static=static)
+
+    def _at(self, stamp: int) -> None:
+        if self._dates is None:
+            self._dates = stamp >= FIRST_DATE
+        if self._dates:
+            self.recording.set_time(TIMELINE, timestamp=np.datetime64(stamp, "ns"))
+        else:
+            self.recording.set_time(TIMELINE, duration=np.timedelta64(stamp, "ns"))
+
+    def _changed(self, entity: str, what: object) -> bool:
+        """Whether `what` differs from what was written to the entity last."""
+        if self._logged.get(entity) == what:
+            return False
+        self._logged[entity] = what
+        return True
+
+    def _begin(self, report: CycleReport) -> None:
+        """Everything that is written once."""
+        self._begun = True
+        bodies = bool(self.scene.obstacles or self.links)
+        layout = blueprint(
+            tuple(self.cables), eye(report, self.scene), TIMELINE, bodies=bodies, times=self.times, live=self.live
+        )
+        self.recording.send_blueprint(layout)
+        self._write("/world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        for body in self.scene.obstacles:
+            entity = f"/world/obstacles/{_part(body.name)}"
+            flat = isinstance(body.solid, HalfSpace)
+            self._log_solid(entity, body.solid, body.pose, colours.FLOOR if flat else colours.OBSTACLE)
+        for body in self.links:
+            entity = f"/world/robot/{_part(body.link or '')}/{_part(body.name)}"
+            self._log_solid(entity, body.solid, body.pose, colours.ROBOT)
+        for name, cable in self.cables.items():
+            self._log_held(f"/world/cables/{_part(name)}", cable)
+        self._log_styles()
+
+    def _log_solid(self, entity: str, solid: Solid, pose: Pose, colour: colours.Colour) -> None:
+        """A solid body in the frame of the entity above it."""
+        fill = rr.components.FillMode.Solid
+        shown: Any
+        if isinstance(solid, Box):
+            shown = rr.Boxes3D(half_sizes=[0.5 * solid.size], colors=colour, fill_mode=fill)
+        elif isinstance(solid, Sphere):
+            shown = rr.Ellipsoids3D(radii=[solid.radius], colors=colour, fill_mode=fill)
+        elif isinstance(solid, Cylinder):
+            shown = rr.Cylinders3D(radii=[solid.radius], lengths=[solid.length], colors=colour, fill_mode=fill)
+        elif isinstance(solid, Capsule):
+            low = (0.0, 0.0, -0.5 * solid.length)  # rerun's capsule begins at its origin
+            shown = rr.Capsules3D(
+                radii=[solid.radius], lengths=[solid.length], translations=[low], colors=colour, fill_mode=fill
+            )
+        elif isinstance(solid, HalfSpace):
+            half = (0.5 * FLOOR_SIZE, 0.5 * FLOOR_SIZE, 0.5 * FLOOR_THICKNESS)
+            low = (0.0, 0.0, -half[2] - FLOOR_GAP)
+            shown = rr.Boxes3D(half_sizes=[half], centers=[low], colors=colour, fill_mode=fill)
+        elif isinstance(solid, Mesh):
+            shown = rr.Mesh3D(
+                vertex_positions=solid.vertices,
+                triangle_indices=solid.faces,
+                albedo_factor=colour,
+                face_rendering=rr.components.MeshFaceRendering.DoubleSided,
+            )
+        self._write(entity, _transform(pose), shown, static=True)
+
+    def _log_held(self, base: str, cable: Cable) -> None:
+        """Clips, which stand still; point masses move with the cable and are drawn as it is."""
+        for k, clip in enumerate(self.scene.clips):
+            ring = rr.Points3D([(0.0, 0.0, 0.0)], radii=1.2 * cable.diameter, colors=colours.AMBER)
+            self._write(f"{base}/clips/{k}", _transform(clip.pose), ring, static=True)
+
+    def _log_styles(self) -> None:
+        """Names and colours of the plotted lines."""
+        several = len(self.cables) > 1
+        palette = ((38, 198, 218), (186, 147, 255), (129, 212, 160), (255, 213, 79), (240, 98, 146))
+        for k, name in enumerate(self.cables):
+            colour = palette[k % len(palette)]
+            for plot in ("clearance", "bend_radius", "tension"):
+                label = f"{name}" if several else plot.replace("_", " ")
+                style = rr.SeriesLines(colors=[colour], names=[label], widths=[2.0])
+                self._write(f"/plots/{plot}/{_part(name)}", style, static=True)
+        limits = rr.SeriesLines(colors=[colours.AMBER, colours.RED], names=["warn", "error"], widths=[1.0])
+        self._write("/plots/clearance/limits", limits, static=True)
+        if self.times:
+            cycle = rr.SeriesLines(
+                colors=[(38, 198, 218), (255, 213, 79)], names=["cycle", "of it prediction"], widths=[2.0]
+            )
+            self._write("/plots/time/cycle", cycle, static=True)
+
+    def _move(self, entity: str, pose: Pose) -> None:
+        if self._changed(entity, pose.array.tobytes()):
+            self._write(entity, _transform(pose))
+
+    def _log_line(self, base: str, name: str, shape: CableShape, report: CycleReport) -> None:
+        """The cable in short straight strips, each in its own colour, and the masses it carries."""
+        cable = self.cables[name]
+        if not shape.status:
+            rgba = np.tile(np.array(colours.UNUSABLE, dtype=np.uint8), (shape.points, 1))
+        elif self.colour == "curvature":
+            rgba = colours.scale(colours.by_curvature(cable, shape))
+        else:
+            rgba = colours.scale(colours.by_clearance(cable, shape, self.scene, self.links, report.links))
+        shown = np.unique(np.linspace(0, shape.points - 1, min(shape.points, MAX_SEGMENTS + 1)).round().astype(int))
+        points = shape.positions[shown].astype(np.float32)
+        strips = np.stack((points[:-1], points[1:]), axis=1)
+        radius = 0.5 * cable.diameter
+        self._write(f"{base}/line", rr.LineStrips3D(strips, colors=rgba[shown[:-1]], radii=radius))
+        if self.scene.masses:
+            at = np.array([mass.arc_length for mass in self.scene.masses])
+            places = np.stack([np.interp(at, shape.arc_length, shape.positions[:, i]) for i in range(3)], axis=1)
+            self._write(f"{base}/masses", rr.Points3D(places, radii=1.6 * radius, colors=colours.UNUSABLE))
+
+    def _log_grip(self, entity: str, end: Pose | Grip | None, shape: CableShape, index: int) -> None:
+        """The cable frame at a grip: three axes if clamped, the tangent if swivelling, a ball if pinned."""
+        kind = end.kind if isinstance(end, Grip) else "clamped" if isinstance(end, Pose) else "free"
+        if self._changed(f"{entity}/kind", kind):
+            # The axes reach well out of the cable, yet not beyond what a hand would hold.
+            reach = float(np.clip(0.07 * shape.length, 0.03, 0.12))
+            shown = {"clamped": (0, 1, 2), "swivel": (2,)}.get(kind, ())
+            axes = rr.Arrows3D(
+                vectors=[reach * np.eye(3)[i] for i in shown],
+                colors=[colours.AXES[i] for i in shown],
+                radii=0.045 * reach,
+            )
+            ball = rr.Points3D([(0.0, 0.0, 0.0)], radii=0.12 * reach, colors=colours.ROBOT)
+            self._write(f"{entity}/axes", axes)
+            self._write(f"{entity}/ball", ball if kind != "free" else rr.Clear(recursive=False))
+        frame = end.cable_frame if isinstance(end, Grip) else end if isinstance(end, Pose) else None
+        if frame is None:
+            frame = Pose(shape.positions[index], IDENTITY.quaternion)
+        self._move(entity, frame)
+
+    def _log_closest(self, entity: str, clearance: Clearance | None, shape: CableShape) -> None:
+        closest = None if clearance is None else clearance.closest
+        if closest is None:
+            if self._changed(entity, None):
+                self._write(entity, rr.Clear(recursive=True))
+            return
+        self._logged[entity] = closest
+        pair = [closest.point_on_cable, closest.point_on_body]
+        colour = colours.of_distance(closest.distance, self.scene)
+        label = f"{closest.body}  {text.millimetres(closest.distance)}"
+        radius = float(np.clip(0.002 * shape.length, 0.001, 0.004))
+        line = rr.LineStrips3D([pair], colors=colour, radii=radius, labels=[label], show_labels=True)
+        self._write(f"{entity}/line", line)
+        self._write(f"{entity}/points", rr.Points3D(pair, colors=colour, radii=2.5 * radius))
+
+    def _log_plots(self, name: str, shape: CableShape, clearance: Clearance | None) -> None:
+        """Numbers over time. A bend radius above the cable's length is drawn as that length: as good as straight."""
+        if clearance is not None:
+            closest = clearance.closest
+            distance = clearance.beyond if closest is None else closest.distance
+            if np.isfinite(distance):
+                self._write(f"/plots/clearance/{name}", rr.Scalars(1e3 * distance))
+                self._write(
+                    "/plots/clearance/limits",
+                    rr.Scalars((1e3 * self.scene.warn_distance, 1e3 * self.scene.error_distance)),
+                )
+        radius = min(float(shape.bend_radius.min()), shape.length)
+        self._write(f"/plots/bend_radius/{name}", rr.Scalars(1e3 * radius))
+        self._write(f"/plots/tension/{name}", rr.Scalars(float(shape.tension.max())))
+
+    def _log_words(self, report: CycleReport) -> None:
+        for severity, said in self._warnings.changes(report.warnings):
+            self._write("/warnings", rr.TextLog(said, level=_LEVELS[severity]))
+        legend = f"Colour: {_LEGENDS[self.colour]}"
+        self._write("/state", rr.TextDocument(text.state(report, legend, self.times), media_type="text/markdown"))
+        if self.times and "total" in report.times:
+            spent = (1e3 * report.times["total"], 1e3 * report.times.get("predict", 0.0))
+            self._write("/plots/time/cycle", rr.Scalars(spent))
+
+
+_LEGENDS = {
+    "curvature": "bending, from straight (blue) to the smallest bend radius (red).",
+    "clearance": "clearance, from ample (blue) to the error distance (red).",
+}
+
+
+@final
+class RecordingWriter:
+    """A .rrd of every report that it is given; two runs over the same reports decode to the same columns.
+
+    Parameters
+    ----------
+    path : path of the .rrd; an existing file is replaced
+    cables, scene, links, colour, times
+        As for :class:`ReportLogger`. `times` are left out by default: they differ from run to run.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        cables: Mapping[str, Cable],
+        scene: Scene,
+        links: Sequence[Obstacle] = (),
+        *,
+        colour: str = "curvature",
+        times: bool = False,
+    ) -> None:
+        self.recording = new_recording(path)
+        self._logger = ReportLogger(self.recording, cables, scene, links, colour=colour, times=times)
+
+    def log(self, report: CycleReport) -> None:
+        """Writes one report at its stamp."""
+        self._logger.log(report)
+
+    def log_markers(self, points: Array, stamp: int | None = None) -> None:
+        """Writes measured markers (k, 3) [m], world, at `stamp` [ns], by default that of the last report."""
+        self._logger.log_markers(points, stamp)
+
+    def close(self, timeout: float = 30.0) -> None:
+        """Writes what is still buffered, within `timeout` [s], and closes the file."""
+        self.recording.flush(timeout_sec=timeout)
+        self.recording.disconnect()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()
+
+
+def new_recording(path: str | Path | None = None) -> rr.RecordingStream:
+    """A recording whose identity is the same in every run, written to the .rrd `path` once a second if it is given."""
+    recording = rr.RecordingStream(
+        "cable_shape",
+        recording_id="cable_shape",
+        send_properties=False,
+        batcher_config=None if path is None else rr.ChunkBatcherConfig(flush_tick=1.0),
+    )
+    if path is not None:
+        recording.save(str(path))
+    return recording
+
+
+def _part(name: str) -> str:
+    """A name as one part of an entity path."""
+    return rr.escape_entity_path_part(name)
+
+
+def _transform(pose: Pose) -> rr.Transform3D:
+    return rr.Transform3D(translation=pose.position, quaternion=rr.Quaternion(xyzw=pose.quaternion))

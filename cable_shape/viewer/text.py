@@ -1,0 +1,81 @@
+"""What the picture says in words: the state of each cable, and warnings as they come and go."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import final
+
+import numpy as np
+
+from cable_shape.report import CableWarning, Clearance, CycleReport, Severity, WarningKind
+from cable_shape.shape import CableShape
+
+
+def millimetres(distance: float) -> str:
+    """A distance [m] in words that fit a label."""
+    if abs(distance) < 1e-4:
+        return f"{distance * 1e6:.2g} µm"
+    return f"{distance * 1e3:.1f} mm" if abs(distance) < 1.0 else f"{distance:.2f} m"
+
+
+def state(report: CycleReport, legend: str, times: bool) -> str:
+    """The report as a page of Markdown: a table with a row for each cable, then the warnings that stand."""
+    rows = [dict(_cells(report, name, shape, times)) for name, shape in report.shapes.items()]
+    heads = list(rows[0]) if rows else []
+    lines = [f"| {' | '.join(heads)} |", f"|{'---|' * len(heads)}"]
+    lines += [f"| {' | '.join(row.values())} |" for row in rows]
+    for name, shape in report.shapes.items():
+        if not shape.status:
+            lines += ["", f"**ERROR** {name}: {shape.detail or shape.status.remedy}"]
+    for warning in report.warnings:
+        lines += ["", f"**{warning.severity.name}** {warning.text}"]
+    return "\n".join([*lines, "", f"*{legend}*"])
+
+
+def _cells(report: CycleReport, name: str, shape: CableShape, times: bool) -> Iterator[tuple[str, str]]:
+    """Head and text of each cell in a cable's row."""
+    yield "cable", f"**{name}**"
+    yield "status", f"{shape.status.name} (reused)" if shape.reused else shape.status.name
+    yield "clearance", _clearance(report.clearance.get(name))
+    radius = float(shape.bend_radius.min())
+    yield "bend radius", millimetres(radius) if np.isfinite(radius) else "straight"
+    yield "tension", f"{shape.tension.max():.3g} N"
+    yield "twist", f"{np.degrees(shape.twist):.0f}°"
+    yield "model", f"{shape.model} ±{millimetres(shape.error_estimate)}"
+    if times:
+        yield "solved in", f"{shape.solve_time * 1e6:.0f} µs"
+
+
+def _clearance(clearance: Clearance | None) -> str:
+    if clearance is None:
+        return "not checked"
+    closest = clearance.closest
+    if closest is not None:
+        said = f"**{millimetres(closest.distance)}** to {closest.body}"
+    else:
+        said = f"over {millimetres(clearance.beyond)}" if np.isfinite(clearance.beyond) else "nothing near"
+    return said if clearance.robot_checked else f"{said}; robot not checked"
+
+
+@final
+class WarningLog:
+    """Tells a warning once when it begins, when it changes in severity and when it is over."""
+
+    def __init__(self) -> None:
+        self._standing: dict[tuple[str, WarningKind, str], Severity] = {}
+
+    def changes(self, warnings: tuple[CableWarning, ...]) -> list[tuple[Severity | None, str]]:
+        """What is new since the last call, as severity (None: over) and text."""
+        told: list[tuple[Severity | None, str]] = []
+        now = {(w.cable_id, w.kind, w.other): w.severity for w in sorted(warnings, key=lambda w: w.severity.value)}
+        for warning in warnings:
+            key = (warning.cable_id, warning.kind, warning.other)
+            if warning.severity is now[key] and self._standing.get(key) is not now[key]:
+                self._standing[key] = now[key]
+                told.append((warning.severity, warning.text))
+        for key in [key for key in self._standing if key not in now]:
+            del self._standing[key]
+            cable, kind, other = key
+            about = kind.name.lower().replace("_", " ")
+            told.append((None, f"{cable}: {about}{f' to {other}' if other else ''} is over"))
+        return told
