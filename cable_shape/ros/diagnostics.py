@@ -1,0 +1,260 @@
+"""How the node is doing: :class:`Health`, the one source of truth behind /diagnostics and the log. Knows no ROS.
+
+All times are integers in nanoseconds of the node's clock.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections import deque
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import final
+
+import numpy as np
+
+from cable_shape.report import CycleReport, Severity
+from cable_shape.ros.inputs import SECOND
+from cable_shape.shape import CableShape
+
+#: Cycles over which times and rates are measured.
+WINDOW = 1000
+
+
+@final
+class Level(enum.IntEnum):
+    """The values are those of diagnostic_msgs/DiagnosticStatus.level."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Complaint:
+    """One thing that is wrong; `code` stays the same while `text` may count seconds."""
+
+    code: str
+    level: Level
+    text: str
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """One line of /diagnostics."""
+
+    name: str
+    level: Level
+    message: str
+    values: Mapping[str, str]
+    complaints: tuple[Complaint, ...] = ()
+
+
+@dataclass(slots=True)
+class _Refusal:
+    """The last message refused for one reason."""
+
+    text: str
+    when: int
+    count: int = 1
+    answered: bool = False  # whether a cycle ran since
+
+
+@final
+@dataclass
+class Health:
+    """What the node knows about its input, its predictions and itself.
+
+    Parameters
+    ----------
+    stale_after : float
+        [s], input is stale when none came for so long.
+    hold : float
+        [s], how long a refused message stays in the diagnostics after good ones followed.
+    """
+
+    stale_after: float
+    hold: float = 2.0
+    state: str = "unconfigured"
+    failure: str = ""  # why the last transition failed
+    hint: str = ""  # why there are no pairs, if that is known
+    waiting_for: tuple[str, ...] = ()
+    arrivals: dict[str, int] = field(default_factory=dict)  # topic -> when its last message came
+    refused: dict[str, _Refusal] = field(default_factory=dict)
+    restarts: int = 0
+    cycles: int = 0
+    counts: dict[str, int] = field(default_factory=dict)
+    report: CycleReport | None = None
+    _activated: int = 0
+    _cycle_seconds: deque[float] = field(default_factory=lambda: deque(maxlen=WINDOW))
+    _cycle_ends: deque[int] = field(default_factory=lambda: deque(maxlen=WINDOW))
+    _lag: int = 0
+
+    def activate(self, topics: Iterable[str], now: int) -> None:
+        """Input counts from now on and is expected on `topics`."""
+        self.state = "active"
+        self.failure = ""
+        self.hint = ""
+        self.waiting_for = tuple(topics)
+        self.arrivals.clear()
+        self.refused.clear()
+        self.report = None
+        self._activated = now
+        self._cycle_ends.clear()
+        self._cycle_seconds.clear()
+
+    def arrived(self, topic: str, now: int) -> None:
+        """A message came on `topic`."""
+        self.arrivals[topic] = now
+
+    def refuse(self, reason: str, text: str, now: int) -> None:
+        """A message was not used; `reason` is its topic and what is wrong, `text` names value, bound and remedy."""
+        before = self.refused.get(reason)
+        self.refused[reason] = _Refusal(text, now, 1 if before is None else before.count + 1)
+
+    def restarted(self, text: str, now: int) -> None:
+        """The input's clock was set back."""
+        self.restarts += 1
+        self.refuse("restart", text, now)
+
+    def cycled(self, report: CycleReport, seconds: float, now: int) -> None:
+        """A cycle ran and its shapes were published; it took `seconds`."""
+        self.cycles += 1
+        self.report = report
+        self._cycle_seconds.append(seconds)
+        self._cycle_ends.append(now)
+        self._lag = now - report.stamp
+        for refusal in self.refused.values():
+            refusal.answered = True
+
+    def verdicts(self, now: int) -> list[Verdict]:
+        """The lines of /diagnostics."""
+        self._forget_future(now)
+        return [self._lifecycle(), self._input(now), self._prediction(), self._cable()]
+
+    def _forget_future(self, now: int) -> None:
+        """After the node's clock was set back, ages count from now."""
+        self._activated = min(self._activated, now)
+        for topic, when in self.arrivals.items():
+            self.arrivals[topic] = min(when, now)
+        for refusal in self.refused.values():
+            refusal.when = min(refusal.when, now)
+
+    def _lifecycle(self) -> Verdict:
+        wrong = [Complaint("failure", Level.ERROR, self.failure)] if self.failure else []
+        return _verdict("lifecycle", wrong, self.state, {"state": self.state})
+
+    def _input(self, now: int) -> Verdict:
+        if self.state != "active":
+            return _verdict("input", [], f"{self.state}: input is not used", {})
+        wrong = [*self._refusals(now), *self._silence(now), *self._clock(now)]
+        rate = self._rate(now)
+        values = {"rate [Hz]": f"{rate:.1f}", "cycles": str(self.cycles), "clock restarts": str(self.restarts)}
+        values.update({key: str(value) for key, value in self.counts.items()})
+        for topic, when in self.arrivals.items():
+            values[f"age of {topic} [s]"] = f"{(now - when) / SECOND:.3f}"
+        for reason, refusal in self.refused.items():
+            values[f"refused: {reason}"] = str(refusal.count)
+        if self.report is not None:
+            values["stamp to publication [s]"] = f"{self._lag / SECOND:.6f}"
+        return _verdict("input", wrong, f"{rate:.1f} cycles a second", values)
+
+    def _refusals(self, now: int) -> list[Complaint]:
+        """Messages that were not used: an error until a good one follows, then a warning for a while."""
+        wrong = []
+        for reason, refusal in self.refused.items():
+            if not refusal.answered and reason != "restart":
+                wrong.append(Complaint(f"refused {reason}", Level.ERROR, refusal.text))
+            elif now - refusal.when < self.hold * SECOND:
+                wrong.append(Complaint(f"refused {reason}", Level.WARN, refusal.text))
+        return wrong
+
+    def _silence(self, now: int) -> list[Complaint]:
+        """Topics never heard, topics gone silent, and messages that find no partner."""
+        missing = [topic for topic in self.waiting_for if topic not in self.arrivals]
+        if missing:
+            seen = f" ({', '.join(self.arrivals)} came)" if self.arrivals else ""
+            text = f"no message on {' and '.join(missing)} yet{seen}: nothing is published. Start its publisher, "
+            text += "or remap the topic; its quality of service may be best-effort or reliable."
+            return [Complaint("missing " + " ".join(missing), Level.WARN, text)]
+        ages = {topic: (now - when) / SECOND for topic, when in self.arrivals.items()}
+        silent = [topic for topic in self.waiting_for if ages[topic] > self.stale_after]
+        if silent:
+            age = max(ages[topic] for topic in silent)
+            text = f"stale: no message on {' and '.join(silent)} for {age:.2f} s, "
+            text += f"more than stale_after = {self.stale_after:g} s: nothing is "
+            text += "published until one comes. Look at its publisher and the network."
+            return [Complaint("stale " + " ".join(silent), Level.WARN, text)]
+        since = max(self._activated, self._cycle_ends[-1] if self._cycle_ends else 0)
+        if self.hint and (now - since) / SECOND > self.stale_after:
+            return [Complaint("unpaired", Level.WARN, self.hint)]
+        return []
+
+    def _clock(self, now: int) -> list[Complaint]:
+        """A node clock that never ran, or that the stamps do not follow."""
+        if now == 0:
+            text = "use_sim_time is true, but nothing came on /clock. Publish it, or set use_sim_time to false."
+            return [Complaint("clock", Level.WARN, text)]
+        if self.report is None or abs(self._lag) <= self.stale_after * SECOND:
+            return []
+        lag = self._lag / SECOND
+        text = f"input stamps are {abs(lag):.3f} s {'behind' if lag > 0 else 'ahead of'} the node's clock, more than "
+        text += f"stale_after = {self.stale_after:g} s; shapes carry the input's stamps. "
+        text += "Synchronise the clocks, or set use_sim_time for a bag or a simulator."
+        return [Complaint("lag", Level.WARN, text)]
+
+    def _rate(self, now: int) -> float:
+        """[Hz], cycles in the last two seconds."""
+        recent = sum(1 for end in self._cycle_ends if 0 <= now - end < 2 * SECOND)
+        window = min(2.0, max((now - self._activated) / SECOND, 1e-3))
+        return recent / window
+
+    def _prediction(self) -> Verdict:
+        if self.report is None:
+            return _verdict("prediction", [], "no prediction yet", {})
+        wrong = []
+        values = {}
+        for cable_id, shape in self.report.shapes.items():
+            if shape.status.value:
+                level = Level.WARN if shape.status else Level.ERROR
+                text = f"{cable_id}: {shape.status.name}. {shape.detail or shape.status.remedy}"
+                wrong.append(Complaint(f"{cable_id} {shape.status.name}", level, text))
+            values.update(_numbers(cable_id, shape))
+        milliseconds = np.percentile(1e3 * np.array(self._cycle_seconds), (50, 99, 100))
+        for name, value in zip(("p50", "p99", "max"), milliseconds, strict=True):
+            values[f"cycle time {name} [ms]"] = f"{value:.3f}"
+        return _verdict("prediction", wrong, "; ".join(f"{c}: OK" for c in self.report.shapes), values)
+
+    def _cable(self) -> Verdict:
+        if self.report is None:
+            return _verdict("cable", [], "no prediction yet", {})
+        wrong = [
+            Complaint(
+                f"{w.cable_id} {w.kind.name} {w.other}",
+                Level.ERROR if w.severity is Severity.ERROR else Level.WARN,
+                f"{w.cable_id}: {w.text}",
+            )
+            for w in self.report.warnings
+        ]
+        values = {"clearance to the robot checked": str(self.report.robot_checked).lower()}
+        return _verdict("cable", wrong, "no warnings", values)
+
+
+def _numbers(cable_id: str, shape: CableShape) -> dict[str, str]:
+    """What a prediction says about itself."""
+    return {
+        f"{cable_id} model": shape.model,
+        f"{cable_id} status": shape.status.name,
+        f"{cable_id} error estimate [m]": f"{shape.error_estimate:.3g}",
+        f"{cable_id} residual": f"{shape.residual:.3g}",
+        f"{cable_id} solve time [ms]": f"{shape.solve_time * 1e3:.3f}",
+    }
+
+
+def _verdict(name: str, wrong: list[Complaint], fine: str, values: Mapping[str, str]) -> Verdict:
+    """The worst of the complaints, or `fine`."""
+    level = max((complaint.level for complaint in wrong), default=Level.OK)
+    message = "; ".join(complaint.text for complaint in wrong) or fine
+    return Verdict(name, level, message, values, tuple(wrong))

@@ -1,0 +1,198 @@
+"""Which input messages may be used together: stamps that increase, and pairs of the two grippers. Knows no ROS.
+
+All stamps are integers in nanoseconds.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from typing import Generic, TypeVar, final
+
+from cable_shape.errors import InputError, StaleInputError
+
+T = TypeVar("T")
+
+SECOND = 1_000_000_000  # ns
+
+#: A stamp that jumps back by more than this [ns] is a clock that was set back (a bag that loops), not a late message.
+RESTART_JUMP = SECOND
+
+#: Unpaired messages kept of each gripper, so that one whose messages travel longer still finds its partner.
+HISTORY = 32
+
+#: A closer partner is waited for, once, if the stamps differ by more than this fraction of the time between messages.
+CLOSE_ENOUGH = 0.6
+
+
+@final
+class StampGuard:
+    """The stamps of one topic must be set and increase.
+
+    Parameters
+    ----------
+    topic : str
+        Named in the messages.
+    """
+
+    def __init__(self, topic: str) -> None:
+        self.topic = topic
+        self.last: int | None = None
+
+    def check(self, stamp: int) -> bool:
+        """Takes the stamp of the newest message; True if the clock was set back by more than a second.
+
+        Raises
+        ------
+        StaleInputError
+            For a stamp that is not set, repeated, or up to a second older than the last one.
+        """
+        last = self.last
+        if stamp <= 0:
+            raise StaleInputError(
+                f"{self.topic}: header.stamp = {stamp} ns is not allowed: it must be above 0. "
+                "Fill it with the time of the measurement."
+            )
+        restarted = False
+        if last is not None and stamp <= last:
+            back = last - stamp
+            if back == 0:
+                raise StaleInputError(
+                    f"{self.topic}: header.stamp = {stamp} ns is repeated: every message needs a newer stamp. "
+                    "Stamp each measurement once, and look for two publishers on this topic."
+                )
+            if back <= RESTART_JUMP:
+                raise StaleInputError(
+                    f"{self.topic}: header.stamp = {stamp} ns goes backwards, by {back / SECOND:.6f} s from {last} ns: "
+                    "it must increase. Look for two publishers on this topic or a clock that was adjusted; a jump of "
+                    f"more than {RESTART_JUMP / SECOND:g} s is taken as a restart."
+                )
+            restarted = True
+        self.last = stamp
+        return restarted
+
+    def forget(self) -> None:
+        """Any stamp may come next."""
+        self.last = None
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Pair(Generic[T]):
+    """What the two grippers said at nearly the same time; `stamp` is the older of the two, `skew` their distance."""
+
+    stamp: int
+    start: T
+    end: T
+    skew: int
+
+
+@final
+class Pairing(Generic[T]):
+    """Puts together the messages of the two grippers: closest stamps first, latest wins, each message used once.
+
+    Streams of equal rate keep their smallest possible skew, also after a lost message: a partner further away than
+    about half a period is passed over once in favour of the next message. Never twice in a row, so pairs keep coming
+    whatever the jitter.
+
+    Parameters
+    ----------
+    max_skew : int
+        [ns], stamps further apart are never paired.
+    """
+
+    def __init__(self, max_skew: int) -> None:
+        self.max_skew = max_skew
+        self.pairs = 0
+        self.unpaired = 0  # messages that were given up without a partner
+        self._waiting: tuple[deque[tuple[int, T]], deque[tuple[int, T]]] = (deque(), deque())
+        self._newest: list[int | None] = [None, None]
+        self._period: list[int | None] = [None, None]
+        self._passed_over = False
+
+    def put(self, side: int, stamp: int, value: T) -> Pair[T] | None:
+        """Takes a message of `side` (0: start, 1: end), newer than all of that side, and returns the pair it makes."""
+        newest = self._newest[side]
+        if newest is not None:
+            self._period[side] = stamp - newest
+        self._newest[side] = stamp
+        own, others = self._waiting[side], self._waiting[1 - side]
+        own.append((stamp, value))
+        if len(own) > HISTORY:
+            own.popleft()
+            self.unpaired += 1
+        if not others:
+            return None
+        partner, partner_value = min(others, key=lambda entry: abs(entry[0] - stamp))
+        skew = abs(partner - stamp)
+        if skew > self.max_skew:
+            return None
+        if stamp > partner and not self._passed_over and self._closer_may_come(skew):
+            self._passed_over = True
+            return None
+        self._passed_over = False
+        self.pairs += 1
+        self.unpaired += len(own) - 1
+        own.clear()
+        while others and others[0][0] <= partner:
+            others.popleft()
+            self.unpaired += 1
+        self.unpaired -= 1  # the partner itself
+        first, second = (value, partner_value) if side == 0 else (partner_value, value)
+        return Pair(min(stamp, partner), first, second, skew)
+
+    def _closer_may_come(self, skew: int) -> bool:
+        """Whether the next message of the other side is likely to be closer than `skew`."""
+        left, right = self._period
+        return left is not None and right is not None and skew > CLOSE_ENOUGH * min(left, right)
+
+    def nearest_miss(self) -> int | None:
+        """[ns], how far apart the newest stamps of the two sides are; None until both were seen."""
+        left, right = self._newest
+        return None if left is None or right is None else abs(left - right)
+
+    def seen(self, side: int) -> bool:
+        """Whether a message of this side has come."""
+        return self._newest[side] is not None
+
+    def clear(self) -> None:
+        """Forgets all messages; the counts stay."""
+        for waiting in self._waiting:
+            self.unpaired += len(waiting)
+            waiting.clear()
+        self._newest = [None, None]
+        self._period = [None, None]
+        self._passed_over = False
+
+
+@final
+class FrameGuard:
+    """All input must be in one frame: nothing here transforms between frames.
+
+    Parameters
+    ----------
+    expected : str
+        Empty: the frame of the first message that is used.
+    """
+
+    def __init__(self, expected: str) -> None:
+        self.expected = expected or None
+
+    def check(self, topic: str, frame_id: str) -> None:
+        """Takes the frame of a message.
+
+        Raises
+        ------
+        InputError
+        """
+        if self.expected is not None and frame_id != self.expected:
+            raise InputError(
+                f"{topic}: header.frame_id = {frame_id!r} is not allowed: it must be {self.expected!r}, the frame of "
+                "the parameter frame_id or else of the first message. Publish the pose in that frame (nothing is "
+                "transformed here), or set frame_id."
+            )
+
+    def fix(self, frame_id: str) -> None:
+        """The message was used: from now on this is the frame."""
+        if self.expected is None:
+            self.expected = frame_id

@@ -1,0 +1,348 @@
+"""The lifecycle node `cable_shape_node`: a thin shell around :meth:`cable_shape.Cycle.step`.
+
+Everything is loaded and compiled in configure; activation opens the input; a cycle runs in the callback of the message
+that completes its input, or at a set rate. docs/node.md lists topics and parameters.
+"""
+
+from __future__ import annotations
+
+import gc
+import sys
+import time
+import traceback
+from collections.abc import Callable, Sequence
+from typing import Any, final
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.lifecycle import LifecycleNode, LifecycleState
+from rclpy.lifecycle import TransitionCallbackReturn as Return
+from rclpy.parameter import Parameter
+from rclpy.utilities import ok, try_shutdown
+
+from cable_shape.errors import ArgumentError, CableShapeError
+from cable_shape.ros import conversions
+from cable_shape.ros.assembly import CABLE, Assembly
+from cable_shape.ros.diagnostics import Complaint, Health, Level
+from cable_shape.ros.outputs import Outputs
+from cable_shape.ros.parameters import BY_NAME, SPECS, Settings, unknown_overrides, widened
+from cable_shape.ros.sources import JointSource, PoseSource, Ready, Sink
+
+WATCH_PERIOD = 0.1  # s, between looks at the health
+LOG_AGAIN = 10.0  # s, until a complaint that stays is logged again
+
+
+@final
+class CableShapeNode(LifecycleNode):
+    """See the module; `rclpy` calls everything here from one thread."""
+
+    def __init__(self) -> None:
+        super().__init__("cable_shape_node")
+        self._wrong_overrides = self._declare()
+        self._settings = self._current()
+        self.add_pre_set_parameters_callback(widened)
+        self.add_on_set_parameters_callback(self._validate)
+        self.add_post_set_parameters_callback(self._apply)
+        self._health = Health(self._settings.stale_after)
+        self._assembly: Assembly | None = None
+        self._outputs: Outputs | None = None
+        self._source: PoseSource | JointSource | None = None
+        self._rate_timer: Any = None
+        self._waiting: Ready | None = None  # the newest input, when cycles run at a set rate
+        self._superseded = 0
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._last_diagnosis: tuple[Any, float] = ((), -1e9)
+        self._logged: dict[str, float] = {}  # code of a complaint -> when it was logged
+        # not on the node's clock: a silent /clock must not silence the diagnostics
+        self.create_timer(WATCH_PERIOD, self._watch, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._answer_wrong_transitions()
+
+    @property
+    def autostart(self) -> bool:
+        """Whether to configure and activate at start."""
+        return self._settings.autostart
+
+    # Parameters
+
+    def _declare(self) -> dict[str, str]:
+        """Declares all parameters with the overrides that are allowed; returns a text for each that is not."""
+        overrides: dict[str, Parameter] = self._parameter_overrides
+        values = {spec.name: spec.default for spec in SPECS}
+        wrong = {}
+        for parameter in widened([p for name, p in overrides.items() if name in BY_NAME]):
+            name = parameter.name
+            try:
+                Settings.of({**values, name: parameter.value})
+            except ArgumentError as error:
+                wrong[name] = str(error)
+            else:
+                values[name] = parameter.value
+        for spec in SPECS:
+            self.declare_parameter(spec.name, values[spec.name], spec.descriptor(), ignore_override=True)
+        wrong.update({text: text for text in unknown_overrides(overrides, self._parameters)})
+        return wrong
+
+    def _current(self, changes: Sequence[Parameter] = ()) -> Settings:
+        """The settings with some of them changed."""
+        values = {spec.name: self.get_parameter(spec.name).value for spec in SPECS}
+        values.update({p.name: p.value for p in changes if p.name in BY_NAME})
+        return Settings.of(values)
+
+    def _validate(self, changes: list[Parameter]) -> SetParametersResult:
+        """All of `changes`, or none."""
+        if self._health.state != "unconfigured":
+            fixed = [p.name for p in changes if p.name in BY_NAME and not BY_NAME[p.name].live]
+            if fixed:
+                reason = f"{', '.join(fixed)}: fixed while the node is configured (it is {self._health.state}). "
+                reason += "Deactivate and clean it up first, then set, configure and activate."
+                return SetParametersResult(successful=False, reason=reason)
+        try:
+            self._current(changes)
+        except ArgumentError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _apply(self, changes: list[Parameter]) -> None:
+        """`changes` were set."""
+        self._settings = self._current()
+        self._health.stale_after = self._settings.stale_after
+        for parameter in changes:
+            self._wrong_overrides.pop(parameter.name, None)
+        if self._source is not None:
+            self._source.apply(self._settings)
+
+    # Lifecycle
+
+    def on_configure(self, state: LifecycleState) -> Return:
+        """Loads everything, compiles the kernels and creates the topics."""
+        return self._attempt("configure", "inactive", self._configure, state)
+
+    def on_activate(self, state: LifecycleState) -> Return:
+        """Opens the input; the garbage collector no longer looks at what is loaded."""
+        return self._attempt("activate", "active", self._activate, state)
+
+    def on_deactivate(self, state: LifecycleState) -> Return:
+        """Closes the input."""
+        self._waiting = None
+        self._health.state = "inactive"
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> Return:
+        """Takes everything down again."""
+        self.close()
+        self._health.state = "unconfigured"
+        return super().on_cleanup(state)
+
+    def on_shutdown(self, state: LifecycleState) -> Return:
+        """Takes everything down for good."""
+        self.close()
+        self._health.state = "finalized"
+        return super().on_shutdown(state)
+
+    def on_error(self, state: LifecycleState) -> Return:
+        """After a defect in a transition: back to unconfigured."""
+        self.close()
+        self._health.state = "unconfigured"
+        return super().on_error(state)
+
+    def _attempt(
+        self,
+        name: str,
+        reached: str,
+        action: Callable[[LifecycleState], Return],
+        state: LifecycleState,
+    ) -> Return:
+        """Runs a transition; what fails is logged and goes to the diagnostics, and the node stays where it was."""
+        try:
+            result = action(state)
+        except CableShapeError as error:
+            self._health.failure = f"{name} failed: {error}"
+            self.get_logger().error(self._health.failure)
+            if self._health.state == "unconfigured":
+                self.close()
+            return Return.FAILURE
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # rclpy would swallow it without a word
+            self._health.failure = f"{name} failed: {type(error).__name__}: {error}"
+            self.get_logger().fatal(f"{name} failed unexpectedly:\n{traceback.format_exc()}")
+            raise
+        self._health.failure = ""
+        self._health.state = reached
+        return result
+
+    def _configure(self, state: LifecycleState) -> Return:
+        if self._wrong_overrides:
+            raise ArgumentError(" ".join(self._wrong_overrides.values()))
+        settings = self._settings
+        settings.complete()
+        self.get_logger().info("configuring; where kernels are not compiled yet, this takes about a minute")
+        began = time.perf_counter()
+        assembly = self._assembly = Assembly(settings)
+        sink = Sink(self._health, self._now, self._deliver, self._restart)
+        self._outputs = Outputs(self, assembly.cycle.cables)
+        if assembly.robot is None:
+            self._source = PoseSource(self, settings, sink)
+        else:
+            self._source = JointSource(self, settings, sink, assembly.robot)
+        if settings.rate > 0.0:
+            self._rate_timer = self.create_timer(1.0 / settings.rate, self._tick)
+        self.get_logger().info(f"parameters: {settings.echo()}")
+        self.get_logger().info(f"{assembly.describe()}; configured in {time.perf_counter() - began:.1f} s")
+        return super().on_configure(state)
+
+    def _activate(self, state: LifecycleState) -> Return:
+        assert self._source is not None
+        self._source.clear()
+        self._restart()
+        gc.collect()
+        gc.freeze()
+        self._health.activate(self._source.topics, self._now())
+        return super().on_activate(state)
+
+    def close(self) -> None:
+        """Ends the viewer and takes down what configure made; may be called at any time."""
+        if self._rate_timer is not None:
+            self.destroy_timer(self._rate_timer)
+            self._rate_timer = None
+        if self._source is not None:
+            self._source.destroy()
+            self._source = None
+        if self._outputs is not None:
+            self._outputs.destroy()
+            self._outputs = None
+        if self._assembly is not None:
+            self._assembly.close()
+            self._assembly = None
+        gc.unfreeze()
+
+    def _answer_wrong_transitions(self) -> None:
+        """rclpy lets a request for a transition that is not possible now end the process; here it is answered."""
+        service = self._service_change_state
+        change = service.callback
+
+        def answer(request: Any, response: Any) -> Any:
+            possible = {entry[0]: entry[1] for entry in self._state_machine.available_transitions}
+            wanted = request.transition
+            if not wanted.label and wanted.id not in possible:
+                self.get_logger().error(
+                    f"transition {wanted.id} is not possible: the node is {self._health.state}. "
+                    f"Possible: {', '.join(f'{i} ({label})' for i, label in possible.items())}."
+                )
+                response.success = False
+                return response
+            return change(request, response)
+
+        service.callback = answer
+
+    # Cycles
+
+    def _now(self) -> int:
+        """[ns], on the node's clock."""
+        now: int = self.get_clock().now().nanoseconds
+        return now
+
+    def _deliver(self, ready: Ready) -> None:
+        """Input for a cycle came."""
+        if self._rate_timer is None:
+            self._run(ready)
+            return
+        self._superseded += self._waiting is not None
+        self._waiting = ready
+
+    def _restart(self) -> None:
+        """The input's clock starts anew: nothing from before may be used."""
+        self._waiting = None
+        if self._assembly is not None:
+            self._assembly.cycle.reset()
+
+    def _tick(self) -> None:
+        """Time for a cycle; without new input there is none."""
+        ready, self._waiting = self._waiting, None
+        if ready is not None:
+            self._run(ready)
+
+    def _run(self, ready: Ready) -> None:
+        """One cycle: grips, shape, clearance, warnings, messages."""
+        assembly, outputs = self._assembly, self._outputs
+        if assembly is None or outputs is None:
+            return
+        began = time.perf_counter()
+        try:
+            start, end, links = ready.ends()
+            report = assembly.cycle.step({CABLE: (start, end)}, ready.stamp, links)
+        except CableShapeError as error:
+            self._health.refuse("cycle", str(error), self._now())
+            return
+        outputs.publish(report, ready.frame_id, self._settings.stale_after)
+        if assembly.viewer is not None:
+            assembly.viewer.send(report)
+        self._health.cycled(report, time.perf_counter() - began, self._now())
+
+    # Health
+
+    def _watch(self) -> None:
+        """Publishes the diagnostics when they hold news or are due, and logs what is new."""
+        if self._source is not None:
+            self._health.hint = self._source.hint()
+            self._health.counts = {**self._source.counts(), "superseded": self._superseded}
+            if self._assembly is not None and self._assembly.viewer is not None:
+                self._health.counts["reports that the viewer did not take"] = self._assembly.viewer.dropped
+        now, steady = self._now(), time.monotonic()
+        verdicts = self._health.verdicts(now)
+        complaints = [complaint for verdict in verdicts for complaint in verdict.complaints]
+        news = (self._health.state, tuple((c.code, c.level) for c in complaints))
+        last, when = self._last_diagnosis
+        if news != last or steady - when >= self._settings.diagnostics_period:
+            self._diagnostics.publish(
+                conversions.diagnostics_message(verdicts, self.get_fully_qualified_name().lstrip("/"), now)
+            )
+            self._last_diagnosis = (news, steady)
+        self._log(complaints, steady)
+
+    def _log(self, complaints: Sequence[Complaint], steady: float) -> None:
+        """New complaints at once, those that stay every ten seconds, and that all is well again."""
+        log = self.get_logger()
+        for complaint in complaints:
+            if steady - self._logged.get(complaint.code, -1e9) >= LOG_AGAIN:
+                self._logged[complaint.code] = steady
+                if complaint.level is Level.ERROR:  # rclpy wants one severity at each call
+                    log.error(complaint.text)
+                else:
+                    log.warning(complaint.text)
+        present = {complaint.code for complaint in complaints}
+        gone = [code for code in self._logged if code not in present]
+        for code in gone:
+            del self._logged[code]
+        if gone and not present:
+            log.info("all is well again")
+
+
+def main(args: list[str] | None = None) -> int:
+    """Runs the node until SIGINT or SIGTERM; the exit code is 0 then."""
+    rclpy.init(args=args)
+    node = CableShapeNode()
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    try:
+        if node.autostart and node.trigger_configure() == Return.SUCCESS and ok():
+            node.trigger_activate()
+        executor.spin()
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    except RuntimeError:  # rclpy's own, when the signal comes while a callback publishes
+        if ok():
+            raise
+    finally:
+        node.close()
+        node.destroy_node()
+        try_shutdown()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,67 @@
+"""The node's publishers: :class:`Outputs`."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import final
+
+from nav_msgs.msg import Path
+from rclpy.lifecycle import LifecycleNode, LifecyclePublisher
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import PointCloud2
+from visualization_msgs.msg import MarkerArray
+
+from cable_shape.cable import Cable
+from cable_shape.report import CycleReport
+from cable_shape.ros import conversions, messages
+
+#: [s], least time between the messages for drawing: a Path of 150 poses takes rclpy longer to build than a whole cycle
+DRAWING_PERIOD = 0.03
+
+LATEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
+LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+@final
+class Outputs:
+    """Publishes what a cycle found, each message only while someone listens.
+
+    Shape and warnings go out every cycle, markers, path and points at most every `DRAWING_PERIOD`. The warnings alone
+    are sent without a listener, too, since one who comes later gets the last ones.
+    """
+
+    def __init__(self, node: LifecycleNode, cables: Mapping[str, Cable]) -> None:
+        self._node = node
+        self._diameters = {name: cable.diameter for name, cable in cables.items()}
+        self._drawn = -DRAWING_PERIOD
+        make = node.create_lifecycle_publisher
+        self._shape: LifecyclePublisher = make(messages.CableShape, "cable/shape", LATEST)
+        self._warnings: LifecyclePublisher = make(messages.CableWarnings, "cable/warnings", LATCHED)
+        self._markers: LifecyclePublisher = make(MarkerArray, "cable/markers", LATEST)
+        self._path: LifecyclePublisher = make(Path, "cable/path", LATEST)
+        self._points: LifecyclePublisher = make(PointCloud2, "cable/points", LATEST)
+
+    def publish(self, report: CycleReport, frame_id: str, lifetime: float) -> None:
+        """Sends a report under the stamp of its input; markers vanish after `lifetime` [s]."""
+        header = conversions.header_of(report.stamp, frame_id)
+        if self._shape.get_subscription_count():
+            for cable_id, shape in report.shapes.items():
+                self._shape.publish(conversions.shape_message(cable_id, shape, header))
+        self._warnings.publish(conversions.warnings_message(report, header))
+        now = time.monotonic()
+        if now - self._drawn < DRAWING_PERIOD:
+            return
+        self._drawn = now
+        if self._markers.get_subscription_count():
+            self._markers.publish(conversions.marker_message(report, self._diameters, header, lifetime))
+        if self._path.get_subscription_count():
+            for shape in report.shapes.values():
+                self._path.publish(conversions.path_message(shape, header))
+        if self._points.get_subscription_count():
+            self._points.publish(conversions.points_message(report.shapes, header))
+
+    def destroy(self) -> None:
+        """Takes the topics away."""
+        for publisher in (self._shape, self._warnings, self._markers, self._path, self._points):
+            self._node.destroy_lifecycle_publisher(publisher)

@@ -1,0 +1,236 @@
+"""The node's parameters: one table of descriptors, and :class:`Settings`, their valid values. See docs/node.md."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, final
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.parameter import Parameter
+
+from cable_shape import checks
+from cable_shape.errors import ArgumentError, UnknownKeyError
+from cable_shape.pose import GRIP_KINDS, IDENTITY, Grip, Pose
+from cable_shape.predictor import MODELS
+from cable_shape.problem import MAX_POINTS, MIN_POINTS
+
+INPUTS = ("poses", "joints")
+
+#: Overrides that rclpy itself understands, besides the parameters that it declares.
+RCLPY_PREFIXES = ("qos_overrides.", "start_type_description_service")
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Spec:
+    """One parameter. `live`: may change while the node is configured; others need a cleanup first."""
+
+    name: str
+    default: Any
+    description: str
+    unit: str = ""
+    low: float | None = None
+    high: float | None = None
+    options: tuple[str, ...] = ()
+    live: bool = False
+    read_only: bool = False
+
+    @property
+    def field(self) -> str:
+        """Name of the value in :class:`Settings`."""
+        return self.name.replace(".", "_")
+
+    def descriptor(self) -> ParameterDescriptor:
+        """What `ros2 param describe` shows."""
+        when = "Read-only." if self.read_only else "" if self.live else "Fixed while the node is configured."
+        options = f"One of: {', '.join(self.options)}." if self.options else ""
+        descriptor = ParameterDescriptor(
+            name=self.name,
+            type=Parameter.Type.from_parameter_value(self.default).value,
+            description=f"{self.description}{f' [{self.unit}]' if self.unit else ''}",
+            additional_constraints=" ".join(part for part in (options, when) if part),
+            read_only=self.read_only,
+        )
+        if self.low is not None and self.high is not None:
+            if isinstance(self.default, int):
+                descriptor.integer_range = [IntegerRange(from_value=int(self.low), to_value=int(self.high), step=1)]
+            else:
+                descriptor.floating_point_range = [FloatingPointRange(from_value=self.low, to_value=self.high)]
+        return descriptor
+
+    def check(self, value: Any) -> Any:
+        """`value` if it is allowed; numbers as float, arrays as tuples.
+
+        Raises
+        ------
+        ArgumentError
+        """
+        if isinstance(self.default, bool):
+            if not isinstance(value, bool):
+                raise ArgumentError.of(self.name, value, "it must be true or false", "")
+            return value
+        if isinstance(self.default, str):
+            if not isinstance(value, str):
+                raise ArgumentError.of(self.name, value, "it must be text", "Quote it.")
+            return checks.one_of(self.name, value, self.options) if self.options else value
+        if isinstance(self.default, list):
+            return tuple(checks.vector(self.name, value, len(self.default), self.unit).tolist())
+        if isinstance(self.default, int):
+            return checks.integer(self.name, value, at_least=int(self.low or 0), at_most=int(self.high or 0))
+        number = checks.number(self.name, value, unit=self.unit)
+        if self.low is not None and self.high is not None and not self.low <= number <= self.high:
+            bound = f"it must be between {self.low:g} and {self.high:g} {self.unit}".rstrip()
+            raise ArgumentError.of(self.name, number, bound, f"Choose {self.name} within these bounds.")
+        return number
+
+
+NO_OFFSET = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
+_OFFSET = "Cable frame in the tool frame: x y z [m], qx qy qz qw. For input poses; with joints, robot_file says it."
+_KIND = "How this gripper holds the cable. For input poses; with joints, robot_file says it."
+
+SPECS = (
+    Spec("cable_file", "", "YAML file of the cable; relative to the working directory or to config/."),
+    Spec("scene_file", "", "YAML file of obstacles and masses; empty: nothing around the cable."),
+    Spec("robot_file", "", "YAML file of the robot; needed for input joints, empty otherwise."),
+    Spec("model", "gradient4", "Model of the cable.", options=MODELS),
+    Spec("gravity", [0.0, 0.0, -9.81], "Gravity in the frame of the input.", "m/s^2"),
+    Spec("points", 150, "Points of a shape, uniform in arc length.", low=MIN_POINTS, high=MAX_POINTS),
+    Spec("tolerance", 0.0, "Largest position error allowed; 0: the model's default.", "m", 0.0, 1.0),
+    Spec("input", "poses", "Where the grips come from: two PoseStamped topics or JointState.", options=INPUTS),
+    Spec("frame_id", "", "Frame of all input; empty: that of the first message, or 'world' for joints."),
+    Spec("view", "off", "Viewer: off, window, or the path of an .rrd file to write."),
+    Spec("autostart", True, "Configure and activate at start.", read_only=True),
+    Spec("rate", 0.0, "Cycles a second, each with the newest input; 0: one for every input.", "Hz", 0.0, 10000.0),
+    Spec("max_skew", 0.02, "Poses further apart in time are not paired.", "s", 0.0, 10.0, live=True),
+    Spec("stale_after", 0.5, "Input older than this is reported as stale.", "s", 0.01, 3600.0, live=True),
+    Spec("diagnostics_period", 1.0, "Time between diagnostics that hold no news.", "s", 0.1, 60.0, live=True),
+    Spec("grip_kind_left", "clamped", _KIND, options=GRIP_KINDS, live=True),
+    Spec("grip_kind_right", "clamped", _KIND, options=GRIP_KINDS, live=True),
+    Spec("left_gripper.offset", NO_OFFSET, _OFFSET, live=True),
+    Spec("right_gripper.offset", NO_OFFSET, _OFFSET, live=True),
+)
+BY_NAME = {spec.name: spec for spec in SPECS}
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """The value of every parameter, each valid by itself; :meth:`complete` checks them together."""
+
+    cable_file: str
+    scene_file: str
+    robot_file: str
+    model: str
+    gravity: tuple[float, float, float]  # m/s^2
+    points: int
+    tolerance: float  # m
+    input: str
+    frame_id: str
+    view: str
+    autostart: bool
+    rate: float  # Hz
+    max_skew: float  # s
+    stale_after: float  # s
+    diagnostics_period: float  # s
+    grip_kind_left: str
+    grip_kind_right: str
+    left_gripper_offset: tuple[float, ...]
+    right_gripper_offset: tuple[float, ...]
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> Settings:
+        """From parameter values by parameter name, all of them.
+
+        Raises
+        ------
+        ArgumentError
+        """
+        settings = cls(**{spec.field: spec.check(values[spec.name]) for spec in SPECS})
+        settings.grips()
+        return settings
+
+    def grips(self) -> tuple[Grip, Grip]:
+        """The start and end grip at the origin, with kind and offset."""
+        made = []
+        for side, kind in (("left", self.grip_kind_left), ("right", self.grip_kind_right)):
+            name = f"{side}_gripper.offset"
+            row = getattr(self, BY_NAME[name].field)
+            try:
+                offset = IDENTITY if list(row) == NO_OFFSET else Pose(row[:3], row[3:])
+                made.append(Grip(IDENTITY, kind, offset))
+            except ArgumentError as error:
+                raise ArgumentError(f"{name}: {error}") from None
+        return made[0], made[1]
+
+    def complete(self) -> None:
+        """What the parameters must be together, before the node can be configured.
+
+        Raises
+        ------
+        ArgumentError
+        """
+        if not self.cable_file:
+            raise ArgumentError.of(
+                "cable_file", "", "it must be the path of a cable's YAML file", "For example config/cables/demo.yaml."
+            )
+        if self.input == "joints" and not self.robot_file:
+            raise ArgumentError.of(
+                "robot_file", "", "input = 'joints' needs a robot", "For example config/robots/dual_arm.yaml."
+            )
+        if self.input == "poses" and self.robot_file:
+            raise ArgumentError.of(
+                "robot_file", self.robot_file, "input = 'poses' uses no robot", "Clear it, or set input to 'joints'."
+            )
+
+    def echo(self) -> str:
+        """All values on one line, for the log."""
+        return ", ".join(f"{f.name} = {getattr(self, f.name)!r}" for f in fields(self))
+
+
+def unknown_overrides(given: Iterable[str], declared: Iterable[str]) -> list[str]:
+    """A message for each override that no parameter of the node takes; rclpy would ignore it in silence."""
+    known = set(declared)
+    return [
+        str(UnknownKeyError.among("parameters", name, BY_NAME))
+        for name in sorted(given)
+        if name not in known and not name.startswith(RCLPY_PREFIXES)
+    ]
+
+
+def widened(parameters: Sequence[Parameter]) -> list[Parameter]:
+    """Whole numbers given for parameters that are floating point, made so: `rate:=100` means 100.0."""
+    out = []
+    for parameter in parameters:
+        spec = BY_NAME.get(parameter.name)
+        default = None if spec is None else spec.default
+        if isinstance(default, float) and parameter.type_ == Parameter.Type.INTEGER:
+            parameter = Parameter(parameter.name, Parameter.Type.DOUBLE, float(parameter.value))
+        elif isinstance(default, list) and parameter.type_ == Parameter.Type.INTEGER_ARRAY:
+            parameter = Parameter(parameter.name, Parameter.Type.DOUBLE_ARRAY, [float(v) for v in parameter.value])
+        out.append(parameter)
+    return out
+
+
+def find_file(path: str) -> Path:
+    """`path` as it is if it exists or is absolute, else below the config folder of the sources or the installation."""
+    file = Path(path).expanduser()
+    if file.is_absolute() or file.exists():
+        return file
+    for folder in config_folders():
+        if (folder / file).exists():
+            return folder / file
+    return file
+
+
+def config_folders() -> list[Path]:
+    """Where this package's configuration lies: beside the sources, or in share/ of a ROS prefix."""
+    import os
+    import sys
+
+    import cable_shape
+
+    prefixes = [p for p in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if p] + [sys.prefix]
+    source = Path(cable_shape.__file__).resolve().parents[1] / "config"
+    return [source, *(Path(prefix, "share", "cable_shape", "config") for prefix in prefixes)]

@@ -1,0 +1,232 @@
+"""Real nodes in processes of their own, and a client over DDS that plays the rest of the robot cell."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+import warnings
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+# before rclpy is initialised: nothing leaves this machine, and no other session is heard
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+os.environ["ROS_DOMAIN_ID"] = str(1 + os.getpid() % 101)
+
+with warnings.catch_warnings():
+    # its parser imports a deprecated module of the standard library
+    warnings.simplefilter("ignore", DeprecationWarning)
+    import rosidl_generator_py  # noqa: F401
+
+import rclpy
+from builtin_interfaces.msg import Time
+from cable_shape_msgs.msg import CableShape
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import PoseStamped
+from lifecycle_msgs.srv import ChangeState, GetState
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParametersAtomically
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+
+TIMEOUT = 120.0  # s, bound of every wait; the kernels may have to be compiled within it
+ALONG_X = (0.5, 0.5, 0.5, 0.5)  # d3 = x
+LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class NodeProcess:
+    """cable_shape_node in its own process and namespace."""
+
+    def __init__(self, namespace: str, folder: Path, arguments: Sequence[str]) -> None:
+        self.namespace = namespace
+        self.log = folder / f"{namespace}.log"
+        with self.log.open("w") as log:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "cable_shape.ros.node", "--ros-args", "-r", f"__ns:=/{namespace}", *arguments],
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                cwd=folder,
+            )
+
+    def stop(self, number: int = signal.SIGINT) -> int:
+        """Its exit code after a signal."""
+        if self.process.poll() is None:
+            self.process.send_signal(number)
+        try:
+            return self.process.wait(TIMEOUT)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+            raise
+
+    @property
+    def alive(self) -> bool:
+        return self.process.poll() is None
+
+    def text(self) -> str:
+        return self.log.read_text()
+
+
+class Cell:
+    """The other side: publishes grips or joints, keeps what the node sends."""
+
+    def __init__(self, node: NodeProcess) -> None:
+        self.process = node
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context)
+        self.node = rclpy.create_node("cell", namespace=f"/{node.namespace}", context=self.context)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+        sensor = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+        self.grippers = tuple(
+            self.node.create_publisher(PoseStamped, f"{side}_gripper/pose", sensor) for side in ("left", "right")
+        )
+        self.joints = self.node.create_publisher(JointState, "joint_states", sensor)
+        self.shapes: list[Any] = []
+        self.diagnostics: list[Any] = []
+        self.node.create_subscription(CableShape, "cable/shape", self.shapes.append, 100)
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnose, 100)
+
+    def _diagnose(self, message: Any) -> None:
+        if all(status.name.startswith(f"{self.process.namespace}/") for status in message.status):
+            self.diagnostics.append(message)
+
+    def close(self) -> None:
+        self.executor.shutdown()
+        self.node.destroy_node()
+        rclpy.shutdown(context=self.context)
+
+    def listen(self, kind: type, topic: str, qos: Any = 10) -> list[Any]:
+        """A list that fills with the messages of a topic."""
+        messages: list[Any] = []
+        self.node.create_subscription(kind, topic, messages.append, qos)
+        return messages
+
+    def until(self, done: Callable[[], Any], what: str, timeout: float = TIMEOUT) -> Any:
+        """Spins until `done` returns something true, and returns it."""
+        end = time.monotonic() + timeout
+        while time.monotonic() < end:
+            value = done()
+            if value:
+                return value
+            if not self.process.alive:
+                pytest.fail(f"the node ended while waiting for {what}:\n{self.process.text()}")
+            self.executor.spin_once(timeout_sec=0.05)
+        return pytest.fail(f"no {what} within {timeout} s; the node said:\n{self.process.text()}")
+
+    def spin(self, seconds: float) -> None:
+        """Spins for so long."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            self.executor.spin_once(timeout_sec=0.02)
+
+    def call(self, kind: type, name: str, request: Any) -> Any:
+        """The answer of one of the node's services."""
+        client = self.node.create_client(kind, f"cable_shape_node/{name}")
+        self.until(client.service_is_ready, f"service {name}")
+        future = client.call_async(request)
+        self.until(future.done, f"answer of {name}")
+        self.node.destroy_client(client)
+        return future.result()
+
+    def state(self) -> str:
+        return str(self.call(GetState, "get_state", GetState.Request()).current_state.label)
+
+    def transition(self, number: int) -> bool:
+        request = ChangeState.Request()
+        request.transition.id = number
+        return bool(self.call(ChangeState, "change_state", request).success)
+
+    def active(self) -> None:
+        """Waits until the node is active and all topics are matched."""
+        self.until(lambda: self.state() == "active", "state active")
+        self.until(lambda: self.grippers[0].get_subscription_count() or self.joints.get_subscription_count(), "match")
+        self.until(lambda: self.node.count_publishers("cable/shape"), "cable/shape")
+
+    def set(self, **values: Any) -> Any:
+        """Sets parameters atomically; __ in a name stands for a dot."""
+        request = SetParametersAtomically.Request()
+        request.parameters = [
+            ParameterMessage(name=name.replace("__", "."), value=Parameter(name, value=value).to_parameter_msg().value)
+            for name, value in values.items()
+        ]
+        return self.call(SetParametersAtomically, "set_parameters_atomically", request).result
+
+    def get(self, name: str) -> Any:
+        values = self.call(GetParameters, "get_parameters", GetParameters.Request(names=[name])).values
+        return Parameter.from_parameter_msg(ParameterMessage(name=name, value=values[0])).value
+
+    def describe(self, names: list[str]) -> Any:
+        request = DescribeParameters.Request(names=names)
+        return self.call(DescribeParameters, "describe_parameters", request).descriptors
+
+    def now(self) -> int:
+        """[ns]"""
+        return int(self.node.get_clock().now().nanoseconds)
+
+    def pose(
+        self,
+        side: int,
+        stamp: int,
+        position: Sequence[float] | None = None,
+        quaternion: Sequence[float] = ALONG_X,
+        frame: str = "world",
+    ) -> None:
+        """Publishes the pose of one gripper."""
+        message = PoseStamped()
+        message.header.stamp = Time(sec=stamp // 10**9, nanosec=stamp % 10**9)
+        message.header.frame_id = frame
+        p, q = message.pose.position, message.pose.orientation
+        p.x, p.y, p.z = position if position is not None else ((0.0, 0.0, 0.5), (0.8, 0.0, 0.5))[side]
+        q.x, q.y, q.z, q.w = quaternion
+        self.grippers[side].publish(message)
+
+    def pair(self, stamp: int | None = None, **keywords: Any) -> int:
+        """Publishes both grippers under one stamp, which it returns."""
+        stamp = self.now() if stamp is None else stamp
+        for side in (0, 1):
+            self.pose(side, stamp, **keywords)
+        return stamp
+
+    def shape_of(self, stamp: int) -> Any:
+        """The shape that carries this stamp, if it came."""
+        return next((m for m in self.shapes if nanoseconds(m.header.stamp) == stamp), None)
+
+    def predicted(self) -> Any:
+        """Publishes pairs until one comes back as a shape."""
+        sent: list[int] = []
+
+        def answered() -> Any:
+            sent.append(self.pair())
+            self.executor.spin_once(timeout_sec=0.05)
+            return next((m for m in (self.shape_of(stamp) for stamp in sent) if m is not None), None)
+
+        return self.until(answered, "shape")
+
+    def diagnosis(self, name: str, text: str, level: bytes | None = None) -> Any:
+        """Waits for a fresh diagnostics line `name` whose message holds `text`."""
+        self.diagnostics.clear()
+
+        def found() -> Any:
+            for message in self.diagnostics:
+                for status in message.status:
+                    if status.name.endswith(f": {name}") and text in status.message and level in (None, status.level):
+                        return status
+            return None
+
+        return self.until(found, f"diagnostics {name!r} with {text!r}", 15.0)
+
+
+def nanoseconds(stamp: Any) -> int:
+    return int(stamp.sec) * 10**9 + int(stamp.nanosec)
+
+
+def values_of(status: DiagnosticStatus) -> dict[str, str]:
+    return {entry.key: entry.value for entry in status.values}

@@ -1,0 +1,104 @@
+"""The node over DDS, fed with joint states of the dual-arm robot."""
+
+import math
+
+import pytest
+from builtin_interfaces.msg import Time
+from cable_shape_msgs.msg import CableWarnings
+from diagnostic_msgs.msg import DiagnosticStatus
+from harness import LATCHED, nanoseconds
+from sensor_msgs.msg import JointState
+
+from cable_shape.robot import Robot
+from cable_shape.ros.fields import shape_from
+from cable_shape.ros.parameters import find_file
+
+ERROR = DiagnosticStatus.ERROR
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return Robot.from_yaml(find_file("robots/dual_arm.yaml"))
+
+
+@pytest.fixture(scope="module")
+def arms(start_for_all):
+    return start_for_all(input="joints", robot_file="robots/dual_arm.yaml", cable_file="cables/demo.yaml")
+
+
+def publish(cell, robot, stamp=None, drop=(), **changes):
+    """A joint state at home, without the joints in `drop`, with some positions changed."""
+    stamp = cell.now() if stamp is None else stamp
+    positions = {**dict(zip(robot.joint_names, robot.home.tolist(), strict=True)), **changes}
+    message = JointState(name=[n for n in positions if n not in drop])
+    message.position = [float(positions[n]) for n in message.name]
+    message.header.stamp = Time(sec=stamp // 10**9, nanosec=stamp % 10**9)
+    cell.joints.publish(message)
+    return stamp
+
+
+def answered(cell, robot, **changes):
+    """The shape for a joint state that is published until it is answered."""
+    sent = []
+
+    def came():
+        sent.append(publish(cell, robot, **changes))
+        cell.executor.spin_once(timeout_sec=0.05)
+        return next((m for m in (cell.shape_of(stamp) for stamp in sent) if m is not None), None)
+
+    return cell.until(came, "shape")
+
+
+def test_joint_states_become_a_shape_between_the_grippers(arms, robot):
+    message = answered(arms, robot, left_wrist_1_joint=-1.0, right_shoulder_pan_joint=0.0)
+    assert message.header.frame_id == "world"
+    names = list(reversed(robot.joint_names))  # the order of a message is free
+    q = dict(zip(robot.joint_names, robot.home.tolist(), strict=True))
+    q.update(left_wrist_1_joint=-1.0, right_shoulder_pan_joint=0.0)
+    start, end = robot.grips(robot.positions(names, [q[n] for n in names]))
+    shape = shape_from(message)
+    assert shape.positions[0] == pytest.approx(start.cable_frame.position, abs=1e-9)
+    assert shape.positions[-1] == pytest.approx(end.cable_frame.position, abs=1e-9)
+
+
+def test_clearance_to_the_robot_is_checked(arms, robot):
+    stamp = nanoseconds(answered(arms, robot).header.stamp)
+    warnings = arms.listen(CableWarnings, "cable/warnings", LATCHED)
+    arms.until(lambda: any(nanoseconds(m.header.stamp) >= stamp for m in warnings), "warnings")
+    assert warnings[-1].robot_checked is True
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"drop": ["right_elbow_joint"]}, "joint_states: joint state: right_elbow_joint missing"),
+        ({"left_elbow_joint": math.nan}, "position of 'left_elbow_joint' is nan, it must be finite"),
+    ],
+)
+def test_bad_joint_states_are_refused(arms, robot, changes, text):
+    answered(arms, robot)
+    arms.spin(0.1)
+    arms.shapes.clear()
+    publish(arms, robot, **changes)
+    arms.diagnosis("input", text, ERROR)
+    assert arms.shapes == []
+    assert arms.process.alive
+    answered(arms, robot)
+
+
+def test_a_repeated_stamp_is_refused(arms, robot):
+    stamp = nanoseconds(answered(arms, robot).header.stamp)
+    arms.spin(0.1)
+    publish(arms, robot, arms.now())
+    arms.spin(0.1)
+    last = max(nanoseconds(m.header.stamp) for m in arms.shapes)
+    assert last >= stamp
+    publish(arms, robot, last)
+    arms.diagnosis("input", f"joint_states: header.stamp = {last} ns is repeated", ERROR)
+    answered(arms, robot)
+
+
+def test_a_robot_file_that_does_not_exist_fails_configure(start):
+    node = start(input="joints", robot_file="robots/none.yaml", active=False)
+    node.diagnosis("lifecycle", "robots/none.yaml: no such file", ERROR)
+    assert node.process.stop() == 0

@@ -1,0 +1,282 @@
+"""The node over DDS, fed with gripper poses: what comes out, and what every bad input leads to."""
+
+import math
+import time
+
+import numpy as np
+import pytest
+from cable_shape_msgs.msg import CableShape, CableWarning, CableWarnings
+from diagnostic_msgs.msg import DiagnosticStatus
+from harness import ALONG_X, LATCHED, nanoseconds, values_of
+from nav_msgs.msg import Path
+from sensor_msgs.msg import PointCloud2
+from visualization_msgs.msg import MarkerArray
+
+from cable_shape.pose import Pose, multiply
+from cable_shape.ros.fields import shape_from
+
+WARN, ERROR = DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+
+
+def refused(cell, text, publish, level=ERROR):
+    """`publish` leads to a diagnostics text and no shape; good input afterwards leads to a shape again."""
+    cell.shapes.clear()
+    publish()
+    status = cell.diagnosis("input", text, level)
+    assert cell.shapes == []
+    assert cell.process.alive
+    cell.predicted()
+    return status
+
+
+def test_a_pair_of_poses_becomes_a_shape_with_their_stamp_frame_and_ends(cell):
+    start, end = (0.1, -0.2, 0.6), (0.7, 0.3, 0.4)
+    stamp = cell.now()
+    cell.pose(0, stamp + 3_000_000, start)
+    cell.pose(1, stamp, end)
+    message = cell.until(lambda: cell.shape_of(stamp), "shape under the older stamp")
+    assert message.header.frame_id == "world"
+    assert (message.cable_id, message.model, message.status, message.usable) == (
+        "cable",
+        "gradient4",
+        CableShape.OK,
+        True,
+    )
+    shape = shape_from(message)
+    assert shape.points == 150
+    assert shape.positions[0] == pytest.approx(start, abs=1e-9)
+    assert shape.positions[-1] == pytest.approx(end, abs=1e-9)
+    assert shape.tangents[0] == pytest.approx((1.0, 0.0, 0.0), abs=1e-6)
+    # the chords of the curve add up to the cable's length
+    assert np.linalg.norm(np.diff(shape.positions, axis=0), axis=1).sum() == pytest.approx(1.2, rel=1e-3)
+    assert shape.arc_length == pytest.approx(np.linspace(0.0, 1.2, 150), abs=1e-12)
+
+
+def test_shapes_follow_the_input_one_for_each_pair(cell):
+    stamps = []
+    for _ in range(40):
+        stamps.append(cell.now())
+        cell.pair(stamps[-1])
+        cell.until(lambda: cell.shape_of(stamps[-1]), "shape of this pair")
+    assert [nanoseconds(m.header.stamp) for m in cell.shapes] == stamps
+
+
+def test_the_offset_and_kind_of_a_grip_may_change_while_running(cell):
+    turned = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))  # 90 degrees about y: d3 from the tool's z to its x
+    assert cell.set(left_gripper__offset=[0.0, 0.0, 0.1, *turned], grip_kind_right="pinned").successful
+    try:
+        stamp = cell.pair()
+        message = cell.until(lambda: cell.shape_of(stamp), "shape")
+        expected = Pose((0.0, 0.0, 0.5), ALONG_X) * Pose((0.0, 0.0, 0.1), turned)
+        shape = shape_from(message)
+        assert shape.positions[0] == pytest.approx(expected.position, abs=1e-9)
+        assert abs(shape.quaternions[0] @ multiply(np.array(ALONG_X), np.array(turned))) == pytest.approx(1.0, abs=1e-6)
+        assert np.linalg.norm(shape.curvature[-1]) < 1e-6  # pinned: no moment
+    finally:
+        assert cell.set(left_gripper__offset=[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], grip_kind_right="clamped").successful
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_a_pose_that_is_not_finite_is_refused(cell, side, bad):
+    number = ("left", "right").index(side)
+
+    def publish():
+        stamp = cell.now()
+        cell.pose(number, stamp, (0.0, bad, 0.5))
+        cell.pose(1 - number, stamp)
+
+    text = f"{side}_gripper/pose: position = [0.0, {bad}, 0.5] is not allowed: every entry must be finite"
+    status = refused(cell, text, publish)
+    assert "Give position as 3 finite numbers in m." in status.message
+    assert int(values_of(status)[f"refused: {side}_gripper/pose pose"]) >= 1
+
+
+def test_a_zero_quaternion_is_refused(cell):
+    text = "left_gripper/pose: quaternion = [0.0, 0.0, 0.0, 0.0] is not allowed: its length is 0"
+    refused(cell, text, lambda: cell.pair(quaternion=(0.0, 0.0, 0.0, 0.0)))
+
+
+def test_another_frame_is_refused(cell):
+    text = "header.frame_id = 'left_base' is not allowed: it must be 'world'"
+    status = refused(cell, text, lambda: cell.pair(frame="left_base"))
+    assert "set frame_id" in status.message
+
+
+def test_a_repeated_stamp_is_refused(cell):
+    stamp = cell.pair()
+    cell.until(lambda: cell.shape_of(stamp), "shape")
+    refused(cell, f"header.stamp = {stamp} ns is repeated", lambda: cell.pair(stamp))
+
+
+def test_a_stamp_that_was_never_set_is_refused(cell):
+    refused(cell, "header.stamp = 0 ns is not allowed", lambda: cell.pair(0))
+
+
+def test_a_stamp_going_backwards_is_refused(cell):
+    stamp = cell.pair()
+    cell.until(lambda: cell.shape_of(stamp), "shape")
+    refused(cell, "goes backwards, by 0.500000 s", lambda: cell.pair(stamp - 500_000_000))
+
+
+def test_a_bag_that_loops_starts_the_prediction_afresh(cell):
+    stamp = cell.pair()
+    cell.until(lambda: cell.shape_of(stamp), "shape")
+    back = stamp - 100_000_000_000
+    cell.pair(back)
+    cell.until(lambda: cell.shape_of(back), "shape under the old stamp")
+    cell.diagnosis("input", "taken as a restart of the clock", WARN)
+
+
+def test_input_that_ends_is_reported_as_stale_and_nothing_is_published(cell):
+    cell.predicted()
+    cell.spin(0.05)
+    count = len(cell.shapes)
+    status = cell.diagnosis("input", "stale: no message on left_gripper/pose and right_gripper/pose for", WARN)
+    assert "more than stale_after = 0.4 s: nothing is published" in status.message
+    assert len(cell.shapes) == count
+    cell.predicted()
+
+
+def test_one_gripper_going_silent_is_named(cell):
+    def left_only():
+        cell.pose(0, cell.now())
+        cell.spin(0.02)
+        return time.monotonic() > end
+
+    cell.shapes.clear()
+    end = time.monotonic() + 0.8
+    cell.until(left_only, "0.8 s of left only")
+    status = cell.diagnosis("input", "stale: no message on right_gripper/pose for", WARN)
+    assert "no message on left" not in status.message
+    assert cell.shapes == []
+
+
+def test_stamps_too_far_apart_never_pair_and_the_text_says_so(cell):
+    def apart():
+        stamp = cell.now()
+        cell.pose(0, stamp)
+        cell.pose(1, stamp - 10_000_000_000)
+        cell.spin(0.02)
+        return next((s for m in cell.diagnostics for s in m.status if "no pair" in s.message), None)
+
+    def wide():
+        stamp = cell.now()
+        cell.pose(0, stamp)
+        cell.pose(1, stamp + 150_000_000)
+        cell.spin(0.4)  # long enough that no other two stamps are nearer
+        return cell.shape_of(stamp)
+
+    cell.spin(0.2)
+    cell.shapes.clear()
+    status = cell.until(apart, "diagnostics about pairs", 10.0)
+    assert "10.000 s apart, max_skew = 0.02 s" in status.message
+    assert "raise max_skew" in status.message
+    assert cell.shapes == []
+    assert cell.set(max_skew=0.2).successful
+    try:
+        cell.until(wide, "shape of a wide pair", 10.0)
+    finally:
+        assert cell.set(max_skew=0.02).successful
+
+
+def test_a_chord_longer_than_the_cable_is_a_status_a_warning_and_a_straight_line(cell):
+    warnings = cell.listen(CableWarnings, "cable/warnings", LATCHED)
+    stamp = cell.now()
+    cell.pose(0, stamp, (0.0, 0.0, 0.5))
+    cell.pose(1, stamp, (1.5, 0.0, 0.5))
+    message = cell.until(lambda: cell.shape_of(stamp), "shape")
+    assert (message.status, message.usable) == (CableShape.OVERSTRETCHED, False)
+    shape = shape_from(message)
+    line = np.array((0.0, 0.0, 0.5)) + np.outer(np.linspace(0.0, 1.5, 150), (1.0, 0.0, 0.0))
+    assert shape.positions == pytest.approx(line, abs=1e-9)
+    kinds = cell.until(
+        lambda: [w.kind for m in warnings if nanoseconds(m.header.stamp) == stamp for w in m.warnings], "warning"
+    )
+    assert CableWarning.OVERSTRETCHED in kinds
+    status = cell.diagnosis("prediction", "OVERSTRETCHED", ERROR)
+    assert "closer" in status.message
+    cell.predicted()
+
+
+def test_warnings_reach_a_late_joiner(cell):
+    stamp = cell.now()
+    cell.pose(0, stamp, (0.0, 0.0, 0.5))
+    cell.pose(1, stamp, (1.5, 0.0, 0.5))
+    cell.until(lambda: cell.shape_of(stamp), "shape")
+    late = cell.listen(CableWarnings, "cable/warnings", LATCHED)
+    cell.until(lambda: late, "latched warnings")
+    assert nanoseconds(late[0].header.stamp) == stamp
+    assert CableWarning.OVERSTRETCHED in [w.kind for w in late[0].warnings]
+    assert late[0].robot_checked is False
+
+
+def test_standard_messages_come_once_someone_listens(cell):
+    messages = {
+        kind: cell.listen(kind, topic)
+        for kind, topic in ((MarkerArray, "cable/markers"), (Path, "cable/path"), (PointCloud2, "cable/points"))
+    }
+
+    def all_came():
+        cell.pair()
+        cell.spin(0.05)
+        return all(messages.values())
+
+    cell.until(all_came, "markers, path and points")
+    assert len(messages[Path][0].poses) == 150
+    assert messages[PointCloud2][0].width == 150
+    assert messages[MarkerArray][0].markers[0].header.frame_id == "world"
+
+
+def test_diagnostics_turn_ok_with_rate_and_cycle_time(cell):
+    def steady():
+        cell.pair()
+        cell.spin(0.01)
+        statuses = [s for m in cell.diagnostics for s in m.status if s.name.endswith(": input")]
+        return next((s for s in statuses if s.level == DiagnosticStatus.OK), None)
+
+    status = cell.until(steady, "diagnostics OK", 10.0)
+    assert status.message.endswith("cycles a second")
+    values = values_of(status)
+    assert float(values["rate [Hz]"]) > 0.0
+    assert int(values["pairs"]) > 0
+    status = cell.diagnosis("prediction", "cable: OK", DiagnosticStatus.OK)
+    assert 0.0 < float(values_of(status)["cycle time p50 [ms]"]) < 1e4
+
+
+def test_only_one_gripper_seen_is_named(start):
+    fresh = start()
+    for _ in range(5):
+        fresh.pose(0, fresh.now())
+        fresh.spin(0.05)
+    status = fresh.diagnosis("input", "no message on right_gripper/pose yet (left_gripper/pose came)", WARN)
+    assert "Start its publisher, or remap the topic" in status.message
+    assert fresh.shapes == []
+    fresh.predicted()
+    assert fresh.process.stop() == 0
+
+
+def test_a_set_rate_uses_the_newest_pair_and_sends_nothing_twice(start):
+    slow = start(rate=10)
+    first = slow.predicted()
+    slow.spin(0.5)
+    slow.shapes.clear()
+    sent = []
+    end = time.monotonic() + 2.0
+    while time.monotonic() < end:
+        sent.append(slow.pair())
+        slow.spin(0.01)
+    slow.spin(0.3)
+    stamps = [nanoseconds(m.header.stamp) for m in slow.shapes]
+    assert nanoseconds(first.header.stamp) not in stamps
+    assert len(set(stamps)) == len(stamps)
+    assert set(stamps) <= set(sent)
+    assert 5 <= len(stamps) <= 23  # 10 Hz for two seconds, on a machine that may be busy
+    assert stamps == sorted(stamps)
+    slow.spin(0.5)
+    assert len(slow.shapes) == len(stamps)  # no new input, no new message
+    back = sent[-1] - 100_000_000_000
+    for i in range(20):  # a bag that loops: what waited for a tick is dropped
+        slow.pair(back + i * 10_000_000)
+        slow.spin(0.01)
+    slow.until(lambda: nanoseconds(slow.shapes[-1].header.stamp) < sent[0], "shape after the restart")

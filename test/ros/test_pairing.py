@@ -1,0 +1,132 @@
+"""Pairing, stamps and frames, without ROS."""
+
+import itertools
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cable_shape.errors import InputError, StaleInputError
+from cable_shape.ros.inputs import HISTORY, RESTART_JUMP, FrameGuard, Pairing, StampGuard
+
+MS = 1_000_000  # ns
+
+
+def fed(pairing, messages):
+    """The pairs made of (side, stamp) messages; the value of a message is its stamp."""
+    return [pair for side, stamp in messages if (pair := pairing.put(side, stamp, stamp)) is not None]
+
+
+def test_equal_stamps_pair_and_the_older_stamp_goes_out():
+    pairs = fed(Pairing(20 * MS), [(0, 100 * MS), (1, 103 * MS), (1, 203 * MS), (0, 200 * MS)])
+    assert [(p.stamp, p.start, p.end, p.skew) for p in pairs] == [
+        (100 * MS, 100 * MS, 103 * MS, 3 * MS),
+        (200 * MS, 200 * MS, 203 * MS, 3 * MS),
+    ]
+
+
+def test_stamps_further_apart_than_max_skew_never_pair():
+    pairing = Pairing(20 * MS)
+    assert fed(pairing, [(0, 100 * MS), (1, 121 * MS)]) == []
+    assert pairing.nearest_miss() == 21 * MS
+    assert len(fed(Pairing(21 * MS), [(0, 100 * MS), (1, 121 * MS)])) == 1
+
+
+def test_only_one_gripper_makes_no_pair_and_keeps_a_bounded_history():
+    pairing = Pairing(20 * MS)
+    assert fed(pairing, [(0, i * MS) for i in range(1, 1001)]) == []
+    assert pairing.unpaired == 1000 - HISTORY
+    assert pairing.nearest_miss() is None
+    assert pairing.seen(0)
+    assert not pairing.seen(1)
+
+
+def test_a_lost_message_does_not_leave_the_streams_shifted():
+    """Left 20 is lost: without waiting for the closer partner, every later pair would be one period apart."""
+    messages = [(0, 10), (1, 10), (1, 20), (0, 30), (1, 30), (0, 40), (1, 40), (0, 50), (1, 50), (0, 60), (1, 60)]
+    pairs = fed(Pairing(20 * MS), [(side, stamp * MS) for side, stamp in messages])
+    assert [p.skew for p in pairs[-2:]] == [0, 0]
+    assert pairs[-1].stamp == 60 * MS
+
+
+def test_a_side_that_travels_longer_still_finds_its_partners():
+    """Right arrives 50 ms after left although both are measured at the same times."""
+    left = [(0, 5 * i * MS) for i in range(1, 60)]
+    right = [(1, 5 * i * MS) for i in range(1, 50)]
+    mixed = left[:10] + [m for both in zip(right, left[10:], strict=True) for m in both]
+    pairs = fed(Pairing(20 * MS), mixed)
+    assert len(pairs) == len(right)
+    assert {p.skew for p in pairs} == {0}
+
+
+@settings(derandomize=True, deadline=None, max_examples=200)
+@given(
+    st.lists(st.tuples(st.integers(0, 1), st.integers(1, 30)), min_size=1, max_size=80),
+    st.integers(0, 40),
+)
+def test_pairs_are_within_skew_use_each_message_once_and_go_forward(steps, max_skew):
+    clock = [0, 0]
+    messages = []
+    for side, step in steps:
+        clock[side] += step
+        messages.append((side, clock[side]))
+    pairing = Pairing(max_skew)
+    pairs = fed(pairing, messages)
+    assert all(abs(p.start - p.end) == p.skew <= max_skew for p in pairs)
+    assert all(p.stamp == min(p.start, p.end) for p in pairs)
+    for earlier, later in itertools.pairwise(pairs):
+        assert later.start > earlier.start
+        assert later.end > earlier.end
+        assert later.stamp > earlier.stamp
+    waiting = sum(len(w) for w in pairing._waiting)
+    assert pairing.unpaired + 2 * len(pairs) + waiting == len(messages)
+
+
+@settings(derandomize=True, deadline=None, max_examples=100)
+@given(st.lists(st.integers(-4, 4), min_size=20, max_size=60), st.integers(0, 9))
+def test_jitter_never_starves_the_output(jitter, phase):
+    """Both at 100 Hz with jitter and any phase: at least every second message makes a pair."""
+    messages = []
+    for i, j in enumerate(jitter):
+        messages += [(0, 100 * (10 * i + 10)), (1, 100 * (10 * i + 10 + phase) + 10 * j)]
+    pairs = fed(Pairing(2000), sorted(messages, key=lambda m: m[1]))
+    assert len(pairs) >= len(jitter) // 2 - 1
+
+
+def test_clear_forgets_messages_but_keeps_counts():
+    pairing = Pairing(20 * MS)
+    fed(pairing, [(0, 100 * MS), (1, 100 * MS), (0, 110 * MS)])
+    pairing.clear()
+    assert pairing.put(1, 110 * MS, 0) is None
+    assert (pairing.pairs, pairing.unpaired) == (1, 1)
+
+
+def test_stamps_must_be_set_and_increase():
+    guard = StampGuard("left_gripper/pose")
+    with pytest.raises(StaleInputError, match=r"left_gripper/pose: header.stamp = 0 ns .* above 0"):
+        guard.check(0)
+    assert not guard.check(RESTART_JUMP * 10)
+    with pytest.raises(StaleInputError, match="is repeated: every message needs a newer stamp"):
+        guard.check(RESTART_JUMP * 10)
+    with pytest.raises(StaleInputError, match=r"goes backwards, by 0\.500000 s"):
+        guard.check(RESTART_JUMP * 10 - RESTART_JUMP // 2)
+    assert not guard.check(RESTART_JUMP * 10 + 1)
+
+
+def test_a_jump_back_of_more_than_a_second_is_a_restart():
+    guard = StampGuard("joint_states")
+    guard.check(RESTART_JUMP * 10)
+    assert guard.check(RESTART_JUMP * 9 - 1)
+    assert not guard.check(RESTART_JUMP * 9)
+
+
+def test_the_first_used_frame_is_expected_unless_one_is_given():
+    frame = FrameGuard("")
+    frame.check("left_gripper/pose", "map")  # looked at, not used
+    frame.check("left_gripper/pose", "world")
+    frame.fix("world")
+    frame.check("right_gripper/pose", "world")
+    with pytest.raises(InputError, match=r"header.frame_id = 'map' is not allowed: it must be 'world'.*set frame_id"):
+        frame.check("right_gripper/pose", "map")
+    with pytest.raises(InputError, match="it must be 'base'"):
+        FrameGuard("base").check("right_gripper/pose", "world")
