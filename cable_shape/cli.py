@@ -1,0 +1,274 @@
+"""The `cable-shape` command.
+
+Exit codes: 0 all is well; 1 `doctor` found something to repair; 2 wrong arguments or input that cannot be used;
+3 `replay` finished, but a part of the recording could not be read; 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import cable_shape
+from cable_shape.errors import ArgumentError, CableShapeError, DependencyError
+
+if TYPE_CHECKING:
+    from cable_shape.replay.inputs import Held
+
+Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
+
+EXIT_UNWELL, EXIT_ERROR, EXIT_PARTIAL, EXIT_INTERRUPTED = 1, 2, 3, 130
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Runs one command and returns its exit code."""
+    arguments = build_parser().parse_args(argv)
+    try:
+        code: int = arguments.run(arguments)
+    except CableShapeError as error:
+        if arguments.debug:
+            raise
+        print(f"cable-shape: error: {' '.join(str(error).split())}", file=sys.stderr)
+        return EXIT_ERROR
+    except OSError as error:
+        if arguments.debug:
+            raise
+        print(f"cable-shape: error: {error}. Check the path, permissions and free space.", file=sys.stderr)
+        return EXIT_ERROR
+    except KeyboardInterrupt:
+        print("cable-shape: interrupted", file=sys.stderr)
+        return EXIT_INTERRUPTED
+    return code
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """All commands and their options."""
+    parser = argparse.ArgumentParser(
+        prog="cable-shape",
+        description="Predicts the quasistatic shape of the cable held between two grippers.",
+        epilog="Exit codes: 0 well, 1 doctor found something, 2 error, 3 only a part of a recording could be read.",
+    )
+    parser.add_argument("--version", action="version", version=f"cable-shape {cable_shape.__version__}")
+    parser.add_argument("--debug", action="store_true", help="show the traceback of an error")
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    _add_replay(commands)
+    _add_predict(commands)
+    _add_view(commands)
+    _add_bench(commands)
+    doctor = commands.add_parser("doctor", help="check libraries, messages and compiled kernels")
+    doctor.set_defaults(run=_doctor)
+    return parser
+
+
+def _add_replay(commands: Commands) -> None:
+    replay = commands.add_parser(
+        "replay",
+        help="predict the cable in a recording; no middleware",
+        description="Reads a rosbag2 (mcap or sqlite3) with gripper poses or joint states and writes OUT/replay/ "
+        "(a rosbag2 with the node's messages), OUT/replay.rrd and OUT/report.md, .json and .png.",
+    )
+    replay.add_argument("bag", type=Path, metavar="BAG", help="rosbag2 folder, or one .mcap or .db3 file")
+    replay.add_argument("-o", "--out", type=Path, required=True, metavar="OUT", help="folder for the results")
+    replay.add_argument("--cable", type=Path, metavar="CABLE.yaml", help="keys: the keywords of Cable (required)")
+    replay.add_argument("--scene", type=Path, metavar="SCENE.yaml", help="keys: the keywords of Scene")
+    replay.add_argument("--robot", type=Path, metavar="ROBOT.yaml", help="needed for joint states")
+    _add_model(replay)
+    replay.add_argument("--gravity", type=float, nargs=3, default=(0.0, 0.0, -9.81), metavar=("X", "Y", "Z"))
+    for side, end in (("start", "left"), ("end", "right")):
+        replay.add_argument(
+            f"--{side}-kind", choices=("clamped", "swivel", "pinned"), help=f"how the {end} gripper holds"
+        )
+        replay.add_argument(
+            f"--{side}-offset",
+            type=float,
+            nargs=7,
+            metavar=("X", "Y", "Z", "QX", "QY", "QZ", "QW"),
+            help=f"the cable frame in the {end} tool frame; the default is the tool frame itself",
+        )
+    replay.add_argument("--max-skew", type=float, default=0.02, metavar="S", help="pair poses within S seconds (0.02)")
+    replay.add_argument("--input", choices=("auto", "poses", "joints"), default="auto", help="what to compute from")
+    replay.add_argument("--left-topic", default="/left_gripper/pose", metavar="TOPIC")
+    replay.add_argument("--right-topic", default="/right_gripper/pose", metavar="TOPIC")
+    replay.add_argument("--joints-topic", default="/joint_states", metavar="TOPIC")
+    replay.add_argument("--markers-topic", default="/cable/markers", metavar="TOPIC", help="PoseArray to compare with")
+    replay.add_argument("--no-rrd", action="store_true", help="do not write replay.rrd")
+    replay.add_argument("--no-picture", action="store_true", help="do not write report.png")
+    replay.set_defaults(run=_replay)
+
+
+def _add_model(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--model", help="auto, catenary, gradient4, ... (auto)")
+    parser.add_argument("--points", type=int, metavar="N", help="points of the shape (150)")
+    parser.add_argument("--tolerance", type=float, metavar="M", help="largest position error allowed [m]")
+
+
+def _add_predict(commands: Commands) -> None:
+    predict = commands.add_parser(
+        "predict",
+        help="predict one shape from a file",
+        description="Solves CASE (YAML or JSON; keys: the arguments of cable_shape.predict) and prints a table.",
+    )
+    predict.add_argument("case", type=Path, metavar="CASE")
+    predict.add_argument(
+        "-o", "--out", type=Path, action="append", default=[], metavar="FILE", help=".json, .csv or .png; repeatable"
+    )
+    _add_model(predict)
+    predict.set_defaults(run=_predict)
+
+
+def _add_view(commands: Commands) -> None:
+    view = commands.add_parser("view", help="open a .rrd in the rerun viewer")
+    view.add_argument("file", type=Path, metavar="FILE.rrd")
+    view.set_defaults(run=_view)
+
+
+def _add_bench(commands: Commands) -> None:
+    bench = commands.add_parser("bench", help="run a benchmark of the source tree; without a name: which there are")
+    bench.add_argument("name", nargs="?", metavar="NAME")
+    bench.add_argument("options", nargs=argparse.REMAINDER, metavar="...", help="options of that benchmark")
+    bench.set_defaults(run=_bench)
+
+
+def _replay(arguments: argparse.Namespace) -> int:
+    from cable_shape.cable import Cable
+    from cable_shape.replay.report import headline, summarise
+    from cable_shape.replay.run import Settings, replay
+    from cable_shape.scene import Scene
+
+    if arguments.cable is None:
+        raise ArgumentError(
+            "--cable CABLE.yaml is missing: its length, weight and stiffness decide the shape. "
+            "Write at least length [m], linear_density [kg/m] and bending_stiffness [N m^2]; "
+            "config/cables holds examples."
+        )
+    robot = None
+    if arguments.robot is not None:
+        from cable_shape.robot import Robot
+
+        robot = Robot.from_yaml(arguments.robot)
+    settings = Settings(
+        cable=Cable.from_yaml(arguments.cable),
+        scene=None if arguments.scene is None else Scene.from_yaml(arguments.scene),
+        robot=robot,
+        **_model_options(arguments),
+        gravity=tuple(arguments.gravity),
+        start=_held("--start-offset", arguments.start_kind, arguments.start_offset),
+        end=_held("--end-offset", arguments.end_kind, arguments.end_offset),
+        max_skew=arguments.max_skew,
+        input=arguments.input,
+        left_topic=arguments.left_topic,
+        right_topic=arguments.right_topic,
+        joints_topic=arguments.joints_topic,
+        markers_topic=arguments.markers_topic,
+        rrd=not arguments.no_rrd,
+        picture=not arguments.no_picture,
+    )
+    outcome = replay(arguments.bag, arguments.out, settings, _bar)
+    _print_table(headline(summarise(outcome)))
+    print(f"written: {arguments.out}")
+    for note in outcome.notes:
+        print(f"cable-shape: note: {note}", file=sys.stderr)
+    for refused in outcome.refusals:
+        first = f"{refused.count} messages of {refused.topic} refused, {refused.reason}"
+        print(f"cable-shape: warning: {first}; the first: {refused.example}", file=sys.stderr)
+    for problem in outcome.problems:
+        print(f"cable-shape: error: not read: {problem}", file=sys.stderr)
+    return EXIT_PARTIAL if outcome.problems else 0
+
+
+def _held(option: str, kind: str | None, offset: Sequence[float] | None) -> Held:
+    """How one gripper holds the cable, from the command line."""
+    from cable_shape.pose import Pose
+    from cable_shape.replay.inputs import Held
+
+    try:
+        return Held(kind, None if offset is None else Pose(offset[:3], offset[3:]))
+    except ArgumentError as error:
+        raise ArgumentError(f"{option}: {error}") from None
+
+
+def _model_options(arguments: argparse.Namespace) -> dict[str, Any]:
+    """model, points and tolerance, those that were given."""
+    options = {name: getattr(arguments, name) for name in ("model", "points", "tolerance")}
+    return {name: value for name, value in options.items() if value is not None}
+
+
+def _bar(messages: Iterable[Any], count: int) -> Iterable[Any]:
+    """A progress bar on stderr, if that is a terminal."""
+    from tqdm import tqdm
+
+    bar: Iterable[Any] = tqdm(messages, total=count or None, unit=" messages", disable=None, leave=False)
+    return bar
+
+
+def _predict(arguments: argparse.Namespace) -> int:
+    from cable_shape.cases.case import load_case
+    from cable_shape.cases.output import check_suffix, rows, write
+
+    for path in arguments.out:
+        check_suffix(path)
+    case = load_case(arguments.case)
+    options = _model_options(arguments)
+    case.predict(**options)  # loads the kernels, so that the solve time below is that of solving
+    shape = case.predict(**options)
+    print(case.name)
+    _print_table(rows(case, shape))
+    for path in arguments.out:
+        write(case, shape, path)
+        print(f"written: {path}")
+    return 0
+
+
+def _view(arguments: argparse.Namespace) -> int:
+    import os
+    import shutil
+    import subprocess
+
+    if not arguments.file.is_file():
+        raise ArgumentError(f"{arguments.file}: no such file. `cable-shape replay` and scripts/demo write .rrd files.")
+    viewer = shutil.which("rerun", path=f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}")
+    if viewer is None:
+        raise DependencyError("The rerun viewer is not installed. Run scripts/test once, or pip install rerun-sdk.")
+    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise DependencyError(
+            f"No screen: DISPLAY and WAYLAND_DISPLAY are not set. Copy {arguments.file} to a machine with one, or open "
+            f"it in a browser: {viewer} --web-viewer {arguments.file}"
+        )
+    return subprocess.run([viewer, str(arguments.file)], check=False).returncode
+
+
+def _bench(arguments: argparse.Namespace) -> int:
+    import subprocess
+
+    script = Path(cable_shape.__file__).resolve().parent.parent / "scripts" / "bench"
+    if not script.is_file():
+        raise DependencyError(
+            f"{script} is not there: benchmarks are in the source tree only. Clone the repository, run scripts/bench."
+        )
+    named = [] if arguments.name is None else [arguments.name]
+    return subprocess.run([str(script), *named, *arguments.options], check=False).returncode
+
+
+def _doctor(arguments: argparse.Namespace) -> int:
+    from cable_shape.doctor import examine
+
+    findings = examine()
+    for finding in findings:
+        print(f"{'ok  ' if not finding.remedy else 'FAIL'}  {finding.subject}: {finding.found}")
+        if finding.remedy:
+            print(f"      remedy: {finding.remedy}")
+    faults = sum(1 for finding in findings if finding.remedy)
+    print("all is well" if not faults else f"{faults} to repair")
+    return EXIT_UNWELL if faults else 0
+
+
+def _print_table(table: Iterable[tuple[str, str]]) -> None:
+    for label, value in table:
+        print(f"  {label:<26} {value}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

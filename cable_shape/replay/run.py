@@ -1,0 +1,323 @@
+"""A recording in; a recording, a .rrd, a table and a report out, without middleware: :func:`replay`.
+
+Every pair of gripper poses (or joint state) goes through the same :class:`~cable_shape.cycle.Cycle` as in the node.
+Two runs give the same bytes of replay.mcap and the same decoded columns of replay.rrd; only times differ, and these
+are in the report alone.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, final
+
+from cable_shape import checks
+from cable_shape.cable import Cable
+from cable_shape.cycle import Cycle
+from cable_shape.errors import ArgumentError, BagError
+from cable_shape.replay.bag_writer import BagWriter
+from cable_shape.replay.bags import Bag
+from cable_shape.replay.inputs import (
+    AS_GIVEN,
+    JOINTS_TYPE,
+    MARKERS_TYPE,
+    POSE_TYPE,
+    Held,
+    JointSource,
+    PoseSource,
+    Refusals,
+    Sample,
+    Source,
+    other_frame,
+    positions_of,
+    stamp_of,
+)
+from cable_shape.replay.markers import MarkerComparison
+from cable_shape.replay.tally import Tally
+from cable_shape.report import CycleReport
+from cable_shape.ros.inputs import SECOND
+from cable_shape.scene import Scene
+
+if TYPE_CHECKING:
+    from cable_shape.robot import Robot
+    from cable_shape.viewer.recording import RecordingWriter
+
+Progress = Callable[[Iterable[Any], int], Iterable[Any]]
+
+INPUTS = ("auto", "poses", "joints")
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """What a replay computes with.
+
+    input : "poses", "joints", or "auto": joint states if a robot is given and they were recorded, else poses.
+    max_skew : [s], gripper poses further apart are not paired; markers likewise.
+    start, end : how the grippers hold the cable.
+    rrd, picture : whether to write replay.rrd and report.png.
+    """
+
+    cable: Cable
+    scene: Scene | None = None
+    robot: Robot | None = None
+    model: str = "auto"
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
+    points: int = 150
+    tolerance: float | None = None
+    start: Held = AS_GIVEN
+    end: Held = AS_GIVEN
+    max_skew: float = 0.02
+    input: str = "auto"
+    left_topic: str = "/left_gripper/pose"
+    right_topic: str = "/right_gripper/pose"
+    joints_topic: str = "/joint_states"
+    markers_topic: str = "/cable/markers"
+    rrd: bool = True
+    picture: bool = True
+
+    def __post_init__(self) -> None:
+        checks.number("max_skew", self.max_skew, above=0.0, unit="s")
+        checks.one_of("input", self.input, INPUTS)
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What a replay found.
+
+    `problems` says what of the recording could not be read; it is empty if all was.
+    """
+
+    settings: Settings
+    bag: Path
+    source: str  # "poses" or "joints"
+    frame_id: str
+    topics: dict[str, tuple[int, int | None]]  # topic -> messages read, messages that should be there
+    tally: Tally
+    refusals: Refusals
+    unpaired: int
+    markers: MarkerComparison
+    problems: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def replay(bag: str | Path, out: str | Path, settings: Settings, progress: Progress | None = None) -> Outcome:
+    """Replays a recording and writes OUT/replay/, OUT/replay.rrd and OUT/report.md, .json and .png.
+
+    Parameters
+    ----------
+    bag : path
+        A rosbag2 folder, or a single .mcap or .db3 file; a damaged one is replayed as far as it can be read.
+    out : path
+        A folder, made if missing; outputs of an earlier replay in it are replaced.
+    settings : Settings
+    progress : callable, optional
+        Wraps the iterable of messages, given with their number; a progress bar.
+
+    Raises
+    ------
+    BagError
+        If the recording cannot be read, lacks the topics, or holds nothing from which a cycle can be run.
+    """
+    from cable_shape.replay.report import write_report
+
+    folder = _output_folder(Path(out), Path(bag))
+    with Bag(bag) as opened:
+        outcome = _Run(opened, folder, settings).run(progress or _silent)
+    write_report(outcome, folder)
+    return outcome
+
+
+def _silent(messages: Iterable[Any], count: int) -> Iterable[Any]:
+    return messages
+
+
+def _output_folder(out: Path, bag: Path) -> Path:
+    """`out` as a folder; never the place of the input."""
+    out = out.expanduser()
+    if out.exists() and not out.is_dir():
+        raise ArgumentError(f"OUT = {str(out)!r} is a file. Give a folder.")
+    if (out / "replay").resolve() in (bag.expanduser().resolve(), bag.expanduser().resolve().parent):
+        raise ArgumentError(
+            f"OUT = {str(out)!r} is not allowed: its replay/ is the recording itself. Give another folder."
+        )
+    out.mkdir(parents=True, exist_ok=True)
+    for name in ("replay.rrd", "report.md", "report.json", "report.png"):
+        (out / name).unlink(missing_ok=True)
+    return out
+
+
+@final
+class _Run:
+    """One walk through a recording."""
+
+    def __init__(self, bag: Bag, out: Path, settings: Settings) -> None:
+        self.bag = bag
+        self.out = out
+        self.settings = settings
+        self.refusals = Refusals()
+        self.source, self.source_name = self._source()
+        self.tally = Tally()
+        self.markers = MarkerComparison(settings.cable.length, round(settings.max_skew * SECOND))
+        has_markers = bag.types.get(settings.markers_topic) == MARKERS_TYPE
+        self.topics = (*self.source.topics, *((settings.markers_topic,) if has_markers else ()))
+        robot = settings.robot if self.source_name == "joints" else None
+        self.links = () if robot is None else robot.link_geometry
+        self.cycle = Cycle(
+            settings.cable,
+            scene=settings.scene,
+            robot_links=self.links,
+            gripping_links=() if robot is None else robot.gripping_links,
+            model=settings.model,
+            gravity=settings.gravity,
+            points=settings.points,
+            tolerance=settings.tolerance,
+        )
+
+    def run(self, progress: Progress) -> Outcome:
+        """All messages of the recording."""
+        from cable_shape.warm_up import warm_up
+
+        warm_up()
+        total = sum(self.bag.counts.get(topic, 0) for topic in self.topics)
+        with contextlib.ExitStack() as stack:
+            sinks: _Sinks | None = None
+            for topic, _, message in progress(self.bag.messages(self.topics), total):
+                if topic == self.settings.markers_topic:
+                    self._take_markers(topic, message, sinks)
+                    continue
+                sample = self.source.feed(topic, message)
+                if self.source.restarted:
+                    self._restart()
+                if sample is None:
+                    continue
+                sinks = sinks or stack.enter_context(_Sinks(self.out, self.settings, self.cycle, self.links))
+                self._take(sample, sinks)
+        self.source.finish()
+        self.markers.finish()
+        if not self.tally.cycles:
+            raise BagError(self._nothing())
+        return self._outcome()
+
+    def _take(self, sample: Sample, sinks: _Sinks) -> None:
+        """One cycle."""
+        report = self.cycle.step({"cable": (sample.start, sample.end)}, sample.stamp, sample.links)
+        shape = report.shapes["cable"]
+        self.tally.add(report, shape)
+        self.markers.add_shape(sample.stamp, shape.positions if shape.status else None)
+        sinks.write(report, self.source.frame_id or "")
+
+    def _take_markers(self, topic: str, message: Any, sinks: _Sinks | None) -> None:
+        frame, expected = message.header.frame_id, self.source.frame_id
+        if expected is not None and frame != expected:
+            self.refusals.add(topic, "other frame", other_frame(topic, frame, expected))
+            return
+        stamp, points = stamp_of(message), positions_of(message.poses)
+        self.markers.add_markers(stamp, points)
+        if sinks is not None and sinks.recording is not None:
+            sinks.recording.log_markers(points, stamp)
+
+    def _restart(self) -> None:
+        """The clock was set back: what follows has nothing to do with what was before."""
+        self.cycle.reset()
+        self.markers.finish()
+        self.tally.restarts += 1
+
+    def _outcome(self) -> Outcome:
+        read, counts = self.bag.read, self.bag.counts
+        return Outcome(
+            settings=self.settings,
+            bag=self.bag.path,
+            source=self.source_name,
+            frame_id=self.source.frame_id or "",
+            topics={topic: (read[topic], counts.get(topic)) for topic in self.topics},
+            tally=self.tally,
+            refusals=self.refusals,
+            unpaired=self.source.unpaired,
+            markers=self.markers,
+            problems=tuple(self.bag.problems),
+            notes=tuple(self.bag.notes),
+        )
+
+    def _source(self) -> tuple[Source, str]:
+        """Where the grips come from, by the settings and by what was recorded."""
+        settings, types = self.settings, self.bag.types
+        both = (settings.left_topic, settings.right_topic)
+        joints = settings.joints_topic in types
+        chosen = settings.input
+        if chosen == "auto":
+            use_joints = joints and (settings.robot is not None or not any(topic in types for topic in both))
+            chosen = "joints" if use_joints else "poses"
+        if chosen == "poses":
+            for topic in both:
+                self._require(topic, POSE_TYPE)
+            return PoseSource(*both, settings.start, settings.end, settings.max_skew, self.refusals), chosen
+        self._require(settings.joints_topic, JOINTS_TYPE)
+        if settings.robot is None:
+            raise BagError(
+                f"{self.bag.path} holds joint states on {settings.joints_topic}, which need a robot. "
+                "Give --robot ROBOT.yaml (urdf, grippers)."
+            )
+        return JointSource(settings.joints_topic, settings.robot, settings.start, settings.end, self.refusals), chosen
+
+    def _require(self, topic: str, kind: str) -> None:
+        """The topic must have been recorded, as messages of this type."""
+        types = self.bag.types
+        found = ", ".join(f"{name} ({types[name]})" for name in sorted(types)) or "none"
+        options = (
+            f"Needed: {self.settings.left_topic} and {self.settings.right_topic} ({POSE_TYPE}), or "
+            f"{self.settings.joints_topic} ({JOINTS_TYPE}) with --robot. "
+            "Name other topics with --left-topic, --right-topic or --joints-topic."
+        )
+        if topic not in types:
+            pair = (self.settings.left_topic, self.settings.right_topic)
+            others = [name for name in pair if name in types and topic in pair]
+            one = f" Only one gripper was recorded: {others[0]}." if others else ""
+            raise BagError(f"{self.bag.path} has no topic {topic}.{one} Topics found: {found}. {options}")
+        if types[topic] != kind:
+            raise BagError(f"{self.bag.path}: {topic} is of type {types[topic]}, it must be {kind}. {options}")
+
+    def _nothing(self) -> str:
+        """Why no cycle could be run."""
+        read = ", ".join(f"{self.bag.read[topic]} on {topic}" for topic in self.source.topics)
+        reasons = [
+            f"{entry.count} refused on {entry.topic} ({entry.reason}: {entry.example})" for entry in self.refusals
+        ]
+        if self.source.unpaired:
+            reasons.append(
+                f"{self.source.unpaired} poses had no partner within max_skew = {self.settings.max_skew:g} s "
+                "(raise --max-skew if the grippers are stamped further apart)"
+            )
+        reasons.extend(self.bag.problems)
+        return f"{self.bag.path}: no cycle could be run. Messages read: {read}. {'; '.join(reasons)}"
+
+
+@final
+class _Sinks:
+    """Where reports go: the recording of the node's messages and the .rrd."""
+
+    def __init__(self, out: Path, settings: Settings, cycle: Cycle, links: Any) -> None:
+        self.bag = BagWriter(out / "replay")
+        self.recording: RecordingWriter | None = None
+        if settings.rrd:
+            from cable_shape.viewer.recording import RecordingWriter
+
+            self.recording = RecordingWriter(out / "replay.rrd", cycle.cables, cycle.scene, links)
+
+    def write(self, report: CycleReport, frame_id: str) -> None:
+        """One report, without what differs from run to run."""
+        self.bag.write(report, frame_id)
+        if self.recording is not None:
+            self.recording.log(dataclasses.replace(report, times={}))
+
+    def __enter__(self) -> _Sinks:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.bag.close()
+        if self.recording is not None:
+            self.recording.close()
