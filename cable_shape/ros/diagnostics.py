@@ -234,7 +234,7 @@ class Health:
             Complaint(
                 f"{w.cable_id} {w.kind.name} {w.other}",
                 Level.ERROR if w.severity is Severity.ERROR else Level.WARN,
-                f"{w.cable_id}: {w.text}",
+                w.text,
             )
             for w in self.report.warnings
         ]

@@ -94,7 +94,7 @@ SPECS = (
     Spec("cable_file", "", "YAML file of the cable; relative to the working directory or to config/."),
     Spec("scene_file", "", "YAML file of obstacles and masses; empty: nothing around the cable."),
     Spec("robot_file", "", "YAML file of the robot; needed for input joints, empty otherwise."),
-    Spec("model", "gradient4", "Model of the cable.", options=MODELS),
+    Spec("model", "auto", "Model of the cable.", options=MODELS),
     Spec("gravity", [0.0, 0.0, -9.81], "Gravity in the frame of the input.", "m/s^2"),
     Spec("points", 150, "Points of a shape, uniform in arc length.", low=MIN_POINTS, high=MAX_POINTS),
     Spec("tolerance", 0.0, "Largest position error allowed; 0: the model's default.", "m", 0.0, 1.0),

@@ -132,7 +132,7 @@ def test_warnings_set_the_level_of_the_cable():
     )
     health = active()
     health.cycled(report(T0, warnings=[warning]), 1e-3, T0)
-    assert said(health, "cable", T0) == (Level.ERROR, "cable: 2 mm from box")
+    assert said(health, "cable", T0) == (Level.ERROR, "2 mm from box")
     health.cycled(report(T0 + 1), 1e-3, T0 + 1)
     assert said(health, "cable", T0) == (Level.OK, "no warnings")
 

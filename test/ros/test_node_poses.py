@@ -38,7 +38,7 @@ def test_a_pair_of_poses_becomes_a_shape_with_their_stamp_frame_and_ends(cell):
     assert message.header.frame_id == "world"
     assert (message.cable_id, message.model, message.status, message.usable) == (
         "cable",
-        "gradient4",
+        "cosserat",
         CableShape.OK,
         True,
     )
