@@ -21,7 +21,7 @@ from cable_shape.kernels.gradient_length import (
     put,
     tails,
 )
-from cable_shape.kernels.gradient_tension import FOUND, find
+from cable_shape.kernels.gradient_tension import FAILED, find
 
 OVERSTRETCHED, NOT_FINITE = 3, 4
 
@@ -35,7 +35,7 @@ RESULTS = 8
 #: Chords nearer than this to the length count as longer than an inextensible cable.
 _TAUT = 1e-12
 #: A point this close before a concentrated load (fraction of the arc length) counts as just behind it.
-_AT_LOAD = 1e-11
+_AT_LOAD = 1e-9
 #: Least speed |x'| with which tangents and curvatures are formed: at a cusp they have none.
 _SLOWEST = 1e-6
 
@@ -124,6 +124,9 @@ def solve(
     if mode < 0 or not info[3] < math.inf:
         result[ROLL] = straight(start, start if free else end, length, points, buffer)
         return status
+    if not info[3] > _TAUT:  # compressed to nothing
+        result[ROLL] = straight(start, start if free else end, length, points, buffer)
+        return FAILED
     arc = _fill(
         mode, count, start, end, kinds, given, length, stiffness, load, load_force * to_force, edges, panels, par,
         series, rows, force, speed, points, buffer, result,
@@ -174,7 +177,10 @@ def _fill(
     for i in range(count):
         last = n
         if i < count - 1:
-            last = min(n - 1, max(first, int(math.ceil((begin[i + 1] - _AT_LOAD * arc) / step))))
+            early = _AT_LOAD * arc if panels[3, i + 1] != panels[3, i] else 0.0
+            last = min(n - 1, max(first, int(math.ceil((begin[i + 1] - early) / step))))
+            if i == 0:
+                last = max(last, 1)
         worst = max(worst, invert(power, i, step, begin[i], first, last, begin[i + 1] - begin[i], t))
         if i > 0 and panels[3, i] != panels[3, i - 1]:
             behind[int(panels[3, i])] = first
@@ -276,12 +282,15 @@ def _still(tangents, start):
 def _grade(info, speed, panels, count, length, result):
     """Error estimate [m] and residual from the length's defect, the speed's polynomials, resampling and load places.
 
-    A relative error f of the excess of length is f / 2 of the sag, which is at most half of the length.
+    A relative error f of the excess of length is f / 2 of the sag, which is at most half of the length, and an error
+    of the excess changes the sag by at most its square root.
     """
     tail = np.empty(count)
     total = tails(speed, panels, count, tail)
-    result[ERROR] = length * (0.25 * abs(info[2]) + total + result[RESAMPLING] + info[7])
-    result[RESIDUAL] = max(result[RESIDUAL], abs(info[3] - info[4]))
+    missed = abs(info[3] - info[4])
+    sag = min(0.25 * abs(info[2]), math.sqrt(missed)) + missed
+    result[ERROR] = length * (sag + total + result[RESAMPLING] + info[7])
+    result[RESIDUAL] = max(result[RESIDUAL], missed)
 
 
 @kernel(fastmath={"contract"})

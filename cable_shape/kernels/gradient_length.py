@@ -326,7 +326,7 @@ def invert(power, i, step, origin, first, last, length, t):
             break
     worst = 0.0
     for k in range(last - first):
-        if abs(moved[k]) < _QUADRATIC:
+        if abs(moved[k]) < _QUADRATIC and abs(out[k]) < 1.0 + 1e-9:
             out[k] = min(1.0, max(-1.0, out[k]))
         else:
             out[k], defect = _bracketed(power, i, step * (first + k) - origin)

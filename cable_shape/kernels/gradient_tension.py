@@ -34,9 +34,13 @@ FOUND, FAILED, SINGULAR = 0, 1, 2
 
 #: Nearest to the buckling load, as a fraction of it, that the tension may come; nearer the buckled shape is added.
 _NEAREST = 1e-7
-_LARGEST = 1e26
+_LARGEST = 1e45
 #: Convergence of log(excess / wanted), and what a finer quadrature may change of it. Half is the sag's relative error.
 _TOLERANCE, _REFINED = 1e-9, 1e-8
+#: Fraction of the arc length to which concentrated loads are placed.
+_PLACED = 1e-10
+#: Stands for the logarithm of nothing.
+_EMPTY = -50.0
 
 
 @kernel
@@ -174,12 +178,12 @@ def find(
     lowest = buckling if eta == 0.0 else max(buckling, -base / eta)
     nearest = _NEAREST * max(abs(buckling), 1.0)
     if lowest > buckling:
-        nearest = min(nearest, 1e-9 * max(abs(lowest), 1.0))
+        nearest = min(nearest, 1e-12 * max(abs(lowest), 1.0))
     bottom, top = math.log(nearest), math.log(_LARGEST)
     loads = len(places)
     edges[0], edges[loads + 1] = 0.0, 1.0
     edges[1 : loads + 1] = places
-    bent = False
+    bent, straight = False, False
     pushed, plain, aside = load.copy(), load, direction
     slope_y, bend_y = -1.0, 0.0
     if lowest + nearest < warm[0] < _LARGEST:
@@ -199,7 +203,7 @@ def find(
     count, mode, laid_mode, laid = 0, -1, -2, 0.0
     evaluations, f, total, wanted, z = 0, 0.0, 0.0, 1.0, 0.0
     status = FAILED
-    shift = 0.0
+    shift, mover = 0.0, np.zeros((loads + 3, loads))
     for outer in range(80):
         low, high = bottom, top
         if bent:
@@ -229,10 +233,10 @@ def find(
                 put_nodes(panels, count, edges, nodes)
             total = measure(mode, par, series, rows, panels, count, edges, direction, nodes, phi, slope, speed, over)
             evaluations += 1
-            wanted = base + z * eta
+            wanted = math.exp(y) * eta if lowest > buckling else base + z * eta
             if not total < math.inf:
                 break
-            f = math.log(total / wanted) if total > 0.0 and wanted > 0.0 else -50.0
+            f = math.log(total / wanted) if total > 0.0 and wanted > 0.0 else _EMPTY
             if abs(f) <= _TOLERANCE or abs(total - wanted) <= 4e-16:
                 found = True
                 break
@@ -245,7 +249,7 @@ def find(
                 break
             if not bent and high <= bottom:  # even at the buckling load the cable is too short: add the buckled shape
                 if lowest > buckling:
-                    found = True  # straight, and stretched or compressed to the chord
+                    found = straight = True  # and stretched or compressed to the chord
                 break
             if y_before == y_before and y != y_before:
                 move = y - y_before
@@ -271,6 +275,7 @@ def find(
                 y, slope_y, bend_y = -math.log(nearest), -1.0, 0.0
                 aside = _aside(start, chord < 0.0, direction, plain)
                 continue
+            status = FAILED
             break
         refined = False
         for _ in range(40):  # finer where the speed is not smooth; the tension stays unless the length changes
@@ -285,17 +290,19 @@ def find(
                 speed, over = np.empty(capacity), np.empty(capacity)
             put_nodes(panels, count, edges, nodes)
             total = measure(mode, par, series, rows, panels, count, edges, direction, nodes, phi, slope, speed, over)
-        if refined and lowest + nearest < z and total > 0.0:
-            f = math.log(total / wanted)
+        if refined and not straight:
+            f = math.log(total / wanted) if total > 0.0 else _EMPTY
             if abs(f) > _REFINED and abs(total - wanted) > 4e-16:
                 continue
         status = FOUND
         if loads == 0:
             break
-        shift = _move_loads(places, speed, panels, count, edges)
-        if shift <= 1e-12:
+        shift = _move_loads(places, speed, panels, count, edges, mover)
+        if shift <= _PLACED:
             break
         laid_mode = -2
+    if straight:
+        f = 0.0
     info[0], info[1], info[2], info[3], info[4] = z, evaluations, f, total + max(chord, 0.0), wanted + max(chord, 0.0)
     info[5], info[6], info[7] = count, mode, shift
     if status == FOUND and not bent:
@@ -306,8 +313,11 @@ def find(
 
 
 @kernel
-def _move_loads(places, speed, panels, count, edges):
-    """Moves the inner edges towards where the arc length has the fractions `places`; returns the largest defect."""
+def _move_loads(places, speed, panels, count, edges, mover):
+    """Moves the inner edges towards where the arc length has the fractions `places`; returns the largest defect.
+
+    Broyden's method. mover : (k + 3, k) inverse Jacobian, last defect, last step, and whether they are there.
+    """
     loads = len(places)
     arc, at_edge = 0.0, np.empty(loads + 2)
     at_edge[0] = 0.0
@@ -317,17 +327,27 @@ def _move_loads(places, speed, panels, count, edges):
             part += WEIGHT[j] * speed[NODES * i + j]
         arc += part * panels[2, i]
         at_edge[int(panels[3, i]) + 1] = arc
-    worst = 0.0
-    moved = edges.copy()
-    for p in range(1, loads + 1):
-        have = at_edge[p] / arc
-        worst = max(worst, abs(places[p - 1] - have))
-        # linear between the edges, whose arc lengths are known
-        k = 0
-        while k < loads and at_edge[k + 1] < places[p - 1] * arc:
-            k += 1
-        width = at_edge[k + 1] - at_edge[k]
-        t = (places[p - 1] * arc - at_edge[k]) / width if width > 0.0 else 0.5
-        moved[p] = edges[k] + t * (edges[k + 1] - edges[k])
-    edges[:] = moved
+    defect, step = at_edge[1 : loads + 1] / arc - places, mover[loads + 1]
+    worst = np.max(np.abs(defect))
+    inverse, before = mover[:loads], mover[loads]
+    if mover[loads + 2, 0] == 0.0:
+        for p in range(loads):
+            inverse[p, p] = 1.0
+        mover[loads + 2, 0] = 1.0
+    else:
+        change = defect - before
+        guess = inverse @ change
+        scale = step @ guess
+        if abs(scale) > 1e-3 * (step @ step):
+            inverse += np.outer((step - guess) / scale, step @ inverse)
+    before[:] = defect
+    step[:] = -(inverse @ defect)
+    room = 1.0  # neighbours keep their order
+    for p in range(loads + 1):
+        closing = (step[p - 1] if p > 0 else 0.0) - (step[p] if p < loads else 0.0)
+        gap = edges[p + 1] - edges[p]
+        if closing > 0.7 * gap:
+            room = min(room, 0.7 * gap / closing)
+    step *= room
+    edges[1 : loads + 1] += step
     return worst

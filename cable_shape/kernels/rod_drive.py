@@ -51,6 +51,7 @@ from cable_shape.kernels.rod_work import vectors
 Array = Any
 NOW, BEFORE, TRIAL = 0, 1, 2
 BROKEN = 3  # a number in the output is not finite
+FAR = 4  # an equilibrium further from the prediction than asked for
 PAR, INFO = 20, 13
 SAFETY = 1.25  # of the error estimate, which by itself is right to a few percent, either way
 
@@ -185,12 +186,13 @@ def extrapolate(sol: Array, elements: int, history: int, length: float) -> None:
 @kernel
 def solve(
     par: Array, mesh: Array, sol: Array, work: Array, out: Array, info: Array, elements: int, width: int, points: int,
-    history: int, guard: bool, most: int,
+    history: int, guard: bool, most: int, far: float,
 ) -> int:  # fmt: skip
-    """Solves for the ends in the trial part of `sol`; returns CONVERGED, STALLED, NOT_FINITE or BROKEN.
+    """Solves for the ends in the trial part of `sol`; returns CONVERGED, STALLED, NOT_FINITE, BROKEN or FAR.
 
-    history: 0 the trial's frames are a guess; 1 or 2 start from so many solutions. After CONVERGED the trial has become
-    the solution now, the one now the one before. `points` 0: no output.
+    history: 0 the trial's frames are a guess; 1 or 2 start from so many solutions. far [rad]: largest turn of a frame
+    from its prediction that is accepted. After CONVERGED the trial has become the solution now, the one now the one
+    before. `points` 0: no output.
     """
     s, h, load, rest, slack, errors = mesh_parts(mesh, elements)
     q, lam, ends = slot(sol, elements, TRIAL)
@@ -214,6 +216,8 @@ def solve(
         miss = qmul(qconj(get4(start, k)), get4(q, k))
         largest = max(largest, miss[0] * miss[0] + miss[1] * miss[1] + miss[2] * miss[2])
     info[12] = 2.0 * math.asin(min(1.0, math.sqrt(largest)))
+    if not info[12] <= far:
+        return FAR
     info[7] = position_error(q, lam, h, load, rest, stiff, mask, work, width, slack, errors, info)
     if points > 0:
         first = vectors(work, elements, width)[1]

@@ -23,6 +23,7 @@ CONVERGED, STALLED, NOT_FINITE = 0, 1, 2
 LARGEST_STEP = 0.6  # rad
 CHORD_FROM = 0.03  # rad, and of the moments: below this a full step is followed by chord steps
 STEP_TOLERANCE = 3e-8  # rad
+NEUTRAL_TOLERANCE = 1e-6  # rad, for two steps in a row: along a neutral mode they stay that long
 FIRST_SHIFT, SHIFT_GROWTH, MOST_SHIFTS = 0.02, 6.0, 16  # the first as a fraction of stiffness / length^2
 SADDLE = 1e-5  # rad, a shifted step below this is no progress
 KICK = 0.1  # rad
@@ -143,10 +144,11 @@ def newton(
             info[0], info[1] = iterations, largest
             if not math.isfinite(largest):
                 return NOT_FINITE
-            if largest > before and largest > STEP_TOLERANCE:
+            small = largest < STEP_TOLERANCE or max(largest, before) < NEUTRAL_TOLERANCE
+            if largest > 0.5 * before and not small:
                 break
             advance(q, lam, d, step, 1.0)
-            if largest < STEP_TOLERANCE:
+            if small:
                 return CONVERGED
             before = largest
     return STALLED

@@ -129,17 +129,17 @@ class _Solve:
         if state.history == 0:
             return self._cold(ends)
         state.target[:] = ends
-        if self._call(state.history, _WARM_ITERATIONS) and state.info[12] < _FAR:
+        if self._call(state.history, _WARM_ITERATIONS, far=_FAR):
             return self._finish(Status.OK)
         return self._walk(ends)
 
-    def _call(self, history: int, most: int, guard: bool = True, output: bool = True) -> bool:
+    def _call(self, history: int, most: int, guard: bool = True, output: bool = True, far: float = 7.0) -> bool:
         """One compiled solve; True if it found an equilibrium, a stable one if guarded."""
         state = self.state
         points = self.problem.points if output else 0
         code = rod_drive.solve(
             state.par, state.mesh, state.sol, state.work, self.buffer, state.info, state.elements, state.width, points,
-            history, guard, most,
+            history, guard, most, far,
         )  # fmt: skip
         self.iterations += int(state.info[0])
         return bool(code == CONVERGED)
@@ -228,7 +228,7 @@ class _Solve:
                 return self._give_up(goal)
             at = min(1.0, done + step)
             state.target[:] = _between(origin, goal, at)
-            if self._call(state.history, _STEP_ITERATIONS, output=at == 1.0) and state.info[12] < _FAR:
+            if self._call(state.history, _STEP_ITERATIONS, far=_FAR, output=at == 1.0):
                 state.history = 2
                 done = at
                 step *= 1.6
@@ -312,7 +312,7 @@ class _Solve:
             if self._out_of_time():
                 return self._give_up(ends)
             state.target[:] = ends
-            if self._call(state.history, _WARM_ITERATIONS) and state.info[12] < _FAR:
+            if self._call(state.history, _WARM_ITERATIONS, far=_FAR):
                 state.history = 2
                 continue
             shape = self._walk(ends)

@@ -180,7 +180,7 @@ class CableShapeNode(LifecycleNode):
             raise ArgumentError(" ".join(self._wrong_overrides.values()))
         settings = self._settings
         settings.complete()
-        self.get_logger().info("configuring; where kernels are not compiled yet, this takes about a minute")
+        self.get_logger().info("configuring; where kernels are not compiled yet, this takes some minutes")
         began = time.perf_counter()
         assembly = self._assembly = Assembly(settings)
         sink = Sink(self._health, self._now, self._deliver, self._restart)

@@ -1,0 +1,186 @@
+"""The Cosserat predictor over time: warm start, winding, snaps, overstretch, statuses, sensitivities."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from rods import ALONG_X, CABLE, END, LENGTH, START, moved, solved
+
+from cable_shape.cable import Cable
+from cable_shape.errors import ArgumentError
+from cable_shape.models import cosserat
+from cable_shape.models.rod_state import RodState
+from cable_shape.pose import FreeEnd, Grip, Pose
+from cable_shape.problem import Problem
+from cable_shape.scene import Clip, Scene
+from cable_shape.shape import Status
+
+
+def test_a_warm_step_gives_the_cold_answer_in_fewer_iterations():
+    state = RodState(Problem(CABLE).move(START, END))
+    cosserat.solve(state.problem, state)
+    for k in range(1, 11):
+        end = moved(END, (-0.005 * k, 0.002 * k, 0.0), (0.0, 0.01 * k, 0.0))
+        warm = cosserat.solve(state.problem.move(START, end), state)
+        assert warm.status is Status.OK
+    cold = solved(CABLE, START, end)
+    assert warm.iterations <= 4 < cold.iterations
+    assert warm.positions == pytest.approx(cold.positions, abs=2e-5)
+    assert warm.solve_time > 0.0
+
+
+def test_a_problem_of_other_stiffness_starts_from_the_last_shape():
+    state = RodState(Problem(CABLE).move(START, END))
+    cosserat.solve(state.problem, state)
+    softer = CABLE.replace(bending_stiffness=0.009)
+    warm = cosserat.solve(Problem(softer).move(START, END), state)
+    assert warm.positions == pytest.approx(solved(softer, START, END).positions, abs=3e-5)
+
+
+def test_turning_the_end_is_counted_and_twists_the_cable():
+    cable = CABLE.replace(bending_stiffness=0.2, twisting_stiffness=0.05)
+    end = Pose((1.1, 0, 0), ALONG_X)
+    state = RodState(Problem(cable).move(START, end))
+    first = cosserat.solve(state.problem, state)
+    for angle in np.linspace(0.0, 2 * math.pi, 13)[1:]:
+        shape = cosserat.solve(state.problem.move(START, moved(end, turn=(angle, 0, 0))), state)
+        assert shape.status is Status.OK
+    assert shape.turns == 1
+    assert abs(shape.twist - first.twist - 2 * math.pi) < 0.3
+    for angle in np.linspace(2 * math.pi, 0.0, 13)[1:]:
+        shape = cosserat.solve(state.problem.move(START, moved(end, turn=(angle, 0, 0))), state)
+    assert shape.turns == 0
+    assert shape.positions == pytest.approx(first.positions, abs=2e-5)
+
+
+def test_a_cable_pushed_past_its_fold_snaps():
+    """A weightless strip arched upwards, its ends tilted down until the arch must fall through."""
+    cable = Cable(length=1.0, linear_density=0.0, bending_stiffness=(1.0, 50.0), twisting_stiffness=50.0)
+    state = None
+    statuses = []
+    for tilt in np.linspace(-0.8, 0.8, 33):
+        start = moved(START, turn=(0, tilt, 0))
+        end = moved(Pose((0.9, 0, 0), ALONG_X), turn=(0, -tilt, 0))
+        problem = Problem(cable, gravity=(0, 0, 0)).move(start, end)
+        state = state or RodState(problem)
+        shape = cosserat.solve(problem, state)
+        statuses.append(shape.status)
+        assert np.isfinite(shape.buffer).all()
+    assert statuses.count(Status.SNAPPED) == 1
+    assert statuses[0] is statuses[-1] is Status.OK
+    assert shape.positions[75, 2] < -0.1
+
+
+@pytest.mark.parametrize("axial", [None, 1e3])
+def test_a_sweep_through_overstretch_and_back(axial):
+    cable = CABLE.replace(axial_stiffness=axial)
+    state = RodState(Problem(cable).move(START, Pose((0.05 * LENGTH, 0, 0), ALONG_X)))
+    chords = np.concatenate((np.linspace(0.05, 1.05, 41), np.linspace(1.05, 0.05, 41)))
+    seen = {}
+    for i, chord in enumerate(chords):
+        shape = cosserat.solve(state.problem.move(START, Pose((chord * LENGTH, 0, 0), ALONG_X)), state)
+        assert np.isfinite(shape.buffer).all()
+        if axial is None and chord >= 1.0:
+            assert shape.status is Status.OVERSTRETCHED
+            assert "further apart" in shape.detail
+            assert shape.positions[-1] == pytest.approx((chord * LENGTH, 0, 0))
+        else:
+            assert shape.status is Status.OK, (chord, shape)
+            if i < 41:
+                seen[round(chord, 6)] = shape.positions
+            elif round(chord, 6) in seen:
+                # out of its plane the slack cable may bulge to either side
+                before = seen[round(chord, 6)]
+                side = np.sign(before[30, 1] * shape.positions[30, 1]) or 1.0
+                assert shape.positions * (1.0, side, 1.0) == pytest.approx(before, abs=5e-5)
+    if axial is not None:
+        assert shape.error_estimate < 1e-5 * LENGTH
+
+
+# -- status
+
+
+def test_a_column_above_its_buckling_load_is_not_called_stable_upright():
+    """Euler: pi^2/4 EI/L^2. Below it the column stays straight, above it it buckles."""
+    cable = Cable(length=1.0, linear_density=0.0, bending_stiffness=1.0)
+    up = Pose((0, 0, 0))
+    critical = math.pi**2 / 4
+    below = solved(cable, up, FreeEnd(force=(0, 0, -0.99 * critical)))
+    above = solved(cable, up, FreeEnd(force=(0, 0, -1.05 * critical)))
+    assert below.status is Status.OK
+    assert np.abs(below.positions[:, :2]).max() < 1e-9
+    assert above.status is Status.OK
+    assert np.linalg.norm(above.positions[-1, :2]) > 0.1
+
+
+def test_a_deadline_that_has_passed_is_graded():
+    late = cosserat.solve(Problem(CABLE).move(START, END), deadline=0.0)
+    assert late.status in (Status.BUDGET, Status.BUDGET_EXCEEDED)
+    assert (late.status is Status.BUDGET) == (late.error_estimate <= 1e-5 * LENGTH)
+    enough = cosserat.solve(Problem(CABLE, tolerance=0.01).move(START, END), deadline=0.0)
+    assert enough.status in (Status.OK, Status.BUDGET)
+
+
+def test_a_tolerance_that_no_mesh_meets_is_said():
+    shape = solved(CABLE, START, END, tolerance=1e-17)
+    assert shape.status is Status.NOT_CONVERGED
+    assert "tolerance" in shape.detail
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: solved(CABLE.replace(bending_stiffness=0.0, twisting_stiffness=0.0), START, END), "catenary"),
+        (lambda: solved(CABLE, START, END, scene=Scene(clips=(Clip(0.5, END),))), "clips"),
+        (lambda: cosserat.sensitivity(RodState(Problem(CABLE))), "predict first"),
+    ],
+)
+def test_bad_arguments_name_the_remedy(make, words):
+    with pytest.raises(ArgumentError, match=words):
+        make()
+
+
+# -- sensitivity
+
+
+@pytest.mark.parametrize(
+    "kinds", [("clamped", "clamped"), ("swivel", "swivel"), ("clamped", "pinned"), ("swivel", "free")]
+)
+def test_sensitivity_against_finite_differences(kinds):
+    cable = CABLE.replace(
+        bending_stiffness=(0.02, 0.03), axial_stiffness=50.0, shear_stiffness=30.0, rest_curvature=(1.0, 0.5, 0.2)
+    )
+    state = RodState(Problem(cable, points=21, tolerance=1e-8))
+
+    def positions(x) -> np.ndarray:
+        start = Grip(moved(START, x[:3], x[3:6]), kind=kinds[0])
+        free = kinds[1] == "free"
+        end = FreeEnd(0.1) if free else Grip(moved(END, x[6:9], x[9:]), kind=kinds[1])
+        shape = cosserat.solve(state.problem.move(start, end), state)
+        assert shape.status is Status.OK
+        return shape.positions
+
+    positions(np.zeros(12))
+    J = cosserat.sensitivity(state)
+    step = 2e-5
+    for column, direction in enumerate(step * np.eye(12)):
+        difference = (positions(direction) - positions(-direction)) / (2 * step)
+        assert J[:, :, column] == pytest.approx(difference, abs=2e-4), column
+
+
+def test_sensitivity_at_the_gripper_includes_its_offset():
+    offset = Pose((0.0, 0.05, 0.1), (0.0, 0.6, 0.0, 0.8))
+    tool = Pose((0.6, 0.2, -0.1), (0.1, 0.7, 0.1, 0.7))
+    grip = Grip(Pose(tool.position, tool.quaternion / np.linalg.norm(tool.quaternion)), offset=offset)
+    state = RodState(Problem(CABLE, points=11, tolerance=1e-8))
+
+    def positions(turn) -> np.ndarray:
+        return cosserat.solve(state.problem.move(START, grip.at(moved(grip.pose, turn=turn))), state).positions
+
+    positions(np.zeros(3))
+    J = cosserat.sensitivity(state, at="gripper")
+    for axis, turn in enumerate(2e-5 * np.eye(3)):
+        difference = (positions(turn) - positions(-turn)) / 4e-5
+        assert J[:, :, 9 + axis] == pytest.approx(difference, abs=2e-4)

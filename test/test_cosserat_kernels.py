@@ -1,0 +1,188 @@
+"""Kernels of the Cosserat rod against finite differences, dense linear algebra and an integrator."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+
+from cable_shape.kernels import rod_algebra, rod_mesh
+from cable_shape.kernels.rod_defect import integrate
+from cable_shape.kernels.rod_element import angle_series, element_gradient, element_hessian
+from cable_shape.kernels.rod_factor import backward, border, factor
+
+LINEAR = (0.0, 0.0, 0.0), (0.02, 0.02, 0.01)
+
+
+def numbers(*values) -> tuple[float, ...]:
+    """A tuple of floats, which kernels take for a vector."""
+    return tuple(float(v) for v in values)
+
+
+def turned(q, delta) -> tuple[float, ...]:
+    """q exp(delta)."""
+    return numbers(*(Rotation.from_quat(q) * Rotation.from_rotvec(delta)).as_quat())
+
+
+class Element:
+    """A random element, as a function of (delta_1, delta_2, lambda)."""
+
+    def __init__(self, seed: int, bend: float, compliance: tuple[float, ...]) -> None:
+        rng = np.random.default_rng(seed)
+        self.h = 0.4
+        self.q1 = Rotation.random(rng=rng).as_quat()
+        self.q2 = np.array(turned(self.q1, bend * rng.normal(size=3)))
+        self.n = 3.0 * rng.normal(size=(3, 3))
+        self.rest = rng.normal(size=(2, 3))
+        self.K, self.C = (1.3, 0.7, 0.9), compliance
+
+    def arguments(self, x) -> tuple:
+        forces = (numbers(*(n + x[6:])) for n in self.n)
+        rest = (numbers(*k) for k in self.rest)
+        return (self.h, turned(self.q1, x[:3]), turned(self.q2, x[3:6]), *forces, *rest, self.K, self.C)
+
+    def value(self, x) -> float:
+        return element_gradient(*self.arguments(x))[0]
+
+
+@pytest.mark.parametrize("compliance", LINEAR)
+@pytest.mark.parametrize("bend", [1e-9, 0.02, 0.5, 1.3])
+def test_gradient_of_an_element_against_finite_differences(bend, compliance):
+    element = Element(1, bend, compliance)
+    gradient = np.concatenate(element_gradient(*element.arguments(np.zeros(9)))[1:])
+    step = 1e-5
+    differences = [(element.value(step * e) - element.value(-step * e)) / (2 * step) for e in np.eye(9)]
+    assert gradient == pytest.approx(np.array(differences), abs=2e-9)
+
+
+@pytest.mark.parametrize("compliance", LINEAR)
+@pytest.mark.parametrize("bend", [1e-9, 0.02, 0.5, 1.3])
+def test_hessian_of_an_element_against_finite_differences(bend, compliance):
+    element = Element(2, bend, compliance)
+    g1, g2, gl, *blocks = (np.array(a) for a in element_hessian(*element.arguments(np.zeros(9))))
+    H11, H12, H22, B1, B2, CC = (b.reshape(3, 3) for b in blocks)
+    H = np.block([[H11, H12, B1], [H12.T, H22, B2], [B1.T, B2.T, CC]])
+    assert np.concatenate((g1, g2, gl)) == pytest.approx(
+        np.concatenate(element_gradient(*element.arguments(np.zeros(9)))[1:]), abs=1e-13
+    )
+    step, unit = 2e-4, np.eye(9)
+    for i in range(9):
+        for j in range(9):
+            a, b = step * (unit[i] + unit[j]), step * (unit[i] - unit[j])
+            difference = element.value(a) - element.value(b) - element.value(-b) + element.value(-a)
+            assert H[i, j] == pytest.approx(difference / (4 * step**2), abs=5e-7)
+
+
+@pytest.mark.parametrize("x", [0.0, 1e-12, 1e-3, 0.029999, 0.030001, 0.5, 0.99])
+def test_the_angle_series_and_its_derivatives(x):
+    """Against complex-step-free high precision: 2 asin(sqrt x)/sqrt x by its power series in rationals."""
+    terms = [1.0]
+    for j in range(1, 4000):
+        terms.append(terms[-1] * (2 * j - 1) / (2 * j))
+    c = 2.0 * np.array([t / (2 * j + 1) for j, t in enumerate(terms)])
+    j = np.arange(len(c))
+    f, f1, f2 = angle_series(x, np.sqrt(1.0 - x))
+    assert f == pytest.approx((c * x**j).sum(), rel=1e-12)
+    assert f1 == pytest.approx((j[1:] * c[1:] * x ** j[:-1]).sum(), rel=1e-11)
+    assert f2 == pytest.approx((j[2:] * (j[2:] - 1) * c[2:] * x ** j[:-2]).sum(), rel=1e-9)
+
+
+def test_factors_solve_the_bordered_system_and_count_its_negative_eigenvalues():
+    rng = np.random.default_rng(3)
+    elements, width = 6, 4
+    size = 3 * (elements + 1)
+    for definite in (True, False):
+        D = np.zeros((elements + 1, 9))
+        for k in range(elements + 1):
+            A = rng.normal(size=(3, 3))
+            D[k] = (A @ A.T + (5.0 if definite else -1.0) * np.eye(3)).ravel()
+        U = rng.normal(size=(elements, 9))
+        X = rng.normal(size=(elements + 1, 3 * width))
+        mask = np.array(((1.0, 1.0, 1.0), (1.0, 1.0, 1.0)))
+        CC = -np.eye(3) * 0.3
+        h = np.full(elements, 1.0)
+        full = np.zeros((size + 3, size + 3))
+        rhs = np.zeros(size + 3)
+        for k in range(elements + 1):
+            rows = slice(3 * k, 3 * k + 3)
+            full[rows, rows] = D[k].reshape(3, 3)
+            columns = X[k].reshape(3, width)
+            full[rows, size:] = columns[:, :3]
+            full[size:, rows] = columns[:, :3].T
+            rhs[rows] = -columns[:, 3]
+            if k < elements:
+                full[rows, 3 * k + 3 : 3 * k + 6] = U[k].reshape(3, 3)
+                full[3 * k + 3 : 3 * k + 6, rows] = U[k].reshape(3, 3).T
+        full[size:, size:] = CC
+        closure = rng.normal(size=3)
+        rhs[size:] = -closure
+        P, Y, W = np.zeros_like(D), np.zeros_like(U), np.zeros_like(X)
+        gram, step, d = np.zeros((width, width)), np.zeros(width), np.zeros((elements + 1, 3))
+        negative = factor(D, U, X, mask, 0.0, h, P, Y, W, gram) + border(gram, CC.ravel(), closure, step)
+        backward(P, Y, W, step, d)
+        assert np.concatenate((d.ravel(), step[:3])) == pytest.approx(np.linalg.solve(full, rhs), abs=1e-9)
+        assert negative == (np.linalg.eigvalsh(full) < 0).sum()
+
+
+def test_the_step_that_judges_the_error_is_of_sixth_order():
+    q = numbers(*Rotation.from_rotvec((0.3, -0.2, 0.5)).as_quat())
+    M, K, C = (0.5, -0.8, 0.3), np.array((1.3, 0.7, 0.9)), (0.02, 0.02, 0.01)
+    n0, n1, u0, u1 = (np.array(v) for v in ((1.0, 2.0, -1.0), (0.5, -1.0, 2.0), (0.2, 0.1, -0.3), (1.0, 0.5, -0.5)))
+
+    def slopes(s, y):
+        R, m = y[:9].reshape(3, 3), y[9:12]
+        u, N = u0 + u1 * s + m / K, R.T @ (n0 + n1 * s)
+        V = np.array((0.0, 0.0, 1.0)) + np.array(C) * N
+        spin = np.array(((0.0, -u[2], u[1]), (u[2], 0.0, -u[0]), (-u[1], u[0], 0.0)))
+        return np.concatenate(((R @ spin).ravel(), np.cross(m, u) - np.cross(V, N), R @ V))
+
+    errors = []
+    for h in (0.4, 0.2):
+        start = np.concatenate((Rotation.from_quat(q).as_matrix().ravel(), M, np.zeros(3)))
+        exact = solve_ivp(slopes, (0.0, h), start, method="DOP853", rtol=1e-13, atol=1e-14).y[:, -1]
+        forces = (numbers(*(n0 + n1 * x)) for x in (0.0, 0.5 * h, h))
+        rest = numbers(*(u0 + 0.5 * h * u1)), numbers(*u1)
+        p, m, r = integrate(h, q, M, *forces, *rest, numbers(*(1.0 / K)), C)
+        reached = np.concatenate((Rotation.from_quat(p).as_matrix().ravel(), m, r))
+        errors.append(np.abs(reached - exact).max())
+    assert np.log2(errors[0] / errors[1]) > 6.5  # the error of one step: order 6 + 1
+
+
+def test_meshes_have_nodes_at_loads_and_equal_shares_of_their_density():
+    x, density = np.empty(129), np.empty(129)
+    rod_mesh.layered(2.0, 0.02, x, density)
+    assert (np.diff(x) > 0).all()
+    stops = np.array((0.7, 1.31))
+    s = np.empty(41)
+    rod_mesh.equidistribute(x, density, stops, 40, s)
+    assert s[0] == 0.0
+    assert s[-1] == 2.0
+    assert (np.diff(s) > 0).all()
+    assert all(np.abs(s - stop).min() == 0.0 for stop in stops)
+    share = np.concatenate(([0.0], np.cumsum(0.5 * (density[1:] + density[:-1]) * np.diff(x))))
+    shares = np.diff(np.interp(s, x, share))
+    assert shares.max() < 2.0 * shares.min()
+
+
+def test_rest_curvature_of_an_element_is_the_least_squares_line():
+    table = np.array(((0.0, 1.0, 2.0), (3.0, 0.0, 1.0), (1.0, 1.0, 1.0), (5.0, -2.0, 0.0)))
+    s = np.array((0.0, 0.3, 1.1, 2.4, 3.0))
+    rest = np.empty((4, 6))
+    rod_mesh.element_rest(s, table, rest)
+    for e in range(4):
+        a, b = s[e], s[e + 1]
+        t = np.linspace(a, b, 200001)
+        y = np.array([np.interp(t, np.linspace(0, 3, 4), table[:, i]) for i in range(3)])
+        mean = np.trapezoid(y, t) / (b - a)
+        slope = np.trapezoid(y * (t - 0.5 * (a + b)), t) * 12 / (b - a) ** 3
+        assert rest[e] == pytest.approx(np.concatenate((mean, slope)), abs=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_negative_eigenvalues_by_the_rule_of_signs(seed):
+    rng = np.random.default_rng(seed)
+    A = rng.normal(size=(3, 3))
+    A = A + A.T
+    count = rod_algebra.negative_eigenvalues(numbers(*A.ravel()), float(np.linalg.det(A)))
+    assert count == (np.linalg.eigvalsh(A) < 0).sum()
