@@ -12,11 +12,11 @@ from rods import ALONG_X, CABLE, END, LENGTH, START, integrated_residual, solved
 from scipy.spatial.transform import Rotation
 
 from cable_shape.cable import Cable
+from cable_shape.cases.reference import reference_case
 from cable_shape.models import cosserat
 from cable_shape.models.rod_state import RodState
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.problem import Problem
-from cable_shape.cases.reference import reference_case
 from cable_shape.scene import PointMass, Scene
 from cable_shape.shape import Status
 

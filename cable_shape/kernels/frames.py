@@ -69,7 +69,7 @@ def transport(tangents, turning, step, frames):
     turns = np.empty((4, n))
     tx, ty, tz = tangents[0], tangents[1], tangents[2]
     px, py, pz, pw = turns[0], turns[1], turns[2], turns[3]
-    quarter = -0.25 * step * step * step / 12.0
+    quarter = 0.25 * step * step * step / 12.0
     for k in range(n - 1):
         ax, ay, az, bx, by, bz = tx[k], ty[k], tz[k], tx[k + 1], ty[k + 1], tz[k + 1]
         rx, ry, rz, rw = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx, 1.0 + ax * bx + ay * by + az * bz

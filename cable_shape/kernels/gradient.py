@@ -11,6 +11,7 @@ from cable_shape.kernels.frames import align, darboux, director, roll, straight,
 from cable_shape.kernels.gradient_basis import PARAMETERS, ROW, SERIES_TERMS, functions
 from cable_shape.kernels.gradient_ends import CLAMPED, FREE
 from cable_shape.kernels.gradient_length import (
+    AHEAD,
     MAX_PANELS,
     NODES,
     derivatives,
@@ -29,8 +30,8 @@ OVERSTRETCHED, NOT_FINITE = 3, 4
 LENGTH, STIFFNESS, GRADIENT, ETA, WEIGHT_FORCE, LOAD = 0, 1, 2, 3, 4, 7
 
 # Places in `result`.
-ITERATIONS, RESIDUAL, ERROR, ENERGY, ROLL, CHORD, TENSION, RESAMPLING = 0, 1, 2, 3, 4, 5, 6, 7
-RESULTS = 8
+ITERATIONS, RESIDUAL, ERROR, ENERGY, ROLL, CHORD, RESAMPLING = 0, 1, 2, 3, 4, 5, 6
+RESULTS = 7
 
 #: Chords nearer than this to the length count as longer than an inextensible cable.
 _TAUT = 1e-12
@@ -119,7 +120,7 @@ def solve(
         c, kinds, given, tip_moment, load, load_place, load_force * to_force, direction, chord, eta, buckling, start,
         finest, warm, edges, panels, par, series, rows, force, info,
     )  # fmt: skip
-    result[ITERATIONS], result[TENSION] = info[1], info[0] / to_force
+    result[ITERATIONS] = info[1]
     mode, count = int(info[6]), int(info[5])
     if mode < 0 or not info[3] < math.inf:
         result[ROLL] = straight(start, start if free else end, length, points, buffer)
@@ -133,7 +134,7 @@ def solve(
     )  # fmt: skip
     _grade(info, speed, panels, count, length, result)
     result[ENERGY] = _energy(
-        mode, count, start, length, stiffness, eta, info[0], arc, numbers, load_force, tip, kind1, edges, panels, par,
+        mode, count, start, length, stiffness, eta, arc, numbers, load_force, tip, kind1, edges, panels, par,
         series, rows, nodes, phi, slope, speed, buffer, points,
     )  # fmt: skip
     if not _finite(buffer):
@@ -173,12 +174,12 @@ def _fill(
     behind = np.full(pieces + 1, n)  # the first point of each piece
     behind[0] = 0
     worst, step, first = 0.0, arc / (n - 1.0), 0
-    t = np.empty(n)
+    t = np.empty(n + AHEAD)
     for i in range(count):
         last = n
         if i < count - 1:
             early = _AT_LOAD * arc if panels[3, i + 1] != panels[3, i] else 0.0
-            last = min(n - 1, max(first, int(math.ceil((begin[i + 1] - early) / step))))
+            last = min(n - 1, max(first, math.ceil((begin[i + 1] - early) / step)))
             if i == 0:
                 last = max(last, 1)
         worst = max(worst, invert(power, i, step, begin[i], first, last, begin[i + 1] - begin[i], t))
@@ -308,14 +309,14 @@ def _integrands(slope, bend, speed, height, n):
 
 @kernel
 def _energy(
-    mode, count, start, length, stiffness, eta, z, arc, numbers, load_force, tip, kind1, edges, panels, par, series,
+    mode, count, start, length, stiffness, eta, arc, numbers, load_force, tip, kind1, edges, panels, par, series,
     rows, nodes, phi, slope, speed, buffer, points,
 ):  # fmt: skip
     """[J] bending and stretching less the work of the weights, with the origin of the world as zero."""
     n = NODES * count
     wide = par[1] > 0.0
     jet, d, e = np.empty((4, n)), np.empty((3, ROW)), np.empty((4, ROW))
-    energy, first = 0.0, 0
+    first = 0
     for p in range(len(edges) - 1):
         last = first
         while last < count and panels[3, last] == p:
@@ -331,8 +332,7 @@ def _energy(
     bend, height = jet[0:3], jet[3]
     _integrands(slope, bend, speed, height, n)
     bending, moment = integral(bend[0], panels, count), integral(height, panels, count)
-    energy += 0.5 * stiffness * arc * bending / length
-    energy -= length * length * moment / arc
+    energy = 0.5 * stiffness * arc * bending / length - length * length * moment / arc
     for k in range(3):
         energy -= length * numbers[WEIGHT_FORCE + k] * start[k]
     if eta > 0.0:

@@ -156,7 +156,7 @@ def functions(mode, par, series, points, first, last, phi):
     of mu1, of mu2. PAIR6: P, Q from the left, P, Q from the right. SERIES6: e4, e5, e6, e7.
 
     points : (3, n)
-        u, position from the middle of the cable, and the distances from the ends of the piece, each exact near its zero.
+        u, position from the middle of the cable, and distances from the ends of the piece, each exact near its zero.
     phi : (4, n)
         Out; rows 2 and 3 are untouched in modes LOW4 and HIGH4.
     """

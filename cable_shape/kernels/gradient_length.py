@@ -27,6 +27,7 @@ from cable_shape.kernels.gradient_basis import (
 )
 
 NODES = 10
+AHEAD = 8
 MAX_PANELS = 1024
 
 #: Widest panel, as a fraction of the cable.
@@ -35,8 +36,8 @@ WIDEST = 0.15
 FIRST, GROWTH = 2.5, 2.6
 #: Decay lengths after which a boundary layer has passed.
 PASSED = 30.0
-#: Last step of Newton's method, in t, whose square is below rounding.
-_QUADRATIC = 1e-7
+#: Last step of Newton's method, in t: the error that is left is about its square.
+_QUADRATIC = 1e-5
 
 _X, _W = np.polynomial.legendre.leggauss(NODES)
 #: Gauss points on [-1, 1], and weights for a panel of width 1.
@@ -55,7 +56,7 @@ def lay_out(mode, par, edges, panels):
     panels : (4, MAX_PANELS)
         Out: distance of its beginning from the start of the piece, of its end from the end of the piece, width, piece.
 
-    Returns the number of panels.
+    Returns the number of panels; 0 if there is no room for them.
     """
     thin, thick = 1.0, 1.0
     if mode == HIGH4:
@@ -78,9 +79,9 @@ def lay_out(mode, par, edges, panels):
                 width *= GROWTH
                 layers += 1
         middle = length - 2.0 * graded
-        parts = max(1, int(math.ceil(middle / WIDEST)))
+        parts = max(1, math.ceil(middle / WIDEST))
         if count + 2 * layers + parts > MAX_PANELS:
-            return count
+            return 0
         begin, width = 0.0, FIRST * thin
         for k in range(layers):
             for side in range(2):
@@ -283,18 +284,20 @@ def invert(power, i, step, origin, first, last, length, t):
     """t in [-1, 1] where the arc length within panel `i`, from 0 to `length`, is step k - origin, first <= k < last.
 
     Up to four steps of Newton's method from the cubic through both ends, for all at once; more, within a bracket, for
-    those that need it. Returns the largest defect of these.
+    those that need it. Up to AHEAD - 1 further entries of `t` are overwritten. Returns the largest defect.
     """
     d0, d1 = power[i, NODES + 1], power[i, NODES + 2]
     d2, d3 = 6.0 - 2.0 * d0 - d1, d0 + d1 - 4.0
     c0, c1, c2, c3, c4, c5 = power[i, 0], power[i, 1], power[i, 2], power[i, 3], power[i, 4], power[i, 5]
     c6, c7, c8, c9, c10 = power[i, 6], power[i, 7], power[i, 8], power[i, 9], power[i, 10]
-    out, moved, scale = t[first:last], np.empty(last - first), 1.0 / length
-    for k in range(last - first):
+    count = (last - first + AHEAD - 1) // AHEAD * AHEAD  # whole groups, for vector instructions
+    out, moved, scale = t[first : first + count], np.empty(count), 1.0 / length
+    for k in range(count):
         y = (step * (first + k) - origin) * scale
         out[k] = -1.0 + y * (d0 + y * (d2 + y * d3))
+    largest = 0.0
     for _ in range(4):
-        for k in range(last - first):
+        for k in range(count):
             x, target = out[k], step * (first + k) - origin
             # Horner's scheme for the polynomial and its derivative
             p = c9 + x * c10
@@ -324,7 +327,7 @@ def invert(power, i, step, origin, first, last, length, t):
             largest = max(largest, abs(moved[k]))
         if largest < _QUADRATIC:
             break
-    worst = 0.0
+    worst = min(largest, _QUADRATIC) ** 2 * length
     for k in range(last - first):
         if abs(moved[k]) < _QUADRATIC and abs(out[k]) < 1.0 + 1e-9:
             out[k] = min(1.0, max(-1.0, out[k]))

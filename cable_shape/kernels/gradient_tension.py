@@ -19,7 +19,6 @@ from cable_shape.kernels.gradient_ends import WORK, assemble
 from cable_shape.kernels.gradient_length import (
     MAX_PANELS,
     NODES,
-    POINT,
     WEIGHT,
     field,
     integral,
@@ -173,7 +172,6 @@ def find(
 
     Returns FOUND, FAILED or SINGULAR, and the arrays at the nodes: positions (3, n), phi (4, n), x' (3, n), speed (n,).
     """
-    free = chord < 0.0
     base = 1.0 - max(chord, 0.0)  # wanted excess without stretch: over the chord, or all of the length
     lowest = buckling if eta == 0.0 else max(buckling, -base / eta)
     nearest = _NEAREST * max(abs(buckling), 1.0)
@@ -204,7 +202,7 @@ def find(
     evaluations, f, total, wanted, z = 0, 0.0, 0.0, 1.0, 0.0
     status = FAILED
     shift, mover = 0.0, np.zeros((loads + 3, loads))
-    for outer in range(80):
+    for _outer in range(80):
         low, high = bottom, top
         if bent:
             low, high = -math.log(1e9 * nearest) - 40.0, 40.0
@@ -226,6 +224,8 @@ def find(
             if mode != laid_mode or not 0.66 * laid <= thin <= 1.5 * laid:
                 count = lay_out(mode, par, edges, panels)
                 laid_mode, laid = mode, thin
+                if count == 0:
+                    break
                 if NODES * count > capacity:
                     capacity = NODES * (count + 8)
                     nodes, phi, slope = np.empty((3, capacity)), np.empty((4, capacity)), np.empty((3, capacity))

@@ -14,10 +14,13 @@ Vector = tuple[float, float, float]
 Matrix = tuple[float, float, float, float, float, float, float, float, float]
 Quaternion = tuple[float, float, float, float]
 
+#: Freedom of rounding for the compiler; NaN and infinity keep their meaning.
+FAST = {"contract", "reassoc", "nsz", "arcp"}
+
 
 def inlined(function: Any) -> Any:
     """A kernel that is always inlined into its caller."""
-    return kernel(function, forceinline=True)
+    return kernel(function, forceinline=True, fastmath=FAST)
 
 
 @inlined

@@ -14,6 +14,7 @@ from typing import Any
 
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.rod_algebra import (
+    FAST,
     Quaternion,
     Vector,
     add,
@@ -92,7 +93,7 @@ def blend(a: State, fa: float, b: State, fb: float) -> State:
     )
 
 
-@kernel(fastmath={"contract"})
+@kernel(fastmath=FAST)
 def integrate(
     h: float, q: Quaternion, M: Vector, nL: Vector, nM: Vector, nR: Vector, k0: Vector, k1: Vector, flex: Vector,
     C: Vector,

@@ -5,10 +5,11 @@ Flat arrays, with N elements and nodes N + 1:
     par   (20,)      stiffness 3, compliance 3, dead end moment 3, mask 6, weight [N/m] 3, base shift, length
     mesh  (21 N + 1) s N+1 | h N | load 9N | rest 6N | defects in position 3N | error indicator N
     sol   3 x (4 nodes + 18): now, before, trial; each q 4 nodes | lambda 3 | start 7 | end 7 | turns
-    info  (13,)      0 iterations, 1 last step [rad], 2 excess of negative eigenvalues, 3 shift, 4 assemblies,
+    info  (14,)      0 iterations, 1 last step [rad], 2 excess of negative eigenvalues, 3 shift, 4 assemblies,
                      5 residual, 6 value, 7 estimate [m], 8 energy without masses [J], 9 twist [rad],
                      10 error of the interpolation [m], 11 kicks off a saddle,
-                     12 turning of the solution against its prediction [rad]
+                     12 turning of the solution against its prediction [rad],
+                     13 largest rotation of an element [rad]
 """
 
 from __future__ import annotations
@@ -52,8 +53,9 @@ Array = Any
 NOW, BEFORE, TRIAL = 0, 1, 2
 BROKEN = 3  # a number in the output is not finite
 FAR = 4  # an equilibrium further from the prediction than asked for
-PAR, INFO = 20, 13
-SAFETY = 1.25  # of the error estimate, which by itself is right to a few percent, either way
+PAR, INFO = 20, 14
+LARGEST_TURN = 0.6  # rad, of an element: coarser ones misjudge stability
+SAFETY = 1.5  # of the error estimate, which by itself is right to a few percent on resolved meshes, either way
 
 
 @kernel
@@ -219,12 +221,20 @@ def solve(
     if not info[12] <= far:
         return FAR
     info[7] = position_error(q, lam, h, load, rest, stiff, mask, work, width, slack, errors, info)
+    worst = 0.0
+    for k in range(elements):
+        worst = max(worst, errors[k])
+    for k in range(elements):
+        cosine = abs(qmul(qconj(get4(q, k)), get4(q, k + 1))[3])
+        turn = 2.0 * math.acos(min(1.0, cosine))
+        info[13] = max(info[13], turn)
+        errors[k] = max(errors[k], worst * (turn / LARGEST_TURN) ** 5)
     if points > 0:
         first = vectors(work, elements, width)[1]
         sample(q, lam, s, h, load, rest, stiff, ends[0:3], weight, first, points, out, info[8:11])
         info[8] += info[6]
         info[7] = SAFETY * (info[7] + info[10])
-        if not all_finite(out) or not all_finite(info[0:7]) or not all_finite(info[8:13]):
+        if not all_finite(out) or not all_finite(info[0:5]) or not all_finite(info[8:14]):
             return BROKEN
     size = sol.shape[0] // 3
     sol[size : 2 * size] = sol[0:size]

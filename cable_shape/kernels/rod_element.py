@@ -20,6 +20,7 @@ import math
 
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.rod_algebra import (
+    FAST,
     Matrix,
     Quaternion,
     Vector,
@@ -96,7 +97,7 @@ def section_force(q: Quaternion, n: Vector) -> tuple[Matrix, Vector]:
     return R, tapply(R, n)
 
 
-@kernel(fastmath={"contract"})
+@kernel(fastmath=FAST)
 def element_gradient(
     h: float, q1: Quaternion, q2: Quaternion, nL: Vector, nM: Vector, nR: Vector,
     k0: Vector, k1: Vector, K: Vector, C: Vector,
@@ -146,7 +147,7 @@ def element_gradient(
     return value, g1, g2, gl
 
 
-@kernel(fastmath={"contract"})
+@kernel(fastmath=FAST)
 def element_hessian(
     h: float, q1: Quaternion, q2: Quaternion, nL: Vector, nM: Vector, nR: Vector,
     k0: Vector, k1: Vector, K: Vector, C: Vector,

@@ -15,6 +15,7 @@ from typing import Any
 
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.rod_algebra import (
+    FAST,
     Matrix,
     apply,
     get9,
@@ -31,7 +32,7 @@ from cable_shape.kernels.rod_algebra import (
 Array = Any
 
 
-@kernel(fastmath={"contract", "reassoc"})
+@kernel(fastmath=FAST)
 def factor(
     D: Array, U: Array, X: Array, mask: Array, shift: float, h: Array, P: Array, Y: Array, W: Array, gram: Array
 ) -> int:  # fmt: skip
@@ -93,7 +94,7 @@ def held(A: Matrix, mask: Array, at_start: bool, at_end: bool) -> Matrix:
     )  # fmt: skip
 
 
-@kernel(fastmath={"contract"})
+@kernel(fastmath=FAST)
 def forward(G: Array, P: Array, Y: Array, W: Array, gram: Array) -> None:
     """Eliminates another right-hand side G (N+1, 3) with the factors at hand: last column of W and of gram."""
     last = Y.shape[0]
@@ -136,7 +137,7 @@ def border(gram: Array, CC: Array, closure: Array, step: Array) -> int:
     return negative_eigenvalues(S, det)
 
 
-@kernel(fastmath={"contract"})
+@kernel(fastmath=FAST)
 def backward(P: Array, Y: Array, W: Array, step: Array, d: Array) -> float:
     """d (N+1, 3) = -H^-1 (G + B step) by back substitution; returns its largest norm."""
     last = Y.shape[0]

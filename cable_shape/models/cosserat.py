@@ -12,9 +12,11 @@ and Arnold; the element is described in :mod:`cable_shape.kernels.rod_element`.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from time import perf_counter
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
@@ -67,6 +69,23 @@ def solve(problem: Problem, state: RodState | None = None, *, deadline: float = 
     elif state.problem is not problem:
         state.take(problem)
     return _Solve(problem, state, deadline, began).run()
+
+
+def solve_beside(
+    problem: Problem, state: RodState, frames: Callable[[Array], Array], force: ArrayLike = (0.0, 0.0, 0.0)
+) -> CableShape:
+    """The equilibrium next to given frames, stable (OK) or not (UNSTABLE): no branch is sought.
+
+    Parameters
+    ----------
+    frames : callable
+        Arc lengths (k,) [m] to quaternions (k, 4), x y z w, whose signs follow one another along the cable.
+    force : (3,) array_like
+        [N], world: about the force at the end.
+    """
+    if state.problem is not problem:
+        state.take(problem)
+    return _Solve(problem, state, math.inf, perf_counter()).beside(frames, np.asarray(force, dtype=np.float64))
 
 
 def sensitivity(state: RodState, *, at: str = "cable") -> Array:
@@ -133,6 +152,19 @@ class _Solve:
             return self._finish(Status.OK)
         return self._walk(ends)
 
+    def beside(self, frames: Callable[[Array], Array], force: Array) -> CableShape:
+        """Plain Newton steps from these frames."""
+        state = self.state
+        ends = state.aim(self.problem.start, self.problem.end)
+        _, _, layer = state.hanging(ends)
+        q = frames(np.linspace(0.0, self.problem.cable.length, 200))
+        turn = 2.0 * np.arccos(np.minimum(1.0, np.abs((q[1:] * q[:-1]).sum(axis=1)))).sum()
+        state.first_mesh(layer, turn)
+        state.start_with(ends, frames, force)
+        if self._call(0, _COLD_ITERATIONS, guard=False):
+            return self._finish(Status.UNSTABLE)
+        return self._no_shape(Status.NOT_CONVERGED, ends, "")
+
     def _call(self, history: int, most: int, guard: bool = True, output: bool = True, far: float = 7.0) -> bool:
         """One compiled solve; True if it found an equilibrium, a stable one if guarded."""
         state = self.state
@@ -151,18 +183,18 @@ class _Solve:
     def _finish(self, status: Status) -> CableShape:
         """Refines the mesh until the error is within tolerance, and reports."""
         problem, state, info = self.problem, self.state, self.state.info
-        if info[7] > problem.tolerance or state.too_fine():
+        if state.too_coarse() or state.too_fine():
             keep = state.history
             for _ in range(8):
                 if self._out_of_time() or not state.next_mesh():
                     break
                 if not self._call(0, _COLD_ITERATIONS, guard=status is not Status.UNSTABLE):
-                    state.history = 0
-                    ends = state.target.copy()
-                    return self._no_shape(Status.NOT_CONVERGED, ends, "the equilibrium was lost on a finer mesh. ")
-                if info[7] <= problem.tolerance:
+                    return self._lost(state.target.copy())
+                if not state.too_coarse():
                     break
             state.history = min(keep, 1)
+        if status in (Status.OK, Status.UNSTABLE):
+            status = Status.OK if info[2] == 0.0 else Status.UNSTABLE
         within = bool(info[7] <= problem.tolerance)
         state.history = min(2, state.history + 1)
         detail = ""
@@ -213,6 +245,11 @@ class _Solve:
             roll_error=float(roll),
         )
 
+    def _lost(self, ends: Array) -> CableShape:
+        """A finer mesh did not confirm the equilibrium."""
+        self.state.history = 0
+        return self._no_shape(Status.NOT_CONVERGED, ends, "the equilibrium was lost on a finer mesh. ")
+
     # -- from the last solution in small steps
 
     def _walk(self, ends: Array) -> CableShape:
@@ -232,8 +269,9 @@ class _Solve:
                 state.history = 2
                 done = at
                 step *= 1.6
-                if state.info[7] > 30.0 * self.problem.tolerance and state.next_mesh():
-                    self._call(0, _COLD_ITERATIONS, output=at == 1.0)
+                if state.far_too_coarse() and state.next_mesh():
+                    if not self._call(0, _COLD_ITERATIONS, output=at == 1.0):
+                        return self._lost(goal)
                     state.history = 1
             else:
                 step *= 0.4
@@ -281,7 +319,7 @@ class _Solve:
             state.first_mesh(layer)
             state.start_from(ends, load, force, kind, sag)
             if self._call(0, _COLD_ITERATIONS, guard=False):
-                return self._finish(Status.OK if state.info[2] == 0.0 else Status.UNSTABLE)
+                return self._finish(Status.UNSTABLE)
         state.history = 0
         return self._no_shape(Status.NOT_CONVERGED, ends, "")
 
@@ -302,7 +340,6 @@ class _Solve:
         state = self.state
         state.history = 1
         origin = state.ends.copy()
-        snapped = False
         count = round(abs(turns) / _QUARTER_TURN)
         for i in range(1, count + 1):
             angle = 2.0 * math.pi * turns * i / count
@@ -314,11 +351,14 @@ class _Solve:
             state.target[:] = ends
             if self._call(state.history, _WARM_ITERATIONS, far=_FAR):
                 state.history = 2
+                if state.far_too_coarse() and state.next_mesh():
+                    if not self._call(0, _COLD_ITERATIONS):
+                        return self._lost(ends)
+                    state.history = 1
                 continue
             shape = self._walk(ends)
             if not shape.status:
                 return shape
-            snapped = snapped or shape.status is not Status.OK
         return self._finish(Status.OK)
 
 

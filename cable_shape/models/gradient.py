@@ -154,7 +154,7 @@ def _solve(problem: Problem, warm: Array, order: int) -> CableShape:
         start.cable_frame.array, start.curvature, kind0, end_frame, end_curvature, kind1, tip, constants.numbers,
         constants.place, constants.load, buckling, constants.finest, points, warm, buffer, result,
     )  # fmt: skip
-    iterations, residual, error, energy, roll, chord, tension, _ = result.tolist()
+    iterations, residual, error, energy, roll, chord, _ = result.tolist()
     if constants.held:
         energy -= float(constants.at_start @ start.cable_frame.position)
         if kind1 != FREE:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import final
 
 import numpy as np
@@ -27,6 +28,8 @@ _AT_END = 1e-9
 _TOO_FINE = 1.0 / 60.0
 #: Modes softer than this fraction of the stiffness / length^2 count as neutral, and neutral as stable.
 _NEUTRAL = 1e-4
+#: Rotation of an element [rad] that a new mesh aims at.
+_TURN_AIM = 0.5
 #: Points at which the density of the first mesh is given.
 _ABSCISSAE = 129
 
@@ -120,10 +123,14 @@ class RodState:
             if before != self.width:
                 self.history = min(self.history, 1)
 
-    def first_mesh(self, layer: float) -> None:
-        """A cold start's mesh: half of the nodes within a few boundary layers [m] of the ends."""
+    def first_mesh(self, layer: float, turn: float = 0.0) -> None:
+        """A cold start's mesh: half of the nodes within a few boundary layers [m] of the ends.
+
+        turn [rad]: how far the frames turn along the cable, as far as that is known.
+        """
         length = self.par[19]
-        elements = 20 if layer > 0.1 * length else 32 if layer > 0.02 * length else 48
+        elements = 28 if layer > 0.1 * length else 36 if layer > 0.02 * length else 48
+        elements = min(MOST_ELEMENTS, max(elements, math.ceil(1.3 * turn / _TURN_AIM)))
         x, density = np.empty(_ABSCISSAE), np.empty(_ABSCISSAE)
         rod_mesh.layered(length, min(max(layer, 1e-5 * length), length), x, density)
         self.elements = self.history = 0
@@ -134,7 +141,8 @@ class RodState:
         estimate, n = self.info[7], self.elements
         factor = 3.0
         if math.isfinite(estimate):
-            factor = min(3.0, 1.05 * (estimate / (AIM * self.problem.tolerance)) ** 0.25)
+            factor = 1.05 * (estimate / (AIM * self.problem.tolerance)) ** 0.25
+            factor = min(3.0, max(factor, self.info[13] / _TURN_AIM))
         elements = min(MOST_ELEMENTS, max(FEWEST_ELEMENTS + 2 * self.stops.size, math.ceil(n * factor)))
         if elements == n:
             if n == MOST_ELEMENTS or factor <= 1.0:
@@ -147,10 +155,19 @@ class RodState:
         self.sol[2 * size :] = self.sol[:size]
         return True
 
+    def too_coarse(self) -> bool:
+        """Whether the error is above its tolerance, or an element turns too far for the inertia to be trusted."""
+        return bool(self.info[7] > self.problem.tolerance or self.info[13] > rod_drive.LARGEST_TURN)
+
+    def far_too_coarse(self) -> bool:
+        """Whether even a step on the way needs a finer mesh."""
+        return bool(self.info[7] > 30.0 * self.problem.tolerance or self.info[13] > 2.0 * rod_drive.LARGEST_TURN)
+
     def too_fine(self) -> bool:
         """Whether a mesh of half as many elements would do."""
         return bool(
             self.info[7] < _TOO_FINE * self.problem.tolerance
+            and self.info[13] < 0.5 * _TURN_AIM
             and self.elements > 2 * (FEWEST_ELEMENTS + 2 * self.stops.size)
         )
 
@@ -192,6 +209,17 @@ class RodState:
         self.target[:] = ends
         span = ends[7:10] - ends[:3]
         rod_drive.guess(self.par, self.mesh, self.sol, self.elements, span, load, force, kind, sag)
+
+    def start_with(self, ends: Array, frames: Callable[[Array], Array], force: Array) -> None:
+        """Puts given frames (see ``cosserat.solve_beside``) between `ends` into the trial."""
+        nodes = self.elements + 1
+        q = frames(self.mesh[:nodes])
+        trial = self.sol[2 * rod_drive.slot_size(self.elements) :]
+        trial[: 4 * nodes] = q.ravel()
+        trial[4 * nodes : 4 * nodes + 3] = force
+        self.target[:] = ends
+        if float(q[0] @ ends[3:7]) * float(q[-1] @ ends[10:14]) < 0.0:
+            self.target[10:14] *= -1.0
 
     def energy_of_masses(self) -> float:
         """[J], potential energy of point masses and of a plug in the last solution."""

@@ -1,0 +1,183 @@
+"""How fast and how right the gradient cables are: scripts/bench gradient [--quick] [--json FILE].
+
+Ratios of times within one run are what counts; the machine's other work moves both. 150 points through
+`Predictor.predict` between ends that move, so that nothing is reused, beside scipy's solve_bvp on the same equations
+with the tension unknown and the length as one more state (tolerance 1e-3, from a parabola on ten nodes).
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import argparse
+import json
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from gradient_bvp import GradientBvp
+from scipy.spatial.transform import Rotation
+from tqdm import tqdm
+
+import cable_shape as cs
+from cable_shape.cases.case import load_case
+from cable_shape.problem import Problem
+
+POINTS = 150
+GOAL = 250.0
+SHARED = Path(__file__).resolve().parents[2] / "shared" / "cases" / "public"
+ALONG_X = (0.5, 0.5, 0.5, 0.5)
+HALF = np.sqrt(0.5)
+CABLE = cs.Cable(length=1.2, linear_density=0.1, bending_stiffness=0.01, twisting_stiffness=0.008)
+ORIGIN = cs.Pose((0.0, 0.0, 0.0), ALONG_X)
+TURNED = (
+    Rotation.from_euler("z", 45, degrees=True)
+    * Rotation.from_euler("y", 30, degrees=True)
+    * Rotation.from_quat(ALONG_X)
+    * Rotation.from_euler("z", 90, degrees=True)
+).as_quat()
+STIFF = CABLE.replace(bending_stiffness=[0.2, 0.2], twisting_stiffness=0.16)
+
+#: name -> cable, start, end
+PROBLEMS: dict[str, tuple[cs.Cable, cs.Pose, cs.Pose]] = {
+    "A (chord 0.67 L)": (CABLE, ORIGIN, cs.Pose((0.8, 0.0, 0.0), ALONG_X)),
+    "B (turned, in space)": (CABLE, ORIGIN, cs.Pose((0.7, 0.3, -0.1), TURNED)),
+    "C (taut, 0.958 L)": (CABLE, ORIGIN, cs.Pose((1.15, 0.0, 0.0), ALONG_X)),
+    "D (stiff arch)": (STIFF, cs.Pose((0, 0, 0), (0, 0, HALF, HALF)), cs.Pose((0.5, 0, 0), (HALF, HALF, 0, 0))),
+    "slack (0.33 L)": (CABLE, ORIGIN, cs.Pose((0.4, 0.0, 0.0), ALONG_X)),
+    "very taut (0.995 L)": (CABLE, ORIGIN, cs.Pose((1.194, 0.0, 0.0), ALONG_X)),
+}
+
+
+def nudged(pose: cs.Pose, k: int) -> cs.Pose:
+    """The end a little further along a smooth motion of a millimetre, different at every step."""
+    move = 1e-3 * np.array((np.sin(0.1 * k), np.cos(0.13 * k), np.sin(0.07 * k + 1.0)))
+    return cs.Pose(pose.position - 1.2e-3 * np.array((1.0, 0.0, 0.0)) + 0.5 * move, pose.quaternion)
+
+
+def measured(name: str, order: int, repeats: int) -> dict[str, Any]:
+    """Times, their ratio and the distance from solve_bvp's answer, for one problem; the two are timed in turns."""
+    cable, start, end = PROBLEMS[name]
+    model = f"gradient{order}"
+    ends = [nudged(end, k) for k in range(40 * repeats)]
+    predictor = cs.Predictor(cable, model=model, points=POINTS)
+    for target in ends[:20]:
+        predictor.predict(start, target)
+    warm, cold, bvp = [], [], []
+    for turn in range(repeats):
+        part = ends[40 * turn : 40 * turn + 40]
+        for target in part:
+            began = time.perf_counter()
+            shape = predictor.predict(start, target)
+            warm.append(time.perf_counter() - began)
+            assert not shape.reused
+            assert shape.status is cs.Status.OK, shape
+        for target in part[:10]:
+            fresh = cs.Predictor(cable, model=model, points=POINTS)
+            began = time.perf_counter()
+            fresh.predict(start, target)
+            cold.append(time.perf_counter() - began)
+        reference = GradientBvp(Problem(cable).move(start, part[0]), order)
+        began = time.perf_counter()
+        answer = reference.solve(1e-3)
+        reference.positions(answer, POINTS) if answer.success else None
+        bvp.append(time.perf_counter() - began)
+    exact = GradientBvp(Problem(cable).move(start, end), order)
+    answer = exact.solve(1e-5, last=exact.solve(1e-3))
+    shape = cs.predict(cable, start, end, model=model, points=POINTS)
+    distance = float("nan")
+    if answer.success:
+        distance = float(np.abs(shape.positions - exact.positions(answer, POINTS)).max()) / cable.length
+    rod = cs.predict(cable, start, end, model="cosserat", points=POINTS)
+    apart = float(np.linalg.norm(shape.positions - rod.positions, axis=1).mean()) / cable.length
+    return {
+        "problem": name,
+        "order": order,
+        "warm_us": 1e6 * float(np.median(warm)),
+        "cold_us": 1e6 * float(np.median(cold)),
+        "solve_bvp_ms": 1e3 * float(np.median(bvp)),
+        "ratio": float(np.median(bvp) / np.median(warm)),
+        "distance_to_solve_bvp": distance,
+        "error_estimate": shape.error_estimate / cable.length,
+        "distance_to_rod": apart,
+    }
+
+
+def slender(ratio: float) -> dict[str, Any]:
+    """Whether the boundary layer may be `ratio` times shorter than the cable."""
+    # g = sqrt(B/T) with T about half the weight at this chord
+    stiffness = 0.5 * 9.81 * 0.1 * 1.2 * (1.2 / ratio) ** 2
+    cable = CABLE.replace(bending_stiffness=[stiffness, stiffness], twisting_stiffness=stiffness)
+    out = {"L/g": ratio}
+    for model in ("gradient4", "gradient6"):
+        up = cs.Pose((0.8, 0.1, 0.0), (HALF, 0.0, 0.0, HALF))
+        shape = cs.predict(cable, ORIGIN, up, model=model, points=2001)
+        arc = float(np.linalg.norm(np.diff(shape.positions, axis=0), axis=1).sum())
+        out[f"{model} status"] = shape.status.name
+        out[f"{model} length defect"] = arc / 1.2 - 1.0
+    return out
+
+
+def against_rods() -> list[tuple[str, float, float]]:
+    """Mean distance to trusted Cosserat shapes at equal arc length / L, where those references are on this machine."""
+    rows = []
+    for file in sorted(SHARED.glob("grasp_*.json")):
+        case = load_case(file)
+        if case.reference is None or case.scene is not None:
+            continue
+        truth = np.array(json.loads(file.read_text())["solution"]["r"])
+        found = []
+        for model in ("gradient4", "gradient6"):
+            shape = cs.predict(case.cable, case.start, case.end, model=model, points=len(truth))
+            found.append(float(np.linalg.norm(shape.positions - truth, axis=1).mean()) / case.cable.length)
+        rows.append((file.stem, found[0], found[1]))
+    return rows
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="a fifth of the repeats")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there, too")
+    args = parser.parse_args()
+    cs.warm_up()
+    jobs = [(name, order) for order in (4, 6) for name in PROBLEMS]
+    rows = [measured(name, order, 3 if args.quick else 15) for name, order in tqdm(jobs, desc="speed", unit="problem")]
+    print(f"{POINTS} points, one core; ratio = solve_bvp / warm (goal {GOAL:.0f}); distances / L")
+    print(
+        f"{'problem':<22}{'order':>5}{'warm':>9}{'cold':>9}{'solve_bvp':>11}{'ratio':>7}"
+        f"{'to solve_bvp':>14}{'estimate':>10}{'to the rod':>12}"
+    )
+    for r in rows:
+        times = f"{r['warm_us']:>6.0f} µs{r['cold_us']:>6.0f} µs{r['solve_bvp_ms']:>8.1f} ms{r['ratio']:>7.0f}"
+        distances = f"{r['distance_to_solve_bvp']:>14.1e}{r['error_estimate']:>10.1e}{r['distance_to_rod']:>12.1e}"
+        print(f"{r['problem']:<22}{r['order']:>5}{times}{distances}")
+    least = min(r["ratio"] for r in rows)
+    print(f"least ratio {least:.0f}, median {np.median([r['ratio'] for r in rows]):.0f}")
+    slim = [slender(ratio) for ratio in (40.0, 400.0, 4000.0)]
+    print("\nslender cables, polygon of 2001 points:")
+    for s in slim:
+        print(
+            "  "
+            + ", ".join(f"{k} {v:.1e}" if isinstance(v, float) and k != "L/g" else f"{k} {v}" for k, v in s.items())
+        )
+    rods = against_rods()
+    if rods:
+        print(
+            f"\nmean distance to {len(rods)} reference rods / L, 4th and 6th order: "
+            f"median {np.median([r[1] for r in rods]):.1e} {np.median([r[2] for r in rods]):.1e}, "
+            f"worst {max(r[1] for r in rods):.1e} {max(r[2] for r in rods):.1e}"
+        )
+    else:
+        print(f"\nno reference rods at {SHARED.name}: not compared")
+    if args.json:
+        args.json.write_text(json.dumps({"speed": rows, "slender": slim, "rods": rods}, indent=1))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

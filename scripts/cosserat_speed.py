@@ -1,0 +1,228 @@
+"""Speed of the Cosserat predictor beside scipy's solve_bvp, and along one motion, in one run."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from time import perf_counter
+
+import numpy as np
+from scipy.integrate import solve_bvp
+from scipy.spatial.transform import Rotation, Slerp
+
+import cable_shape as cs
+from cable_shape.models import cosserat
+from cable_shape.models.rod_state import RodState
+from cable_shape.problem import Problem
+
+ALONG_X = (0.5, 0.5, 0.5, 0.5)
+CABLE = cs.Cable(length=1.2, linear_density=0.1, bending_stiffness=0.01, twisting_stiffness=0.008)
+START = cs.Pose((0, 0, 0), ALONG_X)
+TURNED = (
+    Rotation.from_euler("z", 45, degrees=True) * Rotation.from_euler("y", 30, degrees=True)
+    * Rotation.from_quat(ALONG_X) * Rotation.from_euler("z", 90, degrees=True)
+)  # fmt: skip
+END = cs.Pose((0.7, 0.3, -0.1), TURNED.as_quat())
+R = np.sqrt(0.5)
+GRASPS = {
+    "A": (CABLE, START, cs.Pose((0.8, 0, 0), ALONG_X)),
+    "B": (CABLE, START, END),
+    "C": (CABLE, START, cs.Pose((1.15, 0, 0), ALONG_X)),
+    "D": (CABLE.replace(bending_stiffness=0.2), cs.Pose((0, 0, 0), (0, 0, R, R)), cs.Pose((0.5, 0, 0), (R, R, 0, 0))),
+}
+
+
+def motion(steps: int = 200) -> list[cs.Pose]:
+    """End poses of a smooth lift, swing and turn."""
+    axis = np.array((1.0, 2.0, 1.0)) / np.sqrt(6.0)
+    poses = []
+    for t in np.arange(1, steps + 1) / steps:
+        x = 10 * t**3 - 15 * t**4 + 6 * t**5
+        shift = np.array((-0.15 * x, 0.15 * np.sin(np.pi * x) - 0.10 * x, 0.20 * x))
+        turn = Rotation.from_rotvec(np.radians(40) * x * axis)
+        poses.append(cs.Pose(END.position + shift, (turn * TURNED).as_quat()))
+    return poses
+
+
+class Collocation:
+    """The rod as a boundary value problem of 13 states (r, q, M in the cable frame, n) for solve_bvp, vectorised,
+    with its analytic Jacobian."""
+
+    def __init__(self, cable: cs.Cable) -> None:
+        self.flex = 1.0 / np.array((*cable.bending_stiffness, cable.twisting_stiffness))
+        self.load = np.array((0.0, 0.0, -9.81 * cable.linear_density))
+
+    def directors(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Directors (3 of them, 3 components, k) and their derivatives in q (3, 3, 4, k)."""
+        x, y, z, w = q
+        o = np.zeros_like(x)
+        d = np.array((
+            (1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)),
+            (2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)),
+            (2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)),
+        ))  # fmt: skip
+        g = 2 * np.array((
+            ((o, -2 * y, -2 * z, o), (y, x, w, z), (z, -w, x, -y)),
+            ((y, x, -w, -z), (-2 * x, o, -2 * z, o), (w, z, y, x)),
+            ((z, w, x, y), (-w, z, y, -x), (-2 * x, -2 * y, o, o)),
+        ))  # fmt: skip
+        return d, g
+
+    def slopes(self, s: np.ndarray, Y: np.ndarray) -> np.ndarray:
+        """d/ds of the states."""
+        q, M, n = Y[3:7], Y[7:10], Y[10:13]
+        d, _ = self.directors(q)
+        u = self.flex[:, None] * M
+        N = (d * n).sum(axis=1)
+        x, y, z, w = q
+        a, b, c = 0.5 * u
+        out = np.empty_like(Y)
+        out[0:3] = d[2]
+        out[3:7] = w * a + y * c - z * b, w * b + z * a - x * c, w * c + x * b - y * a, -(x * a + y * b + z * c)
+        out[7:10] = np.cross(M.T, u.T).T + np.array((N[1], -N[0], 0 * N[0]))
+        out[10:13] = -self.load[:, None]
+        return out
+
+    def jacobian(self, s: np.ndarray, Y: np.ndarray) -> np.ndarray:
+        """Derivative of the slopes in the states."""
+        q, M, n = Y[3:7], Y[7:10], Y[10:13]
+        d, g = self.directors(q)
+        J = np.zeros((13, 13, Y.shape[1]))
+        J[0:3, 3:7] = g[2]
+        x, y, z, w = q
+        a, b, c = 0.5 * self.flex[:, None] * M
+        o = np.zeros_like(a)
+        J[3:7, 3:7] = np.array(((o, c, -b, a), (-c, o, a, b), (b, -a, o, c), (-a, -b, -c, o)))
+        e, f, h = 0.5 * self.flex
+        J[3:7, 7:10] = np.array(
+            ((w * e, -z * f, y * h), (z * e, w * f, -x * h), (-y * e, x * f, w * h), (-x * e, -y * f, -z * h))
+        )
+        i, j, k = self.flex
+        m1, m2, m3 = M
+        J[7:10, 7:10] = np.array(
+            ((o, (k - j) * m3, (k - j) * m2), ((i - k) * m3, o, (i - k) * m1), ((j - i) * m2, (j - i) * m1, o))
+        )
+        J[7, 3:7], J[8, 3:7] = (g[1] * n[:, None]).sum(axis=0), -(g[0] * n[:, None]).sum(axis=0)
+        J[7, 10:13], J[8, 10:13] = d[1], -d[0]
+        return J
+
+    def solve(self, x: np.ndarray, Y: np.ndarray, start: cs.Pose, end: cs.Pose) -> object:
+        """solve_bvp at tol = 1e-3 from the states Y at x."""
+        q0 = start.quaternion * np.sign(start.quaternion @ Y[3:7, 0])
+        p = end.quaternion * np.sign(end.quaternion @ Y[3:7, -1])
+        px, py, pz, pw = p
+        L = np.array(((pw, pz, -py, -px), (-pz, pw, px, -py), (py, -px, pw, -pz)))  # vector part of conj(p) q
+        A, B = np.zeros((13, 13)), np.zeros((13, 13))
+        A[0:3, 0:3], A[3:7, 3:7], B[7:10, 0:3], B[10:13, 3:7] = np.eye(3), np.eye(4), np.eye(3), L
+        target = np.concatenate((start.position, q0, end.position, np.zeros(3)))
+        return solve_bvp(
+            self.slopes, lambda a, b: A @ a + B @ b - target, x, Y, fun_jac=self.jacobian,
+            bc_jac=lambda a, b: (A, B), tol=1e-3,
+        )  # fmt: skip
+
+
+def states(shape: cs.CableShape) -> np.ndarray:
+    """A shape as solve_bvp's states."""
+    M = Rotation.from_quat(shape.quaternions).inv().apply(shape.moment)
+    return np.hstack((shape.positions, shape.quaternions, M, shape.force)).T
+
+
+def same_guess(cable: cs.Cable, start: cs.Pose, end: cs.Pose, points: int = 11) -> tuple[np.ndarray, np.ndarray]:
+    """A cold start for solve_bvp: the frames and force that the rod solver itself starts from."""
+    problem = Problem(cable).move(start, end)
+    state = RodState(problem)
+    ends = state.aim(problem.start, problem.end)
+    load, force, layer = state.hanging(ends)
+    state.first_mesh(layer)
+    kind, sag = (1, 0.3) if cable.bending_stiffness[0] > 0.1 else (0, 0.0)
+    state.start_from(ends, load, force, kind, sag)
+    nodes = state.elements + 1
+    trial = state.sol[2 * state.sol.size // 3 :]
+    s = state.mesh[:nodes]
+    frames = Rotation.from_quat(trial[: 4 * nodes].reshape(nodes, 4))
+    x = np.linspace(0.0, cable.length, points)
+    between = Slerp(s, frames)
+    q = between(x).as_quat()
+    q[1:] *= np.cumprod(np.sign((q[1:] * q[:-1]).sum(axis=1)))[:, None]
+    h = 1e-3 * cable.length
+    near = np.clip(x, h, cable.length - h)
+    u = (between(near - h).inv() * between(near + h)).as_rotvec() / (2 * h)
+    Y = np.empty((13, points))
+    tangents = between(x).apply((0.0, 0.0, 1.0))
+    steps = 0.5 * (tangents[1:] + tangents[:-1]) * np.diff(x)[:, None]
+    Y[0:3] = (start.position + np.vstack((np.zeros(3), np.cumsum(steps, axis=0)))).T
+    Y[3:7], Y[7:10] = q.T, u.T * np.array((*cable.bending_stiffness, cable.twisting_stiffness))[:, None]
+    Y[10:13] = trial[4 * nodes : 4 * nodes + 3, None] + np.outer(
+        (0.0, 0.0, -9.81 * cable.linear_density), cable.length - x
+    )
+    return x, Y
+
+
+def median(run: Callable[[], object], times: int) -> float:
+    """[s]."""
+    spent = []
+    for _ in range(times):
+        began = perf_counter()
+        run()
+        spent.append(perf_counter() - began)
+    return float(np.median(spent))
+
+
+def print_speed() -> None:
+    """Warm steps along the motion, cold grasps, and the first shape of a process."""
+    print(
+        "\n## Speed beside scipy.integrate.solve_bvp (tol 1e-3, analytic Jacobian, mesh reused when warm)", flush=True
+    )
+    predictor = cs.Predictor(CABLE, model="cosserat")
+    poses = motion()
+    shape = predictor.predict(START, END)
+    ours, iterations, estimates, shapes = [], [], [], []
+    for _ in range(3):
+        predictor.predict(START, END)
+        shapes = []
+        for pose in poses:
+            began = perf_counter()
+            shape = predictor.predict(START, pose)
+            ours.append(perf_counter() - began)
+            iterations.append(shape.iterations)
+            estimates.append(shape.error_estimate)
+            shapes.append(shape)
+    collocation = Collocation(CABLE)
+    coarse = cs.predict(CABLE, START, END, model="cosserat", points=11)
+    x, Y = coarse.arc_length.copy(), states(coarse)
+    theirs, errors = [], []
+    for pose, ours_there in zip(poses[::4], shapes[::4], strict=True):
+        began = perf_counter()
+        answer = collocation.solve(x, Y, START, pose)
+        theirs.append(perf_counter() - began)
+        x, Y = answer.x, answer.y
+        apart = np.linalg.norm(answer.sol(ours_there.arc_length)[:3].T - ours_there.positions, axis=1)
+        errors.append(apart.mean() / CABLE.length)
+    a, b = np.median(ours), np.median(theirs)
+    print(
+        f"warm step of the motion, 150 points: {a * 1e6:.1f} us (99 % {np.percentile(ours, 99) * 1e6:.0f} us, "
+        f"{np.mean(iterations):.1f} iterations, estimate at most {max(estimates) / CABLE.length:.1e} L)\n"
+        f"solve_bvp {b * 1e3:.2f} ms on {len(x)} nodes, {np.mean(errors):.1e} L from ours: "
+        f"{b / a:.0f} times (asked 100)"
+    )
+    state = cosserat.RodState(predictor.problem)
+    cosserat.solve(predictor.problem.move(START, END), state)
+    print(f"12 sensitivities: {median(lambda: cosserat.sensitivity(state), 200) * 1e6:.0f} us more")
+    for name, (cable, start, end) in GRASPS.items():
+        cold = median(lambda c=cable, s=start, e=end: cs.predict(c, s, e, model="cosserat"), 50)
+        shape = cs.predict(cable, start, end, model="cosserat")
+        other, guess = Collocation(cable), same_guess(cable, start, end)
+        bvp = median(lambda o=other, g=guess, s=start, e=end: o.solve(*g, s, e), 3)
+        answer = other.solve(*guess, start, end)
+        note = "" if answer.status == 0 else ", which failed"
+        print(
+            f"cold {name}: {cold * 1e6:.0f} us, {shape.status.name}; solve_bvp {bvp * 1e3:.1f} ms{note}: "
+            f"{bvp / cold:.0f} times (asked 50)"
+        )
+    script = (
+        "import time; import cable_shape as cs; t = time.perf_counter(); "
+        "cs.predict(cs.Cable(1.2, 0.1, 0.01), cs.Pose(), cs.Pose((0.5, 0, 0.5)), model='cosserat'); "
+        "print(f'first shape after import, kernels cached: {time.perf_counter() - t:.2f} s')"
+    )
+    subprocess.run((sys.executable, "-c", script), check=True, timeout=300)
