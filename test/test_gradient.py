@@ -44,11 +44,11 @@ def end_at(x: float, y: float = 0.0, z: float = 0.0) -> cs.Pose:
 )
 def test_it_agrees_with_a_boundary_value_solver(order: int, cable: cs.Cable, start: cs.Pose, end: cs.Pose) -> None:
     reference = GradientBvp(Problem(cable).move(start, end), order)
-    answer = reference.solve(1e-4, last=reference.solve(1e-3))
+    answer = reference.solve(1e-5, last=reference.solve(1e-3))
     assert answer.success, answer.message
     shape = cs.predict(cable, start, end, model=f"gradient{order}", points=101)
     assert shape.status is cs.Status.OK
-    np.testing.assert_allclose(shape.positions, reference.positions(answer, 101), atol=2e-4 * cable.length)
+    np.testing.assert_allclose(shape.positions, reference.positions(answer, 101), atol=2e-6 * cable.length)
 
 
 def test_a_stiff_arch_is_under_compression() -> None:
