@@ -195,6 +195,9 @@ class _Solve:
             state.history = min(keep, 1)
         if status in (Status.OK, Status.UNSTABLE):
             status = Status.OK if info[2] == 0.0 else Status.UNSTABLE
+        if type(problem.end) is Grip:  # met to the closure's rounding, and exactly where the grip is
+            n = problem.points
+            self.buffer[4 * n - 3 : 4 * n] = problem.end.cable_frame.position
         within = bool(info[7] <= problem.tolerance)
         state.history = min(2, state.history + 1)
         detail = ""
