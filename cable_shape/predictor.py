@@ -25,8 +25,11 @@ from cable_shape.shape import CableShape
 MODELS = ("catenary", "gradient4", "gradient6", "cosserat", "auto")
 
 #: The last shape is given again while the ends have moved by less than this fraction of `tolerance`, rotations counted
-#: as length x angle. A shape moves by at most 100 times as much as its ends down to a slack of 1e-5 of the length.
+#: as length x angle. Down to the slack below a shape moves by at most 100 times as much as its ends.
 REUSE_FRACTION = 0.01
+#: Of a cable with less slack than this fraction of its length only the very same ends give the last shape again: its
+#: sag changes by 0.31 / sqrt(slack) of what its ends move.
+REUSE_SLACK = 2e-5
 
 
 class Solver(Protocol):
@@ -191,7 +194,9 @@ class Predictor:
         start, end = self._last_ends
         length = problem.cable.length
         moved = _moved(start, problem.start, length) + _moved(end, problem.end, length)
-        return moved < REUSE_FRACTION * problem.tolerance
+        if moved == 0.0:
+            return True
+        return moved < REUSE_FRACTION * problem.tolerance and not _taut(problem)
 
 
 def predict(
@@ -244,6 +249,14 @@ def _refuse_clips(scene: Scene | None) -> None:
         raise ArgumentError.of(
             "scene.clips", len(scene.clips), "no model of this version holds a cable in clips", "Remove the clips."
         )
+
+
+def _taut(problem: Problem) -> bool:
+    """Whether the ends are nearly as far apart as the cable is long, or further."""
+    if not isinstance(problem.end, Grip):
+        return False
+    chord = problem.end.cable_frame.position - problem.start.cable_frame.position
+    return math.sqrt(float(chord @ chord)) > (1.0 - REUSE_SLACK) * problem.cable.length
 
 
 def _moved(before: Grip | FreeEnd, now: Grip | FreeEnd, length: float) -> float:

@@ -89,6 +89,18 @@ def test_reuse_stays_within_tolerance_and_does_not_creep() -> None:
     assert 300 < reused < 400, f"reuse fired {reused} times in 400 steps"
 
 
+def test_a_taut_cable_is_solved_again_for_the_smallest_move() -> None:
+    """There the sag changes by far more than the ends move: by more than the tolerance in this step."""
+    predictor = cs.Predictor(CABLE)
+    slack = predictor.predict(START, cs.Pose((1.2 * (1.0 - 1.0e-5), 0.0, 0.0), ALONG_X))
+    tauter = predictor.predict(START, cs.Pose((1.2 * (1.0 - 0.1e-5), 0.0, 0.0), ALONG_X))
+    assert slack.status is cs.Status.OK
+    assert tauter.status is cs.Status.OK
+    assert not tauter.reused
+    beyond = predictor.predict(START, cs.Pose((1.2 * (1.0 + 0.1e-5), 0.0, 0.0), ALONG_X))
+    assert beyond.status is cs.Status.OVERSTRETCHED
+
+
 def test_a_change_of_grip_scene_or_reset_forbids_reuse() -> None:
     predictor = cs.Predictor(CABLE, model="gradient4")
     clamped = predictor.predict(START, END)

@@ -24,7 +24,6 @@ SLOTS = 8
 #: [bytes] of one slot. Pages that are never written take no memory, so this is an upper bound and not a cost.
 SLOT_BYTES = 16 * 1024 * 1024
 _HEAD_BYTES = 4096
-_WORD = 8
 _NEWEST, _TAKEN, _LENGTHS = 0, 1, 2  # words of the head: newest letter, letters taken, length of each slot's letter
 
 
