@@ -69,7 +69,7 @@ def vector(name: str, value: ArrayLike, size: int = 3, unit: str = "") -> Array:
         raise ArgumentError.of(name, value, f"it must be {size} numbers", remedy) from None
     if a.shape != (size,):
         raise ArgumentError.of(name, value, f"it must have shape ({size},), not {a.shape}", remedy)
-    if not np.isfinite(a).all():
+    if not all(map(math.isfinite, a.tolist())):
         raise ArgumentError.of(name, a.tolist(), "every entry must be finite", remedy)
     return a
 

@@ -19,6 +19,9 @@ NAMED_TOLERANCE = 1e-5
 AUTO_TOLERANCE = 1e-3
 MIN_POINTS, MAX_POINTS = 2, 100_000
 _UNLOADED = FreeEnd()
+_NOWHERE = Grip(Pose())
+_NO_PLACES: Array = np.empty(0)
+_NO_FORCES: Array = np.empty((0, 3))
 
 
 class Problem:
@@ -40,6 +43,7 @@ class Problem:
     """
 
     __slots__ = (
+        "_given",
         "cable",
         "cache",
         "end",
@@ -74,17 +78,19 @@ class Problem:
             self.tolerance = relative_tolerance * cable.length
         else:
             self.tolerance = checks.number("tolerance", tolerance, above=0.0, unit="m")
-        self.load = np.tile(cable.linear_density * self.gravity, (2, 1))
+        weight = cable.linear_density * self.gravity
+        self.load: Array = np.array((weight, weight))
         if distributed_load is not None:
             self.load += _two_forces(distributed_load)
         self.scene = scene
         self.cache: dict[str, Any] = {}
         self.masses: tuple[PointMass, ...] = ()
-        self.load_arc_length: Array = np.empty(0)
-        self.load_force: Array = np.empty((0, 3))
-        if scene is not None:
+        self.load_arc_length = _NO_PLACES
+        self.load_force = _NO_FORCES
+        if scene is not None and scene.masses:
             self._load_masses(scene)
-        self.start = Grip(Pose())
+        self._given: Pose | Grip | None = None
+        self.start = _NOWHERE
         self.end: Grip | FreeEnd = FreeEnd()
 
     def _load_masses(self, scene: Scene) -> None:
@@ -103,7 +109,9 @@ class Problem:
 
     def move(self, start: Pose | Grip, end: Pose | Grip | FreeEnd | None) -> Problem:
         """Puts the ends there (None: a free end) and returns itself."""
-        self.start = start if type(start) is Grip else as_grip("start", start)
+        if start is not self._given:  # often only one end moves
+            self.start = start if type(start) is Grip else as_grip("start", start)
+            self._given = start
         if type(end) is Grip or type(end) is FreeEnd:
             self.end = end
         elif end is None:

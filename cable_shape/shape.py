@@ -57,6 +57,7 @@ class CableShape:
     """
 
     __slots__ = (
+        "before",
         "buffer",
         "detail",
         "energy",
@@ -92,6 +93,7 @@ class CableShape:
         turns: int = 0,
         twist: float = 0.0,
         roll_error: float = 0.0,
+        before: CableShape | None = None,
     ) -> None:
         self.buffer = buffer  # (17 n,): arc_length n | positions 3n | quaternions 4n | curvature, force, moment 3n each
         self.points = points
@@ -107,6 +109,7 @@ class CableShape:
         self.reused = reused  # the last shape again: the grips moved less than can change the answer
         self.turns = turns  # winding that the shape was solved for
         self.twist = twist  # rad, integral of the twist rate u3
+        self.before = before  # SNAPPED: the last shape of the branch that ended, its ends where it did
         self.roll_error = roll_error  # rad, roll about d3 that the model leaves unmet at the end grip
 
     @staticmethod

@@ -133,10 +133,10 @@ def same_guess(cable: cs.Cable, start: cs.Pose, end: cs.Pose, points: int = 11) 
     problem = Problem(cable).move(start, end)
     state = RodState(problem)
     ends = state.aim(problem.start, problem.end)
-    load, force, layer = state.hanging(ends)
+    force, layer = state.hanging(ends)
     state.first_mesh(layer)
     kind, sag = (1, 0.3) if cable.bending_stiffness[0] > 0.1 else (0, 0.0)
-    state.start_from(ends, load, force, kind, sag)
+    state.start_from(ends, force, kind, sag)
     nodes = state.elements + 1
     trial = state.sol[2 * state.sol.size // 3 :]
     s = state.mesh[:nodes]

@@ -8,7 +8,9 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from cable_shape.kernels import rod_algebra, rod_mesh
-from cable_shape.kernels.rod_defect import integrate
+from cable_shape.kernels._jit import kernel
+from cable_shape.kernels.rod_algebra import qnormal, scale, subtract
+from cable_shape.kernels.rod_between import at_node, landing, middle3, middle4, missed
 from cable_shape.kernels.rod_element import angle_series, element_gradient, element_hessian
 from cable_shape.kernels.rod_factor import backward, border, factor
 
@@ -125,7 +127,7 @@ def test_factors_solve_the_bordered_system_and_count_its_negative_eigenvalues():
         assert negative == (np.linalg.eigvalsh(full) < 0).sum()
 
 
-def test_the_step_that_judges_the_error_is_of_sixth_order():
+def test_the_rule_that_corrects_is_of_sixth_order_and_knows_what_it_misses():
     q = numbers(*Rotation.from_rotvec((0.3, -0.2, 0.5)).as_quat())
     M, K, C = (0.5, -0.8, 0.3), np.array((1.3, 0.7, 0.9)), (0.02, 0.02, 0.01)
     n0, n1, u0, u1 = (np.array(v) for v in ((1.0, 2.0, -1.0), (0.5, -1.0, 2.0), (0.2, 0.1, -0.3), (1.0, 0.5, -0.5)))
@@ -137,16 +139,30 @@ def test_the_step_that_judges_the_error_is_of_sixth_order():
         spin = np.array(((0.0, -u[2], u[1]), (u[2], 0.0, -u[0]), (-u[1], u[0], 0.0)))
         return np.concatenate(((R @ spin).ravel(), np.cross(m, u) - np.cross(V, N), R @ V))
 
-    errors = []
+    @kernel
+    def across(h, q0, q1, M0, M1, n0, nM, n1, u0, uM, u1, du, flex, C):
+        dn = scale(1.0 / h, subtract(n1, n0))
+        a, b = at_node(q0, M0, n0, dn, u0, du, flex, C), at_node(q1, M1, n1, dn, u1, du, flex, C)
+        M = middle3(h, a[1], a[4], a[5], b[1], b[4], b[5])
+        m = at_node(qnormal(middle4(h, a, b)), M, nM, dn, uM, du, flex, C)
+        return landing(h, a, m, b), missed(h, a, m, b, nM, flex, C)
+
+    errors, estimates = [], []
     for h in (0.4, 0.2):
         start = np.concatenate((Rotation.from_quat(q).as_matrix().ravel(), M, np.zeros(3)))
         exact = solve_ivp(slopes, (0.0, h), start, method="DOP853", rtol=1e-13, atol=1e-14).y[:, -1]
+        end = Rotation.from_matrix(exact[:9].reshape(3, 3)).as_quat()
+        end *= np.sign(end @ q)
         forces = (numbers(*(n0 + n1 * x)) for x in (0.0, 0.5 * h, h))
-        rest = numbers(*(u0 + 0.5 * h * u1)), numbers(*u1)
-        p, m, r = integrate(h, q, M, *forces, *rest, numbers(*(1.0 / K)), C)
-        reached = np.concatenate((Rotation.from_quat(p).as_matrix().ravel(), m, r))
-        errors.append(np.abs(reached - exact).max())
-    assert np.log2(errors[0] / errors[1]) > 6.5  # the error of one step: order 6 + 1
+        rest = (numbers(*(u0 + u1 * x)) for x in (0.0, 0.5 * h, h))
+        moments = numbers(*M), numbers(*exact[9:12])
+        (p, m, r), left = across(h, q, numbers(*end), *moments, *forces, *rest, numbers(*u1), numbers(*(1.0 / K)), C)
+        turn = 2.0 * (Rotation.from_quat(end).inv() * Rotation.from_quat(p)).as_quat()[:3]
+        errors.append(np.abs((*turn, *(np.array(m) - exact[9:12]), *(np.array(r) - exact[12:]))).max())
+        estimates.append(max(np.abs(v).max() for v in left))
+    assert np.log2(errors[0] / errors[1]) > 6.5  # the error of one element: order 6 + 1
+    assert np.log2(estimates[0] / estimates[1]) > 6.5
+    assert 0.2 < estimates[1] / errors[1] < 5.0
 
 
 def test_meshes_have_nodes_at_loads_and_equal_shares_of_their_density():

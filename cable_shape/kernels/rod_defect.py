@@ -1,10 +1,10 @@
-"""How far the discrete rod is from the continuous one: local defects, and the position error that they cause.
+"""How far the discrete rod is from the continuous one: local defects, and the correction that they call for.
 
-In every element the rod's differential equations are integrated from the left node's rotation and moment by a
-sixth-order Runge-Kutta step (Butcher 1964), which shares nothing with the solver's element. Where it lands beside the
-right node is the defect. Turned into a change of the Newton system's right-hand side and solved with the factors at
-hand it gives the error in position, not a bound. Elements much longer than the boundary layer, over which forward
-integration blows up, are compared with their own two halves instead.
+In every element the rod's differential equations are integrated from the left node's rotation and moment by the
+sixth-order Hermite-Simpson rule, which shares nothing with the solver's element. Where that lands beside the right node
+is the defect. Turned into a change of the Newton system's right-hand side and solved with the factors at hand it gives
+the error of the solution, which is taken off (deferred correction). Elements much longer than the boundary layer are
+compared with their own two halves instead.
 """
 
 from __future__ import annotations
@@ -30,107 +30,34 @@ from cable_shape.kernels.rod_algebra import (
     put3,
     qconj,
     qexp,
-    qlog,
     qmul,
     qnormal,
-    rotation,
     scale,
     subtract,
     tapply,
-    times,
 )
-from cable_shape.kernels.rod_element import E3, element_hessian, relative
+from cable_shape.kernels.rod_between import (
+    Node,
+    at_node,
+    change,
+    force_slopes,
+    landing,
+    middle3,
+    middle4,
+    missed,
+    no_node,
+    quadratic,
+    spin,
+)
+from cable_shape.kernels.rod_element import element_hessian, relative
 from cable_shape.kernels.rod_factor import backward, border, forward
-from cable_shape.kernels.rod_system import forces
+from cable_shape.kernels.rod_system import forces, jumps
 from cable_shape.kernels.rod_work import matrices, vectors
 
 Array = Any
-State = tuple[Quaternion, Vector, Vector]
 
+COARSE = 0.25  # of such a comparison is what it misses
 STIFF = 4.0  # h^2 |n| / min(EI) above which an element is compared with its halves
-
-
-@inlined
-def quadratic(x: float, a: Vector, b: Vector, c: Vector) -> Vector:
-    """The parabola through a, b, c at 0, 1/2, 1."""
-    fa, fb, fc = (2.0 * x - 1.0) * (x - 1.0), 4.0 * x * (1.0 - x), x * (2.0 * x - 1.0)
-    return (
-        fa * a[0] + fb * b[0] + fc * c[0],
-        fa * a[1] + fb * b[1] + fc * c[1],
-        fa * a[2] + fb * b[2] + fc * c[2],
-    )
-
-
-@inlined
-def slope(q: Quaternion, M: Vector, n: Vector, u0: Vector, flex: Vector, C: Vector) -> State:
-    """q', M' = -u x M - V x N (in the cable frame) and r' = R V."""
-    u = add(u0, times(flex, M))
-    R = rotation(q)
-    N = tapply(R, n)
-    V = add(E3, times(C, N))
-    turn = qmul(q, (0.5 * u[0], 0.5 * u[1], 0.5 * u[2], 0.0))
-    return turn, subtract(cross(M, u), cross(V, N)), apply(R, V)
-
-
-@inlined
-def moved(q: Quaternion, M: Vector, f: float, a: State) -> tuple[Quaternion, Vector]:
-    """q and M after f times a slope."""
-    b = a[0]
-    return (
-        (q[0] + f * b[0], q[1] + f * b[1], q[2] + f * b[2], q[3] + f * b[3]),
-        add(M, scale(f, a[1])),
-    )
-
-
-@inlined
-def blend(a: State, fa: float, b: State, fb: float) -> State:
-    """fa a + fb b."""
-    p, q = a[0], b[0]
-    return (
-        (fa * p[0] + fb * q[0], fa * p[1] + fb * q[1], fa * p[2] + fb * q[2], fa * p[3] + fb * q[3]),
-        add(scale(fa, a[1]), scale(fb, b[1])),
-        add(scale(fa, a[2]), scale(fb, b[2])),
-    )
-
-
-@kernel(fastmath=FAST)
-def integrate(
-    h: float, q: Quaternion, M: Vector, nL: Vector, nM: Vector, nR: Vector, k0: Vector, k1: Vector, flex: Vector,
-    C: Vector,
-) -> State:  # fmt: skip
-    """Rotation, moment (cable frame) and step in position at the right end, from those at the left."""
-    third = quadratic(1.0 / 3.0, nL, nM, nR)
-    a = slope(q, M, nL, add(k0, scale(-0.5 * h, k1)), flex, C)
-    p, L = moved(q, M, h / 3.0, a)
-    b = slope(p, L, third, add(k0, scale(-h / 6.0, k1)), flex, C)
-    p, L = moved(q, M, h * 2.0 / 3.0, b)
-    c = slope(p, L, quadratic(2.0 / 3.0, nL, nM, nR), add(k0, scale(h / 6.0, k1)), flex, C)
-    p, L = moved(q, M, h, blend(blend(a, 1.0 / 12.0, b, 1.0 / 3.0), 1.0, c, -1.0 / 12.0))
-    d = slope(p, L, third, add(k0, scale(-h / 6.0, k1)), flex, C)
-    p, L = moved(q, M, h, blend(blend(a, -1.0 / 16.0, b, 9.0 / 8.0), 1.0, blend(c, -3.0 / 16.0, d, -3.0 / 8.0), 1.0))
-    e = slope(p, L, nM, k0, flex, C)
-    p, L = moved(q, M, h, blend(blend(b, 9.0 / 8.0, c, -3.0 / 8.0), 1.0, blend(d, -0.75, e, 0.5), 1.0))
-    f = slope(p, L, nM, k0, flex, C)
-    p, L = moved(
-        q,
-        M,
-        h,
-        blend(
-            blend(blend(a, 9.0 / 44.0, b, -9.0 / 11.0), 1.0, blend(c, 63.0 / 44.0, d, 18.0 / 11.0), 1.0),
-            1.0,
-            f,
-            -16.0 / 11.0,
-        ),
-    )
-    g = slope(p, L, nR, add(k0, scale(0.5 * h, k1)), flex, C)
-    total = blend(
-        blend(blend(a, 11.0 / 120.0, g, 11.0 / 120.0), 1.0, blend(c, 27.0 / 40.0, d, 27.0 / 40.0), 1.0),
-        1.0,
-        blend(e, -4.0 / 15.0, f, -4.0 / 15.0),
-        1.0,
-    )
-    p, L = moved(q, M, h, total)
-    return qnormal(p), L, scale(h, total[2])
 
 
 @kernel
@@ -154,15 +81,41 @@ def halves(
     return a1, b2, add(al, bl)
 
 
-@kernel
+@inlined
+def onward(
+    h: float, turn: Vector, dM: Vector, dr: Vector, b: Node, n: Vector, flex: Vector, C: Vector
+) -> tuple[Vector, Vector, Vector]:
+    """The defect of a rule that uses the right node, too, as one of integration from the left alone.
+
+    The rule sees the right node where it is, half of h f_y times the defect away from where it should be.
+    """
+    du, ddM, ddr = change(b, n, turn, dM, flex, C)
+    f = 0.5 * h
+    return add(turn, scale(f, add(du, scale(0.5, cross(turn, b[8]))))), add(dM, scale(f, ddM)), add(dr, scale(f, ddr))
+
+
+@inlined
+def as_gradient(
+    e: int, turn: Vector, dM: Vector, dr: Vector, g2: Vector, U: Array, parts: Array
+) -> tuple[Vector, Vector, Vector]:
+    """A defect of the landing as one of element e's gradient in delta_1, delta_2, lambda."""
+    d1 = scale(-1.0, apply(get9(U, e, 0), turn))
+    # M is a derivative in the frame it is given in, which the miss turns
+    d2 = subtract(dM, add(apply(get9(parts, e, 0), turn), scale(0.5, cross(g2, turn))))
+    return d1, d2, scale(-1.0, add(dr, tapply(get9(parts, e, 18), turn)))
+
+
+@kernel(fastmath=FAST)
 def defects(
     q: Array, lam: Array, h: Array, load: Array, rest: Array, stiff: Array, mask: Array, U: Array, parts: Array,
-    first: Array, G: Array, slack: Array, total: Array,
-) -> float:  # fmt: skip
-    """Fills G (N+1, 3), slack (N, 3) and total[:3] with the defects of the gradient in the rotations and in lambda.
+    first: Array, G: Array, slack: Array, moments: Array, total: Array,
+) -> Vector:  # fmt: skip
+    """Adds the defects of the gradient in the rotations and in lambda to G (N+1, 3) and total[:3]; slack (N, 3) takes
+    each element's of lambda.
 
-    Returns the largest defect of an element: of its rotation [rad], its position / length and its moment / the
-    largest moment, whichever is largest.
+    moments (N+1, 3) [N m], cable frame, takes the moment at the nodes, each at the right end of its element (the first
+    at its left), with the defect. What the rule itself misses goes, likewise, into columns 3 to 5 (rotations) and 6 to
+    8 (lambda) of `first`; what it misses at the last node is returned.
     """
     elements = h.shape[0]
     K = (stiff[0], stiff[1], stiff[2])
@@ -170,14 +123,10 @@ def defects(
     flex = (1.0 / K[0], 1.0 / K[1], 1.0 / K[2])
     softest = min(K[0], K[1])
     l3 = (lam[0], lam[1], lam[2])
-    length = largest = moment = 0.0
-    for e in range(elements):
-        length += h[e]
-        M = (first[e, 6], first[e, 7], first[e, 8])
-        moment = max(moment, dot(M, M))
-    moment = max(math.sqrt(moment), 1e-3 * softest / length)
     s0 = s1 = s2 = 0.0
-    left = (0.0, 0.0, 0.0)
+    left = missing = (0.0, 0.0, 0.0)
+    b = no_node()
+    stale = True  # b is not the node left of the next element
     for e in range(elements):
         nL, nM, nR = forces(load, e, l3)
         k0 = (rest[e, 0], rest[e, 1], rest[e, 2])
@@ -189,67 +138,124 @@ def defects(
             a1, a2, al = halves(h[e], q1, q2, nL, nM, nR, k0, k1, K, C)
             f = 16.0 / 15.0
             d1, d2, dl = scale(f, subtract(a1, g1)), scale(f, subtract(a2, g2)), scale(f, subtract(al, gl))
-            residual = max(math.sqrt(max(dot(d1, d1), dot(d2, d2))) / moment, math.sqrt(dot(dl, dl)) / length)
+            e1, e2, el = scale(COARSE, d1), scale(COARSE, d2), scale(COARSE, dl)
+            stale = True
         else:
-            p, M, r = integrate(h[e], q1, scale(-1.0, g1), nL, nM, nR, k0, k1, flex, C)
+            dnL, dnR = force_slopes(h[e], nL, nM, nR)
+            if stale or rest[e, 3] != 0.0 or rest[e, 4] != 0.0 or rest[e, 5] != 0.0 or jumps(load, e):
+                b = at_node(q1, scale(-1.0, g1), nL, dnL, add(k0, scale(-0.5 * h[e], k1)), k1, flex, C)
+            else:
+                q1 = b[0]
+            a, stale = b, False
+            if q1[0] * q2[0] + q1[1] * q2[1] + q1[2] * q2[2] + q1[3] * q2[3] < 0.0:
+                q2 = (-q2[0], -q2[1], -q2[2], -q2[3])
+            b = at_node(q2, g2, nR, dnR, add(k0, scale(0.5 * h[e], k1)), k1, flex, C)
+            Mm = middle3(h[e], a[1], a[4], a[5], b[1], b[4], b[5])
+            dnM = scale(1.0 / h[e], subtract(nR, nL))
+            m = at_node(qnormal(middle4(h[e], a, b)), Mm, nM, dnM, k0, k1, flex, C)
+            p, M, r = landing(h[e], a, m, b)
             miss = qmul(qconj(q2), p)
-            if miss[3] < 0.0:
-                miss = (-miss[0], -miss[1], -miss[2], -miss[3])
-            turn = qlog(miss)
+            # small, or the mesh is hopeless
+            turn = scale(2.0 / miss[3], (miss[0], miss[1], miss[2]))
             dM, dr = subtract(M, g2), add(r, gl)
-            residual = max(math.sqrt(dot(turn, turn)), math.sqrt(dot(dM, dM)) / moment, math.sqrt(dot(dr, dr)) / length)
-            d1 = scale(-1.0, apply(get9(U, e, 0), turn))
-            # M is a derivative in the frame it is given in, which the miss turns
-            d2 = subtract(dM, add(apply(get9(parts, e, 0), turn), scale(0.5, cross(g2, turn))))
-            dl = scale(-1.0, add(dr, tapply(get9(parts, e, 18), turn)))
-        if not residual <= largest:  # NaN is the largest of all
-            largest = residual
-        put3(G, e, 0, add(left, d1))
-        left = d2
+            turn, dM, dr = onward(h[e], turn, dM, dr, b, nR, flex, C)
+            d1, d2, dl = as_gradient(e, turn, dM, dr, g2, U, parts)
+            d1 = subtract(d1, add(a[1], g1))  # what is missing to balance at the left node
+            turn, dM, dr = missed(h[e], a, m, b, nM, flex, C)
+            e1, e2, el = as_gradient(e, turn, dM, dr, g2, U, parts)
+        put3(G, e, 0, add(get3(G, e), add(left, d1)))
         put3(slack, e, 0, dl)
+        if e == 0:
+            put3(moments, 0, 0, scale(-1.0, add(g1, d1)))
+        put3(moments, e + 1, 0, add(g2, d2))
+        put3(first, e, 3, add(missing, e1))
+        put3(first, e, 6, el)
+        left, missing = d2, e2
         s0 += dl[0]
         s1 += dl[1]
         s2 += dl[2]
-    put3(G, elements, 0, left)
+    put3(G, elements, 0, add(get3(G, elements), left))
+    total[0], total[1], total[2] = total[0] + s0, total[1] + s1, total[2] + s2
+    return missing
+
+
+@inlined
+def response(
+    G: Array, mask: Array, P: Array, Y: Array, W: Array, gram: Array, CC: Array, closure: Array, step: Array, d: Array
+) -> Vector:  # fmt: skip
+    """Solves for d (N+1, 3) and lambda's change, which is returned, with the factors at hand."""
+    last = G.shape[0] - 1
     for i in range(3):
         G[0, i] *= mask[0, i]
-        G[elements, i] *= mask[1, i]
-    total[0], total[1], total[2] = s0, s1, s2
-    return largest
+        G[last, i] *= mask[1, i]
+    forward(G, P, Y, W, gram)
+    border(gram, CC, closure, step)
+    backward(P, Y, W, step, d)
+    return (step[0], step[1], step[2]) if step.shape[0] > 1 else (0.0, 0.0, 0.0)
 
 
-@kernel
-def position_error(
+@inlined
+def change_of_step(parts: Array, e: int, d1: Vector, d2: Vector, dl: Vector) -> Vector:
+    """Minus the change of element e's step in position, under rotations of its nodes and a change of lambda."""
+    return add(
+        add(tapply(get9(parts, e, 9), d1), tapply(get9(parts, e, 18), d2)),
+        apply(get9(parts, e, 27), dl),
+    )
+
+
+@kernel(fastmath=FAST)
+def correct(
     q: Array, lam: Array, h: Array, load: Array, rest: Array, stiff: Array, mask: Array, work: Array, width: int,
-    slack: Array, errors: Array, info: Array,
-) -> float:  # fmt: skip
-    """Estimated largest position error of the solution at hand [m]; infinite if it cannot be judged.
+    slack: Array, errors: Array, moments: Array, better: Array,
+) -> tuple[float, float]:  # fmt: skip
+    """The solution at hand without its discretisation error, to first order in it.
 
-    slack (N, 3): scratch; errors (N, ): takes each element's share, a guide for the next mesh; info[5] takes the
-    residual.
+    better (N+1, 4) takes the rotations, moments (N+1, 3) the moments in the cable frame, the first three columns of
+    `first` minus the steps in position, total[:3] lambda. slack (N, 3): scratch; errors (N,) takes each element's share
+    of what is left, a guide for the next mesh. Returns the largest error in position [m] that is taken off, and the
+    largest that is left; infinite if they cannot be judged.
     """
     elements = h.shape[0]
     _, U, _, P, Y, W = matrices(work, elements, width)
     parts, first, G, d, gram, total, step = vectors(work, elements, width)
-    info[5] = defects(q, lam, h, load, rest, stiff, mask, U, parts, first, G, slack, total)
+    missing = defects(q, lam, h, load, rest, stiff, mask, U, parts, first, G, slack, moments, total)
     stiffest = max(stiff[0], stiff[1], stiff[2])
+    dl = response(G, mask, P, Y, W, gram, total[3:], total[:3], step, d)
+    total[0], total[1], total[2] = lam[0] + dl[0], lam[1] + dl[1], lam[2] + dl[2]
+    largest = 0.0
+    r = closure = (0.0, 0.0, 0.0)
+    d1 = get3(d, 0)
+    M = get3(moments, 0)  # minus the derivative in delta_1
+    t = add(apply(get9(total.reshape(1, 21), 0, 12), d1), apply(get9(U, 0, 0), get3(d, 1)))
+    t = add(t, add(apply(get9(parts, 0, 9), dl), scale(-0.5, cross(M, d1))))
+    put3(moments, 0, 0, subtract(M, t))
     for e in range(elements):
-        a, b = get3(slack, e), get3(G, e)
-        errors[e] = math.sqrt(dot(a, a)) + h[e] * math.sqrt(dot(b, b)) / stiffest * h[e]
-    forward(G, P, Y, W, gram)
-    border(gram, total[3:], total[:3], step)
-    backward(P, Y, W, step, d)
-    dl = (step[0], step[1], step[2]) if width > 1 else (0.0, 0.0, 0.0)
-    x = y = z = largest = 0.0
+        d2 = get3(d, e + 1)
+        t = add(change_of_step(parts, e, d1, d2, dl), get3(slack, e))
+        for i in range(3):
+            first[e, i] += t[i]
+        r = add(r, t)
+        largest = max(largest, dot(r, r))
+        M = get3(moments, e + 1)
+        t = add(tapply(get9(U, e, 0), d1), apply(get9(parts, e, 0), d2))
+        put3(moments, e + 1, 0, add(add(M, t), add(apply(get9(parts, e, 18), dl), scale(0.5, cross(M, d2)))))
+        put3(G, e, 0, (first[e, 3], first[e, 4], first[e, 5]))
+        closure = add(closure, (first[e, 6], first[e, 7], first[e, 8]))
+        d1 = d2
+    put3(G, elements, 0, missing)
+    for k in range(elements + 1):
+        p, turn = get4(q, k), spin(get4(q, k), get3(d, k))
+        p = qnormal((p[0] + turn[0], p[1] + turn[1], p[2] + turn[2], p[3] + turn[3]))
+        better[k, 0], better[k, 1], better[k, 2], better[k, 3] = p
+    dl = response(G, mask, P, Y, W, gram, total[3:], closure, step, d)
+    r = (0.0, 0.0, 0.0)
+    left = 0.0
     for e in range(elements):
-        t = add(
-            add(tapply(get9(parts, e, 9), get3(d, e)), tapply(get9(parts, e, 18), get3(d, e + 1))),
-            apply(get9(parts, e, 27), dl),
-        )
-        x -= slack[e, 0] + t[0]
-        y -= slack[e, 1] + t[1]
-        z -= slack[e, 2] + t[2]
-        largest = max(largest, x * x + y * y + z * z)
-    if not math.isfinite(largest) or not math.isfinite(info[5]) or not math.isfinite(x + y + z):
-        return math.inf
-    return math.sqrt(largest)
+        t = change_of_step(parts, e, get3(d, e), get3(d, e + 1), dl)
+        a, b = (first[e, 6], first[e, 7], first[e, 8]), (first[e, 3], first[e, 4], first[e, 5])
+        errors[e] = math.sqrt(dot(a, a)) + h[e] * h[e] * math.sqrt(dot(b, b)) / stiffest
+        r = add(r, add(t, a))
+        left = max(left, dot(r, r))
+    if not math.isfinite(largest) or not math.isfinite(left):
+        return math.inf, math.inf
+    return math.sqrt(largest), math.sqrt(left)

@@ -21,9 +21,8 @@ Array = Any
 
 CONVERGED, STALLED, NOT_FINITE = 0, 1, 2
 LARGEST_STEP = 0.6  # rad
-CHORD_FROM = 0.03  # rad, and of the moments: below this a full step is followed by chord steps
-STEP_TOLERANCE = 3e-8  # rad
-NEUTRAL_TOLERANCE = 1e-6  # rad, for two steps in a row: along a neutral mode they stay that long
+CHORD_FROM = 3e-3  # rad, and of the moments: below this a full step is followed by chord steps
+STEP_TOLERANCE = 1e-5  # rad, of a chord step, which the correction of the discretisation error then includes
 FIRST_SHIFT, SHIFT_GROWTH, MOST_SHIFTS = 0.02, 6.0, 16  # the first as a fraction of stiffness / length^2
 SADDLE = 1e-5  # rad, a shifted step below this is no progress
 KICK = 0.1  # rad
@@ -54,10 +53,25 @@ def change_of_moment(d: Array, h: Array, stiff: Array, first: Array, least: floa
 
 
 @kernel
+def work_of(G: Array, d: Array, closure: Array, step: Array) -> float:
+    """[J] twice what a step would still save."""
+    work = 0.0
+    for k in range(G.shape[0]):
+        work += G[k, 0] * d[k, 0] + G[k, 1] * d[k, 1] + G[k, 2] * d[k, 2]
+    for i in range(step.shape[0] - 1):
+        work += closure[i] * step[i]
+    return abs(work)
+
+
+@kernel
 def kick(
-    s: Array, h: Array, P: Array, Y: Array, W: Array, gram: Array, CC: Array, G: Array, d: Array, step: Array
-) -> None:
-    """Fills d with a turn of KICK rad along the softest shapes of the factored, shifted matrix: away from a saddle."""
+    s: Array, h: Array, mask: Array, P: Array, Y: Array, W: Array, gram: Array, CC: Array, G: Array, d: Array,
+    step: Array,
+) -> None:  # fmt: skip
+    """Fills d with a turn of KICK rad along the softest shapes of the factored, shifted matrix: away from a saddle.
+
+    Held rotations stay: where G is zero there, d is.
+    """
     last = h.shape[0]
     closure = np.zeros(3)
     for k in range(last + 1):
@@ -66,6 +80,9 @@ def kick(
         a, b, c = size * math.sin(x), size * math.sin(2.0 * x), size * math.cos(x)
         put3(G, k, 0, (0.8 * a - 0.3 * b + 0.2 * c, 0.5 * a + 0.6 * b - 0.3 * c, 0.2 * a + 0.1 * b + 0.3 * c))
     for _ in range(4):
+        for i in range(3):
+            G[0, i] *= mask[0, i]
+            G[last, i] *= mask[1, i]
         forward(G, P, Y, W, gram)
         border(gram, CC, closure, step)
         largest = backward(P, Y, W, step, d)
@@ -88,7 +105,8 @@ def newton(
     span (3,) [m]: position of the end relative to the start. base_shift: shift that is always there, for problems with
     a zero mode. guard: keep to minima; without it any equilibrium is accepted. most: iterations allowed. info: 0
     iterations, 1 last step [rad], 2 negative eigenvalues beyond those of the border (0: stable), 3 shift of the last
-    iteration, 4 assemblies, 6 value of the functional, 11 kicks off a saddle.
+    iteration, 4 assemblies, 5 kicks off a saddle, 6 value of the functional, 14 how much of an
+    error the last step with old factors left.
     """
     elements = h.shape[0]
     D, U, X, P, Y, W = matrices(work, elements, width)
@@ -125,13 +143,14 @@ def newton(
         if not math.isfinite(largest):
             return NOT_FINITE
         if shift > 0.0 and largest < SADDLE and not untested:
-            if info[11] >= MOST_KICKS:
+            if info[5] >= MOST_KICKS:
                 return STALLED
-            info[11] += 1.0
-            kick(s, h, P, Y, W, gram, CC, G, d, step)
+            info[5] += 1.0
+            kick(s, h, mask, P, Y, W, gram, CC, G, d, step)
             largest = KICK
         advance(q, lam, d, step, min(1.0, LARGEST_STEP / largest) if largest > 0.0 else 1.0)
-        before = max(largest, change_of_moment(d, h, stiff, first, softest * length))
+        since = before = max(largest, change_of_moment(d, h, stiff, first, softest * length))
+        stale = 0.0
         while shift == 0.0 and before < CHORD_FROM and iterations < most:
             iterations += 1
             info[6] = gradient(q, lam, h, load, rest, stiff, moment, mask, G, first, total)
@@ -144,11 +163,15 @@ def newton(
             info[0], info[1] = iterations, largest
             if not math.isfinite(largest):
                 return NOT_FINITE
-            small = largest < STEP_TOLERANCE or max(largest, before) < NEUTRAL_TOLERANCE
-            if largest > 0.5 * before and not small:
-                break
-            advance(q, lam, d, step, 1.0)
-            if small:
+            if largest < STEP_TOLERANCE:
+                info[14] = max(stale, min(largest / before, since)) if before > 0.0 else stale
                 return CONVERGED
+            if largest > 0.5 * before:
+                if work_of(G, d, closure, step) < STEP_TOLERANCE**2 * softest * length:  # along a neutral mode
+                    info[14] = stale
+                    return CONVERGED
+                break
+            stale = max(stale, min(largest / before, since))
+            advance(q, lam, d, step, 1.0)
             before = largest
     return STALLED

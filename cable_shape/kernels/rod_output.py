@@ -1,8 +1,7 @@
-"""The solution at any points: interpolation of the solver's own order or better, energy and twist.
+"""The solution at any points: interpolation of its own order or better, energy and twist.
 
-Between two nodes position and quaternion follow the quintic through values, first and second derivatives that the
-rod's equations give at both nodes; moments follow the cubic through values and first derivatives. Internal force and
-rest curvature are known exactly.
+Between two nodes position, quaternion and moment follow the quintics through values, first and second derivatives that
+the rod's equations give at both nodes. Internal force and rest curvature are known exactly.
 """
 
 from __future__ import annotations
@@ -13,15 +12,14 @@ from typing import Any
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.rod_algebra import (
     FAST,
-    Quaternion,
     Vector,
     add,
     apply,
     cross,
     dot,
+    get3,
     get4,
     inlined,
-    qmul,
     qnormal,
     rotation,
     scale,
@@ -29,39 +27,28 @@ from cable_shape.kernels.rod_algebra import (
     tapply,
     times,
 )
-from cable_shape.kernels.rod_defect import quadratic
+from cable_shape.kernels.rod_between import (
+    at_node,
+    force_slopes,
+    integral,
+    mid_rate3,
+    mid_rate4,
+    middle3,
+    middle4,
+    no_node,
+    quadratic,
+    spin,
+)
 from cable_shape.kernels.rod_element import E3
-from cable_shape.kernels.rod_system import forces
+from cable_shape.kernels.rod_system import forces, jumps
 
 Array = Any
+Quintic = tuple[float, float, float, float, float, float]
 INTERPOLATION = 0.2
-Derivatives = tuple[Vector, Vector, Vector, Quaternion, Quaternion, Vector, Vector]
 
 
 @inlined
-def derivatives(
-    q: Quaternion, M: Vector, n: Vector, dn: Vector, u0: Vector, k1: Vector, flex: Vector, C: Vector
-) -> Derivatives:
-    """At one node: r', r'', M', q', q'', u, u'."""
-    R = rotation(q)
-    u = add(u0, times(flex, M))
-    N = tapply(R, n)
-    V = add(E3, times(C, N))
-    dM = subtract(cross(M, u), cross(V, N))
-    dN = add(cross(N, u), tapply(R, dn))
-    du = add(k1, times(flex, dM))
-    dV = times(C, dN)
-    dq = qmul(q, (0.5 * u[0], 0.5 * u[1], 0.5 * u[2], 0.0))
-    a = qmul(dq, (0.5 * u[0], 0.5 * u[1], 0.5 * u[2], 0.0))
-    b = qmul(q, (0.5 * du[0], 0.5 * du[1], 0.5 * du[2], 0.0))
-    ddq = (a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3])
-    return apply(R, V), apply(R, add(cross(u, V), dV)), dM, dq, ddq, u, du
-
-
-@inlined
-def quintic(
-    h: float, a: float, da: float, dda: float, b: float, db: float, ddb: float
-) -> tuple[float, float, float, float, float, float]:
+def quintic(h: float, a: float, da: float, dda: float, b: float, db: float, ddb: float) -> Quintic:
     """Coefficients in x = 0 .. 1 of the quintic with these values and derivatives in s at both ends."""
     c1, c2 = h * da, 0.5 * h * h * dda
     p = b - a - c1 - c2
@@ -71,36 +58,47 @@ def quintic(
 
 
 @inlined
-def at(c: tuple[float, float, float, float, float, float], x: float) -> float:
+def at(c: Quintic, x: float) -> float:
     """A quintic's value."""
     return c[0] + x * (c[1] + x * (c[2] + x * (c[3] + x * (c[4] + x * c[5]))))
 
 
 @inlined
-def rate(c: tuple[float, float, float, float, float, float]) -> float:
-    """A quintic's derivative at x = 1/2."""
-    return c[1] + c[2] + 0.75 * c[3] + 0.5 * c[4] + 0.3125 * c[5]
+def quintics(
+    h: float, a: Vector, da: Vector, dda: Vector, b: Vector, db: Vector, ddb: Vector
+) -> tuple[Quintic, Quintic, Quintic]:
+    """The same of a vector."""
+    return (
+        quintic(h, a[0], da[0], dda[0], b[0], db[0], ddb[0]),
+        quintic(h, a[1], da[1], dda[1], b[1], db[1], ddb[1]),
+        quintic(h, a[2], da[2], dda[2], b[2], db[2], ddb[2]),
+    )
 
 
 @kernel(fastmath=FAST)
 def sample(
-    q: Array, lam: Array, s: Array, h: Array, load: Array, rest: Array, stiff: Array, origin: Array, weight: Array,
-    first: Array, points: int, out: Array, totals: Array,
+    q: Array, lam: Array, moments: Array, s: Array, h: Array, load: Array, rest: Array, stiff: Array, origin: Array,
+    weight: Array, first: Array, points: int, out: Array, totals: Array,
 ) -> None:  # fmt: skip
     """Fills `out` (17 points): arc length, positions, quaternions, curvature, force, moment, as CableShape.buffer.
 
-    origin (3,) [m]: start. weight (3,) [N/m]. totals: 0 integral of n . r' - weight . r [J], 1 integral of u3 [rad],
-    2 error of the interpolation [m], judged by how far r' and R V, interpolated apart, differ in mid-element.
+    moments (N+1, 3) [N m], cable frame; first (N, 9): minus the steps in position first; origin (3,) [m]: start;
+    weight (3,) [N/m]. totals: 0 elastic energy - weight . r [J], 1 integral of u3 [rad], 2 error of the interpolation
+    [m], judged by how far r' and R V, interpolated apart, differ in mid-element; 3 the largest such difference over an
+    element, of rotation [rad], moment / largest moment and position / length.
     """
     elements = h.shape[0]
     flex = (1.0 / stiff[0], 1.0 / stiff[1], 1.0 / stiff[2])
     C = (stiff[3], stiff[4], stiff[5])
+    w3 = (weight[0], weight[1], weight[2])
     l3 = (lam[0], lam[1], lam[2])
     r = (origin[0], origin[1], origin[2])
-    length = s[elements]
+    dx = s[elements] / (points - 1)
     o1, o2, o3, o4, o5 = points, 4 * points, 8 * points, 11 * points, 14 * points
     i = 0
-    work = twist = gap = 0.0
+    b = no_node()
+    work = twist = gap = off_M = off_q = 0.0
+    bent = (1e-3 * min(stiff[0], stiff[1]) / s[elements]) ** 2
     sign = 1.0
     for e in range(elements):
         he = h[e]
@@ -114,62 +112,69 @@ def sample(
             sign = -1.0
         else:
             sign = 1.0
-        Ma = (-first[e, 3], -first[e, 4], -first[e, 5])
-        Mb = (first[e, 6], first[e, 7], first[e, 8])
+        Ma, Mb = get3(moments, e), get3(moments, e + 1)
         rb = (r[0] - first[e, 0], r[1] - first[e, 1], r[2] - first[e, 2])
         f = 1.0 / he
-        dna = scale(f, add(scale(-3.0, nL), subtract(scale(4.0, nM), nR)))
-        dnb = scale(f, add(nL, subtract(scale(3.0, nR), scale(4.0, nM))))
-        v1, v2, dMa, qa1, qa2, ua, dua = derivatives(qa, Ma, nL, dna, add(k0, scale(-0.5 * he, k1)), k1, flex, C)
-        w1, w2, dMb, qb1, qb2, ub, dub = derivatives(qb, Mb, nR, dnb, add(k0, scale(0.5 * he, k1)), k1, flex, C)
-        x0 = quintic(he, r[0], v1[0], v2[0], rb[0], w1[0], w2[0])
-        x1 = quintic(he, r[1], v1[1], v2[1], rb[1], w1[1], w2[1])
-        x2 = quintic(he, r[2], v1[2], v2[2], rb[2], w1[2], w2[2])
+        dnL, dnR = force_slopes(he, nL, nM, nR)
+        if e == 0 or rest[e, 3] != 0.0 or rest[e, 4] != 0.0 or rest[e, 5] != 0.0 or jumps(load, e):
+            b = at_node(qa, Ma, nL, dnL, add(k0, scale(-0.5 * he, k1)), k1, flex, C)
+        a = b
+        b = at_node(qb, Mb, nR, dnR, add(k0, scale(0.5 * he, k1)), k1, flex, C)
+        x0, x1, x2 = quintics(he, r, a[6], a[7], rb, b[6], b[7])
         rm = (at(x0, 0.5), at(x1, 0.5), at(x2, 0.5))
-        # integral of n . r' by parts, and of the weight, by Simpson
-        fa, fb = scale(-1.0, dna), scale(-1.0, dnb)
-        fm = scale(0.5, add(fa, fb))
-        w3 = (weight[0], weight[1], weight[2])
-        work += dot(nR, rb) - dot(nL, r)
-        work += he / 6.0 * (
-            dot(subtract(fa, w3), r) + 4.0 * dot(subtract(fm, w3), rm) + dot(subtract(fb, w3), rb)
+        # in mid-element the equations and the interpolation's own rates are two things
+        Mm = middle3(he, Ma, a[4], a[5], Mb, b[4], b[5])
+        qm = qnormal(middle4(he, a, b))
+        um = add(k0, times(flex, Mm))
+        R = rotation(qm)
+        Nm = tapply(R, nM)
+        V = add(E3, times(C, Nm))
+        miss = subtract(scale(he, apply(R, V)), mid_rate3(he, r, a[6], a[7], rb, b[6], b[7]))
+        gap = max(gap, dot(miss, miss))
+        miss = scale(he, subtract(cross(Mm, um), cross(V, Nm)))
+        miss = subtract(miss, mid_rate3(he, Ma, a[4], a[5], Mb, b[4], b[5]))
+        bent = max(bent, dot(Mm, Mm))
+        off_M = max(off_M, dot(miss, miss))
+        dq, rq = spin(qm, um), mid_rate4(he, a, b)
+        off_q = max(
+            off_q,
+            (he * dq[0] - rq[0]) ** 2 + (he * dq[1] - rq[1]) ** 2
+            + (he * dq[2] - rq[2]) ** 2 + (he * dq[3] - rq[3]) ** 2,
         )  # fmt: skip
-        twist += 0.5 * he * (ua[2] + ub[2]) + he * he / 12.0 * (dua[2] - dub[2])
-        stop = s[e + 1] - 1e-12 * length
-        if i < points and (i * length / (points - 1) < stop or e == elements - 1):
-            y0 = quintic(he, qa[0], qa1[0], qa2[0], qb[0], qb1[0], qb2[0])
-            y1 = quintic(he, qa[1], qa1[1], qa2[1], qb[1], qb1[1], qb2[1])
-            y2 = quintic(he, qa[2], qa1[2], qa2[2], qb[2], qb1[2], qb2[2])
-            y3 = quintic(he, qa[3], qa1[3], qa2[3], qb[3], qb1[3], qb2[3])
-            R = rotation(qnormal((at(y0, 0.5), at(y1, 0.5), at(y2, 0.5), at(y3, 0.5))))
-            V = add(E3, times(C, tapply(R, nM)))
-            miss = subtract(scale(he, apply(R, V)), (rate(x0), rate(x1), rate(x2)))
-            gap = max(gap, dot(miss, miss))
-            while i < points:
-                si = i * length / (points - 1)
-                if si >= stop and e < elements - 1:
-                    break
-                x = (si - s[e]) * f
-                out[i] = si
-                out[o1 + 3 * i] = at(x0, x)
-                out[o1 + 3 * i + 1] = at(x1, x)
-                out[o1 + 3 * i + 2] = at(x2, x)
+        # elastic energy of bending and twist, of stretch and shear (Simpson), and potential energy
+        ea, em, eb = dot(Ma, times(flex, Ma)), dot(Mm, times(flex, Mm)), dot(Mb, times(flex, Mb))
+        dea, deb = 2.0 * dot(Ma, times(flex, a[4])), 2.0 * dot(Mb, times(flex, b[4]))
+        work += 0.5 * integral(he, ea, em, eb, dea, deb)
+        if C[0] != 0.0 or C[2] != 0.0:
+            Na, Nb = tapply(rotation(qa), nL), tapply(rotation(qb), nR)
+            work += he / 12.0 * (dot(Na, times(C, Na)) + 4.0 * dot(Nm, times(C, Nm)) + dot(Nb, times(C, Nb)))
+        work -= integral(he, dot(w3, r), dot(w3, rm), dot(w3, rb), dot(w3, a[6]), dot(w3, b[6]))
+        twist += 0.5 * he * (a[8][2] + b[8][2]) + he * he / 12.0 * (a[9][2] - b[9][2])
+        next_i = points if e == elements - 1 else min(points, math.ceil(s[e + 1] / dx - 1e-9))
+        if i < next_i:
+            y0 = quintic(he, qa[0], a[2][0], a[3][0], qb[0], b[2][0], b[3][0])
+            y1 = quintic(he, qa[1], a[2][1], a[3][1], qb[1], b[2][1], b[3][1])
+            y2 = quintic(he, qa[2], a[2][2], a[3][2], qb[2], b[2][2], b[3][2])
+            y3 = quintic(he, qa[3], a[2][3], a[3][3], qb[3], b[2][3], b[3][3])
+            z0, z1, z2 = quintics(he, Ma, a[4], a[5], Mb, b[4], b[5])
+            for j in range(i, next_i):
+                x = (j * dx - s[e]) * f
+                out[j] = j * dx
+                out[o1 + 3 * j] = at(x0, x)
+                out[o1 + 3 * j + 1] = at(x1, x)
+                out[o1 + 3 * j + 2] = at(x2, x)
                 p = qnormal((at(y0, x), at(y1, x), at(y2, x), at(y3, x)))
-                out[o2 + 4 * i], out[o2 + 4 * i + 1], out[o2 + 4 * i + 2], out[o2 + 4 * i + 3] = p
-                z = 1.0 - x
-                M = add(
-                    add(scale(z * z * (1.0 + 2.0 * x), Ma), scale(z * z * x * he, dMa)),
-                    subtract(scale(x * x * (3.0 - 2.0 * x), Mb), scale(x * x * z * he, dMb)),
+                out[o2 + 4 * j], out[o2 + 4 * j + 1], out[o2 + 4 * j + 2], out[o2 + 4 * j + 3] = p
+                M = (at(z0, x), at(z1, x), at(z2, x))
+                out[o3 + 3 * j], out[o3 + 3 * j + 1], out[o3 + 3 * j + 2] = add(
+                    add(k0, scale(he * (x - 0.5), k1)), times(flex, M)
                 )
-                u = add(add(k0, scale(si - s[e] - 0.5 * he, k1)), times(flex, M))
-                n = quadratic(x, nL, nM, nR)
-                m = apply(rotation(p), M)
-                out[o3 + 3 * i], out[o3 + 3 * i + 1], out[o3 + 3 * i + 2] = u
-                out[o4 + 3 * i], out[o4 + 3 * i + 1], out[o4 + 3 * i + 2] = n
-                out[o5 + 3 * i], out[o5 + 3 * i + 1], out[o5 + 3 * i + 2] = m
-                i += 1
+                out[o4 + 3 * j], out[o4 + 3 * j + 1], out[o4 + 3 * j + 2] = quadratic(x, nL, nM, nR)
+                out[o5 + 3 * j], out[o5 + 3 * j + 1], out[o5 + 3 * j + 2] = apply(rotation(p), M)
+            i = next_i
         r = rb
     totals[0], totals[1], totals[2] = work, twist, INTERPOLATION * math.sqrt(gap)
+    totals[3] = max(2.0 * math.sqrt(off_q), math.sqrt(off_M / bent), math.sqrt(gap) / s[elements])
 
 
 @kernel(fastmath=FAST)

@@ -46,6 +46,16 @@ def forces(load: Array, e: int, lam: Vector) -> tuple[Vector, Vector, Vector]:
     )
 
 
+@inlined
+def jumps(load: Array, e: int) -> bool:
+    """Whether the internal force jumps where element e > 0 begins."""
+    miss = size = 0.0
+    for i in range(3):
+        miss += abs(load[e, i] - load[e - 1, 6 + i])
+        size += abs(load[e, i]) + abs(load[e - 1, i])
+    return miss > 1e-9 * size
+
+
 @kernel
 def assemble(
     q: Array, lam: Array, h: Array, load: Array, rest: Array, stiff: Array, moment: Array, mask: Array,

@@ -10,28 +10,31 @@ import numpy as np
 
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
-from cable_shape.kernels import rod_drive, rod_guess, rod_mesh
+from cable_shape.kernels import rod_drive, rod_mesh
 from cable_shape.kernels.rod_work import work_size
 from cable_shape.pose import FreeEnd, Grip
-from cable_shape.problem import Problem
+from cable_shape.problem import NAMED_TOLERANCE, Problem
 
 #: Rotations of the cable frame that an end leaves free: about d1, d2, d3.
 _FREE_ROTATIONS = {"clamped": (0.0, 0.0, 0.0), "swivel": (0.0, 0.0, 1.0), "pinned": (1.0, 1.0, 1.0)}
 _FREE_END = (1.0, 1.0, 1.0)
 
-FEWEST_ELEMENTS, MOST_ELEMENTS = 14, 600
+FEWEST_ELEMENTS, MOST_ELEMENTS = 8, 600
 #: A new mesh aims at this fraction of the tolerance.
 AIM = 0.9
 #: Loads nearer to an end than this fraction of the length are carried by the end.
 _AT_END = 1e-9
 #: A mesh is made coarser when its error is below this fraction of the tolerance.
-_TOO_FINE = 1.0 / 60.0
+_TOO_FINE = 1.0 / 40.0
 #: Modes softer than this fraction of the stiffness / length^2 count as neutral, and neutral as stable.
 _NEUTRAL = 1e-4
 #: Rotation of an element [rad] that a new mesh aims at.
-_TURN_AIM = 0.5
+_TURN_AIM = 0.55
+#: A mesh is changed at most as for an error so many times off.
+_MOST_EXCESS = 700.0
 #: Points at which the density of the first mesh is given.
-_ABSCISSAE = 129
+_ABSCISSAE = 65
+_NOTHING: Array = np.zeros(3)
 
 
 @final
@@ -53,7 +56,7 @@ class RodState:
         self.work: Array = np.empty(0)
         self.target: Array = np.empty(0)  # (15,) start, end, turns of the trial
         self._kinds = ("", "")
-        self._tip: Array = np.zeros(3)
+        self._tip = _NOTHING
         self.take(problem)
 
     def take(self, problem: Problem) -> None:
@@ -70,21 +73,26 @@ class RodState:
         if par[19] != cable.length:
             self.history = self.elements = 0
         self.problem = problem
-        par[0:2] = cable.bending_stiffness
-        par[2] = cable.twisting_stiffness
-        par[3:5] = 0.0 if cable.shear_stiffness is None else 1.0 / cable.shear_stiffness
-        par[5] = 0.0 if cable.axial_stiffness is None else 1.0 / cable.axial_stiffness
+        shear = 0.0 if cable.shear_stiffness is None else 1.0 / cable.shear_stiffness
+        self.stretch = 0.0 if cable.axial_stiffness is None else 1.0 / cable.axial_stiffness
+        stiffness = (*cable.bending_stiffness, cable.twisting_stiffness)
+        par[0:6] = (*stiffness, shear, shear, self.stretch)
         par[15:18] = cable.linear_density * problem.gravity
-        par[19] = cable.length
-        par[18] = _NEUTRAL * min(par[:3]) / cable.length**2
+        par[18:20] = _NEUTRAL * min(stiffness) / cable.length**2, cable.length
         self.bend = cable.mean_bending_stiffness
-        self.table: Array = np.atleast_2d(cable.rest_curvature)
-        at_end = problem.load_arc_length >= cable.length * (1.0 - _AT_END)
-        inside = ~at_end & (problem.load_arc_length > cable.length * _AT_END)
-        self.points: Array = problem.load_arc_length[inside]
-        self.weights: Array = np.ascontiguousarray(problem.load_force[inside])
-        self.end_weight: Array = problem.load_force[at_end].sum(axis=0)
-        self.stops: Array = np.unique(self.points)
+        rest = cable.rest_curvature
+        self.table: Array = rest if rest.ndim == 2 else rest.reshape(1, 3)
+        self.points, self.weights, self.stops = problem.load_arc_length, problem.load_force, problem.load_arc_length
+        self.end_weight: Array = _NOTHING
+        self.mean_load: Array = 0.5 * (problem.load[0] + problem.load[1])
+        if self.points.size:
+            at_end = self.points >= cable.length * (1.0 - _AT_END)
+            inside = ~at_end & (self.points > cable.length * _AT_END)
+            self.end_weight = self.weights[at_end].sum(axis=0)
+            self.points = self.points[inside]
+            self.weights = np.ascontiguousarray(self.weights[inside])
+            self.stops = np.unique(self.points)
+            self.mean_load = self.mean_load + self.weights.sum(axis=0) / cable.length
         self._kinds = ("", "")
 
     def aim(self, start: Grip, end: Grip | FreeEnd) -> Array:
@@ -95,7 +103,7 @@ class RodState:
             ends[7:14] = end.cable_frame.array
             kinds = (start.kind, end.kind)
             if kinds != self._kinds:
-                self._hold(kinds, np.zeros(3), np.zeros(3))
+                self._hold(kinds, _NOTHING, _NOTHING)
         else:
             assert isinstance(end, FreeEnd)
             ends[10:14] = ends[3:7]
@@ -123,13 +131,16 @@ class RodState:
             if before != self.width:
                 self.history = min(self.history, 1)
 
-    def first_mesh(self, layer: float, turn: float = 0.0) -> None:
+    def first_mesh(self, layer: float, fineness: float = 1.0, turn: float = 0.0) -> None:
         """A cold start's mesh: half of the nodes within a few boundary layers [m] of the ends.
 
-        turn [rad]: how far the frames turn along the cable, as far as that is known.
+        fineness: so many times the usual number of elements. turn [rad]: how far the frames turn along the cable, as
+        far as that is known.
         """
-        length = self.par[19]
-        elements = 28 if layer > 0.1 * length else 36 if layer > 0.02 * length else 48
+        length = self.problem.cable.length
+        elements = 16 if layer > 0.1 * length else 18 if layer > 0.02 * length else 28
+        finer = (NAMED_TOLERANCE * length / self.problem.tolerance) ** (1.0 / 6.0)
+        elements = math.ceil(elements * fineness * min(max(finer, 0.75), 3.0))
         elements = min(MOST_ELEMENTS, max(elements, math.ceil(1.3 * turn / _TURN_AIM)))
         x, density = np.empty(_ABSCISSAE), np.empty(_ABSCISSAE)
         rod_mesh.layered(length, min(max(layer, 1e-5 * length), length), x, density)
@@ -138,37 +149,40 @@ class RodState:
 
     def next_mesh(self) -> bool:
         """A mesh that the last error estimate asks for, and the last solution on it; False if it cannot be finer."""
-        estimate, n = self.info[7], self.elements
-        factor = 3.0
-        if math.isfinite(estimate):
-            factor = 1.05 * (estimate / (AIM * self.problem.tolerance)) ** 0.25
-            factor = min(3.0, max(factor, self.info[13] / _TURN_AIM))
-        elements = min(MOST_ELEMENTS, max(FEWEST_ELEMENTS + 2 * self.stops.size, math.ceil(n * factor)))
-        if elements == n:
-            if n == MOST_ELEMENTS or factor <= 1.0:
-                return False
-            elements += 1
+        estimate, n = float(self.info[rod_drive.ESTIMATE]), self.elements
+        excess = estimate / (AIM * self.problem.tolerance) if math.isfinite(estimate) else _MOST_EXCESS
         x, density = np.empty(n + 2), np.empty(n + 2)
-        rod_mesh.indicated(self.mesh[: n + 1], self.mesh[20 * n + 1 :], x, density)
+        nodes = self.mesh[: n + 1]
+        q = self.sol[: 4 * n + 4].reshape(n + 1, 4)
+        excess = min(max(excess, 1.0 / _MOST_EXCESS), _MOST_EXCESS)
+        wanted = rod_mesh.indicated(nodes, q, self.mesh[20 * n + 1 :], excess, _TURN_AIM, x, density)
+        elements = min(MOST_ELEMENTS, max(FEWEST_ELEMENTS + 2 * self.stops.size, math.ceil(wanted)))
+        if estimate > self.problem.tolerance:
+            if n == MOST_ELEMENTS:
+                return False
+            elements = max(elements, min(MOST_ELEMENTS, math.ceil(1.1 * n)))
         self._lay_out(x, density, elements)
         size = rod_drive.slot_size(elements)
         self.sol[2 * size :] = self.sol[:size]
         return True
 
-    def too_coarse(self) -> bool:
+    def too_coarse(self, info: list[float]) -> bool:
         """Whether the error is above its tolerance, or an element turns too far for the inertia to be trusted."""
-        return bool(self.info[7] > self.problem.tolerance or self.info[13] > rod_drive.LARGEST_TURN)
+        return info[rod_drive.ESTIMATE] > self.problem.tolerance or info[rod_drive.TURN] > rod_drive.LARGEST_TURN
 
-    def far_too_coarse(self) -> bool:
+    def far_too_coarse(self, info: list[float]) -> bool:
         """Whether even a step on the way needs a finer mesh."""
-        return bool(self.info[7] > 30.0 * self.problem.tolerance or self.info[13] > 2.0 * rod_drive.LARGEST_TURN)
+        return (
+            info[rod_drive.ESTIMATE] > 30.0 * self.problem.tolerance
+            or info[rod_drive.TURN] > 2.0 * rod_drive.LARGEST_TURN
+        )
 
-    def too_fine(self) -> bool:
-        """Whether a mesh of half as many elements would do."""
-        return bool(
-            self.info[7] < _TOO_FINE * self.problem.tolerance
-            and self.info[13] < 0.5 * _TURN_AIM
-            and self.elements > 2 * (FEWEST_ELEMENTS + 2 * self.stops.size)
+    def too_fine(self, info: list[float]) -> bool:
+        """Whether a mesh of much fewer elements would do."""
+        return (
+            info[rod_drive.ESTIMATE] < _TOO_FINE * self.problem.tolerance
+            and info[rod_drive.TURN] < 0.5 * _TURN_AIM
+            and self.elements > 1.5 * (FEWEST_ELEMENTS + 2 * self.stops.size)
         )
 
     def _lay_out(self, x: Array, density: Array, elements: int) -> None:
@@ -189,26 +203,20 @@ class RodState:
         size = rod_drive.slot_size(self.elements)
         return self.sol[size - 15 : size]
 
-    def hanging(self, ends: Array) -> tuple[Array, Array, float]:
-        """Mean load [N/m], force of the hanging guess at the end [N], boundary layer [m]."""
-        par, length = self.par, float(self.par[19])
-        load = self.problem.load.mean(axis=0) + self.weights.sum(axis=0) / length
+    def hanging(self, ends: Array) -> tuple[Array, float]:
+        """Force of the hanging guess at the end [N], boundary layer [m]."""
+        par, length = self.par, self.problem.cable.length
         force = np.zeros(3)
         if self.width == 1:
-            tension = float(np.linalg.norm(load * length + self._tip))
-            return load, force, math.sqrt(self.bend / max(tension, 1e-9 * self.bend / length**2))
-        frames = (ends[3:7], ends[10:14])
-        t0, t1 = (rod_guess.tangent(tuple(q.tolist())) for q in frames)
-        held = np.array((1.0 - par[9], 1.0 - par[12]))
-        span = ends[7:10] - ends[:3]
-        layer = rod_guess.hanging_force(span, load, length, float(par[5]), self.bend, t0, t1, held, force)
-        return load, force, layer
+            tension = float(np.linalg.norm(self.mean_load * length + self._tip))
+            return force, math.sqrt(self.bend / max(tension, 1e-9 * self.bend / length**2))
+        return force, rod_drive.hang(par, ends, self.mean_load, force)
 
-    def start_from(self, ends: Array, load: Array, force: Array, kind: int, sag: float) -> None:
+    def start_from(self, ends: Array, force: Array, kind: int, sag: float) -> None:
         """Puts a guess (see ``rod_drive.guess``) between `ends` into the trial."""
         self.target[:] = ends
         span = ends[7:10] - ends[:3]
-        rod_drive.guess(self.par, self.mesh, self.sol, self.elements, span, load, force, kind, sag)
+        rod_drive.guess(self.par, self.mesh, self.sol, self.elements, span, self.mean_load, force, kind, sag)
 
     def start_with(self, ends: Array, frames: Callable[[Array], Array], force: Array) -> None:
         """Puts given frames (see ``cosserat.solve_beside``) between `ends` into the trial."""
