@@ -282,8 +282,12 @@ def rotation(q: Quaternion) -> Matrix:
 @inlined
 def qexp(a: Vector) -> Quaternion:
     """The unit quaternion of the rotation vector a."""
-    angle = math.sqrt(dot(a, a))
-    f = 0.5 - angle * angle / 48.0 if angle < 1e-4 else math.sin(0.5 * angle) / angle
+    x = dot(a, a)
+    if x < 1e-3:  # the series, exact to rounding, spares root and sine
+        f = 0.5 - x / 48.0 * (1.0 - x / 80.0)
+        return (f * a[0], f * a[1], f * a[2], 1.0 - x / 8.0 * (1.0 - x / 48.0 * (1.0 - x / 120.0)))
+    angle = math.sqrt(x)
+    f = math.sin(0.5 * angle) / angle
     return (f * a[0], f * a[1], f * a[2], math.cos(0.5 * angle))
 
 
