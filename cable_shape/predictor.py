@@ -16,6 +16,7 @@ from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels.poses import moved
 from cable_shape.models import catenary, cosserat, gradient
+from cable_shape.models.auto import Auto
 from cable_shape.models.rod_state import RodState
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.problem import AUTO_TOLERANCE, NAMED_TOLERANCE, Problem
@@ -41,6 +42,9 @@ class Solver(Protocol):
     def reset(self) -> None:
         """Forgets the last solution."""
 
+    def rod_state(self) -> RodState | None:
+        """The Cosserat rod of the last shape; None: there is none."""
+
 
 @final
 class ClosedForm:
@@ -57,6 +61,9 @@ class ClosedForm:
 
     def reset(self) -> None:
         self._warm[:] = math.nan
+
+    def rod_state(self) -> None:
+        return None
 
 
 @final
@@ -76,6 +83,9 @@ class Rod:
     def reset(self) -> None:
         self.state = None
 
+    def rod_state(self) -> RodState | None:
+        return self.state
+
 
 @final
 class Predictor:
@@ -85,8 +95,9 @@ class Predictor:
     ----------
     cable : Cable
     model : str
-        "catenary", "gradient4", "gradient6", "cosserat", or "auto": the catenary for a cable without bending
-        stiffness, else the Cosserat rod.
+        "catenary", "gradient4", "gradient6", "cosserat", or "auto": the cheapest of catenary, gradient4 and cosserat
+        whose error against the rod is within `tolerance` (see :mod:`cable_shape.models.auto`); the catenary for a cable
+        without bending stiffness. `shape.model` says which it was.
     gravity : (3,) array_like
         [m/s^2], world.
     points : int
@@ -173,20 +184,22 @@ class Predictor:
         """(points, 3, 12): how the centreline moves with the ends, d positions at fixed arc length / d (twists).
 
         Columns: vx vy vz [m/s] wx wy wz [rad/s] of the start, then of the end, in world axes; rotation is about that
-        cable end, or with ``at="gripper"`` about the gripper's own origin. Of the last solved shape.
+        cable end, or with ``at="gripper"`` about the gripper's own origin. Of the last solved shape; where "auto" took
+        a closed form, of the Cosserat rod beside it, which is solved for now.
 
         Raises
         ------
         ArgumentError
-            If the model is not the Cosserat rod, or nothing was predicted yet.
+            If the model is a closed form by choice, or nothing was predicted yet.
         """
-        if not isinstance(self._solver, Rod):
+        if isinstance(self._solver, ClosedForm):
             raise ArgumentError.of(
                 "model", self.model, "sensitivity needs the Cosserat rod", "Choose model='cosserat' or 'auto'."
             )
-        if self._solver.state is None:
+        state = self._solver.rod_state()
+        if state is None:
             raise ArgumentError("sensitivity() needs a solution, and there is none yet. Call predict first.")
-        return cosserat.sensitivity(self._solver.state, at=at)
+        return cosserat.sensitivity(state, at=at)
 
     def _unmoved(self, problem: Problem) -> bool:
         """Whether the ends moved too little since the last solve to change the answer by its tolerance."""
@@ -225,7 +238,7 @@ def predict(
 
 
 def _solver_for(model: str, cable: Cable) -> Solver:
-    """The solver of a model; for "auto" the catenary without bending stiffness, else the Cosserat rod."""
+    """The solver of a model; without bending stiffness "auto" is the catenary."""
     limp = cable.mean_bending_stiffness == 0.0
     if limp and model not in ("catenary", "auto"):
         raise ArgumentError.of(
@@ -240,7 +253,7 @@ def _solver_for(model: str, cable: Cable) -> Solver:
         return ClosedForm(gradient.solve4)
     if model == "gradient6":
         return ClosedForm(gradient.solve6)
-    return Rod()
+    return Rod() if model == "cosserat" else Auto(Rod())
 
 
 def _refuse_clips(scene: Scene | None) -> None:

@@ -97,16 +97,20 @@ def solve(problem: Problem, warm: Array) -> CableShape:
 def _constants(problem: Problem) -> _Constants:
     """Panels between concentrated loads, finer where the distributed load varies."""
     cable = problem.cable
-    length = cable.length
+    length, weight = cable.length, cable.linear_density * problem.gravity
+    give = 0.0 if cable.axial_stiffness is None else 1.0 / cable.axial_stiffness
+    if not len(problem.load_arc_length) and np.array_equal(problem.load[0], problem.load[1]):
+        mean = problem.load[0]
+        panel = np.array(((length, *mean.tolist(), 0.0, 0.0, 0.0),))
+        return _Constants(panel, np.empty((0, 7)), mean, weight, give, np.zeros(3))
     inside = (problem.load_arc_length > _AT_END * length) & (problem.load_arc_length < (1.0 - _AT_END) * length)
     places, forces = problem.load_arc_length[inside], problem.load_force[inside]
     at_end = problem.load_force[problem.load_arc_length >= (1.0 - _AT_END) * length].sum(axis=0)
     varies = not np.array_equal(problem.load[0], problem.load[1])
     mean = problem.load.mean(axis=0) + forces.sum(axis=0) / length
-    give = 0.0 if cable.axial_stiffness is None else 1.0 / cable.axial_stiffness
     fine = _panels(problem.load, length, places, forces, _PANELS if varies else 1)
     coarse = _panels(problem.load, length, places, forces, _PANELS // 2) if varies else np.empty((0, 7))
-    return _Constants(fine, coarse, mean, cable.linear_density * problem.gravity, give, at_end)
+    return _Constants(fine, coarse, mean, weight, give, at_end)
 
 
 def _panels(load: Array, length: float, places: Array, forces: Array, count: int) -> Array:

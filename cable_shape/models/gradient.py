@@ -103,12 +103,14 @@ def _constants(problem: Problem, order: int) -> _Constants:
     numbers[kernel.ETA] = 0.0 if cable.axial_stiffness is None else stiffness / (length**2 * cable.axial_stiffness)
     numbers[kernel.WEIGHT_FORCE : kernel.LOAD] = cable.linear_density * problem.gravity
     numbers[kernel.LOAD :] = problem.load.ravel()
+    finest = min(max(0.01 * problem.tolerance / length, 1e-12), 1e-5)
+    if not len(problem.load_arc_length):
+        return _Constants(numbers, np.empty(0), np.empty((0, 3)), np.zeros(3), np.zeros(3), False, finest, {})
     fraction = problem.load_arc_length / length
     inside = (fraction > _AT_END) & (fraction < 1.0 - _AT_END)
     place, which = np.unique(fraction[inside], return_inverse=True)
     load = np.zeros((len(place), 3))
     np.add.at(load, which, problem.load_force[inside])
-    finest = min(max(0.01 * problem.tolerance / length, 1e-12), 1e-5)
     at_start = problem.load_force[fraction <= _AT_END].sum(axis=0)
     at_end = problem.load_force[fraction >= 1.0 - _AT_END].sum(axis=0)
     return _Constants(numbers, place, load, at_start, at_end, bool(at_start.any() or at_end.any()), finest, {})

@@ -73,7 +73,7 @@ class Solve:
         _, layer = state.hanging(ends)
         q = frames(np.linspace(0.0, self.problem.cable.length, 200))
         turn = 2.0 * np.arccos(np.minimum(1.0, np.abs((q[1:] * q[:-1]).sum(axis=1)))).sum()
-        state.first_mesh(layer, turn=turn)
+        state.first_mesh(layer, 2.0, turn)
         state.start_with(ends, frames, force)
         if self._call(0, _COLD_ITERATIONS, guard=False):
             return self._finish(Status.UNSTABLE)
