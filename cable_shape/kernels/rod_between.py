@@ -103,35 +103,6 @@ def middle3(h: float, a: Vector, da: Vector, dda: Vector, b: Vector, db: Vector,
 
 
 @inlined
-def mid_rate(h: float, a: float, da: float, dda: float, b: float, db: float, ddb: float) -> float:
-    """h times the quintic's derivative in the middle."""
-    return 1.875 * (b - a) - 0.4375 * h * (da + db) + 0.03125 * h * h * (ddb - dda)
-
-
-@inlined
-def mid_rate3(h: float, a: Vector, da: Vector, dda: Vector, b: Vector, db: Vector, ddb: Vector) -> Vector:
-    """The same of a vector."""
-    return (
-        mid_rate(h, a[0], da[0], dda[0], b[0], db[0], ddb[0]),
-        mid_rate(h, a[1], da[1], dda[1], b[1], db[1], ddb[1]),
-        mid_rate(h, a[2], da[2], dda[2], b[2], db[2], ddb[2]),
-    )
-
-
-@inlined
-def mid_rate4(h: float, a: Node, b: Node) -> Quaternion:
-    """The same of the rotation."""
-    p, dp, ddp = a[0], a[2], a[3]
-    q, dq, ddq = b[0], b[2], b[3]
-    return (
-        mid_rate(h, p[0], dp[0], ddp[0], q[0], dq[0], ddq[0]),
-        mid_rate(h, p[1], dp[1], ddp[1], q[1], dq[1], ddq[1]),
-        mid_rate(h, p[2], dp[2], ddp[2], q[2], dq[2], ddq[2]),
-        mid_rate(h, p[3], dp[3], ddp[3], q[3], dq[3], ddq[3]),
-    )
-
-
-@inlined
 def integral(h: float, da: float, dm: float, db: float, dda: float, ddb: float) -> float:
     """Hermite-Simpson."""
     return h / 30.0 * (7.0 * (da + db) + 16.0 * dm) + h * h / 60.0 * (dda - ddb)

@@ -49,6 +49,7 @@ from cable_shape.kernels.rod_between import (
     quadratic,
     spin,
 )
+from cable_shape.kernels.rod_curve import STIFF
 from cable_shape.kernels.rod_element import element_hessian, relative
 from cable_shape.kernels.rod_factor import backward, border, forward
 from cable_shape.kernels.rod_system import forces, jumps
@@ -57,7 +58,6 @@ from cable_shape.kernels.rod_work import matrices, vectors
 Array = Any
 
 COARSE = 0.25  # of such a comparison is what it misses
-STIFF = 4.0  # h^2 |n| / min(EI) above which an element is compared with its halves
 
 
 @kernel
@@ -256,6 +256,9 @@ def correct(
         errors[e] = math.sqrt(dot(a, a)) + h[e] * h[e] * math.sqrt(dot(b, b)) / stiffest
         r = add(r, add(t, a))
         left = max(left, dot(r, r))
+    # what the sensitivities read: the moments at the two ends, as derivatives
+    put3(first, 0, 3, scale(-1.0, get3(moments, 0)))
+    put3(first, elements - 1, 6, get3(moments, elements))
     if not math.isfinite(largest) or not math.isfinite(left):
         return math.inf, math.inf
     return math.sqrt(largest), math.sqrt(left)

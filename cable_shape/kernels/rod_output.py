@@ -1,7 +1,8 @@
 """The solution at any points: interpolation of its own order or better, energy and twist.
 
-Between two nodes position, quaternion and moment follow the quintics through values, first and second derivatives that
-the rod's equations give at both nodes. Internal force and rest curvature are known exactly.
+Between two nodes position, quaternion and moment follow the curves of :mod:`cable_shape.kernels.rod_curve` through
+values, first and second derivatives that the rod's equations give at both nodes. Internal force and rest curvature are
+known exactly.
 """
 
 from __future__ import annotations
@@ -12,14 +13,12 @@ from typing import Any
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.rod_algebra import (
     FAST,
-    Vector,
     add,
     apply,
     cross,
     dot,
     get3,
     get4,
-    inlined,
     qnormal,
     rotation,
     scale,
@@ -27,52 +26,22 @@ from cable_shape.kernels.rod_algebra import (
     tapply,
     times,
 )
-from cable_shape.kernels.rod_between import (
-    at_node,
-    force_slopes,
-    integral,
-    mid_rate3,
-    mid_rate4,
-    middle3,
-    middle4,
-    no_node,
-    quadratic,
-    spin,
+from cable_shape.kernels.rod_between import at_node, force_slopes, integral, no_node, quadratic, spin
+from cable_shape.kernels.rod_curve import (
+    at,
+    at3,
+    curves,
+    functions,
+    layers,
+    middle_slope,
+    slope3,
+    spins,
 )
 from cable_shape.kernels.rod_element import E3
 from cable_shape.kernels.rod_system import forces, jumps
 
 Array = Any
-Quintic = tuple[float, float, float, float, float, float]
 INTERPOLATION = 0.2
-
-
-@inlined
-def quintic(h: float, a: float, da: float, dda: float, b: float, db: float, ddb: float) -> Quintic:
-    """Coefficients in x = 0 .. 1 of the quintic with these values and derivatives in s at both ends."""
-    c1, c2 = h * da, 0.5 * h * h * dda
-    p = b - a - c1 - c2
-    r = h * db - c1 - 2.0 * c2
-    t = 0.5 * h * h * ddb - c2
-    return a, c1, c2, 10.0 * p - 4.0 * r + t, -15.0 * p + 7.0 * r - 2.0 * t, 6.0 * p - 3.0 * r + t
-
-
-@inlined
-def at(c: Quintic, x: float) -> float:
-    """A quintic's value."""
-    return c[0] + x * (c[1] + x * (c[2] + x * (c[3] + x * (c[4] + x * c[5]))))
-
-
-@inlined
-def quintics(
-    h: float, a: Vector, da: Vector, dda: Vector, b: Vector, db: Vector, ddb: Vector
-) -> tuple[Quintic, Quintic, Quintic]:
-    """The same of a vector."""
-    return (
-        quintic(h, a[0], da[0], dda[0], b[0], db[0], ddb[0]),
-        quintic(h, a[1], da[1], dda[1], b[1], db[1], ddb[1]),
-        quintic(h, a[2], da[2], dda[2], b[2], db[2], ddb[2]),
-    )
 
 
 @kernel(fastmath=FAST)
@@ -90,6 +59,7 @@ def sample(
     elements = h.shape[0]
     flex = (1.0 / stiff[0], 1.0 / stiff[1], 1.0 / stiff[2])
     C = (stiff[3], stiff[4], stiff[5])
+    softness = max(flex[0], flex[1])
     w3 = (weight[0], weight[1], weight[2])
     l3 = (lam[0], lam[1], lam[2])
     r = (origin[0], origin[1], origin[2])
@@ -120,27 +90,28 @@ def sample(
             b = at_node(qa, Ma, nL, dnL, add(k0, scale(-0.5 * he, k1)), k1, flex, C)
         a = b
         b = at_node(qb, Mb, nR, dnR, add(k0, scale(0.5 * he, k1)), k1, flex, C)
-        x0, x1, x2 = quintics(he, r, a[6], a[7], rb, b[6], b[7])
-        rm = (at(x0, 0.5), at(x1, 0.5), at(x2, 0.5))
+        layer = layers(he * math.sqrt(softness * math.sqrt(dot(nM, nM))))
+        rs = curves(he, r, a[6], a[7], rb, b[6], b[7], layer)
+        qs = spins(he, a, b, layer)
+        Ms = curves(he, Ma, a[4], a[5], Mb, b[4], b[5], layer)
         # in mid-element the equations and the interpolation's own rates are two things
-        Mm = middle3(he, Ma, a[4], a[5], Mb, b[4], b[5])
-        qm = qnormal(middle4(he, a, b))
+        e1, e2 = functions(0.5, layer)
+        rm, Mm = at3(rs, 0.5, e1, e2), at3(Ms, 0.5, e1, e2)
+        qm = qnormal((at(qs[0], 0.5, e1, e2), at(qs[1], 0.5, e1, e2), at(qs[2], 0.5, e1, e2), at(qs[3], 0.5, e1, e2)))
         um = add(k0, times(flex, Mm))
         R = rotation(qm)
         Nm = tapply(R, nM)
         V = add(E3, times(C, Nm))
-        miss = subtract(scale(he, apply(R, V)), mid_rate3(he, r, a[6], a[7], rb, b[6], b[7]))
+        miss = subtract(scale(he, apply(R, V)), slope3(rs, layer))
         gap = max(gap, dot(miss, miss))
-        miss = scale(he, subtract(cross(Mm, um), cross(V, Nm)))
-        miss = subtract(miss, mid_rate3(he, Ma, a[4], a[5], Mb, b[4], b[5]))
+        miss = subtract(scale(he, subtract(cross(Mm, um), cross(V, Nm))), slope3(Ms, layer))
         bent = max(bent, dot(Mm, Mm))
         off_M = max(off_M, dot(miss, miss))
-        dq, rq = spin(qm, um), mid_rate4(he, a, b)
-        off_q = max(
-            off_q,
-            (he * dq[0] - rq[0]) ** 2 + (he * dq[1] - rq[1]) ** 2
-            + (he * dq[2] - rq[2]) ** 2 + (he * dq[3] - rq[3]) ** 2,
-        )  # fmt: skip
+        dq = spin(qm, um)
+        w = middle_slope(qs[3], layer)
+        v = (middle_slope(qs[0], layer), middle_slope(qs[1], layer), middle_slope(qs[2], layer))
+        miss = subtract(scale(he, (dq[0], dq[1], dq[2])), v)
+        off_q = max(off_q, dot(miss, miss) + (he * dq[3] - w) ** 2)
         # elastic energy of bending and twist, of stretch and shear (Simpson), and potential energy
         ea, em, eb = dot(Ma, times(flex, Ma)), dot(Mm, times(flex, Mm)), dot(Mb, times(flex, Mb))
         dea, deb = 2.0 * dot(Ma, times(flex, a[4])), 2.0 * dot(Mb, times(flex, b[4]))
@@ -151,27 +122,20 @@ def sample(
         work -= integral(he, dot(w3, r), dot(w3, rm), dot(w3, rb), dot(w3, a[6]), dot(w3, b[6]))
         twist += 0.5 * he * (a[8][2] + b[8][2]) + he * he / 12.0 * (a[9][2] - b[9][2])
         next_i = points if e == elements - 1 else min(points, math.ceil(s[e + 1] / dx - 1e-9))
-        if i < next_i:
-            y0 = quintic(he, qa[0], a[2][0], a[3][0], qb[0], b[2][0], b[3][0])
-            y1 = quintic(he, qa[1], a[2][1], a[3][1], qb[1], b[2][1], b[3][1])
-            y2 = quintic(he, qa[2], a[2][2], a[3][2], qb[2], b[2][2], b[3][2])
-            y3 = quintic(he, qa[3], a[2][3], a[3][3], qb[3], b[2][3], b[3][3])
-            z0, z1, z2 = quintics(he, Ma, a[4], a[5], Mb, b[4], b[5])
-            for j in range(i, next_i):
-                x = (j * dx - s[e]) * f
-                out[j] = j * dx
-                out[o1 + 3 * j] = at(x0, x)
-                out[o1 + 3 * j + 1] = at(x1, x)
-                out[o1 + 3 * j + 2] = at(x2, x)
-                p = qnormal((at(y0, x), at(y1, x), at(y2, x), at(y3, x)))
-                out[o2 + 4 * j], out[o2 + 4 * j + 1], out[o2 + 4 * j + 2], out[o2 + 4 * j + 3] = p
-                M = (at(z0, x), at(z1, x), at(z2, x))
-                out[o3 + 3 * j], out[o3 + 3 * j + 1], out[o3 + 3 * j + 2] = add(
-                    add(k0, scale(he * (x - 0.5), k1)), times(flex, M)
-                )
-                out[o4 + 3 * j], out[o4 + 3 * j + 1], out[o4 + 3 * j + 2] = quadratic(x, nL, nM, nR)
-                out[o5 + 3 * j], out[o5 + 3 * j + 1], out[o5 + 3 * j + 2] = apply(rotation(p), M)
-            i = next_i
+        for j in range(i, next_i):
+            x = (j * dx - s[e]) * f
+            out[j] = j * dx
+            e1, e2 = functions(x, layer)
+            out[o1 + 3 * j], out[o1 + 3 * j + 1], out[o1 + 3 * j + 2] = at3(rs, x, e1, e2)
+            p = qnormal((at(qs[0], x, e1, e2), at(qs[1], x, e1, e2), at(qs[2], x, e1, e2), at(qs[3], x, e1, e2)))
+            out[o2 + 4 * j], out[o2 + 4 * j + 1], out[o2 + 4 * j + 2], out[o2 + 4 * j + 3] = p
+            M = at3(Ms, x, e1, e2)
+            out[o3 + 3 * j], out[o3 + 3 * j + 1], out[o3 + 3 * j + 2] = add(
+                add(k0, scale(he * (x - 0.5), k1)), times(flex, M)
+            )
+            out[o4 + 3 * j], out[o4 + 3 * j + 1], out[o4 + 3 * j + 2] = quadratic(x, nL, nM, nR)
+            out[o5 + 3 * j], out[o5 + 3 * j + 1], out[o5 + 3 * j + 2] = apply(rotation(p), M)
+        i = max(i, next_i)
         r = rb
     totals[0], totals[1], totals[2] = work, twist, INTERPOLATION * math.sqrt(gap)
     totals[3] = max(2.0 * math.sqrt(off_q), math.sqrt(off_M / bent), math.sqrt(gap) / s[elements])
