@@ -15,9 +15,10 @@ from cable_shape.errors import (
     StaleInputError,
     UnknownKeyError,
 )
+from cable_shape.plug import Plug, PlugError
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.predictor import Predictor, predict
-from cable_shape.report import BodyDistance, CableWarning, Clearance, CycleReport, Severity, WarningKind
+from cable_shape.report import BodyDistance, CableWarning, Clearance, CycleReport, Margin, Severity, WarningKind
 from cable_shape.scene import (
     Box,
     Capsule,
@@ -31,6 +32,8 @@ from cable_shape.scene import (
     Sphere,
 )
 from cable_shape.shape import CableShape, Status
+from cable_shape.stress import Stress, stress_of
+from cable_shape.tails import predict_tails
 from cable_shape.warm_up import warm_up
 
 __version__ = "0.1.0"
@@ -55,8 +58,11 @@ __all__ = [
     "Grip",
     "HalfSpace",
     "InputError",
+    "Margin",
     "Mesh",
     "Obstacle",
+    "Plug",
+    "PlugError",
     "PointMass",
     "Pose",
     "Predictor",
@@ -66,8 +72,11 @@ __all__ = [
     "Sphere",
     "StaleInputError",
     "Status",
+    "Stress",
     "UnknownKeyError",
     "WarningKind",
     "predict",
+    "predict_tails",
+    "stress_of",
     "warm_up",
 ]

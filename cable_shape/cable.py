@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, final
 
 import numpy as np
@@ -15,6 +16,7 @@ from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 
 STANDARD_GRAVITY = 9.81  # m/s^2
+TAIL_SIDES = ("start", "end")
 
 
 @final
@@ -42,6 +44,12 @@ class Cable:
         [m], l of the 6th-order term EI l^2 x^(6); None: `diameter`.
     min_bend_radius, max_tension, max_twist_rate : float or None
         [m], [N], [rad/m]: limits that warnings compare with; None: no limit.
+    inner_diameter : float
+        [m], of a tube, for stress; 0: solid. Below `diameter`.
+    allowable_stress : float or None
+        [Pa], limit of the von Mises stress, see :mod:`cable_shape.stress`; None: no limit.
+    tails : mapping of "start" and "end" to a length, optional
+        [m], cable that hangs beyond the grips, not counted in `length`; see :mod:`cable_shape.tails`.
 
     Raises
     ------
@@ -50,10 +58,12 @@ class Cable:
     """
 
     __slots__ = (
+        "allowable_stress",
         "axial_stiffness",
         "bending_stiffness",
         "diameter",
         "gradient_length",
+        "inner_diameter",
         "length",
         "linear_density",
         "max_tension",
@@ -61,6 +71,7 @@ class Cable:
         "min_bend_radius",
         "rest_curvature",
         "shear_stiffness",
+        "tails",
         "twisting_stiffness",
     )
 
@@ -76,6 +87,9 @@ class Cable:
     min_bend_radius: float | None
     max_tension: float | None
     max_twist_rate: float | None
+    inner_diameter: float
+    allowable_stress: float | None
+    tails: Mapping[str, float]
 
     def __init__(
         self,
@@ -91,6 +105,9 @@ class Cable:
         min_bend_radius: float | None = None,
         max_tension: float | None = None,
         max_twist_rate: float | None = None,
+        inner_diameter: float = 0.0,
+        allowable_stress: float | None = None,
+        tails: Mapping[str, float] | None = None,
     ) -> None:
         put = object.__setattr__
         put(self, "length", checks.number("length", length, above=0.0, unit="m"))
@@ -114,6 +131,11 @@ class Cable:
         put(self, "min_bend_radius", checks.optional_number("min_bend_radius", min_bend_radius, above=0.0, unit="m"))
         put(self, "max_tension", checks.optional_number("max_tension", max_tension, above=0.0, unit="N"))
         put(self, "max_twist_rate", checks.optional_number("max_twist_rate", max_twist_rate, above=0.0, unit="rad/m"))
+        put(self, "inner_diameter", _inner_diameter(inner_diameter, self.diameter))
+        put(
+            self, "allowable_stress", checks.optional_number("allowable_stress", allowable_stress, above=0.0, unit="Pa")
+        )
+        put(self, "tails", _tails(tails))
 
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(f"a Cable is fixed; make another with cable.replace({name}=...)")
@@ -148,16 +170,13 @@ class Cable:
         density : float
             [kg/m^3].
         allowable_stress : float, optional
-            [Pa]; sets `min_bend_radius` = E D / 2 sigma and `max_tension` = sigma A, each as if it acted alone.
+            [Pa]; limit of the von Mises stress. It also sets `min_bend_radius` = E D / 2 sigma and `max_tension` =
+            sigma A, each as if it acted alone.
         **limits
             Further keywords of :class:`Cable`.
         """
         outer = checks.number("diameter", diameter, above=0.0, unit="m")
-        inner = checks.number("inner_diameter", inner_diameter, at_least=0.0, unit="m")
-        if inner >= outer:
-            raise ArgumentError.of(
-                "inner_diameter", inner, f"it must be below diameter = {outer:g} m", "Use 0 for a solid cable."
-            )
+        inner = _inner_diameter(inner_diameter, outer)
         young = checks.number("youngs_modulus", youngs_modulus, above=0.0, unit="Pa")
         nu = checks.number("poisson_ratio", poisson_ratio, above=-1.0)
         if nu > 0.5:
@@ -178,6 +197,8 @@ class Cable:
             axial_stiffness=young * area,
             shear_stiffness=shear_modulus * area,
             diameter=outer,
+            inner_diameter=inner,
+            allowable_stress=allowable_stress,
             **limits,
         )
 
@@ -186,7 +207,7 @@ class Cable:
         """From a mapping whose keys are the keywords of :class:`Cable`, or of :meth:`from_material`."""
         if isinstance(values, Mapping) and "youngs_modulus" in values:
             material = ("youngs_modulus", "poisson_ratio", "density", "inner_diameter", "allowable_stress")
-            limits = ("gradient_length", "min_bend_radius", "max_tension", "max_twist_rate", "rest_curvature")
+            limits = ("gradient_length", "min_bend_radius", "max_tension", "max_twist_rate", "rest_curvature", "tails")
             checks.known_keys(where, values, ("length", "diameter", *material, *limits))
             return _called(cls.from_material, values, where)
         checks.known_keys(where, values, cls.__slots__)
@@ -204,6 +225,7 @@ class Cable:
         out = {name: getattr(self, name) for name in self.__slots__}
         out["bending_stiffness"] = list(self.bending_stiffness)
         out["rest_curvature"] = self.rest_curvature.tolist()
+        out["tails"] = dict(self.tails)
         return out
 
     def replace(self, **changes: Any) -> Cable:
@@ -243,6 +265,25 @@ class Cable:
 
     def __repr__(self) -> str:
         return f"Cable({', '.join(f'{k}={v!r}' for k, v in self.as_dict().items())})"
+
+
+def _inner_diameter(value: float, outer: float) -> float:
+    """At least 0 and below the outer diameter."""
+    inner = checks.number("inner_diameter", value, at_least=0.0, unit="m")
+    if inner >= outer:
+        raise ArgumentError.of(
+            "inner_diameter", inner, f"it must be below diameter = {outer:g} m", "Use 0 for a solid cable."
+        )
+    return inner
+
+
+def _tails(value: Mapping[str, float] | None) -> Mapping[str, float]:
+    """Lengths above 0 by side, in the order of the sides, read-only."""
+    checks.known_keys("tails", value or {}, TAIL_SIDES)
+    given = value or {}
+    return MappingProxyType(
+        {side: checks.number(f"tails.{side}", given[side], above=0.0, unit="m") for side in TAIL_SIDES if side in given}
+    )
 
 
 def _bending(value: float | ArrayLike) -> tuple[float, float]:

@@ -17,6 +17,7 @@ from collections.abc import Mapping, Sequence
 from typing import final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cable_shape import checks
 from cable_shape.checks import Array
@@ -91,6 +92,8 @@ class ClearanceChecker:
         bodies = (*scene.obstacles, *robot_links)
         self.names = tuple(body.name for body in bodies)
         self.links = tuple(dict.fromkeys(body.link for body in bodies if body.link is not None))
+        #: (m,), of the bodies in `names`: whether they are on a link, which may move
+        self.moving: NDArray[np.bool_] = np.array([body.link is not None for body in bodies], dtype=np.bool_)
         self._on_link = {body.link: body.name for body in reversed(bodies) if body.link is not None}
         self._fixed = sum(body.link is None for body in bodies)
         self._bodies, self._triangles, self._nodes = _tables(bodies, self.links, frozenset(gripping_links))
@@ -144,6 +147,7 @@ class ClearanceChecker:
             robot_checked=links is not None,
             pairs_culled=int(counts[0]),
             pairs_exact=int(counts[1]),
+            table=result,
         )
 
     def _rows(self, links: Mapping[str, Pose]) -> Array:

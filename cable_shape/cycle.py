@@ -12,16 +12,15 @@ from typing import final
 
 from numpy.typing import ArrayLike
 
+from cable_shape import checks
 from cable_shape.cable import Cable
-from cable_shape.clearance import ClearanceChecker
+from cable_shape.cable_cycle import CableCycle, Ends
 from cable_shape.errors import ArgumentError, StaleInputError
-from cable_shape.pose import Grip, Pose
+from cable_shape.plug import Plug
+from cable_shape.pose import Pose
 from cable_shape.predictor import Predictor
-from cable_shape.report import Clearance, CycleReport
+from cable_shape.report import CycleReport
 from cable_shape.scene import Obstacle, Scene
-from cable_shape.warn import warnings_of
-
-Ends = tuple[Pose | Grip, Pose | Grip | None]
 
 
 @final
@@ -39,6 +38,12 @@ class Cycle:
         Links that hold the cable; contact with them near the grips is not reported.
     model, gravity, points, tolerance
         As for :func:`cable_shape.predict`.
+    tails : mapping of cable name to mapping of "start" and "end" to a length [m], optional
+        What hangs beyond the grips, in place of the cable's own `tails`.
+    plugs : mapping of cable name to Plug, optional
+        In place of the scene's `plug`.
+    snap_horizon : float
+        [s], where stability may be lost within this time at the present gripper speed, the snap is predicted; 0: never.
     """
 
     def __init__(
@@ -52,22 +57,29 @@ class Cycle:
         gravity: ArrayLike = (0.0, 0.0, -9.81),
         points: int = 150,
         tolerance: float | None = None,
+        tails: Mapping[str, Mapping[str, float]] | None = None,
+        plugs: Mapping[str, Plug] | None = None,
+        snap_horizon: float = 1.0,
     ) -> None:
         named = {"cable": cables} if isinstance(cables, Cable) else dict(cables)
         if not named:
             raise ArgumentError("cables = {} is not allowed: there must be at least one. Give a Cable.")
+        checks.known_keys("tails", tails or {}, named)
+        checks.known_keys("plugs", plugs or {}, named)
+        for name, lengths in (tails or {}).items():
+            named[name] = named[name].replace(tails=lengths)
+        horizon = checks.number("snap_horizon", snap_horizon, at_least=0.0, unit="s")
         self.cables = named
         self.scene = scene or Scene()
-        self.predictors = {
-            name: Predictor(cable, model=model, gravity=gravity, points=points, tolerance=tolerance, scene=self.scene)
-            for name, cable in named.items()
-        }
-        self.checkers = {
-            name: ClearanceChecker(
-                self.scene, radius=0.5 * cable.diameter, robot_links=robot_links, gripping_links=gripping_links
+        self._cables = {}
+        for name, cable in named.items():
+            predictor = Predictor(
+                cable, model=model, gravity=gravity, points=points, tolerance=tolerance, scene=self.scene
             )
-            for name, cable in named.items()
-        }
+            plug = (plugs or {}).get(name, self.scene.plug)
+            if plug is not None:
+                checks.one_of(f"plugs[{name!r}].socket", plug.socket, self.scene.sockets)
+            self._cables[name] = CableCycle(name, predictor, self.scene, robot_links, gripping_links, plug, horizon)
         self.last_stamp: int | None = None
 
     def step(self, grips: Mapping[str, Ends], stamp: int, links: Mapping[str, Pose] | None = None) -> CycleReport:
@@ -76,7 +88,7 @@ class Cycle:
         Parameters
         ----------
         grips : mapping of cable name to (start, end)
-            Poses or Grips in the world; end None: a free end.
+            Poses or Grips in the world; end None or a FreeEnd: nothing holds it.
         stamp : int
             [ns], must not be older than the stamp of the last step.
         links : mapping of robot link to its Pose in the world, optional
@@ -95,35 +107,31 @@ class Cycle:
                 f"{self.last_stamp} ns. Drop it, or call reset() if the clock was set back or a bag loops."
             )
         began = perf_counter()
-        shapes, ends = {}, {}
-        for name, (start, end) in grips.items():
-            predictor = self.predictors.get(name)
-            if predictor is None:
-                raise ArgumentError.of("cable", name, "no such cable", f"Known: {', '.join(self.predictors)}.")
-            shapes[name] = predictor.predict(start, end)
-            ends[name] = (start, end)
+        cables, shapes = {}, {}
+        for name, ends in grips.items():
+            cable = self._cables.get(name)
+            if cable is None:
+                raise ArgumentError.of("cable", name, "no such cable", f"Known: {', '.join(self._cables)}.")
+            cables[name] = cable
+            shapes[name] = cable.predict(ends)
         predicted = perf_counter()
-        clearance: dict[str, Clearance] = {}
-        for name, shape in shapes.items():
-            clearance[name] = self.checkers[name].check(shape, links)
+        clearance = {name: cable.check(shapes[name], links) for name, cable in cables.items()}
         checked = perf_counter()
+        margins = {
+            name: cable.margins(shapes[name], clearance[name], grips[name], stamp) for name, cable in cables.items()
+        }
+        measured = perf_counter()
         warnings = tuple(
             warning
-            for name, shape in shapes.items()
-            for warning in warnings_of(
-                name,
-                self.cables[name],
-                self.scene,
-                shape,
-                clearance[name],
-                tolerance=self.predictors[name].problem.tolerance,
-            )
+            for name, cable in cables.items()
+            for warning in cable.warnings(shapes[name], clearance[name], margins[name])
         )
+        plugs = {name: cable.plug_error(shapes[name]) for name, cable in cables.items()}
         ended = perf_counter()
         self.last_stamp = stamp
         return CycleReport(
             stamp=stamp,
-            grips=ends,
+            grips={name: (start, end) for name, (start, end) in grips.items()},
             links=links,
             shapes=shapes,
             clearance=clearance,
@@ -131,17 +139,23 @@ class Cycle:
             times={
                 "predict": predicted - began,
                 "clearance": checked - predicted,
-                "warnings": ended - checked,
+                "margins": measured - checked,
+                "warnings": ended - measured,
                 "total": ended - began,
             },
             skipped={
                 "reused": sum(s.reused for s in shapes.values()),
                 "pairs_culled": sum(c.pairs_culled for c in clearance.values()),
+                "snap_checks": sum(cable.snap_skipped for cable in cables.values()),
             },
+            margins=margins,
+            tails={(name, side): tail for name, cable in cables.items() for side, tail in cable.tails.items()},
+            after_snap={name: cable.after_snap for name, cable in cables.items() if cable.after_snap is not None},
+            plugs={name: error for name, error in plugs.items() if error is not None},
         )
 
     def reset(self) -> None:
-        """Forgets the last stamp and the warm start: the next step starts afresh."""
+        """Forgets the last stamp, the warm start, speeds and standing warnings: the next step starts afresh."""
         self.last_stamp = None
-        for predictor in self.predictors.values():
-            predictor.reset()
+        for cable in self._cables.values():
+            cable.reset()

@@ -201,6 +201,13 @@ class Predictor:
             raise ArgumentError("sensitivity() needs a solution, and there is none yet. Call predict first.")
         return cosserat.sensitivity(state, at=at)
 
+    @property
+    def rod_state(self) -> RodState | None:
+        """The memory of the rod that gave the last shape; None if there is no shape, or another model gave it."""
+        if self._last is None or self._last.model != cosserat.MODEL:
+            return None
+        return self._solver.rod_state()
+
     def _unmoved(self, problem: Problem) -> bool:
         """Whether the ends moved too little since the last solve to change the answer by its tolerance."""
         assert self._last_ends is not None

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import enum
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import final
+from typing import NamedTuple, final
 
 from cable_shape.checks import Array
-from cable_shape.pose import Grip, Pose
+from cable_shape.plug import PlugError
+from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.shape import CableShape
 
 
 @final
 class WarningKind(enum.Enum):
-    """What a warning is about; the values are those of ``cable_shape_msgs/CableWarning.kind``."""
+    """What a warning or a margin is about; the values are those of ``cable_shape_msgs/CableWarning.kind``."""
 
     CLEARANCE = 0
     OVERSTRETCHED = 1
@@ -22,6 +24,9 @@ class WarningKind(enum.Enum):
     BEND_RADIUS = 3
     TWIST_RATE = 4
     STATUS = 5
+    STRESS = 6
+    STABILITY = 7
+    SNAP = 8
 
 
 @final
@@ -61,11 +66,30 @@ class Clearance:
     robot_checked: bool = False  # False: robot links were not given
     pairs_culled: int = 0  # pairs of a cable capsule and a body that bounds ruled out
     pairs_exact: int = 0  # pairs solved exactly
+    #: (m, 8), a row for each body checked: distance (infinite: beyond), arc length, the two witness points
+    table: Array | None = field(default=None, repr=False, compare=False)
 
     @property
     def closest(self) -> BodyDistance | None:
         """The nearest listed body."""
         return min(self.bodies, key=lambda b: b.distance, default=None)
+
+
+class Margin(NamedTuple):
+    """How far one kind of trouble is; the fields are those of ``cable_shape_msgs/CableMargin``, with their units.
+
+    `used` is 1 at the limit and grows as trouble nears, see :mod:`cable_shape.margins`. `arc_length` [m] is that of the
+    worst point: negative on a tail before the start grip, beyond the length on one after the end grip. `time_to_limit`
+    [s] is 0 at the limit and beyond, infinite when not approaching it, NaN when not known.
+    """
+
+    kind: WarningKind
+    used: float
+    limit: float
+    value: float
+    arc_length: float
+    other: str = ""
+    time_to_limit: float = math.nan
 
 
 @final
@@ -84,6 +108,7 @@ class CableWarning:
     point_on_cable: Array
     point_on_other: Array
     other: str = ""
+    time_to_limit: float = math.nan
 
 
 @final
@@ -92,18 +117,27 @@ class CycleReport:
     """Everything that one :meth:`cable_shape.Cycle.step` found.
 
     stamp : int [ns], as given to the step: the older of the two gripper stamps.
-    times : phase -> [s]: "predict", "clearance", "warnings", "total".
-    skipped : what was not done -> count: "reused" shapes, "pairs_culled" by bounds.
+    times : phase -> [s]: "predict", "clearance", "margins", "warnings", "total".
+    skipped : what was not done -> count: "reused" shapes, "pairs_culled" by bounds, "snap_checks" that were not needed.
+    margins : how far trouble is, by cable; empty for a shape that did not converge.
+    tails : shapes of the tails by cable and side ("start", "end"); arc length counts from the grip outwards. They are
+        part of the clearance, their arc lengths negative or beyond the length of the cable.
+    after_snap : by cable, the shape after a snap that is about to come.
+    plugs : by cable, how far its plug is from being in the socket.
     """
 
     stamp: int
-    grips: Mapping[str, tuple[Pose | Grip, Pose | Grip | None]]
+    grips: Mapping[str, tuple[Pose | Grip, Pose | Grip | FreeEnd | None]]
     links: Mapping[str, Pose] | None
     shapes: Mapping[str, CableShape]
     clearance: Mapping[str, Clearance]
     warnings: tuple[CableWarning, ...]
     times: Mapping[str, float] = field(default_factory=dict)
     skipped: Mapping[str, int] = field(default_factory=dict)
+    margins: Mapping[str, tuple[Margin, ...]] = field(default_factory=dict)
+    tails: Mapping[tuple[str, str], CableShape] = field(default_factory=dict)
+    after_snap: Mapping[str, CableShape] = field(default_factory=dict)
+    plugs: Mapping[str, PlugError] = field(default_factory=dict)
 
     @property
     def robot_checked(self) -> bool:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from cable_shape import checks
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
+from cable_shape.plug import Plug
 from cable_shape.pose import IDENTITY, Pose
 
 CLIP_KINDS = ("ball", "fixed", "hinge", "slide")
@@ -213,6 +214,10 @@ class Scene:
         Kept as a tuple. Names of obstacles are unique.
     warn_distance, error_distance : float
         [m], a clearance below these is a warning of severity WARN, ERROR.
+    sockets : mapping of name to Pose
+        World frame of a plug when it is in the socket; z points into the socket.
+    plug : Plug, optional
+        At the end of every cable that has no other one.
 
     Raises
     ------
@@ -225,6 +230,8 @@ class Scene:
     masses: Sequence[PointMass] = ()
     warn_distance: float = 0.03
     error_distance: float = 0.01
+    sockets: Mapping[str, Pose] = dataclasses.field(default_factory=dict, hash=False)
+    plug: Plug | None = None
 
     def __post_init__(self) -> None:
         for name, kind in (("obstacles", Obstacle), ("clips", Clip), ("masses", PointMass)):
@@ -232,6 +239,15 @@ class Scene:
         _number(self, "", "warn_distance", "m")
         _number(self, "", "error_distance", "m")
         unique_names("obstacles", self.obstacles)
+        if not isinstance(self.sockets, Mapping):
+            raise ArgumentError.of("sockets", self.sockets, "it must be a mapping", "Write {name: Pose(...)}.")
+        object.__setattr__(self, "sockets", dict(self.sockets))
+        for name, pose in self.sockets.items():
+            _word("sockets", name)
+            _instance(f"sockets[{name!r}]", pose, (Pose,), "Write Pose(position, quaternion).")
+        if self.plug is not None:
+            _instance("plug", self.plug, (Plug,), "Write Plug(socket).")
+            checks.one_of("plug.socket", self.plug.socket, self.sockets)
 
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any], where: str = "scene", folder: str | Path = ".") -> Scene:

@@ -16,6 +16,9 @@ One entry a list item; exactly one of the solids in an obstacle::
       - {arc_length: 0.5, position: [0.5, 0, 0.3], quaternion: [0, 0, 0, 1], kind: ball}
     masses:
       - {arc_length: 0.5, mass: 0.02}
+    sockets:
+      port_a: {position: [0.9, 0, 0.3], quaternion: [0, 0.7071, 0, 0.7071]}
+    plug: {socket: port_a, position: [0, 0, 0.02]}   # of the plug's frame in the cable frame at the end
 """
 
 from __future__ import annotations
@@ -26,6 +29,7 @@ from typing import Any
 
 from cable_shape import checks
 from cable_shape.errors import ArgumentError
+from cable_shape.plug import Plug
 from cable_shape.pose import Pose
 from cable_shape.scene import (
     SCENE_KEYS,
@@ -61,8 +65,11 @@ def scene_of(values: Mapping[str, Any], where: str, folder: Path) -> Scene:
         "obstacles": entries("obstacles", lambda v, w: _obstacle(v, w, folder)),
         "clips": entries("clips", _clip),
         "masses": entries("masses", _mass),
+        "sockets": _sockets(values.get("sockets") or {}, f"{where}: sockets"),
     }
-    distances = {key: values[key] for key in SCENE_KEYS if key in values and key not in lists}
+    if values.get("plug") is not None:
+        lists["plug"] = _named(f"{where}: plug", values["plug"], _plug)
+    distances = {key: values[key] for key in SCENE_KEYS if key in values and key not in lists and key != "plug"}
     try:
         return Scene(**lists, **distances)
     except ArgumentError as error:
@@ -80,6 +87,8 @@ def mapping_of(scene: Scene) -> dict[str, Any]:
         "masses": [{"arc_length": m.arc_length, "mass": m.mass} for m in scene.masses],
         "warn_distance": scene.warn_distance,
         "error_distance": scene.error_distance,
+        "sockets": {name: _pose_entry(pose) for name, pose in scene.sockets.items()},
+        "plug": scene.plug and {"socket": scene.plug.socket, **_pose_entry(scene.plug.offset)},
     }
 
 
@@ -142,6 +151,22 @@ def _clip(values: Mapping[str, Any], where: str) -> Clip:
 def _mass(values: Mapping[str, Any], where: str) -> PointMass:
     _required(values, where, ("arc_length", "mass"), ())
     return PointMass(values["arc_length"], values["mass"])
+
+
+def _sockets(values: Mapping[str, Any], where: str) -> dict[str, Pose]:
+    if not isinstance(values, Mapping):
+        raise ArgumentError.of(where, values, "it must be a mapping", "Write name: {position: .., quaternion: ..}.")
+    return {str(name): _named(f"{where}.{name}", pose, _socket) for name, pose in values.items()}
+
+
+def _socket(values: Mapping[str, Any], where: str) -> Pose:
+    _required(values, where, ("position",), ("quaternion",))
+    return _pose(values)
+
+
+def _plug(values: Mapping[str, Any], where: str) -> Plug:
+    _required(values, where, ("socket",), ("position", "quaternion"))
+    return Plug(values["socket"], _pose(values))
 
 
 def _required(values: Mapping[str, Any], where: str, required: tuple[str, ...], optional: tuple[str, ...]) -> None:

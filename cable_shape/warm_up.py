@@ -15,9 +15,16 @@ def warm_up() -> None:
     The first call on a machine compiles and fills the cache on disk, later ones load from it. Set-up and the node's
     configure transition call it.
     """
-    cable = Cable(length=1.0, linear_density=0.1, bending_stiffness=0.01, max_tension=1e3)
+    cable = Cable(
+        length=1.0,
+        linear_density=0.1,
+        bending_stiffness=0.01,
+        max_tension=1e3,
+        allowable_stress=1e9,
+        tails={"end": 0.1},
+    )
     start = Pose((0.0, 0.0, 0.5), (0.5, 0.5, 0.5, 0.5))
-    end = Pose((0.8, 0.0, 0.5), (0.5, 0.5, 0.5, 0.5))
+    end, later = (Pose((x, 0.0, 0.5), (0.5, 0.5, 0.5, 0.5)) for x in (0.8, 0.79))
     scene = Scene(
         obstacles=(
             Obstacle("box", Box((0.1, 0.1, 0.1)), Pose((0.4, 0.0, 0.1))),
@@ -34,5 +41,6 @@ def warm_up() -> None:
     for model in MODELS[:-1]:
         for far in (end, Grip(end, kind="pinned"), FreeEnd(mass=0.01)):
             predict(cable, start, far, model=model, scene=scene)
-        for _ in range(2):
-            Cycle(cable, model=model, scene=scene).step({"cable": (start, end)}, stamp=0, links={"tool": start})
+        cycle = Cycle(cable, model=model, scene=scene)
+        for stamp, far in enumerate((end, later, end)):
+            cycle.step({"cable": (start, far)}, stamp=stamp * 10_000_000, links={"tool": start})

@@ -1,19 +1,85 @@
-"""What to warn about: :func:`warnings_of`, from a shape and its clearance to words with a remedy."""
+"""What to warn about: :func:`warnings_of`, from margins to words with a remedy."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
 
 from cable_shape.cable import Cable
 from cable_shape.clearance import NOT_JUDGED
-from cable_shape.kernels.loads import most_loaded
+from cable_shape.margins import margins_of
 from cable_shape.problem import AUTO_TOLERANCE
-from cable_shape.report import BodyDistance, CableWarning, Clearance, Severity, WarningKind
+from cable_shape.report import CableWarning, Clearance, Margin, Severity, WarningKind
 from cable_shape.scene import Scene
 from cable_shape.shape import CableShape, Status
 
 #: A load is warned of from this fraction of its limit, and is an error at the limit.
 WARN_FRACTION = 0.9
+#: The stretch of a cable is warned of from this fraction of its length: up to there it hangs slack without harm.
+STRETCH_FRACTION = 0.99
+#: A warning is over, and an error a mere warning again, this fraction below where it began.
+HYSTERESIS = 0.05
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Levels:
+    """From which `used` on there is a warning, and an error."""
+
+    warn: float
+    error: float
+
+    @classmethod
+    def of(cls, kind: WarningKind, scene: Scene) -> Levels:
+        """Of one kind of margin."""
+        if kind is WarningKind.CLEARANCE:
+            limit = max(scene.warn_distance, scene.error_distance)
+            error = 2.0 - scene.error_distance / limit if limit > 0.0 else 1.0
+            return cls(math.nextafter(1.0, 2.0), math.nextafter(error, 3.0))  # at the very distance all is still well
+        return cls(STRETCH_FRACTION if kind is WarningKind.OVERSTRETCHED else WARN_FRACTION, 1.0)
+
+    def severity(self, used: float, before: Severity | None) -> Severity | None:
+        """The severity, given the one of the last cycle."""
+        keep = 1.0 - HYSTERESIS
+        if used >= (self.error * keep if before is Severity.ERROR else self.error):
+            return Severity.ERROR
+        if used >= (self.warn if before is None else self.warn * keep):
+            return Severity.WARN
+        return None
+
+
+@final
+class Standing:
+    """The warnings that stand, for one cable: it gives them hysteresis."""
+
+    __slots__ = ("_levels", "_severities")
+
+    def __init__(self, scene: Scene) -> None:
+        self._levels = {kind: Levels.of(kind, scene) for kind in WarningKind}
+        self._severities: dict[tuple[WarningKind, str], Severity] = {}
+
+    def reset(self) -> None:
+        """Forgets them all."""
+        self._severities = {}
+
+    def judge(self, margins: tuple[Margin, ...]) -> list[tuple[Margin, Severity]]:
+        """The margins to warn of; those that are gone no longer stand."""
+        before, now = self._severities, {}
+        found = []
+        for margin in margins:
+            levels = self._levels[margin.kind]
+            if margin.used < levels.warn and not before:
+                continue
+            key = (margin.kind, margin.other)
+            severity = levels.severity(margin.used, before.get(key))
+            if severity is not None:
+                now[key] = severity
+                found.append((margin, severity))
+        self._severities = now
+        return found
 
 
 def warnings_of(
@@ -23,12 +89,15 @@ def warnings_of(
     shape: CableShape,
     clearance: Clearance,
     tolerance: float | None = None,
+    *,
+    margins: tuple[Margin, ...] | None = None,
+    standing: Standing | None = None,
 ) -> tuple[CableWarning, ...]:
     """All warnings that hold for one cable, errors first, then by falling margin.
 
-    `margin` says how much of a limit is used up, 1 at the limit: value / limit for tension, twist rate, span and error
-    estimate; limit / radius for the bend radius, which is infinite for a straight cable; 2 - distance / limit for
-    clearance, so that 2 is contact.
+    `margin` says how much of a limit is used up, 1 at the limit, as in :mod:`cable_shape.margins`. Loads, stress and
+    stability are warned of from 0.9 on, stretch from 0.99, and are errors from 1 on; clearance is warned of below the
+    warning distance and an error below the error distance.
 
     Of a shape that did not converge only that is told, and that clearance and loads were not judged. On the straight
     line of an overstretched cable clearance is judged, loads are not.
@@ -41,22 +110,23 @@ def warnings_of(
         Its warning distances.
     tolerance : float, optional
         [m], that the shape was asked for; the limit of STATUS warnings. Default: 1e-3 of the length.
+    margins : optional
+        Of this shape. Default: those that it has by itself, see `margins_of`.
+    standing : Standing, optional
+        The warnings of the last cycle: one that stands is over only 5 % below where it began.
     """
-    found: list[CableWarning] = []
+    if margins is None:
+        margins = margins_of(cable, scene, shape, clearance)
+    found = [
+        _warning(cable_id, margin, severity, scene, shape, clearance)
+        for margin, severity in (standing or Standing(scene)).judge(margins)
+    ]
     if shape.status is Status.OVERSTRETCHED:
+        found = [w for w in found if w.kind is not WarningKind.OVERSTRETCHED]
         found.append(_overstretched(cable_id, shape))
     elif shape.status is not Status.OK:
         found.append(_status(cable_id, shape, AUTO_TOLERANCE * shape.length if tolerance is None else tolerance))
-    if shape.status not in NOT_JUDGED:
-        limit = max(scene.warn_distance, scene.error_distance)
-        found.extend(
-            _clearance(cable_id, body, limit, scene.error_distance)
-            for body in clearance.bodies
-            if body.distance < limit
-        )
-        if shape.status is not Status.OVERSTRETCHED:
-            found.extend(_loads(cable_id, cable, shape))
-    return tuple(sorted(found, key=lambda w: (-w.severity.value, -w.margin)))
+    return tuple(sorted(found, key=lambda w: (-w.severity.value, -w.margin))) if found else ()
 
 
 def _status(cable_id: str, shape: CableShape, tolerance: float) -> CableWarning:
@@ -88,7 +158,7 @@ def _overstretched(cable_id: str, shape: CableShape) -> CableWarning:
         kind=WarningKind.OVERSTRETCHED,
         severity=Severity.ERROR,
         text=(
-            f"{cable_id}: the grips are {_metres(span)} apart, {_metres(span - shape.length)} more than the cable is "
+            f"{cable_id}: the grips are {metres(span)} apart, {metres(span - shape.length)} more than the cable is "
             f"long. Bring them closer."
         ),
         value=span,
@@ -97,70 +167,123 @@ def _overstretched(cable_id: str, shape: CableShape) -> CableWarning:
         arc_length=shape.length,
         point_on_cable=last,
         point_on_other=last,
+        time_to_limit=0.0,
     )
 
 
-def _clearance(cable_id: str, body: BodyDistance, limit: float, error_distance: float) -> CableWarning:
-    """The cable is too near to another body."""
-    severe = body.distance < error_distance
-    where = f"{body.body!r} at {body.arc_length:.3f} m from the start grip"
-    if body.distance < 0.0:
-        text = f"{cable_id}: overlaps {where} by {_metres(-body.distance)}. Move the cable off it."
-    else:
-        bound = f"error below {_metres(error_distance)}" if severe else f"warning below {_metres(limit)}"
-        text = f"{cable_id}: {_metres(body.distance)} from {where} ({bound}). Keep away from it."
+def tail_warning(cable_id: str, side: str, tail: CableShape) -> CableWarning:
+    """A tail without a shape."""
+    text = f"{cable_id}: tail at the {side}: {tail.status.name}. {tail.detail or tail.status.remedy}"
+    point = tail.positions[0]
     return CableWarning(
         cable_id=cable_id,
-        kind=WarningKind.CLEARANCE,
-        severity=Severity.ERROR if severe else Severity.WARN,
-        text=text,
-        value=body.distance,
-        limit=limit,
-        margin=2.0 - body.distance / limit if limit > 0.0 else math.inf,
-        arc_length=body.arc_length,
-        point_on_cable=body.point_on_cable,
-        point_on_other=body.point_on_body,
-        other=body.body,
+        kind=WarningKind.STATUS,
+        severity=Severity.ERROR,
+        text=f"{text} Its clearance was not judged.",
+        value=tail.error_estimate,
+        limit=AUTO_TOLERANCE * tail.length,
+        margin=tail.error_estimate / (AUTO_TOLERANCE * tail.length),
+        arc_length=0.0,
+        point_on_cable=point,
+        point_on_other=point,
+        other=f"{side} tail",
     )
 
 
-def _loads(cable_id: str, cable: Cable, shape: CableShape) -> list[CableWarning]:
-    """Tension, bend radius and twist rate against the limits that the cable has."""
-    if cable.max_tension is None and cable.min_bend_radius is None and cable.max_twist_rate is None:
-        return []
-    i, tension, j, bending, k, twist = most_loaded(shape.quaternions, shape.curvature, shape.force)
-    found: list[tuple[WarningKind, int, float, float, float, str]] = []
-    if cable.max_tension is not None:
-        text = f"tension {tension:.3g} N of at most {cable.max_tension:.3g} N. Bring the grips closer."
-        found.append((WarningKind.TENSION, i, tension, cable.max_tension, tension / cable.max_tension, text))
-    if cable.min_bend_radius is not None:
-        radius = 1.0 / bending if bending > 0.0 else math.inf
-        text = (
-            f"bend radius {_metres(radius)} of at least {_metres(cable.min_bend_radius)}. Move the grips apart or turn "
-            f"them along the cable."
-        )
-        found.append((WarningKind.BEND_RADIUS, j, radius, cable.min_bend_radius, bending * cable.min_bend_radius, text))
-    if cable.max_twist_rate is not None:
-        text = f"twist rate {twist:.3g} rad/m of at most {cable.max_twist_rate:.3g} rad/m. Turn the end grip back."
-        found.append((WarningKind.TWIST_RATE, k, twist, cable.max_twist_rate, twist / cable.max_twist_rate, text))
-    return [
-        CableWarning(
-            cable_id=cable_id,
-            kind=kind,
-            severity=Severity.ERROR if margin >= 1.0 else Severity.WARN,
-            text=f"{cable_id}: at {float(shape.arc_length[at]):.3f} m from the start grip, {text}",
-            value=value,
-            limit=limit,
-            margin=margin,
-            arc_length=float(shape.arc_length[at]),
-            point_on_cable=shape.positions[at],
-            point_on_other=shape.positions[at],
-        )
-        for kind, at, value, limit, margin, text in found
-        if margin >= WARN_FRACTION
-    ]
+def snap_warning(cable_id: str, stability: Margin, time: float, shape: CableShape, after: CableShape) -> CableWarning:
+    """The cable will snap in `time` [s]; `after`: its shape then."""
+    far = np.linalg.norm(after.positions - shape.positions, axis=1)
+    at = int(far.argmax())
+    return CableWarning(
+        cable_id=cable_id,
+        kind=WarningKind.SNAP,
+        severity=Severity.WARN,
+        text=(
+            f"{cable_id}: snaps to another shape in {time:.2g} s at this speed, moving by up to "
+            f"{metres(float(far[at]))} at {float(shape.arc_length[at]):.3f} m from the start grip. Stop, or move back."
+        ),
+        value=stability.value,
+        limit=stability.limit,
+        margin=stability.used,
+        arc_length=float(shape.arc_length[at]),
+        point_on_cable=shape.positions[at],
+        point_on_other=after.positions[at],
+        time_to_limit=time,
+    )
 
 
-def _metres(value: float) -> str:
+def _warning(
+    cable_id: str, margin: Margin, severity: Severity, scene: Scene, shape: CableShape, clearance: Clearance
+) -> CableWarning:
+    """One margin that is used up, or nearly."""
+    if margin.kind is WarningKind.CLEARANCE:
+        body = next(b for b in clearance.bodies if b.body == margin.other and b.arc_length == margin.arc_length)
+        point, other = body.point_on_cable, body.point_on_body
+        text = _clearance(margin, severity, scene, shape.length)
+    else:
+        point = other = shape.positions[round(margin.arc_length / shape.length * (shape.points - 1))]
+        text = _words(margin, shape.length)
+    if 0.0 < margin.time_to_limit < math.inf:
+        text += f" At this speed the limit is reached in {margin.time_to_limit:.2g} s."
+    return CableWarning(
+        cable_id=cable_id,
+        kind=margin.kind,
+        severity=severity,
+        text=f"{cable_id}: {text}",
+        value=margin.value,
+        limit=margin.limit,
+        margin=margin.used,
+        arc_length=margin.arc_length,
+        point_on_cable=point,
+        point_on_other=other,
+        other=margin.other,
+        time_to_limit=margin.time_to_limit,
+    )
+
+
+def _clearance(margin: Margin, severity: Severity, scene: Scene, length: float) -> str:
+    """The cable is too near to another body."""
+    where = f"{margin.other!r} {_at(margin.arc_length, length)}"
+    if margin.value < 0.0:
+        return f"overlaps {where} by {metres(-margin.value)}. Move the cable off it."
+    if severity is Severity.ERROR:
+        bound = f"error below {metres(scene.error_distance)}"
+    else:
+        bound = f"warning below {metres(margin.limit)}"
+    return f"{metres(margin.value)} from {where} ({bound}). Keep away from it."
+
+
+def _words(margin: Margin, length: float) -> str:
+    """A load, the stretch or the stability."""
+    value, limit = margin.value, margin.limit
+    if margin.kind is WarningKind.OVERSTRETCHED:
+        return f"the grips are {metres(value)} apart, and at most {metres(limit)} is allowed. Bring them closer."
+    where = f"{_at(margin.arc_length, length)}, "
+    if margin.kind is WarningKind.TENSION:
+        return f"{where}tension {value:.3g} N of at most {limit:.3g} N. Bring the grips closer."
+    if margin.kind is WarningKind.BEND_RADIUS:
+        remedy = "Move the grips apart or turn them along the cable."
+        return f"{where}bend radius {metres(value)} of at least {metres(limit)}. {remedy}"
+    if margin.kind is WarningKind.TWIST_RATE:
+        return f"{where}twist rate {value:.3g} rad/m of at most {limit:.3g} rad/m. Turn the end grip back."
+    if margin.kind is WarningKind.STRESS:
+        stress = f"stress {value * 1e-6:.3g} MPa of at most {limit * 1e-6:.3g} MPa"
+        return f"{where}{stress}, safety factor {limit / value:.3g}. Unload the cable there."
+    return (
+        f"{where}the cable is about to snap to another shape (stability {value:.3g}, 0 where it snaps). "
+        "Move the grips back."
+    )
+
+
+def _at(arc_length: float, length: float) -> str:
+    """Where along the cable or its tails."""
+    if arc_length < 0.0:
+        return f"on the tail, {-arc_length:.3f} m before the start grip"
+    if arc_length > length:
+        return f"on the tail, {arc_length - length:.3f} m beyond the end grip"
+    return f"at {arc_length:.3f} m from the start grip"
+
+
+def metres(value: float) -> str:
     """In millimetres below a metre."""
     return f"{value * 1e3:.1f} mm" if abs(value) < 1.0 else f"{value:.3f} m"

@@ -24,16 +24,14 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from tqdm import tqdm
 
+from cable_shape.report import WarningKind
 from cable_shape.shape import Status
 
 ROOT = Path(__file__).resolve().parent.parent
 CONFIG = ROOT / "config"
 STARTUP_S = 120.0  # the node compiles its kernels if set-up could not cache them
 SHUTDOWN_S = 20.0
-KINDS = {
-    getattr(CableWarning, name): name
-    for name in ("CLEARANCE", "OVERSTRETCHED", "TENSION", "BEND_RADIUS", "TWIST_RATE", "STATUS")
-}
+KINDS = {kind.value: kind.name for kind in WarningKind}
 
 
 class Process:

@@ -28,7 +28,14 @@ from recordings import (
 from rosbags.rosbag2 import CompressionMode, Reader, StoragePlugin
 
 import cable_shape as cs
-from cable_shape.replay.bag_writer import SHAPE_TYPE, WARNINGS_TYPE, BagWriter, cable_shape_store, message_folder
+from cable_shape.replay.bag_writer import (
+    MARGINS_TYPE,
+    SHAPE_TYPE,
+    WARNINGS_TYPE,
+    BagWriter,
+    cable_shape_store,
+    message_folder,
+)
 from cable_shape.replay.bags import Bag
 from cable_shape.replay.mcap_salvage import salvage_mcap
 
@@ -237,6 +244,7 @@ def report(stamp: int) -> cs.CycleReport:
         shapes={"cable": shape},
         clearance={"cable": cs.Clearance(robot_checked=True)},
         warnings=(warning,),
+        margins={"cable": (cs.Margin(cs.WarningKind.CLEARANCE, 1.2, 0.03, 0.024, 0.3, "post", 0.5),)},
     )
 
 
@@ -246,12 +254,14 @@ def test_what_was_written_is_read_back(tmp_path: Path) -> None:
         writer.write(report(stamp), "cell")
     store = cable_shape_store()
     with Reader(tmp_path / "replay") as reader:
-        (first, first_time, raw), (second, second_time, raw2) = reader.messages()
+        (first, first_time, raw), (second, second_time, raw2), (third, third_time, raw3) = reader.messages()
         shape, warnings = store.deserialize_cdr(raw, SHAPE_TYPE), store.deserialize_cdr(raw2, WARNINGS_TYPE)
+        margins = store.deserialize_cdr(raw3, MARGINS_TYPE)
         durability = [c.ext.offered_qos_profiles[0].durability.name for c in reader.connections]
     assert (first.topic, first.msgtype, first_time) == ("/cable/shape", SHAPE_TYPE, stamp)
     assert (second.topic, second.msgtype, second_time) == ("/cable/warnings", WARNINGS_TYPE, stamp)
-    assert durability == ["VOLATILE", "TRANSIENT_LOCAL"]
+    assert (third.topic, third.msgtype, third_time) == ("/cable/margins", MARGINS_TYPE, stamp)
+    assert durability == ["VOLATILE", "TRANSIENT_LOCAL", "VOLATILE"]
     n = 5
     for name, begin, width in (
         ("arc_length", 0, 1),
@@ -273,6 +283,10 @@ def test_what_was_written_is_read_back(tmp_path: Path) -> None:
     assert (warning.value, warning.limit, warning.margin, warning.arc_length) == (0.004, 0.01, 2.5, 0.3)
     assert (warning.point_on_cable.x, warning.point_on_other.z) == (1.0, 6.0)
     assert np.isnan(warning.time_to_limit)
+    (margin,) = margins.margins
+    assert (margin.cable_id, margin.kind, margin.other) == ("cable", 0, "post")
+    assert (margin.used, margin.limit, margin.value, margin.arc_length) == (1.2, 0.03, 0.024, 0.3)
+    assert margin.time_to_limit == 0.5
 
 
 def test_the_same_reports_give_the_same_bytes(tmp_path: Path) -> None:

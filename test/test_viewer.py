@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import math
 import os
 import shutil
@@ -19,8 +20,9 @@ from hypothesis import strategies as st
 
 from cable_shape.cable import Cable
 from cable_shape.errors import ArgumentError
-from cable_shape.pose import Grip, Pose
-from cable_shape.report import BodyDistance, CableWarning, Clearance, CycleReport, Severity, WarningKind
+from cable_shape.plug import PlugError
+from cable_shape.pose import FreeEnd, Grip, Pose
+from cable_shape.report import BodyDistance, CableWarning, Clearance, CycleReport, Margin, Severity, WarningKind
 from cable_shape.scene import Box, Capsule, Clip, Cylinder, HalfSpace, Mesh, Obstacle, PointMass, Scene, Sphere
 from cable_shape.shape import CableShape, Status
 from cable_shape.viewer.colour import by_clearance, by_curvature, check_colouring, scale, surface_distance
@@ -47,6 +49,7 @@ SCENE = Scene(
     ),
     clips=(Clip(0.2, Pose((0.1, 0.0, 0.4))),),
     masses=(PointMass(0.3, 0.05),),
+    sockets={"port": Pose((1.0, 0.0, 0.5))},
 )
 LINKS = (Obstacle("hand", Box(np.array((0.05, 0.05, 0.05))), link="wrist"),)
 
@@ -99,6 +102,26 @@ def report(k: int, stamp0: int = T0) -> CycleReport:
         warnings=(warning(distance),) if 3 <= k <= 5 else (),
         times={"predict": 1e-5, "total": 2e-4},
         skipped={"reused": 0},
+    )
+
+
+MARGIN = Margin(WarningKind.CLEARANCE, 0.8, 0.03, 0.036, -0.1, "box", 1.25)
+PLUG = PlugError("port", Pose((1, 2, 3)), 0.05, 0.1, -0.04, 0.03)
+
+
+def near_a_snap(k: int) -> CycleReport:
+    """Report k with tails, margins and, from cycle 2 to cycle 3, a snap that is about to come."""
+    margins = (
+        MARGIN._replace(used=0.1 * k, other="sphere"),
+        MARGIN._replace(used=0.2 * k),
+        Margin(WarningKind.OVERSTRETCHED, 3.0, 1.0, 3.0, 0.6),
+    )
+    return dataclasses.replace(
+        report(k),
+        margins={"cable": margins},
+        tails={("cable", "start"): arc(0.2)},
+        after_snap={"cable": arc(0.3, Status.SNAPPED)} if k in (2, 3) else {},
+        plugs={"cable": PLUG},
     )
 
 
@@ -170,6 +193,29 @@ def test_recording_holds_what_the_reports_say(recorded: dict[str, list[tuple[obj
     assert colour == int.from_bytes(bytes((255, 213, 79, 255)), "big")
 
 
+def test_margins_tails_and_the_shape_after_a_snap_are_shown(tmp_path: Path) -> None:
+    write(tmp_path / "out.rrd", [near_a_snap(k) for k in range(5)])
+    held = columns(tmp_path / "out.rrd")
+    stamps = [T0 + k * PERIOD for k in range(5)]
+    used = held["/plots/margins/cable/clearance:Scalars:scalars"]
+    assert [t for t, _ in used] == stamps
+    np.testing.assert_allclose([v[0] for _, v in used], [0.0, 0.2, 0.4, 0.6, 0.8])  # of all bodies the nearest
+    assert held["/plots/margins/cable/overstretched:Scalars:scalars"][0][1] == [2.0], "no more than twice the limit"
+    assert {tuple(v) for _, v in held["/plots/margins/limit:Scalars:scalars"]} == {(1.0,)}
+    (strip,) = held["/world/cables/cable/tails/start:LineStrips3D:strips"][0][1]
+    np.testing.assert_allclose(strip, arc(0.2).positions, atol=1e-6)
+    ghost = "/world/cables/cable/after_snap"
+    assert [t for t, _ in held[f"{ghost}:LineStrips3D:strips"]] == stamps[2:4]
+    (cleared,) = [rows for name, rows in held.items() if name.startswith(f"{ghost}:Clear")]
+    assert [t for t, _ in cleared] == stamps[4:]
+    assert held["/world/sockets/port:Transform3D:translation"][0] == (None, [pytest.approx([1.0, 0.0, 0.5])])
+    text = held["/state:TextDocument:text"][1][1][0]
+    assert "stretch 300 %, in 1.2 s" not in text
+    assert "| stretch 300 % |" in text
+    assert "plug to port" in text
+    assert "| 50.0 mm, 5.7° |" in text
+
+
 def test_what_stands_still_is_written_once(recorded: dict[str, list[tuple[object, object]]]) -> None:
     for entity, component in (
         ("box", "Boxes3D:half_sizes"),
@@ -222,8 +268,6 @@ def test_clock_of_a_simulation_is_a_duration(tmp_path: Path) -> None:
 
 
 def test_markers_and_a_body_that_goes_out_of_reach(tmp_path: Path) -> None:
-    import dataclasses
-
     from cable_shape.viewer.recording import RecordingWriter
 
     points = np.arange(12.0).reshape(4, 3)
@@ -242,8 +286,6 @@ def test_markers_and_a_body_that_goes_out_of_reach(tmp_path: Path) -> None:
 
 
 def test_unusable_shape_is_grey_and_told(tmp_path: Path) -> None:
-    import dataclasses
-
     lost = dataclasses.replace(report(0), shapes={"cable": arc(status=Status.OVERSTRETCHED)})
     write(tmp_path / "out.rrd", [lost])
     held = columns(tmp_path / "out.rrd")
@@ -359,8 +401,6 @@ def test_warning_log_tells_changes_only() -> None:
 
 
 def test_state_says_what_was_not_checked() -> None:
-    import dataclasses
-
     unchecked = dataclasses.replace(report(0), clearance={"cable": Clearance(beyond=0.5)})
     assert "over 500.0 mm; robot not checked" in state(unchecked, "legend", times=False)
     assert "µs" not in state(report(0), "legend", times=False)
@@ -382,6 +422,10 @@ def test_letters_come_out_as_they_went_in() -> None:
         warnings=sent.warnings,
         times={"total": float(np.float64(1e-3))},
         skipped={"reused": k},
+        margins={"cable": (MARGIN, Margin(WarningKind.STABILITY, np.float64(0.1), 0.0, 9.0, 0.3))},
+        tails={("cable", "end"): arc(0.2)},
+        after_snap={"cable": arc(0.3, Status.SNAPPED)},
+        plugs={"cable": PLUG},
     )
     got = decode(encode(sent))
     assert (got.stamp, got.links, got.times, got.skipped) == (sent.stamp, None, {"total": 1e-3}, {"reused": 4})
@@ -399,6 +443,17 @@ def test_letters_come_out_as_they_went_in() -> None:
     assert got.clearance["cable"].robot_checked is True
     assert (got.warnings[0].text, got.warnings[0].kind) == (sent.warnings[0].text, WarningKind.CLEARANCE)
     assert got.warnings[0].margin == sent.warnings[0].margin
+    assert math.isnan(got.warnings[0].time_to_limit)
+    assert got.margins["cable"][0] == MARGIN
+    assert math.isnan(got.margins["cable"][1].time_to_limit)
+    np.testing.assert_array_equal(got.tails["cable", "end"].buffer, arc(0.2).buffer)
+    assert got.after_snap["cable"].status is Status.SNAPPED
+    assert got.plugs == {"cable": PLUG}
+
+
+def test_a_free_end_comes_out_as_one() -> None:
+    sent = CycleReport(0, {"cable": (Pose(), FreeEnd(mass=0.1))}, None, {"cable": arc()}, {}, ())
+    assert decode(encode(sent)).grips["cable"] == (Pose(), None)
 
 
 @contextlib.contextmanager

@@ -3,29 +3,44 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
-from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
+from cable_shape.kernels.stress import most_stressed
+
+Array = Any
+Extremes = tuple[float, int, float, int, float, int, float, int, float]
 
 
 @kernel
-def most_loaded(quaternions: Array, curvature: Array, force: Array) -> tuple[int, float, int, float, int, float]:
-    """Index and value of the greatest tension [N], bending curvature and |twist rate| [1/m] of n points."""
-    i = j = k = 0
-    tension, bending, twist = -math.inf, -math.inf, -math.inf
-    for m in range(quaternions.shape[0]):
-        x, y, z, w = quaternions[m]
+def most_loaded(buffer: Array, points: int, section: Array) -> Extremes:
+    """Chord [m], then index and value of the greatest tension [N], bending curvature [1/m], |twist rate| [rad/m] and
+    von Mises stress [Pa] in a shape's buffer. An area of 0 in `section` (see `stress`) leaves the stress out.
+    """
+    first, last = points, 4 * points - 3
+    chord = math.sqrt(
+        (buffer[last] - buffer[first]) ** 2
+        + (buffer[last + 1] - buffer[first + 1]) ** 2
+        + (buffer[last + 2] - buffer[first + 2]) ** 2
+    )
+    i = j = k = m = 0
+    tension, square, twist, stress = -math.inf, -math.inf, -math.inf, 0.0
+    for p in range(points):
+        q, u, n = 4 * points + 4 * p, 8 * points + 3 * p, 11 * points + 3 * p
+        x, y, z, w = buffer[q], buffer[q + 1], buffer[q + 2], buffer[q + 3]
         along = (
-            2.0 * (x * z + w * y) * force[m, 0]
-            + 2.0 * (y * z - w * x) * force[m, 1]
-            + (1.0 - 2.0 * (x * x + y * y)) * force[m, 2]
+            2.0 * (x * z + w * y) * buffer[n]
+            + 2.0 * (y * z - w * x) * buffer[n + 1]
+            + (1.0 - 2.0 * (x * x + y * y)) * buffer[n + 2]
         )
         if along > tension:
-            i, tension = m, along
-        bent = math.hypot(curvature[m, 0], curvature[m, 1])
-        if bent > bending:
-            j, bending = m, bent
-        twisted = abs(curvature[m, 2])
+            i, tension = p, along
+        bent = buffer[u] * buffer[u] + buffer[u + 1] * buffer[u + 1]
+        if bent > square:
+            j, square = p, bent
+        twisted = abs(buffer[u + 2])
         if twisted > twist:
-            k, twist = m, twisted
-    return i, tension, j, bending, k, twist
+            k, twist = p, twisted
+    if section[0] > 0.0:
+        m, stress = most_stressed(buffer, points, section)
+    return chord, i, tension, j, math.sqrt(square), k, twist, m, stress

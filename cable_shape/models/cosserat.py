@@ -21,11 +21,13 @@ from numpy.typing import ArrayLike
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels import rod_stability
-from cable_shape.models.rod_solve import Solve
+from cable_shape.models.rod_solve import MODEL, Solve
 from cable_shape.models.rod_state import RodState
 from cable_shape.pose import Grip
 from cable_shape.problem import Problem
 from cable_shape.shape import CableShape
+
+__all__ = ["MODEL", "sensitivity", "smallest_eigenvalue", "solve", "solve_beside"]
 
 
 def solve(problem: Problem, state: RodState | None = None, *, deadline: float = math.inf) -> CableShape:

@@ -22,19 +22,21 @@ from rosbags.typesys.store import Typestore
 
 from cable_shape.errors import BagError, DependencyError
 from cable_shape.report import CableWarning, CycleReport
-from cable_shape.ros.fields import shape_fields, warning_fields
+from cable_shape.ros.fields import margin_fields, shape_fields, warning_fields
 from cable_shape.ros.inputs import SECOND
 
 PACKAGE = "cable_shape_msgs"
-MESSAGES = ("CableWarning", "CableWarnings", "CableShape")
+MESSAGES = ("CableMargin", "CableMargins", "CableWarning", "CableWarnings", "CableShape")
 SHAPE_TYPE = f"{PACKAGE}/msg/CableShape"
 WARNING_TYPE = f"{PACKAGE}/msg/CableWarning"
 WARNINGS_TYPE = f"{PACKAGE}/msg/CableWarnings"
+MARGIN_TYPE = f"{PACKAGE}/msg/CableMargin"
+MARGINS_TYPE = f"{PACKAGE}/msg/CableMargins"
 
 
 @final
 class BagWriter:
-    """A new rosbag2 folder (mcap) with /cable/shape and /cable/warnings; a context manager.
+    """A new rosbag2 folder (mcap) with /cable/shape, /cable/warnings and /cable/margins; a context manager.
 
     An earlier folder made by this class is replaced, anything else is left alone.
 
@@ -47,7 +49,11 @@ class BagWriter:
     """
 
     def __init__(
-        self, folder: Path, shape_topic: str = "/cable/shape", warnings_topic: str = "/cable/warnings"
+        self,
+        folder: Path,
+        shape_topic: str = "/cable/shape",
+        warnings_topic: str = "/cable/warnings",
+        margins_topic: str = "/cable/margins",
     ) -> None:
         self.store = cable_shape_store()
         _make_room(folder)
@@ -55,6 +61,7 @@ class BagWriter:
         self._writer.open()
         self._shape = self._connect(shape_topic, SHAPE_TYPE, QosDurability.VOLATILE)
         self._warnings = self._connect(warnings_topic, WARNINGS_TYPE, QosDurability.TRANSIENT_LOCAL)
+        self._margins = self._connect(margins_topic, MARGINS_TYPE, QosDurability.VOLATILE)
 
     def _connect(self, topic: str, kind: str, durability: QosDurability) -> Connection:
         """A topic with the quality of service that the node offers."""
@@ -79,6 +86,9 @@ class BagWriter:
             self._write(self._shape, SHAPE_TYPE, report.stamp, frame_id, fields)
         fields = {"robot_checked": report.robot_checked, "warnings": [self._warning(w) for w in report.warnings]}
         self._write(self._warnings, WARNINGS_TYPE, report.stamp, frame_id, fields)
+        kind = self.store.types[MARGIN_TYPE]
+        margins = [kind(**margin_fields(name, m)) for name, found in report.margins.items() for m in found]
+        self._write(self._margins, MARGINS_TYPE, report.stamp, frame_id, {"margins": margins})
 
     def _write(self, connection: Connection, kind: str, stamp: int, frame_id: str, fields: dict[str, Any]) -> None:
         types = self.store.types

@@ -16,18 +16,22 @@ from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
+from cable_shape.cable import TAIL_SIDES
 from cable_shape.checks import QUATERNION_TOLERANCE
 from cable_shape.pose import Pose
 from cable_shape.report import CableWarning, CycleReport, Severity, WarningKind
 from cable_shape.ros import messages
 from cable_shape.ros.diagnostics import Verdict
-from cable_shape.ros.fields import shape_fields, warning_fields
+from cable_shape.ros.fields import margin_fields, shape_fields, warning_fields
 from cable_shape.ros.inputs import SECOND
 from cable_shape.shape import CableShape
 
 #: colours of the markers, as red, green, blue: fine, near a limit, beyond it
 FINE, WARN, ERROR = (0.10, 0.65, 0.60), (0.95, 0.60, 0.10), (0.85, 0.15, 0.15)
 COLOURS = {None: FINE, Severity.WARN: WARN, Severity.ERROR: ERROR}
+
+#: opacity of the shape after a snap
+GHOST = 0.35
 
 #: what cable/points holds for each point, as little-endian float32: place [m], arc length [m], tension [N]
 POINT_FIELDS = ("x", "y", "z", "arc_length", "tension")
@@ -98,6 +102,18 @@ def _warning_message(warning: CableWarning) -> messages.CableWarning:
     return messages.CableWarning(**fields)
 
 
+def margins_message(report: CycleReport, header: Header) -> messages.CableMargins:
+    """All margins of a report."""
+    return messages.CableMargins(
+        header=header,
+        margins=[
+            messages.CableMargin(**margin_fields(cable_id, margin))
+            for cable_id, margins in report.margins.items()
+            for margin in margins
+        ],
+    )
+
+
 def path_message(shape: CableShape, header: Header) -> Path:
     """The centreline with its frames, as poses."""
     path = Path(header=header)
@@ -122,8 +138,9 @@ def points_message(shapes: Mapping[str, CableShape], header: Header) -> PointClo
 
 
 def marker_message(report: CycleReport, diameters: Mapping[str, float], header: Header, lifetime: float) -> MarkerArray:
-    """Each cable as a thick line coloured by its worst warning, its clearance warnings as lines between the witness
-    points, and the texts; markers vanish `lifetime` seconds after the last one came."""
+    """Each cable and its tails as thick lines coloured by the worst warning, its clearance warnings as lines between
+    the witness points, the texts, and pale the shape after a snap that is about to come; markers vanish `lifetime`
+    seconds after the last one came."""
     markers = MarkerArray()
     for cable_id, shape in report.shapes.items():
         warnings = [w for w in report.warnings if w.cable_id == cable_id]
@@ -140,7 +157,15 @@ def marker_message(report: CycleReport, diameters: Mapping[str, float], header: 
         text.text = "\n".join(w.text for w in warnings)
         text.pose.position = _points(shape.positions[len(shape.positions) // 2][None])[0]
         text.pose.position.z += 0.05
-        for marker, empty in ((line, False), (gaps, not near), (text, not warnings)):
+        shown = [(line, False), (gaps, not near), (text, not warnings)]
+        more = [report.tails.get((cable_id, side)) for side in TAIL_SIDES] + [report.after_snap.get(cable_id)]
+        for number, (other, alpha) in enumerate(zip(more, (1.0, 1.0, GHOST), strict=True), start=3):
+            strip = _marker(cable_id, number, Marker.LINE_STRIP, header, lifetime, COLOURS[worst])
+            strip.scale.x, strip.color.a = diameters[cable_id], alpha
+            if other is not None:
+                strip.points = _points(other.positions)
+            shown.append((strip, other is None))
+        for marker, empty in shown:
             marker.action = Marker.DELETE if empty else Marker.ADD
             markers.markers.append(marker)
     return markers

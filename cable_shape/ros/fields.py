@@ -5,13 +5,12 @@ A flat array is a contiguous float64 numpy array; whoever fills a message turns 
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
 
 from cable_shape.checks import Array
-from cable_shape.report import CableWarning
+from cable_shape.report import CableWarning, Margin
 from cable_shape.shape import NUMBERS_PER_POINT, CableShape, Status
 
 #: the arrays of cable_shape_msgs/CableShape in the order of a shape's buffer, with their numbers per point
@@ -77,8 +76,22 @@ def warning_fields(warning: CableWarning) -> dict[str, Any]:
         "margin": float(warning.margin),
         "point_on_cable": _xyz(warning.point_on_cable),
         "point_on_other": _xyz(warning.point_on_other),
-        "time_to_limit": math.nan,  # not known: one report holds no speed
+        "time_to_limit": float(warning.time_to_limit),
         "text": warning.text,
+    }
+
+
+def margin_fields(cable_id: str, margin: Margin) -> dict[str, Any]:
+    """All fields of cable_shape_msgs/CableMargin."""
+    return {
+        "cable_id": cable_id,
+        "kind": margin.kind.value,
+        "other": margin.other,
+        "used": float(margin.used),
+        "limit": float(margin.limit),
+        "value": float(margin.value),
+        "arc_length": float(margin.arc_length),
+        "time_to_limit": float(margin.time_to_limit),
     }
 
 

@@ -27,8 +27,8 @@ LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability
 class Outputs:
     """Publishes what a cycle found, each message only while someone listens.
 
-    Shape and warnings go out every cycle, markers, path and points at most every `DRAWING_PERIOD`. The warnings alone
-    are sent without a listener, too, since one who comes later gets the last ones.
+    Shape, warnings and margins go out every cycle, markers, path and points at most every `DRAWING_PERIOD`. The
+    warnings alone are sent without a listener, too, since one who comes later gets the last ones.
     """
 
     def __init__(self, node: LifecycleNode, cables: Mapping[str, Cable]) -> None:
@@ -38,6 +38,7 @@ class Outputs:
         make = node.create_lifecycle_publisher
         self._shape: LifecyclePublisher = make(messages.CableShape, "cable/shape", LATEST)
         self._warnings: LifecyclePublisher = make(messages.CableWarnings, "cable/warnings", LATCHED)
+        self._margins: LifecyclePublisher = make(messages.CableMargins, "cable/margins", LATEST)
         self._markers: LifecyclePublisher = make(MarkerArray, "cable/markers", LATEST)
         self._path: LifecyclePublisher = make(Path, "cable/path", LATEST)
         self._points: LifecyclePublisher = make(PointCloud2, "cable/points", LATEST)
@@ -49,6 +50,8 @@ class Outputs:
             for cable_id, shape in report.shapes.items():
                 self._shape.publish(conversions.shape_message(cable_id, shape, header))
         self._warnings.publish(conversions.warnings_message(report, header))
+        if self._margins.get_subscription_count():
+            self._margins.publish(conversions.margins_message(report, header))
         now = time.monotonic()
         if now - self._drawn < DRAWING_PERIOD:
             return
@@ -63,5 +66,5 @@ class Outputs:
 
     def destroy(self) -> None:
         """Takes the topics away."""
-        for publisher in (self._shape, self._warnings, self._markers, self._path, self._points):
+        for publisher in (self._shape, self._warnings, self._margins, self._markers, self._path, self._points):
             self._node.destroy_lifecycle_publisher(publisher)

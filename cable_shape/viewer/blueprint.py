@@ -75,6 +75,7 @@ def blueprint(
     several = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=len(cables) > 1)
     named = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop)
     plots = [
+        ("margins", "limits used (1: at the limit)", named, True),
         ("clearance", "clearance [mm]", named, bodies),
         ("bend_radius", "smallest bend radius [mm]", several, True),
         ("tension", "largest tension [N]", several, True),
@@ -92,10 +93,14 @@ def blueprint(
             name="warnings",
             columns=rrb.TextLogColumns(timeline_columns=[timeline], text_log_columns=["LogLevel", "Body"]),
         ),
-        column_shares=[1.5, 1],
+        column_shares=[1.9, 1],
     )
     return rrb.Blueprint(
-        rrb.Horizontal(rrb.Vertical(scene, words, row_shares=[4, 1]), rrb.Vertical(*numbers), column_shares=[2.6, 1]),
+        rrb.Horizontal(
+            rrb.Vertical(scene, words, row_shares=[4, 1]),
+            rrb.Vertical(*numbers, row_shares=[1.7, *[1.0] * (len(numbers) - 1)]),
+            column_shares=[2.6, 1],
+        ),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
         rrb.TimePanel(

@@ -10,6 +10,7 @@ from cable_shape.cable import Cable
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import Pose
+from cable_shape.report import WarningKind
 from cable_shape.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Obstacle, Scene, Solid, Sphere
 from cable_shape.shape import CableShape
 
@@ -29,6 +30,18 @@ MARKER: Colour = (255, 255, 255, 255)
 GOOD: Colour = (129, 212, 160, 255)
 AMBER: Colour = (255, 179, 0, 255)
 RED: Colour = (255, 64, 80, 255)
+TAIL: Colour = (176, 190, 197, 255)
+GHOST: Colour = (255, 120, 220, 110)
+#: of the lines that tell how much of each limit is used
+KINDS: dict[WarningKind, Colour] = {
+    WarningKind.CLEARANCE: (129, 212, 160, 255),
+    WarningKind.OVERSTRETCHED: (176, 182, 194, 255),
+    WarningKind.TENSION: (255, 213, 79, 255),
+    WarningKind.BEND_RADIUS: (38, 198, 218, 255),
+    WarningKind.TWIST_RATE: (186, 147, 255, 255),
+    WarningKind.STRESS: (202, 138, 74, 255),
+    WarningKind.STABILITY: (240, 98, 146, 255),
+}
 AXES: tuple[Colour, Colour, Colour] = ((240, 84, 84, 255), (104, 200, 90, 255), (84, 142, 255, 255))
 
 

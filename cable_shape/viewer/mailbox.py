@@ -16,8 +16,9 @@ from typing import Any, final
 import numpy as np
 
 from cable_shape.checks import Array
-from cable_shape.pose import Grip, Pose
-from cable_shape.report import BodyDistance, CableWarning, Clearance, CycleReport, Severity, WarningKind
+from cable_shape.plug import PlugError
+from cable_shape.pose import FreeEnd, Grip, Pose
+from cable_shape.report import BodyDistance, CableWarning, Clearance, CycleReport, Margin, Severity, WarningKind
 from cable_shape.shape import CableShape, Status
 
 SLOTS = 8
@@ -111,13 +112,18 @@ def encode(report: CycleReport) -> bytes:
             [_warning(warning) for warning in report.warnings],
             [(phase, float(seconds)) for phase, seconds in report.times.items()],
             [(what, int(count)) for what, count in report.skipped.items()],
+            [(name, [_margin(margin) for margin in margins]) for name, margins in report.margins.items()],
+            [(name, side, *_shape(tail)) for (name, side), tail in report.tails.items()],
+            [(name, *_shape(shape)) for name, shape in report.after_snap.items()],
+            [(name, *_plug(error)) for name, error in report.plugs.items()],
         )
     )
 
 
 def decode(letter: bytes) -> CycleReport:
     """The report that :func:`encode` wrote."""
-    stamp, grips, links, shapes, clearance, warnings, times, skipped = marshal.loads(letter)
+    stamp, grips, links, shapes, clearance, warnings, times, skipped, *more = marshal.loads(letter)
+    margins, tails, after_snap, plugs = more
     ends = {name: (_read_end(start), _read_end(end)) for name, start, end in grips}
     return CycleReport(
         stamp=stamp,
@@ -128,6 +134,10 @@ def decode(letter: bytes) -> CycleReport:
         warnings=tuple(_read_warning(*fields) for fields in warnings),
         times=dict(times),
         skipped=dict(skipped),
+        margins={name: tuple(Margin(WarningKind(kind), *rest) for kind, *rest in found) for name, found in margins},
+        tails={(name, side): _read_shape(*rest) for name, side, *rest in tails},
+        after_snap={name: _read_shape(*rest) for name, *rest in after_snap},
+        plugs={name: _read_plug(*fields) for name, *fields in plugs},
     )
 
 
@@ -141,8 +151,8 @@ def _rows(data: bytes, width: int) -> Array:
     return np.frombuffer(data, dtype=np.float64).reshape(-1, width)
 
 
-def _end(end: Pose | Grip | None) -> Any:
-    if end is None:
+def _end(end: Pose | Grip | FreeEnd | None) -> Any:
+    if end is None or isinstance(end, FreeEnd):
         return None
     if isinstance(end, Pose):
         return (np.ascontiguousarray(end.array), end.turns)
@@ -221,12 +231,14 @@ def _read_clearance(bodies: list[tuple[str, float, float]], points: bytes, *coun
 
 def _warning(warning: CableWarning) -> tuple[Any, ...]:
     w = warning
-    numbers = np.array((w.value, w.limit, w.margin, w.arc_length, *w.point_on_cable, *w.point_on_other))
+    numbers = np.array(
+        (w.value, w.limit, w.margin, w.arc_length, w.time_to_limit, *w.point_on_cable, *w.point_on_other)
+    )
     return (w.cable_id, w.kind.value, w.severity.value, w.text, w.other, numbers)
 
 
 def _read_warning(cable_id: str, kind: int, severity: int, text: str, other: str, numbers: bytes) -> CableWarning:
-    value, limit, margin, arc_length, *points = np.frombuffer(numbers, dtype=np.float64).tolist()
+    value, limit, margin, arc_length, time_to_limit, *points = np.frombuffer(numbers, dtype=np.float64).tolist()
     return CableWarning(
         cable_id=cable_id,
         kind=WarningKind(kind),
@@ -239,4 +251,20 @@ def _read_warning(cable_id: str, kind: int, severity: int, text: str, other: str
         point_on_cable=np.array(points[:3]),
         point_on_other=np.array(points[3:]),
         other=other,
+        time_to_limit=time_to_limit,
     )
+
+
+def _margin(margin: Margin) -> tuple[Any, ...]:
+    kind, used, limit, value, arc_length, other, time = margin
+    return (kind.value, float(used), float(limit), float(value), float(arc_length), other, float(time))
+
+
+def _plug(error: PlugError) -> tuple[Any, ...]:
+    numbers = np.array((*error.pose.array, error.position, error.angle, error.axial, error.lateral))
+    return (error.socket, numbers)
+
+
+def _read_plug(socket: str, numbers: bytes) -> PlugError:
+    row = np.frombuffer(numbers, dtype=np.float64)
+    return PlugError(socket, Pose.trusted(row[:7]), *row[7:].tolist())

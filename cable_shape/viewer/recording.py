@@ -7,10 +7,13 @@ This module imports rerun, so it is imported by the viewer process and by whoeve
 /world/robot/LINK              pose of a robot link; its solids lie below, once
 /world/cables/NAME/line        the centreline, as thick as the cable, coloured by curvature or clearance
 /world/cables/NAME/start, end  cable frames at the grips: d1 red, d2 green, d3 (the tangent) blue
+/world/cables/NAME/tails/SIDE  what hangs beyond a grip
+/world/cables/NAME/after_snap  the shape after a snap that is about to come
 /world/cables/NAME/closest     the closest pair of points and their distance
 /world/cables/NAME/clips/K     clips of the scene; point masses likewise in masses/K
 /world/markers                 markers that were measured on the real cable
-/plots/...                     clearance and bend radius [mm], tension [N], time [ms]
+/world/sockets/NAME            frames of the sockets, once
+/plots/...                     limits used [1], clearance and bend radius [mm], tension [N], time [ms]
 /warnings, /state              what is wrong, and how each cable is, in words
 =============================  ====================================================================================
 """
@@ -25,15 +28,16 @@ from typing import Any, Self, final
 import numpy as np
 import rerun as rr
 
-from cable_shape.cable import Cable
+from cable_shape.cable import TAIL_SIDES, Cable
 from cable_shape.checks import Array
-from cable_shape.pose import IDENTITY, Grip, Pose
+from cable_shape.pose import IDENTITY, FreeEnd, Grip, Pose
 from cable_shape.report import Clearance, CycleReport, Severity
 from cable_shape.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Obstacle, Scene, Solid, Sphere
 from cable_shape.shape import CableShape
 from cable_shape.viewer import colour as colours
 from cable_shape.viewer import text as text
 from cable_shape.viewer.blueprint import blueprint, eye
+from cable_shape.viewer.plots import Plots, part
 
 TIMELINE = "stamp"
 #: Stamps below this are the clock of a simulation, which begins near 0, and not a date. [ns], March 1973.
@@ -85,6 +89,7 @@ class ReportLogger:
         self.colour = colours.check_colouring(colour)
         self.times = times
         self.live = live
+        self._plots = Plots(recording, self.cables, scene, times)
         self._warnings = text.WarningLog()
         self._logged: dict[str, object] = {}  # entity -> what was written there last
         self._begun = False
@@ -99,15 +104,19 @@ class ReportLogger:
             self._begin(report)
         self._at(report.stamp)
         for link, pose in (report.links or {}).items():
-            self._move(f"/world/robot/{_part(link)}", pose)
+            self._move(f"/world/robot/{part(link)}", pose)
         for name, shape in report.shapes.items():
-            base = f"/world/cables/{_part(name)}"
+            base = f"/world/cables/{part(name)}"
             self._log_line(base, name, shape, report)
             start, end = report.grips.get(name, (None, None))
             self._log_grip(f"{base}/start", start, shape, 0)
             self._log_grip(f"{base}/end", end, shape, -1)
+            for side in TAIL_SIDES:
+                self._log_strip(f"{base}/tails/{side}", name, report.tails.get((name, side)), colours.TAIL)
+            self._log_strip(f"{base}/after_snap", name, report.after_snap.get(name), colours.GHOST)
             self._log_closest(f"{base}/closest", report.clearance.get(name), shape)
-            self._log_plots(_part(name), shape, report.clearance.get(name))
+            self._plots.shape(name, shape, report.clearance.get(name))
+            self._plots.margins(name, report.margins.get(name, ()))
         self._log_words(report)
 
     def log_markers(self, points: Array, stamp: int | None = None) -> None:
@@ -145,15 +154,18 @@ class ReportLogger:
         self.recording.send_blueprint(layout)
         self._write("/world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         for body in self.scene.obstacles:
-            entity = f"/world/obstacles/{_part(body.name)}"
+            entity = f"/world/obstacles/{part(body.name)}"
             flat = isinstance(body.solid, HalfSpace)
             self._log_solid(entity, body.solid, body.pose, colours.FLOOR if flat else colours.OBSTACLE)
         for body in self.links:
-            entity = f"/world/robot/{_part(body.link or '')}/{_part(body.name)}"
+            entity = f"/world/robot/{part(body.link or '')}/{part(body.name)}"
             self._log_solid(entity, body.solid, body.pose, colours.ROBOT)
+        for name, pose in self.scene.sockets.items():
+            axes = rr.Arrows3D(vectors=0.04 * np.eye(3), colors=colours.AXES, radii=0.0015)
+            self._write(f"/world/sockets/{part(name)}", _transform(pose), axes, static=True)
         for name, cable in self.cables.items():
-            self._log_held(f"/world/cables/{_part(name)}", cable)
-        self._log_styles()
+            self._log_held(f"/world/cables/{part(name)}", cable)
+        self._plots.begin()
 
     def _log_solid(self, entity: str, solid: Solid, pose: Pose, colour: colours.Colour) -> None:
         """A solid body in the frame of the entity above it."""
@@ -189,24 +201,6 @@ class ReportLogger:
             ring = rr.Points3D([(0.0, 0.0, 0.0)], radii=1.2 * cable.diameter, colors=colours.AMBER)
             self._write(f"{base}/clips/{k}", _transform(clip.pose), ring, static=True)
 
-    def _log_styles(self) -> None:
-        """Names and colours of the plotted lines."""
-        several = len(self.cables) > 1
-        palette = ((38, 198, 218), (186, 147, 255), (129, 212, 160), (255, 213, 79), (240, 98, 146))
-        for k, name in enumerate(self.cables):
-            colour = palette[k % len(palette)]
-            for plot in ("clearance", "bend_radius", "tension"):
-                label = f"{name}" if several else plot.replace("_", " ")
-                style = rr.SeriesLines(colors=[colour], names=[label], widths=[2.0])
-                self._write(f"/plots/{plot}/{_part(name)}", style, static=True)
-        limits = rr.SeriesLines(colors=[colours.AMBER, colours.RED], names=["warn", "error"], widths=[1.0])
-        self._write("/plots/clearance/limits", limits, static=True)
-        if self.times:
-            cycle = rr.SeriesLines(
-                colors=[(38, 198, 218), (255, 213, 79)], names=["cycle", "of it prediction"], widths=[2.0]
-            )
-            self._write("/plots/time/cycle", cycle, static=True)
-
     def _move(self, entity: str, pose: Pose) -> None:
         if self._changed(entity, pose.array.tobytes()):
             self._write(entity, _transform(pose))
@@ -230,7 +224,19 @@ class ReportLogger:
             places = np.stack([np.interp(at, shape.arc_length, shape.positions[:, i]) for i in range(3)], axis=1)
             self._write(f"{base}/masses", rr.Points3D(places, radii=1.6 * radius, colors=colours.UNUSABLE))
 
-    def _log_grip(self, entity: str, end: Pose | Grip | None, shape: CableShape, index: int) -> None:
+    def _log_strip(self, entity: str, name: str, shape: CableShape | None, colour: colours.Colour) -> None:
+        """A line in one colour, which goes away when there is none."""
+        if shape is None:
+            if self._logged.get(entity) is not None:
+                self._write(entity, rr.Clear(recursive=True))
+            self._logged[entity] = None
+            return
+        self._logged[entity] = shape
+        radius = 0.5 * self.cables[name].diameter
+        points = shape.positions.astype(np.float32)
+        self._write(entity, rr.LineStrips3D([points], colors=colour, radii=radius))
+
+    def _log_grip(self, entity: str, end: Pose | Grip | FreeEnd | None, shape: CableShape, index: int) -> None:
         """The cable frame at a grip: three axes if clamped, the tangent if swivelling, a ball if pinned."""
         kind = end.kind if isinstance(end, Grip) else "clamped" if isinstance(end, Pose) else "free"
         if self._changed(f"{entity}/kind", kind):
@@ -265,29 +271,13 @@ class ReportLogger:
         self._write(f"{entity}/line", line)
         self._write(f"{entity}/points", rr.Points3D(pair, colors=colour, radii=2.5 * radius))
 
-    def _log_plots(self, name: str, shape: CableShape, clearance: Clearance | None) -> None:
-        """Numbers over time. A bend radius above the cable's length is drawn as that length: as good as straight."""
-        if clearance is not None:
-            closest = clearance.closest
-            distance = clearance.beyond if closest is None else closest.distance
-            if np.isfinite(distance):
-                self._write(f"/plots/clearance/{name}", rr.Scalars(1e3 * distance))
-                self._write(
-                    "/plots/clearance/limits",
-                    rr.Scalars((1e3 * self.scene.warn_distance, 1e3 * self.scene.error_distance)),
-                )
-        radius = min(float(shape.bend_radius.min()), shape.length)
-        self._write(f"/plots/bend_radius/{name}", rr.Scalars(1e3 * radius))
-        self._write(f"/plots/tension/{name}", rr.Scalars(float(shape.tension.max())))
-
     def _log_words(self, report: CycleReport) -> None:
         for severity, said in self._warnings.changes(report.warnings):
             self._write("/warnings", rr.TextLog(said, level=_LEVELS[severity]))
         legend = f"Colour: {_LEGENDS[self.colour]}"
         self._write("/state", rr.TextDocument(text.state(report, legend, self.times), media_type="text/markdown"))
         if self.times and "total" in report.times:
-            spent = (1e3 * report.times["total"], 1e3 * report.times.get("predict", 0.0))
-            self._write("/plots/time/cycle", rr.Scalars(spent))
+            self._plots.times(report.times["total"], report.times.get("predict", 0.0))
 
 
 _LEGENDS = {
@@ -351,11 +341,6 @@ def new_recording(path: str | Path | None = None) -> rr.RecordingStream:
     if path is not None:
         recording.save(str(path))
     return recording
-
-
-def _part(name: str) -> str:
-    """A name as one part of an entity path."""
-    return rr.escape_entity_path_part(name)
 
 
 def _transform(pose: Pose) -> rr.Transform3D:

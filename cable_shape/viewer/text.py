@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import final
 
 import numpy as np
 
-from cable_shape.report import CableWarning, Clearance, CycleReport, Severity, WarningKind
+from cable_shape.report import CableWarning, Clearance, CycleReport, Margin, Severity, WarningKind
 from cable_shape.shape import CableShape
 
 
@@ -16,6 +16,23 @@ def millimetres(distance: float) -> str:
     if abs(distance) < 1e-4:
         return f"{distance * 1e6:.2g} µm"
     return f"{distance * 1e3:.1f} mm" if abs(distance) < 1.0 else f"{distance:.2f} m"
+
+
+#: kinds of margins, in the order in which they are drawn
+MARGIN_KINDS = (
+    WarningKind.CLEARANCE,
+    WarningKind.OVERSTRETCHED,
+    WarningKind.TENSION,
+    WarningKind.BEND_RADIUS,
+    WarningKind.TWIST_RATE,
+    WarningKind.STRESS,
+    WarningKind.STABILITY,
+)
+
+
+def kind_name(kind: WarningKind) -> str:
+    """A kind of margin in words."""
+    return "stretch" if kind is WarningKind.OVERSTRETCHED else kind.name.lower().replace("_", " ")
 
 
 def state(report: CycleReport, legend: str, times: bool) -> str:
@@ -41,6 +58,10 @@ def _cells(report: CycleReport, name: str, shape: CableShape, times: bool) -> It
     yield "bend radius", millimetres(radius) if np.isfinite(radius) else "straight"
     yield "tension", f"{shape.tension.max():.3g} N"
     yield "twist", f"{np.degrees(shape.twist):.0f}°"
+    yield "nearest limit", _nearest_limit(report.margins.get(name, ()))
+    if name in report.plugs:
+        plug = report.plugs[name]
+        yield f"plug to {plug.socket}", f"{millimetres(plug.position)}, {np.degrees(plug.angle):.1f}°"
     yield "model", f"{shape.model} ±{millimetres(shape.error_estimate)}"
     if times:
         yield "solved in", f"{shape.solve_time * 1e6:.0f} µs"
@@ -55,6 +76,16 @@ def _clearance(clearance: Clearance | None) -> str:
     else:
         said = f"over {millimetres(clearance.beyond)}" if np.isfinite(clearance.beyond) else "nothing near"
     return said if clearance.robot_checked else f"{said}; robot not checked"
+
+
+def _nearest_limit(margins: Sequence[Margin]) -> str:
+    """The margin that is used up most, with the time that is left."""
+    if not margins:
+        return "not judged"
+    worst = max(margins, key=lambda m: m.used)
+    about = f"{kind_name(worst.kind)}{f' to {worst.other}' if worst.other else ''}"
+    left = f", in {worst.time_to_limit:.1f} s" if 0.0 < worst.time_to_limit < np.inf else ""
+    return f"{about} {100.0 * worst.used:.0f} %{left}"
 
 
 @final

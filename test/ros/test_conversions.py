@@ -1,10 +1,12 @@
 """Messages and core types: what goes in comes out, field by field."""
 
 import array
+import dataclasses
 import math
 
 import numpy as np
 import pytest
+from cable_shape_msgs.msg import CableMargin as CableMarginMessage
 from cable_shape_msgs.msg import CableShape as CableShapeMessage
 from cable_shape_msgs.msg import CableWarning as CableWarningMessage
 from geometry_msgs.msg import PoseStamped
@@ -13,7 +15,7 @@ from visualization_msgs.msg import Marker
 
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import Pose
-from cable_shape.report import CableWarning, CycleReport, Severity, WarningKind
+from cable_shape.report import CableWarning, CycleReport, Margin, Severity, WarningKind
 from cable_shape.ros import conversions, fields
 from cable_shape.ros.diagnostics import Complaint, Level, Verdict
 from cable_shape.shape import CableShape, Status
@@ -60,6 +62,7 @@ def warning(kind=WarningKind.CLEARANCE, severity=Severity.ERROR):
         point_on_cable=np.array((1.0, 2.0, 3.0)),
         point_on_other=np.array((4.0, 5.0, 6.0)),
         other="box",
+        time_to_limit=0.75,
     )
 
 
@@ -112,7 +115,25 @@ def test_every_field_of_a_warning_is_filled_and_comes_back(shape):
     assert (one.value, one.limit, one.margin, one.arc_length) == (0.004, 0.01, 2.5, 0.6)
     assert (one.point_on_cable.x, one.point_on_cable.y, one.point_on_cable.z) == (1.0, 2.0, 3.0)
     assert (one.point_on_other.x, one.point_on_other.y, one.point_on_other.z) == (4.0, 5.0, 6.0)
-    assert math.isnan(one.time_to_limit)
+    assert one.time_to_limit == 0.75
+
+
+def test_every_field_of_a_margin_is_filled_and_comes_back(shape):
+    margin = Margin(WarningKind.CLEARANCE, 0.8, 0.03, 0.036, -0.1, "box", math.inf)
+    cables = {"a": (margin, Margin(WarningKind.STABILITY, 0.1, 0.0, 9.0, 0.6)), "b": ()}
+    message = sent(conversions.margins_message(dataclasses.replace(report(shape), margins=cables), HEADER))
+    assert conversions.nanoseconds(message.header.stamp) == STAMP
+    one, two = message.margins
+    assert set(fields.margin_fields("a", margin)) == set(CableMarginMessage.get_fields_and_field_types())
+    assert (one.cable_id, one.kind, one.other) == ("a", CableMarginMessage.CLEARANCE, "box")
+    assert (one.used, one.limit, one.value, one.arc_length, one.time_to_limit) == (0.8, 0.03, 0.036, -0.1, math.inf)
+    assert (two.kind, two.other) == (CableMarginMessage.STABILITY, "")
+    assert math.isnan(two.time_to_limit)
+
+
+@pytest.mark.parametrize("member", [k for k in WarningKind if k not in (WarningKind.STATUS, WarningKind.SNAP)])
+def test_margin_kinds_are_those_of_the_message(member):
+    assert getattr(CableMarginMessage, member.name) == member.value
 
 
 @pytest.mark.parametrize("status", list(Status))
@@ -171,8 +192,8 @@ def test_points_hold_place_arc_length_and_tension(shape):
 
 def test_markers_draw_the_cable_and_what_is_near(shape):
     markers = sent(conversions.marker_message(report(shape, warning()), {"cable": 0.008}, HEADER, 0.5)).markers
-    line, gaps, text = markers
-    assert [m.action for m in markers] == [Marker.ADD] * 3
+    line, gaps, text, *others = markers
+    assert [m.action for m in markers] == [Marker.ADD] * 3 + [Marker.DELETE] * len(others)
     assert (line.type, line.scale.x, len(line.points)) == (Marker.LINE_STRIP, 0.008, shape.points)
     assert line.points[3].z == shape.positions[3, 2]
     assert [(p.x, p.y, p.z) for p in gaps.points] == [(1.0, 2.0, 3.0), (4.0, 5.0, 6.0)]
@@ -181,8 +202,20 @@ def test_markers_draw_the_cable_and_what_is_near(shape):
     assert line.color.r == pytest.approx(conversions.ERROR[0])
 
 
+def test_markers_show_tails_and_the_shape_after_a_snap(shape):
+    more = dataclasses.replace(report(shape), tails={("cable", "end"): shape}, after_snap={"cable": shape})
+    *_, start, end, ghost = sent(conversions.marker_message(more, {"cable": 0.008}, HEADER, 0.5)).markers
+    assert [m.action for m in (start, end, ghost)] == [Marker.DELETE, Marker.ADD, Marker.ADD]
+    assert [m.type for m in (end, ghost)] == [Marker.LINE_STRIP] * 2
+    for marker in (end, ghost):
+        assert [(p.x, p.y, p.z) for p in marker.points] == [tuple(p) for p in shape.positions]
+    assert end.color.a == 1.0
+    assert 0.0 < ghost.color.a < 0.5
+    assert len({(m.ns, m.id) for m in (start, end, ghost)}) == 3
+
+
 def test_markers_without_warnings_take_the_old_ones_away(shape):
-    line, gaps, text = conversions.marker_message(report(shape), {"cable": 0.008}, HEADER, 2.5).markers
+    line, gaps, text, *_ = conversions.marker_message(report(shape), {"cable": 0.008}, HEADER, 2.5).markers
     assert [line.action, gaps.action, text.action] == [Marker.ADD, Marker.DELETE, Marker.DELETE]
     assert line.color.r == pytest.approx(conversions.FINE[0])
     assert (line.lifetime.sec, line.lifetime.nanosec) == (2, 500_000_000)

@@ -5,7 +5,7 @@ import time
 
 import numpy as np
 import pytest
-from cable_shape_msgs.msg import CableShape, CableWarning, CableWarnings
+from cable_shape_msgs.msg import CableMargin, CableMargins, CableShape, CableWarning, CableWarnings
 from diagnostic_msgs.msg import DiagnosticStatus
 from harness import ALONG_X, LATCHED, nanoseconds, values_of
 from nav_msgs.msg import Path
@@ -209,6 +209,32 @@ def test_warnings_reach_a_late_joiner(cell):
     assert nanoseconds(late[0].header.stamp) == stamp
     assert CableWarning.OVERSTRETCHED in [w.kind for w in late[0].warnings]
     assert late[0].robot_checked is False
+
+
+def test_margins_come_once_someone_listens_with_the_time_to_a_limit(cell):
+    margins = cell.listen(CableMargins, "cable/margins")
+    cell.until(lambda: cell.node.count_publishers("cable/margins"), "cable/margins")
+    stamp = cell.now()
+    chords = iter(np.linspace(0.7, 1.1, 200))
+    sent = {}
+
+    def stretched():
+        nonlocal stamp
+        stamp += 10_000_000
+        sent[stamp] = next(chords)
+        cell.pose(0, stamp, (0.0, 0.0, 0.5))
+        cell.pose(1, stamp, (sent[stamp], 0.0, 0.5))
+        cell.spin(0.02)
+        return next((m for m in margins if math.isfinite(m.margins[0].time_to_limit)), None)
+
+    message = cell.until(stretched, "margins with a time")
+    stretch = message.margins[0]
+    assert (stretch.cable_id, stretch.kind, stretch.limit) == ("cable", CableMargin.OVERSTRETCHED, 1.2)
+    assert stretch.value == pytest.approx(sent[nanoseconds(message.header.stamp)])
+    assert stretch.used == pytest.approx(stretch.value / 1.2)
+    speed = (1.1 - 0.7) / 199 / 0.01
+    assert stretch.time_to_limit == pytest.approx((1.2 - stretch.value) / speed, rel=1e-6)
+    assert CableMargin.STABILITY in [m.kind for m in message.margins]
 
 
 def test_standard_messages_come_once_someone_listens(cell):

@@ -1,0 +1,209 @@
+"""One cable's part of a cycle: :class:`CableCycle`, with all that is remembered from cycle to cycle."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import final
+
+import numpy as np
+
+from cable_shape.checks import Array
+from cable_shape.clearance import ClearanceChecker
+from cable_shape.kernels import bounds
+from cable_shape.margins import MarginWatch
+from cable_shape.plug import Plug, PlugError, plug_error
+from cable_shape.pose import FreeEnd, Grip, Pose
+from cable_shape.predictor import Predictor
+from cable_shape.report import BodyDistance, CableWarning, Clearance, Margin
+from cable_shape.scene import Obstacle, Scene
+from cable_shape.shape import CableShape
+from cable_shape.snap import predicted_snap
+from cable_shape.speed import GripSpeed
+from cable_shape.tails import Tail, held_frame
+from cable_shape.warn import Standing, snap_warning, tail_warning, warnings_of
+
+Ends = tuple[Pose | Grip, Pose | Grip | FreeEnd | None]
+Links = Mapping[str, Pose] | None
+
+#: A predicted snap that stands is looked for this much further ahead.
+_LONGER = 1.25
+#: Looks ahead in the time of one horizon.
+_LOOKS = 10.0
+
+
+@final
+class CableCycle:
+    """Predicts, checks and judges one cable; the steps of :meth:`cable_shape.Cycle.step`, in their order.
+
+    Parameters
+    ----------
+    name : str
+    predictor : Predictor
+    scene, robot_links, gripping_links
+        As for :class:`~cable_shape.clearance.ClearanceChecker`.
+    plug : Plug, optional
+        At the end of the cable.
+    snap_horizon : float
+        [s], a snap this near is predicted; 0: never.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        predictor: Predictor,
+        scene: Scene,
+        robot_links: Sequence[Obstacle],
+        gripping_links: Sequence[str],
+        plug: Plug | None,
+        snap_horizon: float,
+    ) -> None:
+        self.name = name
+        self.predictor = predictor
+        self.scene = scene
+        cable, problem = predictor.cable, predictor.problem
+        self._tails = {
+            side: Tail(cable, side, length, gravity=problem.gravity, points=problem.points)
+            for side, length in cable.tails.items()
+        }
+        checker = ClearanceChecker(
+            scene, radius=0.5 * cable.diameter, robot_links=robot_links, gripping_links=gripping_links
+        )
+        self._checker = checker
+        self._plug = plug
+        self._snap_horizon = snap_horizon
+        self._speed = GripSpeed()
+        self._watch = MarginWatch(cable, scene, checker.moving)
+        self._standing = Standing(scene)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forgets everything from before."""
+        self.predictor.reset()
+        for tail in self._tails.values():
+            tail.reset()
+        self._speed.reset()
+        self._watch.reset()
+        self._standing.reset()
+        self.tails: dict[str, CableShape] = {}  # by side
+        self.after_snap: CableShape | None = None
+        self.snap_skipped = False  # there was no need to look for a snap
+        self._snap: CableWarning | None = None
+        self._looked = self._snaps_at = -math.inf  # ns, when a snap was looked for, and when it is to come
+        self._twists: Array | None = None
+
+    def predict(self, ends: Ends) -> CableShape:
+        """The shape of the span, and of the tails into `tails`."""
+        start, end = ends
+        shape = self.predictor.predict(start, end)
+        self.tails = {}
+        for side, tail in self._tails.items():
+            grip = start if side == "start" else end
+            if isinstance(grip, (Pose, Grip)):
+                self.tails[side] = tail.predict(held_frame(grip, shape, side))
+        return shape
+
+    def check(self, shape: CableShape, links: Links) -> Clearance:
+        """The clearance of span and tails: for each body that of the nearest part."""
+        clearance = self._checker.check(shape, links)
+        if not self.tails:
+            return clearance
+        parts = [clearance]
+        for side, tail in self.tails.items():
+            part = self._checker.check(tail, links)
+            along, length = self._tails[side].along, shape.length
+            moved = tuple(
+                BodyDistance(b.body, b.distance, along(b.arc_length, length), b.point_on_cable, b.point_on_body)
+                for b in part.bodies
+            )
+            parts.append(Clearance(moved, part.beyond, part.robot_checked, part.pairs_culled, part.pairs_exact))
+        return _nearest(parts, self._checker.names)
+
+    def margins(self, shape: CableShape, clearance: Clearance, ends: Ends, stamp: int) -> tuple[Margin, ...]:
+        """How far trouble is, and with it whether the cable is about to snap."""
+        start, end = ends
+        self._twists = self._speed.update(start, end, stamp)
+        margins = self._watch.margins(
+            shape,
+            clearance,
+            stamp,
+            state=self.predictor.rod_state,
+            twists=self._twists,
+            held=isinstance(end, (Pose, Grip)),
+        )
+        self._look_ahead(shape, stamp)
+        return margins
+
+    def _look_ahead(self, shape: CableShape, stamp: int) -> None:
+        """Predicts the snap that stability says may come within the horizon, ten times in that time.
+
+        One that was predicted stands as long as stability is running out.
+        """
+        last, self.after_snap, self._snap = self.after_snap, None, None
+        horizon = self._snap_horizon * (1.0 if last is None else _LONGER)
+        self.snap_skipped = horizon > 0.0
+        state, stability = self.predictor.rod_state, self._watch.stability
+        if stability is None or not stability.time_to_limit < horizon or state is None or self._twists is None:
+            self._looked = -math.inf
+            return
+        self.after_snap = last
+        if not 0.0 <= (stamp - self._looked) * 1e-9 < horizon / _LOOKS:
+            self.snap_skipped = False
+            self._looked = stamp
+            time = stability.time_to_limit
+            found = predicted_snap(state, self._twists, horizon)
+            if found is not None:
+                no_sooner, no_later, self.after_snap = found
+                time = min(max(time, no_sooner), no_later)
+            self._snaps_at = stamp + time * 1e9
+        if self.after_snap is not None:
+            time = max(0.0, (self._snaps_at - stamp) * 1e-9)
+            self._snap = snap_warning(self.name, stability, time, shape, self.after_snap)
+
+    def warnings(
+        self, shape: CableShape, clearance: Clearance, margins: tuple[Margin, ...]
+    ) -> tuple[CableWarning, ...]:
+        """What to say."""
+        found = warnings_of(
+            self.name,
+            self.predictor.cable,
+            self.scene,
+            shape,
+            clearance,
+            tolerance=self.predictor.problem.tolerance,
+            margins=margins,
+            standing=self._standing,
+        )
+        more = [] if self._snap is None else [self._snap]
+        more += [tail_warning(self.name, side, tail) for side, tail in self.tails.items() if not tail.status]
+        if not more:
+            return found
+        return tuple(sorted((*found, *more), key=lambda w: (-w.severity.value, -w.margin)))
+
+    def plug_error(self, shape: CableShape) -> PlugError | None:
+        """Where the plug is against its socket; None without one, or without a shape."""
+        if self._plug is None or not shape.status:
+            return None
+        return plug_error(self._plug, self.scene.sockets[self._plug.socket], shape)
+
+
+def _nearest(parts: Sequence[Clearance], names: Sequence[str]) -> Clearance:
+    """One clearance of several parts of a cable."""
+    nearest: dict[str, BodyDistance] = {}
+    for part in parts:
+        for body in part.bodies:
+            if body.body not in nearest or body.distance < nearest[body.body].distance:
+                nearest[body.body] = body
+    table = np.full((len(names), bounds.RESULT_COLUMNS), np.inf)
+    for row, name in zip(table, names, strict=True):
+        if name in nearest:
+            b = nearest[name]
+            row[:] = (b.distance, b.arc_length, *b.point_on_cable, *b.point_on_body)
+    return Clearance(
+        bodies=tuple(nearest[name] for name in names if name in nearest),
+        beyond=min(part.beyond for part in parts),
+        robot_checked=all(part.robot_checked for part in parts),
+        pairs_culled=sum(part.pairs_culled for part in parts),
+        pairs_exact=sum(part.pairs_exact for part in parts),
+        table=table,
+    )
