@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterator
 from time import perf_counter
 
 import numpy as np
+from cosserat_figures import Figures, heading
+from cosserat_random import random_grasp
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
@@ -53,7 +55,7 @@ def seconds(run: Callable[[], cs.CableShape]) -> tuple[float, cs.CableShape]:
     return perf_counter() - began, shape
 
 
-def print_honesty(name: str, grasp: Callable[[np.random.Generator], Grasp], count: int) -> None:
+def print_honesty(name: str, grasp: Callable[[np.random.Generator], Grasp], count: int, figures: Figures) -> None:
     """Choice and error estimate against the rod at a tolerance of 1e-8 of the length, or the finest it reaches."""
     rng, chosen = np.random.default_rng(2024), defaultdict(list)
     unknown = 0
@@ -76,6 +78,8 @@ def print_honesty(name: str, grasp: Callable[[np.random.Generator], Grasp], coun
                 f"(asked 99), estimate at most 10 times the true error {100 * (ratio <= 10).mean():5.1f} % (asked 80), "
                 f"largest error {error.max():.1e} L (asked {AUTO_TOLERANCE:g})"
             )
+    figures.at_least(f"auto, {name}: true error at most the estimate", 100 * (ratio >= 1).mean(), 99.0, unit=" %")
+    figures.at_least(f"auto, {name}: estimate at most 10 times it", 100 * (ratio <= 10).mean(), 80.0, unit=" %")
 
 
 def print_cost(grasp: Callable[[np.random.Generator], Grasp], count: int) -> None:
@@ -134,19 +138,13 @@ def print_sixth_order(count: int) -> None:
     print(f"a closed form is within tolerance in {within} of {count} taut grasps, the 6th order alone in {alone}")
 
 
-def print_auto(count: int = 1000) -> None:
+def print_auto(count: int, figures: Figures) -> None:
     """All of it."""
-    from bench_cosserat import random_grasp  # here, as that file prints these tables, too
-
-    print(f'\n## model="auto" at its tolerance of {AUTO_TOLERANCE:g} L', flush=True)
-    print_honesty("any grasps", random_grasp, count)
-    print_honesty("taut grasps", taut_grasp, count)
+    heading(f'model="auto" at its tolerance of {AUTO_TOLERANCE:g} L')
+    print_honesty("any grasps", random_grasp, count, figures)
+    print_honesty("taut grasps", taut_grasp, count, figures)
     print_sixth_order(count)
     print("any grasps, ", end="")
     print_cost(random_grasp, count // 10)
     print("taut grasps, ", end="")
     print_cost(taut_grasp, count // 4)
-
-
-if __name__ == "__main__":
-    print_auto()

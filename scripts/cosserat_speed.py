@@ -8,8 +8,10 @@ from collections.abc import Callable
 from time import perf_counter
 
 import numpy as np
+from cosserat_figures import Figures, heading
 from scipy.integrate import solve_bvp
 from scipy.spatial.transform import Rotation, Slerp
+from tqdm import tqdm
 
 import cable_shape as cs
 from cable_shape.models import cosserat
@@ -25,6 +27,8 @@ TURNED = (
 )  # fmt: skip
 END = cs.Pose((0.7, 0.3, -0.1), TURNED.as_quat())
 R = np.sqrt(0.5)
+#: Runs of ours between two of solve_bvp's, which take far longer.
+OURS_A_ROUND = 5
 GRASPS = {
     "A": (CABLE, START, cs.Pose((0.8, 0, 0), ALONG_X)),
     "B": (CABLE, START, END),
@@ -159,70 +163,85 @@ def same_guess(cable: cs.Cable, start: cs.Pose, end: cs.Pose, points: int = 11) 
     return x, Y
 
 
-def median(run: Callable[[], object], times: int) -> float:
-    """[s]."""
-    spent = []
-    for _ in range(times):
-        began = perf_counter()
-        run()
-        spent.append(perf_counter() - began)
-    return float(np.median(spent))
+def in_turns(ours: Callable[[], object], theirs: Callable[[], object], rounds: int) -> tuple[float, float]:
+    """Median times [s] of two, run in turns, `OURS_A_ROUND` of the first to one of the second."""
+    spent: tuple[list[float], list[float]] = ([], [])
+    for _ in range(rounds):
+        for which, run, times in ((0, ours, OURS_A_ROUND), (1, theirs, 1)):
+            for _ in range(times):
+                began = perf_counter()
+                run()
+                spent[which].append(perf_counter() - began)
+    return float(np.median(spent[0])), float(np.median(spent[1]))
 
 
-def print_speed() -> None:
+def print_speed(figures: Figures, quick: bool = False) -> None:
     """Warm steps along the motion, cold grasps, and the first shape of a process."""
-    print(
-        "\n## Speed beside scipy.integrate.solve_bvp (tol 1e-3, analytic Jacobian, mesh reused when warm)", flush=True
+    heading("Speed beside scipy.integrate.solve_bvp (tol 1e-3, analytic Jacobian, mesh reused when warm), in turns")
+    print_motion(figures, 1 if quick else 3)
+    print_cold(figures, 5 if quick else 15)
+    script = (
+        "import time; import cable_shape as cs; t = time.perf_counter(); "
+        "cs.predict(cs.Cable(1.2, 0.1, 0.01), cs.Pose(), cs.Pose((0.5, 0, 0.5)), model='cosserat'); "
+        "print(time.perf_counter() - t)"
     )
+    runs = [
+        float(subprocess.run((sys.executable, "-c", script), check=True, timeout=300, stdout=subprocess.PIPE).stdout)
+        for _ in range(1 if quick else 3)
+    ]
+    figures.at_most("first shape after import, kernels cached", float(np.median(runs)), 1.0, "{:.2f}", " s")
+
+
+def print_motion(figures: Figures, rounds: int) -> None:
+    """Warm steps of the motion M; solve_bvp takes every fourth, right after ours."""
     predictor = cs.Predictor(CABLE, model="cosserat")
-    poses = motion()
-    shape = predictor.predict(START, END)
-    ours, iterations, estimates, shapes = [], [], [], []
-    for _ in range(3):
+    collocation = Collocation(CABLE)
+    coarse = cs.predict(CABLE, START, END, model="cosserat", points=11)
+    ours, theirs, errors, iterations, estimates = [], [], [], [], []
+    for _ in tqdm(range(rounds), desc="motion", unit="round", leave=False, disable=None):
         predictor.predict(START, END)
-        shapes = []
-        for pose in poses:
+        x, Y = coarse.arc_length.copy(), states(coarse)
+        for k, pose in enumerate(motion()):
             began = perf_counter()
             shape = predictor.predict(START, pose)
             ours.append(perf_counter() - began)
             iterations.append(shape.iterations)
             estimates.append(shape.error_estimate)
-            shapes.append(shape)
-    collocation = Collocation(CABLE)
-    coarse = cs.predict(CABLE, START, END, model="cosserat", points=11)
-    x, Y = coarse.arc_length.copy(), states(coarse)
-    theirs, errors = [], []
-    for pose, ours_there in zip(poses[::4], shapes[::4], strict=True):
-        began = perf_counter()
-        answer = collocation.solve(x, Y, START, pose)
-        theirs.append(perf_counter() - began)
-        x, Y = answer.x, answer.y
-        apart = np.linalg.norm(answer.sol(ours_there.arc_length)[:3].T - ours_there.positions, axis=1)
-        errors.append(apart.mean() / CABLE.length)
-    a, b = np.median(ours), np.median(theirs)
+            if k % 4:
+                continue
+            began = perf_counter()
+            answer = collocation.solve(x, Y, START, pose)
+            theirs.append(perf_counter() - began)
+            x, Y = answer.x, answer.y
+            apart = np.linalg.norm(answer.sol(shape.arc_length)[:3].T - shape.positions, axis=1)
+            errors.append(apart.mean() / CABLE.length)
+    a, b = float(np.median(ours)), float(np.median(theirs))
     print(
-        f"warm step of the motion, 150 points: {a * 1e6:.1f} us (99 % {np.percentile(ours, 99) * 1e6:.0f} us, "
-        f"{np.mean(iterations):.1f} iterations, estimate at most {max(estimates) / CABLE.length:.1e} L)\n"
-        f"solve_bvp {b * 1e3:.2f} ms on {len(x)} nodes, {np.mean(errors):.1e} L from ours: "
-        f"{b / a:.0f} times (asked 100)"
+        f"warm step of the motion M, 150 points: {a * 1e6:.1f} us (99 % {np.percentile(ours, 99) * 1e6:.0f} us, "
+        f"{np.mean(iterations):.1f} iterations, estimate at most {max(estimates) / CABLE.length:.1e} L);\n"
+        f"solve_bvp {b * 1e3:.2f} ms on {len(x)} nodes, {np.mean(errors):.1e} L from ours"
     )
+    figures.at_least("motion M, warm: times faster than solve_bvp", b / a, 100.0, "{:.0f}")
     state = cosserat.RodState(predictor.problem)
     cosserat.solve(predictor.problem.move(START, END), state)
-    print(f"12 sensitivities: {median(lambda: cosserat.sensitivity(state), 200) * 1e6:.0f} us more")
+    spent = []
+    for _ in range(200):
+        began = perf_counter()
+        cosserat.sensitivity(state)
+        spent.append(perf_counter() - began)
+    print(f"12 sensitivities: {np.median(spent) * 1e6:.0f} us more")
+
+
+def print_cold(figures: Figures, rounds: int) -> None:
+    """The grasps A to D from nothing."""
     for name, (cable, start, end) in GRASPS.items():
-        cold = median(lambda c=cable, s=start, e=end: cs.predict(c, s, e, model="cosserat"), 50)
-        shape = cs.predict(cable, start, end, model="cosserat")
         other, guess = Collocation(cable), same_guess(cable, start, end)
-        bvp = median(lambda o=other, g=guess, s=start, e=end: o.solve(*g, s, e), 3)
-        answer = other.solve(*guess, start, end)
-        note = "" if answer.status == 0 else ", which failed"
-        print(
-            f"cold {name}: {cold * 1e6:.0f} us, {shape.status.name}; solve_bvp {bvp * 1e3:.1f} ms{note}: "
-            f"{bvp / cold:.0f} times (asked 50)"
+        a, b = in_turns(
+            lambda c=cable, s=start, e=end: cs.predict(c, s, e, model="cosserat"),
+            lambda o=other, g=guess, s=start, e=end: o.solve(*g, s, e),
+            rounds,
         )
-    script = (
-        "import time; import cable_shape as cs; t = time.perf_counter(); "
-        "cs.predict(cs.Cable(1.2, 0.1, 0.01), cs.Pose(), cs.Pose((0.5, 0, 0.5)), model='cosserat'); "
-        "print(f'first shape after import, kernels cached: {time.perf_counter() - t:.2f} s')"
-    )
-    subprocess.run((sys.executable, "-c", script), check=True, timeout=300)
+        shape, answer = cs.predict(cable, start, end, model="cosserat"), other.solve(*guess, start, end)
+        note = "" if answer.status == 0 else ", which failed"
+        print(f"cold {name}: {a * 1e6:.0f} us, {shape.status.name}; solve_bvp {b * 1e3:.1f} ms{note}")
+        figures.at_least(f"grasp {name}, cold: times faster than solve_bvp", b / a, 50.0, "{:.0f}")

@@ -14,7 +14,6 @@ from scipy.spatial.transform import Rotation
 from cable_shape.cable import Cable
 from cable_shape.cases.reference import reference_case
 from cable_shape.models import cosserat
-from cable_shape.models.rod_solve import Solve
 from cable_shape.models.rod_state import RodState
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.problem import Problem
@@ -41,27 +40,6 @@ def test_the_true_error_is_below_the_estimate_and_not_far_below(tolerance):
     shape = solved(CABLE, START, END, tolerance=tolerance * LENGTH)
     error = np.linalg.norm(shape.positions - exact.positions, axis=1).max()
     assert error <= shape.error_estimate <= min(5.0 * error, tolerance * LENGTH)
-
-
-def test_it_is_of_sixth_order():
-    """Halving the elements divides the error by 64: the element is of fourth order, its correction of sixth."""
-    exact = solved(CABLE, START, END, tolerance=1e-11 * LENGTH).positions
-    state = RodState(Problem(CABLE, tolerance=1.0).move(START, END))
-    errors = []
-    for elements in (24, 48, 96):
-        nodes = np.linspace(0.0, LENGTH, elements + 1)
-        state.elements = 0
-        ends = state.aim(state.problem.start, state.problem.end)
-        state._lay_out(nodes, np.ones(elements + 1), elements)
-        force, _ = state.hanging(ends)
-        state.start_from(ends, force, 0, 0.0)
-        shape = Solve(state.problem, state, math.inf, 0.0)
-        assert shape._call(0, 60)
-        n = state.problem.points
-        errors.append(np.abs(shape.buffer[n : 4 * n].reshape(n, 3) - exact).max())
-    orders = np.log2(np.array(errors[:-1]) / errors[1:])
-    assert (orders > 5.6).all()
-    assert (orders < 6.6).all()
 
 
 # -- references

@@ -1,8 +1,12 @@
-"""The set-up that both commands share: it stops with a remedy, is idempotent, and keeps a sourced ROS out."""
+"""The set-up that both commands share: it stops with a remedy, is idempotent, and keeps a sourced ROS out.
+
+And the cache of compiled kernels: processes may fill it at once, and what is broken in it is made again.
+"""
 
 import os
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -95,3 +99,79 @@ def test_it_runs_again_in_seconds_and_drops_a_sourced_ros() -> None:
     )
     assert result.stdout.strip() == f"[][][][{ROOT}/.venv/bin/python]"
     assert "installing" not in result.stderr
+
+
+# -- the cache of compiled kernels
+
+CHILD = """
+import numpy as np
+from cable_shape.kernels import frames, poses
+
+a = np.array((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+b = np.array((1.0, 0.2, 0.1, 0.0, 0.6, 0.0, 0.8))
+out = np.empty(17 * 5)
+roll = frames.straight(a, b, 1.2, 5, out)
+both = (frames.straight, poses.moved)
+print(poses.moved(a, b, 1.0).hex(), float(roll).hex(), out.tobytes().hex())
+print(sum(k.stats.cache_hits.total() for k in both), sum(k.stats.cache_misses.total() for k in both))
+"""
+COMPILED, LOADED = "0 2", "2 0"  # cache hits and misses of the two kernels
+
+
+def start_child(**environment: str) -> subprocess.Popen[str]:
+    """A new process that calls two kernels and says what came out and where the machine code came from."""
+    inherited = {k: v for k, v in os.environ.items() if k not in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME")}
+    return subprocess.Popen(
+        [sys.executable, "-W", "error", "-c", CHILD],
+        env={**inherited, "PYTHONPATH": str(ROOT), **environment},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def result_of(child: subprocess.Popen[str]) -> tuple[str, str]:
+    """Its numbers, and hits and misses."""
+    out, err = child.communicate(timeout=120)
+    assert child.returncode == 0, err
+    numbers, origin = out.splitlines()
+    return numbers, origin
+
+
+@pytest.fixture(scope="module")
+def filled(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """A cache that three processes have filled at once, and the numbers that they agree on."""
+    cache = tmp_path_factory.mktemp("cache")
+    children = [start_child(XDG_CACHE_HOME=str(cache)) for _ in range(3)]
+    numbers = {result_of(child)[0] for child in children}
+    assert len(numbers) == 1
+    return cache, numbers.pop()
+
+
+def test_what_processes_compile_at_once_the_next_one_loads(filled: tuple[Path, str]) -> None:
+    cache, numbers = filled
+    assert list(cache.rglob("*.nbi"))
+    assert not list(cache.rglob("*.tmp.*"))
+    assert result_of(start_child(XDG_CACHE_HOME=str(cache))) == (numbers, LOADED)
+
+
+@pytest.mark.parametrize(("suffix", "keep"), [("nbi", 0.0), ("nbc", 0.5)])
+def test_a_cache_file_cut_short_is_compiled_again(
+    filled: tuple[Path, str], tmp_path: Path, suffix: str, keep: float
+) -> None:
+    cache = Path(shutil.copytree(filled[0], tmp_path / "cache"))
+    for file in cache.rglob(f"*.{suffix}"):
+        os.truncate(file, int(keep * file.stat().st_size))
+    assert result_of(start_child(XDG_CACHE_HOME=str(cache))) == (filled[1], COMPILED)
+    assert result_of(start_child(XDG_CACHE_HOME=str(cache))) == (filled[1], LOADED)
+
+
+def test_without_a_writable_home_kernels_are_cached_in_the_temporary_folder(
+    filled: tuple[Path, str], tmp_path: Path
+) -> None:
+    """A file where the folder should be refuses root, too."""
+    (tmp_path / "file").touch()
+    nowhere = {"HOME": str(tmp_path / "file"), "XDG_CACHE_HOME": str(tmp_path / "file"), "TMPDIR": str(tmp_path)}
+    assert result_of(start_child(**nowhere)) == (filled[1], COMPILED)
+    assert list((tmp_path / f"cable_shape_{os.getuid()}").rglob("*.nbi"))
+    assert result_of(start_child(**nowhere)) == (filled[1], LOADED)

@@ -2,23 +2,27 @@
 
 Machine code is cached in one folder per version of a kernel file and of the kernel files that it imports, so that a
 kernel that calls another across files is never stale, and a read-only installation still has a cache. NUMBA_CACHE_DIR
-overrides the place.
+overrides the place. Several processes may fill it at once, and a file that a crash or a full disk has cut short costs
+no more than compiling again.
 """
 
 from __future__ import annotations
 
+import contextlib
+import fcntl
 import hashlib
 import inspect
 import os
 import re
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, final
 
 import numba
 from numba.core import config as _config
+from numba.core.caching import FunctionCache
 
 HERE = Path(__file__).parent
 _IMPORT = re.compile(rb"^(?:from|import) cable_shape\.kernels(?: import |\.)([\w, ]+)", re.MULTILINE)
@@ -57,6 +61,36 @@ def cache_folder(file: Path) -> str:
     return tempfile.mkdtemp(prefix="cable_shape_kernels_")
 
 
+@contextlib.contextmanager
+def _locked(folder: str) -> Iterator[None]:
+    """Keeps other processes from writing into a folder; a file system without locks is written without."""
+    with open(os.path.join(folder, ".lock"), "ab") as file:
+        with contextlib.suppress(OSError):
+            fcntl.flock(file, fcntl.LOCK_EX)
+        yield  # closing the file gives the lock back
+
+
+@final
+class _Cache(FunctionCache):
+    """numba's cache of one function, which reads, changes and writes its index unlocked and trusts what it reads.
+
+    Two processes at once could give two signatures the same file, or lose one's entry.
+    """
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        try:
+            found = super().load_overload(sig, target_context)
+        except Exception:  # noqa: BLE001, unpickling half a file raises whatever it likes
+            with contextlib.suppress(OSError):
+                self.flush()
+            return None
+        return found if found is None or found.signature.args == tuple(sig) else None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        with contextlib.suppress(OSError), _locked(self.cache_path):  # it is compiled, kept or not
+            super().save_overload(sig, data)
+
+
 config: Any = _config
 
 
@@ -67,7 +101,10 @@ def kernel(function: Callable[..., Any] | None = None, **options: Any) -> Any:
         before = config.CACHE_DIR
         config.CACHE_DIR = cache_folder(Path(inspect.getfile(f)))  # read when the function below is decorated
         try:
-            return numba.njit(cache=True, error_model="numpy", **options)(f)
+            compiled = numba.njit(error_model="numpy", **options)(f)
+            if hasattr(compiled, "enable_caching"):  # not where NUMBA_DISABLE_JIT leaves the function as it is
+                compiled._cache = _Cache(f)
+            return compiled
         finally:
             config.CACHE_DIR = before
 

@@ -57,7 +57,7 @@ from cable_shape.kernels.rod_work import matrices, vectors
 
 Array = Any
 
-COARSE = 0.25  # of such a comparison is what it misses
+COARSE = 0.05  # of such a comparison is what it misses
 
 
 @kernel

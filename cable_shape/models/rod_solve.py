@@ -223,7 +223,7 @@ class Solve:
             if self._out_of_time():
                 return self._give_up(goal)
             at = min(1.0, done + step)
-            state.target[:] = _between(origin, goal, at)
+            state.target[:] = between(origin, goal, at)
             if self._call(state.history, _STEP_ITERATIONS, far=_FAR_STEP, output=at == 1.0):
                 state.history = 2
                 done = at
@@ -321,7 +321,7 @@ class Solve:
         return self._finish(Status.OK)
 
 
-def _between(origin: Array, goal: Array, at: float) -> Array:
+def between(origin: Array, goal: Array, at: float) -> Array:
     """Ends on the straight path from `origin` to `goal`: positions linear, frames along the shortest turn."""
     ends = (1.0 - at) * origin + at * goal
     for o in (3, 10):

@@ -1,0 +1,164 @@
+"""The Cosserat predictor is of sixth order: on meshes laid out here, not on those that a tolerance asks for."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rods import ALONG_X, CABLE, END, LENGTH, START
+from scipy.integrate import solve_ivp
+from scipy.optimize import root
+from scipy.spatial.transform import Rotation
+
+from cable_shape.cable import Cable
+from cable_shape.cases.reference import reference_case
+from cable_shape.kernels import rod_drive, rod_mesh
+from cable_shape.kernels.rod_newton import CONVERGED
+from cable_shape.models import cosserat
+from cable_shape.models.rod_state import RodState
+from cable_shape.pose import FreeEnd, Pose
+from cable_shape.problem import Problem
+from cable_shape.scene import PointMass, Scene
+from cable_shape.shape import CableShape
+
+CASES = Path(__file__).parents[2] / "shared" / "cases"
+MESHES = (16, 32, 64)
+#: [m], below this rounding and the references' own digits count.
+FLOOR = 1e-11
+
+
+def on_mesh(state: RodState, elements: int) -> np.ndarray:
+    """Positions of the equilibrium next to the last one, to rounding, half of the elements in the boundary layers."""
+    length, ends = state.problem.cable.length, state.ends.copy()
+    x, density = np.empty(129), np.empty(129)
+    rod_mesh.layered(length, min(max(state.hanging(ends)[1], 1e-5 * length), length), x, density)
+    state._lay_out(x, density, elements + 2 * state.stops.size)
+    buffer = CableShape.new_buffer(state.problem.points)
+    for _ in range(3):
+        state.target[:] = ends
+        code = rod_drive.solve(
+            state.par, state.mesh, state.sol, state.work, buffer, state.info, state.elements, state.width,
+            state.problem.points, 1, False, 60, math.inf,
+        )  # fmt: skip
+        assert code == CONVERGED
+    return buffer[state.problem.points : 4 * state.problem.points].reshape(-1, 3)
+
+
+def orders(problem: Problem, exact: np.ndarray) -> np.ndarray:
+    """log2 of how the mean error at equal arc length falls from one mesh to the next, above the floor."""
+    state = RodState(problem)
+    assert cosserat.solve(problem, state).status
+    errors = np.array([np.linalg.norm(on_mesh(state, n) - exact, axis=1).mean() for n in MESHES])
+    found = np.log2(errors[:-1] / errors[1:])[errors[1:] > FLOOR]
+    assert found.size, "nothing to see above the floor"
+    return found
+
+
+def shot(problem: Problem) -> np.ndarray:
+    """The same shape by shooting: the rod's equations from s = 0 (DOP853, 1e-12), the wrench there by root finding."""
+    cable, start, end = problem.cable, problem.start.cable_frame, problem.end
+    K = np.array((*cable.bending_stiffness, cable.twisting_stiffness))
+    C = np.array([0.0 if a is None else 1.0 / a for a in (cable.shear_stiffness,) * 2 + (cable.axial_stiffness,)])
+    u0, load = np.asarray(cable.rest_curvature), cable.linear_density * problem.gravity
+    R0 = Rotation.from_quat(start.quaternion).as_matrix()
+
+    def slopes(_, y):
+        R, n, m = y[3:12].reshape(3, 3), y[12:15], y[15:]
+        u = R.T @ m / K + u0
+        V = np.array((0.0, 0.0, 1.0)) + C * (R.T @ n)
+        spin = np.array(((0.0, -u[2], u[1]), (u[2], 0.0, -u[0]), (-u[1], u[0], 0.0)))
+        return np.concatenate((R @ V, (R @ spin).ravel(), -load, -np.cross(R @ V, n)))
+
+    def sweep(wrench, points=2):
+        first = np.concatenate((start.position, R0.ravel(), wrench))
+        s = np.linspace(0.0, cable.length, points)
+        return solve_ivp(slopes, s[[0, -1]], first, method="DOP853", t_eval=s, rtol=1e-12, atol=1e-13).y
+
+    def miss(wrench):
+        y = sweep(wrench)[:, -1]
+        if isinstance(end, FreeEnd):
+            return np.concatenate((y[12:15] - end.force - end.mass * problem.gravity, y[15:] - end.moment))
+        turn = Rotation.from_quat(end.cable_frame.quaternion).inv() * Rotation.from_matrix(y[3:12].reshape(3, 3))
+        return np.concatenate((y[:3] - end.cable_frame.position, turn.as_rotvec()))
+
+    guess = cosserat.solve(Problem(cable, gravity=problem.gravity, tolerance=1e-7).move(problem.start, end))
+    found = root(miss, np.concatenate((guess.force[0], guess.moment[0])), tol=1e-12)
+    assert np.abs(found.fun).max() < 1e-9, found.message
+    return sweep(found.x, problem.points)[:3].T
+
+
+#: Everything at once: anisotropic, stretching, shearing, curved at rest.
+GENERAL = CABLE.replace(
+    bending_stiffness=(0.03, 0.06), twisting_stiffness=0.04, axial_stiffness=30.0, shear_stiffness=20.0,
+    rest_curvature=(0.5, -0.3, 0.8),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("cable", "end"),
+    [
+        (GENERAL, END),
+        (GENERAL, FreeEnd(mass=0.02, force=(0.05, 0.1, 0.0))),
+        (CABLE.replace(bending_stiffness=0.2, twisting_stiffness=0.1), Pose((0.9, 0.1, 0.2), ALONG_X, turns=1)),
+    ],
+    ids=["grasp", "free end", "one turn"],
+)
+def test_sixth_order_against_shooting(cable, end):
+    problem = Problem(cable, points=25).move(START, end)
+    found = orders(problem, shot(problem))
+    assert (found > 5.4).all(), found
+    assert (found < 7.6).all(), found
+
+
+def test_sixth_order_against_a_circle():
+    """A dead end moment M bends the weightless cable into an arc of curvature M / EI, here a full turn."""
+    cable = Cable(length=1.0, linear_density=0.0, bending_stiffness=2.0)
+    s = np.linspace(0.0, 1.0, 25)
+    exact = np.stack((np.sin(2 * np.pi * s), 0 * s, 1.0 - np.cos(2 * np.pi * s)), axis=1) / (2 * np.pi)
+    problem = Problem(cable, points=25).move(START, FreeEnd(moment=(0, -4 * math.pi, 0)))
+    assert orders(problem, exact) == pytest.approx(6.0, abs=0.3)
+
+
+def test_sixth_order_against_finer_meshes_of_a_cable_with_a_mass():
+    """The mass makes a node, so that meshes are not each other's halves and the order shows less evenly."""
+    problem = Problem(CABLE, points=25, scene=Scene(masses=(PointMass(0.45, 0.05),))).move(START, END)
+    state = RodState(problem)
+    cosserat.solve(problem, state)
+    found = orders(problem, on_mesh(state, 560))
+    assert (found > 5.0).all(), found
+    assert (found < 7.6).all(), found
+
+
+NAMES = (
+    "public/grasp_02", "public/grasp_rotated_03", "public/grasp_taut_01", "public/grasp_twisted_05",
+    "public/no_gravity_05", "public/rest_curvature_06", "public/free_end_08",
+    "published/bend45_shear_GA5e6_P600", "published/cantilever_end_load_PL2_EI_10", "published/helix_clamped_c",
+    "published/localised_buckling_mu_0.7",
+)  # fmt: skip
+
+
+@pytest.mark.skipif(not CASES.is_dir(), reason="the reference cases are not here")
+@pytest.mark.parametrize("name", NAMES)
+def test_sixth_order_against_reference_shapes(name):
+    """References of 1e-12 or better."""
+    values = json.loads((CASES / f"{name}.json").read_text())
+    case = reference_case(values)
+    problem = Problem(case.cable, points=41, gravity=values["gravity"], scene=case.scene).move(case.start, case.end)
+    found = orders(problem, np.array(values["solution"]["r"]))
+    assert (found > 5.4).all(), found
+    assert (found < 7.6).all(), found
+
+
+def test_the_error_on_a_given_mesh_is_the_one_estimated():
+    """By solving on a mesh and on one eight times finer, at meshes from coarse to fine."""
+    problem = Problem(CABLE).move(START, END)
+    state = RodState(problem)
+    cosserat.solve(problem, state)
+    exact = on_mesh(state, 512)
+    for elements in (16, 32, 64):
+        error = np.linalg.norm(on_mesh(state, elements) - exact, axis=1).max()
+        assert error <= state.info[7] <= 10.0 * error, elements
+    assert error < 1e-6 * LENGTH
