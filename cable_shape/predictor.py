@@ -15,9 +15,10 @@ from cable_shape.cable import Cable
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels.poses import moved
-from cable_shape.models import catenary, cosserat, gradient
+from cable_shape.models import catenary, clipped, cosserat, gradient
 from cable_shape.models.auto import Auto
 from cable_shape.models.rod_state import RodState
+from cable_shape.models.span_state import SpanState
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.problem import AUTO_TOLERANCE, NAMED_TOLERANCE, Problem
 from cable_shape.scene import Scene
@@ -42,7 +43,7 @@ class Solver(Protocol):
     def reset(self) -> None:
         """Forgets the last solution."""
 
-    def rod_state(self) -> RodState | None:
+    def rod_state(self) -> RodState | SpanState | None:
         """The Cosserat rod of the last shape; None: there is none."""
 
 
@@ -68,22 +69,28 @@ class ClosedForm:
 
 @final
 class Rod:
-    """The Cosserat rod; its warm start is the last solution with its mesh."""
+    """The Cosserat rod, in clips or not; its warm start is the last solution with its mesh."""
 
-    __slots__ = ("state",)
+    __slots__ = ("_last", "state")
 
     def __init__(self) -> None:
-        self.state: RodState | None = None
+        self.state: RodState | SpanState | None = None
+        self._last: CableShape | None = None
 
     def solve(self, problem: Problem) -> CableShape:
-        if self.state is None:
+        if problem.clips:
+            if not isinstance(self.state, SpanState):
+                self.state = SpanState(problem, self._last)
+            return clipped.solve(problem, self.state)
+        if not isinstance(self.state, RodState):
             self.state = RodState(problem)
-        return cosserat.solve(problem, self.state)
+        self._last = cosserat.solve(problem, self.state)
+        return self._last
 
     def reset(self) -> None:
-        self.state = None
+        self.state = self._last = None
 
-    def rod_state(self) -> RodState | None:
+    def rod_state(self) -> RodState | SpanState | None:
         return self.state
 
 
@@ -106,7 +113,7 @@ class Predictor:
         [m], largest position error allowed. Default: 1e-5 of the length for a named model, of its discretisation;
         1e-3 of the length for "auto".
     scene : Scene, optional
-        Its masses load the cable.
+        Its masses load the cable, its clips hold it.
     distributed_load : (2, 3) array_like, optional
         [N/m], world, at s = 0 and s = length, linear between, added to the weight.
 
@@ -139,7 +146,7 @@ class Predictor:
         )
         self.problem = self._problem_in(scene=scene)
         self._solver = _solver_for(self.model, cable)
-        _refuse_clips(scene)
+        self._check_clips(scene)
         self._last: CableShape | None = None
         self._last_ends: tuple[Grip, Grip | FreeEnd] | None = None
 
@@ -155,7 +162,7 @@ class Predictor:
 
     @scene.setter
     def scene(self, scene: Scene | None) -> None:
-        _refuse_clips(scene)
+        self._check_clips(scene)
         self.problem = self._problem_in(scene=scene)
         self._last = None
 
@@ -199,14 +206,27 @@ class Predictor:
         state = self._solver.rod_state()
         if state is None:
             raise ArgumentError("sensitivity() needs a solution, and there is none yet. Call predict first.")
+        if isinstance(state, SpanState):
+            return clipped.sensitivity(state, at=at)
         return cosserat.sensitivity(state, at=at)
 
     @property
     def rod_state(self) -> RodState | None:
-        """The memory of the rod that gave the last shape; None if there is no shape, or another model gave it."""
+        """The memory of the rod that gave the last shape; None if none did, or one in clips."""
         if self._last is None or self._last.model != cosserat.MODEL:
             return None
-        return self._solver.rod_state()
+        state = self._solver.rod_state()
+        return state if isinstance(state, RodState) else None
+
+    def _check_clips(self, scene: Scene | None) -> None:
+        """Only the rod is held in clips."""
+        if scene is not None and scene.clips and isinstance(self._solver, ClosedForm):
+            raise ArgumentError.of(
+                "scene.clips",
+                len(scene.clips),
+                f"model {self.model!r} of this cable knows no clips",
+                "Remove the clips, or choose model='cosserat' and a bending stiffness above 0 N m^2.",
+            )
 
     def _unmoved(self, problem: Problem) -> bool:
         """Whether the ends moved too little since the last solve to change the answer by its tolerance."""
@@ -263,20 +283,21 @@ def _solver_for(model: str, cable: Cable) -> Solver:
     return Rod() if model == "cosserat" else Auto(Rod())
 
 
-def _refuse_clips(scene: Scene | None) -> None:
-    """No model knows clips yet."""
-    if scene is not None and scene.clips:
-        raise ArgumentError.of(
-            "scene.clips", len(scene.clips), "no model of this version holds a cable in clips", "Remove the clips."
-        )
-
-
 def _taut(problem: Problem) -> bool:
-    """Whether the ends are nearly as far apart as the cable is long, or further."""
-    if not isinstance(problem.end, Grip):
+    """Whether an end is nearly as far from the other, or the next clip, as the cable between is long, or further."""
+    clips, end, length = problem.clips, problem.end, problem.cable.length
+    start = problem.start.cable_frame.position
+    if clips and _stretched(clips[0].pose.position - start, clips[0].arc_length):
+        return True
+    if not isinstance(end, Grip):
         return False
-    chord = problem.end.cable_frame.position - problem.start.cable_frame.position
-    return math.sqrt(float(chord @ chord)) > (1.0 - REUSE_SLACK) * problem.cable.length
+    near, arc = (clips[-1].pose.position, clips[-1].arc_length) if clips else (start, 0.0)
+    return _stretched(end.cable_frame.position - near, length - arc)
+
+
+def _stretched(chord: Array, length: float) -> bool:
+    """Whether a chord (3,) leaves a cable of this length hardly any slack."""
+    return math.sqrt(float(chord @ chord)) > (1.0 - REUSE_SLACK) * length
 
 
 def _moved(before: Grip | FreeEnd, now: Grip | FreeEnd, length: float) -> float:

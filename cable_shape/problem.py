@@ -12,12 +12,14 @@ from cable_shape.cable import Cable
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import FreeEnd, Grip, Pose, as_grip
-from cable_shape.scene import PointMass, Scene
+from cable_shape.scene import Clip, PointMass, Scene
 
 #: default `tolerance` / length of a named model (its discretisation) and of "auto" (discretisation and model)
 NAMED_TOLERANCE = 1e-5
 AUTO_TOLERANCE = 1e-3
 MIN_POINTS, MAX_POINTS = 2, 100_000
+#: Clips are at least this fraction of the length apart from each other and from the grips.
+CLIP_SPACING = 1e-3
 _UNLOADED = FreeEnd()
 _NOWHERE = Grip(Pose())
 _NO_PLACES: Array = np.empty(0)
@@ -37,6 +39,7 @@ class Problem:
     load_arc_length : (k,) [m], ascending, of the concentrated loads
     load_force : (k, 3) [N], world, of the concentrated loads (weights of point masses)
     masses : the point masses behind the concentrated loads
+    clips : what holds the cable between its ends, in ascending arc length
     start : Grip
     end : Grip or FreeEnd
     cache : what a model derives once from all but the ends, by the model's name
@@ -46,6 +49,7 @@ class Problem:
         "_given",
         "cable",
         "cache",
+        "clips",
         "end",
         "gravity",
         "load",
@@ -87,8 +91,11 @@ class Problem:
         self.masses: tuple[PointMass, ...] = ()
         self.load_arc_length = _NO_PLACES
         self.load_force = _NO_FORCES
-        if scene is not None and scene.masses:
+        self.clips: tuple[Clip, ...] = ()
+        if scene is not None and (scene.masses or scene.clips):
             self._load_masses(scene)
+            self._check_clips(scene)
+            self.clips = tuple(scene.clips)
         self._given: Pose | Grip | None = None
         self.start = _NOWHERE
         self.end: Grip | FreeEnd = FreeEnd()
@@ -106,6 +113,36 @@ class Problem:
                 )
         self.load_arc_length = np.array([m.arc_length for m in self.masses])
         self.load_force = np.array([m.mass * self.gravity for m in self.masses]).reshape(-1, 3)
+
+    def _check_clips(self, scene: Scene) -> None:
+        """Clips are on the cable, between the grips, and not too close to each other."""
+        length = self.cable.length
+        least = CLIP_SPACING * length
+        before = 0.0
+        for i, clip in enumerate(scene.clips):
+            if not clip.arc_length <= length - least:
+                raise ArgumentError.of(
+                    f"clips[{i}].arc_length",
+                    clip.arc_length,
+                    f"it must be at most {length - least:g} m on a cable of {length:g} m",
+                    "Arc length counts from the start grip; the end is held by a grip, not by a clip.",
+                )
+            if clip.arc_length - before < least:
+                where = "the start grip" if i == 0 else f"clips[{i - 1}]"
+                raise ArgumentError.of(
+                    f"clips[{i}].arc_length",
+                    clip.arc_length,
+                    f"it must be at least {least:g} m beyond {where}",
+                    "Arc length counts from the start grip; join clips that are as good as one.",
+                )
+            before = clip.arc_length
+            if clip.kind == "slide" and any(abs(mass.arc_length - before) < least for mass in self.masses):
+                raise ArgumentError.of(
+                    f"clips[{i}].arc_length",
+                    before,
+                    "a point mass is there, which cannot run through an eyelet",
+                    "Move one of them, or make it a 'ball' clip.",
+                )
 
     def move(self, start: Pose | Grip, end: Pose | Grip | FreeEnd | None) -> Problem:
         """Puts the ends there (None: a free end) and returns itself."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, final
 
@@ -177,8 +178,12 @@ class Obstacle:
 @final
 @dataclass(frozen=True, slots=True)
 class Clip:
-    """Holds the material point at `arc_length` [m]: its place ("ball"), its frame ("fixed"), its place and d3
-    ("hinge"), or lets the cable run through an eyelet ("slide")."""
+    """Holds the cable at `arc_length` [m] from the start grip, with the cable frame of `pose`.
+
+    "ball" holds the place of the material point, "fixed" its frame, "hinge" its place and d3: the cable may roll.
+    "slide" is an eyelet without friction through which the cable runs: it holds a place, `arc_length` is about which
+    point is in it, and what is found is in the shape's `clips`.
+    """
 
     arc_length: float
     pose: Pose
@@ -188,6 +193,13 @@ class Clip:
         _number(self, "Clip", "arc_length", "m")
         _instance("Clip.pose", self.pose, (Pose,), "Write Pose(position, quaternion).")
         checks.one_of("Clip.kind", self.kind, CLIP_KINDS)
+        if self.pose.turns:
+            raise ArgumentError.of(
+                "Clip.pose.turns",
+                self.pose.turns,
+                "windings are counted at the cable's end only",
+                "Give the end's Pose the turns; a clip's own come from the path that led there.",
+            )
 
 
 @final
@@ -211,7 +223,7 @@ class Scene:
     Parameters
     ----------
     obstacles, clips, masses : sequence of Obstacle, Clip, PointMass
-        Kept as a tuple. Names of obstacles are unique.
+        Kept as a tuple. Names of obstacles are unique; clips are in ascending arc length.
     warn_distance, error_distance : float
         [m], a clearance below these is a warning of severity WARN, ERROR.
     sockets : mapping of name to Pose
@@ -248,6 +260,14 @@ class Scene:
         if self.plug is not None:
             _instance("plug", self.plug, (Plug,), "Write Plug(socket).")
             checks.one_of("plug.socket", self.plug.socket, self.sockets)
+        for i, (clip, following) in enumerate(pairwise(self.clips)):
+            if not clip.arc_length < following.arc_length:
+                raise ArgumentError.of(
+                    f"clips[{i + 1}].arc_length",
+                    following.arc_length,
+                    f"it must be above that of clips[{i}], {clip.arc_length:g} m",
+                    "List the clips in the order in which the cable runs through them, no two at one arc length.",
+                )
 
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any], where: str = "scene", folder: str | Path = ".") -> Scene:

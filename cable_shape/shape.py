@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+from dataclasses import dataclass
 from typing import Any, final
 
 import numpy as np
@@ -49,6 +50,23 @@ _REMEDY = {
 }
 
 
+_NO_SUPPORTS = np.empty((0, 7))
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class ClipLoad:
+    """What the cable does to the clip at `arc_length` [m].
+
+    force, moment : (3,) [N], [N m], world: by the cable on the clip, the weight of a point mass in the clip left out;
+    the moment about the clip.
+    """
+
+    arc_length: float
+    force: Array
+    moment: Array
+
+
 @final
 class CableShape:
     """The predicted shape of one cable at n points, uniform in arc length.
@@ -71,6 +89,7 @@ class CableShape:
         "roll_error",
         "solve_time",
         "status",
+        "supports",
         "turns",
         "twist",
     )
@@ -94,6 +113,7 @@ class CableShape:
         twist: float = 0.0,
         roll_error: float = 0.0,
         before: CableShape | None = None,
+        supports: Array = _NO_SUPPORTS,
     ) -> None:
         self.buffer = buffer  # (17 n,): arc_length n | positions 3n | quaternions 4n | curvature, force, moment 3n each
         self.points = points
@@ -111,6 +131,7 @@ class CableShape:
         self.twist = twist  # rad, integral of the twist rate u3
         self.before = before  # SNAPPED: the last shape of the branch that ended, its ends where it did
         self.roll_error = roll_error  # rad, roll about d3 that the model leaves unmet at the end grip
+        self.supports = supports  # (k, 7), of each clip: arc length [m], force [N] and moment [N m] on it
 
     @staticmethod
     def new_buffer(points: int) -> Array:
@@ -151,6 +172,11 @@ class CableShape:
         """(n, 3) [N m], world, acting on the section from its far side."""
         n = self.points
         return self.buffer[14 * n :].reshape(n, 3)
+
+    @property
+    def clips(self) -> tuple[ClipLoad, ...]:
+        """Where each clip of the scene holds the cable, and the force and moment on it; in ascending arc length."""
+        return tuple(ClipLoad(float(row[0]), row[1:4], row[4:]) for row in self.supports)
 
     @property
     def tangents(self) -> Array:

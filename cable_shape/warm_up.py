@@ -6,7 +6,7 @@ from cable_shape.cable import Cable
 from cable_shape.cycle import Cycle
 from cable_shape.pose import IDENTITY, FreeEnd, Grip, Pose
 from cable_shape.predictor import MODELS, Predictor, predict
-from cable_shape.scene import Box, Capsule, Cylinder, HalfSpace, Obstacle, PointMass, Scene, Sphere
+from cable_shape.scene import Box, Capsule, Clip, Cylinder, HalfSpace, Obstacle, PointMass, Scene, Sphere
 
 
 def warm_up() -> None:
@@ -44,3 +44,8 @@ def warm_up() -> None:
         cycle = Cycle(cable, model=model, scene=scene)
         for stamp, far in enumerate((end, later, end)):
             cycle.step({"cable": (start, far)}, stamp=stamp * 10_000_000, links={"tool": start})
+    clips = [Clip(0.3, Pose((0.2, 0.0, 0.5)), "slide"), Clip(0.6, Pose((0.45, 0.0, 0.5)))]
+    held = Predictor(cable, model="cosserat", scene=Scene(clips=clips))
+    for k in range(3):
+        held.predict(start, Pose((0.8, 0.0, 0.5 + 0.001 * k), end.quaternion))
+    held.sensitivity()

@@ -7,8 +7,9 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from cable_shape.cable import Cable
-from cable_shape.models import cosserat
+from cable_shape.models import clipped, cosserat
 from cable_shape.models.rod_state import RodState
+from cable_shape.models.span_state import SpanState
 from cable_shape.pose import Pose
 from cable_shape.problem import Problem
 from cable_shape.shape import CableShape
@@ -24,9 +25,10 @@ END = Pose(
 )  # fmt: skip
 
 
-def solved(cable: Cable, start, end, state: RodState | None = None, **options) -> CableShape:
+def solved(cable: Cable, start, end, state: RodState | SpanState | None = None, **options) -> CableShape:
     """A shape from nothing, or from `state`."""
-    return cosserat.solve(Problem(cable, **options).move(start, end), state)
+    problem = Problem(cable, **options).move(start, end)
+    return clipped.solve(problem, state) if problem.clips else cosserat.solve(problem, state)
 
 
 def moved(pose: Pose, shift=(0.0, 0.0, 0.0), turn=(0.0, 0.0, 0.0)) -> Pose:

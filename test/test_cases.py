@@ -275,6 +275,18 @@ def test_the_table_says_the_figures_in_words() -> None:
     assert table["status"].startswith("OK: ")
 
 
+def test_table_and_json_say_what_the_cable_does_to_its_clips(tmp_path: Path) -> None:
+    scene = {"clips": [{"arc_length": 0.6, "position": [0.4, 0.1, -0.1], "kind": "ball"}]}
+    case = load_case(case_file(tmp_path, {**PLAIN, "scene": scene}))
+    shape = case.predict()
+    (load,) = shape.clips
+    assert np.linalg.norm(load.force) > 0.1
+    assert any(name == "force on the clip at s = 0.6 m" and text.endswith(" N") for name, text in rows(case, shape))
+    write(case, shape, tmp_path / "out.json")
+    (entry,) = json.loads((tmp_path / "out.json").read_text())["clips"]
+    assert entry == {"arc_length": 0.6, "force": load.force.tolist(), "moment": load.moment.tolist()}
+
+
 def test_json_and_csv_hold_the_arrays(tmp_path: Path) -> None:
     case, shape = straight()
     write(case, shape, tmp_path / "deep" / "out.json")

@@ -39,7 +39,7 @@ def test_the_true_error_is_below_the_estimate_and_not_far_below(tolerance):
     exact = solved(CABLE, START, END, tolerance=1e-10 * LENGTH)
     shape = solved(CABLE, START, END, tolerance=tolerance * LENGTH)
     error = np.linalg.norm(shape.positions - exact.positions, axis=1).max()
-    assert error <= shape.error_estimate <= min(5.0 * error, tolerance * LENGTH)
+    assert error <= shape.error_estimate <= min(10.0 * error, tolerance * LENGTH)
 
 
 # -- references
@@ -53,8 +53,6 @@ OTHER_BRANCH = ("no_gravity_06", "rest_curvature_04")
 @pytest.mark.parametrize("path", SHAPES, ids=lambda p: p.stem)
 def test_reference_grasp(path):
     values = json.loads(path.read_text())
-    if values["clips"]:
-        pytest.skip("held in clips, which no model of this version knows")
     if path.stem in OTHER_BRANCH:
         pytest.skip("reached along a path only")
     case, answer = reference_case(values), values["solution"]

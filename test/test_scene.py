@@ -139,7 +139,11 @@ scenes = st.builds(
         [Obstacle(f"body {i}", *body) for i, body in enumerate(bodies)], clips, masses, warn, error
     ),
     st.lists(st.tuples(solids, poses, st.sampled_from([None, "tool"])), max_size=4),
-    st.lists(st.builds(Clip, numbers, poses, st.sampled_from(["ball", "fixed", "hinge", "slide"])), max_size=2),
+    st.lists(
+        st.builds(Clip, numbers, poses, st.sampled_from(["ball", "fixed", "hinge", "slide"])),
+        max_size=2,
+        unique_by=lambda clip: clip.arc_length,
+    ).map(lambda clips: sorted(clips, key=lambda clip: clip.arc_length)),
     st.lists(st.builds(PointMass, numbers, numbers), max_size=2),
     numbers,
     numbers,

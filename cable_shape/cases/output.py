@@ -63,6 +63,9 @@ def rows(case: Case, shape: CableShape) -> Iterator[Row]:
     yield "moment on the start grip", _vector(shape.moment[0], "N m")
     yield "force on the end grip", _vector(-shape.force[-1], "N")
     yield "moment on the end grip", _vector(-shape.moment[-1], "N m")
+    for clip in shape.clips:
+        yield f"force on the clip at s = {clip.arc_length:.4g} m", _vector(clip.force, "N")
+        yield f"moment on the clip at s = {clip.arc_length:.4g} m", _vector(clip.moment, "N m")
     radius = shape.bend_radius
     at = int(np.argmin(radius))
     yield "smallest bend radius", f"{radius[at]:.4g} m at s = {s[at]:.4g} m"
@@ -108,6 +111,10 @@ def as_dict(case: Case, shape: CableShape) -> dict[str, Any]:
         "turns": shape.turns,
         "roll_error": _finite(shape.roll_error),
         "distance_to_reference": distance_to_reference(case, shape),
+        "clips": [
+            {"arc_length": clip.arc_length, "force": clip.force.tolist(), "moment": clip.moment.tolist()}
+            for clip in shape.clips
+        ],
         **{name: getattr(shape, name).tolist() for name in _ARRAYS},
     }
 

@@ -15,6 +15,7 @@ from cable_shape.kernels.rod_algebra import (
     add,
     apply,
     cross,
+    dot,
     inlined,
     qconj,
     qmul,
@@ -74,6 +75,13 @@ def no_node() -> Node:
     """What a variable is before the first node."""
     v, q = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
     return q, v, q, q, v, v, v, v, v, v
+
+
+@inlined
+def apart(a: Vector, b: Vector) -> bool:
+    """Whether two moments differ by more than an unfinished iteration leaves: something holds the node."""
+    d = (a[0] - b[0], a[1] - b[1], a[2] - b[2])
+    return dot(d, d) > 1e-6 * (dot(a, a) + dot(b, b))
 
 
 @inlined

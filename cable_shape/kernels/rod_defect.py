@@ -38,6 +38,7 @@ from cable_shape.kernels.rod_algebra import (
 )
 from cable_shape.kernels.rod_between import (
     Node,
+    apart,
     at_node,
     change,
     force_slopes,
@@ -113,9 +114,9 @@ def defects(
     """Adds the defects of the gradient in the rotations and in lambda to G (N+1, 3) and total[:3]; slack (N, 3) takes
     each element's of lambda.
 
-    moments (N+1, 3) [N m], cable frame, takes the moment at the nodes, each at the right end of its element (the first
-    at its left), with the defect. What the rule itself misses goes, likewise, into columns 3 to 5 (rotations) and 6 to
-    8 (lambda) of `first`; what it misses at the last node is returned.
+    moments (N, 6) [N m], cable frame, takes in columns 3 to 5 the moment at the right of each element and in the first
+    three that at the left of the first, with the defect. What the rule itself misses goes, likewise, into columns 3 to
+    5 (rotations) and 6 to 8 (lambda) of `first`; what it misses at the last node is returned.
     """
     elements = h.shape[0]
     K = (stiff[0], stiff[1], stiff[2])
@@ -142,7 +143,14 @@ def defects(
             stale = True
         else:
             dnL, dnR = force_slopes(h[e], nL, nM, nR)
-            if stale or rest[e, 3] != 0.0 or rest[e, 4] != 0.0 or rest[e, 5] != 0.0 or jumps(load, e):
+            if (
+                stale
+                or rest[e, 3] != 0.0
+                or rest[e, 4] != 0.0
+                or rest[e, 5] != 0.0
+                or jumps(load, e)
+                or apart(b[1], scale(-1.0, g1))
+            ):
                 b = at_node(q1, scale(-1.0, g1), nL, dnL, add(k0, scale(-0.5 * h[e], k1)), k1, flex, C)
             else:
                 q1 = b[0]
@@ -167,7 +175,7 @@ def defects(
         put3(slack, e, 0, dl)
         if e == 0:
             put3(moments, 0, 0, scale(-1.0, add(g1, d1)))
-        put3(moments, e + 1, 0, add(g2, d2))
+        put3(moments, e, 3, add(g2, d2))
         put3(first, e, 3, add(missing, e1))
         put3(first, e, 6, el)
         left, missing = d2, e2
@@ -210,7 +218,7 @@ def correct(
 ) -> tuple[float, float]:  # fmt: skip
     """The solution at hand without its discretisation error, to first order in it.
 
-    better (N+1, 4) takes the rotations, moments (N+1, 3) the moments in the cable frame, the first three columns of
+    better (N+1, 4) takes the rotations, moments (N, 6) the moments in the cable frame, the first three columns of
     `first` minus the steps in position, total[:3] lambda. slack (N, 3): scratch; errors (N,) takes each element's share
     of what is left, a guide for the next mesh. Returns the largest error in position [m] that is taken off, and the
     largest that is left; infinite if they cannot be judged.
@@ -236,9 +244,12 @@ def correct(
             first[e, i] += t[i]
         r = add(r, t)
         largest = max(largest, dot(r, r))
-        M = get3(moments, e + 1)
+        M = (moments[e, 3], moments[e, 4], moments[e, 5])
         t = add(tapply(get9(U, e, 0), d1), apply(get9(parts, e, 0), d2))
-        put3(moments, e + 1, 0, add(add(M, t), add(apply(get9(parts, e, 18), dl), scale(0.5, cross(M, d2)))))
+        M = add(add(M, t), add(apply(get9(parts, e, 18), dl), scale(0.5, cross(M, d2))))
+        put3(moments, e, 3, M)
+        if e < elements - 1:
+            put3(moments, e + 1, 0, M)
         put3(G, e, 0, (first[e, 3], first[e, 4], first[e, 5]))
         closure = add(closure, (first[e, 6], first[e, 7], first[e, 8]))
         d1 = d2
@@ -258,7 +269,8 @@ def correct(
         left = max(left, dot(r, r))
     # what the sensitivities read: the moments at the two ends, as derivatives
     put3(first, 0, 3, scale(-1.0, get3(moments, 0)))
-    put3(first, elements - 1, 6, get3(moments, elements))
+    last = elements - 1
+    put3(first, last, 6, (moments[last, 3], moments[last, 4], moments[last, 5]))
     if not math.isfinite(largest) or not math.isfinite(left):
         return math.inf, math.inf
     return math.sqrt(largest), math.sqrt(left)

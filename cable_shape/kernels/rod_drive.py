@@ -49,7 +49,7 @@ from cable_shape.kernels.rod_guess import (
 from cable_shape.kernels.rod_mesh import element_loads, element_rest, equidistribute
 from cable_shape.kernels.rod_newton import CONVERGED, newton
 from cable_shape.kernels.rod_output import all_finite, sample
-from cable_shape.kernels.rod_work import matrices, vectors
+from cable_shape.kernels.rod_work import vectors
 
 Array = Any
 NOW, BEFORE, TRIAL = 0, 1, 2
@@ -229,8 +229,7 @@ def solve(
     info[12] = 2.0 * math.asin(min(1.0, math.sqrt(largest)))
     if not info[12] <= far:
         return FAR
-    X = matrices(work, elements, width)[2]
-    moments = X.reshape(X.size)[: 3 * (elements + 1)].reshape(elements + 1, 3)  # X has served
+    moments = np.empty((elements, 6))
     off, left = correct(q, lam, h, load, rest, stiff, mask, work, width, slack, errors, moments, start)
     info[7], info[15], info[16], info[17] = LEFT * left + 2.0 * info[14] * off, off, left, ends[14]
     cosine = 1.0
@@ -239,7 +238,9 @@ def solve(
     info[13] = 2.0 * math.acos(cosine)
     if points > 0:
         _, first, _, _, _, total, _ = vectors(work, elements, width)
-        sample(start, total[:3], moments, s, h, load, rest, stiff, ends[0:3], weight, first, points, out, info[8:12])
+        totals = np.empty(5)
+        sample(start, total[:3], moments, s, h, load, rest, stiff, ends[0:3], weight, first, points, out, totals)
+        info[8:12] = totals[:4]
         info[7] += INTERPOLATED * info[10]
         if width > 1:  # met to the closure's rounding, and exactly where the grip is
             for i in range(3):

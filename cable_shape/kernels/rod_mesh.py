@@ -76,31 +76,18 @@ def layered(length: float, layer: float, x: Array, density: Array) -> None:
 
 
 @kernel
-def indicated(s: Array, q: Array, errors: Array, excess: float, turn: float, x: Array, density: Array) -> float:
-    """Density of the mesh that a solution asks for; returns how many elements that makes.
+def spread(s: Array, raw: Array, x: Array, density: Array) -> float:
+    """Density of a mesh from one `raw` (N,) in every element, smoothed and nowhere below a quarter of the mean.
 
-    errors (N,): each element's share of the error, of seventh order; excess: by which factor the whole is above its
-    aim; q (N+1, 4): quaternions at the nodes, to turn by at most `turn` [rad] in an element; x, density (N+2,).
-    Smoothed, and nowhere below a quarter of the mean.
+    x, density (N+2,). Returns its integral.
     """
-    elements = errors.shape[0]
+    elements = raw.shape[0]
     length = s[elements] - s[0]
-    raw = np.empty(elements)
-    total = worst = whole = 0.0
+    total = 0.0
     for e in range(elements):
-        worst = max(worst, errors[e])
-        whole += errors[e]
-    # with the same share in every element, the largest of now
-    grow = (excess * elements * worst / whole) ** (1.0 / 6.0) if worst > 0.0 else 0.0
+        total += raw[e] * (s[e + 1] - s[e])
     for e in range(elements):
-        cosine = abs(q[e, 0] * q[e + 1, 0] + q[e, 1] * q[e + 1, 1] + q[e, 2] * q[e + 1, 2] + q[e, 3] * q[e + 1, 3])
-        share = grow * (errors[e] / worst) ** (1.0 / 7.0) if worst > 0.0 else 0.0
-        h = s[e + 1] - s[e]
-        raw[e] = max(share, 2.0 * math.acos(min(1.0, cosine)) / turn) / h
-        total += raw[e] * h
-    mean = total / length
-    for e in range(elements):
-        raw[e] = max(raw[e], 0.25 * mean, 1e-3 / length)
+        raw[e] = max(raw[e], 0.25 * total / length, 1e-3 / length)
     soft = raw.copy()
     for _ in range(2):
         for e in range(elements):
@@ -115,6 +102,37 @@ def indicated(s: Array, q: Array, errors: Array, excess: float, turn: float, x: 
         density[e + 1] = raw[e]
         total += raw[e] * (s[e + 1] - s[e])
     return total
+
+
+@kernel
+def indicated(s: Array, q: Array, errors: Array, excess: float, turn: float, x: Array, density: Array) -> float:
+    """Density of the mesh that a solution asks for, see `spread`; returns how many elements that makes.
+
+    errors (N,): each element's share of the error, of seventh order; excess: by which factor the whole is above its
+    aim; q (N+1, 4): quaternions at the nodes, to turn by at most `turn` [rad] in an element.
+    """
+    elements = errors.shape[0]
+    raw = np.empty(elements)
+    worst = whole = 0.0
+    for e in range(elements):
+        worst = max(worst, errors[e])
+        whole += errors[e]
+    # with the same share in every element, the largest of now
+    grow = (excess * elements * worst / whole) ** (1.0 / 6.0) if worst > 0.0 else 0.0
+    for e in range(elements):
+        cosine = abs(q[e, 0] * q[e + 1, 0] + q[e, 1] * q[e + 1, 1] + q[e, 2] * q[e + 1, 2] + q[e, 3] * q[e + 1, 3])
+        share = grow * (errors[e] / worst) ** (1.0 / 7.0) if worst > 0.0 else 0.0
+        raw[e] = max(share, 2.0 * math.acos(min(1.0, cosine)) / turn) / (s[e + 1] - s[e])
+    return float(spread(s, raw, x, density))
+
+
+@kernel
+def fifth_root(s: Array, errors: Array, x: Array, density: Array) -> float:
+    """Density (error / h^5)^(1/5) of each element's share of an error, of fifth order, see `spread`."""
+    raw = np.empty(errors.shape[0])
+    for e in range(errors.shape[0]):
+        raw[e] = max(errors[e], 1e-300) ** 0.2 / (s[e + 1] - s[e])
+    return float(spread(s, raw, x, density))
 
 
 @kernel

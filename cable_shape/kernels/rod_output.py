@@ -17,7 +17,6 @@ from cable_shape.kernels.rod_algebra import (
     apply,
     cross,
     dot,
-    get3,
     get4,
     qnormal,
     rotation,
@@ -26,7 +25,7 @@ from cable_shape.kernels.rod_algebra import (
     tapply,
     times,
 )
-from cable_shape.kernels.rod_between import at_node, force_slopes, integral, no_node, quadratic, spin
+from cable_shape.kernels.rod_between import apart, at_node, force_slopes, integral, no_node, quadratic, spin
 from cable_shape.kernels.rod_curve import (
     at,
     at3,
@@ -51,10 +50,11 @@ def sample(
 ) -> None:  # fmt: skip
     """Fills `out` (17 points): arc length, positions, quaternions, curvature, force, moment, as CableShape.buffer.
 
-    moments (N+1, 3) [N m], cable frame; first (N, 9): minus the steps in position first; origin (3,) [m]: start;
-    weight (3,) [N/m]. totals: 0 elastic energy - weight . r [J], 1 integral of u3 [rad], 2 error of the interpolation
-    [m], judged by how far r' and R V, interpolated apart, differ in mid-element; 3 the largest such difference over an
-    element, of rotation [rad], moment / largest moment and position / length.
+    moments (N, 6) [N m], cable frame: at the left and right of each element; first (N, 9): minus the steps in position
+    first; origin (3,) [m]: start; weight (3,) [N/m]. totals: 0 elastic energy - weight . r [J], 1 integral of u3 [rad],
+    2 error of the interpolation [m], judged by how far r' and R V, interpolated apart, differ in mid-element; 3 the
+    largest such difference over an element, of rotation [rad], moment / largest moment and position / length; 4
+    integral of n . r' - weight . r [J], which with the functional's value makes the energy, too.
     """
     elements = h.shape[0]
     flex = (1.0 / stiff[0], 1.0 / stiff[1], 1.0 / stiff[2])
@@ -67,7 +67,7 @@ def sample(
     o1, o2, o3, o4, o5 = points, 4 * points, 8 * points, 11 * points, 14 * points
     i = 0
     b = no_node()
-    work = twist = gap = off_M = off_q = 0.0
+    work = pull = heavy = twist = gap = off_M = off_q = 0.0
     bent = (1e-3 * min(stiff[0], stiff[1]) / s[elements]) ** 2
     sign = 1.0
     for e in range(elements):
@@ -82,11 +82,11 @@ def sample(
             sign = -1.0
         else:
             sign = 1.0
-        Ma, Mb = get3(moments, e), get3(moments, e + 1)
+        Ma, Mb = (moments[e, 0], moments[e, 1], moments[e, 2]), (moments[e, 3], moments[e, 4], moments[e, 5])
         rb = (r[0] - first[e, 0], r[1] - first[e, 1], r[2] - first[e, 2])
         f = 1.0 / he
         dnL, dnR = force_slopes(he, nL, nM, nR)
-        if e == 0 or rest[e, 3] != 0.0 or rest[e, 4] != 0.0 or rest[e, 5] != 0.0 or jumps(load, e):
+        if e == 0 or rest[e, 3] != 0.0 or rest[e, 4] != 0.0 or rest[e, 5] != 0.0 or jumps(load, e) or apart(b[1], Ma):
             b = at_node(qa, Ma, nL, dnL, add(k0, scale(-0.5 * he, k1)), k1, flex, C)
         a = b
         b = at_node(qb, Mb, nR, dnR, add(k0, scale(0.5 * he, k1)), k1, flex, C)
@@ -119,7 +119,11 @@ def sample(
         if C[0] != 0.0 or C[2] != 0.0:
             Na, Nb = tapply(rotation(qa), nL), tapply(rotation(qb), nR)
             work += he / 12.0 * (dot(Na, times(C, Na)) + 4.0 * dot(Nm, times(C, Nm)) + dot(Nb, times(C, Nb)))
-        work -= integral(he, dot(w3, r), dot(w3, rm), dot(w3, rb), dot(w3, a[6]), dot(w3, b[6]))
+        weigh = integral(he, dot(w3, r), dot(w3, rm), dot(w3, rb), dot(w3, a[6]), dot(w3, b[6]))
+        work -= weigh
+        heavy += weigh
+        pull += dot(nR, rb) - dot(nL, r)
+        pull -= he / 6.0 * (dot(dnL, r) + 2.0 * dot(add(dnL, dnR), rm) + dot(dnR, rb))
         twist += 0.5 * he * (a[8][2] + b[8][2]) + he * he / 12.0 * (a[9][2] - b[9][2])
         next_i = points if e == elements - 1 else min(points, math.ceil(s[e + 1] / dx - 1e-9))
         for j in range(i, next_i):
@@ -138,6 +142,7 @@ def sample(
         i = max(i, next_i)
         r = rb
     totals[0], totals[1], totals[2] = work, twist, INTERPOLATION * math.sqrt(gap)
+    totals[4] = pull - heavy
     totals[3] = max(2.0 * math.sqrt(off_q), math.sqrt(off_M / bent), math.sqrt(gap) / s[elements])
 
 

@@ -33,6 +33,7 @@ from cable_shape.kernels.prospects import prospects
 from cable_shape.models import catenary, cosserat, gradient
 from cable_shape.models.judge import Beside, Judge
 from cable_shape.models.rod_state import RodState
+from cable_shape.models.span_state import SpanState
 from cable_shape.pose import Grip
 from cable_shape.problem import Problem
 from cable_shape.shape import CableShape, Status
@@ -61,7 +62,7 @@ _SOLVERS = {"catenary": catenary.solve, "gradient4": gradient.solve4}
 class RodSolver(Protocol):
     """The Cosserat rod with its warm start."""
 
-    state: RodState | None
+    state: RodState | SpanState | None
 
     def solve(self, problem: Problem) -> CableShape:
         """The shape, from the last solution if there is one."""
@@ -117,7 +118,7 @@ class Auto:
         shape.solve_time = perf_counter() - began
         return shape
 
-    def rod_state(self) -> RodState | None:
+    def rod_state(self) -> RodState | SpanState | None:
         """The rod of the last shape, solved for now if a closed form gave it; None: no shape yet."""
         if self._beside is not None and not self._followed:
             assert self._problem is not None
@@ -160,7 +161,7 @@ class Auto:
         shape = _SOLVERS[name](fine, self._warm[name])
         if not shape.status or _pulled(problem.cable, shape):
             return None
-        if self._rod.state is None:
+        if not isinstance(self._rod.state, RodState):
             self._rod.state = RodState(problem)
         error = shape.error_estimate + self._judge.estimate(problem, shape, self._rod.state, ends)
         if not error <= limit:
@@ -174,7 +175,7 @@ class Auto:
     def _look_for_cheaper(self, problem: Problem, shape: CableShape) -> None:
         """Puts a closed form to use if it is the same shape as the rod's."""
         state, self._wait = self._rod.state, self._patience
-        if state is None or shape.status is not Status.OK or shape.turns != 0 or _clipped(problem):
+        if not isinstance(state, RodState) or shape.status is not Status.OK or shape.turns != 0 or _clipped(problem):
             return
         promising = self._promising(problem)
         self._patience = min(2 * self._patience, LATEST) if promising else SOONEST
@@ -194,7 +195,7 @@ class Auto:
         """Solves for the rod beside the last closed form, between its ends; if there is none, the rod is cold."""
         problem, state = self._problem, self._rod.state
         assert problem is not None
-        assert state is not None
+        assert isinstance(state, RodState)
         now = problem.start, problem.end
         shape = cosserat.solve_beside(problem.move(beside.start, beside.end), state, beside.frames, beside.force)
         problem.move(*now)

@@ -31,6 +31,8 @@ _FIRST_STEP, _SMALLEST_STEP = 0.25, 1.0 / 4096.0
 #: (kind, tilt of the handles) of the guesses of `rod_drive.guess`.
 _HANGING, _CURVED, _MORE_CURVED, _FLAT, _NATURAL = (0, 0.0), (1, 0.3), (1, 0.8), (1, 0.02), (2, 0.0)
 _QUARTER_TURN = 0.25
+#: Shapes nearer to each other than this fraction of the length are one.
+_SAME = 0.02
 #: So many meshes are tried for one shape.
 _MESHES = 12
 
@@ -94,12 +96,13 @@ class Solve:
     def _finish(self, status: Status) -> CableShape:
         """Refines the mesh until the error is within tolerance, and reports."""
         problem, state = self.problem, self.state
-        # a mesh that is too fine costs only if it is used again
-        if state.too_coarse(self.info) or (state.history > 0 and state.too_fine(self.info)):
+        if state.too_coarse(self.info):
             found = self._remesh(status)
             if found is None:
                 return self._lost(state.target.copy())
             status = found
+        elif state.history > 0 and status is Status.OK and state.too_fine(self.info):
+            self._coarsen()  # only now: a mesh that is too fine costs if it is used again
         info = self.info
         if status is Status.OK or status is Status.UNSTABLE:
             status = Status.OK if info[rod_drive.EXCESS] == 0.0 else Status.UNSTABLE
@@ -143,12 +146,13 @@ class Solve:
 
     def _remesh(self, status: Status) -> Status | None:
         """Solves on the mesh that the error asks for: the status then, None if the equilibrium was lost on the way."""
-        state = self.state
+        state, points = self.state, self.problem.points
         keep = state.history
+        coarse = self.buffer[points : 4 * points].copy()
         for _ in range(_MESHES):
             if self._out_of_time() or not state.next_mesh():
                 break
-            if not self._call(0, _COLD_ITERATIONS, guard=status is not Status.UNSTABLE):
+            if not self._call(0, _COLD_ITERATIONS, guard=status is not Status.UNSTABLE) and not self._again(coarse):
                 return None
             if keep > 0 and status is Status.OK and self.info[rod_drive.TURNED] > _FAR:
                 status = Status.SNAPPED  # at a fold, which a coarse mesh puts a little further on
@@ -156,6 +160,34 @@ class Solve:
                 break
         state.history = min(keep, 1)
         return status
+
+    def _again(self, coarse: Array) -> bool:
+        """From the guesses to the shape whose positions (3 n,) a coarse mesh gave, on a mesh of its own."""
+        state, points = self.state, self.problem.points
+        ends = state.target.copy()
+        force, layer = state.hanging(ends)
+        for kind, sag in self._guesses(ends):
+            state.first_mesh(layer, 2.0)
+            state.start_from(ends, force, kind, sag)
+            if self._call(0, _COLD_ITERATIONS):
+                apart = (self.buffer[points : 4 * points] - coarse).reshape(points, 3)
+                if float((apart * apart).sum(axis=1).max()) < (_SAME * self.problem.cable.length) ** 2:
+                    return True
+        return False
+
+    def _coarsen(self) -> None:
+        """Solves on a coarser mesh, and stays with the one at hand if that does not lead to the same shape."""
+        state, buffer, info = self.state, self.buffer, self.info
+        kept = state.mesh, state.sol, state.elements, state.target, state.work
+        state.next_mesh()
+        self.buffer = CableShape.new_buffer(self.problem.points)
+        if self._call(0, _WARM_ITERATIONS, far=_FAR_STEP) and not state.too_coarse(self.info):
+            state.history = 1
+            return
+        state.mesh, state.sol, state.elements, state.target, state.work = kept
+        state.info[:] = info
+        state.fewest = state.elements
+        self.buffer, self.info = buffer, info
 
     def _no_shape(self, status: Status, ends: Array, detail: str) -> CableShape:
         """The straight line between the ends; what was solved before stays as a warm start."""

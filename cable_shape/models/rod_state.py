@@ -49,6 +49,7 @@ class RodState:
         self.history = 0
         self.elements = 0
         self.width = 0
+        self.fewest = 0  # elements with which a coarser mesh has failed
         self.info: Array = np.zeros(rod_drive.INFO)
         self.par: Array = np.zeros(rod_drive.PAR)
         self.mesh: Array = np.empty(0)
@@ -144,7 +145,7 @@ class RodState:
         elements = min(MOST_ELEMENTS, max(elements, math.ceil(1.3 * turn / _TURN_AIM)))
         x, density = np.empty(_ABSCISSAE), np.empty(_ABSCISSAE)
         rod_mesh.layered(length, min(max(layer, 1e-5 * length), length), x, density)
-        self.elements = self.history = 0
+        self.elements = self.history = self.fewest = 0
         self._lay_out(x, density, elements + 2 * self.stops.size)
 
     def next_mesh(self) -> bool:
@@ -182,7 +183,7 @@ class RodState:
         return (
             info[rod_drive.ESTIMATE] < _TOO_FINE * self.problem.tolerance
             and info[rod_drive.TURN] < 0.5 * _TURN_AIM
-            and self.elements > 1.5 * (FEWEST_ELEMENTS + 2 * self.stops.size)
+            and self.elements > max(1.5 * (FEWEST_ELEMENTS + 2 * self.stops.size), self.fewest)
         )
 
     def _lay_out(self, x: Array, density: Array, elements: int) -> None:

@@ -1,0 +1,270 @@
+"""One solve of a cable in spans, warm or from a guess, in one compiled call: predict, Newton, judge, sample.
+
+    par   (14,)  stiffness 3, compliance 3, dead end moment 3, weight [N/m] 3, base shift, length
+    info  (14,)  as in `rod_drive`
+
+and the arrays of `span_work` and `span_factor`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from cable_shape.kernels._jit import kernel
+from cable_shape.kernels.rod_algebra import (
+    add,
+    apply,
+    dot,
+    get3,
+    get4,
+    get9,
+    put3,
+    qconj,
+    qexp,
+    qlog,
+    qmul,
+    qnormal,
+    rotation,
+    scale,
+    subtract,
+    tapply,
+)
+from cable_shape.kernels.rod_defect import defects
+from cable_shape.kernels.rod_guess import angle_axis, tangent
+from cable_shape.kernels.rod_output import all_finite, sample
+from cable_shape.kernels.span_factor import FORCE, backward, forward, take3
+from cable_shape.kernels.span_newton import CONVERGED, newton
+from cable_shape.kernels.span_system import NONE, fold, release
+from cable_shape.kernels.span_work import BEFORE, NOW, TRIAL, joints_of, matrices, mesh_parts, slot, vectors
+
+Array = Any
+BROKEN = 3  # a number in the output is not finite
+FAR = 4  # an equilibrium further from the prediction than asked for
+PAR, INFO = 14, 14
+LARGEST_TURN = 0.6  # rad, of an element: coarser ones misjudge stability
+SAFETY = 1.5  # of the error estimate, which by itself is right to a few percent on resolved meshes, either way
+
+
+@kernel
+def pace(sol: Array, elements: int, spans: int, length: float) -> float:
+    """How far the supports have moved on from the solution now, as a fraction 0 to 2 of the step before."""
+    now = slot(sol, elements, spans, NOW)[2]
+    before = slot(sol, elements, spans, BEFORE)[2]
+    trial = slot(sol, elements, spans, TRIAL)[2]
+    up = down = 0.0
+    for j in range(spans + 1):
+        for i in range(7):
+            f = 1.0 / (length * length) if i < 3 else 1.0
+            old = now[j, i] - before[j, i]
+            up += f * old * (trial[j, i] - now[j, i])
+            down += f * old * old
+    return min(max(up / down, 0.0), 2.0) if down > 1e-16 else 0.0
+
+
+@kernel
+def follow(sol: Array, elements: int, spans: int, roll: int) -> None:
+    """Chooses the signs of the trial's support quaternions by continuity, and counts the turns of the end.
+
+    A turn is counted where the scalar part of the end's rotation against support `roll`, the last that holds the
+    cable's roll before it, changes its sign.
+    """
+    frames, turns = slot(sol, elements, spans, TRIAL)[2], slot(sol, elements, spans, TRIAL)[4]
+    old, old_turns = slot(sol, elements, spans, NOW)[2], slot(sol, elements, spans, NOW)[4]
+    for j in range(spans + 1):
+        product = 0.0
+        for i in range(3, 7):
+            product += old[j, i] * frames[j, i]
+        if product < 0.0:
+            for i in range(3, 7):
+                frames[j, i] = -frames[j, i]
+    a = qmul(qconj(take4(old, roll)), take4(old, spans))
+    b = qmul(qconj(take4(frames, roll)), take4(frames, spans))
+    turns[0] = old_turns[0]
+    if (a[3] < 0.0) != (b[3] < 0.0):
+        # a roll angle grows through pi where the roll part of the quaternion has the sign of its old scalar part
+        turns[0] += 1.0 if (b[2] > 0.0) == (a[3] >= 0.0) else -1.0
+
+
+@kernel(forceinline=True)
+def take4(frames: Array, j: int) -> tuple[float, float, float, float]:
+    """The quaternion of a frame."""
+    return (frames[j, 3], frames[j, 4], frames[j, 5], frames[j, 6])
+
+
+@kernel
+def extrapolate(sol: Array, elements: int, spans: int, place: Array, a: float) -> None:
+    """Fills the trial's rotations, forces and unknown places: the solution now plus `a` times the last step."""
+    q, lam, frames, _, _ = slot(sol, elements, spans, TRIAL)
+    q1, lam1, frames1, _, _ = slot(sol, elements, spans, NOW)
+    q0, lam0, frames0, _, _ = slot(sol, elements, spans, BEFORE)
+    f = 1.0 + a
+    for k in range(elements + 1):
+        q[k, 0], q[k, 1], q[k, 2], q[k, 3] = qnormal((
+            f * q1[k, 0] - a * q0[k, 0],
+            f * q1[k, 1] - a * q0[k, 1],
+            f * q1[k, 2] - a * q0[k, 2],
+            f * q1[k, 3] - a * q0[k, 3],
+        ))  # fmt: skip
+    for j in range(spans):
+        for i in range(3):
+            lam[j, i] = f * lam1[j, i] - a * lam0[j, i]
+            if place[j, 0] > 0.0:
+                frames[j, i] = f * frames1[j, i] - a * frames0[j, i]
+
+
+@kernel
+def turn_supports(q: Array, s: Array, frames: Array, where: Array, mask: Array) -> None:
+    """Turns the rotations so that those held at supports are met, the turn changing linearly between such supports."""
+    left = -1
+    turn = (0.0, 0.0, 0.0)
+    for j in range(where.shape[0]):
+        if mask[j, 0] != 0.0 and j + 1 < where.shape[0]:
+            continue
+        node = where[j]
+        new = turn
+        if mask[j, 0] == 0.0:
+            target = take4(frames, j)
+            if mask[j, 2] == 0.0:
+                miss = qmul(target, qconj(get4(q, node)))
+                new = qlog((-miss[0], -miss[1], -miss[2], -miss[3]) if miss[3] < 0.0 else miss)
+            else:
+                angle, axis = angle_axis(tangent(get4(q, node)), tangent(target))
+                new = scale(angle, axis)
+        first = where[left] if left >= 0 else 0
+        for k in range(first + 1 if left >= 0 else 0, node + 1):
+            x = (s[k] - s[first]) / (s[node] - s[first]) if left >= 0 else 1.0
+            p = qnormal(qmul(qexp(add(scale(1.0 - x, turn), scale(x, new))), get4(q, k)))
+            q[k, 0], q[k, 1], q[k, 2], q[k, 3] = p
+        if mask[j, 0] == 0.0 and mask[j, 2] == 0.0:
+            sign = 1.0 if qmul(qconj(get4(q, node)), take4(frames, j))[3] > 0.0 else -1.0
+            for i in range(4):
+                q[node, i] = sign * frames[j, 3 + i]
+        left, turn = j, new
+
+
+@kernel
+def position_error(
+    q: Array, h: Array, rest: Array, stiff: Array, where: Array, mask: Array, place: Array, forces: int, work: Array,
+    errors: Array,
+) -> float:  # fmt: skip
+    """Estimated largest position error of the solution at hand [m]; infinite if it cannot be judged.
+
+    The local defects of `rod_defect`, solved with the factors at hand. errors (N,): takes each element's share, a
+    guide for the next mesh.
+    """
+    elements, spans = h.shape[0], where.shape[0] - 1
+    _, U, parts, P, Y, W = matrices(work, elements)
+    first, full, slack, G, d, _ = vectors(work, elements)
+    joints, sums, pull, given = joints_of(work, elements, spans)
+    G[:, :] = 0.0
+    missed = first.copy()
+    defects(
+        q, np.zeros(3), h, full, rest, stiff, np.ones((2, 3)), U, parts, missed, G, slack, np.empty((elements, 6)),
+        np.zeros(3),
+    )  # fmt: skip
+    release(G, where, mask)
+    stiffest = max(stiff[0], stiff[1], stiff[2])
+    pull[:, :] = 0.0
+    given[:, :] = 0.0
+    for j in range(spans):
+        total = NONE
+        for e in range(where[j], where[j + 1]):
+            a, b = get3(slack, e), get3(G, e)
+            errors[e] = math.sqrt(dot(a, a)) + h[e] * math.sqrt(dot(b, b)) / stiffest * h[e]
+            total = add(total, a)
+        put3(sums, j, 0, total)
+    forward(G, sums, pull, given, where, place, forces, P, Y, W, joints)
+    backward(where, place, forces, P, Y, W, joints, d)
+    x = y = z = largest = 0.0
+    for j in range(spans):
+        dl = take3(joints, j, FORCE)
+        for e in range(where[j], where[j + 1]):
+            t = add(
+                add(tapply(get9(parts, e, 9), get3(d, e)), tapply(get9(parts, e, 18), get3(d, e + 1))),
+                apply(get9(parts, e, 27), dl),
+            )
+            x -= slack[e, 0] + t[0]
+            y -= slack[e, 1] + t[1]
+            z -= slack[e, 2] + t[2]
+            largest = max(largest, x * x + y * y + z * z)
+    if not math.isfinite(largest) or not math.isfinite(x + y + z):
+        return math.inf
+    return math.sqrt(largest)
+
+
+@kernel
+def support_loads(q: Array, lam: Array, s: Array, first: Array, where: Array, loads: Array) -> None:
+    """loads (m-1, 7): arc length, force [N] and moment [N m], world, of the cable on every support inside."""
+    for j in range(1, where.shape[0] - 1):
+        k = where[j]
+        loads[j - 1, 0] = s[k]
+        put3(loads, j - 1, 1, subtract(get3(lam, j), get3(lam, j - 1)))
+        jump = scale(-1.0, add(take3(first, k, 3), take3(first, k - 1, 6)))
+        put3(loads, j - 1, 4, apply(rotation(get4(q, k)), jump))
+
+
+@kernel
+def solve(
+    par: Array, mesh: Array, sol: Array, work: Array, out: Array, info: Array, where: Array, mask: Array, place: Array,
+    elements: int, forces: int, roll: int, points: int, history: int, again: bool, guard: bool, most: int, far: float,
+    loads: Array,
+) -> int:  # fmt: skip
+    """Solves for the supports in the trial slot of `sol`; returns CONVERGED, STALLED, NOT_FINITE, BROKEN or FAR.
+
+    history: 0 the trial's rotations are a guess; 1 or 2 start from so many solutions. far [rad]: largest turn of a
+    frame from its prediction that is accepted. After CONVERGED the trial has become the solution now; the one now has
+    become the one before, unless the trial solves for the same ends `again`. `points` 0: no output. loads: see
+    `support_loads`.
+    """
+    spans = where.shape[0] - 1
+    s, h, load, rest, errors = mesh_parts(mesh, elements)
+    q, lam, frames, _, _ = slot(sol, elements, spans, TRIAL)
+    stiff = par[0:6]
+    if history > 0:
+        follow(sol, elements, spans, roll)
+        extrapolate(sol, elements, spans, place, pace(sol, elements, spans, par[13]) if history > 1 else 0.0)
+        turn_supports(q, s, frames, where, mask)
+    if forces < spans:
+        put3(lam, forces, 0, NONE)
+    first, full, _, _, _, start = vectors(work, elements)
+    start[:, :] = q
+    info[:] = 0.0
+    status = newton(q, lam, frames, s, h, load, rest, par, where, mask, place, forces, guard, most, work, info)
+    if status != CONVERGED:
+        return status
+    largest = 0.0
+    for k in range(elements + 1):
+        miss = qmul(qconj(get4(start, k)), get4(q, k))
+        largest = max(largest, miss[0] * miss[0] + miss[1] * miss[1] + miss[2] * miss[2])
+    info[12] = 2.0 * math.asin(min(1.0, math.sqrt(largest)))
+    if not info[12] <= far:
+        return FAR
+    fold(load, lam, where, full)
+    info[7] = position_error(q, h, rest, stiff, where, mask, place, forces, work, errors)
+    worst = 0.0
+    for k in range(elements):
+        worst = max(worst, errors[k])
+    for k in range(elements):
+        cosine = abs(qmul(qconj(get4(q, k)), get4(q, k + 1))[3])
+        turn = 2.0 * math.acos(min(1.0, cosine))
+        info[13] = max(info[13], turn)
+        errors[k] = max(errors[k], worst * (turn / LARGEST_TURN) ** 5)
+    if points > 0:
+        moments, totals = np.empty((elements, 6)), np.empty(5)
+        for e in range(elements):
+            for i in range(3):
+                moments[e, i], moments[e, 3 + i] = -first[e, 3 + i], first[e, 6 + i]
+        sample(q, np.zeros(3), moments, s, h, full, rest, stiff, frames[0], par[9:12], first, points, out, totals)
+        support_loads(q, lam, s, first, where, loads)
+        info[8], info[9], info[10], info[5] = info[6] + totals[4], totals[1], totals[2], totals[3]
+        info[7] = SAFETY * (info[7] + info[10])
+        if not all_finite(out) or not all_finite(info[0:5]) or not all_finite(info[8:14]):
+            return BROKEN
+    size = sol.shape[0] // 3
+    if not again:
+        sol[size : 2 * size] = sol[0:size]
+    sol[0:size] = sol[2 * size : 3 * size]
+    return CONVERGED

@@ -1,0 +1,149 @@
+"""Clips through which the cable runs without friction: which arc lengths of the cable are in its eyelets.
+
+At rest the force F of an eyelet has no part along the cable, F . d3 = 0: the energy is stationary in the arc length
+sigma at the eyelet, dE/dsigma = -F . d3. Newton's method in sigma, the rod being solved for every sigma.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import final
+
+import numpy as np
+
+from cable_shape.checks import Array
+from cable_shape.models.span_state import SpanState
+
+Inner = Callable[[int, int, bool, bool, float, bool], bool]
+
+_MOST = 40  #: steps in sigma
+_SETTLED = 0.02  #: of the tolerance: a smaller step in sigma is not taken any more
+_KICK = 0.02  #: of the length: step off a saddle
+_REACH = 0.5  #: of the slack of a span, or of the way to the next stop, that one step may use up
+_LEAST = 2e-3  #: of the length: an eyelet this near to a stop has been run through
+
+
+@final
+class Eyelets:
+    """The outer iteration of one solve. `stable`: whether the energy is a minimum in sigma; `why`: what failed."""
+
+    __slots__ = ("_inner", "_out_of_time", "_softest", "_state", "stable", "why")
+
+    def __init__(self, state: SpanState, inner: Inner, out_of_time: Callable[[], bool]) -> None:
+        self._state = state
+        self._inner = inner
+        self._out_of_time = out_of_time
+        self._softest: Array = np.zeros(0)
+        self.stable = True
+        self.why = ""
+
+    def call(self, history: int, most: int, guard: bool, output: bool, far: float) -> bool:
+        """Solves for the supports in the trial, and for what is in the eyelets."""
+        state = self._state
+        before = state.arcs
+        arcs = state.predicted_arcs() if history else before
+        self._slide(arcs if self._room(arcs, state.target).min() > 0.0 else self._feasible(state.target))
+        if not self._inner(history, most, guard, output, far, False):
+            if history:  # the last solution stays, on its own mesh
+                self._slide(before)
+            return False
+        shrink, turned = 1.0, state.info[12]
+        good = state.arcs
+        for _ in range(_MOST):
+            step = self._step()
+            if np.abs(step).max() <= _SETTLED * state.problem.tolerance:
+                if self.stable or not guard:
+                    return True
+                step = _KICK * state.par[13] * self._softest
+            if self._out_of_time():
+                return False
+            shrink = min(1.0, 4.0 * shrink)
+            while True:
+                bounded = self._bounded(good, step, shrink)
+                if bounded is None:
+                    return False
+                self._slide(bounded)
+                if self._inner(1, most, guard, output, far - turned, True):
+                    break
+                shrink *= 0.25
+                if shrink < 1e-3:
+                    self._slide(good)
+                    self.why = "no equilibrium was found for the cable running through its eyelets. "
+                    return False
+            good = bounded
+            turned += state.info[12]
+        self.why = "the cable did not come to rest in its eyelets, which have no friction: make one a 'ball' clip. "
+        return False
+
+    def spread(self, frames: Array) -> None:
+        """Arc lengths at the eyelets that leave every span slack enough, for a cold start between `frames`."""
+        if self._room(self._state.arcs, frames).min() <= 0.0:
+            self._state.arcs = self._feasible(frames)
+
+    def _slide(self, arcs: Array) -> None:
+        if not np.array_equal(arcs, self._state.arcs):
+            self._state.slide_to(arcs)
+
+    def _step(self) -> Array:
+        """Newton's step downhill in the energy, for the eyelets (k,)."""
+        state = self._state
+        state.refresh()
+        f, J, _ = state.eyelets()
+        values, vectors = np.linalg.eigh(-0.5 * (J + J.T))
+        self.stable = bool(values[0] > 0.0)
+        self._softest = vectors[:, 0]
+        if self.stable:
+            return np.asarray(np.linalg.solve(J, -f))
+        # uphill in some direction: its slope with the curvature's sign turned round
+        floor = 1e-3 * np.abs(values).max()
+        return np.asarray(vectors @ ((vectors.T @ f) / np.maximum(np.abs(values), floor)))
+
+    def _room(self, arcs: Array, frames: Array) -> Array:
+        """(m,) [m]: slack of each span; of an extensible cable, or before a free end, its length."""
+        state = self._state
+        room = np.diff(arcs)
+        if state.par[5] == 0.0:
+            chords = np.linalg.norm(np.diff(frames[:, :3], axis=0), axis=1)
+            room[: state.forces] -= chords[: state.forces]
+        return room
+
+    def _bounded(self, arcs: Array, step: Array, shrink: float) -> Array | None:
+        """The arc lengths after as much of a step as spans and stops allow; None where the cable has run through."""
+        state = self._state
+        length = state.par[13]
+        full = np.zeros(arcs.size)
+        full[state.rings] = shrink * step
+        fraction = 1.0
+        room = self._room(arcs, state.target)
+        for j, used in enumerate(-np.diff(full)):
+            if used > _REACH * room[j]:
+                fraction = min(fraction, _REACH * max(room[j], 0.0) / used)
+        for ring in state.rings:
+            stops = np.concatenate((state.stops, arcs[:ring] if full[ring] < 0.0 else arcs[ring + 1 :]))
+            ahead = (stops - arcs[ring]) * np.sign(full[ring])
+            way = ahead[ahead > 0.0].min()
+            if way < _LEAST * length:
+                self.why = (
+                    f"clips[{ring - 1}] is an eyelet without friction, and the cable runs through it until the next "
+                    f"clip, mass or end is reached, at {arcs[ring]:.3g} m: nothing holds it. Make it a 'ball' clip. "
+                )
+                return None
+            if abs(full[ring]) > _REACH * way:
+                fraction = min(fraction, _REACH * way / abs(full[ring]))
+        return np.asarray(arcs + fraction * full)
+
+    def _feasible(self, frames: Array) -> Array:
+        """Arc lengths for which each stretch of cable shares its slack out among its spans as before, or by length."""
+        state = self._state
+        arcs = state.arcs.copy()
+        room = self._room(arcs, frames)
+        needed = np.diff(arcs) - room
+        before = self._room(arcs, state.frames) if state.history else needed
+        holding = [j for j in range(state.spans + 1) if j not in state.rings]
+        for a, b in pairwise(holding):
+            if b - a > 1 and room[a:b].min() <= 0.0:
+                share = np.maximum(before[a:b], 1e-3 * (arcs[b] - arcs[a]))
+                spans = needed[a:b] + share * (room[a:b].sum() / share.sum())
+                arcs[a + 1 : b] = arcs[a] + np.cumsum(spans)[:-1]
+        return arcs
