@@ -42,6 +42,8 @@ class Cycle:
         What hangs beyond the grips, in place of the cable's own `tails`.
     plugs : mapping of cable name to Plug, optional
         In place of the scene's `plug`.
+    time_budget : float, optional
+        [s], of one prediction, see :class:`cable_shape.Predictor`.
     snap_horizon : float
         [s], where stability may be lost within this time at the present gripper speed, the snap is predicted; 0: never.
     """
@@ -60,6 +62,7 @@ class Cycle:
         tails: Mapping[str, Mapping[str, float]] | None = None,
         plugs: Mapping[str, Plug] | None = None,
         snap_horizon: float = 1.0,
+        time_budget: float | None = None,
     ) -> None:
         named = {"cable": cables} if isinstance(cables, Cable) else dict(cables)
         if not named:
@@ -74,7 +77,13 @@ class Cycle:
         self._cables = {}
         for name, cable in named.items():
             predictor = Predictor(
-                cable, model=model, gravity=gravity, points=points, tolerance=tolerance, scene=self.scene
+                cable,
+                model=model,
+                gravity=gravity,
+                points=points,
+                tolerance=tolerance,
+                scene=self.scene,
+                time_budget=time_budget,
             )
             plug = (plugs or {}).get(name, self.scene.plug)
             if plug is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable
+from time import perf_counter
 from typing import Protocol, final
 
 import numpy as np
@@ -71,20 +72,22 @@ class ClosedForm:
 class Rod:
     """The Cosserat rod, in clips or not; its warm start is the last solution with its mesh."""
 
-    __slots__ = ("_last", "state")
+    __slots__ = ("_last", "_time_budget", "state")
 
-    def __init__(self) -> None:
+    def __init__(self, time_budget: float = math.inf) -> None:
         self.state: RodState | SpanState | None = None
+        self._time_budget = time_budget  # s
         self._last: CableShape | None = None
 
     def solve(self, problem: Problem) -> CableShape:
+        deadline = math.inf if self._time_budget == math.inf else perf_counter() + self._time_budget
         if problem.clips:
             if not isinstance(self.state, SpanState):
                 self.state = SpanState(problem, self._last)
-            return clipped.solve(problem, self.state)
+            return clipped.solve(problem, self.state, deadline=deadline)
         if not isinstance(self.state, RodState):
             self.state = RodState(problem)
-        self._last = cosserat.solve(problem, self.state)
+        self._last = cosserat.solve(problem, self.state, deadline=deadline)
         return self._last
 
     def reset(self) -> None:
@@ -116,6 +119,9 @@ class Predictor:
         Its masses load the cable, its clips hold it.
     distributed_load : (2, 3) array_like, optional
         [N/m], world, at s = 0 and s = length, linear between, added to the weight.
+    time_budget : float, optional
+        [s] of one prediction by the Cosserat rod, looked at between its attempts. After it the best shape so far is
+        given, graded BUDGET if it is within tolerance, else BUDGET_EXCEEDED. Default: none.
 
     Raises
     ------
@@ -133,6 +139,7 @@ class Predictor:
         tolerance: float | None = None,
         scene: Scene | None = None,
         distributed_load: ArrayLike | None = None,
+        time_budget: float | None = None,
     ) -> None:
         self.model = checks.one_of("model", model, MODELS)
         self._problem_in = functools.partial(
@@ -145,7 +152,7 @@ class Predictor:
             relative_tolerance=AUTO_TOLERANCE if model == "auto" else NAMED_TOLERANCE,
         )
         self.problem = self._problem_in(scene=scene)
-        self._solver = _solver_for(self.model, cable)
+        self._solver = _solver_for(self.model, cable, time_budget)
         self._check_clips(scene)
         self._last: CableShape | None = None
         self._last_ends: tuple[Grip, Grip | FreeEnd] | None = None
@@ -264,7 +271,7 @@ def predict(
     return predictor.predict(start, end)
 
 
-def _solver_for(model: str, cable: Cable) -> Solver:
+def _solver_for(model: str, cable: Cable, time_budget: float | None) -> Solver:
     """The solver of a model; without bending stiffness "auto" is the catenary."""
     limp = cable.mean_bending_stiffness == 0.0
     if limp and model not in ("catenary", "auto"):
@@ -280,7 +287,8 @@ def _solver_for(model: str, cable: Cable) -> Solver:
         return ClosedForm(gradient.solve4)
     if model == "gradient6":
         return ClosedForm(gradient.solve6)
-    return Rod() if model == "cosserat" else Auto(Rod())
+    budget = math.inf if time_budget is None else checks.number("time_budget", time_budget, above=0.0, unit="s")
+    return Rod(budget) if model == "cosserat" else Auto(Rod(budget))
 
 
 def _taut(problem: Problem) -> bool:

@@ -202,3 +202,20 @@ def test_ends_of_the_wrong_type_are_refused() -> None:
         cs.predict(CABLE, (0, 0, 0), END)  # type: ignore[arg-type]
     with pytest.raises(cs.ArgumentError, match=r"cable = .*must be a Cable"):
         cs.predict("cable", START, END)  # type: ignore[arg-type]
+
+
+def test_a_time_budget_grades_what_there_was_time_for():
+    """Within tolerance or not, and never as OK; without one the same shape is OK."""
+    hurried = cs.Predictor(CABLE, model="cosserat", tolerance=1e-11, time_budget=1e-9)
+    shape = hurried.predict(START, END)
+    assert shape.status is cs.Status.BUDGET_EXCEEDED
+    assert not shape.status
+    assert np.isfinite(shape.buffer).all()
+    assert "time" in shape.detail
+    far = cs.Pose((0.2, -0.3, 0.4), (0.0, 0.0, 0.0, 1.0))
+    moved = hurried.predict(START, far)
+    assert moved.status is cs.Status.BUDGET_EXCEEDED
+    assert np.isfinite(moved.buffer).all()
+    assert cs.Predictor(CABLE, model="cosserat").predict(START, END).status is cs.Status.OK
+    with pytest.raises(cs.ArgumentError, match="time_budget"):
+        cs.Predictor(CABLE, model="cosserat", time_budget=0.0)

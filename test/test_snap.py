@@ -50,6 +50,15 @@ def test_it_is_told_before_it_happens_with_the_time(approach):
         assert f"snaps to another shape in {warning.time_to_limit:.2g} s" in warning.text
 
 
+def test_a_snap_carries_the_last_shape_of_the_branch_that_ended(approach):
+    before, after = approach[-2].shapes["cable"], approach[-1].shapes["cable"]
+    assert before.before is None
+    assert after.before is not None
+    assert after.before.status is cs.Status.OK
+    jump = np.linalg.norm(after.positions - before.positions, axis=1).max()
+    assert np.linalg.norm(after.before.positions - before.positions, axis=1).max() < 0.2 * jump
+
+
 def test_it_is_told_without_a_break_until_the_cable_has_swung_round():
     """With weight this arch gives way sideways and swings round within two cycles: not a jump in every look ahead."""
     cable = arch_predictor()[0].cable.replace(linear_density=0.02)

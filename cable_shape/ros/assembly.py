@@ -40,6 +40,7 @@ class Assembly:
             gravity=settings.gravity,
             points=settings.points,
             tolerance=settings.tolerance or None,
+            time_budget=settings.time_budget or None,
             snap_horizon=settings.snap_horizon,
         )
         warm_up()

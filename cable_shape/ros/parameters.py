@@ -98,6 +98,7 @@ SPECS = (
     Spec("gravity", [0.0, 0.0, -9.81], "Gravity in the frame of the input.", "m/s^2"),
     Spec("points", 150, "Points of a shape, uniform in arc length.", low=MIN_POINTS, high=MAX_POINTS),
     Spec("tolerance", 0.0, "Largest position error allowed; 0: the model's default.", "m", 0.0, 1.0),
+    Spec("time_budget", 0.0, "Of one prediction, after which the best shape so far is given; 0: none.", "s", 0.0, 60.0),
     Spec("snap_horizon", 1.0, "A snap nearer than this is predicted; 0: never.", "s", 0.0, 60.0),
     Spec("input", "poses", "Where the grips come from: two PoseStamped topics or JointState.", options=INPUTS),
     Spec("frame_id", "", "Frame of all input; empty: that of the first message, or 'world' for joints."),
@@ -127,6 +128,7 @@ class Settings:
     gravity: tuple[float, float, float]  # m/s^2
     points: int
     tolerance: float  # m
+    time_budget: float  # s
     snap_horizon: float  # s
     input: str
     frame_id: str
