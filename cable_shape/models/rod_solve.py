@@ -41,7 +41,7 @@ _MESHES = 12
 class Solve:
     """One call of :func:`solve`: warm, then in small steps along the ends' path, then from a guess."""
 
-    __slots__ = ("began", "buffer", "deadline", "info", "iterations", "late", "problem", "state")
+    __slots__ = ("before", "began", "buffer", "deadline", "info", "iterations", "late", "problem", "state")
 
     def __init__(self, problem: Problem, state: RodState, deadline: float, began: float) -> None:
         self.problem = problem
@@ -50,6 +50,7 @@ class Solve:
         self.began = began
         self.iterations = 0
         self.late = False
+        self.before: CableShape | None = None  # the last shape of a branch that ended
         self.buffer = CableShape.new_buffer(problem.points)
         self.info: list[float] = []  # of the last compiled solve
 
@@ -142,27 +143,32 @@ class Solve:
             turns=int(info[rod_drive.TURNS]),
             twist=info[rod_drive.TWIST],
             solve_time=perf_counter() - self.began,
+            before=self.before,
         )
 
     def _remesh(self, status: Status) -> Status | None:
         """Solves on the mesh that the error asks for: the status then, None if the equilibrium was lost on the way."""
-        state, points = self.state, self.problem.points
+        state = self.state
         keep = state.history
-        coarse = self.buffer[points : 4 * points].copy()
+        coarse = self._shape(Status.OK, "")
+        coarse.buffer = self.buffer.copy()
         for _ in range(_MESHES):
             if self._out_of_time() or not state.next_mesh():
                 break
-            if not self._call(0, _COLD_ITERATIONS, guard=status is not Status.UNSTABLE) and not self._again(coarse):
+            if not self._call(0, _COLD_ITERATIONS, guard=status is not Status.UNSTABLE) and not self._again(
+                coarse.positions
+            ):
                 return None
             if keep > 0 and status is Status.OK and self.info[rod_drive.TURNED] > _FAR:
                 status = Status.SNAPPED  # at a fold, which a coarse mesh puts a little further on
+                self.before = coarse
             if not state.too_coarse(self.info):
                 break
         state.history = min(keep, 1)
         return status
 
     def _again(self, coarse: Array) -> bool:
-        """From the guesses to the shape whose positions (3 n,) a coarse mesh gave, on a mesh of its own."""
+        """From the guesses to the shape whose positions (n, 3) a coarse mesh gave, on a mesh of its own."""
         state, points = self.state, self.problem.points
         ends = state.target.copy()
         force, layer = state.hanging(ends)
@@ -170,7 +176,7 @@ class Solve:
             state.first_mesh(layer, 2.0)
             state.start_from(ends, force, kind, sag)
             if self._call(0, _COLD_ITERATIONS):
-                apart = (self.buffer[points : 4 * points] - coarse).reshape(points, 3)
+                apart = self.buffer[points : 4 * points].reshape(points, 3) - coarse
                 if float((apart * apart).sum(axis=1).max()) < (_SAME * self.problem.cable.length) ** 2:
                     return True
         return False
@@ -220,7 +226,7 @@ class Solve:
             return None
         self.buffer = CableShape.new_buffer(self.problem.points)
         state.target[:] = state.ends
-        shape = self._shape(Status.OK, "") if self._call(1, _STEP_ITERATIONS) else None
+        shape = self._shape(Status.OK, "") if self._call(1, _STEP_ITERATIONS, guard=False) else None
         self.buffer, self.info = buffer, info
         state.history = 1
         return shape
@@ -274,17 +280,15 @@ class Solve:
     def _snap(self, goal: Array) -> CableShape:
         """The branch ended: the stable shape that the cable falls to from the last one, or else any."""
         state = self.state
-        before = self._here()
+        self.before = self._here()
         state.target[:] = goal
         if self._call(1, _COLD_ITERATIONS):
-            shape = self._finish(Status.SNAPPED)
-        else:
-            state.history = 0
-            shape = self._cold(goal)
-            if shape.status is Status.OK:
-                shape.status = Status.SNAPPED
-                shape.detail = Status.SNAPPED.remedy
-        shape.before = before
+            return self._finish(Status.SNAPPED)
+        state.history = 0
+        shape = self._cold(goal)
+        if shape.status is Status.OK:
+            shape.status = Status.SNAPPED
+            shape.detail = Status.SNAPPED.remedy
         return shape
 
     # -- from a guess
