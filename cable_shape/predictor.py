@@ -21,7 +21,7 @@ from cable_shape.models.auto import Auto
 from cable_shape.models.rod_state import RodState
 from cable_shape.models.span_state import SpanState
 from cable_shape.pose import FreeEnd, Grip, Pose
-from cable_shape.problem import AUTO_TOLERANCE, NAMED_TOLERANCE, Problem
+from cable_shape.problem import AUTO_TOLERANCE, GRAVITY, NAMED_TOLERANCE, Problem
 from cable_shape.scene import Scene
 from cable_shape.shape import CableShape
 
@@ -134,7 +134,7 @@ class Predictor:
         cable: Cable,
         *,
         model: str = "auto",
-        gravity: ArrayLike = (0.0, 0.0, -9.81),
+        gravity: ArrayLike = GRAVITY,
         points: int = 150,
         tolerance: float | None = None,
         scene: Scene | None = None,
@@ -252,7 +252,7 @@ def predict(
     end: Pose | Grip | FreeEnd | None,
     *,
     model: str = "auto",
-    gravity: ArrayLike = (0.0, 0.0, -9.81),
+    gravity: ArrayLike = GRAVITY,
     points: int = 150,
     tolerance: float | None = None,
     scene: Scene | None = None,

@@ -20,6 +20,10 @@ AUTO_TOLERANCE = 1e-3
 MIN_POINTS, MAX_POINTS = 2, 100_000
 #: Clips are at least this fraction of the length apart from each other and from the grips.
 CLIP_SPACING = 1e-3
+#: m/s^2, world: the default
+GRAVITY = (0.0, 0.0, -9.81)
+_GRAVITY: Array = np.array(GRAVITY)
+_GRAVITY.flags.writeable = False
 _UNLOADED = FreeEnd()
 _NOWHERE = Grip(Pose())
 _NO_PLACES: Array = np.empty(0)
@@ -66,7 +70,7 @@ class Problem:
         self,
         cable: Cable,
         *,
-        gravity: ArrayLike = (0.0, 0.0, -9.81),
+        gravity: ArrayLike = GRAVITY,
         points: int = 150,
         tolerance: float | None = None,
         scene: Scene | None = None,
@@ -76,7 +80,7 @@ class Problem:
         if not isinstance(cable, Cable):
             raise ArgumentError.of("cable", cable, "it must be a Cable", "Write Cable(length=..., ...).")
         self.cable = cable
-        self.gravity = checks.vector("gravity", gravity, 3, "m/s^2")
+        self.gravity = _GRAVITY if gravity is GRAVITY else checks.vector("gravity", gravity, 3, "m/s^2")
         self.points = checks.integer("points", points, at_least=MIN_POINTS, at_most=MAX_POINTS)
         if tolerance is None:
             self.tolerance = relative_tolerance * cable.length
@@ -98,7 +102,7 @@ class Problem:
             self.clips = tuple(scene.clips)
         self._given: Pose | Grip | None = None
         self.start = _NOWHERE
-        self.end: Grip | FreeEnd = FreeEnd()
+        self.end: Grip | FreeEnd = _UNLOADED
 
     def _load_masses(self, scene: Scene) -> None:
         """Point masses become concentrated loads, in ascending arc length."""

@@ -12,6 +12,7 @@ import numpy as np
 from cable_shape.checks import Array
 from cable_shape.kernels import rod_drive, rod_stability
 from cable_shape.kernels.frames import straight
+from cable_shape.kernels.rod_drive import ENERGY, ESTIMATE, EXCESS, ITERATIONS, RESIDUAL, TURNED, TURNS, TWIST
 from cable_shape.kernels.rod_newton import CONVERGED
 from cable_shape.models.rod_state import RodState
 from cable_shape.pose import Grip, multiply
@@ -63,7 +64,7 @@ class Solve:
             if self._call(state.history, _WARM_ITERATIONS, far=_FAR):
                 return self._finish(Status.OK)
         if state.width > 1 and state.stretch == 0.0:
-            chord, length = math.dist(ends[7:10], ends[:3]), problem.cable.length
+            chord, length = math.dist(ends[7:10].tolist(), ends[:3].tolist()), problem.cable.length
             if chord >= rod_drive.STRAIGHT * length:
                 detail = f"the ends are {chord - length:.3g} m further apart than the cable is long ({length:g} m). "
                 return self._no_shape(Status.OVERSTRETCHED, ends, detail)
@@ -91,7 +92,7 @@ class Solve:
             history, guard, most, far,
         )  # fmt: skip
         self.info = state.info.tolist()
-        self.iterations += int(self.info[rod_drive.ITERATIONS])
+        self.iterations += int(self.info[ITERATIONS])
         return bool(code == CONVERGED)
 
     def _finish(self, status: Status) -> CableShape:
@@ -106,8 +107,8 @@ class Solve:
             self._coarsen()  # only now: a mesh that is too fine costs if it is used again
         info = self.info
         if status is Status.OK or status is Status.UNSTABLE:
-            status = Status.OK if info[rod_drive.EXCESS] == 0.0 else Status.UNSTABLE
-        within = info[rod_drive.ESTIMATE] <= problem.tolerance
+            status = Status.OK if info[EXCESS] == 0.0 else Status.UNSTABLE
+        within = info[ESTIMATE] <= problem.tolerance
         state.history = min(2, state.history + 1)
         if self.late:
             status = Status.BUDGET if within else Status.BUDGET_EXCEEDED
@@ -117,7 +118,7 @@ class Solve:
             return self._shape(status, "")
         detail = ""
         if not within:
-            detail = f"error estimate {info[rod_drive.ESTIMATE]:.2g} m, tolerance {problem.tolerance:.2g} m. "
+            detail = f"error estimate {info[ESTIMATE]:.2g} m, tolerance {problem.tolerance:.2g} m. "
         elif status is Status.UNSTABLE:
             least = rod_stability.smallest_eigenvalue(
                 state.par, state.mesh, state.sol, state.work, state.elements, state.width
@@ -136,12 +137,12 @@ class Solve:
             model=MODEL,
             status=status,
             detail=detail,
-            energy=info[rod_drive.ENERGY] + self.state.energy_of_masses(),
-            error_estimate=info[rod_drive.ESTIMATE],
-            residual=info[rod_drive.RESIDUAL],
+            energy=info[ENERGY] + self.state.energy_of_masses(),
+            error_estimate=info[ESTIMATE],
+            residual=info[RESIDUAL],
             iterations=self.iterations,
-            turns=int(info[rod_drive.TURNS]),
-            twist=info[rod_drive.TWIST],
+            turns=int(info[TURNS]),
+            twist=info[TWIST],
             solve_time=perf_counter() - self.began,
             before=self.before,
         )
@@ -159,7 +160,7 @@ class Solve:
                 coarse.positions
             ):
                 return None
-            if keep > 0 and status is Status.OK and self.info[rod_drive.TURNED] > _FAR:
+            if keep > 0 and status is Status.OK and self.info[TURNED] > _FAR:
                 status = Status.SNAPPED  # at a fold, which a coarse mesh puts a little further on
                 self.before = coarse
             if not state.too_coarse(self.info):

@@ -11,6 +11,7 @@ import numpy as np
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels import rod_drive, rod_mesh
+from cable_shape.kernels.rod_drive import ESTIMATE, LARGEST_TURN, TURN
 from cable_shape.kernels.rod_work import work_size
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.problem import NAMED_TOLERANCE, Problem
@@ -150,7 +151,7 @@ class RodState:
 
     def next_mesh(self) -> bool:
         """A mesh that the last error estimate asks for, and the last solution on it; False if it cannot be finer."""
-        estimate, n = float(self.info[rod_drive.ESTIMATE]), self.elements
+        estimate, n = float(self.info[ESTIMATE]), self.elements
         excess = estimate / (AIM * self.problem.tolerance) if math.isfinite(estimate) else _MOST_EXCESS
         x, density = np.empty(n + 2), np.empty(n + 2)
         nodes = self.mesh[: n + 1]
@@ -169,20 +170,17 @@ class RodState:
 
     def too_coarse(self, info: list[float]) -> bool:
         """Whether the error is above its tolerance, or an element turns too far for the inertia to be trusted."""
-        return info[rod_drive.ESTIMATE] > self.problem.tolerance or info[rod_drive.TURN] > rod_drive.LARGEST_TURN
+        return info[ESTIMATE] > self.problem.tolerance or info[TURN] > LARGEST_TURN
 
     def far_too_coarse(self, info: list[float]) -> bool:
         """Whether even a step on the way needs a finer mesh."""
-        return (
-            info[rod_drive.ESTIMATE] > 30.0 * self.problem.tolerance
-            or info[rod_drive.TURN] > 2.0 * rod_drive.LARGEST_TURN
-        )
+        return info[ESTIMATE] > 30.0 * self.problem.tolerance or info[TURN] > 2.0 * LARGEST_TURN
 
     def too_fine(self, info: list[float]) -> bool:
         """Whether a mesh of much fewer elements would do."""
         return (
-            info[rod_drive.ESTIMATE] < _TOO_FINE * self.problem.tolerance
-            and info[rod_drive.TURN] < 0.5 * _TURN_AIM
+            info[ESTIMATE] < _TOO_FINE * self.problem.tolerance
+            and info[TURN] < 0.5 * _TURN_AIM
             and self.elements > max(1.5 * (FEWEST_ELEMENTS + 2 * self.stops.size), self.fewest)
         )
 
