@@ -110,6 +110,8 @@ def print_jumps(count: int, figures: Figures) -> None:
     other = sum(seen["continuous, another shape", s.name] for s in Status if s is not Status.SNAPPED)
     alarms = sum(n for (path, status), n in seen.items() if path.startswith("continuous,") and status == "SNAPPED")
     missed = seen["continuity lost", "OK"]
+    usable = 100.0 * sum(n for (_, status), n in seen.items() if Status[status]) / count
+    figures.at_least("jumps with a usable shape", usable, 99.5, "{:.1f}", " %")
     figures.at_most("jumps on a continuous path to another shape, not graded SNAPPED", other, 0, "{:.0f}")
     figures.at_most("jumps on a continuous path graded SNAPPED", 100.0 * alarms / count, 0.0, "{:.2f}", " %")
     figures.at_most("jumps whose path breaks graded OK", 100.0 * missed / count, 0.5, "{:.2f}", " %")

@@ -222,6 +222,12 @@ def print_motion(figures: Figures, rounds: int) -> None:
         f"{np.mean(iterations):.1f} iterations, estimate at most {max(estimates) / CABLE.length:.1e} L);\n"
         f"solve_bvp {b * 1e3:.2f} ms on {len(x)} nodes, {np.mean(errors):.1e} L from ours"
     )
+    exact = cs.Predictor(CABLE, model="cosserat", tolerance=1e-9)
+    off = [
+        np.linalg.norm(exact.predict(START, pose).positions - shape.positions, axis=1).mean()
+        for pose, shape in zip(poses, shapes, strict=True)
+    ]
+    figures.at_most("motion M, warm: mean error / L, worst step", max(off) / CABLE.length, 1e-5)
     figures.at_least("motion M, warm: times faster than solve_bvp", b / a, 100.0, "{:.0f}")
     state = cosserat.RodState(predictor.problem)
     cosserat.solve(predictor.problem.move(START, END), state)
@@ -244,5 +250,8 @@ def print_cold(figures: Figures, rounds: int) -> None:
         )
         shape, answer = cs.predict(cable, start, end, model="cosserat"), other.solve(*guess, start, end)
         note = "" if answer.status == 0 else ", which failed"
+        if answer.status == 0:
+            apart = np.linalg.norm(answer.sol(shape.arc_length)[:3].T - shape.positions, axis=1).mean() / cable.length
+            figures.at_most(f"grasp {name}, cold: mean distance / L to solve_bvp's shape", apart, 1e-4)
         print(f"cold {name}: {a * 1e6:.0f} us, {shape.status.name}; solve_bvp {b * 1e3:.1f} ms{note}")
         figures.at_least(f"grasp {name}, cold: times faster than solve_bvp", b / a, 50.0, "{:.0f}")

@@ -1,0 +1,30 @@
+#!/usr/bin/env python
+"""Figures of clips and margins: references, success, and what they add to a cycle.
+
+    scripts/bench scene [--quick] [--cases FOLDER]
+
+FOLDER holds reference cases (default: ../shared/cases beside the repository); without it they are left out.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from scene_clips import CASES, print_clips
+from scene_margins import print_margins, print_snap
+
+
+def main() -> None:
+    """All tables."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="a tenth of the random scenes and cycles")
+    parser.add_argument("--cases", type=Path, default=CASES, help="folder of the reference cases")
+    options = parser.parse_args()
+    print_clips(options.cases, 30 if options.quick else 300)
+    print_margins(200 if options.quick else 2000)
+    print_snap()
+
+
+if __name__ == "__main__":
+    main()
