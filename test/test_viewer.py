@@ -22,6 +22,7 @@ from cable_shape.cable import Cable
 from cable_shape.errors import ArgumentError
 from cable_shape.plug import PlugError
 from cable_shape.pose import FreeEnd, Grip, Pose
+from cable_shape.predictor import predict
 from cable_shape.report import BodyDistance, CableWarning, Clearance, CycleReport, Margin, Severity, WarningKind
 from cable_shape.scene import Box, Capsule, Clip, Cylinder, HalfSpace, Mesh, Obstacle, PointMass, Scene, Sphere
 from cable_shape.shape import CableShape, Status
@@ -685,3 +686,28 @@ def test_screenshot_shows_the_cable(tmp_path: Path) -> None:
     assert yellow.sum() > 300
     with pytest.raises(ArgumentError, match=r"at = 9.0 is not allowed: the recording is 0.040 s long"):
         screenshot(tmp_path / "out.rrd", 9.0)
+
+
+def test_forces_of_clips_are_drawn_where_they_act_and_go_with_the_shape() -> None:
+    from cable_shape.viewer.forces import Forces, arrows  # here: this module must not import rerun
+
+    cable = Cable(length=1.0, linear_density=0.1, bending_stiffness=0.01, diameter=0.008)
+    scene = Scene(clips=[Clip(0.5, Pose((0.4, 0.0, 0.8)))])
+    grips = Pose((0, 0, 1), (0.5, 0.5, 0.5, 0.5)), Pose((0.8, 0, 1), (0.5, 0.5, 0.5, 0.5))
+    shape = predict(cable, *grips, scene=scene, points=201)
+    origins, forces = arrows(shape)
+    np.testing.assert_allclose(origins, [(0.4, 0.0, 0.8)], atol=1e-6)
+    # clip and grips carry the weight: what the clip does is the jump of the force from after it to before it
+    before, after = shape.force[shape.arc_length < 0.5][-1], shape.force[shape.arc_length > 0.5][0]
+    weight_between = 0.981 * 2.0 * shape.arc_length[1]  # from the point before it to the one after it
+    np.testing.assert_allclose(forces[0], before - after - (0, 0, -weight_between), atol=1e-6)
+    drawn = Forces("/forces", cable)
+    shown = drawn.of(shape)
+    assert shown is not None
+    assert "Arrows3D" in type(shown[0]).__name__
+    gone = drawn.of(predict(cable, *grips))
+    assert gone is not None
+    assert type(gone[0]).__name__ == "Clear"
+    assert drawn.of(predict(cable, *grips)) is None
+    sent = CycleReport(0, {"cable": grips}, None, {"cable": shape}, {}, ())
+    np.testing.assert_array_equal(decode(encode(sent)).shapes["cable"].supports, shape.supports)

@@ -10,7 +10,6 @@ import contextlib
 import marshal
 import mmap
 import os
-from collections.abc import Mapping
 from typing import Any, final
 
 import numpy as np
@@ -186,6 +185,7 @@ def _shape(shape: CableShape) -> tuple[Any, ...]:
             float(shape.twist),
             float(shape.roll_error),
         ),
+        np.ascontiguousarray(shape.supports),
     )
 
 
@@ -206,8 +206,9 @@ _SHAPE_FIELDS = (
 )
 
 
-def _read_shape(buffer: bytes, points: int, status: int, fields: tuple[Any, ...]) -> CableShape:
-    keywords: Mapping[str, Any] = dict(zip(_SHAPE_FIELDS, fields, strict=True))
+def _read_shape(buffer: bytes, points: int, status: int, fields: tuple[Any, ...], supports: bytes) -> CableShape:
+    keywords: dict[str, Any] = dict(zip(_SHAPE_FIELDS, fields, strict=True))
+    keywords["supports"] = _rows(supports, 7)
     return CableShape(np.frombuffer(buffer, dtype=np.float64), points, status=Status(status), **keywords)
 
 

@@ -10,6 +10,7 @@ This module imports rerun, so it is imported by the viewer process and by whoeve
 /world/cables/NAME/tails/SIDE  what hangs beyond a grip
 /world/cables/NAME/after_snap  the shape after a snap that is about to come
 /world/cables/NAME/closest     the closest pair of points and their distance
+/world/cables/NAME/forces      of clips on the cable
 /world/cables/NAME/clips/K     clips of the scene; point masses likewise in masses/K
 /world/markers                 markers that were measured on the real cable
 /world/sockets/NAME            frames of the sockets, once
@@ -37,6 +38,7 @@ from cable_shape.shape import CableShape
 from cable_shape.viewer import colour as colours
 from cable_shape.viewer import text as text
 from cable_shape.viewer.blueprint import blueprint, eye
+from cable_shape.viewer.forces import Forces
 from cable_shape.viewer.plots import Plots, part
 
 TIMELINE = "stamp"
@@ -90,6 +92,9 @@ class ReportLogger:
         self.times = times
         self.live = live
         self._plots = Plots(recording, self.cables, scene, times)
+        self._forces = {
+            name: Forces(f"/world/cables/{part(name)}/forces", cable) for name, cable in self.cables.items()
+        }
         self._warnings = text.WarningLog()
         self._logged: dict[str, object] = {}  # entity -> what was written there last
         self._begun = False
@@ -114,6 +119,9 @@ class ReportLogger:
             for side in TAIL_SIDES:
                 self._log_strip(f"{base}/tails/{side}", name, report.tails.get((name, side)), colours.TAIL)
             self._log_strip(f"{base}/after_snap", name, report.after_snap.get(name), colours.GHOST)
+            force = self._forces[name].of(shape)
+            if force is not None:
+                self._write(self._forces[name].entity, *force)
             self._log_closest(f"{base}/closest", report.clearance.get(name), shape)
             self._plots.shape(name, shape, report.clearance.get(name))
             self._plots.margins(name, report.margins.get(name, ()))
