@@ -269,6 +269,14 @@ def qnormal(q: Quaternion) -> Quaternion:
 
 
 @inlined
+def qnear(q: Quaternion) -> Quaternion:
+    """q, nearly of unit length, scaled to unit length: within 1e-8 of it without a root, to rounding."""
+    x = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
+    f = 1.5 - 0.5 * x if abs(x - 1.0) < 1e-8 else 1.0 / math.sqrt(x)
+    return (f * q[0], f * q[1], f * q[2], f * q[3])
+
+
+@inlined
 def rotation(q: Quaternion) -> Matrix:
     """The rotation matrix of a unit quaternion, columns d1, d2, d3."""
     x, y, z, w = q

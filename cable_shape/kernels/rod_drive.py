@@ -62,7 +62,7 @@ ITERATIONS, EXCESS, RESIDUAL, ESTIMATE, ENERGY, TWIST, TURNED, TURN, TURNS = 0, 
 LARGEST_TURN = 0.7  # rad, of an element: coarser ones misjudge stability
 # The estimated error is so many times what the correction leaves and what the interpolation misses: both are judged by
 # their leading term. Set so that on random grasps it is above the true error in 99 of 100 at any tolerance.
-LEFT, INTERPOLATED = 14.0, 0.3
+LEFT, INTERPOLATED = 14.0, 0.45
 
 
 @kernel

@@ -18,6 +18,7 @@ from cable_shape.kernels.rod_algebra import (
     cross,
     dot,
     get4,
+    qnear,
     qnormal,
     rotation,
     scale,
@@ -131,7 +132,7 @@ def sample(
             out[j] = j * dx
             e1, e2 = functions(x, layer)
             out[o1 + 3 * j], out[o1 + 3 * j + 1], out[o1 + 3 * j + 2] = at3(rs, x, e1, e2)
-            p = qnormal((at(qs[0], x, e1, e2), at(qs[1], x, e1, e2), at(qs[2], x, e1, e2), at(qs[3], x, e1, e2)))
+            p = qnear((at(qs[0], x, e1, e2), at(qs[1], x, e1, e2), at(qs[2], x, e1, e2), at(qs[3], x, e1, e2)))
             out[o2 + 4 * j], out[o2 + 4 * j + 1], out[o2 + 4 * j + 2], out[o2 + 4 * j + 3] = p
             M = at3(Ms, x, e1, e2)
             out[o3 + 3 * j], out[o3 + 3 * j + 1], out[o3 + 3 * j + 2] = add(
