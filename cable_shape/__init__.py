@@ -31,7 +31,7 @@ from cable_shape.scene import (
     Scene,
     Sphere,
 )
-from cable_shape.shape import CableShape, ClipLoad, Status
+from cable_shape.shape import CableShape, ClipLoad, Contact, Status
 from cable_shape.stress import Stress, stress_of
 from cable_shape.tails import predict_tails
 from cable_shape.warm_up import warm_up
@@ -51,6 +51,7 @@ __all__ = [
     "Clearance",
     "Clip",
     "ClipLoad",
+    "Contact",
     "Cycle",
     "CycleReport",
     "Cylinder",

@@ -96,7 +96,7 @@ class ClearanceChecker:
         self.moving: NDArray[np.bool_] = np.array([body.link is not None for body in bodies], dtype=np.bool_)
         self._on_link = {body.link: body.name for body in reversed(bodies) if body.link is not None}
         self._fixed = sum(body.link is None for body in bodies)
-        self._bodies, self._triangles, self._nodes = _tables(bodies, self.links, frozenset(gripping_links))
+        self._bodies, self._triangles, self._nodes = body_tables(bodies, self.links, frozenset(gripping_links))
 
     def check(self, shape: CableShape, links: Mapping[str, Pose] | None = None) -> Clearance:
         """Distances of `shape` to all bodies.
@@ -169,7 +169,9 @@ class ClearanceChecker:
 _NO_LINKS: Array = np.empty((0, 7))
 
 
-def _tables(bodies: Sequence[Obstacle], links: Sequence[str], gripping: frozenset[str]) -> tuple[Array, Array, Array]:
+def body_tables(
+    bodies: Sequence[Obstacle], links: Sequence[str], gripping: frozenset[str]
+) -> tuple[Array, Array, Array]:
     """Bodies, triangles and tree nodes as the tables that the kernels read."""
     table = np.zeros((len(bodies), bounds.BODY_COLUMNS))
     all_triangles: list[Array] = [np.empty((0, triangles.TRIANGLE_COLUMNS))]

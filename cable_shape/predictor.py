@@ -16,10 +16,11 @@ from cable_shape.cable import Cable
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels.poses import moved
-from cable_shape.models import catenary, clipped, cosserat, gradient
+from cable_shape.models import catenary, clipped, cosserat, gradient, touching
 from cable_shape.models.auto import Auto
 from cable_shape.models.rod_state import RodState
 from cable_shape.models.span_state import SpanState
+from cable_shape.models.touch_state import TouchState
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.problem import AUTO_TOLERANCE, GRAVITY, NAMED_TOLERANCE, Problem
 from cable_shape.scene import Scene
@@ -44,7 +45,7 @@ class Solver(Protocol):
     def reset(self) -> None:
         """Forgets the last solution."""
 
-    def rod_state(self) -> RodState | SpanState | None:
+    def rod_state(self) -> RodState | SpanState | TouchState | None:
         """The Cosserat rod of the last shape; None: there is none."""
 
 
@@ -70,14 +71,15 @@ class ClosedForm:
 
 @final
 class Rod:
-    """The Cosserat rod, in clips or not; its warm start is the last solution with its mesh."""
+    """The Cosserat rod, in clips, in contact or neither; its warm start is the last solution with its mesh."""
 
-    __slots__ = ("_last", "_time_budget", "state")
+    __slots__ = ("_last", "_time_budget", "_touch", "state")
 
     def __init__(self, time_budget: float = math.inf) -> None:
         self.state: RodState | SpanState | None = None
         self._time_budget = time_budget  # s
         self._last: CableShape | None = None
+        self._touch: TouchState | None = None
 
     def solve(self, problem: Problem) -> CableShape:
         deadline = math.inf if self._time_budget == math.inf else perf_counter() + self._time_budget
@@ -87,14 +89,20 @@ class Rod:
             return clipped.solve(problem, self.state, deadline=deadline)
         if not isinstance(self.state, RodState):
             self.state = RodState(problem)
-        self._last = cosserat.solve(problem, self.state, deadline=deadline)
+        if problem.scene is not None and problem.scene.solves_contact:
+            if self._touch is None:
+                self._touch = TouchState(problem)
+            self._last = touching.solve(problem, self._touch, self.state, deadline=deadline)
+        else:
+            self._touch = None
+            self._last = cosserat.solve(problem, self.state, deadline=deadline)
         return self._last
 
     def reset(self) -> None:
-        self.state = self._last = None
+        self.state = self._last = self._touch = None
 
-    def rod_state(self) -> RodState | SpanState | None:
-        return self.state
+    def rod_state(self) -> RodState | SpanState | TouchState | None:
+        return self._touch if self._touch is not None and self._touch.touching else self.state
 
 
 @final
@@ -213,6 +221,8 @@ class Predictor:
         state = self._solver.rod_state()
         if state is None:
             raise ArgumentError("sensitivity() needs a solution, and there is none yet. Call predict first.")
+        if isinstance(state, TouchState):
+            return touching.sensitivity(state, at=at)
         if isinstance(state, SpanState):
             return clipped.sensitivity(state, at=at)
         return cosserat.sensitivity(state, at=at)
@@ -226,7 +236,22 @@ class Predictor:
         return state if isinstance(state, RodState) else None
 
     def _check_clips(self, scene: Scene | None) -> None:
-        """Only the rod is held in clips."""
+        """Only the rod is held in clips, or rests on obstacles."""
+        if scene is not None and scene.solves_contact:
+            if isinstance(self._solver, ClosedForm):
+                raise ArgumentError.of(
+                    "scene.contact",
+                    scene.contact,
+                    f"model {self.model!r} of this cable knows no contact",
+                    "Write contact='warn', or choose model='cosserat' and a bending stiffness above 0 N m^2.",
+                )
+            if scene.clips:
+                raise ArgumentError.of(
+                    "scene.contact",
+                    scene.contact,
+                    "a cable in clips is not solved for contact",
+                    "Write contact='warn', or remove the clips.",
+                )
         if scene is not None and scene.clips and isinstance(self._solver, ClosedForm):
             raise ArgumentError.of(
                 "scene.clips",

@@ -19,6 +19,7 @@ from cable_shape.plug import Plug
 from cable_shape.pose import IDENTITY, Pose
 
 CLIP_KINDS = ("ball", "fixed", "hinge", "slide")
+CONTACT_KINDS = ("off", "warn", "solve")
 
 #: Meshes with more triangles are refused.
 MAX_FACES = 200_000
@@ -230,6 +231,9 @@ class Scene:
         World frame of a plug when it is in the socket; z points into the socket.
     plug : Plug, optional
         At the end of every cable that has no other one.
+    contact : str
+        What obstacles do: "warn" (default) of the clearance to them; "solve" keeps the cable out of them in the
+        equilibrium, without friction (Cosserat rod only, obstacles fixed in the world), and warns, too; "off" neither.
 
     Raises
     ------
@@ -244,8 +248,10 @@ class Scene:
     error_distance: float = 0.01
     sockets: Mapping[str, Pose] = dataclasses.field(default_factory=dict, hash=False)
     plug: Plug | None = None
+    contact: str = "warn"
 
     def __post_init__(self) -> None:
+        checks.one_of("contact", self.contact, CONTACT_KINDS)
         for name, kind in (("obstacles", Obstacle), ("clips", Clip), ("masses", PointMass)):
             object.__setattr__(self, name, _tuple_of(name, getattr(self, name), kind))
         _number(self, "", "warn_distance", "m")
@@ -285,6 +291,11 @@ class Scene:
         from cable_shape.files import load_yaml
 
         return cls.from_mapping(load_yaml(path), where=str(path), folder=Path(path).expanduser().parent)
+
+    @property
+    def solves_contact(self) -> bool:
+        """Whether there is an obstacle to keep out of in the equilibrium."""
+        return self.contact == "solve" and any(obstacle.link is None for obstacle in self.obstacles)
 
     def as_dict(self) -> dict[str, Any]:
         """The mapping that `from_mapping` takes, as plain numbers, lists and words; meshes are written out."""

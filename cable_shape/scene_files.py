@@ -4,6 +4,7 @@ One entry a list item; exactly one of the solids in an obstacle::
 
     warn_distance: 0.03                       # m
     error_distance: 0.01                      # m
+    contact: warn                             # or solve, off
     obstacles:
       - {name: table, box: [1.2, 0.8, 0.04], position: [0.5, 0, -0.02]}
       - {name: ball, sphere: 0.05, position: [0.5, 0, 0.1]}
@@ -89,6 +90,7 @@ def mapping_of(scene: Scene) -> dict[str, Any]:
         "error_distance": scene.error_distance,
         "sockets": {name: _pose_entry(pose) for name, pose in scene.sockets.items()},
         "plug": scene.plug and {"socket": scene.plug.socket, **_pose_entry(scene.plug.offset)},
+        "contact": scene.contact,
     }
 
 

@@ -67,6 +67,25 @@ class ClipLoad:
     moment: Array
 
 
+_NO_TOUCHES = np.empty((0, 9))
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Contact:
+    """Where the cable is pressed on a body; the reaction along a piece of the cable is told as forces at its nodes.
+
+    arc_length [m]; body: name of the obstacle; point (3,) [m], world, on the body's surface; normal (3,), unit, out of
+    the body; force [N], of the body on the cable along the normal.
+    """
+
+    arc_length: float
+    body: str
+    point: Array
+    normal: Array
+    force: float
+
+
 @final
 class CableShape:
     """The predicted shape of one cable at n points, uniform in arc length.
@@ -76,6 +95,7 @@ class CableShape:
 
     __slots__ = (
         "before",
+        "bodies",
         "buffer",
         "detail",
         "energy",
@@ -90,6 +110,7 @@ class CableShape:
         "solve_time",
         "status",
         "supports",
+        "touches",
         "turns",
         "twist",
     )
@@ -114,6 +135,8 @@ class CableShape:
         roll_error: float = 0.0,
         before: CableShape | None = None,
         supports: Array = _NO_SUPPORTS,
+        touches: Array = _NO_TOUCHES,
+        bodies: tuple[str, ...] = (),
     ) -> None:
         self.buffer = buffer  # (17 n,): arc_length n | positions 3n | quaternions 4n | curvature, force, moment 3n each
         self.points = points
@@ -132,6 +155,8 @@ class CableShape:
         self.before = before  # SNAPPED: the last shape of the branch that ended, its ends where it did
         self.roll_error = roll_error  # rad, roll about d3 that the model leaves unmet at the end grip
         self.supports = supports  # (k, 7), of each clip: arc length [m], force [N] and moment [N m] on it
+        self.touches = touches  # (k, 9), of each contact: arc length [m], row in `bodies`, point 3, normal 3, force [N]
+        self.bodies = bodies  # names
 
     @staticmethod
     def new_buffer(points: int) -> Array:
@@ -177,6 +202,13 @@ class CableShape:
     def clips(self) -> tuple[ClipLoad, ...]:
         """Where each clip of the scene holds the cable, and the force and moment on it; in ascending arc length."""
         return tuple(ClipLoad(float(row[0]), row[1:4], row[4:]) for row in self.supports)
+
+    @property
+    def contacts(self) -> tuple[Contact, ...]:
+        """Where the cable is pressed on obstacles, in ascending arc length; empty unless ``Scene(contact="solve")``."""
+        return tuple(
+            Contact(float(row[0]), self.bodies[int(row[1])], row[2:5], row[5:8], float(row[8])) for row in self.touches
+        )
 
     @property
     def tangents(self) -> Array:

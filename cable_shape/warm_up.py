@@ -49,3 +49,8 @@ def warm_up() -> None:
     for k in range(3):
         held.predict(start, Pose((0.8, 0.0, 0.5 + 0.001 * k), end.quaternion))
     held.sensitivity()
+    table = Scene(obstacles=[Obstacle("table", HalfSpace())], contact="solve")
+    resting = Predictor(cable, model="cosserat", scene=table)
+    for k in range(3):
+        resting.predict(Pose((0.0, 0.0, 0.3 + 0.001 * k), start.quaternion), Pose((0.8, 0.0, 0.3), end.quaternion))
+    resting.sensitivity()

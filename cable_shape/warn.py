@@ -18,6 +18,8 @@ from cable_shape.shape import CableShape, Status
 
 #: A load is warned of from this fraction of its limit, and is an error at the limit.
 WARN_FRACTION = 0.9
+#: [m], a cable that rests on a body, solved for, is at most so far inside it.
+_SOLVED = 2e-4
 #: The stretch of a cable is warned of from this fraction of its length: up to there it hangs slack without harm.
 STRETCH_FRACTION = 0.99
 #: A warning is over, and an error a mere warning again, this fraction below where it began.
@@ -219,7 +221,13 @@ def _warning(
     if margin.kind is WarningKind.CLEARANCE:
         body = next(b for b in clearance.bodies if b.body == margin.other and b.arc_length == margin.arc_length)
         point, other = body.point_on_cable, body.point_on_body
-        text = _clearance(margin, severity, scene, shape.length)
+        pressed = sum(contact.force for contact in shape.contacts if contact.body == margin.other)
+        if pressed > 0.0 and margin.value > -_SOLVED:
+            severity = Severity.WARN
+            where = f"{margin.other!r} {_at(margin.arc_length, shape.length)}"
+            text = f"rests on {where}, with {pressed:.2g} N in all. Lift it off, if it is not to touch."
+        else:
+            text = _clearance(margin, severity, scene, shape.length)
     else:
         point = other = shape.positions[round(margin.arc_length / shape.length * (shape.points - 1))]
         text = _words(margin, shape.length)

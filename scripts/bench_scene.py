@@ -1,5 +1,5 @@
 #!/usr/bin/env python
-"""Figures of clips and margins: references, success, and what they add to a cycle.
+"""Figures of clips, margins and contact: references, success, and what they add to a cycle.
 
     scripts/bench scene [--quick] [--cases FOLDER]
 
@@ -12,6 +12,7 @@ import argparse
 from pathlib import Path
 
 from scene_clips import CASES, print_clips
+from scene_contact import print_contact
 from scene_margins import print_margins, print_snap
 
 
@@ -24,6 +25,7 @@ def main() -> None:
     print_clips(options.cases, 30 if options.quick else 300)
     print_margins(200 if options.quick else 2000)
     print_snap()
+    print_contact()
 
 
 if __name__ == "__main__":

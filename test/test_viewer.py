@@ -711,3 +711,11 @@ def test_forces_of_clips_are_drawn_where_they_act_and_go_with_the_shape() -> Non
     assert drawn.of(predict(cable, *grips)) is None
     sent = CycleReport(0, {"cable": grips}, None, {"cable": shape}, {}, ())
     np.testing.assert_array_equal(decode(encode(sent)).shapes["cable"].supports, shape.supports)
+    table = Scene(obstacles=[Obstacle("table", HalfSpace(), Pose((0, 0, 0.8)))], contact="solve")
+    lying = predict(cable, *grips, scene=table)
+    origins, forces = arrows(lying)
+    assert len(origins) == len(lying.contacts) > 0
+    np.testing.assert_allclose(origins[:, 2], 0.804, atol=1e-3)
+    assert (forces[:, 2] > 0.0).all()
+    got = decode(encode(CycleReport(0, {"cable": grips}, None, {"cable": lying}, {}, ()))).shapes["cable"]
+    assert [contact.body for contact in got.contacts] == ["table"] * len(lying.contacts)

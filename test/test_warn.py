@@ -178,3 +178,23 @@ def test_errors_first_then_the_smallest_reserve():
     shape.force[3, 0] = 9.5
     found = warnings(shape, Clearance(bodies=bodies), cable=CABLE.replace(max_tension=10.0))
     assert [w.other for w in found] == ["c", "b", "d", "a", ""]
+
+
+def test_a_cable_that_rests_on_a_body_as_the_scene_wants_it_is_warned_of_as_such():
+    cable = cs.Cable(length=1.2, linear_density=0.1, bending_stiffness=0.01, diameter=0.008)
+    table = cs.Obstacle("table", cs.HalfSpace())
+    ends = cs.Pose((0, 0, 0.3), (0.5, 0.5, 0.5, 0.5)), cs.Pose((0.8, 0, 0.3), (0.5, 0.5, 0.5, 0.5))
+    cycle = cs.Cycle(cable, scene=cs.Scene(obstacles=[table], contact="solve"))
+    report = cycle.step({"cable": ends}, 0)
+    (warning,) = (w for w in report.warnings if w.other == "table")
+    force = sum(contact.force for contact in report.shapes["cable"].contacts)
+    assert warning.severity is Severity.WARN
+    assert "rests on 'table'" in warning.text
+    assert f"{force:.2g} N" in warning.text
+    # the table and the grips carry the cable's weight
+    shape = report.shapes["cable"]
+    assert force + shape.force[-1, 2] - shape.force[0, 2] == pytest.approx(0.1 * 1.2 * 9.81, rel=1e-3)
+    through = cs.Cycle(cable, scene=cs.Scene(obstacles=[table])).step({"cable": ends}, 0)
+    (overlap,) = (w for w in through.warnings if w.other == "table")
+    assert overlap.severity is Severity.ERROR
+    assert "overlaps 'table'" in overlap.text

@@ -8,7 +8,7 @@ Along span j the node rotations are eliminated with the columns W of its force l
 At the node of its far support lambda_j is eliminated, then the support's place y, if that is unknown: a condensed 6x6
 stiffness of (rotation, place) is left, in 3x3 blocks
 
-    rotation: P - W S^-1 W^T     between: C = -W S^-1     place: A - S^-1,
+    rotation: P - W S^-1 W^T     between: C = a b^T - W S^-1     place: A - S^-1,
 
 A the second derivative of what acts on the place. Free to move along the columns of Z only, the place has the
 compliance M = Z (Z^T (A - S^-1) Z)^-1 Z^T; 0 where it is held, and then nothing but the rotation is carried over. The
@@ -18,7 +18,7 @@ By Sylvester's law an equilibrium is a strict minimum iff the negative eigenvalu
 together are as many as the forces' components: three a span. The last span of a free end has no unknown force.
 
 place (m+1, 25): number of free directions k (0: held) | A 9 | f 3, the derivative at y = 0 | Z^T 9: orthonormal rows,
-the first k free | c 3: rows i >= k of Z^T y must be c_i.
+the first k free | c 3: rows i >= k of Z^T y must be c_i | a 3, b 3: a b^T couples the rotation there to the place.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ from cable_shape.kernels.rod_algebra import (
     inlined,
     inverse,
     madd,
-    mscale,
     mshift,
     msub,
     mul,
     negative_eigenvalues,
+    outer,
     put3,
     put9,
     scale,
@@ -55,7 +55,7 @@ from cable_shape.kernels.rod_algebra import (
 Array = Any
 ZERO = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 NONE = (0.0, 0.0, 0.0)
-PLACE = 25  # numbers that say what acts on a support's place
+PLACE = 31  # numbers that say what acts on a support's place
 # columns of `joints`: S^-1, W at the far support, M, C, A - S^-1, then of one right-hand side
 SI, WE, MC, CB, AY, CLOSING, PULL, MOVED, FORCE, SHIFTED = 0, 9, 18, 27, 36, 45, 48, 51, 54, 57
 
@@ -168,7 +168,7 @@ def factor(
                 stiff = mshift(msub(get9(place, j + 1, 1), inv), shift / length)
                 M, below = place_compliance(place, j + 1, stiff)
                 negative += below
-                C = mscale(-1.0, wS)
+                C = msub(outer(take3(place, j + 1, 25), take3(place, j + 1, 28)), wS)
                 pivot = msub(pivot, mul(C, mul(M, transpose(C))))
                 put9(joints, j, CB, C)
                 put9(joints, j, AY, stiff)

@@ -34,6 +34,7 @@ from cable_shape.models import catenary, cosserat, gradient
 from cable_shape.models.judge import Beside, Judge
 from cable_shape.models.rod_state import RodState
 from cable_shape.models.span_state import SpanState
+from cable_shape.models.touch_state import TouchState
 from cable_shape.pose import Grip
 from cable_shape.problem import Problem
 from cable_shape.shape import CableShape, Status
@@ -69,6 +70,9 @@ class RodSolver(Protocol):
 
     def reset(self) -> None:
         """Forgets the last solution."""
+
+    def rod_state(self) -> RodState | SpanState | TouchState | None:
+        """The memory behind the last shape."""
 
 
 @final
@@ -118,14 +122,14 @@ class Auto:
         shape.solve_time = perf_counter() - began
         return shape
 
-    def rod_state(self) -> RodState | SpanState | None:
+    def rod_state(self) -> RodState | SpanState | TouchState | None:
         """The rod of the last shape, solved for now if a closed form gave it; None: no shape yet."""
         if self._beside is not None and not self._followed:
             assert self._problem is not None
             if not self._continue(self._beside):
                 self._rod.solve(self._problem)
             self._followed = True
-        return self._rod.state
+        return self._rod.rod_state()
 
     def _by_rod(self, problem: Problem) -> CableShape:
         """The rod, and now and then a look whether a closed form will do from the next solve on."""
@@ -261,8 +265,8 @@ def _pulled(cable: Cable, shape: CableShape) -> bool:
 
 
 def _clipped(problem: Problem) -> bool:
-    """Whether clips hold the cable, which closed forms do not know."""
-    return problem.scene is not None and bool(problem.scene.clips)
+    """Whether clips or obstacles hold the cable, which closed forms do not know."""
+    return problem.scene is not None and (bool(problem.scene.clips) or problem.scene.solves_contact)
 
 
 def _thin_out(shape: CableShape, stride: int) -> None:

@@ -1,4 +1,4 @@
-"""Forces as arrows: what clips do to the cable."""
+"""Forces as arrows: what clips and bodies do to the cable."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from cable_shape.viewer import colour as colours
 
 #: The longest arrow / length of the cable; it stands for the weight of the cable or the largest force, if that is more.
 LONGEST = 0.15
+MOST_LABELS = 6
 STANDARD_GRAVITY = 9.81  # m/s^2
 
 
@@ -28,7 +29,7 @@ class Forces:
 
     def of(self, shape: CableShape) -> list[Any] | None:
         """What to write for a shape: arrows on the cable, or that they go; None: nothing."""
-        if not shape.status or not shape.clips:
+        if not shape.status or not (len(shape.supports) or len(shape.touches)):
             was, self._shown = self._shown, False
             return [rr.Clear(recursive=True)] if was else None
         self._shown = True
@@ -41,13 +42,14 @@ class Forces:
                 vectors=forces * (LONGEST * shape.length / unit),
                 colors=colours.FORCE,
                 radii=0.35 * self._cable.diameter,
-                labels=[f"{size:.2g} N" for size in sizes],
+                labels=[f"{size:.2g} N" for size in sizes] if len(sizes) <= MOST_LABELS else None,
             )
         ]
 
 
 def arrows(shape: CableShape) -> tuple[Array, Array]:
     """Where forces act on the cable, (k, 3) [m], world, and the forces, (k, 3) [N], world."""
-    at = np.array([clip.arc_length for clip in shape.clips])
+    at = np.array([*(clip.arc_length for clip in shape.clips), *(contact.arc_length for contact in shape.contacts)])
     origins = np.stack([np.interp(at, shape.arc_length, shape.positions[:, i]) for i in range(3)], axis=1)
-    return origins, np.array([-clip.force for clip in shape.clips])
+    held = [-clip.force for clip in shape.clips]
+    return origins, np.array(held + [contact.force * contact.normal for contact in shape.contacts])

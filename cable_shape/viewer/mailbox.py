@@ -186,6 +186,8 @@ def _shape(shape: CableShape) -> tuple[Any, ...]:
             float(shape.roll_error),
         ),
         np.ascontiguousarray(shape.supports),
+        np.ascontiguousarray(shape.touches),
+        list(shape.bodies),
     )
 
 
@@ -206,9 +208,11 @@ _SHAPE_FIELDS = (
 )
 
 
-def _read_shape(buffer: bytes, points: int, status: int, fields: tuple[Any, ...], supports: bytes) -> CableShape:
+def _read_shape(
+    buffer: bytes, points: int, status: int, fields: tuple[Any, ...], supports: bytes, touches: bytes, bodies: list[str]
+) -> CableShape:
     keywords: dict[str, Any] = dict(zip(_SHAPE_FIELDS, fields, strict=True))
-    keywords["supports"] = _rows(supports, 7)
+    keywords.update(supports=_rows(supports, 7), touches=_rows(touches, 9), bodies=tuple(bodies))
     return CableShape(np.frombuffer(buffer, dtype=np.float64), points, status=Status(status), **keywords)
 
 

@@ -10,7 +10,7 @@ This module imports rerun, so it is imported by the viewer process and by whoeve
 /world/cables/NAME/tails/SIDE  what hangs beyond a grip
 /world/cables/NAME/after_snap  the shape after a snap that is about to come
 /world/cables/NAME/closest     the closest pair of points and their distance
-/world/cables/NAME/forces      of clips on the cable
+/world/cables/NAME/forces      of clips and of bodies that it rests on, on the cable
 /world/cables/NAME/clips/K     clips of the scene; point masses likewise in masses/K
 /world/markers                 markers that were measured on the real cable
 /world/sockets/NAME            frames of the sockets, once

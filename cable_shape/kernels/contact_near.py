@@ -1,0 +1,273 @@
+"""Which nodes of a cable touch which bodies: gaps, normals and curvatures at the nodes, and the supports they make.
+
+    near  (N+1, 20) of a node: contact force p [N] | gap to the nearest body [m] | its outward normal 3 | curvature of
+                    its surface 9 | place 3 | change of place in the last step 3
+    on    (N+1, 2)  row of the body that the node is pressed on, -1: none | row of the nearest body, -1: none near
+
+A cable cannot come nearer to a body faster than along its arc length, so that a node at the distance d rules out all
+nodes within d of it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from cable_shape.kernels._jit import kernel
+from cable_shape.kernels.distance import HALF_SPACE
+from cable_shape.kernels.rod_algebra import (
+    Vector,
+    add,
+    apply,
+    dot,
+    get3,
+    get4,
+    get9,
+    madd,
+    mscale,
+    outer,
+    put3,
+    put9,
+    qconj,
+    qlog,
+    qmul,
+    rotation,
+    scale,
+    subtract,
+    tapply,
+)
+from cable_shape.kernels.span_factor import take3
+from cable_shape.kernels.surface import FLAT, reach_of, touch
+
+Array = Any
+NEAR = 20  # columns of `near`
+PRESS, GAP, NORMAL, CURVED, SPOT, STEP = 0, 1, 2, 5, 14, 17
+BARE = -1
+MARGIN = 0.03  # [m] bodies further from a node than this are not looked at
+NONE = (0.0, 0.0, 0.0)
+# curvature of the body, and of the gap, along the cable times the length of two elements from which a contact runs
+SHARP, ROUND = 0.6, 0.01
+
+
+@kernel
+def walk(first: Array, held: Array, places: Array, near: Array) -> None:
+    """Places of the nodes, from each held support on. first (N, 9): minus the steps in position first."""
+    for i in range(held.shape[0] - 1):
+        r = get3(places, i)
+        put3(near, held[i], SPOT, r)
+        for e in range(held[i], held[i + 1]):
+            r = subtract(r, take3(first, e, 0))
+            put3(near, e + 1, SPOT, r)
+
+
+@kernel
+def look(
+    s: Array, near: Array, on: Array, first_node: int, last_node: int, bodies: Array, frames: Array, triangles: Array,
+    nodes: Array, radius: float, sunk: float, stack: Array,
+) -> None:  # fmt: skip
+    """Gaps of the nodes first_node to last_node, with normal and curvature where a body is near or pressed on.
+
+    radius [m]: of the cable; sunk [m]: how much smaller than they are bodies are taken to be.
+    """
+    count = s.shape[0]
+    for k in range(count):
+        near[k, GAP] = math.inf
+        on[k, 1] = BARE
+    for b in range(bodies.shape[0]):
+        endless = int(bodies[b, 0]) == HALF_SPACE
+        k = first_node
+        while k <= last_node:
+            side = take3(near, k, NORMAL) if on[k, 0] == b else NONE
+            d, n, _ = touch(bodies[b], frames[b], triangles, nodes, take3(near, k, SPOT), side, False, stack)
+            gap = d - radius + sunk
+            if on[k, 0] == BARE or on[k, 0] == b or gap < -1e-5:
+                better = gap < near[k, GAP]
+                if better and (gap < MARGIN or on[k, 0] == b):
+                    near[k, GAP] = gap
+                    on[k, 1] = b
+            if gap > MARGIN and not endless and on[k, 1] == BARE:
+                near[k, GAP] = min(near[k, GAP], gap)
+            k += 1
+            if gap > MARGIN:
+                at = s[k - 1]
+                while k <= last_node and s[k] < at + gap - MARGIN and on[k, 0] != b:
+                    if not endless and on[k, 1] == BARE:
+                        near[k, GAP] = min(near[k, GAP], gap - s[k] + at)
+                    k += 1
+    for k in range(first_node, last_node + 1):
+        b = on[k, 1]
+        if b == BARE:
+            on[k, 0] = BARE
+            near[k, PRESS] = 0.0
+            continue
+        side = take3(near, k, NORMAL) if on[k, 0] == b else NONE
+        d, n, H = touch(bodies[b], frames[b], triangles, nodes, take3(near, k, SPOT), side, on[k, 0] == b, stack)
+        near[k, GAP] = d - radius + sunk
+        put9(near, k, CURVED, H)
+        put3(near, k, NORMAL, n)
+
+
+@kernel
+def supports(
+    q: Array, h: Array, near: Array, on: Array, held: Array, held_mask: Array, where: Array, mask: Array, place: Array,
+    base: Array, least: float, filled: bool,
+) -> int:  # fmt: skip
+    """Fills where, mask and place for the held supports and the contacts; returns the number of spans.
+
+    held (b+1,): nodes of the held supports. base[j]: the held support that support j is, -1 for a contact.
+    filled: with what acts on the contacts' places.
+    """
+    spans = 0
+    where[0] = held[0]
+    base[0] = 0
+    mask[0, :] = held_mask[0]
+    place[0, 0] = 0.0
+    for i in range(held.shape[0] - 1):
+        for k in range(held[i] + 1, held[i + 1]):
+            if on[k, 0] != BARE:
+                spans += 1
+                where[spans] = k
+                base[spans] = -1
+                mask[spans, :] = 1.0
+                if filled:
+                    fill(q, h, near, k, place, spans, least)
+        spans += 1
+        where[spans] = held[i + 1]
+        base[spans] = i + 1
+        mask[spans, :] = held_mask[i + 1]
+        place[spans, 0] = 0.0
+    return spans
+
+
+@kernel
+def forces_of(near: Array, normal: int, ends: Array, where: Array, base: Array, spans: int, lam: Array) -> None:
+    """Fills lam (spans, 3), the spans' forces. ends (b, 3): those before held supports; normal: column of `near`."""
+    force = NONE
+    for j in range(spans - 1, -1, -1):
+        if base[j + 1] >= 0:
+            force = get3(ends, base[j + 1] - 1)
+        else:
+            k = where[j + 1]
+            force = add(force, scale(near[k, PRESS], take3(near, k, normal)))
+        put3(lam, j, 0, force)
+
+
+@kernel
+def fill(q: Array, h: Array, near: Array, k: int, place: Array, j: int, least: float) -> None:
+    """What acts on the place of contact j at node k: free along the two tangents, curved as the surface is.
+
+    A contact that runs along the cable is nowhere nearer than at its node: the least distance has the second derivative
+    y . H y - (b . y + a . theta)^2 / g'', b = H t and a . theta the turn of the tangent into the normal.
+    """
+    n = take3(near, k, NORMAL)
+    x, y, z = n
+    if abs(x) < 0.6:
+        size = 1.0 / math.sqrt(y * y + z * z)
+        t = (0.0, -size * z, size * y)
+    else:
+        size = 1.0 / math.sqrt(x * x + y * y)
+        t = (-size * y, size * x, 0.0)
+    place[j, 0] = 2.0
+    put3(place, j, 13, t)
+    put3(place, j, 16, (y * t[2] - z * t[1], z * t[0] - x * t[2], x * t[1] - y * t[0]))
+    put3(place, j, 19, n)
+    force = max(near[k, PRESS], 0.0)
+    A = mscale(-force, get9(near, k, CURVED))
+    a = b = NONE
+    second = along_cable(q, h, near, k, least)
+    if second > 0.0:
+        f = math.sqrt(force / second)
+        N = tapply(rotation(get4(q, k)), n)
+        a = (-f * N[1], f * N[0], 0.0)
+        b = scale(f, apply(get9(near, k, CURVED), tangent_of(q, k)))
+        A = madd(A, outer(b, b))
+    put9(place, j, 1, A)
+    put3(place, j, 25, a)
+    put3(place, j, 28, b)
+
+
+@kernel
+def tangent_of(q: Array, k: int) -> Vector:
+    """Third axis of the frame of node k."""
+    x, y, z, w = q[k, 0], q[k, 1], q[k, 2], q[k, 3]
+    return (2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y))
+
+
+@kernel
+def turning(q: Array, h: Array, k: int) -> Vector:
+    """Darboux vector at node k [1/m], the mean of both elements'."""
+    turn = qmul(qconj(get4(q, k - 1)), get4(q, k + 1))
+    if turn[3] < 0.0:
+        turn = (-turn[0], -turn[1], -turn[2], -turn[3])
+    return scale(1.0 / (h[k - 1] + h[k]), qlog(turn))
+
+
+@kernel
+def along_cable(q: Array, h: Array, near: Array, k: int, least: float) -> float:
+    """Second derivative of the distance along the cable at a contact that runs along it [1/m]; 0 if it does not.
+
+    least: of that, times the length of two elements, from which a contact runs on a body that is not sharp.
+    """
+    t = tangent_of(q, k)
+    sharp = dot(t, apply(get9(near, k, CURVED), t))
+    both = h[k - 1] + h[k]
+    u = turning(q, h, k)
+    second = sharp + dot(take3(near, k, NORMAL), apply(rotation(get4(q, k)), (u[1], -u[0], 0.0)))
+    if sharp * both > SHARP:
+        return max(second, 0.3 * sharp)
+    return second if second * both > least else 0.0
+
+
+@kernel
+def couple(place: Array, where: Array, base: Array, spans: int, D: Array) -> None:
+    """Adds the part of contacts that run along the cable to the diagonal blocks of their nodes."""
+    for j in range(1, spans):
+        if base[j] < 0:
+            a = take3(place, j, 25)
+            put9(D, where[j], 0, madd(get9(D, where[j], 0), outer(a, a)))
+
+
+@kernel
+def totals(first: Array, parts: Array, where: Array, spans: int, sums: Array) -> None:
+    """sums (m, 12) of the spans, from their elements."""
+    for j in range(spans):
+        for c in range(12):
+            sums[j, c] = 0.0
+        for e in range(where[j], where[j + 1]):
+            for c in range(3):
+                sums[j, c] += first[e, c]
+            for c in range(9):
+                sums[j, 3 + c] += parts[e, 27 + c]
+
+
+@kernel
+def allowed(near: Array, on: Array, bodies: Array, radius: float) -> float:
+    """The fraction of the last step that carries no node further than its gap and 0.6 of a body's thickness."""
+    fraction = 1.0
+    for k in range(near.shape[0]):
+        b = on[k, 1]
+        move = take3(near, k, STEP)
+        if b == BARE:
+            size = math.sqrt(dot(move, move))
+            if size > near[k, GAP] + 0.6 * radius:
+                fraction = min(fraction, (near[k, GAP] + 0.6 * radius) / size)
+            continue
+        n = take3(near, k, NORMAL)
+        way = -dot(move, n)
+        limit = max(near[k, GAP], 0.0) + 0.6 * (radius + reach_of(bodies[b]))
+        if way > limit:
+            fraction = min(fraction, limit / way)
+        size = math.sqrt(dot(move, move))
+        if on[k, 0] == BARE and size > limit + MARGIN:
+            fraction = min(fraction, (limit + MARGIN) / size)
+    return fraction
+
+
+@kernel
+def lean(near: Array, k: int, fraction: float) -> None:
+    """Turns the normal at node k with the surface under the step, to first order."""
+    H = get9(near, k, CURVED)
+    if H == FLAT:
+        return
+    n = add(take3(near, k, NORMAL), scale(fraction, apply(H, take3(near, k, STEP))))
+    put3(near, k, NORMAL, scale(1.0 / math.sqrt(dot(n, n)), n))

@@ -1,0 +1,296 @@
+"""Newton's method for a rod pressed on bodies: which nodes touch is found along with the shape.
+
+A contact is a support whose place is free along the surface. Its force is p n, so that the unknowns are the rotations,
+the force at the end and every p; the place is that of the node. An iteration
+
+1. drops contacts that pull, adds nodes that are inside a body, takes gaps, normals and curvatures where they are now,
+2. solves the linear system of `span_factor` for rotations, forces, and places that close the gaps along the normals,
+3. goes at most 0.6 rad, and carries no node further than its gap and 0.6 of a body's thickness.
+
+If the set of contacts does not settle, one contact is changed at a time.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from cable_shape.kernels._jit import kernel
+from cable_shape.kernels.contact_near import (
+    BARE,
+    GAP,
+    NORMAL,
+    PRESS,
+    ROUND,
+    SPOT,
+    STEP,
+    allowed,
+    couple,
+    forces_of,
+    lean,
+    look,
+    supports,
+    totals,
+    walk,
+)
+from cable_shape.kernels.contact_slide import slide
+from cable_shape.kernels.rod_algebra import (
+    add,
+    apply,
+    dot,
+    get3,
+    get4,
+    get9,
+    put3,
+    qexp,
+    qmul,
+    qnormal,
+    scale,
+    subtract,
+    tapply,
+)
+from cable_shape.kernels.span_factor import FORCE, backward, factor, forward, take3
+from cable_shape.kernels.span_newton import (
+    CHORD_FROM,
+    CONVERGED,
+    FIRST_SHIFT,
+    KICK,
+    LARGEST_STEP,
+    MOST_KICKS,
+    MOST_SHIFTS,
+    NOT_FINITE,
+    SADDLE,
+    SHIFT_GROWTH,
+    STALLED,
+    kick,
+)
+from cable_shape.kernels.span_system import assemble, fold, gradient
+from cable_shape.kernels.span_work import joints_of, matrices, mesh_parts, vectors
+
+Array = Any
+# [m] a node deeper inside becomes a contact: far from and at the solution, for a step misses by its square
+MOST, ADD = 2e-5, 1e-6
+PULL = 1e-5  # of weight + EI / L^2: a contact that pulls by more is dropped
+STEP_TOLERANCE = 3e-7  # rad
+NEUTRAL_TOLERANCE = 1e-6
+RUNNING = 14  # iterations in which contacts on bodies that are not sharp run along the cable
+BLOCK = 8  # iterations in which all contacts that are wrong change at once
+RESTLESS = 1e-4  # of the length: contacts that run further along the cable have changed the system
+CALM = 0.1  # rad: contacts are dropped after steps below this only
+
+
+@kernel
+def drop(near: Array, on: Array, least: float, one: bool) -> int:
+    """Ends contacts that pull by more than `least` [N], all or the worst; returns how many."""
+    count = 0
+    worst, at = -least, -1
+    for k in range(near.shape[0]):
+        if on[k, 0] != BARE and near[k, PRESS] < worst:
+            if one:
+                worst, at = near[k, PRESS], k
+            else:
+                on[k, 0] = BARE
+                near[k, PRESS] = 0.0
+                count += 1
+    if at >= 0:
+        on[at, 0] = BARE
+        near[at, PRESS] = 0.0
+        count = 1
+    return count
+
+
+@kernel
+def grow(near: Array, on: Array, deepest: float, one: bool) -> int:
+    """Makes contacts of the nodes deeper in a body than that [m], all or the deepest; returns how many."""
+    count = 0
+    worst, at = -deepest, -1
+    for k in range(near.shape[0]):
+        if on[k, 1] == BARE or on[k, 0] == on[k, 1]:
+            continue
+        if near[k, GAP] < worst:
+            if one:
+                worst, at = near[k, GAP], k
+            else:
+                on[k, 0] = on[k, 1]
+                near[k, PRESS] = 0.0
+                count += 1
+    if at >= 0:
+        on[at, 0] = on[at, 1]
+        near[at, PRESS] = 0.0
+        count = 1
+    return count
+
+
+@kernel
+def gaps(
+    near: Array, where: Array, base: Array, spans: int, places: Array, sums: Array, pull: Array, given: Array
+) -> float:
+    """Right-hand sides of the supports: closures, forces along the surfaces, gaps. Returns the largest gap [m]."""
+    largest = 0.0
+    for j in range(spans):
+        k = where[j + 1]
+        i = base[j + 1]
+        put3(pull, j + 1, 0, (0.0, 0.0, 0.0))
+        put3(given, j + 1, 0, (0.0, 0.0, 0.0))
+        if i >= 0:
+            put3(sums, j, 0, subtract(get3(places, i), take3(near, k, SPOT)))
+        else:
+            put3(sums, j, 0, (0.0, 0.0, 0.0))
+            put3(given, j + 1, 0, scale(-near[k, GAP], take3(near, k, NORMAL)))
+            largest = max(largest, abs(near[k, GAP]))
+    return largest
+
+
+@kernel
+def moves(parts: Array, d: Array, joints: Array, where: Array, base: Array, spans: int, near: Array) -> None:
+    """Change of the nodes' places under the step, to first order."""
+    r = (0.0, 0.0, 0.0)
+    put3(near, where[0], STEP, r)
+    for j in range(spans):
+        if base[j] >= 0:
+            r = (0.0, 0.0, 0.0)
+        dl = take3(joints, j, FORCE)
+        for e in range(where[j], where[j + 1]):
+            t = add(
+                add(tapply(get9(parts, e, 9), get3(d, e)), tapply(get9(parts, e, 18), get3(d, e + 1))),
+                apply(get9(parts, e, 27), dl),
+            )
+            r = subtract(r, t)
+            put3(near, e + 1, STEP, r)
+
+
+@kernel
+def press(
+    q: Array, ends: Array, near: Array, on: Array, par: Array, mesh: Array, elements: int, held: Array,
+    held_mask: Array, places: Array, forces: int, where: Array, mask: Array, place: Array, lam: Array, base: Array,
+    bodies: Array, frames: Array, triangles: Array, nodes: Array, radius: float, sunk: float, stack: Array,
+    ends_load: Array, table: Array, guard: bool, most: int, work: Array, info: Array,
+) -> int:  # fmt: skip
+    """Solves for q, the forces `ends` between held supports and the contacts; CONVERGED, STALLED or NOT_FINITE.
+
+    forces: how many of `ends` are unknown. guard: keep to minima. info as in `span_newton`, and 3 the number of spans,
+    14 changes of the set of contacts, 15 the largest gap at a contact [m]. ends_load (2, 3) [N/m], table: of the cable.
+    """
+    s, h, load, rest, _ = mesh_parts(mesh, elements)
+    D, U, parts, P, Y, W = matrices(work, elements)
+    first, full, _, G, d, _ = vectors(work, elements)
+    stiff, moment, length = par[0:6], par[6:9], s[elements]
+    softest = min(stiff[0], stiff[1], stiff[2]) / (length * length)
+    weight = math.sqrt(par[9] ** 2 + par[10] ** 2 + par[11] ** 2) * length
+    least = PULL * (weight + softest)
+    last_node = elements - 1
+    shift = largest = before = 0.0
+    iterations = 0
+    reuse = False
+    changed = 0
+    spans = 0
+    while iterations < most:
+        iterations += 1
+        one = iterations > BLOCK
+        if iterations > 1 and largest < (CALM if not one else LARGEST_STEP):
+            changed += drop(near, on, least, one)
+        runs = ROUND if iterations <= RUNNING else math.inf
+        slid = slide(q, near, on, s, h, load, rest, ends_load, table, runs)
+        reuse = reuse and changed == 0 and slid < RESTLESS * length
+        spans = supports(q, h, near, on, held, held_mask, where, mask, place, base, runs, False)
+        joints, sums, pull, given = joints_of(work, elements, spans)
+        forces_of(near, NORMAL, ends, where, base, spans, lam)
+        fold(load, lam[:spans], where, full)
+        if reuse:
+            info[6] = gradient(q, full, h, rest, stiff, moment, where[: spans + 1], mask, G, first, sums)
+        else:
+            info[4] += 1.0
+            assemble(q, full, h, rest, stiff, moment, where[: spans + 1], mask, D, U, G, parts, first, sums)
+        walk(first, held, places, near)
+        for k in range(elements):
+            put3(near, k, STEP, take3(near, k, NORMAL))
+        look(s, near, on, 1, last_node, bodies, frames, triangles, nodes, radius, sunk, stack)
+        added = grow(near, on, min(ADD + length * largest * largest, MOST), one)
+        changed += added
+        spans = supports(q, h, near, on, held, held_mask, where, mask, place, base, runs, True)
+        joints, sums, pull, given = joints_of(work, elements, spans)
+        if added > 0:
+            forces_of(near, STEP, ends, where, base, spans, lam)
+            if reuse:
+                reuse = False
+                info[4] += 1.0
+                assemble(q, full, h, rest, stiff, moment, where[: spans + 1], mask, D, U, G, parts, first, sums)
+            else:
+                totals(first, parts, where, spans, sums)
+        unknown = spans if forces == held.shape[0] - 1 else spans - 1
+        info[15] = gaps(near, where, base, spans, places, sums, pull, given)
+        for j in range(1, spans):
+            k = where[j]
+            if base[j] < 0:  # the force still has the direction that the normal was expected to have
+                put3(pull, j, 0, scale(near[k, PRESS], subtract(take3(near, k, STEP), take3(near, k, NORMAL))))
+        info[14] += changed
+        info[3] = spans
+        if not reuse:
+            couple(place, where, base, spans, D)
+            trial = shift / SHIFT_GROWTH if largest > CHORD_FROM and shift > FIRST_SHIFT * softest else 0.0
+            untested = trial > 0.0
+            negative = 0
+            wanted = 3 * unknown
+            for _ in range(MOST_SHIFTS):
+                negative = factor(
+                    D, U, parts, sums, where, mask, place, unknown, trial + par[12], h, P, Y, W, joints
+                )  # fmt: skip
+                if trial == 0.0 or negative == wanted:
+                    info[2] = negative - wanted
+                if negative == wanted or not guard:
+                    break
+                trial = max(SHIFT_GROWTH * trial, FIRST_SHIFT * softest)
+            if guard and negative != wanted:
+                return STALLED
+            shift = trial
+        forward(G, sums, pull, given, where, place, unknown, P, Y, W, joints)
+        before = largest
+        largest = backward(where, place, unknown, P, Y, W, joints, d)
+        moves(parts, d, joints, where, base, spans, near)
+        for j in range(1, spans + 1):
+            move = take3(near, where[j], STEP)
+            largest = max(largest, 2.0 * math.sqrt(dot(move, move)) / length)
+        info[0], info[1] = iterations, largest
+        if not math.isfinite(largest):
+            return NOT_FINITE
+        if shift > 0.0 and largest < SADDLE and not untested and changed == 0:
+            if info[11] >= MOST_KICKS:
+                return STALLED
+            info[11] += 1.0
+            kick(s, h, sums, pull, given, where[: spans + 1], mask, place, unknown, P, Y, W, joints, G, d)
+            largest = KICK
+            moves(parts, d, joints, where, base, spans, near)
+        fraction = min(1.0, LARGEST_STEP / largest) if largest > 0.0 else 1.0
+        fraction = min(fraction, allowed(near, on, bodies, radius))
+        for j in range(spans):
+            k = where[j + 1]
+            if base[j + 1] >= 0:
+                if j < unknown:
+                    for c in range(3):
+                        ends[base[j + 1] - 1, c] += fraction * joints[j, FORCE + c]
+            else:
+                n = take3(near, k, NORMAL)
+                jump = subtract(get3(lam, j), get3(lam, j + 1))
+                jump = add(jump, take3(joints, j, FORCE))
+                if j + 1 < unknown:
+                    jump = subtract(jump, take3(joints, j + 1, FORCE))
+                near[k, PRESS] += fraction * (dot(jump, n) - near[k, PRESS])
+                lean(near, k, fraction)
+        for k in range(elements + 1):
+            q[k, 0], q[k, 1], q[k, 2], q[k, 3] = qnormal(qmul(get4(q, k), qexp(scale(fraction, get3(d, k)))))
+        info[17] = slid
+        if fraction == 1.0 and shift == 0.0 and changed == 0 and slid < RESTLESS * length:
+            pulling = False
+            for j in range(1, spans):
+                if base[j] < 0 and near[where[j], PRESS] < -least:
+                    pulling = True
+            small = slid < STEP_TOLERANCE * length and (
+                largest < STEP_TOLERANCE or (reuse and max(largest, before) < NEUTRAL_TOLERANCE)
+            )
+            if small and not pulling:
+                return CONVERGED
+            reuse = largest < CHORD_FROM and not pulling and not (reuse and largest > 0.3 * before)
+        else:
+            reuse = False
+        changed = 0
+    return STALLED

@@ -1,0 +1,308 @@
+"""What the solver of a cable in contact keeps from one solve to the next: bodies, mesh, the last two solutions."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, final
+
+import numpy as np
+
+from cable_shape.checks import Array
+from cable_shape.clearance import body_tables
+from cable_shape.kernels import bounds, contact_check, contact_drive, contact_slide, rod_mesh, span_work, surface
+from cable_shape.kernels.contact_near import BARE, NEAR, SPOT
+from cable_shape.kernels.span_factor import PLACE
+from cable_shape.kernels.span_work import BEFORE, NOW, TRIAL
+from cable_shape.kernels.triangles import STACK_SIZE
+from cable_shape.pose import FreeEnd, Grip
+from cable_shape.problem import Problem
+from cable_shape.scene import Obstacle
+from cable_shape.shape import CableShape
+
+ELEMENTS = 64  #: of a mesh before nodes are added
+MOST_ELEMENTS = 600
+TIP = 5e-5  #: [m] from a free end, which is no support itself, to the node that stands in for it
+LEAST_LENGTH = 5e-4  #: of the cable's length: shorter elements are not divided
+HORIZON = 0.02  #: [m] bodies further away are only bounded
+_FREE_ROTATIONS = {
+    "clamped": (0.0, 0.0, 0.0),
+    "swivel": (0.0, 0.0, 1.0),
+    "pinned": (1.0, 1.0, 1.0),
+    "free": (1.0, 1.0, 1.0),
+}
+_NEUTRAL = 1e-6  #: modes softer than this fraction of the stiffness / length^2 count as neutral, and neutral as stable
+#: Least stretch of a cable under weight + 10 EI / L^2: between two contacts nothing else lets a straight piece give.
+_LEAST_STRETCH = 1e-6
+_AT = 1e-9  #: loads nearer to an end than this fraction of the length are carried by it
+_ABSCISSAE = 65
+
+
+@final
+class TouchState:
+    """The solver's memory for one cable among bodies; `history` tells how many solutions there are to start from."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.history = self.elements = 0
+        self.touching = False  # whether the last solution is in contact
+        self.free: CableShape | None = None  # the last shape, if it is not, and the frames of its ends (2, 7)
+        self.free_frames: Array = np.zeros((2, 7))
+        self._positions: Array | None = None
+        self._fixed: tuple[Obstacle, ...] = ()
+        self.info: Array = np.zeros(contact_drive.INFO)
+        self.par: Array = np.zeros(14)
+        self.stack: Any = np.empty(STACK_SIZE, np.int64)
+        self._grips: Array = np.zeros((3, 2, 7))
+        self.turns: Array = np.zeros(3)
+        self._kinds = ("", "")
+        self._tip: Array = np.zeros(3)
+        self.take(problem)
+
+    def take(self, problem: Problem) -> None:
+        """Makes `problem` the one to solve; the last solution stays as a start if cable and obstacles are the same.
+
+        The obstacles may have moved.
+        """
+        cable, par = problem.cable, self.par
+        length = cable.length
+        assert problem.scene is not None
+        fixed = tuple(body for body in problem.scene.obstacles if body.link is None)
+        if par[13] != length or [(b.name, b.solid) for b in fixed] != [(b.name, b.solid) for b in self._fixed]:
+            self.forget()
+            self.elements = 0
+        self._fixed = fixed
+        self.problem = problem
+        weight = float(np.linalg.norm(problem.load.mean(axis=0))) * length
+        self.bend = cable.mean_bending_stiffness
+        par[0:2] = cable.bending_stiffness
+        par[2] = cable.twisting_stiffness
+        par[3:5] = 0.0 if cable.shear_stiffness is None else 1.0 / cable.shear_stiffness
+        stretch = 0.0 if cable.axial_stiffness is None else 1.0 / cable.axial_stiffness
+        par[5] = max(stretch, _LEAST_STRETCH / (weight + 10.0 * self.bend / length**2))
+        par[9:12] = cable.linear_density * problem.gravity
+        par[12] = _NEUTRAL * min(par[:3]) / length**2
+        par[13] = length
+        self.table: Array = np.atleast_2d(cable.rest_curvature)
+        at = problem.load_arc_length
+        inside = (at > _AT * length) & (at < (1.0 - _AT) * length)
+        self.points: Array = at[inside]
+        self.weights: Array = np.ascontiguousarray(problem.load_force[inside])
+        self.end_weight: Array = problem.load_force[at >= (1.0 - _AT) * length].sum(axis=0)
+        self.stops: Array = np.unique(self.points)
+        self.radius = 0.5 * cable.diameter
+        self.names = tuple(body.name for body in fixed)
+        self.bodies, self.triangles, self.tree = body_tables(fixed, (), frozenset())
+        self.no_links: Array = np.empty((0, 7))
+        self.horizon = self.radius + HORIZON
+        self.measured: Array = np.full((len(fixed), bounds.RESULT_COLUMNS), np.inf)
+        self.counts: Any = np.empty(2, np.int64)
+        self.frames: Array = np.zeros((len(self.bodies), 4, 3))
+        self._origins = self.bodies[:, 4:7].copy()
+        self.thinnest = min((surface.reach_of(body) for body in self.bodies), default=math.inf)
+        self.shift(np.zeros(3))
+        self._kinds = ("", "")
+
+    def shift(self, by: Array) -> None:
+        """Puts the bodies where the scene has them, moved by a vector (3,) [m]."""
+        self.bodies[:, 4:7] = self._origins + by
+        surface.place_bodies(self.bodies, self.no_links, self.frames)
+
+    def aim(self, start: Grip, end: Grip | FreeEnd) -> Array:
+        """The frames of the two ends (2, 7), after what holds them has been taken into account."""
+        frames = np.empty((2, 7))
+        frames[0] = start.cable_frame.array
+        if isinstance(end, Grip):
+            frames[1] = end.cable_frame.array
+            self._hold(start.kind, end.kind, np.zeros(3), np.zeros(3))
+        else:
+            frames[1] = frames[0]
+            self._hold(start.kind, "free", end.mass * self.problem.gravity + end.force + self.end_weight, end.moment)
+        return frames
+
+    def _hold(self, start: str, end: str, tip: Array, moment: Array) -> None:
+        """Takes over how the ends are held, and the load on a free end."""
+        self.par[6:9] = moment
+        if (start, end) == self._kinds and (tip == self._tip).all():
+            return
+        self._kinds, self._tip = (start, end), tip
+        self.forces = 0 if end == "free" else 1
+        self.held_mask: Array = np.array([_FREE_ROTATIONS[start], _FREE_ROTATIONS[end]])
+        if self.held_mask[:, 2].all() and self.par[0] == self.par[1] and not self.table.any():
+            self.held_mask[0, 2] = 0.0  # nothing holds the roll of a round straight cable: it would be a zero mode
+        if self.elements:
+            self._load(self.nodes)
+
+    # -- the mesh
+
+    @property
+    def nodes(self) -> Array:
+        """(N+1,) [m], arc lengths."""
+        return self.mesh[: self.elements + 1]
+
+    def first_nodes(self, shape: CableShape) -> Array:
+        """Arc lengths for a cable of which `shape` is a rough idea: denser towards the ends."""
+        tension = float(np.median(np.linalg.norm(shape.force, axis=1)))
+        length = self.par[13]
+        layer = math.sqrt(self.bend / max(tension, self.bend / length**2))
+        x, density = np.empty(_ABSCISSAE), np.empty(_ABSCISSAE)
+        rod_mesh.layered(length, min(max(layer, 1e-5 * length), length), x, density)
+        density += 0.5 * density.mean()
+        nodes = np.empty(ELEMENTS + 2 * self.stops.size + 1)
+        rod_mesh.equidistribute(x, density, self.stops, nodes.size - 1, nodes)
+        if self.forces == 0:
+            nodes = np.insert(nodes, nodes.size - 1, length - TIP)
+        return nodes
+
+    def lay_out(self, nodes: Array) -> None:
+        """Makes `nodes` (N+1,) the mesh and carries the last solutions over to it."""
+        n, n_old = nodes.size - 1, self.elements
+        old_nodes = self.nodes.copy() if n_old else nodes
+        if n_old:
+            old = (self.q, self.near, self.on, self.ends)
+        self.elements = n
+        self.mesh: Array = np.zeros(span_work.mesh_size(n))
+        self.work: Array = np.zeros(span_work.work_size(n, n))
+        self.q: Array = np.zeros((3, n + 1, 4))
+        self.near: Array = np.zeros((3, n + 1, NEAR))
+        self.on: Any = np.full((3, n + 1, 2), BARE)
+        self.ends: Array = np.zeros((3, 1, 3))
+        self.held: Any = np.array((0, n))
+        self.where: Any = np.zeros(n + 1, dtype=np.int64)
+        self.base: Any = np.zeros(n + 1, dtype=np.int64)
+        self.mask: Array = np.zeros((n + 1, 3))
+        self.place: Array = np.zeros((n + 1, PLACE))
+        self.lam: Array = np.zeros((n, 3))
+        self._load(nodes)
+        if not n_old:
+            return
+        q, near, on, self.ends = old
+        match = np.abs(old_nodes[:, None] - nodes).argmin(axis=0)
+        same = np.abs(old_nodes[match] - nodes) < _AT * self.par[13]
+        for which in (NOW, BEFORE):
+            self.q[which] = interpolated(nodes, old_nodes, q[which])
+            self.near[which, same] = near[which, match[same]]
+            self.on[which, same] = on[which, match[same]]
+
+    def _load(self, nodes: Array) -> None:
+        """Puts the nodes there, and what acts on the elements between them."""
+        s, h, load, rest, _ = span_work.mesh_parts(self.mesh, self.elements)
+        s[:] = nodes
+        rod_mesh.element_loads(s, self.problem.load, self.points, self.weights, self._tip, h, load)
+        rod_mesh.element_rest(s, self.table, rest)
+
+    def insert(self, arcs: Array) -> bool:
+        """Adds nodes at these arc lengths; False if there is one at each already."""
+        nodes = self.nodes.copy()
+        for arc in arcs:
+            j = min(max(int(np.searchsorted(nodes, arc)), 1), nodes.size - 1)
+            h = nodes[j] - nodes[j - 1]
+            if h < LEAST_LENGTH * self.par[13]:
+                continue
+            at = min(max(arc, nodes[j - 1] + 0.2 * h), nodes[j] - 0.2 * h)
+            nodes = np.insert(nodes, j, at)
+        if nodes.size == self.elements + 1:
+            return False
+        self.lay_out(nodes)
+        return True
+
+    def tidy(self) -> None:
+        """Where a contact has run up to the next node, takes that away and divides the element on the other side."""
+        h = span_work.mesh_parts(self.mesh, self.elements)[1]
+        nodes, on = self.nodes, self.on[NOW]
+        if not contact_slide.any_crowded(self.near[NOW], on, self.q[NOW], h):
+            return
+        away: list[int] = []
+        new: list[float] = []
+        for k in np.flatnonzero(on[1:-1, 0] != BARE) + 1:
+            side = contact_slide.crowded(self.near[NOW], on, self.q[NOW], h, k)
+            j = k + side
+            if side == 0 or j in (0, self.elements) or on[j, 0] != BARE or nodes[j] in self.stops:
+                continue
+            away.append(j)
+            new.append(0.5 * (nodes[k] + nodes[k - side]))
+        if away:
+            self.lay_out(np.sort(np.concatenate((np.delete(nodes, away), new))))
+
+    # -- solutions
+
+    def start_from(self, shape: CableShape, frames: Array) -> None:
+        """Makes a shape without contacts the last solution, on a new mesh; `frames` are those of its ends."""
+        self.elements = 0
+        nodes = self.first_nodes(shape)
+        self.lay_out(nodes)
+        self.q[NOW] = interpolated(nodes, shape.arc_length, shape.quaternions)
+        self._grips[NOW] = frames
+        for j, k in ((0, 0), (1, -1)):
+            if self._grips[NOW, j, 3:] @ self.q[NOW, k] < 0.0:
+                self._grips[NOW, j, 3:] *= -1.0
+        if self.forces == 0:
+            self._grips[NOW, 1, 3:] = self.q[NOW, -1]
+        load = span_work.mesh_parts(self.mesh, self.elements)[2]
+        self.ends[NOW, 0] = (shape.force[-1] - load[-1, 6:9]) if self.forces else 0.0
+        self.turns[NOW] = shape.turns
+        self.history = 1
+        self.remember(shape.positions)
+        for array in (self.q, self.near, self.on, self.ends, self._grips, self.turns):
+            array[BEFORE] = array[NOW]
+
+    def touches(self) -> Array:
+        """(k, 9), the contacts of the last solution as `contact_check.touches` has them."""
+        out = np.empty((self.elements, contact_check.TOUCH))
+        return out[: contact_check.touches(self.nodes, self.near[NOW], self.on[NOW], self.radius, out)]
+
+    def copy(self) -> tuple[Any, ...]:
+        """All that a solve changes."""
+        arrays = tuple(a.copy() for a in (self.q, self.near, self.on, self.ends, self._grips, self.turns))
+        return (*arrays, self.mesh.copy(), self.elements)
+
+    def restore(self, kept: tuple[Any, ...]) -> None:
+        """Puts back a `copy`."""
+        *arrays, mesh, elements = kept
+        if self.elements != elements:
+            self.elements = 0
+            self.lay_out(mesh[: elements + 1].copy())
+        self.q, self.near, self.on, self.ends, self._grips, self.turns = arrays
+        self.mesh[:] = mesh
+
+    def positions(self) -> Array | None:
+        """(n, 3), the last solution's, None if there is none."""
+        return self._positions
+
+    def remember(self, positions: Array) -> None:
+        """Takes a solution's positions (n, 3) as those from which the cable moves on."""
+        self._positions = positions.copy()
+
+    def forget(self) -> None:
+        """The next solve starts from nothing."""
+        self.history = 0
+        self.touching = False
+        self.free = self._positions = None
+
+    def energy_of_masses(self) -> float:
+        """[J], potential energy of point masses and of a plug in the last solution."""
+        problem, energy = self.problem, 0.0
+        if not problem.masses and (type(problem.end) is Grip or problem.end.mass == 0.0):
+            return 0.0
+        spots = self.near[NOW, :, SPOT : SPOT + 3]
+        for mass in problem.masses:
+            energy -= mass.mass * float(problem.gravity @ spots[np.abs(self.nodes - mass.arc_length).argmin()])
+        if isinstance(problem.end, FreeEnd):
+            energy -= problem.end.mass * float(problem.gravity @ spots[-1])
+        return energy
+
+    @property
+    def grips(self) -> Array:
+        """(3, 2, 7): frames of the two ends of the solution now, the one before and the trial."""
+        return self._grips
+
+    def target(self, frames: Array) -> None:
+        """Makes `frames` (2, 7) those of the trial."""
+        self._grips[TRIAL] = frames
+
+
+def interpolated(at: Array, s: Array, q: Array) -> Array:
+    """Quaternions (k, 4) at arc lengths `at`, linear between those at s."""
+    signs = np.where((q[1:] * q[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
+    chain = q * np.concatenate(([1.0], np.cumprod(signs)))[:, None]
+    out = np.stack([np.interp(at, s, column) for column in chain.T], axis=1)
+    size = np.linalg.norm(out, axis=1, keepdims=True)
+    return np.asarray(out / np.where(size > 0.0, size, 1.0))

@@ -1,0 +1,388 @@
+"""The quasistatic Cosserat rod that rests on bodies (see docs/method.md).
+
+The plain rod answers as long as its shape is clear of every body. Otherwise nodes that would be inside a body are
+pressed out of it along its normal, without friction; which ones is found along with the shape.
+"""
+
+from __future__ import annotations
+
+import math
+from time import perf_counter
+from typing import final
+
+import numpy as np
+
+from cable_shape.checks import Array
+from cable_shape.errors import ArgumentError
+from cable_shape.kernels import bounds, contact_check, contact_drive, span_stability, span_work
+from cable_shape.kernels.contact_near import SPOT
+from cable_shape.kernels.frames import straight
+from cable_shape.kernels.span_newton import CONVERGED
+from cable_shape.kernels.span_work import NOW
+from cable_shape.models import cosserat
+from cable_shape.models.rod_state import RodState
+from cable_shape.models.touch_state import MOST_ELEMENTS, TouchState
+from cable_shape.pose import Grip
+from cable_shape.problem import Problem
+from cable_shape.shape import CableShape, Status
+
+MODEL = "cosserat"
+DEEPEST = 1e-4  #: [m] a shape deeper in a body than this between nodes gets a node there
+BURIED = 2e-4  #: [m] a grip deeper in a body than this has no shape
+COLD_ITERATIONS, WARM_ITERATIONS, STEP_ITERATIONS = 80, 30, 20
+FAR = 0.7  #: A warm solve that turns a frame by more than this [rad] from its prediction is checked by small steps.
+_FIRST_STEP, _SMALLEST_STEP = 0.25, 1.0 / 512.0
+ACCURACY = 5e-4  #: of the length: what a shape in contact is asked for where the tolerance is below
+_ROUNDS = 8  #: of adding nodes where the cable dips into a body between them
+
+
+def solve(problem: Problem, state: TouchState, rod: RodState, *, deadline: float = math.inf) -> CableShape:
+    """The rod between the problem's ends, outside the scene's obstacles.
+
+    `rod` is the memory of the plain rod. Never raises for a physical reason: see `status`.
+    """
+    began = perf_counter()
+    if state.problem is not problem:
+        state.take(problem)
+    return _Solve(problem, state, rod, deadline, began).run()
+
+
+def sensitivity(state: TouchState, *, at: str = "cable") -> Array:
+    """(n, 3, 12): change of the last solution's positions at fixed arc length with the poses of the two ends.
+
+    As :func:`cable_shape.models.cosserat.sensitivity`, as long as the same points stay in contact.
+    """
+    problem = state.problem
+    n, spans = state.elements, int(state.info[3])
+    out = np.empty((problem.points, 3, 12))
+    sol = np.zeros(3 * span_work.slot_size(n, spans))
+    q, lam, frames, _, _ = span_work.slot(sol, n, spans, NOW)
+    where, mask, place = state.where[: spans + 1], state.mask[: spans + 1], state.place[: spans + 1]
+    q[:], lam[:] = state.q[NOW], state.lam[:spans]
+    frames[:, :3] = state.near[NOW, where, SPOT : SPOT + 3]
+    frames[:, 3:] = q[where]
+    unknown = spans - 1 + state.forces
+    arguments = (state.par, state.mesh, sol, state.work, where, mask, place, n, unknown)
+    contact_drive.refresh(
+        state.par, state.mesh, n, q, lam, where, mask, place, state.base[: spans + 1], unknown, state.work
+    )
+    span_stability.sensitivity(*arguments, np.empty(0, dtype=np.int64), problem.points, out, np.empty((0, 12)))
+    if at == "gripper":
+        for column, end in ((0, problem.start), (6, problem.end)):
+            if isinstance(end, Grip):
+                x, y, z = end.cable_frame.position - end.pose.position
+                arm = np.array(((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0)))  # v_cable = v_gripper + w x arm
+                out[:, :, column + 3 : column + 6] += out[:, :, column : column + 3] @ arm
+    elif at != "cable":
+        raise ArgumentError.of("at", at, "it must be 'cable' or 'gripper'", "Choose one of these.")
+    return out
+
+
+@final
+class _Solve:
+    """One call of :func:`solve`: free, then warm from the last shape, then in small steps, then from nothing."""
+
+    __slots__ = ("began", "buffer", "deadline", "iterations", "late", "problem", "rod", "state")
+
+    def __init__(self, problem: Problem, state: TouchState, rod: RodState, deadline: float, began: float) -> None:
+        self.problem, self.state, self.rod = problem, state, rod
+        self.deadline, self.began = deadline, began
+        self.iterations = 0
+        self.late = False
+        self.buffer = CableShape.new_buffer(problem.points)
+
+    def run(self) -> CableShape:
+        """The shape, whatever comes."""
+        problem, state = self.problem, self.state
+        frames = state.aim(problem.start, problem.end)
+        buried = self._buried(frames)
+        if buried:
+            return self._no_shape(Status.NOT_CONVERGED, buried)
+        if not state.touching:
+            shape = cosserat.solve(problem, self.rod, deadline=self.deadline)
+            if shape.status in (Status.NOT_CONVERGED, Status.OVERSTRETCHED, Status.BUDGET_EXCEEDED):
+                state.free = None
+                return shape
+            clear = self._depth(shape.buffer) > -DEEPEST
+            last = state.free
+            if clear and (last is None or not self._passes(last.positions, shape.positions)):
+                state.free, state.free_frames = shape, frames
+                return shape
+            if last is None:
+                return self._cold(frames, shape)
+            state.start_from(last, state.free_frames)
+        return self._warm(frames)
+
+    # -- attempts
+
+    def _call(self, history: int, most: int, *, far: float = math.inf, sunk: float = 0.0, guard: bool = True) -> bool:
+        """One compiled solve for the frames in the trial; True if it found an equilibrium outside the bodies."""
+        state = self.state
+        code = contact_drive.solve(
+            state.par, state.mesh, state.elements, state.q, state.near, state.on, state.ends, state.grips, state.turns,
+            state.held, state.held_mask, state.forces, state.where, state.mask, state.place, state.lam, state.base,
+            state.bodies, state.frames, state.triangles, state.tree, state.radius, sunk, state.stack,
+            self.problem.load, state.table, state.work, self.buffer, state.info, self.problem.points, history,
+            guard, most, far,
+        )  # fmt: skip
+        self.iterations += int(state.info[0])
+        return bool(code == CONVERGED)
+
+    def _step(self, frames: Array, history: int, most: int, far: float, sunk: float = 0.0, jump: bool = False) -> bool:
+        """From the last solution to `frames`, not inside a body between the nodes, and unless a `jump` not past one."""
+        state = self.state
+        state.target(frames)
+        kept = state.copy()
+        before = state.positions()
+        if self._call(history, most, far=far, sunk=sunk) and self._settle(frames, sunk):
+            n = self.problem.points
+            after = self.buffer[n : 4 * n].reshape(n, 3)
+            if jump or before is None or not self._passes(before, after):
+                state.remember(after)
+                state.tidy()
+                return True
+        state.restore(kept)
+        return False
+
+    def _settle(self, frames: Array, sunk: float) -> bool:
+        """Adds nodes where the cable dips into a body between them, until it does not."""
+        state = self.state
+        for _ in range(_ROUNDS):
+            arcs = self._dips(sunk)
+            if not arcs.size:
+                return True
+            if state.elements + arcs.size > MOST_ELEMENTS or not state.insert(arcs):
+                return False
+            state.target(frames)
+            if not self._call(1, WARM_ITERATIONS, sunk=sunk):
+                return False
+        return not self._dips(sunk, 2.0 * DEEPEST).size
+
+    def _warm(self, frames: Array) -> CableShape:
+        """From the last solution."""
+        state = self.state
+        if self._step(frames, state.history, WARM_ITERATIONS, FAR) or self._follow(frames):
+            return self._finish(Status.OK)
+        if self.late:
+            return self._no_shape(Status.BUDGET_EXCEEDED, "")
+        state.target(frames)
+        if self._step(frames, 1, COLD_ITERATIONS, math.inf, jump=True):
+            return self._finish(Status.SNAPPED)
+        free = cosserat.solve(self.problem, RodState(self.problem), deadline=self.deadline)
+        if not free.status or free.status is Status.OVERSTRETCHED:
+            return self._lost()
+        return self._cold(frames, free, Status.SNAPPED)
+
+    def _follow(self, frames: Array) -> bool:
+        """Goes with the ends from where they were to `frames`, in steps as small as it takes."""
+        state = self.state
+        origin = state.grips[NOW].copy()
+        done, step = 0.0, _FIRST_STEP
+        history = 1
+        while done < 1.0:
+            if self._out_of_time():
+                return False
+            at = min(1.0, done + step)
+            if self._step(between(origin, frames, at), history, STEP_ITERATIONS, FAR):
+                done, history = at, 2
+                step *= 1.6
+            else:
+                step, history = 0.4 * step, 1
+                if step < _SMALLEST_STEP:
+                    return False
+        return True
+
+    def _cold(self, frames: Array, free: CableShape, status: Status = Status.OK) -> CableShape:
+        """From the shape without contact, to which the bodies come from below, or grow, or come from above."""
+        state = self.state
+        if -self._depth(free.buffer) <= DEEPEST:
+            state.touching = False
+            state.free, state.free_frames = free, frames
+            if status is not Status.OK:
+                free.status, free.detail = status, status.remedy
+            return free
+        gravity = self.problem.gravity
+        size = float(np.linalg.norm(gravity))
+        down = gravity / size if size > 0.0 else np.array((0.0, 0.0, -1.0))
+        for attempt in (1.0, 0.0, -1.0):
+            found = self._approach(frames, free, attempt * down) if attempt else self._grow(frames, free)
+            state.shift(np.zeros(3))
+            if found:
+                return self._finish(status)
+            if self.late:
+                return self._no_shape(Status.BUDGET_EXCEEDED, "")
+        return self._lost()
+
+    def _approach(self, frames: Array, free: CableShape, away: Array) -> bool:
+        """Takes the bodies out of the cable's way along the unit vector `away` and brings them back in steps."""
+        state = self.state
+        start = 0.25 * max(-self._depth(free.buffer), DEEPEST)
+        far = start
+        while far < 2.0 * self.problem.cable.length:
+            state.shift(far * away)
+            if self._depth(free.buffer) > 0.0:
+                break
+            far *= 1.3
+        else:
+            return False
+        state.start_from(free, frames)
+        most = 0.6 * (state.thinnest + state.radius)
+        step = min(0.25 * far, most)
+        done = far
+        while done > 0.0:
+            if self._out_of_time():
+                return False
+            to = done - step if done - step > 0.1 * step else 0.0
+            state.shift(to * away)
+            if self._step(frames, 1, WARM_ITERATIONS, math.inf, jump=True):
+                done = to
+                step = min(1.5 * step, most)
+            else:
+                step *= 0.4
+                if step < far * _SMALLEST_STEP:
+                    return False
+        return True
+
+    def _grow(self, frames: Array, free: CableShape) -> bool:
+        """Shrinks the bodies until the cable is outside, and lets them grow again."""
+        self.state.start_from(free, frames)
+        depth = -self._depth(free.buffer)
+        sunk, step = depth, 0.25 * depth
+        while sunk > 0.0:
+            if self._out_of_time():
+                return False
+            to = sunk - step if sunk - step > 0.1 * step else 0.0
+            if self._step(frames, 1, WARM_ITERATIONS, math.inf, to, jump=True):
+                sunk = to
+                step *= 1.5
+            else:
+                step *= 0.4
+                if step < depth * _SMALLEST_STEP:
+                    return False
+        return True
+
+    def _lost(self) -> CableShape:
+        self.state.forget()
+        return self._no_shape(Status.NOT_CONVERGED, "no equilibrium outside the obstacles was found. ")
+
+    def _out_of_time(self) -> bool:
+        self.late = self.late or perf_counter() > self.deadline
+        return self.late
+
+    # -- what is where
+
+    def _passes(self, before: Array, after: Array) -> bool:
+        """Whether the cable may have got past a body from one shape (n, 3) to the next."""
+        state, n = self.state, self.problem.points
+        s = np.linspace(0.0, self.problem.cable.length, n)
+        return bool(
+            contact_check.passes(
+                s, before, after, state.bodies, state.frames, state.triangles, state.tree, state.radius, state.stack
+            )
+        )
+
+    def _measured(self, buffer: Array) -> Array:
+        """(m, 8), as `bounds.closest_points` has it, of every body near."""
+        state, n = self.state, self.problem.points
+        bounds.closest_points(
+            buffer[n : 4 * n].reshape(n, 3), buffer[:n], state.radius, state.horizon, 0.0, True, state.bodies,
+            state.no_links, state.triangles, state.tree, state.measured, state.counts,
+        )  # fmt: skip
+        return state.measured
+
+    def _depth(self, buffer: Array) -> float:
+        """The least gap [m] of a shape to any body."""
+        return float(self._measured(buffer)[:, 0].min(initial=math.inf))
+
+    def _dips(self, sunk: float, deepest: float = DEEPEST) -> Array:
+        """Arc lengths where the shape in the buffer is too deep in a body."""
+        found = self._measured(self.buffer)
+        return np.unique(found[found[:, 0] + sunk < -deepest, 1])
+
+    def _buried(self, frames: Array) -> str:
+        """Which grip is inside which obstacle, in words; empty if none is."""
+        state = self.state
+        for name, row in (("start", frames[0]), ("end", frames[1]))[: 1 + state.forces]:
+            gap, body = contact_check.depth_of(
+                row[:3], state.bodies, state.frames, state.triangles, state.tree, state.radius, state.stack
+            )
+            if gap < -BURIED:
+                return (
+                    f"the cable at the {name} grip is {-gap * 1e3:.1f} mm inside obstacle {state.names[body]!r}. "
+                    "Move the grip out of it, or leave the obstacle out of the scene. "
+                )
+        return ""
+
+    # -- results
+
+    def _finish(self, status: Status) -> CableShape:
+        """Grades and reports the solution in the buffer."""
+        problem, state, info = self.problem, self.state, self.state.info
+        if type(problem.end) is Grip:
+            n = problem.points
+            self.buffer[4 * n - 3 : 4 * n] = problem.end.cable_frame.position
+        found = state.touches()
+        state.history = 2
+        state.touching = len(found) > 0
+        within = bool(info[7] <= max(problem.tolerance, ACCURACY * problem.cable.length))
+        if status is Status.OK and info[2] != 0.0:
+            status = Status.UNSTABLE
+        detail = "" if status is Status.OK else status.remedy
+        if self.late:
+            status = Status.BUDGET if within else Status.BUDGET_EXCEEDED
+            detail = status.remedy
+        elif not within:
+            status = Status.NOT_CONVERGED
+            detail = f"error estimate {info[7]:.2g} m in contact. {status.remedy}"
+        shape = CableShape(
+            self.buffer,
+            problem.points,
+            length=problem.cable.length,
+            model=MODEL,
+            status=status,
+            detail=detail,
+            energy=float(info[8]) + state.energy_of_masses(),
+            error_estimate=float(info[7]),
+            residual=float(info[5]),
+            iterations=self.iterations,
+            turns=int(state.turns[NOW]),
+            twist=float(info[9]),
+            solve_time=perf_counter() - self.began,
+            touches=found,
+            bodies=state.names,
+        )
+        if not state.touching:
+            state.free, state.free_frames = shape, state.grips[NOW].copy()
+            self.rod.history = 0
+        return shape
+
+    def _no_shape(self, status: Status, detail: str) -> CableShape:
+        """The straight line; what was solved before stays as a warm start."""
+        problem = self.problem
+        frames = self.state.aim(problem.start, problem.end)
+        roll = straight(frames[0], frames[1], problem.cable.length, problem.points, self.buffer)
+        return CableShape(
+            self.buffer,
+            problem.points,
+            length=problem.cable.length,
+            model=MODEL,
+            status=status,
+            detail=detail + status.remedy,
+            error_estimate=math.inf,
+            residual=math.inf,
+            iterations=self.iterations,
+            solve_time=perf_counter() - self.began,
+            roll_error=float(roll),
+        )
+
+
+def between(origin: Array, goal: Array, at: float) -> Array:
+    """Frames (k, 7) on the straight path from `origin` to `goal`: positions linear, frames along the shortest turn."""
+    frames = (1.0 - at) * origin + at * goal
+    for row, a, b in zip(frames, origin, goal, strict=True):
+        p, q = a[3:], b[3:] if a[3:] @ b[3:] >= 0.0 else -b[3:]
+        angle = math.acos(min(1.0, float(p @ q)))
+        if angle > 1e-6:
+            row[3:] = (math.sin((1.0 - at) * angle) * p + math.sin(at * angle) * q) / math.sin(angle)
+        row[3:] /= np.linalg.norm(row[3:])
+    return frames

@@ -1,0 +1,168 @@
+"""Contact in the equilibrium: closed forms, seeded motions and times (`python scripts/scene_contact.py`)."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Iterator
+from time import perf_counter
+
+import numpy as np
+
+import cable_shape as cs
+from cable_shape.clearance import ClearanceChecker
+from cable_shape.scene import Solid
+
+ALONG_X = (0.5, 0.5, 0.5, 0.5)
+CABLE = cs.Cable(
+    length=1.2, linear_density=0.1, bending_stiffness=0.01, twisting_stiffness=0.008, diameter=0.008
+)  # fmt: skip
+ACROSS_Y = cs.Pose((0, 0, 0), (np.sqrt(0.5), 0, 0, np.sqrt(0.5)))  # z of the obstacle along -y of the world
+
+Ends = tuple[cs.Pose, cs.Pose]
+
+
+def turned(axis: tuple[float, float, float], angle: float) -> cs.Pose:
+    """The frame along x, turned about an axis of the world."""
+    half = 0.5 * angle
+    size = float(np.linalg.norm(axis))
+    q = np.array((*(np.sin(half) / size * np.array(axis)), np.cos(half)))
+    return cs.Pose((0, 0, 0), q) * cs.Pose((0, 0, 0), ALONG_X)
+
+
+def motions(steps: int = 150) -> dict[str, tuple[cs.Scene, list[Ends]]]:
+    """Scenes and the ends along a motion through them, smooth and the same every time."""
+    rng = np.random.default_rng(11)
+
+    def scene(name: str, solid: Solid, pose: cs.Pose | None = None) -> cs.Scene:
+        return cs.Scene(obstacles=[cs.Obstacle(name, solid, pose or cs.Pose())], contact="solve")
+
+    def sway(amplitude: float) -> np.ndarray:
+        t = np.linspace(0.0, 1.0, steps)
+        waves = sum(
+            rng.normal(size=(1, 3)) / f * np.sin(2.0 * np.pi * f * t + rng.uniform(0, 6.0))[:, None] for f in (1, 2, 3)
+        )
+        return amplitude * (waves - waves[0])
+
+    def path(start: tuple, way: tuple, chord: float, wobble: float) -> list[Ends]:
+        t = np.linspace(0.0, 1.0, steps)[:, None]
+        a = np.array(start) + t * np.array(way) + sway(wobble)
+        b = np.array(start) + (chord, 0.0, 0.0) + t * np.array(way) + sway(wobble)
+        angles = sway(4.0 * wobble)
+        return [
+            (
+                cs.Pose(p, turned((0, 1, 0), v[1]).quaternion),
+                cs.Pose(q, turned((0, 1, 0), v[2]).quaternion),
+            )
+            for p, q, v in zip(a, b, angles, strict=True)
+        ]
+
+    return {
+        "lowered on a plane": (scene("table", cs.HalfSpace()), path((0, 0, 0.45), (0, 0.0, -0.3), 0.8, 0.01)),
+        "dragged on a plane": (scene("table", cs.HalfSpace()), path((0, 0, 0.45), (0.3, 0.4, -0.3), 0.8, 0.03)),
+        "box edge": (
+            scene("box", cs.Box((0.2, 0.6, 0.2)), cs.Pose((0.4, 0, 0))),
+            path((0, 0, 0.55), (0.1, 0.05, -0.3), 0.8, 0.01),
+        ),
+        "rod 4 mm thick": (
+            scene("rod", cs.Capsule(0.002, 0.8), cs.Pose((0.4, 0, 0)) * ACROSS_Y),
+            path((0, 0, 0.45), (0.05, 0.05, -0.15), 0.8, 0.01),
+        ),
+        "capsule": (
+            scene("capsule", cs.Capsule(0.05, 0.6), cs.Pose((0.4, 0, 0)) * ACROSS_Y),
+            path((0, 0, 0.5), (0.1, 0.05, -0.25), 0.8, 0.01),
+        ),
+        "cylinder": (
+            scene("cylinder", cs.Cylinder(0.1, 0.6), cs.Pose((0.4, 0, 0)) * ACROSS_Y),
+            path((0, 0, 0.55), (0.1, 0.05, -0.3), 0.8, 0.01),
+        ),
+        "sphere": (
+            scene("sphere", cs.Sphere(0.15), cs.Pose((0.4, 0, 0))),
+            path((0, 0, 0.6), (0.0, 0.0, -0.2), 0.8, 0.003),
+        ),
+    }
+
+
+def deepest(shape: cs.CableShape, scene: cs.Scene, radius: float) -> float:
+    """[m], how deep the densely sampled cable is in the scene's obstacles."""
+    found = ClearanceChecker(scene, radius=radius).check(shape)
+    return max((-body.distance for body in found.bodies), default=0.0)
+
+
+def rows() -> Iterator[str]:
+    """One line a motion."""
+    for name, (scene, ends) in motions().items():
+        cs.Predictor(CABLE, scene=scene, model="cosserat").predict(*ends[-1])
+        predictor = cs.Predictor(CABLE, scene=scene, model="cosserat")
+        times, worst, usable, snapped, changes, last = [], 0.0, 0, 0, 0, -1
+        touched = 0
+        for a, b in ends:
+            began = perf_counter()
+            shape = predictor.predict(a, b)
+            times.append(perf_counter() - began)
+            usable += bool(shape.status)
+            snapped += shape.status is cs.Status.SNAPPED
+            if shape.status:
+                worst = max(worst, deepest(shape, scene, 0.5 * CABLE.diameter))
+            count = len(shape.contacts)
+            touched += count > 0
+            changes += count != last
+            last = count
+        late = np.quantile(times, 0.99) / statistics.median(times)
+        yield (
+            f"{name:20s} {usable:4d}/{len(ends)} {snapped:7d} {touched:8d} {changes:8d} {worst * 1e3:9.3f} mm "
+            f"{statistics.median(times) * 1e6:8.0f} us {late:8.1f}"
+        )
+
+
+def lifted_rows() -> Iterator[str]:
+    """A cable lifted off a table by one grip: its force and moment, and the table's reactions, over the closed form."""
+    weight, length, lift, stiffness = 0.981, 0.8, 0.3, 0.01
+    cable = cs.Cable(length, 0.1, stiffness, 0.8 * stiffness, diameter=0.004)
+    scene = cs.Scene(obstacles=[cs.Obstacle("table", cs.HalfSpace())], contact="solve")
+    for kind, share, part, grip in (("clamped", 72, 1 / 3, 2 / 3), ("pinned", 24, 1 / 2, 1 / 2)):
+        height = 0.002 + weight * lift**4 / (share * stiffness)
+        start = cs.Grip(cs.Pose((0, 0, height), ALONG_X), kind=kind)
+        shape = cs.predict(cable, start, None, scene=scene, model="cosserat")
+        total = sum(contact.force for contact in shape.contacts) / (weight * (length - lift + part * lift))
+        force = -shape.force[0, 2] / (grip * weight * lift)
+        moment = float(np.linalg.norm(shape.moment[0])) / (weight * lift**2 / 6)
+        yield f"lifted, {kind:8s} force {force:.5f}, moment {moment:.5f}, reactions {total:.5f} of the closed form"
+
+
+def table_row(speed: float, count: int = 300) -> str:
+    """Warm steps of a soft cable lying on a table, its grips lifted and lowered, beside the plain cable's."""
+    cable = cs.Cable(1.2, 0.1, 0.003, 0.003, diameter=0.004)
+    scene = cs.Scene(obstacles=[cs.Obstacle("table", cs.HalfSpace())], contact="solve")
+    resting, plain = cs.Predictor(cable, scene=scene, model="cosserat"), cs.Predictor(cable, model="cosserat")
+    times, plain_times, contacts = [], [], []
+    for k in range(count):
+        t = speed * k / 0.02
+        start = cs.Pose((0, 0, 0.03 + 0.02 * np.sin(t)), ALONG_X)
+        end = cs.Pose((1.13 + 0.01 * np.sin(1.4 * t), 0, start.position[2]), ALONG_X)
+        began = perf_counter()
+        shape = resting.predict(start, end)
+        between = perf_counter()
+        plain.predict(start, end)
+        times.append(between - began)
+        plain_times.append(perf_counter() - between)
+        contacts.append(len(shape.contacts))
+    median, beside = statistics.median(times), statistics.median(plain_times)
+    return (
+        f"on a table, {speed * 1e3:.1f} mm a step: {statistics.median(contacts):.0f} contacts, {median * 1e6:.0f} us, "
+        f"{median / beside:.1f} times the plain cable"
+    )
+
+
+def print_contact() -> None:
+    """Prints everything."""
+    for row in lifted_rows():
+        print(row)
+    print("motion               usable   snapped touching  changes    deepest   median   p99/median")
+    for row in rows():
+        print(row)
+    for speed in (1e-4, 1e-3):
+        print(table_row(speed))
+
+
+if __name__ == "__main__":
+    print_contact()
