@@ -90,6 +90,8 @@ def quaternion(name: str, value: ArrayLike) -> Array:
 
 def one_of(name: str, value: Any, options: Iterable[str]) -> str:
     """`value`, if it is one of the words `options`."""
+    if type(options) is tuple and type(value) is str and value in options:
+        return value
     words = tuple(options)
     if value not in words:
         raise ArgumentError.of(name, value, f"it must be one of {', '.join(words)}", "Choose one of these.")

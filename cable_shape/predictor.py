@@ -265,6 +265,8 @@ class Predictor:
         assert self._last_ends is not None
         start, end = self._last_ends
         length = problem.cable.length
+        if _further(end, problem.end, REUSE_FRACTION * problem.tolerance):
+            return False
         moved = _moved(start, problem.start, length) + _moved(end, problem.end, length)
         if moved == 0.0:
             return True
@@ -331,6 +333,14 @@ def _taut(problem: Problem) -> bool:
 def _stretched(chord: Array, length: float) -> bool:
     """Whether a chord (3,) leaves a cable of this length hardly any slack."""
     return math.sqrt(float(chord @ chord)) > (1.0 - REUSE_SLACK) * length
+
+
+def _further(before: Grip | FreeEnd, now: Grip | FreeEnd, distance: float) -> bool:
+    """Whether an end has moved along an axis by more than a distance [m]: a quick look, which may say no."""
+    if type(before) is not Grip or type(now) is not Grip:
+        return False
+    a, b = before.cable_frame.array, now.cable_frame.array
+    return bool(abs(a[0] - b[0]) > distance or abs(a[1] - b[1]) > distance or abs(a[2] - b[2]) > distance)
 
 
 def _moved(before: Grip | FreeEnd, now: Grip | FreeEnd, length: float) -> float:

@@ -198,16 +198,17 @@ def print_motion(figures: Figures, rounds: int) -> None:
     collocation = Collocation(CABLE)
     coarse = cs.predict(CABLE, START, END, model="cosserat", points=11)
     ours, theirs, errors, iterations, estimates = [], [], [], [], []
-    poses, shapes = motion(), []
+    poses = motion()
+    predictor.predict(START, END)
+    shapes = [predictor.predict(START, pose) for pose in poses]
     for _ in tqdm(range(rounds), desc="motion", unit="round", leave=False, disable=None):
         predictor.predict(START, END)
-        shapes.clear()
         for pose in poses:
             began = perf_counter()
-            shapes.append(predictor.predict(START, pose))
+            shape = predictor.predict(START, pose)
             ours.append(perf_counter() - began)
-        iterations.extend(shape.iterations for shape in shapes)
-        estimates.extend(shape.error_estimate for shape in shapes)
+            iterations.append(shape.iterations)
+            estimates.append(shape.error_estimate)
         x, Y = coarse.arc_length.copy(), states(coarse)
         for pose, shape in zip(poses[::4], shapes[::4], strict=True):
             began = perf_counter()

@@ -58,11 +58,11 @@ class Solve:
     def run(self) -> CableShape:
         """The shape, whatever comes."""
         problem, state = self.problem, self.state
-        ends = state.aim(problem.start, problem.end)
+        ends = state.aim(problem.start, problem.end, trial=state.history > 0)
         if state.history > 0:
-            state.target[:] = ends
             if self._call(state.history, _WARM_ITERATIONS, far=_FAR):
                 return self._finish(Status.OK)
+            ends = ends.copy()
         if state.width > 1 and state.stretch == 0.0:
             chord, length = math.dist(ends[7:10].tolist(), ends[:3].tolist()), problem.cable.length
             if chord >= rod_drive.STRAIGHT * length:

@@ -53,10 +53,8 @@ class RodState:
         self.fewest = 0  # elements with which a coarser mesh has failed
         self.info: Array = np.zeros(rod_drive.INFO)
         self.par: Array = np.zeros(rod_drive.PAR)
-        self.mesh: Array = np.empty(0)
-        self.sol: Array = np.empty(0)
-        self.work: Array = np.empty(0)
-        self.target: Array = np.empty(0)  # (15,) start, end, turns of the trial
+        self.mesh = self.sol = self.work = _NOTHING
+        self.target: Array = _NOTHING  # (15,) start, end, turns of the trial
         self._kinds = ("", "")
         self._tip = _NOTHING
         self.take(problem)
@@ -97,23 +95,27 @@ class RodState:
             self.mean_load = self.mean_load + self.weights.sum(axis=0) / cable.length
         self._kinds = ("", "")
 
-    def aim(self, start: Grip, end: Grip | FreeEnd) -> Array:
-        """The ends as (15,), after what holds them has been taken into account."""
-        ends = np.zeros(15)
-        ends[:7] = start.cable_frame.array
+    def aim(self, start: Grip, end: Grip | FreeEnd, trial: bool = False) -> Array:
+        """The ends as (15,), what holds them being taken into account; if asked in place of the trial's."""
         if type(end) is Grip:
-            ends[7:14] = end.cable_frame.array
             kinds = (start.kind, end.kind)
             if kinds != self._kinds:
                 self._hold(kinds, _NOTHING, _NOTHING)
-        else:
-            assert isinstance(end, FreeEnd)
-            ends[10:14] = ends[3:7]
-            tip = end.mass * self.problem.gravity + end.force + self.end_weight
-            kinds = (start.kind, "free")
-            if kinds != self._kinds or not np.array_equal(tip, self._tip):
-                self._hold(kinds, tip, end.moment)
-            self.par[6:9] = end.moment
+            ends = self.target if trial else np.empty(15)
+            ends[:7] = start.cable_frame.array
+            ends[7:14] = end.cable_frame.array
+            ends[14] = 0.0
+            return ends
+        assert isinstance(end, FreeEnd)
+        tip = end.mass * self.problem.gravity + end.force + self.end_weight
+        kinds = (start.kind, "free")
+        if kinds != self._kinds or not np.array_equal(tip, self._tip):
+            self._hold(kinds, tip, end.moment)
+        self.par[6:9] = end.moment
+        ends = self.target if trial else np.empty(15)
+        ends[:7] = start.cable_frame.array
+        ends[7:] = 0.0
+        ends[10:14] = ends[3:7]
         return ends
 
     def _hold(self, kinds: tuple[str, str], tip: Array, moment: Array) -> None:
