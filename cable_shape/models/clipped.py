@@ -15,14 +15,13 @@ import numpy as np
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels import span_guess, span_stability
-from cable_shape.kernels.frames import align, straight
+from cable_shape.kernels.frames import align
+from cable_shape.models.rod_common import MODEL, straight_line, turn_about
 from cable_shape.models.span_search import COLD_ITERATIONS, FAR, WARM_ITERATIONS, Search
 from cable_shape.models.span_state import SpanState
 from cable_shape.pose import Grip
 from cable_shape.problem import Problem
 from cable_shape.shape import CableShape, Status
-
-MODEL = "cosserat"
 
 #: Chord / length from which a span of an inextensible cable counts as overstretched.
 _STRAIGHT = 1.0 - 1e-9
@@ -61,15 +60,7 @@ def sensitivity(state: SpanState, *, at: str = "cable") -> Array:
     if state.rings.size:
         _, J, slid = state.eyelets(problem.points)
         out -= np.einsum("pik,kc->pic", slid, np.linalg.solve(J, df))
-    if at == "gripper":
-        for column, end in ((0, problem.start), (6, problem.end)):
-            if isinstance(end, Grip):
-                # v_cable = v_gripper + w x arm
-                x, y, z = end.cable_frame.position - end.pose.position
-                arm = np.array(((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0)))
-                out[:, :, column + 3 : column + 6] += out[:, :, column : column + 3] @ arm
-    elif at != "cable":
-        raise ArgumentError.of("at", at, "it must be 'cable' or 'gripper'", "Choose one of these.")
+    turn_about(at, problem, out)
     return out
 
 
@@ -211,7 +202,8 @@ class _Solve:
         corners = frames[:, :3].copy()
         if state.forces < state.spans:  # a free end has no place
             corners[-1] = corners[-2]
-        roll = straight(frames[0], frames[-1], problem.cable.length, n, buffer)
+        told = detail if status is Status.OVERSTRETCHED else detail + status.remedy
+        shape = straight_line(problem, buffer, frames[0], frames[-1], status, told, self.search.iterations, self.began)
         s, q = buffer[:n], frames[0, 3:].copy()
         positions, quaternions = buffer[n : 4 * n].reshape(n, 3), buffer[4 * n : 8 * n].reshape(n, 4)
         for j in range(state.spans):
@@ -222,19 +214,7 @@ class _Solve:
                 align(q, *(step / chord))
             positions[inside] = corners[j] + np.outer((s[inside] - arcs[j]) / (arcs[j + 1] - arcs[j]), step)
             quaternions[inside] = q
-        return CableShape(
-            buffer,
-            n,
-            length=problem.cable.length,
-            model=MODEL,
-            status=status,
-            detail=detail if status is Status.OVERSTRETCHED else detail + status.remedy,
-            error_estimate=math.inf,
-            residual=math.inf,
-            iterations=self.search.iterations,
-            solve_time=perf_counter() - self.began,
-            roll_error=float(roll),
-        )
+        return shape
 
 
 def _name(support: int, spans: int) -> str:

@@ -21,9 +21,9 @@ from numpy.typing import ArrayLike
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels import rod_stability
-from cable_shape.models.rod_solve import MODEL, Solve
+from cable_shape.models.rod_common import MODEL, turn_about
+from cable_shape.models.rod_solve import Solve
 from cable_shape.models.rod_state import RodState
-from cable_shape.pose import Grip
 from cable_shape.problem import Problem
 from cable_shape.shape import CableShape
 
@@ -51,7 +51,7 @@ def solve(problem: Problem, state: RodState | None = None, *, deadline: float = 
     began = perf_counter()
     if problem.scene is not None and problem.scene.clips:
         raise ArgumentError.of(
-            "scene.clips", len(problem.scene.clips), "no model of this version holds a cable in clips", "Remove them."
+            "scene.clips", len(problem.scene.clips), "this solver knows none", "Give the scene to a Predictor."
         )
     if state is None:
         state = RodState(problem)
@@ -91,15 +91,7 @@ def sensitivity(state: RodState, *, at: str = "cable") -> Array:
     rod_stability.sensitivity(
         state.par, state.mesh, state.sol, state.work, state.elements, state.width, problem.points, out
     )
-    if at == "gripper":
-        for column, end in ((0, problem.start), (6, problem.end)):
-            if isinstance(end, Grip):
-                # v_cable = v_gripper + w x arm
-                x, y, z = end.cable_frame.position - end.pose.position
-                arm = np.array(((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0)))
-                out[:, :, column + 3 : column + 6] += out[:, :, column : column + 3] @ arm
-    elif at != "cable":
-        raise ArgumentError.of("at", at, "it must be 'cable' or 'gripper'", "Choose one of these.")
+    turn_about(at, problem, out)
     return out
 
 

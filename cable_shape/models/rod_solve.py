@@ -11,15 +11,13 @@ import numpy as np
 
 from cable_shape.checks import Array
 from cable_shape.kernels import rod_drive, rod_stability
-from cable_shape.kernels.frames import straight
 from cable_shape.kernels.rod_drive import ENERGY, ESTIMATE, EXCESS, ITERATIONS, RESIDUAL, TURNED, TURNS, TWIST
 from cable_shape.kernels.rod_newton import CONVERGED
+from cable_shape.models.rod_common import MODEL, straight_line
 from cable_shape.models.rod_state import RodState
 from cable_shape.pose import Grip, multiply
 from cable_shape.problem import Problem
 from cable_shape.shape import CableShape, Status
-
-MODEL = "cosserat"
 
 _COLD_ITERATIONS, _WARM_ITERATIONS, _STEP_ITERATIONS = 80, 25, 12
 #: A warm solve that turns a frame by more than this [rad] from its prediction is checked by small steps, and one that
@@ -198,22 +196,9 @@ class Solve:
 
     def _no_shape(self, status: Status, ends: Array, detail: str) -> CableShape:
         """The straight line between the ends; what was solved before stays as a warm start."""
-        problem = self.problem
         far = ends[7:14] if self.state.width > 1 else ends[:7]
-        roll = straight(ends[:7], far, problem.cable.length, problem.points, self.buffer)
-        return CableShape(
-            self.buffer,
-            problem.points,
-            length=problem.cable.length,
-            model=MODEL,
-            status=status,
-            detail=detail + status.remedy,
-            error_estimate=math.inf,
-            residual=math.inf,
-            iterations=self.iterations,
-            solve_time=perf_counter() - self.began,
-            roll_error=float(roll),
-        )
+        told = detail + status.remedy
+        return straight_line(self.problem, self.buffer, ends[:7], far, status, told, self.iterations, self.began)
 
     def _lost(self, ends: Array) -> CableShape:
         """A finer mesh did not confirm the equilibrium."""

@@ -13,20 +13,18 @@ from typing import final
 import numpy as np
 
 from cable_shape.checks import Array
-from cable_shape.errors import ArgumentError
 from cable_shape.kernels import bounds, contact_check, contact_drive, span_stability, span_work
 from cable_shape.kernels.contact_near import SPOT
-from cable_shape.kernels.frames import straight
 from cable_shape.kernels.span_newton import CONVERGED
 from cable_shape.kernels.span_work import NOW
 from cable_shape.models import cosserat
+from cable_shape.models.rod_common import MODEL, straight_line, turn_about
 from cable_shape.models.rod_state import RodState
 from cable_shape.models.touch_state import MOST_ELEMENTS, TouchState
 from cable_shape.pose import Grip
 from cable_shape.problem import Problem
 from cable_shape.shape import CableShape, Status
 
-MODEL = "cosserat"
 DEEPEST = 1e-4  #: [m] a shape deeper in a body than this between nodes gets a node there
 BURIED = 2e-4  #: [m] a grip deeper in a body than this has no shape
 COLD_ITERATIONS, WARM_ITERATIONS, STEP_ITERATIONS = 80, 30, 20
@@ -67,14 +65,7 @@ def sensitivity(state: TouchState, *, at: str = "cable") -> Array:
         state.par, state.mesh, n, q, lam, where, mask, place, state.base[: spans + 1], unknown, state.work
     )
     span_stability.sensitivity(*arguments, np.empty(0, dtype=np.int64), problem.points, out, np.empty((0, 12)))
-    if at == "gripper":
-        for column, end in ((0, problem.start), (6, problem.end)):
-            if isinstance(end, Grip):
-                x, y, z = end.cable_frame.position - end.pose.position
-                arm = np.array(((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0)))  # v_cable = v_gripper + w x arm
-                out[:, :, column + 3 : column + 6] += out[:, :, column : column + 3] @ arm
-    elif at != "cable":
-        raise ArgumentError.of("at", at, "it must be 'cable' or 'gripper'", "Choose one of these.")
+    turn_about(at, problem, out)
     return out
 
 
@@ -360,20 +351,8 @@ class _Solve:
         """The straight line; what was solved before stays as a warm start."""
         problem = self.problem
         frames = self.state.aim(problem.start, problem.end)
-        roll = straight(frames[0], frames[1], problem.cable.length, problem.points, self.buffer)
-        return CableShape(
-            self.buffer,
-            problem.points,
-            length=problem.cable.length,
-            model=MODEL,
-            status=status,
-            detail=detail + status.remedy,
-            error_estimate=math.inf,
-            residual=math.inf,
-            iterations=self.iterations,
-            solve_time=perf_counter() - self.began,
-            roll_error=float(roll),
-        )
+        told = detail + status.remedy
+        return straight_line(problem, self.buffer, frames[0], frames[1], status, told, self.iterations, self.began)
 
 
 def between(origin: Array, goal: Array, at: float) -> Array:
