@@ -1,5 +1,5 @@
 #!/usr/bin/env python
-"""Figures of clips, margins and contact: references, success, and what they add to a cycle.
+"""Figures of clips, clearance, margins and contact: references, success, and what they add to a cycle.
 
     scripts/bench scene [--quick] [--cases FOLDER]
 
@@ -11,6 +11,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from scene_arch import print_arch
+from scene_clearance import print_clearance
 from scene_clips import CASES, print_clips
 from scene_contact import print_contact
 from scene_margins import print_margins, print_snap
@@ -23,6 +25,8 @@ def main() -> None:
     parser.add_argument("--cases", type=Path, default=CASES, help="folder of the reference cases")
     options = parser.parse_args()
     print_clips(options.cases, 30 if options.quick else 300)
+    print_arch(options.cases)
+    print_clearance()
     print_margins(200 if options.quick else 2000)
     print_snap()
     print_contact()

@@ -2,7 +2,7 @@
 
 Through the public API: `cs.predict` from nothing, or a `Predictor` under a load that grows from zero where the end is
 free. The clamped elastica alone is started beside the answer, since its plane is arbitrary. The clamped-hinged arch of
-DaDeppo and Schmidt is left out: its hinge is a clip, which no model of this version knows.
+DaDeppo and Schmidt, whose hinge is a clip, is in `scripts/bench scene`.
 """
 
 from __future__ import annotations
@@ -164,7 +164,6 @@ def print_published(folder: Path, figures: Figures) -> None:
     print(f"{'case':38} {'quantity':34} {'ours':>13} {'exact':>13} {'difference':>11}  published")
     differences: list[float] = []
     agree: list[bool] = []
-    print("the clamped-hinged arch under a crown load is left out: its hinge is a clip, which no model here knows yet")
     shapes = [
         _print_case(values["name"], values, predicted(values), differences, agree)
         for values in load(folder / "published")

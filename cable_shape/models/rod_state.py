@@ -142,7 +142,7 @@ class RodState:
         far as that is known.
         """
         length = self.problem.cable.length
-        elements = 16 if layer > 0.1 * length else 18 if layer > 0.02 * length else 28
+        elements = 16 if layer > 0.08 * length else 18 if layer > 0.02 * length else 28
         finer = (NAMED_TOLERANCE * length / self.problem.tolerance) ** (1.0 / 6.0)
         elements = math.ceil(elements * fineness * min(max(finer, 0.75), 3.0))
         elements = min(MOST_ELEMENTS, max(elements, math.ceil(1.3 * turn / _TURN_AIM)))
@@ -164,7 +164,7 @@ class RodState:
         if estimate > self.problem.tolerance:
             if n == MOST_ELEMENTS:
                 return False
-            elements = max(elements, min(MOST_ELEMENTS, math.ceil(1.1 * n)))
+            elements = max(elements, min(MOST_ELEMENTS, n + 1))
         self._lay_out(x, density, elements)
         size = rod_drive.slot_size(elements)
         self.sol[2 * size :] = self.sol[:size]
