@@ -96,7 +96,7 @@ def velocities(
 
     twists (12,): velocity [m/s] and angular velocity [rad/s] of the start, then of the end, world axes, about that
     cable end. With the factors in `work`, see `smallest_eigenvalue`. Between nodes by the cubic through the nodes'
-    changes of r and r', as in `rod_stability.sensitivity`.
+    changes of r and r', as in `rod_sensitivity`.
     """
     s, h, load, _, _, _ = mesh_parts(mesh, elements)
     q, lam, _ = slot(sol, elements, NOW)

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
-from cable_shape.kernels import rod_stability
+from cable_shape.kernels import rod_sensitivity, rod_stability
 from cable_shape.models.rod_common import MODEL, turn_about
 from cable_shape.models.rod_solve import Solve
 from cable_shape.models.rod_state import RodState
@@ -88,7 +88,7 @@ def sensitivity(state: RodState, *, at: str = "cable") -> Array:
         raise ArgumentError("sensitivity() is not allowed yet: there is no solution. Call predict first.")
     problem = state.problem
     out = np.empty((problem.points, 3, 12))
-    rod_stability.sensitivity(
+    rod_sensitivity.sensitivity(
         state.par, state.mesh, state.sol, state.work, state.elements, state.width, problem.points, out
     )
     turn_about(at, problem, out)
