@@ -134,8 +134,9 @@ def _add_bench(commands: Commands) -> None:
 
 def _replay(arguments: argparse.Namespace) -> int:
     from cable_shape.cable import Cable
+    from cable_shape.replay.outcome import Settings
     from cable_shape.replay.report import headline, summarise
-    from cable_shape.replay.run import Settings, replay
+    from cable_shape.replay.run import replay
     from cable_shape.scene import Scene
 
     if arguments.cable is None:
@@ -205,7 +206,7 @@ def _bar(messages: Iterable[Any], count: int) -> Iterable[Any]:
 
 
 def _predict(arguments: argparse.Namespace) -> int:
-    from cable_shape.cases.case import load_case
+    from cable_shape.cases.load import load_case
     from cable_shape.cases.output import check_suffix, rows, write
 
     for path in arguments.out:

@@ -26,7 +26,7 @@ from scipy.spatial.transform import Rotation
 from tqdm import tqdm
 
 import cable_shape as cs
-from cable_shape.cases.case import load_case
+from cable_shape.cases.load import load_case
 from cable_shape.problem import Problem
 
 POINTS = 150

@@ -13,7 +13,8 @@ import pytest
 import yaml
 
 import cable_shape as cs
-from cable_shape.cases.case import Case, Reference, load_case
+from cable_shape.cases.case import Case, Reference
+from cable_shape.cases.load import load_case
 from cable_shape.cases.output import distance_to_reference, rows, write
 
 SHARED = Path(__file__).resolve().parent.parent.parent / "shared" / "cases"

@@ -41,7 +41,8 @@ import cable_shape as cs
 from cable_shape.replay.bag_writer import cable_shape_store
 from cable_shape.replay.inputs import Held
 from cable_shape.replay.markers import MarkerComparison, distance_to_polyline
-from cable_shape.replay.run import Outcome, Settings, replay
+from cable_shape.replay.outcome import Outcome, Settings
+from cable_shape.replay.run import replay
 
 ROOT = Path(__file__).resolve().parent.parent
 DATA = ROOT.parent / "shared" / "data"

@@ -1,39 +1,16 @@
-"""One prediction described by a file: :class:`Case`, from YAML or JSON.
-
-Two forms are read. The first has the keywords of :func:`cable_shape.predict` as keys::
-
-    cable: {length: 1.2, linear_density: 0.1, bending_stiffness: 0.01}    # or the path of a cable's YAML file
-    start: {position: [0, 0, 0], quaternion: [0.5, 0.5, 0.5, 0.5]}        # kind, offset, curvature may follow
-    end: {position: [0.8, 0, 0], quaternion: [0.5, 0.5, 0.5, 0.5]}        # turns may follow; absent: a free end
-    scene: {masses: [{arc_length: 0.6, mass: 0.02}]}                      # or the path of a scene's YAML file
-    model: gradient4
-
-The second is that of published reference shapes, see :mod:`cable_shape.cases.reference`.
-"""
+"""One prediction described by a file: :class:`Case`, and the answer to compare it with."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, TypeVar, final
+from typing import Any, final
 
-from cable_shape import checks
 from cable_shape.cable import Cable
 from cable_shape.checks import Array
-from cable_shape.errors import ArgumentError
-from cable_shape.files import load_yaml
-from cable_shape.pose import IDENTITY, FreeEnd, Grip, Pose
+from cable_shape.pose import FreeEnd, Grip
 from cable_shape.scene import Scene
 from cable_shape.shape import CableShape
-
-T = TypeVar("T")
-
-POSE_KEYS = ("position", "quaternion", "turns")
-GRIP_KEYS = ("kind", "offset", "curvature")
-FREE_END_KEYS = ("mass", "force", "moment")
-OPTION_KEYS = ("model", "gravity", "points", "tolerance", "distributed_load")
-CASE_KEYS = ("name", "cable", "start", "end", "scene", *OPTION_KEYS)
 
 
 @final
@@ -66,102 +43,3 @@ class Case:
         from cable_shape.predictor import predict
 
         return predict(self.cable, self.start, self.end, scene=self.scene, **{**self.options, **changes})
-
-
-def load_case(path: str | Path) -> Case:
-    """The case in a YAML or JSON file.
-
-    Raises
-    ------
-    ArgumentError
-        Naming the file, the key, the bound and the remedy.
-    """
-    file = Path(path)
-    values = load_yaml(file)
-    cable = values.get("cable")
-    try:
-        if values.get("kind") == "critical_value" or (isinstance(cable, Mapping) and "EI1" in cable):
-            from cable_shape.cases.reference import reference_case
-
-            return reference_case(values)
-        return case_of(values, file.parent, file.stem)
-    except ArgumentError as error:
-        raise type(error)(f"{file}: {error}") from None
-
-
-def case_of(values: Mapping[str, Any], folder: Path, name: str) -> Case:
-    """The case with the keywords of predict as keys; relative paths are taken from `folder`."""
-    checks.known_keys("case", values, CASE_KEYS)
-    for key in ("cable", "start"):
-        if key not in values:
-            raise ArgumentError(f"{key} is missing. Keys of a case: {', '.join(CASE_KEYS)}.")
-    options = {key: values[key] for key in OPTION_KEYS if values.get(key) is not None}
-    return Case(
-        name=str(values.get("name") or name),
-        cable=_cable(values["cable"], folder),
-        start=grip_of("start", values["start"]),
-        end=end_of("end", values.get("end")),
-        scene=_scene(values.get("scene"), folder),
-        options=options,
-    )
-
-
-def grip_of(where: str, values: Any) -> Grip:
-    """A Grip from a mapping with the keywords of Pose and Grip."""
-    checks.known_keys(where, values, (*POSE_KEYS, *GRIP_KEYS))
-    pose = pose_of(where, {key: value for key, value in values.items() if key in POSE_KEYS})
-    given: dict[str, Any] = {key: values[key] for key in ("kind", "curvature") if values.get(key) is not None}
-    offset = IDENTITY if values.get("offset") is None else pose_of(f"{where}.offset", values["offset"])
-    return _within(where, lambda: Grip(pose, offset=offset, **given))
-
-
-def end_of(where: str, values: Any) -> Grip | FreeEnd:
-    """A Grip, or a FreeEnd from its keywords; None is a free end without load."""
-    if values is None:
-        return FreeEnd()
-    if isinstance(values, Mapping) and values and set(values) <= set(FREE_END_KEYS):
-        return _within(where, lambda: FreeEnd(**values))
-    if isinstance(values, Mapping) and set(values) & set(FREE_END_KEYS):
-        raise ArgumentError(
-            f"{where}: it is either gripped ({', '.join((*POSE_KEYS, *GRIP_KEYS))}) or free "
-            f"({', '.join(FREE_END_KEYS)}), but has keys of both. Remove those of one."
-        )
-    return grip_of(where, values)
-
-
-def pose_of(where: str, values: Any) -> Pose:
-    """A Pose from a mapping with its keywords; the position is required."""
-    checks.known_keys(where, values, POSE_KEYS)
-    if "position" not in values:
-        raise ArgumentError(f"{where}: position is missing. Give three numbers in m.")
-    return _within(where, lambda: Pose(**values))
-
-
-def _cable(value: Any, folder: Path) -> Cable:
-    if isinstance(value, str):
-        return Cable.from_yaml(_file("cable", value, folder))
-    return Cable.from_mapping(value)
-
-
-def _scene(value: Any, folder: Path) -> Scene | None:
-    if value is None:
-        return None
-    if isinstance(value, str):
-        return Scene.from_yaml(_file("scene", value, folder))
-    return Scene.from_mapping(value, folder=folder)
-
-
-def _file(where: str, value: str, folder: Path) -> Path:
-    """A path given in a file: relative to that file."""
-    file = folder / Path(value).expanduser()
-    if not file.is_file():
-        raise ArgumentError(f"{where} = {value!r}: no such file. A relative path is taken from {folder}.")
-    return file
-
-
-def _within(where: str, make: Callable[[], T]) -> T:
-    """`make()`, whose errors also say where they were read."""
-    try:
-        return make()
-    except ArgumentError as error:
-        raise type(error)(f"{where}: {error}") from None

@@ -10,7 +10,7 @@ import numpy as np
 from cable_shape.checks import Array
 
 if TYPE_CHECKING:
-    from cable_shape.replay.run import Outcome
+    from cable_shape.replay.outcome import Outcome
 
 _BLUE, _AMBER, _RED, _GREY = "#2563a8", "#d98e04", "#c0392b", "#666666"
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from cable_shape.replay.tally import finite
 
 if TYPE_CHECKING:
-    from cable_shape.replay.run import Outcome
+    from cable_shape.replay.outcome import Outcome
 
 Row = tuple[str, str]
 

@@ -10,22 +10,17 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, final
 
-from cable_shape import checks
-from cable_shape.cable import Cable
 from cable_shape.cycle import Cycle
 from cable_shape.errors import ArgumentError, BagError
 from cable_shape.replay.bag_writer import BagWriter
 from cable_shape.replay.bags import Bag
 from cable_shape.replay.inputs import (
-    AS_GIVEN,
     JOINTS_TYPE,
     MARKERS_TYPE,
     POSE_TYPE,
-    Held,
     JointSource,
     PoseSource,
     Refusals,
@@ -36,73 +31,16 @@ from cable_shape.replay.inputs import (
     stamp_of,
 )
 from cable_shape.replay.markers import MarkerComparison
+from cable_shape.replay.outcome import Outcome, Settings
+from cable_shape.replay.report import write_report
 from cable_shape.replay.tally import Tally
 from cable_shape.report import CycleReport
 from cable_shape.ros.inputs import SECOND
-from cable_shape.scene import Scene
 
 if TYPE_CHECKING:
-    from cable_shape.robot import Robot
     from cable_shape.viewer.recording import RecordingWriter
 
 Progress = Callable[[Iterable[Any], int], Iterable[Any]]
-
-INPUTS = ("auto", "poses", "joints")
-
-
-@final
-@dataclass(frozen=True, slots=True)
-class Settings:
-    """What a replay computes with.
-
-    input : "poses", "joints", or "auto": joint states if a robot is given and they were recorded, else poses.
-    max_skew : [s], gripper poses further apart are not paired; markers likewise.
-    start, end : how the grippers hold the cable.
-    rrd, picture : whether to write replay.rrd and report.png.
-    """
-
-    cable: Cable
-    scene: Scene | None = None
-    robot: Robot | None = None
-    model: str = "auto"
-    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
-    points: int = 150
-    tolerance: float | None = None
-    start: Held = AS_GIVEN
-    end: Held = AS_GIVEN
-    max_skew: float = 0.02
-    input: str = "auto"
-    left_topic: str = "/left_gripper/pose"
-    right_topic: str = "/right_gripper/pose"
-    joints_topic: str = "/joint_states"
-    markers_topic: str = "/cable/markers"
-    rrd: bool = True
-    picture: bool = True
-
-    def __post_init__(self) -> None:
-        checks.number("max_skew", self.max_skew, above=0.0, unit="s")
-        checks.one_of("input", self.input, INPUTS)
-
-
-@final
-@dataclass(frozen=True, slots=True)
-class Outcome:
-    """What a replay found.
-
-    `problems` says what of the recording could not be read; it is empty if all was.
-    """
-
-    settings: Settings
-    bag: Path
-    source: str  # "poses" or "joints"
-    frame_id: str
-    topics: dict[str, tuple[int, int | None]]  # topic -> messages read, messages that should be there
-    tally: Tally
-    refusals: Refusals
-    unpaired: int
-    markers: MarkerComparison
-    problems: tuple[str, ...]
-    notes: tuple[str, ...]
 
 
 def replay(bag: str | Path, out: str | Path, settings: Settings, progress: Progress | None = None) -> Outcome:
@@ -123,8 +61,6 @@ def replay(bag: str | Path, out: str | Path, settings: Settings, progress: Progr
     BagError
         If the recording cannot be read, lacks the topics, or holds nothing from which a cycle can be run.
     """
-    from cable_shape.replay.report import write_report
-
     folder = _output_folder(Path(out), Path(bag))
     with Bag(bag) as opened:
         outcome = _Run(opened, folder, settings).run(progress or _silent)
