@@ -103,6 +103,12 @@ class CableCycle:
                 self.tails[side] = tail.predict(held_frame(grip, shape, side))
         return shape
 
+    @property
+    def planar(self) -> bool:
+        """Whether the last shape was solved for in its plane alone."""
+        state = self.predictor.rod_state
+        return state is not None and state.planar
+
     def check(self, shape: CableShape, links: Links) -> Clearance:
         """The clearance of span and tails: for each body that of the nearest part."""
         if self.scene.contact == "off":

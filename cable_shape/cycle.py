@@ -156,6 +156,7 @@ class Cycle:
                 "reused": sum(s.reused for s in shapes.values()),
                 "pairs_culled": sum(c.pairs_culled for c in clearance.values()),
                 "snap_checks": sum(cable.snap_skipped for cable in cables.values()),
+                "spatial_solves": sum(cable.planar and not shapes[name].reused for name, cable in cables.items()),
             },
             margins=margins,
             tails={(name, side): tail for name, cable in cables.items() for side, tail in cable.tails.items()},

@@ -176,6 +176,8 @@ class MarginWatch:
         if cold:
             self._mode = np.random.default_rng(0).normal(size=(state.elements + 1, 3))
         fresh = cold or not self._memory[0] > _NEAR or shape.status is not Status.OK
+        if not fresh or shape.reused:
+            state.factor()
         steps = _COLD_STEPS if cold else _NEAR_STEPS if fresh else _WARM_STEPS
         return state.par, state.mesh, state.sol, state.work, state.elements, state.width, self._mode, steps, fresh
 

@@ -10,7 +10,7 @@ from typing import final
 import numpy as np
 
 from cable_shape.checks import Array
-from cable_shape.kernels import rod_drive, rod_stability
+from cable_shape.kernels import planar_drive, rod_drive, rod_stability
 from cable_shape.kernels.rod_drive import ENERGY, ESTIMATE, EXCESS, ITERATIONS, RESIDUAL, TURNED, TURNS, TWIST
 from cable_shape.kernels.rod_newton import CONVERGED
 from cable_shape.models.rod_common import MODEL, straight_line
@@ -85,9 +85,9 @@ class Solve:
         """One compiled solve; True if it found an equilibrium, a stable one if guarded."""
         state = self.state
         points = self.problem.points if output else 0
-        code = rod_drive.solve(
+        code = planar_drive.solve(
             state.par, state.mesh, state.sol, state.work, self.buffer, state.info, state.elements, state.width, points,
-            history, guard, most, far,
+            history, guard, most, far, state.plane,
         )  # fmt: skip
         self.info = state.info.tolist()
         self.iterations += int(self.info[ITERATIONS])

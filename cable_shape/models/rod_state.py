@@ -10,7 +10,7 @@ import numpy as np
 
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
-from cable_shape.kernels import rod_drive, rod_mesh
+from cable_shape.kernels import planar_drive, planar_loads, rod_drive, rod_mesh, rod_stability
 from cable_shape.kernels.rod_drive import ESTIMATE, LARGEST_TURN, TURN
 from cable_shape.kernels.rod_work import work_size
 from cable_shape.pose import FreeEnd, Grip
@@ -19,6 +19,8 @@ from cable_shape.problem import NAMED_TOLERANCE, Problem
 #: Rotations of the cable frame that an end leaves free: about d1, d2, d3.
 _FREE_ROTATIONS = {"clamped": (0.0, 0.0, 0.0), "swivel": (0.0, 0.0, 1.0), "pinned": (1.0, 1.0, 1.0)}
 _FREE_END = (1.0, 1.0, 1.0)
+#: Of start and end, where the shape may be planar.
+_PLANAR_KINDS = (("clamped", "clamped"), ("clamped", "free"))
 
 FEWEST_ELEMENTS, MOST_ELEMENTS = 8, 600
 #: A new mesh aims at this fraction of the tolerance.
@@ -43,17 +45,20 @@ class RodState:
     """The solver's memory for one cable; one object a predictor, not shared between threads.
 
     `history` tells how many solutions there are to start from (0: cold). All arrays that the compiled solver needs are
-    packed into five flat ones, see :mod:`cable_shape.kernels.rod_drive`.
+    packed into five flat ones, see :mod:`cable_shape.kernels.rod_drive`. in_plane: planar problems may take the planar
+    solver.
     """
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: Problem, *, in_plane: bool = True) -> None:
+        self._in_plane = in_plane
         self.history = 0
         self.elements = 0
         self.width = 0
         self.fewest = 0  # elements with which a coarser mesh has failed
-        self.info: Array = np.zeros(rod_drive.INFO)
+        self.info: Array = np.zeros(planar_drive.INFO)
         self.par: Array = np.zeros(rod_drive.PAR)
         self.mesh = self.sol = self.work = _NOTHING
+        self.plane: Array = np.zeros(planar_loads.PLANE)  # what loads and section allow
         self.target: Array = _NOTHING  # (15,) start, end, turns of the trial
         self._kinds = ("", "")
         self._tip = _NOTHING
@@ -129,6 +134,11 @@ class RodState:
         par[12:15] = _FREE_ROTATIONS.get(kinds[1], _FREE_END)
         if par[11] and par[14] and par[0] == par[1] and not self.table.any():
             par[11] = 0.0  # nothing holds the roll of a round straight cable: it would be a zero mode
+        self.plane[0] = 0.0
+        if self._in_plane and kinds in _PLANAR_KINDS:
+            planar_loads.allow_plane(
+                self.problem.load, self.problem.load_force, tip.reshape(1, 3), self.table, self.plane
+            )
         if self.elements:
             nodes = self.mesh[: self.elements + 1].copy()
             self._lay_out(nodes, 1.0 / np.gradient(nodes), self.elements)
@@ -197,6 +207,17 @@ class RodState:
         self.mesh, self.sol, self.elements = mesh, sol, elements
         self.target = sol[-15:]
         self.work = np.zeros(work_size(elements, self.width))
+
+    @property
+    def planar(self) -> bool:
+        """Whether the last solution was found in its plane."""
+        return bool(self.info[planar_drive.PLANAR])
+
+    def factor(self) -> None:
+        """Puts factors of the last solution's Newton matrix into `work`, where a planar solve has left none."""
+        if self.info[planar_drive.PLANAR] == planar_drive.UNFACTORED:
+            self.info[planar_drive.PLANAR] = planar_drive.FACTORED
+            rod_stability.refresh(self.par, self.mesh, self.sol, self.work, self.elements, self.width, True)
 
     @property
     def ends(self) -> Array:
