@@ -3,6 +3,7 @@
 The public contract is what this module exports. It imports no ROS, viewer, collision or robot library.
 """
 
+from cable_shape.batch import predict_batch
 from cable_shape.cable import Cable
 from cable_shape.cycle import Cycle
 from cable_shape.errors import (
@@ -15,6 +16,7 @@ from cable_shape.errors import (
     StaleInputError,
     UnknownKeyError,
 )
+from cable_shape.paths import GripPath, JointPath
 from cable_shape.plug import Plug, PlugError
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.predictor import Predictor, predict
@@ -32,8 +34,11 @@ from cable_shape.scene import (
     Sphere,
 )
 from cable_shape.shape import CableShape, ClipLoad, Contact, Status
+from cable_shape.shape_batch import ShapeBatch
 from cable_shape.stress import Stress, stress_of
 from cable_shape.tails import predict_tails
+from cable_shape.trajectory import check_trajectory
+from cable_shape.trajectory_report import Reason, TrajectoryCheck, Violation
 from cable_shape.warm_up import warm_up
 
 __version__ = "0.1.0"
@@ -58,8 +63,10 @@ __all__ = [
     "DependencyError",
     "FreeEnd",
     "Grip",
+    "GripPath",
     "HalfSpace",
     "InputError",
+    "JointPath",
     "Margin",
     "Mesh",
     "Obstacle",
@@ -68,16 +75,22 @@ __all__ = [
     "PointMass",
     "Pose",
     "Predictor",
+    "Reason",
     "RobotError",
     "Scene",
     "Severity",
+    "ShapeBatch",
     "Sphere",
     "StaleInputError",
     "Status",
     "Stress",
+    "TrajectoryCheck",
     "UnknownKeyError",
+    "Violation",
     "WarningKind",
+    "check_trajectory",
     "predict",
+    "predict_batch",
     "predict_tails",
     "stress_of",
     "warm_up",

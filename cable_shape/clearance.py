@@ -96,7 +96,7 @@ class ClearanceChecker:
         self.moving: NDArray[np.bool_] = np.array([body.link is not None for body in bodies], dtype=np.bool_)
         self._on_link = {body.link: body.name for body in reversed(bodies) if body.link is not None}
         self._fixed = sum(body.link is None for body in bodies)
-        self._bodies, self._triangles, self._nodes = body_tables(bodies, self.links, frozenset(gripping_links))
+        self.tables = body_tables(bodies, self.links, frozenset(gripping_links))
 
     def check(self, shape: CableShape, links: Mapping[str, Pose] | None = None) -> Clearance:
         """Distances of `shape` to all bodies.
@@ -127,10 +127,9 @@ class ClearanceChecker:
             self.horizon,
             self.grip_exclusion,
             self.cull,
-            self._bodies,
+            self.tables[0],
             _NO_LINKS if links is None else self._rows(links),
-            self._triangles,
-            self._nodes,
+            *self.tables[1:],
             result,
             counts,
         )

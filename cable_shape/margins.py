@@ -85,9 +85,9 @@ class MarginWatch:
             longest *= 1.0 + cable.max_tension / cable.axial_stiffness
         limits = (longest, cable.max_tension, cable.min_bend_radius, cable.max_twist_rate, cable.allowable_stress)
         warn = max(scene.warn_distance, scene.error_distance)
-        self._limits = np.array([math.nan if limit is None else limit for limit in (*limits, warn)])
-        self._section = np.zeros(5) if cable.allowable_stress is None else section_of(cable)
-        self._soft = min(*cable.bending_stiffness, cable.twisting_stiffness) / cable.length**2
+        self.limits = np.array([math.nan if limit is None else limit for limit in (*limits, warn)])
+        self.section = np.zeros(5) if cable.allowable_stress is None else section_of(cable)
+        self.soft = min(*cable.bending_stiffness, cable.twisting_stiffness) / cable.length**2
         self._moving = moving
         self.reset()
 
@@ -137,14 +137,14 @@ class MarginWatch:
         rows = kernels.measure(
             shape.buffer,
             shape.points,
-            self._section,
-            self._limits,
+            self.section,
+            self.limits,
             held,
             status is not Status.OVERSTRETCHED,
             table,
             moving,
             *self._rod(shape, state),
-            self._soft,
+            self.soft,
             shape.reused and not math.isnan(self._memory[0]),
             status is Status.UNSTABLE,
             self._memory,

@@ -18,7 +18,7 @@ from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError, CableShapeError, InputError, RobotError
 from cable_shape.files import load_yaml
 from cable_shape.pose import GRIP_KINDS, IDENTITY, Grip, Pose
-from cable_shape.robot_files import build, load_pinocchio, obstacles_of, read_urdf
+from cable_shape.robot_files import build, load_pinocchio, longest_chain, obstacles_of, read_urdf
 from cable_shape.scene import Obstacle
 
 #: the two grippers: left holds the cable's start, right its end
@@ -292,6 +292,16 @@ class Robot:
         """Positions (m,) of all `single_joints` for the joint positions `q` (n,); mimicking joints follow."""
         every: Array = self._spread @ q + self._shift
         return every
+
+    @property
+    def reach(self) -> float:
+        """[m], no origin of a link is further from a joint that moves it: the longest chain, stretched out."""
+        travel = {}
+        for name, row in self._row.items():
+            leader = int(np.argmax(np.abs(self._spread[row])))
+            far = float(np.abs((self.lower[leader], self.upper[leader])).max())
+            travel[name] = abs(float(self._spread[row, leader])) * far + abs(float(self._shift[row]))
+        return longest_chain(self._model, travel)
 
     def gripper_poses(self) -> dict[str, Pose]:
         """The tool frames "left" and "right" in the world, at the last update."""

@@ -8,12 +8,13 @@ from __future__ import annotations
 import contextlib
 import importlib
 import importlib.util
+import math
 import os
 import re
 import sys
 import tempfile
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from types import ModuleType
@@ -185,3 +186,19 @@ def _solid(link: str, shape: Any) -> Solid:
         triangles = (shape.tri_indices(i) for i in range(shape.num_tris))
         return Mesh(vertices, np.array([(t[0], t[1], t[2]) for t in triangles], dtype=np.int64))
     raise RobotError(f"Link {link!r} has collision geometry of kind {kind}. Use boxes, spheres, cylinders or meshes.")
+
+
+def longest_chain(model: Any, travel: Mapping[str, float]) -> float:
+    """[m], from the world to the frame that is furthest along the chains of joints, all stretched out.
+
+    travel: by the name of each joint, how far it goes from zero; counted for those that slide.
+    """
+    steps = []
+    for joint in range(model.njoints):
+        step = math.hypot(*model.jointPlacements[joint].translation.tolist())
+        if model.joints[joint].shortname().startswith("JointModelP"):
+            step += travel.get(model.names[joint], 0.0)
+        steps.append(step)
+    chains = [sum(steps[j] for j in model.supports[joint]) for joint in range(model.njoints)]
+    frames = ((chains[f.parentJoint], f.placement.translation.tolist()) for f in model.frames)
+    return float(max(chain + math.hypot(*place) for chain, place in frames))

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from cable_shape.batch import predict_batch
 from cable_shape.cable import Cable
 from cable_shape.cycle import Cycle
+from cable_shape.paths import GripPath
 from cable_shape.pose import IDENTITY, FreeEnd, Grip, Pose
 from cable_shape.predictor import MODELS, Predictor, predict
 from cable_shape.scene import Box, Capsule, Clip, Cylinder, HalfSpace, Obstacle, PointMass, Scene, Sphere
+from cable_shape.trajectory import check_trajectory
 
 
 def warm_up() -> None:
@@ -54,3 +59,6 @@ def warm_up() -> None:
     for k in range(3):
         resting.predict(Pose((0.0, 0.0, 0.3 + 0.001 * k), start.quaternion), Pose((0.8, 0.0, 0.3), end.quaternion))
     resting.sensitivity()
+    starts, ends = (np.array([pose.array for pose in poses]) for poses in ((start, start), (end, later)))
+    predict_batch(cable, starts, ends, scene=scene)
+    check_trajectory(cable, scene, None, GripPath(starts, ends))

@@ -161,8 +161,11 @@ class RodState:
         self.elements = self.history = self.fewest = 0
         self._lay_out(x, density, elements + 2 * self.stops.size)
 
-    def next_mesh(self) -> bool:
-        """A mesh that the last error estimate asks for, and the last solution on it; False if it cannot be finer."""
+    def next_mesh(self, fewest: int = 0) -> bool:
+        """A mesh that the last error estimate asks for, and the last solution on it; False if it cannot be finer.
+
+        fewest: it has at least so many elements.
+        """
         estimate, n = float(self.info[ESTIMATE]), self.elements
         excess = estimate / (AIM * self.problem.tolerance) if math.isfinite(estimate) else _MOST_EXCESS
         x, density = np.empty(n + 2), np.empty(n + 2)
@@ -170,7 +173,7 @@ class RodState:
         q = self.sol[: 4 * n + 4].reshape(n + 1, 4)
         excess = min(max(excess, 1.0 / _MOST_EXCESS), _MOST_EXCESS)
         wanted = rod_mesh.indicated(nodes, q, self.mesh[20 * n + 1 :], excess, _TURN_AIM, x, density)
-        elements = min(MOST_ELEMENTS, max(FEWEST_ELEMENTS + 2 * self.stops.size, math.ceil(wanted)))
+        elements = min(MOST_ELEMENTS, max(fewest, FEWEST_ELEMENTS + 2 * self.stops.size, math.ceil(wanted)))
         if estimate > self.problem.tolerance:
             if n == MOST_ELEMENTS:
                 return False

@@ -1,0 +1,180 @@
+"""Motions of both grips through waypoints: :class:`JointPath`, :class:`GripPath`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cable_shape import checks
+from cable_shape.checks import Array
+from cable_shape.errors import ArgumentError, UnknownKeyError
+from cable_shape.pose import Grip, Pose
+from cable_shape.robot import Robot
+
+MOST_WAYPOINTS = 100_000
+
+
+@final
+class JointPath:
+    """Waypoints of a robot's joints, linear in the joints between them.
+
+    Parameters
+    ----------
+    joint_names : sequence of str
+    positions : (k, j) array_like
+        [rad] or [m], a row a waypoint in the order of the names.
+    times : (k,) array_like, optional
+        [s], rising.
+    """
+
+    def __init__(self, joint_names: Sequence[str], positions: ArrayLike, times: ArrayLike | None = None) -> None:
+        self.joint_names = tuple(joint_names)
+        self.positions = _waypoints("positions", positions, len(self.joint_names))
+        self.times = _times(times, len(self.positions))
+
+    @classmethod
+    def from_message(cls, message: Any) -> JointPath:
+        """From a ``trajectory_msgs/JointTrajectory``, or what has its fields."""
+        points = message.points
+        spans = [point.time_from_start for point in points]
+        times = [span.sec + 1e-9 * span.nanosec for span in spans]
+        lengths = {len(point.positions) for point in points}
+        if lengths - {len(message.joint_names)}:
+            raise ArgumentError(
+                f"trajectory.points have {sorted(lengths)} positions for {len(message.joint_names)} joint_names. "
+                "Give every point one position for every joint."
+            )
+        rows = np.array([list(point.positions) for point in points]).reshape(len(points), len(message.joint_names))
+        return cls(message.joint_names, rows, times if any(times) else None)
+
+
+@final
+class GripPath:
+    """Waypoints of the cable's two clamped ends: between them positions are linear, frames turn the shortest way.
+
+    Parameters
+    ----------
+    starts, ends : (k, 7) array_like
+        Position [m] and quaternion x y z w of the cable frame at each end, in the world.
+    times : (k,) array_like, optional
+        [s], rising.
+    """
+
+    def __init__(self, starts: ArrayLike, ends: ArrayLike, times: ArrayLike | None = None) -> None:
+        self.starts, self.ends = _waypoints("starts", starts, 7), _waypoints("ends", ends, 7)
+        if len(self.starts) != len(self.ends):
+            raise ArgumentError.of(
+                "ends", f"{len(self.ends)} waypoints", f"starts has {len(self.starts)}", "Give as many of both."
+            )
+        for name, poses in (("starts", self.starts), ("ends", self.ends)):
+            for i, row in enumerate(poses):
+                row[3:] = checks.quaternion(f"{name}[{i}]", row[3:])
+                if i > 0 and float(row[3:] @ poses[i - 1, 3:]) < 0.0:
+                    row[3:] *= -1.0
+        self.times = _times(times, len(self.starts))
+
+
+Path = JointPath | GripPath
+
+
+@final
+class Motion:
+    """A path with the robot that follows it: where the grips and links are at any place between the waypoints.
+
+    A place is a number from 0 to k - 1, whole at the waypoints.
+    """
+
+    def __init__(self, path: Path, robot: Robot | None) -> None:
+        self.times = path.times
+        self.robot: Robot | None = None
+        self.reach = 0.0  # m, no tool of the robot is further from a joint that moves it
+        self._path: GripPath | None = None
+        if isinstance(path, GripPath):
+            self._path, self.waypoints = path, len(path.starts)
+            self.joints: Array = np.empty((self.waypoints, 0))
+            return
+        if robot is None:
+            raise ArgumentError("robot = None is not allowed: the trajectory is one of joints. Give the Robot.")
+        for name in path.joint_names:
+            if name not in robot.single_joints:
+                raise UnknownKeyError.among("trajectory.joint_names", name, robot.single_joints)
+        self.robot, self.waypoints, self.reach = robot, len(path.positions), robot.reach
+        self.joints = np.array([robot.positions(path.joint_names, row) for row in path.positions])
+
+    def at(self, place: float) -> tuple[Pose | Grip, Pose | Grip, Mapping[str, Pose] | None]:
+        """Start, end and links; None: they are not known."""
+        if self._path is not None:
+            i, j, x = self._segment(place)
+            poses = self._path.starts, self._path.ends
+            start, end = (Pose.trusted(_between(p[i], p[j], x)) for p in poses)
+            return start, end, None
+        assert self.robot is not None
+        start_grip, end_grip = self.robot.grips(self.joint_positions(place))
+        return start_grip, end_grip, self.robot.link_poses()
+
+    def joint_positions(self, place: float) -> Array:
+        """(n,) [rad] or [m], in the order of the robot's `joint_names`."""
+        i, j, x = self._segment(place)
+        q: Array = self.joints[i] if x == 0.0 else (1.0 - x) * self.joints[i] + x * self.joints[j]
+        return q
+
+    def _segment(self, place: float) -> tuple[int, int, float]:
+        """The waypoints before and after a place, and how far it is from one to the other, 0 to 1."""
+        i = max(min(int(place), self.waypoints - 2), 0)
+        return i, min(i + 1, self.waypoints - 1), place - i
+
+    def turned(self, a: float, b: float) -> float:
+        """[rad, m], sum of what the joints move between two places of one segment."""
+        if self.robot is None or self.waypoints < 2:
+            return 0.0
+        i, _, _ = self._segment(a)
+        return (b - a) * float(np.abs(self.joints[i + 1] - self.joints[i]).sum())
+
+
+def _between(p: Array, q: Array, x: float) -> Array:
+    """The pose (7,) at a fraction x of the way from p to q, whose quaternions have one sign."""
+    if x == 0.0 or x == 1.0:
+        return p if x == 0.0 else q
+    out = (1.0 - x) * p + x * q
+    angle = math.acos(min(1.0, float(p[3:] @ q[3:])))
+    if angle > 1e-6:
+        out[3:] = (math.sin((1.0 - x) * angle) * p[3:] + math.sin(x * angle) * q[3:]) / math.sin(angle)
+    out[3:] /= math.sqrt(float(out[3:] @ out[3:]))
+    return out
+
+
+def _waypoints(name: str, value: ArrayLike, width: int) -> Array:
+    """A finite table (k, width) as a new array."""
+    try:
+        table = np.array(value, dtype=np.float64, order="C")
+    except (TypeError, ValueError):
+        raise ArgumentError.of(name, value, "it must be a table of numbers", "Give a row a waypoint.") from None
+    if table.ndim != 2 or table.shape[1] != width:
+        bound = f"it must have shape (k, {width})"
+        raise ArgumentError.of(name, f"array of shape {table.shape}", bound, "Give a row a waypoint.")
+    if not 0 < len(table) <= MOST_WAYPOINTS:
+        bound = f"1 to {MOST_WAYPOINTS} are allowed"
+        raise ArgumentError.of(name, f"{len(table)} waypoints", bound, "Split the trajectory, or give a waypoint.")
+    bad = np.flatnonzero(~np.isfinite(table).all(axis=1))
+    if bad.size:
+        row = int(bad[0])
+        raise ArgumentError.of(f"{name}[{row}]", table[row].tolist(), "it must be finite", "Correct the waypoint.")
+    return table
+
+
+def _times(value: ArrayLike | None, count: int) -> Array | None:
+    """Rising times (k,) [s]."""
+    if value is None:
+        return None
+    times = checks.vector("times", value, count, "s")
+    back = np.flatnonzero(np.diff(times) <= 0.0)
+    if back.size:
+        i = int(back[0]) + 1
+        raise ArgumentError.of(
+            f"times[{i}]", float(times[i]), f"it must be later than the one before, {times[i - 1]:g} s", "Sort them."
+        )
+    return times

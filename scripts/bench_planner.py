@@ -1,0 +1,27 @@
+#!/usr/bin/env python
+"""Figures for planners: grasps a second, and trajectories checked.
+
+scripts/bench planner [--quick]
+"""
+
+from __future__ import annotations
+
+import argparse
+
+import planner_batch
+import planner_trajectory
+
+
+def main() -> None:
+    """All tables."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="fewer rows and paths")
+    options = parser.parse_args()
+    planner_batch.print_rates(10_000, 3 if options.quick else 7)
+    planner_batch.print_agreement(50 if options.quick else 500)
+    planner_trajectory.print_time()
+    planner_trajectory.print_agreement(20 if options.quick else 200)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,106 @@
+"""How many grasps a second `predict_batch` answers, and how near its answers are to cold predictions."""
+
+from __future__ import annotations
+
+from time import perf_counter, process_time
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+import cable_shape as cs
+
+CABLE = cs.Cable(
+    length=1.2,
+    linear_density=0.1,
+    bending_stiffness=0.01,
+    twisting_stiffness=0.008,
+    min_bend_radius=0.03,
+    max_tension=20.0,
+)
+TOLERANCE = 1e-4 * CABLE.length
+ALONG_X = Rotation.from_quat((0.5, 0.5, 0.5, 0.5))
+TURNED = Rotation.from_euler("z", 45, degrees=True) * ALONG_X
+#: name, half width of the spread of either grip: position [m], rotation vector [rad]; rows
+SPREADS = (("a few cm, 10 deg", 0.03, 0.17), ("10 cm, 20 deg", 0.1, 0.35), ("25 cm, 45 deg", 0.25, 0.8))
+ONE_CORE, TWO_CORES, WITH_CLEARANCE = 25_000.0, 1.7, 10_000.0
+
+
+def grasps(rows: int, reach: float, turn: float, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """Random grasps (rows, 7) around one: starts and ends."""
+    random = np.random.default_rng(seed)
+    poses = []
+    for place, frame in (((0.0, 0.0, 0.5), ALONG_X), ((0.7, 0.3, 0.4), TURNED)):
+        turns = Rotation.from_rotvec(random.uniform(-turn, turn, (rows, 3)))
+        positions = place + random.uniform(-reach, reach, (rows, 3))
+        poses.append(np.hstack((positions, (turns * frame).as_quat())))
+    return poses[0], poses[1]
+
+
+def bodies(count: int = 20, seed: int = 1) -> tuple[cs.Obstacle, ...]:
+    """Boxes, spheres, cylinders and capsules below and beside the cable, near and far."""
+    random = np.random.default_rng(seed)
+    solids = (cs.Box((0.08, 0.1, 0.12)), cs.Sphere(0.05), cs.Cylinder(0.03, 0.2), cs.Capsule(0.02, 0.2))
+    found = []
+    for i in range(count):
+        place = random.uniform((-0.3, -0.4, -0.5), (1.0, 0.6, 0.9))
+        pose = cs.Pose(place, Rotation.random(random_state=i).as_quat())
+        found.append(cs.Obstacle(f"body_{i}", solids[i % len(solids)], pose))
+    return tuple(found)
+
+
+def rate(
+    rows: int, threads: int, scene: cs.Scene | None, repeats: int, spread: tuple[float, float]
+) -> tuple[float, float]:
+    """Best rows a second of wall time, and of processor time."""
+    starts, ends = grasps(rows, *spread)
+    options = {"model": "cosserat", "tolerance": TOLERANCE, "scene": scene, "threads": threads}
+    cs.predict_batch(CABLE, starts[:100], ends[:100], **options)
+    wall, processor = [], []
+    for _ in range(repeats):
+        began, used = perf_counter(), process_time()
+        cs.predict_batch(CABLE, starts, ends, **options)
+        wall.append(perf_counter() - began)
+        processor.append(process_time() - used)
+    return rows / min(wall), rows / min(processor)
+
+
+def print_rates(rows: int, repeats: int) -> bool:
+    """Prints shapes a second; returns whether they are what is asked."""
+    print(f"\n## predict_batch: {rows} random grasps, error within 1e-4 of the length, 150 points, best of {repeats}")
+    print(f"{'':34s} {'wall':>9s} {'processor':>9s}  [rows/s]")
+    rates = {}
+    scene = cs.Scene(obstacles=bodies())
+    for name, *spread in SPREADS:
+        for threads, around in ((1, None), (2, None), (1, scene)):
+            key = f"{name}, {threads} thread{'s'[: threads - 1]}{', 20 bodies' if around else ''}"
+            rates[key] = rate(rows, threads, around, repeats, (spread[0], spread[1]))
+            print(f"{key:42s} {rates[key][0]:9.0f} {rates[key][1]:9.0f}")
+    near = SPREADS[0][0]
+    one, two, clear = (rates[f"{near}, {key}"][0] for key in ("1 thread", "2 threads", "1 thread, 20 bodies"))
+    holds = one >= ONE_CORE and two / one >= TWO_CORES and clear >= WITH_CLEARANCE
+    print(f"{near}: {one:.0f}/s on one core ({ONE_CORE:.0f} asked), {two / one:.2f} times on two ({TWO_CORES} asked),")
+    print(f"  with clearance {clear:.0f}/s ({WITH_CLEARANCE:.0f} asked); holds: {'yes' if holds else 'no'}")
+    return holds
+
+
+def print_agreement(rows: int) -> None:
+    """Prints how far rows are from cold predictions to 1e-7 of the length, and how many are on another branch."""
+    print(f"\n## predict_batch against cold predictions at 1e-7 of the length, {rows} rows each")
+    print(f"{'':20s} {'error / tolerance: median':>26s} {'largest':>9s}   other branch (flagged), flagged in all")
+    for name, reach, turn in SPREADS:
+        starts, ends = grasps(rows, reach, turn, seed=2)
+        batch = cs.predict_batch(CABLE, starts, ends, model="cosserat", tolerance=TOLERANCE)
+        errors, others = [], []
+        for i, (start, end) in enumerate(zip(starts, ends, strict=True)):
+            there = cs.Pose(start[:3], start[3:]), cs.Pose(end[:3], end[3:])
+            shape = cs.predict(CABLE, *there, model="cosserat", tolerance=1e-7 * CABLE.length)
+            if not shape.status:
+                continue
+            apart = float(np.linalg.norm(batch.positions[i] - shape.positions, axis=1).max())
+            if apart > 0.02 * CABLE.length:
+                others.append(i)
+            else:
+                errors.append(apart / TOLERANCE)
+        flagged = int(batch.several[others].sum())
+        middle, most = np.median(errors), max(errors)
+        print(f"{name:20s} {middle:26.3f} {most:9.3f}   {len(others)} ({flagged}), {batch.several.sum()}")

@@ -1,0 +1,243 @@
+"""predict_batch: the same shapes as one by one, whatever the order, the company and the threads."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from rods import CABLE
+from scipy.spatial.transform import Rotation
+
+import cable_shape as cs
+from cable_shape.kernels import batch_cells, batch_rows, rod_drive, rod_stability
+from cable_shape.models import cosserat
+from cable_shape.models.rod_state import RodState
+from cable_shape.problem import Problem
+from cable_shape.shape_batch import LOAD_MARGINS
+
+ALONG_X = Rotation.from_quat((0.5, 0.5, 0.5, 0.5))
+TOLERANCE = 1e-4 * CABLE.length
+LIMITED = CABLE.replace(min_bend_radius=0.05, max_tension=20.0, max_twist_rate=8.0)
+SCENE = cs.Scene(
+    obstacles=[
+        cs.Obstacle("ball", cs.Sphere(0.05), cs.Pose((0.4, 0.05, -0.25))),
+        cs.Obstacle("table", cs.HalfSpace(), cs.Pose((0.0, 0.0, -0.4))),
+        cs.Obstacle("far", cs.Box((0.1, 0.1, 0.1)), cs.Pose((3.0, 0.0, 0.0))),
+    ],
+    masses=[cs.PointMass(0.4, 0.02)],
+)
+
+
+def grasps(rows: int, reach: float = 0.08, turn: float = 0.3, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """Random grasps (rows, 7) around one."""
+    random = np.random.default_rng(seed)
+    poses = []
+    for place, frame in ((0.0, 0.0, 0.0), ALONG_X), ((0.7, 0.3, -0.1), Rotation.from_euler("z", 0.8) * ALONG_X):
+        turns = Rotation.from_rotvec(random.uniform(-turn, turn, (rows, 3)))
+        poses.append(np.hstack((place + random.uniform(-reach, reach, (rows, 3)), (turns * frame).as_quat())))
+    return poses[0], poses[1]
+
+
+def pair(starts: np.ndarray, ends: np.ndarray, row: int) -> tuple[cs.Pose, cs.Pose]:
+    """One row as poses."""
+    return cs.Pose(starts[row, :3], starts[row, 3:]), cs.Pose(ends[row, :3], ends[row, 3:])
+
+
+def batch_of(starts: np.ndarray, ends: np.ndarray, **options) -> cs.ShapeBatch:
+    """Of the rod, to the tolerance of these tests."""
+    return cs.predict_batch(LIMITED, starts, ends, **{"model": "cosserat", "tolerance": TOLERANCE, **options})
+
+
+def assert_same(a: cs.ShapeBatch, rows: np.ndarray, b: cs.ShapeBatch) -> None:
+    """Rows of `a` are those of `b`, bit by bit."""
+    for name in ("buffer", "tables", "margin_rows", "status", "several", "energy", "error_estimate", "twist"):
+        np.testing.assert_array_equal(getattr(a, name)[rows], getattr(b, name), err_msg=name)
+
+
+def test_every_row_is_the_cold_prediction_within_its_estimate() -> None:
+    starts, ends = grasps(60)
+    batch = batch_of(starts, ends, scene=SCENE)
+    assert batch.usable.all()
+    for row, shape in enumerate(batch):
+        exact = cs.predict(
+            LIMITED, *pair(starts, ends, row), model="cosserat", tolerance=1e-8 * CABLE.length, scene=SCENE
+        )
+        apart = np.linalg.norm(shape.positions - exact.positions, axis=1).max()
+        assert apart < shape.error_estimate < TOLERANCE
+        np.testing.assert_allclose(shape.moment, exact.moment, atol=2e-3 * np.abs(exact.moment).max())
+        assert shape.energy == pytest.approx(exact.energy, abs=1e-5)
+        assert shape.twist == pytest.approx(exact.twist, abs=1e-3)
+        frames = np.abs((shape.quaternions * exact.quaternions).sum(axis=1))
+        assert 1.0 - frames.min() < 1e-6
+
+
+def test_order_company_and_threads_change_no_bit() -> None:
+    starts, ends = grasps(300, reach=0.15, turn=0.5)
+    starts[7] = starts[8]
+    whole = batch_of(starts, ends, scene=SCENE, threads=1)
+    order = np.random.default_rng(3).permutation(len(starts))
+    assert_same(whole, order, batch_of(starts[order], ends[order], scene=SCENE, threads=2))
+    some = order[:40]
+    assert_same(whole, some, batch_of(starts[some], ends[some], scene=SCENE, threads=3))
+    assert_same(whole, order[:1], batch_of(starts[order[:1]], ends[order[:1]], scene=SCENE, threads=1))
+
+
+def test_the_sign_of_a_quaternion_changes_no_shape() -> None:
+    starts, ends = grasps(30)
+    flipped = np.hstack((ends[:, :3], -ends[:, 3:]))
+    np.testing.assert_array_equal(batch_of(starts, ends).positions, batch_of(starts, flipped).positions)
+
+
+def test_clearance_and_margins_are_those_of_a_cycle() -> None:
+    starts, ends = grasps(25)
+    batch = batch_of(starts, ends, scene=SCENE)
+    assert batch.bodies == ("ball", "table", "far")
+    for row in range(len(batch)):
+        cycle = cs.Cycle(LIMITED, scene=SCENE, model="cosserat", tolerance=TOLERANCE)
+        report = cycle.step({"cable": pair(starts, ends, row)}, 0)
+        clearance, ours = report.clearance["cable"], batch.clearance_of(row)
+        assert [b.body for b in ours.bodies] == [b.body for b in clearance.bodies]
+        for a, b in zip(ours.bodies, clearance.bodies, strict=True):
+            assert a.distance == pytest.approx(b.distance, abs=2.0 * TOLERANCE)
+        assert batch.distances[row, 2] == np.inf
+        columns = {**{kind: i for i, kind in enumerate(LOAD_MARGINS)}, "ball": 6, "table": 7}
+        told = {columns[m.other or m.kind]: m.used for m in report.margins["cable"]}
+        assert set(np.flatnonzero(~np.isnan(batch.used[row]))) == set(told)
+        for column, used in told.items():
+            assert batch.used[row, column] == pytest.approx(used, rel=2e-2), column
+
+
+def test_a_row_that_is_not_valid_fails_alone_and_with_its_index() -> None:
+    starts, ends = grasps(12)
+    whole = batch_of(starts, ends)
+    starts[3, 1], ends[5, 3:] = np.nan, (0.0, 0.0, 0.0, 2.0)
+    batch = batch_of(starts, ends)
+    good = np.array([0, 1, 2, 4, 6, 7, 8, 9, 10, 11])
+    assert sorted(batch.errors) == [3, 5]
+    assert "starts[3]" in str(batch.errors[3])
+    assert "nan" in str(batch.errors[3])
+    assert "ends[5]" in str(batch.errors[5])
+    np.testing.assert_array_equal(batch.buffer[good], whole.buffer[good])
+    assert not batch.usable[[3, 5]].any()
+    assert not batch[3].status
+    assert "starts[3]" in batch[3].detail
+    assert np.isnan(batch[3].positions).all()
+    assert not batch.partial
+
+
+def test_a_time_limit_gives_what_is_done_and_says_so() -> None:
+    starts, ends = grasps(200)
+    batch_of(starts[:2], ends[:2])
+    batch = batch_of(starts, ends, time_limit=1e-9)
+    assert batch.partial
+    assert not batch.done.any()
+    assert not batch.usable.any()
+    assert np.isnan(batch.positions).all()
+    assert "200 not done" in repr(batch)
+    assert not batch_of(starts, ends, time_limit=1e3).partial
+
+
+def test_ends_too_far_apart_are_a_status() -> None:
+    starts, ends = grasps(5)
+    ends[2, 0] = 2.0
+    batch = batch_of(starts, ends)
+    assert batch[2].status is cs.Status.OVERSTRETCHED
+    assert "further apart" in batch.details[2]
+    assert batch.usable.tolist() == [True, True, False, True, True]
+
+
+@pytest.mark.parametrize("model", ["catenary", "gradient4", "auto"])
+def test_other_models_are_those_of_predict(model: str) -> None:
+    starts, ends = grasps(4)
+    batch = cs.predict_batch(CABLE, starts, ends, model=model, tolerance=1e-3)
+    for row, shape in enumerate(batch):
+        single = cs.predict(CABLE, *pair(starts, ends, row), model=model, tolerance=1e-3)
+        if model == "auto":
+            assert np.linalg.norm(shape.positions - single.positions, axis=1).max() < 1e-3
+        else:
+            np.testing.assert_array_equal(shape.buffer, single.buffer)
+            assert shape.model == single.model
+
+
+def test_clips_are_solved_row_by_row() -> None:
+    starts, ends = grasps(2, reach=0.01, turn=0.02)
+    scene = cs.Scene(clips=[cs.Clip(0.6, cs.Pose((0.35, 0.15, -0.2)))])
+    batch = cs.predict_batch(CABLE, starts, ends, model="cosserat", scene=scene)
+    single = cs.predict(CABLE, *pair(starts, ends, 1), model="cosserat", scene=scene)
+    np.testing.assert_array_equal(batch[1].positions, single.positions)
+
+
+def test_an_empty_batch_is_empty() -> None:
+    batch = cs.predict_batch(CABLE, np.empty((0, 7)), np.empty((0, 7)))
+    assert len(batch) == 0
+    assert not batch.partial
+    assert batch.positions.shape == (0, 150, 3)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"starts": np.zeros((3, 6))}, r"starts.*shape \(k, 7\)"),
+        ({"ends": np.zeros((2, 7))}, "ends.*as many as starts, 3"),
+        ({"starts": "here"}, "starts.*table of numbers"),
+        ({"threads": 0}, "threads.*at least 1"),
+        ({"threads": 1.5}, "threads.*whole number"),
+        ({"time_limit": 0.0}, "time_limit.*above 0"),
+        ({"model": "spring"}, "model.*one of"),
+        ({"points": 100_000, "starts": np.zeros((700, 7)), "ends": np.zeros((700, 7))}, "700 rows.*Split"),
+    ],
+)
+def test_bad_arguments_are_named(change: dict, words: str) -> None:
+    starts, ends = grasps(3)
+    with pytest.raises(cs.ArgumentError, match=words):
+        cs.predict_batch(CABLE, **{"starts": starts, "ends": ends, **change})
+
+
+def test_cells_are_the_nearest_points_of_the_lattice() -> None:
+    random = np.random.default_rng(5)
+    key, x = np.empty(9, np.int64), np.empty(9)
+    for _ in range(50):
+        place = random.uniform(-3.0, 3.0, 9)
+        batch_cells.nearest(place, key)
+        batch_cells.centre(key, x)
+        least = np.linalg.norm(place - x)
+        assert least <= np.sqrt(9 * 11 / 120.0) + 1e-12  # the lattice's covering radius
+        for _ in range(200):
+            other = np.empty(9)
+            batch_cells.centre(key + random.integers(-1, 2, 9), other)
+            assert np.linalg.norm(place - other) >= least - 1e-12
+
+
+def test_a_cells_grasp_has_the_cells_coordinates() -> None:
+    key, again, x = np.array((1, -2, 0, 3, 1, 0, -1, 2, 1)), np.empty(9, np.int64), np.empty(9)
+    start, end = np.empty((2, 7))
+    batch_cells.grasp(key, 0.3, 0.3, np.inf, start, end)
+    batch_cells.coordinates(start, end, 0.3, 0.3, x)
+    batch_cells.nearest(x, again)
+    np.testing.assert_array_equal(again, key)
+
+
+def test_the_lean_is_right_to_first_order() -> None:
+    """Halving the way to the ends quarters what Newton's method still turns."""
+    starts, ends = grasps(1)
+    state = RodState(Problem(CABLE))
+    cosserat.solve(state.problem.move(*pair(starts, ends, 0)), state)
+    rod_stability.refresh(state.par, state.mesh, state.sol, state.work, state.elements, state.width, True)
+    size = rod_drive.slot_size(state.elements)
+    turned = []
+    for far in (0.04, 0.02, 0.01):
+        there = starts[0].copy(), ends[0].copy()
+        for pose, sign in zip(there, (1.0, -1.0), strict=True):
+            pose[:3] += sign * far * np.array((1.0, 0.5, -0.3))
+            pose[3:] = (
+                Rotation.from_rotvec(sign * far * np.array((2.0, -1.0, 3.0))) * Rotation.from_quat(pose[3:])
+            ).as_quat()
+        target, trial = np.empty(15), np.zeros(3 * size)
+        assert batch_rows.aim(*there, state.ends, target)
+        batch_rows.lean(state.sol, state.work.copy(), state.elements, target, trial)
+        info, work = np.empty(rod_drive.INFO), np.zeros_like(state.work)
+        rod_drive.solve(
+            state.par, state.mesh.copy(), trial, work, np.empty(0), info, state.elements, 4, 0, 0, True, 25, 7.0
+        )
+        turned.append(info[rod_drive.TURNED])
+    assert turned[0] < 0.05
+    assert np.all(np.array(turned[:-1]) / turned[1:] > 3.0)
