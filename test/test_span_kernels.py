@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from cable_shape.kernels.span_factor import FORCE, PLACE, SHIFTED, backward, factor, forward
-from cable_shape.kernels.span_newton import balance
+from cable_shape.kernels.span_newton import balance, shaky
 from cable_shape.kernels.span_system import assemble, gradient
 from cable_shape.kernels.span_work import JOINT
 
@@ -132,6 +132,20 @@ def test_factors_solve_the_system_in_spans_and_count_its_negative_eigenvalues(la
     assert x == pytest.approx(expected, abs=1e-9 * np.abs(expected).max())
 
 
+def test_a_pivot_next_to_singular_is_told_and_a_strip_is_not():
+    """Elimination without pivoting loses the square of a pivot's condition; that of the stiffness itself is none."""
+    rng = np.random.default_rng(8)
+    stiff = np.array((1.0, 1e4, 30.0, 0.0, 0.0, 0.0))
+    root = np.diag(np.sqrt(stiff[:3]))
+    turns = Rotation.random(6, random_state=rng).as_matrix()
+    for least, expected in ((0.1, False), (1e-3, False), (-1e-3, False), (1e-7, True), (-1e-7, True), (0.0, True)):
+        pivots = [root @ R @ np.diag((1.0, -2.0, 0.7)) @ R.T @ root for R in turns]
+        R = turns[3]
+        pivots[3] = root @ R @ np.diag((1.0, least if least else 1e-300, 3.0)) @ R.T @ root
+        P = np.array([np.linalg.inv(pivot).ravel() for pivot in pivots])
+        assert shaky(P, stiff) is expected, least
+
+
 class Chain:
     """A small rod in two spans whose middle support may move against a spring, as a function of all its unknowns."""
 
@@ -184,7 +198,7 @@ class Chain:
         q, full, force, corners = self.at(np.zeros(self.size))
         n, m = self.elements, 3 * (self.elements + 1)
         D, U, G = np.empty((n + 1, 9)), np.empty((n, 9)), np.empty((n + 1, 3))
-        parts, first, sums = np.empty((n, 36)), np.empty((n, 9)), np.empty((2, 12))
+        parts, first, sums = np.empty((n, 36)), np.empty((n, 9)), np.empty((2, 21))
         assemble(
             q, full, self.h, self.rest, self.stiff, np.zeros(3), self.where, self.mask, D, U, G, parts, first, sums
         )  # fmt: skip
@@ -206,7 +220,7 @@ class Chain:
         for k in range(n + 1):
             H[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] = D[k].reshape(3, 3)
         for j in range(2):
-            H[m + 3 * j : m + 3 * j + 3, m + 3 * j : m + 3 * j + 3] = sums[j, 3:].reshape(3, 3)
+            H[m + 3 * j : m + 3 * j + 3, m + 3 * j : m + 3 * j + 3] = sums[j, 3:12].reshape(3, 3)
         H[y, y] = self.place[1, 1:10].reshape(3, 3)
         return np.concatenate((G.ravel(), sums[:, :3].ravel(), pull[1])), H
 

@@ -15,6 +15,7 @@ from typing import Any
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.rod_algebra import (
     FAST,
+    Matrix,
     Quaternion,
     Vector,
     add,
@@ -211,6 +212,67 @@ def change_of_step(parts: Array, e: int, d1: Vector, d2: Vector, dl: Vector) -> 
     )
 
 
+@inlined
+def take_off(
+    q: Array, U: Array, parts: Array, block: Matrix, d: Array, dl: Vector, slack: Array, first: Array, moments: Array,
+    G: Array, better: Array, r: Vector,
+) -> tuple[Vector, float, Vector]:  # fmt: skip
+    """Takes the answer d, dl to the defects off a stretch of elements; see `correct`.
+
+    block: second derivative in the first node's rotation, of the first element alone; r: change of that node's
+    position. G takes what the rule misses in the rotations of all nodes but the last. Returns the change of the last
+    node's position, the square of the largest on the way, and what the rule misses in lambda.
+    """
+    elements = first.shape[0]
+    largest = 0.0
+    closure = (0.0, 0.0, 0.0)
+    d1 = get3(d, 0)
+    M = get3(moments, 0)  # minus the derivative in delta_1
+    t = add(apply(block, d1), apply(get9(U, 0, 0), get3(d, 1)))
+    t = add(t, add(apply(get9(parts, 0, 9), dl), scale(-0.5, cross(M, d1))))
+    put3(moments, 0, 0, subtract(M, t))
+    for e in range(elements):
+        d2 = get3(d, e + 1)
+        t = add(change_of_step(parts, e, d1, d2, dl), get3(slack, e))
+        for i in range(3):
+            first[e, i] += t[i]
+        r = add(r, t)
+        largest = max(largest, dot(r, r))
+        M = (moments[e, 3], moments[e, 4], moments[e, 5])
+        t = add(tapply(get9(U, e, 0), d1), apply(get9(parts, e, 0), d2))
+        M = add(add(M, t), add(apply(get9(parts, e, 18), dl), scale(0.5, cross(M, d2))))
+        put3(moments, e, 3, M)
+        if e < elements - 1:
+            put3(moments, e + 1, 0, M)
+        put3(G, e, 0, (first[e, 3], first[e, 4], first[e, 5]))
+        closure = add(closure, (first[e, 6], first[e, 7], first[e, 8]))
+        d1 = d2
+    for k in range(elements + 1):
+        p, turn = get4(q, k), spin(get4(q, k), get3(d, k))
+        p = qnormal((p[0] + turn[0], p[1] + turn[1], p[2] + turn[2], p[3] + turn[3]))
+        better[k, 0], better[k, 1], better[k, 2], better[k, 3] = p
+    return r, largest, closure
+
+
+@inlined
+def left_over(
+    h: Array, parts: Array, d: Array, dl: Vector, first: Array, stiffest: float, errors: Array, r: Vector
+) -> tuple[Vector, float]:
+    """What is left of the error on a stretch of elements, from the answer d, dl to what the rule misses.
+
+    errors (N,) takes each element's share; r as in `take_off`. Returns the error of the last node's position and the
+    square of the largest on the way.
+    """
+    left = 0.0
+    for e in range(h.shape[0]):
+        t = change_of_step(parts, e, get3(d, e), get3(d, e + 1), dl)
+        a, b = (first[e, 6], first[e, 7], first[e, 8]), (first[e, 3], first[e, 4], first[e, 5])
+        errors[e] = math.sqrt(dot(a, a)) + h[e] * h[e] * math.sqrt(dot(b, b)) / stiffest
+        r = add(r, add(t, a))
+        left = max(left, dot(r, r))
+    return r, left
+
+
 @kernel(fastmath=FAST)
 def correct(
     q: Array, lam: Array, h: Array, load: Array, rest: Array, stiff: Array, mask: Array, work: Array, width: int,
@@ -230,43 +292,11 @@ def correct(
     stiffest = max(stiff[0], stiff[1], stiff[2])
     dl = response(G, mask, P, Y, W, gram, total[3:], total[:3], step, d)
     total[0], total[1], total[2] = lam[0] + dl[0], lam[1] + dl[1], lam[2] + dl[2]
-    largest = 0.0
-    r = closure = (0.0, 0.0, 0.0)
-    d1 = get3(d, 0)
-    M = get3(moments, 0)  # minus the derivative in delta_1
-    t = add(apply(get9(total.reshape(1, 21), 0, 12), d1), apply(get9(U, 0, 0), get3(d, 1)))
-    t = add(t, add(apply(get9(parts, 0, 9), dl), scale(-0.5, cross(M, d1))))
-    put3(moments, 0, 0, subtract(M, t))
-    for e in range(elements):
-        d2 = get3(d, e + 1)
-        t = add(change_of_step(parts, e, d1, d2, dl), get3(slack, e))
-        for i in range(3):
-            first[e, i] += t[i]
-        r = add(r, t)
-        largest = max(largest, dot(r, r))
-        M = (moments[e, 3], moments[e, 4], moments[e, 5])
-        t = add(tapply(get9(U, e, 0), d1), apply(get9(parts, e, 0), d2))
-        M = add(add(M, t), add(apply(get9(parts, e, 18), dl), scale(0.5, cross(M, d2))))
-        put3(moments, e, 3, M)
-        if e < elements - 1:
-            put3(moments, e + 1, 0, M)
-        put3(G, e, 0, (first[e, 3], first[e, 4], first[e, 5]))
-        closure = add(closure, (first[e, 6], first[e, 7], first[e, 8]))
-        d1 = d2
+    block = get9(total.reshape(1, 21), 0, 12)
+    _, largest, closure = take_off(q, U, parts, block, d, dl, slack, first, moments, G, better, (0.0, 0.0, 0.0))
     put3(G, elements, 0, missing)
-    for k in range(elements + 1):
-        p, turn = get4(q, k), spin(get4(q, k), get3(d, k))
-        p = qnormal((p[0] + turn[0], p[1] + turn[1], p[2] + turn[2], p[3] + turn[3]))
-        better[k, 0], better[k, 1], better[k, 2], better[k, 3] = p
     dl = response(G, mask, P, Y, W, gram, total[3:], closure, step, d)
-    r = (0.0, 0.0, 0.0)
-    left = 0.0
-    for e in range(elements):
-        t = change_of_step(parts, e, get3(d, e), get3(d, e + 1), dl)
-        a, b = (first[e, 6], first[e, 7], first[e, 8]), (first[e, 3], first[e, 4], first[e, 5])
-        errors[e] = math.sqrt(dot(a, a)) + h[e] * h[e] * math.sqrt(dot(b, b)) / stiffest
-        r = add(r, add(t, a))
-        left = max(left, dot(r, r))
+    _, left = left_over(h, parts, d, dl, first, stiffest, errors, (0.0, 0.0, 0.0))
     # what the sensitivities read: the moments at the two ends, as derivatives
     put3(first, 0, 3, scale(-1.0, get3(moments, 0)))
     last = elements - 1

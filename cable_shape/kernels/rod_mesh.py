@@ -127,15 +127,6 @@ def indicated(s: Array, q: Array, errors: Array, excess: float, turn: float, x: 
 
 
 @kernel
-def fifth_root(s: Array, errors: Array, x: Array, density: Array) -> float:
-    """Density (error / h^5)^(1/5) of each element's share of an error, of fifth order, see `spread`."""
-    raw = np.empty(errors.shape[0])
-    for e in range(errors.shape[0]):
-        raw[e] = max(errors[e], 1e-300) ** 0.2 / (s[e + 1] - s[e])
-    return float(spread(s, raw, x, density))
-
-
-@kernel
 def element_loads(s: Array, ends: Array, points: Array, weights: Array, tip: Array, h: Array, load: Array) -> None:
     """Lengths h (N,) and internal force without lambda, load (N, 9), at the left, middle and right of each element.
 

@@ -1,9 +1,9 @@
-"""One solve of a cable in spans, warm or from a guess, in one compiled call: predict, Newton, judge, sample.
+"""One solve of a cable in spans, warm or from a guess, in one compiled call: predict, Newton, correct, sample.
 
     par   (14,)  stiffness 3, compliance 3, dead end moment 3, weight [N/m] 3, base shift, length
-    info  (14,)  as in `rod_drive`
+    info  (18,)  as in `rod_drive`
 
-and the arrays of `span_work` and `span_factor`.
+and the arrays of `span_work`, `span_factor` and `span_slide`.
 """
 
 from __future__ import annotations
@@ -27,25 +27,29 @@ from cable_shape.kernels.rod_algebra import (
     qlog,
     qmul,
     qnormal,
-    rotation,
     scale,
     subtract,
     tapply,
 )
 from cable_shape.kernels.rod_defect import defects
+from cable_shape.kernels.rod_drive import STRAIGHT
 from cable_shape.kernels.rod_guess import angle_axis, tangent
 from cable_shape.kernels.rod_output import all_finite, sample
+from cable_shape.kernels.span_defect import correct, support_loads
 from cable_shape.kernels.span_factor import FORCE, backward, forward, take3
 from cable_shape.kernels.span_newton import CONVERGED, newton
+from cable_shape.kernels.span_slide import farthest_way, load_elements, respace
 from cable_shape.kernels.span_system import NONE, fold, release
 from cable_shape.kernels.span_work import BEFORE, NOW, TRIAL, joints_of, matrices, mesh_parts, slot, vectors
 
 Array = Any
 BROKEN = 3  # a number in the output is not finite
 FAR = 4  # an equilibrium further from the prediction than asked for
-PAR, INFO = 14, 14
-LARGEST_TURN = 0.6  # rad, of an element: coarser ones misjudge stability
-SAFETY = 1.5  # of the error estimate, which by itself is right to a few percent on resolved meshes, either way
+TAUT = 5  # a span that cannot stretch is shorter than its chord, or as long
+PAR = 14
+# The estimate's factors, as in `rod_drive`, set in the same way on random scenes with clips.
+LEFT, INTERPOLATED = 21.0, 0.7
+SAFETY = 1.5  # of `position_error`, which by itself is right to a few percent on resolved meshes, either way
 
 
 @kernel
@@ -196,73 +200,132 @@ def position_error(
 
 
 @kernel
-def support_loads(q: Array, lam: Array, s: Array, first: Array, where: Array, loads: Array) -> None:
-    """loads (m-1, 7): arc length, force [N] and moment [N m], world, of the cable on every support inside."""
-    for j in range(1, where.shape[0] - 1):
-        k = where[j]
-        loads[j - 1, 0] = s[k]
-        put3(loads, j - 1, 1, subtract(get3(lam, j), get3(lam, j - 1)))
-        jump = scale(-1.0, add(take3(first, k, 3), take3(first, k - 1, 6)))
-        put3(loads, j - 1, 4, apply(rotation(get4(q, k)), jump))
+def predict(
+    sol: Array, elements: int, mesh: tuple[Array, Array, Array, Array], par: Array, where: Array, mask: Array,
+    place: Array, forces: int, roll: int, knots: Array, rings: Array, acts: Array, points: Array, table: Array,
+    way: Array, history: int,
+) -> None:  # fmt: skip
+    """Fills the trial from the last one or two solutions; the cable runs on through the eyelets `rings`."""
+    s, h, load, rest = mesh
+    spans = where.shape[0] - 1
+    q, _, frames, _, _ = slot(sol, elements, spans, TRIAL)
+    follow(sol, elements, spans, roll)
+    a = pace(sol, elements, spans, par[13]) if history > 1 else 0.0
+    extrapolate(sol, elements, spans, place, a)
+    if rings.shape[0] > 0 and a != 0.0:
+        now, before = slot(sol, elements, spans, NOW)[3], slot(sol, elements, spans, BEFORE)[3]
+        for c in range(rings.shape[0]):
+            way[c] = a * (now[rings[c]] - before[rings[c]])
+        respace(s, knots, where, rings, way, farthest_way(s, frames, where, knots, rings, forces, par[5] == 0.0, way))
+        load_elements(s, acts, points, table, h, load, rest)
+    turn_supports(q, s, frames, where, mask)
+
+
+@kernel
+def any_taut(frames: Array, s: Array, where: Array, forces: int) -> bool:
+    """Whether the chord of a span is as long as the span."""
+    for j in range(forces):
+        chord = subtract(get3(frames, j + 1), get3(frames, j))
+        length = STRAIGHT * (s[where[j + 1]] - s[where[j]])
+        if dot(chord, chord) >= length * length:
+            return True
+    return False
+
+
+@kernel
+def give_back(
+    mesh: tuple[Array, Array, Array, Array], before: Array, acts: Array, points: Array, table: Array, status: int
+) -> int:
+    """Puts nodes that ran along the cable back to where they were; returns `status`."""
+    s, h, load, rest = mesh
+    moved = False
+    for i in range(s.shape[0]):
+        moved = moved or s[i] != before[i]
+    if moved:
+        s[:] = before
+        load_elements(s, acts, points, table, h, load, rest)
+    return status
 
 
 @kernel
 def solve(
     par: Array, mesh: Array, sol: Array, work: Array, out: Array, info: Array, where: Array, mask: Array, place: Array,
-    elements: int, forces: int, roll: int, points: int, history: int, again: bool, guard: bool, most: int, far: float,
-    loads: Array,
+    knots: Array, rings: Array, acts: Array, stops: Array, table: Array, elements: int, forces: int, roll: int,
+    points: int, history: int, again: bool, sliding: bool, guard: bool, most: int, far: float, loads: Array,
 ) -> int:  # fmt: skip
-    """Solves for the supports in the trial slot of `sol`; returns CONVERGED, STALLED, NOT_FINITE, BROKEN or FAR.
+    """Solves for the supports in the trial slot of `sol`; returns CONVERGED, STALLED, NOT_FINITE, BROKEN, FAR or TAUT.
 
-    history: 0 the trial's rotations are a guess; 1 or 2 start from so many solutions. far [rad]: largest turn of a
-    frame from its prediction that is accepted. After CONVERGED the trial has become the solution now; the one now has
-    become the one before, unless the trial solves for the same ends `again`. `points` 0: no output. loads: see
-    `support_loads`.
+    history: 0 the trial's rotations are a guess; 1 or 2 start from so many solutions. sliding: the cable runs through
+    the eyelets `rings`, and the mesh with it; else they hold it. far [rad]: largest turn of a frame from its prediction
+    that is accepted. After CONVERGED the trial has become the solution now; the one now has become the one before,
+    unless the trial solves for the same ends `again`. `points` 0: no output. loads: see `support_loads`.
     """
     spans = where.shape[0] - 1
     s, h, load, rest, errors = mesh_parts(mesh, elements)
-    q, lam, frames, _, _ = slot(sol, elements, spans, TRIAL)
+    nodes = (s, h, load, rest)
+    q, lam, frames, arcs, _ = slot(sol, elements, spans, TRIAL)
     stiff = par[0:6]
+    moving = rings if sliding else rings[:0]
+    k = moving.shape[0]
+    slides = (
+        np.empty((k * (elements + 1), 3)), np.empty((k * spans, 6)), np.empty((k * elements, 9)), np.empty((k, k)),
+        np.zeros(k),
+    )  # fmt: skip
+    if k == 0 and par[5] == 0.0 and any_taut(frames, s, where, forces):
+        return TAUT
+    before = s.copy()
     if history > 0:
-        follow(sol, elements, spans, roll)
-        extrapolate(sol, elements, spans, place, pace(sol, elements, spans, par[13]) if history > 1 else 0.0)
-        turn_supports(q, s, frames, where, mask)
+        predict(
+            sol, elements, nodes, par, where, mask, place, forces, roll, knots, moving, acts, stops, table, slides[4],
+            history,
+        )  # fmt: skip
     if forces < spans:
         put3(lam, forces, 0, NONE)
     first, full, _, _, _, start = vectors(work, elements)
     start[:, :] = q
     info[:] = 0.0
-    status = newton(q, lam, frames, s, h, load, rest, par, where, mask, place, forces, guard, most, work, info)
+    status = newton(
+        q, lam, frames, nodes, par, where, mask, place, forces, knots, moving, acts, stops, table, slides, guard, most,
+        work, info,
+    )  # fmt: skip
+    if status == CONVERGED:
+        largest = 0.0
+        for i in range(elements + 1):
+            miss = qmul(qconj(get4(start, i)), get4(q, i))
+            largest = max(largest, miss[0] * miss[0] + miss[1] * miss[1] + miss[2] * miss[2])
+        info[12] = 2.0 * math.asin(min(1.0, math.sqrt(largest)))
+        if not info[12] <= far:
+            status = FAR
     if status != CONVERGED:
-        return status
-    largest = 0.0
-    for k in range(elements + 1):
-        miss = qmul(qconj(get4(start, k)), get4(q, k))
-        largest = max(largest, miss[0] * miss[0] + miss[1] * miss[1] + miss[2] * miss[2])
-    info[12] = 2.0 * math.asin(min(1.0, math.sqrt(largest)))
-    if not info[12] <= far:
-        return FAR
-    fold(load, lam, where, full)
-    info[7] = position_error(q, h, rest, stiff, where, mask, place, forces, work, errors)
-    worst = 0.0
-    for k in range(elements):
-        worst = max(worst, errors[k])
-    for k in range(elements):
-        cosine = abs(qmul(qconj(get4(q, k)), get4(q, k + 1))[3])
-        turn = 2.0 * math.acos(min(1.0, cosine))
-        info[13] = max(info[13], turn)
-        errors[k] = max(errors[k], worst * (turn / LARGEST_TURN) ** 5)
+        return give_back(nodes, before, acts, stops, table, status)
+    moments, pulled = np.empty((elements, 6)), np.empty((spans, 3))
+    off, left = correct(
+        q, lam, frames, h, rest, stiff, where, mask, place, forces, moving, slides, work, errors, moments, start, pulled
+    )  # fmt: skip
+    info[7], info[15], info[16] = LEFT * left + 2.0 * info[14] * off, off, left
+    info[17] = slot(sol, elements, spans, TRIAL)[4][0]
+    cosine = 1.0
+    for i in range(elements):
+        cosine = min(cosine, abs(qmul(qconj(get4(q, i)), get4(q, i + 1))[3]))
+    info[13] = 2.0 * math.acos(cosine)
+    for i in range(k):
+        arcs[moving[i]] = s[where[moving[i]]]
     if points > 0:
-        moments, totals = np.empty((elements, 6)), np.empty(5)
-        for e in range(elements):
+        totals = np.empty(5)
+        if k > 0:  # the mesh stays that of the solution that is corrected
+            s, h, load, rest = s.copy(), h.copy(), load.copy(), rest.copy()
+            respace(s, knots, where, moving, slides[4], 1.0)
+            load_elements(s, acts, stops, table, h, load, rest)
+        fold(load, pulled, where, full)
+        sample(start, np.zeros(3), moments, s, h, full, rest, stiff, frames[0], par[9:12], first, points, out, totals)
+        support_loads(start, pulled, moments, s, where, loads)
+        info[8:12] = totals[:4]
+        info[7] += INTERPOLATED * info[10]
+        if forces == spans:  # met to the closure's rounding, and exactly where the grip is
             for i in range(3):
-                moments[e, i], moments[e, 3 + i] = -first[e, 3 + i], first[e, 6 + i]
-        sample(q, np.zeros(3), moments, s, h, full, rest, stiff, frames[0], par[9:12], first, points, out, totals)
-        support_loads(q, lam, s, first, where, loads)
-        info[8], info[9], info[10], info[5] = info[6] + totals[4], totals[1], totals[2], totals[3]
-        info[7] = SAFETY * (info[7] + info[10])
-        if not all_finite(out) or not all_finite(info[0:5]) or not all_finite(info[8:14]):
-            return BROKEN
+                out[4 * points - 3 + i] = frames[spans, i]
+        if not all_finite(info):
+            return give_back(nodes, before, acts, stops, table, BROKEN)
     size = sol.shape[0] // 3
     if not again:
         sol[size : 2 * size] = sol[0:size]

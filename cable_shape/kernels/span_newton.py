@@ -6,8 +6,25 @@ import math
 from typing import Any
 
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.rod_algebra import add, apply, dot, get3, get4, get9, inlined, put3, qexp, qmul, qnormal, scale
+from cable_shape.kernels.rod_algebra import (
+    add,
+    apply,
+    dot,
+    get3,
+    get4,
+    get9,
+    inlined,
+    inverse,
+    put3,
+    qexp,
+    qmul,
+    qnormal,
+    scale,
+)
+from cable_shape.kernels.rod_newton import CHORD_FROM as CHORDS_FROM
+from cable_shape.kernels.rod_newton import STEP_TOLERANCE
 from cable_shape.kernels.span_factor import FORCE, SHIFTED, backward, factor, forward, take3
+from cable_shape.kernels.span_slide import columns_of, farthest_way, load_elements, respace, settle
 from cable_shape.kernels.span_system import assemble, fold, gradient
 from cable_shape.kernels.span_work import joints_of, matrices, vectors
 
@@ -15,13 +32,13 @@ Array = Any
 
 CONVERGED, STALLED, NOT_FINITE = 0, 1, 2
 LARGEST_STEP = 0.6  # rad
-CHORD_FROM = 0.03  # rad, and of the moments: below this a full step is followed by chord steps
-STEP_TOLERANCE = 3e-8  # rad
-NEUTRAL_TOLERANCE = 1e-6  # rad, for two steps in a row: along a neutral mode they stay that long
+CHORD_FROM = 0.03  # rad: below this a cable in contact goes on with the factors at hand
 FIRST_SHIFT, SHIFT_GROWTH, MOST_SHIFTS = 0.02, 6.0, 16  # the first as a fraction of stiffness / length^2
 SADDLE = 1e-5  # rad, a shifted step below this is no progress
 KICK = 0.1  # rad
 MOST_KICKS = 3
+MOST_AVOIDED = 4  # shaky factors are not used so many times
+SHAKY = 1e10  # largest^3 / determinant of an inverse pivot: an eigenvalue 1e5 times as small as the others
 
 
 @inlined
@@ -47,6 +64,36 @@ def change_of_moment(d: Array, h: Array, stiff: Array, first: Array, least: floa
     return math.sqrt(change) / max(math.sqrt(moment), least)
 
 
+@inlined
+def change_of_force(joints: Array, s: Array, full: Array, where: Array, bend: float) -> float:
+    """Largest change of a span's force by the step, relative to the force there, or to bend / length^2 if larger."""
+    change = 0.0
+    for j in range(joints.shape[0]):
+        a, b = where[j], where[j + 1]
+        force = 0.0
+        for e in range(a, b):
+            n = take3(full, e, 3)
+            force = max(force, dot(n, n))
+        step, span = take3(joints, j, FORCE), s[b] - s[a]
+        change = max(change, math.sqrt(dot(step, step)) / max(math.sqrt(force), bend / (span * span)))
+    return change
+
+
+@inlined
+def shaky(P: Array, stiff: Array) -> bool:
+    """Whether a pivot, whose inverses are P (N+1, 9), is so near to singular that what follows from it is rounding."""
+    for k in range(P.shape[0]):
+        size = 0.0
+        for i in range(3):
+            for j in range(3):
+                size += stiff[i] * stiff[j] * P[k, 3 * i + j] ** 2
+        _, det = inverse(get9(P, k, 0))
+        det *= stiff[0] * stiff[1] * stiff[2]
+        if not size * size * size < (SHAKY * det) ** 2:
+            return True
+    return False
+
+
 @kernel
 def balance(lam: Array, frames: Array, place: Array, sums: Array, pull: Array, given: Array) -> None:
     """Adds the supports' distances to the spans' closures, and fills the gradient in the supports' places."""
@@ -67,6 +114,17 @@ def balance(lam: Array, frames: Array, place: Array, sums: Array, pull: Array, g
         put3(given, j, 0, move)
         for i in range(3):
             pull[j, i] += lam[j - 1, i] - lam[j, i]
+
+
+@inlined
+def work_of(G: Array, d: Array, sums: Array, pull: Array, joints: Array) -> float:
+    """[J] twice what a step would still save."""
+    work = 0.0
+    for k in range(G.shape[0]):
+        work += dot(get3(G, k), get3(d, k))
+    for j in range(joints.shape[0]):
+        work += dot(get3(sums, j), take3(joints, j, FORCE)) + dot(get3(pull, j + 1), take3(joints, j, SHIFTED))
+    return abs(work)
 
 
 @inlined
@@ -110,17 +168,22 @@ def kick(
 
 @kernel
 def newton(
-    q: Array, lam: Array, frames: Array, s: Array, h: Array, load: Array, rest: Array, par: Array, where: Array,
-    mask: Array, place: Array, forces: int, guard: bool, most: int, work: Array, info: Array,
+    q: Array, lam: Array, frames: Array, mesh: tuple[Array, Array, Array, Array], par: Array, where: Array,
+    mask: Array, place: Array, forces: int, knots: Array, rings: Array, acts: Array, points: Array, table: Array,
+    slides: tuple[Array, Array, Array, Array, Array], guard: bool, most: int, work: Array, info: Array,
 ) -> int:  # fmt: skip
-    """Solves for q, lam and the unknown places in frames; returns CONVERGED, STALLED or NOT_FINITE.
+    """Solves for q, lam, the unknown places in frames and the arc lengths at the eyelets `rings`.
 
-    par: see `span_drive`. guard: keep to minima; without it any equilibrium is accepted. most: iterations allowed.
-    info: 0 iterations, 1 last step [rad], 2 negative eigenvalues beyond three a force (0: stable), 3 shift of the last
-    iteration, 4 assemblies, 6 value of the functional, 11 kicks off a saddle.
+    Returns CONVERGED, STALLED or NOT_FINITE; the step that remains is left in the right-hand sides, for
+    `span_defect.correct` to take. mesh: s, h, load, rest, which eyelets change; slides: see `span_slide`; par: see
+    `span_drive`. guard: keep to minima; without it any equilibrium is accepted. most: iterations allowed. info as in
+    `rod_newton`.
     """
+    s, h, load, rest = mesh
+    turn, push, slope, J, way = slides
     elements = h.shape[0]
     spans = lam.shape[0]
+    runs = rings.shape[0] > 0
     D, U, parts, P, Y, W = matrices(work, elements)
     first, full, _, G, d, _ = vectors(work, elements)
     joints, sums, pull, given = joints_of(work, elements, spans)
@@ -128,7 +191,7 @@ def newton(
     softest = min(stiff[0], stiff[1], stiff[2]) / (length * length)
     wanted = 3 * forces
     shift = largest = 0.0
-    iterations = 0
+    iterations = avoided = 0
     pull[:, :] = 0.0
     given[:, :] = 0.0
     while iterations < most:
@@ -138,7 +201,7 @@ def newton(
         assemble(q, full, h, rest, stiff, moment, where, mask, D, U, G, parts, first, sums)
         balance(lam, frames, place, sums, pull, given)
         # far away the last shift is the best bet; near an equilibrium only the unshifted inertia tells
-        trial = shift / SHIFT_GROWTH if largest > CHORD_FROM and shift > FIRST_SHIFT * softest else 0.0
+        trial = shift / SHIFT_GROWTH if largest > CHORDS_FROM and shift > FIRST_SHIFT * softest else 0.0
         untested = trial > 0.0
         negative = 0
         for _ in range(MOST_SHIFTS):
@@ -147,40 +210,89 @@ def newton(
             )  # fmt: skip
             if trial == 0.0 or negative == wanted:
                 info[2] = negative - wanted
-            if negative == wanted or not guard:
+            if not guard:
                 break
+            if negative == wanted:
+                if avoided == MOST_AVOIDED or not shaky(P, stiff):
+                    break
+                avoided += 1
             trial = max(SHIFT_GROWTH * trial, FIRST_SHIFT * softest)
         if guard and negative != wanted:
             return STALLED
         shift = trial
+        if runs:
+            columns_of(
+                q, lam, s, rest, stiff, where, mask, place, forces, knots, rings, acts, points, table, first, P, Y, W,
+                joints, turn, push, slope, J,
+            )  # fmt: skip
         forward(G, sums, pull, given, where, place, forces, P, Y, W, joints)
         largest = max(backward(where, place, forces, P, Y, W, joints, d), farthest(joints, length))
+        fraction = 1.0
+        if runs:
+            falling = settle(q, lam, where, rings, turn, push, J, 1.0, d, joints, way)
+            info[2] += falling
+            if guard and falling > 0:
+                return STALLED
+            fraction = farthest_way(s, frames, where, knots, rings, forces, par[5] == 0.0, way)
+            if fraction == 0.0:
+                return STALLED
+            largest = longest(d, joints, way, length)
         info[0], info[1], info[3] = iterations, largest, shift
         if not math.isfinite(largest):
             return NOT_FINITE
         if shift > 0.0 and largest < SADDLE and not untested:
-            if info[11] >= MOST_KICKS:
+            if info[5] >= MOST_KICKS:
                 return STALLED
-            info[11] += 1.0
+            info[5] += 1.0
             kick(s, h, sums, pull, given, where, mask, place, forces, P, Y, W, joints, G, d)
+            way[:] = 0.0
             largest = KICK
-        advance(q, lam, frames, d, joints, min(1.0, LARGEST_STEP / largest) if largest > 0.0 else 1.0)
         before = max(largest, change_of_moment(d, h, stiff, first, softest * length))
-        while shift == 0.0 and before < CHORD_FROM and iterations < most:
+        before = max(before, change_of_force(joints, s, full, where, max(stiff[0], stiff[1])))
+        fraction = min(fraction, LARGEST_STEP / largest) if largest > 0.0 else 1.0
+        advance(q, lam, frames, d, joints, fraction)
+        if runs:
+            respace(s, knots, where, rings, way, fraction)
+            load_elements(s, acts, points, table, h, load, rest)
+        since, stale = before, 0.0
+        while shift == 0.0 and fraction == 1.0 and before < CHORDS_FROM and iterations < most:
             iterations += 1
             fold(load, lam, where, full)
             info[6] = gradient(q, full, h, rest, stiff, moment, where, mask, G, first, sums)
             balance(lam, frames, place, sums, pull, given)
             forward(G, sums, pull, given, where, place, forces, P, Y, W, joints)
             largest = max(backward(where, place, forces, P, Y, W, joints, d), farthest(joints, length))
+            if runs:
+                settle(q, lam, where, rings, turn, push, J, 1.0, d, joints, way)
+                largest = longest(d, joints, way, length)
             info[0], info[1] = iterations, largest
             if not math.isfinite(largest):
                 return NOT_FINITE
-            small = largest < STEP_TOLERANCE or max(largest, before) < NEUTRAL_TOLERANCE
-            if largest > 0.5 * before and not small:
-                break
-            advance(q, lam, frames, d, joints, 1.0)
-            if small:
+            if largest < STEP_TOLERANCE:
+                info[14] = max(stale, min(largest / before, since)) if before > 0.0 else stale
                 return CONVERGED
+            if largest > 0.5 * before:
+                if work_of(G, d, sums, pull, joints) < STEP_TOLERANCE**2 * softest * length:  # along a neutral mode
+                    info[14] = stale
+                    return CONVERGED
+                break
+            stale = max(stale, min(largest / before, since))
+            advance(q, lam, frames, d, joints, 1.0)
+            if runs:
+                respace(s, knots, where, rings, way, 1.0)
+                load_elements(s, acts, points, table, h, load, rest)
             before = largest
     return STALLED
+
+
+@inlined
+def longest(d: Array, joints: Array, way: Array, length: float) -> float:
+    """The largest step: a rotation, or twice that of a place or along the cable / length."""
+    largest = farthest(joints, length)
+    for k in range(d.shape[0]):
+        size = math.sqrt(dot(get3(d, k), get3(d, k)))
+        if not size <= largest:
+            largest = size
+    for c in range(way.shape[0]):
+        largest = max(largest, 2.0 * abs(way[c]) / length)
+    return largest

@@ -26,6 +26,7 @@ from cable_shape.kernels.rod_element import E3, element_hessian
 from cable_shape.kernels.rod_stability import node_slope
 from cable_shape.kernels.rod_system import forces as forces_at
 from cable_shape.kernels.span_factor import FORCE, backward, factor, forward, take3
+from cable_shape.kernels.span_slide import grip
 from cable_shape.kernels.span_system import NONE, assemble, fold, release
 from cable_shape.kernels.span_work import NOW, joints_of, matrices, mesh_parts, slot, vectors
 
@@ -155,17 +156,6 @@ def slip(q: Array, full: Array, node: int, C: Vector) -> tuple[Vector, Vector, V
 
 
 @kernel
-def grip(sol: Array, lam: Array, q: Array, joints: Array, d: Array, where: Array, j: int) -> tuple[float, float]:
-    """F . d3 [N], F the force of support j on the cable, and its change by d and joints."""
-    node = where[j]
-    R = rotation(get4(q, node))
-    t = apply(R, E3)
-    F = subtract(get3(lam, j - 1), get3(lam, j))
-    dF = subtract(take3(joints, j - 1, FORCE), take3(joints, j, FORCE))
-    return dot(F, t), dot(dF, t) + dot(F, apply(R, cross(get3(d, node), E3)))
-
-
-@kernel
 def eyelets(
     par: Array, mesh: Array, sol: Array, work: Array, where: Array, mask: Array, place: Array, elements: int,
     forces: int, rings: Array, f: Array, J: Array, points: int, out: Array,
@@ -195,7 +185,7 @@ def eyelets(
         put3(sums, rings[c], 0, after)
         respond(mesh, sol, work, where, mask, place, elements, forces, G, sums, 0, NONE)
         for i in range(rings.shape[0]):
-            f[i], J[i, c] = grip(sol, lam, q, joints, d, where, rings[i])
+            f[i], J[i, c] = grip(lam, q, joints, d, where, rings[i])
         # the tangent at the eyelet changes by the curvature, too
         R = rotation(get4(q, node))
         F = subtract(get3(lam, rings[c] - 1), get3(lam, rings[c]))
@@ -264,6 +254,6 @@ def sensitivity(
             sums[span, axis] = 1.0 if far else -1.0
         respond(mesh, sol, work, where, mask, place, elements, forces, G, sums, node, turn)
         for i in range(rings.shape[0]):
-            _, df[i, column] = grip(sol, lam, q, joints, d, where, rings[i])
+            _, df[i, column] = grip(lam, q, joints, d, where, rings[i])
         origin = NONE if far or turning else e
         motion(par, mesh, sol, work, where, elements, origin, 0, NONE, points, out, column)

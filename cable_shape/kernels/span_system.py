@@ -9,7 +9,8 @@ Stationary is the elements' functional plus sum lambda_j . (y_j - y_{j-1}), with
     G      (N+1, 3)  gradient in the rotations
     parts  (N, 36)   per element: H22, B1, B2, CC; B couples its two rotations to the force of its span
     first  (N, 9)    per element: derivatives in the force (minus the step in position), delta_1, delta_2 (-M, +M)
-    sums   (m, 12)   per span: sums of the derivatives in its force (3) and of CC (9)
+    sums   (m, 21)   per span: sums of the derivatives in its force (3) and of CC (9), and the first diagonal block
+                     of its first element alone (9)
 
 where (m+1,): node of each support. mask (m+1, 3): rotations there, 1 free and 0 held.
 """
@@ -74,6 +75,8 @@ def assemble(
                 parts[e, 18 + c] = B2[c]
                 parts[e, 27 + c] = CC[c]
                 sums[j, 3 + c] += CC[c]
+                if e == where[j]:
+                    sums[j, 12 + c] = H11[c]
             for i in range(3):
                 G[e, i] += g1[i]
                 G[e + 1, i] = g2[i]

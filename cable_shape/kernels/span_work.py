@@ -68,7 +68,7 @@ def slot(sol: Array, elements: int, spans: int, which: int) -> tuple[Array, Arra
 @kernel
 def work_size(elements: int, spans: int) -> int:
     """Numbers in `work`."""
-    return 75 * elements + 40 * (elements + 1) + (JOINT + 12) * spans + 6 * (spans + 1)
+    return 75 * elements + 40 * (elements + 1) + (JOINT + 21) * spans + 6 * (spans + 1)
 
 
 @kernel(forceinline=True)
@@ -114,15 +114,15 @@ def vectors(work: Array, elements: int) -> tuple[Array, Array, Array, Array, Arr
 
 @kernel(forceinline=True)
 def joints_of(work: Array, elements: int, spans: int) -> tuple[Array, Array, Array, Array]:
-    """joints (m, JOINT), sums (m, 12), pull (m+1, 3), given (m+1, 3)."""
+    """joints (m, JOINT), sums (m, 21), pull (m+1, 3), given (m+1, 3)."""
     a = 75 * elements + 40 * (elements + 1)
     b = a + JOINT * spans
-    c = b + 12 * spans
+    c = b + 21 * spans
     d = c + 3 * (spans + 1)
     e = d + 3 * (spans + 1)
     return (
         work[a:b].reshape(spans, JOINT),
-        work[b:c].reshape(spans, 12),
+        work[b:c].reshape(spans, 21),
         work[c:d].reshape(spans + 1, 3),
         work[d:e].reshape(spans + 1, 3),
     )

@@ -16,15 +16,13 @@ from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels import span_guess, span_stability
 from cable_shape.kernels.frames import align
+from cable_shape.kernels.rod_drive import ENERGY, ESTIMATE, EXCESS, RESIDUAL, STRAIGHT, TURNS, TWIST
 from cable_shape.models.rod_common import MODEL, straight_line, turn_about
 from cable_shape.models.span_search import COLD_ITERATIONS, FAR, WARM_ITERATIONS, Search
 from cable_shape.models.span_state import SpanState
 from cable_shape.pose import Grip
 from cable_shape.problem import Problem
 from cable_shape.shape import CableShape, Status
-
-#: Chord / length from which a span of an inextensible cable counts as overstretched.
-_STRAIGHT = 1.0 - 1e-9
 
 
 def solve(problem: Problem, state: SpanState | None = None, *, deadline: float = math.inf) -> CableShape:
@@ -89,15 +87,22 @@ class _Solve:
         """The shape, whatever comes."""
         problem, state, search = self.problem, self.state, self.search
         frames = state.aim(problem.start, problem.end)
-        if state.par[5] == 0.0 and span_guess.taut(frames, state.arcs, state.forces, _STRAIGHT):
+        if state.history > 0:
+            state.target[:] = frames
+            if search.call(state.history, WARM_ITERATIONS, far=FAR):
+                return self._finish(Status.OK)
+        if state.par[5] == 0.0 and span_guess.taut(frames, state.arcs, state.forces, STRAIGHT):
             detail = self._overstretched(frames)
             if detail:
                 return self._no_shape(Status.OVERSTRETCHED, frames, detail)
         fresh = state.history == 0
-        if fresh and not state.resume(frames):
-            return self._cold(frames)
-        state.target[:] = frames
-        if search.call(state.history, WARM_ITERATIONS, far=FAR) or search.follow(frames):
+        if fresh:
+            if not state.resume(frames):
+                return self._cold(frames)
+            state.target[:] = frames
+            if search.call(state.history, WARM_ITERATIONS, far=FAR):
+                return self._finish(Status.OK)
+        if search.follow(frames):
             return self._finish(Status.OK)
         if search.late:
             return self._no_shape(Status.BUDGET_EXCEEDED, frames, "")
@@ -120,9 +125,11 @@ class _Solve:
         if search.eyelets is not None:
             search.eyelets.spread(frames)
         found = search.guessed(frames) or search.approached(frames)
+        for fineness in (2.0, 5.0):  # a coarse mesh may miss a boundary layer
+            found = found or search.guessed(frames, fineness=fineness)
         if found and (not turns or search.wind(turns)):
             return self._finish(Status.SNAPPED if search.snapped else Status.OK)
-        if not found and search.guessed(frames, guard=False):
+        if not found and search.guessed(frames, guard=False, fineness=2.0):
             return self._finish(Status.UNSTABLE)
         state.history = 0
         if search.late:
@@ -131,29 +138,31 @@ class _Solve:
 
     def _finish(self, status: Status) -> CableShape:
         """Refines the mesh until the error is within tolerance, grades and reports."""
-        problem, state, search, info = self.problem, self.state, self.search, self.state.info
-        if state.too_coarse() or state.too_fine():
+        problem, state, search = self.problem, self.state, self.search
+        if state.too_coarse(search.info):
             keep = state.history
             if not search.refine(guard=status is not Status.UNSTABLE):
                 state.history = 0
                 detail = "the equilibrium was lost on a finer mesh. "
                 return self._no_shape(Status.NOT_CONVERGED, state.target.copy(), detail)
             state.history = min(keep, 1)
-        if status in (Status.OK, Status.UNSTABLE):
-            stable = info[2] == 0.0 and (search.eyelets is None or search.eyelets.stable)
-            status = Status.OK if stable else Status.UNSTABLE
-        if type(problem.end) is Grip:  # met to the closure's rounding, and exactly where the grip is
-            n = problem.points
-            search.buffer[4 * n - 3 : 4 * n] = problem.end.cable_frame.position
-        within = bool(info[7] <= problem.tolerance)
+            if search.snapped and status is Status.OK:
+                status = Status.SNAPPED
+        elif state.history > 0 and status is Status.OK and state.too_fine(search.info):
+            search.coarsen()  # only now: a mesh that is too fine costs if it is used again
+        info = search.info
+        if status is Status.OK or status is Status.UNSTABLE:
+            status = Status.OK if info[EXCESS] == 0.0 else Status.UNSTABLE
+        within = info[ESTIMATE] <= problem.tolerance
         state.history = min(2, state.history + 1)
+        energy = info[ENERGY] + state.energy_of_masses()
         detail = ""
         if search.late:
             status = Status.BUDGET if within else Status.BUDGET_EXCEEDED
             detail = status.remedy
         elif not within:
             status = Status.NOT_CONVERGED
-            detail = f"error estimate {info[7]:.2g} m, tolerance {problem.tolerance:.2g} m. {status.remedy}"
+            detail = f"error estimate {info[ESTIMATE]:.2g} m, tolerance {problem.tolerance:.2g} m. {status.remedy}"
         elif status is Status.UNSTABLE:
             least = smallest_eigenvalue(state) * problem.cable.length**2 / state.bend
             detail = f"smallest eigenvalue of the second variation {least:.3g} EI/L^2. {status.remedy}"
@@ -166,12 +175,12 @@ class _Solve:
             model=MODEL,
             status=status,
             detail=detail,
-            energy=float(info[8]) + state.energy_of_masses(),
-            error_estimate=float(info[7]),
-            residual=float(info[5]),
+            energy=energy,
+            error_estimate=info[ESTIMATE],
+            residual=info[RESIDUAL],
             iterations=search.iterations,
-            turns=int(state.turns[0]),
-            twist=float(info[9]),
+            turns=int(info[TURNS]),
+            twist=info[TWIST],
             solve_time=perf_counter() - self.began,
             supports=search.loads,
         )
@@ -186,7 +195,7 @@ class _Solve:
             if b > state.forces:
                 continue
             path, length = chords[a:b].sum(), state.arcs[b] - state.arcs[a]
-            if path >= _STRAIGHT * length:
+            if path >= STRAIGHT * length:
                 through = " through the eyelets between them" if b - a > 1 else ""
                 return (
                     f"{_name(a, state.spans)} and {_name(b, state.spans)} are {path:.4g} m apart{through}, "

@@ -1,7 +1,8 @@
 """Clips through which the cable runs without friction: which arc lengths of the cable are in its eyelets.
 
 At rest the force F of an eyelet has no part along the cable, F . d3 = 0: the energy is stationary in the arc length
-sigma at the eyelet, dE/dsigma = -F . d3. Newton's method in sigma, the rod being solved for every sigma.
+sigma at the eyelet, dE/dsigma = -F . d3. Near the solution sigma is one more unknown of the compiled Newton iteration
+(`span_slide`); from afar it has a Newton iteration of its own, the rod being solved for every sigma.
 """
 
 from __future__ import annotations
@@ -13,58 +14,69 @@ from typing import final
 import numpy as np
 
 from cable_shape.checks import Array
+from cable_shape.kernels.rod_drive import TURNED
+from cable_shape.kernels.span_slide import LEAST, REACH
 from cable_shape.models.span_state import SpanState
 
-Inner = Callable[[int, int, bool, bool, float, bool], bool]
+Inner = Callable[[int, int, bool, bool, float, bool, bool], bool]
 
 _MOST = 40  #: steps in sigma
-_SETTLED = 0.02  #: of the tolerance: a smaller step in sigma is not taken any more
+_NEAR = 0.03  #: of the length: after a smaller step in sigma all unknowns are solved for at once
+_AT_REST = 1e-6  #: of the length: a smaller step on a saddle leads nowhere
 _KICK = 0.02  #: of the length: step off a saddle
-_REACH = 0.5  #: of the slack of a span, or of the way to the next stop, that one step may use up
-_LEAST = 2e-3  #: of the length: an eyelet this near to a stop has been run through
 
 
 @final
 class Eyelets:
-    """The outer iteration of one solve. `stable`: whether the energy is a minimum in sigma; `why`: what failed."""
+    """How one solve finds what is in the eyelets; `why`: what failed."""
 
-    __slots__ = ("_inner", "_out_of_time", "_softest", "_state", "stable", "why")
+    __slots__ = ("_inner", "_out_of_time", "_softest", "_stable", "_state", "why")
 
     def __init__(self, state: SpanState, inner: Inner, out_of_time: Callable[[], bool]) -> None:
         self._state = state
         self._inner = inner
         self._out_of_time = out_of_time
         self._softest: Array = np.zeros(0)
-        self.stable = True
+        self._stable = True
         self.why = ""
 
-    def call(self, history: int, most: int, guard: bool, output: bool, far: float) -> bool:
-        """Solves for the supports in the trial, and for what is in the eyelets."""
+    def call(self, history: int, most: int, guard: bool, output: bool, far: float, near: bool) -> bool:
+        """Solves for the supports in the trial, and for what is in the eyelets; near: the trial is next to it."""
+        if near and self._inner(history, most, guard, output, far, False, True):
+            return True
+        return not self._out_of_time() and self._outer(history, most, guard, output, far)
+
+    def _outer(self, history: int, most: int, guard: bool, output: bool, far: float) -> bool:
+        """The rod is solved for given arc lengths, which step towards rest, until both can be solved for at once."""
         state = self._state
         before = state.arcs
         arcs = state.predicted_arcs() if history else before
         self._slide(arcs if self._room(arcs, state.target).min() > 0.0 else self._feasible(state.target))
-        if not self._inner(history, most, guard, output, far, False):
+        if not self._inner(history, most, guard, False, far, False, False):
             if history:  # the last solution stays, on its own mesh
                 self._slide(before)
             return False
-        shrink, turned = 1.0, state.info[12]
+        near = _NEAR * state.par[13]
+        shrink, turned = 1.0, state.info[TURNED]
         good = state.arcs
         for _ in range(_MOST):
             step = self._step()
-            if np.abs(step).max() <= _SETTLED * state.problem.tolerance:
-                if self.stable or not guard:
-                    return True
-                step = _KICK * state.par[13] * self._softest
             if self._out_of_time():
                 return False
+            if np.abs(step).max() <= near:
+                if self._stable or not guard:
+                    if self._inner(1, most, guard, output, far - turned, True, True):
+                        return True
+                    near *= 0.1
+                elif np.abs(step).max() <= _AT_REST * state.par[13]:
+                    step = _KICK * state.par[13] * self._softest
             shrink = min(1.0, 4.0 * shrink)
             while True:
                 bounded = self._bounded(good, step, shrink)
                 if bounded is None:
                     return False
                 self._slide(bounded)
-                if self._inner(1, most, guard, output, far - turned, True):
+                if self._inner(1, most, guard, False, far - turned, True, False):
                     break
                 shrink *= 0.25
                 if shrink < 1e-3:
@@ -72,7 +84,7 @@ class Eyelets:
                     self.why = "no equilibrium was found for the cable running through its eyelets. "
                     return False
             good = bounded
-            turned += state.info[12]
+            turned += state.info[TURNED]
         self.why = "the cable did not come to rest in its eyelets, which have no friction: make one a 'ball' clip. "
         return False
 
@@ -91,9 +103,9 @@ class Eyelets:
         state.refresh()
         f, J, _ = state.eyelets()
         values, vectors = np.linalg.eigh(-0.5 * (J + J.T))
-        self.stable = bool(values[0] > 0.0)
+        self._stable = bool(values[0] > 0.0)
         self._softest = vectors[:, 0]
-        if self.stable:
+        if self._stable:
             return np.asarray(np.linalg.solve(J, -f))
         # uphill in some direction: its slope with the curvature's sign turned round
         floor = 1e-3 * np.abs(values).max()
@@ -117,20 +129,20 @@ class Eyelets:
         fraction = 1.0
         room = self._room(arcs, state.target)
         for j, used in enumerate(-np.diff(full)):
-            if used > _REACH * room[j]:
-                fraction = min(fraction, _REACH * max(room[j], 0.0) / used)
+            if used > REACH * room[j]:
+                fraction = min(fraction, REACH * max(room[j], 0.0) / used)
         for ring in state.rings:
             stops = np.concatenate((state.stops, arcs[:ring] if full[ring] < 0.0 else arcs[ring + 1 :]))
             ahead = (stops - arcs[ring]) * np.sign(full[ring])
             way = ahead[ahead > 0.0].min()
-            if way < _LEAST * length:
+            if way < LEAST * length:
                 self.why = (
                     f"clips[{ring - 1}] is an eyelet without friction, and the cable runs through it until the next "
                     f"clip, mass or end is reached, at {arcs[ring]:.3g} m: nothing holds it. Make it a 'ball' clip. "
                 )
                 return None
-            if abs(full[ring]) > _REACH * way:
-                fraction = min(fraction, _REACH * way / abs(full[ring]))
+            if abs(full[ring]) > REACH * way:
+                fraction = min(fraction, REACH * way / abs(full[ring]))
         return np.asarray(arcs + fraction * full)
 
     def _feasible(self, frames: Array) -> Array:

@@ -11,6 +11,7 @@ import numpy as np
 from cable_shape.checks import Array
 from cable_shape.kernels import span_drive
 from cable_shape.kernels.frames import align
+from cable_shape.kernels.rod_drive import ITERATIONS, TURNED
 from cable_shape.kernels.span_guess import CURVED, HANGING, WAVY
 from cable_shape.kernels.span_newton import CONVERGED
 from cable_shape.models.eyelets import Eyelets
@@ -22,6 +23,9 @@ from cable_shape.shape import CableShape
 COLD_ITERATIONS, WARM_ITERATIONS, STEP_ITERATIONS = 80, 25, 12
 #: A warm solve that turns a frame by more than this [rad] from its prediction is checked by small steps.
 FAR = 0.7
+_FAR_STEP = 0.3  #: the same on a coarser mesh
+_MESHES = 12  #: so many are tried for one shape
+_SAME = 0.02  #: shapes nearer to each other than this fraction of the length are one
 _FIRST_STEP, _SMALLEST_STEP = 0.25, 1.0 / 256.0
 #: (kind, tilt of the handles) of the guesses of `span_guess.guess`.
 _HANGING, _CURVED, _MORE_CURVED, _FLAT = (HANGING, 0.0), (CURVED, 0.3), (CURVED, 0.8), (CURVED, 0.02)
@@ -35,10 +39,12 @@ class Search:
     """The attempts of one solve; every method that returns True leaves an equilibrium as the state's last solution.
 
     `buffer` and `loads` take the shape and the loads on its supports, `iterations` counts Newton steps, `late` tells
-    that the deadline has passed, `snapped` that the branch followed has ended on the way.
+    that the deadline has passed, `snapped` that the branch followed has ended on the way, `info` what the last compiled
+    solve tells (see `rod_drive`).
     """
 
-    __slots__ = ("_deadline", "_problem", "_state", "buffer", "eyelets", "iterations", "late", "loads", "snapped")
+    __slots__ = ("_deadline", "_problem", "_state", "buffer", "eyelets", "info", "iterations", "late", "loads",
+                 "snapped")  # fmt: skip
 
     def __init__(self, problem: Problem, state: SpanState, deadline: float) -> None:
         self._problem = problem
@@ -48,23 +54,40 @@ class Search:
         self.late = self.snapped = False
         self.buffer = CableShape.new_buffer(problem.points)
         self.loads = np.empty((state.spans - 1, 7))
+        self.info: list[float] = []
         self.eyelets = Eyelets(state, self._inner, self.out_of_time) if state.rings.size else None
 
-    def call(self, history: int, most: int, guard: bool = True, output: bool = True, far: float = math.inf) -> bool:
-        """Solves for the supports in the trial; True if it found an equilibrium, a stable one if guarded."""
-        if self.eyelets is None:
-            return self._inner(history, most, guard, output, far, False)
-        return self.eyelets.call(history, most, guard, output, far)
+    def call(
+        self,
+        history: int,
+        most: int,
+        guard: bool = True,
+        output: bool = True,
+        far: float = math.inf,
+        near: bool = False,
+    ) -> bool:
+        """Solves for the supports in the trial; True if it found an equilibrium, a stable one if guarded.
 
-    def _inner(self, history: int, most: int, guard: bool, output: bool, far: float, again: bool) -> bool:
+        near: what is in the trial is next to it.
+        """
+        if self.eyelets is None:
+            return self._inner(history, most, guard, output, far, False, False)
+        return self.eyelets.call(history, most, guard, output, far, near or history > 0)
+
+    def _inner(
+        self, history: int, most: int, guard: bool, output: bool, far: float, again: bool, sliding: bool
+    ) -> bool:
         """One compiled solve."""
         state = self._state
         code = span_drive.solve(
             state.par, state.mesh, state.sol, state.work, self.buffer, state.info, state.where, state.mask, state.place,
-            state.elements, state.forces, state.roll, self._problem.points if output else 0, history, again, guard,
-            most, far, self.loads,
+            state.knots, state.rings, state.acts, state.points, state.table, state.elements, state.forces, state.roll,
+            self._problem.points if output else 0, history, again, sliding, guard, most, far, self.loads,
         )  # fmt: skip
-        self.iterations += int(state.info[0])
+        self.info = state.info.tolist()
+        self.iterations += int(self.info[ITERATIONS])
+        if code == CONVERGED and sliding:
+            state.ran()
         return bool(code == CONVERGED)
 
     def out_of_time(self) -> bool:
@@ -75,14 +98,48 @@ class Search:
     def refine(self, guard: bool = True) -> bool:
         """New meshes until the error is within tolerance; False if a finer one loses the equilibrium."""
         state = self._state
-        for _ in range(8):
+        followed = state.history > 0
+        coarse = self._positions().copy()
+        for _ in range(_MESHES):
             if self.out_of_time() or not state.next_mesh():
                 return True
-            if not self.call(0, COLD_ITERATIONS, guard=guard):
+            if not self.call(0, COLD_ITERATIONS, guard=guard, near=True) and not self._again(coarse):
                 return False
-            if not state.too_coarse():
+            if followed and guard and self.info[TURNED] > FAR:
+                self.snapped = True  # at a fold, which a coarse mesh puts a little further on
+            if not state.too_coarse(self.info):
                 return True
         return True
+
+    def _again(self, coarse: Array) -> bool:
+        """From the guesses to the shape whose positions (n, 3) a coarse mesh gave, on a mesh of its own."""
+        state = self._state
+        frames = state.target.copy()
+        for kind, sag in self._guesses(frames):
+            state.first_mesh(frames, 2.0)
+            state.start_from(frames, kind, sag)
+            if self.call(0, COLD_ITERATIONS):
+                apart = self._positions() - coarse
+                if float((apart * apart).sum(axis=1).max()) < (_SAME * state.par[13]) ** 2:
+                    return True
+        return False
+
+    def _positions(self) -> Array:
+        n = self._problem.points
+        return self.buffer[n : 4 * n].reshape(n, 3)
+
+    def coarsen(self) -> None:
+        """Solves on a coarser mesh, and stays with the one at hand if that does not lead to the same shape."""
+        state, buffer, loads, info = self._state, self.buffer, self.loads, self.info
+        kept, history = state.put_aside(), state.history
+        state.next_mesh()
+        self.buffer, self.loads = CableShape.new_buffer(self._problem.points), np.empty_like(loads)
+        if self.call(0, WARM_ITERATIONS, far=_FAR_STEP, near=True) and not state.too_coarse(self.info):
+            state.history = 1
+            return
+        state.put_back(kept)
+        state.history = history
+        self.buffer, self.loads, self.info = buffer, loads, info
 
     # -- from the last solution
 
@@ -104,8 +161,8 @@ class Search:
                 state.history = 2
                 done = at
                 step *= 1.6
-                if state.far_too_coarse() and state.next_mesh():
-                    if not self.call(0, COLD_ITERATIONS, output=at == 1.0):
+                if state.far_too_coarse(self.info) and state.next_mesh():
+                    if not self.call(0, COLD_ITERATIONS, output=at == 1.0, near=True):
                         return False
                     state.history = 1
             else:
@@ -134,8 +191,8 @@ class Search:
             state.target[:] = frames
             if self.call(state.history, WARM_ITERATIONS, far=FAR):
                 state.history = 2
-                if state.far_too_coarse() and state.next_mesh():
-                    if not self.call(0, COLD_ITERATIONS):
+                if state.far_too_coarse(self.info) and state.next_mesh():
+                    if not self.call(0, COLD_ITERATIONS, near=True):
                         return False
                     state.history = 1
             elif not self.follow(frames):
@@ -147,13 +204,13 @@ class Search:
 
     # -- from nothing
 
-    def guessed(self, frames: Array, guard: bool = True) -> bool:
-        """Tries the guesses, the likeliest first."""
+    def guessed(self, frames: Array, guard: bool = True, fineness: float = 1.0) -> bool:
+        """Tries the guesses, the likeliest first, on meshes so many times as fine as usual."""
         state = self._state
         for kind, sag in self._guesses(frames):
             if self.out_of_time():
                 return False
-            state.first_mesh(frames)
+            state.first_mesh(frames, fineness)
             state.start_from(frames, kind, sag)
             if self.call(0, COLD_ITERATIONS, guard=guard):
                 return True
@@ -169,7 +226,7 @@ class Search:
         for j in range(state.spans + 1):
             origin[j, :3] = frames[0, :3] + _SLACK * state.arcs[j] * along
             align(origin[j, 3:], *along)
-        if not self.guessed(origin):
+        if not self.guessed(origin, fineness=2.0):  # it has to do for all of the way
             return False
         state.history = 1
         return self.follow(frames, snaps=True)

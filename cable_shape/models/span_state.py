@@ -10,11 +10,13 @@ import numpy as np
 
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
-from cable_shape.kernels import rod_mesh, span_drive, span_guess, span_stability, span_work
+from cable_shape.kernels import rod_mesh, span_drive, span_guess, span_slide, span_stability, span_work
+from cable_shape.kernels.rod_drive import ESTIMATE, INFO, LARGEST_TURN, TURN
 from cable_shape.kernels.span_factor import PLACE
 from cable_shape.kernels.span_work import BEFORE, NOW, TRIAL
+from cable_shape.models import span_mesh
 from cable_shape.pose import FreeEnd, Grip
-from cable_shape.problem import Problem
+from cable_shape.problem import NAMED_TOLERANCE, Problem
 from cable_shape.shape import CableShape
 
 #: Rotations of the cable frame that a grip or a clip leaves free: about d1, d2, d3.
@@ -30,18 +32,15 @@ _FREE_ROTATIONS = {
 }
 _IDENTITY = (0.0, 0.0, 0.0, 1.0)
 
-#: Elements of a span, those of the first mesh by how long its boundary layer is; of the whole cable.
-FEWEST_ELEMENTS, MOST_ELEMENTS = 6, 1200
-_FIRST = ((0.1, 10), (0.02, 16), (0.0, 26))
+#: Elements of a span, and of the whole cable.
+FEWEST_ELEMENTS, MOST_ELEMENTS = 4, 1200
 AIM = 0.9  #: a new mesh aims at this fraction of the tolerance
-_TOO_FINE = 1.0 / 60.0  #: a mesh is made coarser when its error is below this fraction of the tolerance
+_TOO_FINE = 1.0 / 40.0  #: a mesh is made coarser when its error is below this fraction of the tolerance
 _NEUTRAL = 1e-4  #: modes softer than this fraction of the stiffness / length^2 count as neutral, and neutral as stable
-_TURN_AIM = 0.5  #: rotation of an element [rad] that a new mesh aims at
-_ABSCISSAE = 65  #: points at which the density of a span's first mesh is given
+TURN_AIM = 0.55  #: rotation of an element [rad] that a new mesh aims at
+_MOST_EXCESS = 700.0  #: a mesh is changed at most as for an error so many times off
 _FEWEST_POINTS = 20  #: of a shape that is worth starting from
 _AT = 1e-9  #: loads nearer to an end or a clip than this fraction of the length are carried by it
-
-Piece = tuple[Array, Array]
 
 
 @final
@@ -57,7 +56,7 @@ class SpanState:
         self.last = last
         self.history = 0
         self.elements = self.spans = self.forces = self.roll = 0
-        self.info: Array = np.zeros(span_drive.INFO)
+        self.info: Array = np.zeros(INFO)
         self.par: Array = np.zeros(span_drive.PAR)
         self.mesh: Array = np.empty(0)
         self.sol: Array = np.empty(0)
@@ -71,6 +70,8 @@ class SpanState:
         self.turns: Array = np.empty(0)
         self.target: Array = np.empty(0)  # (m+1, 7) of the trial
         self.rings: Any = np.empty(0, dtype=np.int64)  # the supports that are eyelets
+        self.knots: Any = np.empty(0, dtype=np.int64)  # nodes of the supports and of the stops
+        self.fewest = 0  # elements with which a coarser mesh has failed
         self._kinds: tuple[str, ...] = ()
         self._ends = ("", "")
         self._tip: Array = np.zeros(3)
@@ -108,7 +109,7 @@ class SpanState:
         par[12] = _NEUTRAL * min(par[:3]) / length**2
         par[13] = length
         self.bend = cable.mean_bending_stiffness
-        self.table: Array = np.atleast_2d(cable.rest_curvature)
+        self.table: Array = np.atleast_2d(cable.rest_curvature)  # (r, 3) [1/m], as `acts` for `span_slide`
         inside = (at > 0.0) & (at < length)
         self.points: Array = at[inside]
         self.weights: Array = np.ascontiguousarray(weight[inside])
@@ -164,64 +165,63 @@ class SpanState:
         """(N+1,) [m], arc lengths."""
         return self.mesh[: self.elements + 1]
 
-    def first_mesh(self, frames: Array) -> None:
-        """A cold start's mesh: half of each span's nodes within a few boundary layers [m] of its ends."""
-        pieces, shares = [], []
-        force = np.zeros(3)
+    def first_mesh(self, frames: Array, fineness: float = 1.0) -> None:
+        """A cold start's mesh: half of each span's nodes within a few boundary layers [m] of its ends.
+
+        fineness: so many times the usual number of elements.
+        """
         load = self.problem.load.mean(axis=0) + self.weights.sum(axis=0) / self.par[13]
-        for j in range(self.spans):
-            length = self.arcs[j + 1] - self.arcs[j]
+        layers = np.empty(self.spans)
+        force = np.zeros(3)
+        for j, length in enumerate(np.diff(self.arcs)):
             if j < self.forces:
-                layer = span_guess.layer_of(self.par, frames[j + 1, :3] - frames[j, :3], load, length, force)
+                chord = frames[j + 1, :3] - frames[j, :3]
+                layers[j] = span_guess.layer_of(self.par, chord, load, length, force)
             else:
                 tension = float(np.linalg.norm(self._tip + load * length))
-                layer = math.sqrt(self.bend / max(tension, 1e-9 * self.bend / length**2))
-            x, density = np.empty(_ABSCISSAE), np.empty(_ABSCISSAE)
-            rod_mesh.layered(length, min(max(layer, 1e-5 * length), length), x, density)
-            pieces.append((x + self.arcs[j], density))
-            shares.append(next(count for reach, count in _FIRST if layer > reach * length or reach == 0.0))
-        self.elements = self.history = 0
-        self._lay_out(pieces, self._counts(np.array(shares, dtype=np.float64)))
+                layers[j] = math.sqrt(self.bend / max(tension, 1e-9 * self.bend / length**2))
+        pieces, shares = span_mesh.layered(self.arcs, layers)
+        finer = (NAMED_TOLERANCE * self.par[13] / self.problem.tolerance) ** (1.0 / 6.0)
+        self.elements = self.history = self.fewest = 0
+        self._lay_out(pieces, self._counts(fineness * min(max(finer, 0.75), 3.0) * shares))
 
     def next_mesh(self) -> bool:
         """A mesh that the last error estimate asks for, and the last solution on it; False if it cannot be finer."""
-        estimate, n = self.info[7], self.elements
-        factor = 3.0
-        if math.isfinite(estimate):
-            factor = 1.05 * (estimate / (AIM * self.problem.tolerance)) ** 0.25
-            factor = min(3.0, max(factor, self.info[13] / _TURN_AIM))
-        pieces, shares = [], np.empty(self.spans)
-        errors = self.mesh[17 * n + 1 :]
-        for j, (a, b) in enumerate(pairwise(self.where)):
-            x, density = np.empty(b - a + 2), np.empty(b - a + 2)
-            shares[j] = rod_mesh.fifth_root(self.nodes[a : b + 1], errors[a:b], x, density)
-            pieces.append((x, density))
-        wanted = min(MOST_ELEMENTS, math.ceil(n * factor))
-        counts = self._counts(shares * wanted / shares.sum())
-        if counts.sum() == n:
-            if n >= MOST_ELEMENTS or factor <= 1.0:
+        estimate, n, tolerance = float(self.info[ESTIMATE]), self.elements, self.problem.tolerance
+        excess = estimate / (AIM * tolerance) if math.isfinite(estimate) else _MOST_EXCESS
+        excess = min(max(excess, 1.0 / _MOST_EXCESS), _MOST_EXCESS)
+        q = span_work.slot(self.sol, n, self.spans, NOW)[0]
+        errors = span_work.mesh_parts(self.mesh, n)[4]
+        if not np.isfinite(errors).all():
+            errors = np.ones(n)
+        pieces, shares = span_mesh.indicated(self.nodes, self.where, q, errors, excess, TURN_AIM)
+        counts = self._counts(shares)
+        if estimate > tolerance:
+            if n >= MOST_ELEMENTS:
                 return False
-            counts[shares.argmax()] += 1
+            if counts.sum() < 1.1 * n:
+                counts = self._counts(1.1 * n / shares.sum() * shares)
+        if counts.sum() > MOST_ELEMENTS:
+            counts = self._counts((MOST_ELEMENTS - self.spans) / shares.sum() * shares)
         self._lay_out(pieces, counts)
         size = span_work.slot_size(self.elements, self.spans)
         self.sol[2 * size :] = self.sol[:size]
         return True
 
-    def too_coarse(self) -> bool:
+    def too_coarse(self, info: list[float]) -> bool:
         """Whether the error is above its tolerance, or an element turns too far for the inertia to be trusted."""
-        return bool(self.info[7] > self.problem.tolerance or self.info[13] > span_drive.LARGEST_TURN)
+        return info[ESTIMATE] > self.problem.tolerance or info[TURN] > LARGEST_TURN
 
-    def far_too_coarse(self) -> bool:
+    def far_too_coarse(self, info: list[float]) -> bool:
         """Whether even a step on the way needs a finer mesh."""
-        return bool(self.info[7] > 30.0 * self.problem.tolerance or self.info[13] > 2.0 * span_drive.LARGEST_TURN)
+        return info[ESTIMATE] > 30.0 * self.problem.tolerance or info[TURN] > 2.0 * LARGEST_TURN
 
-    def too_fine(self) -> bool:
-        """Whether a mesh of half as many elements would do."""
-        least = FEWEST_ELEMENTS * self.spans + 2 * self.stops.size
-        return bool(
-            self.info[7] < _TOO_FINE * self.problem.tolerance
-            and self.info[13] < 0.5 * _TURN_AIM
-            and self.elements > 2 * least
+    def too_fine(self, info: list[float]) -> bool:
+        """Whether a mesh of much fewer elements would do."""
+        return (
+            info[ESTIMATE] < _TOO_FINE * self.problem.tolerance
+            and info[TURN] < 0.5 * TURN_AIM
+            and self.elements > max(1.5 * (FEWEST_ELEMENTS * self.spans + 2 * self.stops.size), self.fewest)
         )
 
     def _counts(self, shares: Array) -> Any:
@@ -229,7 +229,7 @@ class SpanState:
         inside = np.histogram(self.stops, self.arcs)[0]
         return np.maximum(np.ceil(shares).astype(np.int64), FEWEST_ELEMENTS + 2 * inside)
 
-    def _lay_out(self, pieces: list[Piece], counts: Array) -> None:
+    def _lay_out(self, pieces: list[span_mesh.Piece], counts: Array) -> None:
         """Nodes of equal share of each span's density, `counts` elements a span; solutions are carried over."""
         old_nodes, old, n_old = self.nodes.copy(), self.sol, self.elements
         n = int(counts.sum())
@@ -241,27 +241,43 @@ class SpanState:
             stops = self.stops[(self.stops > x[0]) & (self.stops < x[-1])]
             rod_mesh.equidistribute(x, density, stops, counts[j], nodes[a : b + 1])
         self.elements = n
+        self.knots = np.union1d(self.where, np.searchsorted(nodes, self.stops))
         self.mesh = np.zeros(span_work.mesh_size(n))
         self.sol = np.zeros(3 * span_work.slot_size(n, self.spans))
         self.work = np.zeros(span_work.work_size(n, self.spans))
         self._load(nodes)
-        _, _, self.frames, _, self.turns = span_work.slot(self.sol, n, self.spans, NOW)
-        _, _, self.target, self._trial_arcs, self._trial_turns = span_work.slot(self.sol, n, self.spans, TRIAL)
+        self._part()
         if n_old:
             for which in (NOW, BEFORE, TRIAL):
                 q, *others = span_work.slot(old, n_old, self.spans, which)
                 q_new, *others_new = span_work.slot(self.sol, n, self.spans, which)
-                q_new[:] = _interpolated(nodes, old_nodes, q)
+                q_new[:] = span_mesh.interpolated(nodes, old_nodes, q)
                 for a, b in zip(others, others_new, strict=True):
                     b[:] = a
         self._trial_arcs[:] = self.arcs
+
+    def _part(self) -> None:
+        """Views of the parts of the solutions."""
+        n = self.elements
+        _, _, self.frames, self._arcs_now, self.turns = span_work.slot(self.sol, n, self.spans, NOW)
+        _, _, self.target, self._trial_arcs, self._trial_turns = span_work.slot(self.sol, n, self.spans, TRIAL)
+
+    def put_aside(self) -> tuple[Any, ...]:
+        """Mesh and solutions, for `put_back`."""
+        return self.mesh, self.sol, self.work, self.elements, self.where, self.knots, self.arcs, self.info.copy()
+
+    def put_back(self, kept: tuple[Any, ...]) -> None:
+        """Mesh and solutions as they were when put aside; a mesh as coarse as the one now is not tried again."""
+        self.mesh, self.sol, self.work, self.elements, self.where, self.knots, self.arcs, self.info = kept
+        self.fewest = self.elements
+        self._part()
 
     def _load(self, nodes: Array) -> None:
         """Puts the nodes there, and what acts on the elements between them."""
         s, h, load, rest, _ = span_work.mesh_parts(self.mesh, self.elements)
         s[:] = nodes
-        rod_mesh.element_loads(s, self.problem.load, self.points, self.weights, self._tip, h, load)
-        rod_mesh.element_rest(s, self.table, rest)
+        self.acts = np.vstack((self.problem.load, self._tip, self.weights))
+        span_slide.load_elements(s, self.acts, self.points, self.table, h, load, rest)
 
     # -- solutions
 
@@ -278,7 +294,7 @@ class SpanState:
             return False
         self.first_mesh(frames)
         q, lam, _, arcs, _ = span_work.slot(self.sol, self.elements, self.spans, NOW)
-        q[:] = _interpolated(self.nodes, shape.arc_length, shape.quaternions)
+        q[:] = span_mesh.interpolated(self.nodes, shape.arc_length, shape.quaternions)
         middles = 0.5 * (self.nodes[1:] + self.nodes[:-1])
         load = span_work.mesh_parts(self.mesh, self.elements)[2][:, 3:6]
         for i in range(3):
@@ -318,6 +334,10 @@ class SpanState:
         self._load(nodes)
         self._trial_arcs[:] = arcs
 
+    def ran(self) -> None:
+        """Takes over where the last solve has left the eyelets."""
+        self.arcs = self._arcs_now.copy()
+
     def predicted_arcs(self) -> Array:
         """The arc lengths of the supports, those at eyelets extrapolated along the motion of the supports."""
         arcs = self.arcs.copy()
@@ -344,12 +364,3 @@ class SpanState:
             self.rings, f, J, points, out,
         )  # fmt: skip
         return f, J, out
-
-
-def _interpolated(at: Array, s: Array, q: Array) -> Array:
-    """Quaternions (k, 4) at arc lengths `at`, linear between those at s."""
-    signs = np.where((q[1:] * q[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
-    chain = q * np.concatenate(([1.0], np.cumprod(signs)))[:, None]
-    out = np.stack([np.interp(at, s, column) for column in chain.T], axis=1)
-    size = np.linalg.norm(out, axis=1, keepdims=True)
-    return np.asarray(out / np.where(size > 0.0, size, 1.0))
