@@ -92,10 +92,10 @@ class CableCycle:
         self._looked = self._snaps_at = -math.inf  # ns, when a snap was looked for, and when it is to come
         self._twists: Array | None = None
 
-    def predict(self, ends: Ends) -> CableShape:
+    def predict(self, ends: Ends, links: Links) -> CableShape:
         """The shape of the span, and of the tails into `tails`."""
         start, end = ends
-        shape = self.predictor.predict(start, end)
+        shape = self.predictor.predict(start, end, links)
         self.tails = {}
         for side, tail in self._tails.items():
             grip = start if side == "start" else end

@@ -13,7 +13,7 @@ does not change the answer by a bit.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import final
 
 import numpy as np
@@ -23,6 +23,7 @@ from cable_shape import checks
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels import bounds, distance, triangles
+from cable_shape.kernels.contact_near import GRIP_EXCLUSION
 from cable_shape.meshes.tree import mesh_tables
 from cable_shape.pose import Pose
 from cable_shape.report import BodyDistance, Clearance
@@ -71,7 +72,7 @@ class ClearanceChecker:
         radius: float,
         robot_links: Sequence[Obstacle] = (),
         gripping_links: Sequence[str] = (),
-        grip_exclusion: float = 0.05,
+        grip_exclusion: float = GRIP_EXCLUSION,
         horizon: float | None = None,
         cull: bool = True,
     ) -> None:
@@ -91,10 +92,10 @@ class ClearanceChecker:
         self.cull = cull
         bodies = (*scene.obstacles, *robot_links)
         self.names = tuple(body.name for body in bodies)
-        self.links = tuple(dict.fromkeys(body.link for body in bodies if body.link is not None))
+        self._carried = carried_by(bodies)
+        self.links = tuple(self._carried)
         #: (m,), of the bodies in `names`: whether they are on a link, which may move
         self.moving: NDArray[np.bool_] = np.array([body.link is not None for body in bodies], dtype=np.bool_)
-        self._on_link = {body.link: body.name for body in reversed(bodies) if body.link is not None}
         self._fixed = sum(body.link is None for body in bodies)
         self.tables = body_tables(bodies, self.links, frozenset(gripping_links))
 
@@ -128,7 +129,7 @@ class ClearanceChecker:
             self.grip_exclusion,
             self.cull,
             self.tables[0],
-            _NO_LINKS if links is None else self._rows(links),
+            _NO_LINKS if links is None else link_rows(links, self._carried),
             *self.tables[1:],
             result,
             counts,
@@ -149,23 +150,39 @@ class ClearanceChecker:
             table=result,
         )
 
-    def _rows(self, links: Mapping[str, Pose]) -> Array:
-        """(k, 7) poses of the links that carry bodies; one dummy row if there are none."""
-        rows = np.zeros((max(len(self.links), 1), 7))
-        for i, name in enumerate(self.links):
-            pose = links.get(name)
-            if pose is None:
-                raise ArgumentError.of(
-                    "links",
-                    sorted(links),
-                    f"the pose of link {name!r} is missing, which carries {self._on_link[name]!r}",
-                    "Give the pose of every link that carries a body, or None if the robot is not known.",
-                )
-            rows[i] = pose.array
-        return rows
-
 
 _NO_LINKS: Array = np.empty((0, 7))
+
+
+def carried_by(bodies: Iterable[Obstacle]) -> dict[str, str]:
+    """The links that carry bodies, in the order of the bodies, and the first body of each."""
+    carried: dict[str, str] = {}
+    for body in bodies:
+        if body.link is not None:
+            carried.setdefault(body.link, body.name)
+    return carried
+
+
+def link_rows(links: Mapping[str, Pose], carried: Mapping[str, str]) -> Array:
+    """(k, 7) poses of the links that carry bodies, see `carried_by`; one dummy row if there are none.
+
+    Raises
+    ------
+    ArgumentError
+        If `links` lacks one of them.
+    """
+    rows = np.zeros((max(len(carried), 1), 7))
+    for i, (name, body) in enumerate(carried.items()):
+        pose = links.get(name)
+        if pose is None:
+            raise ArgumentError.of(
+                "links",
+                sorted(links),
+                f"the pose of link {name!r} is missing, which carries {body!r}",
+                "Give the pose of every link that carries a body, or None if the robot is not known.",
+            )
+        rows[i] = pose.array
+    return rows
 
 
 def body_tables(

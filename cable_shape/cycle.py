@@ -35,7 +35,7 @@ class Cycle:
     robot_links : sequence of Obstacle
         Collision geometry of the robot, each with its `link` set (see ``Robot.link_geometry``).
     gripping_links : sequence of str
-        Links that hold the cable; contact with them near the grips is not reported.
+        Links that hold the cable; contact with them near the grips is neither solved for nor reported.
     model, gravity, points, tolerance
         As for :func:`cable_shape.predict`.
     tails : mapping of cable name to mapping of "start" and "end" to a length [m], optional
@@ -84,6 +84,8 @@ class Cycle:
                 tolerance=tolerance,
                 scene=self.scene,
                 time_budget=time_budget,
+                robot_links=robot_links,
+                gripping_links=gripping_links,
             )
             plug = (plugs or {}).get(name, self.scene.plug)
             if plug is not None:
@@ -101,7 +103,7 @@ class Cycle:
         stamp : int
             [ns], must not be older than the stamp of the last step.
         links : mapping of robot link to its Pose in the world, optional
-            Without it, clearance to the robot is reported as not checked.
+            Without it, clearance to the robot is reported as not checked, and its links keep no cable out.
 
         Raises
         ------
@@ -122,7 +124,7 @@ class Cycle:
             if cable is None:
                 raise ArgumentError.of("cable", name, "no such cable", f"Known: {', '.join(self._cables)}.")
             cables[name] = cable
-            shapes[name] = cable.predict(ends)
+            shapes[name] = cable.predict(ends, links)
         predicted = perf_counter()
         clearance = {name: cable.check(shapes[name], links) for name, cable in cables.items()}
         checked = perf_counter()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from time import perf_counter
 from typing import Protocol, final
 
@@ -15,7 +15,7 @@ from cable_shape import checks
 from cable_shape.cable import Cable
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
-from cable_shape.kernels.poses import moved
+from cable_shape.meshes.convex import is_convex
 from cable_shape.models import catenary, clipped, cosserat, gradient, touching
 from cable_shape.models.auto import Auto
 from cable_shape.models.rod_state import RodState
@@ -23,17 +23,11 @@ from cable_shape.models.span_state import SpanState
 from cable_shape.models.touch_state import TouchState
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.problem import AUTO_TOLERANCE, GRAVITY, NAMED_TOLERANCE, Problem
-from cable_shape.scene import Scene
+from cable_shape.reuse import Ends, unmoved
+from cable_shape.scene import Mesh, Obstacle, Scene
 from cable_shape.shape import CableShape
 
 MODELS = ("catenary", "gradient4", "gradient6", "cosserat", "auto")
-
-#: The last shape is given again while the ends have moved by less than this fraction of `tolerance`, rotations counted
-#: as length x angle. Down to the slack below a shape moves by at most 100 times as much as its ends.
-REUSE_FRACTION = 0.01
-#: Of a cable with less slack than this fraction of its length only the very same ends give the last shape again: its
-#: sag changes by 0.31 / sqrt(slack) of what its ends move.
-REUSE_SLACK = 2e-5
 
 
 class Solver(Protocol):
@@ -83,20 +77,23 @@ class Rod:
 
     def solve(self, problem: Problem) -> CableShape:
         deadline = math.inf if self._time_budget == math.inf else perf_counter() + self._time_budget
-        if problem.clips:
-            if not isinstance(self.state, SpanState):
-                self.state = SpanState(problem, self._last)
-            return clipped.solve(problem, self.state, deadline=deadline)
-        if not isinstance(self.state, RodState):
+        if problem.clips and not isinstance(self.state, SpanState):
+            self.state = SpanState(problem, self._last)
+        if not problem.clips and not isinstance(self.state, RodState):
             self.state = RodState(problem)
-        if problem.scene is not None and problem.scene.solves_contact:
+        assert self.state is not None
+        if problem.bodies:
             if self._touch is None:
                 self._touch = TouchState(problem)
-            self._last = touching.solve(problem, self._touch, self.state, deadline=deadline)
+            shape = touching.solve(problem, self._touch, self.state, deadline=deadline)
         else:
             self._touch = None
-            self._last = cosserat.solve(problem, self.state, deadline=deadline)
-        return self._last
+            if isinstance(self.state, SpanState):
+                return clipped.solve(problem, self.state, deadline=deadline)
+            shape = cosserat.solve(problem, self.state, deadline=deadline)
+        if not problem.clips:
+            self._last = shape
+        return shape
 
     def reset(self) -> None:
         self.state = self._last = self._touch = None
@@ -124,7 +121,10 @@ class Predictor:
         [m], largest position error allowed. Default: 1e-5 of the length for a named model, of its discretisation;
         1e-3 of the length for "auto".
     scene : Scene, optional
-        Its masses load the cable, its clips hold it.
+        Its masses load the cable, its clips hold it; with ``contact="solve"`` its obstacles keep the cable out.
+    robot_links, gripping_links
+        As for :class:`cable_shape.Cycle`: with ``contact="solve"`` the robot's links keep the cable out, too, those
+        that grip it not within 0.05 m of its ends.
     distributed_load : (2, 3) array_like, optional
         [N/m], world, at s = 0 and s = length, linear between, added to the weight.
     time_budget : float, optional
@@ -148,6 +148,8 @@ class Predictor:
         scene: Scene | None = None,
         distributed_load: ArrayLike | None = None,
         time_budget: float | None = None,
+        robot_links: Iterable[Obstacle] = (),
+        gripping_links: Iterable[str] = (),
     ) -> None:
         self.model = checks.one_of("model", model, MODELS)
         self._problem_in = functools.partial(
@@ -158,12 +160,15 @@ class Predictor:
             tolerance=tolerance,
             distributed_load=distributed_load,
             relative_tolerance=AUTO_TOLERANCE if model == "auto" else NAMED_TOLERANCE,
+            robot_links=tuple(robot_links),
+            gripping_links=tuple(gripping_links),
         )
-        self.problem = self._problem_in(scene=scene)
+        problem = self._problem_in(scene=scene)
         self._solver = _solver_for(self.model, cable, time_budget)
-        self._check_clips(scene)
+        self.problem = self._checked(problem)
         self._last: CableShape | None = None
-        self._last_ends: tuple[Grip, Grip | FreeEnd] | None = None
+        self._last_ends: Ends | None = None
+        self._last_links: Mapping[str, Pose] | None = None
 
     @property
     def cable(self) -> Cable:
@@ -177,24 +182,37 @@ class Predictor:
 
     @scene.setter
     def scene(self, scene: Scene | None) -> None:
-        self._check_clips(scene)
-        self.problem = self._problem_in(scene=scene)
+        self.problem = self._checked(self._problem_in(scene=scene))
         self._last = None
 
-    def predict(self, start: Pose | Grip, end: Pose | Grip | FreeEnd | None) -> CableShape:
+    def predict(
+        self,
+        start: Pose | Grip,
+        end: Pose | Grip | FreeEnd | None,
+        links: Mapping[str, Pose] | None = None,
+    ) -> CableShape:
         """The shape between these ends; never raises for a physical reason: look at `status`.
 
         Parameters
         ----------
         start, end : Pose or Grip
             A bare Pose is clamped; `end` may be a FreeEnd, None is a free end without load.
+        links : mapping of robot link to its Pose in the world, optional
+            Where the bodies are that are attached to links, if contact with them is solved for; without it they are
+            left out.
+
+        Raises
+        ------
+        ArgumentError
+            If `links` lacks a link that carries such a body.
         """
-        problem = self.problem.move(start, end)
-        if self._last is not None and self._unmoved(problem):
+        problem = self.problem.move(start, end, links)
+        if self._last is not None and unmoved(self._last_ends, self._last_links, problem):
             return self._last.again()
         shape = self._solver.solve(problem)
         self._last = shape
         self._last_ends = (problem.start, problem.end)
+        self._last_links = links
         return shape
 
     def reset(self) -> None:
@@ -235,42 +253,40 @@ class Predictor:
         state = self._solver.rod_state()
         return state if isinstance(state, RodState) else None
 
-    def _check_clips(self, scene: Scene | None) -> None:
-        """Only the rod is held in clips, or rests on obstacles."""
-        if scene is not None and scene.solves_contact:
-            if isinstance(self._solver, ClosedForm):
+    def _checked(self, problem: Problem) -> Problem:
+        """The problem, if its model can solve it: only the rod is held in clips, or rests on bodies."""
+        if isinstance(self._solver, ClosedForm):
+            if problem.bodies:
                 raise ArgumentError.of(
                     "scene.contact",
-                    scene.contact,
+                    "solve",
                     f"model {self.model!r} of this cable knows no contact",
                     "Write contact='warn', or choose model='cosserat' and a bending stiffness above 0 N m^2.",
                 )
-            if scene.clips:
+            if problem.clips:
                 raise ArgumentError.of(
-                    "scene.contact",
-                    scene.contact,
-                    "a cable in clips is not solved for contact",
-                    "Write contact='warn', or remove the clips.",
+                    "scene.clips",
+                    len(problem.clips),
+                    f"model {self.model!r} of this cable knows no clips",
+                    "Remove the clips, or choose model='cosserat' and a bending stiffness above 0 N m^2.",
                 )
-        if scene is not None and scene.clips and isinstance(self._solver, ClosedForm):
-            raise ArgumentError.of(
-                "scene.clips",
-                len(scene.clips),
-                f"model {self.model!r} of this cable knows no clips",
-                "Remove the clips, or choose model='cosserat' and a bending stiffness above 0 N m^2.",
-            )
-
-    def _unmoved(self, problem: Problem) -> bool:
-        """Whether the ends moved too little since the last solve to change the answer by its tolerance."""
-        assert self._last_ends is not None
-        start, end = self._last_ends
-        length = problem.cable.length
-        if _further(end, problem.end, REUSE_FRACTION * problem.tolerance):
-            return False
-        moved = _moved(start, problem.start, length) + _moved(end, problem.end, length)
-        if moved == 0.0:
-            return True
-        return moved < REUSE_FRACTION * problem.tolerance and not _taut(problem)
+        for i, clip in enumerate(problem.clips):
+            if problem.bodies and clip.kind == "slide":
+                raise ArgumentError.of(
+                    f"clips[{i}].kind",
+                    clip.kind,
+                    "an eyelet is not solved for along with contact",
+                    "Make it a 'ball', or write contact='warn'.",
+                )
+        for body in problem.bodies:
+            if isinstance(body.solid, Mesh) and not is_convex(body.solid):
+                raise ArgumentError.of(
+                    f"obstacle {body.name!r}",
+                    body.solid,
+                    "contact is solved for with closed convex meshes only",
+                    "Divide it into convex parts, one obstacle each, or write contact='warn'.",
+                )
+        return problem
 
 
 def predict(
@@ -316,43 +332,3 @@ def _solver_for(model: str, cable: Cable, time_budget: float | None) -> Solver:
         return ClosedForm(gradient.solve6)
     budget = math.inf if time_budget is None else checks.number("time_budget", time_budget, above=0.0, unit="s")
     return Rod(budget) if model == "cosserat" else Auto(Rod(budget))
-
-
-def _taut(problem: Problem) -> bool:
-    """Whether an end is nearly as far from the other, or the next clip, as the cable between is long, or further."""
-    clips, end, length = problem.clips, problem.end, problem.cable.length
-    start = problem.start.cable_frame.position
-    if clips and _stretched(clips[0].pose.position - start, clips[0].arc_length):
-        return True
-    if not isinstance(end, Grip):
-        return False
-    near, arc = (clips[-1].pose.position, clips[-1].arc_length) if clips else (start, 0.0)
-    return _stretched(end.cable_frame.position - near, length - arc)
-
-
-def _stretched(chord: Array, length: float) -> bool:
-    """Whether a chord (3,) leaves a cable of this length hardly any slack."""
-    return math.sqrt(float(chord @ chord)) > (1.0 - REUSE_SLACK) * length
-
-
-def _further(before: Grip | FreeEnd, now: Grip | FreeEnd, distance: float) -> bool:
-    """Whether an end has moved along an axis by more than a distance [m]: a quick look, which may say no."""
-    if type(before) is not Grip or type(now) is not Grip:
-        return False
-    a, b = before.cable_frame.array, now.cable_frame.array
-    return bool(abs(a[0] - b[0]) > distance or abs(a[1] - b[1]) > distance or abs(a[2] - b[2]) > distance)
-
-
-def _moved(before: Grip | FreeEnd, now: Grip | FreeEnd, length: float) -> float:
-    """[m], how far an end moved: distance plus length times angle; infinite if it is held in another way."""
-    if before is now:
-        return 0.0
-    if type(before) is not Grip or type(now) is not Grip:
-        return math.inf
-    if before.kind != now.kind:
-        return math.inf
-    if before.curvature is not now.curvature and before.curvature.tobytes() != now.curvature.tobytes():
-        return math.inf
-    if before.cable_frame.turns != now.cable_frame.turns:
-        return math.inf
-    return float(moved(before.cable_frame.array, now.cable_frame.array, length))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from cable_shape.cable import Cable
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import FreeEnd, Grip, Pose, as_grip
-from cable_shape.scene import Clip, PointMass, Scene
+from cable_shape.scene import Clip, Obstacle, PointMass, Scene
 
 #: default `tolerance` / length of a named model (its discretisation) and of "auto" (discretisation and model)
 NAMED_TOLERANCE = 1e-5
@@ -44,6 +45,9 @@ class Problem:
     load_force : (k, 3) [N], world, of the concentrated loads (weights of point masses)
     masses : the point masses behind the concentrated loads
     clips : what holds the cable between its ends, in ascending arc length
+    bodies : what the cable is kept out of in the equilibrium: first the bodies fixed in the world, then those on links
+    gripping : links that hold the cable, whose bodies it may touch near its ends
+    links : where the links are, None if that is not known: then their bodies are left out
     start : Grip
     end : Grip or FreeEnd
     cache : what a model derives once from all but the ends, by the model's name
@@ -51,11 +55,14 @@ class Problem:
 
     __slots__ = (
         "_given",
+        "bodies",
         "cable",
         "cache",
         "clips",
         "end",
         "gravity",
+        "gripping",
+        "links",
         "load",
         "load_arc_length",
         "load_force",
@@ -76,6 +83,8 @@ class Problem:
         scene: Scene | None = None,
         distributed_load: ArrayLike | None = None,
         relative_tolerance: float = NAMED_TOLERANCE,
+        robot_links: Iterable[Obstacle] = (),
+        gripping_links: Iterable[str] = (),
     ) -> None:
         if not isinstance(cable, Cable):
             raise ArgumentError.of("cable", cable, "it must be a Cable", "Write Cable(length=..., ...).")
@@ -100,6 +109,11 @@ class Problem:
             self._load_masses(scene)
             self._check_clips(scene)
             self.clips = tuple(scene.clips)
+        self.bodies: tuple[Obstacle, ...] = ()
+        if scene is not None and scene.contact == "solve":
+            self.bodies = tuple(sorted((*scene.obstacles, *robot_links), key=lambda body: body.link is not None))
+        self.gripping = frozenset(gripping_links)
+        self.links: Mapping[str, Pose] | None = None
         self._given: Pose | Grip | None = None
         self.start = _NOWHERE
         self.end: Grip | FreeEnd = _UNLOADED
@@ -148,8 +162,14 @@ class Problem:
                     "Move one of them, or make it a 'ball' clip.",
                 )
 
-    def move(self, start: Pose | Grip, end: Pose | Grip | FreeEnd | None) -> Problem:
-        """Puts the ends there (None: a free end) and returns itself."""
+    def move(
+        self,
+        start: Pose | Grip,
+        end: Pose | Grip | FreeEnd | None,
+        links: Mapping[str, Pose] | None = None,
+    ) -> Problem:
+        """Puts the ends there (None: a free end), and the links, and returns itself."""
+        self.links = links
         if start is not self._given:  # often only one end moves
             self.start = start if type(start) is Grip else as_grip("start", start)
             self._given = start

@@ -232,8 +232,8 @@ class Scene:
     plug : Plug, optional
         At the end of every cable that has no other one.
     contact : str
-        What obstacles do: "warn" (default) of the clearance to them; "solve" keeps the cable out of them in the
-        equilibrium, without friction (Cosserat rod only, obstacles fixed in the world), and warns, too; "off" neither.
+        What obstacles and robot links do: "warn" (default) of the clearance to them; "solve" keeps the cable out of
+        them in the equilibrium, without friction (Cosserat rod only), and warns, too; "off" neither.
 
     Raises
     ------
@@ -291,11 +291,6 @@ class Scene:
         from cable_shape.files import load_yaml
 
         return cls.from_mapping(load_yaml(path), where=str(path), folder=Path(path).expanduser().parent)
-
-    @property
-    def solves_contact(self) -> bool:
-        """Whether there is an obstacle to keep out of in the equilibrium."""
-        return self.contact == "solve" and any(obstacle.link is None for obstacle in self.obstacles)
 
     def as_dict(self) -> dict[str, Any]:
         """The mapping that `from_mapping` takes, as plain numbers, lists and words; meshes are written out."""

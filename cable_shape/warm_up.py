@@ -55,10 +55,11 @@ def warm_up() -> None:
         held.predict(start, Pose((0.8, 0.0, 0.5 + 0.001 * k), end.quaternion))
     held.sensitivity()
     table = Scene(obstacles=[Obstacle("table", HalfSpace())], contact="solve")
-    resting = Predictor(cable, model="cosserat", scene=table)
-    for k in range(3):
-        resting.predict(Pose((0.0, 0.0, 0.3 + 0.001 * k), start.quaternion), Pose((0.8, 0.0, 0.3), end.quaternion))
-    resting.sensitivity()
+    for around in (table, table.replace(clips=[Clip(0.7, Pose((0.55, 0.0, 0.25)))])):
+        resting = Predictor(cable, model="cosserat", scene=around)
+        for k in range(3):
+            resting.predict(Pose((0.0, 0.0, 0.3 + 0.001 * k), start.quaternion), Pose((0.8, 0.0, 0.3), end.quaternion))
+        resting.sensitivity()
     starts, ends = (np.array([pose.array for pose in poses]) for poses in ((start, start), (end, later)))
     predict_batch(cable, starts, ends, scene=scene)
     check_trajectory(cable, scene, None, GripPath(starts, ends))

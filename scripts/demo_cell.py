@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 """The simulated cell of the demo: two arms carry a cable, and /joint_states says where they are.
 
-Plans one motion (lift, separate, twist the end by a quarter turn, lower past a post, draw back), by inverse kinematics
-step by step, then publishes it in real time with stamps of the system clock, and ends by itself. Exit code 0: all
-published; 1: the motion cannot be done, nobody listened or it was interrupted; 2: wrong arguments.
+Plans one motion (lower the cable onto the table beside the clip that holds its middle, lift, twist the end by a quarter
+turn, lower past a post, draw back), by inverse kinematics step by step, then publishes it in real time with stamps of
+the system clock, and ends by itself. Exit code 0: all published; 1: the motion cannot be done, nobody listened or it
+was interrupted; 2: wrong arguments.
 """
 
 from __future__ import annotations
@@ -43,14 +44,14 @@ class Key(NamedTuple):
 
 
 KEYS = (
-    Key(0.0, 0.40, 0.70, 0.38, 30.0, 0.0),
-    Key(0.5, 0.40, 0.70, 0.38, 30.0, 0.0),
-    Key(4.0, 0.40, 0.70, 0.56, 30.0, 0.0),  # lift
-    Key(7.5, 0.40, 0.88, 0.56, 15.0, 0.0),  # separate
-    Key(11.5, 0.40, 0.88, 0.56, 15.0, 90.0),  # twist
-    Key(15.5, 0.47, 0.88, 0.36, 15.0, 90.0),  # lower past the post
-    Key(19.0, 0.40, 0.84, 0.36, 20.0, 90.0),  # draw back
-    Key(20.0, 0.40, 0.84, 0.36, 20.0, 90.0),
+    Key(0.0, 0.40, 0.80, 0.32, 15.0, 0.0),
+    Key(0.5, 0.40, 0.80, 0.32, 15.0, 0.0),
+    Key(4.0, 0.40, 0.84, 0.17, 20.0, 0.0),  # lower onto the table
+    Key(7.5, 0.40, 0.84, 0.28, 10.0, 0.0),  # lift
+    Key(11.5, 0.40, 0.84, 0.28, 10.0, -90.0),  # twist
+    Key(15.5, 0.47, 0.83, 0.17, 20.0, -90.0),  # lower past the post
+    Key(19.0, 0.40, 0.84, 0.28, 10.0, -90.0),  # draw back
+    Key(20.0, 0.40, 0.84, 0.28, 10.0, -90.0),
 )
 
 

@@ -31,6 +31,7 @@ ROOT = Path(__file__).resolve().parent.parent
 CONFIG = ROOT / "config"
 STARTUP_S = 120.0  # the node compiles its kernels if set-up could not cache them
 SHUTDOWN_S = 20.0
+RESTING = 2e-4  # m, of a cable that rests on a body, from it
 KINDS = {kind.value: kind.name for kind in WarningKind}
 
 
@@ -83,7 +84,8 @@ class Seen:
     first_stamp: float | None = None
     last_stamp: float = 0.0
     warnings: Counter[tuple[str, str]] = field(default_factory=Counter)
-    closest: tuple[float, str, float] | None = None  # distance, body, seconds from the first shape
+    nearest: dict[str, tuple[float, float]] = field(default_factory=dict)  # body: distance, seconds from the start
+    resting: Counter[str] = field(default_factory=Counter)  # body: cycles
     robot_checked: bool = False
     diagnostics: dict[str, str] = field(default_factory=dict)
 
@@ -108,8 +110,11 @@ class Seen:
         stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
         for warning in message.warnings:
             self.warnings[KINDS[warning.kind], warning.other] += 1
-            if warning.kind == CableWarning.CLEARANCE and (self.closest is None or warning.value < self.closest[0]):
-                self.closest = (warning.value, warning.other, stamp - (self.first_stamp or stamp))
+            if warning.kind != CableWarning.CLEARANCE:
+                continue
+            self.resting[warning.other] += warning.value < RESTING
+            if warning.value < self.nearest.get(warning.other, (np.inf, 0.0))[0]:
+                self.nearest[warning.other] = (warning.value, stamp - (self.first_stamp or stamp))
 
     def diagnostic(self, message: DiagnosticArray) -> None:
         """Keeps the newest value of every key."""
@@ -205,8 +210,12 @@ def summary(seen: Seen, rrd: Path | None) -> str:
         ("tightest bend", f"{seen.tightest * 1e3:.0f} mm radius"),
         ("clearance to the robot checked", "yes" if seen.robot_checked else "no"),
     ]
-    if seen.closest is not None:
-        distance, body, when = seen.closest
+    for body, count in seen.resting.items():
+        if count:
+            rows.append(("rests on", f"{body} in {count} cycles"))
+    apart = [(*near, body) for body, near in seen.nearest.items() if not seen.resting[body]]
+    if apart:
+        distance, when, body = min(apart)
         rows.append(("closest approach", f"{distance * 1e3:.1f} mm to {body} at {when:.1f} s"))
     for (kind, other), count in seen.warnings.most_common():
         rows.append((f"warning {kind.lower()}", f"{count} cycles{f', {other}' if other else ''}"))

@@ -199,9 +199,6 @@ def test_what_contact_does_not_know_is_refused():
         cs.Scene(contact="bounce")
     with pytest.raises(cs.ArgumentError, match="catenary"):
         cs.Predictor(CABLE, model="catenary", scene=TABLE)
-    clip = cs.Clip(0.5, cs.Pose((0.3, 0, 0.4)))
-    with pytest.raises(cs.ArgumentError, match="clips"):
-        cs.Predictor(CABLE, model="cosserat", scene=TABLE.replace(clips=[clip]))
 
 
 def test_contact_is_kept_in_files_and_off_tells_no_clearance():

@@ -19,6 +19,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cable_shape.cable import Cable
+from cable_shape.cycle import Cycle
 from cable_shape.errors import ArgumentError
 from cable_shape.plug import PlugError
 from cable_shape.pose import FreeEnd, Grip, Pose
@@ -719,3 +720,31 @@ def test_forces_of_clips_are_drawn_where_they_act_and_go_with_the_shape() -> Non
     assert (forces[:, 2] > 0.0).all()
     got = decode(encode(CycleReport(0, {"cable": grips}, None, {"cable": lying}, {}, ()))).shapes["cable"]
     assert [contact.body for contact in got.contacts] == ["table"] * len(lying.contacts)
+
+
+def test_margins_are_bars_that_go_when_there_is_no_margin_any_more(tmp_path: Path) -> None:
+    write(tmp_path / "out.rrd", [near_a_snap(k) for k in range(5)] + [report(5)])
+    held = columns(tmp_path / "out.rrd")
+    bars = held["/margins/clearance:BarChart:values"]
+    # only changes are written: the nearest body uses 0, 0.2, ... of its limit, and the last report knows no margin
+    assert [t for t, _ in bars] == [T0 + k * PERIOD for k in range(1, 6)]
+    np.testing.assert_allclose([v[0]["buffer"][0] for _, v in bars], [0.2, 0.4, 0.6, 0.8, 0.0])
+    stretch = held["/margins/stretch:BarChart:values"]
+    np.testing.assert_allclose([v[0]["buffer"][0] for _, v in stretch], [2.0, 0.0])
+    assert held["/margins/limit:BarChart:values"][0][0] is None
+
+
+def test_the_closest_pair_is_of_a_body_that_the_cable_does_not_rest_on(tmp_path: Path) -> None:
+    cable = Cable(length=1.0, linear_density=0.1, bending_stiffness=0.01, diameter=0.008)
+    post = Obstacle("post", Sphere(0.02), Pose((0.4, 0.1, 0.82)))
+    scene = Scene(obstacles=[Obstacle("table", HalfSpace(), Pose((0, 0, 0.8))), post], contact="solve")
+    grips = Pose((0, 0, 1), (0.5, 0.5, 0.5, 0.5)), Pose((0.8, 0, 1), (0.5, 0.5, 0.5, 0.5))
+    cycle = Cycle(cable, scene=scene)
+    said = cycle.step({"cable": grips}, stamp=T0)
+    assert said.clearance["cable"].closest.body == "table"
+    from cable_shape.viewer.recording import RecordingWriter  # here: this module must not import rerun
+
+    with RecordingWriter(tmp_path / "out.rrd", cycle.cables, scene) as writer:
+        writer.log(said)
+    ((_, label),) = columns(tmp_path / "out.rrd")["/world/cables/cable/closest/line:LineStrips3D:labels"]
+    assert label[0].startswith("post  ")

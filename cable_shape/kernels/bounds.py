@@ -6,8 +6,8 @@ length h between points at distances d_i and d_j, nowhere nearer than (d_i + d_j
 body is convex along a piece besides, so that the tangents at its two ends bound it more closely.
 
 A row of the table of bodies (18,): kind | sizes a, b, c | pose: position, quaternion x y z w, in the world or in the
-link | row of the link, -1 for the world | 1 if left out near the grips | mesh: first node, 1 if closed | mesh: centre
-of its box, of which the sizes are the half edges.
+link | row of the link, -1 for the world | 1 if left out near the grips | mesh: first node, 0 if open, 1
+if closed or half its least thickness [m] | mesh: centre of its box, of which the sizes are the half edges.
 """
 
 from __future__ import annotations

@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.contact_near import BARE, NONE, NORMAL, PRESS, SPOT
-from cable_shape.kernels.rod_algebra import dot, get3, put3, scale, subtract
+from cable_shape.kernels.contact_near import BARE, GRIP_EXCLUSION, NONE, NORMAL, PRESS, SPOT
+from cable_shape.kernels.rod_algebra import Vector, add, dot, get3, put3, scale, subtract
 from cable_shape.kernels.span_factor import take3
 from cable_shape.kernels.surface import reach_of, touch
 
@@ -17,12 +19,16 @@ TOUCH = 9  # numbers of a contact: arc length, body, point 3, normal 3, force
 
 @kernel
 def depth_of(
-    point: Array, bodies: Array, frames: Array, triangles: Array, nodes: Array, radius: float, stack: Array
-) -> tuple[float, int]:
-    """The gap of one point of the cable to the nearest body, and that body."""
+    point: Array, arc: float, length: float, bodies: Array, frames: Array, triangles: Array, nodes: Array,
+    radius: float, stack: Array,
+) -> tuple[float, int]:  # fmt: skip
+    """The gap of the cable's point at `arc` [m] to the nearest body, and that body; infinite and -1 without one."""
     least, at = math.inf, -1
     p = (point[0], point[1], point[2])
     for b in range(bodies.shape[0]):
+        exclusion = GRIP_EXCLUSION if bodies[b, 12] != 0.0 else 0.0
+        if arc < exclusion or arc > length - exclusion:
+            continue
         d, _, _ = touch(bodies[b], frames[b], triangles, nodes, p, NONE, False, stack)
         if d - radius < least:
             least, at = d - radius, b
@@ -30,27 +36,48 @@ def depth_of(
 
 
 @kernel
+def carried(p: Vector, then: Array, now: Array) -> Vector:
+    """Where a point of a body that went from frame `then` (4, 3) to frame `now` is."""
+    local = subtract(p, get3(then, 3))
+    out = get3(now, 3)
+    for i in range(3):
+        out = add(out, scale(dot(local, get3(then, i)), get3(now, i)))
+    return out
+
+
+@kernel
 def passes(
-    s: Array, before: Array, after: Array, bodies: Array, frames: Array, triangles: Array, nodes: Array, radius: float,
-    stack: Array,
+    s: Array, before: Array, after: Array, bodies: Array, frames: Array, then: Array, triangles: Array, nodes: Array,
+    radius: float, stack: Array,
 ) -> bool:  # fmt: skip
     """Whether a point of the cable came so far from `before` to `after` (n, 3) that it may be past a body.
 
-    That is further than its gap and 0.6 of half the body's thickness and the cable's.
+    That is further, as the body sees it, than its gap and 0.6 of half the body's thickness and the cable's. The bodies
+    were in the frames `then` (m, 4, 3) and are in `frames`.
     """
     count = s.shape[0]
-    largest = 0.0
-    for k in range(count):
-        way = subtract(get3(after, k), get3(before, k))
-        largest = max(largest, dot(way, way))
-    largest = math.sqrt(largest)
+    start = np.empty((count, 3))
     for b in range(bodies.shape[0]):
+        exclusion = GRIP_EXCLUSION if bodies[b, 12] != 0.0 else 0.0
+        moved = False
+        for i in range(12):
+            moved = moved or then[b, i // 3, i % 3] != frames[b, i // 3, i % 3]
+        largest = 0.0
+        for k in range(count):
+            p = get3(before, k)
+            put3(start, k, 0, carried(p, then[b], frames[b]) if moved else p)
+            way = subtract(get3(after, k), get3(start, k))
+            largest = max(largest, dot(way, way))
+        largest = math.sqrt(largest)
         thick = 0.6 * (reach_of(bodies[b]) + radius)
         if largest <= thick:
             continue
         k = 0
         while k < count:
-            p = get3(before, k)
+            if s[k] < exclusion or s[k] > s[count - 1] - exclusion:
+                k += 1
+                continue
+            p = get3(start, k)
             d, n, _ = touch(bodies[b], frames[b], triangles, nodes, p, NONE, False, stack)
             gap = max(d - radius, 0.0)
             way = subtract(get3(after, k), p)

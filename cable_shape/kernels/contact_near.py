@@ -44,6 +44,7 @@ NEAR = 20  # columns of `near`
 PRESS, GAP, NORMAL, CURVED, SPOT, STEP = 0, 1, 2, 5, 14, 17
 BARE = -1
 MARGIN = 0.03  # [m] bodies further from a node than this are not looked at
+GRIP_EXCLUSION = 0.05  # [m] of arc length at either end, within which what grips the cable is no body to it
 NONE = (0.0, 0.0, 0.0)
 # curvature of the body, and of the gap, along the cable times the length of two elements from which a contact runs
 SHARP, ROUND = 0.6, 0.01
@@ -51,10 +52,13 @@ SHARP, ROUND = 0.6, 0.01
 
 @kernel
 def walk(first: Array, held: Array, places: Array, near: Array) -> None:
-    """Places of the nodes, from each held support on. first (N, 9): minus the steps in position first."""
+    """Places of the nodes, from each held support on. first (N, 9): minus the steps in position first.
+
+    At a held support that is where the cable before it ends.
+    """
+    put3(near, held[0], SPOT, get3(places, 0))
     for i in range(held.shape[0] - 1):
         r = get3(places, i)
-        put3(near, held[i], SPOT, r)
         for e in range(held[i], held[i + 1]):
             r = subtract(r, take3(first, e, 0))
             put3(near, e + 1, SPOT, r)
@@ -75,8 +79,12 @@ def look(
         on[k, 1] = BARE
     for b in range(bodies.shape[0]):
         endless = int(bodies[b, 0]) == HALF_SPACE
+        exclusion = GRIP_EXCLUSION if bodies[b, 12] != 0.0 else 0.0
         k = first_node
         while k <= last_node:
+            if s[k] < exclusion or s[k] > s[count - 1] - exclusion:
+                k += 1
+                continue
             side = take3(near, k, NORMAL) if on[k, 0] == b else NONE
             d, n, _ = touch(bodies[b], frames[b], triangles, nodes, take3(near, k, SPOT), side, False, stack)
             gap = d - radius + sunk
@@ -105,6 +113,15 @@ def look(
         near[k, GAP] = d - radius + sunk
         put9(near, k, CURVED, H)
         put3(near, k, NORMAL, n)
+
+
+@kernel
+def release(near: Array, on: Array, held: Array) -> None:
+    """Takes the held supports out of what `look` has found: what holds a node says where it is."""
+    for i in range(1, held.shape[0] - 1):
+        on[held[i], :] = BARE
+        near[held[i], PRESS] = 0.0
+        near[held[i], GAP] = math.inf
 
 
 @kernel

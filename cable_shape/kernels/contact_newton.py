@@ -29,6 +29,7 @@ from cable_shape.kernels.contact_near import (
     forces_of,
     lean,
     look,
+    release,
     supports,
     totals,
     walk,
@@ -205,6 +206,7 @@ def press(
         for k in range(elements):
             put3(near, k, STEP, take3(near, k, NORMAL))
         look(s, near, on, 1, last_node, bodies, frames, triangles, nodes, radius, sunk, stack)
+        release(near, on, held)
         added = grow(near, on, min(ADD + length * largest * largest, MOST), one)
         changed += added
         spans = supports(q, h, near, on, held, held_mask, where, mask, place, base, runs, True)

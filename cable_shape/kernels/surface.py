@@ -206,6 +206,6 @@ def reach_of(body: Array) -> float:
         return body[1]
     if kind == CYLINDER:
         return min(body[1], body[2])
-    if kind == MESH and body[14] == 0.0:
-        return 0.0
+    if kind == MESH:
+        return min(body[14], body[1], body[2], body[3])
     return min(body[1], body[2], body[3])

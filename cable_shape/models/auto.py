@@ -265,8 +265,8 @@ def _pulled(cable: Cable, shape: CableShape) -> bool:
 
 
 def _clipped(problem: Problem) -> bool:
-    """Whether clips or obstacles hold the cable, which closed forms do not know."""
-    return problem.scene is not None and (bool(problem.scene.clips) or problem.scene.solves_contact)
+    """Whether clips or bodies hold the cable, which closed forms do not know."""
+    return bool(problem.clips or problem.bodies)
 
 
 def _thin_out(shape: CableShape, stride: int) -> None:

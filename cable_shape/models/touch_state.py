@@ -3,31 +3,38 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from itertools import pairwise
 from typing import Any, final
 
 import numpy as np
 
 from cable_shape.checks import Array
-from cable_shape.clearance import body_tables
+from cable_shape.clearance import body_tables, carried_by, link_rows
 from cable_shape.kernels import bounds, contact_check, contact_drive, contact_slide, rod_mesh, span_work, surface
 from cable_shape.kernels.contact_near import BARE, NEAR, SPOT
 from cable_shape.kernels.span_factor import PLACE
 from cable_shape.kernels.span_work import BEFORE, NOW, TRIAL
 from cable_shape.kernels.triangles import STACK_SIZE
-from cable_shape.pose import FreeEnd, Grip
+from cable_shape.meshes.convex import half_thickness
+from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.problem import Problem
-from cable_shape.scene import Obstacle
+from cable_shape.scene import Mesh, Obstacle
 from cable_shape.shape import CableShape
 
 ELEMENTS = 64  #: of a mesh before nodes are added
+FEWEST_ELEMENTS = 16  #: of them between two clips
 MOST_ELEMENTS = 600
 TIP = 5e-5  #: [m] from a free end, which is no support itself, to the node that stands in for it
 LEAST_LENGTH = 5e-4  #: of the cable's length: shorter elements are not divided
 HORIZON = 0.02  #: [m] bodies further away are only bounded
 _FREE_ROTATIONS = {
     "clamped": (0.0, 0.0, 0.0),
+    "fixed": (0.0, 0.0, 0.0),
     "swivel": (0.0, 0.0, 1.0),
+    "hinge": (0.0, 0.0, 1.0),
     "pinned": (1.0, 1.0, 1.0),
+    "ball": (1.0, 1.0, 1.0),
     "free": (1.0, 1.0, 1.0),
 }
 _NEUTRAL = 1e-6  #: modes softer than this fraction of the stiffness / length^2 count as neutral, and neutral as stable
@@ -39,37 +46,48 @@ _ABSCISSAE = 65
 
 @final
 class TouchState:
-    """The solver's memory for one cable among bodies; `history` tells how many solutions there are to start from."""
+    """The solver's memory for one cable among bodies; `history` tells how many solutions there are to start from.
+
+    What holds the cable are b + 1 supports: the start, the clips, the end.
+    """
 
     def __init__(self, problem: Problem) -> None:
         self.history = self.elements = 0
         self.touching = False  # whether the last solution is in contact
-        self.free: CableShape | None = None  # the last shape, if it is not, and the frames of its ends (2, 7)
+        self.free: CableShape | None = None  # the last shape, if it is not, and the frames of its supports (b+1, 7)
         self.free_frames: Array = np.zeros((2, 7))
         self._positions: Array | None = None
-        self._fixed: tuple[Obstacle, ...] = ()
+        self._bodies: tuple[Obstacle, ...] = ()
+        self._arcs: Array = np.zeros(2)  # (b+1,) [m], of the supports
+        self.names: tuple[str, ...] = ()  # of the bodies whose places are known
+        self.frames: Array = np.zeros((0, 4, 3))  # where they are
+        self.measured: Array = np.zeros((0, bounds.RESULT_COLUMNS))
+        self._shift: Array = np.zeros(3)
         self.info: Array = np.zeros(contact_drive.INFO)
         self.par: Array = np.zeros(14)
         self.stack: Any = np.empty(STACK_SIZE, np.int64)
         self._grips: Array = np.zeros((3, 2, 7))
         self.turns: Array = np.zeros(3)
-        self._kinds = ("", "")
+        self._kinds: tuple[str, ...] = ()
+        self._held_as: tuple[str, ...] = ()  # the kinds of the last solution
         self._tip: Array = np.zeros(3)
         self.take(problem)
 
     def take(self, problem: Problem) -> None:
-        """Makes `problem` the one to solve; the last solution stays as a start if cable and obstacles are the same.
+        """Makes `problem` the one to solve; the last solution stays as a start if cable, bodies and clips are the same.
 
-        The obstacles may have moved.
+        Bodies and clips may have moved.
         """
-        cable, par = problem.cable, self.par
+        cable, par, bodies = problem.cable, self.par, problem.bodies
         length = cable.length
-        assert problem.scene is not None
-        fixed = tuple(body for body in problem.scene.obstacles if body.link is None)
-        if par[13] != length or [(b.name, b.solid) for b in fixed] != [(b.name, b.solid) for b in self._fixed]:
+        arcs = np.array((0.0, *(clip.arc_length for clip in problem.clips), length))
+        known = [(b.name, b.solid, b.link) for b in bodies] == [(b.name, b.solid, b.link) for b in self._bodies]
+        if not (known and par[13] == length and np.array_equal(arcs, self._arcs)):
             self.forget()
             self.elements = 0
-        self._fixed = fixed
+        if arcs.size != self._arcs.size:
+            self._grips = np.zeros((3, arcs.size, 7))
+        self._bodies, self._arcs = bodies, arcs
         self.problem = problem
         weight = float(np.linalg.norm(problem.load.mean(axis=0))) * length
         self.bend = cable.mean_bending_stiffness
@@ -82,50 +100,93 @@ class TouchState:
         par[12] = _NEUTRAL * min(par[:3]) / length**2
         par[13] = length
         self.table: Array = np.atleast_2d(cable.rest_curvature)
-        at = problem.load_arc_length
+        at = problem.load_arc_length.copy()
+        for arc in arcs:
+            at[np.abs(at - arc) < _AT * length] = arc
         inside = (at > _AT * length) & (at < (1.0 - _AT) * length)
         self.points: Array = at[inside]
         self.weights: Array = np.ascontiguousarray(problem.load_force[inside])
         self.end_weight: Array = problem.load_force[at >= (1.0 - _AT) * length].sum(axis=0)
-        self.stops: Array = np.unique(self.points)
+        self.stops: Array = np.union1d(self.points, arcs[1:-1])
         self.radius = 0.5 * cable.diameter
-        self.names = tuple(body.name for body in fixed)
-        self.bodies, self.triangles, self.tree = body_tables(fixed, (), frozenset())
-        self.no_links: Array = np.empty((0, 7))
+        self._carried = carried_by(bodies)
+        self._tables = body_tables(bodies, tuple(self._carried), problem.gripping)
+        for row, body in zip(self._tables[0], bodies, strict=True):
+            if isinstance(body.solid, Mesh):
+                row[14] = half_thickness(body.solid)
+        self._origins = self._tables[0][:, 4:7].copy()
+        self._fixed = sum(body.link is None for body in bodies)
         self.horizon = self.radius + HORIZON
-        self.measured: Array = np.full((len(fixed), bounds.RESULT_COLUMNS), np.inf)
         self.counts: Any = np.empty(2, np.int64)
-        self.frames: Array = np.zeros((len(self.bodies), 4, 3))
-        self._origins = self.bodies[:, 4:7].copy()
-        self.thinnest = min((surface.reach_of(body) for body in self.bodies), default=math.inf)
-        self.shift(np.zeros(3))
-        self._kinds = ("", "")
+        self.thinnest = min((surface.reach_of(body) for body in self._tables[0]), default=math.inf)
+        self.move_bodies(self.link_rows(problem.links))
+        self._frames = np.zeros((arcs.size, 7))
+        for row, clip in zip(self._frames[1:], problem.clips, strict=False):
+            row[:] = clip.pose.array
+            if clip.kind == "ball":
+                row[3:] = (0.0, 0.0, 0.0, 1.0)
+        self._kinds = ()
+
+    # -- where the bodies are
+
+    def link_rows(self, links: Mapping[str, Pose] | None) -> Array:
+        """(k, 7), poses of the links that carry bodies; (0, 7) if they are not known, or if there are none.
+
+        Raises
+        ------
+        ArgumentError
+            If `links` lacks one of them.
+        """
+        return np.empty((0, 7)) if links is None or not self._carried else link_rows(links, self._carried)
+
+    def move_bodies(self, links: Array) -> None:
+        """Puts the bodies on links where these rows, see `link_rows`, say; without rows they are left out."""
+        all_bodies, self.triangles, self.tree = self._tables
+        count = len(all_bodies) if len(links) else self._fixed
+        names = tuple(body.name for body in self._bodies[:count])
+        if names != self.names:
+            self.forget()
+            self.names = names
+            self.frames = np.zeros((count, 4, 3))
+            self.measured = np.full((count, bounds.RESULT_COLUMNS), np.inf)
+        self.bodies: Array = all_bodies[:count]
+        self.links = links
+        self.shift(self._shift)
 
     def shift(self, by: Array) -> None:
-        """Puts the bodies where the scene has them, moved by a vector (3,) [m]."""
-        self.bodies[:, 4:7] = self._origins + by
-        surface.place_bodies(self.bodies, self.no_links, self.frames)
+        """Moves the bodies by a vector (3,) [m] from where scene and links have them."""
+        self._shift = by
+        self.bodies[: self._fixed, 4:7] = self._origins[: self._fixed] + by
+        self.moved_links = self.links.copy()
+        self.moved_links[:, :3] += by
+        surface.place_bodies(self.bodies, self.moved_links, self.frames)
+
+    # -- what holds the cable
 
     def aim(self, start: Grip, end: Grip | FreeEnd) -> Array:
-        """The frames of the two ends (2, 7), after what holds them has been taken into account."""
-        frames = np.empty((2, 7))
+        """The frames of the supports (b+1, 7), after what holds the ends has been taken into account."""
+        frames = self._frames.copy()
         frames[0] = start.cable_frame.array
         if isinstance(end, Grip):
-            frames[1] = end.cable_frame.array
+            frames[-1] = end.cable_frame.array
             self._hold(start.kind, end.kind, np.zeros(3), np.zeros(3))
         else:
-            frames[1] = frames[0]
+            frames[-1] = frames[0]
             self._hold(start.kind, "free", end.mass * self.problem.gravity + end.force + self.end_weight, end.moment)
         return frames
 
     def _hold(self, start: str, end: str, tip: Array, moment: Array) -> None:
         """Takes over how the ends are held, and the load on a free end."""
         self.par[6:9] = moment
-        if (start, end) == self._kinds and (tip == self._tip).all():
+        kinds = (start, *(clip.kind for clip in self.problem.clips), end)
+        if kinds == self._kinds and (tip == self._tip).all():
             return
-        self._kinds, self._tip = (start, end), tip
-        self.forces = 0 if end == "free" else 1
-        self.held_mask: Array = np.array([_FREE_ROTATIONS[start], _FREE_ROTATIONS[end]])
+        if self.elements and kinds != self._held_as:
+            self.history = min(self.history, 1)
+            self._grips[NOW, :, 3:] = self.q[NOW, self.held]
+        self._kinds, self._held_as, self._tip = kinds, kinds, tip
+        self.forces = len(kinds) - 1 - (end == "free")
+        self.held_mask: Array = np.array([_FREE_ROTATIONS[kind] for kind in kinds])
         if self.held_mask[:, 2].all() and self.par[0] == self.par[1] and not self.table.any():
             self.held_mask[0, 2] = 0.0  # nothing holds the roll of a round straight cable: it would be a zero mode
         if self.elements:
@@ -139,17 +200,26 @@ class TouchState:
         return self.mesh[: self.elements + 1]
 
     def first_nodes(self, shape: CableShape) -> Array:
-        """Arc lengths for a cable of which `shape` is a rough idea: denser towards the ends."""
-        tension = float(np.median(np.linalg.norm(shape.force, axis=1)))
-        length = self.par[13]
-        layer = math.sqrt(self.bend / max(tension, self.bend / length**2))
-        x, density = np.empty(_ABSCISSAE), np.empty(_ABSCISSAE)
-        rod_mesh.layered(length, min(max(layer, 1e-5 * length), length), x, density)
-        density += 0.5 * density.mean()
-        nodes = np.empty(ELEMENTS + 2 * self.stops.size + 1)
-        rod_mesh.equidistribute(x, density, self.stops, nodes.size - 1, nodes)
-        if self.forces == 0:
-            nodes = np.insert(nodes, nodes.size - 1, length - TIP)
+        """Arc lengths for a cable of which `shape` is a rough idea: denser towards what holds it."""
+        pulls = np.linalg.norm(shape.force, axis=1)
+        pieces = []
+        for a, b in pairwise(self._arcs):
+            inside = (shape.arc_length >= a) & (shape.arc_length <= b)
+            tension = float(np.median(pulls[inside] if inside.any() else pulls))
+            length = b - a
+            layer = math.sqrt(self.bend / max(tension, self.bend / length**2))
+            x, density = np.empty(_ABSCISSAE), np.empty(_ABSCISSAE)
+            rod_mesh.layered(length, min(max(layer, 1e-5 * length), length), x, density)
+            x, density = x + a, density + 0.5 * density.mean()
+            x[0], x[-1] = a, b
+            stops = self.stops[(self.stops > a) & (self.stops < b)]
+            count = max(FEWEST_ELEMENTS, math.ceil(ELEMENTS * length / self.par[13])) + 2 * stops.size
+            nodes = np.empty(count + 1)
+            rod_mesh.equidistribute(x, density, stops, count, nodes)
+            pieces.append(nodes[:-1])
+        nodes = np.append(np.concatenate(pieces), self.par[13])
+        if self.forces < self._arcs.size - 1:
+            nodes = np.insert(nodes, nodes.size - 1, nodes[-1] - TIP)
         return nodes
 
     def lay_out(self, nodes: Array) -> None:
@@ -164,8 +234,8 @@ class TouchState:
         self.q: Array = np.zeros((3, n + 1, 4))
         self.near: Array = np.zeros((3, n + 1, NEAR))
         self.on: Any = np.full((3, n + 1, 2), BARE)
-        self.ends: Array = np.zeros((3, 1, 3))
-        self.held: Any = np.array((0, n))
+        self.ends: Array = np.zeros((3, self._arcs.size - 1, 3))
+        self.held: Any = np.abs(nodes[:, None] - self._arcs).argmin(axis=0)
         self.where: Any = np.zeros(n + 1, dtype=np.int64)
         self.base: Any = np.zeros(n + 1, dtype=np.int64)
         self.mask: Array = np.zeros((n + 1, 3))
@@ -225,24 +295,32 @@ class TouchState:
     # -- solutions
 
     def start_from(self, shape: CableShape, frames: Array) -> None:
-        """Makes a shape without contacts the last solution, on a new mesh; `frames` are those of its ends."""
+        """Makes a shape without contacts the last solution, on a new mesh; `frames` are those of its supports."""
         self.elements = 0
         nodes = self.first_nodes(shape)
         self.lay_out(nodes)
         self.q[NOW] = interpolated(nodes, shape.arc_length, shape.quaternions)
         self._grips[NOW] = frames
-        for j, k in ((0, 0), (1, -1)):
+        for j, k in enumerate(self.held):
             if self._grips[NOW, j, 3:] @ self.q[NOW, k] < 0.0:
                 self._grips[NOW, j, 3:] *= -1.0
-        if self.forces == 0:
-            self._grips[NOW, 1, 3:] = self.q[NOW, -1]
+        last = self._arcs.size - 2
+        if self.forces == last:
+            self._grips[NOW, -1, 3:] = self.q[NOW, -1]
         load = span_work.mesh_parts(self.mesh, self.elements)[2]
-        self.ends[NOW, 0] = (shape.force[-1] - load[-1, 6:9]) if self.forces else 0.0
+        self.ends[NOW, last] = (shape.force[-1] - load[-1, 6:9]) if self.forces > last else 0.0
+        for j in range(last - 1, -1, -1):
+            self.ends[NOW, j] = self.ends[NOW, j + 1] - shape.supports[j, 1:4]
         self.turns[NOW] = shape.turns
         self.history = 1
-        self.remember(shape.positions)
         for array in (self.q, self.near, self.on, self.ends, self._grips, self.turns):
             array[BEFORE] = array[NOW]
+
+    def rest(self, shape: CableShape, frames: Array) -> None:
+        """Makes a shape without contacts the last one; `frames` are those of its supports."""
+        self.touching = False
+        self.free, self.free_frames = shape, frames
+        self.remember(shape.positions)
 
     def touches(self) -> Array:
         """(k, 9), the contacts of the last solution as `contact_check.touches` has them."""
@@ -268,8 +346,10 @@ class TouchState:
         return self._positions
 
     def remember(self, positions: Array) -> None:
-        """Takes a solution's positions (n, 3) as those from which the cable moves on."""
+        """Takes a solution's positions (n, 3) as those from which the cable moves on, and where the bodies are."""
         self._positions = positions.copy()
+        self.frames_then: Array = self.frames.copy()
+        self.links_then: Array = self.links.copy()
 
     def forget(self) -> None:
         """The next solve starts from nothing."""
@@ -291,11 +371,11 @@ class TouchState:
 
     @property
     def grips(self) -> Array:
-        """(3, 2, 7): frames of the two ends of the solution now, the one before and the trial."""
+        """(3, b+1, 7): frames of the supports of the solution now, the one before and the trial."""
         return self._grips
 
     def target(self, frames: Array) -> None:
-        """Makes `frames` (2, 7) those of the trial."""
+        """Makes `frames` (b+1, 7) those of the trial."""
         self._grips[TRIAL] = frames
 
 

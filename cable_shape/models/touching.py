@@ -1,7 +1,8 @@
 """The quasistatic Cosserat rod that rests on bodies (see docs/method.md).
 
-The plain rod answers as long as its shape is clear of every body. Otherwise nodes that would be inside a body are
-pressed out of it along its normal, without friction; which ones is found along with the shape.
+The plain rod, or that in clips, answers as long as its shape is clear of every body. Otherwise nodes that would be
+inside a body are pressed out of it along its normal, without friction; which ones is found along with the shape.
+Bodies on robot links move with them: what they push follows in steps that no body is passed in.
 """
 
 from __future__ import annotations
@@ -13,13 +14,15 @@ from typing import final
 import numpy as np
 
 from cable_shape.checks import Array
-from cable_shape.kernels import bounds, contact_check, contact_drive, span_stability, span_work
-from cable_shape.kernels.contact_near import SPOT
+from cable_shape.kernels import bounds, contact_check, contact_drive, contact_near, span_stability, span_work
+from cable_shape.kernels.contact_near import GRIP_EXCLUSION, NORMAL, ROUND, SPOT
+from cable_shape.kernels.span_defect import support_loads
 from cable_shape.kernels.span_newton import CONVERGED
 from cable_shape.kernels.span_work import NOW
-from cable_shape.models import cosserat
+from cable_shape.models import clipped, cosserat
 from cable_shape.models.rod_common import MODEL, straight_line, turn_about
 from cable_shape.models.rod_state import RodState
+from cable_shape.models.span_state import SpanState
 from cable_shape.models.touch_state import MOST_ELEMENTS, TouchState
 from cable_shape.pose import Grip
 from cable_shape.problem import Problem
@@ -34,10 +37,16 @@ ACCURACY = 5e-4  #: of the length: what a shape in contact is asked for where th
 _ROUNDS = 8  #: of adding nodes where the cable dips into a body between them
 
 
-def solve(problem: Problem, state: TouchState, rod: RodState, *, deadline: float = math.inf) -> CableShape:
-    """The rod between the problem's ends, outside the scene's obstacles.
+def solve(problem: Problem, state: TouchState, rod: RodState | SpanState, *, deadline: float = math.inf) -> CableShape:
+    """The rod between the problem's ends and in its clips, outside its bodies.
 
-    `rod` is the memory of the plain rod. Never raises for a physical reason: see `status`.
+    `rod` is the memory of the rod without contact, in clips a SpanState. Never raises for a physical reason: see
+    `status`.
+
+    Raises
+    ------
+    ArgumentError
+        If the problem's `links` lack a link that carries a body.
     """
     began = perf_counter()
     if state.problem is not problem:
@@ -50,16 +59,22 @@ def sensitivity(state: TouchState, *, at: str = "cable") -> Array:
 
     As :func:`cable_shape.models.cosserat.sensitivity`, as long as the same points stay in contact.
     """
-    problem = state.problem
-    n, spans = state.elements, int(state.info[3])
+    problem, n = state.problem, state.elements
+    h = span_work.mesh_parts(state.mesh, n)[1]
+    near, on = state.near[NOW], state.on[NOW]
+    spans = contact_near.supports(
+        state.q[NOW], h, near, on, state.held, state.held_mask, state.where, state.mask, state.place, state.base,
+        ROUND, True,
+    )  # fmt: skip
+    contact_near.forces_of(near, NORMAL, state.ends[NOW], state.where, state.base, spans, state.lam)
     out = np.empty((problem.points, 3, 12))
     sol = np.zeros(3 * span_work.slot_size(n, spans))
     q, lam, frames, _, _ = span_work.slot(sol, n, spans, NOW)
     where, mask, place = state.where[: spans + 1], state.mask[: spans + 1], state.place[: spans + 1]
     q[:], lam[:] = state.q[NOW], state.lam[:spans]
-    frames[:, :3] = state.near[NOW, where, SPOT : SPOT + 3]
+    frames[:, :3] = near[where, SPOT : SPOT + 3]
     frames[:, 3:] = q[where]
-    unknown = spans - 1 + state.forces
+    unknown = spans + state.forces + 1 - state.held.size
     arguments = (state.par, state.mesh, sol, state.work, where, mask, place, n, unknown)
     contact_drive.refresh(
         state.par, state.mesh, n, q, lam, where, mask, place, state.base[: spans + 1], unknown, state.work
@@ -73,31 +88,36 @@ def sensitivity(state: TouchState, *, at: str = "cable") -> Array:
 class _Solve:
     """One call of :func:`solve`: free, then warm from the last shape, then in small steps, then from nothing."""
 
-    __slots__ = ("began", "buffer", "deadline", "iterations", "late", "problem", "rod", "state")
+    __slots__ = ("began", "buffer", "deadline", "iterations", "late", "links", "loads", "problem", "rod", "state")
 
-    def __init__(self, problem: Problem, state: TouchState, rod: RodState, deadline: float, began: float) -> None:
+    def __init__(
+        self, problem: Problem, state: TouchState, rod: RodState | SpanState, deadline: float, began: float
+    ) -> None:
         self.problem, self.state, self.rod = problem, state, rod
         self.deadline, self.began = deadline, began
         self.iterations = 0
         self.late = False
+        self.links = state.link_rows(problem.links)
+        self.loads: Array = np.empty((0, 7))  # on the clips
         self.buffer = CableShape.new_buffer(problem.points)
 
     def run(self) -> CableShape:
         """The shape, whatever comes."""
         problem, state = self.problem, self.state
+        state.move_bodies(self.links)
         frames = state.aim(problem.start, problem.end)
         buried = self._buried(frames)
         if buried:
             return self._no_shape(Status.NOT_CONVERGED, buried)
         if not state.touching:
-            shape = cosserat.solve(problem, self.rod, deadline=self.deadline)
+            shape = self._free(self.rod)
             if shape.status in (Status.NOT_CONVERGED, Status.OVERSTRETCHED, Status.BUDGET_EXCEEDED):
                 state.free = None
                 return shape
             clear = self._depth(shape.buffer) > -DEEPEST
             last = state.free
             if clear and (last is None or not self._passes(last.positions, shape.positions)):
-                state.free, state.free_frames = shape, frames
+                state.rest(shape, frames)
                 return shape
             if last is None:
                 return self._cold(frames, shape)
@@ -105,6 +125,12 @@ class _Solve:
         return self._warm(frames)
 
     # -- attempts
+
+    def _free(self, rod: RodState | SpanState) -> CableShape:
+        """The shape without contact."""
+        if isinstance(rod, SpanState):
+            return clipped.solve(self.problem, rod, deadline=self.deadline)
+        return cosserat.solve(self.problem, rod, deadline=self.deadline)
 
     def _call(self, history: int, most: int, *, far: float = math.inf, sunk: float = 0.0, guard: bool = True) -> bool:
         """One compiled solve for the frames in the trial; True if it found an equilibrium outside the bodies."""
@@ -130,6 +156,7 @@ class _Solve:
             after = self.buffer[n : 4 * n].reshape(n, 3)
             if jump or before is None or not self._passes(before, after):
                 state.remember(after)
+                self.loads = self._loads_of_clips()
                 state.tidy()
                 return True
         state.restore(kept)
@@ -154,26 +181,28 @@ class _Solve:
         state = self.state
         if self._step(frames, state.history, WARM_ITERATIONS, FAR) or self._follow(frames):
             return self._finish(Status.OK)
+        state.move_bodies(self.links)
         if self.late:
             return self._no_shape(Status.BUDGET_EXCEEDED, "")
         state.target(frames)
         if self._step(frames, 1, COLD_ITERATIONS, math.inf, jump=True):
             return self._finish(Status.SNAPPED)
-        free = cosserat.solve(self.problem, RodState(self.problem), deadline=self.deadline)
+        free = self._free(SpanState(self.problem) if self.problem.clips else RodState(self.problem))
         if not free.status or free.status is Status.OVERSTRETCHED:
             return self._lost()
         return self._cold(frames, free, Status.SNAPPED)
 
     def _follow(self, frames: Array) -> bool:
-        """Goes with the ends from where they were to `frames`, in steps as small as it takes."""
+        """Goes with supports and bodies from where they were to `frames` and `links`, in steps as small as it takes."""
         state = self.state
-        origin = state.grips[NOW].copy()
+        origin, links = state.grips[NOW].copy(), state.links_then
         done, step = 0.0, _FIRST_STEP
         history = 1
         while done < 1.0:
             if self._out_of_time():
                 return False
             at = min(1.0, done + step)
+            state.move_bodies(between(links, self.links, at))
             if self._step(between(origin, frames, at), history, STEP_ITERATIONS, FAR):
                 done, history = at, 2
                 step *= 1.6
@@ -187,8 +216,7 @@ class _Solve:
         """From the shape without contact, to which the bodies come from below, or grow, or come from above."""
         state = self.state
         if -self._depth(free.buffer) <= DEEPEST:
-            state.touching = False
-            state.free, state.free_frames = free, frames
+            state.rest(free, frames)
             if status is not Status.OK:
                 free.status, free.detail = status, status.remedy
             return free
@@ -217,6 +245,7 @@ class _Solve:
         else:
             return False
         state.start_from(free, frames)
+        state.remember(free.positions)
         most = 0.6 * (state.thinnest + state.radius)
         step = min(0.25 * far, most)
         done = far
@@ -237,6 +266,7 @@ class _Solve:
     def _grow(self, frames: Array, free: CableShape) -> bool:
         """Shrinks the bodies until the cable is outside, and lets them grow again."""
         self.state.start_from(free, frames)
+        self.state.remember(free.positions)
         depth = -self._depth(free.buffer)
         sunk, step = depth, 0.25 * depth
         while sunk > 0.0:
@@ -268,7 +298,16 @@ class _Solve:
         s = np.linspace(0.0, self.problem.cable.length, n)
         return bool(
             contact_check.passes(
-                s, before, after, state.bodies, state.frames, state.triangles, state.tree, state.radius, state.stack
+                s,
+                before,
+                after,
+                state.bodies,
+                state.frames,
+                state.frames_then,
+                state.triangles,
+                state.tree,
+                state.radius,
+                state.stack,
             )
         )
 
@@ -276,8 +315,8 @@ class _Solve:
         """(m, 8), as `bounds.closest_points` has it, of every body near."""
         state, n = self.state, self.problem.points
         bounds.closest_points(
-            buffer[n : 4 * n].reshape(n, 3), buffer[:n], state.radius, state.horizon, 0.0, True, state.bodies,
-            state.no_links, state.triangles, state.tree, state.measured, state.counts,
+            buffer[n : 4 * n].reshape(n, 3), buffer[:n], state.radius, state.horizon, GRIP_EXCLUSION, True,
+            state.bodies, state.moved_links, state.triangles, state.tree, state.measured, state.counts,
         )  # fmt: skip
         return state.measured
 
@@ -291,18 +330,36 @@ class _Solve:
         return np.unique(found[found[:, 0] + sunk < -deepest, 1])
 
     def _buried(self, frames: Array) -> str:
-        """Which grip is inside which obstacle, in words; empty if none is."""
-        state = self.state
-        for name, row in (("start", frames[0]), ("end", frames[1]))[: 1 + state.forces]:
+        """Which grip or clip is inside which body, in words; empty if none is."""
+        state, length = self.state, self.problem.cable.length
+        clips = self.problem.clips
+        supports = [("start grip", 0.0), *((f"clips[{i}]", clip.arc_length) for i, clip in enumerate(clips))]
+        for (name, arc), row in zip([*supports, ("end grip", length)], frames, strict=True):
+            if arc == length and type(self.problem.end) is not Grip:
+                continue
             gap, body = contact_check.depth_of(
-                row[:3], state.bodies, state.frames, state.triangles, state.tree, state.radius, state.stack
+                row[:3], arc, length, state.bodies, state.frames, state.triangles, state.tree, state.radius, state.stack
             )
             if gap < -BURIED:
+                what = name.split()[-1] if arc in (0.0, length) else "clip"
                 return (
-                    f"the cable at the {name} grip is {-gap * 1e3:.1f} mm inside obstacle {state.names[body]!r}. "
-                    "Move the grip out of it, or leave the obstacle out of the scene. "
+                    f"the cable at the {name} is {-gap * 1e3:.1f} mm inside obstacle {state.names[body]!r}. "
+                    f"Move the {what} out of it, or leave the obstacle out of the scene. "
                 )
         return ""
+
+    def _loads_of_clips(self) -> Array:
+        """(k, 7), what the cable does to its clips, as `support_loads` has it."""
+        state = self.state
+        if state.held.size < 3:
+            return self.loads
+        spans = int(state.info[3])
+        loads = np.empty((spans - 1, 7))
+        s = span_work.mesh_parts(state.mesh, state.elements)[0]
+        first = span_work.vectors(state.work, state.elements)[0]
+        moments = np.hstack((-first[:, 3:6], first[:, 6:9]))
+        support_loads(state.q[NOW], state.lam[:spans], moments, s, state.where[: spans + 1], loads)
+        return np.asarray(loads[state.base[1:spans] >= 0])
 
     # -- results
 
@@ -339,12 +396,15 @@ class _Solve:
             turns=int(state.turns[NOW]),
             twist=float(info[9]),
             solve_time=perf_counter() - self.began,
+            supports=self.loads,
             touches=found,
             bodies=state.names,
         )
         if not state.touching:
-            state.free, state.free_frames = shape, state.grips[NOW].copy()
+            state.rest(shape, state.grips[NOW].copy())
             self.rod.history = 0
+            if isinstance(self.rod, SpanState):
+                self.rod.last = shape
         return shape
 
     def _no_shape(self, status: Status, detail: str) -> CableShape:
@@ -352,7 +412,7 @@ class _Solve:
         problem = self.problem
         frames = self.state.aim(problem.start, problem.end)
         told = detail + status.remedy
-        return straight_line(problem, self.buffer, frames[0], frames[1], status, told, self.iterations, self.began)
+        return straight_line(problem, self.buffer, frames[0], frames[-1], status, told, self.iterations, self.began)
 
 
 def between(origin: Array, goal: Array, at: float) -> Array:

@@ -86,6 +86,7 @@ def blueprint(
         for plot, title, legend, shown in plots
         if shown
     ]
+    bars = rrb.BarChartView(origin="/margins", name="limits used now", plot_legend=named)
     words = rrb.Horizontal(
         rrb.TextDocumentView(origin="/state", name="state"),
         rrb.TextLogView(
@@ -98,7 +99,7 @@ def blueprint(
     return rrb.Blueprint(
         rrb.Horizontal(
             rrb.Vertical(scene, words, row_shares=[4, 1]),
-            rrb.Vertical(*numbers, row_shares=[1.7, *[1.0] * (len(numbers) - 1)]),
+            rrb.Vertical(bars, *numbers, row_shares=[1.7, 1.7, *[1.0] * (len(numbers) - 1)]),
             column_shares=[2.6, 1],
         ),
         rrb.BlueprintPanel(state="hidden"),

@@ -31,6 +31,8 @@ GOOD: Colour = (129, 212, 160, 255)
 AMBER: Colour = (255, 179, 0, 255)
 RED: Colour = (255, 64, 80, 255)
 TAIL: Colour = (176, 190, 197, 255)
+CLIP: Colour = (170, 90, 255, 255)
+LIMIT: Colour = (255, 255, 255, 40)
 FORCE: Colour = (120, 200, 255, 255)
 GHOST: Colour = (255, 120, 220, 110)
 #: of the lines that tell how much of each limit is used

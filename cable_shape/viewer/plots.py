@@ -72,9 +72,7 @@ class Plots:
 
     def margins(self, name: str, margins: Sequence[Margin]) -> None:
         """How much of each limit is used over time; of all bodies the nearest, and nothing beyond twice the limit."""
-        worst: dict[WarningKind, float] = {}
-        for margin in margins:
-            worst[margin.kind] = max(margin.used, worst.get(margin.kind, 0.0))
+        worst = worst_used(margins)
         for kind, used in worst.items():
             entity = f"/plots/margins/{part(name)}/{kind.name.lower()}"
             self._write(entity, rr.Scalars(min(used, MOST_USED)))
@@ -84,6 +82,14 @@ class Plots:
     def times(self, total: float, predict: float) -> None:
         """How long a cycle took [s], and the prediction in it."""
         self._write("/plots/time/cycle", rr.Scalars((1e3 * total, 1e3 * predict)))
+
+
+def worst_used(margins: Sequence[Margin]) -> dict[WarningKind, float]:
+    """How much is used of the margin of each kind that is used up most."""
+    worst: dict[WarningKind, float] = {}
+    for margin in margins:
+        worst[margin.kind] = max(margin.used, worst.get(margin.kind, 0.0))
+    return worst
 
 
 def part(name: str) -> str:

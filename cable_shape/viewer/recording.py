@@ -9,11 +9,12 @@ This module imports rerun, so it is imported by the viewer process and by whoeve
 /world/cables/NAME/start, end  cable frames at the grips: d1 red, d2 green, d3 (the tangent) blue
 /world/cables/NAME/tails/SIDE  what hangs beyond a grip
 /world/cables/NAME/after_snap  the shape after a snap that is about to come
-/world/cables/NAME/closest     the closest pair of points and their distance
+/world/cables/NAME/closest     the closest pair of points and their distance, of bodies that it does not rest on
 /world/cables/NAME/forces      of clips and of bodies that it rests on, on the cable
 /world/cables/NAME/clips/K     clips of the scene; point masses likewise in masses/K
 /world/markers                 markers that were measured on the real cable
 /world/sockets/NAME            frames of the sockets, once
+/margins/KIND                  how much of each limit is used now, as bars
 /plots/...                     limits used [1], clearance and bend radius [mm], tension [N], time [ms]
 /warnings, /state              what is wrong, and how each cable is, in words
 =============================  ====================================================================================
@@ -37,6 +38,7 @@ from cable_shape.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Obstacle,
 from cable_shape.shape import CableShape
 from cable_shape.viewer import colour as colours
 from cable_shape.viewer import text as text
+from cable_shape.viewer.bars import Bars
 from cable_shape.viewer.blueprint import blueprint, eye
 from cable_shape.viewer.forces import Forces
 from cable_shape.viewer.plots import Plots, part
@@ -92,6 +94,7 @@ class ReportLogger:
         self.times = times
         self.live = live
         self._plots = Plots(recording, self.cables, scene, times)
+        self._bars = Bars(recording, self.cables)
         self._forces = {
             name: Forces(f"/world/cables/{part(name)}/forces", cable) for name, cable in self.cables.items()
         }
@@ -125,6 +128,7 @@ class ReportLogger:
             self._log_closest(f"{base}/closest", report.clearance.get(name), shape)
             self._plots.shape(name, shape, report.clearance.get(name))
             self._plots.margins(name, report.margins.get(name, ()))
+            self._bars.margins(name, report.margins.get(name, ()))
         self._log_words(report)
 
     def log_markers(self, points: Array, stamp: int | None = None) -> None:
@@ -174,6 +178,7 @@ class ReportLogger:
         for name, cable in self.cables.items():
             self._log_held(f"/world/cables/{part(name)}", cable)
         self._plots.begin()
+        self._bars.begin()
 
     def _log_solid(self, entity: str, solid: Solid, pose: Pose, colour: colours.Colour) -> None:
         """A solid body in the frame of the entity above it."""
@@ -206,7 +211,7 @@ class ReportLogger:
     def _log_held(self, base: str, cable: Cable) -> None:
         """Clips, which stand still; point masses move with the cable and are drawn as it is."""
         for k, clip in enumerate(self.scene.clips):
-            ring = rr.Points3D([(0.0, 0.0, 0.0)], radii=1.2 * cable.diameter, colors=colours.AMBER)
+            ring = rr.Points3D([(0.0, 0.0, 0.0)], radii=1.2 * cable.diameter, colors=colours.CLIP)
             self._write(f"{base}/clips/{k}", _transform(clip.pose), ring, static=True)
 
     def _move(self, entity: str, pose: Pose) -> None:
@@ -265,7 +270,9 @@ class ReportLogger:
         self._move(entity, frame)
 
     def _log_closest(self, entity: str, clearance: Clearance | None, shape: CableShape) -> None:
-        closest = None if clearance is None else clearance.closest
+        resting = {contact.body for contact in shape.contacts}
+        apart = [] if clearance is None else [body for body in clearance.bodies if body.body not in resting]
+        closest = min(apart, key=lambda body: body.distance, default=None)
         if closest is None:
             if self._changed(entity, None):
                 self._write(entity, rr.Clear(recursive=True))
