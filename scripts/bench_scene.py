@@ -21,7 +21,7 @@ from scene_margins import print_margins, print_snap
 def main() -> None:
     """All tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="a tenth of the random scenes and cycles")
+    parser.add_argument("--quick", action="store_true", help="fewer random scenes, cycles and steps")
     parser.add_argument("--cases", type=Path, default=CASES, help="folder of the reference cases")
     options = parser.parse_args()
     print_clips(options.cases, 30 if options.quick else 300)
@@ -29,7 +29,7 @@ def main() -> None:
     print_clearance()
     print_margins(200 if options.quick else 2000)
     print_snap()
-    print_contact()
+    print_contact(quick=options.quick)
 
 
 if __name__ == "__main__":

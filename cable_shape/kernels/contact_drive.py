@@ -15,19 +15,19 @@ from typing import Any
 import numpy as np
 
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.contact_near import BARE, CURVED, NORMAL, PRESS, ROUND, along_cable, couple, tangent_of
-from cable_shape.kernels.contact_newton import press
-from cable_shape.kernels.rod_algebra import apply, dot, get4, get9, put3, qconj, qmul, qnormal
+from cable_shape.kernels.contact_near import BARE, NORMAL, PRESS, ROUND, STEP, couple, parting, tangent_of
+from cable_shape.kernels.contact_newton import moves, press
+from cable_shape.kernels.rod_algebra import dot, get4, put3, qconj, qmul, qnormal, rotation, scale, tapply
 from cable_shape.kernels.rod_output import all_finite, sample
 from cable_shape.kernels.span_drive import BROKEN, FAR, SAFETY, position_error, take4, turn_supports
-from cable_shape.kernels.span_factor import factor, take3
+from cable_shape.kernels.span_factor import backward, factor, forward, take3
 from cable_shape.kernels.span_newton import CONVERGED
-from cable_shape.kernels.span_system import NONE, assemble, fold
+from cable_shape.kernels.span_system import NONE, assemble, fold, release
 from cable_shape.kernels.span_work import BEFORE, NOW, TRIAL, joints_of, matrices, mesh_parts, vectors
 
 Array = Any
 INFO = 18
-ENDS, LOOSE, STRAIGHT = 48.0, 4e-4, 1e-5
+AMISS = 2.5  # of the contacts' part of the error estimate
 
 
 @kernel
@@ -80,25 +80,61 @@ def predict(
 
 
 @kernel
-def contact_error(q: Array, near: Array, on: Array, h: Array, bend: float, length: float) -> float:
-    """Estimated error [m] from contacts at nodes: their forces act up to half an element from where they should.
+def shift_of(q: Array, near: Array, on: Array, h: Array, k: int, least: float, flex: float) -> tuple[float, float]:
+    """How far along the cable from node k its contact's force should act, and how far the node should be off [m].
 
-    A contact that runs along the cable on a curved body is where it should be. Of others no closer estimate is known
-    than LOOSE, which most stay far below and a few exceed, and where a row ends p h^3 / ENDS EI if that is larger.
+    A contact alone, or the last of a row, belongs where the cable is nearest to the body; inside a row, nothing is
+    known to be amiss. What lies beyond half an element is the next node's. least [1/m]: no less curved is the gap.
     """
-    worst = 0.0
-    for k in range(1, h.shape[0]):
-        if on[k, 0] == BARE:
+    left, right = on[k - 1, 0] != BARE, on[k + 1, 0] != BARE
+    slope = dot(tangent_of(q, k), take3(near, k, NORMAL))
+    if (left and right) or slope == 0.0:
+        return 0.0, 0.0
+    second, _ = parting(q, h, near, k, flex)
+    limit = 0.5 * (h[k] if slope < 0.0 else h[k - 1])
+    way = -slope / max(second, abs(slope) / limit, least)
+    return way, -way * (slope + 0.5 * second * way)
+
+
+@kernel
+def contact_error(
+    q: Array, near: Array, on: Array, h: Array, where: Array, mask: Array, place: Array, base: Array, forces: int,
+    least: float, flex: float, work: Array,
+) -> float:  # fmt: skip
+    """Estimated error [m] from contacts at nodes, whose forces should act elsewhere, with the factors at hand."""
+    elements, spans = h.shape[0], where.shape[0] - 1
+    _, _, parts, P, Y, W = matrices(work, elements)
+    _, _, _, G, d, _ = vectors(work, elements)
+    joints, sums, pull, given = joints_of(work, elements, spans)
+    G[:, :] = 0.0
+    sums[:, :3] = 0.0
+    pull[:, :] = 0.0
+    given[:, :] = 0.0
+    amiss = False
+    for j in range(1, spans):
+        k = where[j]
+        if base[j] >= 0:
             continue
-        t = tangent_of(q, k)
-        curved = dot(t, apply(get9(near, k, CURVED), t)) > 0.0
-        if curved and along_cable(q, h, near, k, ROUND) > 0.0 and abs(dot(t, take3(near, k, NORMAL))) < STRAIGHT:
+        way, off = shift_of(q, near, on, h, k, least, flex)
+        if way == 0.0:
             continue
-        worst = max(worst, LOOSE * length)
-        if on[k - 1, 0] == BARE or on[k + 1, 0] == BARE:
-            size = max(h[k - 1], h[k])
-            worst = max(worst, min(abs(near[k, PRESS]) * size**3 / (ENDS * bend), size))
-    return worst
+        amiss = True
+        n = take3(near, k, NORMAL)
+        N = tapply(rotation(get4(q, k)), n)
+        f = near[k, PRESS] * way
+        put3(G, k, 0, (f * N[1], -f * N[0], 0.0))
+        put3(given, j, 0, scale(off, n))
+    if not amiss:
+        return 0.0
+    release(G, where, mask)
+    forward(G, sums, pull, given, where, place, forces, P, Y, W, joints)
+    backward(where, place, forces, P, Y, W, joints, d)
+    moves(parts, d, joints, where, base, spans, near)
+    largest = 0.0
+    for k in range(elements + 1):
+        move = take3(near, k, STEP)
+        largest = max(largest, dot(move, move))
+    return math.sqrt(largest) if math.isfinite(largest) else math.inf
 
 
 @kernel
@@ -107,12 +143,12 @@ def solve(
     held: Array, held_mask: Array, forces: int, where: Array, mask: Array, place: Array, lam: Array, base: Array,
     bodies: Array, frames: Array, triangles: Array, nodes: Array, radius: float, sunk: float, stack: Array,
     ends_load: Array, table: Array, work: Array, out: Array, info: Array, points: int, history: int, guard: bool,
-    most: int, far: float,
+    most: int, far: float, drag: float,
 ) -> int:  # fmt: skip
     """Solves for the held supports in the trial of `grips`; returns CONVERGED, STALLED, NOT_FINITE, BROKEN or FAR.
 
     history: 0 the trial is a guess; 1 or 2 start from so many solutions. far [rad]: largest turn of a frame from its
-    prediction that is accepted. points 0: no output. After CONVERGED the trial is the solution now.
+    prediction that is accepted. drag: see `press`. points 0: no output. After CONVERGED the trial is the solution now.
     """
     s, h, _, rest, errors = mesh_parts(mesh, elements)
     stiff = par[0:6]
@@ -127,7 +163,7 @@ def solve(
     status = press(
         q[TRIAL], ends[TRIAL], near[TRIAL], on[TRIAL], par, mesh, elements, held, held_mask, grips[TRIAL], forces,
         where, mask, place, lam, base, bodies, frames, triangles, nodes, radius, sunk, stack, ends_load,
-        table, guard, most, work, info,
+        table, guard, most, drag, work, info,
     )  # fmt: skip
     if status != CONVERGED:
         return status
@@ -143,7 +179,10 @@ def solve(
     info[7] = position_error(
         q[TRIAL], h, rest, stiff, where[: spans + 1], mask, place, unknown, work, errors
     )  # fmt: skip
-    info[16] = contact_error(q[TRIAL], near[TRIAL], on[TRIAL], h, 0.5 * (par[0] + par[1]), par[13])
+    flex = 2.0 / (par[0] + par[1])
+    info[16] = contact_error(
+        q[TRIAL], near[TRIAL], on[TRIAL], h, where[: spans + 1], mask, place, base, unknown, ROUND / par[13], flex, work
+    )  # fmt: skip
     for k in range(elements):
         cosine = abs(qmul(qconj(get4(q[TRIAL], k)), get4(q[TRIAL], k + 1))[3])
         info[13] = max(info[13], 2.0 * math.acos(min(1.0, cosine)))
@@ -158,7 +197,7 @@ def solve(
             sums,
         )  # fmt: skip
         info[8], info[9], info[10], info[5] = info[6] + sums[4], sums[1], sums[2], sums[3]
-        info[7] = max(SAFETY * (info[7] + info[10]), info[16])
+        info[7] = SAFETY * (info[7] + info[10]) + AMISS * info[16]
         if not all_finite(out) or not all_finite(info[0:5]) or not all_finite(info[8:14]):
             return BROKEN
     for which in range(2):

@@ -28,14 +28,12 @@ from cable_shape.kernels.rod_algebra import (
     outer,
     put3,
     put9,
-    qconj,
-    qlog,
-    qmul,
     rotation,
     scale,
     subtract,
     tapply,
 )
+from cable_shape.kernels.rod_element import relative
 from cable_shape.kernels.span_factor import take3
 from cable_shape.kernels.surface import FLAT, reach_of, touch
 
@@ -46,8 +44,8 @@ BARE = -1
 MARGIN = 0.03  # [m] bodies further from a node than this are not looked at
 GRIP_EXCLUSION = 0.05  # [m] of arc length at either end, within which what grips the cable is no body to it
 NONE = (0.0, 0.0, 0.0)
-# curvature of the body, and of the gap, along the cable times the length of two elements from which a contact runs
-SHARP, ROUND = 0.6, 0.01
+# from which a contact runs: curvature of the body times the length of two elements, of the gap times that of the cable
+SHARP, ROUND = 0.6, 0.05
 
 
 @kernel
@@ -116,7 +114,7 @@ def look(
 
 
 @kernel
-def release(near: Array, on: Array, held: Array) -> None:
+def spare_clips(near: Array, on: Array, held: Array) -> None:
     """Takes the held supports out of what `look` has found: what holds a node says where it is."""
     for i in range(1, held.shape[0] - 1):
         on[held[i], :] = BARE
@@ -127,12 +125,12 @@ def release(near: Array, on: Array, held: Array) -> None:
 @kernel
 def supports(
     q: Array, h: Array, near: Array, on: Array, held: Array, held_mask: Array, where: Array, mask: Array, place: Array,
-    base: Array, least: float, filled: bool,
+    base: Array, least: float, flex: float, filled: bool,
 ) -> int:  # fmt: skip
     """Fills where, mask and place for the held supports and the contacts; returns the number of spans.
 
     held (b+1,): nodes of the held supports. base[j]: the held support that support j is, -1 for a contact.
-    filled: with what acts on the contacts' places.
+    filled: with what acts on the contacts' places. flex [1/(N m^2)]: 1 / EI.
     """
     spans = 0
     where[0] = held[0]
@@ -147,7 +145,7 @@ def supports(
                 base[spans] = -1
                 mask[spans, :] = 1.0
                 if filled:
-                    fill(q, h, near, k, place, spans, least)
+                    fill(q, h, near, on, k, place, spans, least, flex)
         spans += 1
         where[spans] = held[i + 1]
         base[spans] = i + 1
@@ -170,7 +168,7 @@ def forces_of(near: Array, normal: int, ends: Array, where: Array, base: Array, 
 
 
 @kernel
-def fill(q: Array, h: Array, near: Array, k: int, place: Array, j: int, least: float) -> None:
+def fill(q: Array, h: Array, near: Array, on: Array, k: int, place: Array, j: int, least: float, flex: float) -> None:
     """What acts on the place of contact j at node k: free along the two tangents, curved as the surface is.
 
     A contact that runs along the cable is nowhere nearer than at its node: the least distance has the second derivative
@@ -191,7 +189,7 @@ def fill(q: Array, h: Array, near: Array, k: int, place: Array, j: int, least: f
     force = max(near[k, PRESS], 0.0)
     A = mscale(-force, get9(near, k, CURVED))
     a = b = NONE
-    second = along_cable(q, h, near, k, least)
+    second = along_cable(q, h, near, on, k, least, flex)
     if second > 0.0:
         f = math.sqrt(force / second)
         N = tapply(rotation(get4(q, k)), n)
@@ -211,28 +209,41 @@ def tangent_of(q: Array, k: int) -> Vector:
 
 
 @kernel
-def turning(q: Array, h: Array, k: int) -> Vector:
-    """Darboux vector at node k [1/m], the mean of both elements'."""
-    turn = qmul(qconj(get4(q, k - 1)), get4(q, k + 1))
-    if turn[3] < 0.0:
-        turn = (-turn[0], -turn[1], -turn[2], -turn[3])
-    return scale(1.0 / (h[k - 1] + h[k]), qlog(turn))
+def turning(q: Array, h: Array, near: Array, k: int, flex: float) -> Vector:
+    """Darboux vector at node k [1/m].
+
+    Between the middles of both elements it is linear but for the bend that the contact's force makes.
+    """
+    left, right = relative(get4(q, k - 1), get4(q, k))[0], relative(get4(q, k), get4(q, k + 1))[0]
+    a, b = h[k - 1], h[k]
+    f = 1.0 / (a + b)
+    u = add(scale(2.0 * f * b / a, left), scale(2.0 * f * a / b, right))
+    N = tapply(rotation(get4(q, k)), take3(near, k, NORMAL))
+    bend = -0.5 * f * a * b * flex * near[k, PRESS]
+    return add(u, (-bend * N[1], bend * N[0], 0.0))
 
 
 @kernel
-def along_cable(q: Array, h: Array, near: Array, k: int, least: float) -> float:
-    """Second derivative of the distance along the cable at a contact that runs along it [1/m]; 0 if it does not.
-
-    least: of that, times the length of two elements, from which a contact runs on a body that is not sharp.
-    """
+def parting(q: Array, h: Array, near: Array, k: int, flex: float) -> tuple[float, float]:
+    """Second derivative of the distance along the cable at a contact [1/m], and the body's part of it."""
     t = tangent_of(q, k)
     sharp = dot(t, apply(get9(near, k, CURVED), t))
-    both = h[k - 1] + h[k]
-    u = turning(q, h, k)
-    second = sharp + dot(take3(near, k, NORMAL), apply(rotation(get4(q, k)), (u[1], -u[0], 0.0)))
-    if sharp * both > SHARP:
+    u = turning(q, h, near, k, flex)
+    return sharp + dot(take3(near, k, NORMAL), apply(rotation(get4(q, k)), (u[1], -u[0], 0.0))), sharp
+
+
+@kernel
+def along_cable(q: Array, h: Array, near: Array, on: Array, k: int, least: float, flex: float) -> float:
+    """Second derivative of the distance along the cable at a contact that runs along it [1/m]; 0 if it does not.
+
+    On a body that is not sharp a contact runs if it has no neighbour. least [1/m]: second derivative from which on.
+    """
+    second, sharp = parting(q, h, near, k, flex)
+    if sharp * (h[k - 1] + h[k]) > SHARP:
         return max(second, 0.3 * sharp)
-    return second if second * both > least else 0.0
+    if on[k - 1, 0] != BARE or on[k + 1, 0] != BARE:
+        return 0.0
+    return second if second > least else 0.0
 
 
 @kernel

@@ -25,12 +25,14 @@ from cable_shape.kernels.contact_near import (
     SPOT,
     STEP,
     allowed,
+    along_cable,
     couple,
     forces_of,
     lean,
     look,
-    release,
+    spare_clips,
     supports,
+    tangent_of,
     totals,
     walk,
 )
@@ -43,6 +45,7 @@ from cable_shape.kernels.rod_algebra import (
     get4,
     get9,
     put3,
+    qconj,
     qexp,
     qmul,
     qnormal,
@@ -65,7 +68,7 @@ from cable_shape.kernels.span_newton import (
     STALLED,
     kick,
 )
-from cable_shape.kernels.span_system import assemble, fold, gradient
+from cable_shape.kernels.span_system import assemble, fold, gradient, release
 from cable_shape.kernels.span_work import joints_of, matrices, mesh_parts, vectors
 
 Array = Any
@@ -161,24 +164,61 @@ def moves(parts: Array, d: Array, joints: Array, where: Array, base: Array, span
 
 
 @kernel
+def run_on(
+    q: Array,
+    h: Array,
+    near: Array,
+    on: Array,
+    k: int,
+    least: float,
+    flex: float,
+    place: Array,
+    j: int,
+    G: Array,
+    pull: Array,
+) -> None:
+    """Adds to the right-hand sides what a contact that runs gains by running on from node k to the nearest point."""
+    second = along_cable(q, h, near, on, k, least, flex)
+    if second == 0.0 or near[k, PRESS] <= 0.0:
+        return
+    f = math.sqrt(near[k, PRESS] / second) * dot(tangent_of(q, k), take3(near, k, NORMAL))
+    put3(G, k, 0, add(get3(G, k), scale(f, take3(place, j, 25))))
+    put3(pull, j, 0, add(get3(pull, j), scale(f, take3(place, j, 28))))
+
+
+@kernel
+def hold_back(q: Array, start: Array, h: Array, drag: float, where: Array, mask: Array, G: Array) -> None:
+    """Adds to the gradient what drags the rotations back to `start`: drag [N] times angle and length."""
+    last = h.shape[0]
+    for k in range(last + 1):
+        size = 0.5 * ((h[k - 1] if k > 0 else 0.0) + (h[k] if k < last else 0.0))
+        turn = qmul(qconj(get4(start, k)), get4(q, k))
+        f = math.copysign(2.0 * drag * size, turn[3])
+        put3(G, k, 0, add(get3(G, k), (f * turn[0], f * turn[1], f * turn[2])))
+    release(G, where, mask)
+
+
+@kernel
 def press(
     q: Array, ends: Array, near: Array, on: Array, par: Array, mesh: Array, elements: int, held: Array,
     held_mask: Array, places: Array, forces: int, where: Array, mask: Array, place: Array, lam: Array, base: Array,
     bodies: Array, frames: Array, triangles: Array, nodes: Array, radius: float, sunk: float, stack: Array,
-    ends_load: Array, table: Array, guard: bool, most: int, work: Array, info: Array,
+    ends_load: Array, table: Array, guard: bool, most: int, drag: float, work: Array, info: Array,
 ) -> int:  # fmt: skip
     """Solves for q, the forces `ends` between held supports and the contacts; CONVERGED, STALLED or NOT_FINITE.
 
-    forces: how many of `ends` are unknown. guard: keep to minima. info as in `span_newton`, and 3 the number of spans,
+    forces: how many of `ends` are unknown. guard: keep to minima. drag [N]: moment per length and angle that holds the
+    rotations back from the start in `work`. info as in `span_newton`, and 3 the number of spans,
     14 changes of the set of contacts, 15 the largest gap at a contact [m]. ends_load (2, 3) [N/m], table: of the cable.
     """
     s, h, load, rest, _ = mesh_parts(mesh, elements)
     D, U, parts, P, Y, W = matrices(work, elements)
-    first, full, _, G, d, _ = vectors(work, elements)
+    first, full, _, G, d, start = vectors(work, elements)
     stiff, moment, length = par[0:6], par[6:9], s[elements]
     softest = min(stiff[0], stiff[1], stiff[2]) / (length * length)
     weight = math.sqrt(par[9] ** 2 + par[10] ** 2 + par[11] ** 2) * length
     least = PULL * (weight + softest)
+    flex = 2.0 / (stiff[0] + stiff[1])
     last_node = elements - 1
     shift = largest = before = 0.0
     iterations = 0
@@ -190,10 +230,10 @@ def press(
         one = iterations > BLOCK
         if iterations > 1 and largest < (CALM if not one else LARGEST_STEP):
             changed += drop(near, on, least, one)
-        runs = ROUND if iterations <= RUNNING else math.inf
-        slid = slide(q, near, on, s, h, load, rest, ends_load, table, runs)
+        runs = ROUND / length if iterations <= RUNNING else math.inf
+        slid = slide(q, start, near, on, s, h, load, rest, ends_load, table, runs, flex)
         reuse = reuse and changed == 0 and slid < RESTLESS * length
-        spans = supports(q, h, near, on, held, held_mask, where, mask, place, base, runs, False)
+        spans = supports(q, h, near, on, held, held_mask, where, mask, place, base, runs, flex, False)
         joints, sums, pull, given = joints_of(work, elements, spans)
         forces_of(near, NORMAL, ends, where, base, spans, lam)
         fold(load, lam[:spans], where, full)
@@ -206,10 +246,10 @@ def press(
         for k in range(elements):
             put3(near, k, STEP, take3(near, k, NORMAL))
         look(s, near, on, 1, last_node, bodies, frames, triangles, nodes, radius, sunk, stack)
-        release(near, on, held)
+        spare_clips(near, on, held)
         added = grow(near, on, min(ADD + length * largest * largest, MOST), one)
         changed += added
-        spans = supports(q, h, near, on, held, held_mask, where, mask, place, base, runs, True)
+        spans = supports(q, h, near, on, held, held_mask, where, mask, place, base, runs, flex, True)
         joints, sums, pull, given = joints_of(work, elements, spans)
         if added > 0:
             forces_of(near, STEP, ends, where, base, spans, lam)
@@ -225,8 +265,14 @@ def press(
             k = where[j]
             if base[j] < 0:  # the force still has the direction that the normal was expected to have
                 put3(pull, j, 0, scale(near[k, PRESS], subtract(take3(near, k, STEP), take3(near, k, NORMAL))))
+                run_on(q, h, near, on, k, runs, flex, place, j, G, pull)
         info[14] += changed
         info[3] = spans
+        if drag > 0.0:
+            hold_back(q, start, h, drag, where[: spans + 1], mask, G)
+            for j in range(1, spans):
+                for c in (1, 5, 9):  # what `factor` adds for the drag
+                    place[j, c] -= drag / length
         if not reuse:
             couple(place, where, base, spans, D)
             trial = shift / SHIFT_GROWTH if largest > CHORD_FROM and shift > FIRST_SHIFT * softest else 0.0
@@ -235,7 +281,7 @@ def press(
             wanted = 3 * unknown
             for _ in range(MOST_SHIFTS):
                 negative = factor(
-                    D, U, parts, sums, where, mask, place, unknown, trial + par[12], h, P, Y, W, joints
+                    D, U, parts, sums, where, mask, place, unknown, trial + drag + par[12], h, P, Y, W, joints
                 )  # fmt: skip
                 if trial == 0.0 or negative == wanted:
                     info[2] = negative - wanted

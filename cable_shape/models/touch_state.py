@@ -12,7 +12,7 @@ import numpy as np
 from cable_shape.checks import Array
 from cable_shape.clearance import body_tables, carried_by, link_rows
 from cable_shape.kernels import bounds, contact_check, contact_drive, contact_slide, rod_mesh, span_work, surface
-from cable_shape.kernels.contact_near import BARE, NEAR, SPOT
+from cable_shape.kernels.contact_near import BARE, NEAR, NORMAL, PRESS, SPOT
 from cable_shape.kernels.span_factor import PLACE
 from cable_shape.kernels.span_work import BEFORE, NOW, TRIAL
 from cable_shape.kernels.triangles import STACK_SIZE
@@ -22,9 +22,12 @@ from cable_shape.problem import Problem
 from cable_shape.scene import Mesh, Obstacle
 from cable_shape.shape import CableShape
 
-ELEMENTS = 64  #: of a mesh before nodes are added
+ELEMENTS = 48  #: of a mesh before nodes are added
 FEWEST_ELEMENTS = 16  #: of them between two clips
 MOST_ELEMENTS = 600
+#: Times as many elements as at first, from which on nodes are taken away again, if contacts make a smaller error [L].
+MANY, COARSE = 1.15, 1e-4
+WORST = 0.5  #: of the contact that misses most: those above get nodes beside them
 TIP = 5e-5  #: [m] from a free end, which is no support itself, to the node that stands in for it
 LEAST_LENGTH = 5e-4  #: of the cable's length: shorter elements are not divided
 HORIZON = 0.02  #: [m] bodies further away are only bounded
@@ -57,6 +60,7 @@ class TouchState:
         self.free: CableShape | None = None  # the last shape, if it is not, and the frames of its supports (b+1, 7)
         self.free_frames: Array = np.zeros((2, 7))
         self._positions: Array | None = None
+        self._spacing = self._middles = np.empty(0)  # [m] of the nodes at first, and where
         self._bodies: tuple[Obstacle, ...] = ()
         self._arcs: Array = np.zeros(2)  # (b+1,) [m], of the supports
         self.names: tuple[str, ...] = ()  # of the bodies whose places are known
@@ -274,16 +278,26 @@ class TouchState:
         self.lay_out(nodes)
         return True
 
+    def ends_of_rows(self) -> Array:
+        """Arc lengths beside the contacts without two neighbours that miss most, halfway to the next nodes."""
+        nodes, near, touched = self.nodes, self.near[NOW], self.on[NOW][:, 0] != BARE
+        k = np.flatnonzero(touched[1:-1] & ~(touched[:-2] & touched[2:])) + 1
+        x, y, z, w = self.q[NOW, k].T
+        tangents = np.stack((2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)), axis=1)
+        missed = near[k, PRESS] * np.abs((tangents * near[k, NORMAL : NORMAL + 3]).sum(axis=1))
+        k = k[missed >= WORST * missed.max(initial=0.0)]
+        return np.unique(0.5 * np.concatenate((nodes[k] + nodes[k - 1], nodes[k] + nodes[k + 1])))
+
     def tidy(self) -> None:
         """Where a contact has run up to the next node, takes that away and divides the element on the other side."""
         h = span_work.mesh_parts(self.mesh, self.elements)[1]
         nodes, on = self.nodes, self.on[NOW]
-        if not contact_slide.any_crowded(self.near[NOW], on, self.q[NOW], h):
+        if not contact_slide.any_crowded(self.near[NOW], on, self.q[NOW], h, 1.0 / self.bend):
             return
         away: list[int] = []
         new: list[float] = []
         for k in np.flatnonzero(on[1:-1, 0] != BARE) + 1:
-            side = contact_slide.crowded(self.near[NOW], on, self.q[NOW], h, k)
+            side = contact_slide.crowded(self.near[NOW], on, self.q[NOW], h, k, 1.0 / self.bend)
             j = k + side
             if side == 0 or j in (0, self.elements) or on[j, 0] != BARE or nodes[j] in self.stops:
                 continue
@@ -292,12 +306,29 @@ class TouchState:
         if away:
             self.lay_out(np.sort(np.concatenate((np.delete(nodes, away), new))))
 
+    def thin(self) -> None:
+        """If many nodes were added, takes away every other one that is far from where a row ends."""
+        n = self.elements
+        if n <= MANY * self._spacing.size or self.info[16] > COARSE * self.par[13]:
+            return
+        nodes, touched = self.nodes, np.cumsum(self.on[NOW][:, 0] != BARE)
+        k = np.arange(3, n - 2)
+        around = touched[k + 2] - touched[k - 3]  # of five nodes
+        close = nodes[k + 1] - nodes[k - 1] < 1.2 * np.interp(nodes[k], self._middles, self._spacing)
+        away: list[int] = []
+        for j in k[close & ((around == 0) | (around == 5)) & ~np.isin(nodes[k], self.stops)]:
+            if not away or away[-1] < j - 1:
+                away.append(int(j))
+        if away:
+            self.lay_out(np.delete(nodes, away))
+
     # -- solutions
 
     def start_from(self, shape: CableShape, frames: Array) -> None:
         """Makes a shape without contacts the last solution, on a new mesh; `frames` are those of its supports."""
         self.elements = 0
         nodes = self.first_nodes(shape)
+        self._spacing, self._middles = np.diff(nodes), 0.5 * (nodes[1:] + nodes[:-1])
         self.lay_out(nodes)
         self.q[NOW] = interpolated(nodes, shape.arc_length, shape.quaternions)
         self._grips[NOW] = frames
@@ -340,6 +371,14 @@ class TouchState:
             self.lay_out(mesh[: elements + 1].copy())
         self.q, self.near, self.on, self.ends, self._grips, self.turns = arrays
         self.mesh[:] = mesh
+
+    def came_from(self, kept: tuple[Any, ...]) -> None:
+        """Makes the last solution of a `copy` the one before the last, if they have the same elements."""
+        *arrays, _, elements = kept
+        if self.elements == elements:
+            mine = (self.q, self.near, self.on, self.ends, self._grips, self.turns)
+            for array, other in zip(mine, arrays, strict=True):
+                array[BEFORE] = other[NOW]
 
     def positions(self) -> Array | None:
         """(n, 3), the last solution's, None if there is none."""

@@ -16,6 +16,7 @@ import numpy as np
 from cable_shape.checks import Array
 from cable_shape.kernels import bounds, contact_check, contact_drive, contact_near, span_stability, span_work
 from cable_shape.kernels.contact_near import GRIP_EXCLUSION, NORMAL, ROUND, SPOT
+from cable_shape.kernels.contact_newton import RUNNING
 from cable_shape.kernels.span_defect import support_loads
 from cable_shape.kernels.span_newton import CONVERGED
 from cable_shape.kernels.span_work import NOW
@@ -34,6 +35,10 @@ COLD_ITERATIONS, WARM_ITERATIONS, STEP_ITERATIONS = 80, 30, 20
 FAR = 0.7  #: A warm solve that turns a frame by more than this [rad] from its prediction is checked by small steps.
 _FIRST_STEP, _SMALLEST_STEP = 0.25, 1.0 / 512.0
 ACCURACY = 5e-4  #: of the length: what a shape in contact is asked for where the tolerance is below
+FINE = 1.9e-4  #: of the length: an error from contacts above this asks for a finer mesh there
+_FIRST_DRAG = 3e3  #: of a sliding cable, in stiffness / length^2
+_AT_REST = 0.02  #: the same, times rad in a step: a cable that is driven by less looks for its equilibrium
+_SLIDES = 200  #: such steps at most
 _ROUNDS = 8  #: of adding nodes where the cable dips into a body between them
 
 
@@ -64,7 +69,7 @@ def sensitivity(state: TouchState, *, at: str = "cable") -> Array:
     near, on = state.near[NOW], state.on[NOW]
     spans = contact_near.supports(
         state.q[NOW], h, near, on, state.held, state.held_mask, state.where, state.mask, state.place, state.base,
-        ROUND, True,
+        ROUND, 2.0 / float(state.par[0] + state.par[1]), True,
     )  # fmt: skip
     contact_near.forces_of(near, NORMAL, state.ends[NOW], state.where, state.base, spans, state.lam)
     out = np.empty((problem.points, 3, 12))
@@ -132,7 +137,7 @@ class _Solve:
             return clipped.solve(self.problem, rod, deadline=self.deadline)
         return cosserat.solve(self.problem, rod, deadline=self.deadline)
 
-    def _call(self, history: int, most: int, *, far: float = math.inf, sunk: float = 0.0, guard: bool = True) -> bool:
+    def _call(self, history: int, most: int, *, far: float = math.inf, sunk: float = 0.0, drag: float = 0.0) -> bool:
         """One compiled solve for the frames in the trial; True if it found an equilibrium outside the bodies."""
         state = self.state
         code = contact_drive.solve(
@@ -140,53 +145,78 @@ class _Solve:
             state.held, state.held_mask, state.forces, state.where, state.mask, state.place, state.lam, state.base,
             state.bodies, state.frames, state.triangles, state.tree, state.radius, sunk, state.stack,
             self.problem.load, state.table, state.work, self.buffer, state.info, self.problem.points, history,
-            guard, most, far,
+            True, most, far, drag,
         )  # fmt: skip
         self.iterations += int(state.info[0])
-        return bool(code == CONVERGED)
+        if code != CONVERGED:
+            return False
+        self.loads = self._loads_of_clips()
+        return True
 
-    def _step(self, frames: Array, history: int, most: int, far: float, sunk: float = 0.0, jump: bool = False) -> bool:
-        """From the last solution to `frames`, not inside a body between the nodes, and unless a `jump` not past one."""
+    def _step(
+        self,
+        frames: Array,
+        history: int,
+        most: int,
+        far: float,
+        sunk: float = 0.0,
+        *,
+        jump: bool = False,
+        drag: float = 0.0,
+    ) -> bool:
+        """From the last solution to `frames`, not inside a body between the nodes, and unless a `jump` not past one.
+
+        drag [N]: holds the rotations back from those of the last solution.
+        """
         state = self.state
         state.target(frames)
         kept = state.copy()
         before = state.positions()
-        if self._call(history, most, far=far, sunk=sunk) and self._settle(frames, sunk):
+        refine = not jump and drag == 0.0
+        solved = self._call(history, most, far=far, sunk=sunk, drag=drag)
+        if solved and self._settle(frames, sunk, drag, refine=refine):
             n = self.problem.points
             after = self.buffer[n : 4 * n].reshape(n, 3)
             if jump or before is None or not self._passes(before, after):
                 state.remember(after)
-                self.loads = self._loads_of_clips()
                 state.tidy()
                 return True
         state.restore(kept)
         return False
 
-    def _settle(self, frames: Array, sunk: float) -> bool:
-        """Adds nodes where the cable dips into a body between them, until it does not."""
+    def _settle(self, frames: Array, sunk: float = 0.0, drag: float = 0.0, *, refine: bool = True) -> bool:
+        """Adds nodes where the cable dips into a body between them and, to `refine`, where contacts are too inexact."""
         state = self.state
+        fine = FINE * self.problem.cable.length
         for _ in range(_ROUNDS):
+            if refine and state.info[0] > RUNNING:  # contacts that run were stopped
+                state.target(frames)
+                if not self._call(1, WARM_ITERATIONS, sunk=sunk):
+                    return False
             arcs = self._dips(sunk)
+            deep = arcs.size > 0
+            if not deep and refine and state.info[16] > fine:
+                arcs = state.ends_of_rows()
             if not arcs.size:
                 return True
             if state.elements + arcs.size > MOST_ELEMENTS or not state.insert(arcs):
-                return False
+                return not deep
             state.target(frames)
-            if not self._call(1, WARM_ITERATIONS, sunk=sunk):
+            if not self._call(1, WARM_ITERATIONS, sunk=sunk, drag=drag):
                 return False
         return not self._dips(sunk, 2.0 * DEEPEST).size
 
     def _warm(self, frames: Array) -> CableShape:
         """From the last solution."""
         state = self.state
+        state.thin()
         if self._step(frames, state.history, WARM_ITERATIONS, FAR) or self._follow(frames):
             return self._finish(Status.OK)
+        if self._relax(frames):
+            return self._finish(Status.SNAPPED)
         state.move_bodies(self.links)
         if self.late:
             return self._no_shape(Status.BUDGET_EXCEEDED, "")
-        state.target(frames)
-        if self._step(frames, 1, COLD_ITERATIONS, math.inf, jump=True):
-            return self._finish(Status.SNAPPED)
         free = self._free(SpanState(self.problem) if self.problem.clips else RodState(self.problem))
         if not free.status or free.status is Status.OVERSTRETCHED:
             return self._lost()
@@ -195,6 +225,7 @@ class _Solve:
     def _follow(self, frames: Array) -> bool:
         """Goes with supports and bodies from where they were to `frames` and `links`, in steps as small as it takes."""
         state = self.state
+        kept = state.copy()
         origin, links = state.grips[NOW].copy(), state.links_then
         done, step = 0.0, _FIRST_STEP
         history = 1
@@ -210,7 +241,29 @@ class _Solve:
                 step, history = 0.4 * step, 1
                 if step < _SMALLEST_STEP:
                     return False
+        state.came_from(kept)
         return True
+
+    def _relax(self, frames: Array) -> bool:
+        """Lets the cable slide, as in a thick liquid, from the last solution to where it comes to rest at `frames`."""
+        state = self.state
+        origin, links = state.grips[NOW].copy(), state.links_then
+        softest = float(min(state.par[:3])) / self.problem.cable.length**2
+        done, step, drag = 0.0, 1.0, _FIRST_DRAG * softest
+        for _ in range(_SLIDES):
+            if self._out_of_time() or step < _SMALLEST_STEP:
+                return False
+            at = min(1.0, done + step)
+            state.move_bodies(between(links, self.links, at))
+            if self._step(between(origin, frames, at), 1, STEP_ITERATIONS, math.inf, drag=drag):
+                rests = drag * state.info[12] < _AT_REST * softest
+                done, drag = at, 0.4 * drag
+                if done == 1.0 and rests and self._step(frames, 1, WARM_ITERATIONS, FAR):
+                    return True
+            else:
+                drag *= 3.0
+                step = min(0.5 * step, 1.0 - done) if done < 1.0 else step
+        return False
 
     def _cold(self, frames: Array, free: CableShape, status: Status = Status.OK) -> CableShape:
         """From the shape without contact, to which the bodies come from below, or grow, or come from above."""
@@ -226,7 +279,7 @@ class _Solve:
         for attempt in (1.0, 0.0, -1.0):
             found = self._approach(frames, free, attempt * down) if attempt else self._grow(frames, free)
             state.shift(np.zeros(3))
-            if found:
+            if found and self._settle(frames):
                 return self._finish(status)
             if self.late:
                 return self._no_shape(Status.BUDGET_EXCEEDED, "")
