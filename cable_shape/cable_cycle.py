@@ -46,6 +46,8 @@ class CableCycle:
         At the end of the cable.
     snap_horizon : float
         [s], a snap this near is predicted; 0: never.
+    cables : int
+        How many there are in all.
     """
 
     def __init__(
@@ -57,6 +59,7 @@ class CableCycle:
         gripping_links: Sequence[str],
         plug: Plug | None,
         snap_horizon: float,
+        cables: int = 1,
     ) -> None:
         self.name = name
         self.predictor = predictor
@@ -73,7 +76,8 @@ class CableCycle:
         self._plug = plug
         self._snap_horizon = snap_horizon
         self._speed = GripSpeed()
-        self._watch = MarginWatch(cable, scene, checker.moving)
+        moving = np.concatenate((checker.moving, np.ones(cables, dtype=np.bool_)))  # other cables, and itself
+        self._watch = MarginWatch(cable, scene, moving)
         self._standing = Standing(scene)
         self.reset()
 
@@ -92,10 +96,10 @@ class CableCycle:
         self._looked = self._snaps_at = -math.inf  # ns, when a snap was looked for, and when it is to come
         self._twists: Array | None = None
 
-    def predict(self, ends: Ends, links: Links) -> CableShape:
-        """The shape of the span, and of the tails into `tails`."""
+    def predict(self, ends: Ends, links: Links, solved: CableShape | None = None) -> CableShape:
+        """The shape of the span, unless it has been solved for, and of the tails into `tails`."""
         start, end = ends
-        shape = self.predictor.predict(start, end, links)
+        shape = self.predictor.predict(start, end, links) if solved is None else solved
         self.tails = {}
         for side, tail in self._tails.items():
             grip = start if side == "start" else end

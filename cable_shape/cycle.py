@@ -16,11 +16,14 @@ from cable_shape import checks
 from cable_shape.cable import Cable
 from cable_shape.cable_cycle import CableCycle, Ends
 from cable_shape.errors import ArgumentError, StaleInputError
+from cable_shape.models.crossing import Crossing
+from cable_shape.near import CableNear
 from cable_shape.plug import Plug
 from cable_shape.pose import Pose
 from cable_shape.predictor import Predictor
 from cable_shape.report import CycleReport
 from cable_shape.scene import Obstacle, Scene
+from cable_shape.shape import CableShape
 
 
 @final
@@ -90,7 +93,14 @@ class Cycle:
             plug = (plugs or {}).get(name, self.scene.plug)
             if plug is not None:
                 checks.one_of(f"plugs[{name!r}].socket", plug.socket, self.scene.sockets)
-            self._cables[name] = CableCycle(name, predictor, self.scene, robot_links, gripping_links, plug, horizon)
+            self._cables[name] = CableCycle(
+                name, predictor, self.scene, robot_links, gripping_links, plug, horizon, len(named)
+            )
+        self._near = CableNear(named, self.scene, robot_links)
+        self._crossing: tuple[tuple[str, ...], Crossing] | None = None
+        self._solves_crossing = predictor.problem.solves_crossing and len(named) > 1
+        if self._solves_crossing:
+            self._check_models()
         self.last_stamp: int | None = None
 
     def step(self, grips: Mapping[str, Ends], stamp: int, links: Mapping[str, Pose] | None = None) -> CycleReport:
@@ -118,15 +128,18 @@ class Cycle:
                 f"{self.last_stamp} ns. Drop it, or call reset() if the clock was set back or a bag loops."
             )
         began = perf_counter()
-        cables, shapes = {}, {}
-        for name, ends in grips.items():
+        cables = {}
+        for name in grips:
             cable = self._cables.get(name)
             if cable is None:
                 raise ArgumentError.of("cable", name, "no such cable", f"Known: {', '.join(self._cables)}.")
             cables[name] = cable
-            shapes[name] = cable.predict(ends, links)
+        together = self._together(grips) if self._solves_crossing else {}
+        shapes = {name: cable.predict(grips[name], links, together.get(name)) for name, cable in cables.items()}
         predicted = perf_counter()
         clearance = {name: cable.check(shapes[name], links) for name, cable in cables.items()}
+        if self.scene.contact != "off":
+            clearance = self._near.added(shapes, clearance)
         checked = perf_counter()
         margins = {
             name: cable.margins(shapes[name], clearance[name], grips[name], stamp) for name, cable in cables.items()
@@ -166,8 +179,35 @@ class Cycle:
             plugs={name: error for name, error in plugs.items() if error is not None},
         )
 
+    def _together(self, grips: Mapping[str, Ends]) -> dict[str, CableShape]:
+        """The shapes of all the cables in `grips`, out of each other."""
+        names = tuple(grips)
+        predictors = [self._cables[name].predictor for name in names]
+        if self._crossing is None or self._crossing[0] != names:
+            problems, alone = [p.problem for p in predictors], [p.alone for p in predictors]
+            crossing = Crossing(names, problems, alone, predictors[0].time_budget)
+            self._crossing = names, crossing
+            for i, predictor in enumerate(predictors):
+                predictor.join(crossing, i)
+        for predictor, (start, end) in zip(predictors, grips.values(), strict=True):
+            predictor.problem.move(start, end)
+        return dict(zip(names, self._crossing[1].solve(), strict=True))
+
+    def _check_models(self) -> None:
+        """Only the rod rests on other cables."""
+        for name, cable in self._cables.items():
+            if not cable.predictor.is_rod:
+                raise ArgumentError.of(
+                    "scene.contact",
+                    self.scene.contact,
+                    f"the model of cable {name!r} knows no contact with other cables",
+                    "Write contact='warn', or choose model='cosserat' and a bending stiffness above 0 N m^2.",
+                )
+
     def reset(self) -> None:
         """Forgets the last stamp, the warm start, speeds and standing warnings: the next step starts afresh."""
         self.last_stamp = None
+        if self._crossing is not None:
+            self._crossing[1].reset()
         for cable in self._cables.values():
             cable.reset()

@@ -18,6 +18,7 @@ from cable_shape.errors import ArgumentError
 from cable_shape.meshes.convex import is_convex
 from cable_shape.models import catenary, clipped, cosserat, gradient, touching
 from cable_shape.models.auto import Auto
+from cable_shape.models.crossing import Crossing
 from cable_shape.models.rod_state import RodState
 from cable_shape.models.span_state import SpanState
 from cable_shape.models.touch_state import TouchState
@@ -169,6 +170,9 @@ class Predictor:
         self._last: CableShape | None = None
         self._last_ends: Ends | None = None
         self._last_links: Mapping[str, Pose] | None = None
+        self.time_budget = math.inf if time_budget is None else time_budget
+        self._others: tuple[Crossing, int] | None = None
+        self._crossing = self._with_itself()
 
     @property
     def cable(self) -> Cable:
@@ -184,6 +188,7 @@ class Predictor:
     def scene(self, scene: Scene | None) -> None:
         self.problem = self._checked(self._problem_in(scene=scene))
         self._last = None
+        self._crossing = self._with_itself()
 
     def predict(
         self,
@@ -206,19 +211,43 @@ class Predictor:
         ArgumentError
             If `links` lacks a link that carries such a body.
         """
-        problem = self.problem.move(start, end, links)
+        self.problem.move(start, end, links)
+        return self.alone() if self._crossing is None else self._crossing.solve()[0]
+
+    def alone(self) -> CableShape:
+        """The shape between the problem's ends, whatever it or other cables touch."""
+        problem = self.problem
         if self._last is not None and unmoved(self._last_ends, self._last_links, problem):
             return self._last.again()
         shape = self._solver.solve(problem)
         self._last = shape
         self._last_ends = (problem.start, problem.end)
-        self._last_links = links
+        self._last_links = problem.links
         return shape
 
     def reset(self) -> None:
         """Forgets the last solution: the next one starts cold."""
         self._solver.reset()
         self._last = None
+        if self._crossing is not None:
+            self._crossing.reset()
+
+    def join(self, crossing: Crossing, index: int) -> None:
+        """Leaves what its cable touches, itself included, to `crossing`, in which it has the number `index`."""
+        self._crossing = None
+        self._others = crossing, index
+
+    @property
+    def is_rod(self) -> bool:
+        """Whether the model is, or may become, the Cosserat rod."""
+        return not isinstance(self._solver, ClosedForm)
+
+    @property
+    def touching(self) -> bool:
+        """Whether the last shape was solved for along with what its cable touches: itself, or another one."""
+        if self._others is not None:
+            return self._others[1] in self._others[0].touching
+        return self._crossing is not None and bool(self._crossing.touching)
 
     def sensitivity(self, *, at: str = "cable") -> Array:
         """(points, 3, 12): how the centreline moves with the ends, d positions at fixed arc length / d (twists).
@@ -230,8 +259,12 @@ class Predictor:
         Raises
         ------
         ArgumentError
-            If the model is a closed form by choice, or nothing was predicted yet.
+            If the model is a closed form by choice, nothing was predicted yet, or the cable touches itself or another.
         """
+        if self.touching:
+            raise ArgumentError(
+                "sensitivity() is not known while the cable touches itself or another one. Take differences of predict."
+            )
         if isinstance(self._solver, ClosedForm):
             raise ArgumentError.of(
                 "model", self.model, "sensitivity needs the Cosserat rod", "Choose model='cosserat' or 'auto'."
@@ -247,11 +280,17 @@ class Predictor:
 
     @property
     def rod_state(self) -> RodState | None:
-        """The memory of the rod that gave the last shape; None if none did, or one in clips."""
-        if self._last is None or self._last.model != cosserat.MODEL:
+        """The memory of the rod that gave the last shape; None if none did, or one in clips or in contact."""
+        if self.touching or self._last is None or self._last.model != cosserat.MODEL:
             return None
         state = self._solver.rod_state()
         return state if isinstance(state, RodState) else None
+
+    def _with_itself(self) -> Crossing | None:
+        """What keeps the cable out of itself, where the scene asks for it and the model can."""
+        if not self.problem.solves_crossing or self._others is not None or not self.is_rod:
+            return None
+        return Crossing(("cable",), [self.problem], [self.alone], self.time_budget)
 
     def _checked(self, problem: Problem) -> Problem:
         """The problem, if its model can solve it: only the rod is held in clips, or rests on bodies."""

@@ -118,6 +118,11 @@ class Problem:
         self.start = _NOWHERE
         self.end: Grip | FreeEnd = _UNLOADED
 
+    @property
+    def solves_crossing(self) -> bool:
+        """Whether the cable is kept out of others and of itself: where nothing but its grips holds it."""
+        return self.scene is not None and self.scene.contact == "solve" and not self.clips and not self.bodies
+
     def _load_masses(self, scene: Scene) -> None:
         """Point masses become concentrated loads, in ascending arc length."""
         self.masses = tuple(sorted(scene.masses, key=lambda m: m.arc_length))

@@ -57,14 +57,15 @@ class BodyDistance:
 class Clearance:
     """Distances of one cable to the bodies around it.
 
-    `bodies` holds, in the order of the scene, every body nearer than the horizon of the search; for all others only
-    `beyond`, a lower bound, is known. `closest` is the nearest of `bodies`, None if all are beyond.
+    `bodies` holds every body nearer than the horizon of the search: in the order of the scene, then the other cables,
+    then the cable "itself". For all others only `beyond`, a lower bound, is known, which leaves the cable itself out.
+    `closest` is the nearest of `bodies`, None if all are beyond.
     """
 
     bodies: tuple[BodyDistance, ...] = ()
     beyond: float = float("inf")  # m, every body that is not listed is at least this far
     robot_checked: bool = False  # False: robot links were not given
-    pairs_culled: int = 0  # pairs of a cable capsule and a body that bounds ruled out
+    pairs_culled: int = 0  # pairs of a cable capsule and a body, or another capsule, that bounds ruled out
     pairs_exact: int = 0  # pairs solved exactly
     #: (m, 8), a row for each body checked: distance (infinite: beyond), arc length, the two witness points
     table: Array | None = field(default=None, repr=False, compare=False)

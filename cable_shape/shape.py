@@ -75,8 +75,8 @@ _NO_TOUCHES = np.empty((0, 9))
 class Contact:
     """Where the cable is pressed on a body; the reaction along a piece of the cable is told as forces at its nodes.
 
-    arc_length [m]; body: name of the obstacle; point (3,) [m], world, on the body's surface; normal (3,), unit, out of
-    the body; force [N], of the body on the cable along the normal.
+    arc_length [m]; body: name of the obstacle or the other cable, or "itself"; point (3,) [m], world, on the body's
+    surface; normal (3,), unit, out of the body; force [N], of the body on the cable along the normal.
     """
 
     arc_length: float
@@ -205,7 +205,7 @@ class CableShape:
 
     @property
     def contacts(self) -> tuple[Contact, ...]:
-        """Where the cable is pressed on obstacles, in ascending arc length; empty unless ``Scene(contact="solve")``."""
+        """Where the cable is pressed on something, in ascending arc length; empty unless ``Scene(contact="solve")``."""
         return tuple(
             Contact(float(row[0]), self.bodies[int(row[1])], row[2:5], row[5:8], float(row[8])) for row in self.touches
         )

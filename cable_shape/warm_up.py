@@ -63,3 +63,9 @@ def warm_up() -> None:
     starts, ends = (np.array([pose.array for pose in poses]) for poses in ((start, start), (end, later)))
     predict_batch(cable, starts, ends, scene=scene)
     check_trajectory(cable, scene, None, GripPath(starts, ends))
+    thin = cable.replace(tails={}, diameter=0.02)
+    crossed = Cycle({"a": thin, "b": thin}, model="cosserat", scene=Scene(contact="solve"))
+    over = (0.7071067811865476, 0.0, 0.0, -0.7071067811865476)
+    for k in range(3):
+        across = (Pose((0.4, -0.4, 0.515 - 0.001 * k), over), Pose((0.4, 0.4, 0.515 - 0.001 * k), over))
+        crossed.step({"a": (start, end), "b": across}, stamp=k * 10_000_000)

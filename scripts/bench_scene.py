@@ -1,5 +1,5 @@
 #!/usr/bin/env python
-"""Figures of clips, clearance, margins and contact: references, success, and what they add to a cycle.
+"""Figures of clips, clearance, margins and contact, also of cables: references, success, and what they add to a cycle.
 
     scripts/bench scene [--quick] [--cases FOLDER]
 
@@ -15,6 +15,7 @@ from scene_arch import print_arch
 from scene_clearance import print_clearance
 from scene_clips import CASES, print_clips
 from scene_contact import print_contact
+from scene_crossing import print_crossing
 from scene_margins import print_margins, print_snap
 
 
@@ -30,6 +31,7 @@ def main() -> None:
     print_margins(200 if options.quick else 2000)
     print_snap()
     print_contact(quick=options.quick)
+    print_crossing(2 if options.quick else 10)
 
 
 if __name__ == "__main__":

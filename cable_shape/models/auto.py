@@ -265,8 +265,8 @@ def _pulled(cable: Cable, shape: CableShape) -> bool:
 
 
 def _clipped(problem: Problem) -> bool:
-    """Whether clips or bodies hold the cable, which closed forms do not know."""
-    return bool(problem.clips or problem.bodies)
+    """Whether clips, bodies or cables hold the cable, or may, which closed forms do not know."""
+    return bool(problem.clips or problem.bodies) or problem.solves_crossing
 
 
 def _thin_out(shape: CableShape, stride: int) -> None:

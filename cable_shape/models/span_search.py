@@ -65,13 +65,15 @@ class Search:
         output: bool = True,
         far: float = math.inf,
         near: bool = False,
+        again: bool = False,
     ) -> bool:
         """Solves for the supports in the trial; True if it found an equilibrium, a stable one if guarded.
 
-        near: what is in the trial is next to it.
+        near: what is in the trial is next to it. again: for ends that it has just been solved for; not with eyelets,
+        which see to that themselves.
         """
         if self.eyelets is None:
-            return self._inner(history, most, guard, output, far, False, False)
+            return self._inner(history, most, guard, output, far, again, False)
         return self.eyelets.call(history, most, guard, output, far, near or history > 0)
 
     def _inner(

@@ -1,0 +1,203 @@
+"""Where two cables come nearest, or one cable itself, as rows of straight pieces, with bounds that cull.
+
+Two pieces are no nearer than the spheres around their chunks. Of a cable with itself two pieces count if the cable
+between their middles is at least `shortest` long and its chord is at most 2/pi of that, as on half a circle: a straight
+or gently bent cable is not near itself, a loop and a hairpin are.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from cable_shape.kernels._jit import kernel
+
+Array = Any
+CHUNK = 8  # pieces in one bounding sphere
+HALF_CIRCLE = 2.0 / math.pi  # chord / arc length
+SLACK = 1e-9  # m, of bounds against rounding
+SPOT = 9  # distance of the centrelines, arc length on the first and on the second, point on the first and on the second
+MOST_SPOTS = 16
+
+
+@kernel
+def between_pieces(a: Array, i: int, b: Array, j: int) -> tuple[float, float, float]:
+    """Square of the distance [m^2] of the pieces a[i], a[i + 1] and b[j], b[j + 1], and where on each it is, 0 to 1."""
+    dd = de = ee = dw = ew = 0.0
+    for c in range(3):
+        d, e, w = a[i + 1, c] - a[i, c], b[j + 1, c] - b[j, c], a[i, c] - b[j, c]
+        dd += d * d
+        de += d * e
+        ee += e * e
+        dw += d * w
+        ew += e * w
+    across = dd * ee - de * de
+    x = 0.0
+    if across > 1e-12 * dd * ee:
+        x = min(max((de * ew - ee * dw) / across, 0.0), 1.0)
+    y = (de * x + ew) / ee if ee > 0.0 else 0.0
+    if y < 0.0 or y > 1.0 or ee == 0.0:
+        y = min(max(y, 0.0), 1.0)
+        x = min(max((de * y - dw) / dd, 0.0), 1.0) if dd > 0.0 else 0.0
+    square = 0.0
+    for c in range(3):
+        gap = a[i, c] + x * (a[i + 1, c] - a[i, c]) - b[j, c] - y * (b[j + 1, c] - b[j, c])
+        square += gap * gap
+    return square, x, y
+
+
+@kernel
+def spheres_around(points: Array) -> Array:
+    """(chunks, 4): centre and radius of a sphere around every CHUNK pieces."""
+    pieces = points.shape[0] - 1
+    out = np.zeros(((pieces + CHUNK - 1) // CHUNK, 4))
+    for k in range(out.shape[0]):
+        first, last = k * CHUNK, min((k + 1) * CHUNK, pieces)
+        for c in range(3):
+            low = high = points[first, c]
+            for i in range(first, last + 1):
+                low, high = min(low, points[i, c]), max(high, points[i, c])
+            out[k, c] = 0.5 * (low + high)
+        for i in range(first, last + 1):
+            x, y, z = points[i, 0] - out[k, 0], points[i, 1] - out[k, 1], points[i, 2] - out[k, 2]
+            out[k, 3] = max(out[k, 3], math.sqrt(x * x + y * y + z * z))
+    return out
+
+
+@kernel
+def counts_as_near(p: Array, s: Array, i: int, j: int, shortest: float) -> bool:
+    """Whether the pieces i < j of one cable may be near each other, see the module."""
+    arc = 0.5 * (s[j] + s[j + 1] - s[i] - s[i + 1])
+    if arc < shortest:
+        return False
+    square = 0.0
+    for c in range(3):
+        gap = 0.5 * (p[j, c] + p[j + 1, c] - p[i, c] - p[i + 1, c])
+        square += gap * gap
+    return square <= (HALF_CIRCLE * arc) ** 2
+
+
+@kernel
+def bound(u: Array, v: Array, k: int, m: int) -> float:
+    """A lower bound on the distance of chunk k of one cable and chunk m of the other."""
+    x, y, z = u[k, 0] - v[m, 0], u[k, 1] - v[m, 1], u[k, 2] - v[m, 2]
+    return math.sqrt(x * x + y * y + z * z) - u[k, 3] - v[m, 3]
+
+
+@kernel
+def apart_for_good(low: float, s: Array, k: int, m: int, shortest: float) -> bool:
+    """Whether no pieces of the chunks k and m of one cable, at least `low` apart, count as near each other."""
+    arc = s[min((m + 1) * CHUNK, s.shape[0] - 1)] - s[k * CHUNK]
+    return arc < shortest or low > HALF_CIRCLE * arc + SLACK
+
+
+@kernel
+def fill(a: Array, sa: Array, b: Array, sb: Array, i: int, j: int, spot: Array) -> None:
+    """The nearest points of two pieces as a row of SPOT."""
+    square, x, y = between_pieces(a, i, b, j)
+    spot[0] = math.sqrt(square)
+    spot[1] = sa[i] + x * (sa[i + 1] - sa[i])
+    spot[2] = sb[j] + y * (sb[j + 1] - sb[j])
+    for c in range(3):
+        spot[3 + c] = a[i, c] + x * (a[i + 1, c] - a[i, c])
+        spot[6 + c] = b[j, c] + y * (b[j + 1, c] - b[j, c])
+
+
+@kernel
+def nearest(
+    a: Array, sa: Array, b: Array, sb: Array, own: bool, shortest: float, reach: float, cull: bool, spot: Array,
+    counts: Array,
+) -> bool:  # fmt: skip
+    """Fills `spot` with the nearest points of two centrelines a (n, 3) and b (m, 3); False if all are beyond `reach`.
+
+    own: b is a. counts (2,): pairs of pieces culled and solved.
+    """
+    u, v = spheres_around(a), spheres_around(b)
+    pieces, others = a.shape[0] - 1, b.shape[0] - 1
+    best, at, to = reach * reach, -1, -1
+    within = reach
+    k0 = m0 = 0
+    if cull:
+        least = math.inf
+        for k in range(u.shape[0]):
+            for m in range(k if own else 0, v.shape[0]):
+                low = bound(u, v, k, m)
+                if low < least and not (own and apart_for_good(low, sa, k, m, shortest)):
+                    least, k0, m0 = low, k, m
+    solved = total = 0
+    for first in range(2 if cull else 1):  # the most promising chunks first
+        for k in range(u.shape[0]):
+            for m in range(k if own else 0, v.shape[0]):
+                if cull and (first == 0) != (k == k0 and m == m0):
+                    continue
+                end, other_end = min((k + 1) * CHUNK, pieces), min((m + 1) * CHUNK, others)
+                size = end - k * CHUNK
+                total += size * (size - 1) // 2 if own and m == k else size * (other_end - m * CHUNK)
+                if cull:
+                    low = bound(u, v, k, m)
+                    if low > within + SLACK or (own and apart_for_good(low, sa, k, m, shortest)):
+                        continue
+                for i in range(k * CHUNK, end):
+                    for j in range(max(m * CHUNK, i + 1 if own else 0), other_end):
+                        if own and not counts_as_near(a, sa, i, j, shortest):
+                            continue
+                        solved += 1
+                        square = between_pieces(a, i, b, j)[0]
+                        if square < best or (square == best and (at < 0 or i < at or (i == at and j < to))):
+                            best, at, to = square, i, j
+                            within = math.sqrt(best)
+    counts[0] += total - solved
+    counts[1] += solved
+    if at < 0:
+        return False
+    fill(a, sa, b, sb, at, to, spot)
+    return True
+
+
+@kernel
+def spots(
+    a: Array, sa: Array, b: Array, sb: Array, own: bool, shortest: float, reach: float, apart: float, out: Array
+) -> int:  # fmt: skip
+    """Fills `out` (MOST_SPOTS, 9) with the places where two centrelines are within `reach`; returns how many.
+
+    Of pairs of points that are within `apart` [m] of each other along both cables only the nearest is a place.
+    """
+    u, v = spheres_around(a), spheres_around(b)
+    pieces, others = a.shape[0] - 1, b.shape[0] - 1
+    spot = np.empty(SPOT)
+    count = 0
+    for k in range(u.shape[0]):
+        for m in range(k if own else 0, v.shape[0]):
+            low = bound(u, v, k, m)
+            if low > reach or (own and apart_for_good(low, sa, k, m, shortest)):
+                continue
+            for i in range(k * CHUNK, min((k + 1) * CHUNK, pieces)):
+                for j in range(max(m * CHUNK, i + 1 if own else 0), min((m + 1) * CHUNK, others)):
+                    if own and not counts_as_near(a, sa, i, j, shortest):
+                        continue
+                    if between_pieces(a, i, b, j)[0] > reach * reach:
+                        continue
+                    fill(a, sa, b, sb, i, j, spot)
+                    count = keep(spot, apart, out, count)
+    return count
+
+
+@kernel
+def keep(spot: Array, apart: float, out: Array, count: int) -> int:
+    """Puts a place among those of `out`, unless a nearer one is beside it; returns how many there are."""
+    left = 0
+    for r in range(count):
+        beside = abs(out[r, 1] - spot[1]) < apart and abs(out[r, 2] - spot[2]) < apart
+        if beside and out[r, 0] <= spot[0]:
+            return count
+    for r in range(count):
+        beside = abs(out[r, 1] - spot[1]) < apart and abs(out[r, 2] - spot[2]) < apart
+        if not beside:
+            out[left] = out[r]
+            left += 1
+    if left < out.shape[0]:
+        out[left] = spot
+        left += 1
+    return left

@@ -1,0 +1,299 @@
+"""Cables that rest on each other, or on themselves, without friction (see docs/method.md).
+
+As long as no two cables overlap, and none has come past another, each is solved for alone. Otherwise the points where
+they come nearest are held (`crossing_state`), and found along with the forces there (`crossing_step`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from time import perf_counter
+from typing import final
+
+import numpy as np
+
+from cable_shape.checks import Array
+from cable_shape.models.crossing_group import GROWTH, Group, all_frames
+from cable_shape.models.crossing_places import Places
+from cable_shape.models.crossing_step import Spot
+from cable_shape.models.touching import between
+from cable_shape.problem import Problem
+from cable_shape.shape import CableShape, Status
+
+ITSELF = "itself"  #: the body's name, where a cable touches itself
+MOST = 8  #: contacts at a time
+_FIRST_STEP, _SMALLEST_STEP = 0.25, 1.0 / 256.0
+_MOST_STEPS = 60  #: on one way
+_ROUNDS = 6  #: of finding places that were missed
+_SAME = 1e-3  #: of the length: a shape found alone is the one that has come free, if it is no further away
+_LOST = "no equilibrium of cables that touch was found. "
+_LONGEST_WAIT = 16  #: solves after which one that has failed from nothing is tried again
+
+
+@final
+class Crossing:
+    """Some cables, from one prediction to the next.
+
+    Parameters
+    ----------
+    names : of the cables
+    problems : theirs, moved to the ends before every solve
+    alone : for each, what solves for it as if there were no other
+    time_budget : [s] of one solve, looked at between its attempts
+    """
+
+    def __init__(
+        self,
+        names: Sequence[str],
+        problems: list[Problem],
+        alone: Sequence[Callable[[], CableShape]],
+        time_budget: float = math.inf,
+    ) -> None:
+        self.problems = problems
+        self._names = tuple(names)
+        self._alone = alone
+        self._time_budget, self._deadline = time_budget, math.inf
+        self._patience, self._why = 1, ""
+        self._places = Places(names, problems)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forgets the last equilibrium."""
+        self._group: Group | None = None
+        self._shapes: list[CableShape] | None = None
+        self._frames: Array = np.empty(0)
+        self._kinds: list[tuple[str, str]] = []
+        self._wait = 0
+
+    @property
+    def touching(self) -> frozenset[int]:
+        """The cables that are held where they touch, or nearly do."""
+        return frozenset(self._group.rods) if self._group is not None else frozenset()
+
+    @property
+    def _spots(self) -> list[Spot]:
+        return self._group.spots if self._group is not None else []
+
+    def solve(self) -> list[CableShape]:
+        """The shapes between the problems' ends; never raises for a physical reason: see `status`."""
+        began = perf_counter()
+        self._deadline = began + self._time_budget
+        frames = all_frames(self.problems)
+        kinds = [(problem.start.kind, getattr(problem.end, "kind", "free")) for problem in self.problems]
+        still = kinds == self._kinds and np.array_equal(frames, self._frames)
+        if self._shapes is not None and still and all(kind != "free" for _, kind in kinds):
+            return [shape.again() for shape in self._shapes]
+        self._kinds = kinds
+        if self._group is not None:
+            for cable, rod in self._group.rods.items():
+                rod.take(self.problems[cable])
+        free = [shape() if i not in self.touching else None for i, shape in enumerate(self._alone)]
+        if any(shape is not None and _no_place(shape) for shape in free):
+            return self._give_up(free, "")
+        if self._shapes is None:
+            given = [shape for shape in free if shape is not None]
+            wrong = self._places.involved(given) if self._wait > 0 else set()
+            if wrong:
+                self._wait -= 1
+                return [
+                    _graded(shape, Status.NOT_CONVERGED, self._why) if i in wrong else shape
+                    for i, shape in enumerate(given)
+                ]
+            return self._cold(given, frames, Status.OK, began)
+        old = [spot.copy() for spot in self._spots]
+        for _ in range(_ROUNDS):
+            if self._group is None or self._along(frames):
+                shapes = self._reported(free, Status.OK, began)
+            else:
+                return self._snap(free, frames, began)
+            missed = self._places.missed(shapes, self._shapes, self._spots)
+            if not missed:
+                return self._accept(shapes, frames)
+            along = self._places.along_each_other(shapes, missed)
+            if along:
+                return self._give_up([None] * len(shapes), along)
+            old += missed
+            if len(old) > MOST:
+                return self._give_up(free, f"the cables touch in more than {MOST} places. ")
+            self._group = Group(self.problems, self._shapes, self._frames, [spot.copy() for spot in old])
+            free = [shape if i not in self.touching else None for i, shape in enumerate(free)]
+        return self._give_up(free, _LOST)
+
+    # -- attempts
+
+    def _along(self, goal: Array) -> bool:
+        """Goes with the ends from where they were to `goal` (k, 2, 7), in steps as small as it takes."""
+        group = self._group
+        assert group is not None
+        origin, kept = group.frames.copy(), group.keep()
+        done, step = 0.0, 1.0
+        for _ in range(_MOST_STEPS):
+            if done == 1.0:
+                return group.refined()
+            if perf_counter() > self._deadline:
+                return False
+            at = min(1.0, done + step)
+            if group.go(goal if at == 1.0 else _between(origin, goal, at)):
+                done, kept = at, group.keep()
+                step *= 1.6
+            else:
+                group.restore(kept)
+                step = min(0.4 * step, _FIRST_STEP)
+                if step < _SMALLEST_STEP:
+                    break
+        return False
+
+    def _snap(self, free: list[CableShape | None], frames: Array, began: float) -> list[CableShape]:
+        """The branch ended: where the cables come to rest from where it did, or else from nothing."""
+        group = self._group
+        assert group is not None
+        assert self._shapes is not None
+        late = Status.BUDGET_EXCEEDED
+        if perf_counter() > self._deadline:  # what has been reached is where the next solve starts
+            return [_graded(shape, late, late.remedy) for shape in self._shapes]
+        if group.go(frames, search=True) and group.refined():
+            shapes = self._reported(free, Status.SNAPPED, began)
+            if not self._places.overlaps(shapes, self._spots):
+                return self._accept(shapes, frames)
+        self.reset()
+        alone = [shape if shape is not None else self._alone[i]() for i, shape in enumerate(free)]
+        if any(_no_place(shape) for shape in alone):
+            return self._give_up(alone, "")
+        return self._cold(alone, frames, Status.SNAPPED, began)
+
+    def _cold(self, shapes: list[CableShape], frames: Array, status: Status, began: float) -> list[CableShape]:
+        """From the shapes alone: where they overlap they are pushed apart, the way that is nearest."""
+        spots: list[Spot] = []
+        given = shapes
+        for _ in range(_ROUNDS):
+            found = self._places.overlaps(given, self._spots)
+            if perf_counter() > self._deadline:
+                return self._give_up(list(shapes), "", Status.BUDGET_EXCEEDED)
+            if not found:
+                if status is not Status.OK and self._group is None:
+                    given = [_graded(shape, status, status.remedy) for shape in given]
+                return self._accept(given, frames)
+            along = self._places.along_each_other(given, found)
+            if along:
+                return self._give_up([None] * len(shapes), along)
+            for spot in found:
+                spot.reach = min(spot.reach, max(spot.distance, 0.05 * spot.reach))
+            spots = [spot.copy() for spot in self._spots] + found
+            if len(spots) > MOST:
+                break
+            self._group = Group(self.problems, given, frames, spots)
+            if not self._grown(frames):
+                break
+            spots = self._group.spots
+            given = self._reported(list(given), status, began)
+        return self._give_up(list(shapes), _LOST)
+
+    def _grown(self, frames: Array) -> bool:
+        """Pushes the cables apart, little by little, until they do not overlap."""
+        group = self._group
+        assert group is not None
+        full = np.array([self._places.reach(spot.cables) for spot in group.spots])
+        reach = np.array([spot.reach for spot in group.spots])
+        step = GROWTH
+        while perf_counter() < self._deadline:
+            kept = group.keep()
+            to = np.minimum(full, reach + step * full)
+            for spot, value in zip(group.spots, to.tolist(), strict=True):
+                spot.reach = value
+            if group.go(frames, search=True):
+                reach = to
+                if (reach == full).all():
+                    return group.refined()
+                step *= 1.5
+            else:
+                group.restore(kept)
+                step *= 0.4
+                if step < _SMALLEST_STEP:
+                    break
+        return False
+
+    # -- results
+
+    def _reported(self, free: Sequence[CableShape | None], status: Status, began: float) -> list[CableShape]:
+        """The shapes of all the cables."""
+        group = self._group
+        out: list[CableShape] = []
+        for i, shape in enumerate(free):
+            if group is None or i not in group.rods:
+                assert shape is not None
+                out.append(shape)
+                continue
+            rows = group.touches(i)
+            bodies = tuple(dict.fromkeys(self._body(i, other) for _, other, *_ in rows))
+            touches = np.empty((len(rows), 9))
+            for row, (arc, other, point, normal, press) in zip(touches, rows, strict=True):
+                row[0], row[1], row[2:5], row[5:8], row[8] = (
+                    arc, bodies.index(self._body(i, other)), point, normal, press,
+                )  # fmt: skip
+            grade = Status.UNSTABLE if status is Status.OK and not group.stable else status
+            detail = "" if grade is Status.OK else grade.remedy
+            out.append(group.rods[i].shape(grade, detail, touches, bodies, began))
+        return out
+
+    def _body(self, cable: int, other: int) -> str:
+        return ITSELF if cable == other else self._names[other]
+
+    def _accept(self, shapes: list[CableShape], frames: Array) -> list[CableShape]:
+        """Remembers an equilibrium; cables that have come free are let go."""
+        group = self._group
+        self._shapes, self._frames = shapes, frames
+        if group is None:
+            return shapes
+        along = self._places.along_each_other(shapes, [spot for spot in group.spots if spot.press > 0.0])
+        if along:
+            return self._give_up([None] * len(shapes), along)
+        self._patience = 1
+        for spot in group.spots:
+            spot.before = spot.arcs.copy()
+        staying = [spot for spot in group.spots if spot.press > 0.0 or spot.distance < 2.0 * spot.reach]
+        if len(staying) < len(group.spots):
+            held = {cable for spot in staying for cable in spot.cables}
+            if all(self._comes_free(cable, shapes[cable]) for cable in group.rods if cable not in held):
+                self._group = Group(self.problems, shapes, frames, staying) if staying else None
+        return shapes
+
+    def _comes_free(self, cable: int, shape: CableShape) -> bool:
+        """Whether the cable alone has this shape."""
+        alone = self._alone[cable]()
+        if not alone.status:
+            return False
+        return bool(np.abs(alone.positions - shape.positions).max() <= _SAME * shape.length)
+
+    def _give_up(
+        self, shapes: Sequence[CableShape | None], detail: str, status: Status = Status.NOT_CONVERGED
+    ) -> list[CableShape]:
+        """The shapes of the cables alone, those that touched or overlap so graded, and nothing to start from."""
+        touching = self.touching
+        self.reset()
+        out = [shape if shape is not None else self._alone[i]() for i, shape in enumerate(shapes)]
+        if detail:
+            self._wait, self._patience = self._patience, min(2 * self._patience, _LONGEST_WAIT)
+        self._why = (detail or _LOST) + status.remedy
+        wrong = touching | self._places.involved(out)
+        return [
+            _graded(shape, status, self._why) if shape.status and i in wrong else shape for i, shape in enumerate(out)
+        ]
+
+
+def _graded(shape: CableShape, status: Status, detail: str) -> CableShape:
+    """The same shape with another grade."""
+    other = shape.again()
+    other.status, other.detail = status, detail
+    other.reused, other.solve_time, other.iterations = False, shape.solve_time, shape.iterations
+    return other
+
+
+def _no_place(shape: CableShape) -> bool:
+    """Whether a shape tells nothing of where its cable is."""
+    return not shape.status
+
+
+def _between(origin: Array, goal: Array, at: float) -> Array:
+    """All the frames (k, 2, 7) on the way from `origin` to `goal`."""
+    return np.array([between(a, b, at) for a, b in zip(origin, goal, strict=True)])
