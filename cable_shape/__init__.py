@@ -5,6 +5,11 @@ The public contract is what this module exports. It imports no ROS, viewer, coll
 
 from cable_shape.batch import predict_batch
 from cable_shape.cable import Cable
+from cable_shape.calibration.fit import calibrate
+from cable_shape.calibration.observation import Observation
+from cable_shape.calibration.result import Calibration, Estimate
+from cable_shape.calibration.sag import calibrate_sag
+from cable_shape.calibration.tube import Tube, predict_tube
 from cable_shape.cycle import Cycle
 from cable_shape.errors import (
     ArgumentError,
@@ -52,6 +57,7 @@ __all__ = [
     "CableShape",
     "CableShapeError",
     "CableWarning",
+    "Calibration",
     "Capsule",
     "Clearance",
     "Clip",
@@ -61,6 +67,7 @@ __all__ = [
     "CycleReport",
     "Cylinder",
     "DependencyError",
+    "Estimate",
     "FreeEnd",
     "Grip",
     "GripPath",
@@ -69,6 +76,7 @@ __all__ = [
     "JointPath",
     "Margin",
     "Mesh",
+    "Observation",
     "Obstacle",
     "Plug",
     "PlugError",
@@ -85,13 +93,17 @@ __all__ = [
     "Status",
     "Stress",
     "TrajectoryCheck",
+    "Tube",
     "UnknownKeyError",
     "Violation",
     "WarningKind",
+    "calibrate",
+    "calibrate_sag",
     "check_trajectory",
     "predict",
     "predict_batch",
     "predict_tails",
+    "predict_tube",
     "stress_of",
     "warm_up",
 ]

@@ -57,6 +57,7 @@ def build_parser() -> argparse.ArgumentParser:
     _add_replay(commands)
     _add_predict(commands)
     _add_view(commands)
+    _add_calibrate(commands)
     _add_bench(commands)
     doctor = commands.add_parser("doctor", help="check libraries, messages and compiled kernels")
     doctor.set_defaults(run=_doctor)
@@ -123,6 +124,19 @@ def _add_view(commands: Commands) -> None:
     view = commands.add_parser("view", help="open a .rrd in the rerun viewer")
     view.add_argument("file", type=Path, metavar="FILE.rrd")
     view.set_defaults(run=_view)
+
+
+def _add_calibrate(commands: Commands) -> None:
+    from cable_shape.calibration.command import add_arguments, run
+
+    calibrate = commands.add_parser(
+        "calibrate",
+        help="find a cable's stiffness from how it was seen to hang",
+        description="Fits the cable to observed points (a rosbag2, .npz or .csv) or to one number (--sag), and writes "
+        "a cable file with error bars.",
+    )
+    add_arguments(calibrate)
+    calibrate.set_defaults(run=run)
 
 
 def _add_bench(commands: Commands) -> None:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Iterable, Mapping
-from time import perf_counter
-from typing import Protocol, final
+from collections.abc import Iterable, Mapping
+from typing import final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,8 +15,7 @@ from cable_shape.cable import Cable
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.meshes.convex import is_convex
-from cable_shape.models import catenary, clipped, cosserat, gradient, touching
-from cable_shape.models.auto import Auto
+from cable_shape.models import clipped, cosserat, touching
 from cable_shape.models.crossing import Crossing
 from cable_shape.models.rod_state import RodState
 from cable_shape.models.span_state import SpanState
@@ -27,80 +25,7 @@ from cable_shape.problem import AUTO_TOLERANCE, GRAVITY, NAMED_TOLERANCE, Proble
 from cable_shape.reuse import Ends, unmoved
 from cable_shape.scene import Mesh, Obstacle, Scene
 from cable_shape.shape import CableShape
-
-MODELS = ("catenary", "gradient4", "gradient6", "cosserat", "auto")
-
-
-class Solver(Protocol):
-    """One model with its warm start."""
-
-    def solve(self, problem: Problem) -> CableShape:
-        """The shape, from the last solution if there is one."""
-
-    def reset(self) -> None:
-        """Forgets the last solution."""
-
-    def rod_state(self) -> RodState | SpanState | TouchState | None:
-        """The Cosserat rod of the last shape; None: there is none."""
-
-
-@final
-class ClosedForm:
-    """A model in closed form; its warm start is a handful of numbers, NaN when cold."""
-
-    __slots__ = ("_solve", "_warm")
-
-    def __init__(self, solve: Callable[[Problem, Array], CableShape]) -> None:
-        self._solve = solve
-        self._warm = np.full(4, math.nan)
-
-    def solve(self, problem: Problem) -> CableShape:
-        return self._solve(problem, self._warm)
-
-    def reset(self) -> None:
-        self._warm[:] = math.nan
-
-    def rod_state(self) -> None:
-        return None
-
-
-@final
-class Rod:
-    """The Cosserat rod, in clips, in contact or neither; its warm start is the last solution with its mesh."""
-
-    __slots__ = ("_last", "_time_budget", "_touch", "state")
-
-    def __init__(self, time_budget: float = math.inf) -> None:
-        self.state: RodState | SpanState | None = None
-        self._time_budget = time_budget  # s
-        self._last: CableShape | None = None
-        self._touch: TouchState | None = None
-
-    def solve(self, problem: Problem) -> CableShape:
-        deadline = math.inf if self._time_budget == math.inf else perf_counter() + self._time_budget
-        if problem.clips and not isinstance(self.state, SpanState):
-            self.state = SpanState(problem, self._last)
-        if not problem.clips and not isinstance(self.state, RodState):
-            self.state = RodState(problem)
-        assert self.state is not None
-        if problem.bodies:
-            if self._touch is None:
-                self._touch = TouchState(problem)
-            shape = touching.solve(problem, self._touch, self.state, deadline=deadline)
-        else:
-            self._touch = None
-            if isinstance(self.state, SpanState):
-                return clipped.solve(problem, self.state, deadline=deadline)
-            shape = cosserat.solve(problem, self.state, deadline=deadline)
-        if not problem.clips:
-            self._last = shape
-        return shape
-
-    def reset(self) -> None:
-        self.state = self._last = self._touch = None
-
-    def rod_state(self) -> RodState | SpanState | TouchState | None:
-        return self._touch if self._touch is not None and self._touch.touching else self.state
+from cable_shape.solvers import MODELS, ClosedForm, solver_of
 
 
 @final
@@ -165,8 +90,8 @@ class Predictor:
             gripping_links=tuple(gripping_links),
         )
         problem = self._problem_in(scene=scene)
-        self._solver = _solver_for(self.model, cable, time_budget)
-        self.problem = self._checked(problem)
+        self._solver = solver_of(self.model, cable, time_budget)
+        self.problem = self._still = self._checked(problem)
         self._last: CableShape | None = None
         self._last_ends: Ends | None = None
         self._last_links: Mapping[str, Pose] | None = None
@@ -186,15 +111,16 @@ class Predictor:
 
     @scene.setter
     def scene(self, scene: Scene | None) -> None:
-        self.problem = self._checked(self._problem_in(scene=scene))
-        self._last = None
-        self._crossing = self._with_itself()
+        self._still = self._checked(self._problem_in(scene=scene))
+        self._swap(self._still)
 
     def predict(
         self,
         start: Pose | Grip,
         end: Pose | Grip | FreeEnd | None,
         links: Mapping[str, Pose] | None = None,
+        *,
+        acceleration: ArrayLike | None = None,
     ) -> CableShape:
         """The shape between these ends; never raises for a physical reason: look at `status`.
 
@@ -205,12 +131,21 @@ class Predictor:
         links : mapping of robot link to its Pose in the world, optional
             Where the bodies are that are attached to links, if contact with them is solved for; without it they are
             left out.
+        acceleration : (3,) or (m, 3) array_like, optional
+            [m/s^2], world, of the cable, uniform in arc length, linear between the rows: the cable is in equilibrium
+            under density * (gravity - acceleration), masses likewise. For this prediction only; `energy` leaves it out.
+            Three rows or more, unless they are on a line, are for the Cosserat rod without clips and contact; each is a
+            node of the rod.
 
         Raises
         ------
         ArgumentError
-            If `links` lacks a link that carries such a body.
+            For wrong arguments, or if `links` lacks a link that carries such a body.
         """
+        if acceleration is not None:
+            self._accelerate(acceleration)
+        elif self.problem is not self._still:
+            self._swap(self._still)
         self.problem.move(start, end, links)
         return self.alone() if self._crossing is None else self._crossing.solve()[0]
 
@@ -292,6 +227,31 @@ class Predictor:
             return None
         return Crossing(("cable",), [self.problem], [self.alone], self.time_budget)
 
+    def _accelerate(self, acceleration: ArrayLike) -> None:
+        """Makes the problem that of a cable which moves like this."""
+        problem = self._problem_in(scene=self.scene, acceleration=acceleration)
+        before = self.problem.acceleration
+        if before is not None and problem.acceleration is not None and np.array_equal(before, problem.acceleration):
+            return
+        if problem.swing is not None:
+            if isinstance(self._solver, ClosedForm):
+                reason = f"model {self.model!r} of this cable knows accelerations linear along the cable only"
+                remedy = "Give at most two rows, or choose model='cosserat' and a bending stiffness above 0 N m^2."
+            elif problem.clips or problem.bodies or problem.solves_crossing:
+                reason = "with clips or contact='solve' only accelerations linear along the cable are known"
+                remedy = "Give at most two rows, or remove the clips and write contact='warn'."
+            else:
+                reason = ""
+            if reason:
+                raise ArgumentError.of("acceleration", f"shape {problem.swing.shape}", reason, remedy)
+        self._swap(problem)
+
+    def _swap(self, problem: Problem) -> None:
+        """Makes this the problem; what touches starts anew."""
+        self.problem = problem
+        self._last = None
+        self._crossing = self._with_itself()
+
     def _checked(self, problem: Problem) -> Problem:
         """The problem, if its model can solve it: only the rod is held in clips, or rests on bodies."""
         if isinstance(self._solver, ClosedForm):
@@ -339,8 +299,12 @@ def predict(
     tolerance: float | None = None,
     scene: Scene | None = None,
     distributed_load: ArrayLike | None = None,
+    acceleration: ArrayLike | None = None,
 ) -> CableShape:
-    """The shape of a cable between two ends, solved once from nothing. The keywords are those of :class:`Predictor`."""
+    """The shape of a cable between two ends, solved once from nothing.
+
+    The keywords are those of :class:`Predictor` and of :meth:`Predictor.predict`.
+    """
     predictor = Predictor(
         cable,
         model=model,
@@ -350,24 +314,4 @@ def predict(
         scene=scene,
         distributed_load=distributed_load,
     )
-    return predictor.predict(start, end)
-
-
-def _solver_for(model: str, cable: Cable, time_budget: float | None) -> Solver:
-    """The solver of a model; without bending stiffness "auto" is the catenary."""
-    limp = cable.mean_bending_stiffness == 0.0
-    if limp and model not in ("catenary", "auto"):
-        raise ArgumentError.of(
-            "bending_stiffness",
-            0.0,
-            f"model {model!r} needs it above 0 N m^2",
-            "Give EI in N m^2, or choose model='catenary'.",
-        )
-    if model == "catenary" or limp:
-        return ClosedForm(catenary.solve)
-    if model == "gradient4":
-        return ClosedForm(gradient.solve4)
-    if model == "gradient6":
-        return ClosedForm(gradient.solve6)
-    budget = math.inf if time_budget is None else checks.number("time_budget", time_budget, above=0.0, unit="s")
-    return Rod(budget) if model == "cosserat" else Auto(Rod(budget))
+    return predictor.predict(start, end, acceleration=acceleration)

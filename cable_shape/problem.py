@@ -19,6 +19,10 @@ from cable_shape.scene import Clip, Obstacle, PointMass, Scene
 NAMED_TOLERANCE = 1e-5
 AUTO_TOLERANCE = 1e-3
 MIN_POINTS, MAX_POINTS = 2, 100_000
+#: Rows of a table of accelerations: every kink is a node of the rod.
+MAX_ACCELERATIONS = 200
+#: A kink that turns an acceleration by less than this fraction of the largest is rounding.
+_STRAIGHT = 1e-12
 #: Clips are at least this fraction of the length apart from each other and from the grips.
 CLIP_SPACING = 1e-3
 #: m/s^2, world: the default
@@ -40,7 +44,9 @@ class Problem:
     gravity : (3,) [m/s^2]
     points : int
     tolerance : float [m], largest position error allowed
-    load : (2, 3) [N/m], world: weight and distributed load at s = 0 and s = length, linear between
+    load : (2, 3) [N/m], world: weight, inertia and distributed load at s = 0 and s = length, linear between
+    acceleration : (m, 3) [m/s^2], m >= 2, world: of the cable, uniform in arc length; None: at rest
+    swing : (m, 3) [m/s^2], what `acceleration` has beyond the line from its first to its last row; None: nothing
     load_arc_length : (k,) [m], ascending, of the concentrated loads
     load_force : (k, 3) [N], world, of the concentrated loads (weights of point masses)
     masses : the point masses behind the concentrated loads
@@ -55,6 +61,7 @@ class Problem:
 
     __slots__ = (
         "_given",
+        "acceleration",
         "bodies",
         "cable",
         "cache",
@@ -70,6 +77,7 @@ class Problem:
         "points",
         "scene",
         "start",
+        "swing",
         "tolerance",
     )
 
@@ -82,6 +90,7 @@ class Problem:
         tolerance: float | None = None,
         scene: Scene | None = None,
         distributed_load: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
         relative_tolerance: float = NAMED_TOLERANCE,
         robot_links: Iterable[Obstacle] = (),
         gripping_links: Iterable[str] = (),
@@ -99,6 +108,10 @@ class Problem:
         self.load: Array = np.array((weight, weight))
         if distributed_load is not None:
             self.load += _two_forces(distributed_load)
+        self.acceleration: Array | None = None
+        self.swing: Array | None = None
+        if acceleration is not None:
+            self._accelerate(_table(acceleration))
         self.scene = scene
         self.cache: dict[str, Any] = {}
         self.masses: tuple[PointMass, ...] = ()
@@ -123,6 +136,27 @@ class Problem:
         """Whether the cable is kept out of others and of itself: where nothing but its grips holds it."""
         return self.scene is not None and self.scene.contact == "solve" and not self.clips and not self.bodies
 
+    def _accelerate(self, table: Array) -> None:
+        """Adds the inertial load of an acceleration (m, 3)."""
+        self.acceleration = table
+        self.load -= self.cable.linear_density * table[[0, -1]]
+        swing = table - np.linspace(table[0], table[-1], len(table))
+        if np.abs(swing).max() > _STRAIGHT * np.abs(table).max():
+            self.swing = swing
+
+    @property
+    def end_fall(self) -> Array:
+        """`fall` at the cable's end."""
+        return self.gravity if self.acceleration is None else np.asarray(self.gravity - self.acceleration[-1])
+
+    def fall(self, arc_length: float) -> Array:
+        """(3,) [m/s^2], gravity without the acceleration there: what weighs on a mass at this arc length."""
+        if self.acceleration is None:
+            return self.gravity
+        places = np.linspace(0.0, self.cable.length, len(self.acceleration))
+        there = [np.interp(arc_length, places, self.acceleration[:, i]) for i in range(3)]
+        return np.asarray(self.gravity - np.array(there))
+
     def _load_masses(self, scene: Scene) -> None:
         """Point masses become concentrated loads, in ascending arc length."""
         self.masses = tuple(sorted(scene.masses, key=lambda m: m.arc_length))
@@ -135,7 +169,7 @@ class Problem:
                     "Arc length counts from the start grip.",
                 )
         self.load_arc_length = np.array([m.arc_length for m in self.masses])
-        self.load_force = np.array([m.mass * self.gravity for m in self.masses]).reshape(-1, 3)
+        self.load_force = np.array([m.mass * self.fall(m.arc_length) for m in self.masses]).reshape(-1, 3)
 
     def _check_clips(self, scene: Scene) -> None:
         """Clips are on the cable, between the grips, and not too close to each other."""
@@ -185,6 +219,25 @@ class Problem:
         else:
             self.end = as_grip("end", end)
         return self
+
+
+def _table(value: ArrayLike) -> Array:
+    """An acceleration (3,) or (m, 3) as a table of two rows at least."""
+    remedy = (
+        f"Give three numbers in m/s^2, or a table (m, 3) with 2 to {MAX_ACCELERATIONS} rows, uniform in arc length "
+        "from the start grip to the end."
+    )
+    try:
+        a = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ArgumentError.of("acceleration", value, "it must be numbers", remedy) from None
+    if a.shape == (3,):
+        a = np.array((a, a))
+    if a.ndim != 2 or a.shape[1] != 3 or not 2 <= a.shape[0] <= MAX_ACCELERATIONS:
+        raise ArgumentError.of("acceleration", f"shape {a.shape}", "it must be (3,) or (m, 3)", remedy)
+    if not np.isfinite(a).all():
+        raise ArgumentError.of("acceleration", a.tolist(), "every entry must be finite", remedy)
+    return a
 
 
 def _two_forces(value: ArrayLike) -> Array:

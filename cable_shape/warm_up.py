@@ -6,11 +6,14 @@ import numpy as np
 
 from cable_shape.batch import predict_batch
 from cable_shape.cable import Cable
+from cable_shape.calibration.fit import calibrate
+from cable_shape.calibration.observation import Observation
 from cable_shape.cycle import Cycle
 from cable_shape.paths import GripPath
 from cable_shape.pose import IDENTITY, FreeEnd, Grip, Pose
-from cable_shape.predictor import MODELS, Predictor, predict
+from cable_shape.predictor import Predictor, predict
 from cable_shape.scene import Box, Capsule, Clip, Cylinder, HalfSpace, Obstacle, PointMass, Scene, Sphere
+from cable_shape.solvers import MODELS
 from cable_shape.trajectory import check_trajectory
 
 
@@ -40,6 +43,7 @@ def warm_up() -> None:
         ),
         masses=(PointMass(0.5, 0.01),),
     )
+    calibrate([Observation(start, end, [(0.4, 0.0, 0.2)], acceleration=[(0, 0, 0), (0, 0, 1), (0, 0, 0)])], cable)
     auto = Predictor(cable)
     for chord in (0.995, 0.9945):  # a closed form, judged, then the rod beside it
         auto.predict(start, Pose((chord, 0.0, 0.5), start.quaternion))

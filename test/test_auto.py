@@ -15,8 +15,8 @@ from cable_shape.models.auto import ENTER, LATEST, Auto
 from cable_shape.models.judge import SAFETY, Judge
 from cable_shape.models.rod_state import RodState
 from cable_shape.pose import multiply
-from cable_shape.predictor import Rod
 from cable_shape.problem import Problem
+from cable_shape.solvers import Rod
 
 LENGTH = 1.2
 ALONG_X = Rotation.from_quat((0.5, 0.5, 0.5, 0.5))  # d1 = y, d2 = z, d3 = x

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from cable_shape.predictor import MODELS
 from cable_shape.report import WarningKind
 from cable_shape.scene import CLIP_KINDS, CONTACT_KINDS, SCENE_KEYS, Scene
 from cable_shape.scene_files import SOLID_KEYS
+from cable_shape.solvers import MODELS
 from cable_shape.warn import Levels
 
 ROOT = Path(__file__).resolve().parent.parent

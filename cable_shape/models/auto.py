@@ -118,7 +118,8 @@ class Auto:
         """The shape by the cheapest sufficient model."""
         began = perf_counter()
         self._problem = problem
-        shape = self._by_rod(problem) if self._in_use == "cosserat" or _clipped(problem) else self._by_closed(problem)
+        rod = self._in_use == "cosserat" or _rods_own(problem)
+        shape = self._by_rod(problem) if rod else self._by_closed(problem)
         shape.solve_time = perf_counter() - began
         return shape
 
@@ -179,7 +180,7 @@ class Auto:
     def _look_for_cheaper(self, problem: Problem, shape: CableShape) -> None:
         """Puts a closed form to use if it is the same shape as the rod's."""
         state, self._wait = self._rod.state, self._patience
-        if not isinstance(state, RodState) or shape.status is not Status.OK or shape.turns != 0 or _clipped(problem):
+        if not isinstance(state, RodState) or shape.status is not Status.OK or shape.turns != 0 or _rods_own(problem):
             return
         promising = self._promising(problem)
         self._patience = min(2 * self._patience, LATEST) if promising else SOONEST
@@ -264,9 +265,9 @@ def _pulled(cable: Cable, shape: CableShape) -> bool:
     return max(float(n @ n) for n in shape.force[[0, -1]]) > (_PULLED * cable.max_tension) ** 2
 
 
-def _clipped(problem: Problem) -> bool:
-    """Whether clips, bodies or cables hold the cable, or may, which closed forms do not know."""
-    return bool(problem.clips or problem.bodies) or problem.solves_crossing
+def _rods_own(problem: Problem) -> bool:
+    """Whether clips, bodies or cables hold the cable, or may, or it swings, which closed forms do not know."""
+    return problem.swing is not None or bool(problem.clips or problem.bodies) or problem.solves_crossing
 
 
 def _thin_out(shape: CableShape, stride: int) -> None:

@@ -63,7 +63,7 @@ def solve(problem: Problem, warm: Array) -> CableShape:
     cable, end, points = problem.cable, problem.end, problem.points
     free = type(end) is FreeEnd
     if isinstance(end, FreeEnd):
-        far, tip = _NOWHERE, end.force + end.mass * problem.gravity + constants.at_end
+        far, tip = _NOWHERE, end.force + end.mass * problem.end_fall + constants.at_end
     else:
         far, tip = end.cable_frame.array, _NO_TIP
     near = problem.start.cable_frame.array

@@ -142,8 +142,8 @@ def _solve(problem: Problem, warm: Array, order: int) -> CableShape:
     kind0 = _KIND[start.kind]
     if type(end) is FreeEnd:
         kind1, end_frame, end_curvature = FREE, _NOWHERE, _STRAIGHT
-        tip = np.concatenate((end.force + end.mass * problem.gravity + constants.at_end, end.moment, _STRAIGHT))
-        tip[6:] = end.mass * problem.gravity + constants.at_end
+        tip = np.concatenate((end.force + end.mass * problem.end_fall + constants.at_end, end.moment, _STRAIGHT))
+        tip[6:] = end.mass * problem.end_fall + constants.at_end
     else:
         kind1, end_frame, end_curvature, tip = _KIND[end.kind], end.cable_frame.array, end.curvature, _NO_TIP
     buckling = constants.buckling.get((kind0, kind1))

@@ -87,7 +87,7 @@ class Judge:
         if width != self._width:
             self._width, self._tip, self._laid = width, _NO_TIP, 0.0
         if isinstance(end, FreeEnd):
-            tip = end.mass * problem.gravity + end.force + state.end_weight
+            tip = end.mass * problem.end_fall + end.force + state.end_weight
             if not np.array_equal(tip, self._tip):
                 self._tip, self._laid = tip, 0.0
         verdict = np.empty(kernel.VERDICT)

@@ -11,6 +11,7 @@ import numpy as np
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels import planar_drive, planar_loads, rod_drive, rod_mesh, rod_stability
+from cable_shape.kernels.inertia import add_inertia
 from cable_shape.kernels.rod_drive import ESTIMATE, LARGEST_TURN, TURN
 from cable_shape.kernels.rod_work import work_size
 from cable_shape.pose import FreeEnd, Grip
@@ -38,6 +39,8 @@ _MOST_EXCESS = 700.0
 #: Points at which the density of the first mesh is given.
 _ABSCISSAE = 65
 _NOTHING: Array = np.zeros(3)
+#: Change of a cable's length, as a fraction, beyond which the last solution is no start.
+_LENGTHENED = 0.02
 
 
 @final
@@ -65,7 +68,7 @@ class RodState:
         self.take(problem)
 
     def take(self, problem: Problem) -> None:
-        """Makes `problem` the one to solve; frames stay as a start if the length is the same."""
+        """Makes `problem` the one to solve; frames stay as a start if the length is nearly the same."""
         cable = problem.cable
         if cable.mean_bending_stiffness == 0.0:
             raise ArgumentError.of(
@@ -76,7 +79,7 @@ class RodState:
             )
         par = self.par
         if par[19] != cable.length:
-            self.history = self.elements = 0
+            self._stretch_mesh(cable.length)
         self.problem = problem
         shear = 0.0 if cable.shear_stiffness is None else 1.0 / cable.shear_stiffness
         self.stretch = 0.0 if cable.axial_stiffness is None else 1.0 / cable.axial_stiffness
@@ -98,6 +101,13 @@ class RodState:
             self.weights = np.ascontiguousarray(self.weights[inside])
             self.stops = np.unique(self.points)
             self.mean_load = self.mean_load + self.weights.sum(axis=0) / cable.length
+        if problem.swing is not None:
+            rows = len(problem.swing)
+            kinks = np.linspace(0.0, cable.length, rows)[1:-1]
+            # of what coincides with a mass, the mass stays: its force jumps there
+            apart = np.abs(kinks[:, None] - self.points).min(axis=1, initial=math.inf) > _AT_END * cable.length
+            self.stops = np.union1d(self.points, kinks[apart])
+            self.mean_load = self.mean_load - cable.linear_density * problem.swing.sum(axis=0) / (rows - 1)
         self._kinds = ("", "")
 
     def aim(self, start: Grip, end: Grip | FreeEnd, trial: bool = False) -> Array:
@@ -112,7 +122,7 @@ class RodState:
             ends[14] = 0.0
             return ends
         assert isinstance(end, FreeEnd)
-        tip = end.mass * self.problem.gravity + end.force + self.end_weight
+        tip = end.mass * self.problem.end_fall + end.force + self.end_weight
         kinds = (start.kind, "free")
         if kinds != self._kinds or not np.array_equal(tip, self._tip):
             self._hold(kinds, tip, end.moment)
@@ -135,15 +145,32 @@ class RodState:
         if par[11] and par[14] and par[0] == par[1] and not self.table.any():
             par[11] = 0.0  # nothing holds the roll of a round straight cable: it would be a zero mode
         self.plane[0] = 0.0
-        if self._in_plane and kinds in _PLANAR_KINDS:
+        if self._in_plane and kinds in _PLANAR_KINDS and self.problem.swing is None:
             planar_loads.allow_plane(
                 self.problem.load, self.problem.load_force, tip.reshape(1, 3), self.table, self.plane
             )
         if self.elements:
-            nodes = self.mesh[: self.elements + 1].copy()
-            self._lay_out(nodes, 1.0 / np.gradient(nodes), self.elements)
+            nodes = self.mesh[: self.elements + 1]
+            near = np.abs(nodes[:, None] - self.stops).argmin(axis=0)
+            if np.abs(nodes[near] - self.stops).max(initial=0.0) <= _AT_END * nodes[-1]:
+                nodes[near] = self.stops
+                self._load()
+            else:
+                nodes = nodes.copy()
+                self._lay_out(nodes, 1.0 / np.gradient(nodes), self.elements + self.stops.size)
             if before != self.width:
+                self.work = np.zeros(work_size(self.elements, self.width))
                 self.history = min(self.history, 1)
+
+    def _stretch_mesh(self, length: float) -> None:
+        """Makes the cable `length` [m] long; the mesh, if it stays, goes with it."""
+        n, before = self.elements, float(self.par[19])
+        if n == 0 or abs(length - before) > _LENGTHENED * before:
+            self.history = self.elements = 0
+            return
+        self.mesh[: n + 1] *= length / before
+        self.mesh[n] = length
+        self.history = min(self.history, 1)
 
     def first_mesh(self, layer: float, fineness: float = 1.0, turn: float = 0.0) -> None:
         """A cold start's mesh: half of the nodes within a few boundary layers [m] of the ends.
@@ -203,6 +230,7 @@ class RodState:
         mesh = np.zeros(rod_drive.mesh_size(elements))
         loads = (self.problem.load, self.points, self.weights, self._tip, self.table)
         rod_drive.lay_out(mesh, elements, x, density, self.stops, *loads)
+        self._add_swing(mesh, elements)
         sol = np.zeros(3 * rod_drive.slot_size(elements))
         if self.elements:
             old = self.mesh[: self.elements + 1]
@@ -210,6 +238,22 @@ class RodState:
         self.mesh, self.sol, self.elements = mesh, sol, elements
         self.target = sol[-15:]
         self.work = np.zeros(work_size(elements, self.width))
+
+    def _load(self) -> None:
+        """Takes over loads and rest curvature on the mesh as it is."""
+        n = self.elements
+        nodes, h = self.mesh[: n + 1], self.mesh[n + 1 : 2 * n + 1]
+        load, rest = self.mesh[2 * n + 1 : 11 * n + 1].reshape(n, 9), self.mesh[11 * n + 1 : 17 * n + 1].reshape(n, 6)
+        rod_mesh.element_loads(nodes, self.problem.load, self.points, self.weights, self._tip, h, load)
+        rod_mesh.element_rest(nodes, self.table, rest)
+        self._add_swing(self.mesh, n)
+
+    def _add_swing(self, mesh: Array, elements: int) -> None:
+        """Adds the load of an acceleration that is not linear along the cable."""
+        problem = self.problem
+        if problem.swing is not None:
+            load = mesh[2 * elements + 1 : 11 * elements + 1].reshape(elements, 9)
+            add_inertia(mesh[: elements + 1], problem.swing, problem.cable.linear_density, load)
 
     @property
     def planar(self) -> bool:

@@ -133,7 +133,7 @@ class SpanState:
         else:
             assert isinstance(end, FreeEnd)
             frames[-1] = frames[0]
-            tip = end.mass * self.problem.gravity + end.force + self.end_weight
+            tip = end.mass * self.problem.end_fall + end.force + self.end_weight
             self._hold(start.kind, "free", tip, end.moment)
         return frames
 

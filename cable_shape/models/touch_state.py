@@ -176,7 +176,7 @@ class TouchState:
             self._hold(start.kind, end.kind, np.zeros(3), np.zeros(3))
         else:
             frames[-1] = frames[0]
-            self._hold(start.kind, "free", end.mass * self.problem.gravity + end.force + self.end_weight, end.moment)
+            self._hold(start.kind, "free", end.mass * self.problem.end_fall + end.force + self.end_weight, end.moment)
         return frames
 
     def _hold(self, start: str, end: str, tip: Array, moment: Array) -> None:

@@ -13,8 +13,8 @@ from rclpy.parameter import Parameter
 from cable_shape import checks
 from cable_shape.errors import ArgumentError, UnknownKeyError
 from cable_shape.pose import GRIP_KINDS, IDENTITY, Grip, Pose
-from cable_shape.predictor import MODELS
 from cable_shape.problem import MAX_POINTS, MIN_POINTS
+from cable_shape.solvers import MODELS
 
 INPUTS = ("poses", "joints")
 

@@ -1,0 +1,120 @@
+"""The command `cable-shape calibrate`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+from cable_shape.cable import Cable
+from cable_shape.calibration.result import Calibration
+from cable_shape.errors import ArgumentError
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options."""
+    parser.add_argument(
+        "source", type=Path, nargs="?", metavar="SOURCE", help="a rosbag2, .npz or .csv with grips and points"
+    )
+    parser.add_argument("-o", "--out", type=Path, metavar="CABLE.yaml", help="write the calibrated cable there")
+    parser.add_argument("--report", type=Path, metavar="FILE", help="write the report, too: .json, .txt or .png")
+    parser.add_argument("--cable", type=Path, metavar="CABLE.yaml", help="where the fit begins, and what is not fitted")
+    parser.add_argument("--length", type=float, metavar="M", help="in place of --cable: length between the grips")
+    parser.add_argument("--mass", type=float, metavar="KG", help="in place of --cable: mass of that length")
+    parser.add_argument("--diameter", type=float, default=0.008, metavar="M", help="with --length (0.008)")
+    parser.add_argument(
+        "--fit",
+        default="bending_stiffness",
+        metavar="NAMES",
+        help="with commas; see docs/accuracy.md (bending_stiffness)",
+    )
+    parser.add_argument(
+        "--prior", action="append", default=[], metavar="NAME=SD", help="standard deviation about the start; repeatable"
+    )
+    parser.add_argument("--start-kind", choices=("clamped", "swivel", "pinned"), default="clamped")
+    parser.add_argument(
+        "--end-kind", choices=("clamped", "swivel", "pinned"), help="swivel for a recording, clamped otherwise"
+    )
+    parser.add_argument("--frames", type=int, default=50, metavar="N", help="of a recording, evenly spread (50)")
+    parser.add_argument("--inertia", action="store_true", help="of a recording: markers' accelerations load the cable")
+    parser.add_argument("--left-topic", default="/left_gripper/pose", metavar="TOPIC")
+    parser.add_argument("--right-topic", default="/right_gripper/pose", metavar="TOPIC")
+    parser.add_argument("--markers-topic", default="/cable/markers", metavar="TOPIC")
+    sag = parser.add_argument_group("from one number", "a cable held as --held says hangs --sag below its start")
+    sag.add_argument("--sag", type=float, metavar="M")
+    sag.add_argument("--chord", type=float, metavar="M", help="distance of the two level ends")
+    sag.add_argument("--held", choices=("level", "pinned", "free"), default="level", help="free: one end only (level)")
+    sag.add_argument("--sag-error", type=float, default=0.003, metavar="M", help="standard error of the sag (0.003)")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Calibrates, prints the report and writes what is asked for."""
+    if (arguments.sag is None) == (arguments.source is None):
+        raise ArgumentError("Give either SOURCE, a file with observations, or --sag, one number.")
+    if arguments.report is not None and arguments.report.suffix not in (".json", ".txt", ".png"):
+        raise ArgumentError(f"--report {arguments.report}: its ending must be .json, .txt or .png.")
+    cable = _cable(arguments)
+    found = _from_sag(arguments, cable) if arguments.source is None else _from_source(arguments, cable)
+    print(found.report())
+    print(f"{'cable':<22} {found.cable.describe()}")
+    if arguments.out is not None:
+        print(f"written: {found.save(arguments.out)}")
+    if arguments.report is not None:
+        _write_report(found, arguments.report)
+        print(f"written: {arguments.report}")
+    return 0
+
+
+def _cable(arguments: argparse.Namespace) -> Cable:
+    if arguments.cable is not None:
+        return Cable.from_yaml(arguments.cable)
+    if arguments.length is None or arguments.mass is None:
+        raise ArgumentError("Give --cable CABLE.yaml, or --length [m] and --mass [kg] of the cable between the grips.")
+    # a start only: a cable that bends under its own weight over a third of its length
+    density = Cable(arguments.length, arguments.mass / arguments.length, 1.0).linear_density
+    stiffness = max(density * 9.81 * (arguments.length / 3.0) ** 3 / 3.0, 1e-9)
+    return Cable(arguments.length, density, stiffness, diameter=arguments.diameter)
+
+
+def _from_sag(arguments: argparse.Namespace, cable: Cable) -> Calibration:
+    from cable_shape.calibration.sag import calibrate_sag
+
+    return calibrate_sag(
+        cable, arguments.sag, chord=arguments.chord, held=arguments.held, sag_error=arguments.sag_error
+    )
+
+
+def _from_source(arguments: argparse.Namespace, cable: Cable) -> Calibration:
+    from cable_shape.calibration.fit import calibrate
+    from cable_shape.calibration.sources import load_observations
+
+    recorded = arguments.source.suffix not in (".npz", ".csv")
+    options: dict[str, Any] = {}
+    if recorded:
+        names = ("left_topic", "right_topic", "markers_topic", "frames", "inertia")
+        options = {name: getattr(arguments, name) for name in names}
+    kinds = (arguments.start_kind, arguments.end_kind or ("swivel" if recorded else "clamped"))
+    observations = load_observations(arguments.source, kinds, **options)
+    names = tuple(name.strip() for name in arguments.fit.split(",") if name.strip())
+    return calibrate(observations, cable, names, priors=dict(_prior(text) for text in arguments.prior))
+
+
+def _prior(text: str) -> tuple[str, float]:
+    """NAME=SD."""
+    name, _, value = text.partition("=")
+    try:
+        return name, float(value)
+    except ValueError:
+        raise ArgumentError.of("--prior", text, "it must be NAME=SD", "As in --prior length=0.005.") from None
+
+
+def _write_report(found: Calibration, path: Path) -> None:
+    if path.suffix == ".png":
+        from cable_shape.calibration.picture import draw
+
+        draw(found, path)
+    elif path.suffix == ".json":
+        path.write_text(json.dumps(found.as_dict(), indent=1) + "\n", encoding="utf-8")
+    else:
+        path.write_text(found.report() + "\n", encoding="utf-8")

@@ -1,0 +1,123 @@
+"""From parameters to misses: every observation predicted by a warm rod of its own."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Sequence
+from typing import Any, final
+
+import numpy as np
+
+from cable_shape.calibration.observation import Observation
+from cable_shape.calibration.parameters import Parameters, held
+from cable_shape.checks import Array
+from cable_shape.kernels.misses import misses
+from cable_shape.models import cosserat
+from cable_shape.models.rod_state import RodState
+from cable_shape.pose import Grip
+from cable_shape.problem import Problem
+from cable_shape.shape import CableShape
+
+#: Points of a centreline that observed points are compared with; between them it is cubic.
+POINTS = 101
+#: [1], of the length: discretisation error of a prediction.
+TOLERANCE = 1e-6
+#: [1], of the length, root mean square: what differs by less is the same.
+NOISE = 1e-6
+#: An observation whose median miss is so many times the usual one may be of another stable shape; among few all may.
+_FAR, _FEW = 1.5, 10
+#: Another shape is better with a median miss below this fraction.
+_BETTER = 0.8
+
+
+@final
+class Forward:
+    """Misses of all observed points (n, 3) [m], observation by observation, and how they change with parameters.
+
+    loads: the keywords `gravity`, `scene` and `distributed_load` of :func:`cable_shape.predict`.
+    """
+
+    def __init__(self, parameters: Parameters, observations: Sequence[Observation], **loads: Any) -> None:
+        self.parameters = parameters
+        self.observations = list(observations)
+        self.solves = 0
+        self._loads = loads
+        self._states: list[RodState | None] = [None] * len(self.observations)
+
+    def centrelines(self, values: Array) -> list[Array]:
+        """(101, 3) [m] of each observation; NaN where there is no usable shape."""
+        return [
+            shape.positions.copy() if shape.status else np.full((POINTS, 3), np.nan) for shape in self._shapes(values)
+        ]
+
+    def misses(self, values: Array) -> Array:
+        """(n, 3) [m]; NaN where there is no usable shape."""
+        shapes = self._shapes(values)
+        return np.concatenate([self._miss(i, shape) for i, shape in enumerate(shapes)])
+
+    def jacobian(self, values: Array, now: Array) -> Array:
+        """(n, 3, parameters), by finite differences from the misses `now`; 0 where there is no shape.
+
+        A parameter that moves points by no more than the discretisation's own noise moves none.
+        """
+        out = np.empty((*now.shape, len(values)))
+        for j, parameter in enumerate(self.parameters.each):
+            stepped = values.copy()
+            stepped[j] += parameter.step
+            change = np.nan_to_num(self.misses(stepped) - now)
+            moved = math.sqrt(float((change * change).sum()) / len(change)) > NOISE * self.parameters.cable.length
+            out[:, :, j] = change / parameter.step if moved else 0.0
+        return out
+
+    def retry(self, values: Array, now: Array) -> bool:
+        """Solves cold where the misses `now` are large, and goes on from there if that comes nearer.
+
+        Between the same grips a cable may have several stable shapes; which one a warm rod is on is left from where it
+        began.
+        """
+        sizes = np.split(np.linalg.norm(now, axis=1), np.cumsum([len(o.points) for o in self.observations])[:-1])
+        typical = [float(np.median(size)) for size in sizes]
+        usual = np.nanmedian(typical)
+        kept, found = self._states.copy(), False
+        far = [i for i, size in enumerate(typical) if not size <= _FAR * usual or len(typical) <= _FEW]
+        for i in far:
+            self._states[i] = None
+        fresh = self._shapes(values, far)
+        for i, shape in zip(far, fresh, strict=True):
+            again = float(np.median(np.linalg.norm(self._miss(i, shape), axis=1)))
+            if again < _BETTER * typical[i] or (np.isfinite(again) and not np.isfinite(typical[i])):
+                found = True
+            else:
+                self._states[i] = kept[i]
+        return found
+
+    def _shapes(self, values: Array, which: Sequence[int] | None = None) -> list[CableShape]:
+        cable = self.parameters.make_cable(values)
+        near, far = self.parameters.offset(values, "start"), self.parameters.offset(values, "end")
+        options = {"points": POINTS, "tolerance": TOLERANCE * cable.length, **self._loads}
+        plain = Problem(cable, **options)
+        found = []
+        for i in range(len(self.observations)) if which is None else which:
+            seen = self.observations[i]
+            if seen.acceleration is None:
+                problem = copy.copy(plain)  # a rod tells by its problem that its cable is another one
+            else:
+                problem = Problem(cable, acceleration=seen.acceleration, **options)
+            start = held(seen.start, near)
+            assert isinstance(start, Grip)
+            problem.move(start, held(seen.end, far))
+            state = self._states[i]
+            if state is None:
+                state = self._states[i] = RodState(problem)
+            found.append(cosserat.solve(problem, state))
+            self.solves += 1
+        return found
+
+    def _miss(self, i: int, shape: CableShape) -> Array:
+        """(m, 3) [m] of observation i."""
+        seen = self.observations[i]
+        out = np.full(seen.points.shape, np.nan)
+        if shape.status:
+            misses(shape.buffer, shape.points, seen.points, seen.arc_length, out)
+        return out

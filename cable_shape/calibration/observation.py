@@ -1,0 +1,90 @@
+"""One look at a cable between two grips: :class:`Observation`."""
+
+from __future__ import annotations
+
+import math
+from typing import final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cable_shape import checks
+from cable_shape.checks import Array
+from cable_shape.errors import ArgumentError
+from cable_shape.pose import FreeEnd, Grip, Pose, as_grip
+
+
+@final
+class Observation:
+    """Points seen on a cable at rest, or moving with a known acceleration, and where it was held.
+
+    Parameters
+    ----------
+    start, end : Pose or Grip
+        A bare Pose is clamped; `end` may be a FreeEnd, None is a free end without load. A grip whose roll was not
+        measured is a "swivel".
+    points : (m, 3) array_like
+        [m], world, on the centreline, in any order; rows with NaN are left out.
+    arc_length : (m,) array_like, optional
+        [m], where on the cable each point is; NaN or None: not known, and the closest point is taken.
+    acceleration : (3,) or (k, 3) array_like, optional
+        [m/s^2], see :meth:`cable_shape.Predictor.predict`.
+    group : int, optional
+        Observations of one recording share what the model does not know, so that they are no independent evidence; give
+        them the same number. Default: every observation for itself.
+
+    Raises
+    ------
+    ArgumentError
+        Naming the value, the bound and the remedy.
+    """
+
+    __slots__ = ("acceleration", "arc_length", "end", "group", "points", "start")
+
+    start: Grip
+    end: Grip | FreeEnd
+    points: Array
+    arc_length: Array
+    acceleration: Array | None
+    group: int | None
+
+    def __init__(
+        self,
+        start: Pose | Grip,
+        end: Pose | Grip | FreeEnd | None,
+        points: ArrayLike,
+        arc_length: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+        group: int | None = None,
+    ) -> None:
+        self.start = as_grip("start", start)
+        self.end = FreeEnd() if end is None else end if isinstance(end, FreeEnd) else as_grip("end", end)
+        seen = _numbers("points", points)
+        if seen.ndim != 2 or seen.shape[1] != 3:
+            raise ArgumentError.of(
+                "points", f"shape {seen.shape}", "it must be (m, 3)", "Give one row x, y, z a point."
+            )
+        arc = np.full(len(seen), math.nan) if arc_length is None else _numbers("arc_length", arc_length)
+        if arc.shape != (len(seen),):
+            remedy = "Give one number a point, NaN where it is not known."
+            raise ArgumentError.of("arc_length", f"shape {arc.shape}", f"it must be ({len(seen)},)", remedy)
+        if (arc < 0.0).any():
+            remedy = "Arc length counts from the start grip."
+            raise ArgumentError.of("arc_length", float(np.nanmin(arc)), "it must be at least 0 m", remedy)
+        whole = np.isfinite(seen).all(axis=1)
+        if not whole.any():
+            raise ArgumentError.of(
+                "points", f"shape {seen.shape}", "one point at least must be finite", "Leave it out."
+            )
+        self.points = np.ascontiguousarray(seen[whole])
+        self.arc_length = np.ascontiguousarray(arc[whole])
+        self.acceleration = None if acceleration is None else _numbers("acceleration", acceleration)
+        self.group = None if group is None else checks.integer("group", group, at_least=-(2**62))
+
+
+def _numbers(name: str, value: ArrayLike) -> Array:
+    """`value` as float64."""
+    try:
+        return np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ArgumentError.of(name, value, "it must be numbers", f"Give {name} as an array.") from None

@@ -1,0 +1,59 @@
+"""A picture of a calibration: predicted centrelines with the observed points, and how far these are off."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cable_shape.calibration.result import Calibration
+from cable_shape.checks import Array
+from cable_shape.errors import ArgumentError
+
+_BLUE, _RED, _GREY = "#2563a8", "#c0392b", "#666666"
+_SHOWN = 5
+
+
+def draw(found: Calibration, path: Path) -> None:
+    """Writes the picture; without a screen."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    if not found.centrelines:
+        raise ArgumentError("A picture needs observed points; there are none in a sag. Write the report as .txt.")
+    figure = Figure(figsize=(12.0, 5.6), dpi=110)
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(2, 3)
+    usable = [i for i, line in enumerate(found.centrelines) if np.isfinite(line).all()]
+    means = [_mean(found, i) for i in usable]
+    order = [usable[i] for i in np.argsort(means)]
+    chosen = [order[k] for k in np.unique(np.linspace(0, len(order) - 1, _SHOWN).round().astype(int))]
+    for axis, i in zip(axes.flat, chosen, strict=False):
+        side_view(axis, found.centrelines[i], found.points[i])
+        axis.set_title(f"observation {i}: mean miss {1e3 * _mean(found, i):.1f} mm", fontsize=9)
+    for axis in list(axes.flat)[len(chosen) : _SHOWN]:
+        axis.set_axis_off()
+    last = axes.flat[_SHOWN]
+    last.hist(1e3 * found.distances[np.isfinite(found.distances)], bins=40, color=_BLUE)
+    last.set(title="all points", xlabel="miss [mm]", ylabel="points")
+    figure.tight_layout()
+    figure.savefig(path, metadata={"Software": None})
+
+
+def side_view(axis: Any, line: Array, points: Array) -> None:
+    """A centreline (n, 3) and points (m, 3), seen across the vertical plane through the ends."""
+    across = line[-1, :2] - line[0, :2]
+    across = across / max(float(np.linalg.norm(across)), 1e-12)
+    axis.plot((line[:, :2] - line[0, :2]) @ across, line[:, 2], color=_BLUE, lw=1.5, label="predicted")
+    axis.plot((points[:, :2] - line[0, :2]) @ across, points[:, 2], "o", color=_RED, ms=3.5, label="observed")
+    axis.plot(
+        [0.0, (line[-1, :2] - line[0, :2]) @ across], line[[0, -1], 2], "s", color=_GREY, ms=4, label="ends as fitted"
+    )
+    axis.set_aspect("equal", adjustable="datalim")
+    axis.tick_params(labelsize=8)
+
+
+def _mean(found: Calibration, i: int) -> float:
+    first = sum(len(points) for points in found.points[:i])
+    return float(found.distances[first : first + len(found.points[i])].mean())

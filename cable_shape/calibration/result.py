@@ -1,0 +1,202 @@
+"""What a calibration found, with error bars: :class:`Calibration`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, final
+
+import numpy as np
+
+from cable_shape.cable import STANDARD_GRAVITY, Cable
+from cable_shape.calibration.parameters import Parameter, Parameters
+from cable_shape.checks import Array
+
+CONFIDENCE = 0.95
+#: A point of less weight was taken for a stray one.
+STRAY = 0.2
+#: Beyond these a number is as good as not known: standard error of a logarithm, correlation of two, error / prior.
+_VAGUE, _TIED, _PRIOR_ONLY = 0.7, 0.95, 0.9
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """One fitted number: value, standard error and 95 % interval, all in `unit`; the interval of a stiffness is that of
+    its logarithm. All infinite where the data say nothing; `relative`: standard error of the logarithm, or NaN.
+    """
+
+    name: str
+    unit: str
+    value: float
+    standard_error: float
+    low: float
+    high: float
+    relative: float = math.nan
+
+    def __str__(self) -> str:
+        if not math.isfinite(self.standard_error):
+            return f"not seen by the data (left at {self.value:.4g} {self.unit})"
+        error = f"{100.0 * self.relative:.2g} %" if math.isfinite(self.relative) else f"{self.standard_error:.2g}"
+        return f"{self.value:.4g} {self.unit}, standard error {error}, 95 %: {self.low:.4g} to {self.high:.4g}"
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Calibration:
+    """The calibrated cable and how well it is known.
+
+    cable : the calibrated cable.
+    estimates : of each fitted number.
+    correlation : (k, k), of the estimates, of logarithms where these are fitted; NaN where the data say nothing.
+    scale : [m], of the misses that remain, per component; robust.
+    distances : (n,) [m], from each observed point to the prediction, NaN where there was none.
+    weights : (n,), 1: the point counts in full; small: it was taken for a stray one.
+    remarks : what the data cannot tell, and what else to know before the numbers are used.
+    points, centrelines : (m, 3) and (101, 3) [m] of each observation; NaN where there is no usable shape.
+    parameters, values, covariance : what was fitted, where the fit ended (k,), and (k, k) of it; see `predict_tube`.
+    """
+
+    cable: Cable
+    estimates: tuple[Estimate, ...]
+    correlation: Array
+    scale: float
+    distances: Array
+    weights: Array
+    iterations: int
+    converged: bool
+    remarks: tuple[str, ...]
+    points: tuple[Array, ...] = ()
+    centrelines: tuple[Array, ...] = ()
+    parameters: Parameters | None = None
+    values: Array | None = None
+    covariance: Array | None = None
+
+    def __getitem__(self, name: str) -> Estimate:
+        """The estimate of this name."""
+        return next(e for e in self.estimates if e.name == name)
+
+    def report(self) -> str:
+        """In words, one line each."""
+        seen = self.distances[np.isfinite(self.distances)]
+        weight = self.cable.linear_density * STANDARD_GRAVITY
+        lines = [f"{e.name:<22} {e}" for e in self.estimates]
+        if weight > 0.0:
+            lines.append(f"{'EI / weight':<22} {self.cable.mean_bending_stiffness / weight:.4g} m^3")
+        if not len(seen):
+            return "\n".join([*lines, *(f"note: {remark}" for remark in self.remarks)])
+        length = self.cable.length
+        lines.append(
+            f"{'misses':<22} mean {1e3 * seen.mean():.3g} mm ({100.0 * seen.mean() / length:.2f} % of the length), "
+            f"90 % below {1e3 * np.percentile(seen, 90.0):.3g} mm, {len(seen)} points"
+        )
+        stray = int((self.weights[np.isfinite(self.distances)] <= STRAY).sum())
+        lines.append(f"{'stray points':<22} {stray}, hardly counted")
+        lines.append(f"{'iterations':<22} {self.iterations}{'' if self.converged else ', not converged'}")
+        return "\n".join([*lines, *(f"note: {remark}" for remark in self.remarks)])
+
+    def as_dict(self) -> dict[str, Any]:
+        """As plain numbers, for JSON; None for what is not finite."""
+        return {
+            "cable": self.cable.as_dict(),
+            "estimates": {
+                e.name: {
+                    "unit": e.unit,
+                    "value": e.value,
+                    "standard_error": _finite(e.standard_error),
+                    "interval_95": [_finite(e.low), _finite(e.high)],
+                }
+                for e in self.estimates
+            },
+            "correlation": [[_finite(x) for x in row] for row in self.correlation.tolist()],
+            "scale": self.scale,
+            "mean_miss": float(np.nanmean(self.distances)) if len(self.distances) else None,
+            "converged": self.converged,
+            "remarks": list(self.remarks),
+        }
+
+    def yaml(self) -> str:
+        """A cable file (see :meth:`Cable.from_yaml`) with the uncertainties in comments."""
+        import yaml
+
+        lines = ["# Calibrated; standard errors and 95 % intervals beside the numbers."]
+        lines += [f"# note: {remark}" for remark in self.remarks]
+        told = {e.name.removesuffix("_1").removesuffix("_2"): str(e) for e in self.estimates}
+        if "rest_curvature" in told:
+            told["rest_curvature"] = "; ".join(str(e) for e in self.estimates if e.name.startswith("rest_curvature"))
+        values = self.cable.as_dict()
+        for key, value in values.items():
+            if value is None or value == {} or (key == "gradient_length" and value == self.cable.diameter):
+                continue
+            text = yaml.safe_dump({key: value}, default_flow_style=None, width=10_000).strip()
+            text = text[1:-1] if text.startswith("{") else text
+            lines.append(f"{text}  # {told[key]}" if key in told else text)
+        for e in self.estimates:
+            if e.name not in values and not e.name.startswith("rest_curvature"):
+                lines.append(f"# of the grips: {e.name}: {e}")
+        return "\n".join(lines) + "\n"
+
+    def save(self, path: str | Path) -> Path:
+        """Writes `yaml` to a file, whose folder must be there."""
+        file = Path(path).expanduser()
+        file.write_text(self.yaml(), encoding="utf-8")
+        return file
+
+
+def estimates_of(each: Sequence[Parameter], values: Array, covariance: Array, freedom: int) -> tuple[Estimate, ...]:
+    """Value, standard error and interval of every parameter, by Student's distribution."""
+    from scipy.special import stdtrit
+
+    t = float(stdtrit(freedom, 0.5 + 0.5 * CONFIDENCE))
+    out = []
+    for p, value, variance in zip(each, values.tolist(), np.diag(covariance).tolist(), strict=True):
+        error = math.sqrt(variance)
+        low, high = value - t * error, value + t * error
+        if p.log:
+            middle = math.exp(value)
+            low, high = math.exp(max(low, -700.0)) if error < math.inf else 0.0, math.exp(min(high, 700.0))
+            out.append(Estimate(p.name, p.unit, middle, middle * error, low, high, error))
+        else:
+            out.append(Estimate(p.name, p.unit, value, error, low, high))
+    return tuple(out)
+
+
+def correlation_of(covariance: Array) -> Array:
+    """(k, k), NaN where a variance is infinite."""
+    spread = np.sqrt(np.diag(covariance))
+    with np.errstate(invalid="ignore"):
+        out = covariance / np.outer(spread, spread)
+    out[~np.isfinite(spread), :] = np.nan
+    out[:, ~np.isfinite(spread)] = np.nan
+    return np.asarray(out)
+
+
+def remarks_of(
+    each: Sequence[Parameter], covariance: Array, correlation: Array, blind: Array, converged: bool, lost: int
+) -> tuple[str, ...]:
+    """What the data cannot tell."""
+    out = [] if converged else ["the fit did not converge: start nearer, fit less, or give priors."]
+    if lost:
+        out.append(f"{lost} observations have no usable shape and were left out.")
+    for combination in blind:
+        names = [p.name for p, x in zip(each, combination, strict=True) if abs(x) > 0.1]
+        out.append(f"the data do not see {' and '.join(names)}{' apart' if len(names) > 1 else ''}.")
+    errors = np.sqrt(np.diag(covariance))
+    for p, error in zip(each, errors.tolist(), strict=True):
+        if p.log and _VAGUE < error < math.inf:
+            out.append(f"{p.name} is known only to a factor of {math.exp(min(1.96 * error, 50.0)):.3g}.")
+        if error > _PRIOR_ONLY * p.prior:
+            out.append(f"{p.name} is known by its prior, hardly by the data.")
+    for i in range(len(each)):
+        out += [
+            f"{each[j].name} and {each[i].name} trade off (correlation {correlation[i, j]:.2f})."
+            for j in range(i)
+            if abs(correlation[i, j]) > _TIED
+        ]
+    return tuple(out)
+
+
+def _finite(x: float) -> float | None:
+    return float(x) if math.isfinite(x) else None

@@ -1,0 +1,191 @@
+"""Where observations come from: a recording, a NumPy file or a table."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cable_shape.calibration.observation import Observation
+from cable_shape.checks import Array
+from cable_shape.errors import ArgumentError, BagError, UnknownKeyError
+from cable_shape.pose import Grip, Pose
+
+#: Frames taken from one recording, evenly spread.
+FRAMES = 50
+_KEYS = ("start", "end", "points", "arc_length", "acceleration", "group")
+_COLUMNS = ("observation", "what", "x", "y", "z", "qx", "qy", "qz", "qw", "arc_length")
+_MAX_SKEW = 20_000_000  # ns
+#: Rows of the table of accelerations.
+_ROWS = 21
+
+
+def load_observations(
+    path: str | Path, kinds: tuple[str, str] = ("clamped", "clamped"), **bag: Any
+) -> list[Observation]:
+    """Observations from a file, by its kind.
+
+    - NPZ: `start`, `end` (n, 7) poses x y z qx qy qz qw; `points` (n, m, 3), NaN where there is none; optional
+      `arc_length` (m,) or (n, m), `acceleration` (n, k, 3), `group` (n,).
+    - CSV with a header: `observation` (a number), `what` (start, end or point), `x`, `y`, `z`, for start and end `qx`,
+      `qy`, `qz`, `qw`, for points `arc_length` where it is known.
+    - a rosbag2 folder, .mcap or .db3: see :func:`from_bag`, which takes the keywords `bag`.
+
+    kinds: how start and end are held, see :class:`cable_shape.Grip`.
+    """
+    file = Path(path).expanduser()
+    if not file.exists():
+        raise ArgumentError(f"{file}: no such file. Check the path; it is taken from {Path.cwd()}.")
+    if file.suffix == ".npz":
+        with np.load(file, allow_pickle=False) as arrays:
+            return from_arrays(dict(arrays), kinds, str(file))
+    if file.suffix == ".csv":
+        return _from_csv(file, kinds)
+    return from_bag(file, kinds, **bag)
+
+
+def from_arrays(arrays: Mapping[str, Array], kinds: tuple[str, str], where: str = "arrays") -> list[Observation]:
+    """See NPZ in :func:`load_observations`."""
+    for key in arrays:
+        if key not in _KEYS:
+            raise UnknownKeyError.among(where, key, _KEYS)
+    for key in _KEYS[:3]:
+        if key not in arrays:
+            raise ArgumentError(f"{where}: {key} is missing. It needs start (n, 7), end (n, 7) and points (n, m, 3).")
+    points = np.asarray(arrays["points"], dtype=np.float64)
+    count = len(points)
+    for key, shape in (("start", (count, 7)), ("end", (count, 7)), ("points", (*points.shape[:2], 3))):
+        if np.shape(arrays[key]) != shape:
+            raise ArgumentError.of(f"{where}: {key}", f"shape {np.shape(arrays[key])}", f"it must be {shape}", "")
+    arc = arrays.get("arc_length")
+    if arc is not None:
+        arc = np.broadcast_to(np.asarray(arc, dtype=np.float64), points.shape[:2])
+    return [
+        Observation(
+            Grip(Pose(arrays["start"][i, :3], arrays["start"][i, 3:]), kinds[0]),
+            Grip(Pose(arrays["end"][i, :3], arrays["end"][i, 3:]), kinds[1]),
+            points[i],
+            None if arc is None else arc[i],
+            arrays["acceleration"][i] if "acceleration" in arrays else None,
+            int(arrays["group"][i]) if "group" in arrays else None,
+        )
+        for i in range(count)
+    ]
+
+
+def _from_csv(file: Path, kinds: tuple[str, str]) -> list[Observation]:
+    from cable_shape.files import read_text
+
+    table = csv.DictReader(read_text(file).splitlines())
+    for key in table.fieldnames or ():
+        if key not in _COLUMNS:
+            raise UnknownKeyError.among(str(file), key, _COLUMNS)
+    if not set(_COLUMNS[:5]) <= set(table.fieldnames or ()):
+        raise ArgumentError(f"{file}: its first line must name the columns {', '.join(_COLUMNS[:9])}.")
+    poses: dict[tuple[str, str], Pose] = {}
+    points: dict[str, list[list[float]]] = {}
+    for line, row in enumerate(table, start=2):
+        try:
+            place = [float(row[key]) for key in ("x", "y", "z")]
+            which, what = row["observation"], row["what"]
+            if what == "point":
+                points.setdefault(which, []).append([*place, float(row.get("arc_length") or "nan")])
+            elif what in ("start", "end"):
+                poses[which, what] = Pose(place, [float(row[key]) for key in ("qx", "qy", "qz", "qw")])
+            else:
+                raise ArgumentError.of("what", what, "it must be start, end or point", "")
+        except (TypeError, KeyError, ValueError) as error:
+            raise ArgumentError(f"{file}, line {line}: {error}") from None
+    out = []
+    for which, seen in points.items():
+        for what in ("start", "end"):
+            if (which, what) not in poses:
+                raise ArgumentError(f"{file}: observation {which} has no line for its {what}. Add its pose.")
+        a = np.array(seen)
+        start, end = Grip(poses[which, "start"], kinds[0]), Grip(poses[which, "end"], kinds[1])
+        out.append(Observation(start, end, a[:, :3], a[:, 3]))
+    return out
+
+
+def from_bag(
+    path: str | Path,
+    kinds: tuple[str, str] = ("clamped", "swivel"),
+    *,
+    left_topic: str = "/left_gripper/pose",
+    right_topic: str = "/right_gripper/pose",
+    markers_topic: str = "/cable/markers",
+    frames: int = FRAMES,
+    inertia: bool = False,
+    group: int | None = None,
+) -> list[Observation]:
+    """Evenly spread frames of a recording of gripper poses (PoseStamped) and markers on the cable (PoseArray).
+
+    Markers come in their order along the cable, the first and the last at the grips. Each frame is a group of its own,
+    unless `group` is given. inertia: accelerations of the markers, second differences of what was recorded (smoothed
+    over 0.11 s at 100 Hz), load the cable.
+    """
+    from cable_shape.replay.bags import Bag
+    from cable_shape.replay.inputs import positions_of, stamp_of
+
+    tracks: dict[str, list[tuple[int, Array]]] = {left_topic: [], right_topic: [], markers_topic: []}
+    with Bag(path) as bag:
+        for topic, _, message in bag.messages(tuple(tracks)):
+            if topic == markers_topic:
+                tracks[topic].append((stamp_of(message), positions_of(message.poses)))
+            else:
+                p, q = message.pose.position, message.pose.orientation
+                tracks[topic].append((stamp_of(message), np.array((p.x, p.y, p.z, q.x, q.y, q.z, q.w))))
+    for topic, track in tracks.items():
+        if not track:
+            raise BagError(f"{path}: there is no message of {topic}. Name the topics, or record them.")
+    left, right = (_at(tracks[topic], tracks[markers_topic]) for topic in (left_topic, right_topic))
+    seen = [i for i in range(len(left)) if left[i] is not None and right[i] is not None]
+    if not seen:
+        raise BagError(f"{path}: no markers within {_MAX_SKEW * 1e-6:g} ms of both grippers' poses.")
+    moving = _accelerations(tracks[markers_topic]) if inertia else None
+    chosen = [seen[i] for i in np.unique(np.linspace(0, len(seen) - 1, frames).round().astype(int))]
+    return [
+        Observation(
+            Grip(Pose(left[i][:3], left[i][3:]), kinds[0]),
+            Grip(Pose(right[i][:3], right[i][3:]), kinds[1]),
+            tracks[markers_topic][i][1][1:-1],
+            acceleration=None if moving is None else moving[i],
+            group=group,
+        )
+        for i in chosen
+        if moving is None or np.isfinite(moving[i]).all()
+    ]
+
+
+def _at(track: list[tuple[int, Array]], markers: list[tuple[int, Array]]) -> list[Any]:
+    """Of a track, what is nearest in time to each frame of markers; None beyond the largest skew."""
+    stamps = np.array([stamp for stamp, _ in track])
+    out: list[Array | None] = []
+    for stamp, _ in markers:
+        nearest = int(np.abs(stamps - stamp).argmin())
+        out.append(track[nearest][1] if abs(int(stamps[nearest]) - stamp) <= _MAX_SKEW else None)
+    return out
+
+
+def _accelerations(markers: list[tuple[int, Array]]) -> Array:
+    """(n, rows, 3) [m/s^2] along the cable, from evenly sampled frames of markers; NaN where one was lost."""
+    from scipy.signal import savgol_filter
+
+    stamps = np.array([stamp - markers[0][0] for stamp, _ in markers]) * 1e-9
+    period = float(np.median(np.diff(stamps))) if len(stamps) > 1 else 0.0
+    window = max(5, 2 * round(0.055 / period) + 1) if period > 0.0 else 0
+    if window == 0 or len(markers) < window or len({track.shape for _, track in markers}) > 1:
+        raise BagError("inertia needs frames of one number of markers, evenly recorded, for 0.11 s at least.")
+    places = np.array([track for _, track in markers])
+    at_markers = savgol_filter(places, window, 3, deriv=2, delta=period, axis=0)
+    arc = np.nancumsum(np.nanmedian(np.linalg.norm(np.diff(places, axis=1), axis=2), axis=0))
+    fraction = np.concatenate(((0.0,), arc)) / arc[-1]
+    rows = np.linspace(0.0, 1.0, _ROWS)
+    out = np.empty((len(markers), _ROWS, 3))
+    for i in range(len(markers)):
+        for axis in range(3):
+            out[i, :, axis] = np.interp(rows, fraction, at_markers[i, :, axis])
+    return out
