@@ -33,7 +33,7 @@ setup(
     entry_points={
         "console_scripts": [
             "cable-shape = cable_shape.cli:main",
-            "cable_shape_node = cable_shape.ros.node:main",
+            "cable_shape_node = cable_shape.ros.node:run",
         ],
     },
 )

@@ -77,7 +77,8 @@ def vector(name: str, value: ArrayLike, size: int = 3, unit: str = "") -> Array:
 def quaternion(name: str, value: ArrayLike) -> Array:
     """`value` as a new unit quaternion (4,), x y z w; refused unless within 1e-3 of unit length."""
     q = vector(name, value, 4)
-    length = math.sqrt(float(q @ q))
+    with np.errstate(over="ignore"):  # an infinite length is refused, too
+        length = math.sqrt(float(q @ q))
     if abs(length - 1.0) > QUATERNION_TOLERANCE:
         raise ArgumentError.of(
             name,

@@ -59,7 +59,9 @@ def build_parser() -> argparse.ArgumentParser:
     _add_view(commands)
     _add_calibrate(commands)
     _add_bench(commands)
-    doctor = commands.add_parser("doctor", help="check libraries, messages and compiled kernels")
+    doctor = commands.add_parser("doctor", help="check libraries, messages, compiled kernels, and your files")
+    for name in ("cable", "scene", "robot"):
+        doctor.add_argument(f"--{name}", type=Path, metavar=f"{name.upper()}.yaml", help=f"also look at this {name}")
     doctor.set_defaults(run=_doctor)
     return parser
 
@@ -269,8 +271,9 @@ def _bench(arguments: argparse.Namespace) -> int:
 
 def _doctor(arguments: argparse.Namespace) -> int:
     from cable_shape.doctor import examine
+    from cable_shape.doctor_files import examine_files
 
-    findings = examine()
+    findings = [*examine(), *examine_files(arguments.cable, arguments.scene, arguments.robot)]
     for finding in findings:
         print(f"{'ok  ' if not finding.remedy else 'FAIL'}  {finding.subject}: {finding.found}")
         if finding.remedy:

@@ -6,7 +6,7 @@ no file and no viewer.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from time import perf_counter
 from typing import final
 
@@ -98,12 +98,19 @@ class Cycle:
             )
         self._near = CableNear(named, self.scene, robot_links)
         self._crossing: tuple[tuple[str, ...], Crossing] | None = None
+        self._pushed = any(body.link is not None for body in predictor.problem.bodies)
         self._solves_crossing = predictor.problem.solves_crossing and len(named) > 1
         if self._solves_crossing:
             self._check_models()
         self.last_stamp: int | None = None
 
-    def step(self, grips: Mapping[str, Ends], stamp: int, links: Mapping[str, Pose] | None = None) -> CycleReport:
+    def step(
+        self,
+        grips: Mapping[str, Ends],
+        stamp: int,
+        links: Mapping[str, Pose] | Callable[[], Mapping[str, Pose] | None] | None = None,
+        early: Callable[[Mapping[str, CableShape]], None] | None = None,
+    ) -> CycleReport:
         """Predicts every cable in `grips` and checks it against the scene.
 
         Parameters
@@ -113,7 +120,10 @@ class Cycle:
         stamp : int
             [ns], must not be older than the stamp of the last step.
         links : mapping of robot link to its Pose in the world, optional
-            Without it, clearance to the robot is reported as not checked, and its links keep no cable out.
+            Without it, clearance to the robot is reported as not checked, and its links keep no cable out. A function
+            is asked for them after `early`, or before the prediction where links keep the cable out.
+        early : callable, optional
+            Is given the shapes as soon as they are predicted, before clearance, margins and warnings.
 
         Raises
         ------
@@ -135,9 +145,15 @@ class Cycle:
                 raise ArgumentError.of("cable", name, "no such cable", f"Known: {', '.join(self._cables)}.")
             cables[name] = cable
         together = self._together(grips) if self._solves_crossing else {}
-        shapes = {name: cable.predict(grips[name], links, together.get(name)) for name, cable in cables.items()}
+        placed = (links() if self._pushed else None) if callable(links) else links
+        shapes = {name: cable.predict(grips[name], placed, together.get(name)) for name, cable in cables.items()}
         predicted = perf_counter()
-        clearance = {name: cable.check(shapes[name], links) for name, cable in cables.items()}
+        if early is not None:
+            early(shapes)
+        if callable(links) and not self._pushed:
+            placed = links()
+        resumed = perf_counter()
+        clearance = {name: cable.check(shapes[name], placed) for name, cable in cables.items()}
         if self.scene.contact != "off":
             clearance = self._near.added(shapes, clearance)
         checked = perf_counter()
@@ -156,16 +172,16 @@ class Cycle:
         return CycleReport(
             stamp=stamp,
             grips={name: (start, end) for name, (start, end) in grips.items()},
-            links=links,
+            links=placed,
             shapes=shapes,
             clearance=clearance,
             warnings=warnings,
             times={
                 "predict": predicted - began,
-                "clearance": checked - predicted,
+                "clearance": checked - resumed,
                 "margins": measured - checked,
                 "warnings": ended - measured,
-                "total": ended - began,
+                "total": predicted - began + ended - resumed,
             },
             skipped={
                 "reused": sum(s.reused for s in shapes.values()),

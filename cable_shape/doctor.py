@@ -42,7 +42,7 @@ class Finding:
 
 def examine() -> list[Finding]:
     """Looks at everything, in the order in which it is worth repairing."""
-    checks: list[Callable[[], list[Finding]]] = [_python, _environment, _libraries, _ros, _cache, _kernels]
+    checks: list[Callable[[], list[Finding]]] = [_python, _venv, _environment, _libraries, _ros, _cache, _kernels]
     return [finding for check in checks for finding in check()]
 
 
@@ -50,6 +50,14 @@ def _python() -> list[Finding]:
     version = ".".join(map(str, sys.version_info[:3]))
     fine = (3, 11) <= sys.version_info[:2] <= (3, 13)
     return [Finding("Python", f"{version}, {sys.executable}", "" if fine else "Use Python 3.11 to 3.13.")]
+
+
+def _venv() -> list[Finding]:
+    """Sources that have a .venv of their own are meant to run in it."""
+    own = Path(__file__).resolve().parents[1] / ".venv"
+    if own.is_dir() and own.resolve() != Path(sys.prefix).resolve():
+        return [Finding("environment", f"{sys.prefix}, not {own}", f"Run: source {own}/bin/activate")]
+    return [Finding("environment", sys.prefix)]
 
 
 def _environment() -> list[Finding]:

@@ -22,15 +22,19 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument(
                 "params",
                 default_value=str(CONFIG / "node.yaml"),
-                description="Parameter file: config/node.yaml for gripper poses, config/node_joints.yaml for joints.",
+                description="Parameter file: config/node.yaml (poses), node_joints.yaml (joints), node_live.yaml, "
+                "node_simulation.yaml or node_replay.yaml.",
             ),
-            DeclareLaunchArgument("use_sim_time", default_value="false", description="Follow /clock."),
+            DeclareLaunchArgument(
+                "use_sim_time", default_value="false", description="Follow /clock; the file goes first."
+            ),
             LifecycleNode(
                 package="cable_shape",
                 executable="cable_shape_node",
                 name="cable_shape_node",
                 namespace=LaunchConfiguration("namespace"),
-                parameters=[LaunchConfiguration("params"), {"use_sim_time": LaunchConfiguration("use_sim_time")}],
+                # the file comes last: what it says holds
+                parameters=[{"use_sim_time": LaunchConfiguration("use_sim_time")}, LaunchConfiguration("params")],
                 output="screen",
             ),
         ]

@@ -34,6 +34,23 @@ def test_a_step_reports_shape_clearance_and_warnings() -> None:
     assert report.times["total"] >= report.times["predict"] > 0.0
 
 
+def test_shapes_are_given_early_and_links_are_asked_for_after_that() -> None:
+    finger = cs.Obstacle("finger", cs.Sphere(0.02), link="tool")
+    cycle = cs.Cycle(CABLE, robot_links=[finger])
+    events: list[object] = []
+
+    def links() -> dict[str, cs.Pose]:
+        events.append("links")
+        return {"tool": END}
+
+    report = cycle.step({"cable": (START, END)}, 1_000, links, lambda shapes: events.append(dict(shapes)))
+    assert events == [{"cable": report.shapes["cable"]}, "links"]
+    assert report.links == {"tool": END}
+    assert report.robot_checked
+    again = cs.Cycle(CABLE, robot_links=[finger]).step({"cable": (START, END)}, 1_000, {"tool": END})
+    assert again.clearance["cable"].bodies[0].distance == report.clearance["cable"].bodies[0].distance
+
+
 def test_links_move_their_geometry_and_are_said_to_be_checked() -> None:
     finger = cs.Obstacle("finger", cs.Sphere(0.05), link="hand")
     cycle = cs.Cycle(CABLE, robot_links=[finger], model="gradient4")

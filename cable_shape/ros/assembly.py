@@ -2,23 +2,60 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
 from typing import final
 
 from cable_shape.cable import Cable
 from cable_shape.cycle import Cycle
+from cable_shape.errors import ArgumentError
+from cable_shape.files import load_yaml
 from cable_shape.robot import Robot
 from cable_shape.ros.parameters import Settings, find_file
 from cable_shape.scene import Scene
 from cable_shape.viewer.process import ViewerProcess
 from cable_shape.warm_up import warm_up
 
-#: name of the one cable
+#: name of a cable that is alone
 CABLE = "cable"
+
+#: names are parts of topics
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+MAX_CABLES = 100
+
+
+def load_cables(path: Path) -> dict[str, Cable]:
+    """One cable, or several from a file whose only key `cables` maps names to keywords of Cable or to other files.
+
+    Raises
+    ------
+    ArgumentError
+    """
+    values = load_yaml(path)
+    if list(values) != ["cables"]:
+        return {CABLE: Cable.from_mapping(values, where=str(path))}
+    several = values["cables"]
+    if not isinstance(several, dict) or not 0 < len(several) <= MAX_CABLES:
+        bound = f"it must map 1 to {MAX_CABLES} names to cables"
+        raise ArgumentError.of(f"{path}: cables", type(several).__name__, bound, "For example {front: ethernet.yaml}.")
+    cables = {}
+    for name, cable in several.items():
+        if not isinstance(name, str) or not _NAME.fullmatch(name):
+            bound = "a name must be letters, digits and _, beginning with a letter"
+            raise ArgumentError.of(f"{path}: cables", name, bound, "It is a part of the cable's topics.")
+        where = f"{path}: {name}"
+        if isinstance(cable, str):
+            cables[name] = Cable.from_yaml(path.parent / cable)
+        elif isinstance(cable, dict):
+            cables[name] = Cable.from_mapping(cable, where=where)
+        else:
+            raise ArgumentError.of(where, cable, "it must be a file name or a mapping", "See config/cables.")
+    return cables
 
 
 @final
 class Assembly:
-    """Cable, scene, robot, cycle and viewer, ready to run.
+    """Cables, scene, robot, cycle and viewer, ready to run.
 
     Raises
     ------
@@ -27,12 +64,15 @@ class Assembly:
     """
 
     def __init__(self, settings: Settings) -> None:
-        cable = Cable.from_yaml(find_file(settings.cable_file))
+        cables = load_cables(find_file(settings.cable_file))
+        if len(cables) > 1 and settings.input == "joints":
+            bound = "input = 'joints' moves one cable, between the robot's two grippers"
+            raise ArgumentError.of("cable_file", settings.cable_file, bound, "Set input to 'poses', or name one cable.")
         scene = Scene.from_yaml(find_file(settings.scene_file)) if settings.scene_file else Scene()
         robot_file = find_file(settings.robot_file) if settings.robot_file else None
         self.robot = None if robot_file is None else Robot.from_yaml(robot_file)
         self.cycle = Cycle(
-            {CABLE: cable},
+            cables,
             scene=scene,
             robot_links=() if self.robot is None else self.robot.link_geometry,
             gripping_links=() if self.robot is None else self.robot.gripping_links,
@@ -52,7 +92,8 @@ class Assembly:
         """What was loaded, in words."""
         robot = "no robot" if self.robot is None else f"robot with {len(self.robot.joint_names)} joints"
         scene = f"{len(self.cycle.scene.obstacles)} obstacles"
-        return f"cable: {self.cycle.cables[CABLE].describe()}; {scene}; {robot}"
+        cables = "; ".join(f"{name}: {cable.describe()}" for name, cable in self.cycle.cables.items())
+        return f"{cables}; {scene}; {robot}"
 
     def close(self) -> None:
         """Ends the viewer, within its bound of time."""

@@ -18,6 +18,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from cable_shape.cable import TAIL_SIDES
 from cable_shape.checks import QUATERNION_TOLERANCE
+from cable_shape.errors import ArgumentError
 from cable_shape.pose import Pose
 from cable_shape.report import CableWarning, CycleReport, Severity, WarningKind
 from cable_shape.ros import messages
@@ -29,6 +30,9 @@ from cable_shape.shape import CableShape
 #: colours of the markers, as red, green, blue: fine, near a limit, beyond it
 FINE, WARN, ERROR = (0.10, 0.65, 0.60), (0.95, 0.60, 0.10), (0.85, 0.15, 0.15)
 COLOURS = {None: FINE, Severity.WARN: WARN, Severity.ERROR: ERROR}
+
+#: [m], of a gripper from the origin of its frame; farther away, doubles no longer tell tenths of a micrometre
+FARTHEST = 1e6
 
 #: opacity of the shape after a snap
 GHOST = 0.35
@@ -59,13 +63,19 @@ def pose_of(message: PoseStamped) -> Pose:
     Raises
     ------
     ArgumentError
-        For entries that are not finite and a quaternion that is not of unit length.
+        For entries that are not finite, a position out of all reach, and a quaternion that is not of unit length.
     """
     p, q = message.pose.position, message.pose.orientation
     row = np.array((p.x, p.y, p.z, q.x, q.y, q.z, q.w))
+    if not (abs(q.x) < 2.0 and abs(q.y) < 2.0 and abs(q.z) < 2.0 and abs(q.w) < 2.0):
+        return Pose(row[:3], row[3:])  # says what is wrong, here and below
     length = math.sqrt(float(row[3:] @ row[3:]))
-    if not (math.isfinite(float(row.sum())) and abs(length - 1.0) <= QUATERNION_TOLERANCE):
-        return Pose(row[:3], row[3:])  # says what is wrong
+    if not (abs(p.x) <= FARTHEST and abs(p.y) <= FARTHEST and abs(p.z) <= FARTHEST):
+        pose = Pose(row[:3], row[3:])
+        bound = f"every entry must be within {FARTHEST:g} m of the frame's origin"
+        raise ArgumentError.of("position", pose.position.tolist(), bound, "Give it in m, in the frame of the cell.")
+    if abs(length - 1.0) > QUATERNION_TOLERANCE:
+        return Pose(row[:3], row[3:])
     row[3:] /= length  # the bits of Pose(...), in a third of its time
     row.flags.writeable = False
     return Pose.trusted(row)

@@ -54,11 +54,12 @@ class Verdict:
 
 @dataclass(slots=True)
 class _Refusal:
-    """The last message refused for one reason."""
+    """The last message refused, or only remarked on, for one reason."""
 
     text: str
     when: int
     count: int = 1
+    used: bool = False  # a remark: the message was used
     answered: bool = False  # whether a cycle ran since
 
 
@@ -79,7 +80,9 @@ class Health:
     hold: float = 2.0
     state: str = "unconfigured"
     failure: str = ""  # why the last transition failed
+    troubles: dict[str, str] = field(default_factory=dict)  # of the node itself: code -> text
     hint: str = ""  # why there are no pairs, if that is known
+    robot_expected: bool = False  # whether there is a robot whose links should be known
     waiting_for: tuple[str, ...] = ()
     arrivals: dict[str, int] = field(default_factory=dict)  # topic -> when its last message came
     refused: dict[str, _Refusal] = field(default_factory=dict)
@@ -114,10 +117,15 @@ class Health:
         before = self.refused.get(reason)
         self.refused[reason] = _Refusal(text, now, 1 if before is None else before.count + 1)
 
+    def remark(self, reason: str, text: str, now: int) -> None:
+        """A message was used although something about it is odd."""
+        self.refuse(reason, text, now)
+        self.refused[reason].used = True
+
     def restarted(self, text: str, now: int) -> None:
         """The input's clock was set back."""
         self.restarts += 1
-        self.refuse("restart", text, now)
+        self.remark("restart", text, now)
 
     def cycled(self, report: CycleReport, seconds: float, now: int) -> None:
         """A cycle ran and its shapes were published; it took `seconds`."""
@@ -144,6 +152,7 @@ class Health:
 
     def _lifecycle(self) -> Verdict:
         wrong = [Complaint("failure", Level.ERROR, self.failure)] if self.failure else []
+        wrong += [Complaint(code, Level.WARN, text) for code, text in self.troubles.items()]
         return _verdict("lifecycle", wrong, self.state, {"state": self.state})
 
     def _input(self, now: int) -> Verdict:
@@ -156,16 +165,16 @@ class Health:
         for topic, when in self.arrivals.items():
             values[f"age of {topic} [s]"] = f"{(now - when) / SECOND:.3f}"
         for reason, refusal in self.refused.items():
-            values[f"refused: {reason}"] = str(refusal.count)
+            values[f"{'remarked' if refusal.used else 'refused'}: {reason}"] = str(refusal.count)
         if self.report is not None:
             values["stamp to publication [s]"] = f"{self._lag / SECOND:.6f}"
         return _verdict("input", wrong, f"{rate:.1f} cycles a second", values)
 
     def _refusals(self, now: int) -> list[Complaint]:
-        """Messages that were not used: an error until a good one follows, then a warning for a while."""
+        """Messages not used: an error until a good one follows, then, like those remarked on, a warning for a while."""
         wrong = []
         for reason, refusal in self.refused.items():
-            if not refusal.answered and reason != "restart":
+            if not refusal.answered and not refusal.used:
                 wrong.append(Complaint(f"refused {reason}", Level.ERROR, refusal.text))
             elif now - refusal.when < self.hold * SECOND:
                 wrong.append(Complaint(f"refused {reason}", Level.WARN, refusal.text))
@@ -238,6 +247,9 @@ class Health:
             )
             for w in self.report.warnings
         ]
+        if self.robot_expected and not self.report.robot_checked:
+            text = "clearance to the robot is not checked: no usable joint_states within stale_after of the poses. "
+            wrong.append(Complaint("robot", Level.WARN, text + "Start its publisher, or clear robot_file."))
         values = {"clearance to the robot checked": str(self.report.robot_checked).lower()}
         return _verdict("cable", wrong, "no warnings", values)
 

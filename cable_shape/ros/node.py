@@ -7,18 +7,20 @@ that completes its input, or at a set rate. docs/node.md lists topics and parame
 from __future__ import annotations
 
 import gc
+import os
+import signal
 import sys
 import time
 import traceback
 from collections.abc import Callable, Sequence
-from typing import Any, final
+from typing import Any, NoReturn, final
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException
 from rclpy.lifecycle import LifecycleNode, LifecycleState
 from rclpy.lifecycle import TransitionCallbackReturn as Return
 from rclpy.parameter import Parameter
@@ -26,14 +28,19 @@ from rclpy.utilities import ok, try_shutdown
 
 from cable_shape.errors import ArgumentError, CableShapeError
 from cable_shape.ros import conversions
-from cable_shape.ros.assembly import CABLE, Assembly
-from cable_shape.ros.diagnostics import Complaint, Health, Level
+from cable_shape.ros.assembly import Assembly
+from cable_shape.ros.complaint_log import ComplaintLog
+from cable_shape.ros.diagnostics import Health
+from cable_shape.ros.executor import InputFirstExecutor
+from cable_shape.ros.log_folder import find_log_folder
 from cable_shape.ros.outputs import Outputs
 from cable_shape.ros.parameters import BY_NAME, SPECS, Settings, unknown_overrides, widened
-from cable_shape.ros.sources import JointSource, PoseSource, Ready, Sink
+from cable_shape.ros.pose_source import PoseSource
+from cable_shape.ros.sources import JointSource, Ready, Sink
+from cable_shape.ros.surroundings import troubles
 
 WATCH_PERIOD = 0.1  # s, between looks at the health
-LOG_AGAIN = 10.0  # s, until a complaint that stays is logged again
+LOOK_PERIOD = 1.0  # s, between looks at the viewer and the other nodes
 
 
 @final
@@ -55,8 +62,9 @@ class CableShapeNode(LifecycleNode):
         self._waiting: Ready | None = None  # the newest input, when cycles run at a set rate
         self._superseded = 0
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._looked = -LOOK_PERIOD
         self._last_diagnosis: tuple[Any, float] = ((), -1e9)
-        self._logged: dict[str, float] = {}  # code of a complaint -> when it was logged
+        self._log = ComplaintLog(self.get_logger())
         # not on the node's clock: a silent /clock must not silence the diagnostics
         self.create_timer(WATCH_PERIOD, self._watch, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._answer_wrong_transitions()
@@ -65,6 +73,11 @@ class CableShapeNode(LifecycleNode):
     def autostart(self) -> bool:
         """Whether to configure and activate at start."""
         return self._settings.autostart
+
+    @property
+    def inputs(self) -> Sequence[Any]:
+        """The subscriptions that bring input; none before configure."""
+        return () if self._source is None else self._source.subscriptions
 
     # Parameters
 
@@ -185,10 +198,12 @@ class CableShapeNode(LifecycleNode):
         assembly = self._assembly = Assembly(settings)
         sink = Sink(self._health, self._now, self._deliver, self._restart)
         self._outputs = Outputs(self, assembly.cycle.cables)
-        if assembly.robot is None:
-            self._source = PoseSource(self, settings, sink)
+        if settings.input == "joints":
+            assert assembly.robot is not None
+            self._source = JointSource(self, settings, sink, assembly.robot, next(iter(assembly.cycle.cables)))
         else:
-            self._source = JointSource(self, settings, sink, assembly.robot)
+            self._source = PoseSource(self, settings, sink, assembly.robot, tuple(assembly.cycle.cables))
+        self._health.robot_expected = assembly.robot is not None
         if settings.rate > 0.0:
             self._rate_timer = self.create_timer(1.0 / settings.rate, self._tick)
         self.get_logger().info(f"parameters: {settings.echo()}")
@@ -267,14 +282,19 @@ class CableShapeNode(LifecycleNode):
             self._run(ready)
 
     def _run(self, ready: Ready) -> None:
-        """One cycle: grips, shape, clearance, warnings, messages."""
+        """One cycle: grips, shapes, which are sent at once, then the rest."""
         assembly, outputs = self._assembly, self._outputs
         if assembly is None or outputs is None:
             return
         began = time.perf_counter()
         try:
-            start, end, links = ready.ends()
-            report = assembly.cycle.step({CABLE: (start, end)}, ready.stamp, links)
+            grips, links = ready.ends()
+            report = assembly.cycle.step(
+                grips,
+                ready.stamp,
+                links,
+                lambda shapes: outputs.publish_shapes(shapes, ready.stamp, ready.frame_id),
+            )
         except CableShapeError as error:
             self._health.refuse("cycle", str(error), self._now())
             return
@@ -290,9 +310,13 @@ class CableShapeNode(LifecycleNode):
         if self._source is not None:
             self._health.hint = self._source.hint()
             self._health.counts = {**self._source.counts(), "superseded": self._superseded}
-            if self._assembly is not None and self._assembly.viewer is not None:
-                self._health.counts["reports that the viewer did not take"] = self._assembly.viewer.dropped
+        viewer = None if self._assembly is None else self._assembly.viewer
+        if viewer is not None:
+            self._health.counts["reports that the viewer did not take"] = viewer.dropped
         now, steady = self._now(), time.monotonic()
+        if steady - self._looked >= LOOK_PERIOD:
+            self._looked = steady
+            self._health.troubles = troubles(self, viewer)
         verdicts = self._health.verdicts(now)
         complaints = [complaint for verdict in verdicts for complaint in verdict.complaints]
         news = (self._health.state, tuple((c.code, c.level) for c in complaints))
@@ -302,32 +326,16 @@ class CableShapeNode(LifecycleNode):
                 conversions.diagnostics_message(verdicts, self.get_fully_qualified_name().lstrip("/"), now)
             )
             self._last_diagnosis = (news, steady)
-        self._log(complaints, steady)
-
-    def _log(self, complaints: Sequence[Complaint], steady: float) -> None:
-        """New complaints at once, those that stay every ten seconds, and that all is well again."""
-        log = self.get_logger()
-        for complaint in complaints:
-            if steady - self._logged.get(complaint.code, -1e9) >= LOG_AGAIN:
-                self._logged[complaint.code] = steady
-                if complaint.level is Level.ERROR:  # rclpy wants one severity at each call
-                    log.error(complaint.text)
-                else:
-                    log.warning(complaint.text)
-        present = {complaint.code for complaint in complaints}
-        gone = [code for code in self._logged if code not in present]
-        for code in gone:
-            del self._logged[code]
-        if gone and not present:
-            log.info("all is well again")
+        self._log.tell(complaints, steady)
 
 
 def main(args: list[str] | None = None) -> int:
     """Runs the node until SIGINT or SIGTERM; the exit code is 0 then."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # rclpy's own handler passes it on: ends configure, too
+    find_log_folder()
     rclpy.init(args=args)
     node = CableShapeNode()
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
+    executor = InputFirstExecutor(node, lambda: node.inputs)
     try:
         if node.autostart and node.trigger_configure() == Return.SUCCESS and ok():
             node.trigger_activate()
@@ -344,5 +352,13 @@ def main(args: list[str] | None = None) -> int:
     return 0
 
 
+def run() -> NoReturn:
+    """The executable: once `main` has taken everything down, Python's own end would take seconds more."""
+    code = main()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    run()

@@ -15,6 +15,7 @@ from visualization_msgs.msg import MarkerArray
 from cable_shape.cable import Cable
 from cable_shape.report import CycleReport
 from cable_shape.ros import conversions, messages
+from cable_shape.shape import CableShape
 
 #: [s], least time between the messages for drawing: a Path of 150 poses takes rclpy longer to build than a whole cycle
 DRAWING_PERIOD = 0.03
@@ -36,19 +37,24 @@ class Outputs:
         self._diameters = {name: cable.diameter for name, cable in cables.items()}
         self._drawn = -DRAWING_PERIOD
         make = node.create_lifecycle_publisher
-        self._shape: LifecyclePublisher = make(messages.CableShape, "cable/shape", LATEST)
+        each = QoSProfile(depth=len(cables), reliability=ReliabilityPolicy.RELIABLE)  # a message for each cable
+        self._shape: LifecyclePublisher = make(messages.CableShape, "cable/shape", each)
         self._warnings: LifecyclePublisher = make(messages.CableWarnings, "cable/warnings", LATCHED)
         self._margins: LifecyclePublisher = make(messages.CableMargins, "cable/margins", LATEST)
         self._markers: LifecyclePublisher = make(MarkerArray, "cable/markers", LATEST)
-        self._path: LifecyclePublisher = make(Path, "cable/path", LATEST)
+        self._path: LifecyclePublisher = make(Path, "cable/path", each)
         self._points: LifecyclePublisher = make(PointCloud2, "cable/points", LATEST)
 
-    def publish(self, report: CycleReport, frame_id: str, lifetime: float) -> None:
-        """Sends a report under the stamp of its input; markers vanish after `lifetime` [s]."""
-        header = conversions.header_of(report.stamp, frame_id)
+    def publish_shapes(self, shapes: Mapping[str, CableShape], stamp: int, frame_id: str) -> None:
+        """Sends the shapes under the `stamp` [ns] of their input."""
         if self._shape.get_subscription_count():
-            for cable_id, shape in report.shapes.items():
+            header = conversions.header_of(stamp, frame_id)
+            for cable_id, shape in shapes.items():
                 self._shape.publish(conversions.shape_message(cable_id, shape, header))
+
+    def publish(self, report: CycleReport, frame_id: str, lifetime: float) -> None:
+        """Sends the rest of a report under the stamp of its input; markers vanish after `lifetime` [s]."""
+        header = conversions.header_of(report.stamp, frame_id)
         self._warnings.publish(conversions.warnings_message(report, header))
         if self._margins.get_subscription_count():
             self._margins.publish(conversions.margins_message(report, header))

@@ -91,9 +91,9 @@ _OFFSET = "Cable frame in the tool frame: x y z [m], qx qy qz qw. For input pose
 _KIND = "How this gripper holds the cable. For input poses; with joints, robot_file says it."
 
 SPECS = (
-    Spec("cable_file", "", "YAML file of the cable; relative to the working directory or to config/."),
+    Spec("cable_file", "", "YAML file of the cable, or of several; relative to the working directory or to config/."),
     Spec("scene_file", "", "YAML file of obstacles and masses; empty: nothing around the cable."),
-    Spec("robot_file", "", "YAML file of the robot; needed for input joints, empty otherwise."),
+    Spec("robot_file", "", "YAML file of the robot, for input joints; with poses its links follow joint_states."),
     Spec("model", "auto", "Model of the cable.", options=MODELS),
     Spec("gravity", [0.0, 0.0, -9.81], "Gravity in the frame of the input.", "m/s^2"),
     Spec("points", 150, "Points of a shape, uniform in arc length.", low=MIN_POINTS, high=MAX_POINTS),
@@ -183,10 +183,6 @@ class Settings:
             raise ArgumentError.of(
                 "robot_file", "", "input = 'joints' needs a robot", "For example config/robots/dual_arm.yaml."
             )
-        if self.input == "poses" and self.robot_file:
-            raise ArgumentError.of(
-                "robot_file", self.robot_file, "input = 'poses' uses no robot", "Clear it, or set input to 'joints'."
-            )
 
     def echo(self) -> str:
         """All values on one line, for the log."""
@@ -204,7 +200,7 @@ def unknown_overrides(given: Iterable[str], declared: Iterable[str]) -> list[str
 
 
 def widened(parameters: Sequence[Parameter]) -> list[Parameter]:
-    """Whole numbers given for parameters that are floating point, made so: `rate:=100` means 100.0."""
+    """Parameters as they were meant: `rate:=100` is 100.0, and YAML reads `view:=off` as false."""
     out = []
     for parameter in parameters:
         spec = BY_NAME.get(parameter.name)
@@ -213,6 +209,8 @@ def widened(parameters: Sequence[Parameter]) -> list[Parameter]:
             parameter = Parameter(parameter.name, Parameter.Type.DOUBLE, float(parameter.value))
         elif isinstance(default, list) and parameter.type_ == Parameter.Type.INTEGER_ARRAY:
             parameter = Parameter(parameter.name, Parameter.Type.DOUBLE_ARRAY, [float(v) for v in parameter.value])
+        elif default == "off" and parameter.value is False:
+            parameter = Parameter(parameter.name, Parameter.Type.STRING, "off")
         out.append(parameter)
     return out
 

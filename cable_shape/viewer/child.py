@@ -26,6 +26,7 @@ from cable_shape.viewer.recording import ReportLogger, new_recording
 _NICENESS = 5  # the loop that is watched goes first
 _WINDOW_OPENS_WITHIN = 30.0  # s
 _LOOK_UP = 0.5  # s, between looks whether the window is still there
+_CHECK_PERIOD = 2.0  # s, between looks whether the file can still be written
 _FLUSH_WITHIN = 30.0  # s; the parent ends the process sooner if it wants to
 
 
@@ -48,17 +49,31 @@ def main() -> int:
         times=setup["times"],
         live=window is not None,
     )
+    written = None if window is not None else recording
     try:
-        _show(logger, Mailbox(file), 1.0 / setup["max_rate"], window)
-    finally:
-        recording.flush(timeout_sec=_FLUSH_WITHIN)
-        recording.disconnect()
+        try:
+            _show(logger, Mailbox(file), 1.0 / setup["max_rate"], window, written)
+        finally:
+            recording.flush(timeout_sec=_FLUSH_WITHIN)
+            recording.disconnect()
+    except RuntimeError as error:  # rerun's, once its file cannot be written
+        print(f"viewer: the recording ends early ({error}); is the disk full?", file=sys.stderr)
+        return 1
     return 0
 
 
-def _show(logger: ReportLogger, mailbox: Mailbox, period: float, window: subprocess.Popen[bytes] | None) -> None:
-    """Takes the newest report, at most one a period, until the pipe ends; the last one is always taken."""
-    number, ended = 0, False
+def _show(
+    logger: ReportLogger,
+    mailbox: Mailbox,
+    period: float,
+    window: subprocess.Popen[bytes] | None,
+    written: rr.RecordingStream | None,
+) -> None:
+    """Takes the newest report, at most one a period, until the pipe ends; the last one is always taken.
+
+    Raises RuntimeError when `written`, a recording to a file, cannot be written any more.
+    """
+    number, ended, checked = 0, False, time.monotonic()
     while not ended and (window is None or window.poll() is None):
         ready, _, _ = select.select([0], [], [], _LOOK_UP)
         if not ready:
@@ -69,6 +84,9 @@ def _show(logger: ReportLogger, mailbox: Mailbox, period: float, window: subproc
         if letter is not None:
             number = letter[0]
             logger.log(decode(letter[1]))
+        if written is not None and began - checked > _CHECK_PERIOD:
+            checked = began
+            written.flush(timeout_sec=_FLUSH_WITHIN)
         if not ended:
             time.sleep(max(0.0, period - (time.monotonic() - began)))
 

@@ -115,6 +115,11 @@ class ViewerProcess:
         return self._mailbox.taken if self._connected else self._last_shown
 
     @property
+    def ended(self) -> bool:
+        """Whether the process is gone: its window was closed, its disk is full, or it was killed."""
+        return self._process.poll() is not None
+
+    @property
     def pid(self) -> int:
         """Of the viewer process."""
         return self._process.pid

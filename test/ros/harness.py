@@ -44,7 +44,7 @@ LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability
 class NodeProcess:
     """cable_shape_node in its own process and namespace."""
 
-    def __init__(self, namespace: str, folder: Path, arguments: Sequence[str]) -> None:
+    def __init__(self, namespace: str, folder: Path, arguments: Sequence[str], **environment: str) -> None:
         self.namespace = namespace
         self.log = folder / f"{namespace}.log"
         with self.log.open("w") as log:
@@ -53,6 +53,7 @@ class NodeProcess:
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 cwd=folder,
+                env={**os.environ, **environment},
             )
 
     def stop(self, number: int = signal.SIGINT) -> int:
@@ -221,7 +222,7 @@ class Cell:
                         return status
             return None
 
-        return self.until(found, f"diagnostics {name!r} with {text!r}", 15.0)
+        return self.until(found, f"diagnostics {name!r} with {text!r}")
 
 
 def nanoseconds(stamp: Any) -> int:

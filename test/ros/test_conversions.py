@@ -165,6 +165,15 @@ def test_poses_come_back_and_bad_ones_are_named():
         conversions.pose_of(message)
 
 
+def test_a_pose_out_of_all_reach_and_a_monstrous_quaternion_are_refused():
+    message = conversions.pose_message(Pose((1.0, -2e6, 3.0)), HEADER)
+    with pytest.raises(ArgumentError, match=r"position = \[1\.0, -2000000\.0, 3\.0\] .* within 1e\+06 m of"):
+        conversions.pose_of(message)
+    message.pose.orientation.w = 1e200  # its square is beyond double precision
+    with pytest.raises(ArgumentError, match="its length is inf"):
+        conversions.pose_of(message)
+
+
 @pytest.mark.parametrize("stamp", [0, 1, 999_999_999, 10**9, STAMP])
 def test_stamps_are_exact_to_the_nanosecond(stamp):
     assert conversions.nanoseconds(conversions.time_of(stamp)) == stamp

@@ -125,6 +125,33 @@ def test_a_status_that_is_not_ok_is_told_with_its_remedy(status, level):
     assert said(health, "prediction", T0) == (level, f"cable: {status.name}. {status.remedy}")
 
 
+def test_a_remark_is_a_warning_for_a_while_and_never_an_error():
+    health = active()
+    seen(health, T0)
+    health.remark("swap", "left and right have changed places", T0)
+    assert said(health, "input", T0 + 100) == (Level.WARN, "left and right have changed places")
+    values = next(v.values for v in health.verdicts(T0) if v.name == "input")
+    assert values["remarked: swap"] == "1"
+    later = T0 + 3 * SECOND
+    seen(health, later)
+    assert said(health, "input", later)[0] == Level.OK
+
+
+def test_a_robot_whose_links_are_not_known_is_told():
+    health = active()
+    health.robot_expected = True
+    health.cycled(report(T0), 1e-3, T0)
+    level, text = said(health, "cable", T0)
+    assert level == Level.WARN
+    assert "clearance to the robot is not checked: no usable joint_states" in text
+
+
+def test_troubles_of_the_node_itself_are_warnings():
+    health = active()
+    health.troubles = {"viewer": "the viewer has ended"}
+    assert said(health, "lifecycle", T0) == (Level.WARN, "the viewer has ended")
+
+
 def test_warnings_set_the_level_of_the_cable():
     zero = np.zeros(3)
     warning = CableWarning(

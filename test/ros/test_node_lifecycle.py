@@ -83,5 +83,6 @@ def test_a_viewer_file_is_written_and_closed(start, tmp_path):
     file = tmp_path / "seen.rrd"
     node = start(view=file)
     node.predicted()
+    node.until(file.exists, "recording")
     assert node.process.stop() == 0
     assert file.read_bytes()[:4] == b"RRF2"

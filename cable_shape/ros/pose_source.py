@@ -1,0 +1,149 @@
+"""Grips from pose topics, two for each cable: :class:`PoseSource`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import Any, final
+
+from geometry_msgs.msg import PoseStamped
+from rclpy.node import Node
+
+from cable_shape.errors import ArgumentError, InputError
+from cable_shape.pose import Pose
+from cable_shape.robot import Robot
+from cable_shape.ros import conversions
+from cable_shape.ros.gathering import Gathering
+from cable_shape.ros.inputs import SECOND, FrameGuard, Pair, Pairing, StampGuard
+from cable_shape.ros.links import LinkSource
+from cable_shape.ros.parameters import Settings
+from cable_shape.ros.plausibility import JumpWatch
+from cable_shape.ros.qos import POSE_TOPICS, SENSOR
+from cable_shape.ros.sources import Ends, Ready, Sink
+
+
+@final
+class _Cable:
+    """The two topics of one cable; left is its start."""
+
+    def __init__(self, prefix: str) -> None:
+        self.topics = tuple(prefix + topic for topic in POSE_TOPICS)
+        self.guards = tuple(StampGuard(topic) for topic in self.topics)
+        self.pairing: Pairing[Pose] = Pairing(0)
+        self.jumps = JumpWatch(self.topics)
+
+    def clear(self) -> None:
+        self.pairing.clear()
+        self.jumps.forget()
+        for guard in self.guards:
+            guard.forget()
+
+
+@final
+class PoseSource:
+    """PoseStamped topics, paired by stamp. With a robot its links follow joint states.
+
+    One cable listens to left_gripper/pose and right_gripper/pose, several to NAME/left_gripper/pose and so on.
+    """
+
+    def __init__(
+        self, node: Node, settings: Settings, sink: Sink, robot: Robot | None, cable_ids: Sequence[str]
+    ) -> None:
+        self._node = node
+        self._sink = sink
+        self._frame_setting = settings.frame_id
+        self._frame = FrameGuard(settings.frame_id)
+        self._cables = {name: _Cable(f"{name}/" if len(cable_ids) > 1 else "") for name in cable_ids}
+        self._gathering: Gathering[Pair[Pose]] = Gathering(cable_ids)
+        self._links = None if robot is None else LinkSource(node, sink, robot)
+        self.apply(settings)
+        self.topics = tuple(topic for cable in self._cables.values() for topic in cable.topics)
+        self.subscriptions: list[Any] = [] if self._links is None else [self._links.subscription]  # before the poses
+        for name, cable in self._cables.items():
+            for side, topic in enumerate(cable.topics):
+                take = partial(self._take, name, side)
+                self.subscriptions.append(node.create_subscription(PoseStamped, topic, take, SENSOR))
+
+    def apply(self, settings: Settings) -> None:
+        """Takes over the parameters that may change while running."""
+        for cable in self._cables.values():
+            cable.pairing.max_skew = round(settings.max_skew * SECOND)
+        self._grips = settings.grips()
+        self._max_age = settings.stale_after
+
+    def clear(self) -> None:
+        """Forgets all messages, stamps and the frame."""
+        self._frame = FrameGuard(self._frame_setting)
+        self._gathering.clear()
+        for cable in self._cables.values():
+            cable.clear()
+        if self._links is not None:
+            self._links.clear()
+
+    def counts(self) -> dict[str, int]:
+        """For the diagnostics."""
+        pairings = [cable.pairing for cable in self._cables.values()]
+        return {
+            "pairs": sum(pairing.pairs for pairing in pairings),
+            "messages without a partner": sum(pairing.unpaired for pairing in pairings),
+            "pairs older than the cycle before": self._gathering.late,
+        }
+
+    def hint(self) -> str:
+        """Why there are no pairs, if both topics of a cable bring messages."""
+        for cable in self._cables.values():
+            miss = cable.pairing.nearest_miss()
+            if miss is not None:
+                limit = cable.pairing.max_skew / SECOND
+                return (
+                    f"no pair: the newest stamps of {' and '.join(cable.topics)} are {miss / SECOND:.3f} s apart, "
+                    f"max_skew = {limit:g} s: nothing is published. Synchronise the clocks of their publishers, or "
+                    "raise max_skew."
+                )
+        return ""
+
+    def destroy(self) -> None:
+        """Takes the subscriptions away."""
+        for subscription in self.subscriptions:
+            self._node.destroy_subscription(subscription)
+
+    def _take(self, name: str, side: int, message: PoseStamped) -> None:
+        cable, sink, frame_id = self._cables[name], self._sink, message.header.frame_id
+        if not sink.open():
+            return
+        topic = cable.topics[side]
+        sink.health.arrived(topic, sink.now())
+        stamp = conversions.nanoseconds(message.header.stamp)
+        reason = "frame"
+        try:
+            self._frame.check(topic, frame_id)
+            reason = "pose"
+            pose = conversions.pose_of(message)
+            reason = "stamp"
+            restarted = cable.guards[side].check(stamp)
+        except ArgumentError as error:
+            sink.health.refuse(f"{topic} {reason}", f"{topic}: {error}", sink.now())
+            return
+        except InputError as error:
+            sink.health.refuse(f"{topic} {reason}", str(error), sink.now())
+            return
+        if restarted:
+            cable.pairing.clear()
+            cable.guards[1 - side].forget()
+            cable.jumps.forget()
+            self._gathering.clear()
+            sink.restarted(topic, stamp)
+        self._frame.fix(frame_id)
+        pair = cable.pairing.put(side, stamp, pose)
+        if pair is None:
+            return
+        odd = cable.jumps.look(pair.start, pair.end, pair.stamp)
+        if odd is not None:
+            sink.health.remark(*odd, sink.now())
+        for oldest, pairs in self._gathering.put(name, pair.stamp, pair):
+            sink.deliver(Ready(oldest, frame_id, partial(self._ends, oldest, pairs)))
+
+    def _ends(self, stamp: int, pairs: Mapping[str, Pair[Pose]]) -> Ends:
+        start, end = self._grips
+        links = None if self._links is None else partial(self._links.at, stamp, self._max_age)
+        return {name: (start.at(pair.start), end.at(pair.end)) for name, pair in pairs.items()}, links

@@ -1,0 +1,265 @@
+#!/usr/bin/env python
+"""How long after the second gripper pose was published the centreline arrives, over DDS, beside an empty echo node.
+
+    scripts/bench cell [--rates 125 250 500] [--seconds 20] [--view FILE.rrd]
+
+Four processes: a publisher (two gripper poses and joint states), the node ("auto", 20 obstacles, the links of two arms,
+viewer off), an echo node that answers the same messages with a ready-made shape, and a receiver. The publisher feeds
+node and echo in turns of one second, so that whatever else the machine does meets both. Exit status 0 if p50 is at most
+1.5 times and p99 at most 3 times the echo's at every rate.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rclpy
+import yaml
+from builtin_interfaces.msg import Time
+from cable_shape_msgs.msg import CableShape, CableWarnings
+from geometry_msgs.msg import PoseStamped
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+
+from cable_shape.robot import Robot
+
+CONFIG = Path(__file__).resolve().parents[1] / "config"
+SENSOR = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+RELIABLE = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
+LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+NAMES = ("echo", "node")
+TURN_S = 1.0
+STARTUP_S = 120.0  # the node may have to compile its kernels
+OBSTACLES, POINTS = 20, 150
+P50_ALLOWED, P99_ALLOWED = 1.5, 3.0
+TOPICS = (("left_gripper/pose", PoseStamped), ("right_gripper/pose", PoseStamped), ("joint_states", JointState))
+
+
+def scene() -> dict[str, Any]:
+    """Twenty bodies on a table, the nearest some centimetres from the cable."""
+    bodies: list[dict[str, Any]] = [{"name": "table", "box": [1.2, 1.8, 0.04], "position": [0.35, 0.0, -0.02]}]
+    for i in range(OBSTACLES - 1):
+        place = [0.25 + 0.03 * i, -0.36 + 0.04 * i, 0.06 + 0.015 * (i % 3)]
+        solid = ({"box": [0.03, 0.04, 0.12]}, {"sphere": 0.04}, {"cylinder": {"radius": 0.02, "length": 0.12}})[i % 3]
+        bodies.append({"name": f"body_{i}", **solid, "position": place})
+    return {"obstacles": bodies}
+
+
+def spun(node: Node) -> None:
+    """Spins until a signal."""
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    with contextlib.suppress(KeyboardInterrupt, ExternalShutdownException):
+        executor.spin()
+
+
+def echo() -> None:
+    """The least that a node in Python can do with these messages."""
+    node = rclpy.create_node("echo", namespace="echo")
+    shape = CableShape(cable_id="cable", model="cosserat", usable=True, length=1.0)
+    for name, width in (
+        ("arc_length", 1), ("positions", 3), ("quaternions", 4), ("curvature", 3), ("force", 3), ("moment", 3)
+    ):  # fmt: skip
+        setattr(shape, name, np.zeros(width * POINTS))
+    warnings = CableWarnings()
+    shapes = node.create_publisher(CableShape, "cable/shape", RELIABLE)
+    warned = node.create_publisher(CableWarnings, "cable/warnings", LATCHED)
+
+    def answer(message: PoseStamped) -> None:
+        shape.header = warnings.header = message.header
+        shapes.publish(shape)
+        warned.publish(warnings)
+
+    for topic, kind in TOPICS:
+        node.create_subscription(kind, topic, answer if topic.startswith("right") else lambda _: None, SENSOR)
+    spun(node)
+
+
+def receive(out: Path) -> None:
+    """Keeps when each shape came."""
+    node = rclpy.create_node("receiver")
+    came: list[tuple[int, int, int]] = []
+
+    def listen(number: int) -> Callable[[CableShape], None]:
+        def keep(message: CableShape) -> None:
+            now = time.monotonic_ns()
+            stamp = message.header.stamp
+            came.append((number, stamp.sec * 10**9 + stamp.nanosec, now))
+
+        return keep
+
+    for number, name in enumerate(NAMES):
+        node.create_subscription(CableShape, f"/{name}/cable/shape", listen(number), QoSProfile(depth=10))
+    spun(node)
+    np.save(out, np.array(came, dtype=np.int64).reshape(-1, 3))
+
+
+def motion(robot: Robot, count: int, rate: float) -> list[tuple[list[float], list[list[float]]]]:
+    """Joint positions around home and the two tool poses, one period of the path in `count` samples."""
+    rows = []
+    for k in range(count):
+        q = robot.home.copy()
+        for j in range(len(q)):
+            if "finger" not in robot.joint_names[j]:
+                q[j] += 0.03 * np.sin(2.0 * np.pi * (1 + j % 3) * k / count)
+        robot.update(q)
+        poses = robot.gripper_poses()
+        rows.append((q.tolist(), [poses[side].array.tolist() for side in ("left", "right")]))
+    return rows
+
+
+def publish(out: Path, rates: list[float], seconds: float) -> None:
+    """Feeds echo and node in turns; keeps the rate and when each second pose was published."""
+    node = rclpy.create_node("publisher")
+    sides = [[node.create_publisher(kind, f"/{name}/{topic}", SENSOR) for topic, kind in TOPICS] for name in NAMES]
+    robot = Robot.from_yaml(CONFIG / "robots" / "dual_arm.yaml")
+    end = time.monotonic() + STARTUP_S
+    while not all(p.get_subscription_count() for publishers in sides for p in publishers):
+        if time.monotonic() > end:
+            raise TimeoutError("a subscriber did not come")
+        time.sleep(0.1)
+    time.sleep(1.0)
+    sent: list[tuple[int, int, int, int]] = []
+    for rate in rates:
+        rows = motion(robot, round(4.0 * rate), rate)
+        step, k = 1.0 / rate, 0
+        for turn in range(2 * max(1, round(seconds / TURN_S))):
+            number = turn % 2
+            left, right, joints = sides[number]
+            due = time.monotonic() + step
+            for _ in range(round(TURN_S * rate)):
+                q, poses = rows[k % len(rows)]
+                k += 1
+                stamp = time.time_ns()
+                time_of = Time(sec=stamp // 10**9, nanosec=stamp % 10**9)
+                state = JointState(name=list(robot.joint_names), position=q)
+                state.header.stamp = time_of
+                made = []
+                for pose in poses:
+                    message = PoseStamped()
+                    message.header.frame_id = "world"
+                    message.header.stamp = time_of
+                    p, o = message.pose.position, message.pose.orientation
+                    p.x, p.y, p.z, o.x, o.y, o.z, o.w = pose
+                    made.append(message)
+                time.sleep(max(0.0, due - time.monotonic()))
+                due += step
+                joints.publish(state)
+                left.publish(made[0])
+                began = time.monotonic_ns()
+                right.publish(made[1])
+                sent.append((round(rate), number, stamp, began))
+            time.sleep(0.05)
+    np.save(out, np.array(sent, dtype=np.int64))
+
+
+def node_command(folder: Path, view: str) -> list[str]:
+    """The node under test."""
+    (folder / "scene.yaml").write_text(yaml.safe_dump(scene()))
+    half = float(np.sqrt(0.5))
+    crosswise = [0.0, 0.0, 0.0, -half, 0.0, 0.0, half]
+    parameters = {
+        "cable_file": CONFIG / "cables" / "demo.yaml",
+        "scene_file": folder / "scene.yaml",
+        "robot_file": CONFIG / "robots" / "dual_arm.yaml",
+        "left_gripper.offset": crosswise,
+        "right_gripper.offset": crosswise,
+        "view": view,
+    }
+    command = [sys.executable, "-m", "cable_shape.ros.node", "--ros-args", "-r", "__ns:=/node"]
+    for name, value in parameters.items():
+        command += ["-p", f"{name}:={value}"]
+    return command
+
+
+def measured(folder: Path, rates: list[float], seconds: float, view: str) -> tuple[np.ndarray, np.ndarray]:
+    """What was sent (rate, side, stamp, time) and what came (side, stamp, time)."""
+    me = [sys.executable, __file__]
+    options = ["--seconds", str(seconds), "--rates", *map(str, rates)]
+    log = (folder / "node.log").open("w")
+    children = [
+        subprocess.Popen(node_command(folder, view), stdout=log, stderr=subprocess.STDOUT),
+        subprocess.Popen([*me, "--role", "echo"]),
+        subprocess.Popen([*me, "--role", "receive", "--out", str(folder / "came.npy")]),
+    ]
+    try:
+        subprocess.run([*me, "--role", "publish", "--out", str(folder / "sent.npy"), *options], check=True)
+        time.sleep(0.5)
+    except subprocess.CalledProcessError:
+        print((folder / "node.log").read_text(), file=sys.stderr)
+        raise
+    finally:
+        for child in reversed(children):
+            child.send_signal(signal.SIGINT)
+            child.wait(30)
+        log.close()
+    return np.load(folder / "sent.npy"), np.load(folder / "came.npy")
+
+
+def report(sent: np.ndarray, came: np.ndarray) -> bool:
+    """A table of latencies; whether the bounds hold."""
+    arrivals = {(int(side), int(stamp)): int(at) for side, stamp, at in came}
+    holds = True
+    print("| rate | node | answered | p50 | p90 | p99 | max ms | p50 / echo | p99 / echo |")
+    print("| --- | --- | --- | --- | --- | --- | --- | --- | --- |")
+    for rate in dict.fromkeys(sent[:, 0].tolist()):
+        echoed: np.ndarray | None = None
+        for side, name in enumerate(NAMES):
+            rows = [row for row in sent.tolist() if row[0] == rate and row[1] == side]
+            late = [arrivals[side, stamp] - began for _, _, stamp, began in rows if (side, stamp) in arrivals]
+            if not late:
+                print(f"| {rate} Hz | {name} | 0 % |")
+                holds = False
+                continue
+            figures = np.percentile(1e-6 * np.array(late), (50, 90, 99, 100))
+            ratios = "|  |  |"
+            if echoed is not None:
+                p50, p99 = figures[0] / echoed[0], figures[2] / echoed[2]
+                holds &= bool(p50 <= P50_ALLOWED and p99 <= P99_ALLOWED)
+                ratios = f"| {p50:.2f} | {p99:.2f} |"
+            echoed = figures if side == 0 else echoed
+            numbers = " | ".join(f"{figure:.2f}" for figure in figures)
+            print(f"| {rate} Hz | {name} | {len(late) / len(rows):.1%} | {numbers} {ratios}")
+    print(f"p50 at most {P50_ALLOWED:g}, p99 at most {P99_ALLOWED:g} times the echo's: {'yes' if holds else 'NO'}")
+    return holds
+
+
+def main() -> int:
+    """Runs all processes, or one of them."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rates", type=float, nargs="+", default=[125.0, 250.0, 500.0], help="[Hz]")
+    parser.add_argument("--seconds", type=float, default=20.0, help="[s] at each rate, of node and of echo")
+    parser.add_argument("--view", default="off", help="the node's parameter view")
+    parser.add_argument("--role", choices=("echo", "receive", "publish"), help=argparse.SUPPRESS)
+    parser.add_argument("--out", type=Path, help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    if options.role is None:
+        with tempfile.TemporaryDirectory(prefix="bench_cell_") as folder:
+            return 0 if report(*measured(Path(folder), options.rates, options.seconds, options.view)) else 1
+    rclpy.init()
+    roles = {
+        "echo": echo,
+        "receive": lambda: receive(options.out),
+        "publish": lambda: publish(options.out, options.rates, options.seconds),
+    }
+    roles[options.role]()
+    rclpy.try_shutdown()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,151 @@
+"""Feeds the node two gripper poses for a long time: memory, threads, open files and cycle time must not grow.
+
+Exit status 0 if nothing grew and no process ended, else 1.
+"""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import rclpy
+from bench_cell import CONFIG, SENSOR, node_command
+from builtin_interfaces.msg import Time
+from cable_shape_msgs.msg import CableShape
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped
+from rclpy.executors import SingleThreadedExecutor
+from sensor_msgs.msg import JointState
+
+from cable_shape.robot import Robot
+
+STARTUP_S = 120.0
+GROWTH_KB = 5_000  # allocators keep some; a leak of 100 bytes a cycle at 250 Hz is 15 MB in ten minutes
+SLOWER = 1.5  # times, of the median cycle; the machine may be busy
+
+
+class Held(NamedTuple):
+    """What a process holds."""
+
+    memory_kb: int
+    threads: int
+    files: int
+
+    @classmethod
+    def by(cls, pid: int) -> Held:
+        """From /proc."""
+        proc = Path("/proc", str(pid))
+        line = next(line for line in (proc / "status").read_text().splitlines() if line.startswith("VmRSS"))
+        return cls(int(line.split()[1]), len(list((proc / "task").iterdir())), len(list((proc / "fd").iterdir())))
+
+
+def soak(seconds: float, rate: float, settle: float, timed: bool) -> list[str]:
+    """Runs it and returns what went wrong."""
+    robot = Robot.from_yaml(CONFIG / "robots" / "dual_arm.yaml")
+    node = rclpy.create_node("soak", namespace="node")
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    poses = [node.create_publisher(PoseStamped, f"{side}_gripper/pose", SENSOR) for side in ("left", "right")]
+    joints = node.create_publisher(JointState, "joint_states", SENSOR)
+    came = [0]
+    values: dict[str, str] = {}
+
+    def count(_: CableShape) -> None:
+        came[0] += 1
+
+    def keep(message: DiagnosticArray) -> None:
+        values.update({pair.key: pair.value for status in message.status for pair in status.values})
+
+    node.create_subscription(CableShape, "cable/shape", count, 10)
+    node.create_subscription(DiagnosticArray, "/diagnostics", keep, 10)
+    names, home = list(robot.joint_names), robot.home
+    with tempfile.TemporaryDirectory(prefix="soak_") as folder, Path(folder, "node.log").open("w") as log:
+        child = subprocess.Popen(node_command(Path(folder), "off"), stdout=log, stderr=subprocess.STDOUT)
+        try:
+            end = time.monotonic() + STARTUP_S
+            while values.get("state") != "active":
+                executor.spin_once(timeout_sec=0.1)
+                if child.poll() is not None or time.monotonic() > end:
+                    return [f"the node did not become active:\n{Path(folder, 'node.log').read_text()}"]
+            began = due = time.monotonic()
+            first: tuple[Held, float] | None = None
+            tell, sent = began + 10.0, 0
+            while time.monotonic() < began + seconds:
+                due += 1.0 / rate
+                stamp = time.time_ns()
+                at = Time(sec=stamp // 10**9, nanosec=stamp % 10**9)
+                q = home + 0.03 * np.sin(0.7 * (stamp % 10**13) * 1e-9) * (home < -0.1)
+                robot.update(q)
+                state = JointState(name=names, position=q.tolist())
+                state.header.stamp = at
+                joints.publish(state)
+                tools = robot.gripper_poses()
+                for publisher, side in zip(poses, ("left", "right"), strict=True):
+                    message = PoseStamped()
+                    message.header.stamp, message.header.frame_id = at, "world"
+                    p, o = message.pose.position, message.pose.orientation
+                    p.x, p.y, p.z, o.x, o.y, o.z, o.w = tools[side].array.tolist()
+                    publisher.publish(message)
+                sent += 1
+                executor.spin_once(timeout_sec=0.0)
+                while time.monotonic() < due:
+                    executor.spin_once(timeout_sec=max(0.0, due - time.monotonic()))
+                if child.poll() is not None:
+                    return [f"the node ended:\n{Path(folder, 'node.log').read_text()}"]
+                now = time.monotonic()
+                if now > tell:
+                    tell = now + max(10.0, seconds / 20.0)
+                    held, cycle = Held.by(child.pid), float(values.get("cycle time p50 [ms]", "nan"))
+                    print(f"{now - began:6.0f} s: {sent} sent, {came[0]} shapes, cycle p50 {cycle:.2f} ms, {held}")
+                    if first is None and now - began > settle:
+                        first = (held, cycle)
+            held, cycle = Held.by(child.pid), float(values.get("cycle time p50 [ms]", "nan"))
+            if first is None:
+                return [f"shorter than {settle:g} s: nothing can be said"]
+            return judged(first, (held, cycle), sent, came[0], timed)
+        finally:
+            child.send_signal(signal.SIGINT)
+            child.wait(30)
+
+
+def judged(first: tuple[Held, float], last: tuple[Held, float], sent: int, came: int, timed: bool) -> list[str]:
+    """What grew."""
+    wrong = []
+    (before, fast), (after, slow) = first, last
+    if after.memory_kb > before.memory_kb + GROWTH_KB:
+        wrong.append(f"memory grew from {before.memory_kb} to {after.memory_kb} kB")
+    if after.threads > before.threads or after.files > before.files:
+        wrong.append(f"threads or files grew from {before} to {after}")
+    if timed and slow > SLOWER * fast:
+        wrong.append(f"the median cycle grew from {fast:.2f} to {slow:.2f} ms")
+    if came < (0.5 if timed else 0.01) * sent:
+        wrong.append(f"only {came} of {sent} pairs were answered")
+    print(f"memory {before.memory_kb} -> {after.memory_kb} kB, cycle p50 {fast:.2f} -> {slow:.2f} ms, {came} of {sent}")
+    return wrong
+
+
+def main() -> int:
+    """See the module."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--minutes", type=float, default=10.0)
+    parser.add_argument("--rate", type=float, default=250.0, help="[Hz]")
+    parser.add_argument("--settle", type=float, default=15.0, help="[s] before the first look")
+    parser.add_argument("--untimed", action="store_true", help="judge no times: the machine is busy")
+    options = parser.parse_args()
+    rclpy.init()
+    wrong = soak(60.0 * options.minutes, options.rate, options.settle, not options.untimed)
+    rclpy.try_shutdown()
+    for reason in wrong:
+        print(f"soak failed: {reason}", file=sys.stderr)
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,164 @@
+"""Random messages and files: refused with a text or used, never a crash of another kind.
+
+CABLE_SHAPE_FUZZ sets how many examples of each kind are tried (300).
+"""
+
+import contextlib
+import math
+import os
+from functools import partial
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
+
+from cable_shape.cable import Cable
+from cable_shape.cycle import Cycle
+from cable_shape.errors import CableShapeError
+from cable_shape.robot import Robot
+from cable_shape.ros.assembly import load_cables
+from cable_shape.ros.diagnostics import Health
+from cable_shape.ros.parameters import SPECS, Settings, find_file
+from cable_shape.ros.pose_source import PoseSource
+from cable_shape.ros.sources import JointSource, Sink
+from cable_shape.scene import Scene
+
+EXAMPLES = int(os.environ.get("CABLE_SHAPE_FUZZ", "300"))
+fuzzed = settings(
+    derandomize=True, deadline=None, max_examples=EXAMPLES, suppress_health_check=list(HealthCheck), database=None
+)
+NUMBERS = st.one_of(
+    st.floats(-1.0, 1.0), st.floats(), st.sampled_from((0.0, 1.0, 0.5, 1e-300, 1e300, math.nan, math.inf))
+)
+UNIT = st.sampled_from(((0.5, 0.5, 0.5, 0.5), (0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0, -1.0)))
+STAMPS = st.tuples(st.integers(-(2**31), 2**31 - 1) | st.integers(1000, 1003), st.integers(0, 2**32 - 1))
+HEADERS = st.builds(
+    lambda stamp, frame: Header(stamp=Time(sec=stamp[0], nanosec=stamp[1]), frame_id=frame),
+    STAMPS,
+    st.sampled_from(("world", "world", "world", "")) | st.text(st.characters(codec="utf-8"), max_size=8),
+)
+POSES = st.builds(
+    lambda header, p, q: PoseStamped(
+        header=header,
+        pose=Pose(position=Point(x=p[0], y=p[1], z=p[2]), orientation=Quaternion(x=q[0], y=q[1], z=q[2], w=q[3])),
+    ),
+    HEADERS,
+    st.tuples(NUMBERS, NUMBERS, NUMBERS),
+    UNIT | st.tuples(NUMBERS, NUMBERS, NUMBERS, NUMBERS),
+)
+ROBOT = Robot.from_yaml(find_file("robots/dual_arm.yaml"))
+NAMES = st.lists(st.sampled_from(ROBOT.joint_names) | st.text(st.characters(codec="utf-8"), max_size=4), max_size=16)
+JOINTS = st.one_of(
+    st.builds(lambda h, n, q: JointState(header=h, name=n, position=q), HEADERS, NAMES, st.lists(NUMBERS, max_size=16)),
+    st.builds(
+        lambda h, q: JointState(header=h, name=list(ROBOT.joint_names), position=q),
+        HEADERS,
+        st.lists(NUMBERS, min_size=len(ROBOT.joint_names), max_size=len(ROBOT.joint_names)),
+    ),
+)
+VALUES = {spec.name: spec.default for spec in SPECS}
+
+
+def refused_or_read(read, value):
+    """Any other exception fails the test."""
+    with contextlib.suppress(CableShapeError):
+        read(value)
+
+
+class Node:
+    """What a source asks of a node, without DDS: messages are handed to the callbacks by the test."""
+
+    def __init__(self):
+        self.take = []
+
+    def create_subscription(self, kind, topic, callback, qos):
+        self.take.append(callback)
+        return SimpleNamespace(topic=topic)
+
+
+class Fed:
+    """A source, a cycle behind it, and whether every shape that came out is made of numbers."""
+
+    def __init__(self, make):
+        self.node, self.health = Node(), Health(0.5)
+        self.health.state = "active"
+        self.cycle = Cycle(Cable(length=1.2, linear_density=0.1, bending_stiffness=0.01), points=20)
+        self.source = make(self.node, Settings.of(VALUES), Sink(self.health, lambda: 1, self.run, self.cycle.reset))
+
+    def run(self, ready):
+        try:
+            grips, links = ready.ends()
+            report = self.cycle.step(grips, ready.stamp, links)
+        except CableShapeError as error:
+            self.health.refuse("cycle", str(error), 1)
+            return
+        for shape in report.shapes.values():
+            assert not shape.status or np.isfinite(shape.buffer).all()
+        self.health.cycled(report, 1e-3, 1)
+
+    def put(self, number, message):
+        self.node.take[number](message)
+        for verdict in self.health.verdicts(1):
+            assert isinstance(verdict.message, str)
+
+
+@pytest.fixture(scope="module")
+def poses(compiled):
+    return Fed(partial(PoseSource, robot=None, cable_ids=("cable",)))
+
+
+@pytest.fixture(scope="module")
+def joints(compiled):
+    return Fed(partial(JointSource, robot=ROBOT, cable_id="cable"))
+
+
+@fuzzed
+@given(st.lists(st.tuples(st.integers(0, 1), POSES), max_size=6))
+def test_random_poses(poses, messages):
+    for side, message in messages:
+        poses.put(side, message)
+
+
+@fuzzed
+@given(st.lists(JOINTS, max_size=3))
+def test_random_joint_states(joints, messages):
+    for message in messages:
+        joints.put(0, message)
+
+
+ATOMS = st.none() | st.booleans() | st.integers() | NUMBERS | st.text(max_size=5)
+KEYS = st.sampled_from(
+    ("length", "linear_density", "bending_stiffness", "diameter", "tails", "cables", "obstacles", "clips", "masses",
+     "name", "box", "sphere", "cylinder", "radius", "position", "quaternion", "sockets", "plug", "rest_curvature")
+)  # fmt: skip
+TREES = st.recursive(
+    ATOMS, lambda inner: st.lists(inner, max_size=4) | st.dictionaries(KEYS | st.text(max_size=3), inner, max_size=5)
+)
+
+
+@fuzzed
+@given(st.dictionaries(KEYS | st.text(max_size=3), TREES, max_size=6))
+def test_random_trees_as_cable_and_scene(values):
+    for read in (Cable.from_mapping, Scene.from_mapping):
+        refused_or_read(read, values)
+
+
+@fuzzed
+@given(st.binary(max_size=200) | st.text(max_size=200).map(lambda text: text.encode(errors="ignore")))
+def test_random_bytes_as_yaml(tmp_path_factory, content):
+    file = tmp_path_factory.getbasetemp() / "fuzz.yaml"
+    file.write_bytes(content)
+    for read in (Cable.from_yaml, Scene.from_yaml, load_cables, Robot.from_yaml):
+        refused_or_read(read, file)
+
+
+@fuzzed
+@given(st.fixed_dictionaries({}, optional={spec.name: ATOMS | st.lists(NUMBERS, max_size=8) for spec in SPECS}))
+def test_random_parameters(changes):
+    refused_or_read(Settings.of, {**VALUES, **changes})

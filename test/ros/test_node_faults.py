@@ -1,0 +1,338 @@
+"""What happens in a cell: processes die, clocks loop, disks fill, caches rot, homes are closed. Real nodes over DDS."""
+
+import os
+import random
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from builtin_interfaces.msg import Time
+from cable_shape_msgs.msg import CableWarnings
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import PoseStamped
+from harness import ALONG_X, LATCHED, Cell, NodeProcess, nanoseconds, values_of
+from rerun.chunk import RrdReader
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+
+from cable_shape.kernels._jit import cache_folder
+from cable_shape.robot import Robot
+from cable_shape.ros.fields import shape_from
+from cable_shape.ros.parameters import find_file
+
+WARN, ERROR = DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+POSSIBLE = {"unconfigured": {1: "inactive"}, "inactive": {2: "unconfigured", 3: "active"}, "active": {4: "inactive"}}
+HERE = Path(__file__).parent
+
+
+def test_a_tracker_that_is_killed_mid_motion_and_started_again(cell):
+    def tracker():
+        return subprocess.Popen([sys.executable, HERE / "mover.py", f"/{cell.process.namespace}"])
+
+    for _ in range(2):
+        cell.shapes.clear()
+        process = tracker()
+        try:
+            cell.until(lambda: len(cell.shapes) > 30, "shapes of a motion")
+        finally:
+            process.kill()
+            process.wait()
+        cell.diagnosis("input", "stale: no message on left_gripper/pose and right_gripper/pose", WARN)
+        cell.spin(0.2)
+        count = len(cell.shapes)
+        cell.spin(0.5)
+        assert len(cell.shapes) == count  # nothing is published again under a new stamp
+
+
+def test_a_jump_of_half_a_metre_is_followed_and_told(cell):
+    cell.predicted()
+    stamp = cell.now()
+    cell.pose(0, stamp, (0.0, 0.5, 0.5))
+    cell.pose(1, stamp, (0.8, 0.5, 0.5))
+    shape = shape_from(cell.until(lambda: cell.shape_of(stamp), "shape after the jump"))
+    assert shape.status
+    assert shape.positions[[0, -1]] == pytest.approx(np.array(((0.0, 0.5, 0.5), (0.8, 0.5, 0.5))), abs=1e-9)
+    status = cell.diagnosis("input", "_gripper/pose jumped by 0.500 m within", WARN)
+    assert any(key.startswith("remarked: ") and key.endswith(" jump") for key in values_of(status))
+    cell.predicted()
+
+
+def test_left_and_right_that_change_places_are_told(cell):
+    stamp = nanoseconds(cell.predicted().header.stamp)
+    cell.spin(0.05)
+    stamp = max(cell.now(), stamp + 1)
+    cell.pose(0, stamp, (0.8, 0.0, 0.5))
+    cell.pose(1, stamp, (0.0, 0.0, 0.5))
+    cell.until(lambda: cell.shape_of(stamp), "shape the other way round")
+    cell.diagnosis("input", "left_gripper/pose and right_gripper/pose have changed places", WARN)
+    cell.predicted()
+
+
+def test_a_bag_that_loops_in_simulated_time(start):
+    node = start(use_sim_time="true", diagnostics_period=0.2)
+    clock = node.node.create_publisher(Clock, "/clock", 1)
+
+    def play(k):
+        now = 50_000_000_000 + 20_000_000 * k
+        clock.publish(Clock(clock=Time(sec=now // 10**9, nanosec=now % 10**9)))
+        node.spin(0.01)
+        node.pair(now)
+        node.spin(0.01)
+        return now
+
+    k = 0
+    while not node.shapes:
+        play(k)
+        k += 1
+        assert k < 3000, node.process.text()
+    for last in range(k, k + 100):
+        play(last)
+    node.shapes.clear()
+    again = [play(k) for k in range(60)]  # from the start
+    node.until(lambda: nanoseconds(node.shapes[-1].header.stamp) in again[-5:], "shapes of the second round", 10.0)
+    fine = node.diagnosis
+    node.diagnostics.clear()
+    for k in range(60, 300):
+        play(k)
+    status = fine("input", "")
+    assert int(values_of(status)["clock restarts"]) == 1
+    assert node.process.stop() == 0
+
+
+def test_lifecycle_transitions_in_any_order_a_hundred_times_leave_nothing_behind(start):
+    node = start(autostart="false", active=False)
+    chance = random.Random(7)
+    proc = Path(f"/proc/{node.process.process.pid}")
+
+    def held():
+        memory = next(line for line in (proc / "status").read_text().splitlines() if line.startswith("VmRSS"))
+        return int(memory.split()[1]), len(list((proc / "task").iterdir())), len(list((proc / "fd").iterdir()))
+
+    def home():
+        while node.state() != "unconfigured":
+            assert node.transition({"active": 4, "inactive": 2}[node.state()])
+
+    state, before = node.state(), None
+    for k in range(130):
+        wanted = chance.choice((1, 2, 3, 4))
+        reached = POSSIBLE[state].get(wanted)
+        assert node.transition(wanted) == (reached is not None)
+        state = reached or state
+        if k % 10 == 0:
+            assert node.state() == state
+        if k == 30:  # what is loaded once is loaded
+            home()
+            state, before = "unconfigured", held()
+    home()
+    memory, threads, files = (now - then for now, then in zip(held(), before, strict=True))
+    assert threads <= 0
+    assert files <= 0
+    assert memory < 20_000, "kB"  # a leaked cycle or robot would be more than that
+    assert node.transition(1)
+    assert node.transition(3)
+    node.predicted()
+    assert node.process.stop() == 0
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_leaves_a_recording_that_can_be_read(start, tmp_path, number):
+    file = tmp_path / "seen.rrd"
+    node = start(view=file)
+
+    def written():  # the viewer's process takes a moment to start
+        node.pair()
+        node.spin(0.02)
+        return file.exists() and file.stat().st_size > 4000
+
+    node.until(written, "recording")
+    assert node.process.stop(number) == 0
+    assert "Traceback" not in node.process.text()
+    chunks = list(RrdReader(str(file)).stream().to_chunks())
+    shown = [chunk for chunk in chunks if "cable" in chunk.entity_path and not chunk.is_static]
+    assert sum(chunk.to_record_batch().num_rows for chunk in shown) > 0
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_during_configure_ends_it(start, number, tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cold"))  # configure compiles for minutes
+    node = start(active=False)
+    end = time.monotonic() + 60.0
+    while "configuring" not in node.process.text():
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    time.sleep(1.0)
+    assert node.process.stop(number) == 0
+
+
+def test_a_full_disk_ends_the_recording_not_the_node(start, tmp_path):
+    file = tmp_path / "seen.rrd"
+    node = start(view=file, diagnostics_period=0.2)
+    node.predicted()
+    node.until(file.exists, "recording")
+    child = next(p for p in Path("/proc").glob("[0-9]*") if parent_of(p) == node.process.process.pid)
+    resource.prlimit(int(child.name), resource.RLIMIT_FSIZE, (20_000, 20_000))
+
+    def told():
+        node.pair()
+        node.spin(0.02)
+        return next((s for m in node.diagnostics for s in m.status if "the viewer has ended" in s.message), None)
+
+    status = node.until(told, "diagnostics about the viewer", 60.0)
+    assert "disk full" in status.message
+    assert file.stat().st_size <= 20_000
+    node.predicted()
+    assert node.process.stop() == 0
+    assert "the recording ends early" in node.process.text()
+    assert "Traceback" not in node.process.text()
+
+
+def parent_of(process):
+    """Of a /proc entry; -1 if it has gone."""
+    try:
+        return int((process / "stat").read_text().rsplit(")", 1)[1].split()[1])
+    except OSError:
+        return -1
+
+
+def test_a_viewer_that_is_killed_is_told(start, tmp_path):
+    node = start(view=tmp_path / "seen.rrd", diagnostics_period=0.2)
+    node.predicted()
+    child = next(p for p in Path("/proc").glob("[0-9]*") if parent_of(p) == node.process.process.pid)
+    os.kill(int(child.name), signal.SIGKILL)
+    node.diagnosis("lifecycle", "the viewer has ended", WARN)
+    node.predicted()
+    assert node.process.stop() == 0
+
+
+def test_two_nodes_of_one_name_are_told(cell, tmp_path, cable_file):
+    arguments = ["-p", f"cable_file:={cable_file}", "-p", "autostart:=false"]
+    second = NodeProcess(cell.process.namespace, tmp_path, arguments)
+    try:
+        status = cell.diagnosis("lifecycle", "another node is called", WARN)
+        assert f"/{cell.process.namespace}/cable_shape_node" in status.message
+    finally:
+        assert second.stop() == 0
+    cell.diagnosis("lifecycle", "active", DiagnosticStatus.OK)
+
+
+def test_ten_cables_on_one_node(start, tmp_path):
+    """Each is predicted between its own grips, all in one cycle under the oldest stamp."""
+    file = tmp_path / "cables.yaml"
+    one = "{length: %.2f, linear_density: 0.1, bending_stiffness: 0.01, diameter: 0.008}"
+    names = [f"c{k}" for k in range(10)]
+    file.write_text("cables:\n" + "".join(f"  {name}: {one % (1.2 + 0.02 * k)}\n" for k, name in enumerate(names)))
+    node = start(cable_file=file, active=False)
+    node.until(lambda: node.state() == "active", "state active")
+    topics = [[f"{name}/{side}_gripper/pose" for side in ("left", "right")] for name in names]
+    publishers = [[node.node.create_publisher(PoseStamped, topic, 1) for topic in both] for both in topics]
+    warnings = node.listen(CableWarnings, "cable/warnings", LATCHED)
+
+    def publish(stamp, last=10):
+        for k, both in enumerate(publishers[:last]):
+            for x, publisher in zip((0.0, 0.8), both, strict=True):
+                message = PoseStamped()
+                message.header.stamp = Time(sec=stamp // 10**9, nanosec=stamp % 10**9 + k * 1000)
+                message.header.frame_id = "world"
+                p, q = message.pose.position, message.pose.orientation
+                p.x, p.y, p.z = x, 0.1 * k, 0.5
+                q.x, q.y, q.z, q.w = ALONG_X
+                publisher.publish(message)
+
+    def came(count):
+        def all_came():
+            stamp = node.now() // 10**9 * 10**9 + 1000  # the sum below stays within its second
+            stamp = max(stamp, getattr(node, "sent", 0) + 20_000_000)
+            node.sent = stamp
+            publish(stamp, count)
+            node.spin(0.1)
+            found = {m.cable_id: m for m in node.shapes if nanoseconds(m.header.stamp) == stamp}
+            return found if len(found) == count else None
+
+        return all_came
+
+    found = node.until(came(10), "ten shapes under one stamp")
+    for k, name in enumerate(names):
+        shape = shape_from(found[name])
+        assert shape.length == pytest.approx(1.2 + 0.02 * k)
+        assert shape.positions[[0, -1]] == pytest.approx(np.array(((0.0, 0.1 * k, 0.5), (0.8, 0.1 * k, 0.5))), abs=1e-9)
+    stamps = [nanoseconds(m.header.stamp) for m in warnings]
+    assert len(set(stamps)) == len(stamps)  # one cycle for all
+    node.until(came(3), "three shapes, the others being silent")
+    node.until(came(10), "ten shapes again")
+    assert node.process.stop() == 0
+
+
+def test_several_cables_need_poses_and_names_that_make_topics(start, tmp_path):
+    file = tmp_path / "cables.yaml"
+    one = "{length: 1.2, linear_density: 0.1, bending_stiffness: 0.01}"
+    file.write_text(f"cables: {{a: {one}, b/c: {one}}}")
+    node = start(cable_file=file, active=False)
+    node.diagnosis("lifecycle", "a name must be letters, digits and _", ERROR)
+    file.write_text("cables: 3")
+    assert not node.transition(1)
+    node.diagnosis("lifecycle", "it must map 1 to 100 names to cables", ERROR)
+    file.write_text(f"cables: {{a: {one}, b: {one}}}")
+    assert node.set(input="joints", robot_file="robots/dual_arm.yaml").successful
+    assert not node.transition(1)
+    node.diagnosis("lifecycle", "moves one cable, between the robot's two grippers", ERROR)
+    assert node.process.stop() == 0
+
+
+def test_a_rotten_kernel_cache_and_a_closed_home(tmp_path, cable_file):
+    """HOME is a folder in which nobody can write, and the cache holds half files and rubbish."""
+    warm = Path(cache_folder(HERE.parents[1] / "cable_shape" / "kernels" / "poses.py"))
+    place = tmp_path / "cache" / "cable_shape"
+    place.mkdir(parents=True)
+    for folder in warm.parent.iterdir():
+        if folder != warm:
+            (place / folder.name).symlink_to(folder)
+    shutil.copytree(warm, place / warm.name)
+    files = sorted((place / warm.name).rglob("*.nb?"))
+    assert files
+    for k, file in enumerate(files):
+        if k % 2:
+            os.truncate(file, file.stat().st_size // 2)
+        else:
+            file.write_bytes(b"rubbish")
+    arguments = ["-p", f"cable_file:={cable_file}"]
+    closed = {"HOME": "/proc", "XDG_CACHE_HOME": str(tmp_path / "cache")}
+    node = Cell(NodeProcess(f"closed{os.getpid()}", tmp_path, arguments, **closed))
+    try:
+        node.active()
+        node.predicted()
+        assert node.process.stop() == 0
+    finally:
+        node.process.stop()
+        node.close()
+
+
+def test_poses_with_a_robot_check_its_links_while_joint_states_come(start):
+    robot = Robot.from_yaml(find_file("robots/dual_arm.yaml"))
+    node = start(robot_file="robots/dual_arm.yaml", diagnostics_period=0.2, stale_after=0.4)
+    warnings = node.listen(CableWarnings, "cable/warnings", LATCHED)
+    node.predicted()
+    status = node.diagnosis("cable", "clearance to the robot is not checked: no usable joint_states", WARN)
+    assert "Start its publisher, or clear robot_file" in status.message
+
+    def checked():
+        stamp = node.now()
+        state = JointState(name=list(robot.joint_names), position=robot.home.tolist())
+        state.header.stamp = Time(sec=stamp // 10**9, nanosec=stamp % 10**9)
+        node.joints.publish(state)
+        node.spin(0.02)
+        node.pair(stamp)
+        node.spin(0.02)
+        return any(m.robot_checked for m in warnings)
+
+    node.until(checked, "warnings with the robot checked", 20.0)
+    warnings.clear()
+    node.spin(0.5)
+    node.predicted()
+    node.until(lambda: warnings and not warnings[-1].robot_checked, "warnings without it", 10.0)
+    assert node.process.stop() == 0
