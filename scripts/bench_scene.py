@@ -11,9 +11,11 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from cosserat_figures import Figures
 from scene_arch import print_arch
 from scene_clearance import print_clearance
 from scene_clips import CASES, print_clips
+from scene_closed_forms import print_closed_forms
 from scene_contact import print_contact
 from scene_crossing import print_crossing
 from scene_margins import print_margins, print_snap
@@ -25,13 +27,16 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="fewer random scenes, cycles and steps")
     parser.add_argument("--cases", type=Path, default=CASES, help="folder of the reference cases")
     options = parser.parse_args()
-    print_clips(options.cases, 30 if options.quick else 300)
-    print_arch(options.cases)
-    print_clearance()
-    print_margins(200 if options.quick else 2000)
+    figures = Figures()
+    print_clips(figures, options.cases, 30 if options.quick else 300)
+    print_arch(figures, options.cases)
+    print_clearance(figures)
+    print_margins(figures, 200 if options.quick else 2000)
     print_snap()
-    print_contact(quick=options.quick)
-    print_crossing(2 if options.quick else 10)
+    print_closed_forms(figures)
+    print_contact(figures, quick=options.quick)
+    print_crossing(figures, 2 if options.quick else 10)
+    figures.print_summary()
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ from pathlib import Path
 from time import perf_counter
 
 import numpy as np
+from cosserat_figures import Figures, heading
 
 import cable_shape as cs
 from cable_shape.clearance import ClearanceChecker
@@ -77,8 +78,8 @@ def median_us(checker: ClearanceChecker, shapes: list[cs.CableShape], links: dic
     return 1e6 * float(np.median(times))
 
 
-def print_clearance() -> bool:
-    """Prints the medians; returns whether the figure holds."""
+def print_clearance(figures: Figures) -> None:
+    """The medians."""
     robot = Robot.from_yaml(CELL)
     links = robot.link_poses()
     start, end = robot.grips()
@@ -88,10 +89,7 @@ def print_clearance() -> bool:
         shift = 0.01 * np.array((np.sin(0.2 * k), 0.0, np.cos(0.15 * k) - 1.0))
         frame = end.pose
         shapes.append(predictor.predict(start, cs.Grip(cs.Pose(frame.position + shift, frame.quaternion), end.kind)))
-    print(
-        f"\n## Clearance to {BODIES} bodies and the links of two arms ({len(robot.link_geometry)} bodies), 150 points"
-    )
-    holds = True
+    heading(f"Clearance to {BODIES} bodies and the links of two arms ({len(robot.link_geometry)} bodies), 150 points")
     for name, near in ((f"{NEAR} near", NEAR), (f"all {BODIES} near", BODIES)):
         rng = np.random.default_rng(30)
         bodies, count = [], 0
@@ -114,18 +112,14 @@ def print_clearance() -> bool:
         every = median_us(checkers[1], shapes[:2], links, 1)
         clearance = checkers[0].check(shapes[0], links)
         inside = [b.body for b in clearance.bodies if b.distance < WARN and b.body.startswith("body_")]
-        asked = "" if near == BODIES else f" (asked at most {ASKED_US:g})"
         print(
-            f"{name}: {culled:.0f} us{asked}, without culling {every:.0f} us; "
+            f"{name}: {culled:.0f} us, without culling {every:.0f} us; "
             f"{len(inside)} obstacles within {WARN:g} m, "
             f"of which {sum(b in [f'body_{i}' for i in range(4)] for b in inside)} meshes of 480 triangles; "
             f"{clearance.pairs_culled} pairs culled, {clearance.pairs_exact} computed"
         )
         if near == NEAR:
-            holds = culled <= ASKED_US and len(inside) >= NEAR
-    print(f"holds: {'yes' if holds else 'no'}")
-    return holds
-
-
-if __name__ == "__main__":
-    print_clearance()
+            figures.at_least("clearance: obstacles within the warning distance", len(inside), NEAR, "{:d}")
+            figures.at_most(
+                f"clearance, {NEAR} of {BODIES} obstacles and two arms near", culled, ASKED_US, "{:.0f}", " us"
+            )

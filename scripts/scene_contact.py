@@ -1,4 +1,4 @@
-"""Contact in the equilibrium: closed forms, seeded motions, finer meshes, random places and times.
+"""Contact in the equilibrium: seeded motions, finer meshes, random places and times.
 
 python scripts/scene_contact.py [--quick]
 """
@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import statistics
 import sys
-from collections.abc import Iterator
+from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
 from contact_reference import compared, finer
+from cosserat_figures import Figures, heading
 
 import cable_shape as cs
 from cable_shape.clearance import ClearanceChecker
@@ -26,6 +27,47 @@ ACROSS_Y = cs.Pose((0, 0, 0), (np.sqrt(0.5), 0, 0, np.sqrt(0.5)))  # z of the ob
 DEEPEST = 2e-4  # m
 
 Ends = tuple[cs.Pose, cs.Pose]
+
+
+@dataclass
+class Totals:
+    """The worst of all motions."""
+
+    steps: int = 0
+    usable: int = 0
+    deepest: float = 0.0  # m
+    late: float = 0.0
+    apart: float = 0.0
+    force: float = 0.0
+    honest: int = 0
+    compared: int = 0
+
+    def add(
+        self,
+        steps: int,
+        usable: int,
+        deepest: float,
+        late: float,
+        apart: float,
+        force: float,
+        honest: int,
+        compared: int,
+    ) -> None:
+        """One motion's."""
+        self.steps, self.usable = self.steps + steps, self.usable + usable
+        self.honest, self.compared = self.honest + honest, self.compared + compared
+        self.deepest, self.late = max(self.deepest, deepest), max(self.late, late)
+        self.apart, self.force = max(self.apart, apart), max(self.force, force)
+
+    def tell(self, figures: Figures) -> None:
+        """As figures."""
+        figures.at_least("motions in contact: usable", 100.0 * self.usable / self.steps, 99.9, "{:.2f}", " %")
+        figures.at_most("motions in contact: deepest", 1e3 * self.deepest, 1e3 * DEEPEST, "{:.3f}", " mm")
+        figures.at_most("motions in contact: 99 % of the times / median, worst", self.late, 10.0, "{:.1f}")
+        figures.at_most("motions in contact: distance / L to a mesh 8 times finer", self.apart, 5e-4)
+        force, honest = 100.0 * self.force, 100.0 * self.honest / self.compared
+        figures.at_most("motions in contact: force against a mesh 4 times finer", force, 1.0, "{:.2f}", " %")
+        figures.at_least("motions in contact: true error at most the estimate", honest, 99.0, "{:.1f}", " %")
 
 
 def turned(axis: tuple[float, float, float], angle: float) -> cs.Pose:
@@ -112,8 +154,14 @@ def deepest(shape: cs.CableShape, scene: cs.Scene, radius: float) -> float:
     return max((-body.distance for body in found.bodies), default=0.0)
 
 
-def rows(steps: int, every: int) -> Iterator[str]:
+def print_motions(figures: Figures, steps: int, every: int) -> None:
     """One line a motion; every so manyth shape is compared with meshes 4 and 8 times finer."""
+    print("                                                                              position, of L: ")
+    print(
+        "motion                      usable snapped  changes   deepest    median p99/median  95 % of shapes, worst "
+        "force    honest, lost"
+    )
+    total = Totals()
     for name, (scene, ends) in motions(steps).items():
         cs.Predictor(CABLE, scene=scene, model="cosserat").predict(*ends[-1])
         predictor = cs.Predictor(CABLE, scene=scene, model="cosserat")
@@ -142,14 +190,17 @@ def rows(steps: int, every: int) -> Iterator[str]:
             forces.append(compared(shape, coarse)[1])
             honest += distance <= shape.error_estimate
         late = np.quantile(times, 0.99) / statistics.median(times)
-        yield (
+        total.add(len(ends), usable, worst, late, max(apart), max(forces), honest, len(apart))
+        print(
             f"{name:24s} {usable:4d}/{len(ends)} {snapped:7d} {changes:8d} {worst * 1e3:6.3f} mm "
             f"{statistics.median(times) * 1e6:6.0f} us {late:8.1f}   {np.quantile(apart, 0.95):.1e} {max(apart):.1e} "
-            f"{max(forces) * 100:6.2f} % {honest:4d}/{len(apart)} {lost:4d}"
+            f"{max(forces) * 100:6.2f} % {honest:4d}/{len(apart)} {lost:4d}",
+            flush=True,
         )
+    total.tell(figures)
 
 
-def random_row(count: int, seconds: float) -> str:
+def print_random(figures: Figures, count: int, seconds: float) -> None:
     """Cold shapes among random bodies, until so many or so much time: how many are usable, and how deep they are."""
     rng = np.random.default_rng(7)
     kinds = (
@@ -173,28 +224,13 @@ def random_row(count: int, seconds: float) -> str:
             depth = deepest(shape, scene, 0.5 * CABLE.diameter)
             worst = max(worst, depth)
             wrong += depth > DEEPEST
-    return (
-        f"random places, cold: {done} of {count}, {usable} usable, {touched} in contact, deepest {worst * 1e3:.3f} mm, "
-        f"{wrong} not finite or deeper than {DEEPEST * 1e3:.1f} mm"
+    print(
+        f"random places, cold: {done} of {count}, {usable} usable, {touched} in contact, deepest {worst * 1e3:.3f} mm"
     )
+    figures.at_most("random places: not finite, or usable and deeper than 0.2 mm", wrong, 0, "{:d}")
 
 
-def lifted_rows() -> Iterator[str]:
-    """A cable lifted off a table by one grip: its force and moment, and the table's reactions, over the closed form."""
-    weight, length, lift, stiffness = 0.981, 0.8, 0.3, 0.05  # slopes stay small, as the closed form has it
-    cable = cs.Cable(length, 0.1, stiffness, 0.8 * stiffness, diameter=0.004)
-    scene = cs.Scene(obstacles=[cs.Obstacle("table", cs.HalfSpace())], contact="solve")
-    for kind, share, part, grip in (("clamped", 72, 1 / 3, 2 / 3), ("pinned", 24, 1 / 2, 1 / 2)):
-        height = 0.002 + weight * lift**4 / (share * stiffness)
-        start = cs.Grip(cs.Pose((0, 0, height), ALONG_X), kind=kind)
-        shape = cs.predict(cable, start, None, scene=scene, model="cosserat")
-        total = sum(contact.force for contact in shape.contacts) / (weight * (length - lift + part * lift))
-        force = -shape.force[0, 2] / (grip * weight * lift)
-        moment = float(np.linalg.norm(shape.moment[0])) / (weight * lift**2 / 6)
-        yield f"lifted, {kind:8s} force {force:.5f}, moment {moment:.5f}, reactions {total:.5f} of the closed form"
-
-
-def table_row(speed: float, count: int = 300) -> str:
+def print_table(figures: Figures, speed: float, count: int = 300) -> None:
     """Warm steps of a soft cable lying on a table, its grips lifted and lowered, beside the plain cable's."""
     cable = cs.Cable(1.2, 0.1, 0.003, 0.003, diameter=0.004)
     scene = cs.Scene(obstacles=[cs.Obstacle("table", cs.HalfSpace())], contact="solve")
@@ -212,27 +248,18 @@ def table_row(speed: float, count: int = 300) -> str:
         plain_times.append(perf_counter() - between)
         contacts.append(len(shape.contacts))
     median, beside = statistics.median(times), statistics.median(plain_times)
-    return (
-        f"on a table, {speed * 1e3:.1f} mm a step: {statistics.median(contacts):.0f} contacts, {median * 1e6:.0f} us, "
-        f"{median / beside:.1f} times the plain cable"
-    )
+    print(f"on a table, {speed * 1e3:.1f} mm a step: {statistics.median(contacts):.0f} contacts, {median * 1e6:.0f} us")
+    figures.at_most(f"on a table, {speed * 1e3:.1f} mm a step: times the plain cable", median / beside, 5.0, "{:.1f}")
 
 
-def print_contact(*, quick: bool = False) -> None:
+def print_contact(figures: Figures, *, quick: bool = False) -> None:
     """Prints everything; `quick` with fewer steps, comparisons and random places."""
-    for row in lifted_rows():
-        print(row)
-    print("                                                                              position, of L: ")
-    print(
-        "motion                      usable snapped  changes   deepest    median p99/median  95 % of shapes, worst "
-        "force    honest, lost"
-    )
-    for row in rows(100 if quick else 300, 20 if quick else 5):
-        print(row, flush=True)
-    print(random_row(200 if quick else 10_000, 20.0 if quick else 300.0))
+    heading("Contact: seeded motions, random places, and times beside the plain cable")
+    print_motions(figures, 100 if quick else 300, 20 if quick else 5)
+    print_random(figures, 200 if quick else 10_000, 20.0 if quick else 300.0)
     for speed in (1e-4, 1e-3):
-        print(table_row(speed))
+        print_table(figures, speed)
 
 
 if __name__ == "__main__":
-    print_contact(quick="--quick" in sys.argv[1:])
+    print_contact(Figures(), quick="--quick" in sys.argv[1:])

@@ -6,7 +6,9 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
+from cosserat_figures import Figures, heading
 from scipy.spatial.transform import Rotation
+from tqdm import tqdm
 
 import cable_shape as cs
 from cable_shape.near import CableNear
@@ -15,7 +17,6 @@ ALONG_X = Rotation.from_quat((0.5, 0.5, 0.5, 0.5))
 SCENE = cs.Scene(contact="solve")
 CABLE = cs.Cable(0.6, 0.05, 0.01, 0.008, diameter=0.008)
 LOOPED = cs.Cable(1.0, 0.005, 0.004, 0.003, diameter=0.008)
-ASKED_USABLE, ASKED_FORCE, ASKED_DEPTH = 0.995, 0.01, 2e-4
 SAME_BRANCH = 2e-3  # of the length: shapes further apart are on two branches
 
 Grips = dict[str, tuple[cs.Pose, cs.Pose]]
@@ -113,36 +114,28 @@ def run(cables: dict[str, cs.Cable], path: list[Grips], tally: Tally, compare: i
                 tally.off.append(abs(sum(c.force for c in other.contacts) / forces[name] - 1.0))
 
 
-def told(name: str, tally: Tally) -> bool:
-    """Prints a row; returns whether the figures hold."""
-    share = tally.usable / tally.steps
+def tell(name: str, tally: Tally, figures: Figures) -> None:
+    """Prints a row and the figures."""
     off = max(tally.off, default=math.nan)
     times = np.percentile(1e3 * np.array(tally.times), (50, 99))
     print(
-        f"| {name} | {tally.steps} | {tally.pressed} | {100 * share:.2f} % (asked 99.5 %) | {tally.snapped} | "
-        f"{1e3 * tally.deepest:.3f} mm (asked 0.2) | {100 * off:.3f} % of {tally.compared} (asked 1 %) | "
-        f"{times[0]:.2f} / {times[1]:.2f} |"
+        f"{name}: {tally.steps} steps, {tally.pressed} touching, {tally.snapped} snapped, "
+        f"{tally.compared} forces compared; "
+        f"prediction median {times[0]:.2f} ms, 99 % {times[1]:.2f} ms"
     )
-    return share >= ASKED_USABLE and tally.deepest <= ASKED_DEPTH and off <= ASKED_FORCE
+    figures.at_least(f"{name}: usable", 100.0 * tally.usable / tally.steps, 99.5, "{:.2f}", " %")
+    figures.at_most(f"{name}: deepest overlap", 1e3 * tally.deepest, 0.2, "{:.3f}", " mm")
+    figures.at_most(f"{name}: force against a mesh 4 times finer", 100.0 * off, 1.0, "{:.3f}", " %")
 
 
-def print_crossing(motions: int = 10, steps: int = 160, compare: int = 1) -> bool:
-    """Prints the figures of cables that touch; returns whether they hold."""
-    print("\n## Cables that touch: two crossing at 35 to 145 degrees, one looped on itself")
-    print("| motions | steps | touching | usable | snapped | deepest overlap | largest change of a force on a mesh "
-          "of a quarter the elements' size | cycle, median / p99 [ms] |")  # fmt: skip
-    print("| --- | --- | --- | --- | --- | --- | --- | --- |")
-    holds = True
+def print_crossing(figures: Figures, motions: int = 10, steps: int = 160, compare: int = 1) -> None:
+    """The figures of cables that touch."""
+    heading("Cables that touch: two crossing at 35 to 145 degrees, one looped on itself")
     for name, cables, motion in (
-        ("crossing", {"under": CABLE, "over": CABLE}, crossing),
-        ("looped", {"cable": LOOPED}, looped),
+        ("two crossing cables", {"under": CABLE, "over": CABLE}, crossing),
+        ("a cable looped on itself", {"cable": LOOPED}, looped),
     ):
         tally = Tally()
-        for seed in range(motions):
+        for seed in tqdm(range(motions), desc=name, unit="motion", leave=False, disable=None):
             run(cables, motion(np.random.default_rng(seed), steps), tally, compare)
-        holds = told(name, tally) and holds
-    return holds
-
-
-if __name__ == "__main__":
-    print_crossing()
+        tell(name, tally, figures)

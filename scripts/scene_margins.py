@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from cosserat_figures import Figures, heading
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
@@ -39,11 +40,11 @@ def ends(k: int) -> tuple[cs.Pose, cs.Pose]:
     return cs.Pose((0.0, 0.0, 0.0), ALONG_X), cs.Pose(place, (turn * Rotation.from_quat(ALONG_X)).as_quat())
 
 
-def print_margins(cycles: int = 2000) -> bool:
-    """Prints the median times of a cycle's phases; returns whether the margins stay within what is asked."""
-    print(f"\n## Margins: at most {ASKED_US:g} us a cycle asked, without a predicted snap")
+def print_margins(figures: Figures, cycles: int = 2000) -> None:
+    """Median times of a cycle's phases."""
+    heading("Margins: what they add to a cycle, without a predicted snap")
     print(f"{'':30s} {'margins':>8s} {'predict':>8s} {'clearance':>9s} {'warnings':>8s}  [us, medians]")
-    holds = True
+    measured = {}
     for name, cable, bodies in SETTINGS:
         cycle = cs.Cycle(cable, scene=cs.Scene(obstacles=bodies), model="cosserat", snap_horizon=0.0)
         times: dict[str, list[float]] = {}
@@ -52,9 +53,9 @@ def print_margins(cycles: int = 2000) -> bool:
                 times.setdefault(phase, []).append(1e6 * seconds)
         m, p, c, w = (float(np.median(times[phase])) for phase in ("margins", "predict", "clearance", "warnings"))
         print(f"{name:30s} {m:8.1f} {p:8.1f} {c:9.1f} {w:8.1f}")
-        holds = holds and m <= ASKED_US
-    print(f"holds: {'yes' if holds else 'no'}")
-    return holds
+        measured[name] = m
+    for name, m in measured.items():
+        figures.at_most(f"margins, {name}", m, ASKED_US, "{:.1f}", " us")
 
 
 def print_snap() -> None:
@@ -74,11 +75,6 @@ def print_snap() -> None:
         if report.after_snap and first is None:
             first = k
     told = "never told" if first is None else f"told {(k - first) * 0.01:.2f} s before"
-    print(f"\n## Predicted snap: {told}, horizon 0.5 s")
+    heading(f"Predicted snap: {told}, horizon 0.5 s")
     print(f"margins in cycles that look ahead: median {np.median(looked):.0f} us in {len(looked)} cycles, ", end="")
     print(f"elsewhere {np.median(rest):.0f} us in {len(rest)} cycles")
-
-
-if __name__ == "__main__":
-    print_margins()
-    print_snap()
