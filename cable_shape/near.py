@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cable_shape.cable import Cable
-from cable_shape.checks import Array
 from cable_shape.clearance import HORIZON_FACTOR, LEAST_HORIZON, NOT_JUDGED
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels import cable_near
@@ -27,6 +26,7 @@ from cable_shape.scene import Obstacle, Scene
 from cable_shape.shape import CableShape
 
 Counts = NDArray[np.int64]
+Row = tuple[float, ...]  # distance, arc length, point on the cable, point on the other
 
 
 @final
@@ -53,6 +53,8 @@ class CableNear:
         self.cull = cull
         self._diameters = {name: cable.diameter for name, cable in cables.items()}
         self._bodies_before = len(scene.obstacles) + len(robot_links)
+        self._nothing = np.full((max(self._bodies_before, len(cables)), RESULT_COLUMNS), math.inf)
+        self._spot = np.empty(cable_near.SPOT)
         self._horizon = max(HORIZON_FACTOR * max(scene.warn_distance, scene.error_distance), LEAST_HORIZON)
         taken = {body.name for body in (*scene.obstacles, *robot_links)}
         if ITSELF in cables:
@@ -75,7 +77,7 @@ class CableNear:
     def added(self, shapes: Mapping[str, CableShape], clearance: Mapping[str, Clearance]) -> dict[str, Clearance]:
         """The clearances of all the cables to bodies, with the cables near them added."""
         judged = [name for name in self._diameters if name in shapes and shapes[name].status not in NOT_JUDGED]
-        found = {name: np.full((len(self._diameters), RESULT_COLUMNS), math.inf) for name in judged}
+        found: dict[str, dict[int, Row]] = {name: {} for name in judged}
         counts = {name: np.zeros(2, dtype=np.int64) for name in judged}
         for i, a in enumerate(judged):
             for b in judged[i:]:
@@ -86,45 +88,51 @@ class CableNear:
         return out
 
     def _between(
-        self, a: str, b: str, shapes: Mapping[str, CableShape], found: dict[str, Array], counts: dict[str, Counts]
+        self,
+        a: str,
+        b: str,
+        shapes: Mapping[str, CableShape],
+        found: dict[str, dict[int, Row]],
+        counts: dict[str, Counts],
     ) -> None:
         """Fills the rows of two cables, or of one with itself."""
         radii = 0.5 * self._diameters[a], 0.5 * self._diameters[b]
-        spot, count = np.empty(cable_near.SPOT), np.zeros(2, dtype=np.int64)
+        spot, first, other = self._spot, shapes[a], shapes[b]
         near = cable_near.nearest(
-            shapes[a].positions, shapes[a].arc_length, shapes[b].positions, shapes[b].arc_length, a == b,
-            SHORTEST * self._diameters[a], self._horizon + sum(radii), self.cull, spot, count,
+            first.positions, first.arc_length, other.positions, other.arc_length, a == b, SHORTEST * self._diameters[a],
+            self._horizon + radii[0] + radii[1], self.cull, spot, counts[a], counts[b],
         )  # fmt: skip
-        counts[a] += count
-        if a != b:
-            counts[b] += count
         if not near:
             return
         normal = (spot[3:6] - spot[6:9]) / spot[0] if spot[0] > 0.0 else np.zeros(3)
         on = spot[3:6] - radii[0] * normal, spot[6:9] + radii[1] * normal
-        distance = spot[0] - sum(radii)
-        found[a][self._bodies(a).index(ITSELF if a == b else b)] = (distance, spot[1], *on[0], *on[1])
+        distance = float(spot[0]) - sum(radii)
+        found[a][self._bodies(a).index(ITSELF if a == b else b)] = (distance, float(spot[1]), *on[0], *on[1])
         if a != b:
-            found[b][self._bodies(b).index(a)] = (distance, spot[2], *on[1], *on[0])
+            found[b][self._bodies(b).index(a)] = (distance, float(spot[2]), *on[1], *on[0])
 
-    def _joined(self, name: str, clearance: Clearance, rows: Array, counts: Counts, all_in: bool) -> Clearance:
+    def _joined(
+        self, name: str, clearance: Clearance, rows: Mapping[int, Row], counts: Counts, all_in: bool
+    ) -> Clearance:
         """One cable's clearance with those rows."""
-        table = (
-            clearance.table if clearance.table is not None else np.full((self._bodies_before, RESULT_COLUMNS), math.inf)
-        )
-        bodies = tuple(
-            BodyDistance(body, float(row[0]), float(row[1]), row[2:5], row[5:8])
-            for body, row in zip(self._bodies(name), rows, strict=True)
-            if row[0] != math.inf
-        )
+        others = len(self._diameters) - 1
+        before = self._nothing[: self._bodies_before] if clearance.table is None else clearance.table
+        table = np.concatenate((before, self._nothing[: others + 1]))
+        bodies = clearance.bodies
+        if rows:
+            names = self._bodies(name)
+            for place, row in sorted(rows.items()):
+                table[len(before) + place] = row
+                bodies = (*bodies, BodyDistance(names[place], row[0], row[1], np.array(row[2:5]), np.array(row[5:8])))
         beyond = clearance.beyond if all_in else 0.0
-        if len(rows) > 1 and rows[:-1, 0].max() == math.inf:
+        if sum(place < others for place in rows) < others:
             beyond = min(beyond, self._horizon)
+        culled, exact = counts.tolist()
         return Clearance(
-            clearance.bodies + bodies,
+            bodies,
             beyond,
             clearance.robot_checked,
-            clearance.pairs_culled + int(counts[0]),
-            clearance.pairs_exact + int(counts[1]),
-            np.concatenate((table, rows)),
+            clearance.pairs_culled + culled,
+            clearance.pairs_exact + exact,
+            table,
         )

@@ -3,6 +3,9 @@
 Two pieces are no nearer than the spheres around their chunks. Of a cable with itself two pieces count if the cable
 between their middles is at least `shortest` long and its chord is at most 2/pi of that, as on half a circle: a straight
 or gently bent cable is not near itself, a loop and a hairpin are.
+
+A piece of cable that turns by theta < pi in all has a chord of at least cos(theta / 2) of its length, since no tangent
+is more than theta / 2 off that in the middle of the turning. What has not turned far enough is culled by that.
 """
 
 from __future__ import annotations
@@ -18,6 +21,7 @@ Array = Any
 CHUNK = 8  # pieces in one bounding sphere
 HALF_CIRCLE = 2.0 / math.pi  # chord / arc length
 SLACK = 1e-9  # m, of bounds against rounding
+TURN = 2.0 * math.acos(1.01 * HALF_CIRCLE)  # rad, less turning leaves a chord longer than that
 SPOT = 9  # distance of the centrelines, arc length on the first and on the second, point on the first and on the second
 MOST_SPOTS = 16
 
@@ -67,6 +71,27 @@ def spheres_around(points: Array) -> Array:
 
 
 @kernel
+def turning(p: Array) -> Array:
+    """(chunks + 1,) [rad]: by how much a centreline has turned at most, where its chunks begin and at its end."""
+    pieces = p.shape[0] - 1
+    out = np.zeros((pieces + CHUNK - 1) // CHUNK + 1)
+    total = x0 = y0 = z0 = 0.0
+    for i in range(pieces):
+        x, y, z = p[i + 1, 0] - p[i, 0], p[i + 1, 1] - p[i, 1], p[i + 1, 2] - p[i, 2]
+        size = math.sqrt(x * x + y * y + z * z)
+        f = 1.0 / size if size > 0.0 else 0.0
+        x, y, z = f * x, f * y, f * z
+        if i > 0:
+            square = (x - x0) ** 2 + (y - y0) ** 2 + (z - z0) ** 2
+            total += math.sqrt(square) * (1.0 + 0.15 * square)  # above the angle with this chord
+        if i % CHUNK == 0:
+            out[i // CHUNK] = total
+        x0, y0, z0 = x, y, z
+    out[-1] = total
+    return out
+
+
+@kernel
 def counts_as_near(p: Array, s: Array, i: int, j: int, shortest: float) -> bool:
     """Whether the pieces i < j of one cable may be near each other, see the module."""
     arc = 0.5 * (s[j] + s[j + 1] - s[i] - s[i + 1])
@@ -87,10 +112,10 @@ def bound(u: Array, v: Array, k: int, m: int) -> float:
 
 
 @kernel
-def apart_for_good(low: float, s: Array, k: int, m: int, shortest: float) -> bool:
+def apart_for_good(low: float, s: Array, turned: Array, k: int, m: int, shortest: float) -> bool:
     """Whether no pieces of the chunks k and m of one cable, at least `low` apart, count as near each other."""
     arc = s[min((m + 1) * CHUNK, s.shape[0] - 1)] - s[k * CHUNK]
-    return arc < shortest or low > HALF_CIRCLE * arc + SLACK
+    return turned[m + 1] - turned[k] < TURN or arc < shortest or low > HALF_CIRCLE * arc + SLACK
 
 
 @kernel
@@ -108,14 +133,19 @@ def fill(a: Array, sa: Array, b: Array, sb: Array, i: int, j: int, spot: Array) 
 @kernel
 def nearest(
     a: Array, sa: Array, b: Array, sb: Array, own: bool, shortest: float, reach: float, cull: bool, spot: Array,
-    counts: Array,
+    counts: Array, other_counts: Array,
 ) -> bool:  # fmt: skip
     """Fills `spot` with the nearest points of two centrelines a (n, 3) and b (m, 3); False if all are beyond `reach`.
 
-    own: b is a. counts (2,): pairs of pieces culled and solved.
+    own: b is a. counts, other_counts (2,): pairs of pieces culled and solved are added, once where own.
     """
-    u, v = spheres_around(a), spheres_around(b)
     pieces, others = a.shape[0] - 1, b.shape[0] - 1
+    turned = turning(a) if own else np.zeros(1)
+    if cull and own and turned[-1] < TURN:
+        counts[0] += pieces * (pieces - 1) // 2
+        return False
+    u = spheres_around(a)
+    v = u if own else spheres_around(b)
     best, at, to = reach * reach, -1, -1
     within = reach
     k0 = m0 = 0
@@ -124,7 +154,7 @@ def nearest(
         for k in range(u.shape[0]):
             for m in range(k if own else 0, v.shape[0]):
                 low = bound(u, v, k, m)
-                if low < least and not (own and apart_for_good(low, sa, k, m, shortest)):
+                if low < least and not (own and apart_for_good(low, sa, turned, k, m, shortest)):
                     least, k0, m0 = low, k, m
     solved = total = 0
     for first in range(2 if cull else 1):  # the most promising chunks first
@@ -137,7 +167,7 @@ def nearest(
                 total += size * (size - 1) // 2 if own and m == k else size * (other_end - m * CHUNK)
                 if cull:
                     low = bound(u, v, k, m)
-                    if low > within + SLACK or (own and apart_for_good(low, sa, k, m, shortest)):
+                    if low > within + SLACK or (own and apart_for_good(low, sa, turned, k, m, shortest)):
                         continue
                 for i in range(k * CHUNK, end):
                     for j in range(max(m * CHUNK, i + 1 if own else 0), other_end):
@@ -150,6 +180,9 @@ def nearest(
                             within = math.sqrt(best)
     counts[0] += total - solved
     counts[1] += solved
+    if not own:
+        other_counts[0] += total - solved
+        other_counts[1] += solved
     if at < 0:
         return False
     fill(a, sa, b, sb, at, to, spot)
@@ -164,14 +197,16 @@ def spots(
 
     Of pairs of points that are within `apart` [m] of each other along both cables only the nearest is a place.
     """
-    u, v = spheres_around(a), spheres_around(b)
+    u = spheres_around(a)
+    v = u if own else spheres_around(b)
+    turned = turning(a) if own else np.zeros(1)
     pieces, others = a.shape[0] - 1, b.shape[0] - 1
     spot = np.empty(SPOT)
     count = 0
     for k in range(u.shape[0]):
         for m in range(k if own else 0, v.shape[0]):
             low = bound(u, v, k, m)
-            if low > reach or (own and apart_for_good(low, sa, k, m, shortest)):
+            if low > reach or (own and apart_for_good(low, sa, turned, k, m, shortest)):
                 continue
             for i in range(k * CHUNK, min((k + 1) * CHUNK, pieces)):
                 for j in range(max(m * CHUNK, i + 1 if own else 0), min((m + 1) * CHUNK, others)):
