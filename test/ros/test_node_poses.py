@@ -58,7 +58,8 @@ def test_shapes_follow_the_input_one_for_each_pair(cell):
         stamps.append(cell.now())
         cell.pair(stamps[-1])
         cell.until(lambda: cell.shape_of(stamps[-1]), "shape of this pair")
-    assert [nanoseconds(m.header.stamp) for m in cell.shapes] == stamps
+    answered = [nanoseconds(m.header.stamp) for m in cell.shapes]
+    assert [stamp for stamp in answered if stamp >= stamps[0]] == stamps
 
 
 def test_the_offset_and_kind_of_a_grip_may_change_while_running(cell):
