@@ -19,6 +19,7 @@ from cable_shape.errors import (
     InputError,
     RobotError,
     StaleInputError,
+    SteeringError,
     UnknownKeyError,
 )
 from cable_shape.paths import GripPath, JointPath
@@ -91,6 +92,7 @@ __all__ = [
     "Sphere",
     "StaleInputError",
     "Status",
+    "SteeringError",
     "Stress",
     "TrajectoryCheck",
     "Tube",

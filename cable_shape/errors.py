@@ -7,6 +7,7 @@ CableShapeError                 everything that this package raises on purpose
 │   ├── StaleInputError         input older than allowed, or going backwards in time
 │   └── BagError                a recording that cannot be read, or only in part
 ├── RobotError                  a robot description that does not fit what is asked of it
+├── SteeringError               a cable that has no shape to be steered from
 └── DependencyError             a library or a built package that is missing, with the command that brings it
 
 Physics never raises: a chord longer than the cable is a :class:`~cable_shape.shape.Status`.
@@ -57,6 +58,10 @@ class BagError(InputError):
 
 class RobotError(CableShapeError):
     """A robot description does not fit what is asked of it."""
+
+
+class SteeringError(CableShapeError):
+    """The cable has no usable shape at a configuration, so that nothing is known of how it would move."""
 
 
 class DependencyError(CableShapeError):

@@ -1,5 +1,5 @@
 #!/usr/bin/env python
-"""Figures for planners: grasps a second, and trajectories checked.
+"""Figures for planners: grasps a second, trajectories checked, and targets reached by the steering task.
 
 scripts/bench planner [--quick]
 """
@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 
 import planner_batch
+import planner_steer
 import planner_trajectory
 
 
@@ -21,6 +22,7 @@ def main() -> None:
     planner_batch.print_agreement(50 if options.quick else 500)
     planner_trajectory.print_time()
     planner_trajectory.print_agreement(20 if options.quick else 200)
+    planner_steer.print_steering(20 if options.quick else 200)
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ HEAVY = (
     "pinocchio",
     "mink",
     "mujoco",
+    "ompl",
     "matplotlib",
     "rosbags",
     "tqdm",
