@@ -57,6 +57,7 @@ _KINDS = (
     WarningKind.STABILITY,
 )
 _CLEARANCE = WarningKind.CLEARANCE
+_STABILITY, _BODIES = int(kernels.STABILITY), int(kernels.BODIES)
 #: A Margin from a tuple of its fields, in half the time.
 _margin: Callable[[tuple[Any, ...]], Margin] = functools.partial(tuple.__new__, Margin)
 _NONE, _NO_BODIES, _NO_MODE = np.empty(0), np.empty((0, 8)), np.empty((0, 3))
@@ -89,6 +90,8 @@ class MarginWatch:
         self.section = np.zeros(5) if cable.allowable_stress is None else section_of(cable)
         self.soft = min(*cable.bending_stiffness, cable.twisting_stiffness) / cable.length**2
         self._moving = moving
+        self._still: NDArray[np.bool_] = np.zeros(0, np.bool_)  # of the last table's rows: none moves, which ones do
+        self._on_links = self._still
         self.reset()
 
     def reset(self) -> None:
@@ -129,11 +132,16 @@ class MarginWatch:
             self._newest, self.stability = _NONE, None
             return ()
         table = _table(clearance)
-        now = np.empty(kernels.BODIES + len(table))
+        now = np.empty(_BODIES + len(table))
         seconds = (stamp - self._older_stamp) * 1e-9
         listed = clearance.table is not None or not clearance.bodies  # rows are the same bodies in every cycle
         known = 0.0 < seconds <= LONGEST_GAP and len(self._older) == len(now) and listed
-        moving = np.zeros(len(table), np.bool_) if self._moving is None or not listed else self._moving[: len(table)]
+        if len(self._still) != len(table):
+            self._still = np.zeros(len(table), np.bool_)
+            self._on_links = self._still.copy()
+            if self._moving is not None:
+                both = min(len(table), len(self._moving))
+                self._on_links[:both] = self._moving[:both]
         rows = kernels.measure(
             shape.buffer,
             shape.points,
@@ -142,7 +150,7 @@ class MarginWatch:
             held,
             status is not Status.OVERSTRETCHED,
             table,
-            moving,
+            self._on_links if listed else self._still,
             *self._rod(shape, state),
             self.soft,
             shape.reused and not math.isnan(self._memory[0]),
@@ -154,16 +162,20 @@ class MarginWatch:
             now,
         ).tolist()
         self._newest, self.stability = now, None
-        found = []
-        for kind, (used, limit, value, at, time) in zip(_KINDS, rows, strict=False):
-            if used == used:  # not NaN
-                found.append(_margin((kind, used, limit, value, at, "", time)))
-        if rows[kernels.STABILITY][0] == rows[kernels.STABILITY][0]:
+        found = [
+            _margin((kind, used, limit, value, at, "", time))
+            for kind, (used, limit, value, at, time) in zip(_KINDS, rows, strict=False)
+            if used == used  # not NaN
+        ]
+        if rows[_STABILITY][0] == rows[_STABILITY][0]:
             self.stability = found[-1]
-        bodies = iter(clearance.bodies)
-        for used, limit, value, at, time in rows[kernels.BODIES :]:
-            if used == used:
-                found.append(_margin((_CLEARANCE, used, limit, value, at, next(bodies).body, time)))
+        if clearance.bodies:
+            bodies = iter(clearance.bodies)
+            found += [
+                _margin((_CLEARANCE, used, limit, value, at, next(bodies).body, time))
+                for used, limit, value, at, time in rows[_BODIES:]
+                if used == used
+            ]
         return tuple(found)
 
     def _rod(
