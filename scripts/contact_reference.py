@@ -30,7 +30,7 @@ def finer(state: TouchState, halvings: int) -> cs.CableShape | None:
         nodes = fine.nodes
         fine.lay_out(np.sort(np.concatenate((nodes, 0.5 * (nodes[1:] + nodes[:-1])))))
         fine.target(frames)
-        if not (solver._call(1, ITERATIONS, far=NEARBY) and solver._settle(frames)):
+        if not (solver.steps.again(ITERATIONS, far=NEARBY) and solver.steps.settle(frames)):
             return None
     return solver._finish(cs.Status.OK)
 

@@ -36,6 +36,19 @@ def depth_of(
 
 
 @kernel
+def buried(
+    supports: Array, arcs: Array, count: int, deepest: float, length: float, bodies: Array, frames: Array,
+    triangles: Array, nodes: Array, radius: float, stack: Array,
+) -> tuple[int, int, float]:  # fmt: skip
+    """The first of `count` supports (k, 7) at `arcs` [m] deeper in a body, that body and the gap; -1, -1, 0: none."""
+    for i in range(count):
+        gap, body = depth_of(supports[i], arcs[i], length, bodies, frames, triangles, nodes, radius, stack)
+        if gap < -deepest:
+            return i, body, gap
+    return -1, -1, 0.0
+
+
+@kernel
 def carried(p: Vector, then: Array, now: Array) -> Vector:
     """Where a point of a body that went from frame `then` (4, 3) to frame `now` is."""
     local = subtract(p, get3(then, 3))

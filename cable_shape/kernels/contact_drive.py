@@ -1,10 +1,12 @@
-"""One solve of a cable pressed on bodies, in one compiled call: predict, Newton, judge, sample.
+"""One solve of a cable pressed on bodies, in one compiled call: predict, Newton, judge, sample, look, accept.
 
 Solutions are kept in three slots, of which NOW and BEFORE are solutions and TRIAL is solved for:
 
     q (3, N+1, 4) | near (3, N+1, 20) | on (3, N+1, 2) | ends (3, b, 3) | grips (3, b+1, 7) | turns (3,)
-    par (14,) as in `span_drive`      info (18,) as in `contact_newton`, 5 and 7 to 13 as in `span_drive`, and
-    16 the part of the error estimate that is the contacts' [m], 17 how far the node that slid furthest slid last [m]
+    par (14,) as in `span_drive`      info (20,) as in `contact_newton`, 5 and 7 to 13 as in `span_drive`, and
+    16 the part of the error estimate that is the contacts' [m], 17 how far the node that slid furthest slid last [m],
+    18 how far frames have turned since the factors in `work` [rad], infinite: none to start from, 19 as in
+    `contact_newton`
 """
 
 from __future__ import annotations
@@ -15,8 +17,21 @@ from typing import Any
 import numpy as np
 
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.contact_near import BARE, NORMAL, PRESS, ROUND, STEP, couple, parting, tangent_of
-from cable_shape.kernels.contact_newton import moves, press
+from cable_shape.kernels.bounds import closest_points
+from cable_shape.kernels.contact_check import passes
+from cable_shape.kernels.contact_near import (
+    BARE,
+    GRIP_EXCLUSION,
+    NORMAL,
+    PRESS,
+    ROUND,
+    STEP,
+    couple,
+    parting,
+    tangent_of,
+)
+from cable_shape.kernels.contact_newton import COUPLED, RUNNING, moves, press
+from cable_shape.kernels.contact_slide import any_crowded
 from cable_shape.kernels.rod_algebra import dot, get4, put3, qconj, qmul, qnormal, rotation, scale, tapply
 from cable_shape.kernels.rod_output import all_finite, sample
 from cable_shape.kernels.span_drive import BROKEN, FAR, SAFETY, position_error, take4, turn_supports
@@ -26,8 +41,12 @@ from cable_shape.kernels.span_system import NONE, assemble, fold, release
 from cable_shape.kernels.span_work import BEFORE, NOW, TRIAL, joints_of, matrices, mesh_parts, vectors
 
 Array = Any
-INFO = 18
+INFO = 20
+AGE = 18  # of `info`
+OLDEST = 0.03  # rad: factors from further away serve no more
+QUICK = 3  # iterations: after more of them the factors are too old
 AMISS = 2.5  # of the contacts' part of the error estimate
+UNSETTLED = 8  # an equilibrium, but something is left to be done about it
 
 
 @kernel
@@ -44,10 +63,20 @@ def pace(grips: Array, length: float) -> float:
 
 
 @kernel
+def same_around(on: Array, k: int) -> bool:
+    """Whether node k and its neighbours touched what they touch now in the solution before, too."""
+    then, now = on[BEFORE], on[NOW]
+    return bool(then[k - 1, 0] == now[k - 1, 0] and then[k, 0] == now[k, 0] and then[k + 1, 0] == now[k + 1, 0])
+
+
+@kernel
 def predict(
     q: Array, near: Array, on: Array, ends: Array, grips: Array, turns: Array, length: float, history: int
 ) -> None:
-    """Fills the trial from the solution now, extrapolated if there is one before; quaternions' signs by continuity."""
+    """Fills the trial from the solution now, extrapolated if there is one before; quaternions' signs by continuity.
+
+    A contact whose force has run out by then, and between the same neighbours, is left out.
+    """
     last = grips.shape[1] - 1
     for j in range(last + 1):
         product = 0.0
@@ -72,11 +101,24 @@ def predict(
         ))  # fmt: skip
         on[TRIAL, k, :] = on[NOW, k]
         near[TRIAL, k, :] = near[NOW, k]
-        if on[NOW, k, 0] != BARE and on[BEFORE, k, 0] == on[NOW, k, 0]:
-            near[TRIAL, k, PRESS] = max(f * near[NOW, k, PRESS] - a * near[BEFORE, k, PRESS], 0.0)
+        if on[NOW, k, 0] != BARE and same_around(on, k):
+            near[TRIAL, k, PRESS] = f * near[NOW, k, PRESS] - a * near[BEFORE, k, PRESS]
+            if near[TRIAL, k, PRESS] < 0.0:
+                near[TRIAL, k, PRESS] = 0.0
+                on[TRIAL, k, 0] = BARE
     for j in range(last):
         for i in range(3):
             ends[TRIAL, j, i] = f * ends[NOW, j, i] - a * ends[BEFORE, j, i]
+
+
+@kernel
+def turned(p: Array, q: Array) -> float:
+    """Largest angle between the frames p and q (N+1, 4) of a node [rad]."""
+    largest = 0.0
+    for k in range(q.shape[0]):
+        miss = qmul(qconj(get4(p, k)), get4(q, k))
+        largest = max(largest, miss[0] * miss[0] + miss[1] * miss[1] + miss[2] * miss[2])
+    return 2.0 * math.asin(min(1.0, math.sqrt(largest)))
 
 
 @kernel
@@ -142,37 +184,42 @@ def solve(
     par: Array, mesh: Array, elements: int, q: Array, near: Array, on: Array, ends: Array, grips: Array, turns: Array,
     held: Array, held_mask: Array, forces: int, where: Array, mask: Array, place: Array, lam: Array, base: Array,
     bodies: Array, frames: Array, triangles: Array, nodes: Array, radius: float, sunk: float, stack: Array,
-    ends_load: Array, table: Array, work: Array, out: Array, info: Array, points: int, history: int, guard: bool,
-    most: int, far: float, drag: float,
+    ends_load: Array, table: Array, work: Array, out: Array, info: Array, points: int, history: int, most: int,
+    far: float, drag: float, mesh_then: Array, before: Array, frames_then: Array, links: Array, horizon: float,
+    measured: Array, counts: Array, deepest: float, fine: float,
 ) -> int:  # fmt: skip
-    """Solves for the held supports in the trial of `grips`; returns CONVERGED, STALLED, NOT_FINITE, BROKEN or FAR.
+    """Solves for the held supports in the trial of `grips`, to an equilibrium in the trial: CONVERGED or UNSETTLED.
 
-    history: 0 the trial is a guess; 1 or 2 start from so many solutions. far [rad]: largest turn of a frame from its
-    prediction that is accepted. drag: see `press`. points 0: no output. After CONVERGED the trial is the solution now.
+    Else STALLED, NOT_FINITE, BROKEN or FAR. history: so many solutions, 1 or 2, to start from. far [rad]: largest turn
+    of a frame from its prediction that is accepted. drag: see `press`. mesh_then takes the mesh, which contacts that
+    run change and a failure puts back. UNSETTLED is what a `look_over` with the last arguments says; if it finds
+    nothing, the trial has become the solution now.
     """
     s, h, _, rest, errors = mesh_parts(mesh, elements)
     stiff = par[0:6]
-    if history > 0:
-        predict(q, near, on, ends, grips, turns, par[13], history)
-        turn_supports(q[TRIAL], s, grips[TRIAL], held, held_mask)
+    mesh_then[:] = mesh
+    predict(q, near, on, ends, grips, turns, par[13], history)
+    turn_supports(q[TRIAL], s, grips[TRIAL], held, held_mask)
     first, full, _, _, _, start = vectors(work, elements)
     if forces < held.shape[0] - 1:
         put3(ends[TRIAL], forces, 0, NONE)
     start[:, :] = q[TRIAL]
+    age = info[AGE] + turned(q[NOW], q[TRIAL])
+    serves = history > 1 and drag == 0.0 and info[2] == 0.0 and info[COUPLED] == 0.0 and age < OLDEST
+    factored = int(info[3]) if serves else 0
     info[:] = 0.0
+    info[AGE] = math.inf
     status = press(
         q[TRIAL], ends[TRIAL], near[TRIAL], on[TRIAL], par, mesh, elements, held, held_mask, grips[TRIAL], forces,
         where, mask, place, lam, base, bodies, frames, triangles, nodes, radius, sunk, stack, ends_load,
-        table, guard, most, drag, work, info,
+        table, True, most, drag, factored, work, info,
     )  # fmt: skip
     if status != CONVERGED:
+        mesh[:] = mesh_then
         return status
-    largest = 0.0
-    for k in range(elements + 1):
-        miss = qmul(qconj(get4(start, k)), get4(q[TRIAL], k))
-        largest = max(largest, miss[0] * miss[0] + miss[1] * miss[1] + miss[2] * miss[2])
-    info[12] = 2.0 * math.asin(min(1.0, math.sqrt(largest)))
+    info[12] = turned(start, q[TRIAL])
     if not info[12] <= far:
+        mesh[:] = mesh_then
         return FAR
     spans = int(info[3])
     unknown = spans if forces == held.shape[0] - 1 else spans - 1
@@ -186,25 +233,69 @@ def solve(
     for k in range(elements):
         cosine = abs(qmul(qconj(get4(q[TRIAL], k)), get4(q[TRIAL], k + 1))[3])
         info[13] = max(info[13], 2.0 * math.acos(min(1.0, cosine)))
-    if points > 0:
-        moments = np.empty((elements, 6))
-        for e in range(elements):
-            for i in range(3):
-                moments[e, i], moments[e, 3 + i] = -first[e, 3 + i], first[e, 6 + i]
-        sums = np.empty(5)
-        sample(
-            q[TRIAL], np.zeros(3), moments, s, h, full, rest, stiff, grips[TRIAL, 0], par[9:12], first, points, out,
-            sums,
-        )  # fmt: skip
-        info[8], info[9], info[10], info[5] = info[6] + sums[4], sums[1], sums[2], sums[3]
-        info[7] = SAFETY * (info[7] + info[10]) + AMISS * info[16]
-        if not all_finite(out) or not all_finite(info[0:5]) or not all_finite(info[8:14]):
-            return BROKEN
-    for which in range(2):
-        to, source = (BEFORE, NOW) if which == 0 else (NOW, TRIAL)
-        q[to], near[to], on[to], ends[to], grips[to] = q[source], near[source], on[source], ends[source], grips[source]
-        turns[to] = turns[source]
+    moments = np.empty((elements, 6))
+    for e in range(elements):
+        for i in range(3):
+            moments[e, i], moments[e, 3 + i] = -first[e, 3 + i], first[e, 6 + i]
+    sums = np.empty(5)
+    sample(
+        q[TRIAL], np.zeros(3), moments, s, h, full, rest, stiff, grips[TRIAL, 0], par[9:12], first, points, out, sums
+    )  # fmt: skip
+    info[8], info[9], info[10], info[5] = info[6] + sums[4], sums[1], sums[2], sums[3]
+    info[7] = SAFETY * (info[7] + info[10]) + AMISS * info[16]
+    if not all_finite(out) or not all_finite(info[0:5]) or not all_finite(info[8:14]):
+        mesh[:] = mesh_then
+        return BROKEN
+    if drag == 0.0:
+        info[AGE] = 0.0 if info[4] > 0.0 else (age if info[0] <= QUICK else math.inf)
+    if look_over(
+        q[TRIAL], near[TRIAL], on[TRIAL], h, 0.5 * (par[0] + par[1]), out, points, info, bodies, frames, triangles,
+        nodes, radius, sunk, stack, before, frames_then, links, horizon, measured, counts, deepest, fine,
+    ):  # fmt: skip
+        return UNSETTLED
+    accept(q, near, on, ends, grips, turns, False)
     return CONVERGED
+
+
+@kernel
+def look_over(
+    q: Array, near: Array, on: Array, h: Array, bend: float, out: Array, points: int, info: Array, bodies: Array,
+    frames: Array, triangles: Array, nodes: Array, radius: float, sunk: float, stack: Array, before: Array,
+    frames_then: Array, links: Array, horizon: float, measured: Array, counts: Array, deepest: float, fine: float,
+) -> bool:  # fmt: skip
+    """Whether anything is left to be done about a solution.
+
+    That is the cable deeper in a body than `deepest` [m], see `closest_points` for its arguments up to `counts`; a
+    body that it may have passed since it was at `before` (n, 3; n = 0: anywhere) and the bodies in `frames_then`;
+    contacts whose part of the error [m] is above `fine` (infinite: may be), that were stopped while they ran, or
+    that have come up to a node. A negative `deepest`: who calls will see.
+    """
+    if deepest < 0.0:
+        return True
+    if fine < math.inf and (info[0] > RUNNING or info[16] > fine):
+        return True
+    s, positions = out[:points], out[points : 4 * points].reshape(points, 3)
+    closest_points(
+        positions, s, radius, horizon, GRIP_EXCLUSION, True, bodies, links, triangles, nodes, measured, counts
+    )
+    for m in range(measured.shape[0]):
+        if measured[m, 0] + sunk < -deepest:
+            return True
+    if before.shape[0] > 0 and passes(
+        s, before, positions, bodies, frames, frames_then, triangles, nodes, radius, stack
+    ):  # fmt: skip
+        return True
+    return bool(any_crowded(near, on, q, h, 1.0 / bend))
+
+
+@kernel
+def accept(q: Array, near: Array, on: Array, ends: Array, grips: Array, turns: Array, again: bool) -> None:
+    """Makes the trial the solution now, and what was now the one before; `again`: it is the same one, solved again."""
+    if not again:
+        q[BEFORE], near[BEFORE], on[BEFORE] = q[NOW], near[NOW], on[NOW]
+        ends[BEFORE], grips[BEFORE], turns[BEFORE] = ends[NOW], grips[NOW], turns[NOW]
+    q[NOW], near[NOW], on[NOW] = q[TRIAL], near[TRIAL], on[TRIAL]
+    ends[NOW], grips[NOW], turns[NOW] = ends[TRIAL], grips[TRIAL], turns[TRIAL]
 
 
 @kernel

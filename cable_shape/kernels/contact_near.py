@@ -69,12 +69,14 @@ def look(
 ) -> None:  # fmt: skip
     """Gaps of the nodes first_node to last_node, with normal and curvature where a body is near or pressed on.
 
-    radius [m]: of the cable; sunk [m]: how much smaller than they are bodies are taken to be.
+    radius [m]: of the cable; sunk [m]: how much smaller than they are bodies are taken to be. The normals from before
+    go where the change of place was.
     """
     count = s.shape[0]
     for k in range(count):
         near[k, GAP] = math.inf
         on[k, 1] = BARE
+        put3(near, k, STEP, take3(near, k, NORMAL))
     for b in range(bodies.shape[0]):
         endless = int(bodies[b, 0]) == HALF_SPACE
         exclusion = GRIP_EXCLUSION if bodies[b, 12] != 0.0 else 0.0
@@ -83,14 +85,15 @@ def look(
             if s[k] < exclusion or s[k] > s[count - 1] - exclusion:
                 k += 1
                 continue
-            side = take3(near, k, NORMAL) if on[k, 0] == b else NONE
-            d, n, _ = touch(bodies[b], frames[b], triangles, nodes, take3(near, k, SPOT), side, False, stack)
+            held = on[k, 0] == b
+            side = take3(near, k, STEP) if held else NONE
+            d, n, H = touch(bodies[b], frames[b], triangles, nodes, take3(near, k, SPOT), side, held, stack)
             gap = d - radius + sunk
-            if on[k, 0] == BARE or on[k, 0] == b or gap < -1e-5:
-                better = gap < near[k, GAP]
-                if better and (gap < MARGIN or on[k, 0] == b):
-                    near[k, GAP] = gap
-                    on[k, 1] = b
+            if gap < near[k, GAP] and (held or (gap < MARGIN and (on[k, 0] == BARE or gap < -1e-5))):
+                near[k, GAP] = gap
+                on[k, 1] = b
+                put3(near, k, NORMAL, n)
+                put9(near, k, CURVED, H)
             if gap > MARGIN and not endless and on[k, 1] == BARE:
                 near[k, GAP] = min(near[k, GAP], gap)
             k += 1
@@ -101,25 +104,9 @@ def look(
                         near[k, GAP] = min(near[k, GAP], gap - s[k] + at)
                     k += 1
     for k in range(first_node, last_node + 1):
-        b = on[k, 1]
-        if b == BARE:
+        if on[k, 1] == BARE:
             on[k, 0] = BARE
             near[k, PRESS] = 0.0
-            continue
-        side = take3(near, k, NORMAL) if on[k, 0] == b else NONE
-        d, n, H = touch(bodies[b], frames[b], triangles, nodes, take3(near, k, SPOT), side, on[k, 0] == b, stack)
-        near[k, GAP] = d - radius + sunk
-        put9(near, k, CURVED, H)
-        put3(near, k, NORMAL, n)
-
-
-@kernel
-def spare_clips(near: Array, on: Array, held: Array) -> None:
-    """Takes the held supports out of what `look` has found: what holds a node says where it is."""
-    for i in range(1, held.shape[0] - 1):
-        on[held[i], :] = BARE
-        near[held[i], PRESS] = 0.0
-        near[held[i], GAP] = math.inf
 
 
 @kernel
@@ -224,10 +211,16 @@ def turning(q: Array, h: Array, near: Array, k: int, flex: float) -> Vector:
 
 
 @kernel
+def sharpness(q: Array, near: Array, k: int) -> float:
+    """Curvature of the body along the cable at a contact [1/m]."""
+    t = tangent_of(q, k)
+    return dot(t, apply(get9(near, k, CURVED), t))
+
+
+@kernel
 def parting(q: Array, h: Array, near: Array, k: int, flex: float) -> tuple[float, float]:
     """Second derivative of the distance along the cable at a contact [1/m], and the body's part of it."""
-    t = tangent_of(q, k)
-    sharp = dot(t, apply(get9(near, k, CURVED), t))
+    sharp = sharpness(q, near, k)
     u = turning(q, h, near, k, flex)
     return sharp + dot(take3(near, k, NORMAL), apply(rotation(get4(q, k)), (u[1], -u[0], 0.0))), sharp
 
@@ -238,21 +231,26 @@ def along_cable(q: Array, h: Array, near: Array, on: Array, k: int, least: float
 
     On a body that is not sharp a contact runs if it has no neighbour. least [1/m]: second derivative from which on.
     """
-    second, sharp = parting(q, h, near, k, flex)
-    if sharp * (h[k - 1] + h[k]) > SHARP:
-        return max(second, 0.3 * sharp)
-    if on[k - 1, 0] != BARE or on[k + 1, 0] != BARE:
+    edge = sharpness(q, near, k) * (h[k - 1] + h[k]) > SHARP
+    if not edge and (on[k - 1, 0] != BARE or on[k + 1, 0] != BARE):
         return 0.0
+    second, sharp = parting(q, h, near, k, flex)
+    if edge:
+        return max(second, 0.3 * sharp)
     return second if second > least else 0.0
 
 
 @kernel
-def couple(place: Array, where: Array, base: Array, spans: int, D: Array) -> None:
-    """Adds the part of contacts that run along the cable to the diagonal blocks of their nodes."""
+def couple(place: Array, where: Array, base: Array, spans: int, D: Array) -> bool:
+    """Adds the part of contacts that run along the cable to the diagonal blocks; whether there are any."""
+    found = False
     for j in range(1, spans):
         if base[j] < 0:
             a = take3(place, j, 25)
-            put9(D, where[j], 0, madd(get9(D, where[j], 0), outer(a, a)))
+            if a != NONE:
+                found = True
+                put9(D, where[j], 0, madd(get9(D, where[j], 0), outer(a, a)))
+    return found
 
 
 @kernel

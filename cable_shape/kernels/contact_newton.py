@@ -17,7 +17,6 @@ from typing import Any
 
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.contact_near import (
-    BARE,
     GAP,
     NORMAL,
     PRESS,
@@ -30,12 +29,12 @@ from cable_shape.kernels.contact_near import (
     forces_of,
     lean,
     look,
-    spare_clips,
     supports,
     tangent_of,
     totals,
     walk,
 )
+from cable_shape.kernels.contact_set import drop, grow, spare_clips
 from cable_shape.kernels.contact_slide import slide
 from cable_shape.kernels.rod_algebra import (
     add,
@@ -78,51 +77,11 @@ PULL = 1e-5  # of weight + EI / L^2: a contact that pulls by more is dropped
 STEP_TOLERANCE = 3e-7  # rad
 NEUTRAL_TOLERANCE = 1e-6
 RUNNING = 14  # iterations in which contacts on bodies that are not sharp run along the cable
+COUPLED = 19  # of `info`
 BLOCK = 8  # iterations in which all contacts that are wrong change at once
 RESTLESS = 1e-4  # of the length: contacts that run further along the cable have changed the system
+CHORD_TOLERANCE, SURE = 2e-6, 0.05  # rad, of a step with old factors that is so much shorter than the one before
 CALM = 0.1  # rad: contacts are dropped after steps below this only
-
-
-@kernel
-def drop(near: Array, on: Array, least: float, one: bool) -> int:
-    """Ends contacts that pull by more than `least` [N], all or the worst; returns how many."""
-    count = 0
-    worst, at = -least, -1
-    for k in range(near.shape[0]):
-        if on[k, 0] != BARE and near[k, PRESS] < worst:
-            if one:
-                worst, at = near[k, PRESS], k
-            else:
-                on[k, 0] = BARE
-                near[k, PRESS] = 0.0
-                count += 1
-    if at >= 0:
-        on[at, 0] = BARE
-        near[at, PRESS] = 0.0
-        count = 1
-    return count
-
-
-@kernel
-def grow(near: Array, on: Array, deepest: float, one: bool) -> int:
-    """Makes contacts of the nodes deeper in a body than that [m], all or the deepest; returns how many."""
-    count = 0
-    worst, at = -deepest, -1
-    for k in range(near.shape[0]):
-        if on[k, 1] == BARE or on[k, 0] == on[k, 1]:
-            continue
-        if near[k, GAP] < worst:
-            if one:
-                worst, at = near[k, GAP], k
-            else:
-                on[k, 0] = on[k, 1]
-                near[k, PRESS] = 0.0
-                count += 1
-    if at >= 0:
-        on[at, 0] = on[at, 1]
-        near[at, PRESS] = 0.0
-        count = 1
-    return count
 
 
 @kernel
@@ -203,13 +162,16 @@ def press(
     q: Array, ends: Array, near: Array, on: Array, par: Array, mesh: Array, elements: int, held: Array,
     held_mask: Array, places: Array, forces: int, where: Array, mask: Array, place: Array, lam: Array, base: Array,
     bodies: Array, frames: Array, triangles: Array, nodes: Array, radius: float, sunk: float, stack: Array,
-    ends_load: Array, table: Array, guard: bool, most: int, drag: float, work: Array, info: Array,
+    ends_load: Array, table: Array, guard: bool, most: int, drag: float, factored: int, work: Array, info: Array,
 ) -> int:  # fmt: skip
     """Solves for q, the forces `ends` between held supports and the contacts; CONVERGED, STALLED or NOT_FINITE.
 
     forces: how many of `ends` are unknown. guard: keep to minima. drag [N]: moment per length and angle that holds the
     rotations back from the start in `work`. info as in `span_newton`, and 3 the number of spans,
     14 changes of the set of contacts, 15 the largest gap at a contact [m]. ends_load (2, 3) [N/m], table: of the cable.
+    factored: spans of the factors in `work`, which are a nearby solution's and serve while steps are short; 0: none.
+    info 19: not 0 if contacts that run have a part in the matrix. Else it is factored anew as it is where only the set
+    of contacts has changed.
     """
     s, h, load, rest, _ = mesh_parts(mesh, elements)
     D, U, parts, P, Y, W = matrices(work, elements)
@@ -222,7 +184,10 @@ def press(
     last_node = elements - 1
     shift = largest = before = 0.0
     iterations = 0
-    reuse = False
+    reuse = factored > 0
+    built = factored
+    coupled = False
+    gone = 0.0 if reuse else math.inf  # rad, since the matrix was assembled
     changed = 0
     spans = 0
     while iterations < most:
@@ -232,33 +197,42 @@ def press(
             changed += drop(near, on, least, one)
         runs = ROUND / length if iterations <= RUNNING else math.inf
         slid = slide(q, start, near, on, s, h, load, rest, ends_load, table, runs, flex)
-        reuse = reuse and changed == 0 and slid < RESTLESS * length
+        still = slid < RESTLESS * length
+        reuse = reuse and changed == 0 and still
+        keep = still and gone < CHORD_FROM and drag == 0.0 and shift == 0.0 and not coupled and iterations <= BLOCK
         spans = supports(q, h, near, on, held, held_mask, where, mask, place, base, runs, flex, False)
+        reuse = reuse and spans == built
         joints, sums, pull, given = joints_of(work, elements, spans)
         forces_of(near, NORMAL, ends, where, base, spans, lam)
         fold(load, lam[:spans], where, full)
-        if reuse:
+        if reuse or keep:
             info[6] = gradient(q, full, h, rest, stiff, moment, where[: spans + 1], mask, G, first, sums)
         else:
             info[4] += 1.0
+            gone = 0.0
             assemble(q, full, h, rest, stiff, moment, where[: spans + 1], mask, D, U, G, parts, first, sums)
+        fresh = not (reuse or keep)
+        built = spans
         walk(first, held, places, near)
-        for k in range(elements):
-            put3(near, k, STEP, take3(near, k, NORMAL))
         look(s, near, on, 1, last_node, bodies, frames, triangles, nodes, radius, sunk, stack)
         spare_clips(near, on, held)
         added = grow(near, on, min(ADD + length * largest * largest, MOST), one)
         changed += added
         spans = supports(q, h, near, on, held, held_mask, where, mask, place, base, runs, flex, True)
         joints, sums, pull, given = joints_of(work, elements, spans)
-        if added > 0:
+        if spans != built + added:  # a node has left a body
+            changed += 1
+        if added > 0 or spans != built:
+            built = spans
             forces_of(near, STEP, ends, where, base, spans, lam)
-            if reuse:
-                reuse = False
+            if reuse and not keep:
+                fresh = True
                 info[4] += 1.0
+                gone = 0.0
                 assemble(q, full, h, rest, stiff, moment, where[: spans + 1], mask, D, U, G, parts, first, sums)
-            else:
-                totals(first, parts, where, spans, sums)
+            reuse = False
+        if not reuse:
+            totals(first, parts, where, spans, sums)
         unknown = spans if forces == held.shape[0] - 1 else spans - 1
         info[15] = gaps(near, where, base, spans, places, sums, pull, given)
         for j in range(1, spans):
@@ -274,7 +248,9 @@ def press(
                 for c in (1, 5, 9):  # what `factor` adds for the drag
                     place[j, c] -= drag / length
         if not reuse:
-            couple(place, where, base, spans, D)
+            runs_on = couple(place, where, base, spans, D)
+            coupled = runs_on or (coupled and not fresh)
+            info[COUPLED] = 1.0 if coupled else 0.0
             trial = shift / SHIFT_GROWTH if largest > CHORD_FROM and shift > FIRST_SHIFT * softest else 0.0
             untested = trial > 0.0
             negative = 0
@@ -285,9 +261,12 @@ def press(
                 )  # fmt: skip
                 if trial == 0.0 or negative == wanted:
                     info[2] = negative - wanted
-                if negative == wanted or not guard:
+                if negative == wanted or not guard or not fresh:
                     break
                 trial = max(SHIFT_GROWTH * trial, FIRST_SHIFT * softest)
+            if not fresh and negative != wanted:
+                gone, largest, changed = math.inf, 0.0, 0
+                continue
             if guard and negative != wanted:
                 return STALLED
             shift = trial
@@ -299,6 +278,11 @@ def press(
             move = take3(near, where[j], STEP)
             largest = max(largest, 2.0 * math.sqrt(dot(move, move)) / length)
         info[0], info[1] = iterations, largest
+        if iterations == 1 and not fresh and not largest < CHORD_FROM:
+            reuse = False
+            gone, largest, changed = math.inf, 0.0, 0
+            continue
+        gone += largest
         if not math.isfinite(largest):
             return NOT_FINITE
         if shift > 0.0 and largest < SADDLE and not untested and changed == 0:
@@ -332,12 +316,17 @@ def press(
             for j in range(1, spans):
                 if base[j] < 0 and near[where[j], PRESS] < -least:
                     pulling = True
+            again = not fresh and iterations > 1
             small = slid < STEP_TOLERANCE * length and (
-                largest < STEP_TOLERANCE or (reuse and max(largest, before) < NEUTRAL_TOLERANCE)
+                largest < STEP_TOLERANCE
+                or (again and max(largest, before) < NEUTRAL_TOLERANCE)
+                or (again and largest < CHORD_TOLERANCE and largest < SURE * before)
             )
             if small and not pulling:
                 return CONVERGED
-            reuse = largest < CHORD_FROM and not pulling and not (reuse and largest > 0.3 * before)
+            if again and largest > 0.3 * before:
+                gone = math.inf
+            reuse = largest < CHORD_FROM and not pulling and gone < math.inf
         else:
             reuse = False
         changed = 0

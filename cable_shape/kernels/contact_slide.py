@@ -108,13 +108,13 @@ def slide(
 @kernel
 def merge(q: Array, near: Array, on: Array, h: Array, k: int, least: float, flex: float) -> None:
     """Makes one of the contacts at nodes k and k + 1 if the cable dips into the body between them."""
+    down, up = dot(tangent_of(q, k), take3(near, k, NORMAL)), dot(tangent_of(q, k + 1), take3(near, k + 1, NORMAL))
+    if not down < 0.0 < up or min(-down, up) * h[k] <= DIP:
+        return
     first, second = parting(q, h, near, k, flex), parting(q, h, near, k + 1, flex)
     alone = on[k - 1, 0] == BARE and on[k + 2, 0] == BARE
     sharp = first[1] * (h[k - 1] + h[k]) > SHARP and second[1] * (h[k] + h[k + 1]) > SHARP
-    if first[0] < least or second[0] < least or not (alone or sharp):
-        return
-    down, up = dot(tangent_of(q, k), take3(near, k, NORMAL)), dot(tangent_of(q, k + 1), take3(near, k + 1, NORMAL))
-    if down < 0.0 < up and min(-down, up) * h[k] > DIP:
+    if first[0] >= least and second[0] >= least and (alone or sharp):
         stays, goes = (k, k + 1) if near[k, PRESS] >= near[k + 1, PRESS] else (k + 1, k)
         near[stays, PRESS] += near[goes, PRESS]
         near[goes, PRESS] = 0.0

@@ -17,7 +17,7 @@ from cable_shape.checks import Array
 from cable_shape.models.crossing_group import GROWTH, Group, all_frames
 from cable_shape.models.crossing_places import Places
 from cable_shape.models.crossing_step import Spot
-from cable_shape.models.touching import between
+from cable_shape.models.touch_search import between
 from cable_shape.problem import Problem
 from cable_shape.shape import CableShape, Status
 

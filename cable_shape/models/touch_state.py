@@ -4,31 +4,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from itertools import pairwise
 from typing import Any, final
 
 import numpy as np
 
 from cable_shape.checks import Array
 from cable_shape.clearance import body_tables, carried_by, link_rows
-from cable_shape.kernels import bounds, contact_check, contact_drive, contact_slide, rod_mesh, span_work, surface
-from cable_shape.kernels.contact_near import BARE, NEAR, NORMAL, PRESS, SPOT
+from cable_shape.kernels import bounds, contact_check, contact_drive, rod_mesh, span_work, surface
+from cable_shape.kernels.contact_near import BARE, NEAR, SPOT
 from cable_shape.kernels.span_factor import PLACE
 from cable_shape.kernels.span_work import BEFORE, NOW, TRIAL
 from cable_shape.kernels.triangles import STACK_SIZE
 from cable_shape.meshes.convex import half_thickness
+from cable_shape.models import touch_mesh
+from cable_shape.models.span_mesh import interpolated
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.problem import Problem
 from cable_shape.scene import Mesh, Obstacle
 from cable_shape.shape import CableShape
 
-ELEMENTS = 48  #: of a mesh before nodes are added
-FEWEST_ELEMENTS = 16  #: of them between two clips
 MOST_ELEMENTS = 600
 #: Times as many elements as at first, from which on nodes are taken away again, if contacts make a smaller error [L].
 MANY, COARSE = 1.15, 1e-4
-WORST = 0.5  #: of the contact that misses most: those above get nodes beside them
-TIP = 5e-5  #: [m] from a free end, which is no support itself, to the node that stands in for it
 LEAST_LENGTH = 5e-4  #: of the cable's length: shorter elements are not divided
 HORIZON = 0.02  #: [m] bodies further away are only bounded
 _FREE_ROTATIONS = {
@@ -43,8 +40,9 @@ _FREE_ROTATIONS = {
 _NEUTRAL = 1e-6  #: modes softer than this fraction of the stiffness / length^2 count as neutral, and neutral as stable
 #: Least stretch of a cable under weight + 10 EI / L^2: between two contacts nothing else lets a straight piece give.
 _LEAST_STRETCH = 1e-6
+_NOTHING: Array = np.zeros(3)
+_NOWHERE: Array = np.empty((0, 3))
 _AT = 1e-9  #: loads nearer to an end than this fraction of the length are carried by it
-_ABSCISSAE = 65
 
 
 @final
@@ -59,14 +57,16 @@ class TouchState:
         self.touching = False  # whether the last solution is in contact
         self.free: CableShape | None = None  # the last shape, if it is not, and the frames of its supports (b+1, 7)
         self.free_frames: Array = np.zeros((2, 7))
-        self._positions: Array | None = None
+        self._positions = _NOWHERE
         self._spacing = self._middles = np.empty(0)  # [m] of the nodes at first, and where
         self._bodies: tuple[Obstacle, ...] = ()
         self._arcs: Array = np.zeros(2)  # (b+1,) [m], of the supports
         self.names: tuple[str, ...] = ()  # of the bodies whose places are known
         self.frames: Array = np.zeros((0, 4, 3))  # where they are
+        self.frames_then = self.frames  # where they were at the last solution
         self.measured: Array = np.zeros((0, bounds.RESULT_COLUMNS))
         self._shift: Array = np.zeros(3)
+        self.links: Array = np.empty((0, 7))
         self.info: Array = np.zeros(contact_drive.INFO)
         self.par: Array = np.zeros(14)
         self.stack: Any = np.empty(STACK_SIZE, np.int64)
@@ -74,7 +74,7 @@ class TouchState:
         self.turns: Array = np.zeros(3)
         self._kinds: tuple[str, ...] = ()
         self._held_as: tuple[str, ...] = ()  # the kinds of the last solution
-        self._tip: Array = np.zeros(3)
+        self._tip = _NOTHING
         self.take(problem)
 
     def take(self, problem: Problem) -> None:
@@ -93,6 +93,7 @@ class TouchState:
             self._grips = np.zeros((3, arcs.size, 7))
         self._bodies, self._arcs = bodies, arcs
         self.problem = problem
+        self.unfactored()
         weight = float(np.linalg.norm(problem.load.mean(axis=0))) * length
         self.bend = cable.mean_bending_stiffness
         par[0:2] = cable.bending_stiffness
@@ -123,7 +124,7 @@ class TouchState:
         self.horizon = self.radius + HORIZON
         self.counts: Any = np.empty(2, np.int64)
         self.thinnest = min((surface.reach_of(body) for body in self._tables[0]), default=math.inf)
-        self.move_bodies(self.link_rows(problem.links))
+        self._put_bodies(self.link_rows(problem.links))
         self._frames = np.zeros((arcs.size, 7))
         for row, clip in zip(self._frames[1:], problem.clips, strict=False):
             row[:] = clip.pose.array
@@ -145,6 +146,10 @@ class TouchState:
 
     def move_bodies(self, links: Array) -> None:
         """Puts the bodies on links where these rows, see `link_rows`, say; without rows they are left out."""
+        if len(links) or len(self.links):
+            self._put_bodies(links)
+
+    def _put_bodies(self, links: Array) -> None:
         all_bodies, self.triangles, self.tree = self._tables
         count = len(all_bodies) if len(links) else self._fixed
         names = tuple(body.name for body in self._bodies[:count])
@@ -173,7 +178,7 @@ class TouchState:
         frames[0] = start.cable_frame.array
         if isinstance(end, Grip):
             frames[-1] = end.cable_frame.array
-            self._hold(start.kind, end.kind, np.zeros(3), np.zeros(3))
+            self._hold(start.kind, end.kind, _NOTHING, _NOTHING)
         else:
             frames[-1] = frames[0]
             self._hold(start.kind, "free", end.mass * self.problem.end_fall + end.force + self.end_weight, end.moment)
@@ -181,8 +186,11 @@ class TouchState:
 
     def _hold(self, start: str, end: str, tip: Array, moment: Array) -> None:
         """Takes over how the ends are held, and the load on a free end."""
+        kinds = (start, *[clip.kind for clip in self.problem.clips], end)
+        if kinds == self._kinds and tip is moment is self._tip:  # two grips still
+            return
+        self.unfactored()
         self.par[6:9] = moment
-        kinds = (start, *(clip.kind for clip in self.problem.clips), end)
         if kinds == self._kinds and (tip == self._tip).all():
             return
         if self.elements and kinds != self._held_as:
@@ -203,29 +211,6 @@ class TouchState:
         """(N+1,) [m], arc lengths."""
         return self.mesh[: self.elements + 1]
 
-    def first_nodes(self, shape: CableShape) -> Array:
-        """Arc lengths for a cable of which `shape` is a rough idea: denser towards what holds it."""
-        pulls = np.linalg.norm(shape.force, axis=1)
-        pieces = []
-        for a, b in pairwise(self._arcs):
-            inside = (shape.arc_length >= a) & (shape.arc_length <= b)
-            tension = float(np.median(pulls[inside] if inside.any() else pulls))
-            length = b - a
-            layer = math.sqrt(self.bend / max(tension, self.bend / length**2))
-            x, density = np.empty(_ABSCISSAE), np.empty(_ABSCISSAE)
-            rod_mesh.layered(length, min(max(layer, 1e-5 * length), length), x, density)
-            x, density = x + a, density + 0.5 * density.mean()
-            x[0], x[-1] = a, b
-            stops = self.stops[(self.stops > a) & (self.stops < b)]
-            count = max(FEWEST_ELEMENTS, math.ceil(ELEMENTS * length / self.par[13])) + 2 * stops.size
-            nodes = np.empty(count + 1)
-            rod_mesh.equidistribute(x, density, stops, count, nodes)
-            pieces.append(nodes[:-1])
-        nodes = np.append(np.concatenate(pieces), self.par[13])
-        if self.forces < self._arcs.size - 1:
-            nodes = np.insert(nodes, nodes.size - 1, nodes[-1] - TIP)
-        return nodes
-
     def lay_out(self, nodes: Array) -> None:
         """Makes `nodes` (N+1,) the mesh and carries the last solutions over to it."""
         n, n_old = nodes.size - 1, self.elements
@@ -245,6 +230,8 @@ class TouchState:
         self.mask: Array = np.zeros((n + 1, 3))
         self.place: Array = np.zeros((n + 1, PLACE))
         self.lam: Array = np.zeros((n, 3))
+        self.mesh_then: Array = np.empty(self.mesh.size)  # before the last step
+        self.unfactored()
         self._load(nodes)
         if not n_old:
             return
@@ -279,55 +266,30 @@ class TouchState:
         return True
 
     def ends_of_rows(self) -> Array:
-        """Arc lengths beside the contacts without two neighbours that miss most, halfway to the next nodes."""
-        nodes, near, touched = self.nodes, self.near[NOW], self.on[NOW][:, 0] != BARE
-        k = np.flatnonzero(touched[1:-1] & ~(touched[:-2] & touched[2:])) + 1
-        x, y, z, w = self.q[NOW, k].T
-        tangents = np.stack((2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)), axis=1)
-        missed = near[k, PRESS] * np.abs((tangents * near[k, NORMAL : NORMAL + 3]).sum(axis=1))
-        k = k[missed >= WORST * missed.max(initial=0.0)]
-        return np.unique(0.5 * np.concatenate((nodes[k] + nodes[k - 1], nodes[k] + nodes[k + 1])))
+        """Arc lengths that `touch_mesh.ends_of_rows` has for the last solution."""
+        return touch_mesh.ends_of_rows(self.nodes, self.q[NOW], self.near[NOW], self.on[NOW])
 
     def tidy(self) -> None:
-        """Where a contact has run up to the next node, takes that away and divides the element on the other side."""
+        """Moves the nodes that contacts have run up to."""
         h = span_work.mesh_parts(self.mesh, self.elements)[1]
-        nodes, on = self.nodes, self.on[NOW]
-        if not contact_slide.any_crowded(self.near[NOW], on, self.q[NOW], h, 1.0 / self.bend):
-            return
-        away: list[int] = []
-        new: list[float] = []
-        for k in np.flatnonzero(on[1:-1, 0] != BARE) + 1:
-            side = contact_slide.crowded(self.near[NOW], on, self.q[NOW], h, k, 1.0 / self.bend)
-            j = k + side
-            if side == 0 or j in (0, self.elements) or on[j, 0] != BARE or nodes[j] in self.stops:
-                continue
-            away.append(j)
-            new.append(0.5 * (nodes[k] + nodes[k - side]))
-        if away:
-            self.lay_out(np.sort(np.concatenate((np.delete(nodes, away), new))))
+        nodes = touch_mesh.tidied(self.nodes, h, self.q[NOW], self.near[NOW], self.on[NOW], self.bend, self.stops)
+        if nodes is not None:
+            self.lay_out(nodes)
 
     def thin(self) -> None:
         """If many nodes were added, takes away every other one that is far from where a row ends."""
-        n = self.elements
-        if n <= MANY * self._spacing.size or self.info[16] > COARSE * self.par[13]:
+        if self.elements <= MANY * self._spacing.size or self.info[16] > COARSE * self.par[13]:
             return
-        nodes, touched = self.nodes, np.cumsum(self.on[NOW][:, 0] != BARE)
-        k = np.arange(3, n - 2)
-        around = touched[k + 2] - touched[k - 3]  # of five nodes
-        close = nodes[k + 1] - nodes[k - 1] < 1.2 * np.interp(nodes[k], self._middles, self._spacing)
-        away: list[int] = []
-        for j in k[close & ((around == 0) | (around == 5)) & ~np.isin(nodes[k], self.stops)]:
-            if not away or away[-1] < j - 1:
-                away.append(int(j))
-        if away:
-            self.lay_out(np.delete(nodes, away))
+        nodes = touch_mesh.thinned(self.nodes, self.on[NOW], self._spacing, self._middles, self.stops)
+        if nodes is not None:
+            self.lay_out(nodes)
 
     # -- solutions
 
     def start_from(self, shape: CableShape, frames: Array) -> None:
         """Makes a shape without contacts the last solution, on a new mesh; `frames` are those of its supports."""
         self.elements = 0
-        nodes = self.first_nodes(shape)
+        nodes = touch_mesh.first_nodes(self._arcs, self.stops, self.bend, self.forces < self._arcs.size - 1, shape)
         self._spacing, self._middles = np.diff(nodes), 0.5 * (nodes[1:] + nodes[:-1])
         self.lay_out(nodes)
         self.q[NOW] = interpolated(nodes, shape.arc_length, shape.quaternions)
@@ -347,6 +309,16 @@ class TouchState:
         for array in (self.q, self.near, self.on, self.ends, self._grips, self.turns):
             array[BEFORE] = array[NOW]
 
+    def buried(self, frames: Array, deepest: float) -> tuple[int, int, float]:
+        """Which support is deeper in which body, and the gap, as `contact_check.buried` has it."""
+        held = len(frames) - (type(self.problem.end) is not Grip)
+        length = self.problem.cable.length
+        found: tuple[int, int, float] = contact_check.buried(
+            frames, self._arcs, held, deepest, length, self.bodies, self.frames, self.triangles, self.tree,
+            self.radius, self.stack,
+        )  # fmt: skip
+        return found
+
     def rest(self, shape: CableShape, frames: Array) -> None:
         """Makes a shape without contacts the last one; `frames` are those of its supports."""
         self.touching = False
@@ -358,10 +330,10 @@ class TouchState:
         out = np.empty((self.elements, contact_check.TOUCH))
         return out[: contact_check.touches(self.nodes, self.near[NOW], self.on[NOW], self.radius, out)]
 
-    def copy(self) -> tuple[Any, ...]:
-        """All that a solve changes."""
+    def copy(self, *, then: bool = False) -> tuple[Any, ...]:
+        """All that a solve changes; `then`: with the mesh from before the last step."""
         arrays = tuple(a.copy() for a in (self.q, self.near, self.on, self.ends, self._grips, self.turns))
-        return (*arrays, self.mesh.copy(), self.elements)
+        return (*arrays, (self.mesh_then if then else self.mesh).copy(), self.elements)
 
     def restore(self, kept: tuple[Any, ...]) -> None:
         """Puts back a `copy`."""
@@ -371,6 +343,15 @@ class TouchState:
             self.lay_out(mesh[: elements + 1].copy())
         self.q, self.near, self.on, self.ends, self._grips, self.turns = arrays
         self.mesh[:] = mesh
+        self.unfactored()
+
+    def accept(self, *, again: bool = False) -> None:
+        """Makes the trial the last solution; `again`: it is the same one, solved again."""
+        contact_drive.accept(self.q, self.near, self.on, self.ends, self._grips, self.turns, again)
+
+    def unfactored(self) -> None:
+        """The next solve starts without the factors at hand."""
+        self.info[contact_drive.AGE] = math.inf
 
     def came_from(self, kept: tuple[Any, ...]) -> None:
         """Makes the last solution of a `copy` the one before the last, if they have the same elements."""
@@ -380,21 +361,23 @@ class TouchState:
             for array, other in zip(mine, arrays, strict=True):
                 array[BEFORE] = other[NOW]
 
-    def positions(self) -> Array | None:
-        """(n, 3), the last solution's, None if there is none."""
+    @property
+    def positions(self) -> Array:
+        """(n, 3), the last solution's; (0, 3) if there is none."""
         return self._positions
 
     def remember(self, positions: Array) -> None:
         """Takes a solution's positions (n, 3) as those from which the cable moves on, and where the bodies are."""
         self._positions = positions.copy()
-        self.frames_then: Array = self.frames.copy()
-        self.links_then: Array = self.links.copy()
+        self.frames_then = self.frames.copy()
+        self.links_then = self.links
 
     def forget(self) -> None:
         """The next solve starts from nothing."""
         self.history = 0
         self.touching = False
-        self.free = self._positions = None
+        self.free = None
+        self._positions = _NOWHERE
 
     def energy_of_masses(self) -> float:
         """[J], potential energy of point masses and of a plug in the last solution."""
@@ -416,12 +399,3 @@ class TouchState:
     def target(self, frames: Array) -> None:
         """Makes `frames` (b+1, 7) those of the trial."""
         self._grips[TRIAL] = frames
-
-
-def interpolated(at: Array, s: Array, q: Array) -> Array:
-    """Quaternions (k, 4) at arc lengths `at`, linear between those at s."""
-    signs = np.where((q[1:] * q[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
-    chain = q * np.concatenate(([1.0], np.cumprod(signs)))[:, None]
-    out = np.stack([np.interp(at, s, column) for column in chain.T], axis=1)
-    size = np.linalg.norm(out, axis=1, keepdims=True)
-    return np.asarray(out / np.where(size > 0.0, size, 1.0))

@@ -1,0 +1,62 @@
+"""Changes of the set of contacts: which end, which begin, which a clip forestalls."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from cable_shape.kernels._jit import kernel
+from cable_shape.kernels.contact_near import BARE, GAP, PRESS
+
+Array = Any
+
+
+@kernel
+def drop(near: Array, on: Array, least: float, one: bool) -> int:
+    """Ends contacts that pull by more than `least` [N], all or the worst; returns how many."""
+    count = 0
+    worst, at = -least, -1
+    for k in range(near.shape[0]):
+        if on[k, 0] != BARE and near[k, PRESS] < worst:
+            if one:
+                worst, at = near[k, PRESS], k
+            else:
+                on[k, 0] = BARE
+                near[k, PRESS] = 0.0
+                count += 1
+    if at >= 0:
+        on[at, 0] = BARE
+        near[at, PRESS] = 0.0
+        count = 1
+    return count
+
+
+@kernel
+def grow(near: Array, on: Array, deepest: float, one: bool) -> int:
+    """Makes contacts of the nodes deeper in a body than that [m], all or the deepest; returns how many."""
+    count = 0
+    worst, at = -deepest, -1
+    for k in range(near.shape[0]):
+        if on[k, 1] == BARE or on[k, 0] == on[k, 1]:
+            continue
+        if near[k, GAP] < worst:
+            if one:
+                worst, at = near[k, GAP], k
+            else:
+                on[k, 0] = on[k, 1]
+                near[k, PRESS] = 0.0
+                count += 1
+    if at >= 0:
+        on[at, 0] = on[at, 1]
+        near[at, PRESS] = 0.0
+        count = 1
+    return count
+
+
+@kernel
+def spare_clips(near: Array, on: Array, held: Array) -> None:
+    """Takes the held supports out of what `look` has found: what holds a node says where it is."""
+    for i in range(1, held.shape[0] - 1):
+        on[held[i], :] = BARE
+        near[held[i], PRESS] = 0.0
+        near[held[i], GAP] = math.inf

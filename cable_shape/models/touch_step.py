@@ -1,0 +1,181 @@
+"""One step of a cable in contact: a compiled solve from the last solution, and what is left to be done about it."""
+
+from __future__ import annotations
+
+import math
+from time import perf_counter
+from typing import final
+
+import numpy as np
+
+from cable_shape.checks import Array
+from cable_shape.kernels import bounds, contact_check, contact_drive, span_work
+from cable_shape.kernels.contact_drive import UNSETTLED
+from cable_shape.kernels.contact_near import GRIP_EXCLUSION
+from cable_shape.kernels.contact_newton import RUNNING
+from cable_shape.kernels.span_defect import support_loads
+from cable_shape.kernels.span_newton import CONVERGED
+from cable_shape.kernels.span_work import TRIAL
+from cable_shape.models.touch_state import MOST_ELEMENTS, TouchState
+from cable_shape.problem import Problem
+from cable_shape.shape import CableShape
+
+DEEPEST = 1e-4  #: [m] a shape deeper in a body than this between nodes gets a node there
+WARM_ITERATIONS, STEP_ITERATIONS = 30, 20
+FAR = 0.7  #: A warm solve that turns a frame by more than this [rad] from its prediction is checked by small steps.
+FINE = 1.9e-4  #: of the length: an error from contacts above this asks for a finer mesh there
+_ROUNDS = 8  #: of adding nodes where the cable dips into a body between them
+_ANYWHERE: Array = np.empty((0, 3))
+
+
+@final
+class Steps:
+    """The steps of one prediction; the last one's shape is in `buffer`.
+
+    links (k, 7): where the links that carry bodies are to be. iterations: of all steps. loads (k, 7): of the last
+    shape on the clips. late: whether `out_of_time` has been true.
+    """
+
+    __slots__ = ("buffer", "deadline", "iterations", "late", "links", "loads", "problem", "state")
+
+    def __init__(self, problem: Problem, state: TouchState, deadline: float) -> None:
+        self.problem, self.state, self.deadline = problem, state, deadline
+        self.iterations = 0
+        self.late = False
+        self.links = state.link_rows(problem.links)
+        self.loads: Array = np.empty((0, 7))
+        self.buffer = CableShape.new_buffer(problem.points)
+
+    def go(
+        self,
+        frames: Array,
+        history: int,
+        most: int,
+        far: float,
+        sunk: float = 0.0,
+        *,
+        jump: bool = False,
+        drag: float = 0.0,
+    ) -> bool:
+        """From the last solution to `frames`, not inside a body between the nodes, and unless a `jump` not past one.
+
+        drag [N]: holds the rotations back from those of the last solution. False: the last solution is as it was.
+        """
+        state = self.state
+        state.target(frames)
+        before = _ANYWHERE if jump else state.positions
+        refine = not jump and drag == 0.0
+        fine = FINE * self.problem.cable.length if refine else math.inf
+        code = self._call(history, most, far, sunk, drag, before, DEEPEST, fine)
+        if code == UNSETTLED:
+            kept = state.copy(then=True)
+            state.accept()
+            if not self.settle(frames, sunk, drag, refine=refine) or (before.size and self.passes(before, self.buffer)):
+                state.restore(kept)
+                return False
+            state.tidy()
+        elif code != CONVERGED:
+            return False
+        n = self.problem.points
+        state.remember(self.buffer[n : 4 * n].reshape(n, 3))
+        return True
+
+    def again(self, most: int, *, far: float = math.inf, sunk: float = 0.0, drag: float = 0.0) -> bool:
+        """Solves for the frames in the trial, to which the last solution already belongs, once more."""
+        code = self._call(1, most, far, sunk, drag, _ANYWHERE, -1.0, math.inf)
+        if code == UNSETTLED:
+            self.state.accept(again=True)
+        return code == UNSETTLED
+
+    def _call(
+        self,
+        history: int,
+        most: int,
+        far: float,
+        sunk: float,
+        drag: float,
+        before: Array,
+        deepest: float,
+        fine: float,
+    ) -> int:
+        """One compiled solve."""
+        state = self.state
+        code: int = contact_drive.solve(
+            state.par, state.mesh, state.elements, state.q, state.near, state.on, state.ends, state.grips, state.turns,
+            state.held, state.held_mask, state.forces, state.where, state.mask, state.place, state.lam, state.base,
+            state.bodies, state.frames, state.triangles, state.tree, state.radius, sunk, state.stack,
+            self.problem.load, state.table, state.work, self.buffer, state.info, self.problem.points, history,
+            most, far, drag, state.mesh_then, before, state.frames_then, state.moved_links, state.horizon,
+            state.measured, state.counts, deepest, fine,
+        )  # fmt: skip
+        self.iterations += int(state.info[0])
+        if state.held.size > 2 and code in (CONVERGED, UNSETTLED):
+            self._load_clips()
+        return code
+
+    def settle(self, frames: Array, sunk: float = 0.0, drag: float = 0.0, *, refine: bool = True) -> bool:
+        """Adds nodes where the cable dips into a body between them and, to `refine`, where contacts are too inexact."""
+        state = self.state
+        fine = FINE * self.problem.cable.length
+        for _ in range(_ROUNDS):
+            if refine and state.info[0] > RUNNING:  # contacts that run were stopped
+                state.target(frames)
+                if not self.again(WARM_ITERATIONS, sunk=sunk):
+                    return False
+            arcs = self._dips(sunk)
+            deep = arcs.size > 0
+            if not deep and refine and state.info[16] > fine:
+                arcs = state.ends_of_rows()
+            if not arcs.size:
+                return True
+            if state.elements + arcs.size > MOST_ELEMENTS or not state.insert(arcs):
+                return not deep
+            state.target(frames)
+            if not self.again(WARM_ITERATIONS, sunk=sunk, drag=drag):
+                return False
+        return not self._dips(sunk, 2.0 * DEEPEST).size
+
+    def depth(self, buffer: Array) -> float:
+        """The least gap [m] of a shape to any body."""
+        return float(self._measured(buffer)[:, 0].min(initial=math.inf))
+
+    def passes(self, before: Array, buffer: Array) -> bool:
+        """Whether the cable may have got past a body from one shape's positions (n, 3) to the next shape."""
+        state, n = self.state, self.problem.points
+        after = buffer[n : 4 * n].reshape(n, 3)
+        return bool(
+            contact_check.passes(
+                buffer[:n], before, after, state.bodies, state.frames, state.frames_then,
+                state.triangles, state.tree, state.radius, state.stack,
+            )
+        )  # fmt: skip
+
+    def out_of_time(self) -> bool:
+        """Whether the deadline is over."""
+        self.late = self.late or perf_counter() > self.deadline
+        return self.late
+
+    def _measured(self, buffer: Array) -> Array:
+        """(m, 8), as `bounds.closest_points` has it, of every body near."""
+        state, n = self.state, self.problem.points
+        bounds.closest_points(
+            buffer[n : 4 * n].reshape(n, 3), buffer[:n], state.radius, state.horizon, GRIP_EXCLUSION, True,
+            state.bodies, state.moved_links, state.triangles, state.tree, state.measured, state.counts,
+        )  # fmt: skip
+        return state.measured
+
+    def _dips(self, sunk: float, deepest: float = DEEPEST) -> Array:
+        """Arc lengths where the shape in the buffer is too deep in a body."""
+        found = self._measured(self.buffer)
+        return np.unique(found[found[:, 0] + sunk < -deepest, 1])
+
+    def _load_clips(self) -> None:
+        """Fills `loads` with what the cable does to its clips, as `support_loads` has it."""
+        state = self.state
+        spans = int(state.info[3])
+        loads = np.empty((spans - 1, 7))
+        s = span_work.mesh_parts(state.mesh, state.elements)[0]
+        first = span_work.vectors(state.work, state.elements)[0]
+        moments = np.hstack((-first[:, 3:6], first[:, 6:9]))
+        support_loads(state.q[TRIAL], state.lam[:spans], moments, s, state.where[: spans + 1], loads)
+        self.loads = np.asarray(loads[state.base[1:spans] >= 0])
