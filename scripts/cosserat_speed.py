@@ -111,8 +111,8 @@ class Collocation:
         J[7, 10:13], J[8, 10:13] = d[1], -d[0]
         return J
 
-    def solve(self, x: np.ndarray, Y: np.ndarray, start: cs.Pose, end: cs.Pose) -> object:
-        """solve_bvp at tol = 1e-3 from the states Y at x."""
+    def solve(self, x: np.ndarray, Y: np.ndarray, start: cs.Pose, end: cs.Pose, tol: float = 1e-3) -> object:
+        """solve_bvp from the states Y at x."""
         q0 = start.quaternion * np.sign(start.quaternion @ Y[3:7, 0])
         p = end.quaternion * np.sign(end.quaternion @ Y[3:7, -1])
         px, py, pz, pw = p
@@ -122,7 +122,7 @@ class Collocation:
         target = np.concatenate((start.position, q0, end.position, np.zeros(3)))
         return solve_bvp(
             self.slopes, lambda a, b: A @ a + B @ b - target, x, Y, fun_jac=self.jacobian,
-            bc_jac=lambda a, b: (A, B), tol=1e-3,
+            bc_jac=lambda a, b: (A, B), tol=tol, max_nodes=20_000,
         )  # fmt: skip
 
 

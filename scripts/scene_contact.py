@@ -261,7 +261,8 @@ def print_table(figures: Figures, speed: float, count: int = 300) -> None:
     named = f"on a table, {speed * 1e3:.1f} mm a step"
     print(
         f"{named}: {statistics.median(contacts):.0f} contacts, {median * 1e6:.0f} us; "
-        f"the plain cable {full * 1e6:.0f} us in space, {flat * 1e6:.0f} us in its plane, of which this is {median / flat:.1f} times"
+        f"the plain cable {full * 1e6:.0f} us in space, {flat * 1e6:.0f} us in its plane, "
+        f"of which this is {median / flat:.1f} times"
     )
     figures.at_most(f"{named}: times the plain cable in space", median / full, 5.0, "{:.1f}")
 

@@ -1,0 +1,131 @@
+"""Where the evidence goes: two pages with tables and pictures, and ratios to save and to compare."""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from time import perf_counter
+
+import matplotlib
+import numba
+import numpy as np
+import scipy
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+from matplotlib.figure import Figure
+
+TITLES = {
+    "performance": "Run time against error",
+    "stability": "Stability under stress",
+}
+#: A ratio this many times off the one saved is told as changed.
+CHANGED = 1.3
+
+
+def machine() -> str:
+    """Processor, cores and versions, in one line."""
+    name = platform.processor() or platform.machine()
+    cpu = Path("/proc/cpuinfo")
+    if cpu.exists():
+        names = [line.partition(":")[2].strip() for line in cpu.read_text().splitlines() if "model name" in line]
+        name = f"{names[0]}, {len(names)} threads" if names else name
+    versions = f"numpy {np.__version__}, scipy {scipy.__version__}, numba {numba.__version__}"
+    return f"{name}; Python {platform.python_version()}, {versions}; {platform.system()}"
+
+
+def figures(value: float, digits: int = 2) -> str:
+    """A number with so many digits that count."""
+    if not np.isfinite(value):
+        return "-"
+    if value == 0.0 or 1e-2 <= abs(value) < 1e4:
+        return f"{value:.{max(digits - 1 - int(np.floor(np.log10(abs(value) or 1.0))), 0)}f}"
+    return f"{value:.{digits - 1}e}"
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A markdown table."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+class Pages:
+    """Texts, pictures and ratios, as they come."""
+
+    def __init__(self, folder: Path, quick: bool) -> None:
+        self.folder, self.quick = folder, quick
+        self.ratios: dict[str, tuple[float, str]] = {}
+        self.texts: dict[str, list[str]] = {page: [] for page in TITLES}
+        (folder / "images").mkdir(parents=True, exist_ok=True)
+
+    def add(self, page: str, *texts: str) -> None:
+        """Paragraphs and tables of a page, printed, too."""
+        self.texts[page] += texts
+        print("\n\n".join(texts), end="\n\n", flush=True)
+
+    def ratio(self, name: str, value: float, meaning: str = "") -> None:
+        """A figure that does not depend on how fast the machine is."""
+        self.ratios[name] = (value, meaning)
+
+    def picture(self, page: str, figure: Figure, name: str, alt: str) -> None:
+        """Writes a picture and shows it on the page."""
+        figure.savefig(self.folder / "images" / f"{name}.png", dpi=90)
+        plt.close(figure)
+        self.add(page, f"![{alt}](images/{name}.png)")
+
+    def write(self) -> None:
+        """Both pages."""
+        note = "\n\nA quick run: few points and repetitions." if self.quick else ""
+        for page, texts in self.texts.items():
+            head = [f"# {TITLES[page]}", f"Written by `scripts/bench evidence` on {machine()}.{note}"]
+            if page == "performance":
+                head.append(self._ratio_table())
+            (self.folder / f"{page}.md").write_text("\n\n".join((*head, *texts)) + "\n", encoding="utf-8")
+
+    def _ratio_table(self) -> str:
+        found = sorted(self.ratios.items(), key=lambda item: -item[1][0])
+        ahead = [(name, figures(value, 3), note) for name, (value, note) in found if value >= 1.0]
+        behind = [(name, figures(value, 3), note) for name, (value, note) in found if not value >= 1.0]
+        head = ("a : b", "a is so many times as fast", "")
+        parts = ["## Ratios", "Both in turns, or in the same run.", table(head, ahead)]
+        if behind:
+            parts += ["Where nothing is gained, or time is lost:", table(head, behind)]
+        return "\n\n".join(parts)
+
+    def save(self, path: Path) -> None:
+        """The ratios as JSON."""
+        values = {name: value for name, (value, _) in self.ratios.items()}
+        text = json.dumps({"machine": machine(), "quick": self.quick, "ratios": values}, indent=1)
+        path.write_text(text + "\n", encoding="utf-8")
+
+    def compare(self, path: Path) -> list[str]:
+        """Prints the ratios beside those saved; the names of those that have fallen by more than CHANGED."""
+        before = json.loads(path.read_text(encoding="utf-8"))
+        print(f"{'ratio':62} {'saved':>9} {'now':>9}   now / saved ({before['machine']})")
+        fallen = []
+        for name, (now, _) in self.ratios.items():
+            saved = before["ratios"].get(name)
+            if saved is None:
+                print(f"{name:62} {'-':>9} {now:9.3g}")
+                continue
+            change = now / saved
+            mark = "  slower" if change < 1.0 / CHANGED else "  faster" if change > CHANGED else ""
+            print(f"{name:62} {saved:9.3g} {now:9.3g}   {change:.2f}{mark}")
+            if change < 1.0 / CHANGED:
+                fallen.append(name)
+        for name in sorted(before["ratios"].keys() - self.ratios.keys()):
+            print(f"{name:62} {before['ratios'][name]:9.3g}         - not measured now")
+        return fallen
+
+
+def timed(run: object, least: int = 5, seconds: float = 0.05) -> float:
+    """Median time [s] of a call, repeated at least so often and for so long."""
+    spent: list[float] = []
+    end = perf_counter() + seconds
+    while len(spent) < least or perf_counter() < end:
+        began = perf_counter()
+        run()  # type: ignore[operator]
+        spent.append(perf_counter() - began)
+    return float(np.median(spent))

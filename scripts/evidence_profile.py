@@ -1,0 +1,135 @@
+"""Where a cycle's time goes, and what starting costs: phases that sum to the whole, import time, memory."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from time import perf_counter
+
+import numpy as np
+from cosserat_speed import CABLE, END, START, motion
+from evidence_pages import Pages, figures, table
+from evidence_skip import NAME, Job, jobs
+from tqdm import tqdm
+
+import cable_shape as cs
+from cable_shape.kernels import planar_drive
+from cable_shape.models import cosserat
+from cable_shape.models.rod_state import RodState
+from cable_shape.problem import Problem
+
+PHASES = ("predict", "clearance", "margins", "warnings")
+
+STARTUP = """
+import resource, sys, time
+def memory():
+    with open("/proc/self/statm") as file:
+        return int(file.read().split()[1]) * resource.getpagesize() / 2**20
+began, bare = time.perf_counter(), memory()
+import cable_shape as cs
+imported, after_import = time.perf_counter(), memory()
+cable, along_x = cs.Cable(1.2, 0.1, 0.01), (0.5, 0.5, 0.5, 0.5)
+start, places = cs.Pose((0, 0, 0), along_x), [0.7 + 1e-3 * (k % 50) for k in range(int(sys.argv[1]))]
+ends = [cs.Pose((x, 0.3, -0.1), along_x) for x in places]
+cycle = cs.Cycle(cable, model="cosserat")
+cycle.step({"cable": (start, ends[0])}, stamp=0)
+first, after_first = time.perf_counter(), memory()
+for k, end in enumerate(ends[1:10], 1):
+    cycle.step({"cable": (start, end)}, stamp=k * 10**7)
+after_ten = memory()
+for k, end in enumerate(ends[10:], 10):
+    cycle.step({"cable": (start, end)}, stamp=k * 10**7)
+print(imported - began, first - imported, bare, after_import, after_first, after_ten, memory())
+"""
+
+
+def phases(job: Job) -> tuple[dict[str, float], float]:
+    """Share of each phase in the mean cycle, and what is outside them, of the wall time around `step`; and that [s]."""
+    cycle = cs.Cycle(job.cable, scene=job.scene)
+    spent = dict.fromkeys((*PHASES, "bookkeeping"), 0.0)
+    whole = 0.0
+    for _ in range(2):  # the first round compiles what is not yet
+        cycle.reset()
+        spent = dict.fromkeys(spent, 0.0)
+        whole = 0.0
+        for k, grips in enumerate(job.grips):
+            began = perf_counter()
+            report = cycle.step({NAME: grips}, stamp=job.period * (k + 1))
+            wall = perf_counter() - began
+            whole += wall
+            for phase in PHASES:
+                spent[phase] += report.times[phase]
+            spent["bookkeeping"] += wall - sum(report.times[phase] for phase in PHASES)
+    return {phase: value / whole for phase, value in spent.items()}, whole / len(job.grips)
+
+
+def in_kernel(rounds: int) -> tuple[float, float]:
+    """Median time [s] of a warm solve along M, and of the compiled calls in it."""
+    inside: list[float] = []
+    compiled = planar_drive.solve
+
+    def watched(*arguments: object) -> object:
+        began = perf_counter()
+        code = compiled(*arguments)
+        inside.append(perf_counter() - began)
+        return code
+
+    problem = Problem(CABLE)
+    state = RodState(problem)
+    whole, within = [], []
+    planar_drive.solve = watched
+    try:
+        for _ in range(rounds):
+            cosserat.solve(problem.move(START, END), state)
+            for pose in motion():
+                inside.clear()
+                began = perf_counter()
+                cosserat.solve(problem.move(START, pose), state)
+                whole.append(perf_counter() - began)
+                within.append(sum(inside))
+    finally:
+        planar_drive.solve = compiled
+    return float(np.median(whole)), float(np.median(within))
+
+
+def startup(cycles: int, rounds: int) -> np.ndarray:
+    """(7,) medians: import, then first cycle [s]; memory [MiB] bare, after import, first, ten and all cycles."""
+    runs = [
+        subprocess.run(
+            (sys.executable, "-c", STARTUP, str(cycles)), check=True, timeout=600, stdout=subprocess.PIPE, text=True
+        ).stdout.split()
+        for _ in range(rounds)
+    ]
+    return np.median(np.array(runs, dtype=np.float64), axis=0)
+
+
+def evidence(pages: Pages) -> None:
+    """Three tables."""
+    rows = []
+    for job in tqdm(jobs(pages.quick), desc="profile", unit="motion", leave=False, disable=None):
+        shares, seconds = phases(job)
+        parts = [f"{100.0 * shares[phase]:.0f} %" for phase in (*PHASES, "bookkeeping")]
+        rows.append((job.name, *parts, f"{100.0 * sum(shares.values()):.0f} %", figures(1e3 * seconds)))
+    pages.add(
+        "performance",
+        "## Where a cycle's time goes",
+        "Mean shares of the wall time around `Cycle.step`; bookkeeping is what is in none of the phases.",
+        table(("motion, auto", *PHASES, "bookkeeping", "sum", "mean cycle [ms]"), rows),
+    )
+    whole, within = in_kernel(1 if pages.quick else 5)
+    share = 100.0 * within / whole
+    pages.add(
+        "performance",
+        f"Of a warm solve of the rod along M, {figures(1e6 * whole)} µs, {share:.0f} % are the compiled call (Newton's "
+        f"method, correction, estimate, 150 points), {100.0 - share:.0f} % Python around it.",
+    )
+    cycles = 20 if pages.quick else 10_000
+    imported, first, bare, after_import, after_first, after_ten, after_all = startup(cycles, 1 if pages.quick else 3)
+    rows = [
+        ("Python alone", "-", f"{bare:.0f}"),
+        ("import cable_shape", f"{imported:.2f}", f"{after_import:.0f}"),
+        ("first cycle, kernels cached", f"{first:.2f}", f"{after_first:.0f}"),
+        ("after ten cycles", "-", f"{after_ten:.0f}"),
+        (f"after {cycles:,} cycles", "-", f"{after_all:.0f}"),
+    ]
+    pages.add("performance", "## Starting", table(("", "time [s]", "resident memory [MiB]"), rows))

@@ -1,0 +1,167 @@
+"""The evidence that `scripts/bench evidence` draws: folds where theory has them, invariance, shortcuts that fire."""
+
+import json
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cable_shape.shape import Status
+
+sys.path.append(str(Path(__file__).resolve().parents[1] / "scripts"))
+import bench_evidence
+import evidence_maps
+import evidence_profile
+import evidence_skip
+import evidence_walk
+import evidence_weak
+import evidence_work
+from evidence_pages import Pages
+
+
+def snaps(map_: evidence_maps.Map, x: float, y: np.ndarray) -> np.ndarray:
+    """Where along a column the shape snaps."""
+    return y[[s[0] == Status.SNAPPED.value for s in map_.column(x, y)]]
+
+
+def test_the_pages_are_written_and_their_pictures_exist(tmp_path: Path) -> None:
+    pages = Pages(tmp_path, quick=True)
+    evidence_maps.MAPS, kept = evidence_maps.MAPS[3:5], evidence_maps.MAPS
+    try:
+        evidence_maps.evidence(pages)
+    finally:
+        evidence_maps.MAPS = kept
+    pages.ratio("a : b", 2.0, "why")
+    pages.ratio("c : d", 0.5)
+    pages.write()
+    stability = (tmp_path / "stability.md").read_text()
+    for name in ("map_mesh", "map_gravity"):
+        assert f"(images/{name}.png)" in stability
+        assert (tmp_path / "images" / f"{name}.png").stat().st_size > 10_000
+    performance = (tmp_path / "performance.md").read_text()
+    assert performance.index("| a : b | 2.00 | why |") < performance.index("Where nothing is gained")
+    assert performance.index("Where nothing is gained") < performance.index("| c : d | 0.500 |")
+
+
+def test_ratios_are_saved_and_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    saved, now = Pages(tmp_path, quick=True), Pages(tmp_path, quick=True)
+    for name, before, after in (("same", 2.0, 1.9), ("slower", 2.0, 1.0), ("faster", 2.0, 4.0)):
+        saved.ratio(name, before)
+        now.ratio(name, after)
+    saved.ratio("gone", 1.0)
+    now.ratio("new", 1.0)
+    saved.save(tmp_path / "ratios.json")
+    assert json.loads((tmp_path / "ratios.json").read_text())["ratios"]["slower"] == 2.0
+    assert now.compare(tmp_path / "ratios.json") == ["slower"]
+    said = capsys.readouterr().out
+    assert "not measured now" in said
+
+
+def test_a_file_to_compare_with_that_is_missing_is_told_before_the_work(tmp_path: Path) -> None:
+    with pytest.raises(SystemExit):
+        bench_evidence.main(["--compare", str(tmp_path / "none.json")])
+
+
+def test_the_rod_is_nearer_to_its_reference_than_closed_forms_and_agrees_with_solve_bvp() -> None:
+    series, finest = evidence_work.cold("A", quick=True)
+    errors = [point.error for point in series["rod"]]
+    assert errors == sorted(errors, reverse=True)
+    assert errors[-1] < 1e-8
+    assert finest < 1e-5
+    assert min(series[model][0].error for model in evidence_work.CLOSED) > 1e-3
+    assert {len(series["rod, in space"])} == {len(series["rod"])}
+
+
+def test_fixed_meshes_converge_with_sixth_order() -> None:
+    errors = [point.error for point in evidence_work.on_meshes("B", (10, 20, 40))]
+    assert math.log2(errors[0] / errors[1]) > 5.0
+    assert math.log2(errors[1] / errors[2]) > 5.0
+
+
+def test_a_strip_bowed_upwards_snaps_where_the_elastica_says() -> None:
+    map_ = evidence_maps.bowed(7)
+    x, y, _ = map_.lines[0]
+    for chord in (0.9, 0.97):  # at 0.97 no frame turns far enough for the snap to be told: the eigenvalue tells it
+        exact = float(np.interp(chord, x[::-1], y[::-1]))
+        ratios = exact * np.geomspace(1.6, 0.8, 41)
+        eigenvalue = np.array([s[3] for s in map_.column(chord, ratios)])
+        jump = int(np.diff(eigenvalue).argmax()) + 1
+        assert eigenvalue[jump] > 20.0 * eigenvalue[jump - 1] > 0.0
+        assert ratios[jump] == pytest.approx(exact, rel=0.03)  # shallow theory, and steps of 1.7 %
+        assert list(snaps(map_, chord, ratios)) == ([ratios[jump]] if chord == 0.9 else [])
+
+
+def test_a_twisted_cable_pops_into_a_loop_where_the_long_rod_does() -> None:
+    map_ = evidence_maps.looping(7)
+    x, y, _ = map_.lines[0]
+    chord = 0.75
+    exact = float(np.interp(chord, x[::-1], y[::-1]))
+    found = snaps(map_, chord, np.linspace(0.0, 1.2 * exact, 25))
+    assert len(found) == 1
+    assert found[0] == pytest.approx(exact, rel=0.08)
+
+
+def test_a_standing_strip_snaps_only_below_greenhills_stiffness() -> None:
+    map_ = evidence_maps.column_tilt(7)
+    critical = map_.lines[0][0][0]
+    tilts = np.linspace(-20.0, 20.0, 21)
+    assert len(snaps(map_, 0.95 * critical, tilts)) == 1
+    assert len(snaps(map_, 1.01 * critical, tilts)) == 0
+
+
+def test_scaling_changes_rounding_alone() -> None:
+    for name, status, iterations, place, force in evidence_walk.invariance(quick=True):
+        assert status.startswith("OK"), name
+        assert "," not in status
+        assert iterations.isdigit()
+        assert max(float(place), float(force)) < 1e-13
+
+
+def test_a_walk_counts_every_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(evidence_walk, "STEPS_QUICK", 60)
+    row = evidence_walk.walked("usual", quick=True)
+    assert row[1] == "60"
+    assert row[2] == "OK 60"
+    assert row[3] == "0"
+    assert float(row[5]) < 1.0
+    assert float(row[7]) < 1e-5
+
+
+@pytest.mark.parametrize("shortcut", evidence_skip.SHORTCUTS, ids=lambda shortcut: shortcut.name)
+@pytest.mark.parametrize("job", evidence_skip.jobs(quick=True)[1:], ids=lambda job: job.name)
+def test_shortcuts_give_the_same_answer(job: evidence_skip.Job, shortcut: evidence_skip.Shortcut) -> None:
+    if not evidence_skip.applies(job, shortcut):
+        pytest.skip("says nothing of this job")
+    found = evidence_skip.compare(job, shortcut)
+    assert evidence_skip.holds(shortcut, found)
+
+
+def test_each_shortcut_fires_somewhere() -> None:
+    jobs = {job.name: job for job in evidence_skip.jobs(quick=True)}
+    at = ("bench_cell.yaml, the demo's motion",) * 2 + ("no scene, planar motion", "no scene, taut thin span")
+    for name, shortcut in zip((*at, "no scene, motion M"), evidence_skip.SHORTCUTS, strict=True):
+        assert evidence_skip.compare(jobs[name], shortcut).fired > 0, shortcut.name
+
+
+def test_phases_sum_to_the_whole() -> None:
+    shares, seconds = evidence_profile.phases(evidence_skip.jobs(quick=True)[1])
+    assert sum(shares.values()) == pytest.approx(1.0)
+    assert min(shares.values()) >= 0.0
+    assert seconds > 0.0
+    whole, within = evidence_profile.in_kernel(1)
+    assert 0.0 < within < whole
+
+
+def test_starting_is_measured_in_a_process_of_its_own() -> None:
+    imported, first, *memory = evidence_profile.startup(12, 1)
+    assert imported > 0.0
+    assert first > 0.0
+    assert memory == sorted(memory)
+
+
+def test_weak_spots_are_counted_in_full() -> None:
+    for row, count in ((evidence_weak.weightless(6, 1e-6), 6), (evidence_weak.nearly_limp(2, "cosserat"), 4)):
+        assert sum(int(part.split()[1]) for part in row[1].split(", ")) == count
+    assert "SNAPPED 1" in evidence_weak.small_snap(0.9, 41)[1]
