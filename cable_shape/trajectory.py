@@ -16,6 +16,7 @@ advancement, until what might hide is below the resolution.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from time import perf_counter
 from typing import NamedTuple, final
 
@@ -70,6 +71,7 @@ def check_trajectory(
     points: int = 150,
     tolerance: float | None = None,
     time_limit: float | None = None,
+    proceed: Callable[[TrajectoryCheck], bool] | None = None,
 ) -> TrajectoryCheck:
     """Whether the cable and its loads stay within their limits along a trajectory, waypoints and all between.
 
@@ -85,6 +87,8 @@ def check_trajectory(
         [m], of the shapes. Default: 1e-4 of the length.
     time_limit : float, optional
         [s]; after it what is done is returned, marked partial.
+    proceed : callable, optional
+        Asked before every shape, with `done` and `first` of what is found so far; False ends the check, marked partial.
 
     Raises
     ------
@@ -104,7 +108,7 @@ def check_trajectory(
         tolerance=1e-4 * cable.length if tolerance is None else tolerance,
         scene=scene,
     )
-    check = _Check(predictor, scene or Scene(), Motion(path, robot), deadline)
+    check = _Check(predictor, scene or Scene(), Motion(path, robot), deadline, proceed)
     check.run()
     check.found.time = perf_counter() - began
     return check.found
@@ -133,9 +137,17 @@ _LOADS = {kind.value: i for i, kind in enumerate(LOAD_MARGINS)}
 class _Check:
     """One call of :func:`check_trajectory`."""
 
-    def __init__(self, predictor: Predictor, scene: Scene, motion: Motion, deadline: float) -> None:
+    def __init__(
+        self,
+        predictor: Predictor,
+        scene: Scene,
+        motion: Motion,
+        deadline: float,
+        proceed: Callable[[TrajectoryCheck], bool] | None,
+    ) -> None:
         cable = predictor.cable
-        self.predictor, self.scene, self.motion, self.deadline = predictor, scene, motion, deadline
+        self.predictor, self.scene, self.motion = predictor, scene, motion
+        self.deadline, self.proceed = deadline, proceed
         robot = motion.robot
         self.checker = ClearanceChecker(
             Scene(obstacles=() if scene.contact == "off" else scene.obstacles, error_distance=scene.error_distance),
@@ -182,6 +194,7 @@ class _Check:
 
     def _out_of_time(self) -> bool:
         self.late = self.late or perf_counter() > self.deadline
+        self.late = self.late or (self.proceed is not None and not self.proceed(self.found))
         return self.late
 
     def _clearance(self, sample: _Sample) -> float:

@@ -296,3 +296,20 @@ def test_the_deviation_bounds_what_the_cable_does_between() -> None:
         for x, (r, _, _) in zip(np.linspace(0.0, 1.0, 41), found, strict=True)
     ]
     assert max(apart) < off < 10.0 * max(apart)
+
+
+def test_a_check_that_may_not_proceed_gives_what_is_done() -> None:
+    seen: list[int] = []
+
+    def proceed(found: cs.TrajectoryCheck) -> bool:
+        seen.append(int(found.done.sum()))
+        return seen[-1] < 2
+
+    found = cs.check_trajectory(CABLE, FREE, None, sideways(waypoints=7), proceed=proceed)
+    assert seen[0] == 0
+    assert seen == sorted(seen)
+    assert seen[-1] == 2
+    assert found.done.tolist() == [True, True] + [False] * 5
+    assert found.partial
+    assert not found.valid
+    assert found.first is None

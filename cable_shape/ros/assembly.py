@@ -13,6 +13,7 @@ from cable_shape.files import load_yaml
 from cable_shape.robot import Robot
 from cable_shape.ros.interrupt import ends_when_told
 from cable_shape.ros.parameters import Settings, find_file
+from cable_shape.ros.worker import PlannerProcess
 from cable_shape.scene import Scene
 from cable_shape.viewer.process import ViewerProcess
 from cable_shape.warm_up import warm_up
@@ -56,7 +57,7 @@ def load_cables(path: Path) -> dict[str, Cable]:
 
 @final
 class Assembly:
-    """Cables, scene, robot, cycle and viewer, ready to run.
+    """Cables, scene, robot, cycle and viewer, ready to run, and the planner, if it is started.
 
     Raises
     ------
@@ -86,6 +87,7 @@ class Assembly:
         )
         with ends_when_told():
             warm_up()
+        self.planner: PlannerProcess | None = None
         self.viewer: ViewerProcess | None = None
         if settings.view != "off":
             self.viewer = ViewerProcess(settings.view, self.cycle.cables, scene, robot_file)
@@ -98,7 +100,10 @@ class Assembly:
         return f"{cables}; {scene}; {robot}"
 
     def close(self) -> None:
-        """Ends the viewer, within its bound of time."""
+        """Ends viewer and planner, within their bounds of time."""
+        if self.planner is not None:
+            self.planner.close()
+            self.planner = None
         if self.viewer is not None:
             self.viewer.close()
             self.viewer = None

@@ -3,11 +3,29 @@
 from cable_shape.errors import DependencyError
 
 try:
-    from cable_shape_msgs.msg import CableMargin, CableMargins, CableShape, CableWarning, CableWarnings
+    from cable_shape_msgs.action import CheckTrajectory
+    from cable_shape_msgs.msg import (
+        CableMargin,
+        CableMargins,
+        CableShape,
+        CableViolation,
+        CableWarning,
+        CableWarnings,
+    )
+    from cable_shape_msgs.srv import PredictShapes
 except ImportError as error:
     raise DependencyError(
         f"The messages cable_shape_msgs cannot be imported ({error}). Run scripts/test once, which builds them into "
         ".venv, or build msg_defs with colcon and source the workspace."
     ) from error
 
-__all__ = ["CableMargin", "CableMargins", "CableShape", "CableWarning", "CableWarnings"]
+__all__ = [
+    "CableMargin",
+    "CableMargins",
+    "CableShape",
+    "CableViolation",
+    "CableWarning",
+    "CableWarnings",
+    "CheckTrajectory",
+    "PredictShapes",
+]

@@ -103,6 +103,10 @@ SPECS = (
     Spec("input", "poses", "Where the grips come from: two PoseStamped topics or JointState.", options=INPUTS),
     Spec("frame_id", "", "Frame of all input; empty: that of the first message, or 'world' for joints."),
     Spec("view", "off", "Viewer: off, window, or the path of an .rrd file to write."),
+    Spec("planner", False, "Serve planners in a process of its own: cable/predict_shapes, cable/check_trajectory."),
+    Spec("planner_rows", 10_000, "Grasps or waypoints in one request at most.", low=1, high=100_000),
+    Spec("planner_threads", 0, "Threads that solve grasps; 0: one less than there are cores.", low=0, high=256),
+    Spec("planner_time_limit", 10.0, "Of one request, after which what is done is answered.", "s", 0.001, 3600.0),
     Spec("autostart", True, "Configure and activate at start.", read_only=True),
     Spec("rate", 0.0, "Cycles a second, each with the newest input; 0: one for every input.", "Hz", 0.0, 10000.0),
     Spec("max_skew", 0.02, "Poses further apart in time are not paired.", "s", 0.0, 10.0, live=True),
@@ -133,6 +137,10 @@ class Settings:
     input: str
     frame_id: str
     view: str
+    planner: bool
+    planner_rows: int
+    planner_threads: int
+    planner_time_limit: float  # s
     autostart: bool
     rate: float  # Hz
     max_skew: float  # s

@@ -1,0 +1,103 @@
+"""Requests to the planner as arguments of `predict_batch` and `check_trajectory`, within the limits of the node."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cable_shape import checks
+from cable_shape.checks import Array
+from cable_shape.errors import ArgumentError
+from cable_shape.paths import GripPath, JointPath
+from cable_shape.problem import MAX_POINTS, MIN_POINTS
+from cable_shape.ros.worker import PlannerSetup
+
+#: Grasps times points of one request: 400 MB while it is worked on.
+MOST_POINTS = 3_000_000
+_ARRAYS = 0b11111  # all values of PredictShapes.arrays
+
+
+class Grasps(NamedTuple):
+    """What PredictShapes asks for."""
+
+    starts: Array  # (k, 7)
+    ends: Array  # (k, 7)
+    points: int
+    tolerance: float | None  # m
+    time_limit: float  # s
+
+
+class Motion(NamedTuple):
+    """What CheckTrajectory asks for."""
+
+    path: JointPath | GripPath
+    points: int
+    tolerance: float | None  # m
+    time_limit: float  # s
+
+
+def grasps(request: Any, setup: PlannerSetup) -> Grasps:
+    """A request of PredictShapes.
+
+    Raises
+    ------
+    ArgumentError
+        For arrays that are no rows of seven, more rows or points than are allowed, a tolerance or time that is none.
+    """
+    starts, ends = _poses("starts", request.starts, setup.rows), _poses("ends", request.ends, setup.rows)
+    points, tolerance, time_limit = _common(request, setup)
+    if len(starts) * points > MOST_POINTS:
+        bound = f"grasps times points = {len(starts)} * {points}, at most {MOST_POINTS} are allowed"
+        raise ArgumentError.of("starts", f"{len(starts)} rows", bound, "Split them, or ask for fewer points.")
+    if request.arrays & ~_ARRAYS:
+        bound = f"it must be a sum of the constants of PredictShapes, at most {_ARRAYS}"
+        raise ArgumentError.of("arrays", request.arrays, bound, "For example POSITIONS = 1.")
+    return Grasps(starts, ends, points, tolerance, time_limit)
+
+
+def motion(request: Any, setup: PlannerSetup) -> Motion:
+    """A goal of CheckTrajectory.
+
+    Raises
+    ------
+    ArgumentError
+        As above, and for joints and poses at once or none of both, and whatever the paths refuse.
+    """
+    given = request.trajectory
+    joints, poses = bool(given.points or given.joint_names), bool(request.starts or request.ends or request.times)
+    if joints == poses:
+        bound = "give either trajectory or starts and ends"
+        raise ArgumentError.of("goal", "both" if joints else "neither", bound, "Leave the other one empty.")
+    path: JointPath | GripPath
+    if joints:
+        _few("trajectory.points", len(given.points), setup.rows)
+        path = JointPath.from_message(given)
+    else:
+        starts, ends = _poses("starts", request.starts, setup.rows), _poses("ends", request.ends, setup.rows)
+        path = GripPath(starts, ends, np.array(request.times) if request.times else None)
+    return Motion(path, *_common(request, setup))
+
+
+def _common(request: Any, setup: PlannerSetup) -> tuple[int, float | None, float]:
+    """Points, tolerance [m] and time limit [s]: those of the node where the request says 0."""
+    tolerance = checks.number("tolerance", request.tolerance, at_least=0.0, unit="m") or setup.tolerance
+    time_limit = checks.number("time_limit", request.time_limit, at_least=0.0, unit="s") or setup.time_limit
+    points = checks.integer("points", request.points or setup.points, at_least=MIN_POINTS, at_most=MAX_POINTS)
+    return points, tolerance or None, min(time_limit, setup.time_limit)
+
+
+def _poses(name: str, numbers: Any, most: int) -> Array:
+    """(k, 7) of a flat array."""
+    rows, rest = divmod(len(numbers), 7)
+    if rest or not rows:
+        bound = "it must hold seven numbers for every grasp or waypoint, and at least one"
+        raise ArgumentError.of(name, f"{len(numbers)} numbers", bound, "Give x y z and quaternion x y z w, row by row.")
+    _few(name, rows, most)
+    return np.array(numbers, dtype=np.float64).reshape(rows, 7)
+
+
+def _few(name: str, rows: int, most: int) -> None:
+    if rows > most:
+        bound = f"at most planner_rows = {most} are allowed"
+        raise ArgumentError.of(name, f"{rows} rows", bound, "Split the request, or set planner_rows of the node.")

@@ -1,0 +1,390 @@
+"""The planner beside a real node over DDS: the service, the action, and a process that dies."""
+
+import os
+import signal
+import time
+
+import numpy as np
+import pytest
+from action_msgs.msg import GoalStatus
+from builtin_interfaces.msg import Duration
+from cable_shape_msgs.action import CheckTrajectory
+from cable_shape_msgs.srv import PredictShapes
+from harness import ALONG_X
+from rclpy.action import ActionClient
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+import cable_shape as cs
+from cable_shape.robot import Robot
+from cable_shape.ros.parameters import find_file
+
+CLEANUP, DEACTIVATE = 2, 4
+CABLE = cs.Cable(length=1.2, linear_density=0.1, bending_stiffness=0.01, diameter=0.008)
+POST = cs.Obstacle("post", cs.Capsule(0.02, 0.6), cs.Pose((0.4, 0.1, 0.2)))
+SCENE_YAML = "obstacles:\n- {name: post, capsule: {radius: 0.02, length: 0.6}, position: [0.4, 0.1, 0.2]}\n"
+ROBOT = find_file("robots/dual_arm.yaml")
+
+
+def grasps(rows):
+    random = np.random.default_rng(3)
+    starts = np.tile((0.0, 0.0, 0.6, *ALONG_X), (rows, 1))
+    ends = np.tile((0.8, 0.0, 0.6, *ALONG_X), (rows, 1))
+    ends[:, :3] += random.uniform(-0.1, 0.1, (rows, 3))
+    return starts, ends
+
+
+def flat(table):
+    return np.asarray(table).ravel().tolist()
+
+
+def sideways(waypoints, reach=0.5):
+    """Both grips along y: past the post, or with a small reach not as far."""
+    y = np.linspace(-reach, reach, waypoints)
+    return [np.array([(x, v, 0.6, *ALONG_X) for v in y]) for x in (0.0, 0.8)]
+
+
+@pytest.fixture(scope="module")
+def planner(start_for_all, tmp_path_factory):
+    """A node with a planner, a post and a robot."""
+    scene = tmp_path_factory.mktemp("scene") / "scene.yaml"
+    scene.write_text(SCENE_YAML)
+    return start_for_all(
+        scene_file=scene, robot_file=ROBOT, planner="true", planner_rows=2000, planner_time_limit=20.0,
+        model="cosserat", tolerance=1.2e-4, diagnostics_period=0.3,
+    )  # fmt: skip
+
+
+def shapes_of(cell, **fields):
+    """The answer of PredictShapes."""
+    client = cell.node.create_client(PredictShapes, "cable/predict_shapes")
+    cell.until(client.service_is_ready, "predict_shapes")
+    future = client.call_async(PredictShapes.Request(**fields))
+    cell.until(future.done, "shapes")
+    cell.node.destroy_client(client)
+    return future.result()
+
+
+class Checker:
+    """A client of CheckTrajectory."""
+
+    def __init__(self, cell):
+        self.cell, self.feedback = cell, []
+        self.client = ActionClient(cell.node, CheckTrajectory, "cable/check_trajectory")
+        cell.until(self.client.server_is_ready, "check_trajectory")
+
+    def send(self, **fields):
+        sent = self.client.send_goal_async(
+            CheckTrajectory.Goal(**fields), feedback_callback=lambda m: self.feedback.append(m.feedback)
+        )
+        self.cell.until(sent.done, "acceptance")
+        assert sent.result().accepted
+        return sent.result()
+
+    def answer(self, handle):
+        future = handle.get_result_async()
+        self.cell.until(future.done, "result")
+        return future.result().status, future.result().result
+
+    def __call__(self, **fields):
+        return self.answer(self.send(**fields))
+
+
+@pytest.fixture
+def check(planner):
+    checker = Checker(planner)
+    yield checker
+    checker.client.destroy()
+
+
+def test_shapes_are_those_of_predict_batch_to_the_bit(planner):
+    starts, ends = grasps(300)
+    starts[7, 2] = np.nan
+    ends[9, 0] = 2.0  # further than the cable is long
+    every = sum(getattr(PredictShapes.Request, n) for n in ("POSITIONS", "QUATERNIONS", "CURVATURE", "FORCE", "MOMENT"))
+    told = shapes_of(planner, starts=flat(starts), ends=flat(ends), arrays=every)
+    scene = cs.Scene(obstacles=[POST])
+    own = cs.predict_batch(CABLE, starts, ends, model="cosserat", tolerance=1.2e-4, scene=scene)
+    assert (told.success, told.error, told.partial, told.points) == (True, "", False, 150)
+    for name in ("positions", "quaternions", "curvature", "force", "moment", "energy", "distances", "used"):
+        np.testing.assert_array_equal(np.array(getattr(told, name)), getattr(own, name).ravel(), err_msg=name)
+    for name in ("done", "status", "usable", "several"):
+        np.testing.assert_array_equal(np.array(getattr(told, name)), getattr(own, name), err_msg=name)
+    assert told.bodies == ["post"]
+    assert told.done[7] == 0
+    assert list(told.told) == [7, 9]
+    assert "starts[7]: position = " in told.texts[0]
+    assert told.status[9] == cs.Status.OVERSTRETCHED.value
+    assert told.usable[9] == 0
+
+
+def test_a_request_says_points_model_and_what_it_wants_back(planner):
+    starts, ends = grasps(3)
+    told = shapes_of(planner, starts=flat(starts), ends=flat(ends), points=20, model="catenary", arrays=1)
+    own = cs.predict_batch(
+        CABLE, starts, ends, points=20, model="catenary", tolerance=1.2e-4, scene=cs.Scene(obstacles=[POST])
+    )
+    np.testing.assert_array_equal(np.array(told.positions).reshape(3, 20, 3), own.positions)
+    assert len(told.force) == 0
+    assert len(shapes_of(planner, starts=flat(starts), ends=flat(ends)).positions) == 0
+
+
+@pytest.mark.parametrize(
+    ("fields", "text"),
+    [
+        ({"starts": [0.0] * 8}, "starts = '8 numbers' is not allowed: it must hold seven numbers"),
+        ({"starts": [], "ends": []}, "starts = '0 numbers' is not allowed"),
+        ({"starts": flat(grasps(2)[0])}, "ends = '1 rows' is not allowed: it must have as many as starts, 2"),
+        ({"starts": [0.0] * 7 * 2001}, "starts = '2001 rows' is not allowed: at most planner_rows = 2000"),
+        ({"cable_id": "hose"}, "cable_id: unknown key 'hose'"),
+        ({"model": "spline"}, "model = 'spline' is not allowed: it must be one of catenary"),
+        ({"points": 1}, "points = 1 is not allowed"),
+        ({"points": 4_000_000}, "points = 4000000 is not allowed: it must be a whole number of at least 2 and at most"),
+        ({"starts": flat(grasps(400)[0]), "points": 9000}, "grasps times points = 400 * 9000, at most 3000000"),
+        ({"tolerance": -1.0}, "tolerance = -1.0 is not allowed: it must be at least 0 m"),
+        ({"time_limit": float("nan")}, "time_limit = nan is not allowed: it must be finite"),
+        ({"arrays": 64}, "arrays = 64 is not allowed: it must be a sum of the constants"),
+    ],
+)
+def test_a_bad_request_is_answered_with_what_is_wrong(planner, fields, text):
+    starts, ends = grasps(1)
+    told = shapes_of(planner, **{"starts": flat(starts), "ends": flat(ends), **fields})
+    assert not told.success
+    assert text in told.error
+    assert len(told.status) == 0
+
+
+def test_beyond_its_time_limit_what_is_done_is_answered(planner):
+    starts, ends = grasps(2000)
+    ends[:, :3] += np.random.default_rng(4).uniform(-0.2, 0.1, (2000, 3))  # scattered: every row costs
+    told = shapes_of(planner, starts=flat(starts), ends=flat(ends), time_limit=0.02, arrays=1)
+    done = np.array(told.done, bool)
+    assert told.success
+    assert told.partial
+    assert not done.all()
+    positions = np.array(told.positions).reshape(2000, -1)
+    assert np.isnan(positions[~done]).all()
+    assert np.isfinite(positions[done]).all()
+
+
+def test_a_motion_of_both_grips_is_checked(check):
+    starts, ends = sideways(5)
+    status, told = check(starts=flat(starts), ends=flat(ends), times=[0.0, 1.0, 2.0, 3.0, 4.0])
+    own = cs.check_trajectory(
+        CABLE, cs.Scene(obstacles=[POST]), None, cs.GripPath(starts, ends, np.arange(5.0)), tolerance=1.2e-4
+    )
+    assert status == GoalStatus.STATUS_SUCCEEDED
+    assert (told.success, told.valid, told.partial, told.robot_checked) == (True, False, False, False)
+    first = own.first
+    assert (told.first.reason, told.first.other, told.first.text) == ("clearance", "post", first.text)
+    assert (told.first.place, told.first.time, told.first.value) == (first.place, first.time, first.value)
+    np.testing.assert_array_equal(np.array(told.segments), own.segments)
+    np.testing.assert_array_equal(np.array(told.clearance), own.clearance)
+    assert list(told.wrong) == [i for i, violation in enumerate(own.waypoints) if violation]
+    assert [v.text for v in told.violations] == [v.text for v in own.waypoints if v]
+    assert told.solved == own.solved
+
+
+def test_a_motion_far_from_all_is_valid(check):
+    starts, ends = sideways(3, reach=0.02)
+    starts[:, 1] -= 0.4
+    ends[:, 1] -= 0.4
+    status, told = check(starts=flat(starts), ends=flat(ends))
+    assert status == GoalStatus.STATUS_SUCCEEDED
+    assert told.valid
+    assert told.first.reason == ""
+    assert list(told.segments) == [1, 1]
+
+
+def joint_trajectory(steps):
+    robot = Robot.from_yaml(ROBOT)
+    message = JointTrajectory(joint_names=list(robot.joint_names))
+    for i in range(steps):
+        q = robot.home + 0.01 * i
+        message.points.append(JointTrajectoryPoint(positions=q.tolist(), time_from_start=Duration(sec=i)))
+    return robot, message
+
+
+def test_a_joint_trajectory_is_checked_with_the_robots_links(check):
+    robot, message = joint_trajectory(3)
+    status, told = check(trajectory=message)
+    own = cs.check_trajectory(CABLE, cs.Scene(obstacles=[POST]), robot, message, tolerance=1.2e-4)
+    assert status == GoalStatus.STATUS_SUCCEEDED
+    assert told.robot_checked
+    assert told.valid == own.valid
+    assert told.first.text == (own.first.text if own.first else "")
+    np.testing.assert_array_equal(np.array(told.clearance), own.clearance)
+    assert told.solved == own.solved
+
+
+def unknown_joint():
+    message = joint_trajectory(2)[1]
+    message.joint_names[0] = "left_elbow_of_nobody"
+    return {"trajectory": message}
+
+
+def back_in_time():
+    message = joint_trajectory(3)[1]
+    message.points[2].time_from_start.sec = 0
+    return {"trajectory": message}
+
+
+@pytest.mark.parametrize(
+    ("fields", "text"),
+    [
+        (unknown_joint(), "trajectory.joint_names: unknown key 'left_elbow_of_nobody'"),
+        (back_in_time(), "times[2] = 0.0 is not allowed: it must be later than the one before"),
+        ({}, "goal = 'neither' is not allowed: give either trajectory or starts and ends"),
+        ({"trajectory": joint_trajectory(2)[1], "starts": [0.0] * 7}, "goal = 'both' is not allowed"),
+        ({"trajectory": JointTrajectory(joint_names=["a"])}, "positions = "),
+        ({"starts": [0.0] * 7 * 2001}, "starts = '2001 rows' is not allowed: at most planner_rows = 2000"),
+        ({"starts": [float("nan")] * 7, "ends": [0.0] * 7}, "starts[0] = "),
+    ],
+)
+def test_a_bad_goal_is_aborted_with_what_is_wrong(check, fields, text):
+    status, told = check(**fields)
+    assert status == GoalStatus.STATUS_ABORTED
+    assert not told.success
+    assert text in told.error
+
+
+def long_motion():
+    """Minutes of work: to and fro, each time with a violation to find."""
+    starts, ends = sideways(2)
+    turns = np.arange(2000) % 2
+    return {"starts": flat(starts[turns]), "ends": flat(ends[turns])}
+
+
+def test_a_goal_tells_how_far_it_is_and_is_cancelled_while_the_service_answers(planner, check):
+    handle = check.send(**long_motion())
+    planner.until(lambda: check.feedback, "feedback")
+    starts, ends = grasps(5)
+    assert shapes_of(planner, starts=flat(starts), ends=flat(ends)).success  # beside the check
+    planner.until(lambda: check.feedback[-1].waypoint > 2, "progress")
+    assert check.feedback[-1].waypoints == 2000
+    assert check.feedback[-1].violated
+    cancelled = handle.cancel_goal_async()
+    planner.until(cancelled.done, "answer to the cancellation")
+    assert len(cancelled.result().goals_canceling) == 1
+    status, told = check.answer(handle)
+    assert status == GoalStatus.STATUS_CANCELED
+    assert (told.success, told.partial, told.valid) == (True, True, False)
+    assert 0 < sum(told.done) < 2000
+    assert told.first.other == "post"
+
+
+def test_a_goal_beyond_its_time_limit_is_partial(check):
+    status, told = check(**long_motion(), time_limit=0.3)
+    assert status == GoalStatus.STATUS_SUCCEEDED
+    assert told.partial
+    assert 0 < sum(told.done) < 2000
+
+
+def test_of_too_many_goals_one_is_refused_and_those_that_wait_are_cancelled_at_once(planner, check):
+    handles = [check.send(**long_motion()) for _ in range(5)]
+    answers = [handle.get_result_async() for handle in handles]
+    planner.until(lambda: any(answer.done() for answer in answers), "refusal")
+    (refused,) = (i for i, answer in enumerate(answers) if answer.done())
+    assert answers[refused].result().status == GoalStatus.STATUS_ABORTED
+    text = "goals = 5 is not allowed: at most 4 may be under way. Wait for a result, or cancel one."
+    assert answers[refused].result().result.error == text
+    for i in (i for i in range(5) if i != refused):
+        planner.until(handles[i].cancel_goal_async().done, "answer to the cancellation")
+        planner.until(answers[i].done, "result")
+        told = answers[i].result().result
+        assert answers[i].result().status == GoalStatus.STATUS_CANCELED
+        assert (told.success, told.partial, told.valid) == (True, True, False)
+
+
+def planner_pid(node):
+    """The planner among the node's children."""
+    for entry in os.listdir("/proc"):
+        if not entry.isdigit():
+            continue
+        try:
+            with open(f"/proc/{entry}/stat") as stat, open(f"/proc/{entry}/cmdline") as command:
+                parent, words = int(stat.read().rpartition(")")[2].split()[1]), command.read()
+        except OSError:
+            continue
+        if parent == node.process.process.pid and "cable_shape.ros.planning" in words:
+            return int(entry)
+    return None
+
+
+def gone(pid):
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return True
+    return False
+
+
+def test_a_planner_that_dies_is_told_and_started_again_and_cycles_go_on(start):
+    node = start(planner="true", diagnostics_period=0.3)
+    starts, ends = grasps(3)
+    assert shapes_of(node, starts=flat(starts), ends=flat(ends)).success
+    first = planner_pid(node)
+    os.kill(first, signal.SIGKILL)
+    status = node.diagnosis("lifecycle", "the planner's process has ended by signal 9 (1 times so far)", b"\x01")
+    assert "It is started again after 1 s" in status.message
+    node.predicted()
+    second = node.until(lambda: (pid := planner_pid(node)) != first and pid, "a new process")
+
+    def answered():
+        client = node.node.create_client(PredictShapes, "cable/predict_shapes")
+        node.until(client.service_is_ready, "predict_shapes")
+        future = client.call_async(PredictShapes.Request(starts=flat(starts), ends=flat(ends)))
+        end = time.monotonic() + 2.0  # the dead one may still be listed
+        while not future.done() and time.monotonic() < end:
+            node.spin(0.05)
+        node.node.destroy_client(client)
+        return future.done() and future.result().success
+
+    node.until(answered, "an answer of the new process")
+    assert node.process.stop() == 0
+    node_text = node.process.text()
+    assert "Traceback" not in node_text
+    assert gone(second)
+
+
+def test_the_planner_comes_and_goes_with_the_lifecycle(start):
+    node = start(planner="true")
+    client = node.node.create_client(PredictShapes, "cable/predict_shapes")
+    node.until(client.service_is_ready, "predict_shapes")
+    pid = planner_pid(node)
+    assert node.transition(DEACTIVATE)
+    starts, ends = grasps(1)
+    assert shapes_of(node, starts=flat(starts), ends=flat(ends)).success  # it needs no input
+    assert node.transition(CLEANUP)
+    assert gone(pid)
+    node.until(lambda: not client.service_is_ready(), "service gone")
+    assert node.process.stop() == 0
+
+
+def test_a_killed_node_takes_its_planner_along(start):
+    node = start(planner="true")
+    pid = node.until(lambda: planner_pid(node), "the planner")
+    node.process.process.kill()
+    node.process.process.wait()
+    end = time.monotonic() + 60.0
+    while not gone(pid):
+        assert time.monotonic() < end
+        time.sleep(0.1)
+
+
+def test_of_several_cables_the_request_names_one(start, tmp_path):
+    (tmp_path / "short.yaml").write_text("length: 1.0\nlinear_density: 0.1\nbending_stiffness: 0.01\n")
+    file = tmp_path / "two.yaml"
+    file.write_text(
+        "cables:\n  short: short.yaml\n  long: {length: 1.2, linear_density: 0.1, bending_stiffness: 0.01}\n"
+    )
+    node = start(cable_file=file, planner="true", model="cosserat", active=False)
+    starts, ends = grasps(2)
+    lengths = {}
+    for name in ("short", "long"):
+        told = shapes_of(node, cable_id=name, starts=flat(starts), ends=flat(ends), arrays=1)
+        lines = np.array(told.positions).reshape(2, -1, 3)
+        lengths[name] = np.linalg.norm(np.diff(lines, axis=1), axis=2).sum(axis=1)
+    np.testing.assert_allclose(lengths["short"], 1.0, rtol=1e-3)
+    np.testing.assert_allclose(lengths["long"], 1.2, rtol=1e-3)
+    told = shapes_of(node, starts=flat(starts), ends=flat(ends))
+    assert "cable_id: unknown key ''" in told.error
