@@ -33,6 +33,15 @@ def test_a_silent_cable_is_waited_for_once_and_joins_again():
     assert fed(gathering, [("c", 31), ("a", 32), ("b", 33)]) == [(31, {"c": "c31", "a": "a32", "b": "b33"})]
 
 
+def test_one_that_comes_back_just_after_a_cycle_shares_the_next_one_with_its_own_round():
+    gathering = Gathering("abc")
+    fed(gathering, [*ROUND, ("a", 11), ("b", 12), ("a", 21), ("b", 22)])
+    assert fed(gathering, [("a", 31), ("b", 32)]) == [(31, {"a": "a31", "b": "b32"})]
+    assert fed(gathering, [("c", 33), ("a", 41)]) == [(33, {"c": "c33"})]
+    assert fed(gathering, [("b", 42), ("c", 43)]) == [(41, {"a": "a41", "b": "b42", "c": "c43"})]
+    assert fed(gathering, [("a", 51), ("b", 52), ("c", 53)]) == [(51, {"a": "a51", "b": "b52", "c": "c53"})]
+
+
 def test_what_is_older_than_the_cycle_before_is_left_out_and_counted():
     gathering = Gathering("ab")
     assert fed(gathering, [("a", 10), ("b", 11), ("a", 20), ("a", 30)])[1:] == [(20, {"a": "a20"}), (30, {"a": "a30"})]
