@@ -124,6 +124,7 @@ def start_child(**environment: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
         [sys.executable, "-W", "error", "-c", CHILD],
         env={**inherited, "PYTHONPATH": str(ROOT), **environment},
+        cwd=environment.get("PYTHONPATH", ROOT),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -153,6 +154,16 @@ def test_what_processes_compile_at_once_the_next_one_loads(filled: tuple[Path, s
     assert list(cache.rglob("*.nbi"))
     assert not list(cache.rglob("*.tmp.*"))
     assert result_of(start_child(XDG_CACHE_HOME=str(cache))) == (numbers, LOADED)
+
+
+def test_a_second_checkout_loads_what_the_first_one_compiled(filled: tuple[Path, str], tmp_path: Path) -> None:
+    """Machine code is found by what the sources say; only what a changed source says is compiled again."""
+    shutil.copytree(ROOT / "cable_shape", tmp_path / "cable_shape", ignore=shutil.ignore_patterns("__pycache__"))
+    places = {"XDG_CACHE_HOME": str(filled[0]), "PYTHONPATH": str(tmp_path)}
+    assert result_of(start_child(**places)) == (filled[1], LOADED)
+    with open(tmp_path / "cable_shape" / "kernels" / "poses.py", "a") as file:
+        file.write("# another version\n")
+    assert result_of(start_child(**places)) == (filled[1], "1 1")
 
 
 @pytest.mark.parametrize(("suffix", "keep"), [("nbi", 0.0), ("nbc", 0.5)])

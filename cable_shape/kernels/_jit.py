@@ -1,9 +1,9 @@
 """How kernels are compiled: :func:`kernel`, the one decorator of this folder.
 
-Machine code is cached in one folder per version of a kernel file and of the kernel files that it imports, so that a
-kernel that calls another across files is never stale, and a read-only installation still has a cache. NUMBA_CACHE_DIR
-overrides the place. Several processes may fill it at once, and a file that a crash or a full disk has cut short costs
-no more than compiling again.
+Machine code is cached in one folder per content of a kernel file and of the kernel files that it imports, so that a
+kernel that calls another across files is never stale, a second checkout or installation finds what the first one
+compiled, and a read-only one still has a cache. NUMBA_CACHE_DIR overrides the place. Several processes may fill it at
+once, and a file that a crash or a full disk has cut short costs no more than compiling again.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import hashlib
-import inspect
 import os
 import re
 import tempfile
@@ -21,8 +20,7 @@ from pathlib import Path
 from typing import Any, final
 
 import numba
-from numba.core import config as _config
-from numba.core.caching import FunctionCache
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
 
 HERE = Path(__file__).parent
 _IMPORT = re.compile(rb"^(?:from|import) cable_shape\.kernels(?: import |\.)([\w, ]+)", re.MULTILINE)
@@ -43,14 +41,13 @@ def sources(file: Path) -> frozenset[Path]:
 @cache
 def cache_folder(file: Path) -> str:
     """Where the machine code of a kernel file as it is now is cached; writable, made if missing."""
-    if os.environ.get("NUMBA_CACHE_DIR"):
-        return os.environ["NUMBA_CACHE_DIR"]
     digest = hashlib.sha256(numba.__version__.encode())
     for source in sorted(sources(file)):
         digest.update(source.name.encode() + source.read_bytes())
     name = f"{file.stem}-{digest.hexdigest()[:16]}"
-    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    for base in (home / "cable_shape", Path(tempfile.gettempdir()) / f"cable_shape_{os.getuid()}"):
+    asked = os.environ.get("NUMBA_CACHE_DIR")
+    home = Path(asked) if asked else Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "cable_shape"
+    for base in (home, Path(tempfile.gettempdir()) / f"cable_shape_{os.getuid()}"):
         folder = base / name
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -71,11 +68,40 @@ def _locked(folder: str) -> Iterator[None]:
 
 
 @final
+class _Locator(_CacheLocator):
+    """Finds a kernel's machine code by what its source says, wherever that lies and whenever it was written."""
+
+    def __init__(self, function: Any, file: str) -> None:
+        self._py_file = file
+        self._line = function.__code__.co_firstlineno
+
+    @classmethod
+    def from_function(cls, py_func: Any, py_file: str) -> _Locator:
+        return cls(py_func, py_file)
+
+    def get_cache_path(self) -> str:
+        return cache_folder(Path(self._py_file))
+
+    def get_source_stamp(self) -> str:
+        return ""  # the folder's name has the digest of the sources
+
+    def get_disambiguator(self) -> str:
+        return str(self._line)
+
+
+@final
+class _Implementation(CompileResultCacheImpl):
+    _locator_classes = [_Locator]  # noqa: RUF012, as numba declares it
+
+
+@final
 class _Cache(FunctionCache):
     """numba's cache of one function, which reads, changes and writes its index unlocked and trusts what it reads.
 
     Two processes at once could give two signatures the same file, or lose one's entry.
     """
+
+    _impl_class = _Implementation
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         try:
@@ -91,21 +117,13 @@ class _Cache(FunctionCache):
             super().save_overload(sig, data)
 
 
-config: Any = _config
-
-
 def kernel(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     """Compiles lazily in nopython mode with numpy's division rules (NaN and inf, no exceptions) and a cache on disk."""
 
     def decorate(f: Callable[..., Any]) -> Any:
-        before = config.CACHE_DIR
-        config.CACHE_DIR = cache_folder(Path(inspect.getfile(f)))  # read when the function below is decorated
-        try:
-            compiled = numba.njit(error_model="numpy", **options)(f)
-            if hasattr(compiled, "enable_caching"):  # not where NUMBA_DISABLE_JIT leaves the function as it is
-                compiled._cache = _Cache(f)
-            return compiled
-        finally:
-            config.CACHE_DIR = before
+        compiled = numba.njit(error_model="numpy", **options)(f)
+        if hasattr(compiled, "enable_caching"):  # not where NUMBA_DISABLE_JIT leaves the function as it is
+            compiled._cache = _Cache(f)
+        return compiled
 
     return decorate if function is None else decorate(function)
