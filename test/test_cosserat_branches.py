@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from rods import ALONG_X, CABLE, END, LENGTH, START, moved, solved
 
+import cable_shape as cs
 from cable_shape.cable import Cable
 from cable_shape.errors import ArgumentError
 from cable_shape.models import cosserat
@@ -71,6 +72,41 @@ def test_a_cable_pushed_past_its_fold_snaps():
     assert statuses.count(Status.SNAPPED) == 1
     assert statuses[0] is statuses[-1] is Status.OK
     assert shape.positions[75, 2] < -0.1
+
+
+def test_a_small_snap_is_told_and_no_motion_on_the_way_to_it():
+    """A strip bowed upwards falls through by 60 mm while its ends are drawn apart by 0.25 mm; then it is moved on."""
+    weight, stiff = 0.981, 0.0392
+    strip = Cable(1.0, weight / 9.81, (stiff, 50.0 * stiff), 50.0 * stiff)
+    start = Pose((0, 0, 0), ALONG_X)
+    problem = state = None
+    for pull in (20.0, 5.0, 1.0, 0.0, -9.81):  # hung upwards, then let go
+        problem = Problem(strip, gravity=(0.0, 0.0, pull)).move(start, Pose((0.982, 0, 0), ALONG_X))
+        state = state or RodState(problem)
+        cosserat.solve(problem, state)
+    middle, statuses = [], []
+    for chord in np.arange(0.982, 0.996, 2.5e-4):
+        shape = cosserat.solve(problem.move(start, Pose((chord, 0, 0), ALONG_X)), state)
+        statuses.append(shape.status)
+        middle.append(shape.positions[shape.points // 2, 2])
+    jump = int(np.argmin(np.diff(middle))) + 1
+    assert middle[jump] < -0.02 < 0.02 < middle[jump - 1]
+    assert [k for k, status in enumerate(statuses) if status is not Status.OK] == [jump]
+    assert statuses[jump] is Status.SNAPPED
+
+
+@pytest.mark.parametrize("tolerance", [1e-5, 1e-3])
+@pytest.mark.parametrize("chord", [0.15, 0.5, 0.85])
+@pytest.mark.parametrize("ratio", [1e-3, 2e-3, 5e-3])
+def test_a_cable_next_to_limp_hangs_like_a_catenary(ratio, chord, tolerance):
+    """From nothing, its ends bent sharply by the grips: a few boundary layers off the perfectly flexible cable."""
+    EI = CABLE.linear_density * 9.81 * (ratio * LENGTH) ** 3
+    cable = CABLE.replace(bending_stiffness=EI, twisting_stiffness=0.8 * EI)
+    end = Pose(chord * LENGTH * END.position / np.linalg.norm(END.position), END.quaternion)
+    shape = cosserat.solve(Problem(cable, relative_tolerance=tolerance).move(START, end))
+    assert shape.status is Status.OK
+    limp = cs.predict(CABLE.replace(bending_stiffness=0.0), START, end, model="catenary")
+    assert np.linalg.norm(shape.positions - limp.positions, axis=1).max() < 10.0 * ratio * LENGTH
 
 
 @pytest.mark.parametrize("axial", [None, 1e3])

@@ -46,6 +46,7 @@ from cable_shape.kernels.rod_drive import (
     TOO_FAR,
     TRIAL,
     mesh_parts,
+    reach,
     slot,
     wind,
 )
@@ -177,7 +178,9 @@ def solve_in_plane(
     """As `rod_drive.solve` with a guard; anything but CONVERGED has left `sol` as it was but for signs of the trial."""
     q, lam, ends = slot(sol, elements, TRIAL)
     if history > 0:
-        wind(slot(sol, elements, NOW)[2], ends)
+        before = slot(sol, elements, NOW)[2]
+        wind(before, ends)
+        far = reach(far, par, before, ends)
     held, length = width > 1, par[19]
     q0, q1 = (ends[3], ends[4], ends[5], ends[6]), (ends[10], ends[11], ends[12], ends[13])
     R = rotation(q0)

@@ -2,7 +2,8 @@
 
 Flat arrays, with N elements and nodes N + 1:
 
-    par   (20,)      stiffness 3, compliance 3, dead end moment 3, mask 6, weight [N/m] 3, base shift, length
+    par   (21,)      stiffness 3, compliance 3, dead end moment 3, mask 6, weight [N/m] 3, base shift, length, turn
+                     [rad] of frames that needs no motion of the ends, infinite where loads may have changed
     mesh  (21 N + 1) s N+1 | h N | load 9N | rest 6N | scratch 3N | error indicator N
     sol   3 x (4 nodes + 18): now, before, trial; each q 4 nodes | lambda 3 | start 7 | end 7 | turns
     info  (18,)      0 iterations, 1 last step [rad], 2 excess of negative eigenvalues, 3 shift, 4 assemblies,
@@ -57,9 +58,10 @@ BROKEN = 3  # a number in the output is not finite
 FAR = 4  # an equilibrium further from the prediction than asked for
 TOO_FAR = 5  # the ends are as far apart as an inextensible cable is long, or further
 STRAIGHT = 1.0 - 1e-9  # chord / length from which it is
-PAR, INFO = 20, 18
+PAR, INFO = 21, 18
 ITERATIONS, EXCESS, RESIDUAL, ESTIMATE, ENERGY, TWIST, TURNED, TURN, TURNS = 0, 2, 11, 7, 8, 9, 12, 13, 17  # in info
 LARGEST_TURN = 0.7  # rad, of an element: coarser ones misjudge stability
+TURN_OF_MOTION = 12.0  # largest turn of a frame from its prediction [rad] by motion of the ends [lengths, rad]
 # The estimated error is so many times what the correction leaves and what the interpolation misses: both are judged by
 # their leading term. Set so that on random grasps it is above the true error in 99 of 100 at any tolerance.
 LEFT, INTERPOLATED = 14.0, 0.45
@@ -193,6 +195,22 @@ def extrapolate(sol: Array, elements: int, history: int, length: float) -> None:
 
 
 @kernel
+def reach(far: float, par: Array, before: Array, ends: Array) -> float:
+    """`far`, or less: how far [rad] a frame may turn from its prediction while the ends move from `before` to `ends`.
+
+    A cable that snaps turns its frames by a jump however little its ends move.
+    """
+    way = turn0 = turn1 = 0.0
+    for i in range(3):
+        way += (ends[7 + i] - ends[i] - before[7 + i] + before[i]) ** 2
+    for i in range(3, 7):
+        turn0 += (ends[i] - before[i]) ** 2
+        turn1 += (ends[7 + i] - before[7 + i]) ** 2
+    motion = math.sqrt(way) / par[19] + 2.0 * (math.sqrt(turn0) + math.sqrt(turn1))
+    return min(far, par[20] + TURN_OF_MOTION * motion)
+
+
+@kernel
 def solve(
     par: Array, mesh: Array, sol: Array, work: Array, out: Array, info: Array, elements: int, width: int, points: int,
     history: int, guard: bool, most: int, far: float,
@@ -200,8 +218,8 @@ def solve(
     """Solves for the ends in the trial part of `sol`; returns CONVERGED, STALLED, NOT_FINITE, BROKEN, FAR or TOO_FAR.
 
     history: 0 the trial's frames are a guess; 1 or 2 start from so many solutions. far [rad]: largest turn of a frame
-    from its prediction that is accepted. After CONVERGED the trial has become the solution now, the one now the one
-    before. `points` 0: no output.
+    from its prediction that is accepted, less where the ends move little, see `reach`. After CONVERGED the trial has
+    become the solution now, the one now the one before. `points` 0: no output.
     """
     s, h, load, rest, slack, errors = mesh_parts(mesh, elements)
     q, lam, ends = slot(sol, elements, TRIAL)
@@ -214,6 +232,7 @@ def solve(
         wind(ends1, ends)
         extrapolate(sol, elements, history, par[19])
         turn_ends(q, s, ends, mask)
+        far = reach(far, par, ends1, ends)
     if width == 1:
         lam[0] = lam[1] = lam[2] = 0.0
     start = work[-4 * (elements + 1) :].reshape(elements + 1, 4)

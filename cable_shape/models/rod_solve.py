@@ -16,14 +16,14 @@ from cable_shape.kernels.rod_newton import CONVERGED
 from cable_shape.models.rod_common import MODEL, straight_line
 from cable_shape.models.rod_state import RodState
 from cable_shape.pose import Grip, multiply
-from cable_shape.problem import Problem
+from cable_shape.problem import NAMED_TOLERANCE, Problem
 from cable_shape.shape import CableShape, Status
 
 _COLD_ITERATIONS, _WARM_ITERATIONS, _STEP_ITERATIONS = 80, 25, 12
-#: A warm solve that turns a frame by more than this [rad] from its prediction is checked by small steps, and one that
-#: turns it as far on a finer mesh has left its branch.
+#: A warm solve that turns a frame by more than this [rad] from its prediction is checked by small steps.
 _FAR = 0.7
-#: The same for one small step. With more, steps get across a fold to the shape that the cable snaps to.
+#: The same for one small step, and a finer mesh that turns a frame as far has left its branch. With more, steps get
+#: across a fold to the shape that the cable snaps to.
 _FAR_STEP = 0.3
 #: Fractions of the path. Near a cusp the shape moves a thousand times as much as its ends and yet continuously.
 _FIRST_STEP, _SMALLEST_STEP = 0.25, 1.0 / 4096.0
@@ -32,6 +32,8 @@ _HANGING, _CURVED, _MORE_CURVED, _FLAT, _NATURAL = (0, 0.0), (1, 0.3), (1, 0.8),
 _QUARTER_TURN = 0.25
 #: Shapes nearer to each other than this fraction of the length are one.
 _SAME = 0.02
+#: So many times as stiff are cables from which next to limp ones are softened, and by this factor in one step.
+_STIFFER, _SOFTENING = (8.0, 64.0, 512.0, 4096.0), 2.0
 #: So many meshes are tried for one shape.
 _MESHES = 12
 
@@ -40,7 +42,7 @@ _MESHES = 12
 class Solve:
     """One call of :func:`solve`: warm, then in small steps along the ends' path, then from a guess."""
 
-    __slots__ = ("before", "began", "buffer", "deadline", "info", "iterations", "late", "problem", "state")
+    __slots__ = ("before", "began", "buffer", "deadline", "info", "iterations", "late", "problem", "softened", "state")
 
     def __init__(self, problem: Problem, state: RodState, deadline: float, began: float) -> None:
         self.problem = problem
@@ -49,6 +51,7 @@ class Solve:
         self.began = began
         self.iterations = 0
         self.late = False
+        self.softened = False  # whether a stiffer cable has been asked
         self.before: CableShape | None = None  # the last shape of a branch that ended
         self.buffer = CableShape.new_buffer(problem.points)
         self.info: list[float] = []  # of the last compiled solve
@@ -107,7 +110,7 @@ class Solve:
         if status is Status.OK or status is Status.UNSTABLE:
             status = Status.OK if info[EXCESS] == 0.0 else Status.UNSTABLE
         within = info[ESTIMATE] <= problem.tolerance
-        state.history = min(2, state.history + 1)
+        state.settle()
         if self.late:
             status = Status.BUDGET if within else Status.BUDGET_EXCEEDED
         elif not within:
@@ -158,7 +161,7 @@ class Solve:
                 coarse.positions
             ):
                 return None
-            if keep > 0 and status is Status.OK and self.info[TURNED] > _FAR:
+            if keep > 0 and status is Status.OK and self.info[TURNED] > _FAR_STEP:
                 status = Status.SNAPPED  # at a fold, which a coarse mesh puts a little further on
                 self.before = coarse
             if not state.too_coarse(self.info):
@@ -202,6 +205,8 @@ class Solve:
 
     def _lost(self, ends: Array) -> CableShape:
         """A finer mesh did not confirm the equilibrium."""
+        if self._soften(ends):
+            return self._finish(Status.OK if self.before is None else Status.SNAPPED)
         self.state.history = 0
         return self._no_shape(Status.NOT_CONVERGED, ends, "the equilibrium was lost on a finer mesh. ")
 
@@ -253,7 +258,7 @@ class Solve:
                 done = at
                 step *= 1.6
                 if state.far_too_coarse(self.info) and state.next_mesh():
-                    if not self._call(0, _COLD_ITERATIONS, far=_FAR, output=at == 1.0):
+                    if not self._call(0, _COLD_ITERATIONS, far=_FAR_STEP, output=at == 1.0):
                         return self._snap(goal)  # at a fold, which a coarse mesh puts a little further on
                     state.history = 1
             else:
@@ -268,6 +273,7 @@ class Solve:
         state = self.state
         self.before = self._here()
         state.target[:] = goal
+        state.unsettle()
         if self._call(1, _COLD_ITERATIONS):
             return self._finish(Status.SNAPPED)
         state.history = 0
@@ -297,6 +303,10 @@ class Solve:
                     return self._wind_up(turns) if turns else self._finish(Status.OK)
                 if self._out_of_time():
                     return self._give_up(ends)
+        if self._soften(ends):
+            return self._wind_up(turns) if turns else self._finish(Status.OK)
+        if self._out_of_time():
+            return self._give_up(ends)
         for kind, sag in guesses:
             state.first_mesh(layer, 2.0)
             state.start_from(ends, force, kind, sag)
@@ -304,6 +314,49 @@ class Solve:
                 return self._finish(Status.UNSTABLE)
         state.history = 0
         return self._no_shape(Status.NOT_CONVERGED, ends, "")
+
+    def _soften(self, ends: Array) -> bool:
+        """From the shape of a stiffer cable: what is next to limp bends so sharply that no guess is near enough."""
+        state = self.state
+        if self.softened or state.width == 1:
+            return False
+        self.softened = True
+        stiffness, tolerance = state.par[:3].copy(), state.tolerance
+        state.tolerance = min(tolerance, NAMED_TOLERANCE * self.problem.cable.length)
+        try:
+            stiffer = next((f for f in _STIFFER if self._as_stiff(f * stiffness, ends)), 1.0)
+            while stiffer > 1.0:
+                stiffer = max(1.0, stiffer / _SOFTENING)
+                state.par[:3] = stiffer * stiffness
+                state.history = 1
+                state.unsettle()
+                if self._out_of_time() or not self._call(1, _COLD_ITERATIONS) or not self._refine():
+                    return False
+            return stiffer == 1.0 and state.history > 0
+        finally:
+            state.par[:3] = stiffness
+            state.tolerance, state.history = tolerance, 0
+
+    def _as_stiff(self, stiffness: Array, ends: Array) -> bool:
+        """Whether a cable of this stiffness (3,) has a stable shape that a guess leads to."""
+        state = self.state
+        state.par[:3] = stiffness
+        force, layer = state.hanging(ends)
+        for kind, sag in (_HANGING, _CURVED):
+            state.first_mesh(layer, 1.0)
+            state.start_from(ends, force, kind, sag)
+            if self._call(0, _COLD_ITERATIONS) and self._refine():
+                return True
+        return False
+
+    def _refine(self) -> bool:
+        """Meshes as fine as the error asks for, starting from the last solution; False where it is lost."""
+        for _ in range(_MESHES):
+            if not self.state.too_coarse(self.info) or not self.state.next_mesh():
+                break
+            if self._out_of_time() or not self._call(0, _COLD_ITERATIONS):
+                return False
+        return True
 
     def _guesses(self, ends: Array) -> tuple[tuple[int, float], ...]:
         """Which guesses, in which order: soft or taut cables hang, stiff ones curve."""

@@ -32,6 +32,8 @@ _AT_END = 1e-9
 _TOO_FINE = 1.0 / 40.0
 #: Modes softer than this fraction of the stiffness / length^2 count as neutral, and neutral as stable.
 _NEUTRAL = 1e-4
+#: A frame may turn so far [rad] from its prediction whatever the ends do: predictions are not exact.
+_UNMOVED = 0.15
 #: Rotation of an element [rad] that a new mesh aims at.
 _TURN_AIM = 0.55
 #: A mesh is changed at most as for an error so many times off.
@@ -60,6 +62,7 @@ class RodState:
         self.fewest = 0  # elements with which a coarser mesh has failed
         self.info: Array = np.zeros(planar_drive.INFO)
         self.par: Array = np.zeros(rod_drive.PAR)
+        self.unsettle()
         self.mesh = self.sol = self.work = _NOTHING
         self.plane: Array = np.zeros(planar_loads.PLANE)  # what loads and section allow
         self.target: Array = _NOTHING  # (15,) start, end, turns of the trial
@@ -81,6 +84,7 @@ class RodState:
         if par[19] != cable.length:
             self._stretch_mesh(cable.length)
         self.problem = problem
+        self.tolerance = problem.tolerance  # [m], of meshes
         shear = 0.0 if cable.shear_stiffness is None else 1.0 / cable.shear_stiffness
         self.stretch = 0.0 if cable.axial_stiffness is None else 1.0 / cable.axial_stiffness
         stiffness = (*cable.bending_stiffness, cable.twisting_stiffness)
@@ -138,6 +142,7 @@ class RodState:
         par = self.par
         before = self.width
         self._kinds, self._tip = kinds, tip
+        self.unsettle()
         self.width = 1 if kinds[1] == "free" else 4
         par[6:9] = moment
         par[9:12] = _FREE_ROTATIONS[kinds[0]]
@@ -180,7 +185,7 @@ class RodState:
         """
         length = self.problem.cable.length
         elements = 16 if layer > 0.08 * length else 18 if layer > 0.02 * length else 28
-        finer = (NAMED_TOLERANCE * length / self.problem.tolerance) ** (1.0 / 6.0)
+        finer = (NAMED_TOLERANCE * length / self.tolerance) ** (1.0 / 6.0)
         elements = math.ceil(elements * fineness * min(max(finer, 0.75), 3.0))
         elements = min(MOST_ELEMENTS, max(elements, math.ceil(1.3 * turn / _TURN_AIM)))
         x, density = np.empty(_ABSCISSAE), np.empty(_ABSCISSAE)
@@ -194,14 +199,14 @@ class RodState:
         fewest: it has at least so many elements.
         """
         estimate, n = float(self.info[ESTIMATE]), self.elements
-        excess = estimate / (AIM * self.problem.tolerance) if math.isfinite(estimate) else _MOST_EXCESS
+        excess = estimate / (AIM * self.tolerance) if math.isfinite(estimate) else _MOST_EXCESS
         x, density = np.empty(n + 2), np.empty(n + 2)
         nodes = self.mesh[: n + 1]
         q = self.sol[: 4 * n + 4].reshape(n + 1, 4)
         excess = min(max(excess, 1.0 / _MOST_EXCESS), _MOST_EXCESS)
         wanted = rod_mesh.indicated(nodes, q, self.mesh[20 * n + 1 :], excess, _TURN_AIM, x, density)
         elements = min(MOST_ELEMENTS, max(fewest, FEWEST_ELEMENTS + 2 * self.stops.size, math.ceil(wanted)))
-        if estimate > self.problem.tolerance:
+        if estimate > self.tolerance:
             if n == MOST_ELEMENTS:
                 return False
             elements = max(elements, min(MOST_ELEMENTS, n + 1))
@@ -212,16 +217,16 @@ class RodState:
 
     def too_coarse(self, info: list[float]) -> bool:
         """Whether the error is above its tolerance, or an element turns too far for the inertia to be trusted."""
-        return info[ESTIMATE] > self.problem.tolerance or info[TURN] > LARGEST_TURN
+        return info[ESTIMATE] > self.tolerance or info[TURN] > LARGEST_TURN
 
     def far_too_coarse(self, info: list[float]) -> bool:
         """Whether even a step on the way needs a finer mesh."""
-        return info[ESTIMATE] > 30.0 * self.problem.tolerance or info[TURN] > 2.0 * LARGEST_TURN
+        return info[ESTIMATE] > 30.0 * self.tolerance or info[TURN] > 2.0 * LARGEST_TURN
 
     def too_fine(self, info: list[float]) -> bool:
         """Whether a mesh of much fewer elements would do."""
         return (
-            info[ESTIMATE] < _TOO_FINE * self.problem.tolerance
+            info[ESTIMATE] < _TOO_FINE * self.tolerance
             and info[TURN] < 0.5 * _TURN_AIM
             and self.elements > max(1.5 * (FEWEST_ELEMENTS + 2 * self.stops.size), self.fewest)
         )
@@ -259,6 +264,15 @@ class RodState:
     def planar(self) -> bool:
         """Whether the last solution was found in its plane."""
         return bool(self.info[planar_drive.PLANAR])
+
+    def settle(self) -> None:
+        """The last solution is one under these loads: from it only a motion of the ends turns frames far."""
+        self.history = min(2, self.history + 1)
+        self.par[20] = _UNMOVED
+
+    def unsettle(self) -> None:
+        """The next solution may be far from the last one though no end moves."""
+        self.par[20] = math.inf
 
     def factor(self) -> None:
         """Puts factors of the last solution's Newton matrix into `work`, where a planar solve has left none."""
