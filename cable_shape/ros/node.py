@@ -35,6 +35,7 @@ from cable_shape.ros.executor import InputFirstExecutor
 from cable_shape.ros.log_folder import find_log_folder
 from cable_shape.ros.outputs import Outputs
 from cable_shape.ros.parameters import BY_NAME, SPECS, Settings, unknown_overrides, widened
+from cable_shape.ros.planning_scene import PlanningScene
 from cable_shape.ros.pose_source import PoseSource
 from cable_shape.ros.sources import JointSource, Ready, Sink
 from cable_shape.ros.surroundings import troubles
@@ -58,6 +59,7 @@ class CableShapeNode(LifecycleNode):
         self._health = Health(self._settings.stale_after)
         self._assembly: Assembly | None = None
         self._outputs: Outputs | None = None
+        self._scene: PlanningScene | None = None
         self._source: PoseSource | JointSource | None = None
         self._rate_timer: Any = None
         self._waiting: Ready | None = None  # the newest input, when cycles run at a set rate
@@ -142,6 +144,8 @@ class CableShapeNode(LifecycleNode):
     def on_deactivate(self, state: LifecycleState) -> Return:
         """Closes the input."""
         self._waiting = None
+        if self._scene is not None:
+            self._scene.remove()
         self._health.state = "inactive"
         return super().on_deactivate(state)
 
@@ -205,6 +209,8 @@ class CableShapeNode(LifecycleNode):
         else:
             self._source = PoseSource(self, settings, sink, assembly.robot, tuple(assembly.cycle.cables))
         self._health.robot_expected = assembly.robot is not None
+        if settings.moveit_rate > 0.0:
+            self._scene = PlanningScene(self, settings, assembly.cycle.cables)
         assembly.planner = start_planner(self, settings, assembly.cycle)
         if settings.rate > 0.0:
             self._rate_timer = self.create_timer(1.0 / settings.rate, self._tick)
@@ -232,6 +238,9 @@ class CableShapeNode(LifecycleNode):
         if self._outputs is not None:
             self._outputs.destroy()
             self._outputs = None
+        if self._scene is not None:
+            self._scene.destroy()
+            self._scene = None
         if self._assembly is not None:
             self._assembly.close()
             self._assembly = None
@@ -301,6 +310,8 @@ class CableShapeNode(LifecycleNode):
             self._health.refuse("cycle", str(error), self._now())
             return
         outputs.publish(report, ready.frame_id, self._settings.stale_after)
+        if self._scene is not None:
+            self._scene.publish(report, ready.frame_id)
         if assembly.viewer is not None:
             assembly.viewer.send(report)
         self._health.cycled(report, time.perf_counter() - began, self._now())

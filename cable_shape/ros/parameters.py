@@ -11,6 +11,7 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.parameter import Parameter
 
 from cable_shape import checks
+from cable_shape.capsules import MAX_CAPSULES
 from cable_shape.errors import ArgumentError, UnknownKeyError
 from cable_shape.pose import GRIP_KINDS, IDENTITY, Grip, Pose
 from cable_shape.problem import MAX_POINTS, MIN_POINTS
@@ -107,6 +108,9 @@ SPECS = (
     Spec("planner_rows", 10_000, "Grasps or waypoints in one request at most.", low=1, high=100_000),
     Spec("planner_threads", 0, "Threads that solve grasps; 0: one less than there are cores.", low=0, high=256),
     Spec("planner_time_limit", 10.0, "Of one request, after which what is done is answered.", "s", 0.001, 3600.0),
+    Spec("moveit_rate", 0.0, "The cable goes to MoveIt's planning scene at most so often; 0: never.", "Hz", 0.0, 5.0),
+    Spec("moveit_capsules", 8, "Capsules that it is made of there.", low=1, high=MAX_CAPSULES),
+    Spec("moveit_padding", 0.01, "Capsules are wider by this; a cable within is not sent anew.", "m", 0.0, 1.0),
     Spec("autostart", True, "Configure and activate at start.", read_only=True),
     Spec("rate", 0.0, "Cycles a second, each with the newest input; 0: one for every input.", "Hz", 0.0, 10000.0),
     Spec("max_skew", 0.02, "Poses further apart in time are not paired.", "s", 0.0, 10.0, live=True),
@@ -141,6 +145,9 @@ class Settings:
     planner_rows: int
     planner_threads: int
     planner_time_limit: float  # s
+    moveit_rate: float  # Hz
+    moveit_capsules: int
+    moveit_padding: float  # m
     autostart: bool
     rate: float  # Hz
     max_skew: float  # s
