@@ -7,6 +7,8 @@ import math
 import numpy as np
 import pytest
 from rods import ALONG_X, CABLE, END, LENGTH, START, moved, solved
+from scipy.optimize import brentq
+from scipy.special import ellipe, ellipk
 
 import cable_shape as cs
 from cable_shape.cable import Cable
@@ -93,6 +95,18 @@ def test_a_small_snap_is_told_and_no_motion_on_the_way_to_it():
     assert middle[jump] < -0.02 < 0.02 < middle[jump - 1]
     assert [k for k, status in enumerate(statuses) if status is not Status.OK] == [jump]
     assert statuses[jump] is Status.SNAPPED
+
+
+@pytest.mark.parametrize("chord", [0.446, 0.514, 0.533, 0.553, 0.592, 0.611])
+def test_a_weightless_cable_between_ends_in_line_bends_to_one_side(chord):
+    """It may swing about the line freely: a neutral mode, which is not an unstable one. Nearer ends twist the plane."""
+    cable = Cable(length=1.0, linear_density=0.0, bending_stiffness=0.01, diameter=0.008)
+    shape = cosserat.solve(Problem(cable).move(Pose((0, 0, 0), ALONG_X), Pose((chord, 0, 0), ALONG_X)))
+    assert shape.status is Status.OK
+    middle = shape.positions[shape.points // 2]
+    # the elastica: its chord and its rise depend on its modulus alone
+    m = brentq(lambda m: 2.0 * ellipe(m) / ellipk(m) - 1.0 - chord, 1e-6, 0.9)
+    assert math.hypot(middle[1], middle[2]) == pytest.approx(math.sqrt(m) / ellipk(m), abs=2e-4)
 
 
 @pytest.mark.parametrize("tolerance", [1e-5, 1e-3])

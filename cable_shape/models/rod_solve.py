@@ -28,7 +28,8 @@ _FAR_STEP = 0.3
 #: Fractions of the path. Near a cusp the shape moves a thousand times as much as its ends and yet continuously.
 _FIRST_STEP, _SMALLEST_STEP = 0.25, 1.0 / 4096.0
 #: (kind, tilt of the handles) of the guesses of `rod_drive.guess`.
-_HANGING, _CURVED, _MORE_CURVED, _FLAT, _NATURAL = (0, 0.0), (1, 0.3), (1, 0.8), (1, 0.02), (2, 0.0)
+_HANGING, _NATURAL = (0, 0.0), (2, 0.0)
+_FLAT, _CURVED, _MORE_CURVED, _STEEP = (1, 0.02), (1, 0.3), (1, 0.8), (1, 1.2)
 _QUARTER_TURN = 0.25
 #: Shapes nearer to each other than this fraction of the length are one.
 _SAME = 0.02
@@ -111,6 +112,10 @@ class Solve:
             status = Status.OK if info[EXCESS] == 0.0 else Status.UNSTABLE
         within = info[ESTIMATE] <= problem.tolerance
         state.settle()
+        if status is Status.UNSTABLE:
+            least = self._least_eigenvalue()
+            if least >= -state.par[18]:  # the inertia was that of the last but one iterate, and a mode is neutral
+                status = Status.OK
         if self.late:
             status = Status.BUDGET if within else Status.BUDGET_EXCEEDED
         elif not within:
@@ -121,12 +126,17 @@ class Solve:
         if not within:
             detail = f"error estimate {info[ESTIMATE]:.2g} m, tolerance {problem.tolerance:.2g} m. "
         elif status is Status.UNSTABLE:
-            least = rod_stability.smallest_eigenvalue(
-                state.par, state.mesh, state.sol, state.work, state.elements, state.width
-            )
-            of_bending = float(least) * problem.cable.length**2 / state.bend
+            of_bending = least * problem.cable.length**2 / state.bend
             detail = f"smallest eigenvalue of the second variation {of_bending:.3g} EI/L^2. "
         return self._shape(status, detail + status.remedy)
+
+    def _least_eigenvalue(self) -> float:
+        """[N m / m^2], of the second variation at the last solution."""
+        state = self.state
+        least = rod_stability.smallest_eigenvalue(
+            state.par, state.mesh, state.sol, state.work, state.elements, state.width
+        )
+        return float(least)
 
     def _shape(self, status: Status, detail: str) -> CableShape:
         """What the last compiled solve found."""
@@ -366,8 +376,8 @@ class Solve:
         soft = state.bend < math.hypot(*state.mean_load.tolist()) * (0.3 * length) ** 3
         taut = math.dist(ends[7:10].tolist(), ends[:3].tolist()) > 0.97 * length
         if soft or taut:
-            return (_HANGING, _CURVED, _MORE_CURVED, _FLAT)
-        return (_CURVED, _HANGING, _MORE_CURVED, _FLAT)
+            return (_HANGING, _CURVED, _MORE_CURVED, _FLAT, _STEEP)
+        return (_CURVED, _HANGING, _MORE_CURVED, _FLAT, _STEEP)
 
     def _wind_up(self, turns: int) -> CableShape:
         """From the winding 0, which has just been solved, to `turns` by turning the end about its d3."""
