@@ -8,10 +8,10 @@ from typing import final
 
 import numpy as np
 
-from cable_shape.checks import Array
 from cable_shape.clearance import ClearanceChecker
 from cable_shape.kernels import bounds
 from cable_shape.margins import MarginWatch
+from cable_shape.models.rod_state import RodState
 from cable_shape.plug import Plug, PlugError, plug_error
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.predictor import Predictor
@@ -19,7 +19,6 @@ from cable_shape.report import BodyDistance, CableWarning, Clearance, Margin
 from cable_shape.scene import Obstacle, Scene
 from cable_shape.shape import CableShape
 from cable_shape.snap import predicted_snap
-from cable_shape.speed import GripSpeed
 from cable_shape.tails import Tail, held_frame
 from cable_shape.warn import Standing, snap_warning, tail_warning, warnings_of
 
@@ -75,7 +74,6 @@ class CableCycle:
         self._checker = checker
         self._plug = plug
         self._snap_horizon = snap_horizon
-        self._speed = GripSpeed()
         moving = np.concatenate((checker.moving, np.ones(cables, dtype=np.bool_)))  # other cables, and itself
         self._watch = MarginWatch(cable, scene, moving)
         self._standing = Standing(scene)
@@ -86,20 +84,20 @@ class CableCycle:
         self.predictor.reset()
         for tail in self._tails.values():
             tail.reset()
-        self._speed.reset()
         self._watch.reset()
         self._standing.reset()
+        self._rod: RodState | None = None  # of the last shape
         self.tails: dict[str, CableShape] = {}  # by side
         self.after_snap: CableShape | None = None
         self.snap_skipped = False  # there was no need to look for a snap
         self._snap: CableWarning | None = None
         self._looked = self._snaps_at = -math.inf  # ns, when a snap was looked for, and when it is to come
-        self._twists: Array | None = None
 
     def predict(self, ends: Ends, links: Links, solved: CableShape | None = None) -> CableShape:
         """The shape of the span, unless it has been solved for, and of the tails into `tails`."""
         start, end = ends
         shape = self.predictor.predict(start, end, links) if solved is None else solved
+        self._rod = self.predictor.rod_state
         self.tails = {}
         for side, tail in self._tails.items():
             grip = start if side == "start" else end
@@ -110,8 +108,7 @@ class CableCycle:
     @property
     def planar(self) -> bool:
         """Whether the last shape was solved for in its plane alone."""
-        state = self.predictor.rod_state
-        return state is not None and state.planar
+        return self._rod is not None and self._rod.planar
 
     def check(self, shape: CableShape, links: Links) -> Clearance:
         """The clearance of span and tails: for each body that of the nearest part."""
@@ -133,16 +130,7 @@ class CableCycle:
 
     def margins(self, shape: CableShape, clearance: Clearance, ends: Ends, stamp: int) -> tuple[Margin, ...]:
         """How far trouble is, and with it whether the cable is about to snap."""
-        start, end = ends
-        self._twists = self._speed.update(start, end, stamp)
-        margins = self._watch.margins(
-            shape,
-            clearance,
-            stamp,
-            state=self.predictor.rod_state,
-            twists=self._twists,
-            held=isinstance(end, (Pose, Grip)),
-        )
+        margins = self._watch.margins(shape, clearance, stamp, state=self._rod, ends=ends)
         self._look_ahead(shape, stamp)
         return margins
 
@@ -154,8 +142,12 @@ class CableCycle:
         last, self.after_snap, self._snap = self.after_snap, None, None
         horizon = self._snap_horizon * (1.0 if last is None else _LONGER)
         self.snap_skipped = horizon > 0.0
-        state, stability = self.predictor.rod_state, self._watch.stability
-        if stability is None or not stability.time_to_limit < horizon or state is None or self._twists is None:
+        stability = self._watch.stability
+        if stability is None or not stability.time_to_limit < horizon:
+            self._looked = -math.inf
+            return
+        state, twists = self._rod, self._watch.twists
+        if state is None or twists is None:
             self._looked = -math.inf
             return
         self.after_snap = last
@@ -163,7 +155,7 @@ class CableCycle:
             self.snap_skipped = False
             self._looked = stamp
             time = stability.time_to_limit
-            found = predicted_snap(state, self._twists, horizon)
+            found = predicted_snap(state, twists, horizon)
             if found is not None:
                 no_sooner, no_later, self.after_snap = found
                 time = min(max(time, no_sooner), no_later)

@@ -24,9 +24,10 @@ last two cycles. Towards a snap mu^2, not mu, falls in a straight line.
 
 from __future__ import annotations
 
-import functools
 import math
-from collections.abc import Callable
+import operator
+from collections.abc import Callable, Iterable
+from itertools import chain, repeat
 from typing import Any, final
 
 import numpy as np
@@ -35,14 +36,18 @@ from numpy.typing import NDArray
 from cable_shape.cable import Cable
 from cable_shape.checks import Array
 from cable_shape.clearance import NOT_JUDGED
-from cable_shape.kernels import margins as kernels
+from cable_shape.kernels import margin_watch as kernels
+from cable_shape.kernels.margins import BODIES, COLUMNS, STABILITY
+from cable_shape.models.cosserat import MODEL
 from cable_shape.models.rod_state import RodState
+from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.report import Clearance, Margin, WarningKind
 from cable_shape.scene import Scene
 from cable_shape.shape import CableShape, Status
-from cable_shape.speed import LONGEST_GAP
 from cable_shape.stress import section_of
 
+#: [s], cycles further apart say nothing about the speed now.
+LONGEST_GAP = 0.5
 #: Inverse iterations from nothing, from the last mode when a snap is near, and else.
 _COLD_STEPS, _NEAR_STEPS, _WARM_STEPS = 60, 4, 1
 #: Below this mu a snap is near, and the factors are made anew each cycle.
@@ -56,11 +61,21 @@ _KINDS = (
     WarningKind.STRESS,
     WarningKind.STABILITY,
 )
-_CLEARANCE = WarningKind.CLEARANCE
-_STABILITY, _BODIES = int(kernels.STABILITY), int(kernels.BODIES)
-#: A Margin from a tuple of its fields, in half the time.
-_margin: Callable[[tuple[Any, ...]], Margin] = functools.partial(tuple.__new__, Margin)
+#: Those that are told, by what the kernel returns.
+_TOLD = [tuple(kind for row, kind in enumerate(_KINDS) if which >> row & 1) for which in range(1 << len(_KINDS))]
+_NAMELESS = [("",) * len(kinds) for kinds in _TOLD]
+_CLEARANCE, _STABLE = WarningKind.CLEARANCE, 1 << STABILITY
+_HELD, _LOADED, _FRESH, _AGAIN = kernels.HELD, kernels.LOADED, kernels.FRESH, kernels.AGAIN
+_UNSTABLE, _NEW, _LISTED, _IN_PLANE = kernels.UNSTABLE, kernels.NEW, kernels.LISTED, kernels.IN_PLANE
+#: Looked up once: an enumeration's members take longer than their name says.
+_OK, _SADDLE, _OVERSTRETCHED = Status.OK, Status.UNSTABLE, Status.OVERSTRETCHED
+#: A Margin from its type and a tuple of its fields, in half the time.
+_margin: Callable[[type[Margin], tuple[Any, ...]], Margin] = tuple.__new__
+_name = operator.attrgetter("body")
 _NONE, _NO_BODIES, _NO_MODE = np.empty(0), np.empty((0, 8)), np.empty((0, 3))
+#: par, mesh, sol, work, elements, width, mode, steps, flags
+_Rod = tuple[Array, Array, Array, Array, int, int, Array, int, int]
+_NO_ROD: _Rod = (_NONE, _NONE, _NONE, _NONE, 0, 0, _NO_MODE, 0, 0)
 
 
 def margins_of(
@@ -89,19 +104,40 @@ class MarginWatch:
         self.limits = np.array([math.nan if limit is None else limit for limit in (*limits, warn)])
         self.section = np.zeros(5) if cable.allowable_stress is None else section_of(cable)
         self.soft = min(*cable.bending_stiffness, cable.twisting_stiffness) / cable.length**2
-        self._moving = moving
-        self._still: NDArray[np.bool_] = np.zeros(0, np.bool_)  # of the last table's rows: none moves, which ones do
-        self._on_links = self._still
+        self._moving = np.empty(0, np.bool_) if moving is None else moving
         self.reset()
 
     def reset(self) -> None:
         """Forgets the last cycle."""
         self._mode: Array = _NO_MODE
-        self._memory: Array = np.array((math.nan, 0.0, 0.0))
         self._stamp = self._older_stamp = -math.inf
         self.stability: Margin | None = None  # of the last shape
-        self._newest: Array = _NONE
-        self._older: Array = _NONE
+        self._mu = math.nan
+        unknown = np.full(kernels.TURN - kernels.EIGEN, math.nan)
+        self._lay_out(np.concatenate((self.limits, self.section, (self.soft,), unknown, (0.0,))), 0)
+
+    def _lay_out(self, head: Array, bodies: int) -> None:
+        """Makes the kernel's memory one for so many bodies; times to loads and bodies are not known then."""
+        k, head_size = BODIES + bodies, int(kernels.HEAD)
+        memory = np.full(head_size + 2 * (COLUMNS + 1) * k + bodies, math.nan)
+        memory[:head_size] = head[:head_size]
+        moving = memory[memory.size - bodies :]
+        known = min(bodies, len(self._moving))
+        moving[:known], moving[known:] = self._moving[:known], False
+        self._memory = memory
+        self._bodies = bodies
+        self._start: Array = memory[kernels.NOW : kernels.NOW + 7]
+        self._end: Array = memory[kernels.NOW + 7 : kernels.TURN]
+        self._told: Array = memory[head_size + COLUMNS * k : head_size + 2 * COLUMNS * k].reshape(COLUMNS, k)
+
+    @property
+    def twists(self) -> Array | None:
+        """(12,): velocity [m/s] and angular velocity [rad/s] of the start's cable frame, then of the end's; world axes.
+
+        None while not known: at first, and after a gap in the stamps. Zero for a free end.
+        """
+        twists: Array = self._memory[kernels.TWISTS : kernels.BEFORE].copy()
+        return None if math.isnan(twists[0]) else twists
 
     def margins(
         self,
@@ -110,94 +146,94 @@ class MarginWatch:
         stamp: int,
         *,
         state: RodState | None = None,
-        twists: Array | None = None,
+        ends: tuple[Pose | Grip, Pose | Grip | FreeEnd | None] | None = None,
         held: bool = False,
     ) -> tuple[Margin, ...]:
-        """The margins of a shape at `stamp` [ns].
+        """The margins of a shape at `stamp` [ns]; a repeated stamp is compared with the same cycle again.
 
         Parameters
         ----------
         state : RodState, optional
             Of the rod that has just made the shape; None: stability is not told.
-        twists : (12,), optional
-            Velocity [m/s] and angular velocity [rad/s] of the start, then of the end, world axes, about that cable end.
-            None: not known.
+        ends : (Pose or Grip, Pose, Grip, FreeEnd or None), optional
+            What the ends of the cable were last at this stamp; None: their speed is not known.
         held : bool
-            Grips hold both ends.
+            Grips hold both ends, where `ends` does not tell.
         """
-        if stamp != self._stamp:  # a repeated stamp is compared with the same cycle again
-            self._older, self._older_stamp, self._stamp = self._newest, self._stamp, stamp
-        status = shape.status
-        if status in NOT_JUDGED:
-            self._newest, self.stability = _NONE, None
-            return ()
-        table = _table(clearance)
-        now = np.empty(_BODIES + len(table))
+        status, table, flags = shape.status, clearance.table, _LOADED | _LISTED
+        if table is None:
+            table = _table(clearance)
+            if clearance.bodies:
+                flags -= _LISTED
+        if len(table) != self._bodies:
+            self._lay_out(self._memory, len(table))
+        if stamp != self._stamp:
+            self._older_stamp, self._stamp = self._stamp, stamp
+            flags |= _NEW
         seconds = (stamp - self._older_stamp) * 1e-9
-        listed = clearance.table is not None or not clearance.bodies  # rows are the same bodies in every cycle
-        known = 0.0 < seconds <= LONGEST_GAP and len(self._older) == len(now) and listed
-        if len(self._still) != len(table):
-            self._still = np.zeros(len(table), np.bool_)
-            self._on_links = self._still.copy()
-            if self._moving is not None:
-                both = min(len(table), len(self._moving))
-                self._on_links[:both] = self._moving[:both]
-        rows = kernels.measure(
-            shape.buffer,
-            shape.points,
-            self.section,
-            self.limits,
-            held,
-            status is not Status.OVERSTRETCHED,
-            table,
-            self._on_links if listed else self._still,
-            *self._rod(shape, state),
-            self.soft,
-            shape.reused and not math.isnan(self._memory[0]),
-            status is Status.UNSTABLE,
-            self._memory,
-            _NONE if twists is None else twists,
-            self._older if known else now,
-            seconds if known else math.nan,
-            now,
-        ).tolist()
-        self._newest, self.stability = now, None
-        found = [
-            _margin((kind, used, limit, value, at, "", time))
-            for kind, (used, limit, value, at, time) in zip(_KINDS, rows, strict=False)
-            if used == used  # not NaN
-        ]
-        if rows[_STABILITY][0] == rows[_STABILITY][0]:
-            self.stability = found[-1]
-        if clearance.bodies:
-            bodies = iter(clearance.bodies)
-            found += [
-                _margin((_CLEARANCE, used, limit, value, at, next(bodies).body, time))
-                for used, limit, value, at, time in rows[_BODIES:]
-                if used == used
-            ]
-        return tuple(found)
+        if not 0.0 < seconds <= LONGEST_GAP:
+            seconds = math.nan
+        if ends is not None:
+            start, end = ends
+            self._start[...] = start.array if type(start) is Pose else start.cable_frame.array
+            held = False
+            if end is not None and not isinstance(end, FreeEnd):
+                held = True
+                self._end[...] = end.array if type(end) is Pose else end.cable_frame.array
+        if held:
+            flags |= _HELD
+        if status is not _OK:
+            if status in NOT_JUDGED:
+                self.stability = None
+                kernels.begin(self._memory, len(table), flags, seconds)
+                return ()
+            if status is _OVERSTRETCHED:
+                flags -= _LOADED
+        par, mesh, sol, work, elements, width, mode, steps, more = self._rod(shape, state)
+        which = kernels.measure(
+            self._memory, shape.buffer, shape.points, table, par, mesh, sol, work, elements, width, mode, steps,
+            flags | more, seconds,
+        )  # fmt: skip
+        kinds, names, bodies = _TOLD[which], _NAMELESS[which], clearance.bodies
+        used, limits, values, places, times = self._told[:, : len(kinds) + len(bodies)].tolist()
+        of: Iterable[WarningKind] = kinds
+        others: Iterable[str] = names
+        if bodies:
+            of, others = chain(kinds, repeat(_CLEARANCE)), chain(names, map(_name, bodies))
+        fields = zip(of, used, limits, values, places, others, times)  # noqa: B905, a keyword doubles its time
+        found = tuple(map(_margin, repeat(Margin), fields))
+        if which & _STABLE:
+            self.stability, self._mu = found[len(kinds) - 1], values[len(kinds) - 1]
+        else:
+            self.stability = None
+            if elements:
+                self._mu = math.nan
+        return found
 
-    def _rod(
-        self, shape: CableShape, state: RodState | None
-    ) -> tuple[Array, Array, Array, Array, int, int, Array, int, bool]:
-        """What the kernel needs of the rod behind the shape: its memory, the last mode, steps, fresh factors or not."""
-        if state is None or shape.model != "cosserat" or not shape.status or state.history == 0:
-            return _NONE, _NONE, _NONE, _NONE, 0, 0, _NO_MODE, 0, False
-        cold = len(self._mode) != state.elements + 1
-        if cold:
+    def _rod(self, shape: CableShape, state: RodState | None) -> _Rod:
+        """What the kernel needs of the rod behind the shape: its memory, the softest mode, steps, and what to add."""
+        status = shape.status
+        if state is None or state.history == 0 or shape.model != MODEL or not (status is _OK or status):
+            return _NO_ROD
+        more = _UNSTABLE if status is _SADDLE else 0
+        steps = _WARM_STEPS
+        if len(self._mode) != state.elements + 1:
             self._mode = np.random.default_rng(0).normal(size=(state.elements + 1, 3))
-        fresh = cold or not self._memory[0] > _NEAR or shape.status is not Status.OK
-        if not fresh or shape.reused:
-            state.factor()
-        steps = _COLD_STEPS if cold else _NEAR_STEPS if fresh else _WARM_STEPS
-        return state.par, state.mesh, state.sol, state.work, state.elements, state.width, self._mode, steps, fresh
+            self._mu, steps = math.nan, _COLD_STEPS
+        again = shape.reused and not math.isnan(self._mu)
+        if again:
+            more |= _AGAIN
+        if not again and (status is not _OK or not self._mu > _NEAR):
+            more |= _FRESH
+            steps = max(steps, _NEAR_STEPS)
+            state.overwritten(factored=True)
+        elif state.factor():
+            more |= _IN_PLANE
+        return state.par, state.mesh, state.sol, state.work, state.elements, state.width, self._mode, steps, more
 
 
 def _table(clearance: Clearance) -> Array:
     """(m, 8), see `Clearance.table`."""
-    if clearance.table is not None:
-        return clearance.table
     if not clearance.bodies:
         return _NO_BODIES
     return np.array([(b.distance, b.arc_length, *b.point_on_cable, *b.point_on_body) for b in clearance.bodies])

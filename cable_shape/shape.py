@@ -58,7 +58,7 @@ _NO_SUPPORTS = np.empty((0, 7))
 class ClipLoad:
     """What the cable does to the clip at `arc_length` [m].
 
-    force, moment : (3,) [N], [N m], world: by the cable on the clip, the weight of a point mass in the clip left out;
+    force, moment : (3,) [N], [N m], world: by the cable on the clip, the weight of a point mass in the clip included;
     the moment about the clip.
     """
 

@@ -78,7 +78,7 @@ def in_space(cycle: cs.Cycle) -> bool:
 def look_ahead(cycle: cs.Cycle) -> bool:
     """Follows the rod's copy to the horizon although stability does not run out."""
     cable = cycle._cables[NAME]
-    state, twists = cable.predictor.rod_state, cable._twists
+    state, twists = cable.predictor.rod_state, cable._watch.twists
     if state is None or twists is None:
         return True
     return predicted_snap(state, twists, HORIZON) is None or cable.after_snap is not None

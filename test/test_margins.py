@@ -12,7 +12,6 @@ from cable_shape.kernels import response
 from cable_shape.margins import MarginWatch, margins_of
 from cable_shape.models import cosserat
 from cable_shape.report import WarningKind as Kind
-from cable_shape.speed import GripSpeed
 
 MS = 1_000_000  # ns
 LIMITED = CABLE.replace(min_bend_radius=0.05, max_tension=20.0, max_twist_rate=6.0, allowable_stress=5e6)
@@ -175,24 +174,35 @@ def test_an_unstable_shape_has_used_its_stability_up():
 
 
 def test_speed_of_the_grips():
-    speed = GripSpeed()
+    watch, shape = MarginWatch(CABLE, cs.Scene()), cs.predict(CABLE, START, END, model="gradient4")
+
+    def twists_after(start, end, stamp) -> np.ndarray | None:
+        watch.margins(shape, cs.Clearance(), stamp, ends=(start, end))
+        return watch.twists
+
     offset = cs.Pose((0.0, 0.05, 0.1), ALONG_X)
     v, w = np.array((0.1, -0.2, 0.05)), np.array((0.4, 0.1, -0.3))
     tool = cs.Pose((0.3, 0.0, 0.2), Rotation.from_rotvec((0.1, 0.2, 0.3)).as_quat())
-    assert speed.update(START, cs.Grip(tool, offset=offset), 0) is None
+    assert twists_after(START, cs.Grip(tool, offset=offset), 0) is None
     dt = 1e-4
     later = cs.Grip(moved(tool, shift=v * dt, turn=w * dt), offset=offset)
     flipped = cs.Pose(START.position, -START.quaternion)  # the same rotation
-    twists = speed.update(flipped, later, 100_000)
+    twists = twists_after(flipped, later, 100_000)
     arm = later.cable_frame.position - later.pose.position
     np.testing.assert_allclose(twists[:6], 0.0, atol=1e-12)
     np.testing.assert_allclose(twists[6:9], v + np.cross(w, arm), atol=1e-5)
     np.testing.assert_allclose(twists[9:], w, atol=1e-9)
-    assert speed.update(START, cs.Grip(tool), 100_000) is twists, "a repeated stamp holds no speed"
-    assert speed.update(START, later, 100_000 + 2_000 * MS) is None, "nor does a gap"
-    np.testing.assert_allclose(speed.update(START, None, 2_001 * MS)[6:], 0.0)
-    speed.reset()
-    assert speed.update(START, later, 2_002 * MS) is None
+    again = twists_after(START, cs.Grip(tool), 100_000)
+    np.testing.assert_array_equal(again, twists, "a repeated stamp holds no speed")
+    assert twists_after(START, later, 100_000 + 2_000 * MS) is None, "nor does a gap"
+    np.testing.assert_allclose(twists_after(START, None, 2_001 * MS)[6:], 0.0)
+    assert twists_after(START, later, 2_002 * MS) is None, "nothing held the end before"
+    assert twists_after(START, later, 2_003 * MS) is not None
+    shape.status = cs.Status.NOT_CONVERGED
+    further = moved(START, shift=1e-3 * v)
+    np.testing.assert_allclose(twists_after(further, later, 2_004 * MS)[:3], v, atol=1e-12)
+    watch.reset()
+    assert twists_after(START, later, 2_005 * MS) is None
 
 
 def motion(k: int, rate: float = 1.0):

@@ -10,11 +10,13 @@ from rods import ALONG_X, CABLE, LENGTH, moved
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
-from cable_shape.kernels import planar_across, planar_element, planar_system, rod_element
+from cable_shape.clearance import ClearanceChecker
+from cable_shape.kernels import planar_across, planar_element, planar_response, planar_system, response, rod_element
 from cable_shape.margins import MarginWatch
 from cable_shape.models import cosserat
 from cable_shape.models.rod_state import RodState
 from cable_shape.problem import Problem
+from cable_shape.report import WarningKind
 
 NUMBERS = ("positions", "quaternions", "curvature", "force", "moment")
 START, ACROSS = cs.Pose((0, 0, 0), ALONG_X), cs.Pose((0.8, 0, 0), ALONG_X)
@@ -158,7 +160,15 @@ def test_inertias_in_and_out_of_the_plane_are_those_of_dense_matrices(seed, held
     diagonal = range(2, 2 * last + 2)
     out[diagonal, diagonal] += shift * np.repeat(mean, 2)
     expected = (np.linalg.eigvalsh(out[np.ix_(keep, keep)]) < 0.0).sum() - held
-    assert planar_across.excess_across(z, lam, h, load, rest, K, across, GJ, C, shift, held) == expected
+    kept = np.full((n + 1, planar_across.COLUMNS), np.nan)
+    assert planar_across.excess_across(z, lam, h, load, rest, K, across, GJ, C, shift, held, kept) == expected
+    sides, changes = [planar_across.G1, planar_across.G2], [planar_across.D1, planar_across.D2]
+    side = rng.normal(size=(last, 2))
+    kept[1 : last + 1, sides] = side
+    step = planar_across.respond_across(last, held, -0.4, kept)
+    solution = np.append(kept[1 : last + 1, changes], [step] if held else [])
+    side = np.append(side, [-0.4] if held else [])
+    assert out[np.ix_(keep, keep)] @ solution == pytest.approx(-side, abs=1e-9 * np.abs(solution).max())
 
 
 # -- whole shapes
@@ -328,16 +338,64 @@ def test_sensitivities_eigenvalue_and_energy_do_not_tell_how_the_shape_was_found
     assert cosserat.smallest_eigenvalue(states[0]) == pytest.approx(cosserat.smallest_eigenvalue(states[1]), rel=1e-9)
 
 
+@pytest.mark.parametrize("stiffness", [0.01, (0.01, 0.02), (0.012, 0.01)])
+@pytest.mark.parametrize("held", [True, False])
+def test_planar_factors_tell_stability_and_velocities_in_space(stiffness, held):
+    """Against spatial factors made anew, and the sensitivity: out of the plane, too."""
+    state = pair(CABLE.replace(bending_stiffness=stiffness), scene=cs.Scene(masses=[cs.PointMass(0.5, 0.01)]))[0]
+    state.par[18] *= 1e-6  # the factors' shift, of which fresh ones have next to nothing
+    tilted = moved(START, turn=(0.0, 0.3, 0.0))
+    for end in motion(6)[:3]:
+        for _ in range(4):  # at rest, so that the factors are those of the solution
+            shape = cosserat.solve(state.problem.move(tilted, end if held else None), state)
+        assert state.factor()
+        rod, sizes = (state.par, state.mesh, state.sol), (state.elements, state.width)
+        modes = [np.random.default_rng(1).normal(size=(state.elements + 1, 3)) for _ in range(2)]
+        twists = np.random.default_rng(2).normal(size=12)
+        told = planar_response.smallest_eigenvalue(state.par, state.mesh, state.work, *sizes, modes[0], 40)
+        v = planar_response.velocities(*rod, state.work, *sizes, twists, shape.arc_length)
+        exact = response.smallest_eigenvalue(*rod, state.work.copy(), *sizes, modes[1], 40, True)
+        assert told[0] == pytest.approx(exact[0], rel=1e-7)
+        assert told[1] == exact[1]
+        assert modes[0] == pytest.approx(modes[1], abs=1e-4)
+        expected = cosserat.sensitivity(state) @ twists
+        assert v == pytest.approx(expected, abs=1e-8)
+        assert np.abs(expected[:, 1]).max() > 0.1, "out of the plane"
+
+
 def test_margins_after_a_planar_solve_are_those_after_a_spatial_one():
-    states = pair(CABLE)
-    watches = [MarginWatch(CABLE, cs.Scene()) for _ in states]
-    for k, end in enumerate(motion(6)):
+    """Those of bodies, too, which are not all in the plane."""
+    low = cosserat.solve(Problem(CABLE).move(START, motion(12)[0]), RodState(Problem(CABLE))).positions
+    balls = [cs.Obstacle(str(k), cs.Sphere(0.01), cs.Pose(low[k] + (0.0, 0.02, -0.03))) for k in (30, 75, 120)]
+    cable, scene = CABLE.replace(max_tension=20.0), cs.Scene(obstacles=balls)
+    watches = [MarginWatch(cable, scene) for _ in range(2)]
+    states, checker = pair(cable), ClearanceChecker(scene, radius=0.004)
+    for k, end in enumerate(motion(12)):
         found = []
         for state, watch, shape in zip(states, watches, both(states, START, end), strict=True):
-            watch.margins(shape, cs.Clearance(beyond=0.0, robot_checked=False), 10_000_000 * k, state=state)
-            found.append(watch.stability)
-        assert states[0].planar
-        assert found[0].value == pytest.approx(found[1].value, rel=1e-3)
+            found.append(watch.margins(shape, checker.check(shape), 10_000_000 * k, state=state, ends=(START, end)))
+        assert states[0].factor() == (k > 0), "spatial factors at first, when the softest mode is not known"
+        assert [(a.kind, a.other) for a in found[0]] == [(b.kind, b.other) for b in found[1]]
+        for a, b in zip(*found, strict=True):
+            # what is left of the mode's noise, and of factors nearly those of the solution
+            assert a[1:5] == pytest.approx(b[1:5], rel=1e-3), (k, a.kind)
+            if k > 1:  # to stability it is a difference of what is left of the noise
+                near = 0.2 if a.kind is WarningKind.STABILITY else 1e-3
+                assert a.time_to_limit == pytest.approx(b.time_to_limit, rel=near), (k, a.kind)
+
+
+def test_what_else_uses_the_rods_memory_does_not_change_its_stability():
+    """A sensitivity between a planar solve and its margins writes where the planar solver has left its factors."""
+    states = pair(CABLE)[:1]
+    watches = [MarginWatch(CABLE, cs.Scene()) for _ in range(2)]
+    ask = (lambda state: None, cosserat.sensitivity, cosserat.smallest_eigenvalue)
+    for k, end in enumerate(motion(6)):
+        shape = cosserat.solve(states[0].problem.move(START, end), states[0])
+        watches[0].margins(shape, cs.Clearance(), 10_000_000 * k, state=states[0])
+        ask[k % 3](states[0])
+        watches[1].margins(shape, cs.Clearance(), 10_000_000 * k, state=states[0])
+        assert states[0].factor() == (k % 3 == 0 and k > 0)
+        assert watches[1].stability.value == pytest.approx(watches[0].stability.value, rel=1e-3), k
 
 
 def test_a_report_counts_what_was_solved_in_a_plane():

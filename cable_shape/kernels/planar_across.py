@@ -3,7 +3,13 @@
 In a plane that holds the loads and two of the frame's axes, a rotation (alpha about nu, beta about the tangent) and a
 force along the normal e change the energy in second order only, apart from what stays within the plane. The element's
 exact Hessian (see :mod:`cable_shape.kernels.rod_element`) then has blocks of 2x2 and one border column, which are
-eliminated as they come; nothing but the inertia is kept.
+eliminated as they come. The factors are kept in rows of a node, behind what `planar_system` has in the work space:
+
+    across (N+1, 18)   1/pivot 3 (aa, ab, bb), eliminated border 2, 1/pivot times the block to the next node 4,
+                       gradient or right-hand side 2, change 2; B1 2, B2 2 and CC of the element that begins there
+
+A held node has none of the first nine. In their place, the first row has the border's Schur complement, and the first
+and the last one have the block H12 of their element.
 """
 
 from __future__ import annotations
@@ -20,6 +26,9 @@ from cable_shape.kernels.rod_element import SMALL_FORCE, angle_series
 Array = Any
 #: aa, ab, ba, bb of a 2x2 block in (alpha, beta)
 Block = tuple[float, float, float, float]
+COLUMNS = 18
+I11, I12, I22, W1, W2, Y11, Y12, Y21, Y22, G1, G2, D1, D2 = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12
+B11, B12, B21, B22, CC = 13, 14, 15, 16, 17
 
 
 @kernel(fastmath=FAST)
@@ -114,11 +123,11 @@ def negative(a: float, c: float, det: float) -> int:
 @kernel(fastmath=FAST)
 def excess_across(
     z: Array, lam: Pair, h: Array, load: Array, rest: Array, K: float, across: float, GJ: float, C: Pair, shift: float,
-    held: bool,
+    held: bool, kept: Array,
 ) -> int:  # fmt: skip
     """Negative eigenvalues of the second variation out of the plane beyond that of the border: 0 if it is stable.
 
-    shift diag(mean element length) is added, as in `rod_factor.factor`.
+    shift diag(mean element length) is added, as in `rod_factor.factor`; kept (N+1, 18) takes the factors.
     """
     elements = h.shape[0]
     last = elements - 1 if held else elements
@@ -127,8 +136,12 @@ def excess_across(
     for e in range(elements):
         nL, nM, nR = forces(load, e, lam)
         z1, z2 = (z[e, 0], z[e, 1]), (z[e + 1, 0], z[e + 1, 1])
-        H11, H12, H22, B1, B2, CC = element_across(h[e], z1, z2, nL, nM, nR, rest[e, 0], rest[e, 1], K, across, GJ, C)
-        S += CC
+        H11, H12, H22, B1, B2, cc = element_across(h[e], z1, z2, nL, nM, nR, rest[e, 0], rest[e, 1], K, across, GJ, C)
+        kept[e, B11], kept[e, B12], kept[e, B21], kept[e, B22], kept[e, CC] = B1[0], B1[1], B2[0], B2[1], cc
+        if e == 0 or e == last:
+            node = 0 if e == 0 else elements
+            kept[node, Y11], kept[node, Y12], kept[node, Y21], kept[node, Y22] = H12
+        S += cc
         size = 0.5 * shift * (h[e] + (h[e + 1] if e + 1 < elements else 0.0))
         q11, q12, q22, x1, x2 = H22[0] + size, H22[1], H22[3] + size, B2[0], B2[1]
         if e > 0:
@@ -141,12 +154,46 @@ def excess_across(
             # Y = P^-1 H12
             y11, y12 = i * (c * H12[0] - b * H12[2]), i * (c * H12[1] - b * H12[3])
             y21, y22 = i * (a * H12[2] - b * H12[0]), i * (a * H12[3] - b * H12[1])
+            kept[e, I11], kept[e, I12], kept[e, I22], kept[e, W1], kept[e, W2] = i * c, -i * b, i * a, u1, u2
+            kept[e, Y11], kept[e, Y12], kept[e, Y21], kept[e, Y22] = y11, y12, y21, y22
             q11 -= y11 * H12[0] + y21 * H12[2]
             q12 -= y11 * H12[1] + y21 * H12[3]
             q22 -= y12 * H12[1] + y22 * H12[3]
             x1 -= y11 * u1 + y21 * u2
             x2 -= y12 * u1 + y22 * u2
         p11, p12, p22, w1, w2 = q11, q12, q22, x1, x2
+    kept[0, 0] = S
     if last == elements:
-        return count + negative(p11, p22, p11 * p22 - p12 * p12)
+        det = p11 * p22 - p12 * p12
+        kept[last, I11], kept[last, I12], kept[last, I22] = p22 / det, -p12 / det, p11 / det
+        kept[last, W1], kept[last, W2] = w1, w2
+        return count + negative(p11, p22, det)
     return count + (0 if S < 0.0 else -1)
+
+
+@kernel(fastmath=FAST)
+def respond_across(last: int, held: bool, closure: float, kept: Array) -> float:
+    """Solves for the changes of nodes 1 to last, with the right-hand sides in `kept`; returns that of the force.
+
+    closure: derivative in the force, as in `rod_factor.border`.
+    """
+    s = 0.0
+    for k in range(1, last + 1):
+        if k > 1:
+            z1, z2 = kept[k - 1, G1], kept[k - 1, G2]
+            kept[k, G1] -= kept[k - 1, Y11] * z1 + kept[k - 1, Y21] * z2
+            kept[k, G2] -= kept[k - 1, Y12] * z1 + kept[k - 1, Y22] * z2
+        z1, z2 = kept[k, G1], kept[k, G2]
+        s += kept[k, W1] * (kept[k, I11] * z1 + kept[k, I12] * z2)
+        s += kept[k, W2] * (kept[k, I12] * z1 + kept[k, I22] * z2)
+    step = (s - closure) / kept[0, 0] if held else 0.0
+    d1 = d2 = 0.0
+    for k in range(last, 0, -1):
+        x1, x2 = kept[k, G1] + step * kept[k, W1], kept[k, G2] + step * kept[k, W2]
+        x1, x2 = kept[k, I11] * x1 + kept[k, I12] * x2, kept[k, I12] * x1 + kept[k, I22] * x2
+        if k < last:
+            x1 += kept[k, Y11] * d1 + kept[k, Y12] * d2
+            x2 += kept[k, Y21] * d1 + kept[k, Y22] * d2
+        d1, d2 = -x1, -x2
+        kept[k, D1], kept[k, D2] = d1, d2
+    return step

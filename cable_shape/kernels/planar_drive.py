@@ -15,13 +15,13 @@ import numpy as np
 
 from cable_shape.kernels import rod_drive
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.planar_across import excess_across
+from cable_shape.kernels.planar_across import COLUMNS, excess_across
 from cable_shape.kernels.planar_defect import correct
 from cable_shape.kernels.planar_element import Pair, half_turn, product, quotient, unit
 from cable_shape.kernels.planar_loads import FLAT
 from cable_shape.kernels.planar_newton import newton
 from cable_shape.kernels.planar_output import sample
-from cable_shape.kernels.planar_system import GL, layout
+from cable_shape.kernels.planar_system import GL, NORMAL_X, NORMAL_Y, behind, layout
 from cable_shape.kernels.rod_algebra import (
     Quaternion,
     Vector,
@@ -55,10 +55,10 @@ from cable_shape.kernels.rod_output import all_finite
 from cable_shape.kernels.rod_work import vectors
 
 Array = Any
-#: info has one number more than that of `rod_drive`: 18, not zero where the planar solver gave the shape. `work` then
-#: holds no spatial factors, unless someone has put them there since.
+#: info has one number more than that of `rod_drive`: 18, not zero where the planar solver gave the shape. It tells what
+#: factors are in `work` then: those of the planar solver, or spatial ones that someone has put there since, or none.
 INFO, PLANAR = rod_drive.INFO + 1, rod_drive.INFO
-UNFACTORED, FACTORED = 1.0, 2.0
+IN_PLANE, FACTORED, UNFACTORED = 1.0, 2.0, 3.0
 NOT_PLANAR, BUCKLED = 6, 7
 #: rad: nothing turns further out of its plane that is solved for in it.
 STRAY = 1e-3
@@ -229,8 +229,10 @@ def solve_in_plane(
     info[12] = 2.0 * math.asin(min(1.0, largest))
     if not info[12] <= far:
         return FAR
-    if excess_across(z, lam2, h, force, bow, K, across, par[2], C, par[18], held) != 0:
+    kept = behind(work, elements, COLUMNS)
+    if excess_across(z, lam2, h, force, bow, K, across, par[2], C, par[18], held, kept) != 0:
         return BUCKLED
+    sums[NORMAL_X], sums[NORMAL_Y] = local[0], local[1]
     better, off, left = correct(
         z, lam2, h, force, bow, K, soft, C, max(soft, K, across, par[2]), held, rows, parts, side, sums, errors, guess
     )
@@ -267,7 +269,7 @@ def solve_in_plane(
     size = sol.shape[0] // 3
     sol[size : 2 * size] = sol[0:size]
     sol[0:size] = sol[2 * size : 3 * size]
-    info[PLANAR] = UNFACTORED
+    info[PLANAR] = IN_PLANE
     return CONVERGED
 
 

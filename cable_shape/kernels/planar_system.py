@@ -11,7 +11,7 @@ solver, for N elements:
     parts  (N, 16)    of an element: H12, H12/pivot, H22, B1 2, B2 2, CC 3, derivatives in lambda 2, theta_1, theta_2,
                       and what a rule of integration misses 2
     side   (N, 4)     slack 2, moments at the left and right of an element [N m]
-    sums   (12,)      gram 5 (00, 01, 11, 0g, 1g), one free, CC 3, closure 2, one free
+    sums   (12,)      gram 5 (00, 01, 11, 0g, 1g), x of the normal in the cable frame, CC 3, closure 2, y of the normal
 
 The start is clamped, the end clamped or free: node 0, and with a held end node N, are no unknowns.
 """
@@ -26,6 +26,7 @@ from cable_shape.kernels.rod_algebra import FAST, inlined
 
 Array = Any
 D, INVERSE, G, B, W, CHANGE = 0, 1, 2, 3, 5, 8  # columns of rows
+NORMAL_X, NORMAL_Y = 5, 11  # of sums
 H12, Y, H22, B1, B2, CC, GL, G1, G2, MISSED = 0, 1, 2, 3, 5, 7, 10, 12, 13, 14  # of parts
 
 
@@ -50,6 +51,13 @@ def layout(work: Array, elements: int) -> tuple[Array, Array, Array, Array, Arra
         work[f:g].reshape(n, 4),
         work[g : g + 12],
     )
+
+
+@inlined
+def behind(work: Array, elements: int, columns: int) -> Array:
+    """(N+1, columns), what follows in the work space."""
+    first = 41 * elements + 25
+    return work[first : first + columns * (elements + 1)].reshape(elements + 1, columns)
 
 
 @inlined

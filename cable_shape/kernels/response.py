@@ -14,6 +14,7 @@ import numpy as np
 
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.rod_algebra import (
+    Vector,
     add,
     apply,
     cross,
@@ -53,39 +54,44 @@ def smallest_eigenvalue(
     mask = par[9:15].reshape(2, 3)
     _, _, _, P, Y, W = matrices(work, elements, width)
     _, _, G, d, gram, total, step = vectors(work, elements, width)
-    closure = np.zeros(3)
-    value, largest, at = math.nan, 0.0, 0.0
-    random, amplitude = 1, NOISE / math.sqrt(par[19])
-    for k in range(elements + 1):
-        for i in range(3):
-            random = (random * 1103515245 + 12345) & 0x7FFFFFFF
-            mode[k, i] += amplitude * (random * (1.0 / 0x40000000) - 1.0)
+    closure = total[:3]
+    closure[:] = 0.0
+    value, at = math.nan, 0.0
+    disturb(mode, NOISE / math.sqrt(par[19]))
     for _ in range(steps):
         for k in range(elements + 1):
             size = 0.5 * ((h[k - 1] if k > 0 else 0.0) + (h[k] if k < elements else 0.0))
-            for i in range(3):
-                held = (k == 0 and mask[0, i] == 0.0) or (k == elements and mask[1, i] == 0.0)
-                G[k, i] = 0.0 if held else -size * mode[k, i]
+            G[k, 0], G[k, 1], G[k, 2] = -size * mode[k, 0], -size * mode[k, 1], -size * mode[k, 2]
+        for i in range(3):
+            G[0, i] *= mask[0, i]
+            G[elements, i] *= mask[1, i]
         forward(G, P, Y, W, gram)
         border(gram, total[3:], closure, step)
         backward(P, Y, W, step, d)
-        up = down = 0.0
+        up = down = largest = 0.0
         for k in range(elements + 1):
             size = 0.5 * ((h[k - 1] if k > 0 else 0.0) + (h[k] if k < elements else 0.0))
-            for i in range(3):
-                up -= d[k, i] * G[k, i]
-                down += size * d[k, i] * d[k, i]
-        if not (down > 0.0 and math.isfinite(down)):
-            return math.nan, 0.0
-        value, largest, unit = up / down, 0.0, 1.0 / math.sqrt(down)
-        for k in range(elements + 1):
-            turn = 0.0
-            for i in range(3):
-                mode[k, i] = unit * d[k, i]
-                turn += mode[k, i] ** 2
+            turn = d[k, 0] * d[k, 0] + d[k, 1] * d[k, 1] + d[k, 2] * d[k, 2]
+            up -= d[k, 0] * G[k, 0] + d[k, 1] * G[k, 1] + d[k, 2] * G[k, 2]
+            down += size * turn
             if turn > largest:
                 largest, at = turn, s[k]
+        if not (down > 0.0 and math.isfinite(down)):
+            return math.nan, 0.0
+        value, unit = up / down, 1.0 / math.sqrt(down)
+        for k in range(elements + 1):
+            mode[k, 0], mode[k, 1], mode[k, 2] = unit * d[k, 0], unit * d[k, 1], unit * d[k, 2]
     return value, at
+
+
+@kernel
+def disturb(mode: Array, amplitude: float) -> None:
+    """Adds noise up to `amplitude` to mode (N+1, 3), the same each time."""
+    random = 1
+    for k in range(mode.shape[0]):
+        for i in range(3):
+            random = (random * 1103515245 + 12345) & 0x7FFFFFFF
+            mode[k, i] += amplitude * (random * (1.0 / 0x40000000) - 1.0)
 
 
 @kernel
@@ -98,14 +104,12 @@ def velocities(
     cable end. With the factors in `work`, see `smallest_eigenvalue`. Between nodes by the cubic through the nodes'
     changes of r and r', as in `rod_sensitivity`.
     """
-    s, h, load, _, _, _ = mesh_parts(mesh, elements)
-    q, lam, _ = slot(sol, elements, NOW)
+    q, _, _ = slot(sol, elements, NOW)
     mask = par[9:15].reshape(2, 3)
-    C = (par[3], par[4], par[5])
-    l3 = (lam[0], lam[1], lam[2])
     _, U, _, P, Y, W = matrices(work, elements, width)
     parts, first, G, d, gram, total, step = vectors(work, elements, width)
-    closure = np.zeros(3)
+    closure = total[:3]
+    closure[:] = 0.0
     G[:, :] = 0.0
     held0 = held1 = (0.0, 0.0, 0.0)
     for end in range(2):
@@ -139,22 +143,41 @@ def velocities(
     for i in range(3):
         d[0, i] += held0[i]
         d[elements, i] += held1[i]
-    out = np.empty((at.shape[0], 3))
-    r = (twists[0], twists[1], twists[2])
+    G[0, 0], G[0, 1], G[0, 2] = twists[0], twists[1], twists[2]
     for k in range(elements):
-        da, db = get3(d, k), get3(d, k + 1)
-        change = add(add(tapply(get9(parts, k, 9), da), tapply(get9(parts, k, 18), db)), apply(get9(parts, k, 27), dl))
-        rb = (r[0] - change[0], r[1] - change[1], r[2] - change[2])
-        for i in range(at.shape[0]):
-            if s[k] <= at[i] < s[k + 1] or (k == elements - 1 and at[i] >= s[k + 1]):
-                nL, _, nR = forces(load, k, l3)
-                va, vb = node_slope(q, k, da, nL, dl, C), node_slope(q, k + 1, db, nR, dl, C)
-                x = (at[i] - s[k]) / h[k]
-                z = 1.0 - x
-                p = add(
-                    add(scale(z * z * (1.0 + 2.0 * x), r), scale(z * z * x * h[k], va)),
-                    add(scale(x * x * (3.0 - 2.0 * x), rb), scale(-x * x * z * h[k], vb)),
-                )
-                out[i, 0], out[i, 1], out[i, 2] = p
-        r = rb
+        change = add(
+            add(tapply(get9(parts, k, 9), get3(d, k)), tapply(get9(parts, k, 18), get3(d, k + 1))),
+            apply(get9(parts, k, 27), dl),
+        )
+        for i in range(3):
+            G[k + 1, i] = G[k, i] - change[i]
+    return between(par, mesh, sol, elements, d, dl, G, at)
+
+
+@kernel
+def between(
+    par: Array, mesh: Array, sol: Array, elements: int, turns: Array, dl: Vector, moves: Array, at: Array
+) -> Array:  # fmt: skip
+    """(k, 3) [m/s]: the velocities at arc lengths `at` (k,) [m] from those of the nodes.
+
+    turns (N+1, 3) [rad/s], cable frame, and moves (N+1, 3) [m/s] of the nodes; dl [N/s]: change of lambda.
+    """
+    s, h, load, _, _, _ = mesh_parts(mesh, elements)
+    q, lam, _ = slot(sol, elements, NOW)
+    C = (par[3], par[4], par[5])
+    l3 = (lam[0], lam[1], lam[2])
+    out = np.empty((at.shape[0], 3))
+    for i in range(at.shape[0]):
+        k = 0
+        while k < elements - 1 and at[i] >= s[k + 1]:
+            k += 1
+        nL, _, nR = forces(load, k, l3)
+        va = node_slope(q, k, get3(turns, k), nL, dl, C)
+        vb = node_slope(q, k + 1, get3(turns, k + 1), nR, dl, C)
+        x = (at[i] - s[k]) / h[k]
+        z = 1.0 - x
+        a, b = z * z * (1.0 + 2.0 * x), z * z * x * h[k]
+        c, d = x * x * (3.0 - 2.0 * x), -x * x * z * h[k]
+        for j in range(3):
+            out[i, j] = a * moves[k, j] + b * va[j] + c * moves[k + 1, j] + d * vb[j]
     return out

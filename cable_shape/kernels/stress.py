@@ -21,6 +21,8 @@ from cable_shape.kernels._jit import kernel
 Array = Any
 #: Fibres looked at before Newton's method goes to the maximum beside the best one: the square has at most two maxima.
 FIBRES = 16
+ANGLES = 2.0 * math.pi * np.arange(FIBRES) / FIBRES
+COSINES, SINES = np.cos(ANGLES), np.sin(ANGLES)
 NEWTON_STEPS = 4
 #: Numbers that describe a section: area, outer radius, I, J, k.
 SECTION = 5
@@ -66,14 +68,13 @@ def square(loads: Loads, c: float, s: float) -> float:
 def worst_fibre(loads: Loads) -> float:
     """Squared stress of the most stressed fibre."""
     a, b, t, v, cosine, sine = loads
-    best, angle = -1.0, 0.0
+    best, at = -1.0, 0
     for i in range(FIBRES):
-        phi = 2.0 * math.pi * i / FIBRES
-        value = square(loads, math.cos(phi), math.sin(phi))
+        value = square(loads, COSINES[i], SINES[i])
         if value > best:
-            best, angle = value, phi
+            best, at = value, i
+    angle, c, s = ANGLES[at], COSINES[at], SINES[at]
     for _ in range(NEWTON_STEPS):
-        c, s = math.cos(angle), math.sin(angle)
         sigma, tau = a + b * c, t + v * (sine * c - cosine * s)
         dsigma, dtau = -b * s, -v * (sine * s + cosine * c)
         slope = sigma * dsigma + 3.0 * tau * dtau
@@ -81,7 +82,8 @@ def worst_fibre(loads: Loads) -> float:
         if not bend < 0.0:
             break
         angle -= slope / bend
-        value = square(loads, math.cos(angle), math.sin(angle))
+        c, s = math.cos(angle), math.sin(angle)
+        value = square(loads, c, s)
         if not value > best:
             break
         best = value
@@ -103,14 +105,17 @@ def most_stressed(buffer: Array, points: int, section: Array) -> tuple[int, floa
     only what is left is searched fibre by fibre.
     """
     area, radius, inertia, polar, factor = section[0], section[1], section[2], section[3], section[4]
+    # |cos a cos b + m sin a sin b| <= max(1, m) for the shares cos a of force and cos b of moment that make sigma
+    p, q, ratio = 1.0 / area, radius / inertia, inertia / polar
+    of_force, of_moment = max(1.0, 3.0 * factor * factor) * p * p, max(1.0, 3.0 * ratio * ratio) * q * q
+    of_both = 2.0 * max(1.0, 3.0 * factor * ratio) * p * q
     bounds = np.empty(points)
     worst, highest = 0, -1.0
     for i in range(points):
         n, m = 11 * points + 3 * i, 14 * points + 3 * i
-        force = math.sqrt(buffer[n] ** 2 + buffer[n + 1] ** 2 + buffer[n + 2] ** 2) / area
-        moment = math.sqrt(buffer[m] ** 2 + buffer[m + 1] ** 2 + buffer[m + 2] ** 2) * radius
-        sigma, tau = force + moment / inertia, factor * force + moment / polar
-        bounds[i] = sigma * sigma + 3.0 * tau * tau
+        force = buffer[n] * buffer[n] + buffer[n + 1] * buffer[n + 1] + buffer[n + 2] * buffer[n + 2]  # squared
+        moment = buffer[m] * buffer[m] + buffer[m + 1] * buffer[m + 1] + buffer[m + 2] * buffer[m + 2]
+        bounds[i] = of_force * force + of_both * math.sqrt(force * moment) + of_moment * moment
         if bounds[i] > highest:
             worst, highest = i, bounds[i]
     best = worst_fibre(section_loads(buffer, points, worst, section))

@@ -91,12 +91,14 @@ def sensitivity(state: RodState, *, at: str = "cable") -> Array:
     rod_sensitivity.sensitivity(
         state.par, state.mesh, state.sol, state.work, state.elements, state.width, problem.points, out
     )
+    state.overwritten(factored=True)
     turn_about(at, problem, out)
     return out
 
 
 def smallest_eigenvalue(state: RodState) -> float:
     """[N], of the last solution's second variation under its constraints, against the integral of |rotation|^2."""
-    return float(
-        rod_stability.smallest_eigenvalue(state.par, state.mesh, state.sol, state.work, state.elements, state.width)
-    )
+    rod = state.par, state.mesh, state.sol, state.work, state.elements, state.width
+    value = float(rod_stability.smallest_eigenvalue(*rod))
+    state.overwritten(factored=False)
+    return value

@@ -136,6 +136,7 @@ class Solve:
         least = rod_stability.smallest_eigenvalue(
             state.par, state.mesh, state.sol, state.work, state.elements, state.width
         )
+        rod_stability.refresh(state.par, state.mesh, state.sol, state.work, state.elements, state.width, True)
         return float(least)
 
     def _shape(self, status: Status, detail: str) -> CableShape:

@@ -274,11 +274,18 @@ class RodState:
         """The next solution may be far from the last one though no end moves."""
         self.par[20] = math.inf
 
-    def factor(self) -> None:
-        """Puts factors of the last solution's Newton matrix into `work`, where a planar solve has left none."""
-        if self.info[planar_drive.PLANAR] == planar_drive.UNFACTORED:
-            self.info[planar_drive.PLANAR] = planar_drive.FACTORED
+    def factor(self) -> bool:
+        """Sees to it that `work` has factors of the last solution's Newton matrix; True: those of the planar solver."""
+        left = self.info.item(planar_drive.PLANAR)
+        if left == planar_drive.UNFACTORED:
             rod_stability.refresh(self.par, self.mesh, self.sol, self.work, self.elements, self.width, True)
+            self.info[planar_drive.PLANAR] = planar_drive.FACTORED
+        return left == planar_drive.IN_PLANE
+
+    def overwritten(self, factored: bool) -> None:
+        """Says that something else has written into `work`; factored: it has left spatial factors there."""
+        if self.planar:
+            self.info[planar_drive.PLANAR] = planar_drive.FACTORED if factored else planar_drive.UNFACTORED
 
     @property
     def ends(self) -> Array:

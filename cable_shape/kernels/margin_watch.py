@@ -1,0 +1,181 @@
+"""All margins of one cable and one cycle in one compiled call, with the time until each limit is reached.
+
+An array costs more to hand over than most of what is done here, so that all that is remembered from cycle to cycle is
+one flat array, for m bodies with k = 6 + m:
+
+    limits   (6,)      of the loads, in the order of the rows of :mod:`cable_shape.kernels.margins`, and the warning
+                       distance; NaN for none
+    section  (5,)      see :mod:`cable_shape.kernels.stress`
+    soft               unit of the eigenvalue [N]
+    eigen    (3,)      see `margins.MEMORY`
+    twists   (12,)     how fast the ends move; before, now (14,): their frames, see :mod:`cable_shape.kernels.speed`
+    turn               the row of `history` that is this cycle's
+    rows     (k, 5)    see :mod:`cable_shape.kernels.margins`
+    told     (5, k)    transposed, and only what can be told: first loads and stability, then bodies
+    history  (2, k)    distance of a body, mu of stability, USED of all else, in this cycle and in the one before; NaN
+                       where there is none
+    moving   (m,)      1 if that body may move by itself, else 0
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from cable_shape.kernels import planar_response, response
+from cable_shape.kernels._jit import kernel
+from cable_shape.kernels.margins import (
+    ARC_LENGTH,
+    BODIES,
+    COLUMNS,
+    LIMIT,
+    STABILITY,
+    TIME,
+    USED,
+    VALUE,
+    measure_bodies,
+    measure_loads,
+    remember,
+    tell_stability,
+)
+from cable_shape.kernels.rod_algebra import inlined
+from cable_shape.kernels.speed import follow
+
+Array = Any
+LIMITS, SECTION, SOFT, EIGEN, TWISTS, BEFORE, NOW, TURN, HEAD = 0, 6, 11, 12, 15, 27, 41, 55, 56
+#: What is said of the cycle, to be added: grips hold both ends; the loads are known, which they are not on the line of
+#: an overstretched cable; the factors are to be made anew; the shape is the last one; it is unstable; this is a new
+#: cycle, not the last one once more; rows are the same bodies in every cycle; the factors are those of the planar
+#: solver.
+HELD, LOADED, FRESH, AGAIN, UNSTABLE, NEW, LISTED, IN_PLANE = 1, 2, 4, 8, 16, 32, 64, 128
+#: [s], what is further away is not being approached.
+LONGEST_TIME = 3600.0
+#: Bodies nearer than this [m] have no direction to them.
+TOUCHING = 1e-9
+
+
+@inlined
+def parts(memory: Array, bodies: int) -> tuple[Array, Array, Array, Array]:
+    """Rows, told, history, moving."""
+    k = BODIES + bodies
+    a, b, c = HEAD + COLUMNS * k, HEAD + 2 * COLUMNS * k, HEAD + 2 * (COLUMNS + 1) * k
+    return (
+        memory[HEAD:a].reshape(k, COLUMNS),
+        memory[a:b].reshape(COLUMNS, k),
+        memory[b:c].reshape(2, k),
+        memory[c : c + bodies],
+    )
+
+
+@kernel
+def time_left(left: float, rate: float) -> float:
+    """[s] until what is left is used up; infinite when it is not being used up, NaN when the rate is not known."""
+    if rate * LONGEST_TIME > left:
+        return left / rate
+    return math.nan if math.isnan(rate) else math.inf
+
+
+@kernel
+def approach(
+    par: Array, mesh: Array, sol: Array, work: Array, elements: int, width: int, flags: int, twists: Array,
+    bodies: Array, moving: Array, rows: Array,
+) -> None:  # fmt: skip
+    """Puts into the column TIME of each body how fast the cable nears it [m/s]; it stays NaN where not known."""
+    at = np.empty(bodies.shape[0])
+    count = 0
+    for b in range(bodies.shape[0]):
+        may_move = flags & LISTED != 0 and moving[b] != 0.0
+        if TOUCHING < abs(bodies[b, 0]) < math.inf and 0.0 <= bodies[b, 1] <= par[19] and not may_move:
+            at[count] = bodies[b, 1]
+            rows[BODIES + b, TIME] = 0.0
+            count += 1
+    if count == 0:
+        return
+    if flags & IN_PLANE:
+        v = planar_response.velocities(par, mesh, sol, work, elements, width, twists, at[:count])
+    else:
+        v = response.velocities(par, mesh, sol, work, elements, width, twists, at[:count])
+    count = 0
+    for b in range(bodies.shape[0]):
+        if rows[BODIES + b, TIME] == 0.0:
+            speed = 0.0
+            for i in range(3):
+                speed += (bodies[b, 5 + i] - bodies[b, 2 + i]) * v[count, i]
+            rows[BODIES + b, TIME] = speed / bodies[b, 0]
+            count += 1
+
+
+@kernel
+def tell(rows: Array, now: Array, before: Array, seconds: float, listed: bool, told: Array) -> int:
+    """Turns speeds in the column TIME of bodies into times, takes all others from the cycle `before`, and fills `told`.
+
+    before, now (k,): see `history`. seconds: between them, NaN if not known. Returns the sum of 2^row over the rows
+    before those of bodies that can be told.
+    """
+    count = which = 0
+    for row in range(rows.shape[0]):
+        used, limit, value, time = rows[row, USED], rows[row, LIMIT], rows[row, VALUE], rows[row, TIME]
+        body, stability = row >= BODIES, row == STABILITY
+        now[row] = math.nan if math.isnan(used) else value if body or stability else used
+        if math.isnan(used):
+            continue
+        rate = (now[row] - before[row]) / seconds if listed or not body else math.nan
+        if used >= 1.0:
+            time = 0.0
+        elif body:
+            time = time_left(value - limit, -rate if math.isnan(time) else time)
+        elif stability:
+            time = time_left(value, -2.0 * rate)
+        else:
+            time = time_left(1.0 - used, rate)
+        told[USED, count], told[LIMIT, count], told[VALUE, count] = used, limit, value
+        told[ARC_LENGTH, count], told[TIME, count] = rows[row, ARC_LENGTH], time
+        count += 1
+        if not body:
+            which += 1 << row
+    return which
+
+
+@kernel
+def begin(memory: Array, bodies: int, flags: int, seconds: float) -> int:
+    """Takes over where the ends are in a new cycle, and returns its row of `history`, in which nothing is known yet."""
+    if flags & NEW:
+        follow(memory[BEFORE:NOW], memory[NOW:TURN], flags & HELD != 0, seconds, memory[TWISTS:BEFORE])
+        memory[TURN] = 1.0 - memory[TURN]
+    history = parts(memory, bodies)[2]
+    turn = int(memory[TURN])
+    history[turn, :] = math.nan
+    return turn
+
+
+@kernel
+def measure(
+    memory: Array, buffer: Array, points: int, bodies: Array, par: Array, mesh: Array, sol: Array, work: Array,
+    elements: int, width: int, mode: Array, steps: int, flags: int, seconds: float,
+) -> int:  # fmt: skip
+    """Fills `told` for a shape's buffer, and returns what it tells, see `tell`; bodies (m, 8) as in `measure_bodies`.
+
+    elements 0: the model knows no stability. mode, steps: see `response.smallest_eigenvalue`. seconds: since the last
+    cycle, NaN where it is none to compare with.
+    """
+    turn = begin(memory, bodies.shape[0], flags, seconds)
+    rows, told, history, moving = parts(memory, bodies.shape[0])
+    limits, twists, eigen = memory[LIMITS:SECTION], memory[TWISTS:BEFORE], memory[EIGEN:TWISTS]
+    measure_loads(buffer, points, memory[SECTION:SOFT], limits, flags & HELD != 0, flags & LOADED != 0, rows)
+    rows[STABILITY, :] = math.nan
+    measure_bodies(bodies, limits[5], rows)
+    if elements > 0:
+        if not flags & AGAIN:
+            if flags & IN_PLANE:
+                found = planar_response.smallest_eigenvalue(par, mesh, work, elements, width, mode, steps)
+            else:
+                found = response.smallest_eigenvalue(
+                    par, mesh, sol, work, elements, width, mode, steps, flags & FRESH != 0
+                )
+            remember(found, memory[SOFT], eigen)
+        tell_stability(flags & UNSTABLE != 0, eigen, rows)
+        if bodies.shape[0] > 0 and not math.isnan(twists[0]):
+            approach(par, mesh, sol, work, elements, width, flags, twists, bodies, moving, rows)
+    return tell(rows, history[turn], history[1 - turn], seconds, flags & LISTED != 0, told)
