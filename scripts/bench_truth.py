@@ -6,6 +6,7 @@ The recordings are read from ../shared/data and are no part of this project; wit
 from __future__ import annotations
 
 import argparse
+import csv
 import json
 import math
 import sys
@@ -17,7 +18,9 @@ import numpy as np
 from cosserat_figures import Figures, heading
 from scipy.spatial.transform import Rotation
 from tqdm import tqdm
-from truth_data import CABLES, DATA, Frames, load
+from truth_data import CABLES, DATA, Frames, load, recording
+from truth_limits import least, line, mean_error, read_off
+from truth_readings import readings
 
 import cable_shape as cs
 from cable_shape.calibration.parameters import held
@@ -28,6 +31,14 @@ ASKED = {
     STATIC: (2.2, 1.8, 2.3, 2.6, 2.8),
     MOVING: (2.0, 1.6, 2.0, 1.5, 1.15),
     ALL: (1.55, 1.15, 1.55, 0.88, 0.9),
+}
+#: Figures that come with the data, of an independent rod on frames that do not.
+TOLD = {
+    "straight line": (20.9, 22.8, 22.4, 21.3, 21.6),
+    "catenary": (2.6, 3.3, 4.0, 2.7, 2.7),
+    STATIC: (2.08, 1.67, 2.17, 2.48, 2.72),
+    MOVING: (1.89, 1.50, 1.89, 1.44, 1.09),
+    ALL: (1.46, 1.11, 1.48, 0.82, 0.86),
 }
 ONE = ("bending_stiffness",)
 HELPS = ("bending_stiffness", "length", "start_tilt", "end_tilt", "start_offset", "end_offset")
@@ -62,15 +73,15 @@ def radius_at(found: cs.Calibration, seen: cs.Observation) -> np.ndarray:
     return tube.radius[apart.argmin(axis=1)]
 
 
-def judge(frames: Frames, quick: bool) -> dict[str, Any]:
+def judge(number: int, frames: Frames, quick: bool) -> dict[str, Any]:
     """All rows for one cable: mean distance of held-back markers in % of the length, and what was fitted."""
-    rows: dict[str, list[np.ndarray]] = {}
+    rows: dict[str, dict[int, np.ndarray]] = {}
     fits: dict[str, list[cs.Calibration]] = {STATIC: [], MOVING: [], ALL: []}
     inside: list[np.ndarray] = []
     shapes: list[dict[str, Any]] = []
 
-    def put(row: str, values: np.ndarray) -> None:
-        rows.setdefault(row, []).append(values)
+    def put(row: str, i: int, values: np.ndarray) -> None:
+        rows.setdefault(row, {})[int(i)] = values
 
     for part in range(1 if quick else PARTS):
         learn, held_back = frames.where(("quasi",), part, False), frames.where(("quasi",), part, True)
@@ -86,48 +97,75 @@ def judge(frames: Frames, quick: bool) -> dict[str, Any]:
             points = still.points
             chord = still.end.cable_frame.position - still.start.cable_frame.position  # type: ignore[union-attr]
             along = np.clip((points - still.start.pose.position) @ chord / (chord @ chord), 0.0, 1.0)
-            put("straight line", np.linalg.norm(points - still.start.pose.position - along[:, None] * chord, axis=1))
+            straight = still.start.pose.position + along[:, None] * chord
+            put("straight line", i, np.linalg.norm(points - straight, axis=1))
             for model in ("catenary", "gradient4", "gradient6"):
-                put(model, distances(predicted(by[STATIC], still, model), points))
-            put(STATIC, distances(predicted(by[STATIC], still), points))
-            put(MOVING, distances(predicted(by[MOVING], moving), points))
+                put(model, i, distances(predicted(by[STATIC], still, model), points))
+            put(STATIC, i, distances(predicted(by[STATIC], still), points))
+            put(MOVING, i, distances(predicted(by[MOVING], moving), points))
             shape = predicted(by[ALL], moving)
             off = distances(shape, points)
-            put(ALL, off)
+            put(ALL, i, off)
             if i % TUBES == 0:
                 inside.append(off <= radius_at(by[ALL], moving))
             shapes.append({"i": int(i), "mean": float(off.mean()), "moving": shape.positions, "points": points,
                            "static": predicted(by[STATIC], still).positions})  # fmt: skip
         for i in frames.where(("moderate",), part, True):
-            put("moderate frames, static", distances(predicted(by[STATIC], frames.static[i]), frames.static[i].points))
-            put(
-                "moderate frames, inertial load",
-                distances(predicted(by[MOVING], frames.moving[i]), frames.moving[i].points),
-            )
-    length = frames.cable.length
-    joined = {row: np.concatenate(values) for row, values in rows.items()}
+            for row, told, seen in (("static", STATIC, frames.static[i]), ("inertial load", MOVING, frames.moving[i])):
+                put(f"moderate frames, {row}", i, distances(predicted(by[told], seen), seen.points))
+    per_cent = 100.0 / frames.cable.length
+    means = {row: {i: per_cent * float(x.mean()) for i, x in values.items()} for row, values in rows.items()}
+    joined = {row: per_cent * np.concatenate(list(values.values())) for row, values in rows.items()}
+    calm = np.flatnonzero(frames.kind == "quasi")
     return {
-        "rows": {row: 100.0 * float(np.nanmean(values)) / length for row, values in joined.items()},
+        "rows": {row: float(np.nanmean(values)) for row, values in joined.items()},
         "lost": {row: int(np.isnan(values).sum()) for row, values in joined.items()},
+        "means": means,
+        "least": {
+            row: per_cent * least([seen[i] for i in calm], frames.cable)[0]
+            for row, seen in ((STATIC, frames.static), (MOVING, frames.moving))
+        },
+        "recordings": recordings(number, frames),
+        "frames": frames,
         "coverage": float(np.concatenate(inside).mean()),
         "fits": fits,
         "shapes": shapes,
-        "length": length,
+        "length": frames.cable.length,
     }
 
 
-def real(figures: Figures, quick: bool, picture: Path | None) -> dict[str, Any]:
+def recordings(number: int, frames: Frames) -> dict[str, float]:
+    """Means over the calm frames of both recordings, EI/w fitted to frames of other trajectories; count of frames."""
+    off: dict[str, list[np.ndarray]] = {STATIC: [], MOVING: []}
+    for which, traj in enumerate(frames.recorded):
+        learn = np.flatnonzero((frames.kind == "quasi") & (frames.traj != traj))
+        seen = dict(zip(off, recording(number, which, frames.calm), strict=True))
+        for row, known in ((STATIC, frames.static), (MOVING, frames.moving)):
+            found = cs.calibrate([known[i] for i in learn], frames.cable, ONE)
+            off[row] += [distances(predicted(found, one), one.points) for one in seen[row]]
+    means = {row: 100.0 * float(np.concatenate(values).mean()) / frames.cable.length for row, values in off.items()}
+    return means | {"frames": len(off[STATIC])}
+
+
+def real(figures: Figures, quick: bool, picture: Path | None, table: Path | None) -> dict[str, Any]:
     """The table of real cables."""
     heading("Real cables: mean distance of inner markers to the prediction, % of the free length, frames 'quasi'")
     print(f"fitted on other trajectories than judged, {PARTS} parts; all that helps: {', '.join(HELPS)},")
     print(f"priors {PRIORS}, one set a cable, none a frame. Swivel at the end; roll of the grippers not measured.")
-    done = {number: judge(load(number, PARTS), quick) for number in tqdm(CABLES, desc="cables", unit="cable")}
-    print(f"{'':34}" + "".join(f"{f'cable{n}':>9}" for n in CABLES))
+    print("Grips as the data say: tangents through the two markers in each grip, no marker that is judged.")
+    print("±: standard error, from how much trajectories disagree.")
+    done = {number: judge(number, load(number, PARTS), quick) for number in tqdm(CABLES, desc="cables", unit="cable")}
+    print(f"{'':52}" + "".join(f"{f'cable{n}':>14}" for n in CABLES))
     for row in next(iter(done.values()))["rows"]:
-        print(f"{row:34}" + "".join(f"{done[n]['rows'][row]:9.2f}" for n in CABLES), flush=True)
+        errors = []
+        for n in CABLES:
+            means = done[n]["means"][row]
+            errors.append(mean_error(np.array(list(means.values())), done[n]["frames"].traj[list(means)]))
+        line(row, [done[n]["rows"][row] for n in CABLES], errors)
         lost = [done[n]["lost"][row] for n in CABLES]
         if any(lost):
-            print(f"{'  markers without a usable shape':34}" + "".join(f"{x:9d}" for x in lost))
+            print(f"{'  markers without a usable shape':52}" + "".join(f"{x:14d}" for x in lost))
+    limits(done)
     for row in (STATIC, MOVING, ALL):
         print(f"EI/w [m^3] and its standard error, {row}, one part left out:")
         told = []
@@ -147,7 +185,48 @@ def real(figures: Figures, quick: bool, picture: Path | None) -> dict[str, Any]:
         figures.at_most(f"cable{n}: 95 % tube holds held-back markers", share, 99.0, "{:.1f}", " %")
     if picture is not None:
         draw(done, picture)
+    if table is not None:
+        write(done, table)
     return {f"cable{n}": {"rows": done[n]["rows"], "coverage": done[n]["coverage"]} for n in CABLES}
+
+
+def limits(done: dict[int, dict[str, Any]]) -> None:
+    """What no EI/w could better, and what the frames have to do with it."""
+    for row in (STATIC, MOVING):
+        line(f"{row}: best EI/w for these very frames", [done[n]["least"][row] for n in CABLES], digits=3)
+    for row in (STATIC, MOVING):
+        line(f"{row}: calm frames of the recordings", [done[n]["recordings"][row] for n in CABLES])
+    print(f"{'  frames of them':52}" + "".join(f"{done[n]['recordings']['frames']:14d}" for n in CABLES))
+    print("Told with the data, of an independent rod on frames that are not here:")
+    for row, told in TOLD.items():
+        line(f"{row}: told", list(told))
+    if any(len(np.unique(found["frames"].traj[list(found["means"][STATIC])])) < 10 for found in done.values()):
+        return
+    print(
+        "and the rod here on frames with the told mean of the catenary, which has nothing to fit: read off a straight"
+    )
+    print("line through the frames here.")
+    for row in (STATIC, MOVING):
+        off = []
+        for n, at in zip(CABLES, TOLD["catenary"], strict=True):
+            means = done[n]["means"]
+            which = list(means[row])
+            values, chain = (np.array([means[name][i] for i in which]) for name in (row, "catenary"))
+            off.append(read_off(values, chain, at, done[n]["frames"].traj[which]))
+        line(f"{row}: at that catenary", [x for x, _ in off], [error for _, error in off])
+
+
+def write(done: dict[int, dict[str, Any]], table: Path) -> None:
+    """One line a judged frame: mean distance [%] in each row."""
+    rows = list(next(iter(done.values()))["rows"])
+    with table.open("w", newline="") as file:
+        out = csv.writer(file)
+        out.writerow(("cable", "trajectory", "frame", "kind", *rows))
+        for n, found in done.items():
+            frames = found["frames"]
+            for i in sorted({i for means in found["means"].values() for i in means}):
+                told = (f"{found['means'][row][i]:.3f}" if i in found["means"][row] else "" for row in rows)
+                out.writerow((n, frames.traj[i], frames.frame[i], frames.kind[i], *told))
 
 
 def draw(done: dict[int, dict[str, Any]], picture: Path) -> None:
@@ -245,12 +324,16 @@ def main() -> int:
     parser.add_argument("--quick", action="store_true", help="one part of the frames, 40 synthetic cables")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there, too")
     parser.add_argument("--picture", type=Path, metavar="FILE.png", help="draw predicted and measured cables")
+    parser.add_argument("--frames", type=Path, metavar="FILE.csv", help="write the error of every judged frame")
+    parser.add_argument("--readings", action="store_true", help="also read the frames in other ways")
     args = parser.parse_args()
     cs.warm_up()
     figures = Figures()
     out: dict[str, Any] = {"synthetic": synthetic(figures, 40 if args.quick else SYNTHETIC)}
     if DATA.is_dir():
-        out |= real(figures, args.quick, args.picture)
+        out |= real(figures, args.quick, args.picture, args.frames)
+        if args.readings:
+            readings({number: load(number, PARTS) for number in CABLES})
     else:
         print(f"\nno recordings of real cables at {DATA.parent.name}/{DATA.name}: not judged")
     figures.print_summary()

@@ -6,9 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
+from cable_shape.calibration.sources import from_bag
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 CABLES = (1, 2, 3, 4, 5)
@@ -16,18 +18,25 @@ DENSITY = 0.05  # kg/m, not measured: only EI / weight shapes these cables
 #: EI / weight [m^3] where the fits begin.
 BEGIN = 1e-3
 #: Rows of the tables of accelerations.
-ROWS = 21
+ROWS = 51
 
 
 @dataclass(frozen=True)
 class Frames:
-    """Frames of one cable: `static` and `moving` observations (with inertial load), kind and trajectory of each."""
+    """Frames of one cable: `static` and `moving` observations (with inertial load), kind, trajectory and part of each.
+
+    calm: largest rms acceleration [g] along a frame of kind "quasi"; recorded: trajectories of the two recordings.
+    """
 
     cable: cs.Cable
     static: list[cs.Observation]
     moving: list[cs.Observation]
     kind: np.ndarray
+    traj: np.ndarray
+    frame: np.ndarray
     part: np.ndarray
+    calm: float
+    recorded: tuple[int, ...]
 
     def where(self, kinds: tuple[str, ...], part: int, inside: bool) -> np.ndarray:
         """Indices of frames of these kinds, inside or outside of one part of the trajectories."""
@@ -38,7 +47,8 @@ def load(number: int, parts: int) -> Frames:
     """Frames of cable 1 to 5; whole trajectories go into one of so many parts of about the same number of frames."""
     with np.load(DATA / f"cable{number}_frames.npz", allow_pickle=False) as d:
         x, a, arc = (d[key].astype(np.float64) for key in ("frames", "acc", "arc"))
-        kind, traj, length = d["kind"], d["traj"], float(d["free_length"])
+        kind, traj, frame, length = d["kind"], d["traj"], d["frame"], float(d["free_length"])
+        calm, recorded = float(d["q"][kind == "quasi"].max()), tuple(int(t) for t in d["replay_traj"])
     near, far = carried(x[:, 1] - x[:, 0]), carried(x[:, -1] - x[:, -2])
     at = np.clip(arc[1:-1] - arc[1], 0.0, length)
     rows = np.linspace(0.0, length, ROWS)
@@ -46,11 +56,18 @@ def load(number: int, parts: int) -> Frames:
     for i in range(len(x)):
         start = cs.Grip(cs.Pose(x[i, 1], near[i]))
         end = cs.Grip(cs.Pose(x[i, -2], far[i]), kind="swivel")
-        load = np.stack([np.interp(rows, at, a[i, 1:-1, axis]) for axis in range(3)], axis=1)
+        load = CubicSpline(at, a[i, 1:-1])(rows)
         static.append(cs.Observation(start, end, x[i, 2:-2], group=int(traj[i])))
         moving.append(cs.Observation(start, end, x[i, 2:-2], acceleration=load, group=int(traj[i])))
     cable = cs.Cable(length=length, linear_density=DENSITY, bending_stiffness=BEGIN * DENSITY * 9.81)
-    return Frames(cable, static, moving, kind, shares(traj, parts))
+    return Frames(cable, static, moving, kind, traj, frame, shares(traj, parts), calm, recorded)
+
+
+def recording(number: int, which: int, calm: float) -> tuple[list[cs.Observation], list[cs.Observation]]:
+    """The frames of a recording that accelerate along the cable by no more than `calm` [g, rms]: static, moving."""
+    seen = from_bag(DATA / f"cable{number}_recording{which}", frames=500, inertia=True)
+    moving = [o for o in seen if np.sqrt((o.acceleration[1:-1] ** 2).sum(axis=1).mean()) <= calm * 9.81]  # type: ignore[index]
+    return [cs.Observation(o.start, o.end, o.points) for o in moving], moving
 
 
 def carried(tangents: np.ndarray) -> np.ndarray:

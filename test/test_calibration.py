@@ -10,6 +10,8 @@ from recordings import BEGIN, LEFT, PERIOD, RIGHT, markers_entry, pose_entry, wr
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
+from cable_shape.calibration.forward import Forward
+from cable_shape.calibration.parameters import Parameters
 from cable_shape.calibration.robust import TUNING, Robust
 from cable_shape.calibration.sources import load_observations
 from cable_shape.cli import main
@@ -68,6 +70,38 @@ def test_misses_are_those_to_the_curve() -> None:
     np.testing.assert_allclose(np.linalg.norm(out, axis=1), nearest, rtol=0.0, atol=1e-5)
     misses(shape.buffer, shape.points, seen, np.array((0.0, 0.5, 0.777)), out)
     np.testing.assert_allclose(out, seen - fine[[0, 2000, 3108]], rtol=0.0, atol=1e-5)
+
+
+@pytest.mark.parametrize("known", [False, True])
+@pytest.mark.parametrize("kind", ["clamped", "swivel", "free"])
+def test_derivatives_by_parameters_that_move_ends_are_those_of_differences(kind: str, known: bool) -> None:
+    fit = ("start_offset", "start_tilt", "end_offset", "end_tilt", "roll")
+    turned = cs.Pose((0.01, -0.02, 0.03), Rotation.from_rotvec((0.2, -0.1, 0.3)).as_quat())
+    of_end = ("end_x", "end_y", "end_z", "end_tilt_1", "end_tilt_2", "roll")
+    unseen = {"clamped": (), "swivel": ("roll",), "free": of_end}[kind]
+    rng, seen = np.random.default_rng(3), []
+    for _ in range(3):
+        near, far = grips(rng, TRUE.length)
+        start = cs.Grip(near * turned.inverse(), offset=turned)
+        end = None if kind == "free" else cs.Grip(far, kind=kind)
+        shape = cs.predict(TRUE, start, end, model="cosserat", points=301)
+        points = shape.positions[15::30] + 5e-4 * rng.normal(size=(10, 3))
+        seen.append(cs.Observation(start, end, points, shape.arc_length[15::30] if known else None))
+    forward = Forward(Parameters(TRUE, fit), seen)
+    at = np.array((4e-3, -3e-3, 2e-3, 0.1, -0.2, 3e-3, 5e-3, -4e-3, 0.15, 0.1, 0.2))
+    now = forward.misses(at)
+    forward.misses(at + 1e-3)  # as after a step that was not taken
+    derivatives = forward.jacobian(at, now)
+    for j, parameter in enumerate(forward.parameters.each):
+        step = np.zeros_like(at)
+        step[j] = 0.2 * parameter.step
+        wanted = (forward.misses(at + step) - forward.misses(at - step)) / (2.0 * step[j])
+        size = float(np.abs(wanted).max())
+        if parameter.name in unseen:
+            assert size < 1e-3, parameter.name
+            assert not derivatives[:, :, j].any(), parameter.name
+        else:
+            np.testing.assert_allclose(derivatives[:, :, j], wanted, rtol=0.0, atol=0.01 * size, err_msg=parameter.name)
 
 
 def test_robust_fit_against_a_line_in_closed_form() -> None:

@@ -9,10 +9,11 @@ from typing import Any, final
 
 import numpy as np
 
+from cable_shape.calibration.ends import moving, velocities
 from cable_shape.calibration.observation import Observation
 from cable_shape.calibration.parameters import Parameters, held
 from cable_shape.checks import Array
-from cable_shape.kernels.misses import misses
+from cable_shape.kernels.misses import changes, misses
 from cable_shape.models import cosserat
 from cable_shape.models.rod_state import RodState
 from cable_shape.pose import Grip
@@ -57,18 +58,35 @@ class Forward:
         return np.concatenate([self._miss(i, shape) for i, shape in enumerate(shapes)])
 
     def jacobian(self, values: Array, now: Array) -> Array:
-        """(n, 3, parameters), by finite differences from the misses `now`; 0 where there is no shape.
+        """(n, 3, parameters) at `values`, where the misses are `now`; 0 where there is no shape.
 
-        A parameter that moves points by no more than the discretisation's own noise moves none.
+        By the rod's own sensitivities where a parameter moves an end, by finite differences elsewhere. A parameter that
+        moves points by no more than the discretisation's own noise moves none.
         """
         out = np.empty((*now.shape, len(values)))
+        ends = moving(self.parameters)
+        if ends:
+            out[:, :, ends] = self._moved(values, ends)
         for j, parameter in enumerate(self.parameters.each):
-            stepped = values.copy()
-            stepped[j] += parameter.step
-            change = np.nan_to_num(self.misses(stepped) - now)
-            moved = math.sqrt(float((change * change).sum()) / len(change)) > NOISE * self.parameters.cable.length
-            out[:, :, j] = change / parameter.step if moved else 0.0
+            if j not in ends:
+                stepped = values.copy()
+                stepped[j] += parameter.step
+                out[:, :, j] = np.nan_to_num(self.misses(stepped) - now) / parameter.step
+            change = out[:, :, j] * parameter.step
+            if math.sqrt(float((change * change).sum()) / len(change)) <= NOISE * self.parameters.cable.length:
+                out[:, :, j] = 0.0
         return out
+
+    def _moved(self, values: Array, which: list[int]) -> Array:
+        """(n, 3, k): how misses change with parameters that move ends."""
+        parts = []
+        for seen, state, shape in zip(self.observations, self._states, self._shapes(values), strict=True):
+            part = np.zeros((*seen.points.shape, len(which)))
+            if shape.status and state is not None:
+                moves = cosserat.sensitivity(state) @ velocities(self.parameters, values, which, seen.start, seen.end)
+                changes(shape.buffer, shape.points, seen.points, seen.arc_length, moves, part)
+            parts.append(part)
+        return np.concatenate(parts)
 
     def retry(self, values: Array, now: Array) -> bool:
         """Solves cold where the misses `now` are large, and goes on from there if that comes nearer.

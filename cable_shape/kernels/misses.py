@@ -39,6 +39,36 @@ def on_curve(h: float, a: Vector, ta: Vector, b: Vector, tb: Vector, x: float) -
     return place, slope
 
 
+@inlined
+def place_of_point(buffer: Array, points: int, p: Vector, arc: float) -> tuple[int, float, bool]:
+    """Where on the curve a point is: interval, 0 .. 1 in it, and whether what is out is across the cable.
+
+    arc [m]: known; NaN: the closest point is sought.
+    """
+    h = buffer[1] - buffer[0]
+    if not math.isnan(arc):
+        i = max(0, min(int(arc / h), points - 2))
+        return i, arc / h - i, False
+    least, i, x = math.inf, 0, 0.0
+    for j in range(points - 1):
+        a, b = place_of(buffer, points, j), place_of(buffer, points, j + 1)
+        step, to = subtract(b, a), subtract(p, a)
+        t = min(1.0, max(0.0, dot(to, step) / dot(step, step)))
+        miss = subtract(to, scale(t, step))
+        if dot(miss, miss) < least:
+            least, i, x = dot(miss, miss), j, t
+    a, b = place_of(buffer, points, i), place_of(buffer, points, i + 1)
+    ta, tb = tangent_of(buffer, points, i), tangent_of(buffer, points, i + 1)
+    for _ in range(2):
+        c, dc = on_curve(h, a, ta, b, tb, x)
+        x += dot(subtract(p, c), dc) / dot(dc, dc)
+        if x < 0.0 and i == 0:
+            x = 0.0  # beyond the start
+        if x > 1.0 and i == points - 2:
+            x = 1.0
+    return i, x, not (x == 0.0 or x == 1.0)
+
+
 @kernel
 def misses(buffer: Array, points: int, seen: Array, arc: Array, out: Array) -> None:
     """Observed points minus the centreline, out (m, 3) [m].
@@ -49,31 +79,38 @@ def misses(buffer: Array, points: int, seen: Array, arc: Array, out: Array) -> N
     h = buffer[1] - buffer[0]
     for k in range(seen.shape[0]):
         p = (seen[k, 0], seen[k, 1], seen[k, 2])
-        known = not math.isnan(arc[k])
-        if known:
-            i = max(0, min(int(arc[k] / h), points - 2))
-            x = arc[k] / h - i
-        else:
-            least, i, x = math.inf, 0, 0.0
-            for j in range(points - 1):
-                a, b = place_of(buffer, points, j), place_of(buffer, points, j + 1)
-                step, to = subtract(b, a), subtract(p, a)
-                t = min(1.0, max(0.0, dot(to, step) / dot(step, step)))
-                miss = subtract(to, scale(t, step))
-                if dot(miss, miss) < least:
-                    least, i, x = dot(miss, miss), j, t
+        i, x, across = place_of_point(buffer, points, p, arc[k])
         a, b = place_of(buffer, points, i), place_of(buffer, points, i + 1)
         ta, tb = tangent_of(buffer, points, i), tangent_of(buffer, points, i + 1)
         c, dc = on_curve(h, a, ta, b, tb, x)
-        if not known:
-            for _ in range(2):
-                x += dot(subtract(p, c), dc) / dot(dc, dc)
-                if x < 0.0 and i == 0:
-                    x = 0.0  # beyond the start
-                if x > 1.0 and i == points - 2:
-                    x = 1.0
-                c, dc = on_curve(h, a, ta, b, tb, x)
         miss = subtract(p, c)
-        if not known and not (x == 0.0 or x == 1.0):
+        if across:
             miss = scale(1.0 / dot(dc, dc), cross(cross(dc, miss), dc))
         out[k, 0], out[k, 1], out[k, 2] = miss
+
+
+@kernel
+def changes(buffer: Array, points: int, seen: Array, arc: Array, moves: Array, out: Array) -> None:
+    """Change of the misses, out (m, 3, k), where the centreline's points move by `moves` (points, 3, k).
+
+    The closest point moves along the curve, too, so that the miss stays across it.
+    """
+    h = buffer[1] - buffer[0]
+    for k in range(seen.shape[0]):
+        p = (seen[k, 0], seen[k, 1], seen[k, 2])
+        i, x, across = place_of_point(buffer, points, p, arc[k])
+        a, b = place_of(buffer, points, i), place_of(buffer, points, i + 1)
+        ta, tb = tangent_of(buffer, points, i), tangent_of(buffer, points, i + 1)
+        c, dc = on_curve(h, a, ta, b, tb, x)
+        miss = subtract(p, c)
+        bend = add(
+            scale(6.0 - 12.0 * x, subtract(b, a)), scale(h, add(scale(6.0 * x - 4.0, ta), scale(6.0 * x - 2.0, tb)))
+        )
+        for j in range(moves.shape[2]):
+            before = (moves[i, 0, j], moves[i, 1, j], moves[i, 2, j])
+            after = (moves[i + 1, 0, j], moves[i + 1, 1, j], moves[i + 1, 2, j])
+            move = add(scale(1.0 - x, before), scale(x, after))
+            if across:
+                on = (dot(miss, subtract(after, before)) - dot(move, dc)) / (dot(dc, dc) - dot(miss, bend))
+                move = add(move, scale(on, dc))
+            out[k, 0, j], out[k, 1, j], out[k, 2, j] = -move[0], -move[1], -move[2]
