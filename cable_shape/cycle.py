@@ -7,6 +7,7 @@ no file and no viewer.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from time import perf_counter
 from typing import final
 
@@ -22,7 +23,7 @@ from cable_shape.plug import Plug
 from cable_shape.pose import Pose
 from cable_shape.predictor import Predictor
 from cable_shape.report import CycleReport
-from cable_shape.scene import Obstacle, Scene
+from cable_shape.scene import Clip, Obstacle, Scene
 from cable_shape.shape import CableShape
 
 
@@ -45,6 +46,8 @@ class Cycle:
         What hangs beyond the grips, in place of the cable's own `tails`.
     plugs : mapping of cable name to Plug, optional
         In place of the scene's `plug`.
+    clips : mapping of cable name to sequence of Clip, optional
+        What holds that cable, in place of the scene's `clips`, which hold every cable.
     time_budget : float, optional
         [s], of one prediction, see :class:`cable_shape.Predictor`.
     snap_horizon : float
@@ -64,6 +67,7 @@ class Cycle:
         tolerance: float | None = None,
         tails: Mapping[str, Mapping[str, float]] | None = None,
         plugs: Mapping[str, Plug] | None = None,
+        clips: Mapping[str, Sequence[Clip]] | None = None,
         snap_horizon: float = 1.0,
         time_budget: float | None = None,
     ) -> None:
@@ -72,6 +76,7 @@ class Cycle:
             raise ArgumentError("cables = {} is not allowed: there must be at least one. Give a Cable.")
         checks.known_keys("tails", tails or {}, named)
         checks.known_keys("plugs", plugs or {}, named)
+        checks.known_keys("clips", clips or {}, named)
         for name, lengths in (tails or {}).items():
             named[name] = named[name].replace(tails=lengths)
         horizon = checks.number("snap_horizon", snap_horizon, at_least=0.0, unit="s")
@@ -79,13 +84,14 @@ class Cycle:
         self.scene = scene or Scene()
         self._cables = {}
         for name, cable in named.items():
+            own = self.scene if clips is None or name not in clips else replace(self.scene, clips=clips[name])
             predictor = Predictor(
                 cable,
                 model=model,
                 gravity=gravity,
                 points=points,
                 tolerance=tolerance,
-                scene=self.scene,
+                scene=own,
                 time_budget=time_budget,
                 robot_links=robot_links,
                 gripping_links=gripping_links,
@@ -94,12 +100,14 @@ class Cycle:
             if plug is not None:
                 checks.one_of(f"plugs[{name!r}].socket", plug.socket, self.scene.sockets)
             self._cables[name] = CableCycle(
-                name, predictor, self.scene, robot_links, gripping_links, plug, horizon, len(named)
+                name, predictor, own, robot_links, gripping_links, plug, horizon, len(named)
             )
         self._near = CableNear(named, self.scene, robot_links)
         self._crossing: tuple[tuple[str, ...], Crossing] | None = None
         self._pushed = any(body.link is not None for body in predictor.problem.bodies)
-        self._solves_crossing = predictor.problem.solves_crossing and len(named) > 1
+        self._solves_crossing = len(named) > 1 and all(
+            cable.predictor.problem.solves_crossing for cable in self._cables.values()
+        )
         if self._solves_crossing:
             self._check_models()
         self.last_stamp: int | None = None
@@ -144,8 +152,8 @@ class Cycle:
             if cable is None:
                 raise ArgumentError.of("cable", name, "no such cable", f"Known: {', '.join(self._cables)}.")
             cables[name] = cable
-        together = self._together(grips) if self._solves_crossing else {}
         placed = (links() if self._pushed else None) if callable(links) else links
+        together = self._together(grips, placed) if self._solves_crossing else {}
         shapes = {name: cable.predict(grips[name], placed, together.get(name)) for name, cable in cables.items()}
         predicted = perf_counter()
         if early is not None:
@@ -187,6 +195,7 @@ class Cycle:
                 "reused": sum(s.reused for s in shapes.values()),
                 "pairs_culled": sum(c.pairs_culled for c in clearance.values()),
                 "snap_checks": sum(cable.snap_skipped for cable in cables.values()),
+                "crossings": self._crossings_skipped(cables),
                 "spatial_solves": sum(cable.planar and not shapes[name].reused for name, cable in cables.items()),
             },
             margins=margins,
@@ -195,19 +204,24 @@ class Cycle:
             plugs={name: error for name, error in plugs.items() if error is not None},
         )
 
-    def _together(self, grips: Mapping[str, Ends]) -> dict[str, CableShape]:
+    def _together(self, grips: Mapping[str, Ends], links: Mapping[str, Pose] | None) -> dict[str, CableShape]:
         """The shapes of all the cables in `grips`, out of each other."""
         names = tuple(grips)
         predictors = [self._cables[name].predictor for name in names]
         if self._crossing is None or self._crossing[0] != names:
-            problems, alone = [p.problem for p in predictors], [p.alone for p in predictors]
-            crossing = Crossing(names, problems, alone, predictors[0].time_budget)
+            crossing = Crossing(names, predictors, predictors[0].time_budget)
             self._crossing = names, crossing
             for i, predictor in enumerate(predictors):
                 predictor.join(crossing, i)
         for predictor, (start, end) in zip(predictors, grips.values(), strict=True):
-            predictor.problem.move(start, end)
+            predictor.problem.move(start, end, links)
         return dict(zip(names, self._crossing[1].solve(), strict=True))
+
+    def _crossings_skipped(self, cables: Mapping[str, CableCycle]) -> int:
+        """Pairs of cables, each with itself included, that bounds told not to have touched."""
+        if self._crossing is not None:
+            return self._crossing[1].culled
+        return sum(cable.predictor.pairs_apart for cable in cables.values())
 
     def _check_models(self) -> None:
         """Only the rod rests on other cables."""

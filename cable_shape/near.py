@@ -19,7 +19,7 @@ from cable_shape.clearance import HORIZON_FACTOR, LEAST_HORIZON, NOT_JUDGED
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels import cable_near
 from cable_shape.kernels.bounds import RESULT_COLUMNS
-from cable_shape.models.crossing import ITSELF
+from cable_shape.models.crossing_group import ITSELF
 from cable_shape.models.crossing_places import SHORTEST
 from cable_shape.report import BodyDistance, Clearance
 from cable_shape.scene import Obstacle, Scene

@@ -160,6 +160,12 @@ class Predictor:
         self._last_links = problem.links
         return shape
 
+    def go_on_from(self, shape: CableShape, frames: Array) -> None:
+        """Makes a shape between the ends `frames` (2, 7) the last solution, if there are bodies it may lie on."""
+        if self.problem.bodies:
+            self._solver.go_on_from(self.problem, shape, frames)
+            self._last = None
+
     def reset(self) -> None:
         """Forgets the last solution: the next one starts cold."""
         self._solver.reset()
@@ -183,6 +189,11 @@ class Predictor:
         if self._others is not None:
             return self._others[1] in self._others[0].touching
         return self._crossing is not None and bool(self._crossing.touching)
+
+    @property
+    def pairs_apart(self) -> int:
+        """1 where bounds told that the cable has not touched itself, as the last shape was solved for; else 0."""
+        return 0 if self._crossing is None else self._crossing.culled
 
     def sensitivity(self, *, at: str = "cable") -> Array:
         """(points, 3, 12): how the centreline moves with the ends, d positions at fixed arc length / d (twists).
@@ -225,7 +236,7 @@ class Predictor:
         """What keeps the cable out of itself, where the scene asks for it and the model can."""
         if not self.problem.solves_crossing or self._others is not None or not self.is_rod:
             return None
-        return Crossing(("cable",), [self.problem], [self.alone], self.time_budget)
+        return Crossing(("cable",), [self], self.time_budget)
 
     def _accelerate(self, acceleration: ArrayLike) -> None:
         """Makes the problem that of a cable which moves like this."""

@@ -133,8 +133,10 @@ class Problem:
 
     @property
     def solves_crossing(self) -> bool:
-        """Whether the cable is kept out of others and of itself: where nothing but its grips holds it."""
-        return self.scene is not None and self.scene.contact == "solve" and not self.clips and not self.bodies
+        """Whether the cable is kept out of others and of itself: where it runs through no eyelet."""
+        if self.scene is None or self.scene.contact != "solve":
+            return False
+        return not any(clip.kind == "slide" for clip in self.clips)
 
     def _accelerate(self, table: Array) -> None:
         """Adds the inertial load of an acceleration (m, 3)."""

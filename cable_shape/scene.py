@@ -233,8 +233,8 @@ class Scene:
         At the end of every cable that has no other one.
     contact : str
         What obstacles and robot links do: "warn" (default) of the clearance to them; "solve" keeps the cable out of
-        them in the equilibrium, without friction (Cosserat rod only), and warns, too; "off" neither. Without
-        obstacles, robot links and clips "solve" keeps cables out of each other and of themselves.
+        them in the equilibrium, and out of each other and of themselves, without friction (Cosserat rod only), and
+        warns, too; "off" neither. With eyelets, cables are not kept out of each other.
 
     Raises
     ------

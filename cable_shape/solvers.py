@@ -33,6 +33,9 @@ class Solver(Protocol):
     def reset(self) -> None:
         """Forgets the last solution."""
 
+    def go_on_from(self, problem: Problem, shape: CableShape, frames: Array) -> None:
+        """Makes a shape that was found otherwise the last one in contact with bodies."""
+
     def rod_state(self) -> RodState | SpanState | TouchState | None:
         """The Cosserat rod of the last shape; None: there is none."""
 
@@ -52,6 +55,9 @@ class ClosedForm:
 
     def reset(self) -> None:
         self._warm[:] = math.nan
+
+    def go_on_from(self, problem: Problem, shape: CableShape, frames: Array) -> None:
+        return
 
     def rod_state(self) -> None:
         return None
@@ -88,6 +94,16 @@ class Rod:
         if not problem.clips:
             self._last = shape
         return shape
+
+    def go_on_from(self, problem: Problem, shape: CableShape, frames: Array) -> None:
+        """Makes a shape that was found otherwise, ends in `frames` (2, 7), the last one in contact with bodies."""
+        if not problem.bodies:
+            return
+        if self._touch is None:
+            self._touch = TouchState(problem)
+        supports = self._touch.aim(problem.start, problem.end)
+        supports[0], supports[-1] = frames
+        self._touch.resume(shape, supports)
 
     def reset(self) -> None:
         self.state = self._last = self._touch = None

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from cosserat_figures import Figures
 from scene_arch import print_arch
+from scene_both import print_both
 from scene_clearance import print_clearance
 from scene_clips import CASES, print_clips
 from scene_closed_forms import print_closed_forms
@@ -36,6 +37,7 @@ def main() -> None:
     print_closed_forms(figures)
     print_contact(figures, quick=options.quick)
     print_crossing(figures, 2 if options.quick else 10)
+    print_both(figures, 2 if options.quick else 10)
     figures.print_summary()
 
 

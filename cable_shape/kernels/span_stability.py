@@ -201,6 +201,55 @@ def eyelets(
 
 
 @kernel
+def move_end(
+    par: Array, mesh: Array, q: Array, work: Array, where: Array, mask: Array, elements: int, forces: int, far: bool,
+    velocity: Vector, spin: Vector,
+) -> Vector:  # fmt: skip
+    """Adds to G and sums in `work` how the gradient changes as the start, or the `far` end, moves and turns (world).
+
+    Returns how the node there turns, in the cable frame, where its rotation is held.
+    """
+    _, h, _, rest, _ = mesh_parts(mesh, elements)
+    spans = where.shape[0] - 1
+    _, U, parts, _, _, _ = matrices(work, elements)
+    first, full, _, G, _, _ = vectors(work, elements)
+    sums = joints_of(work, elements, spans)[1]
+    node, support, span = (elements, spans, spans - 1) if far else (0, 0, 0)
+    if not far or forces == spans:
+        put3(sums, span, 0, add(get3(sums, span), scale(1.0 if far else -1.0, velocity)))
+    if spin == NONE:
+        return NONE
+    local = tapply(rotation(get4(q, node)), spin)
+    turn = (
+        local[0] * (1.0 - mask[support, 0]),
+        local[1] * (1.0 - mask[support, 1]),
+        local[2] * (1.0 - mask[support, 2]),
+    )
+    if far:
+        beside = elements - 1
+        across = apply(get9(U, elements - 1, 0), turn)
+        change = tapply(get9(parts, elements - 1, 18), turn)
+        reaction = take3(first, elements - 1, 6)
+        own = apply(get9(parts, elements - 1, 0), turn)
+    else:
+        beside = 1
+        across = tapply(get9(U, 0, 0), turn)
+        change = tapply(get9(parts, 0, 9), turn)
+        reaction = take3(first, 0, 3)
+        nL, nM, nR = forces_at(full, 0, NONE)
+        _, _, _, H11, _, _, _, _, _ = element_hessian(
+            h[0], get4(q, 0), get4(q, 1), nL, nM, nR, take3(rest, 0, 0), take3(rest, 0, 3),
+            (par[0], par[1], par[2]), (par[3], par[4], par[5]),
+        )  # fmt: skip
+        own = apply(H11, turn)
+    put3(G, beside, 0, add(get3(G, beside), across))
+    # the frame in which the free rotations of this node are in balance turns, too
+    put3(G, node, 0, add(get3(G, node), add(own, scale(0.5, cross(reaction, turn)))))
+    put3(sums, span, 0, add(get3(sums, span), change))
+    return turn
+
+
+@kernel
 def sensitivity(
     par: Array, mesh: Array, sol: Array, work: Array, where: Array, mask: Array, place: Array, elements: int,
     forces: int, rings: Array, points: int, out: Array, df: Array,
@@ -210,11 +259,9 @@ def sensitivity(
     Columns: velocity and angular velocity of the start, then of the end; world axes; the clips stand still. df (k, 12)
     takes the change of the pull of the eyelets `rings` along the cable. The matrix must be factored (`refresh`).
     """
-    _, h, _, rest, _ = mesh_parts(mesh, elements)
     spans = where.shape[0] - 1
     q, lam, _, _, _ = slot(sol, elements, spans, NOW)
-    _, U, parts, _, _, _ = matrices(work, elements)
-    first, full, _, G, d, _ = vectors(work, elements)
+    _, _, _, G, d, _ = vectors(work, elements)
     joints, sums, _, _ = joints_of(work, elements, spans)
     for column in range(12):
         far = column >= 6
@@ -223,36 +270,10 @@ def sensitivity(
         e = (1.0 if axis == 0 else 0.0, 1.0 if axis == 1 else 0.0, 1.0 if axis == 2 else 0.0)
         G[:, :] = 0.0
         sums[:, :3] = 0.0
-        node, support, span = (elements, spans, spans - 1) if far else (0, 0, 0)
-        turn = NONE
-        if turning:
-            local = tapply(rotation(get4(q, node)), e)
-            turn = (
-                local[0] * (1.0 - mask[support, 0]),
-                local[1] * (1.0 - mask[support, 1]),
-                local[2] * (1.0 - mask[support, 2]),
-            )
-            if far:
-                put3(G, elements - 1, 0, apply(get9(U, elements - 1, 0), turn))
-                change = tapply(get9(parts, elements - 1, 18), turn)
-                reaction = take3(first, elements - 1, 6)
-                own = apply(get9(parts, elements - 1, 0), turn)
-            else:
-                put3(G, 1, 0, tapply(get9(U, 0, 0), turn))
-                change = tapply(get9(parts, 0, 9), turn)
-                reaction = take3(first, 0, 3)
-                nL, nM, nR = forces_at(full, 0, NONE)
-                _, _, _, H11, _, _, _, _, _ = element_hessian(
-                    h[0], get4(q, 0), get4(q, 1), nL, nM, nR, take3(rest, 0, 0), take3(rest, 0, 3),
-                    (par[0], par[1], par[2]), (par[3], par[4], par[5]),
-                )  # fmt: skip
-                own = apply(H11, turn)
-            # the frame in which the free rotations of this node are in balance turns, too
-            put3(G, node, 0, add(own, scale(0.5, cross(reaction, turn))))
-            put3(sums, span, 0, change)
-        elif not far or forces == spans:
-            sums[span, axis] = 1.0 if far else -1.0
-        respond(mesh, sol, work, where, mask, place, elements, forces, G, sums, node, turn)
+        turn = move_end(
+            par, mesh, q, work, where, mask, elements, forces, far, NONE if turning else e, e if turning else NONE
+        )  # fmt: skip
+        respond(mesh, sol, work, where, mask, place, elements, forces, G, sums, elements if far else 0, turn)
         for i in range(rings.shape[0]):
             _, df[i, column] = grip(lam, q, joints, d, where, rings[i])
         origin = NONE if far or turning else e

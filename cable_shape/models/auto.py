@@ -68,6 +68,9 @@ class RodSolver(Protocol):
     def solve(self, problem: Problem) -> CableShape:
         """The shape, from the last solution if there is one."""
 
+    def go_on_from(self, problem: Problem, shape: CableShape, frames: Array) -> None:
+        """Makes a shape that was found otherwise, ends in `frames` (2, 7), the last one in contact with bodies."""
+
     def reset(self) -> None:
         """Forgets the last solution."""
 
@@ -122,6 +125,10 @@ class Auto:
         shape = self._by_rod(problem) if rod else self._by_closed(problem)
         shape.solve_time = perf_counter() - began
         return shape
+
+    def go_on_from(self, problem: Problem, shape: CableShape, frames: Array) -> None:
+        """As the rod does."""
+        self._rod.go_on_from(problem, shape, frames)
 
     def rod_state(self) -> RodState | SpanState | TouchState | None:
         """The rod of the last shape, solved for now if a closed form gave it; None: no shape yet."""

@@ -1,4 +1,4 @@
-"""Cables that rest on each other, or on themselves, without friction (see docs/method.md).
+"""Cables that rest on each other, or on themselves, without friction, on bodies and in clips, too (see docs/method.md).
 
 As long as no two cables overlap, and none has come past another, each is solved for alone. Otherwise the points where
 they come nearest are held (`crossing_state`), and found along with the forces there (`crossing_step`).
@@ -7,21 +7,21 @@ they come nearest are held (`crossing_state`), and found along with the forces t
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from time import perf_counter
-from typing import final
+from typing import Protocol, final
 
 import numpy as np
 
 from cable_shape.checks import Array
-from cable_shape.models.crossing_group import GROWTH, Group, all_frames
+from cable_shape.models.crossing_group import GROWTH, Group
 from cable_shape.models.crossing_places import Places
+from cable_shape.models.crossing_state import all_frames
 from cable_shape.models.crossing_step import Spot
 from cable_shape.models.touch_search import between
 from cable_shape.problem import Problem
 from cable_shape.shape import CableShape, Status
 
-ITSELF = "itself"  #: the body's name, where a cable touches itself
 MOST = 8  #: contacts at a time
 _FIRST_STEP, _SMALLEST_STEP = 0.25, 1.0 / 256.0
 _MOST_STEPS = 60  #: on one way
@@ -31,6 +31,18 @@ _LOST = "no equilibrium of cables that touch was found. "
 _LONGEST_WAIT = 16  #: solves after which one that has failed from nothing is tried again
 
 
+class Solo(Protocol):
+    """What solves for one cable as if there were no other."""
+
+    problem: Problem  #: moved to the ends before every solve
+
+    def alone(self) -> CableShape:
+        """The shape between the problem's ends."""
+
+    def go_on_from(self, shape: CableShape, frames: Array) -> None:
+        """Makes a shape between the ends `frames` (2, 7) the last solution, if there are bodies it may lie on."""
+
+
 @final
 class Crossing:
     """Some cables, from one prediction to the next.
@@ -38,24 +50,17 @@ class Crossing:
     Parameters
     ----------
     names : of the cables
-    problems : theirs, moved to the ends before every solve
-    alone : for each, what solves for it as if there were no other
+    solos : what solves for each alone
     time_budget : [s] of one solve, looked at between its attempts
     """
 
-    def __init__(
-        self,
-        names: Sequence[str],
-        problems: list[Problem],
-        alone: Sequence[Callable[[], CableShape]],
-        time_budget: float = math.inf,
-    ) -> None:
-        self.problems = problems
+    def __init__(self, names: Sequence[str], solos: Sequence[Solo], time_budget: float = math.inf) -> None:
+        self.problems = [solo.problem for solo in solos]
         self._names = tuple(names)
-        self._alone = alone
+        self._solos = solos
         self._time_budget, self._deadline = time_budget, math.inf
         self._patience, self._why = 1, ""
-        self._places = Places(names, problems)
+        self._places = Places(names, self.problems)
         self.reset()
 
     def reset(self) -> None:
@@ -72,6 +77,11 @@ class Crossing:
         return frozenset(self._group.rods) if self._group is not None else frozenset()
 
     @property
+    def culled(self) -> int:
+        """Pairs of cables, each with itself included, that bounds ruled out in the last solve."""
+        return self._places.culled
+
+    @property
     def _spots(self) -> list[Spot]:
         return self._group.spots if self._group is not None else []
 
@@ -79,20 +89,27 @@ class Crossing:
         """The shapes between the problems' ends; never raises for a physical reason: see `status`."""
         began = perf_counter()
         self._deadline = began + self._time_budget
+        self._places.culled = 0
         frames = all_frames(self.problems)
         kinds = [(problem.start.kind, getattr(problem.end, "kind", "free")) for problem in self.problems]
-        still = kinds == self._kinds and np.array_equal(frames, self._frames)
+        still = kinds == self._kinds and frames.tobytes() == self._frames.tobytes()
         if self._shapes is not None and still and all(kind != "free" for _, kind in kinds):
             return [shape.again() for shape in self._shapes]
         self._kinds = kinds
+        if self._shapes is not None and len(frames) != len(self._frames):  # links are known, or not any more
+            self._let_go()
+            self.reset()
         if self._group is not None:
             for cable, rod in self._group.rods.items():
                 rod.take(self.problems[cable])
-        free = [shape() if i not in self.touching else None for i, shape in enumerate(self._alone)]
+            if self._group.buried:
+                return self._give_up([None] * len(self._solos), "")
+        held = self.touching
+        free = [solo.alone() if i not in held else None for i, solo in enumerate(self._solos)]
         if any(shape is not None and _no_place(shape) for shape in free):
             return self._give_up(free, "")
+        given = [shape for shape in free if shape is not None]
         if self._shapes is None:
-            given = [shape for shape in free if shape is not None]
             wrong = self._places.involved(given) if self._wait > 0 else set()
             if wrong:
                 self._wait -= 1
@@ -101,6 +118,9 @@ class Crossing:
                     for i, shape in enumerate(given)
                 ]
             return self._cold(given, frames, Status.OK, began)
+        if self._group is None and not self._places.near(given, self._shapes):
+            self._shapes, self._frames = given, frames
+            return given
         old = [spot.copy() for spot in self._spots]
         for _ in range(_ROUNDS):
             if self._group is None or self._along(frames):
@@ -116,7 +136,10 @@ class Crossing:
             old += missed
             if len(old) > MOST:
                 return self._give_up(free, f"the cables touch in more than {MOST} places. ")
-            self._group = Group(self.problems, self._shapes, self._frames, [spot.copy() for spot in old])
+            crowded = self._places.crowded(old)
+            if crowded:
+                return self._give_up(free, crowded)
+            self._group = Group(self._names, self.problems, self._shapes, self._frames, [spot.copy() for spot in old])
             free = [shape if i not in self.touching else None for i, shape in enumerate(free)]
         return self._give_up(free, _LOST)
 
@@ -127,14 +150,20 @@ class Crossing:
         group = self._group
         assert group is not None
         origin, kept = group.frames.copy(), group.keep()
+        start, first = kept, True
         done, step = 0.0, 1.0
         for _ in range(_MOST_STEPS):
             if done == 1.0:
-                return group.refined()
+                if not group.refined():
+                    return False
+                if not (group.coarse and first):
+                    return True
+                group.restore(start)  # on another way, contacts may come to lie where they can be told more exactly
+                done, step, first = 0.0, _FIRST_STEP, False
             if perf_counter() > self._deadline:
                 return False
             at = min(1.0, done + step)
-            if group.go(goal if at == 1.0 else _between(origin, goal, at)):
+            if group.go(goal if at == 1.0 else between(origin, goal, at)):
                 done, kept = at, group.keep()
                 step *= 1.6
             else:
@@ -156,14 +185,18 @@ class Crossing:
             shapes = self._reported(free, Status.SNAPPED, began)
             if not self._places.overlaps(shapes, self._spots):
                 return self._accept(shapes, frames)
+        self._let_go()
         self.reset()
-        alone = [shape if shape is not None else self._alone[i]() for i, shape in enumerate(free)]
+        alone = [shape if shape is not None else self._solos[i].alone() for i, shape in enumerate(free)]
         if any(_no_place(shape) for shape in alone):
             return self._give_up(alone, "")
         return self._cold(alone, frames, Status.SNAPPED, began)
 
     def _cold(self, shapes: list[CableShape], frames: Array, status: Status, began: float) -> list[CableShape]:
-        """From the shapes alone: where they overlap they are pushed apart, the way that is nearest."""
+        """From the shapes alone: where they overlap they are pushed apart, the way that is nearest.
+
+        Those that run through each other's middle go over each other in the order of their names, or of arc length.
+        """
         spots: list[Spot] = []
         given = shapes
         for _ in range(_ROUNDS):
@@ -178,11 +211,15 @@ class Crossing:
             if along:
                 return self._give_up([None] * len(shapes), along)
             for spot in found:
-                spot.reach = min(spot.reach, max(spot.distance, 0.05 * spot.reach))
+                self._places.part(spot, given)
+                spot.reach = min(spot.reach, spot.distance)
             spots = [spot.copy() for spot in self._spots] + found
             if len(spots) > MOST:
                 break
-            self._group = Group(self.problems, given, frames, spots)
+            crowded = self._places.crowded(spots)
+            if crowded:
+                return self._give_up(list(shapes), crowded)
+            self._group = Group(self._names, self.problems, given, frames, spots)
             if not self._grown(frames):
                 break
             spots = self._group.spots
@@ -224,20 +261,10 @@ class Crossing:
                 assert shape is not None
                 out.append(shape)
                 continue
-            rows = group.touches(i)
-            bodies = tuple(dict.fromkeys(self._body(i, other) for _, other, *_ in rows))
-            touches = np.empty((len(rows), 9))
-            for row, (arc, other, point, normal, press) in zip(touches, rows, strict=True):
-                row[0], row[1], row[2:5], row[5:8], row[8] = (
-                    arc, bodies.index(self._body(i, other)), point, normal, press,
-                )  # fmt: skip
             grade = Status.UNSTABLE if status is Status.OK and not group.stable else status
             detail = "" if grade is Status.OK else grade.remedy
-            out.append(group.rods[i].shape(grade, detail, touches, bodies, began))
+            out.append(group.shape(i, grade, detail, began))
         return out
-
-    def _body(self, cable: int, other: int) -> str:
-        return ITSELF if cable == other else self._names[other]
 
     def _accept(self, shapes: list[CableShape], frames: Array) -> list[CableShape]:
         """Remembers an equilibrium; cables that have come free are let go."""
@@ -255,12 +282,19 @@ class Crossing:
         if len(staying) < len(group.spots):
             held = {cable for spot in staying for cable in spot.cables}
             if all(self._comes_free(cable, shapes[cable]) for cable in group.rods if cable not in held):
-                self._group = Group(self.problems, shapes, frames, staying) if staying else None
+                self._group = Group(self._names, self.problems, shapes, frames, staying) if staying else None
         return shapes
+
+    def _let_go(self) -> None:
+        """Has those that are held go on alone from where they last were."""
+        for cable in self.touching:
+            if self._shapes is not None:
+                self._solos[cable].go_on_from(self._shapes[cable], self._frames[2 * cable : 2 * cable + 2])
 
     def _comes_free(self, cable: int, shape: CableShape) -> bool:
         """Whether the cable alone has this shape."""
-        alone = self._alone[cable]()
+        self._solos[cable].go_on_from(shape, self._frames[2 * cable : 2 * cable + 2])
+        alone = self._solos[cable].alone()
         if not alone.status:
             return False
         return bool(np.abs(alone.positions - shape.positions).max() <= _SAME * shape.length)
@@ -270,8 +304,9 @@ class Crossing:
     ) -> list[CableShape]:
         """The shapes of the cables alone, those that touched or overlap so graded, and nothing to start from."""
         touching = self.touching
+        self._let_go()
         self.reset()
-        out = [shape if shape is not None else self._alone[i]() for i, shape in enumerate(shapes)]
+        out = [shape if shape is not None else self._solos[i].alone() for i, shape in enumerate(shapes)]
         if detail:
             self._wait, self._patience = self._patience, min(2 * self._patience, _LONGEST_WAIT)
         self._why = (detail or _LOST) + status.remedy
@@ -292,8 +327,3 @@ def _graded(shape: CableShape, status: Status, detail: str) -> CableShape:
 def _no_place(shape: CableShape) -> bool:
     """Whether a shape tells nothing of where its cable is."""
     return not shape.status
-
-
-def _between(origin: Array, goal: Array, at: float) -> Array:
-    """All the frames (k, 2, 7) on the way from `origin` to `goal`."""
-    return np.array([between(a, b, at) for a, b in zip(origin, goal, strict=True)])

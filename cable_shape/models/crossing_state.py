@@ -5,16 +5,18 @@ from __future__ import annotations
 import copy
 import math
 from time import perf_counter
-from typing import final
+from typing import Any, final
 
 import numpy as np
 
 from cable_shape.checks import Array
+from cable_shape.clearance import carried_by, link_rows
 from cable_shape.kernels import crossing_response, span_work
+from cable_shape.kernels.span_work import NOW
 from cable_shape.models.rod_common import MODEL
 from cable_shape.models.span_search import COLD_ITERATIONS, FAR, STEP_ITERATIONS, Search
 from cable_shape.models.span_state import SpanState
-from cable_shape.pose import FreeEnd, Grip, Pose
+from cable_shape.pose import FreeEnd, Grip, Pose, multiply
 from cable_shape.problem import NAMED_TOLERANCE, Problem
 from cable_shape.scene import Clip
 from cable_shape.shape import CableShape, Status
@@ -22,6 +24,7 @@ from cable_shape.shape import CableShape, Status
 #: Of the shape's tolerance, what the mesh is made for: forces at the points have to settle, which the correction of a
 #: large discretisation error with factors that are not quite fresh would disturb.
 FINER = 0.01
+SETTLED = 0.02  #: of the tolerance: a smaller step of the points is the last one
 _REACH = 0.4  #: of the way from a held point to the next one, a mass or an end, that it may go in one step
 
 
@@ -40,12 +43,12 @@ class Held:
         self.problem.cache = {}
         self.tolerance = min(problem.tolerance, NAMED_TOLERANCE * problem.cable.length)  # m, asked of the shape
         self.problem.tolerance = FINER * self.tolerance
-        self.problem.clips = tuple(Clip(arc, Pose()) for arc in arcs.tolist())
+        self.settled = SETTLED * self.tolerance
+        self.problem.clips, self._at = with_points(problem.clips, arcs)
+        self._clips = np.setdiff1d(np.arange(len(self.problem.clips)), self._at - 1)
         self.state = SpanState(self.problem, shape)
-        start = self.state.aim(problem.start, problem.end)
-        start[0], start[-1] = frames
-        start[1:-1, :3] = positions_at(shape, arcs)
-        if not self.state.resume(start):
+        self._supports = self.state.aim(problem.start, problem.end)
+        if not self.state.resume(self._placed(frames, positions_at(shape, arcs))):
             self.state.history = 0
         self.search = Search(self.problem, self.state, math.inf)
         k = len(arcs)
@@ -53,10 +56,30 @@ class Held:
         self.dforce, self.dtangent = np.zeros((k, 3, k, 4)), np.zeros((k, 3, k, 4))
         self._corrected = self.force, self.tangent
 
+    def _placed(self, frames: Array, places: Array) -> Array:
+        """(m+1, 7), of all the supports."""
+        out = self._supports.copy()
+        out[0], out[-1] = frames
+        out[self._at, :3] = places
+        return out
+
     @property
     def arcs(self) -> Array:
         """(k,) [m], of the points."""
-        return self.state.arcs[1:-1]
+        return np.asarray(self.state.arcs[self._at])
+
+    @property
+    def weight(self) -> float:
+        """[N], weight + EI / L^2 of the cable: what its forces are measured by."""
+        cable = self.problem.cable
+        return float(np.linalg.norm(self.problem.load.mean(axis=0))) * cable.length + (
+            cable.mean_bending_stiffness / cable.length**2
+        )
+
+    @property
+    def reaction(self) -> Array:
+        """(k, 3) [N], world, what holds the points in the last solution."""
+        return self._corrected[0]
 
     @property
     def iterations(self) -> int:
@@ -66,7 +89,7 @@ class Held:
     def take(self, problem: Problem) -> None:
         """The ends where they are now."""
         self.problem.start, self.problem.end = problem.start, problem.end
-        self.state.aim(problem.start, problem.end)
+        self._supports = self.state.aim(problem.start, problem.end)
 
     def keep(self) -> tuple[Array, Array, int]:
         """What :meth:`restore` takes; valid until the mesh changes."""
@@ -79,30 +102,25 @@ class Held:
             self.state.slide_to(arcs)
         self.state.sol[:] = sol
 
-    def room(self, arcs: Array, change: Array) -> float:
-        """The fraction of a change of the arc lengths that keeps the points in order, and between their stops."""
-        stops = np.sort(np.concatenate((self.state.stops, self.state.arcs[[0, -1]], arcs)))
-        fraction = 1.0
-        for at, by in zip(arcs.tolist(), change.tolist(), strict=True):
-            i = int(np.searchsorted(stops, at))
-            way = stops[i + 1] - at if by > 0.0 else at - stops[i - 1]
-            if abs(by) > _REACH * way:
-                fraction = min(fraction, _REACH * way / abs(by))
-        return fraction
+    def room(self, change: Array) -> float:
+        """The fraction of a change of the points' arc lengths that keeps them in order, and between their stops."""
+        return room(np.concatenate((self.state.stops, self.state.arcs)), self.arcs, change)
 
-    def solve(self, frames: Array, arcs: Array, places: Array, *, again: bool, far: float = FAR) -> bool:
+    def solve(
+        self, frames: Array, arcs: Array, places: Array, *, again: bool, far: float = FAR, links: Array | None = None
+    ) -> bool:
         """The rod with its ends in `frames` (2, 7) and its points held in `places` (k, 3); False leaves the last one.
 
         again: another solve for the same ends, so that the solution before stays the one that motion is told from.
-        far [rad]: largest turn of a frame from its prediction.
+        far [rad]: largest turn of a frame from its prediction. links: no matter without bodies.
         """
         state = self.state
         kept = state.arcs
-        full = np.concatenate((kept[:1], arcs, kept[-1:]))
+        full = kept.copy()
+        full[self._at] = arcs
         if not np.array_equal(full, kept):
             state.slide_to(full)
-        state.target[0], state.target[-1] = frames
-        state.target[1:-1, :3] = places
+        state.target[:] = self._placed(frames, places)
         history = 1 if again else state.history
         most = STEP_ITERATIONS if history else COLD_ITERATIONS
         if not self.search.call(history, most, far=far if history else math.inf, again=again):
@@ -111,18 +129,35 @@ class Held:
             return False
         state.history = max(state.history, 1) if again else min(2, state.history + 1)
         frames = span_work.vectors(state.work, state.elements)[5]  # of the nodes, corrected
-        self._corrected = -self.search.loads[:, 1:4], directions(frames[state.where[1:-1]])
+        self._corrected = -self.search.loads[self._at - 1, 1:4], directions(frames[state.where[self._at]])
         return True
 
     def respond(self) -> None:
         """Fills forces, tangents and their derivatives."""
         state = self.state
         state.refresh()
+        q, lam, *_ = span_work.slot(state.sol, state.elements, state.spans, NOW)
         crossing_response.held_points(
-            state.par, state.mesh, state.sol, state.work, state.where, state.mask, state.place, state.elements,
-            state.forces, self.force, self.tangent, self.dforce, self.dtangent,
+            state.par, state.mesh, q, lam, state.work, state.where, state.mask, state.place, state.elements,
+            state.forces, self._at, self.force, self.tangent, self.dforce, self.dtangent,
         )  # fmt: skip
         self.force, self.tangent = self._corrected
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the bodies that it may touch: none."""
+        return ()
+
+    def under_motion(self, motion: Array) -> tuple[Array, Array]:
+        """(k, 3) each, change of `force` and `tangent` as the ends move by `motion` (2, 6) from where `respond` was."""
+        state = self.state
+        out = np.empty_like(self.force), np.empty_like(self.force)
+        q = span_work.slot(state.sol, state.elements, state.spans, NOW)[0]
+        crossing_response.points_under_motion(
+            state.par, state.mesh, q, state.work, state.where, state.mask, state.place, state.elements, state.forces,
+            self._at, motion, *out,
+        )  # fmt: skip
+        return out
 
     def refined(self) -> bool | None:
         """Whether a new mesh was needed (None), and the last solution was found again on it."""
@@ -157,9 +192,30 @@ class Held:
             turns=int(state.turns[0]),
             twist=float(info[9]),
             solve_time=perf_counter() - began,
+            supports=self.search.loads[self._clips],
             touches=touches,
             bodies=bodies,
         )
+
+
+def with_points(clips: tuple[Clip, ...], arcs: Array) -> tuple[tuple[Clip, ...], Any]:
+    """The clips, and points held like ball clips at `arcs` (k,) [m], in order; and which supports the points are."""
+    points = [Clip(arc, Pose()) for arc in arcs.tolist()]
+    every = sorted((*clips, *points), key=lambda clip: clip.arc_length)
+    numbers = [1 + i for i, clip in enumerate(every) if any(clip is point for point in points)]
+    return tuple(every), np.array(numbers, dtype=np.int64)
+
+
+def room(stops: Array, arcs: Array, change: Array) -> float:
+    """The fraction of a change of `arcs` (k,) that takes none too near to the next stop, themselves included."""
+    stops = np.unique(stops)
+    fraction = 1.0
+    for at, by in zip(arcs.tolist(), change.tolist(), strict=True):
+        i = int(np.searchsorted(stops, at))
+        way = stops[i + 1] - at if by > 0.0 else at - stops[i - 1]
+        if abs(by) > _REACH * way:
+            fraction = min(fraction, _REACH * way / abs(by))
+    return fraction
 
 
 def directions(quaternions: Array) -> Array:
@@ -177,3 +233,27 @@ def end_frames(problem: Problem) -> Array:
     """(2, 7), of the ends of a cable; a free end has that of the start."""
     start, end = problem.start.cable_frame.array, problem.end
     return np.array((start, start if isinstance(end, FreeEnd) else end.cable_frame.array))
+
+
+def all_frames(problems: list[Problem]) -> Array:
+    """(n, 7), of both ends of all the cables, and of the links that carry bodies, where they are known."""
+    links = problems[0].links
+    carried = {} if links is None else carried_by(problems[0].bodies)
+    frames = np.empty((2 * len(problems) + len(carried), 7))
+    for i, problem in enumerate(problems):
+        frames[2 * i : 2 * i + 2] = end_frames(problem)
+    if links is not None and carried:
+        frames[2 * len(problems) :] = link_rows(links, carried)
+    return frames
+
+
+def twists(before: Array, after: Array) -> Array:
+    """(k, 6), displacement [m] and rotation [rad], world, from frames (k, 7) to others."""
+    out = np.empty((len(before), 6))
+    out[:, :3] = after[:, :3] - before[:, :3]
+    for row, p, q in zip(out, before[:, 3:], after[:, 3:], strict=True):
+        x, y, z, w = multiply(q, np.array((-p[0], -p[1], -p[2], p[3])))
+        size = math.sqrt(x * x + y * y + z * z)
+        f = 2.0 if size < 1e-9 else 2.0 * math.atan2(size, abs(w)) / size
+        row[3:] = math.copysign(f, w) * np.array((x, y, z))
+    return out

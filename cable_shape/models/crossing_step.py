@@ -10,11 +10,15 @@ along its own cable, y with s, changes no force: in the coordinates (eta, s), y 
 from eta alone by a well-conditioned 2x2 system, also where p = 0. What is left in eta is the second variation of
 energy - p |d|, symmetric at the solution: shifted until it is positive on the active contacts' tangent space, it leads
 downhill; there it is positive iff the equilibrium is stable.
+
+Where the point of a cable is itself on a body (a cable that crosses another lying on a table presses it there), the
+body's push q m belongs to the balance, F_a = p n + q m, with the body's gap g(y_a) >= 0, q >= 0 and q g = 0 beside it.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field
 from typing import final
 
 import numpy as np
@@ -24,6 +28,21 @@ from cable_shape.checks import Array
 
 _NEUTRAL = 1e-9  #: of the largest eigenvalue: softer modes are neutral, and neutral is stable
 _LEAST = 1e-3  #: of the largest eigenvalue: how stiff a shift makes the softest mode
+_OVERSHOT, _MOST_CUTS = 0.5, 4
+_DUST = 1e-9  #: of the largest force at a point: a contact that presses with less has ended
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Ground:
+    """A body near a point: its row in the bodies' table, the gap [m], its normal (3,) there, the gap's second
+    derivative (3, 3) [1/m], and the force [N] with which it presses on the point."""
+
+    body: int
+    gap: float
+    normal: Array
+    curved: Array
+    press: float
 
 
 @final
@@ -32,7 +51,8 @@ class Spot:
     """Two points that touch, or nearly: on cables `a` and `b`, which may be one, with the numbers of their points.
 
     arcs (2,) [m]; places (2, 3) [m]; press [N], 0 where they do not touch; reach [m]: least distance of the
-    centrelines; before (2,) [m]: the arc lengths in the last equilibrium that was accepted.
+    centrelines; before (2,) [m]: the arc lengths in the last equilibrium that was accepted; grounds: the bodies near
+    each of the points.
     """
 
     cables: tuple[int, int]
@@ -42,6 +62,7 @@ class Spot:
     before: Array
     press: float = 0.0
     points: tuple[int, int] = (0, 0)
+    grounds: tuple[list[Ground], list[Ground]] = field(default_factory=lambda: ([], []))
 
     @property
     def apart(self) -> Array:
@@ -60,7 +81,10 @@ class Spot:
 
     def copy(self) -> Spot:
         """Once more, arrays and all."""
-        return Spot(self.cables, self.arcs.copy(), self.places.copy(), self.reach, self.before, self.press, self.points)
+        return Spot(
+            self.cables, self.arcs.copy(), self.places.copy(), self.reach, self.before, self.press, self.points,
+            self.grounds,
+        )  # fmt: skip
 
 
 @final
@@ -68,14 +92,48 @@ class Spot:
 class Step:
     """places (k, 2, 3) and arcs (k, 2): the step; press (k,): the forces after it; stable: no mode goes downhill.
 
-    softest (k, 2, 3): direction of the softest mode.
+    pushes (g,): those of the bodies near the points, in their order; softest (k, 2, 3): direction of the softest mode.
     """
 
     places: Array
     arcs: Array
     press: Array
+    pushes: Array
     stable: bool
     softest: Array
+
+
+@final
+@dataclass(slots=True, eq=False)
+class Way:
+    """A fraction of a step from points at `arcs` (k, 2) and `places` (k, 2, 3), tangents (2 k, 3) there.
+
+    slope [J]: how the energy changes along it at its beginning, NaN if it does not lead downhill.
+    """
+
+    step: Step
+    arcs: Array
+    places: Array
+    fraction: float
+    tangents: Array = field(default_factory=lambda: np.empty(0))
+    slope: float = math.nan
+    cuts: int = 0
+
+    @property
+    def end(self) -> tuple[Array, Array]:
+        """Where it leads."""
+        return self.arcs + self.fraction * self.step.arcs, self.places + self.fraction * self.step.places
+
+    def overshot(self, slope: float) -> bool:
+        """Shortens a way that goes uphill at its end about as steeply as downhill at its beginning, to where it turns.
+
+        Which nodes of a cable touch a body changes on the way, which a step does not foresee.
+        """
+        if not (self.slope < 0.0 and slope > -_OVERSHOT * self.slope) or self.cuts >= _MOST_CUTS:
+            return False
+        self.cuts += 1
+        self.fraction *= min(max(self.slope / (self.slope - slope), 0.1), 0.7)
+        return True
 
 
 def crossing_step(spots: list[Spot], force: Array, tangent: Array, dforce: Array, dtangent: Array) -> Step:
@@ -85,9 +143,11 @@ def crossing_step(spots: list[Spot], force: Array, tangent: Array, dforce: Array
     derivatives in the points' places and arc lengths.
     """
     k = len(spots)
+    sides = [(2 * c + side, near) for c, spot in enumerate(spots) for side, near in enumerate(spot.grounds)]
+    grounds = [(i, ground) for i, near in sides for ground in near]
     n = np.array([spot.normal for spot in spots])
     across, signs = np.zeros((2 * k, 3, 6 * k)), np.tile((1.0, -1.0), k)  # of the normal at a point, by eta
-    slope = np.zeros((k, 6 * k))  # of the distance
+    slope = np.zeros((k + len(grounds), 6 * k))  # of the distances and the gaps
     follow = np.zeros((2 * k, 3, 2 * k))  # of the normal, by the arc lengths
     for c, spot in enumerate(spots):
         turn = (np.eye(3) - np.outer(n[c], n[c])) / spot.distance
@@ -110,15 +170,25 @@ def crossing_step(spots: list[Spot], force: Array, tangent: Array, dforce: Array
     weight = (signs * press)[:, None, None]
     stiff_arc = (drag - weight * follow).reshape(6 * k, 2 * k)
     stiff = (dforce[..., :3].reshape(2 * k, 3, 6 * k) - weight * across).reshape(6 * k, 6 * k)
+    for i, ground in grounds:
+        own = slice(3 * i, 3 * i + 3)
+        stiff[own, own] -= ground.press * ground.curved
+        stiff_arc[own, i] -= ground.press * ground.curved @ tangent[i]
     stiff = stiff + stiff_arc @ ds_eta
     pull = force.reshape(6 * k) + stiff_arc @ ds
     stiff = 0.5 * (stiff + stiff.T)
-    gap = np.array([spot.distance - spot.reach for spot in spots])
-    # moving along the cables changes the distance by n . t only, which is to vanish
-    drift = slope + np.einsum("ci,ij->cj", _pairs(k) * (signs * askew), ds_eta)
-    rest = gap + (_pairs(k) * (signs * askew)) @ ds
-    active = np.array([spot.press > 0.0 for spot in spots]) | (gap < 0.0)
-    for _ in range(2 * k + 4):
+    gap = np.array([*(spot.distance - spot.reach for spot in spots), *(ground.gap for _, ground in grounds)])
+    # moving along the cables changes the distance by n . t only, which is to vanish, and a gap by its m . t
+    slant = np.zeros((len(gap), 2 * k))
+    slant[:k] = _pairs(k) * (signs * askew)
+    for row, (i, ground) in enumerate(grounds, k):
+        slope[row, 3 * i : 3 * i + 3] = ground.normal
+        slant[row, i] = ground.normal @ tangent[i]
+    drift = slope + slant @ ds_eta
+    rest = gap + slant @ ds
+    pressed = [*(spot.press > 0.0 for spot in spots), *(ground.press > 0.0 for _, ground in grounds)]
+    active = np.array(pressed) | (gap < 0.0)
+    for _ in range(2 * len(active) + 4):
         step, after, stable, softest = _held(stiff, pull, drift, slope, rest, active)
         left = rest + drift @ step
         now = np.where(active, after > 0.0, left < -1e-12)
@@ -128,7 +198,10 @@ def crossing_step(spots: list[Spot], force: Array, tangent: Array, dforce: Array
         active[worst] = now[worst]
     moved = ds + ds_eta @ step
     places = step.reshape(2 * k, 3) + tangent * moved[:, None]
-    return Step(places.reshape(k, 2, 3), moved.reshape(k, 2), np.maximum(after, 0.0), stable, softest.reshape(k, 2, 3))
+    after[after < _DUST * np.abs(force).max()] = 0.0
+    return Step(
+        places.reshape(k, 2, 3), moved.reshape(k, 2), after[:k], after[k:], stable, softest.reshape(k, 2, 3)
+    )  # fmt: skip
 
 
 def _pairs(k: int) -> Array:

@@ -20,10 +20,11 @@ TIP = 5e-5  #: [m] from a free end, which is no support itself, to the node that
 _ABSCISSAE = 65
 
 
-def first_nodes(arcs: Array, stops: Array, bend: float, free: bool, shape: CableShape) -> Array:
+def first_nodes(arcs: Array, stops: Array, bend: float, free: bool, shape: CableShape, finer: float = 1.0) -> Array:
     """Arc lengths for a cable of which `shape` is a rough idea: denser towards what holds it.
 
-    arcs (b+1,) [m], of the supports; stops [m], where nodes must be; bend [N m^2]; free: the end is held by nothing.
+    arcs (b+1,) [m], of the supports; stops [m], where nodes must be; bend [N m^2]; free: the end is held by nothing;
+    finer: so many times as many elements as usual.
     """
     pulls = np.linalg.norm(shape.force, axis=1)
     pieces = []
@@ -37,7 +38,7 @@ def first_nodes(arcs: Array, stops: Array, bend: float, free: bool, shape: Cable
         x, density = x + a, density + 0.5 * density.mean()
         x[0], x[-1] = a, b
         own = stops[(stops > a) & (stops < b)]
-        count = max(FEWEST_ELEMENTS, math.ceil(ELEMENTS * length / arcs[-1])) + 2 * own.size
+        count = max(FEWEST_ELEMENTS, math.ceil(finer * ELEMENTS * length / arcs[-1])) + 2 * own.size
         nodes = np.empty(count + 1)
         rod_mesh.equidistribute(x, density, own, count, nodes)
         pieces.append(nodes[:-1])
@@ -91,3 +92,10 @@ def thinned(nodes: Array, on: Any, spacing: Array, middles: Array, stops: Array)
         if not away or away[-1] < j - 1:
             away.append(int(j))
     return np.delete(nodes, away) if away else None
+
+
+def spread(old: Array, new: Array, fixed: Array) -> tuple[Array, Array]:
+    """Arc lengths in ascending order, and where they go if `old` go to `new` and `fixed` stay."""
+    before, after = np.concatenate((old, fixed)), np.concatenate((new, fixed))
+    order = np.argsort(before)
+    return before[order], after[order]

@@ -11,12 +11,12 @@ import numpy as np
 from cable_shape.checks import Array
 from cable_shape.clearance import body_tables, carried_by, link_rows
 from cable_shape.kernels import bounds, contact_check, contact_drive, rod_mesh, span_work, surface
-from cable_shape.kernels.contact_near import BARE, NEAR, SPOT
+from cable_shape.kernels.contact_near import BARE, NEAR, NORMAL, PRESS, SPOT
 from cable_shape.kernels.span_factor import PLACE
 from cable_shape.kernels.span_work import BEFORE, NOW, TRIAL
 from cable_shape.kernels.triangles import STACK_SIZE
 from cable_shape.meshes.convex import half_thickness
-from cable_shape.models import touch_mesh
+from cable_shape.models import touch_mesh, touch_resume
 from cable_shape.models.span_mesh import interpolated
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.problem import Problem
@@ -269,12 +269,13 @@ class TouchState:
         """Arc lengths that `touch_mesh.ends_of_rows` has for the last solution."""
         return touch_mesh.ends_of_rows(self.nodes, self.q[NOW], self.near[NOW], self.on[NOW])
 
-    def tidy(self) -> None:
-        """Moves the nodes that contacts have run up to."""
+    def tidy(self) -> bool:
+        """Moves the nodes that contacts have run up to; whether there are any."""
         h = span_work.mesh_parts(self.mesh, self.elements)[1]
         nodes = touch_mesh.tidied(self.nodes, h, self.q[NOW], self.near[NOW], self.on[NOW], self.bend, self.stops)
         if nodes is not None:
             self.lay_out(nodes)
+        return nodes is not None
 
     def thin(self) -> None:
         """If many nodes were added, takes away every other one that is far from where a row ends."""
@@ -286,11 +287,17 @@ class TouchState:
 
     # -- solutions
 
-    def start_from(self, shape: CableShape, frames: Array) -> None:
-        """Makes a shape without contacts the last solution, on a new mesh; `frames` are those of its supports."""
+    def start_from(self, shape: CableShape, frames: Array, finer: float = 1.0) -> None:
+        """Makes a shape the last solution, on a new mesh; `frames` are those of its supports, clips or others.
+
+        finer: of so many times as many elements as usual.
+        """
         self.elements = 0
-        nodes = touch_mesh.first_nodes(self._arcs, self.stops, self.bend, self.forces < self._arcs.size - 1, shape)
+        free = self.forces < self._arcs.size - 1
+        nodes = touch_mesh.first_nodes(self._arcs, self.stops, self.bend, free, shape, finer)
         self._spacing, self._middles = np.diff(nodes), 0.5 * (nodes[1:] + nodes[:-1])
+        rows = touch_resume.pressed_rows(shape, self.names)
+        nodes = touch_resume.with_lone(nodes, rows)
         self.lay_out(nodes)
         self.q[NOW] = interpolated(nodes, shape.arc_length, shape.quaternions)
         self._grips[NOW] = frames
@@ -302,12 +309,42 @@ class TouchState:
             self._grips[NOW, -1, 3:] = self.q[NOW, -1]
         load = span_work.mesh_parts(self.mesh, self.elements)[2]
         self.ends[NOW, last] = (shape.force[-1] - load[-1, 6:9]) if self.forces > last else 0.0
+        touch_resume.press_nodes(rows, nodes, self.held, self.near[NOW], self.on[NOW])
+        pushed = self.near[NOW, :, PRESS : PRESS + 1] * self.near[NOW, :, NORMAL : NORMAL + 3]
+        reactions = touch_resume.support_forces(shape, self._arcs)
         for j in range(last - 1, -1, -1):
-            self.ends[NOW, j] = self.ends[NOW, j + 1] - shape.supports[j, 1:4]
+            between = pushed[self.held[j + 1] : self.held[j + 2]].sum(axis=0)
+            self.ends[NOW, j] = self.ends[NOW, j + 1] + between + reactions[j + 1]
         self.turns[NOW] = shape.turns
         self.history = 1
         for array in (self.q, self.near, self.on, self.ends, self._grips, self.turns):
             array[BEFORE] = array[NOW]
+
+    def resume(self, shape: CableShape, frames: Array) -> None:
+        """Makes an equilibrium that another solver has found the last one, in contact or not."""
+        self.unfactored()
+        if len(touch_resume.pressed_rows(shape, self.names)):
+            self.start_from(shape, frames)
+            self.touching = True
+            self.remember(shape.positions)
+        else:
+            self.rest(shape, frames)
+
+    @property
+    def arcs(self) -> Array:
+        """(b+1,) [m], of the supports."""
+        return self._arcs
+
+    def slide_to(self, arcs: Array) -> None:
+        """Makes supports hold the cable at other arc lengths: the nodes between them and masses are spread anew."""
+        nodes = np.interp(self.nodes, *touch_mesh.spread(self._arcs, arcs, self.points))
+        for at in self.points:
+            nodes[np.abs(nodes - at).argmin()] = at
+        nodes[self.held] = arcs
+        self._arcs = arcs.copy()
+        self.stops = np.union1d(self.points, arcs[1:-1])
+        self.unfactored()
+        self._load(nodes)
 
     def buried(self, frames: Array, deepest: float) -> tuple[int, int, float]:
         """Which support is deeper in which body, and the gap, as `contact_check.buried` has it."""

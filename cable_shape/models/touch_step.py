@@ -80,11 +80,16 @@ class Steps:
         state.remember(self.buffer[n : 4 * n].reshape(n, 3))
         return True
 
-    def again(self, most: int, *, far: float = math.inf, sunk: float = 0.0, drag: float = 0.0) -> bool:
-        """Solves for the frames in the trial, to which the last solution already belongs, once more."""
-        code = self._call(1, most, far, sunk, drag, _ANYWHERE, -1.0, math.inf)
+    def again(
+        self, most: int, *, far: float = math.inf, sunk: float = 0.0, drag: float = 0.0, history: int = 0
+    ) -> bool:
+        """Solves for the frames in the trial, to which the last solution already belongs unless there is a `history`.
+
+        What is left to be done about it is not looked at.
+        """
+        code = self._call(max(history, 1), most, far, sunk, drag, _ANYWHERE, -1.0, math.inf)
         if code == UNSETTLED:
-            self.state.accept(again=True)
+            self.state.accept(again=history == 0)
         return code == UNSETTLED
 
     def _call(

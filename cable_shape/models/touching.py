@@ -14,13 +14,14 @@ from typing import final
 import numpy as np
 
 from cable_shape.checks import Array
-from cable_shape.kernels import contact_drive, contact_near, span_stability, span_work
-from cable_shape.kernels.contact_near import NORMAL, ROUND, SPOT
+from cable_shape.kernels import span_stability, span_work
+from cable_shape.kernels.contact_near import SPOT
 from cable_shape.kernels.span_work import NOW
 from cable_shape.models import clipped, cosserat
 from cable_shape.models.rod_common import MODEL, straight_line, turn_about
 from cable_shape.models.rod_state import RodState
 from cable_shape.models.span_state import SpanState
+from cable_shape.models.touch_factors import factored
 from cable_shape.models.touch_search import approach, follow, grow, relax
 from cable_shape.models.touch_state import TouchState
 from cable_shape.models.touch_step import DEEPEST, FAR, WARM_ITERATIONS, Steps
@@ -55,26 +56,15 @@ def sensitivity(state: TouchState, *, at: str = "cable") -> Array:
     As :func:`cable_shape.models.cosserat.sensitivity`, as long as the same points stay in contact.
     """
     problem, n = state.problem, state.elements
-    h = span_work.mesh_parts(state.mesh, n)[1]
-    near, on = state.near[NOW], state.on[NOW]
-    spans = contact_near.supports(
-        state.q[NOW], h, near, on, state.held, state.held_mask, state.where, state.mask, state.place, state.base,
-        ROUND, 2.0 / float(state.par[0] + state.par[1]), True,
-    )  # fmt: skip
-    contact_near.forces_of(near, NORMAL, state.ends[NOW], state.where, state.base, spans, state.lam)
+    spans, unknown = factored(state)
     out = np.empty((problem.points, 3, 12))
     sol = np.zeros(3 * span_work.slot_size(n, spans))
     q, lam, frames, _, _ = span_work.slot(sol, n, spans, NOW)
     where, mask, place = state.where[: spans + 1], state.mask[: spans + 1], state.place[: spans + 1]
     q[:], lam[:] = state.q[NOW], state.lam[:spans]
-    frames[:, :3] = near[where, SPOT : SPOT + 3]
+    frames[:, :3] = state.near[NOW][where, SPOT : SPOT + 3]
     frames[:, 3:] = q[where]
-    unknown = spans + state.forces + 1 - state.held.size
     arguments = (state.par, state.mesh, sol, state.work, where, mask, place, n, unknown)
-    contact_drive.refresh(
-        state.par, state.mesh, n, q, lam, where, mask, place, state.base[: spans + 1], unknown, state.work
-    )
-    state.unfactored()
     span_stability.sensitivity(*arguments, np.empty(0, dtype=np.int64), problem.points, out, np.empty((0, 12)))
     turn_about(at, problem, out)
     return out

@@ -1,0 +1,45 @@
+"""Which cables cannot have touched since their last shapes, by bounds that never rule out one that has."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from cable_shape.kernels._jit import kernel
+from cable_shape.kernels.cable_near import TURN, apart_for_good, bound, spheres_around, turning
+
+Array = Any
+
+
+@kernel
+def boxes_apart(p: Array, p_then: Array, r: Array, r_then: Array, reach: float) -> bool:
+    """Whether the box around both shapes (n, 3) of one cable is further than `reach` [m] from that of the other.
+
+    Shapes in between, linear in time, are in those boxes, too.
+    """
+    for c in range(3):
+        low = min(p[:, c].min(), p_then[:, c].min())
+        high = max(p[:, c].max(), p_then[:, c].max())
+        other_low = min(r[:, c].min(), r_then[:, c].min())
+        other_high = max(r[:, c].max(), r_then[:, c].max())
+        if low > other_high + reach or other_low > high + reach:
+            return True
+    return False
+
+
+@kernel
+def apart_from_itself(p: Array, s: Array, p_then: Array, shortest: float, reach: float, far: float) -> bool:
+    """Whether no chunks of a cable are within `reach` [m], see `cable_near`, nor any moved by `far` [m] since then."""
+    for i in range(p.shape[0]):
+        x, y, z = p[i, 0] - p_then[i, 0], p[i, 1] - p_then[i, 1], p[i, 2] - p_then[i, 2]
+        if x * x + y * y + z * z >= far * far:
+            return False
+    turned = turning(p)
+    if turned[-1] < TURN:
+        return True
+    u = spheres_around(p)
+    for k in range(u.shape[0]):
+        for m in range(k, u.shape[0]):
+            low = bound(u, u, k, m)
+            if low <= reach and not apart_for_good(low, s, turned, k, m, shortest):
+                return False
+    return True

@@ -1,0 +1,277 @@
+"""One cable that touches bodies, too, held at the points where it touches a cable: :class:`HeldAmong`."""
+
+from __future__ import annotations
+
+import copy
+import math
+from time import perf_counter
+from typing import Any, final
+
+import numpy as np
+
+from cable_shape.checks import Array
+from cable_shape.kernels import crossing_ground, crossing_response, surface
+from cable_shape.kernels.contact_near import MARGIN
+from cable_shape.kernels.span_work import NOW
+from cable_shape.models.crossing_state import positions_at, room, with_points
+from cable_shape.models.crossing_step import Ground
+from cable_shape.models.rod_common import MODEL
+from cable_shape.models.touch_factors import factored
+from cable_shape.models.touch_state import TouchState
+from cable_shape.models.touch_step import DEEPEST, WARM_ITERATIONS, Steps
+from cable_shape.models.touching import ACCURACY, BURIED
+from cable_shape.pose import Grip
+from cable_shape.problem import Problem
+from cable_shape.shape import CableShape, Status
+
+_SETTLED = 1e-6  #: of the length: a smaller step of the points is the last one
+_STALE = 0.05  #: of the length: where a point has run so far along the cable, the mesh is laid out anew
+_FINEST = 4.0  #: times as many elements as usual, where contacts at nodes make too large an error
+_REACH = 0.6  #: of half a body's thickness and the cable's: so far into a body a point may go in one step
+
+
+@final
+class HeldAmong:
+    """As :class:`cable_shape.models.crossing_state.Held`, outside the problem's bodies.
+
+    Between the points the nodes are kept out of bodies along with every solve. The points are not: which bodies they
+    are near is told by :meth:`grounds`.
+    """
+
+    def __init__(self, problem: Problem, shape: CableShape, arcs: Array, frames: Array, links: Array) -> None:
+        """From a shape of the cable with its ends in `frames` (2, 7), the bodies' links in `links` (m, 7)."""
+        self.problem = copy.copy(problem)
+        self.problem.cache = {}
+        self.tolerance = max(problem.tolerance, ACCURACY * problem.cable.length)
+        self.settled = _SETTLED * problem.cable.length
+        self.problem.clips, self._at = with_points(problem.clips, arcs)
+        self._clips = np.setdiff1d(np.arange(len(self.problem.clips)), self._at - 1)
+        self.state = TouchState(self.problem)
+        self.state.move_bodies(links)
+        self._supports = self.state.aim(problem.start, problem.end)
+        self._target = self._placed(frames, positions_at(shape, arcs))
+        self._finer = 1.0
+        self.renew(shape)
+        self.steps = Steps(self.problem, self.state, math.inf)
+        k = len(arcs)
+        self.force, self.tangent = np.zeros((k, 3)), np.zeros((k, 3))
+        self.dforce, self.dtangent = np.zeros((k, 3, k, 4)), np.zeros((k, 3, k, 4))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the bodies that it may touch."""
+        return self.state.names
+
+    @property
+    def stale(self) -> bool:
+        """Whether a point has run so far along the cable that the mesh is to be laid out anew."""
+        return float(np.abs(self.state.arcs - self._laid_out).max()) > _STALE * self.problem.cable.length
+
+    @property
+    def lacking(self) -> bool:
+        """Whether another mesh is wanted: it is stale or too coarse."""
+        return self.stale or self.coarse
+
+    @property
+    def coarse(self) -> bool:
+        """Whether the last solution is not within tolerance."""
+        return not float(self.state.info[7]) <= self.tolerance
+
+    def renew(self, shape: CableShape) -> None:
+        """Goes on from a shape of the last solution, on a new mesh, a finer one if the last was too coarse."""
+        self._finer = min(2.0 * self._finer, _FINEST) if self.coarse else 1.0
+        self.state.start_from(shape, self._target, self._finer)
+        self.state.remember(shape.positions)
+        self._laid_out = self.state.arcs.copy()
+
+    def _placed(self, frames: Array, places: Array) -> Array:
+        """(b+1, 7), of all the supports."""
+        out = self._supports.copy()
+        out[0], out[-1] = frames
+        out[self._at, :3] = places
+        return out
+
+    @property
+    def arcs(self) -> Array:
+        """(k,) [m], of the points."""
+        return np.asarray(self.state.arcs[self._at])
+
+    @property
+    def weight(self) -> float:
+        """[N], weight + EI / L^2 of the cable: what its forces are measured by."""
+        cable = self.problem.cable
+        return float(np.linalg.norm(self.problem.load.mean(axis=0))) * cable.length + (
+            cable.mean_bending_stiffness / cable.length**2
+        )
+
+    @property
+    def reaction(self) -> Array:
+        """(k, 3) [N], world, what holds the points in the last solution."""
+        return np.asarray(-self.steps.loads[self._at - 1, 1:4])
+
+    @property
+    def iterations(self) -> int:
+        """Newton steps since this was made."""
+        return self.steps.iterations
+
+    def take(self, problem: Problem) -> None:
+        """The ends and links where they are now."""
+        self.problem.start, self.problem.end, self.problem.links = problem.start, problem.end, problem.links
+        self._supports = self.state.aim(problem.start, problem.end)
+        self.state.thin()
+        self.state.tidy()
+
+    def buried(self) -> bool:
+        """Whether a grip or a clip is inside a body, where the problem has them now."""
+        state = self.state
+        now = state.links
+        state.move_bodies(state.link_rows(self.problem.links))
+        supports = self._placed(self._supports[[0, -1]], self._target[self._at, :3])
+        at = state.buried(supports, BURIED)[0]
+        state.move_bodies(now)
+        return at >= 0 and at not in self._at
+
+    def keep(self) -> tuple[Any, ...]:
+        """What :meth:`restore` takes."""
+        state = self.state
+        return state.copy(), state.arcs.copy(), state.history, state.positions, state.links, self._target
+
+    def restore(self, kept: tuple[Any, ...]) -> None:
+        """Back to where `keep` was called."""
+        arrays, arcs, history, positions, links, self._target = kept
+        state = self.state
+        if not np.array_equal(arcs, state.arcs):
+            state.slide_to(arcs)
+        *solutions, mesh, elements = arrays
+        state.restore((*(a.copy() for a in solutions), mesh, elements))
+        state.history = history
+        state.move_bodies(links)
+        state.remember(positions)
+
+    def room(self, change: Array) -> float:
+        """The fraction of a change of the points' arc lengths that keeps them in order, and between their stops."""
+        return room(np.concatenate((self.state.stops, self.state.arcs)), self.arcs, change)
+
+    def solve(self, frames: Array, arcs: Array, places: Array, *, again: bool, far: float, links: Array) -> bool:
+        """The rod with its ends in `frames` (2, 7) and its points held in `places` (k, 3); False leaves the last one.
+
+        again: another solve for the same ends, so that the solution before stays the one that motion is told from.
+        far [rad]: largest turn of a frame from its prediction. links: where the links are that carry bodies.
+        """
+        state = self.state
+        state.tidy()
+        kept = self.keep()
+        full = state.arcs.copy()
+        full[self._at] = arcs
+        if not np.array_equal(full, state.arcs):
+            state.slide_to(full)
+        state.move_bodies(links)
+        target = self._placed(frames, places)
+        state.target(target)
+        histories = (0,) if again else (2, 1) if state.history > 1 else (1,)
+        found = any(self.steps.again(WARM_ITERATIONS, far=far, history=history) for history in histories)
+        if not found or self.steps.passes(state.positions, self.steps.buffer):
+            self.restore(kept)
+            return False
+        self._target = target
+        state.history = max(state.history, 1) if again else min(2, state.history + 1)
+        state.remember(self._positions)
+        return True
+
+    @property
+    def _positions(self) -> Array:
+        """(n, 3), of the shape in the buffer."""
+        n = self.problem.points
+        return self.steps.buffer[n : 4 * n].reshape(n, 3)
+
+    def respond(self) -> None:
+        """Fills forces, tangents and their derivatives, the same nodes staying in contact."""
+        state = self.state
+        spans, unknown = factored(state)
+        cut = slice(spans + 1)
+        numbers = np.array([int(np.flatnonzero(state.base[cut] == at)[0]) for at in self._at])
+        self._system = state.where[cut], state.mask[cut], state.place[cut], state.elements, unknown, numbers
+        crossing_response.held_points(
+            state.par, state.mesh, state.q[NOW], state.lam[:spans], state.work, *self._system,
+            self.force, self.tangent, self.dforce, self.dtangent,
+        )  # fmt: skip
+
+    def under_motion(self, motion: Array) -> tuple[Array, Array]:
+        """(k, 3) each, change of `force` and `tangent` as the ends move by `motion` (2, 6) from where `respond` was."""
+        state = self.state
+        out = np.empty_like(self.force), np.empty_like(self.force)
+        crossing_response.points_under_motion(
+            state.par, state.mesh, state.q[NOW], state.work, *self._system, motion, *out
+        )  # fmt: skip
+        return out
+
+    def grounds(self, arc: float, place: Array, before: list[Ground]) -> list[Ground]:
+        """The bodies near a point, which before were those."""
+        state = self.state
+        count = len(state.bodies)
+        pressed, sides, out = np.zeros(count), np.zeros((count, 3)), np.empty((count, crossing_ground.GROUND))
+        for ground in before:
+            if ground.press > 0.0 and ground.body < count:
+                pressed[ground.body], sides[ground.body] = ground.press, ground.normal
+        crossing_ground.grounds(
+            place, arc, self.problem.cable.length, state.bodies, state.frames, state.triangles, state.tree,
+            state.radius, pressed, sides, state.stack, out,
+        )  # fmt: skip
+        return [
+            Ground(b, float(out[b, 0]), out[b, 1:4], out[b, 4:].reshape(3, 3), float(pressed[b]))
+            for b in np.flatnonzero(np.isfinite(out[:, 0])).tolist()
+        ]
+
+    def bounded(self, change: Array, grounds: list[Ground]) -> float:
+        """The fraction of a change (3,) of a point's place that carries it neither into a body nor past one."""
+        size = float(np.linalg.norm(change))
+        fraction = MARGIN / size if size > MARGIN else 1.0
+        for ground in grounds:
+            way = -float(ground.normal @ change)
+            thick = self.state.radius + surface.reach_of(self.state.bodies[ground.body])
+            limit = max(ground.gap, 0.0) + _REACH * thick
+            fraction = min(fraction, limit / way if way > limit else 1.0)
+        return fraction
+
+    def refined(self) -> bool | None:
+        """Whether a new mesh was needed (None), and the last solution was found again on it."""
+        state = self.state
+        nodes, kept = state.nodes.copy(), self.keep()
+        state.target(self._target)
+        if not self.steps.settle(self._target):  # what is not as exact as it might be is still a shape
+            self.restore(kept)
+            state.target(self._target)
+            found = self.steps.again(WARM_ITERATIONS)
+            return None if found and self.steps.depth(self.steps.buffer) > -2.0 * DEEPEST else False
+        state.remember(self._positions)
+        return None if np.array_equal(nodes, state.nodes) else True
+
+    def shape(self, status: Status, detail: str, touches: Array, bodies: tuple[str, ...], began: float) -> CableShape:
+        """The solution in the buffer, reported; touches (k, 9): its points' contacts with `bodies`, `names` first."""
+        problem, steps, info = self.problem, self.steps, self.state.info
+        buffer, n = steps.buffer, problem.points
+        steps.buffer = CableShape.new_buffer(n)
+        if type(problem.end) is Grip:
+            buffer[4 * n - 3 : 4 * n] = problem.end.cable_frame.position
+        if status and not info[7] <= self.tolerance:
+            status = Status.NOT_CONVERGED
+            detail = f"error estimate {info[7]:.2g} m in contact. {status.remedy}"
+        found = np.vstack((self.state.touches(), touches))
+        return CableShape(
+            buffer,
+            n,
+            length=problem.cable.length,
+            model=MODEL,
+            status=status,
+            detail=detail,
+            energy=float(info[8]) + self.state.energy_of_masses(),
+            error_estimate=float(info[7]),
+            residual=float(info[5]),
+            iterations=self.iterations,
+            turns=int(self.state.turns[NOW]),
+            twist=float(info[9]),
+            solve_time=perf_counter() - began,
+            supports=steps.loads[self._clips],
+            touches=found[np.argsort(found[:, 0], kind="stable")],
+            bodies=bodies,
+        )
