@@ -1,51 +1,57 @@
 """cable_shape: the quasistatic shape of the cable held between two grippers, every control cycle.
 
-The public contract is what this module exports. It imports no ROS, viewer, collision or robot library.
+The public contract is what this module exports. It imports no ROS, viewer, collision or robot library, and each name's
+module only when the name is first used, so that a process pays for what it uses.
 """
 
-from cable_shape.batch import predict_batch
-from cable_shape.cable import Cable
-from cable_shape.calibration.fit import calibrate
-from cable_shape.calibration.observation import Observation
-from cable_shape.calibration.result import Calibration, Estimate
-from cable_shape.calibration.sag import calibrate_sag
-from cable_shape.calibration.tube import Tube, predict_tube
-from cable_shape.cycle import Cycle
-from cable_shape.errors import (
-    ArgumentError,
-    BagError,
-    CableShapeError,
-    DependencyError,
-    InputError,
-    RobotError,
-    StaleInputError,
-    SteeringError,
-    UnknownKeyError,
-)
-from cable_shape.paths import GripPath, JointPath
-from cable_shape.plug import Plug, PlugError
-from cable_shape.pose import FreeEnd, Grip, Pose
-from cable_shape.predictor import Predictor, predict
-from cable_shape.report import BodyDistance, CableWarning, Clearance, CycleReport, Margin, Severity, WarningKind
-from cable_shape.scene import (
-    Box,
-    Capsule,
-    Clip,
-    Cylinder,
-    HalfSpace,
-    Mesh,
-    Obstacle,
-    PointMass,
-    Scene,
-    Sphere,
-)
-from cable_shape.shape import CableShape, ClipLoad, Contact, Status
-from cable_shape.shape_batch import ShapeBatch
-from cable_shape.stress import Stress, stress_of
-from cable_shape.tails import predict_tails
-from cable_shape.trajectory import check_trajectory
-from cable_shape.trajectory_report import Reason, TrajectoryCheck, Violation
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from cable_shape.warm_up import warm_up
+
+if TYPE_CHECKING:
+    from cable_shape.batch import predict_batch
+    from cable_shape.cable import Cable
+    from cable_shape.calibration.fit import calibrate
+    from cable_shape.calibration.observation import Observation
+    from cable_shape.calibration.result import Calibration, Estimate
+    from cable_shape.calibration.sag import calibrate_sag
+    from cable_shape.calibration.tube import Tube, predict_tube
+    from cable_shape.cycle import Cycle
+    from cable_shape.errors import (
+        ArgumentError,
+        BagError,
+        CableShapeError,
+        DependencyError,
+        InputError,
+        RobotError,
+        StaleInputError,
+        SteeringError,
+        UnknownKeyError,
+    )
+    from cable_shape.paths import GripPath, JointPath
+    from cable_shape.plug import Plug, PlugError
+    from cable_shape.pose import FreeEnd, Grip, Pose
+    from cable_shape.predictor import Predictor, predict
+    from cable_shape.report import BodyDistance, CableWarning, Clearance, CycleReport, Margin, Severity, WarningKind
+    from cable_shape.scene import (
+        Box,
+        Capsule,
+        Clip,
+        Cylinder,
+        HalfSpace,
+        Mesh,
+        Obstacle,
+        PointMass,
+        Scene,
+        Sphere,
+    )
+    from cable_shape.shape import CableShape, ClipLoad, Contact, Status
+    from cable_shape.shape_batch import ShapeBatch
+    from cable_shape.stress import Stress, stress_of
+    from cable_shape.tails import predict_tails
+    from cable_shape.trajectory import check_trajectory
+    from cable_shape.trajectory_report import Reason, TrajectoryCheck, Violation
 
 __version__ = "0.1.0"
 
@@ -109,3 +115,52 @@ __all__ = [
     "stress_of",
     "warm_up",
 ]
+
+#: Module -> what is exported from it.
+_HOMES = {
+    "batch": ("predict_batch",),
+    "cable": ("Cable",),
+    "calibration.fit": ("calibrate",),
+    "calibration.observation": ("Observation",),
+    "calibration.result": ("Calibration", "Estimate"),
+    "calibration.sag": ("calibrate_sag",),
+    "calibration.tube": ("Tube", "predict_tube"),
+    "cycle": ("Cycle",),
+    "errors": (
+        "ArgumentError",
+        "BagError",
+        "CableShapeError",
+        "DependencyError",
+        "InputError",
+        "RobotError",
+        "StaleInputError",
+        "SteeringError",
+        "UnknownKeyError",
+    ),
+    "paths": ("GripPath", "JointPath"),
+    "plug": ("Plug", "PlugError"),
+    "pose": ("FreeEnd", "Grip", "Pose"),
+    "predictor": ("Predictor", "predict"),
+    "report": ("BodyDistance", "CableWarning", "Clearance", "CycleReport", "Margin", "Severity", "WarningKind"),
+    "scene": ("Box", "Capsule", "Clip", "Cylinder", "HalfSpace", "Mesh", "Obstacle", "PointMass", "Scene", "Sphere"),
+    "shape": ("CableShape", "ClipLoad", "Contact", "Status"),
+    "shape_batch": ("ShapeBatch",),
+    "stress": ("Stress", "stress_of"),
+    "tails": ("predict_tails",),
+    "trajectory": ("check_trajectory",),
+    "trajectory_report": ("Reason", "TrajectoryCheck", "Violation"),
+}
+_MODULES = {name: module for module, names in _HOMES.items() for name in names}
+
+
+def __getattr__(name: str) -> Any:
+    """Loads an export when it is first asked for; from then on it is a name of this module like any other."""
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

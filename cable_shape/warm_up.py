@@ -1,28 +1,49 @@
-"""Compiling or loading every kernel once, before the first cycle: :func:`warm_up`."""
+"""Compiling or loading kernels once, before the first cycle.
+
+What is warmed is imported where it is warmed: `import cable_shape`, which exports :func:`warm_up`, loads none of it.
+"""
 
 from __future__ import annotations
 
-import numpy as np
-
-from cable_shape.batch import predict_batch
-from cable_shape.cable import Cable
-from cable_shape.calibration.fit import calibrate
-from cable_shape.calibration.observation import Observation
-from cable_shape.cycle import Cycle
-from cable_shape.paths import GripPath
-from cable_shape.pose import IDENTITY, FreeEnd, Grip, Pose
-from cable_shape.predictor import Predictor, predict
-from cable_shape.scene import Box, Capsule, Clip, Cylinder, HalfSpace, Obstacle, PointMass, Scene, Sphere
-from cable_shape.solvers import MODELS
-from cable_shape.trajectory import check_trajectory
-
 
 def warm_up() -> None:
-    """Runs every kernel on a small problem, so that no cycle has to wait for the compiler.
+    """Runs every kernel on a small problem, so that nothing has to wait for the compiler.
 
-    The first call on a machine compiles and fills the cache on disk, later ones load from it. Set-up and the node's
-    configure transition call it.
+    The first call on a machine compiles and fills the cache on disk, later ones load from it. Set-up calls it.
     """
+    import numpy as np
+
+    from cable_shape.batch import predict_batch
+    from cable_shape.cable import Cable
+    from cable_shape.calibration.fit import calibrate
+    from cable_shape.calibration.observation import Observation
+    from cable_shape.paths import GripPath
+    from cable_shape.pose import IDENTITY, Pose
+    from cable_shape.scene import Capsule, HalfSpace, Obstacle, Scene
+    from cable_shape.trajectory import check_trajectory
+
+    warm_up_cycles()
+    cable = Cable(length=1.0, linear_density=0.1, bending_stiffness=0.01, max_tension=1e3, allowable_stress=1e9)
+    scene = Scene(
+        obstacles=(Obstacle("capsule", Capsule(0.05, 0.1), IDENTITY, link="tool"), Obstacle("floor", HalfSpace()))
+    )
+    start = Pose((0.0, 0.0, 0.5), (0.5, 0.5, 0.5, 0.5))
+    end, later = (Pose((x, 0.0, 0.5), (0.5, 0.5, 0.5, 0.5)) for x in (0.8, 0.79))
+    calibrate([Observation(start, end, [(0.4, 0.0, 0.2)], acceleration=[(0, 0, 0), (0, 0, 1), (0, 0, 0)])], cable)
+    starts, ends = (np.array([pose.array for pose in poses]) for poses in ((start, start), (end, later)))
+    predict_batch(cable, starts, ends, scene=scene)
+    check_trajectory(cable, scene, None, GripPath(starts, ends))
+
+
+def warm_up_cycles() -> None:
+    """Runs the kernels of cycles and of single shapes alone: all that the node and a replay need."""
+    from cable_shape.cable import Cable
+    from cable_shape.cycle import Cycle
+    from cable_shape.pose import IDENTITY, FreeEnd, Grip, Pose
+    from cable_shape.predictor import Predictor, predict
+    from cable_shape.scene import Box, Capsule, Clip, Cylinder, HalfSpace, Obstacle, PointMass, Scene, Sphere
+    from cable_shape.solvers import MODELS
+
     cable = Cable(
         length=1.0,
         linear_density=0.1,
@@ -43,7 +64,6 @@ def warm_up() -> None:
         ),
         masses=(PointMass(0.5, 0.01),),
     )
-    calibrate([Observation(start, end, [(0.4, 0.0, 0.2)], acceleration=[(0, 0, 0), (0, 0, 1), (0, 0, 0)])], cable)
     auto = Predictor(cable)
     for chord in (0.995, 0.9945):  # a closed form, judged, then the rod beside it
         auto.predict(start, Pose((chord, 0.0, 0.5), start.quaternion))
@@ -64,9 +84,6 @@ def warm_up() -> None:
         for k in range(3):
             resting.predict(Pose((0.0, 0.0, 0.3 + 0.001 * k), start.quaternion), Pose((0.8, 0.0, 0.3), end.quaternion))
         resting.sensitivity()
-    starts, ends = (np.array([pose.array for pose in poses]) for poses in ((start, start), (end, later)))
-    predict_batch(cable, starts, ends, scene=scene)
-    check_trajectory(cable, scene, None, GripPath(starts, ends))
     thin = cable.replace(tails={}, diameter=0.02)
     crossed = Cycle({"a": thin, "b": thin}, model="cosserat", scene=Scene(contact="solve"))
     over = (0.7071067811865476, 0.0, 0.0, -0.7071067811865476)

@@ -1,7 +1,7 @@
 #!/usr/bin/env python
 """Figures of the Cosserat predictor: accuracy, order, critical loads, robustness, self-grading, speed.
 
-    scripts/bench cosserat [--quick] [--cases FOLDER]
+    scripts/bench cosserat [--quick] [--save FILE] [--compare FILE] [--cases FOLDER]
 
 Prints tables, every figure with what is asked of it, and all of these again at the end. Times are medians on this
 machine, the others' measured in turns with ours; FOLDER holds reference cases (default: ../shared/cases beside the
@@ -10,7 +10,6 @@ repository), parts that need it are left out where it is missing.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable
 from pathlib import Path
 from time import perf_counter
@@ -18,7 +17,7 @@ from time import perf_counter
 from cosserat_auto import print_auto
 from cosserat_cases import error_of, load, reach
 from cosserat_critical import critical_values
-from cosserat_figures import Figures, heading
+from cosserat_figures import Figures, bench_options, bench_parser, finish, heading
 from cosserat_jumps import print_jumps
 from cosserat_order import print_order
 from cosserat_published import print_published
@@ -43,12 +42,11 @@ def print_references(folder: Path, figures: Figures) -> None:
     figures.at_most(f"mean error / L, worst of {len(errors)} reference grasps", max(errors), 1e-5)
 
 
-def main() -> None:
+def main() -> int:
     """All tables."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="a tenth of the random problems, a third of the timings")
+    parser = bench_parser(__doc__, "a tenth of the random problems, a third of the timings")
     parser.add_argument("--cases", type=Path, default=CASES, help="folder of the reference cases")
-    options = parser.parse_args()
+    options = bench_options(parser)
     began = perf_counter()
     figures = Figures()
     count = 100 if options.quick else 1000
@@ -69,9 +67,10 @@ def main() -> None:
     ]
     for table in tables:
         table()
-    figures.print_summary()
+    code = finish(figures, options)
     print(f"\n{perf_counter() - began:.0f} s")
+    return code
 
 
 if __name__ == "__main__":
-    main()
+    raise SystemExit(main())

@@ -1,4 +1,4 @@
-"""How fast and how right the gradient cables are: scripts/bench gradient [--quick] [--json FILE].
+"""How fast and how right the gradient cables are: scripts/bench gradient [--quick] [--save FILE] [--compare FILE].
 
 Ratios of times within one run are what counts; the machine's other work moves both. 150 points through
 `Predictor.predict` between ends that move, so that nothing is reused, beside scipy's solve_bvp on the same equations
@@ -13,7 +13,6 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-import argparse
 import json
 import sys
 import time
@@ -21,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from cosserat_figures import Figures, bench_options, bench_parser, finish
 from gradient_bvp import GradientBvp
 from scipy.spatial.transform import Rotation
 from tqdm import tqdm
@@ -84,6 +84,8 @@ def measured(name: str, order: int, repeats: int) -> dict[str, Any]:
             began = time.perf_counter()
             fresh.predict(start, target)
             cold.append(time.perf_counter() - began)
+        if not converged:
+            continue
         reference = GradientBvp(Problem(cable).move(start, part[0]), order)
         began = time.perf_counter()
         answer = reference.solve(1e-3)
@@ -95,12 +97,13 @@ def measured(name: str, order: int, repeats: int) -> dict[str, Any]:
             reference.solve(1e-3, last=last).sol(np.linspace(0.0, 1.0, POINTS))
             again.append(time.perf_counter() - began)
         last = answer
-    exact = GradientBvp(Problem(cable).move(start, end), order)
-    answer = exact.solve(1e-5, last=exact.solve(1e-3))
     shape = cs.predict(cable, start, end, model=model, points=POINTS)
     distance = float("nan")
-    if answer.success:
-        distance = float(np.abs(shape.positions - exact.positions(answer, POINTS)).max()) / cable.length
+    if converged:
+        exact = GradientBvp(Problem(cable).move(start, end), order)
+        answer = exact.solve(1e-5, last=exact.solve(1e-3))
+        if answer.success:
+            distance = float(np.abs(shape.positions - exact.positions(answer, POINTS)).max()) / cable.length
     rod = cs.predict(cable, start, end, model="cosserat", points=POINTS)
     apart = float(np.linalg.norm(shape.positions - rod.positions, axis=1).mean()) / cable.length
     return {
@@ -149,10 +152,7 @@ def against_rods() -> list[tuple[str, float, float]]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="a fifth of the repeats")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there, too")
-    args = parser.parse_args()
+    args = bench_options(bench_parser(__doc__, "a fifth of the repeats"))
     cs.warm_up()
     jobs = [(name, order) for order in (4, 6) for name in PROBLEMS]
     rows = [measured(name, order, 3 if args.quick else 15) for name, order in tqdm(jobs, desc="speed", unit="problem")]
@@ -186,9 +186,11 @@ def main() -> int:
         )
     else:
         print(f"\nno reference rods at {SHARED.name}: not compared")
-    if args.json:
-        args.json.write_text(json.dumps({"speed": rows, "slender": slim, "rods": rods}, indent=1))
-    return 0
+    collected = Figures()
+    collected.at_least("least ratio to solve_bvp, warm", min(ratios), GOAL, "{:.0f}")
+    apart = np.nanmax([r["distance_to_solve_bvp"] for r in rows])
+    collected.at_most("largest distance to solve_bvp / L", float(apart), 1e-4)
+    return finish(collected, args, tables={"speed": rows, "slender": slim, "rods": rods})
 
 
 if __name__ == "__main__":

@@ -1,17 +1,16 @@
 #!/usr/bin/env python
 """Figures of clips, clearance, margins and contact, also of cables: references, success, and what they add to a cycle.
 
-    scripts/bench scene [--quick] [--cases FOLDER]
+    scripts/bench scene [--quick] [--save FILE] [--compare FILE] [--cases FOLDER]
 
 FOLDER holds reference cases (default: ../shared/cases beside the repository); without it they are left out.
 """
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
-from cosserat_figures import Figures
+from cosserat_figures import Figures, bench_options, bench_parser, finish
 from scene_arch import print_arch
 from scene_both import print_both
 from scene_clearance import print_clearance
@@ -22,12 +21,11 @@ from scene_crossing import print_crossing
 from scene_margins import print_margins, print_snap
 
 
-def main() -> None:
+def main() -> int:
     """All tables."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="fewer random scenes, cycles and steps")
+    parser = bench_parser(__doc__, "fewer random scenes, cycles and steps")
     parser.add_argument("--cases", type=Path, default=CASES, help="folder of the reference cases")
-    options = parser.parse_args()
+    options = bench_options(parser)
     figures = Figures()
     print_clips(figures, options.cases, 30 if options.quick else 300)
     print_arch(figures, options.cases)
@@ -38,8 +36,8 @@ def main() -> None:
     print_contact(figures, quick=options.quick)
     print_crossing(figures, 2 if options.quick else 10)
     print_both(figures, 2 if options.quick else 10)
-    figures.print_summary()
+    return finish(figures, options)
 
 
 if __name__ == "__main__":
-    main()
+    raise SystemExit(main())

@@ -5,9 +5,7 @@ The recordings are read from ../shared/data and are no part of this project; wit
 
 from __future__ import annotations
 
-import argparse
 import csv
-import json
 import math
 import sys
 import time
@@ -15,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from cosserat_figures import Figures, heading
+from cosserat_figures import Figures, bench_options, bench_parser, finish, heading
 from scipy.spatial.transform import Rotation
 from tqdm import tqdm
 from truth_data import CABLES, DATA, Frames, load, recording
@@ -320,13 +318,11 @@ def synthetic(figures: Figures, count: int) -> dict[str, float]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="one part of the frames, 40 synthetic cables")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there, too")
+    parser = bench_parser(__doc__, "one part of the frames, 40 synthetic cables")
     parser.add_argument("--picture", type=Path, metavar="FILE.png", help="draw predicted and measured cables")
     parser.add_argument("--frames", type=Path, metavar="FILE.csv", help="write the error of every judged frame")
     parser.add_argument("--readings", action="store_true", help="also read the frames in other ways")
-    args = parser.parse_args()
+    args = bench_options(parser)
     cs.warm_up()
     figures = Figures()
     out: dict[str, Any] = {"synthetic": synthetic(figures, 40 if args.quick else SYNTHETIC)}
@@ -336,10 +332,7 @@ def main() -> int:
             readings({number: load(number, PARTS) for number in CABLES})
     else:
         print(f"\nno recordings of real cables at {DATA.parent.name}/{DATA.name}: not judged")
-    figures.print_summary()
-    if args.json:
-        args.json.write_text(json.dumps(out, indent=1))
-    return 0
+    return finish(figures, args, tables=out)
 
 
 if __name__ == "__main__":

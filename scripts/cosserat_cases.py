@@ -74,10 +74,11 @@ def along_approach(values: Values) -> tuple[CableShape, RodState]:
     return shape, state
 
 
-def beside(values: Values) -> tuple[CableShape, RodState]:
+def beside(values: Values, tolerance: float | None = None) -> tuple[CableShape, RodState]:
     """The shape found from a start beside the answer: the frames of the solution, interpolated and disturbed."""
     case, solution = reference_case(values), values["solution"]
-    problem = Problem(case.cable, points=41, gravity=values["gravity"]).move(case.start, case.end)
+    options = {} if tolerance is None else {"tolerance": tolerance}
+    problem = Problem(case.cable, points=41, gravity=values["gravity"], **options).move(case.start, case.end)
 
     def frames(s: np.ndarray) -> np.ndarray:
         between = Slerp(solution["s"], Rotation.from_quat(solution["q_xyzw"]))(np.clip(s, 0.0, solution["s"][-1]))

@@ -24,14 +24,14 @@ Row = tuple[str, float, float, str | None]
 LIMP = 1e-7
 
 
-def predicted(values: Values) -> cs.CableShape:
+def predicted(values: Values, tolerance: float | None = None) -> cs.CableShape:
     """The shape, through the public API where a case has one answer there."""
     case = reference_case(values)
     if values["name"].startswith("elastica"):
-        return beside(values)[0]
+        return beside(values, tolerance)[0]
     if not isinstance(case.end, cs.FreeEnd):
-        return case.predict(model="cosserat", points=41)
-    predictor = cs.Predictor(case.cable, model="cosserat", gravity=values["gravity"], points=41)
+        return case.predict(model="cosserat", points=41, tolerance=tolerance)
+    predictor = cs.Predictor(case.cable, model="cosserat", gravity=values["gravity"], points=41, tolerance=tolerance)
     for t in np.linspace(0.0, 1.0, STEPS + 1)[1:]:
         end = cs.FreeEnd(case.end.mass, t * case.end.force, t * case.end.moment)
         shape = predictor.predict(case.start, end)

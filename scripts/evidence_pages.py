@@ -1,39 +1,23 @@
-"""Where the evidence goes: two pages with tables and pictures, and ratios to save and to compare."""
+"""Where the evidence goes: two pages with tables and pictures, ratios, and figures to keep and to compare."""
 
 from __future__ import annotations
 
-import json
-import platform
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from time import perf_counter
+from time import perf_counter, thread_time
 
 import matplotlib
-import numba
 import numpy as np
-import scipy
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+from cosserat_figures import Figures, machine
 from matplotlib.figure import Figure
 
 TITLES = {
     "performance": "Run time against error",
     "stability": "Stability under stress",
 }
-#: A ratio this many times off the one saved is told as changed.
-CHANGED = 1.3
-
-
-def machine() -> str:
-    """Processor, cores and versions, in one line."""
-    name = platform.processor() or platform.machine()
-    cpu = Path("/proc/cpuinfo")
-    if cpu.exists():
-        names = [line.partition(":")[2].strip() for line in cpu.read_text().splitlines() if "model name" in line]
-        name = f"{names[0]}, {len(names)} threads" if names else name
-    versions = f"numpy {np.__version__}, scipy {scipy.__version__}, numba {numba.__version__}"
-    return f"{name}; Python {platform.python_version()}, {versions}; {platform.system()}"
 
 
 def figures(value: float, digits: int = 2) -> str:
@@ -56,6 +40,8 @@ class Pages:
 
     def __init__(self, folder: Path, quick: bool) -> None:
         self.folder, self.quick = folder, quick
+        self.figures = Figures()
+        self.front = ""
         self.ratios: dict[str, tuple[float, str]] = {}
         self.texts: dict[str, list[str]] = {page: [] for page in TITLES}
         (folder / "images").mkdir(parents=True, exist_ok=True)
@@ -68,6 +54,7 @@ class Pages:
     def ratio(self, name: str, value: float, meaning: str = "") -> None:
         """A figure that does not depend on how fast the machine is."""
         self.ratios[name] = (value, meaning)
+        self.figures.ratio(name, value)
 
     def picture(self, page: str, figure: Figure, name: str, alt: str) -> None:
         """Writes a picture and shows it on the page."""
@@ -94,38 +81,13 @@ class Pages:
             parts += ["Where nothing is gained, or time is lost:", table(head, behind)]
         return "\n\n".join(parts)
 
-    def save(self, path: Path) -> None:
-        """The ratios as JSON."""
-        values = {name: value for name, (value, _) in self.ratios.items()}
-        text = json.dumps({"machine": machine(), "quick": self.quick, "ratios": values}, indent=1)
-        path.write_text(text + "\n", encoding="utf-8")
-
-    def compare(self, path: Path) -> list[str]:
-        """Prints the ratios beside those saved; the names of those that have fallen by more than CHANGED."""
-        before = json.loads(path.read_text(encoding="utf-8"))
-        print(f"{'ratio':62} {'saved':>9} {'now':>9}   now / saved ({before['machine']})")
-        fallen = []
-        for name, (now, _) in self.ratios.items():
-            saved = before["ratios"].get(name)
-            if saved is None:
-                print(f"{name:62} {'-':>9} {now:9.3g}")
-                continue
-            change = now / saved
-            mark = "  slower" if change < 1.0 / CHANGED else "  faster" if change > CHANGED else ""
-            print(f"{name:62} {saved:9.3g} {now:9.3g}   {change:.2f}{mark}")
-            if change < 1.0 / CHANGED:
-                fallen.append(name)
-        for name in sorted(before["ratios"].keys() - self.ratios.keys()):
-            print(f"{name:62} {before['ratios'][name]:9.3g}         - not measured now")
-        return fallen
-
 
 def timed(run: object, least: int = 5, seconds: float = 0.05) -> float:
-    """Median time [s] of a call, repeated at least so often and for so long."""
+    """Median processor time [s] of a call, repeated at least so often and for so long."""
     spent: list[float] = []
     end = perf_counter() + seconds
     while len(spent) < least or perf_counter() < end:
-        began = perf_counter()
+        began = thread_time()
         run()  # type: ignore[operator]
-        spent.append(perf_counter() - began)
+        spent.append(thread_time() - began)
     return float(np.median(spent))

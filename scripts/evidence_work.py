@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from time import perf_counter
+from time import thread_time
 from typing import NamedTuple
 
+import evidence_rivals
 import matplotlib.pyplot as plt
 import numpy as np
 from cosserat_order import solve_on
 from cosserat_speed import CABLE, END, GRASPS, START, Collocation, in_turns, motion, planar_motion, same_guess, states
+from evidence_front import PAPER, front
 from evidence_pages import Pages, figures, table, timed
 from matplotlib.ticker import NullFormatter
 from tqdm import tqdm
@@ -30,10 +32,10 @@ MESHES = (10, 20, 40, 80, 160, 320)
 #: Of the length: below, the reference's own error begins to count.
 REFERENCE = 1e-10
 PLANAR_GRASPS = ("A", "C", "D")
-MARKS = {"catenary": "s", "gradient4": "D", "gradient6": "v", "solve_bvp": "x"}
+MARKS = {"catenary": "s", "gradient4": "D", "gradient6": "v", "solve_bvp": "x", "MuJoCo cable": "^", "PyElastica": "*"}
 COLOURS = {
     "rod": "tab:blue", "rod, in space": "tab:cyan", "solve_bvp": "tab:red", "catenary": "tab:green",
-    "gradient4": "tab:orange", "gradient6": "tab:purple",
+    "gradient4": "tab:orange", "gradient6": "tab:purple", "MuJoCo cable": "tab:brown", "PyElastica": "tab:pink",
 }  # fmt: skip
 
 
@@ -90,16 +92,16 @@ def cold(name: str, quick: bool) -> tuple[Series, float]:
 
 
 def followed(model: str, poses: Sequence[cs.Pose], tolerance: float | None, rounds: int) -> tuple[float, np.ndarray]:
-    """Median time [s] of a warm step, and positions of every step."""
+    """Median processor time [s] of a warm step, and positions of every step."""
     predictor = cs.Predictor(CABLE, model=model, tolerance=tolerance)
     spent = []
     for _ in range(rounds):
         predictor.predict(START, poses[0])
         shapes = []
         for pose in poses[1:]:
-            began = perf_counter()
+            began = thread_time()
             shapes.append(predictor.predict(START, pose))
-            spent.append(perf_counter() - began)
+            spent.append(thread_time() - began)
     return float(np.median(spent)), np.array([shape.positions for shape in shapes])
 
 
@@ -134,9 +136,9 @@ def warm(poses: Sequence[cs.Pose], quick: bool) -> Series:
         x, Y = begin.arc_length.copy(), states(begin)
         spent, errors = [], []
         for pose, truth in zip(poses[1:][few], exact[few], strict=True):
-            began = perf_counter()
+            began = thread_time()
             answer = collocation.solve(x, Y, START, pose, tol)
-            spent.append(perf_counter() - began)
+            spent.append(thread_time() - began)
             errors.append(off(answer.sol(at)[:3].T, truth, length))
             x, Y = answer.x, answer.y
         found["solve_bvp"].append(Point(float(np.median(spent)), float(np.mean(errors)), f"tol {tol:.0e}", x.size))
@@ -172,13 +174,39 @@ def on_meshes(name: str, meshes: Sequence[int]) -> list[Point]:
     return points
 
 
+def beside_rivals(results: list[tuple[str, Series]], pages: Pages) -> None:
+    """Adds the simulators' lines to those of the cold grasps, and their ratios to the pages."""
+    for name, found in evidence_rivals.measured(pages.quick).items():
+        series = dict(results)[f"{name}, cold"]
+        rod = at_default(series)
+        for simulator, line in found.items():
+            series[simulator] = [
+                Point(s.seconds, s.error, f"{s.steps} steps, " + told(s.job.setting), s.job.joints) for s in line
+            ]
+            for s in line[1:2]:
+                note = f"{s.job.joints} links, {figures(100 * s.error)} % of the length off; the rod {rod.error:.0e}"
+                pages.ratio(f"rod : {simulator}, grasp {name} cold", s.seconds / rod.time, note)
+
+
+def told(setting: dict[str, float]) -> str:
+    """A simulator's setting in words."""
+    return ", ".join(f"{name} {value:g}" for name, value in setting.items())
+
+
+def at_default(series: Series) -> Point:
+    """The rod at its default tolerance; in a quick run at its coarsest."""
+    return next((p for p in series["rod"] if p.setting == f"tol {DEFAULT:.0e} L"), series["rod"][0])
+
+
 def draw(axes: plt.Axes, series: Series, title: str) -> None:
     """Time against error; the default tolerance is ringed."""
     for name, points in series.items():
         if not points:
             continue
         x, y = [1e3 * p.time for p in points], [max(p.error, 1e-13) for p in points]
-        axes.loglog(x, y, MARKS.get(name, "o") + "-", label=name, color=COLOURS.get(name), markersize=5, linewidth=1.2)
+        kind = next((k for k in COLOURS if k == name), next((k for k in COLOURS if name.startswith(f"{k} ")), ""))
+        style = {"label": name, "color": COLOURS.get(kind), "markersize": 5, "linewidth": 1.2}
+        axes.loglog(x, y, MARKS.get(kind, "o") + "-", **style)
         for p, a, b in zip(points, x, y, strict=True):
             if p.setting == f"tol {DEFAULT:.0e} L":
                 axes.loglog(a, b, "o", markersize=11, markerfacecolor="none", color="black")
@@ -189,7 +217,7 @@ def draw(axes: plt.Axes, series: Series, title: str) -> None:
 
 def rows_of(name: str, series: Series) -> list[tuple[str, ...]]:
     """Of a table: problem, model, setting, mesh, time relative to the rod's at the default tolerance, error."""
-    unit = next((p.time for p in series["rod"] if p.setting == f"tol {DEFAULT:.0e} L"), series["rod"][0].time)
+    unit = at_default(series).time
     return [
         (name, model, p.setting or "-", str(p.size or "-"), figures(p.time / unit), figures(p.error))
         for model, points in series.items()
@@ -216,6 +244,8 @@ def evidence(pages: Pages) -> None:
     bar.update()
     bar.close()
     ratios(pages, results, quick)
+    beside_rivals(results, pages)
+    pages.front = front(dict(results), f"tol {DEFAULT:.0e} L")
 
     figure, axes = plt.subplots(2, 3, figsize=(13, 8), sharex=True, sharey=True, layout="constrained")
     for ax, (name, series) in zip(axes.flat, results, strict=True):
@@ -236,10 +266,19 @@ def evidence(pages: Pages) -> None:
         "Jacobian, mesh reused when warm, the rod's own first guess when cold): tol "
         + ", ".join(f"{t:.0e}" for t in BVP)
         + ". Closed forms have one time and one error, which is what they leave out. The rod takes its planar path "
-        "where there is one; in space: the same without.",
+        "where there is one; in space: the same without. Times are processor times of the one thread that works, which "
+        "other load on the machine changes little.",
     )
+    rivals = (
+        evidence_rivals.METHOD
+        if evidence_rivals.python()
+        else f"MuJoCo's cable and PyElastica: {evidence_rivals.MISSING}"
+    )
+    spent = figures(1e3 * dict(results)["B, cold"]["gradient4"][0].time)
+    paper = f"The paper of the gradient cable prints {PAPER} for 150 points in space, on a machine of its time."
+    pages.add("performance", rivals, f"{paper} gradient4 takes {spent} ms here on grasp B.")
     pages.picture("performance", figure, "work_precision", "Time against error of six problems, of all models")
-    head = ("problem", "model", "setting", "elements", "time / rod at 1e-05 L", "mean error / L")
+    head = ("problem", "model", "setting", "elements or links", "time / rod at 1e-05 L", "mean error / L")
     pages.add("performance", table(head, [row for name, series in results for row in rows_of(name, series)]))
 
     figure, axes = plt.subplots(1, 2, figsize=(11, 4.2), sharey=True, layout="constrained")

@@ -1,8 +1,12 @@
 """What `import cable_shape` may load, and how what it exports is guarded."""
 
+import ast
 import json
 import subprocess
 import sys
+from pathlib import Path
+
+import pytest
 
 import cable_shape as cs
 
@@ -18,6 +22,39 @@ HEAVY = (
     "rosbags",
     "tqdm",
 )
+
+
+def test_import_loads_no_numerics_before_they_are_used() -> None:
+    code = (
+        "import json, sys, cable_shape; print(json.dumps([m for m in ('numpy', 'numba', 'scipy') if m in sys.modules]))"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120)
+    assert json.loads(out.stdout) == []
+
+
+def test_a_cycle_loads_neither_batches_nor_trajectories_nor_calibration() -> None:
+    code = """
+import json, sys
+import cable_shape as cs
+cs.Cable, cs.Scene, cs.Grip, cs.Cycle, cs.Predictor, cs.predict
+from cable_shape.warm_up import warm_up_cycles
+parts = ("batch", "trajectory", "paths", "calibration.fit", "calibration.tube")
+print(json.dumps([part for part in parts if f"cable_shape.{part}" in sys.modules]))
+"""
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=300)
+    assert json.loads(out.stdout) == []
+
+
+def test_types_are_checked_on_the_names_that_are_loaded() -> None:
+    """What the type checker reads under TYPE_CHECKING is what is loaded at first use, and all of __all__."""
+    tree = ast.parse(Path(cs.__file__).read_text(encoding="utf-8"))
+    block = next(node for node in tree.body if isinstance(node, ast.If))
+    read = {alias.name: node.module for node in block.body for alias in node.names}  # type: ignore[attr-defined]
+    assert {name: f"cable_shape.{module}" for name, module in cs._MODULES.items()} == read
+    assert {*read, "warm_up"} == {*cs.__all__}
+    assert {*cs.__all__} <= {*dir(cs)}
+    with pytest.raises(AttributeError, match="no attribute 'predikt'"):
+        cs.predikt  # noqa: B018
 
 
 def test_import_leaves_heavy_libraries_out() -> None:

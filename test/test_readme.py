@@ -1,12 +1,15 @@
 """What the README promises: its Python runs, the files it names exist, and its commands are the repository's own."""
 
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from recordings import motion, write_bag
 
+from cable_shape.cli import build_parser, main
 from cable_shape.report import WarningKind
 from cable_shape.scene import CLIP_KINDS, CONTACT_KINDS, SCENE_KEYS, Scene
 from cable_shape.scene_files import SOLID_KEYS
@@ -14,17 +17,26 @@ from cable_shape.solvers import MODELS
 from cable_shape.warn import Levels
 
 ROOT = Path(__file__).resolve().parent.parent
-README = (ROOT / "README.md").read_text(encoding="utf-8")
-PLANNING = (ROOT / "docs" / "planning.md").read_text(encoding="utf-8")
-PYTHON = re.findall(r"```python\n(.*?)```", README + PLANNING, flags=re.DOTALL)
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+README = DOCUMENTS[0].read_text(encoding="utf-8")
+ALL = "".join(document.read_text(encoding="utf-8") for document in DOCUMENTS)
+#: Whole programs; docs/viewer.md shows lines for one, and the README's client runs beside a node, in test/ros.
+PROGRAMS = [document for document in DOCUMENTS if document.stem != "viewer"]
+PYTHON = [
+    block
+    for document in PROGRAMS
+    for block in re.findall(r"```python\n(.*?)```", document.read_text(encoding="utf-8"), flags=re.DOTALL)
+    if '"cable/shape"' not in block
+]
+BASH = re.findall(r"```bash\n(.*?)```", README, flags=re.DOTALL)
 
 
 @pytest.mark.parametrize("number", range(len(PYTHON)))
-def test_python_blocks_run_as_they_stand(number: int) -> None:
+def test_python_blocks_run_as_they_stand(number: int, tmp_path: Path) -> None:
+    (tmp_path / "config").symlink_to(ROOT / "config")
     result = subprocess.run(
         [sys.executable, "-W", "error", "-c", PYTHON[number]],
-        cwd=ROOT,
+        cwd=tmp_path,
         capture_output=True,
         text=True,
         timeout=300,
@@ -57,7 +69,7 @@ def test_links_and_pictures_exist(document: Path) -> None:
     ],
 )
 def test_tables_are_complete(head: str, known: tuple[str, ...]) -> None:
-    table = re.search(rf"^\| `?{head}`? \|.*\n\| --- .*\n((?:\|.*\n)+)", README, flags=re.MULTILINE)
+    table = re.search(rf"^\| `?{head}`? \|.*\n\| --- .*\n((?:\|.*\n)+)", ALL, flags=re.MULTILINE)
     assert table
     listed = [re.match(r"\| `(\w+)`", row) for row in table[1].splitlines()]
     assert all(listed), "every row begins with a name"
@@ -68,7 +80,7 @@ def test_the_levels_of_warnings_are_those_of_the_code() -> None:
     """The last two columns of the table of margins: from where on a limit's use is a warning, and an error."""
     levels = {kind: Levels.of(kind, Scene(warn_distance=0.03, error_distance=0.01)) for kind in WarningKind}
     for kind in set(WarningKind) - {WarningKind.SNAP, WarningKind.STATUS}:
-        row = re.search(rf"^\| `{kind.name}`.*\| ([^|]*) \| ([^|]*) \|$", README, flags=re.MULTILINE)
+        row = re.search(rf"^\| `{kind.name}`.*\| ([^|]*) \| ([^|]*) \|$", ALL, flags=re.MULTILINE)
         assert row
         assert float(row[1]) == pytest.approx(levels[kind].warn)
         error = 2.0 - 0.01 / 0.03 if row[2] == "`error_distance`" else float(row[2])
@@ -76,9 +88,54 @@ def test_the_levels_of_warnings_are_those_of_the_code() -> None:
 
 
 def test_the_two_commands_are_executable() -> None:
-    first_block = re.search(r"```bash\n(.*?)```", README, flags=re.DOTALL)
-    assert first_block
-    commands = [line.split()[0] for line in first_block[1].splitlines() if line]
+    commands = [line.split()[0] for line in BASH[0].splitlines() if line]
     assert commands == ["scripts/demo", "scripts/test"]
     for command in commands:
         assert (ROOT / command).stat().st_mode & 0o111, f"{command} is not executable"
+
+
+def test_every_command_is_one_that_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those of the command line as they stand, with a recording in place of BAG; the node's is run in test/ros."""
+    bag = write_bag(tmp_path / "bag", motion(5))
+    monkeypatch.setenv("COLUMNS", "200")
+    words = {
+        "BAG": str(bag),
+        "OUT": str(tmp_path / "out"),
+        "config/cables/demo.yaml": str(ROOT / "config/cables/demo.yaml"),
+    }
+    ran = []
+    monkeypatch.chdir(tmp_path)
+    for line in "".join(BASH).splitlines():
+        command, *arguments = shlex.split(line, comments=True) or [""]
+        if command == "" or command in ("source", "cable_shape_node"):
+            continue
+        if command.startswith("scripts/"):
+            assert (ROOT / command).stat().st_mode & 0o111
+            continue
+        assert command.endswith("cable-shape"), line
+        arguments = [words.get(word, word).replace("OUT/", f"{tmp_path}/out/") for word in arguments]
+        assert build_parser().parse_args(arguments).run
+        if arguments[0] == "replay" or "--sag" in arguments:
+            assert main(arguments) == 0, line
+            ran.append(arguments[0])
+    assert ran == ["replay", "calibrate"]
+
+
+def test_benches_that_the_readme_names_are_all_there_are() -> None:
+    sentence = re.search(r"with a\nname, one of them: (.*?)and `evidence`", README, flags=re.DOTALL)
+    assert sentence
+    named = {*re.findall(r"`(\w+)`", sentence[1]), "evidence"}
+    assert named == {file.stem.removeprefix("bench_") for file in (ROOT / "scripts").glob("bench_*.py")} - {"all"}
+
+
+def test_topics_and_services_are_those_of_the_node() -> None:
+    """Of docs/node.md: what the sources of the node publish, hear and serve, and nothing else."""
+    text = (ROOT / "docs" / "node.md").read_text(encoding="utf-8").split("## Topics")[1].split("\n## ")[0]
+    listed = {
+        name
+        for row in re.findall(r"^\| (`[^|]*) \|", text, flags=re.MULTILINE)
+        for name in re.findall(r"`([\w/]+)`", row.partition(" (")[0])
+    }
+    sources = "".join(file.read_text(encoding="utf-8") for file in sorted((ROOT / "cable_shape" / "ros").glob("*.py")))
+    used = set(re.findall(r"\"((?:cable/\w+)|/diagnostics|joint_states|collision_object)\"", sources))
+    assert listed == used | {"left_gripper/pose", "right_gripper/pose"}

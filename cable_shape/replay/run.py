@@ -116,9 +116,9 @@ class _Run:
 
     def run(self, progress: Progress) -> Outcome:
         """All messages of the recording."""
-        from cable_shape.warm_up import warm_up
+        from cable_shape.warm_up import warm_up_cycles
 
-        warm_up()
+        warm_up_cycles()
         total = sum(self.bag.counts.get(topic, 0) for topic in self.topics)
         with contextlib.ExitStack() as stack:
             sinks: _Sinks | None = None

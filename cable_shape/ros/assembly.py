@@ -16,7 +16,7 @@ from cable_shape.ros.parameters import Settings, find_file
 from cable_shape.ros.worker import PlannerProcess
 from cable_shape.scene import Scene
 from cable_shape.viewer.process import ViewerProcess
-from cable_shape.warm_up import warm_up
+from cable_shape.warm_up import warm_up_cycles
 
 #: name of a cable that is alone
 CABLE = "cable"
@@ -86,7 +86,7 @@ class Assembly:
             snap_horizon=settings.snap_horizon,
         )
         with ends_when_told():
-            warm_up()
+            warm_up_cycles()
         self.planner: PlannerProcess | None = None
         self.viewer: ViewerProcess | None = None
         if settings.view != "off":

@@ -1,0 +1,100 @@
+#!/usr/bin/env python
+"""Every bench, one after the other, and all their figures in one table.
+
+    scripts/bench [all] [--quick] [--only PART ...] [--save FILE] [--compare FILE] [--logs FOLDER]
+
+Each part runs in a process of its own; what it prints goes to FOLDER/PART.log (out/bench), its figures, with what was
+asked of them, into the table at the end, which also tells the wall and processor time of each part. The exit status is
+1 if a part fails, a figure does not hold, or, beside FILE, a ratio has fallen by more than 1.3 times. About ten
+minutes on a quiet machine; the rivals of `scripts/bench rivals` take part where they are installed.
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from time import perf_counter
+from typing import NamedTuple
+
+from cosserat_figures import Figures, bench_options, bench_parser, finish, heading
+from tqdm import tqdm
+
+HERE = Path(__file__).resolve().parent
+LOGS = HERE.parent / "out" / "bench"
+
+
+class Part(NamedTuple):
+    """A bench, its options in full and with --quick; one that keeps no figures is judged by its exit status."""
+
+    name: str
+    full: tuple[str, ...] = ()
+    quick: tuple[str, ...] = ("--quick",)
+    figures: bool = True
+
+
+PARTS = (
+    Part("gradient"),
+    Part("cosserat"),
+    Part("scene"),
+    Part("planner"),
+    Part("truth"),
+    Part("cell", ("--seconds", "10"), ("--seconds", "2", "--rates", "250"), figures=False),
+    Part("instructions"),
+    Part("evidence"),
+)
+
+
+class Spent(NamedTuple):
+    """Wall and processor time of a part [s], and its exit status."""
+
+    wall: float
+    processor: float
+    code: int
+
+
+def run(part: Part, quick: bool, kept: Path, log: Path) -> Spent:
+    """One part in a process of its own."""
+    command = [sys.executable, str(HERE / f"bench_{part.name}.py"), *(part.quick if quick else part.full)]
+    if part.figures:
+        command += ["--save", str(kept)]
+    before, began = resource.getrusage(resource.RUSAGE_CHILDREN), perf_counter()
+    with log.open("w", encoding="utf-8") as out:
+        code = subprocess.run(command, stdout=out, stderr=subprocess.STDOUT, check=False).returncode
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    processor = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return Spent(perf_counter() - began, processor, code)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """All parts, then one table."""
+    parser = bench_parser(__doc__, "each part with its own --quick: to see that it works")
+    names = [part.name for part in PARTS]
+    parser.add_argument("--only", choices=names, nargs="+", default=names, metavar="PART", help="these parts alone")
+    parser.add_argument("--logs", type=Path, default=LOGS, metavar="FOLDER", help="where the parts print to")
+    options = bench_options(parser, arguments)
+    options.logs.mkdir(parents=True, exist_ok=True)
+    figures, spent = Figures(), {}
+    parts = [part for part in PARTS if part.name in options.only]
+    with tempfile.TemporaryDirectory(prefix="bench_") as folder, tqdm(parts, desc="bench", unit="part") as bar:
+        for part in bar:
+            bar.set_postfix_str(part.name)
+            kept = Path(folder) / f"{part.name}.json"
+            spent[part.name] = run(part, options.quick, kept, options.logs / f"{part.name}.log")
+            if kept.exists():
+                figures.add_json(json.loads(kept.read_text(encoding="utf-8")), f"{part.name}: ")
+            if not kept.exists() or (spent[part.name].code and figures.hold):
+                figures.check(f"{part.name}: ran to its end and holds", spent[part.name].code == 0)
+    code = finish(figures, options, seconds={name: round(part.wall, 1) for name, part in spent.items()})
+    heading(f"Time of each part; what they print is in {options.logs}")
+    for name, (wall, processor, status) in spent.items():
+        print(f"{name:14} {wall:7.0f} s, processor {processor:7.0f} s{f'   exit status {status}' if status else ''}")
+    print(f"{'all':14} {sum(s.wall for s in spent.values()):7.0f} s")
+    return code
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
