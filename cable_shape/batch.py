@@ -1,9 +1,9 @@
 """Many grasps at once: :func:`predict_batch`.
 
 The rod starts each row from a shape that was solved at the centre of the row's cell, a cell of a fixed lattice in the
-space of grasps (:mod:`cable_shape.kernels.batch_cells`): rows in one cell share that start and the factors that move
-it, to first order, to the row's own ends (:mod:`cable_shape.kernels.batch_rows`). A row that is not reached so is
-solved by itself, from nothing. Either way a row's answer depends on its own ends and on nothing else.
+space of grasps (:mod:`cable_shape.kernels.batch_cells`): rows in one cell share that start, its mesh and the factors
+that move it, to first order, to the row's own ends (:mod:`cable_shape.kernels.batch_rows`). A row that is not reached
+so is solved by itself, from nothing. Either way a row's answer depends on its own ends and on nothing else.
 """
 
 from __future__ import annotations
@@ -11,9 +11,11 @@ from __future__ import annotations
 import copy
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from itertools import pairwise
+from threading import Lock
 from time import perf_counter
 from typing import final
 
@@ -45,7 +47,10 @@ CELL_REACH, CELL_TURN, COARSER = 0.25, 0.3, 3.0
 #: The grips of a cell's shape are at most this fraction of the length apart.
 LONGEST_CHORD = 0.95
 #: Rows in one task.
-TASK_ROWS = 256
+TASK_ROWS = 128
+
+#: Codes of `batch_rows.solve_rows` that tell nothing of other shapes.
+_ALONE = (CONVERGED, batch_rows.COARSE, batch_rows.LOST, rod_drive.TOO_FAR)
 
 Rows = NDArray[np.int64]
 
@@ -114,6 +119,26 @@ def predict_batch(
 
 
 @final
+class _CoarseCell:
+    """The shape of a coarse cell, made by the first task that needs it."""
+
+    def __init__(self, make: Callable[[], Seed | None]) -> None:
+        self._make: Callable[[], Seed | None] | None = make
+        self._seed: Seed | None = None
+        self._making = Lock()
+
+    def seed(self) -> Seed | None:
+        """None if there is no good one."""
+        with self._making:
+            if self._make is not None:
+                self._seed, self._make = self._make(), None
+            return self._seed
+
+
+_Task = tuple[Rows, Rows, _CoarseCell]
+
+
+@final
 class _Work:
     """One call of :func:`predict_batch`."""
 
@@ -168,30 +193,30 @@ class _Work:
     def solve_cells(self, threads: int) -> None:
         """Every valid row that its cell's shape leads to, in tasks that share nothing but what they read."""
         rows = np.flatnonzero(~self.invalid)
+        starts, ends = self.starts[rows], self.ends[rows]
         fine, coarse = np.empty((2, len(rows), batch_cells.DIMENSIONS), np.int64)
-        batch_cells.keys(self.starts[rows], self.ends[rows], self.reach, CELL_TURN, COARSER, fine, coarse)
-        order = np.lexsort((*fine.T, *coarse.T))
-        rows, fine, coarse = rows[order], fine[order], coarse[order]
-        if threads == 1:
-            for task in self._tasks(rows, fine, coarse):
-                self._solve(*task)
-            return
-        with ThreadPoolExecutor(threads) as pool:
-            running = [pool.submit(self._solve, *task) for task in self._tasks(rows, fine, coarse)]
-        for future in running:
-            future.result()
 
-    def _tasks(self, rows: Rows, fine: Rows, coarse: Rows) -> Iterator[tuple[Rows, Rows, Seed]]:
-        """Rows of one coarse cell, their cells, and the coarse one's shape."""
+        def find(a: int, b: int) -> None:
+            batch_cells.keys(starts[a:b], ends[a:b], self.reach, CELL_TURN, COARSER, fine[a:b], coarse[a:b])
+
+        with ThreadPoolExecutor(threads) as pool:
+            run = map if threads == 1 else pool.map
+            cuts = np.linspace(0, len(rows), threads + 1).astype(int).tolist()
+            for _ in run(find, cuts[:-1], cuts[1:]):
+                pass
+            order = np.lexsort((*fine.T, *coarse.T))
+            for _ in run(self._solve, self._tasks(rows[order], fine[order], coarse[order])):
+                pass
+
+    def _tasks(self, rows: Rows, fine: Rows, coarse: Rows) -> Iterator[_Task]:
+        """Rows of one coarse cell, their cells, and the coarse one."""
         cuts = np.flatnonzero((coarse[1:] != coarse[:-1]).any(axis=1)) + 1
         for first, last in pairwise((0, *cuts.tolist(), len(rows))):
-            if perf_counter() > self.deadline:
-                return
-            seed = self._seed(coarse[first]) if last > first else None
-            if seed is not None:
+            if last > first:
+                cell = _CoarseCell(partial(self._seed, coarse[first]))
                 for a in range(first, last, TASK_ROWS):
                     b = min(last, a + TASK_ROWS)
-                    yield rows[a:b], fine[a:b], seed
+                    yield rows[a:b], fine[a:b], cell
 
     def _seed(self, key: Rows) -> Seed | None:
         """The shape at the centre of a coarse cell; None if there is no good one."""
@@ -199,9 +224,13 @@ class _Work:
         batch_cells.grasp(key, COARSER * self.reach, COARSER * CELL_TURN, self.longest, start, end)
         return seed_at(self.finer, start, end)
 
-    def _solve(self, rows: Rows, cells: Rows, seed: Seed) -> None:
+    def _solve(self, task: _Task) -> None:
         """Rows of one coarse cell."""
         if perf_counter() > self.deadline:
+            return
+        rows, cells, coarse = task
+        seed = coarse.seed()
+        if seed is None:
             return
         batch, state, problem = self.batch, seed.state, self.problem
         codes = np.empty(len(rows), np.int64)
@@ -218,9 +247,11 @@ class _Work:
             state.sol,
             state.work,
             state.elements,
+            seed.mode,
+            state.info[rod_drive.ESTIMATE],
+            seed.loads,
             problem.points,
             problem.tolerance,
-            seed.mode,
             self.watch.soft,
             self.watch.section,
             self.watch.limits,
@@ -239,7 +270,7 @@ class _Work:
         batch.iterations[good] = batch.info[good, rod_drive.ITERATIONS]
         batch.done[good] = True
         batch.several[rows] = seed.several
-        batch.several[rows[(codes != CONVERGED) & (codes != batch_rows.COARSE) & (codes != rod_drive.TOO_FAR)]] = True
+        batch.several[rows[~np.isin(codes, _ALONE)]] = True
 
     # -- one row by itself
 

@@ -8,7 +8,7 @@ from rods import CABLE
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
-from cable_shape.kernels import batch_cells, batch_rows, rod_drive, rod_stability
+from cable_shape.kernels import batch_cells, batch_lean, rod_drive, rod_stability
 from cable_shape.models import cosserat
 from cable_shape.models.rod_state import RodState
 from cable_shape.problem import Problem
@@ -232,8 +232,8 @@ def test_the_lean_is_right_to_first_order() -> None:
                 Rotation.from_rotvec(sign * far * np.array((2.0, -1.0, 3.0))) * Rotation.from_quat(pose[3:])
             ).as_quat()
         target, trial = np.empty(15), np.zeros(3 * size)
-        assert batch_rows.aim(*there, state.ends, target)
-        batch_rows.lean(state.sol, state.work.copy(), state.elements, target, trial)
+        assert batch_lean.aim(*there, state.ends, target)
+        batch_lean.lean(state.sol, state.work.copy(), state.elements, target, trial)
         info, work = np.empty(rod_drive.INFO), np.zeros_like(state.work)
         rod_drive.solve(
             state.par, state.mesh.copy(), trial, work, np.empty(0), info, state.elements, 4, 0, 0, True, 25, 7.0

@@ -62,10 +62,15 @@ def nearest(x: Array, key: Array) -> None:
         y[i] -= i * c
     z = np.rint(y)
     t = y - z
-    order = np.argsort(t)[::-1]
+    order = np.arange(n)
     total = best = 0.0
     for i in range(n):
         total += t[i]
+        k = i
+        while k > 0 and t[order[k - 1]] < t[i]:
+            order[k] = order[k - 1]
+            k -= 1
+        order[k] = i
     # raising the k largest remainders' coordinates by one: the square of the distance, less what does not change
     change, count = 0.0, 0
     best = -total * total / n
@@ -92,7 +97,7 @@ def centre(key: Array, x: Array) -> None:
         x[i - 1] = (total - i * key[i - 1]) / math.sqrt(i * (i + 1.0))
 
 
-@kernel
+@kernel(nogil=True)
 def keys(starts: Array, ends: Array, reach: float, turn: float, ratio: float, fine: Array, coarse: Array) -> None:
     """Fills fine (k, 9) with each row's cell and coarse (k, 9) with the cell, `ratio` times as wide, of its centre."""
     x = np.empty(DIMENSIONS)

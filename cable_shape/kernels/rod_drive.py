@@ -194,6 +194,12 @@ def extrapolate(sol: Array, elements: int, history: int, length: float) -> None:
         lam[i] = (1.0 + a) * lam1[i] - a * lam0[i]
 
 
+@inlined
+def prediction(work: Array, elements: int) -> Array:
+    """(N+1, 4), in `work`: the frames that a solve starts from."""
+    return work[-4 * (elements + 1) :].reshape(elements + 1, 4)
+
+
 @kernel
 def reach(far: float, par: Array, before: Array, ends: Array) -> float:
     """`far`, or less: how far [rad] a frame may turn from its prediction while the ends move from `before` to `ends`.
@@ -221,9 +227,9 @@ def solve(
     from its prediction that is accepted, less where the ends move little, see `reach`. After CONVERGED the trial has
     become the solution now, the one now the one before. `points` 0: no output.
     """
-    s, h, load, rest, slack, errors = mesh_parts(mesh, elements)
+    s, h, load, rest, _, _ = mesh_parts(mesh, elements)
     q, lam, ends = slot(sol, elements, TRIAL)
-    stiff, moment, mask, weight = par[0:6], par[6:9], par[9:15].reshape(2, 3), par[15:18]
+    stiff, moment, mask = par[0:6], par[6:9], par[9:15].reshape(2, 3)
     span = ends[7:10] - ends[0:3]
     if width > 1 and par[5] == 0.0 and span[0] ** 2 + span[1] ** 2 + span[2] ** 2 >= (STRAIGHT * par[19]) ** 2:
         return TOO_FAR
@@ -235,12 +241,27 @@ def solve(
         far = reach(far, par, ends1, ends)
     if width == 1:
         lam[0] = lam[1] = lam[2] = 0.0
-    start = work[-4 * (elements + 1) :].reshape(elements + 1, 4)
-    start[:, :] = q
+    prediction(work, elements)[:, :] = q
     info[:] = 0.0
     status = newton(q, lam, s, h, load, rest, stiff, moment, mask, span, par[18], guard, most, work, width, info)
     if status != CONVERGED:
         return status
+    return finish(par, mesh, sol, work, out, info, elements, width, points, far)
+
+
+@kernel
+def finish(
+    par: Array, mesh: Array, sol: Array, work: Array, out: Array, info: Array, elements: int, width: int, points: int,
+    far: float,
+) -> int:  # fmt: skip
+    """Judges and samples the equilibrium that Newton's method has left in the trial part of `sol`; returns as `solve`.
+
+    work: with its factors, its gradient and the `prediction`, which is overwritten.
+    """
+    s, h, load, rest, slack, errors = mesh_parts(mesh, elements)
+    q, lam, ends = slot(sol, elements, TRIAL)
+    stiff, mask, weight = par[0:6], par[9:15].reshape(2, 3), par[15:18]
+    start = prediction(work, elements)
     largest = 0.0
     for k in range(elements + 1):
         miss = qmul(qconj(get4(start, k)), get4(q, k))

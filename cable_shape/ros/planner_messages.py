@@ -78,7 +78,7 @@ def violation_message(violation: Violation | None) -> CableViolation:
 
 
 def _doubles(values: Any) -> array.array[float]:
-    return array.array("d", np.ascontiguousarray(values, dtype=np.float64).tobytes())
+    return array.array("d", np.asarray(values, dtype=np.float64).tobytes())
 
 
 def _bytes(values: Any) -> array.array[int]:
