@@ -13,10 +13,12 @@ if TYPE_CHECKING:
     from cable_shape.batch import predict_batch
     from cable_shape.cable import Cable
     from cable_shape.calibration.fit import calibrate
+    from cable_shape.calibration.memory import rest_curvature_from
     from cable_shape.calibration.observation import Observation
+    from cable_shape.calibration.photo import calibrate_photo
     from cable_shape.calibration.result import Calibration, Estimate
     from cable_shape.calibration.sag import calibrate_sag
-    from cable_shape.calibration.tube import Tube, predict_tube
+    from cable_shape.calibration.tube import predict_tube
     from cable_shape.cycle import Cycle
     from cable_shape.errors import (
         ArgumentError,
@@ -52,6 +54,7 @@ if TYPE_CHECKING:
     from cable_shape.tails import predict_tails
     from cable_shape.trajectory import check_trajectory
     from cable_shape.trajectory_report import Reason, TrajectoryCheck, Violation
+    from cable_shape.uncertainty import Tube, Uncertainty
 
 __version__ = "0.1.0"
 
@@ -102,16 +105,19 @@ __all__ = [
     "Stress",
     "TrajectoryCheck",
     "Tube",
+    "Uncertainty",
     "UnknownKeyError",
     "Violation",
     "WarningKind",
     "calibrate",
+    "calibrate_photo",
     "calibrate_sag",
     "check_trajectory",
     "predict",
     "predict_batch",
     "predict_tails",
     "predict_tube",
+    "rest_curvature_from",
     "stress_of",
     "warm_up",
 ]
@@ -121,10 +127,12 @@ _HOMES = {
     "batch": ("predict_batch",),
     "cable": ("Cable",),
     "calibration.fit": ("calibrate",),
+    "calibration.memory": ("rest_curvature_from",),
     "calibration.observation": ("Observation",),
+    "calibration.photo": ("calibrate_photo",),
     "calibration.result": ("Calibration", "Estimate"),
     "calibration.sag": ("calibrate_sag",),
-    "calibration.tube": ("Tube", "predict_tube"),
+    "calibration.tube": ("predict_tube",),
     "cycle": ("Cycle",),
     "errors": (
         "ArgumentError",
@@ -149,6 +157,7 @@ _HOMES = {
     "tails": ("predict_tails",),
     "trajectory": ("check_trajectory",),
     "trajectory_report": ("Reason", "TrajectoryCheck", "Violation"),
+    "uncertainty": ("Tube", "Uncertainty"),
 }
 _MODULES = {name: module for module, names in _HOMES.items() for name in names}
 

@@ -15,12 +15,15 @@ from cable_shape.models.rod_state import RodState
 from cable_shape.plug import Plug, PlugError, plug_error
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.predictor import Predictor
+from cable_shape.quasistatic import QuasistaticWatch
 from cable_shape.report import BodyDistance, CableWarning, Clearance, Margin
 from cable_shape.scene import Obstacle, Scene
 from cable_shape.shape import CableShape
 from cable_shape.snap import predicted_snap
 from cable_shape.tails import Tail, held_frame
-from cable_shape.warn import Standing, snap_warning, tail_warning, warnings_of
+from cable_shape.tube import TubeWatch
+from cable_shape.uncertainty import Tube
+from cable_shape.warn import Standing, snap_warning, tail_warning, tube_warning, warnings_of
 
 Ends = tuple[Pose | Grip, Pose | Grip | FreeEnd | None]
 Links = Mapping[str, Pose] | None
@@ -47,6 +50,10 @@ class CableCycle:
         [s], a snap this near is predicted; 0: never.
     cables : int
         How many there are in all.
+    tubes : TubeWatch, optional
+        Makes clearance that of the cable's tube.
+    inertia : QuasistaticWatch, optional
+        Tells whether the cable may be taken for one at rest.
     """
 
     def __init__(
@@ -59,6 +66,8 @@ class CableCycle:
         plug: Plug | None,
         snap_horizon: float,
         cables: int = 1,
+        tubes: TubeWatch | None = None,
+        inertia: QuasistaticWatch | None = None,
     ) -> None:
         self.name = name
         self.predictor = predictor
@@ -77,6 +86,8 @@ class CableCycle:
         moving = np.concatenate((checker.moving, np.ones(cables, dtype=np.bool_)))  # other cables, and itself
         self._watch = MarginWatch(cable, scene, moving)
         self._standing = Standing(scene)
+        self._tubes = tubes
+        self._inertia = inertia
         self.reset()
 
     def reset(self) -> None:
@@ -86,6 +97,12 @@ class CableCycle:
             tail.reset()
         self._watch.reset()
         self._standing.reset()
+        if self._tubes is not None:
+            self._tubes.reset()
+        if self._inertia is not None:
+            self._inertia.reset()
+        self.tube: Tube | None = None  # of the last shape, if it is asked for and known
+        self._stamp = 0  # ns, of the last margins
         self._rod: RodState | None = None  # of the last shape
         self.tails: dict[str, CableShape] = {}  # by side
         self.after_snap: CableShape | None = None
@@ -110,11 +127,17 @@ class CableCycle:
         """Whether the last shape was solved for in its plane alone."""
         return self._rod is not None and self._rod.planar
 
+    def spread(self, shape: CableShape, ends: Ends, links: Links) -> Tube | None:
+        """The tube of the shape just predicted, if it is asked for and known; kept in `tube`."""
+        if self._tubes is not None:
+            self.tube = self._tubes.tube(self.predictor, shape, ends, links)
+        return self.tube
+
     def check(self, shape: CableShape, links: Links) -> Clearance:
-        """The clearance of span and tails: for each body that of the nearest part."""
+        """The clearance of span, as thick as its tube, and tails: for each body that of the nearest part."""
         if self.scene.contact == "off":
             return Clearance(beyond=0.0, robot_checked=links is not None)
-        clearance = self._checker.check(shape, links)
+        clearance = self._checker.check(shape, links, None if self.tube is None else self.tube.radius)
         if not self.tails:
             return clearance
         parts = [clearance]
@@ -131,6 +154,11 @@ class CableCycle:
     def margins(self, shape: CableShape, clearance: Clearance, ends: Ends, stamp: int) -> tuple[Margin, ...]:
         """How far trouble is, and with it whether the cable is about to snap."""
         margins = self._watch.margins(shape, clearance, stamp, state=self._rod, ends=ends)
+        if self._inertia is not None:
+            inertia = self._inertia.margin(shape, self._watch.twists, (stamp - self._stamp) * 1e-9, *ends)
+            if inertia is not None:
+                margins = (*margins, inertia)
+        self._stamp = stamp
         self._look_ahead(shape, stamp)
         return margins
 
@@ -177,8 +205,11 @@ class CableCycle:
             tolerance=self.predictor.problem.tolerance,
             margins=margins,
             standing=self._standing,
+            period=math.nan if self._inertia is None else self._inertia.period,
         )
         more = [] if self._snap is None else [self._snap]
+        if self._tubes is not None and self._tubes.trouble and shape.status:
+            more.append(tube_warning(self.name, shape, self._tubes.trouble))
         more += [tail_warning(self.name, side, tail) for side, tail in self.tails.items() if not tail.status]
         if not more:
             return found

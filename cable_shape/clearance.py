@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from cable_shape import checks
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
-from cable_shape.kernels import bounds, distance, triangles
+from cable_shape.kernels import bounds, distance, swollen, triangles
 from cable_shape.kernels.contact_near import GRIP_EXCLUSION
 from cable_shape.meshes.tree import mesh_tables
 from cable_shape.pose import Pose
@@ -99,7 +99,9 @@ class ClearanceChecker:
         self._fixed = sum(body.link is None for body in bodies)
         self.tables = body_tables(bodies, self.links, frozenset(gripping_links))
 
-    def check(self, shape: CableShape, links: Mapping[str, Pose] | None = None) -> Clearance:
+    def check(
+        self, shape: CableShape, links: Mapping[str, Pose] | None = None, swell: Array | None = None
+    ) -> Clearance:
         """Distances of `shape` to all bodies.
 
         Parameters
@@ -108,6 +110,9 @@ class ClearanceChecker:
             Of a shape that did not converge nothing is told: the answer lists no body and says beyond = 0.
         links : mapping of robot link to its Pose in the world, optional
             Without it bodies on links are left out and `robot_checked` is False, also when there are none.
+        swell : (n,), optional
+            [m], by how much the cable is taken for thicker at each of its points, its tube for example; where it rests
+            on a body it is not.
 
         Raises
         ------
@@ -121,21 +126,15 @@ class ClearanceChecker:
             return Clearance(robot_checked=links is not None)
         result = np.empty((len(self.names), bounds.RESULT_COLUMNS))
         counts = np.empty(2, np.int64)
-        status = bounds.closest_points(
-            shape.positions,
-            shape.arc_length,
-            self.radius,
-            self.horizon,
-            self.grip_exclusion,
-            self.cull,
-            self.tables[0],
-            _NO_LINKS if links is None else link_rows(links, self._carried),
-            *self.tables[1:],
-            result,
-            counts,
-        )
+        rows = _NO_LINKS if links is None else link_rows(links, self._carried)
+        tables = (self.tables[0], rows, *self.tables[1:])
+        line = shape.positions, shape.arc_length, self.radius
+        reach = self.horizon if swell is None else self.horizon + float(swell.max())
+        status = bounds.closest_points(*line, reach, self.grip_exclusion, self.cull, *tables, result, counts)
         if status != bounds.OK:
             raise ArgumentError.of("shape.positions", "NaN or infinity", "they must be finite", "Look at its status.")
+        if swell is not None:
+            self._swell(shape, swell, tables, result)
         near = [
             BodyDistance(self.names[i], row[0], row[1], result[i, 2:5], result[i, 5:8])
             for i, row in enumerate(result[:, :2].tolist())
@@ -149,6 +148,16 @@ class ClearanceChecker:
             pairs_exact=int(counts[1]),
             table=result,
         )
+
+    def _swell(self, shape: CableShape, swell: Array, tables: tuple[Array, ...], result: Array) -> None:
+        """Makes the rows those of a swollen cable, but for bodies on which the cable rests, whatever its error."""
+        touched = {shape.bodies[int(row)] for row in shape.touches[:, 1].tolist()}
+        resting = [i for i, name in enumerate(self.names) if name in touched]
+        kept = result[resting]
+        line = shape.positions, shape.arc_length, self.radius
+        swollen.closest_points(*line, np.ascontiguousarray(swell), self.grip_exclusion, *tables, result)
+        result[resting] = kept
+        result[result[:, 0] > self.horizon, 0] = np.inf
 
 
 _NO_LINKS: Array = np.empty((0, 7))

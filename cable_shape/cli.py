@@ -78,6 +78,7 @@ def _add_replay(commands: Commands) -> None:
     replay.add_argument("--cable", type=Path, metavar="CABLE.yaml", help="keys: the keywords of Cable (required)")
     replay.add_argument("--scene", type=Path, metavar="SCENE.yaml", help="keys: the keywords of Scene")
     replay.add_argument("--robot", type=Path, metavar="ROBOT.yaml", help="needed for joint states")
+    replay.add_argument("--uncertainty", type=Path, metavar="FILE.yaml", help="keys: those of Uncertainty; a tube")
     _add_model(replay)
     replay.add_argument("--gravity", type=float, nargs=3, default=(0.0, 0.0, -9.81), metavar=("X", "Y", "Z"))
     for side, end in (("start", "left"), ("end", "right")):
@@ -154,6 +155,7 @@ def _replay(arguments: argparse.Namespace) -> int:
     from cable_shape.replay.report import headline, summarise
     from cable_shape.replay.run import replay
     from cable_shape.scene import Scene
+    from cable_shape.uncertainty import Uncertainty
 
     if arguments.cable is None:
         raise ArgumentError(
@@ -170,6 +172,7 @@ def _replay(arguments: argparse.Namespace) -> int:
         cable=Cable.from_yaml(arguments.cable),
         scene=None if arguments.scene is None else Scene.from_yaml(arguments.scene),
         robot=robot,
+        uncertainty=None if arguments.uncertainty is None else Uncertainty.from_yaml(arguments.uncertainty),
         **_model_options(arguments),
         gravity=tuple(arguments.gravity),
         start=_held("--start-offset", arguments.start_kind, arguments.start_offset),

@@ -6,10 +6,10 @@ no file and no viewer.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from time import perf_counter
-from typing import final
+from typing import Any, final
 
 from numpy.typing import ArrayLike
 
@@ -22,9 +22,12 @@ from cable_shape.near import CableNear
 from cable_shape.plug import Plug
 from cable_shape.pose import Pose
 from cable_shape.predictor import Predictor
+from cable_shape.quasistatic import LIMIT, QuasistaticWatch
 from cable_shape.report import CycleReport
 from cable_shape.scene import Clip, Obstacle, Scene
 from cable_shape.shape import CableShape
+from cable_shape.tube import TubeWatch
+from cable_shape.uncertainty import Uncertainty
 
 
 @final
@@ -52,6 +55,12 @@ class Cycle:
         [s], of one prediction, see :class:`cable_shape.Predictor`.
     snap_horizon : float
         [s], where stability may be lost within this time at the present gripper speed, the snap is predicted; 0: never.
+    quasistatic_limit : float
+        Of the ratio of the cable's inertial load, as the grips move, to its weight, beyond which it is warned that the
+        prediction leaves the inertia out; 0: never.
+    uncertainty : Uncertainty or mapping of cable name to Uncertainty, optional
+        Makes a tube about every shape (`report.tubes`); clearance is that of the tube then, and margins and warnings of
+        it, too. Tails have none.
     """
 
     def __init__(
@@ -70,6 +79,8 @@ class Cycle:
         clips: Mapping[str, Sequence[Clip]] | None = None,
         snap_horizon: float = 1.0,
         time_budget: float | None = None,
+        quasistatic_limit: float = LIMIT,
+        uncertainty: Uncertainty | Mapping[str, Uncertainty] | None = None,
     ) -> None:
         named = {"cable": cables} if isinstance(cables, Cable) else dict(cables)
         if not named:
@@ -80,28 +91,38 @@ class Cycle:
         for name, lengths in (tails or {}).items():
             named[name] = named[name].replace(tails=lengths)
         horizon = checks.number("snap_horizon", snap_horizon, at_least=0.0, unit="s")
+        ratio = checks.number("quasistatic_limit", quasistatic_limit, at_least=0.0)
+        known = dict.fromkeys(named, uncertainty) if isinstance(uncertainty, Uncertainty) else dict(uncertainty or {})
+        checks.known_keys("uncertainty", known, named)
         self.cables = named
         self.scene = scene or Scene()
         self._cables = {}
         for name, cable in named.items():
-            own = self.scene if clips is None or name not in clips else replace(self.scene, clips=clips[name])
-            predictor = Predictor(
-                cable,
-                model=model,
-                gravity=gravity,
-                points=points,
-                tolerance=tolerance,
-                scene=own,
-                time_budget=time_budget,
-                robot_links=robot_links,
-                gripping_links=gripping_links,
+            own = (
+                self.scene if clips is None or name not in clips else dataclasses.replace(self.scene, clips=clips[name])
             )
+            options: dict[str, Any] = {
+                "gravity": gravity,
+                "points": points,
+                "scene": own,
+                "time_budget": time_budget,
+                "robot_links": robot_links,
+                "gripping_links": gripping_links,
+            }
+            predictor = Predictor(cable, model=model, tolerance=tolerance, **options)
+            tubes = None
+            if known.get(name) is not None:
+                if not predictor.is_rod:
+                    bound = "only the Cosserat rod knows how its shapes change"
+                    raise ArgumentError.of("model", model, bound, "Choose 'cosserat' or 'auto', or no uncertainty.")
+                tubes = TubeWatch(cable, known[name], **options)
             plug = (plugs or {}).get(name, self.scene.plug)
             if plug is not None:
                 checks.one_of(f"plugs[{name!r}].socket", plug.socket, self.scene.sockets)
             self._cables[name] = CableCycle(
-                name, predictor, own, robot_links, gripping_links, plug, horizon, len(named)
-            )
+                name, predictor, own, robot_links, gripping_links, plug, horizon, len(named), tubes,
+                QuasistaticWatch(cable, gravity, ratio) if ratio > 0.0 else None,
+            )  # fmt: skip
         self._near = CableNear(named, self.scene, robot_links)
         self._crossing: tuple[tuple[str, ...], Crossing] | None = None
         self._pushed = any(body.link is not None for body in predictor.problem.bodies)
@@ -161,9 +182,14 @@ class Cycle:
         if callable(links) and not self._pushed:
             placed = links()
         resumed = perf_counter()
+        tubes = {name: cable.spread(shapes[name], grips[name], placed) for name, cable in cables.items()}
+        known = {name: tube for name, tube in tubes.items() if tube is not None}
+        swell = {name: float(tube.radius.max()) for name, tube in known.items()}
         clearance = {name: cable.check(shapes[name], placed) for name, cable in cables.items()}
         if self.scene.contact != "off":
-            clearance = self._near.added(shapes, clearance)
+            clearance = self._near.added(shapes, clearance, swell)
+        for name, tube in known.items():
+            clearance[name] = dataclasses.replace(clearance[name], confidence=tube.confidence)
         checked = perf_counter()
         margins = {
             name: cable.margins(shapes[name], clearance[name], grips[name], stamp) for name, cable in cables.items()
@@ -202,6 +228,7 @@ class Cycle:
             tails={(name, side): tail for name, cable in cables.items() for side, tail in cable.tails.items()},
             after_snap={name: cable.after_snap for name, cable in cables.items() if cable.after_snap is not None},
             plugs={name: error for name, error in plugs.items() if error is not None},
+            tubes=known,
         )
 
     def _together(self, grips: Mapping[str, Ends], links: Mapping[str, Pose] | None) -> dict[str, CableShape]:

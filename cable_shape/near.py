@@ -55,6 +55,7 @@ class CableNear:
         self._bodies_before = len(scene.obstacles) + len(robot_links)
         self._nothing = np.full((max(self._bodies_before, len(cables)), RESULT_COLUMNS), math.inf)
         self._spot = np.empty(cable_near.SPOT)
+        self._swell: Mapping[str, float] = {}
         self._horizon = max(HORIZON_FACTOR * max(scene.warn_distance, scene.error_distance), LEAST_HORIZON)
         taken = {body.name for body in (*scene.obstacles, *robot_links)}
         if ITSELF in cables:
@@ -74,8 +75,17 @@ class CableNear:
         """What is near a cable: the others, and itself."""
         return [other for other in self._diameters if other != name] + [ITSELF]
 
-    def added(self, shapes: Mapping[str, CableShape], clearance: Mapping[str, Clearance]) -> dict[str, Clearance]:
-        """The clearances of all the cables to bodies, with the cables near them added."""
+    def added(
+        self,
+        shapes: Mapping[str, CableShape],
+        clearance: Mapping[str, Clearance],
+        swell: Mapping[str, float] | None = None,
+    ) -> dict[str, Clearance]:
+        """The clearances of all the cables to bodies, with the cables near them added.
+
+        swell: by how much a cable is taken for thicker [m], where it does not rest on the other.
+        """
+        self._swell = swell or {}
         judged = [name for name in self._diameters if name in shapes and shapes[name].status not in NOT_JUDGED]
         found: dict[str, dict[int, Row]] = {name: {} for name in judged}
         counts = {name: np.zeros(2, dtype=np.int64) for name in judged}
@@ -96,8 +106,9 @@ class CableNear:
         counts: dict[str, Counts],
     ) -> None:
         """Fills the rows of two cables, or of one with itself."""
-        radii = 0.5 * self._diameters[a], 0.5 * self._diameters[b]
         spot, first, other = self._spot, shapes[a], shapes[b]
+        resting = any(contact.body == (ITSELF if a == b else b) for contact in first.contacts)
+        radii = tuple(0.5 * self._diameters[k] + (0.0 if resting else self._swell.get(k, 0.0)) for k in (a, b))
         near = cable_near.nearest(
             first.positions, first.arc_length, other.positions, other.arc_length, a == b, SHORTEST * self._diameters[a],
             self._horizon + radii[0] + radii[1], self.cull, spot, counts[a], counts[b],
@@ -134,5 +145,5 @@ class CableNear:
             clearance.robot_checked,
             clearance.pairs_culled + culled,
             clearance.pairs_exact + exact,
-            table,
+            table=table,
         )

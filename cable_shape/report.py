@@ -12,6 +12,7 @@ from cable_shape.checks import Array
 from cable_shape.plug import PlugError
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.shape import CableShape
+from cable_shape.uncertainty import Tube
 
 
 @final
@@ -27,6 +28,7 @@ class WarningKind(enum.Enum):
     STRESS = 6
     STABILITY = 7
     SNAP = 8
+    QUASISTATIC = 9
 
 
 @final
@@ -67,6 +69,7 @@ class Clearance:
     robot_checked: bool = False  # False: robot links were not given
     pairs_culled: int = 0  # pairs of a cable capsule and a body, or another capsule, that bounds ruled out
     pairs_exact: int = 0  # pairs solved exactly
+    confidence: float = 0.0  # above 0: distances are those of the tube that holds the cable with it
     #: (m, 8), a row for each body checked: distance (infinite: beyond), arc length, the two witness points
     table: Array | None = field(default=None, repr=False, compare=False)
 
@@ -127,6 +130,7 @@ class CycleReport:
         part of the clearance, their arc lengths negative or beyond the length of the cable.
     after_snap : by cable, the shape after a snap that is about to come.
     plugs : by cable, how far its plug is from being in the socket.
+    tubes : by cable, how well its shape is known, where that is asked for; clearance is that of the tube then.
     """
 
     stamp: int
@@ -141,6 +145,7 @@ class CycleReport:
     tails: Mapping[tuple[str, str], CableShape] = field(default_factory=dict)
     after_snap: Mapping[str, CableShape] = field(default_factory=dict)
     plugs: Mapping[str, PlugError] = field(default_factory=dict)
+    tubes: Mapping[str, Tube] = field(default_factory=dict)
 
     @property
     def robot_checked(self) -> bool:

@@ -43,6 +43,7 @@ def warm_up_cycles() -> None:
     from cable_shape.predictor import Predictor, predict
     from cable_shape.scene import Box, Capsule, Clip, Cylinder, HalfSpace, Obstacle, PointMass, Scene, Sphere
     from cable_shape.solvers import MODELS
+    from cable_shape.uncertainty import Uncertainty
 
     cable = Cable(
         length=1.0,
@@ -73,6 +74,8 @@ def warm_up_cycles() -> None:
         cycle = Cycle(cable, model=model, scene=scene)
         for stamp, far in enumerate((end, later, end)):
             cycle.step({"cable": (start, far)}, stamp=stamp * 10_000_000, links={"tool": start})
+    spread = Cycle(cable, model="cosserat", scene=scene, uncertainty=Uncertainty({"length": 1e-3}, (1e-3, 0.0)))
+    spread.step({"cable": (start, end)}, stamp=0, links={"tool": start})
     clips = [Clip(0.3, Pose((0.2, 0.0, 0.5)), "slide"), Clip(0.6, Pose((0.45, 0.0, 0.5)))]
     held = Predictor(cable, model="cosserat", scene=Scene(clips=clips))
     for k in range(3):

@@ -22,6 +22,8 @@ WARN_FRACTION = 0.9
 _SOLVED = 2e-4
 #: The stretch of a cable is warned of from this fraction of its length: up to there it hangs slack without harm.
 STRETCH_FRACTION = 0.99
+#: The inertial load is an error from so many times its limit on: by default where it is as large as the weight.
+INERTIA_ERROR = 4.0
 #: A warning is over, and an error a mere warning again, this fraction below where it began.
 HYSTERESIS = 0.05
 
@@ -41,6 +43,8 @@ class Levels:
             limit = max(scene.warn_distance, scene.error_distance)
             error = 2.0 - scene.error_distance / limit if limit > 0.0 else 1.0
             return cls(math.nextafter(1.0, 2.0), math.nextafter(error, 3.0))  # at the very distance all is still well
+        if kind is WarningKind.QUASISTATIC:
+            return cls(1.0, INERTIA_ERROR)
         return cls(STRETCH_FRACTION if kind is WarningKind.OVERSTRETCHED else WARN_FRACTION, 1.0)
 
     def severity(self, used: float, before: Severity | None) -> Severity | None:
@@ -94,6 +98,7 @@ def warnings_of(
     *,
     margins: tuple[Margin, ...] | None = None,
     standing: Standing | None = None,
+    period: float = math.nan,
 ) -> tuple[CableWarning, ...]:
     """All warnings that hold for one cable, errors first, then by falling margin.
 
@@ -116,11 +121,13 @@ def warnings_of(
         Of this shape. Default: those that it has by itself, see `margins_of`.
     standing : Standing, optional
         The warnings of the last cycle: one that stands is over only 5 % below where it began.
+    period : float
+        [s], with which the cable swings.
     """
     if margins is None:
         margins = margins_of(cable, scene, shape, clearance)
     found = [
-        _warning(cable_id, margin, severity, scene, shape, clearance)
+        _warning(cable_id, margin, severity, scene, shape, clearance, period)
         for margin, severity in (standing or Standing(scene)).judge(margins)
     ]
     if shape.status is Status.OVERSTRETCHED:
@@ -192,6 +199,24 @@ def tail_warning(cable_id: str, side: str, tail: CableShape) -> CableWarning:
     )
 
 
+def tube_warning(cable_id: str, shape: CableShape, reason: str) -> CableWarning:
+    """How well the shape is known is asked for, and not known."""
+    point = shape.positions[0]
+    return CableWarning(
+        cable_id=cable_id,
+        kind=WarningKind.STATUS,
+        severity=Severity.WARN,
+        text=f"{cable_id}: no tube is known, {reason}: clearance is that of the predicted line. Keep further away.",
+        value=math.nan,
+        limit=math.nan,
+        margin=1.0,
+        arc_length=0.0,
+        point_on_cable=point,
+        point_on_other=point,
+        other="tube",
+    )
+
+
 def snap_warning(cable_id: str, stability: Margin, time: float, shape: CableShape, after: CableShape) -> CableWarning:
     """The cable will snap in `time` [s]; `after`: its shape then."""
     far = np.linalg.norm(after.positions - shape.positions, axis=1)
@@ -215,7 +240,13 @@ def snap_warning(cable_id: str, stability: Margin, time: float, shape: CableShap
 
 
 def _warning(
-    cable_id: str, margin: Margin, severity: Severity, scene: Scene, shape: CableShape, clearance: Clearance
+    cable_id: str,
+    margin: Margin,
+    severity: Severity,
+    scene: Scene,
+    shape: CableShape,
+    clearance: Clearance,
+    period: float,
 ) -> CableWarning:
     """One margin that is used up, or nearly."""
     if margin.kind is WarningKind.CLEARANCE:
@@ -227,7 +258,10 @@ def _warning(
             where = f"{margin.other!r} {_at(margin.arc_length, shape.length)}"
             text = f"rests on {where}, with {pressed:.2g} N in all. Lift it off, if it is not to touch."
         else:
-            text = _clearance(margin, severity, scene, shape.length)
+            text = _clearance(margin, severity, scene, shape.length, clearance.confidence)
+    elif margin.kind is WarningKind.QUASISTATIC:
+        point = other = shape.positions[-1 if margin.arc_length > 0.0 else 0]
+        text = _moving(margin, period)
     else:
         point = other = shape.positions[round(margin.arc_length / shape.length * (shape.points - 1))]
         text = _words(margin, shape.length)
@@ -249,9 +283,11 @@ def _warning(
     )
 
 
-def _clearance(margin: Margin, severity: Severity, scene: Scene, length: float) -> str:
-    """The cable is too near to another body."""
+def _clearance(margin: Margin, severity: Severity, scene: Scene, length: float, confidence: float) -> str:
+    """The cable, or the tube that holds it, is too near to another body."""
     where = f"{margin.other!r} {_at(margin.arc_length, length)}"
+    if confidence > 0.0:
+        where += f", by the tube that holds the cable with {100.0 * confidence:g} %"
     if margin.value < 0.0:
         return f"overlaps {where} by {metres(-margin.value)}. Move the cable off it."
     if severity is Severity.ERROR:
@@ -259,6 +295,17 @@ def _clearance(margin: Margin, severity: Severity, scene: Scene, length: float) 
     else:
         bound = f"warning below {metres(margin.limit)}"
     return f"{metres(margin.value)} from {where} ({bound}). Keep away from it."
+
+
+def _moving(margin: Margin, period: float) -> str:
+    """The cable may not be taken for one at rest."""
+    side = "end" if margin.arc_length > 0.0 else "start"
+    swings = f" It swings with a period of about {period:.2g} s." if period < math.inf else ""
+    return (
+        f"moves too fast to be taken for at rest: its inertia loads it with {100.0 * margin.value:.2g} % of its weight "
+        f"or has done so a moment ago, most at the {side} grip; {100.0 * margin.limit:.2g} % is allowed, and the shape "
+        f"leaves it out.{swings} Accelerate less, or keep further away."
+    )
 
 
 def _words(margin: Margin, length: float) -> str:

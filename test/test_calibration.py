@@ -114,8 +114,8 @@ def test_robust_fit_against_a_line_in_closed_form() -> None:
     seen = design @ truth + 1e-3 * rng.normal(size=(400, 3))
     one = np.ones(2)
     fit = Robust(
-        lambda v: seen - design @ v, lambda v, r: -design, lambda v, r: False, np.full(400, True), np.arange(400) % 5,
-        10.0 * one, np.inf * one,
+        lambda v: seen - design @ v, lambda v, r: -design, lambda v, r: False, np.full(400, 3), np.arange(400) % 5,
+        10.0 * one, np.zeros((2, 2)),
     ).run(np.zeros(2))  # fmt: skip
     assert fit.converged
     assert fit.scale == pytest.approx(1e-3, rel=0.1)

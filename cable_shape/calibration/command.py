@@ -8,17 +8,24 @@ from pathlib import Path
 from typing import Any
 
 from cable_shape.cable import Cable
+from cable_shape.calibration.photo import PhotoCalibration, calibrate_photo, is_photo
 from cable_shape.calibration.result import Calibration
 from cable_shape.errors import ArgumentError
+from cable_shape.uncertainty import Uncertainty
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options."""
     parser.add_argument(
-        "source", type=Path, nargs="?", metavar="SOURCE", help="a rosbag2, .npz or .csv with grips and points"
+        "source",
+        type=Path,
+        nargs="?",
+        metavar="SOURCE",
+        help="a rosbag2, .npz or .csv with grips and points, or a .csv of clicks in a photograph",
     )
     parser.add_argument("-o", "--out", type=Path, metavar="CABLE.yaml", help="write the calibrated cable there")
     parser.add_argument("--report", type=Path, metavar="FILE", help="write the report, too: .json, .txt or .png")
+    parser.add_argument("--uncertainty", type=Path, metavar="FILE.yaml", help="write what is left open, for a tube")
     parser.add_argument("--cable", type=Path, metavar="CABLE.yaml", help="where the fit begins, and what is not fitted")
     parser.add_argument("--length", type=float, metavar="M", help="in place of --cable: length between the grips")
     parser.add_argument("--mass", type=float, metavar="KG", help="in place of --cable: mass of that length")
@@ -27,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--fit",
         default="bending_stiffness",
         metavar="NAMES",
-        help="with commas; see docs/accuracy.md (bending_stiffness)",
+        help="with commas; see docs/calibration.md (bending_stiffness)",
     )
     parser.add_argument(
         "--prior", action="append", default=[], metavar="NAME=SD", help="standard deviation about the start; repeatable"
@@ -41,9 +48,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--left-topic", default="/left_gripper/pose", metavar="TOPIC")
     parser.add_argument("--right-topic", default="/right_gripper/pose", metavar="TOPIC")
     parser.add_argument("--markers-topic", default="/cable/markers", metavar="TOPIC")
+    photo = parser.add_argument_group("from a photograph", "a .csv with columns what, u, v; see docs/calibration.md")
+    photo.add_argument("--click-error", type=float, default=2.0, metavar="PX", help="standard error of a click (2)")
+    photo.add_argument("--picture", type=Path, metavar="IMAGE", help="the photograph, to be drawn in --report FILE.png")
+    parser.add_argument(
+        "--rest", action="store_true", help="SOURCE is a .csv with x, y, z of a cable that lies without load"
+    )
     sag = parser.add_argument_group("from one number", "a cable held as --held says hangs --sag below its start")
     sag.add_argument("--sag", type=float, metavar="M")
-    sag.add_argument("--chord", type=float, metavar="M", help="distance of the two level ends")
+    sag.add_argument("--chord", type=float, metavar="M", help="distance of the two level ends; also for a photograph")
     sag.add_argument("--held", choices=("level", "pinned", "free"), default="level", help="free: one end only (level)")
     sag.add_argument("--sag-error", type=float, default=0.003, metavar="M", help="standard error of the sag (0.003)")
 
@@ -55,13 +68,29 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.report is not None and arguments.report.suffix not in (".json", ".txt", ".png"):
         raise ArgumentError(f"--report {arguments.report}: its ending must be .json, .txt or .png.")
     cable = _cable(arguments)
-    found = _from_sag(arguments, cable) if arguments.source is None else _from_source(arguments, cable)
+    photo = None
+    if arguments.source is None:
+        found = _from_sag(arguments, cable)
+    elif arguments.rest:
+        found = _from_rest(arguments, cable)
+    elif arguments.source.suffix == ".csv" and is_photo(arguments.source):
+        photo = _from_photo(arguments, cable)
+        found = photo.found
+    else:
+        found = _from_source(arguments, cable)
     print(found.report())
     print(f"{'cable':<22} {found.cable.describe()}")
     if arguments.out is not None:
         print(f"written: {found.save(arguments.out)}")
+    if arguments.uncertainty is not None:
+        print(f"written: {Uncertainty.of(found).save(arguments.uncertainty)}")
     if arguments.report is not None:
-        _write_report(found, arguments.report)
+        if photo is not None and arguments.report.suffix == ".png":
+            from cable_shape.calibration.picture import draw_photo
+
+            draw_photo(photo, arguments.report, arguments.picture)
+        else:
+            _write_report(found, arguments.report)
         print(f"written: {arguments.report}")
     return 0
 
@@ -85,6 +114,24 @@ def _from_sag(arguments: argparse.Namespace, cable: Cable) -> Calibration:
     )
 
 
+def _from_rest(arguments: argparse.Namespace, cable: Cable) -> Calibration:
+    from cable_shape.calibration.memory import rest_curvature_from
+    from cable_shape.calibration.sources import load_points
+
+    return rest_curvature_from(load_points(arguments.source), cable)
+
+
+def _from_photo(arguments: argparse.Namespace, cable: Cable) -> PhotoCalibration:
+    return calibrate_photo(
+        arguments.source,
+        cable,
+        _names(arguments),
+        chord=arguments.chord,
+        click_error=arguments.click_error,
+        priors=_priors(arguments),
+    )
+
+
 def _from_source(arguments: argparse.Namespace, cable: Cable) -> Calibration:
     from cable_shape.calibration.fit import calibrate
     from cable_shape.calibration.sources import load_observations
@@ -96,8 +143,15 @@ def _from_source(arguments: argparse.Namespace, cable: Cable) -> Calibration:
         options = {name: getattr(arguments, name) for name in names}
     kinds = (arguments.start_kind, arguments.end_kind or ("swivel" if recorded else "clamped"))
     observations = load_observations(arguments.source, kinds, **options)
-    names = tuple(name.strip() for name in arguments.fit.split(",") if name.strip())
-    return calibrate(observations, cable, names, priors=dict(_prior(text) for text in arguments.prior))
+    return calibrate(observations, cable, _names(arguments), priors=_priors(arguments))
+
+
+def _names(arguments: argparse.Namespace) -> tuple[str, ...]:
+    return tuple(name.strip() for name in arguments.fit.split(",") if name.strip())
+
+
+def _priors(arguments: argparse.Namespace) -> dict[str, float]:
+    return dict(_prior(text) for text in arguments.prior)
 
 
 def _prior(text: str) -> tuple[str, float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,6 +24,7 @@ def calibrate(
     *,
     priors: Mapping[str, float] | None = None,
     gravity: ArrayLike = GRAVITY,
+    proceed: Callable[[int, float], bool] | None = None,
 ) -> Calibration:
     """The cable whose predicted shapes come nearest to the observed points, and how well it is known.
 
@@ -40,13 +41,17 @@ def calibrate(
         Where the fit begins, and all that is not fitted.
     fit : sequence of str
         "bending_stiffness" (its two values keep their ratio; GJ follows unless fitted), "twisting_stiffness",
-        "axial_stiffness", "length", "rest_curvature" (constant, about d1 and d2), "start_offset", "end_offset" (of the
-        cable in the grip's cable frame), "start_tilt", "end_tilt" (about d1 and d2 there), "roll" (of the end's).
+        "axial_stiffness", "length", "rest_curvature" (constant, about d1 and d2), "rest_curvature_along" (of five hat
+        functions of arc length, a smooth change of what the cable has), "start_offset", "end_offset" (of the cable in
+        the grip's cable frame), "start_tilt", "end_tilt" (about d1 and d2 there), "roll" (of the end's).
     priors : mapping, optional
         Standard deviation about where the fit begins, by name and in the unit of what is fitted; of a stiffness as a
-        fraction of it.
+        fraction of it; of "rest_curvature_along" that of its change over the whole length, 3 / length by default.
     gravity : (3,) array_like
         [m/s^2], world.
+    proceed : callable, optional
+        Is asked before each iteration, with its number and the scale of the misses [m], whether to go on. If not, the
+        result is where the fit is then, not converged.
 
     Raises
     ------
@@ -69,9 +74,10 @@ def calibrate(
             "Is its length in metres, and at least the distance of the grips?",
         )  # fmt: skip
     each = parameters.each
-    steps, widths = np.array([p.most for p in each]), np.array([p.prior for p in each])
-    robust = Robust(forward.misses, forward.jacobian, forward.retry, ~np.isnan(arc), groups[owners], steps, widths)
-    found = robust.run(parameters.start)
+    steps, before = np.array([p.most for p in each]), parameters.precision
+    freedom = 3 - np.isnan(arc) - np.array([o.planar for o in seen])[owners]
+    robust = Robust(forward.misses, forward.jacobian, forward.retry, freedom, groups[owners], steps, before)
+    found = robust.run(parameters.start, proceed)
     correlation = correlation_of(found.covariance)
     lost = len(np.unique(owners[np.isnan(found.misses[:, 0])]))
     return Calibration(
@@ -83,10 +89,14 @@ def calibrate(
         weights=found.weights,
         iterations=found.iterations,
         converged=found.converged,
-        remarks=remarks_of(each, found.covariance, correlation, found.blind, found.converged, lost),
+        remarks=(
+            *remarks_of(each, found.covariance, correlation, found.blind, found.converged, lost),
+            *parameters.by_prior(found.covariance),
+        ),
         points=tuple(o.points for o in seen),
         centrelines=tuple(forward.centrelines(found.values)),
         parameters=parameters,
         values=found.values,
         covariance=found.covariance,
+        freedom=found.freedom,
     )

@@ -32,6 +32,8 @@ class Observation:
     group : int, optional
         Observations of one recording share what the model does not know, so that they are no independent evidence; give
         them the same number. Default: every observation for itself.
+    planar : bool
+        The points were seen in a plane only, that of a photograph: they have no scatter across it.
 
     Raises
     ------
@@ -39,7 +41,7 @@ class Observation:
         Naming the value, the bound and the remedy.
     """
 
-    __slots__ = ("acceleration", "arc_length", "end", "group", "points", "start")
+    __slots__ = ("acceleration", "arc_length", "end", "group", "planar", "points", "start")
 
     start: Grip
     end: Grip | FreeEnd
@@ -47,6 +49,7 @@ class Observation:
     arc_length: Array
     acceleration: Array | None
     group: int | None
+    planar: bool
 
     def __init__(
         self,
@@ -56,6 +59,7 @@ class Observation:
         arc_length: ArrayLike | None = None,
         acceleration: ArrayLike | None = None,
         group: int | None = None,
+        planar: bool = False,
     ) -> None:
         self.start = as_grip("start", start)
         self.end = FreeEnd() if end is None else end if isinstance(end, FreeEnd) else as_grip("end", end)
@@ -79,6 +83,7 @@ class Observation:
         self.points = np.ascontiguousarray(seen[whole])
         self.arc_length = np.ascontiguousarray(arc[whole])
         self.acceleration = None if acceleration is None else _numbers("acceleration", acceleration)
+        self.planar = bool(planar)
         self.group = None if group is None else checks.integer("group", group, at_least=-(2**62))
 
 

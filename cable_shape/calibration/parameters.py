@@ -15,6 +15,10 @@ from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError, UnknownKeyError
 from cable_shape.pose import FreeEnd, Grip, Pose
 
+#: Hat functions of a rest curvature that varies along the cable: it is linear between so many places, evenly spread.
+ROWS = 5
+#: [1], standard deviation of its change over the whole length times this length: half a turn.
+WANDERS = 3.0
 #: name -> (components, unit, step of the finite differences, largest step at once, whether its logarithm is fitted).
 #: Stiffness is fitted as a logarithm: it is positive, and known to so many per cent.
 KNOWN: dict[str, tuple[tuple[str, ...], str, float, float, bool]] = {
@@ -23,12 +27,24 @@ KNOWN: dict[str, tuple[tuple[str, ...], str, float, float, bool]] = {
     "axial_stiffness": (("axial_stiffness",), "N", 2e-2, 1.5, True),
     "length": (("length",), "m", 1e-4, 0.02, False),
     "rest_curvature": (("rest_curvature_1", "rest_curvature_2"), "1/m", 1e-2, 2.0, False),
+    "rest_curvature_along": (
+        tuple(f"rest_curvature_{axis}_at_{100 * place // (ROWS - 1)}" for place in range(ROWS) for axis in (1, 2)),
+        "1/m",
+        1e-2,
+        2.0,
+        False,
+    ),
     "start_offset": (("start_x", "start_y", "start_z"), "m", 1e-4, 0.01, False),
     "end_offset": (("end_x", "end_y", "end_z"), "m", 1e-4, 0.01, False),
     "start_tilt": (("start_tilt_1", "start_tilt_2"), "rad", 2e-3, 0.2, False),
     "end_tilt": (("end_tilt_1", "end_tilt_2"), "rad", 2e-3, 0.2, False),
     "roll": (("roll",), "rad", 2e-3, 0.5, False),
 }
+_ALONG = KNOWN["rest_curvature_along"][0]
+#: Error / prior beyond which a number is known by its prior.
+_PRIOR_ONLY = 0.9
+#: Rows of a table of rest curvature that has the kinks of both the cable's own and the hat functions, at most.
+_MOST_ROWS = 200
 _STIFFNESS = ("bending_stiffness", "twisting_stiffness", "axial_stiffness")
 
 
@@ -63,16 +79,52 @@ class Parameters:
         for name in given:
             if name not in names:
                 raise UnknownKeyError.among("priors", name, names)
+        if {"rest_curvature", "rest_curvature_along"} <= set(names):
+            raise ArgumentError.of("fit", names, "rest_curvature is a part of rest_curvature_along", "Fit one of them.")
         self.cable = cable
         self.names = names
         self.each: list[Parameter] = []
+        self._wanders = math.inf
         start: list[float] = []
         for name in names:
             parts, unit, step, most, log = KNOWN[name]
             prior = checks.number(f"priors[{name!r}]", given[name], above=0.0) if name in given else math.inf
+            if name == "rest_curvature_along":
+                self._wanders, prior = min(prior, WANDERS / cable.length), math.inf
             self.each += [Parameter(part, unit, step, most, log, prior) for part in parts]
             start += self._start(name)
         self.start: Array = np.array(start)
+
+    @property
+    def precision(self) -> Array:
+        """(k, k), of what is known before: inverse of variances about the start; 0 where nothing is.
+
+        Of a rest curvature along the cable the change from place to place is a random walk, its level not known.
+        """
+        out = np.diag(np.array([p.prior for p in self.each]) ** -2.0)
+        if math.isfinite(self._wanders):
+            first = next(i for i, p in enumerate(self.each) if p.name == _ALONG[0])
+            step = (ROWS - 1) / self._wanders**2
+            for i in range(first, first + len(_ALONG) - 2):
+                out[i, i] += step
+                out[i + 2, i + 2] += step
+                out[i, i + 2] -= step
+                out[i + 2, i] -= step
+        return out
+
+    def by_prior(self, covariance: Array) -> list[str]:
+        """Of a rest curvature along the cable, between which places in % of the length the data say hardly anything."""
+        if not math.isfinite(self._wanders):
+            return []
+        first = next(i for i, p in enumerate(self.each) if p.name == _ALONG[0])
+        spread = self._wanders / math.sqrt(ROWS - 1)
+        out = []
+        for i in range(first, first + len(_ALONG) - 2):
+            change = covariance[i, i] + covariance[i + 2, i + 2] - 2.0 * covariance[i, i + 2]
+            if not change < (_PRIOR_ONLY * spread) ** 2:
+                names = self.each[i].name, self.each[i + 2].name
+                out.append(f"the change from {names[0]} to {names[1]} is known by its prior, hardly by the data.")
+        return out
 
     def _start(self, name: str) -> list[float]:
         """Where the fit begins."""
@@ -84,6 +136,11 @@ class Parameters:
                 remedy = "Give a cable whose rest curvature is three numbers, or do not fit it."
                 raise ArgumentError.of("rest_curvature", "a table", "only a constant one is fitted", remedy)
             return [float(x) for x in cable.rest_curvature[:2]]
+        if name == "rest_curvature_along":
+            table = np.atleast_2d(cable.rest_curvature)
+            rows = np.linspace(0.0, 1.0, len(table)) if len(table) > 1 else np.zeros(1)
+            at = np.linspace(0.0, 1.0, ROWS)
+            return [float(np.interp(x, rows, table[:, axis])) for x in at for axis in (0, 1)]
         if name in _STIFFNESS:
             value = cable.mean_bending_stiffness if name == "bending_stiffness" else getattr(cable, name)
             if not value:
@@ -105,7 +162,23 @@ class Parameters:
             changes.setdefault("twisting_stiffness", ratio * cable.twisting_stiffness)
         if "rest_curvature_1" in now:
             changes["rest_curvature"] = (now["rest_curvature_1"], now["rest_curvature_2"], cable.rest_curvature[2])
+        if _ALONG[0] in now:
+            changes["rest_curvature"] = self._along(np.array([now[name] for name in _ALONG]))
         return cable.replace(**changes) if changes else cable
+
+    def _along(self, now: Array) -> Array:
+        """(n, 3) [1/m]: the cable's own table, changed by hat functions to have the values (10,) at their places."""
+        table = np.atleast_2d(self.cable.rest_curvature)
+        rows = ROWS if len(table) == 1 else math.lcm(len(table) - 1, ROWS - 1) + 1
+        if rows > _MOST_ROWS:
+            rows = max(len(table), ROWS)
+        at, hats = np.linspace(0.0, 1.0, rows), np.linspace(0.0, 1.0, ROWS)
+        own = np.linspace(0.0, 1.0, len(table)) if len(table) > 1 else np.zeros(1)
+        out = np.stack([np.interp(at, own, table[:, axis]) for axis in range(3)], axis=1)
+        change = (now - np.array(self._start("rest_curvature_along"))).reshape(ROWS, 2)
+        for axis in range(2):
+            out[:, axis] += np.interp(at, hats, change[:, axis])
+        return out
 
     def offset(self, values: Array, side: str) -> Pose | None:
         """How the cable frame at the "start" or "end" lies beside what its grip says; None: as it says."""

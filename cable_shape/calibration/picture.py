@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from cable_shape.calibration.photo import PhotoCalibration, to_pixels
 from cable_shape.calibration.result import Calibration
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
@@ -39,6 +40,45 @@ def draw(found: Calibration, path: Path) -> None:
     last.set(title="all points", xlabel="miss [mm]", ylabel="points")
     figure.tight_layout()
     figure.savefig(path, metadata={"Software": None})
+
+
+def draw_photo(photo: PhotoCalibration, path: Path, image: Path | None = None) -> None:
+    """Writes the picture of a calibration from a photograph: clicks and prediction in pixels, over the image if there
+    is one, and how far each point is off along the cable."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    found, clicks = photo.found, photo.clicks
+    figure = Figure(figsize=(12.0, 5.6), dpi=110)
+    FigureCanvasAgg(figure)
+    left, right = figure.subplots(1, 2, width_ratios=(1.6, 1.0))
+    if image is not None:
+        left.imshow(_image(image))
+    else:
+        left.set_aspect("equal", adjustable="datalim")
+        left.invert_yaxis()
+    line = to_pixels(photo.to_plane, found.centrelines[0][:, [0, 2]])
+    left.plot(*line.T, color=_BLUE, lw=1.5, label="predicted")
+    left.plot(*clicks.pixels["point"].T, "o", color=_RED, ms=3.5, label="clicked on the cable")
+    others = np.concatenate([clicks.pixels[kind] for kind in ("start", "end", "known")])
+    left.plot(*others.T, "s", color=_GREY, ms=4, label="grips and known points")
+    left.legend(fontsize=8)
+    left.set(xlabel="u [px]", ylabel="v [px]")
+    misses = found.distances[np.isfinite(found.distances)]
+    right.plot(1e3 * misses, "o", color=_BLUE, ms=4)
+    right.set(xlabel="point", ylabel="miss [mm]", title=f"mean {1e3 * misses.mean():.2g} mm", ylim=(0.0, None))
+    figure.tight_layout()
+    figure.savefig(path, metadata={"Software": None})
+
+
+def _image(path: Path) -> Any:
+    """What matplotlib reads of an image."""
+    from matplotlib.image import imread
+
+    try:
+        return imread(path)
+    except (OSError, SyntaxError, ValueError) as error:
+        raise ArgumentError(f"{path}: cannot be read as an image ({error}). Give a PNG or JPEG.") from None
 
 
 def side_view(axis: Any, line: Array, points: Array) -> None:

@@ -57,6 +57,7 @@ class Calibration:
     remarks : what the data cannot tell, and what else to know before the numbers are used.
     points, centrelines : (m, 3) and (101, 3) [m] of each observation; NaN where there is no usable shape.
     parameters, values, covariance : what was fitted, where the fit ended (k,), and (k, k) of it; see `predict_tube`.
+    freedom : degrees of freedom behind the covariance.
     """
 
     cable: Cable
@@ -73,10 +74,16 @@ class Calibration:
     parameters: Parameters | None = None
     values: Array | None = None
     covariance: Array | None = None
+    freedom: int = 0
 
     def __getitem__(self, name: str) -> Estimate:
         """The estimate of this name."""
         return next(e for e in self.estimates if e.name == name)
+
+    def miss_quantile(self, share: float) -> float:
+        """[m], below which that share of the misses is, stray points left out; 0 without points."""
+        kept = self.distances[self.weights > STRAY]
+        return float(np.quantile(kept, share)) if len(kept) else 0.0
 
     def report(self) -> str:
         """In words, one line each."""
@@ -124,7 +131,7 @@ class Calibration:
         lines = ["# Calibrated; standard errors and 95 % intervals beside the numbers."]
         lines += [f"# note: {remark}" for remark in self.remarks]
         told = {e.name.removesuffix("_1").removesuffix("_2"): str(e) for e in self.estimates}
-        if "rest_curvature" in told:
+        if "rest_curvature_1" in {e.name for e in self.estimates}:
             told["rest_curvature"] = "; ".join(str(e) for e in self.estimates if e.name.startswith("rest_curvature"))
         values = self.cable.as_dict()
         for key, value in values.items():
@@ -134,7 +141,9 @@ class Calibration:
             text = text[1:-1] if text.startswith("{") else text
             lines.append(f"{text}  # {told[key]}" if key in told else text)
         for e in self.estimates:
-            if e.name not in values and not e.name.startswith("rest_curvature"):
+            if "_at_" in e.name:
+                lines.append(f"# {e.name} % of the length: {e}")
+            elif e.name not in values and not e.name.startswith("rest_curvature"):
                 lines.append(f"# of the grips: {e.name}: {e}")
         return "\n".join(lines) + "\n"
 

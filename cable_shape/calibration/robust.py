@@ -1,8 +1,9 @@
 """Robust nonlinear least squares of points in space, and what the data say of the parameters.
 
 Minimised is the sum over points of c^2/2 log(1 + (d / c sigma)^2), d the length of a point's miss (Cauchy's loss: a
-stray point pulls the less the further it is off), plus 1/2 ((p - p0) / prior)^2. The scale sigma is that of the middle
-half of the misses. Levenberg and Marquardt's method, with the weights of the present misses.
+stray point pulls the less the further it is off), plus 1/2 (p - p0)^T P (p - p0), P the precision of what was known
+before. The scale sigma is that of the middle half of the misses. Levenberg and Marquardt's method, with the weights of
+the present misses.
 """
 
 from __future__ import annotations
@@ -18,8 +19,8 @@ from cable_shape.checks import Array
 
 #: c: with it 95 % of the efficiency of least squares is kept for normal noise.
 TUNING = 2.385
-#: Medians of the length of a normal vector of unit variance in two and in three dimensions.
-_MEDIAN2, _MEDIAN3 = math.sqrt(2.0 * math.log(2.0)), 1.5381722544550522
+#: Medians of the length of a normal vector of unit variance in one to three dimensions.
+_MEDIANS: Array = np.array((math.nan, 0.6744897501960817, math.sqrt(2.0 * math.log(2.0)), 1.5381722544550522))
 _MOST_ITERATIONS = 60
 _MOST_RETRIES = 4
 #: The fit ends with a step below this fraction of the standard errors.
@@ -60,28 +61,33 @@ class Robust:
         forward: Callable[[Array], Array],
         derivative: Callable[[Array, Array], Array],
         retry: Callable[[Array, Array], bool],
-        known: Array,
+        freedom: Array,
         groups: Array,
         steps: Array,
-        priors: Array,
+        precision: Array,
     ) -> None:
         """retry(values, misses): looks for better shapes at the same values, and says whether it found some.
 
-        known (n,): whether a point's arc length is known; groups (n,): of each point; steps, priors (k,)."""
+        freedom (n,): in how many directions, 1 to 3, a point may be off; an arc length that is not known takes one, and
+        so does a plane in which all was seen; groups (n,): of each point; steps (k,); precision (k, k)."""
         self._forward, self._derivative, self._retry = forward, derivative, retry
-        self._freedom = np.where(known, 3.0, 2.0)  # an unknown arc length takes one
+        self._freedom = np.asarray(freedom, dtype=np.float64)
+        self._medians = _MEDIANS[np.asarray(freedom, dtype=np.int64)]
         self._groups = groups
-        self._most, self._priors = steps, priors
+        self._most, self._precision = steps, precision
 
-    def run(self, values: Array) -> Fit:
-        """From these values to the least loss."""
+    def run(self, values: Array, proceed: Callable[[int, float], bool] | None = None) -> Fit:
+        """From these values to the least loss; `proceed`, given iteration and scale [m], may end it before."""
         start = values
         misses = self._forward(values)
         damping, converged, retries = 1e-4, False, 0
         iteration = 0
-        for iteration in range(1, _MOST_ITERATIONS + 1):  # noqa: B007, told in the result
+        for iteration in range(1, _MOST_ITERATIONS + 1):
             r = misses
             scale = self.scale(r)
+            if proceed is not None and not proceed(iteration, scale):
+                converged = False
+                break
             J = self._derivative(values, misses)
             weights = _weights(r, scale)
             A, g = self._normal(J, r, weights, scale, values - start)
@@ -115,18 +121,18 @@ class Robust:
     def scale(self, r: Array) -> float:
         """[m], of misses (n, 3), per component: what makes their median that of a normal vector."""
         seen = np.isfinite(r[:, 0])
-        d = np.linalg.norm(r[seen], axis=1) / np.where(self._freedom[seen] == 3.0, _MEDIAN3, _MEDIAN2)
+        d = np.linalg.norm(r[seen], axis=1) / self._medians[seen]
         return max(float(np.median(d)), 1e-12)
 
     def _loss(self, r: Array, scale: float, moved: Array) -> float:
         square = np.nan_to_num((r * r).sum(axis=1)) / (TUNING * scale) ** 2
-        return float(0.5 * TUNING**2 * np.log1p(square).sum() + 0.5 * ((moved / self._priors) ** 2).sum())
+        return float(0.5 * TUNING**2 * np.log1p(square).sum() + 0.5 * moved @ self._precision @ moved)
 
     def _normal(self, J: Array, r: Array, weights: Array, scale: float, moved: Array) -> tuple[Array, Array]:
         """Matrix and right-hand side of the weighted normal equations."""
         r = np.nan_to_num(r)
-        A = np.einsum("n,nij,nik->jk", weights, J, J) / scale**2 + np.diag(self._priors**-2.0)
-        g = -np.einsum("n,nij,ni->j", weights, J, r) / scale**2 - moved * self._priors**-2.0
+        A = np.einsum("n,nij,nik->jk", weights, J, J) / scale**2 + self._precision
+        g = -np.einsum("n,nij,ni->j", weights, J, r) / scale**2 - self._precision @ moved
         return A, g
 
     def _finish(self, values: Array, misses: Array, start: Array, iterations: int, converged: bool) -> Fit:
@@ -136,7 +142,7 @@ class Robust:
         scale = self.scale(r)
         r, k = np.nan_to_num(r), len(values)
         weights = np.where(seen, _weights(r, scale), 0.0)
-        prior = np.diag(self._priors**-2.0)
+        prior = self._precision
         # curvature of the loss: along a miss it is less than across
         along = np.einsum("ni,nij->nj", r, J)
         A = np.einsum("n,nij,nik->jk", weights, J, J) / scale**2

@@ -76,6 +76,22 @@ def from_arrays(arrays: Mapping[str, Array], kinds: tuple[str, str], where: str 
     ]
 
 
+def load_points(path: str | Path) -> Array:
+    """(m, 3) [m] of a CSV with the columns x, y, z, in their order along the cable."""
+    from cable_shape.files import read_text
+
+    table = csv.DictReader(read_text(path).splitlines())
+    if not {"x", "y", "z"} <= set(table.fieldnames or ()):
+        raise ArgumentError(f"{path}: its first line must name the columns x, y, z.")
+    rows = []
+    for line, row in enumerate(table, start=2):
+        try:
+            rows.append([float(row[key]) for key in ("x", "y", "z")])
+        except (TypeError, ValueError) as error:
+            raise ArgumentError(f"{path}, line {line}: {error}") from None
+    return np.array(rows).reshape(-1, 3)
+
+
 def _from_csv(file: Path, kinds: tuple[str, str]) -> list[Observation]:
     from cable_shape.files import read_text
 

@@ -12,6 +12,7 @@ from cable_shape.replay.inputs import AS_GIVEN, Held, Refusals
 from cable_shape.replay.markers import MarkerComparison
 from cable_shape.replay.tally import Tally
 from cable_shape.scene import Scene
+from cable_shape.uncertainty import Uncertainty
 
 if TYPE_CHECKING:
     from cable_shape.robot import Robot
@@ -27,12 +28,14 @@ class Settings:
     input : "poses", "joints", or "auto": joint states if a robot is given and they were recorded, else poses.
     max_skew : [s], gripper poses further apart are not paired; markers likewise.
     start, end : how the grippers hold the cable.
+    uncertainty : makes a tube about every shape; clearance and warnings are those of the tube then.
     rrd, picture : whether to write replay.rrd and report.png.
     """
 
     cable: Cable
     scene: Scene | None = None
     robot: Robot | None = None
+    uncertainty: Uncertainty | None = None
     model: str = "auto"
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
     points: int = 150

@@ -64,6 +64,7 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
             "end_kind": settings.end.kind or kind,
             "scene": settings.scene is not None,
             "robot": settings.robot is not None,
+            "uncertainty": settings.uncertainty is not None,
             "picture": settings.picture,
         },
         "replay": outcome.tally.as_dict(),

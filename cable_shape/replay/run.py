@@ -112,6 +112,7 @@ class _Run:
             gravity=settings.gravity,
             points=settings.points,
             tolerance=settings.tolerance,
+            uncertainty=settings.uncertainty,
         )
 
     def run(self, progress: Progress) -> Outcome:

@@ -13,8 +13,9 @@ from cable_shape.files import load_yaml
 from cable_shape.robot import Robot
 from cable_shape.ros.interrupt import ends_when_told
 from cable_shape.ros.parameters import Settings, find_file
-from cable_shape.ros.worker import PlannerProcess
+from cable_shape.ros.worker import WorkerProcess
 from cable_shape.scene import Scene
+from cable_shape.uncertainty import Uncertainty
 from cable_shape.viewer.process import ViewerProcess
 from cable_shape.warm_up import warm_up_cycles
 
@@ -57,7 +58,7 @@ def load_cables(path: Path) -> dict[str, Cable]:
 
 @final
 class Assembly:
-    """Cables, scene, robot, cycle and viewer, ready to run, and the planner, if it is started.
+    """Cables, scene, robot, cycle and viewer, ready to run, and the workers that are started.
 
     Raises
     ------
@@ -73,6 +74,7 @@ class Assembly:
         scene = Scene.from_yaml(find_file(settings.scene_file)) if settings.scene_file else Scene()
         robot_file = find_file(settings.robot_file) if settings.robot_file else None
         self.robot = None if robot_file is None else Robot.from_yaml(robot_file)
+        known = Uncertainty.from_yaml(find_file(settings.uncertainty_file)) if settings.uncertainty_file else None
         self.cycle = Cycle(
             cables,
             scene=scene,
@@ -84,10 +86,12 @@ class Assembly:
             tolerance=settings.tolerance or None,
             time_budget=settings.time_budget or None,
             snap_horizon=settings.snap_horizon,
+            quasistatic_limit=settings.quasistatic_limit,
+            uncertainty=known,
         )
         with ends_when_told():
             warm_up_cycles()
-        self.planner: PlannerProcess | None = None
+        self.workers: dict[str, WorkerProcess] = {}  # processes beside the node by what they are
         self.viewer: ViewerProcess | None = None
         if settings.view != "off":
             self.viewer = ViewerProcess(settings.view, self.cycle.cables, scene, robot_file)
@@ -100,10 +104,9 @@ class Assembly:
         return f"{cables}; {scene}; {robot}"
 
     def close(self) -> None:
-        """Ends viewer and planner, within their bounds of time."""
-        if self.planner is not None:
-            self.planner.close()
-            self.planner = None
+        """Ends viewer and workers, within their bounds of time."""
+        while self.workers:
+            self.workers.popitem()[1].close()
         if self.viewer is not None:
             self.viewer.close()
             self.viewer = None

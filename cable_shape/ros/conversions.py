@@ -26,6 +26,7 @@ from cable_shape.ros.diagnostics import Verdict
 from cable_shape.ros.fields import margin_fields, shape_fields, warning_fields
 from cable_shape.ros.inputs import SECOND
 from cable_shape.shape import CableShape
+from cable_shape.uncertainty import Tube
 
 #: colours of the markers, as red, green, blue: fine, near a limit, beyond it
 FINE, WARN, ERROR = (0.10, 0.65, 0.60), (0.95, 0.60, 0.10), (0.85, 0.15, 0.15)
@@ -122,6 +123,14 @@ def margins_message(report: CycleReport, header: Header) -> messages.CableMargin
             for margin in margins
         ],
     )
+
+
+def tube_message(cable_id: str, tube: Tube, header: Header) -> messages.CableTube:
+    """How well a shape is known."""
+    message = messages.CableTube(header=header, cable_id=cable_id, confidence=tube.confidence)
+    message.radius = array.array("d", np.ascontiguousarray(tube.radius).tobytes())
+    message.covariance = array.array("d", np.ascontiguousarray(tube.covariance).tobytes())
+    return message
 
 
 def path_message(shape: CableShape, header: Header) -> Path:

@@ -3,11 +3,13 @@
 from cable_shape.errors import DependencyError
 
 try:
-    from cable_shape_msgs.action import CheckTrajectory
+    from cable_shape_msgs.action import CalibrateCable, CheckTrajectory
     from cable_shape_msgs.msg import (
+        CableCalibration,
         CableMargin,
         CableMargins,
         CableShape,
+        CableTube,
         CableViolation,
         CableWarning,
         CableWarnings,
@@ -20,12 +22,15 @@ except ImportError as error:
     ) from error
 
 __all__ = [
+    "CableCalibration",
     "CableMargin",
     "CableMargins",
     "CableShape",
+    "CableTube",
     "CableViolation",
     "CableWarning",
     "CableWarnings",
+    "CalibrateCable",
     "CheckTrajectory",
     "PredictShapes",
 ]

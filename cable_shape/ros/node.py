@@ -39,7 +39,7 @@ from cable_shape.ros.planning_scene import PlanningScene
 from cable_shape.ros.pose_source import PoseSource
 from cable_shape.ros.sources import JointSource, Ready, Sink
 from cable_shape.ros.surroundings import troubles
-from cable_shape.ros.worker import start_planner
+from cable_shape.ros.workers import start_workers
 
 WATCH_PERIOD = 0.1  # s, between looks at the health
 LOOK_PERIOD = 1.0  # s, between looks at the viewer and the other nodes
@@ -211,7 +211,7 @@ class CableShapeNode(LifecycleNode):
         self._health.robot_expected = assembly.robot is not None
         if settings.moveit_rate > 0.0:
             self._scene = PlanningScene(self, settings, assembly.cycle.cables)
-        assembly.planner = start_planner(self, settings, assembly.cycle)
+        start_workers(self, settings, assembly)
         if settings.rate > 0.0:
             self._rate_timer = self.create_timer(1.0 / settings.rate, self._tick)
         self.get_logger().info(f"parameters: {settings.echo()}")
@@ -228,7 +228,7 @@ class CableShapeNode(LifecycleNode):
         return super().on_activate(state)
 
     def close(self) -> None:
-        """Ends viewer and planner and takes down what configure made; may be called at any time."""
+        """Ends viewer and workers and takes down what configure made; may be called at any time."""
         if self._rate_timer is not None:
             self.destroy_timer(self._rate_timer)
             self._rate_timer = None
@@ -323,13 +323,13 @@ class CableShapeNode(LifecycleNode):
         if self._source is not None:
             self._health.hint = self._source.hint()
             self._health.counts = {**self._source.counts(), "superseded": self._superseded}
-        viewer, planner = (None, None) if self._assembly is None else (self._assembly.viewer, self._assembly.planner)
+        viewer, workers = (None, {}) if self._assembly is None else (self._assembly.viewer, self._assembly.workers)
         if viewer is not None:
             self._health.counts["reports that the viewer did not take"] = viewer.dropped
         now, steady = self._now(), time.monotonic()
         if steady - self._looked >= LOOK_PERIOD:
             self._looked = steady
-            self._health.troubles = troubles(self, viewer, planner)
+            self._health.troubles = troubles(self, viewer, workers)
         verdicts = self._health.verdicts(now)
         complaints = [complaint for verdict in verdicts for complaint in verdict.complaints]
         news = (self._health.state, tuple((c.code, c.level) for c in complaints))

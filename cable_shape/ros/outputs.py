@@ -28,7 +28,7 @@ LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability
 class Outputs:
     """Publishes what a cycle found, each message only while someone listens.
 
-    Shape, warnings and margins go out every cycle, markers, path and points at most every `DRAWING_PERIOD`. The
+    Shape, warnings, margins and tubes go out every cycle, markers, path and points at most every `DRAWING_PERIOD`. The
     warnings alone are sent without a listener, too, since one who comes later gets the last ones.
     """
 
@@ -44,6 +44,7 @@ class Outputs:
         self._markers: LifecyclePublisher = make(MarkerArray, "cable/markers", LATEST)
         self._path: LifecyclePublisher = make(Path, "cable/path", each)
         self._points: LifecyclePublisher = make(PointCloud2, "cable/points", LATEST)
+        self._tube: LifecyclePublisher = make(messages.CableTube, "cable/tube", each)
 
     def publish_shapes(self, shapes: Mapping[str, CableShape], stamp: int, frame_id: str) -> None:
         """Sends the shapes under the `stamp` [ns] of their input."""
@@ -58,6 +59,9 @@ class Outputs:
         self._warnings.publish(conversions.warnings_message(report, header))
         if self._margins.get_subscription_count():
             self._margins.publish(conversions.margins_message(report, header))
+        if report.tubes and self._tube.get_subscription_count():
+            for cable_id, tube in report.tubes.items():
+                self._tube.publish(conversions.tube_message(cable_id, tube, header))
         now = time.monotonic()
         if now - self._drawn < DRAWING_PERIOD:
             return
@@ -72,5 +76,6 @@ class Outputs:
 
     def destroy(self) -> None:
         """Takes the topics away."""
-        for publisher in (self._shape, self._warnings, self._margins, self._markers, self._path, self._points):
+        drawn = (self._markers, self._path, self._points)
+        for publisher in (self._shape, self._warnings, self._margins, self._tube, *drawn):
             self._node.destroy_lifecycle_publisher(publisher)

@@ -11,6 +11,7 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.parameter import Parameter
 
 from cable_shape import checks
+from cable_shape.calibration.parameters import KNOWN
 from cable_shape.capsules import MAX_CAPSULES
 from cable_shape.errors import ArgumentError, UnknownKeyError
 from cable_shape.pose import GRIP_KINDS, IDENTITY, Grip, Pose
@@ -101,6 +102,8 @@ SPECS = (
     Spec("tolerance", 0.0, "Largest position error allowed; 0: the model's default.", "m", 0.0, 1.0),
     Spec("time_budget", 0.0, "Of one prediction, after which the best shape so far is given; 0: none.", "s", 0.0, 60.0),
     Spec("snap_horizon", 1.0, "A snap nearer than this is predicted; 0: never.", "s", 0.0, 60.0),
+    Spec("quasistatic_limit", 0.25, "Inertial load / weight beyond which it is warned; 0: never.", "1", 0.0, 10.0),
+    Spec("uncertainty_file", "", "YAML file of how well cable and grips are known: a tube; empty: none."),
     Spec("input", "poses", "Where the grips come from: two PoseStamped topics or JointState.", options=INPUTS),
     Spec("frame_id", "", "Frame of all input; empty: that of the first message, or 'world' for joints."),
     Spec("view", "off", "Viewer: off, window, or the path of an .rrd file to write."),
@@ -111,6 +114,12 @@ SPECS = (
     Spec("moveit_rate", 0.0, "The cable goes to MoveIt's planning scene at most so often; 0: never.", "Hz", 0.0, 5.0),
     Spec("moveit_capsules", 8, "Capsules that it is made of there.", low=1, high=MAX_CAPSULES),
     Spec("moveit_padding", 0.01, "Capsules are wider by this; a cable within is not sent anew.", "m", 0.0, 1.0),
+    Spec("calibration", False, "Serve the action cable/calibrate in a process of its own."),
+    Spec("calibration_points", "", "Topic of points seen on the cable, to calibrate by all the time; empty: none."),
+    Spec("calibration_fit", "bending_stiffness", "What to fit, with commas, see docs/calibration.md."),
+    Spec("calibration_window", 50, "Observations that are kept and fitted.", low=1, high=1000),
+    Spec("calibration_period", 5.0, "From one fit to the next.", "s", 0.1, 3600.0),
+    Spec("calibration_file", "", "YAML file that each fit that converges is written to; empty: none."),
     Spec("autostart", True, "Configure and activate at start.", read_only=True),
     Spec("rate", 0.0, "Cycles a second, each with the newest input; 0: one for every input.", "Hz", 0.0, 10000.0),
     Spec("max_skew", 0.02, "Poses further apart in time are not paired.", "s", 0.0, 10.0, live=True),
@@ -138,6 +147,8 @@ class Settings:
     tolerance: float  # m
     time_budget: float  # s
     snap_horizon: float  # s
+    quasistatic_limit: float
+    uncertainty_file: str
     input: str
     frame_id: str
     view: str
@@ -148,6 +159,12 @@ class Settings:
     moveit_rate: float  # Hz
     moveit_capsules: int
     moveit_padding: float  # m
+    calibration: bool
+    calibration_points: str
+    calibration_fit: str
+    calibration_window: int
+    calibration_period: float  # s
+    calibration_file: str
     autostart: bool
     rate: float  # Hz
     max_skew: float  # s
@@ -198,6 +215,23 @@ class Settings:
             raise ArgumentError.of(
                 "robot_file", "", "input = 'joints' needs a robot", "For example config/robots/dual_arm.yaml."
             )
+        for name in self.fitted:
+            if name not in KNOWN:
+                raise UnknownKeyError.among("calibration_fit", name, KNOWN)
+        if self.calibration_points and self.input == "joints":
+            bound = "points are compared with poses of the grips, input is 'joints'"
+            raise ArgumentError.of("calibration_points", self.calibration_points, bound, "Use the action, or poses.")
+        if self.calibration_file and not self.calibration_points:
+            bound = "it is written by what calibration_points brings"
+            raise ArgumentError.of("calibration_file", self.calibration_file, bound, "Name that topic, or no file.")
+        if self.calibration_file and not Path(self.calibration_file).expanduser().parent.is_dir():
+            bound = "its folder must exist"
+            raise ArgumentError.of("calibration_file", self.calibration_file, bound, "Make the folder first.")
+
+    @property
+    def fitted(self) -> tuple[str, ...]:
+        """What is to be calibrated."""
+        return tuple(name.strip() for name in self.calibration_fit.split(",") if name.strip())
 
     def echo(self) -> str:
         """All values on one line, for the log."""

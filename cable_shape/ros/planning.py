@@ -2,14 +2,13 @@
 
     python -m cable_shape.ros.planning SETUP
 
-SETUP is an inherited descriptor with a pickled :class:`~cable_shape.ros.worker.PlannerSetup`; standard input, by
-ending, ends the process. Started by :class:`~cable_shape.ros.worker.PlannerProcess`.
+SETUP is an inherited descriptor with a pickled :class:`~cable_shape.ros.workers.PlannerSetup`; standard input, by
+ending, ends the process. Started by :class:`~cable_shape.ros.worker.WorkerProcess`.
 """
 
 from __future__ import annotations
 
 import os
-import pickle
 import sys
 import threading
 import time
@@ -28,7 +27,8 @@ from cable_shape.errors import ArgumentError, CableShapeError, UnknownKeyError
 from cable_shape.robot import Robot
 from cable_shape.ros import planner_messages, requests
 from cable_shape.ros.messages import CheckTrajectory, PredictShapes
-from cable_shape.ros.worker import PlannerSetup
+from cable_shape.ros.worker import end_with_parent, papers
+from cable_shape.ros.workers import PlannerSetup
 from cable_shape.trajectory import check_trajectory
 from cable_shape.trajectory_report import TrajectoryCheck
 from cable_shape.warm_up import warm_up
@@ -159,21 +159,12 @@ class Planner:
         )
 
 
-def _end_with_parent() -> None:
-    """Waits until standard input ends."""
-    while os.read(0, 1):
-        pass
-    try_shutdown()
-
-
 def main() -> int:
     """Serves until the parent closes the pipe, or a signal comes."""
     os.nice(_NICENESS)
-    with open(int(sys.argv[1]), "rb") as file:
-        file.seek(0)
-        setup: PlannerSetup = pickle.load(file)
+    setup: PlannerSetup = papers()
     rclpy.init()
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    end_with_parent(try_shutdown)
     node = Node(
         setup.name,
         namespace=setup.namespace,

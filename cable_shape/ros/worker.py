@@ -1,7 +1,7 @@
-"""The node's side of the planner: a process of its own, started, watched, started again: :class:`PlannerProcess`.
+"""A process beside the node's, started, watched, started again: :class:`WorkerProcess`.
 
-That process is a ROS node, too (:mod:`cable_shape.ros.planning`), so that neither the work nor the megabytes of an
-answer pass through the process that runs the cycles.
+That process is a ROS node, too (:mod:`cable_shape.ros.planning`, :mod:`cable_shape.ros.calibrating`), so that neither
+the work nor the megabytes of an answer pass through the process that runs the cycles.
 """
 
 from __future__ import annotations
@@ -11,17 +11,11 @@ import os
 import pickle
 import subprocess
 import sys
+import threading
 import time
-from dataclasses import dataclass
+from collections.abc import Callable
 from typing import Any, final
 
-from rclpy.node import Node
-
-from cable_shape.cycle import Cycle
-from cable_shape.ros.parameters import Settings, find_file
-from cable_shape.scene import Scene
-
-SERVICE, ACTION = "cable/predict_shapes", "cable/check_trajectory"
 _GRACE = 1.0  # s, between asking the process to end and ending it
 _FIRST_WAIT, _LONGEST_WAIT = 1.0, 60.0  # s, before a start after an end; twice as long after each that was soon
 _SOON = 30.0  # s, a process that ends sooner after its start has not got over it
@@ -29,57 +23,22 @@ _TOLD = 10.0  # s, an end stays in the diagnostics for so long
 
 
 @final
-@dataclass(frozen=True, slots=True)
-class PlannerSetup:
-    """What the planner's process needs to know; names are absolute, after the node's own remapping."""
+class WorkerProcess:
+    """Runs a module until it is closed; the process ends with its caller in whatever way.
 
-    name: str
-    namespace: str
-    service: str
-    action: str
-    cables: dict[str, dict[str, Any]]  # keywords of Cable
-    scene: Scene
-    robot: str  # path of the robot's YAML file; empty: none
-    model: str
-    gravity: tuple[float, float, float]  # m/s^2
-    points: int
-    tolerance: float  # m, 0: the default of each call
-    rows: int  # grasps or waypoints in one request, at most
-    threads: int
-    time_limit: float  # s
+    Parameters
+    ----------
+    name : str
+        What it is, as in "the planner's process".
+    module : str
+        Run as `python -m MODULE PAPERS`, where PAPERS is an inherited descriptor with the pickled `setup`.
+    remedy : str
+        What else to do if it ends again and again.
+    """
 
-
-def start_planner(node: Node, settings: Settings, cycle: Cycle) -> PlannerProcess | None:
-    """The planner beside `node`, for what its cycles run with; None if it is not asked for."""
-    if not settings.planner:
-        return None
-    cores = len(os.sched_getaffinity(0))
-    return PlannerProcess(
-        PlannerSetup(
-            name=f"{node.get_name()}_planner",
-            namespace=node.get_namespace(),
-            service=node.resolve_service_name(SERVICE),
-            action=node.resolve_topic_name(ACTION),
-            cables={name: cable.as_dict() for name, cable in cycle.cables.items()},
-            scene=cycle.scene,
-            robot=str(find_file(settings.robot_file).resolve()) if settings.robot_file else "",
-            model=settings.model,
-            gravity=settings.gravity,
-            points=settings.points,
-            tolerance=settings.tolerance,
-            rows=settings.planner_rows,
-            threads=settings.planner_threads or max(1, cores - 1),
-            time_limit=settings.planner_time_limit,
-        )
-    )
-
-
-@final
-class PlannerProcess:
-    """Runs :mod:`cable_shape.ros.planning` until it is closed; the process ends with its caller in whatever way."""
-
-    def __init__(self, setup: PlannerSetup) -> None:
-        self._papers = os.memfd_create("cable_shape_planner_setup", os.MFD_CLOEXEC)
+    def __init__(self, name: str, module: str, setup: object, remedy: str) -> None:
+        self._name, self._module, self._remedy = name, module, remedy
+        self._papers = os.memfd_create(f"cable_shape_{name}_setup", os.MFD_CLOEXEC)
         with open(self._papers, "wb", closefd=False) as file:
             pickle.dump(setup, file)
         self.ends = 0  # how often the process has ended by itself
@@ -90,7 +49,7 @@ class PlannerProcess:
 
     @property
     def pid(self) -> int:
-        """Of the planner's process."""
+        """Of the process."""
         return self._process.pid
 
     def revived(self) -> str:
@@ -120,7 +79,7 @@ class PlannerProcess:
 
     def _start(self) -> None:
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "cable_shape.ros.planning", str(self._papers)],
+            [sys.executable, "-m", self._module, str(self._papers)],
             stdin=subprocess.PIPE,  # by ending, it ends the process
             pass_fds=(self._papers,),
             process_group=0,  # Ctrl-C ends the caller, which closes the pipe
@@ -140,7 +99,25 @@ class PlannerProcess:
         how = f"by signal {-code}" if code < 0 else f"with exit code {code}"
         self._told = now
         self._text = (
-            f"the planner's process has ended {how} ({self.ends} times so far): requests under way get no answer. "
-            f"It is started again after {self._wait:g} s; the cycles go on. If it ends again, read the log, and ask "
-            "for fewer rows or points in one request."
+            f"the {self._name}'s process has ended {how} ({self.ends} times so far): requests under way get no answer. "
+            f"It is started again after {self._wait:g} s; the cycles go on. If it ends again, read the log, and "
+            f"{self._remedy}"
         )
+
+
+def end_with_parent(shutdown: Callable[[], Any]) -> None:
+    """Of the process itself: calls `shutdown`, in a thread, once standard input ends."""
+
+    def wait() -> None:
+        while os.read(0, 1):
+            pass
+        shutdown()
+
+    threading.Thread(target=wait, daemon=True).start()
+
+
+def papers() -> Any:
+    """Of the process itself: the `setup` that it was given."""
+    with open(int(sys.argv[1]), "rb") as file:
+        file.seek(0)
+        return pickle.load(file)

@@ -35,6 +35,7 @@ CLIP: Colour = (170, 90, 255, 255)
 LIMIT: Colour = (255, 255, 255, 40)
 FORCE: Colour = (120, 200, 255, 255)
 GHOST: Colour = (255, 120, 220, 110)
+TUBE: Colour = (120, 200, 255, 60)
 #: of the lines that tell how much of each limit is used
 KINDS: dict[WarningKind, Colour] = {
     WarningKind.CLEARANCE: (129, 212, 160, 255),
@@ -44,6 +45,7 @@ KINDS: dict[WarningKind, Colour] = {
     WarningKind.TWIST_RATE: (186, 147, 255, 255),
     WarningKind.STRESS: (202, 138, 74, 255),
     WarningKind.STABILITY: (240, 98, 146, 255),
+    WarningKind.QUASISTATIC: (230, 238, 156, 255),
 }
 AXES: tuple[Colour, Colour, Colour] = ((240, 84, 84, 255), (104, 200, 90, 255), (84, 142, 255, 255))
 

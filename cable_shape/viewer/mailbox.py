@@ -19,6 +19,7 @@ from cable_shape.plug import PlugError
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.report import BodyDistance, CableWarning, Clearance, CycleReport, Margin, Severity, WarningKind
 from cable_shape.shape import CableShape, Status
+from cable_shape.uncertainty import Tube
 
 SLOTS = 8
 #: [bytes] of one slot. Pages that are never written take no memory, so this is an upper bound and not a cost.
@@ -115,6 +116,7 @@ def encode(report: CycleReport) -> bytes:
             [(name, side, *_shape(tail)) for (name, side), tail in report.tails.items()],
             [(name, *_shape(shape)) for name, shape in report.after_snap.items()],
             [(name, *_plug(error)) for name, error in report.plugs.items()],
+            [(name, _joined([t.covariance, t.radius]), float(t.confidence)) for name, t in report.tubes.items()],
         )
     )
 
@@ -122,13 +124,14 @@ def encode(report: CycleReport) -> bytes:
 def decode(letter: bytes) -> CycleReport:
     """The report that :func:`encode` wrote."""
     stamp, grips, links, shapes, clearance, warnings, times, skipped, *more = marshal.loads(letter)
-    margins, tails, after_snap, plugs = more
+    margins, tails, after_snap, plugs, tubes = more
+    made = {name: _read_shape(*rest) for name, *rest in shapes}
     ends = {name: (_read_end(start), _read_end(end)) for name, start, end in grips}
     return CycleReport(
         stamp=stamp,
         grips={name: (start, end) for name, (start, end) in ends.items() if start is not None},
         links=None if links is None else dict(zip(links[0], map(Pose.trusted, _rows(links[1], 7)), strict=True)),
-        shapes={name: _read_shape(*rest) for name, *rest in shapes},
+        shapes=made,
         clearance={name: _read_clearance(*rest) for name, *rest in clearance},
         warnings=tuple(_read_warning(*fields) for fields in warnings),
         times=dict(times),
@@ -137,6 +140,7 @@ def decode(letter: bytes) -> CycleReport:
         tails={(name, side): _read_shape(*rest) for name, side, *rest in tails},
         after_snap={name: _read_shape(*rest) for name, *rest in after_snap},
         plugs={name: _read_plug(*fields) for name, *fields in plugs},
+        tubes={name: _read_tube(made[name], *rest) for name, *rest in tubes},
     )
 
 
@@ -225,6 +229,7 @@ def _clearance(clearance: Clearance) -> tuple[Any, ...]:
         bool(clearance.robot_checked),
         int(clearance.pairs_culled),
         int(clearance.pairs_exact),
+        float(clearance.confidence),
     )
 
 
@@ -263,6 +268,11 @@ def _read_warning(cable_id: str, kind: int, severity: int, text: str, other: str
 def _margin(margin: Margin) -> tuple[Any, ...]:
     kind, used, limit, value, arc_length, other, time = margin
     return (kind.value, float(used), float(limit), float(value), float(arc_length), other, float(time))
+
+
+def _read_tube(shape: CableShape, numbers: bytes, confidence: float) -> Tube:
+    covariance, radius = np.split(np.frombuffer(numbers, dtype=np.float64), [9 * shape.points])
+    return Tube(shape, covariance.reshape(-1, 3, 3), radius, confidence)
 
 
 def _plug(error: PlugError) -> tuple[Any, ...]:

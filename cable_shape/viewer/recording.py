@@ -9,6 +9,7 @@ This module imports rerun, so it is imported by the viewer process and by whoeve
 /world/cables/NAME/start, end  cable frames at the grips: d1 red, d2 green, d3 (the tangent) blue
 /world/cables/NAME/tails/SIDE  what hangs beyond a grip
 /world/cables/NAME/after_snap  the shape after a snap that is about to come
+/world/cables/NAME/tube        the tube that holds the cable with the confidence asked for
 /world/cables/NAME/closest     the closest pair of points and their distance, of bodies that it does not rest on
 /world/cables/NAME/forces      of clips and of bodies that it rests on, on the cable
 /world/cables/NAME/clips/K     clips of the scene; point masses likewise in masses/K
@@ -36,12 +37,14 @@ from cable_shape.pose import IDENTITY, FreeEnd, Grip, Pose
 from cable_shape.report import Clearance, CycleReport, Severity
 from cable_shape.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Obstacle, Scene, Solid, Sphere
 from cable_shape.shape import CableShape
+from cable_shape.uncertainty import Tube
 from cable_shape.viewer import colour as colours
 from cable_shape.viewer import text as text
 from cable_shape.viewer.bars import Bars
 from cable_shape.viewer.blueprint import blueprint, eye
 from cable_shape.viewer.forces import Forces
 from cable_shape.viewer.plots import Plots, part
+from cable_shape.viewer.tubes import capsules
 
 TIMELINE = "stamp"
 #: Stamps below this are the clock of a simulation, which begins near 0, and not a date. [ns], March 1973.
@@ -122,6 +125,7 @@ class ReportLogger:
             for side in TAIL_SIDES:
                 self._log_strip(f"{base}/tails/{side}", name, report.tails.get((name, side)), colours.TAIL)
             self._log_strip(f"{base}/after_snap", name, report.after_snap.get(name), colours.GHOST)
+            self._log_tube(f"{base}/tube", name, report.tubes.get(name))
             force = self._forces[name].of(shape)
             if force is not None:
                 self._write(self._forces[name].entity, *force)
@@ -248,6 +252,16 @@ class ReportLogger:
         radius = 0.5 * self.cables[name].diameter
         points = shape.positions.astype(np.float32)
         self._write(entity, rr.LineStrips3D([points], colors=colour, radii=radius))
+
+    def _log_tube(self, entity: str, name: str, tube: Tube | None) -> None:
+        """Capsules about the cable, wide as it and its tube together, which go away when there is none."""
+        if tube is None:
+            if self._logged.get(entity) is not None:
+                self._write(entity, rr.Clear(recursive=True))
+            self._logged[entity] = None
+            return
+        self._logged[entity] = tube
+        self._write(entity, capsules(tube, self.cables[name].diameter))
 
     def _log_grip(self, entity: str, end: Pose | Grip | FreeEnd | None, shape: CableShape, index: int) -> None:
         """The cable frame at a grip: three axes if clamped, the tangent if swivelling, a ball if pinned."""

@@ -27,6 +27,7 @@ MARGIN_KINDS = (
     WarningKind.TWIST_RATE,
     WarningKind.STRESS,
     WarningKind.STABILITY,
+    WarningKind.QUASISTATIC,
 )
 
 

@@ -1,0 +1,258 @@
+"""The calibrator's process: action CalibrateCable, and a calibration that goes on by a topic of points.
+
+    python -m cable_shape.ros.calibrating SETUP
+
+SETUP is an inherited descriptor with a pickled :class:`~cable_shape.ros.workers.CalibratorSetup`; standard input, by
+ending, ends the process. Started by :class:`~cable_shape.ros.worker.WorkerProcess`. Nothing here reaches the cycles.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+import time
+from functools import partial
+from pathlib import Path
+from typing import Any, final
+
+import rclpy
+from geometry_msgs.msg import PoseStamped
+from rclpy.action.server import ActionServer, CancelResponse
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
+from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.utilities import ok, try_shutdown
+from sensor_msgs.msg import PointCloud2
+
+from cable_shape.cable import Cable
+from cable_shape.calibration.fit import calibrate
+from cable_shape.calibration.online import Gatherer
+from cable_shape.calibration.result import Calibration
+from cable_shape.errors import ArgumentError, CableShapeError, InputError, UnknownKeyError
+from cable_shape.pose import IDENTITY, Grip, Pose
+from cable_shape.ros import conversions
+from cable_shape.ros.calibration_messages import asked, calibration_message, points_of
+from cable_shape.ros.inputs import SECOND, FrameGuard
+from cable_shape.ros.messages import CableCalibration, CalibrateCable
+from cable_shape.ros.worker import end_with_parent, papers
+from cable_shape.ros.workers import CalibratorSetup
+
+MOST_GOALS = 4  # under way at the same time, one of them being worked on
+FEEDBACK_PERIOD = 0.1  # s
+RESULT_KEPT = 60  # s, for a client that asks late
+_QUEUE = 50  # messages that wait while a fit is computed
+_NICENESS = 10  # cycles and planner go first
+
+
+@final
+class Action:
+    """CalibrateCable; one goal is worked on at a time."""
+
+    def __init__(self, node: Node, setup: CalibratorSetup, cables: dict[str, Cable]) -> None:
+        self._setup, self._cables = setup, cables
+        self._goals = 0
+        self._counting, self._turn = threading.Lock(), threading.Lock()
+        ActionServer(
+            node,
+            CalibrateCable,
+            setup.action,
+            self._run,
+            callback_group=ReentrantCallbackGroup(),
+            cancel_callback=lambda _: CancelResponse.ACCEPT,
+            result_timeout=RESULT_KEPT,
+        )
+
+    def _run(self, goal: Any) -> Any:
+        """A goal; one that finds `MOST_GOALS` others under way is refused."""
+        began = time.monotonic()
+        result = CalibrateCable.Result()
+        with self._counting:
+            self._goals += 1
+            busy = self._goals > MOST_GOALS
+        try:
+            if busy:
+                bound = f"at most {MOST_GOALS} may be under way"
+                raise ArgumentError.of("goals", MOST_GOALS + 1, bound, "Wait for a result, or cancel one.")
+            while not self._turn.acquire(timeout=FEEDBACK_PERIOD):
+                if goal.is_cancel_requested:
+                    result.partial = True
+                    goal.canceled()
+                    return result
+            try:
+                result.found, result.partial = self._found(goal)
+                result.success = True
+            finally:
+                self._turn.release()
+        except CableShapeError as error:
+            result.error = str(error)
+            goal.abort()
+            return result
+        finally:
+            with self._counting:
+                self._goals -= 1
+        result.time = time.monotonic() - began
+        if goal.is_cancel_requested:
+            goal.canceled()
+        else:
+            goal.succeed()
+        return result
+
+    def _found(self, goal: Any) -> tuple[CableCalibration, bool]:
+        """The calibration, with feedback, and whether it was ended before it converged."""
+        request = goal.request
+        name = request.cable_id
+        if not name and len(self._cables) == 1:
+            name = next(iter(self._cables))
+        if name not in self._cables:
+            raise UnknownKeyError.among("cable_id", name, self._cables)
+        wanted = asked(request, self._setup)
+        ends = time.monotonic() + wanted.time_limit
+        told = 0.0
+        cut = False
+
+        def proceed(iteration: int, scale: float) -> bool:
+            nonlocal told, cut
+            now = time.monotonic()
+            if now - told >= FEEDBACK_PERIOD:
+                told = now
+                goal.publish_feedback(CalibrateCable.Feedback(iteration=iteration, scale=float(scale)))
+            cut = now >= ends or goal.is_cancel_requested
+            return not cut
+
+        cable, gravity = self._cables[name], self._setup.gravity
+        found = calibrate(
+            wanted.observations, cable, wanted.fit, priors=wanted.priors, gravity=gravity, proceed=proceed
+        )
+        return calibration_message(name, found, len(wanted.observations)), cut
+
+
+@final
+class Online:
+    """Calibrates each cable again and again by the newest observations that the topics bring."""
+
+    def __init__(self, node: Node, setup: CalibratorSetup, cables: dict[str, Cable]) -> None:
+        self._node, self._setup, self._cables = node, setup, cables
+        self._done = dict.fromkeys(setup.topics, 0)  # observations taken at the last fit
+        self._gatherers: dict[str, Gatherer] = {}
+        self._refused: set[str] = set()
+        kinds = zip(setup.kinds, setup.offsets, strict=True)
+        grips = [Grip(IDENTITY, kind, Pose(offset[:3], offset[3:])) for kind, offset in kinds]
+        queue = QoSProfile(depth=_QUEUE, reliability=ReliabilityPolicy.BEST_EFFORT)
+        depth = max(1, len(cables))
+        latched = QoSProfile(
+            depth=depth, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
+        )
+        self._results = node.create_publisher(CableCalibration, setup.result, latched)
+        group = MutuallyExclusiveCallbackGroup()
+        for name, (left, right, points) in setup.topics.items():
+            gatherer = Gatherer(
+                cables[name], (grips[0], grips[1]), round(setup.max_skew * SECOND), setup.window, setup.gravity
+            )
+            self._gatherers[name] = gatherer
+            frame = FrameGuard("")
+            for side, topic in enumerate((left, right)):
+                take = partial(self._take_pose, gatherer, frame, side, topic)
+                node.create_subscription(PoseStamped, topic, take, queue, callback_group=group)
+            take = partial(self._take_points, gatherer, frame, points)
+            node.create_subscription(PointCloud2, points, take, queue, callback_group=group)
+        threading.Thread(target=self._refine, daemon=True).start()
+
+    def _take_pose(self, gatherer: Gatherer, frame: FrameGuard, side: int, topic: str, message: PoseStamped) -> None:
+        try:
+            frame.check(topic, message.header.frame_id)
+            gatherer.pose(side, conversions.nanoseconds(message.header.stamp), conversions.pose_of(message))
+        except CableShapeError as error:
+            self._refuse(topic, error)
+
+    def _take_points(self, gatherer: Gatherer, frame: FrameGuard, topic: str, message: PointCloud2) -> None:
+        try:
+            frame.check(topic, message.header.frame_id)
+            points, arc_length = points_of(message)
+            if not len(points):
+                raise InputError("the cloud is empty.")
+            gatherer.points(conversions.nanoseconds(message.header.stamp), points, arc_length)
+        except CableShapeError as error:
+            self._refuse(topic, error)
+
+    def _refuse(self, topic: str, error: CableShapeError) -> None:
+        """Says once for each topic what is wrong with its messages."""
+        if topic not in self._refused:
+            self._refused.add(topic)
+            self._node.get_logger().warning(f"{topic}: not used: {error}")
+
+    def _refine(self) -> None:
+        """Until the process ends."""
+        while True:
+            time.sleep(self._setup.period)
+            for name, gatherer in self._gatherers.items():
+                if gatherer.taken > self._done[name]:
+                    self._done[name] = gatherer.taken
+                    self._fit(name, gatherer)
+
+    def _fit(self, name: str, gatherer: Gatherer) -> None:
+        """One fit, told on the topic and in the file."""
+        stamp, seen = gatherer.observations()
+        log = self._node.get_logger()
+        try:
+            found = calibrate(seen, self._cables[name], self._setup.fit, gravity=self._setup.gravity)
+        except CableShapeError as error:
+            log.warning(f"{name}: {len(seen)} observations do not give a cable: {error}")
+            return
+        message = calibration_message(name, found, len(seen))
+        message.header.stamp = conversions.time_of(stamp)
+        self._results.publish(message)
+        log.info(f"{name}, {len(seen)} observations: " + "; ".join(f"{e.name} {e}" for e in found.estimates))
+        if self._setup.file and found.converged:
+            try:
+                write(found, self._file(name))
+            except OSError as error:
+                log.error(f"calibration_file: {error}. Make room there, or name another.")
+
+    def _file(self, name: str) -> Path:
+        """Of several cables each has a file of its own."""
+        file = Path(self._setup.file).expanduser()
+        return file if len(self._cables) == 1 else file.with_stem(f"{file.stem}_{name}")
+
+
+def write(found: Calibration, file: Path) -> None:
+    """Writes the cable as a whole or not at all."""
+    fresh = file.with_name(f"{file.name}.new")
+    fresh.write_text(found.yaml(), encoding="utf-8")
+    fresh.replace(file)
+
+
+def main() -> int:
+    """Serves until the parent closes the pipe, or a signal comes."""
+    os.nice(_NICENESS)
+    setup: CalibratorSetup = papers()
+    rclpy.init()
+    end_with_parent(try_shutdown)
+    node = Node(setup.name, namespace=setup.namespace, use_global_arguments=False, start_parameter_services=False)
+    try:
+        executor = MultiThreadedExecutor(num_threads=MOST_GOALS + 4)
+        executor.add_node(node)
+        cables = {name: Cable.from_mapping(values) for name, values in setup.cables.items()}
+        if setup.action:
+            Action(node, setup, cables)
+        if setup.topics:
+            Online(node, setup, cables)
+        node.get_logger().info(f"calibrating {', '.join(cables)}: {setup.action or 'no action'}, {setup.topics}")
+        executor.spin()
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    except RuntimeError:  # rclpy's own, when the end comes while something is created or sent
+        if ok():
+            raise
+    finally:
+        node.destroy_node()
+        try_shutdown()
+    return 0
+
+
+if __name__ == "__main__":
+    code = main()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)  # without waiting for work under way

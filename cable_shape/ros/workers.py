@@ -1,0 +1,124 @@
+"""What the node starts beside itself, if it is asked to: planner and calibrator; :func:`start_workers`."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import Any, final
+
+from rclpy.node import Node
+
+from cable_shape.cycle import Cycle
+from cable_shape.ros.assembly import Assembly
+from cable_shape.ros.parameters import Settings, find_file
+from cable_shape.ros.qos import POSE_TOPICS
+from cable_shape.ros.worker import WorkerProcess
+from cable_shape.scene import Scene
+
+SERVICE, ACTION = "cable/predict_shapes", "cable/check_trajectory"
+CALIBRATE, CALIBRATION = "cable/calibrate", "cable/calibration"
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class PlannerSetup:
+    """What the planner's process needs to know; names are absolute, after the node's own remapping."""
+
+    name: str
+    namespace: str
+    service: str
+    action: str
+    cables: dict[str, dict[str, Any]]  # keywords of Cable
+    scene: Scene
+    robot: str  # path of the robot's YAML file; empty: none
+    model: str
+    gravity: tuple[float, float, float]  # m/s^2
+    points: int
+    tolerance: float  # m, 0: the default of each call
+    rows: int  # grasps or waypoints in one request, at most
+    threads: int
+    time_limit: float  # s
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class CalibratorSetup:
+    """What the calibrator's process needs to know; names are absolute, after the node's own remapping."""
+
+    name: str
+    namespace: str
+    action: str
+    result: str  # topic
+    cables: dict[str, dict[str, Any]]  # keywords of Cable
+    topics: dict[str, tuple[str, str, str]]  # of each cable: left, right and points; empty: none is listened to
+    gravity: tuple[float, float, float]  # m/s^2
+    fit: tuple[str, ...]
+    kinds: tuple[str, str]
+    offsets: tuple[tuple[float, ...], tuple[float, ...]]  # x y z [m], quaternion
+    max_skew: float  # s
+    window: int
+    period: float  # s
+    file: str
+    time_limit: float  # s
+
+
+def start_workers(node: Node, settings: Settings, assembly: Assembly) -> None:
+    """Starts what the settings ask for."""
+    if settings.planner:
+        setup = planner_setup(node, settings, assembly.cycle)
+        remedy = "ask for fewer rows or points in one request."
+        assembly.workers["planner"] = WorkerProcess("planner", "cable_shape.ros.planning", setup, remedy)
+    if settings.calibration or settings.calibration_points:
+        told = calibrator_setup(node, settings, assembly.cycle)
+        remedy = "calibrate with fewer points."
+        assembly.workers["calibrator"] = WorkerProcess("calibrator", "cable_shape.ros.calibrating", told, remedy)
+
+
+def planner_setup(node: Node, settings: Settings, cycle: Cycle) -> PlannerSetup:
+    """For what the node's cycles run with."""
+    cores = len(os.sched_getaffinity(0))
+    return PlannerSetup(
+        name=f"{node.get_name()}_planner",
+        namespace=node.get_namespace(),
+        service=node.resolve_service_name(SERVICE),
+        action=node.resolve_topic_name(ACTION),
+        cables={name: cable.as_dict() for name, cable in cycle.cables.items()},
+        scene=cycle.scene,
+        robot=str(find_file(settings.robot_file).resolve()) if settings.robot_file else "",
+        model=settings.model,
+        gravity=settings.gravity,
+        points=settings.points,
+        tolerance=settings.tolerance,
+        rows=settings.planner_rows,
+        threads=settings.planner_threads or max(1, cores - 1),
+        time_limit=settings.planner_time_limit,
+    )
+
+
+def calibrator_setup(node: Node, settings: Settings, cycle: Cycle) -> CalibratorSetup:
+    """For what the node's cycles run with."""
+    topics = {}
+    if settings.calibration_points:
+        for name in cycle.cables:
+            prefix = f"{name}/" if len(cycle.cables) > 1 else ""
+            left, right, points = (
+                node.resolve_topic_name(prefix + topic) for topic in (*POSE_TOPICS, settings.calibration_points)
+            )
+            topics[name] = (left, right, points)
+    return CalibratorSetup(
+        name=f"{node.get_name()}_calibrator",
+        namespace=node.get_namespace(),
+        action=node.resolve_topic_name(CALIBRATE) if settings.calibration else "",
+        result=node.resolve_topic_name(CALIBRATION),
+        cables={name: cable.as_dict() for name, cable in cycle.cables.items()},
+        topics=topics,
+        gravity=settings.gravity,
+        fit=settings.fitted,
+        kinds=(settings.grip_kind_left, settings.grip_kind_right),
+        offsets=(settings.left_gripper_offset, settings.right_gripper_offset),
+        max_skew=settings.max_skew,
+        window=settings.calibration_window,
+        period=settings.calibration_period,
+        file=settings.calibration_file,
+        time_limit=settings.planner_time_limit,
+    )
