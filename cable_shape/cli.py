@@ -151,6 +151,7 @@ def _add_bench(commands: Commands) -> None:
 
 def _replay(arguments: argparse.Namespace) -> int:
     from cable_shape.cable import Cable
+    from cable_shape.replay.interrupt import Interruptible
     from cable_shape.replay.outcome import Settings
     from cable_shape.replay.report import headline, summarise
     from cable_shape.replay.run import replay
@@ -186,7 +187,13 @@ def _replay(arguments: argparse.Namespace) -> int:
         rrd=not arguments.no_rrd,
         picture=not arguments.no_picture,
     )
-    outcome = replay(arguments.bag, arguments.out, settings, _bar)
+    with Interruptible() as interruptible:
+        try:
+            outcome = replay(arguments.bag, arguments.out, settings, lambda m, n: interruptible.messages(_bar(m, n)))
+        except KeyboardInterrupt:
+            done = f"what was replayed until then is in {arguments.out}, without a report"
+            print(f"cable-shape: {done}", file=sys.stderr)
+            raise
     _print_table(headline(summarise(outcome)))
     print(f"written: {arguments.out}")
     for note in outcome.notes:

@@ -98,9 +98,9 @@ class Cycle:
         self.scene = scene or Scene()
         self._cables = {}
         for name, cable in named.items():
-            own = (
-                self.scene if clips is None or name not in clips else dataclasses.replace(self.scene, clips=clips[name])
-            )
+            own = self.scene
+            if clips is not None and name in clips:
+                own = dataclasses.replace(own, clips=clips[name])
             options: dict[str, Any] = {
                 "gravity": gravity,
                 "points": points,

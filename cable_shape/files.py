@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,9 @@ from cable_shape.errors import ArgumentError
 
 #: Larger files are refused: a cable, scene or case is a few kilobytes.
 MAX_BYTES = 16 * 1024 * 1024
+
+#: Aliases let a small file stand for a huge one.
+MAX_VALUES = 5_000_000
 
 
 def read_text(path: str | Path) -> str:
@@ -37,4 +41,17 @@ def load_yaml(path: str | Path) -> dict[str, Any]:
         raise ArgumentError(f"{path}: not well formed: {' '.join(str(error).split())}") from None
     if not isinstance(data, dict):
         raise ArgumentError(f"{path}: the top level must be a mapping of keys to values, not {type(data).__name__}.")
+    if _values(data, {}) > MAX_VALUES:
+        raise ArgumentError(f"{path}: its aliases (*name) make more than {MAX_VALUES} values. Write out what is meant.")
     return data
+
+
+def _values(data: Any, known: dict[int, float]) -> float:
+    """How many values `data` is when each alias is written out; infinitely many if it contains itself."""
+    if not isinstance(data, (dict, list)):
+        return 1
+    if id(data) not in known:
+        known[id(data)] = math.inf
+        inner = data.values() if isinstance(data, dict) else data
+        known[id(data)] = 1 + sum(_values(value, known) for value in inner)
+    return known[id(data)]

@@ -2,6 +2,8 @@
 """How long after the second gripper pose was published the centreline arrives, over DDS, beside an empty echo node.
 
     scripts/bench cell [--rates 125 250 500] [--seconds 20] [--view FILE.rrd]
+    scripts/bench cell --viewer       # what a viewer costs that is attached, blocked or killed
+    scripts/bench cell --cables 10    # that many cables on one node, beside one
 
 Four processes: a publisher (two gripper poses and joint states), the node ("auto", 20 obstacles, the links of two arms,
 viewer off), an echo node that answers the same messages with a ready-made shape, and a receiver. The publisher feeds
@@ -166,12 +168,12 @@ def publish(out: Path, rates: list[float], seconds: float) -> None:
     np.save(out, np.array(sent, dtype=np.int64))
 
 
-def node_command(folder: Path, view: str) -> list[str]:
-    """The node under test."""
+def node_parameters(folder: Path, view: str) -> dict[str, Any]:
+    """Of the node under test; writes its scene."""
     (folder / "scene.yaml").write_text(yaml.safe_dump(scene()))
     half = float(np.sqrt(0.5))
     crosswise = [0.0, 0.0, 0.0, -half, 0.0, 0.0, half]
-    parameters = {
+    return {
         "cable_file": CONFIG / "cables" / "demo.yaml",
         "scene_file": folder / "scene.yaml",
         "robot_file": CONFIG / "robots" / "dual_arm.yaml",
@@ -179,8 +181,12 @@ def node_command(folder: Path, view: str) -> list[str]:
         "right_gripper.offset": crosswise,
         "view": view,
     }
+
+
+def node_command(folder: Path, view: str) -> list[str]:
+    """The node under test."""
     command = [sys.executable, "-m", "cable_shape.ros.node", "--ros-args", "-r", "__ns:=/node"]
-    for name, value in parameters.items():
+    for name, value in node_parameters(folder, view).items():
         command += ["-p", f"{name}:={value}"]
     return command
 
@@ -240,13 +246,25 @@ def report(sent: np.ndarray, came: np.ndarray) -> bool:
 def main() -> int:
     """Runs all processes, or one of them."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--rates", type=float, nargs="+", default=[125.0, 250.0, 500.0], help="[Hz]")
+    parser.add_argument("--rates", type=float, nargs="+", help="[Hz] (125 250 500)")
     parser.add_argument("--seconds", type=float, default=20.0, help="[s] at each rate, of node and of echo")
     parser.add_argument("--view", default="off", help="the node's parameter view")
+    parser.add_argument("--viewer", action="store_true", help="compare cycle times with a viewer and without")
+    parser.add_argument("--rounds", type=int, default=3, help="of --viewer")
+    parser.add_argument("--cables", type=int, help="on one node; --rates then are 25 50 100 unless given")
     parser.add_argument("--role", choices=("echo", "receive", "publish"), help=argparse.SUPPRESS)
     parser.add_argument("--out", type=Path, help=argparse.SUPPRESS)
     options = parser.parse_args()
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    if options.viewer:
+        import cell_viewer
+
+        return 0 if cell_viewer.run(options.rounds) else 1
+    if options.cables:
+        import cell_cables
+
+        return 0 if cell_cables.run(options.cables, options.rates or [25.0, 50.0, 100.0]) else 1
+    options.rates = options.rates or [125.0, 250.0, 500.0]
     if options.role is None:
         with tempfile.TemporaryDirectory(prefix="bench_cell_") as folder:
             return 0 if report(*measured(Path(folder), options.rates, options.seconds, options.view)) else 1

@@ -748,3 +748,34 @@ def test_the_closest_pair_is_of_a_body_that_the_cable_does_not_rest_on(tmp_path:
         writer.log(said)
     ((_, label),) = columns(tmp_path / "out.rrd")["/world/cables/cable/closest/line:LineStrips3D:labels"]
     assert label[0].startswith("post  ")
+
+
+def test_what_is_offered_too_soon_waits_and_the_last_report_arrives(tmp_path: Path) -> None:
+    with ViewerProcess(tmp_path / "out.rrd", {"cable": CABLE}, SCENE, LINKS, max_rate=0.2) as viewer:
+        viewer.offer(report(0))
+        for k in range(1, 50):
+            viewer.offer(report(k))
+        assert viewer.sent == 1
+        viewer.flush()
+        viewer.flush()  # nothing waits any more
+        assert viewer.sent == 2
+        viewer.offer(report(50))
+        assert viewer.sent == 2
+        assert viewer.close(timeout=30.0)
+    assert viewer.sent == 3
+    assert last_stamp(tmp_path / "out.rrd") == T0 + 50 * PERIOD
+
+
+def test_a_caller_that_ends_leaves_the_viewer_to_write_on_but_not_a_stopped_one(tmp_path: Path) -> None:
+    viewer = ViewerProcess(tmp_path / "out.rrd", {"cable": CABLE}, SCENE)
+    viewer.send(report(3))
+    viewer.leave(0.0)  # it has hardly been started
+    status = Path(f"/proc/{viewer.pid}/status")
+    assert wait_until(lambda: not status.exists() or "\nState:\tZ" in status.read_text())
+    assert viewer.close() is True
+    assert last_stamp(tmp_path / "out.rrd") == T0 + 3 * PERIOD
+    stopped = ViewerProcess(tmp_path / "stopped.rrd", {"cable": CABLE}, SCENE)
+    os.kill(stopped.pid, signal.SIGSTOP)
+    assert wait_until(lambda: "\nState:\tT" in Path(f"/proc/{stopped.pid}/status").read_text())
+    assert stopped.leave(0.0)
+    assert stopped.ended

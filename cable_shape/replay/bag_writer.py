@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 from pathlib import Path
@@ -56,6 +57,7 @@ class BagWriter:
         margins_topic: str = "/cable/margins",
     ) -> None:
         self.store = cable_shape_store()
+        self._broken = False  # a write failed, so that another one would come after half a record
         _make_room(folder)
         self._writer = Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP)
         self._writer.open()
@@ -94,7 +96,11 @@ class BagWriter:
         types = self.store.types
         time = types["builtin_interfaces/msg/Time"](*divmod(stamp, SECOND))
         message = types[kind](header=types["std_msgs/msg/Header"](time, frame_id), **fields)
-        self._writer.write(connection, stamp, self.store.serialize_cdr(message, kind))
+        try:
+            self._writer.write(connection, stamp, self.store.serialize_cdr(message, kind))
+        except OSError:
+            self._broken = True
+            raise
 
     def _warning(self, warning: CableWarning) -> Any:
         """A CableWarning message."""
@@ -104,8 +110,22 @@ class BagWriter:
         return types[WARNING_TYPE](**fields)
 
     def close(self) -> None:
-        """Finishes the files."""
-        self._writer.close()
+        """Finishes the files; after an OSError they stay as they are, to be read up to the last whole message."""
+        try:
+            if not self._broken:
+                self._writer.close()
+        except OSError:
+            self._broken = True
+            raise
+        finally:
+            if self._broken:
+                with contextlib.suppress(OSError):
+                    self._file().close()
+
+    def _file(self) -> Any:
+        """The .mcap that rosbags has open."""
+        storage: Any = self._writer.storage
+        return storage.bio
 
     def __enter__(self) -> BagWriter:
         return self
@@ -144,7 +164,7 @@ def message_folder() -> Path:
 def _make_room(folder: Path) -> None:
     """Removes an earlier recording of this class at `folder`; refuses to touch anything else."""
     if folder.is_dir():
-        ours = {"metadata.yaml", f"{folder.name}.mcap"}
+        ours = {"metadata.yaml", "metadata.yaml.tmp", f"{folder.name}.mcap"}
         others = sorted(file.name for file in folder.iterdir() if file.name not in ours)
         if others:
             raise BagError(f"{folder} holds other files ({', '.join(others[:3])}). Choose another output folder.")

@@ -31,6 +31,7 @@ _DAMAGED: tuple[type[Exception], ...] = (
     AttributeError,
     EOFError,
     LookupError,
+    MemoryError,  # a length that is damaged
     OSError,
     RuntimeError,
     TypeError,

@@ -238,6 +238,7 @@ class _Sinks:
     """Where reports go: the recording of the node's messages and the .rrd."""
 
     def __init__(self, out: Path, settings: Settings, cycle: Cycle, links: Any) -> None:
+        self.out = out
         self.bag = BagWriter(out / "replay")
         self.recording: RecordingWriter | None = None
         if settings.rrd:
@@ -247,14 +248,29 @@ class _Sinks:
 
     def write(self, report: CycleReport, frame_id: str) -> None:
         """One report, without what differs from run to run."""
-        self.bag.write(report, frame_id)
-        if self.recording is not None:
-            self.recording.log(dataclasses.replace(report, times={}))
+        try:
+            self.bag.write(report, frame_id)
+            if self.recording is not None:
+                self.recording.log(dataclasses.replace(report, times={}))
+        except (OSError, RuntimeError) as error:  # the latter is rerun's
+            raise self._unwritable(error) from error
 
     def __enter__(self) -> _Sinks:
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self.bag.close()
-        if self.recording is not None:
-            self.recording.close()
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """Closes all, whatever fails: rerun would wait for ever for a recording that is not closed."""
+        failures: list[Exception] = []
+        for sink in (self.bag, *((self.recording,) if self.recording is not None else ())):
+            try:
+                sink.close()
+            except (OSError, RuntimeError) as error:
+                failures.append(error)
+        if failures and kind is None:
+            raise self._unwritable(failures[0]) from failures[0]
+
+    def _unwritable(self, error: Exception) -> BagError:
+        return BagError(
+            f"{self.out}: cannot be written any further ({error}); is the disk full? Make room, or choose another one."
+            f" What was replayed until then is in {self.out / 'replay'} and can be read like any damaged recording."
+        )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import time
 from pathlib import Path
 from typing import final
 
@@ -25,6 +26,9 @@ CABLE = "cable"
 #: names are parts of topics
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 MAX_CABLES = 100
+
+#: [s], that the end of the node waits for viewer and planner, which end by themselves all the same
+LEAVE = 0.5
 
 
 def load_cables(path: Path) -> dict[str, Cable]:
@@ -103,10 +107,16 @@ class Assembly:
         cables = "; ".join(f"{name}: {cable.describe()}" for name, cable in self.cycle.cables.items())
         return f"{cables}; {scene}; {robot}"
 
-    def close(self) -> None:
-        """Ends viewer and workers, within their bounds of time."""
-        while self.workers:
-            self.workers.popitem()[1].close()
-        if self.viewer is not None:
-            self.viewer.close()
-            self.viewer = None
+    def close(self, leave: bool = False) -> None:
+        """Ends viewer and workers at the same time, within their bounds; with `leave` for a node that must end now."""
+        processes = [*self.workers.values(), *(() if self.viewer is None else (self.viewer,))]
+        self.workers.clear()
+        self.viewer = None
+        for process in processes:
+            process.release()
+        until = time.monotonic() + LEAVE
+        for process in processes:
+            if leave:
+                process.leave(max(0.0, until - time.monotonic()))
+            else:
+                process.close()

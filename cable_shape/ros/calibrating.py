@@ -2,28 +2,23 @@
 
     python -m cable_shape.ros.calibrating SETUP
 
-SETUP is an inherited descriptor with a pickled :class:`~cable_shape.ros.workers.CalibratorSetup`; standard input, by
+SETUP is an inherited descriptor with a :class:`~cable_shape.ros.workers.CalibratorSetup` in JSON; standard input, by
 ending, ends the process. Started by :class:`~cable_shape.ros.worker.WorkerProcess`. Nothing here reaches the cycles.
 """
 
 from __future__ import annotations
 
-import os
-import sys
 import threading
 import time
 from functools import partial
 from pathlib import Path
 from typing import Any, final
 
-import rclpy
 from geometry_msgs.msg import PoseStamped
 from rclpy.action.server import ActionServer, CancelResponse
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
-from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.utilities import ok, try_shutdown
 from sensor_msgs.msg import PointCloud2
 
 from cable_shape.cable import Cable
@@ -36,10 +31,9 @@ from cable_shape.ros import conversions
 from cable_shape.ros.calibration_messages import asked, calibration_message, points_of
 from cable_shape.ros.inputs import SECOND, FrameGuard
 from cable_shape.ros.messages import CableCalibration, CalibrateCable
-from cable_shape.ros.worker import end_with_parent, papers
+from cable_shape.ros.serving import MOST_GOALS, leave, serve, told
 from cable_shape.ros.workers import CalibratorSetup
 
-MOST_GOALS = 4  # under way at the same time, one of them being worked on
 FEEDBACK_PERIOD = 0.1  # s
 RESULT_KEPT = 60  # s, for a client that asks late
 _QUEUE = 50  # messages that wait while a fit is computed
@@ -224,35 +218,19 @@ def write(found: Calibration, file: Path) -> None:
 
 
 def main() -> int:
-    """Serves until the parent closes the pipe, or a signal comes."""
-    os.nice(_NICENESS)
-    setup: CalibratorSetup = papers()
-    rclpy.init()
-    end_with_parent(try_shutdown)
-    node = Node(setup.name, namespace=setup.namespace, use_global_arguments=False, start_parameter_services=False)
-    try:
-        executor = MultiThreadedExecutor(num_threads=MOST_GOALS + 4)
-        executor.add_node(node)
+    """Calibrates as the node asked for."""
+    setup = CalibratorSetup.from_json(told())
+
+    def make(node: Node) -> str:
         cables = {name: Cable.from_mapping(values) for name, values in setup.cables.items()}
         if setup.action:
             Action(node, setup, cables)
         if setup.topics:
             Online(node, setup, cables)
-        node.get_logger().info(f"calibrating {', '.join(cables)}: {setup.action or 'no action'}, {setup.topics}")
-        executor.spin()
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    except RuntimeError:  # rclpy's own, when the end comes while something is created or sent
-        if ok():
-            raise
-    finally:
-        node.destroy_node()
-        try_shutdown()
-    return 0
+        return f"calibrating {', '.join(cables)}: {setup.action or 'no action'}, {setup.topics}"
+
+    return serve(setup.name, setup.namespace, _NICENESS, make)
 
 
 if __name__ == "__main__":
-    code = main()
-    sys.stdout.flush()
-    sys.stderr.flush()
-    os._exit(code)  # without waiting for work under way
+    leave(main())

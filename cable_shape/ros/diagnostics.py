@@ -6,7 +6,7 @@ All times are integers in nanoseconds of the node's clock.
 from __future__ import annotations
 
 import enum
-from collections import deque
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import final
@@ -14,11 +14,12 @@ from typing import final
 import numpy as np
 
 from cable_shape.report import CycleReport, Severity
+from cable_shape.ros.cycle_times import CycleTimes
 from cable_shape.ros.inputs import SECOND
 from cable_shape.shape import CableShape
 
-#: Cycles over which times and rates are measured.
-WINDOW = 1000
+#: [s], over which cycle times are measured, and over which the rate is.
+TIMES_WINDOW, RATE_WINDOW = 5.0, 2.0
 
 
 @final
@@ -91,8 +92,8 @@ class Health:
     counts: dict[str, int] = field(default_factory=dict)
     report: CycleReport | None = None
     _activated: int = 0
-    _cycle_seconds: deque[float] = field(default_factory=lambda: deque(maxlen=WINDOW))
-    _cycle_ends: deque[int] = field(default_factory=lambda: deque(maxlen=WINDOW))
+    skipped: Counter[str] = field(default_factory=Counter)  # work that was not needed, as reports count it
+    _times: CycleTimes = field(default_factory=CycleTimes)
     _lag: int = 0
 
     def activate(self, topics: Iterable[str], now: int) -> None:
@@ -105,8 +106,7 @@ class Health:
         self.refused.clear()
         self.report = None
         self._activated = now
-        self._cycle_ends.clear()
-        self._cycle_seconds.clear()
+        self._times = CycleTimes()
 
     def arrived(self, topic: str, now: int) -> None:
         """A message came on `topic`."""
@@ -131,16 +131,16 @@ class Health:
         """A cycle ran and its shapes were published; it took `seconds`."""
         self.cycles += 1
         self.report = report
-        self._cycle_seconds.append(seconds)
-        self._cycle_ends.append(now)
+        self._times.add(seconds, now)
         self._lag = now - report.stamp
+        self.skipped.update(report.skipped)
         for refusal in self.refused.values():
             refusal.answered = True
 
     def verdicts(self, now: int) -> list[Verdict]:
         """The lines of /diagnostics."""
         self._forget_future(now)
-        return [self._lifecycle(), self._input(now), self._prediction(), self._cable()]
+        return [self._lifecycle(), self._input(now), self._prediction(now), self._cable()]
 
     def _forget_future(self, now: int) -> None:
         """After the node's clock was set back, ages count from now."""
@@ -196,7 +196,7 @@ class Health:
             text += f"more than stale_after = {self.stale_after:g} s: nothing is "
             text += "published until one comes. Look at its publisher and the network."
             return [Complaint("stale " + " ".join(silent), Level.WARN, text)]
-        since = max(self._activated, self._cycle_ends[-1] if self._cycle_ends else 0)
+        since = max(self._activated, self._times.last_end)
         if self.hint and (now - since) / SECOND > self.stale_after:
             return [Complaint("unpaired", Level.WARN, self.hint)]
         return []
@@ -215,12 +215,11 @@ class Health:
         return [Complaint("lag", Level.WARN, text)]
 
     def _rate(self, now: int) -> float:
-        """[Hz], cycles in the last two seconds."""
-        recent = sum(1 for end in self._cycle_ends if 0 <= now - end < 2 * SECOND)
-        window = min(2.0, max((now - self._activated) / SECOND, 1e-3))
-        return recent / window
+        """[Hz], cycles in the last `RATE_WINDOW`."""
+        window = min(RATE_WINDOW, max((now - self._activated) / SECOND, 1e-3))
+        return len(self._times.within(RATE_WINDOW, now)) / window
 
-    def _prediction(self) -> Verdict:
+    def _prediction(self, now: int) -> Verdict:
         if self.report is None:
             return _verdict("prediction", [], "no prediction yet", {})
         wrong = []
@@ -231,9 +230,11 @@ class Health:
                 text = f"{cable_id}: {shape.status.name}. {shape.detail or shape.status.remedy}"
                 wrong.append(Complaint(f"{cable_id} {shape.status.name}", level, text))
             values.update(_numbers(cable_id, shape))
-        milliseconds = np.percentile(1e3 * np.array(self._cycle_seconds), (50, 99, 100))
-        for name, value in zip(("p50", "p99", "max"), milliseconds, strict=True):
-            values[f"cycle time {name} [ms]"] = f"{value:.3f}"
+        recent = self._times.within(TIMES_WINDOW, now)
+        if len(recent):
+            for name, value in zip(("p50", "p99", "max"), np.percentile(recent, (50, 99, 100)), strict=True):
+                values[f"cycle time {name} [ms]"] = f"{1e3 * value:.3f}"
+        values.update({f"skipped {what}": str(count) for what, count in self.skipped.items()})
         return _verdict("prediction", wrong, "; ".join(f"{c}: OK" for c in self.report.shapes), values)
 
     def _cable(self) -> Verdict:

@@ -16,7 +16,8 @@ class InputFirstExecutor(SingleThreadedExecutor):
 
     rclpy's executor builds its wait set in Python from every service, timer and event of the node before each single
     callback, which takes longer than a prediction. Here the handles are kept, and one wait serves all inputs that are
-    ready, each once, so that input faster than the node starves neither services nor timers.
+    ready, each once, so that input faster than the node starves neither services nor timers. The callbacks take a
+    message and what the middleware tells about it.
 
     Parameters
     ----------
@@ -44,7 +45,7 @@ class InputFirstExecutor(SingleThreadedExecutor):
                 for subscription in subscriptions:
                     taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
                     if taken is not None:
-                        subscription.callback(taken[0])
+                        subscription.callback(*taken)
             for _ in range(others + 1):
                 self.spin_once(timeout_sec=0)
 

@@ -6,6 +6,7 @@ All stamps are integers in nanoseconds.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Generic, TypeVar, final
 
@@ -74,6 +75,28 @@ class StampGuard:
     def forget(self) -> None:
         """Any stamp may come next."""
         self.last = None
+
+
+@final
+class MissedCount:
+    """Counts the messages of one topic that were never read: overtaken by a newer one, or lost on their way."""
+
+    def __init__(self) -> None:
+        self.missed = 0
+        self._last: int | None = None
+
+    def take(self, info: Mapping[str, int | None]) -> None:
+        """What rclpy tells with a message: `publication_sequence_number` counts the messages of its publisher."""
+        number = info.get("publication_sequence_number")  # None: this middleware does not count
+        if number is None:
+            return
+        if self._last is not None and number > self._last:  # else it is another publisher, or one started again
+            self.missed += number - self._last - 1
+        self._last = number
+
+    def forget(self) -> None:
+        """The next message has none before it; the count stays."""
+        self._last = None
 
 
 @final

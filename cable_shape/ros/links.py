@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, final
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, final
 
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -31,7 +31,8 @@ class LinkSource:
         self._robot = robot
         self._guard = StampGuard(JOINT_TOPIC)
         self._newest: tuple[int, JointState] | None = None
-        self.subscription = node.create_subscription(JointState, JOINT_TOPIC, self._take, SENSOR)
+        take: Callable[..., None] = self._take
+        self.subscription = node.create_subscription(JointState, JOINT_TOPIC, take, SENSOR)
 
     def clear(self) -> None:
         """Forgets the last joint state."""
@@ -51,7 +52,7 @@ class LinkSource:
             return None
         return self._robot.link_poses()
 
-    def _take(self, message: JointState) -> None:
+    def _take(self, message: JointState, _: Mapping[str, Any]) -> None:
         sink = self._sink
         if not sink.open():
             return

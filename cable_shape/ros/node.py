@@ -227,8 +227,8 @@ class CableShapeNode(LifecycleNode):
         self._health.activate(self._source.topics, self._now())
         return super().on_activate(state)
 
-    def close(self) -> None:
-        """Ends viewer and workers and takes down what configure made; may be called at any time."""
+    def close(self, leave: bool = False) -> None:
+        """Ends viewer and workers (see `Assembly.close`) and takes down what configure made, at any time."""
         if self._rate_timer is not None:
             self.destroy_timer(self._rate_timer)
             self._rate_timer = None
@@ -242,7 +242,7 @@ class CableShapeNode(LifecycleNode):
             self._scene.destroy()
             self._scene = None
         if self._assembly is not None:
-            self._assembly.close()
+            self._assembly.close(leave)
             self._assembly = None
         gc.unfreeze()
 
@@ -309,11 +309,22 @@ class CableShapeNode(LifecycleNode):
         except CableShapeError as error:
             self._health.refuse("cycle", str(error), self._now())
             return
+        except Exception as error:
+            if not ok():  # a signal, while shapes were sent
+                raise
+            self.get_logger().error(
+                f"a cycle failed unexpectedly:\n{traceback.format_exc()}", throttle_duration_sec=10.0
+            )
+            assembly.cycle.reset()
+            text = f"a defect ended this cycle ({type(error).__name__}: {error}): its warnings are not published, and "
+            text += "the next cycle starts afresh. Report it with the traceback in the log."
+            self._health.refuse("cycle defect", text, self._now())
+            return
         outputs.publish(report, ready.frame_id, self._settings.stale_after)
         if self._scene is not None:
             self._scene.publish(report, ready.frame_id)
         if assembly.viewer is not None:
-            assembly.viewer.send(report)
+            assembly.viewer.offer(report)
         self._health.cycled(report, time.perf_counter() - began, self._now())
 
     # Health
@@ -325,6 +336,7 @@ class CableShapeNode(LifecycleNode):
             self._health.counts = {**self._source.counts(), "superseded": self._superseded}
         viewer, workers = (None, {}) if self._assembly is None else (self._assembly.viewer, self._assembly.workers)
         if viewer is not None:
+            viewer.flush()
             self._health.counts["reports that the viewer did not take"] = viewer.dropped
         now, steady = self._now(), time.monotonic()
         if steady - self._looked >= LOOK_PERIOD:
@@ -371,14 +383,19 @@ def take_down(node: CableShapeNode) -> None:
     except KeyboardInterrupt:
         take_down(node)
         return
-    node.close()
+    node.close(leave=True)
     node.destroy_node()
     try_shutdown()
 
 
 def run() -> NoReturn:
-    """The executable: once `main` has taken everything down, Python's own end would take seconds more."""
+    """The executable: once `main` has taken everything down, Python's own end would take seconds more.
+
+    What the nodes hold in cycles of references is freed before: only then does the middleware tell the others that they
+    are gone, who would else see them for 20 s more.
+    """
     code = main()
+    gc.collect()
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(code)

@@ -2,24 +2,20 @@
 
     python -m cable_shape.ros.planning SETUP
 
-SETUP is an inherited descriptor with a pickled :class:`~cable_shape.ros.workers.PlannerSetup`; standard input, by
+SETUP is an inherited descriptor with a :class:`~cable_shape.ros.workers.PlannerSetup` in JSON; standard input, by
 ending, ends the process. Started by :class:`~cable_shape.ros.worker.WorkerProcess`.
 """
 
 from __future__ import annotations
 
-import os
-import sys
 import threading
 import time
+import traceback
 from typing import Any, final
 
-import rclpy
 from rclpy.action.server import ActionServer, CancelResponse
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
-from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
 from rclpy.node import Node
-from rclpy.utilities import ok, try_shutdown
 
 from cable_shape.batch import predict_batch
 from cable_shape.cable import Cable
@@ -27,13 +23,11 @@ from cable_shape.errors import ArgumentError, CableShapeError, UnknownKeyError
 from cable_shape.robot import Robot
 from cable_shape.ros import planner_messages, requests
 from cable_shape.ros.messages import CheckTrajectory, PredictShapes
-from cable_shape.ros.worker import end_with_parent, papers
+from cable_shape.ros.serving import MOST_GOALS, leave, serve, told
 from cable_shape.ros.workers import PlannerSetup
 from cable_shape.trajectory import check_trajectory
 from cable_shape.trajectory_report import TrajectoryCheck
-from cable_shape.warm_up import warm_up
 
-MOST_GOALS = 4  # under way at the same time, one of them being worked on
 FEEDBACK_PERIOD = 0.1  # s
 RESULT_KEPT = 60  # s, for a client that asks late
 _NICENESS = 5  # the cycles go first
@@ -49,7 +43,6 @@ class Planner:
         self._robot = Robot.from_yaml(setup.robot) if setup.robot else None
         self._goals = 0
         self._counting, self._turn = threading.Lock(), threading.Lock()
-        warm_up()
         node.create_service(
             PredictShapes, setup.service, self._predict, callback_group=MutuallyExclusiveCallbackGroup()
         )
@@ -87,8 +80,8 @@ class Planner:
                 threads=setup.threads,
                 time_limit=asked.time_limit,
             )
-        except CableShapeError as error:
-            response.error = str(error)
+        except Exception as error:  # noqa: BLE001 a defect is answered, too
+            response.error = self._told(error)
             return response
         planner_messages.fill_shapes(response, batch, request.arrays)
         return response
@@ -111,8 +104,8 @@ class Planner:
                 found = self._checked(goal)
             finally:
                 self._turn.release()
-        except CableShapeError as error:
-            result.error = str(error)
+        except Exception as error:  # noqa: BLE001 likewise
+            result.error = self._told(error)
             goal.abort()
             return result
         finally:
@@ -124,6 +117,16 @@ class Planner:
         else:
             goal.succeed()
         return result
+
+    def _told(self, error: Exception) -> str:
+        """What an answer says about an error; one that is not ours is a defect, and the planner goes on."""
+        if isinstance(error, CableShapeError):
+            return str(error)
+        self._node.get_logger().error("".join(traceback.format_exception(error)))
+        return (
+            f"a defect ended this request ({type(error).__name__}: {error}); others are answered. "
+            "Report it with the traceback in the node's log."
+        )
 
     def _taken_turn(self, goal: Any) -> bool:
         """Waits for the goals before; False if the goal was cancelled meanwhile."""
@@ -160,36 +163,15 @@ class Planner:
 
 
 def main() -> int:
-    """Serves until the parent closes the pipe, or a signal comes."""
-    os.nice(_NICENESS)
-    setup: PlannerSetup = papers()
-    rclpy.init()
-    end_with_parent(try_shutdown)
-    node = Node(
-        setup.name,
-        namespace=setup.namespace,
-        use_global_arguments=False,
-        start_parameter_services=False,
-    )
-    try:
-        executor = MultiThreadedExecutor(num_threads=MOST_GOALS + 4)
-        executor.add_node(node)
+    """Serves planners as the node asked for."""
+    setup = PlannerSetup.from_json(told())
+
+    def make(node: Node) -> str:
         Planner(node, setup)
-        node.get_logger().info(f"serving {setup.service} and {setup.action}")
-        executor.spin()
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    except RuntimeError:  # rclpy's own, when the end comes while something is created or sent
-        if ok():
-            raise
-    finally:
-        node.destroy_node()
-        try_shutdown()
-    return 0
+        return f"serving {setup.service} and {setup.action}"
+
+    return serve(setup.name, setup.namespace, _NICENESS, make)
 
 
 if __name__ == "__main__":
-    code = main()
-    sys.stdout.flush()
-    sys.stderr.flush()
-    os._exit(code)  # without waiting for work under way
+    leave(main())

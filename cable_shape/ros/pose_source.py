@@ -14,7 +14,7 @@ from cable_shape.pose import Pose
 from cable_shape.robot import Robot
 from cable_shape.ros import conversions
 from cable_shape.ros.gathering import Gathering
-from cable_shape.ros.inputs import SECOND, FrameGuard, Pair, Pairing, StampGuard
+from cable_shape.ros.inputs import SECOND, FrameGuard, MissedCount, Pair, Pairing, StampGuard
 from cable_shape.ros.links import LinkSource
 from cable_shape.ros.parameters import Settings
 from cable_shape.ros.plausibility import JumpWatch
@@ -29,6 +29,7 @@ class _Cable:
     def __init__(self, prefix: str) -> None:
         self.topics = tuple(prefix + topic for topic in POSE_TOPICS)
         self.guards = tuple(StampGuard(topic) for topic in self.topics)
+        self.missed = tuple(MissedCount() for _ in self.topics)
         self.pairing: Pairing[Pose] = Pairing(0)
         self.jumps = JumpWatch(self.topics)
 
@@ -37,6 +38,8 @@ class _Cable:
         self.jumps.forget()
         for guard in self.guards:
             guard.forget()
+        for count in self.missed:
+            count.forget()
 
 
 @final
@@ -82,11 +85,14 @@ class PoseSource:
 
     def counts(self) -> dict[str, int]:
         """For the diagnostics."""
-        pairings = [cable.pairing for cable in self._cables.values()]
+        cables = self._cables.values()
+        pairings = [cable.pairing for cable in cables]
+        missed = {topic: count for cable in cables for topic, count in zip(cable.topics, cable.missed, strict=True)}
         return {
             "pairs": sum(pairing.pairs for pairing in pairings),
             "messages without a partner": sum(pairing.unpaired for pairing in pairings),
             "pairs older than the cycle before": self._gathering.late,
+            **{f"overtaken or lost on {topic}": count.missed for topic, count in missed.items()},
         }
 
     def hint(self) -> str:
@@ -107,8 +113,9 @@ class PoseSource:
         for subscription in self.subscriptions:
             self._node.destroy_subscription(subscription)
 
-    def _take(self, name: str, side: int, message: PoseStamped) -> None:
+    def _take(self, name: str, side: int, message: PoseStamped, info: Mapping[str, Any]) -> None:
         cable, sink, frame_id = self._cables[name], self._sink, message.header.frame_id
+        cable.missed[side].take(info)
         if not sink.open():
             return
         topic = cable.topics[side]

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import final
+from typing import Any, final
 
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -20,7 +20,7 @@ from cable_shape.pose import Grip, Pose
 from cable_shape.robot import Robot
 from cable_shape.ros import conversions
 from cable_shape.ros.diagnostics import Health
-from cable_shape.ros.inputs import StampGuard
+from cable_shape.ros.inputs import MissedCount, StampGuard
 from cable_shape.ros.parameters import Settings
 from cable_shape.ros.qos import JOINT_TOPIC, SENSOR
 
@@ -76,8 +76,10 @@ class JointSource:
         self._robot = robot
         self._frame_id = settings.frame_id or ROBOT_FRAME
         self._guard = StampGuard(JOINT_TOPIC)
+        self._missed = MissedCount()
         self._used = 0
-        self.subscriptions = [node.create_subscription(JointState, JOINT_TOPIC, self._take, SENSOR)]
+        take: Callable[..., None] = self._take
+        self.subscriptions = [node.create_subscription(JointState, JOINT_TOPIC, take, SENSOR)]
 
     def apply(self, settings: Settings) -> None:
         """No parameter of this source may change while running."""
@@ -85,10 +87,11 @@ class JointSource:
     def clear(self) -> None:
         """Forgets the last stamp."""
         self._guard.forget()
+        self._missed.forget()
 
     def counts(self) -> dict[str, int]:
         """For the diagnostics."""
-        return {"joint states": self._used}
+        return {"joint states": self._used, f"overtaken or lost on {JOINT_TOPIC}": self._missed.missed}
 
     def hint(self) -> str:
         """One topic needs no partner."""
@@ -99,8 +102,9 @@ class JointSource:
         for subscription in self.subscriptions:
             self._node.destroy_subscription(subscription)
 
-    def _take(self, message: JointState) -> None:
+    def _take(self, message: JointState, info: Mapping[str, Any]) -> None:
         sink = self._sink
+        self._missed.take(info)
         if not sink.open():
             return
         sink.health.arrived(JOINT_TOPIC, sink.now())

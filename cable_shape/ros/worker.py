@@ -6,17 +6,15 @@ the work nor the megabytes of an answer pass through the process that runs the c
 
 from __future__ import annotations
 
-import contextlib
 import os
-import pickle
 import subprocess
 import sys
-import threading
 import time
-from collections.abc import Callable
-from typing import Any, final
+from typing import final
 
-_GRACE = 1.0  # s, between asking the process to end and ending it
+from cable_shape.children import ended, left
+
+_GRACE = 1.0  # s, from telling the process to end until it is ended
 _FIRST_WAIT, _LONGEST_WAIT = 1.0, 60.0  # s, before a start after an end; twice as long after each that was soon
 _SOON = 30.0  # s, a process that ends sooner after its start has not got over it
 _TOLD = 10.0  # s, an end stays in the diagnostics for so long
@@ -31,16 +29,16 @@ class WorkerProcess:
     name : str
         What it is, as in "the planner's process".
     module : str
-        Run as `python -m MODULE PAPERS`, where PAPERS is an inherited descriptor with the pickled `setup`.
+        Run as `python -m MODULE SETUP`, where SETUP is an inherited descriptor with the text `setup`.
     remedy : str
         What else to do if it ends again and again.
     """
 
-    def __init__(self, name: str, module: str, setup: object, remedy: str) -> None:
+    def __init__(self, name: str, module: str, setup: str, remedy: str) -> None:
         self._name, self._module, self._remedy = name, module, remedy
         self._papers = os.memfd_create(f"cable_shape_{name}_setup", os.MFD_CLOEXEC)
-        with open(self._papers, "wb", closefd=False) as file:
-            pickle.dump(setup, file)
+        with open(self._papers, "w", encoding="utf-8", closefd=False) as file:
+            file.write(setup)
         self.ends = 0  # how often the process has ended by itself
         self._wait = _FIRST_WAIT
         self._ended: float | None = None  # when it was seen that the process is gone; None: it runs
@@ -62,20 +60,25 @@ class WorkerProcess:
             self._ended = now
             self._tell(now)
         elif self._ended is not None and now - self._ended >= self._wait:
-            self._release()
+            self.release()
             self._start()
         return self._text if self._ended is not None or now - self._told < _TOLD else ""
 
     def close(self) -> None:
         """Ends the process; calls under way get no answer."""
-        self._release()
-        for end in (None, self._process.terminate, self._process.kill):
-            if self._process.poll() is None:
-                if end is not None:
-                    end()
-                with contextlib.suppress(subprocess.TimeoutExpired):
-                    self._process.wait(_GRACE)
+        self.release()
+        ended(self._process, _GRACE)
         os.close(self._papers)
+
+    def leave(self, timeout: float) -> bool:
+        """For a caller that ends: after `timeout` [s] the process is left to take itself down. True if it has ended."""
+        self.release()
+        return left(self._process, timeout)
+
+    def release(self) -> None:
+        """Tells the process to end, by closing the pipe."""
+        assert self._process.stdin is not None
+        self._process.stdin.close()
 
     def _start(self) -> None:
         self._process = subprocess.Popen(
@@ -85,11 +88,6 @@ class WorkerProcess:
             process_group=0,  # Ctrl-C ends the caller, which closes the pipe
         )
         self._started, self._ended = time.monotonic(), None
-
-    def _release(self) -> None:
-        """Closes the pipe."""
-        assert self._process.stdin is not None
-        self._process.stdin.close()
 
     def _tell(self, now: float) -> None:
         self.ends += 1
@@ -103,21 +101,3 @@ class WorkerProcess:
             f"It is started again after {self._wait:g} s; the cycles go on. If it ends again, read the log, and "
             f"{self._remedy}"
         )
-
-
-def end_with_parent(shutdown: Callable[[], Any]) -> None:
-    """Of the process itself: calls `shutdown`, in a thread, once standard input ends."""
-
-    def wait() -> None:
-        while os.read(0, 1):
-            pass
-        shutdown()
-
-    threading.Thread(target=wait, daemon=True).start()
-
-
-def papers() -> Any:
-    """Of the process itself: the `setup` that it was given."""
-    with open(int(sys.argv[1]), "rb") as file:
-        file.seek(0)
-        return pickle.load(file)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, final
 
 from rclpy.node import Node
@@ -39,6 +40,17 @@ class PlannerSetup:
     threads: int
     time_limit: float  # s
 
+    def to_json(self) -> str:
+        """As text, for `from_json`."""
+        return json.dumps({**{f.name: getattr(self, f.name) for f in fields(self)}, "scene": self.scene.as_dict()})
+
+    @classmethod
+    def from_json(cls, text: str) -> PlannerSetup:
+        """What `to_json` wrote."""
+        values = json.loads(text)
+        x, y, z = values["gravity"]
+        return cls(**{**values, "scene": Scene.from_mapping(values["scene"]), "gravity": (x, y, z)})
+
 
 @final
 @dataclass(frozen=True, slots=True)
@@ -61,15 +73,29 @@ class CalibratorSetup:
     file: str
     time_limit: float  # s
 
+    def to_json(self) -> str:
+        """As text, for `from_json`."""
+        return json.dumps({f.name: getattr(self, f.name) for f in fields(self)})
+
+    @classmethod
+    def from_json(cls, text: str) -> CalibratorSetup:
+        """What `to_json` wrote."""
+        values = json.loads(text)
+        for name in ("gravity", "fit", "kinds"):
+            values[name] = tuple(values[name])
+        values["offsets"] = tuple(tuple(row) for row in values["offsets"])
+        values["topics"] = {name: tuple(topics) for name, topics in values["topics"].items()}
+        return cls(**values)
+
 
 def start_workers(node: Node, settings: Settings, assembly: Assembly) -> None:
     """Starts what the settings ask for."""
     if settings.planner:
-        setup = planner_setup(node, settings, assembly.cycle)
+        setup = planner_setup(node, settings, assembly.cycle).to_json()
         remedy = "ask for fewer rows or points in one request."
         assembly.workers["planner"] = WorkerProcess("planner", "cable_shape.ros.planning", setup, remedy)
     if settings.calibration or settings.calibration_points:
-        told = calibrator_setup(node, settings, assembly.cycle)
+        told = calibrator_setup(node, settings, assembly.cycle).to_json()
         remedy = "calibrate with fewer points."
         assembly.workers["calibrator"] = WorkerProcess("calibrator", "cable_shape.ros.calibrating", told, remedy)
 

@@ -7,18 +7,20 @@ SETUP and MAILBOX are inherited descriptors; standard input wakes the process an
 
 from __future__ import annotations
 
+import json
 import os
-import pickle
 import select
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
+from typing import Any
 
 import rerun as rr
 
 from cable_shape.cable import Cable
-from cable_shape.scene import Obstacle
+from cable_shape.scene import Obstacle, Scene
 from cable_shape.viewer.mailbox import Mailbox, decode
 from cable_shape.viewer.process import start_viewer
 from cable_shape.viewer.recording import ReportLogger, new_recording
@@ -35,15 +37,15 @@ def main() -> int:
     papers, file = (int(argument) for argument in sys.argv[1:])
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # what was taken is still written
     os.nice(_NICENESS)
-    with open(papers, "rb") as setup_file:
+    with open(papers, encoding="utf-8") as setup_file:
         setup_file.seek(0)
-        setup = pickle.load(setup_file)
+        setup = json.load(setup_file)
     recording = new_recording(setup["path"])
     window = None if setup["path"] else _open_window(recording, setup["memory_limit"])
     logger = ReportLogger(
         recording,
         {name: Cable.from_mapping(values) for name, values in setup["cables"].items()},
-        setup["scene"],
+        Scene.from_mapping(setup["scene"]),
         _links(setup["robot"]),
         colour=setup["colour"],
         times=setup["times"],
@@ -91,10 +93,10 @@ def _show(
             time.sleep(max(0.0, period - (time.monotonic() - began)))
 
 
-def _links(robot: str | tuple[Obstacle, ...]) -> tuple[Obstacle, ...]:
-    """What the robot's links look like; a path names the robot's YAML file."""
-    if isinstance(robot, tuple):
-        return robot
+def _links(robot: str | dict[str, Any]) -> Sequence[Obstacle]:
+    """What the robot's links look like, of a scene or, by the path of its YAML file, of a robot."""
+    if not isinstance(robot, str):
+        return Scene.from_mapping(robot).obstacles
     from cable_shape.robot import Robot
 
     return Robot.from_yaml(robot).link_geometry

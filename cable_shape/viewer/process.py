@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
+import json
 import os
-import pickle
 import re
 import socket
 import subprocess
@@ -13,10 +12,11 @@ import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Self, final
+from typing import Any, Self, final
 
 from cable_shape import checks
 from cable_shape.cable import Cable
+from cable_shape.children import ended, left
 from cable_shape.errors import ArgumentError, DependencyError
 from cable_shape.report import CycleReport
 from cable_shape.scene import Obstacle, Scene
@@ -25,7 +25,6 @@ from cable_shape.viewer.mailbox import Mailbox, encode
 
 WINDOW = "window"
 _MEMORY_LIMIT = re.compile(r"\d+(\.\d+)? ?([kKMGT]i?B|%)")
-_GRACE = 1.0  # s, between asking the process to end and ending it
 
 
 @final
@@ -75,11 +74,11 @@ class ViewerProcess:
             raise ArgumentError.of(
                 "memory_limit", memory_limit, "it must be a size or a share of the memory", "Write 512MB, 2GiB or 10%."
             )
-        setup = {
+        setup: dict[str, Any] = {
             "path": _checked_path(mode),
             "cables": {name: cable.as_dict() for name, cable in cables.items()},
-            "scene": scene,
-            "robot": str(Path(robot).resolve()) if isinstance(robot, (str, Path)) else tuple(robot or ()),
+            "scene": scene.as_dict(),
+            "robot": str(Path(robot).resolve()) if isinstance(robot, (str, Path)) else Scene(robot or ()).as_dict(),
             "memory_limit": memory_limit,
             "colour": check_colouring(colour),
             "times": times,
@@ -91,8 +90,8 @@ class ViewerProcess:
         wake, self._wake = os.pipe()
         papers = os.memfd_create("cable_shape_viewer_setup", os.MFD_CLOEXEC)
         try:
-            with open(papers, "wb", closefd=False) as file:
-                pickle.dump(setup, file)
+            with open(papers, "w", encoding="utf-8", closefd=False) as file:
+                json.dump(setup, file)
             self._process = subprocess.Popen(
                 [sys.executable, "-m", "cable_shape.viewer.child", str(papers), str(self._mailbox.file)],
                 stdin=wake,
@@ -107,6 +106,9 @@ class ViewerProcess:
             os.close(papers)
             os.close(wake)
         os.set_blocking(self._wake, False)
+        self._period = 1.0 / setup["max_rate"]
+        self._offered = -self._period  # s, when
+        self._waiting: CycleReport | None = None
         self._connected = True
 
     @property
@@ -134,27 +136,41 @@ class ViewerProcess:
         except BlockingIOError:
             pass  # so many wake-ups are waiting that one more changes nothing
         except BrokenPipeError:
-            self._disconnect()
+            self.release()
             self.dropped += 1
             return False
         self.sent += 1
         return True
 
+    def offer(self, report: CycleReport) -> None:
+        """Like `send`, but hands over no more than the process would show, for a loop whose time is dear.
+
+        What comes too soon after the last one waits for the next `offer` or `flush`, or for the end.
+        """
+        self._waiting = report
+        if time.monotonic() - self._offered >= self._period:
+            self.flush()
+
+    def flush(self) -> None:
+        """Hands over the report that waits, if one does."""
+        report, self._waiting = self._waiting, None
+        if report is not None:
+            self._offered = time.monotonic()
+            self.send(report)
+
     def close(self, timeout: float = 5.0) -> bool:
         """Lets the process show the last report and end; after `timeout` [s] it is ended. True if it ended well."""
-        self._disconnect()
-        if self._process.poll() is None:
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                self._process.wait(timeout)
-        for end in (self._process.terminate, self._process.kill):
-            if self._process.poll() is None:
-                end()
-                with contextlib.suppress(subprocess.TimeoutExpired):
-                    self._process.wait(_GRACE)
-        return self._process.returncode == 0
+        self.release()
+        return ended(self._process, timeout)
 
-    def _disconnect(self) -> None:
-        """Closing the pipe tells the process that no more reports come."""
+    def leave(self, timeout: float) -> bool:
+        """For a caller that ends: after `timeout` [s] the process is left to write on by itself. True if it ended."""
+        self.release()
+        return left(self._process, timeout)
+
+    def release(self) -> None:
+        """Tells the process, by closing the pipe, that no more reports come."""
+        self.flush()
         if self._connected:
             self._last_shown = self._mailbox.taken
             self._connected = False

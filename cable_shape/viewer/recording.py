@@ -23,6 +23,9 @@ This module imports rerun, so it is imported by the viewer process and by whoeve
 
 from __future__ import annotations
 
+import atexit
+import ctypes
+import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
@@ -53,6 +56,8 @@ FIRST_DATE = 10**17
 MAX_SEGMENTS = 400
 FLOOR_SIZE = 6.0  # m, of the plate that stands for a half-space
 FLOOR_THICKNESS = 0.01  # m
+_FLUSH_PERIOD = 1.0  # s, between looks whether a file can still be written
+_FLUSH_WITHIN = 10.0  # s
 FLOOR_GAP = 0.001  # m, by which the plate is drawn too low, so that the grid of the ground lies on it
 
 _LEVELS = {Severity.WARN: rr.TextLogLevel.WARN, Severity.ERROR: rr.TextLogLevel.ERROR, None: rr.TextLogLevel.INFO}
@@ -338,19 +343,36 @@ class RecordingWriter:
     ) -> None:
         self.recording = new_recording(path)
         self._logger = ReportLogger(self.recording, cables, scene, links, colour=colour, times=times)
+        self._flushed = time.monotonic()
+        self._broken = False
 
     def log(self, report: CycleReport) -> None:
-        """Writes one report at its stamp."""
+        """Writes one report at its stamp. RuntimeError once the file cannot be written any more, within a second."""
         self._logger.log(report)
+        now = time.monotonic()
+        if now - self._flushed > _FLUSH_PERIOD:
+            self._flushed = now
+            self._flush(_FLUSH_WITHIN)
 
     def log_markers(self, points: Array, stamp: int | None = None) -> None:
         """Writes measured markers (k, 3) [m], world, at `stamp` [ns], by default that of the last report."""
         self._logger.log_markers(points, stamp)
 
     def close(self, timeout: float = 30.0) -> None:
-        """Writes what is still buffered, within `timeout` [s], and closes the file."""
-        self.recording.flush(timeout_sec=timeout)
-        self.recording.disconnect()
+        """Writes what is still buffered, within `timeout` [s], and closes the file; RuntimeError if it cannot."""
+        if not self._broken:
+            self._flush(timeout)
+            self.recording.disconnect()
+
+    def _flush(self, timeout: float) -> None:
+        try:
+            self.recording.flush(timeout_sec=timeout)
+        except RuntimeError:
+            self._broken = True
+            # rerun would wait for ever for its file, when it is shut down and when the recording is freed
+            atexit.unregister(rr.rerun_shutdown)
+            ctypes.pythonapi.Py_IncRef(ctypes.py_object(self.recording))
+            raise
 
     def __enter__(self) -> Self:
         return self

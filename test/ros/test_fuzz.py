@@ -103,7 +103,7 @@ class Fed:
         self.health.cycled(report, 1e-3, 1)
 
     def put(self, number, message):
-        self.node.take[number](message)
+        self.node.take[number](message, {})
         for verdict in self.health.verdicts(1):
             assert isinstance(verdict.message, str)
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from cable_shape.report import CableWarning, CycleReport, Severity, WarningKind
+from cable_shape.ros.cycle_times import MOST_CYCLES, CycleTimes
 from cable_shape.ros.diagnostics import Health, Level
 from cable_shape.ros.inputs import SECOND
 from cable_shape.shape import CableShape, Status
@@ -12,11 +13,12 @@ TOPICS = ("left_gripper/pose", "right_gripper/pose")
 T0 = 1000 * SECOND
 
 
-def report(stamp, status=Status.OK, warnings=(), detail=""):
+def report(stamp, status=Status.OK, warnings=(), detail="", skipped=None):
     shape = CableShape(np.zeros(17 * 2), 2, length=1.0, model="gradient4", status=status, detail=detail)
     return CycleReport(
-        stamp=stamp, grips={}, links=None, shapes={"cable": shape}, clearance={}, warnings=tuple(warnings)
-    )
+        stamp=stamp, grips={}, links=None, shapes={"cable": shape}, clearance={}, warnings=tuple(warnings),
+        skipped=skipped or {},
+    )  # fmt: skip
 
 
 def active(stale_after=0.5):
@@ -28,6 +30,10 @@ def active(stale_after=0.5):
 def seen(health, now):
     for topic in TOPICS:
         health.arrived(topic, now)
+
+
+def values_of(health, name, now):
+    return next(v.values for v in health.verdicts(now) if v.name == name)
 
 
 def said(health, name, now):
@@ -57,6 +63,33 @@ def test_good_input_is_ok_with_rate_and_cycle_times():
     values = next(v.values for v in health.verdicts(now) if v.name == "prediction")
     assert float(values["cycle time p50 [ms]"]) == pytest.approx(1.0, rel=0.02)
     assert float(values["cycle time max [ms]"]) == pytest.approx(2.0, rel=0.01)
+
+
+def test_cycle_times_are_those_of_the_last_seconds():
+    health = active()
+    for k, milliseconds in ((1, 50.0), (2, 50.0), (8, 1.0), (9, 3.0)):
+        health.cycled(report(T0 + k * SECOND), 1e-3 * milliseconds, T0 + k * SECOND)
+    values = values_of(health, "prediction", T0 + 9 * SECOND)
+    assert float(values["cycle time p50 [ms]"]) == pytest.approx(2.0)
+    assert float(values["cycle time max [ms]"]) == pytest.approx(3.0)
+    values = values_of(health, "prediction", T0 + 60 * SECOND)  # no cycle in these seconds
+    assert not any(key.startswith("cycle time") for key in values)
+
+
+def test_more_cycles_than_are_kept_leave_the_newest():
+    times = CycleTimes()
+    for k in range(MOST_CYCLES + 100):
+        times.add(float(k), T0)
+    assert sorted(times.within(5.0, T0)) == [float(k) for k in range(100, MOST_CYCLES + 100)]
+    assert times.last_end == T0
+
+
+def test_skipped_work_is_added_up():
+    health = active()
+    for k in range(1, 4):
+        health.cycled(report(T0 + k, skipped={"reused": 1, "snap_checks": 0}), 1e-3, T0 + k)
+    values = values_of(health, "prediction", T0 + 3)
+    assert (values["skipped reused"], values["skipped snap_checks"]) == ("3", "0")
 
 
 def test_silence_becomes_stale_after_the_limit_and_only_then():

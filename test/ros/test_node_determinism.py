@@ -5,12 +5,17 @@ import array
 import numpy as np
 from builtin_interfaces.msg import Time
 from conftest import CABLE_YAML
-from harness import ALONG_X
+from harness import ALONG_X, nanoseconds
+from recordings import PERIOD, ends_at, motion, write_bag
+from rosbags.rosbag2 import Reader
 from rosgraph_msgs.msg import Clock
 
 from cable_shape.cable import Cable
 from cable_shape.cycle import Cycle
 from cable_shape.pose import Grip, Pose
+from cable_shape.replay.bag_writer import cable_shape_store
+from cable_shape.replay.outcome import Settings
+from cable_shape.replay.run import replay
 from cable_shape.ros.fields import shape_fields
 
 FIELDS = ("arc_length", "positions", "quaternions", "curvature", "force", "moment")
@@ -45,4 +50,46 @@ def test_the_same_pairs_give_the_same_bits(start, tmp_path):
         for name in FIELDS:
             assert getattr(message, name) == array.array("d", expected[name].tobytes()), (k, name)
         assert (message.model, message.energy) == (expected["model"], expected["energy"])
+    assert node.process.stop() == 0
+
+
+def test_a_recording_played_live_gives_the_bits_of_its_replay_until_a_pair_is_dropped(start, tmp_path, cable_file):
+    """Played by the recording's clock, at ten times its speed; after a drop the same within the tolerance."""
+    frames = motion(120, skew=0)
+    cable = Cable.from_yaml(cable_file)
+    replay(write_bag(tmp_path / "bag", frames), tmp_path / "out", Settings(cable=cable, rrd=False, picture=False))
+    store = cable_shape_store()
+    with Reader(tmp_path / "out" / "replay") as reader:
+        wanted = [c for c in reader.connections if c.topic == "/cable/shape"]
+        replayed = {time: store.deserialize_cdr(raw, c.msgtype) for c, time, raw in reader.messages(wanted)}
+    assert len(replayed) == 120
+
+    node = start(use_sim_time="true")
+    clock = node.node.create_publisher(Clock, "/clock", 1)
+    node.until(clock.get_subscription_count, "the node on /clock")
+    node.until(lambda: all(p.get_subscription_count() for p in node.grippers), "the node on both topics")
+    node.spin(0.5)
+    played = sorted(replayed)
+    for k, stamp in enumerate(played):
+        clock.publish(Clock(clock=Time(sec=stamp // 10**9, nanosec=stamp % 10**9)))
+        for side, place in enumerate(ends_at(k)):
+            node.pose(side, stamp, place)
+        node.spin(1e-10 * PERIOD)
+    node.until(lambda: len(node.shapes) > 10, "shapes")
+    node.spin(0.5)
+    live = {nanoseconds(message.header.stamp): message for message in node.shapes}
+    whole = True
+    for stamp in played:
+        if stamp not in live:
+            whole = False
+            continue
+        got, expected = live[stamp], replayed[stamp]
+        if whole:
+            assert got.model == expected.model
+            for name in FIELDS:
+                assert np.array_equal(getattr(got, name), getattr(expected, name)), name
+        else:
+            apart = np.subtract(got.positions, expected.positions)
+            assert np.abs(apart).max() < 2e-3 * cable.length  # each within the tolerance of "auto"
+    assert live[played[0]]  # so that some were compared to the bit
     assert node.process.stop() == 0

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cable_shape.errors import InputError, StaleInputError
-from cable_shape.ros.inputs import HISTORY, RESTART_JUMP, FrameGuard, Pairing, StampGuard
+from cable_shape.ros.inputs import HISTORY, RESTART_JUMP, FrameGuard, MissedCount, Pairing, StampGuard
 
 MS = 1_000_000  # ns
 
@@ -130,3 +130,14 @@ def test_the_first_used_frame_is_expected_unless_one_is_given():
         frame.check("right_gripper/pose", "map")
     with pytest.raises(InputError, match="it must be 'base'"):
         FrameGuard("base").check("right_gripper/pose", "world")
+
+
+def test_messages_that_were_never_read_are_counted_by_the_gaps_in_their_numbers():
+    count = MissedCount()
+    for number in (5, 6, 9, None, 10, 1, 2, 4):  # at 1 the publisher was started again
+        count.take({"publication_sequence_number": number})
+    assert count.missed == 3
+    count.forget()
+    count.take({"publication_sequence_number": 1000})
+    count.take({})
+    assert count.missed == 3

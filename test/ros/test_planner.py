@@ -3,9 +3,11 @@
 import os
 import signal
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import rclpy
 from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Duration
 from cable_shape_msgs.action import CheckTrajectory
@@ -16,7 +18,10 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 import cable_shape as cs
 from cable_shape.robot import Robot
+from cable_shape.ros import planning
 from cable_shape.ros.parameters import find_file
+from cable_shape.ros.planning import Planner
+from cable_shape.ros.workers import PlannerSetup
 
 CLEANUP, DEACTIVATE = 2, 4
 CABLE = cs.Cable(length=1.2, linear_density=0.1, bending_stiffness=0.01, diameter=0.008)
@@ -388,3 +393,45 @@ def test_of_several_cables_the_request_names_one(start, tmp_path):
     np.testing.assert_allclose(lengths["long"], 1.2, rtol=1e-3)
     told = shapes_of(node, starts=flat(starts), ends=flat(ends))
     assert "cable_id: unknown key ''" in told.error
+
+
+def test_a_defect_is_answered_and_the_planner_goes_on(monkeypatch, compiled):
+    """Whatever is raised below the service and the action."""
+    setup = PlannerSetup(
+        "p", "/", "s", "a", {"cable": CABLE.as_dict()}, cs.Scene(), "", "auto", (0.0, 0.0, -9.81), 20, 0.0, 10, 1, 5.0
+    )
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    node = rclpy.create_node("defects", context=context)
+    try:
+        planner = Planner(node, setup)
+        starts, ends = grasps(2)
+        request = PredictShapes.Request(starts=flat(starts), ends=flat(ends))
+        ended = []
+        goal = SimpleNamespace(
+            request=CheckTrajectory.Goal(starts=flat(starts), ends=flat(ends)),
+            is_cancel_requested=False, publish_feedback=ended.append,
+            abort=lambda: ended.append("aborted"), succeed=lambda: ended.append("succeeded"),
+        )  # fmt: skip
+        with monkeypatch.context() as patch:
+            for name in ("predict_batch", "check_trajectory"):
+                patch.setattr(planning, name, lambda *_, **__: 1 // 0)
+            for error in (planner._predict(request, PredictShapes.Response()).error, planner._check(goal).error):
+                assert "a defect ended this request (ZeroDivisionError: " in error
+        assert ended == ["aborted"]
+        assert planner._predict(request, PredictShapes.Response()).success
+        assert planner._check(goal).success
+        assert ended[-1] == "succeeded"
+    finally:
+        node.destroy_node()
+        rclpy.shutdown(context=context)
+
+
+def test_the_planner_gets_to_know_the_same_bits():
+    scene = cs.Scene(
+        [POST, cs.Obstacle("m", cs.Mesh(np.eye(4, 3) / 3.0, [(0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3)]))]
+    )
+    setup = PlannerSetup(
+        "p", "/", "s", "a", {"cable": CABLE.as_dict()}, scene, "", "auto", (0.0, 0.1, -9.81), 20, 1 / 3, 10, 1, 5.0
+    )
+    assert PlannerSetup.from_json(setup.to_json()) == setup

@@ -1,4 +1,4 @@
-"""The short version of scripts/soak: memory, threads and open files do not grow."""
+"""The short versions of scripts/soak."""
 
 import os
 import subprocess
@@ -8,9 +8,27 @@ from pathlib import Path
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "soak_run.py"
 
 
-def test_a_minute_of_input_leaves_nothing_behind(compiled):
-    command = [sys.executable, str(SCRIPT), "--minutes", "1", "--rate", "100", "--settle", "20", "--untimed"]
+def said_by(*options):
+    """What it prints; it must end well."""
     environment = {**os.environ, "ROS_DOMAIN_ID": str(102 + os.getpid() % 100)}
+    command = [sys.executable, str(SCRIPT), *options]
     done = subprocess.run(command, capture_output=True, text=True, timeout=400, env=environment)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "memory" in done.stdout
+    return done.stdout
+
+
+def test_a_minute_of_input_leaves_nothing_behind(compiled):
+    assert "memory" in said_by("--minutes", "1", "--rate", "100", "--settle", "20", "--untimed")
+
+
+def test_random_messages_do_no_harm(compiled):
+    assert said_by("--fuzz", "4000").startswith("4000 random messages sent, ")
+
+
+def test_replays_are_the_same(compiled):
+    assert "3 replays of 200 frames, replay/replay.mcap: sha256 " in said_by("--replay", "3")
+
+
+def test_damaged_files_are_read_or_refused(compiled):
+    kinds = [line.split(":")[0] for line in said_by("--files", "20").splitlines()]
+    assert kinds == ["yaml", "urdf", "mcap", "db3"]

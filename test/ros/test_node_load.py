@@ -1,0 +1,124 @@
+"""Input faster than the node, a defect inside a cycle, and a node that is gone when it has ended."""
+
+import os
+import signal
+import time
+from pathlib import Path
+
+import pytest
+import rclpy
+from diagnostic_msgs.msg import DiagnosticStatus
+from harness import ALONG_X, values_of
+
+from cable_shape.pose import Grip, Pose
+from cable_shape.ros.diagnostics import Level
+from cable_shape.ros.node import CableShapeNode
+from cable_shape.ros.sources import Ready
+
+BURST = 3000
+
+
+def number_of(status, text):
+    return sum(int(value) for key, value in values_of(status).items() if text in key)
+
+
+def test_of_input_faster_than_the_node_the_newest_is_used_and_the_rest_counted(start):
+    node = start(model="cosserat", diagnostics_period=0.2)
+    node.predicted()
+    before = node.diagnosis("input", "")
+    for _ in range(BURST):
+        node.pair()
+    node.spin(0.5)
+    node.shapes.clear()
+    node.spin(0.5)
+    assert node.shapes == []  # nothing waits in a queue
+    extra = []
+
+    def answered():
+        extra.append(node.pair())
+        node.spin(0.05)
+        return node.shape_of(extra[-1])
+
+    node.until(answered, "shape of a pair after the burst", 20.0)
+    after = node.diagnosis("input", "")
+    missed = number_of(after, "overtaken or lost on ") - number_of(before, "overtaken or lost on ")
+    pairs = number_of(after, "pairs") - number_of(before, "pairs")
+    alone = number_of(after, "messages without a partner") - number_of(before, "messages without a partner")
+    assert missed > BURST / 10
+    assert pairs < BURST
+    assert missed + 2 * pairs + alone == pytest.approx(
+        2 * (BURST + len(extra)), abs=80
+    )  # those that wait for a partner, at most 64
+    assert node.process.stop() == 0
+
+
+def test_a_defect_inside_a_cycle_is_told_and_the_node_goes_on(compiled, cable_file, monkeypatch):
+    context = rclpy.get_default_context()
+    rclpy.init(args=["--ros-args", "-p", f"cable_file:={cable_file}", "-r", "__ns:=/defect"])
+    node = CableShapeNode()
+    try:
+        node.trigger_configure()
+        node.trigger_activate()
+        grips = {"cable": tuple(Grip(Pose((x, 0.0, 0.5), ALONG_X)) for x in (0.0, 0.8))}
+
+        def run(k):
+            node._run(Ready(10**9 + k, "world", lambda: (grips, None)))
+            return next(v for v in node._health.verdicts(10**9 + k) if v.name == "input")
+
+        with monkeypatch.context() as patch:
+            patch.setattr(type(node._assembly.cycle), "step", lambda *_: 1 // 0)
+            verdict = run(1)
+        assert verdict.level is Level.ERROR
+        assert "a defect ended this cycle (ZeroDivisionError: " in verdict.message
+        assert run(2).level is Level.WARN  # it ran; what was wrong stays for a while
+        assert node._health.cycles == 1
+    finally:
+        node.close()
+        node.destroy_node()
+        rclpy.shutdown(context=context)
+
+
+def listed(node):
+    """Nodes of the namespace under test."""
+    return [name for name, space in node.node.get_node_names_and_namespaces() if space == f"/{node.process.namespace}"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_node_that_has_ended_is_gone_from_the_graph_with_its_planner_and_viewer(start, tmp_path, number):
+    node = start(planner="true", view=tmp_path / "seen.rrd")
+    node.until(lambda: "cable_shape_node_planner" in listed(node), "planner")
+    node.predicted()
+    children = [p for p in Path("/proc").glob("[0-9]*") if parent_of(p) == node.process.process.pid]
+    assert len(children) == 2
+    assert node.process.stop(number) == 0
+    end = time.monotonic() + 15.0  # without a farewell they would stay listed for 20 s
+    while set(listed(node)) & {"cable_shape_node", "cable_shape_node_planner"} or any(map(alive, children)):
+        assert time.monotonic() < end, listed(node)
+        time.sleep(0.05)
+
+
+def parent_of(process):
+    try:
+        return int((process / "stat").read_text().rsplit(")", 1)[1].split()[1])
+    except OSError:
+        return -1
+
+
+def alive(process):
+    """Whether it still runs; a zombie does not."""
+    try:
+        return (process / "stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def test_a_viewer_that_is_stopped_holds_up_neither_cycles_nor_the_end(start, tmp_path):
+    node = start(view=tmp_path / "seen.rrd")
+    node.predicted()
+    viewer = next(p for p in Path("/proc").glob("[0-9]*") if parent_of(p) == node.process.process.pid)
+    os.kill(int(viewer.name), signal.SIGSTOP)
+    for _ in range(20):
+        node.predicted()
+    node.diagnosis("lifecycle", "active", DiagnosticStatus.OK)
+    assert node.process.stop() == 0
+    assert not alive(viewer)
