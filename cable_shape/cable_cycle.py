@@ -15,7 +15,6 @@ from cable_shape.models.rod_state import RodState
 from cable_shape.plug import Plug, PlugError, plug_error
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.predictor import Predictor
-from cable_shape.quasistatic import QuasistaticWatch
 from cable_shape.report import BodyDistance, CableWarning, Clearance, Margin
 from cable_shape.scene import Obstacle, Scene
 from cable_shape.shape import CableShape
@@ -52,8 +51,8 @@ class CableCycle:
         How many there are in all.
     tubes : TubeWatch, optional
         Makes clearance that of the cable's tube.
-    inertia : QuasistaticWatch, optional
-        Tells whether the cable may be taken for one at rest.
+    quasistatic_limit : float, optional
+        Of the load of inertia as a fraction of the weight; None: it is not told.
     """
 
     def __init__(
@@ -67,7 +66,7 @@ class CableCycle:
         snap_horizon: float,
         cables: int = 1,
         tubes: TubeWatch | None = None,
-        inertia: QuasistaticWatch | None = None,
+        quasistatic_limit: float | None = None,
     ) -> None:
         self.name = name
         self.predictor = predictor
@@ -84,10 +83,9 @@ class CableCycle:
         self._plug = plug
         self._snap_horizon = snap_horizon
         moving = np.concatenate((checker.moving, np.ones(cables, dtype=np.bool_)))  # other cables, and itself
-        self._watch = MarginWatch(cable, scene, moving)
+        self._watch = MarginWatch(cable, scene, moving, gravity=problem.gravity, quasistatic_limit=quasistatic_limit)
         self._standing = Standing(scene)
         self._tubes = tubes
-        self._inertia = inertia
         self.reset()
 
     def reset(self) -> None:
@@ -99,10 +97,7 @@ class CableCycle:
         self._standing.reset()
         if self._tubes is not None:
             self._tubes.reset()
-        if self._inertia is not None:
-            self._inertia.reset()
         self.tube: Tube | None = None  # of the last shape, if it is asked for and known
-        self._stamp = 0  # ns, of the last margins
         self._rod: RodState | None = None  # of the last shape
         self.tails: dict[str, CableShape] = {}  # by side
         self.after_snap: CableShape | None = None
@@ -154,11 +149,6 @@ class CableCycle:
     def margins(self, shape: CableShape, clearance: Clearance, ends: Ends, stamp: int) -> tuple[Margin, ...]:
         """How far trouble is, and with it whether the cable is about to snap."""
         margins = self._watch.margins(shape, clearance, stamp, state=self._rod, ends=ends)
-        if self._inertia is not None:
-            inertia = self._inertia.margin(shape, self._watch.twists, (stamp - self._stamp) * 1e-9, *ends)
-            if inertia is not None:
-                margins = (*margins, inertia)
-        self._stamp = stamp
         self._look_ahead(shape, stamp)
         return margins
 
@@ -205,7 +195,7 @@ class CableCycle:
             tolerance=self.predictor.problem.tolerance,
             margins=margins,
             standing=self._standing,
-            period=math.nan if self._inertia is None else self._inertia.period,
+            period=self._watch.period,
         )
         more = [] if self._snap is None else [self._snap]
         if self._tubes is not None and self._tubes.trouble and shape.status:

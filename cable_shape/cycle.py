@@ -22,7 +22,7 @@ from cable_shape.near import CableNear
 from cable_shape.plug import Plug
 from cable_shape.pose import Pose
 from cable_shape.predictor import Predictor
-from cable_shape.quasistatic import LIMIT, QuasistaticWatch
+from cable_shape.quasistatic import LIMIT
 from cable_shape.report import CycleReport
 from cable_shape.scene import Clip, Obstacle, Scene
 from cable_shape.shape import CableShape
@@ -121,7 +121,7 @@ class Cycle:
                 checks.one_of(f"plugs[{name!r}].socket", plug.socket, self.scene.sockets)
             self._cables[name] = CableCycle(
                 name, predictor, own, robot_links, gripping_links, plug, horizon, len(named), tubes,
-                QuasistaticWatch(cable, gravity, ratio) if ratio > 0.0 else None,
+                ratio if ratio > 0.0 else None,
             )  # fmt: skip
         self._near = CableNear(named, self.scene, robot_links)
         self._crossing: tuple[tuple[str, ...], Crossing] | None = None

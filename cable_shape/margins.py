@@ -12,6 +12,7 @@ CLEARANCE, each body    2 - distance / warning distance: 1 at the warning distan
 STRESS                  greatest von Mises stress / `allowable_stress`: 1 / safety factor
 STABILITY               1 / (1 + mu) while stable, 1 - mu beyond; mu: smallest eigenvalue of the second variation
                         in units of the smallest stiffness / length^2, 0 where the cable snaps
+QUASISTATIC             load of the cable's inertia / its weight / limit, see :mod:`cable_shape.quasistatic`
 ======================  ======================================================================================
 
 A limit that the cable does not have, a body beyond the horizon of the clearance check, the stretch of a cable with a
@@ -31,16 +32,19 @@ from itertools import chain, repeat
 from typing import Any, final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from cable_shape.cable import Cable
 from cable_shape.checks import Array
 from cable_shape.clearance import NOT_JUDGED
 from cable_shape.kernels import margin_watch as kernels
-from cable_shape.kernels.margins import BODIES, COLUMNS, STABILITY
+from cable_shape.kernels import swing
+from cable_shape.kernels.margins import BODIES, COLUMNS, QUASISTATIC, STABILITY
 from cable_shape.models.cosserat import MODEL
 from cable_shape.models.rod_state import RodState
 from cable_shape.pose import FreeEnd, Grip, Pose
+from cable_shape.problem import GRAVITY
+from cable_shape.quasistatic import bending_rate, swing_state
 from cable_shape.report import Clearance, Margin, WarningKind
 from cable_shape.scene import Scene
 from cable_shape.shape import CableShape, Status
@@ -60,6 +64,7 @@ _KINDS = (
     WarningKind.TWIST_RATE,
     WarningKind.STRESS,
     WarningKind.STABILITY,
+    WarningKind.QUASISTATIC,
 )
 #: Those that are told, by what the kernel returns.
 _TOLD = [tuple(kind for row, kind in enumerate(_KINDS) if which >> row & 1) for which in range(1 << len(_KINDS))]
@@ -93,9 +98,20 @@ class MarginWatch:
     """The margins of one cable cycle by cycle; it remembers the last cycle for the times and for the softest mode.
 
     moving: (m,), of the rows of a clearance's table: whether that body may move by itself. Default: none does.
+    quasistatic_limit: of the load of inertia as a fraction of the weight under `gravity`; None: it is not told.
     """
 
-    def __init__(self, cable: Cable, scene: Scene, moving: NDArray[np.bool_] | None = None) -> None:
+    def __init__(
+        self,
+        cable: Cable,
+        scene: Scene,
+        moving: NDArray[np.bool_] | None = None,
+        *,
+        gravity: ArrayLike = GRAVITY,
+        quasistatic_limit: float | None = None,
+    ) -> None:
+        self._cable = cable
+        self._swing = swing_state(cable, gravity, quasistatic_limit)
         longest = cable.length
         if cable.axial_stiffness is not None and cable.max_tension is not None:
             longest *= 1.0 + cable.max_tension / cable.axial_stiffness
@@ -113,8 +129,9 @@ class MarginWatch:
         self._stamp = self._older_stamp = -math.inf
         self.stability: Margin | None = None  # of the last shape
         self._mu = math.nan
-        unknown = np.full(kernels.TURN - kernels.EIGEN, math.nan)
-        self._lay_out(np.concatenate((self.limits, self.section, (self.soft,), unknown, (0.0,))), 0)
+        unknown = np.full(kernels.SWING - kernels.EIGEN, math.nan)
+        self._kinds: tuple[str, str, bool] = ("", "", False)  # of the ends
+        self._lay_out(np.concatenate((self.limits, self.section, (self.soft,), unknown, self._swing, (0.0,))), 0)
 
     def _lay_out(self, head: Array, bodies: int) -> None:
         """Makes the kernel's memory one for so many bodies; times to loads and bodies are not known then."""
@@ -127,7 +144,7 @@ class MarginWatch:
         self._memory = memory
         self._bodies = bodies
         self._start: Array = memory[kernels.NOW : kernels.NOW + 7]
-        self._end: Array = memory[kernels.NOW + 7 : kernels.TURN]
+        self._end: Array = memory[kernels.NOW + 7 : kernels.SWING]
         self._told: Array = memory[head_size + COLUMNS * k : head_size + 2 * COLUMNS * k].reshape(COLUMNS, k)
 
     @property
@@ -138,6 +155,11 @@ class MarginWatch:
         """
         twists: Array = self._memory[kernels.TWISTS : kernels.BEFORE].copy()
         return None if math.isnan(twists[0]) else twists
+
+    @property
+    def period(self) -> float:
+        """[s], with which the cable swings, where its motion was judged last; NaN: not known."""
+        return float(self._memory[kernels.SWING + swing.PERIOD])
 
     def margins(
         self,
@@ -180,6 +202,10 @@ class MarginWatch:
             if end is not None and not isinstance(end, FreeEnd):
                 held = True
                 self._end[...] = end.array if type(end) is Pose else end.cable_frame.array
+            kinds = (getattr(start, "kind", "clamped"), getattr(end, "kind", "clamped"), held)
+            if kinds != self._kinds:
+                self._kinds = kinds
+                self._memory[kernels.SWING + swing.RATE] = bending_rate(self._cable, start, end)
         if held:
             flags |= _HELD
         if status is not _OK:
@@ -203,7 +229,8 @@ class MarginWatch:
         fields = zip(of, used, limits, values, places, others, times)  # noqa: B905, a keyword doubles its time
         found = tuple(map(_margin, repeat(Margin), fields))
         if which & _STABLE:
-            self.stability, self._mu = found[len(kinds) - 1], values[len(kinds) - 1]
+            at = len(kinds) - 1 - (which >> QUASISTATIC & 1)
+            self.stability, self._mu = found[at], values[at]
         else:
             self.stability = None
             if elements:

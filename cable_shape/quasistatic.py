@@ -1,4 +1,4 @@
-"""Whether a moving cable may be taken for one at rest: :class:`QuasistaticWatch`.
+"""Whether a moving cable may be taken for one at rest.
 
 Told is the load of the cable's inertia as a fraction of its weight, from the motion of the grips: what a prediction
 leaves out of its loads. A cable that was accelerated swings on; the ratio dies away by a factor of e in a period of the
@@ -13,7 +13,6 @@ that both add up is Southwell's rule, which is a little too small.
 from __future__ import annotations
 
 import math
-from typing import final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,7 +23,6 @@ from cable_shape.checks import Array
 from cable_shape.kernels import swing
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.problem import GRAVITY
-from cable_shape.report import Margin, WarningKind
 from cable_shape.shape import CableShape
 
 #: Ratio of the loads from which a warning is given by default.
@@ -34,64 +32,24 @@ _BEAM = (22.3733, 15.4182, 9.8696)
 _CANTILEVER = 3.5160
 
 
-@final
-class QuasistaticWatch:
-    """The ratio of inertial load to weight of one cable, from cycle to cycle.
+def swing_state(cable: Cable, gravity: ArrayLike, limit: float | None) -> Array:
+    """What :mod:`cable_shape.kernels.swing` keeps of a cable's motion, before there is any.
 
-    limit: of the ratio, above 0. Without gravity or density there is no ratio.
+    limit: of the ratio, above 0; None: it is not asked for. Without gravity or density there is no ratio.
+
+    Raises
+    ------
+    ArgumentError
     """
-
-    def __init__(self, cable: Cable, gravity: ArrayLike = GRAVITY, limit: float = LIMIT) -> None:
-        self.limit = checks.number("quasistatic_limit", limit, above=0.0)
-        self._cable = cable
-        self._gravity: Array = checks.vector("gravity", gravity, 3, "m/s^2")
-        size = float(np.linalg.norm(self._gravity))
-        self._known = size > 0.0 and cable.linear_density > 0.0
-        if self._known:
-            weight = cable.linear_density * size
-            self._lever = min((cable.mean_bending_stiffness / weight) ** (1.0 / 3.0), 0.5 * cable.length)
-        self._memory: Array = np.zeros(swing.MEMORY)
-        self.period = math.nan
-        self._ratio, self._at = 0.0, 0.0
-
-    def reset(self) -> None:
-        """Forgets all motion."""
-        self._memory[:] = 0.0
-        self.period = math.nan  # s, of the last shape
-        self._ratio, self._at = 0.0, 0.0
-
-    def margin(
-        self,
-        shape: CableShape,
-        twists: Array | None,
-        seconds: float,
-        start: Pose | Grip,
-        end: Pose | Grip | FreeEnd | None,
-    ) -> Margin | None:
-        """The margin of a shape; None where it is not known.
-
-        twists (12,): of the ends, mean over the last `seconds`, velocity [m/s] and angular velocity [rad/s]; None:
-        not known, and all before is forgotten, as after a jump of the grips. `seconds` = 0, a stamp again, repeats the
-        answer.
-        """
-        if not self._known or not shape.status:
-            return None
-        if twists is None:
-            self.reset()
-            return None
-        if seconds > 0.0:
-            held = isinstance(end, (Pose, Grip))
-            rate = bending_rate(self._cable, start, end)
-            found = swing.follow(
-                self._memory, twists, seconds, shape.buffer, shape.points, held, self._gravity, self._lever, rate
-            )
-            self._ratio, where, self.period = found
-            self._at = float(where) * shape.length
-        if math.isnan(self._ratio):
-            return None
-        used = self._ratio / self.limit
-        time = 0.0 if used >= 1.0 else math.nan
-        return Margin(WarningKind.QUASISTATIC, used, self.limit, self._ratio, self._at, "", time)
+    state = np.zeros(swing.SIZE)
+    g = checks.vector("gravity", gravity, 3, "m/s^2")
+    weight = cable.linear_density * float(np.linalg.norm(g))
+    state[swing.LIMIT] = state[swing.RATIO] = state[swing.PERIOD] = math.nan
+    if limit is not None and weight > 0.0:
+        state[swing.GRAVITY : swing.LEVER] = g
+        state[swing.LEVER] = min((cable.mean_bending_stiffness / weight) ** (1.0 / 3.0), 0.5 * cable.length)
+        state[swing.LIMIT] = checks.number("quasistatic_limit", limit, above=0.0)
+    return state
 
 
 def swing_period(

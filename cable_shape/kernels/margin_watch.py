@@ -1,7 +1,7 @@
 """All margins of one cable and one cycle in one compiled call, with the time until each limit is reached.
 
 An array costs more to hand over than most of what is done here, so that all that is remembered from cycle to cycle is
-one flat array, for m bodies with k = 6 + m:
+one flat array, for m bodies with k = 7 + m:
 
     limits   (6,)      of the loads, in the order of the rows of :mod:`cable_shape.kernels.margins`, and the warning
                        distance; NaN for none
@@ -9,9 +9,10 @@ one flat array, for m bodies with k = 6 + m:
     soft               unit of the eigenvalue [N]
     eigen    (3,)      see `margins.MEMORY`
     twists   (12,)     how fast the ends move; before, now (14,): their frames, see :mod:`cable_shape.kernels.speed`
+    swing    (35,)     see :mod:`cable_shape.kernels.swing`
     turn               the row of `history` that is this cycle's
     rows     (k, 5)    see :mod:`cable_shape.kernels.margins`
-    told     (5, k)    transposed, and only what can be told: first loads and stability, then bodies
+    told     (5, k)    transposed, and only what can be told: first loads, stability and inertia, then bodies
     history  (2, k)    distance of a body, mu of stability, USED of all else, in this cycle and in the one before; NaN
                        where there is none
     moving   (m,)      1 if that body may move by itself, else 0
@@ -24,13 +25,14 @@ from typing import Any
 
 import numpy as np
 
-from cable_shape.kernels import planar_response, response
+from cable_shape.kernels import planar_response, response, swing
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.margins import (
     ARC_LENGTH,
     BODIES,
     COLUMNS,
     LIMIT,
+    QUASISTATIC,
     STABILITY,
     TIME,
     USED,
@@ -44,7 +46,9 @@ from cable_shape.kernels.rod_algebra import inlined
 from cable_shape.kernels.speed import follow
 
 Array = Any
-LIMITS, SECTION, SOFT, EIGEN, TWISTS, BEFORE, NOW, TURN, HEAD = 0, 6, 11, 12, 15, 27, 41, 55, 56
+LIMITS, SECTION, SOFT, EIGEN, TWISTS, BEFORE, NOW, SWING = 0, 6, 11, 12, 15, 27, 41, 55
+TURN = SWING + swing.SIZE
+HEAD = TURN + 1
 #: What is said of the cycle, to be added: grips hold both ends; the loads are known, which they are not on the line of
 #: an overstretched cable; the factors are to be made anew; the shape is the last one; it is unstable; this is a new
 #: cycle, not the last one once more; rows are the same bodies in every cycle; the factors are those of the planar
@@ -117,7 +121,7 @@ def tell(rows: Array, now: Array, before: Array, seconds: float, listed: bool, t
     count = which = 0
     for row in range(rows.shape[0]):
         used, limit, value, time = rows[row, USED], rows[row, LIMIT], rows[row, VALUE], rows[row, TIME]
-        body, stability = row >= BODIES, row == STABILITY
+        body, stability, inertia = row >= BODIES, row == STABILITY, row == QUASISTATIC
         now[row] = math.nan if math.isnan(used) else value if body or stability else used
         if math.isnan(used):
             continue
@@ -126,6 +130,8 @@ def tell(rows: Array, now: Array, before: Array, seconds: float, listed: bool, t
             time = 0.0
         elif body:
             time = time_left(value - limit, -rate if math.isnan(time) else time)
+        elif inertia:
+            time = math.nan
         elif stability:
             time = time_left(value, -2.0 * rate)
         else:
@@ -142,12 +148,37 @@ def tell(rows: Array, now: Array, before: Array, seconds: float, listed: bool, t
 def begin(memory: Array, bodies: int, flags: int, seconds: float) -> int:
     """Takes over where the ends are in a new cycle, and returns its row of `history`, in which nothing is known yet."""
     if flags & NEW:
-        follow(memory[BEFORE:NOW], memory[NOW:TURN], flags & HELD != 0, seconds, memory[TWISTS:BEFORE])
+        follow(memory[BEFORE:NOW], memory[NOW:SWING], flags & HELD != 0, seconds, memory[TWISTS:BEFORE])
         memory[TURN] = 1.0 - memory[TURN]
     history = parts(memory, bodies)[2]
     turn = int(memory[TURN])
     history[turn, :] = math.nan
     return turn
+
+
+@kernel
+def tell_inertia(
+    state: Array, twists: Array, flags: int, seconds: float, buffer: Array, points: int, rows: Array
+) -> None:  # fmt: skip
+    """Fills the row QUASISTATIC, where a limit of it is asked for and the motion of the ends is known for long enough.
+
+    A stamp again repeats the answer; a jump of the grips, or a gap, makes all motion before forgotten.
+    """
+    if math.isnan(state[swing.LIMIT]):
+        return
+    if flags & NEW:
+        if math.isnan(twists[0]):
+            state[: swing.MEMORY] = 0.0
+            state[swing.RATIO] = state[swing.PERIOD] = math.nan
+        else:
+            state[swing.RATIO], state[swing.WHERE], state[swing.PERIOD] = swing.follow(
+                state[: swing.MEMORY], twists, seconds, buffer, points, flags & HELD != 0,
+                state[swing.GRAVITY : swing.LEVER], state[swing.LEVER], state[swing.RATE],
+            )  # fmt: skip
+    if not math.isnan(state[swing.RATIO]):
+        rows[QUASISTATIC, USED] = state[swing.RATIO] / state[swing.LIMIT]
+        rows[QUASISTATIC, LIMIT], rows[QUASISTATIC, VALUE] = state[swing.LIMIT], state[swing.RATIO]
+        rows[QUASISTATIC, ARC_LENGTH] = state[swing.WHERE] * buffer[points - 1]
 
 
 @kernel
@@ -164,7 +195,9 @@ def measure(
     rows, told, history, moving = parts(memory, bodies.shape[0])
     limits, twists, eigen = memory[LIMITS:SECTION], memory[TWISTS:BEFORE], memory[EIGEN:TWISTS]
     measure_loads(buffer, points, memory[SECTION:SOFT], limits, flags & HELD != 0, flags & LOADED != 0, rows)
-    rows[STABILITY, :] = math.nan
+    rows[STABILITY : QUASISTATIC + 1, :] = math.nan
+    if flags & LOADED:
+        tell_inertia(memory[SWING:TURN], twists, flags, seconds, buffer, points, rows)
     measure_bodies(bodies, limits[5], rows)
     if elements > 0:
         if not flags & AGAIN:

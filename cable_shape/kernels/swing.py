@@ -11,6 +11,10 @@ Array = Any
 #: Words of the memory: filtered twists of both ends (12), their derivatives (12), the largest ratio that still lasts,
 #: and how long the motion has been seen [s].
 MEMORY, LASTING, SEEN = 26, 24, 25
+#: What else one cable's motion is judged by: gravity (3,) [m/s^2], lever [m] and bending rate [1/s^2] as in `follow`,
+#: the limit of the ratio (NaN: not judged); and what was found last: the ratio (NaN: not known), at which end, the
+#: period.
+GRAVITY, LEVER, RATE, LIMIT, RATIO, WHERE, PERIOD, SIZE = 26, 29, 30, 31, 32, 33, 34, 35
 #: [s], time constant of both filters; nothing is told before twice that.
 SMOOTH = 0.05
 #: No gripper gives a cable so many times its weight; the input has jumped.
