@@ -49,7 +49,8 @@ def build_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="cable-shape",
         description="Predicts the quasistatic shape of the cable held between two grippers.",
-        epilog="Exit codes: 0 well, 1 doctor found something, 2 error, 3 only a part of a recording could be read.",
+        epilog="Exit codes: 0 well, 1 doctor found something, 2 error, 3 only a part of a recording could be read, "
+        "130 interrupted.",
     )
     parser.add_argument("--version", action="version", version=f"cable-shape {cable_shape.__version__}")
     parser.add_argument("--debug", action="store_true", help="show the traceback of an error")
@@ -104,7 +105,7 @@ def _add_replay(commands: Commands) -> None:
 
 
 def _add_model(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--model", help="auto, catenary, gradient4, ... (auto)")
+    parser.add_argument("--model", help="catenary, gradient4, gradient6, cosserat or auto (auto)")
     parser.add_argument("--points", type=int, metavar="N", help="points of the shape (150)")
     parser.add_argument("--tolerance", type=float, metavar="M", help="largest position error allowed [m]")
 
@@ -115,7 +116,7 @@ def _add_predict(commands: Commands) -> None:
         help="predict one shape from a file",
         description="Solves CASE (YAML or JSON; keys: the arguments of cable_shape.predict) and prints a table.",
     )
-    predict.add_argument("case", type=Path, metavar="CASE")
+    predict.add_argument("case", type=Path, metavar="CASE", help="see docs/replay.md")
     predict.add_argument(
         "-o", "--out", type=Path, action="append", default=[], metavar="FILE", help=".json, .csv or .png; repeatable"
     )
@@ -125,7 +126,7 @@ def _add_predict(commands: Commands) -> None:
 
 def _add_view(commands: Commands) -> None:
     view = commands.add_parser("view", help="open a .rrd in the rerun viewer")
-    view.add_argument("file", type=Path, metavar="FILE.rrd")
+    view.add_argument("file", type=Path, metavar="FILE.rrd", help="of a replay, a node or the demo")
     view.set_defaults(run=_view)
 
 
@@ -134,9 +135,9 @@ def _add_calibrate(commands: Commands) -> None:
 
     calibrate = commands.add_parser(
         "calibrate",
-        help="find a cable's stiffness from how it was seen to hang",
-        description="Fits the cable to observed points (a rosbag2, .npz or .csv) or to one number (--sag), and writes "
-        "a cable file with error bars.",
+        help="find a cable's stiffness from how it was seen",
+        description="Fits the cable to observed points (a rosbag2, .npz or .csv, or clicks in a photograph), to one "
+        "number (--sag) or to how it rests without load (--rest), and writes a cable file with error bars.",
     )
     add_arguments(calibrate)
     calibrate.set_defaults(run=run)
@@ -144,7 +145,7 @@ def _add_calibrate(commands: Commands) -> None:
 
 def _add_bench(commands: Commands) -> None:
     bench = commands.add_parser("bench", help="run a benchmark of the source tree; without a name: all of them")
-    bench.add_argument("name", nargs="?", metavar="NAME")
+    bench.add_argument("name", nargs="?", metavar="NAME", help="a scripts/bench_NAME.py")
     bench.add_argument("options", nargs=argparse.REMAINDER, metavar="...", help="options of that benchmark")
     bench.set_defaults(run=_bench)
 

@@ -1,7 +1,6 @@
 """The straight road: gripper poses -> ends -> predictor -> shape -> clearance -> report.
 
-One :class:`Cycle` is called by the node, the bag replayer, the planner service and the tests alike. It knows no ROS,
-no file and no viewer.
+One :class:`Cycle` is called by the node, the bag replayer and the tests alike. It knows no ROS, no file and no viewer.
 """
 
 from __future__ import annotations

@@ -52,9 +52,13 @@ def test_there_are_python_blocks() -> None:
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda d: d.name)
 def test_links_and_pictures_exist(document: Path) -> None:
-    for target in re.findall(r"\]\(([^)#]+)[^)]*\)", document.read_text(encoding="utf-8")):
+    for target, _, part in re.findall(r"\]\(([^)#]+)(#([^)]*))?\)", document.read_text(encoding="utf-8")):
         if not target.startswith("http"):
-            assert (document.parent / target).exists(), f"{document.name} links to {target}"
+            file = document.parent / target
+            assert file.exists(), f"{document.name} links to {target}"
+            headings = re.findall(r"^#+ (.*)$", file.read_text(encoding="utf-8"), flags=re.MULTILINE) if part else []
+            parts = {"", *(heading.lower().replace(" ", "-") for heading in headings)}
+            assert part in parts, f"{document.name} links to {target}#{part}"
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""The quasistatic Cosserat rod: geometrically exact, fourth order, warm-started (see docs/method.md).
+"""The quasistatic Cosserat rod: geometrically exact, of sixth order, warm-started (see docs/method.md).
 
     r' = R V,  R' = R hat(u),  n' + f = 0,  m' + r' x n = 0,
     V = e3 + diag(1/GA, 1/GA, 1/EA) R^T n,  R^T m = diag(EI1, EI2, GJ) (u - u0)

@@ -82,13 +82,6 @@ def pose_of(message: PoseStamped) -> Pose:
     return Pose.trusted(row)
 
 
-def pose_message(pose: Pose, header: Header) -> PoseStamped:
-    """A pose as PoseStamped; `turns` is not carried."""
-    message = PoseStamped(header=header)
-    _fill_pose(message.pose, pose.array.tolist())
-    return message
-
-
 def shape_message(cable_id: str, shape: CableShape, header: Header) -> messages.CableShape:
     """The message of every cycle: flat arrays, each filled in one copy."""
     message = messages.CableShape(header=header)

@@ -39,6 +39,7 @@ from cable_shape.ros.planning_scene import PlanningScene
 from cable_shape.ros.pose_source import PoseSource
 from cable_shape.ros.sources import JointSource, Ready, Sink
 from cable_shape.ros.surroundings import troubles
+from cable_shape.ros.transitions import answer_wrong_transitions
 from cable_shape.ros.workers import start_workers
 
 WATCH_PERIOD = 0.1  # s, between looks at the health
@@ -70,7 +71,7 @@ class CableShapeNode(LifecycleNode):
         self._log = ComplaintLog(self.get_logger())
         # not on the node's clock: a silent /clock must not silence the diagnostics
         self.create_timer(WATCH_PERIOD, self._watch, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        self._answer_wrong_transitions()
+        answer_wrong_transitions(self, lambda: self._health.state)
 
     @property
     def autostart(self) -> bool:
@@ -245,25 +246,6 @@ class CableShapeNode(LifecycleNode):
             self._assembly.close(leave)
             self._assembly = None
         gc.unfreeze()
-
-    def _answer_wrong_transitions(self) -> None:
-        """rclpy lets a request for a transition that is not possible now end the process; here it is answered."""
-        service = self._service_change_state
-        change = service.callback
-
-        def answer(request: Any, response: Any) -> Any:
-            possible = {entry[0]: entry[1] for entry in self._state_machine.available_transitions}
-            wanted = request.transition
-            if not wanted.label and wanted.id not in possible:
-                self.get_logger().error(
-                    f"transition {wanted.id} is not possible: the node is {self._health.state}. "
-                    f"Possible: {', '.join(f'{i} ({label})' for i, label in possible.items())}."
-                )
-                response.success = False
-                return response
-            return change(request, response)
-
-        service.callback = answer
 
     # Cycles
 

@@ -21,9 +21,10 @@ import rerun as rr
 
 from cable_shape.cable import Cable
 from cable_shape.scene import Obstacle, Scene
+from cable_shape.viewer.entities import ReportLogger
 from cable_shape.viewer.mailbox import Mailbox, decode
 from cable_shape.viewer.process import start_viewer
-from cable_shape.viewer.recording import ReportLogger, new_recording
+from cable_shape.viewer.recording import new_recording
 
 _NICENESS = 5  # the loop that is watched goes first
 _WINDOW_OPENS_WITHIN = 30.0  # s

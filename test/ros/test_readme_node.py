@@ -36,6 +36,6 @@ def test_the_node_answers_the_client_of_the_readme(compiled: None, tmp_path: Pat
     finally:
         node.send_signal(signal.SIGINT)
         node.wait(TIMEOUT)
-    said = re.match(r"(\d+) shapes; (\w+), middle at", done.stdout)
+    said = re.match(r"(\d+) shapes; (\w+), usable True, middle", done.stdout)
     assert said, f"{done.stdout}\n{log.read_text()}"
     assert int(said[1]) > 0

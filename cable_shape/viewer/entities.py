@@ -1,0 +1,315 @@
+"""Cycle reports as rerun entities: :class:`ReportLogger`. Imports rerun: see recording.
+
+=============================  ====================================================================================
+/world/obstacles/NAME          obstacles of the scene, once
+/world/robot/LINK              pose of a robot link; its solids lie below, once
+/world/cables/NAME/line        the centreline, as thick as the cable, coloured by curvature or clearance
+/world/cables/NAME/start, end  cable frames at the grips: d1 red, d2 green, d3 (the tangent) blue
+/world/cables/NAME/tails/SIDE  what hangs beyond a grip
+/world/cables/NAME/after_snap  the shape after a snap that is about to come
+/world/cables/NAME/tube        the tube that holds the cable with the confidence asked for
+/world/cables/NAME/closest     the closest pair of points and their distance, of bodies that it does not rest on
+/world/cables/NAME/forces      of clips and of bodies that it rests on, on the cable
+/world/cables/NAME/clips/K     clips of the scene; point masses likewise in masses/K
+/world/markers                 markers that were measured on the real cable
+/world/sockets/NAME            frames of the sockets, once
+/margins/KIND                  how much of each limit is used now, as bars
+/plots/...                     limits used [1], clearance and bend radius [mm], tension [N], time [ms]
+/warnings, /state              what is wrong, and how each cable is, in words
+=============================  ====================================================================================
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, final
+
+import numpy as np
+import rerun as rr
+
+from cable_shape.cable import TAIL_SIDES, Cable
+from cable_shape.checks import Array
+from cable_shape.pose import IDENTITY, FreeEnd, Grip, Pose
+from cable_shape.report import Clearance, CycleReport, Severity
+from cable_shape.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Obstacle, Scene, Solid, Sphere
+from cable_shape.shape import CableShape
+from cable_shape.uncertainty import Tube
+from cable_shape.viewer import colour as colours
+from cable_shape.viewer import text as text
+from cable_shape.viewer.bars import Bars
+from cable_shape.viewer.blueprint import blueprint, eye
+from cable_shape.viewer.forces import Forces
+from cable_shape.viewer.plots import Plots, part
+from cable_shape.viewer.tubes import capsules
+
+TIMELINE = "stamp"
+#: Stamps below this are the clock of a simulation, which begins near 0, and not a date. [ns], March 1973.
+FIRST_DATE = 10**17
+#: A cable is drawn with at most so many segments, however many points were asked for.
+MAX_SEGMENTS = 400
+FLOOR_SIZE = 6.0  # m, of the plate that stands for a half-space
+FLOOR_THICKNESS = 0.01  # m
+FLOOR_GAP = 0.001  # m, by which the plate is drawn too low, so that the grid of the ground lies on it
+
+_LEVELS = {Severity.WARN: rr.TextLogLevel.WARN, Severity.ERROR: rr.TextLogLevel.ERROR, None: rr.TextLogLevel.INFO}
+
+
+@final
+class ReportLogger:
+    """Writes cycle reports to a rerun recording; what does not move is written once, with the first report.
+
+    Parameters
+    ----------
+    recording : rerun.RecordingStream
+        It must have a sink already (`save`, `connect_grpc`, ...).
+    cables, scene
+        As given to :class:`cable_shape.cycle.Cycle`.
+    links : sequence of Obstacle
+        ``Robot.link_geometry``: solids of the robot, each in the frame of its link.
+    colour : str
+        What colours the cable: "curvature" or "clearance".
+    times : bool
+        Whether to show how long things took. Without, the recording depends on the reports' content only.
+    live : bool
+        Whether the viewer follows the newest report, or plays the recording from its beginning.
+    """
+
+    def __init__(
+        self,
+        recording: rr.RecordingStream,
+        cables: Mapping[str, Cable],
+        scene: Scene,
+        links: Sequence[Obstacle] = (),
+        *,
+        colour: str = "curvature",
+        times: bool = True,
+        live: bool = False,
+    ) -> None:
+        self.recording = recording
+        self.cables = dict(cables)
+        self.scene = scene
+        self.links = tuple(links)
+        self.colour = colours.check_colouring(colour)
+        self.times = times
+        self.live = live
+        self._plots = Plots(recording, self.cables, scene, times)
+        self._bars = Bars(recording, self.cables)
+        self._forces = {
+            name: Forces(f"/world/cables/{part(name)}/forces", cable) for name, cable in self.cables.items()
+        }
+        self._warnings = text.WarningLog()
+        self._logged: dict[str, object] = {}  # entity -> what was written there last
+        self._begun = False
+        self._dates: bool | None = None  # whether stamps are dates; the first one tells
+        # One time for each row: the stamp. The wall clock and a count would differ between two runs.
+        recording.set_log_time_enabled(False)
+        recording.set_log_tick_enabled(False)
+
+    def log(self, report: CycleReport) -> None:
+        """Writes one report at its stamp."""
+        if not self._begun:
+            self._begin(report)
+        self._at(report.stamp)
+        for link, pose in (report.links or {}).items():
+            self._move(f"/world/robot/{part(link)}", pose)
+        for name, shape in report.shapes.items():
+            base = f"/world/cables/{part(name)}"
+            self._log_line(base, name, shape, report)
+            start, end = report.grips.get(name, (None, None))
+            self._log_grip(f"{base}/start", start, shape, 0)
+            self._log_grip(f"{base}/end", end, shape, -1)
+            for side in TAIL_SIDES:
+                self._log_strip(f"{base}/tails/{side}", name, report.tails.get((name, side)), colours.TAIL)
+            self._log_strip(f"{base}/after_snap", name, report.after_snap.get(name), colours.GHOST)
+            self._log_tube(f"{base}/tube", name, report.tubes.get(name))
+            force = self._forces[name].of(shape)
+            if force is not None:
+                self._write(self._forces[name].entity, *force)
+            self._log_closest(f"{base}/closest", report.clearance.get(name), shape)
+            self._plots.shape(name, shape, report.clearance.get(name))
+            self._plots.margins(name, report.margins.get(name, ()))
+            self._bars.margins(name, report.margins.get(name, ()))
+        self._log_words(report)
+
+    def log_markers(self, points: Array, stamp: int | None = None) -> None:
+        """Writes measured markers (k, 3) [m], world, at `stamp` [ns], by default that of the last report."""
+        if stamp is not None:
+            self._at(stamp)
+        radius = 0.8 * max((cable.diameter for cable in self.cables.values()), default=0.01)
+        self._write("/world/markers", rr.Points3D(points, radii=radius, colors=colours.MARKER))
+
+    def _write(self, entity: str, *what: Any, static: bool = False) -> None:
+        self.recording.log(entity, *what, static=static)
+
+    def _at(self, stamp: int) -> None:
+        if self._dates is None:
+            self._dates = stamp >= FIRST_DATE
+        if self._dates:
+            self.recording.set_time(TIMELINE, timestamp=np.datetime64(stamp, "ns"))
+        else:
+            self.recording.set_time(TIMELINE, duration=np.timedelta64(stamp, "ns"))
+
+    def _changed(self, entity: str, what: object) -> bool:
+        """Whether `what` differs from what was written to the entity last."""
+        if self._logged.get(entity) == what:
+            return False
+        self._logged[entity] = what
+        return True
+
+    def _begin(self, report: CycleReport) -> None:
+        """Everything that is written once."""
+        self._begun = True
+        bodies = bool(self.scene.obstacles or self.links)
+        layout = blueprint(
+            tuple(self.cables), eye(report, self.scene), TIMELINE, bodies=bodies, times=self.times, live=self.live
+        )
+        self.recording.send_blueprint(layout)
+        self._write("/world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        for body in self.scene.obstacles:
+            entity = f"/world/obstacles/{part(body.name)}"
+            flat = isinstance(body.solid, HalfSpace)
+            self._log_solid(entity, body.solid, body.pose, colours.FLOOR if flat else colours.OBSTACLE)
+        for body in self.links:
+            entity = f"/world/robot/{part(body.link or '')}/{part(body.name)}"
+            self._log_solid(entity, body.solid, body.pose, colours.ROBOT)
+        for name, pose in self.scene.sockets.items():
+            axes = rr.Arrows3D(vectors=0.04 * np.eye(3), colors=colours.AXES, radii=0.0015)
+            self._write(f"/world/sockets/{part(name)}", _transform(pose), axes, static=True)
+        for name, cable in self.cables.items():
+            self._log_held(f"/world/cables/{part(name)}", cable)
+        self._plots.begin()
+        self._bars.begin()
+
+    def _log_solid(self, entity: str, solid: Solid, pose: Pose, colour: colours.Colour) -> None:
+        """A solid body in the frame of the entity above it."""
+        fill = rr.components.FillMode.Solid
+        shown: Any
+        if isinstance(solid, Box):
+            shown = rr.Boxes3D(half_sizes=[0.5 * solid.size], colors=colour, fill_mode=fill)
+        elif isinstance(solid, Sphere):
+            shown = rr.Ellipsoids3D(radii=[solid.radius], colors=colour, fill_mode=fill)
+        elif isinstance(solid, Cylinder):
+            shown = rr.Cylinders3D(radii=[solid.radius], lengths=[solid.length], colors=colour, fill_mode=fill)
+        elif isinstance(solid, Capsule):
+            low = (0.0, 0.0, -0.5 * solid.length)  # rerun's capsule begins at its origin
+            shown = rr.Capsules3D(
+                radii=[solid.radius], lengths=[solid.length], translations=[low], colors=colour, fill_mode=fill
+            )
+        elif isinstance(solid, HalfSpace):
+            half = (0.5 * FLOOR_SIZE, 0.5 * FLOOR_SIZE, 0.5 * FLOOR_THICKNESS)
+            low = (0.0, 0.0, -half[2] - FLOOR_GAP)
+            shown = rr.Boxes3D(half_sizes=[half], centers=[low], colors=colour, fill_mode=fill)
+        elif isinstance(solid, Mesh):
+            shown = rr.Mesh3D(
+                vertex_positions=solid.vertices,
+                triangle_indices=solid.faces,
+                albedo_factor=colour,
+                face_rendering=rr.components.MeshFaceRendering.DoubleSided,
+            )
+        self._write(entity, _transform(pose), shown, static=True)
+
+    def _log_held(self, base: str, cable: Cable) -> None:
+        """Clips, which stand still; point masses move with the cable and are drawn as it is."""
+        for k, clip in enumerate(self.scene.clips):
+            ring = rr.Points3D([(0.0, 0.0, 0.0)], radii=1.2 * cable.diameter, colors=colours.CLIP)
+            self._write(f"{base}/clips/{k}", _transform(clip.pose), ring, static=True)
+
+    def _move(self, entity: str, pose: Pose) -> None:
+        if self._changed(entity, pose.array.tobytes()):
+            self._write(entity, _transform(pose))
+
+    def _log_line(self, base: str, name: str, shape: CableShape, report: CycleReport) -> None:
+        """The cable in short straight strips, each in its own colour, and the masses it carries."""
+        cable = self.cables[name]
+        if not shape.status:
+            rgba = np.tile(np.array(colours.UNUSABLE, dtype=np.uint8), (shape.points, 1))
+        elif self.colour == "curvature":
+            rgba = colours.scale(colours.by_curvature(cable, shape))
+        else:
+            rgba = colours.scale(colours.by_clearance(cable, shape, self.scene, self.links, report.links))
+        shown = np.unique(np.linspace(0, shape.points - 1, min(shape.points, MAX_SEGMENTS + 1)).round().astype(int))
+        points = shape.positions[shown].astype(np.float32)
+        strips = np.stack((points[:-1], points[1:]), axis=1)
+        radius = 0.5 * cable.diameter
+        self._write(f"{base}/line", rr.LineStrips3D(strips, colors=rgba[shown[:-1]], radii=radius))
+        if self.scene.masses:
+            at = np.array([mass.arc_length for mass in self.scene.masses])
+            places = np.stack([np.interp(at, shape.arc_length, shape.positions[:, i]) for i in range(3)], axis=1)
+            self._write(f"{base}/masses", rr.Points3D(places, radii=1.6 * radius, colors=colours.UNUSABLE))
+
+    def _log_strip(self, entity: str, name: str, shape: CableShape | None, colour: colours.Colour) -> None:
+        """A line in one colour, which goes away when there is none."""
+        if shape is None:
+            if self._logged.get(entity) is not None:
+                self._write(entity, rr.Clear(recursive=True))
+            self._logged[entity] = None
+            return
+        self._logged[entity] = shape
+        radius = 0.5 * self.cables[name].diameter
+        points = shape.positions.astype(np.float32)
+        self._write(entity, rr.LineStrips3D([points], colors=colour, radii=radius))
+
+    def _log_tube(self, entity: str, name: str, tube: Tube | None) -> None:
+        """Capsules about the cable, wide as it and its tube together, which go away when there is none."""
+        if tube is None:
+            if self._logged.get(entity) is not None:
+                self._write(entity, rr.Clear(recursive=True))
+            self._logged[entity] = None
+            return
+        self._logged[entity] = tube
+        self._write(entity, capsules(tube, self.cables[name].diameter))
+
+    def _log_grip(self, entity: str, end: Pose | Grip | FreeEnd | None, shape: CableShape, index: int) -> None:
+        """The cable frame at a grip: three axes if clamped, the tangent if swivelling, a ball if pinned."""
+        kind = end.kind if isinstance(end, Grip) else "clamped" if isinstance(end, Pose) else "free"
+        if self._changed(f"{entity}/kind", kind):
+            # The axes reach well out of the cable, yet not beyond what a hand would hold.
+            reach = float(np.clip(0.07 * shape.length, 0.03, 0.12))
+            shown = {"clamped": (0, 1, 2), "swivel": (2,)}.get(kind, ())
+            axes = rr.Arrows3D(
+                vectors=[reach * np.eye(3)[i] for i in shown],
+                colors=[colours.AXES[i] for i in shown],
+                radii=0.045 * reach,
+            )
+            ball = rr.Points3D([(0.0, 0.0, 0.0)], radii=0.12 * reach, colors=colours.ROBOT)
+            self._write(f"{entity}/axes", axes)
+            self._write(f"{entity}/ball", ball if kind != "free" else rr.Clear(recursive=False))
+        frame = end.cable_frame if isinstance(end, Grip) else end if isinstance(end, Pose) else None
+        if frame is None:
+            frame = Pose(shape.positions[index], IDENTITY.quaternion)
+        self._move(entity, frame)
+
+    def _log_closest(self, entity: str, clearance: Clearance | None, shape: CableShape) -> None:
+        resting = {contact.body for contact in shape.contacts}
+        apart = [] if clearance is None else [body for body in clearance.bodies if body.body not in resting]
+        closest = min(apart, key=lambda body: body.distance, default=None)
+        if closest is None:
+            if self._changed(entity, None):
+                self._write(entity, rr.Clear(recursive=True))
+            return
+        self._logged[entity] = closest
+        pair = [closest.point_on_cable, closest.point_on_body]
+        colour = colours.of_distance(closest.distance, self.scene)
+        label = f"{closest.body}  {text.millimetres(closest.distance)}"
+        radius = float(np.clip(0.002 * shape.length, 0.001, 0.004))
+        line = rr.LineStrips3D([pair], colors=colour, radii=radius, labels=[label], show_labels=True)
+        self._write(f"{entity}/line", line)
+        self._write(f"{entity}/points", rr.Points3D(pair, colors=colour, radii=2.5 * radius))
+
+    def _log_words(self, report: CycleReport) -> None:
+        for severity, said in self._warnings.changes(report.warnings):
+            self._write("/warnings", rr.TextLog(said, level=_LEVELS[severity]))
+        legend = f"Colour: {_LEGENDS[self.colour]}"
+        self._write("/state", rr.TextDocument(text.state(report, legend, self.times), media_type="text/markdown"))
+        if self.times and "total" in report.times:
+            self._plots.times(report.times["total"], report.times.get("predict", 0.0))
+
+
+_LEGENDS = {
+    "curvature": "bending, from straight (blue) to the smallest bend radius (red).",
+    "clearance": "clearance, from ample (blue) to the error distance (red).",
+}
+
+
+def _transform(pose: Pose) -> rr.Transform3D:
+    return rr.Transform3D(translation=pose.position, quaternion=rr.Quaternion(xyzw=pose.quaternion))
