@@ -17,18 +17,16 @@ sys.path.append(str(Path(__file__).resolve().parents[1]))  # recordings.py is fo
 
 CABLE_YAML = "length: 1.2\nlinear_density: 0.1\nbending_stiffness: 0.01\ndiameter: 0.008\n"
 
+# Compiled kernels hold copies of those that they call, rounded differently where products and sums were fused, and a
+# process uses the copy that it loads first. So this one loads them in the order in which the node's process does.
+warm_up()
+
 Start = Callable[..., Cell]
 _count = iter(range(10**6))
 
 
 @pytest.fixture(scope="session")
-def compiled() -> None:
-    """The kernels are compiled before any node starts, so that no wait has to hold for the compiler."""
-    warm_up()
-
-
-@pytest.fixture(scope="session")
-def cable_file(tmp_path_factory: pytest.TempPathFactory, compiled: None) -> Path:
+def cable_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A cable of 1.2 m."""
     file = tmp_path_factory.mktemp("cable") / "cable.yaml"
     file.write_text(CABLE_YAML)

@@ -109,12 +109,12 @@ class Fed:
 
 
 @pytest.fixture(scope="module")
-def poses(compiled):
+def poses():
     return Fed(partial(PoseSource, robot=None, cable_ids=("cable",)))
 
 
 @pytest.fixture(scope="module")
-def joints(compiled):
+def joints():
     return Fed(partial(JointSource, robot=ROBOT, cable_id="cable"))
 
 

@@ -52,7 +52,7 @@ def test_of_input_faster_than_the_node_the_newest_is_used_and_the_rest_counted(s
     assert node.process.stop() == 0
 
 
-def test_a_defect_inside_a_cycle_is_told_and_the_node_goes_on(compiled, cable_file, monkeypatch):
+def test_a_defect_inside_a_cycle_is_told_and_the_node_goes_on(cable_file, monkeypatch):
     context = rclpy.get_default_context()
     rclpy.init(args=["--ros-args", "-p", f"cable_file:={cable_file}", "-r", "__ns:=/defect"])
     node = CableShapeNode()

@@ -395,7 +395,7 @@ def test_of_several_cables_the_request_names_one(start, tmp_path):
     assert "cable_id: unknown key ''" in told.error
 
 
-def test_a_defect_is_answered_and_the_planner_goes_on(monkeypatch, compiled):
+def test_a_defect_is_answered_and_the_planner_goes_on(monkeypatch):
     """Whatever is raised below the service and the action."""
     setup = PlannerSetup(
         "p", "/", "s", "a", {"cable": CABLE.as_dict()}, cs.Scene(), "", "auto", (0.0, 0.0, -9.81), 20, 0.0, 10, 1, 5.0

@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
-def test_the_node_answers_the_client_of_the_readme(compiled: None, tmp_path: Path) -> None:
+def test_the_node_answers_the_client_of_the_readme(tmp_path: Path) -> None:
     command = re.search(r"^cable_shape_node (.*)$", README, flags=re.MULTILINE)
     client = next(block for block in re.findall(r"```python\n(.*?)```", README, flags=re.DOTALL) if "rclpy" in block)
     assert command

@@ -17,18 +17,18 @@ def said_by(*options):
     return done.stdout
 
 
-def test_a_minute_of_input_leaves_nothing_behind(compiled):
+def test_a_minute_of_input_leaves_nothing_behind():
     assert "memory" in said_by("--minutes", "1", "--rate", "100", "--settle", "20", "--untimed")
 
 
-def test_random_messages_do_no_harm(compiled):
+def test_random_messages_do_no_harm():
     assert said_by("--fuzz", "4000").startswith("4000 random messages sent, ")
 
 
-def test_replays_are_the_same(compiled):
+def test_replays_are_the_same():
     assert "3 replays of 200 frames, replay/replay.mcap: sha256 " in said_by("--replay", "3")
 
 
-def test_damaged_files_are_read_or_refused(compiled):
+def test_damaged_files_are_read_or_refused():
     kinds = [line.split(":")[0] for line in said_by("--files", "20").splitlines()]
     assert kinds == ["yaml", "urdf", "mcap", "db3"]
