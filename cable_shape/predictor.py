@@ -280,14 +280,6 @@ class Predictor:
                     f"model {self.model!r} of this cable knows no clips",
                     "Remove the clips, or choose model='cosserat' and a bending stiffness above 0 N m^2.",
                 )
-        for i, clip in enumerate(problem.clips):
-            if problem.bodies and clip.kind == "slide":
-                raise ArgumentError.of(
-                    f"clips[{i}].kind",
-                    clip.kind,
-                    "an eyelet is not solved for along with contact",
-                    "Make it a 'ball', or write contact='warn'.",
-                )
         for body in problem.bodies:
             if isinstance(body.solid, Mesh) and not is_convex(body.solid):
                 raise ArgumentError.of(

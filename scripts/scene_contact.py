@@ -13,6 +13,7 @@ from time import perf_counter
 import numpy as np
 from contact_reference import compared, finer
 from cosserat_figures import Figures, heading
+from scene_eyelets import print_eyelets
 
 import cable_shape as cs
 from cable_shape.clearance import ClearanceChecker
@@ -271,6 +272,7 @@ def print_contact(figures: Figures, *, quick: bool = False) -> None:
     """Prints everything; `quick` with fewer steps, comparisons and random places."""
     heading("Contact: seeded motions, random places, and times beside the plain cable")
     print_motions(figures, 100 if quick else 300, 20 if quick else 5)
+    print_eyelets(figures, deepest, DEEPEST, 50 if quick else 150, 10 if quick else 5)
     print_random(figures, 200 if quick else 10_000, 20.0 if quick else 300.0)
     for speed in (1e-4, 1e-3):
         print_table(figures, speed)

@@ -3,6 +3,7 @@
 Solutions are kept in three slots, of which NOW and BEFORE are solutions and TRIAL is solved for:
 
     q (3, N+1, 4) | near (3, N+1, 20) | on (3, N+1, 2) | ends (3, b, 3) | grips (3, b+1, 7) | turns (3,)
+    slid (3, b+1), arc lengths at the held supports [m]
     par (14,) as in `span_drive`      info (20,) as in `contact_newton`, 5 and 7 to 13 as in `span_drive`, and
     16 the part of the error estimate that is the contacts' [m], 17 how far the node that slid furthest slid last [m],
     18 how far frames have turned since the factors in `work` [rad], infinite: none to start from, 19 as in
@@ -19,25 +20,18 @@ import numpy as np
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.bounds import closest_points
 from cable_shape.kernels.contact_check import passes
-from cable_shape.kernels.contact_near import (
-    BARE,
-    GRIP_EXCLUSION,
-    NORMAL,
-    PRESS,
-    ROUND,
-    STEP,
-    couple,
-    parting,
-    tangent_of,
-)
-from cable_shape.kernels.contact_newton import COUPLED, RUNNING, moves, press
+from cable_shape.kernels.contact_error import AMISS, SAFETY, contact_error, position_error
+from cable_shape.kernels.contact_near import BARE, GRIP_EXCLUSION, PRESS, ROUND, couple
+from cable_shape.kernels.contact_newton import COUPLED, RUNNING, press
 from cable_shape.kernels.contact_slide import any_crowded
-from cable_shape.kernels.rod_algebra import dot, get4, put3, qconj, qmul, qnormal, rotation, scale, tapply
+from cable_shape.kernels.contact_step import eyelets_at
+from cable_shape.kernels.rod_algebra import get4, put3, qconj, qmul, qnormal
 from cable_shape.kernels.rod_output import all_finite, sample
-from cable_shape.kernels.span_drive import BROKEN, FAR, SAFETY, position_error, take4, turn_supports
-from cable_shape.kernels.span_factor import backward, factor, forward, take3
+from cable_shape.kernels.span_drive import BROKEN, FAR, take4, turn_supports
+from cable_shape.kernels.span_factor import factor
 from cable_shape.kernels.span_newton import CONVERGED
-from cable_shape.kernels.span_system import NONE, assemble, fold, release
+from cable_shape.kernels.span_slide import farthest_way, load_elements, respace
+from cable_shape.kernels.span_system import NONE, assemble, fold
 from cable_shape.kernels.span_work import BEFORE, NOW, TRIAL, joints_of, matrices, mesh_parts, vectors
 
 Array = Any
@@ -45,7 +39,6 @@ INFO = 20
 AGE = 18  # of `info`
 OLDEST = 0.03  # rad: factors from further away serve no more
 QUICK = 3  # iterations: after more of them the factors are too old
-AMISS = 2.5  # of the contacts' part of the error estimate
 UNSETTLED = 8  # an equilibrium, but something is left to be done about it
 
 
@@ -72,10 +65,10 @@ def same_around(on: Array, k: int) -> bool:
 @kernel
 def predict(
     q: Array, near: Array, on: Array, ends: Array, grips: Array, turns: Array, length: float, history: int
-) -> None:
+) -> float:
     """Fills the trial from the solution now, extrapolated if there is one before; quaternions' signs by continuity.
 
-    A contact whose force has run out by then, and between the same neighbours, is left out.
+    A contact whose force has run out by then, and between the same neighbours, is left out. Returns `pace`.
     """
     last = grips.shape[1] - 1
     for j in range(last + 1):
@@ -109,6 +102,20 @@ def predict(
     for j in range(last):
         for i in range(3):
             ends[TRIAL, j, i] = f * ends[NOW, j, i] - a * ends[BEFORE, j, i]
+    return a
+
+
+@kernel
+def run_through(
+    slid: Array, mesh: Array, elements: int, held: Array, grips: Array, rings: Array, knots: Array, acts: Array,
+    stops: Array, table: Array, way: Array, a: float,
+) -> None:  # fmt: skip
+    """Lets the cable run on through its eyelets by `a` times its last step."""
+    s, h, load, rest, _ = mesh_parts(mesh, elements)
+    for c in range(rings.shape[0]):
+        way[c] = a * (slid[NOW, rings[c]] - slid[BEFORE, rings[c]])
+    respace(s, knots, held, rings, way, farthest_way(s, grips, held, knots, rings, 0, False, way))
+    load_elements(s, acts, stops, table, h, load, rest)
 
 
 @kernel
@@ -122,83 +129,29 @@ def turned(p: Array, q: Array) -> float:
 
 
 @kernel
-def shift_of(q: Array, near: Array, on: Array, h: Array, k: int, least: float, flex: float) -> tuple[float, float]:
-    """How far along the cable from node k its contact's force should act, and how far the node should be off [m].
-
-    A contact alone, or the last of a row, belongs where the cable is nearest to the body; inside a row, nothing is
-    known to be amiss. What lies beyond half an element is the next node's. least [1/m]: no less curved is the gap.
-    """
-    left, right = on[k - 1, 0] != BARE, on[k + 1, 0] != BARE
-    slope = dot(tangent_of(q, k), take3(near, k, NORMAL))
-    if (left and right) or slope == 0.0:
-        return 0.0, 0.0
-    second, _ = parting(q, h, near, k, flex)
-    limit = 0.5 * (h[k] if slope < 0.0 else h[k - 1])
-    way = -slope / max(second, abs(slope) / limit, least)
-    return way, -way * (slope + 0.5 * second * way)
-
-
-@kernel
-def contact_error(
-    q: Array, near: Array, on: Array, h: Array, where: Array, mask: Array, place: Array, base: Array, forces: int,
-    least: float, flex: float, work: Array,
-) -> float:  # fmt: skip
-    """Estimated error [m] from contacts at nodes, whose forces should act elsewhere, with the factors at hand."""
-    elements, spans = h.shape[0], where.shape[0] - 1
-    _, _, parts, P, Y, W = matrices(work, elements)
-    _, _, _, G, d, _ = vectors(work, elements)
-    joints, sums, pull, given = joints_of(work, elements, spans)
-    G[:, :] = 0.0
-    sums[:, :3] = 0.0
-    pull[:, :] = 0.0
-    given[:, :] = 0.0
-    amiss = False
-    for j in range(1, spans):
-        k = where[j]
-        if base[j] >= 0:
-            continue
-        way, off = shift_of(q, near, on, h, k, least, flex)
-        if way == 0.0:
-            continue
-        amiss = True
-        n = take3(near, k, NORMAL)
-        N = tapply(rotation(get4(q, k)), n)
-        f = near[k, PRESS] * way
-        put3(G, k, 0, (f * N[1], -f * N[0], 0.0))
-        put3(given, j, 0, scale(off, n))
-    if not amiss:
-        return 0.0
-    release(G, where, mask)
-    forward(G, sums, pull, given, where, place, forces, P, Y, W, joints)
-    backward(where, place, forces, P, Y, W, joints, d)
-    moves(parts, d, joints, where, base, spans, near)
-    largest = 0.0
-    for k in range(elements + 1):
-        move = take3(near, k, STEP)
-        largest = max(largest, dot(move, move))
-    return math.sqrt(largest) if math.isfinite(largest) else math.inf
-
-
-@kernel
 def solve(
     par: Array, mesh: Array, elements: int, q: Array, near: Array, on: Array, ends: Array, grips: Array, turns: Array,
     held: Array, held_mask: Array, forces: int, where: Array, mask: Array, place: Array, lam: Array, base: Array,
     bodies: Array, frames: Array, triangles: Array, nodes: Array, radius: float, sunk: float, stack: Array,
-    ends_load: Array, table: Array, work: Array, out: Array, info: Array, points: int, history: int, most: int,
-    far: float, drag: float, mesh_then: Array, before: Array, frames_then: Array, links: Array, horizon: float,
-    measured: Array, counts: Array, deepest: float, fine: float,
+    acts: Array, stops: Array, table: Array, slid: Array, rings: Array, knots: Array,
+    slides: tuple[Array, Array, Array, Array, Array], work: Array, out: Array, info: Array, points: int, history: int,
+    most: int, far: float, drag: float, mesh_then: Array, before: Array, frames_then: Array, links: Array,
+    horizon: float, measured: Array, counts: Array, deepest: float, fine: float,
 ) -> int:  # fmt: skip
     """Solves for the held supports in the trial of `grips`, to an equilibrium in the trial: CONVERGED or UNSETTLED.
 
     Else STALLED, NOT_FINITE, BROKEN or FAR. history: so many solutions, 1 or 2, to start from. far [rad]: largest turn
-    of a frame from its prediction that is accepted. drag: see `press`. mesh_then takes the mesh, which contacts that
+    of a frame from its prediction that is accepted. drag and acts to slides: see `press`; stops: where masses are [m].
+    mesh_then takes the mesh, which contacts that
     run change and a failure puts back. UNSETTLED is what a `look_over` with the last arguments says; if it finds
     nothing, the trial has become the solution now.
     """
     s, h, _, rest, errors = mesh_parts(mesh, elements)
     stiff = par[0:6]
     mesh_then[:] = mesh
-    predict(q, near, on, ends, grips, turns, par[13], history)
+    a = predict(q, near, on, ends, grips, turns, par[13], history)
+    if a != 0.0 and rings.shape[0] > 0:
+        run_through(slid, mesh, elements, held, grips[TRIAL], rings, knots, acts, stops, table, slides[4], a)
     turn_supports(q[TRIAL], s, grips[TRIAL], held, held_mask)
     first, full, _, _, _, start = vectors(work, elements)
     if forces < held.shape[0] - 1:
@@ -211,8 +164,8 @@ def solve(
     info[AGE] = math.inf
     status = press(
         q[TRIAL], ends[TRIAL], near[TRIAL], on[TRIAL], par, mesh, elements, held, held_mask, grips[TRIAL], forces,
-        where, mask, place, lam, base, bodies, frames, triangles, nodes, radius, sunk, stack, ends_load,
-        table, True, most, drag, factored, work, info,
+        where, mask, place, lam, base, bodies, frames, triangles, nodes, radius, sunk, stack, acts, stops,
+        table, rings, knots, slides, True, most, drag, factored, work, info,
     )  # fmt: skip
     if status != CONVERGED:
         mesh[:] = mesh_then
@@ -223,12 +176,16 @@ def solve(
         return FAR
     spans = int(info[3])
     unknown = spans if forces == held.shape[0] - 1 else spans - 1
+    slid[TRIAL] = s[held]
+    at = rings.copy()
+    eyelets_at(base, spans, rings, at)
+    through = (s, knots, at, lam, slides)
     info[7] = position_error(
-        q[TRIAL], h, rest, stiff, where[: spans + 1], mask, place, unknown, work, errors
+        q[TRIAL], h, rest, stiff, where[: spans + 1], mask, place, base, unknown, through, near[TRIAL], work, errors
     )  # fmt: skip
-    flex = 2.0 / (par[0] + par[1])
     info[16] = contact_error(
-        q[TRIAL], near[TRIAL], on[TRIAL], h, where[: spans + 1], mask, place, base, unknown, ROUND / par[13], flex, work
+        q[TRIAL], near[TRIAL], on[TRIAL], h, where[: spans + 1], mask, place, base, unknown, through,
+        ROUND / par[13], 2.0 / (par[0] + par[1]), work,
     )  # fmt: skip
     for k in range(elements):
         cosine = abs(qmul(qconj(get4(q[TRIAL], k)), get4(q[TRIAL], k + 1))[3])
@@ -253,7 +210,7 @@ def solve(
         nodes, radius, sunk, stack, before, frames_then, links, horizon, measured, counts, deepest, fine,
     ):  # fmt: skip
         return UNSETTLED
-    accept(q, near, on, ends, grips, turns, False)
+    accept(q, near, on, ends, grips, turns, slid, False)
     return CONVERGED
 
 
@@ -289,13 +246,15 @@ def look_over(
 
 
 @kernel
-def accept(q: Array, near: Array, on: Array, ends: Array, grips: Array, turns: Array, again: bool) -> None:
+def accept(q: Array, near: Array, on: Array, ends: Array, grips: Array, turns: Array, slid: Array, again: bool) -> None:
     """Makes the trial the solution now, and what was now the one before; `again`: it is the same one, solved again."""
     if not again:
         q[BEFORE], near[BEFORE], on[BEFORE] = q[NOW], near[NOW], on[NOW]
         ends[BEFORE], grips[BEFORE], turns[BEFORE] = ends[NOW], grips[NOW], turns[NOW]
+        slid[BEFORE] = slid[NOW]
     q[NOW], near[NOW], on[NOW] = q[TRIAL], near[TRIAL], on[TRIAL]
     ends[NOW], grips[NOW], turns[NOW] = ends[TRIAL], grips[TRIAL], turns[TRIAL]
+    slid[NOW] = slid[TRIAL]
 
 
 @kernel

@@ -7,6 +7,8 @@ the force at the end and every p; the place is that of the node. An iteration
 2. solves the linear system of `span_factor` for rotations, forces, and places that close the gaps along the normals,
 3. goes at most 0.6 rad, and carries no node further than its gap and 0.6 of a body's thickness.
 
+Through eyelets the cable runs along with every iteration, as `span_slide` has it.
+
 If the set of contacts does not settle, one contact is changed at a time.
 """
 
@@ -17,40 +19,33 @@ from typing import Any
 
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.contact_near import (
-    GAP,
     NORMAL,
     PRESS,
     ROUND,
-    SPOT,
     STEP,
     allowed,
-    along_cable,
     couple,
     forces_of,
     lean,
     look,
     supports,
-    tangent_of,
     totals,
     walk,
 )
 from cable_shape.kernels.contact_set import drop, grow, spare_clips
 from cable_shape.kernels.contact_slide import slide
+from cable_shape.kernels.contact_step import eyelets_at, gaps, hold_back, moves, run_on
 from cable_shape.kernels.rod_algebra import (
     add,
-    apply,
     dot,
     get3,
     get4,
-    get9,
     put3,
-    qconj,
     qexp,
     qmul,
     qnormal,
     scale,
     subtract,
-    tapply,
 )
 from cable_shape.kernels.span_factor import FORCE, backward, factor, forward, take3
 from cable_shape.kernels.span_newton import (
@@ -66,8 +61,10 @@ from cable_shape.kernels.span_newton import (
     SHIFT_GROWTH,
     STALLED,
     kick,
+    longest,
 )
-from cable_shape.kernels.span_system import assemble, fold, gradient, release
+from cable_shape.kernels.span_slide import columns_of, farthest_way, load_elements, respace, settle
+from cable_shape.kernels.span_system import assemble, fold, gradient
 from cable_shape.kernels.span_work import joints_of, matrices, mesh_parts, vectors
 
 Array = Any
@@ -85,90 +82,21 @@ CALM = 0.1  # rad: contacts are dropped after steps below this only
 
 
 @kernel
-def gaps(
-    near: Array, where: Array, base: Array, spans: int, places: Array, sums: Array, pull: Array, given: Array
-) -> float:
-    """Right-hand sides of the supports: closures, forces along the surfaces, gaps. Returns the largest gap [m]."""
-    largest = 0.0
-    for j in range(spans):
-        k = where[j + 1]
-        i = base[j + 1]
-        put3(pull, j + 1, 0, (0.0, 0.0, 0.0))
-        put3(given, j + 1, 0, (0.0, 0.0, 0.0))
-        if i >= 0:
-            put3(sums, j, 0, subtract(get3(places, i), take3(near, k, SPOT)))
-        else:
-            put3(sums, j, 0, (0.0, 0.0, 0.0))
-            put3(given, j + 1, 0, scale(-near[k, GAP], take3(near, k, NORMAL)))
-            largest = max(largest, abs(near[k, GAP]))
-    return largest
-
-
-@kernel
-def moves(parts: Array, d: Array, joints: Array, where: Array, base: Array, spans: int, near: Array) -> None:
-    """Change of the nodes' places under the step, to first order."""
-    r = (0.0, 0.0, 0.0)
-    put3(near, where[0], STEP, r)
-    for j in range(spans):
-        if base[j] >= 0:
-            r = (0.0, 0.0, 0.0)
-        dl = take3(joints, j, FORCE)
-        for e in range(where[j], where[j + 1]):
-            t = add(
-                add(tapply(get9(parts, e, 9), get3(d, e)), tapply(get9(parts, e, 18), get3(d, e + 1))),
-                apply(get9(parts, e, 27), dl),
-            )
-            r = subtract(r, t)
-            put3(near, e + 1, STEP, r)
-
-
-@kernel
-def run_on(
-    q: Array,
-    h: Array,
-    near: Array,
-    on: Array,
-    k: int,
-    least: float,
-    flex: float,
-    place: Array,
-    j: int,
-    G: Array,
-    pull: Array,
-) -> None:
-    """Adds to the right-hand sides what a contact that runs gains by running on from node k to the nearest point."""
-    second = along_cable(q, h, near, on, k, least, flex)
-    if second == 0.0 or near[k, PRESS] <= 0.0:
-        return
-    f = math.sqrt(near[k, PRESS] / second) * dot(tangent_of(q, k), take3(near, k, NORMAL))
-    put3(G, k, 0, add(get3(G, k), scale(f, take3(place, j, 25))))
-    put3(pull, j, 0, add(get3(pull, j), scale(f, take3(place, j, 28))))
-
-
-@kernel
-def hold_back(q: Array, start: Array, h: Array, drag: float, where: Array, mask: Array, G: Array) -> None:
-    """Adds to the gradient what drags the rotations back to `start`: drag [N] times angle and length."""
-    last = h.shape[0]
-    for k in range(last + 1):
-        size = 0.5 * ((h[k - 1] if k > 0 else 0.0) + (h[k] if k < last else 0.0))
-        turn = qmul(qconj(get4(start, k)), get4(q, k))
-        f = math.copysign(2.0 * drag * size, turn[3])
-        put3(G, k, 0, add(get3(G, k), (f * turn[0], f * turn[1], f * turn[2])))
-    release(G, where, mask)
-
-
-@kernel
 def press(
     q: Array, ends: Array, near: Array, on: Array, par: Array, mesh: Array, elements: int, held: Array,
     held_mask: Array, places: Array, forces: int, where: Array, mask: Array, place: Array, lam: Array, base: Array,
     bodies: Array, frames: Array, triangles: Array, nodes: Array, radius: float, sunk: float, stack: Array,
-    ends_load: Array, table: Array, guard: bool, most: int, drag: float, factored: int, work: Array, info: Array,
+    acts: Array, points: Array, table: Array, rings: Array, knots: Array,
+    slides: tuple[Array, Array, Array, Array, Array], guard: bool, most: int, drag: float, factored: int, work: Array,
+    info: Array,
 ) -> int:  # fmt: skip
     """Solves for q, the forces `ends` between held supports and the contacts; CONVERGED, STALLED or NOT_FINITE.
 
     forces: how many of `ends` are unknown. guard: keep to minima. drag [N]: moment per length and angle that holds the
     rotations back from the start in `work`. info as in `span_newton`, and 3 the number of spans,
-    14 changes of the set of contacts, 15 the largest gap at a contact [m]. ends_load (2, 3) [N/m], table: of the cable.
+    14 changes of the set of contacts, 15 the largest gap at a contact [m]. acts, points, table: of the cable, as
+    `span_slide` has them. rings (k,): held supports that are eyelets; knots: nodes of held supports and masses;
+    slides: turn, push, slope, J and way of `span_slide`, which go with the factors in `work`.
     factored: spans of the factors in `work`, which are a nearby solution's and serve while steps are short; 0: none.
     info 19: not 0 if contacts that run have a part in the matrix. Else it is factored anew as it is where only the set
     of contacts has changed.
@@ -182,6 +110,11 @@ def press(
     least = PULL * (weight + softest)
     flex = 2.0 / (stiff[0] + stiff[1])
     last_node = elements - 1
+    turn, push, slope, J, way = slides
+    runs_through = rings.shape[0] > 0
+    at = rings.copy()
+    way[:] = 0.0
+    falling = 0
     shift = largest = before = 0.0
     iterations = 0
     reuse = factored > 0
@@ -196,7 +129,7 @@ def press(
         if iterations > 1 and largest < (CALM if not one else LARGEST_STEP):
             changed += drop(near, on, least, one)
         runs = ROUND / length if iterations <= RUNNING else math.inf
-        slid = slide(q, start, near, on, s, h, load, rest, ends_load, table, runs, flex)
+        slid = slide(q, start, near, on, s, h, load, rest, acts[0:2], table, runs, flex)
         still = slid < RESTLESS * length
         reuse = reuse and changed == 0 and still
         keep = still and gone < CHORD_FROM and drag == 0.0 and shift == 0.0 and not coupled and iterations <= BLOCK
@@ -234,6 +167,7 @@ def press(
         if not reuse:
             totals(first, parts, where, spans, sums)
         unknown = spans if forces == held.shape[0] - 1 else spans - 1
+        eyelets_at(base, spans, rings, at)
         info[15] = gaps(near, where, base, spans, places, sums, pull, given)
         for j in range(1, spans):
             k = where[j]
@@ -270,10 +204,22 @@ def press(
             if guard and negative != wanted:
                 return STALLED
             shift = trial
+            if runs_through:
+                columns_of(
+                    q, lam[:spans], s, rest, stiff, where[: spans + 1], mask, place, unknown, knots, at, acts, points,
+                    table, first, P, Y, W, joints, turn, push, slope, J,
+                )  # fmt: skip
         forward(G, sums, pull, given, where, place, unknown, P, Y, W, joints)
         before = largest
         largest = backward(where, place, unknown, P, Y, W, joints, d)
-        moves(parts, d, joints, where, base, spans, near)
+        if runs_through:
+            falling = settle(q, lam[:spans], where, at, turn, push, J, 1.0, d, joints, way)
+            largest = longest(d, joints, way, length)
+            if not reuse:
+                info[2] += falling
+                if guard and falling > 0:
+                    return STALLED
+        moves(parts, d, joints, where, base, spans, slope, way, near)
         for j in range(1, spans + 1):
             move = take3(near, where[j], STEP)
             largest = max(largest, 2.0 * math.sqrt(dot(move, move)) / length)
@@ -291,9 +237,14 @@ def press(
             info[11] += 1.0
             kick(s, h, sums, pull, given, where[: spans + 1], mask, place, unknown, P, Y, W, joints, G, d)
             largest = KICK
-            moves(parts, d, joints, where, base, spans, near)
+            way[:] = 0.0
+            moves(parts, d, joints, where, base, spans, slope, way, near)
         fraction = min(1.0, LARGEST_STEP / largest) if largest > 0.0 else 1.0
         fraction = min(fraction, allowed(near, on, bodies, radius))
+        if runs_through:
+            fraction = min(fraction, farthest_way(s, places, where, knots, at, 0, False, way))
+            if fraction == 0.0:
+                return STALLED
         for j in range(spans):
             k = where[j + 1]
             if base[j + 1] >= 0:
@@ -310,6 +261,9 @@ def press(
                 lean(near, k, fraction)
         for k in range(elements + 1):
             q[k, 0], q[k, 1], q[k, 2], q[k, 3] = qnormal(qmul(get4(q, k), qexp(scale(fraction, get3(d, k)))))
+        if runs_through:
+            respace(s, knots, where, at, way, fraction)
+            load_elements(s, acts, points, table, h, load, rest)
         info[17] = slid
         if fraction == 1.0 and shift == 0.0 and changed == 0 and slid < RESTLESS * length:
             pulling = False
@@ -323,6 +277,8 @@ def press(
                 or (again and largest < CHORD_TOLERANCE and largest < SURE * before)
             )
             if small and not pulling:
+                if fresh:  # no gradient was taken on the way
+                    info[6] = gradient(q, full, h, rest, stiff, moment, where[: spans + 1], mask, G, first, sums)
                 return CONVERGED
             if again and largest > 0.3 * before:
                 gone = math.inf

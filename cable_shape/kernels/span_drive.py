@@ -16,11 +16,9 @@ import numpy as np
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.rod_algebra import (
     add,
-    apply,
     dot,
     get3,
     get4,
-    get9,
     put3,
     qconj,
     qexp,
@@ -29,18 +27,15 @@ from cable_shape.kernels.rod_algebra import (
     qnormal,
     scale,
     subtract,
-    tapply,
 )
-from cable_shape.kernels.rod_defect import defects
 from cable_shape.kernels.rod_drive import STRAIGHT
 from cable_shape.kernels.rod_guess import angle_axis, tangent
 from cable_shape.kernels.rod_output import all_finite, sample
 from cable_shape.kernels.span_defect import correct, support_loads
-from cable_shape.kernels.span_factor import FORCE, backward, forward, take3
 from cable_shape.kernels.span_newton import CONVERGED, newton
 from cable_shape.kernels.span_slide import farthest_way, load_elements, respace
-from cable_shape.kernels.span_system import NONE, fold, release
-from cable_shape.kernels.span_work import BEFORE, NOW, TRIAL, joints_of, matrices, mesh_parts, slot, vectors
+from cable_shape.kernels.span_system import NONE, fold
+from cable_shape.kernels.span_work import BEFORE, NOW, TRIAL, mesh_parts, slot, vectors
 
 Array = Any
 BROKEN = 3  # a number in the output is not finite
@@ -49,7 +44,6 @@ TAUT = 5  # a span that cannot stretch is shorter than its chord, or as long
 PAR = 14
 # The estimate's factors, as in `rod_drive`, set in the same way on random scenes with clips.
 LEFT, INTERPOLATED = 21.0, 0.7
-SAFETY = 1.5  # of `position_error`, which by itself is right to a few percent on resolved meshes, either way
 
 
 @kernel
@@ -147,56 +141,6 @@ def turn_supports(q: Array, s: Array, frames: Array, where: Array, mask: Array) 
             for i in range(4):
                 q[node, i] = sign * frames[j, 3 + i]
         left, turn = j, new
-
-
-@kernel
-def position_error(
-    q: Array, h: Array, rest: Array, stiff: Array, where: Array, mask: Array, place: Array, forces: int, work: Array,
-    errors: Array,
-) -> float:  # fmt: skip
-    """Estimated largest position error of the solution at hand [m]; infinite if it cannot be judged.
-
-    The local defects of `rod_defect`, solved with the factors at hand. errors (N,): takes each element's share, a
-    guide for the next mesh.
-    """
-    elements, spans = h.shape[0], where.shape[0] - 1
-    _, U, parts, P, Y, W = matrices(work, elements)
-    first, full, slack, G, d, _ = vectors(work, elements)
-    joints, sums, pull, given = joints_of(work, elements, spans)
-    G[:, :] = 0.0
-    missed = first.copy()
-    defects(
-        q, np.zeros(3), h, full, rest, stiff, np.ones((2, 3)), U, parts, missed, G, slack, np.empty((elements, 6)),
-        np.zeros(3),
-    )  # fmt: skip
-    release(G, where, mask)
-    stiffest = max(stiff[0], stiff[1], stiff[2])
-    pull[:, :] = 0.0
-    given[:, :] = 0.0
-    for j in range(spans):
-        total = NONE
-        for e in range(where[j], where[j + 1]):
-            a, b = get3(slack, e), get3(G, e)
-            errors[e] = math.sqrt(dot(a, a)) + h[e] * math.sqrt(dot(b, b)) / stiffest * h[e]
-            total = add(total, a)
-        put3(sums, j, 0, total)
-    forward(G, sums, pull, given, where, place, forces, P, Y, W, joints)
-    backward(where, place, forces, P, Y, W, joints, d)
-    x = y = z = largest = 0.0
-    for j in range(spans):
-        dl = take3(joints, j, FORCE)
-        for e in range(where[j], where[j + 1]):
-            t = add(
-                add(tapply(get9(parts, e, 9), get3(d, e)), tapply(get9(parts, e, 18), get3(d, e + 1))),
-                apply(get9(parts, e, 27), dl),
-            )
-            x -= slack[e, 0] + t[0]
-            y -= slack[e, 1] + t[1]
-            z -= slack[e, 2] + t[2]
-            largest = max(largest, x * x + y * y + z * z)
-    if not math.isfinite(largest) or not math.isfinite(x + y + z):
-        return math.inf
-    return math.sqrt(largest)
 
 
 @kernel

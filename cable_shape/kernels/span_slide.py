@@ -105,8 +105,12 @@ def columns_of(
         G[:, :] = 0.0
         closure[:, :] = 0.0
         f = 1.0 / way[c]
+        j = rings[c] - 1
+        while where[j] > knots[i - 1]:  # supports that may slip lie between
+            j -= 1
         for e in range(knots[i - 1], knots[i + 1]):
-            j = rings[c] - 1 if e < node else rings[c]
+            if where[j + 1] <= e:
+                j += 1
             nL, nM, nR = forces_at(load, e, get3(lam, j))
             k0, k1 = (bent[e, 0], bent[e, 1], bent[e, 2]), (bent[e, 3], bent[e, 4], bent[e, 5])
             _, g1, g2, gl = element_gradient(h[e], get4(q, e), get4(q, e + 1), nL, nM, nR, k0, k1, K, C)

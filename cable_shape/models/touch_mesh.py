@@ -16,6 +16,7 @@ from cable_shape.shape import CableShape
 ELEMENTS = 48  #: of a mesh before nodes are added
 FEWEST_ELEMENTS = 16  #: of them between two clips
 WORST = 0.5  #: of the contact that misses most: those above get nodes beside them
+STRETCHED = 1.6  #: times as long as at first: elements that an eyelet has stretched so far are divided
 TIP = 5e-5  #: [m] from a free end, which is no support itself, to the node that stands in for it
 _ABSCISSAE = 65
 
@@ -87,11 +88,20 @@ def thinned(nodes: Array, on: Any, spacing: Array, middles: Array, stops: Array)
     k = np.arange(3, nodes.size - 3)
     around = touched[k + 2] - touched[k - 3]  # of five nodes
     close = nodes[k + 1] - nodes[k - 1] < 1.2 * np.interp(nodes[k], middles, spacing)
+    spare = close & ((around == 0) | (around == 5))
+    if not spare.any():
+        return None
     away: list[int] = []
-    for j in k[close & ((around == 0) | (around == 5)) & ~np.isin(nodes[k], stops)]:
+    for j in k[spare & ~np.isin(nodes[k], stops)]:
         if not away or away[-1] < j - 1:
             away.append(int(j))
     return np.delete(nodes, away) if away else None
+
+
+def stretched(nodes: Array, spacing: Array, middles: Array) -> Array:
+    """Middles of the elements much longer than `spacing` [m] at `middles`."""
+    at = 0.5 * (nodes[1:] + nodes[:-1])
+    return np.asarray(at[np.diff(nodes) > STRETCHED * np.interp(at, middles, spacing)])
 
 
 def spread(old: Array, new: Array, fixed: Array) -> tuple[Array, Array]:

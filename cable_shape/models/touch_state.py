@@ -10,7 +10,7 @@ import numpy as np
 
 from cable_shape.checks import Array
 from cable_shape.clearance import body_tables, carried_by, link_rows
-from cable_shape.kernels import bounds, contact_check, contact_drive, rod_mesh, span_work, surface
+from cable_shape.kernels import bounds, contact_check, contact_drive, span_slide, span_work, surface
 from cable_shape.kernels.contact_near import BARE, NEAR, NORMAL, PRESS, SPOT
 from cable_shape.kernels.span_factor import PLACE
 from cable_shape.kernels.span_work import BEFORE, NOW, TRIAL
@@ -35,6 +35,7 @@ _FREE_ROTATIONS = {
     "hinge": (0.0, 0.0, 1.0),
     "pinned": (1.0, 1.0, 1.0),
     "ball": (1.0, 1.0, 1.0),
+    "slide": (1.0, 1.0, 1.0),
     "free": (1.0, 1.0, 1.0),
 }
 _NEUTRAL = 1e-6  #: modes softer than this fraction of the stiffness / length^2 count as neutral, and neutral as stable
@@ -60,7 +61,9 @@ class TouchState:
         self._positions = _NOWHERE
         self._spacing = self._middles = np.empty(0)  # [m] of the nodes at first, and where
         self._bodies: tuple[Obstacle, ...] = ()
-        self._arcs: Array = np.zeros(2)  # (b+1,) [m], of the supports
+        self._arcs: Array = np.zeros(2)  # (b+1,) [m], of the supports; of eyelets, where they were laid out
+        self.rings: Any = np.empty(0, np.int64)  # supports that are eyelets
+        self.slid: Array = np.zeros((3, 2))  # (3, b+1) [m], arc lengths of the supports
         self.names: tuple[str, ...] = ()  # of the bodies whose places are known
         self.frames: Array = np.zeros((0, 4, 3))  # where they are
         self.frames_then = self.frames  # where they were at the last solution
@@ -85,13 +88,17 @@ class TouchState:
         cable, par, bodies = problem.cable, self.par, problem.bodies
         length = cable.length
         arcs = np.array((0.0, *(clip.arc_length for clip in problem.clips), length))
+        rings = np.array([1 + i for i, clip in enumerate(problem.clips) if clip.kind == "slide"], dtype=np.int64)
+        same_rings = arcs.size == self._arcs.size and np.array_equal(rings, self.rings)
+        if same_rings:
+            arcs[rings] = self._arcs[rings]  # what is in an eyelet is found
         known = [(b.name, b.solid, b.link) for b in bodies] == [(b.name, b.solid, b.link) for b in self._bodies]
-        if not (known and par[13] == length and np.array_equal(arcs, self._arcs)):
+        if not (known and same_rings and par[13] == length and np.array_equal(arcs, self._arcs)):
             self.forget()
             self.elements = 0
         if arcs.size != self._arcs.size:
-            self._grips = np.zeros((3, arcs.size, 7))
-        self._bodies, self._arcs = bodies, arcs
+            self._grips, self.slid = np.zeros((3, arcs.size, 7)), np.zeros((3, arcs.size))
+        self._bodies, self._arcs, self.rings = bodies, arcs, rings
         self.problem = problem
         self.unfactored()
         weight = float(np.linalg.norm(problem.load.mean(axis=0))) * length
@@ -112,7 +119,7 @@ class TouchState:
         self.points: Array = at[inside]
         self.weights: Array = np.ascontiguousarray(problem.load_force[inside])
         self.end_weight: Array = problem.load_force[at >= (1.0 - _AT) * length].sum(axis=0)
-        self.stops: Array = np.union1d(self.points, arcs[1:-1])
+        self._stops: Array = np.union1d(self.points, arcs[1:-1])
         self.radius = 0.5 * cable.diameter
         self._carried = carried_by(bodies)
         self._tables = body_tables(bodies, tuple(self._carried), problem.gripping)
@@ -128,7 +135,7 @@ class TouchState:
         self._frames = np.zeros((arcs.size, 7))
         for row, clip in zip(self._frames[1:], problem.clips, strict=False):
             row[:] = clip.pose.array
-            if clip.kind == "ball":
+            if clip.kind in ("ball", "slide"):
                 row[3:] = (0.0, 0.0, 0.0, 1.0)
         self._kinds = ()
 
@@ -211,8 +218,23 @@ class TouchState:
         """(N+1,) [m], arc lengths."""
         return self.mesh[: self.elements + 1]
 
+    @property
+    def arcs(self) -> Array:
+        """(b+1,) [m], of the supports."""
+        if not (self.elements and self.rings.size):
+            return self._arcs
+        arcs = self._arcs.copy()
+        arcs[self.rings] = self.nodes[self.held[self.rings]]
+        return arcs
+
+    @property
+    def stops(self) -> Array:
+        """[m], of clips and masses, where nodes must be."""
+        return np.union1d(self.points, self.arcs[1:-1]) if self.rings.size else self._stops
+
     def lay_out(self, nodes: Array) -> None:
         """Makes `nodes` (N+1,) the mesh and carries the last solutions over to it."""
+        self._arcs = self.arcs
         n, n_old = nodes.size - 1, self.elements
         old_nodes = self.nodes.copy() if n_old else nodes
         if n_old:
@@ -225,6 +247,13 @@ class TouchState:
         self.on: Any = np.full((3, n + 1, 2), BARE)
         self.ends: Array = np.zeros((3, self._arcs.size - 1, 3))
         self.held: Any = np.abs(nodes[:, None] - self._arcs).argmin(axis=0)
+        self.knots: Any = self.held  # between them eyelets spread the nodes
+        k = self.rings.size
+        if k and self.points.size:
+            self.knots = np.union1d(self.held, np.abs(nodes[:, None] - self.points).argmin(axis=0))
+        self.slides = (
+            np.zeros((k * (n + 1), 3)), np.zeros((k * n, 6)), np.zeros((k * n, 9)), np.zeros((k, k)), np.zeros(k),
+        )  # fmt: skip
         self.where: Any = np.zeros(n + 1, dtype=np.int64)
         self.base: Any = np.zeros(n + 1, dtype=np.int64)
         self.mask: Array = np.zeros((n + 1, 3))
@@ -247,8 +276,8 @@ class TouchState:
         """Puts the nodes there, and what acts on the elements between them."""
         s, h, load, rest, _ = span_work.mesh_parts(self.mesh, self.elements)
         s[:] = nodes
-        rod_mesh.element_loads(s, self.problem.load, self.points, self.weights, self._tip, h, load)
-        rod_mesh.element_rest(s, self.table, rest)
+        self.acts: Array = np.vstack((self.problem.load, self._tip, self.weights))
+        span_slide.load_elements(s, self.acts, self.points, self.table, h, load, rest)
 
     def insert(self, arcs: Array) -> bool:
         """Adds nodes at these arc lengths; False if there is one at each already."""
@@ -278,7 +307,12 @@ class TouchState:
         return nodes is not None
 
     def thin(self) -> None:
-        """If many nodes were added, takes away every other one that is far from where a row ends."""
+        """If many nodes were added, takes away every other one that is far from where a row ends.
+
+        Adds some where an eyelet has stretched the mesh.
+        """
+        if self.rings.size and self.elements < MOST_ELEMENTS:
+            self.insert(touch_mesh.stretched(self.nodes, self._spacing, self._middles))
         if self.elements <= MANY * self._spacing.size or self.info[16] > COARSE * self.par[13]:
             return
         nodes = touch_mesh.thinned(self.nodes, self.on[NOW], self._spacing, self._middles, self.stops)
@@ -293,6 +327,8 @@ class TouchState:
         finer: of so many times as many elements as usual.
         """
         self.elements = 0
+        self._arcs[self.rings] = shape.supports[self.rings - 1, 0]
+        self.slid[:] = self._arcs
         free = self.forces < self._arcs.size - 1
         nodes = touch_mesh.first_nodes(self._arcs, self.stops, self.bend, free, shape, finer)
         self._spacing, self._middles = np.diff(nodes), 0.5 * (nodes[1:] + nodes[:-1])
@@ -317,7 +353,7 @@ class TouchState:
             self.ends[NOW, j] = self.ends[NOW, j + 1] + between + reactions[j + 1]
         self.turns[NOW] = shape.turns
         self.history = 1
-        for array in (self.q, self.near, self.on, self.ends, self._grips, self.turns):
+        for array in (self.q, self.near, self.on, self.ends, self._grips, self.turns, self.slid):
             array[BEFORE] = array[NOW]
 
     def resume(self, shape: CableShape, frames: Array) -> None:
@@ -330,11 +366,6 @@ class TouchState:
         else:
             self.rest(shape, frames)
 
-    @property
-    def arcs(self) -> Array:
-        """(b+1,) [m], of the supports."""
-        return self._arcs
-
     def slide_to(self, arcs: Array) -> None:
         """Makes supports hold the cable at other arc lengths: the nodes between them and masses are spread anew."""
         nodes = np.interp(self.nodes, *touch_mesh.spread(self._arcs, arcs, self.points))
@@ -342,7 +373,7 @@ class TouchState:
             nodes[np.abs(nodes - at).argmin()] = at
         nodes[self.held] = arcs
         self._arcs = arcs.copy()
-        self.stops = np.union1d(self.points, arcs[1:-1])
+        self._stops = np.union1d(self.points, arcs[1:-1])
         self.unfactored()
         self._load(nodes)
 
@@ -351,7 +382,7 @@ class TouchState:
         held = len(frames) - (type(self.problem.end) is not Grip)
         length = self.problem.cable.length
         found: tuple[int, int, float] = contact_check.buried(
-            frames, self._arcs, held, deepest, length, self.bodies, self.frames, self.triangles, self.tree,
+            frames, self.arcs, held, deepest, length, self.bodies, self.frames, self.triangles, self.tree,
             self.radius, self.stack,
         )  # fmt: skip
         return found
@@ -369,22 +400,25 @@ class TouchState:
 
     def copy(self, *, then: bool = False) -> tuple[Any, ...]:
         """All that a solve changes; `then`: with the mesh from before the last step."""
-        arrays = tuple(a.copy() for a in (self.q, self.near, self.on, self.ends, self._grips, self.turns))
+        solutions = (self.q, self.near, self.on, self.ends, self._grips, self.turns, self.slid)
+        arrays = tuple(a.copy() for a in solutions)
         return (*arrays, (self.mesh_then if then else self.mesh).copy(), self.elements)
 
     def restore(self, kept: tuple[Any, ...]) -> None:
         """Puts back a `copy`."""
         *arrays, mesh, elements = kept
-        if self.elements != elements:
+        nodes = mesh[: elements + 1].copy()
+        if self.elements != elements or self.rings.size:
+            self._arcs[self.rings] = arrays[-1][NOW, self.rings]
             self.elements = 0
-            self.lay_out(mesh[: elements + 1].copy())
-        self.q, self.near, self.on, self.ends, self._grips, self.turns = arrays
+            self.lay_out(nodes)
+        self.q, self.near, self.on, self.ends, self._grips, self.turns, self.slid = arrays
         self.mesh[:] = mesh
         self.unfactored()
 
     def accept(self, *, again: bool = False) -> None:
         """Makes the trial the last solution; `again`: it is the same one, solved again."""
-        contact_drive.accept(self.q, self.near, self.on, self.ends, self._grips, self.turns, again)
+        contact_drive.accept(self.q, self.near, self.on, self.ends, self._grips, self.turns, self.slid, again)
 
     def unfactored(self) -> None:
         """The next solve starts without the factors at hand."""
@@ -394,7 +428,7 @@ class TouchState:
         """Makes the last solution of a `copy` the one before the last, if they have the same elements."""
         *arrays, _, elements = kept
         if self.elements == elements:
-            mine = (self.q, self.near, self.on, self.ends, self._grips, self.turns)
+            mine = (self.q, self.near, self.on, self.ends, self._grips, self.turns, self.slid)
             for array, other in zip(mine, arrays, strict=True):
                 array[BEFORE] = other[NOW]
 

@@ -24,6 +24,7 @@ DEEPEST = 1e-4  #: [m] a shape deeper in a body than this between nodes gets a n
 WARM_ITERATIONS, STEP_ITERATIONS = 30, 20
 FAR = 0.7  #: A warm solve that turns a frame by more than this [rad] from its prediction is checked by small steps.
 FINE = 1.9e-4  #: of the length: an error from contacts above this asks for a finer mesh there
+_EXACT = 1e-5  #: of the length: an error from contacts below this is none of nodes in their way
 _ROUNDS = 8  #: of adding nodes where the cable dips into a body between them
 _ANYWHERE: Array = np.empty((0, 3))
 
@@ -109,9 +110,9 @@ class Steps:
             state.par, state.mesh, state.elements, state.q, state.near, state.on, state.ends, state.grips, state.turns,
             state.held, state.held_mask, state.forces, state.where, state.mask, state.place, state.lam, state.base,
             state.bodies, state.frames, state.triangles, state.tree, state.radius, sunk, state.stack,
-            self.problem.load, state.table, state.work, self.buffer, state.info, self.problem.points, history,
-            most, far, drag, state.mesh_then, before, state.frames_then, state.moved_links, state.horizon,
-            state.measured, state.counts, deepest, fine,
+            state.acts, state.points, state.table, state.slid, state.rings, state.knots, state.slides, state.work,
+            self.buffer, state.info, self.problem.points, history, most, far, drag, state.mesh_then, before,
+            state.frames_then, state.moved_links, state.horizon, state.measured, state.counts, deepest, fine,
         )  # fmt: skip
         self.iterations += int(state.info[0])
         if state.held.size > 2 and code in (CONVERGED, UNSETTLED):
@@ -121,9 +122,10 @@ class Steps:
     def settle(self, frames: Array, sunk: float = 0.0, drag: float = 0.0, *, refine: bool = True) -> bool:
         """Adds nodes where the cable dips into a body between them and, to `refine`, where contacts are too inexact."""
         state = self.state
-        fine = FINE * self.problem.cable.length
+        fine, exact = (share * self.problem.cable.length for share in (FINE, _EXACT))
         for _ in range(_ROUNDS):
-            if refine and state.info[0] > RUNNING:  # contacts that run were stopped
+            # contacts that run were stopped: by their iterations, or by a node that is moved now
+            if refine and (state.info[0] > RUNNING or (state.info[16] > exact and state.tidy())):
                 state.target(frames)
                 if not self.again(WARM_ITERATIONS, sunk=sunk):
                     return False

@@ -14,7 +14,7 @@ from typing import final
 import numpy as np
 
 from cable_shape.checks import Array
-from cable_shape.kernels import span_stability, span_work
+from cable_shape.kernels import contact_step, span_stability, span_work
 from cable_shape.kernels.contact_near import SPOT
 from cable_shape.kernels.span_work import NOW
 from cable_shape.models import clipped, cosserat
@@ -65,7 +65,14 @@ def sensitivity(state: TouchState, *, at: str = "cable") -> Array:
     frames[:, :3] = state.near[NOW][where, SPOT : SPOT + 3]
     frames[:, 3:] = q[where]
     arguments = (state.par, state.mesh, sol, state.work, where, mask, place, n, unknown)
-    span_stability.sensitivity(*arguments, np.empty(0, dtype=np.int64), problem.points, out, np.empty((0, 12)))
+    rings, k = state.rings.copy(), state.rings.size
+    contact_step.eyelets_at(state.base, spans, state.rings, rings)
+    df = np.empty((k, 12))
+    span_stability.sensitivity(*arguments, rings, problem.points, out, df)
+    if k:
+        f, J, slid = np.empty(k), np.empty((k, k)), np.empty((problem.points, 3, k))
+        span_stability.eyelets(*arguments, rings, f, J, problem.points, slid)
+        out -= np.einsum("pik,kc->pic", slid, np.linalg.solve(J, df))
     turn_about(at, problem, out)
     return out
 
@@ -213,6 +220,7 @@ class _Solve:
             self.rod.history = 0
             if isinstance(self.rod, SpanState):
                 self.rod.last = shape
+                self.rod.arcs[self.rod.rings] = state.arcs[state.rings]
         return shape
 
     def _no_shape(self, status: Status, detail: str) -> CableShape:
