@@ -6,9 +6,13 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import cable_shape as cs
 from cable_shape.kernels import cable_near
+from cable_shape.kernels.cable_near import counts_as_near
+from cable_shape.kernels.crossing_cull import apart_from_itself, leans
 from cable_shape.near import CableNear
 
 ALONG_X = (0.5, 0.5, 0.5, 0.5)
@@ -175,3 +179,23 @@ def test_an_obstacle_with_the_name_of_a_cable_is_refused(name):
 def test_a_cable_called_itself_is_refused():
     with pytest.raises(cs.ArgumentError, match="Rename the cable"):
         cs.Cycle({"itself": CABLE})
+
+
+@settings(derandomize=True, deadline=None, max_examples=60)
+@given(st.integers(0, 10**6), st.floats(0.0, 0.8))
+def test_what_leans_is_not_near_itself_nor_is_any_shape_on_the_way(seed, tilt):
+    """The bound that rules out most cables at once, on random walks whose pieces lean along x by up to `tilt` rad."""
+    rng = np.random.default_rng(seed)
+    walks = []
+    for _ in range(2):
+        lean, round_ = rng.uniform(0.0, tilt, 60), rng.uniform(0.0, 2.0 * math.pi, 60)
+        pieces = np.stack((np.cos(lean), np.sin(lean) * np.cos(round_), np.sin(lean) * np.sin(round_)), axis=1)
+        walks.append(np.concatenate((np.zeros((1, 3)), np.cumsum(0.01 * pieces, axis=0))))
+    p, then = walks
+    arcs = np.linspace(0.0, 0.6, 61)
+    if tilt < 0.4:  # the direction is that of the chord, which is a little off x itself
+        assert apart_from_itself(p, arcs, then, 0.02, 0.008, 1e-9)
+    if leans(p, 1.0, 0.0, 0.0) and leans(then, 1.0, 0.0, 0.0):
+        for x in (0.0, 0.3, 0.5, 0.8, 1.0):
+            way = np.ascontiguousarray(p + x * (then - p))
+            assert not any(counts_as_near(way, arcs, i, j, 0.02) for i in range(60) for j in range(i + 1, 60))

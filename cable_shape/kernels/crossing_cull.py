@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.cable_near import TURN, apart_for_good, bound, spheres_around, turning
+from cable_shape.kernels.cable_near import HALF_CIRCLE, TURN, apart_for_good, bound, spheres_around, turning
 
 Array = Any
 
@@ -27,8 +28,30 @@ def boxes_apart(p: Array, p_then: Array, r: Array, r_then: Array, reach: float) 
 
 
 @kernel
+def leans(p: Array, x: float, y: float, z: float) -> bool:
+    """Whether every piece of a centreline leads so far along a direction that no two of them can count as near.
+
+    Chords of at least 2/pi of their length along one direction leave one of at least that to all that lies between.
+    """
+    for i in range(p.shape[0] - 1):
+        a, b, c = p[i + 1, 0] - p[i, 0], p[i + 1, 1] - p[i, 1], p[i + 1, 2] - p[i, 2]
+        if not a * x + b * y + c * z >= 1.01 * HALF_CIRCLE * math.sqrt(a * a + b * b + c * c):
+            return False
+    return True
+
+
+@kernel
 def apart_from_itself(p: Array, s: Array, p_then: Array, shortest: float, reach: float, far: float) -> bool:
-    """Whether no chunks of a cable are within `reach` [m], see `cable_near`, nor any moved by `far` [m] since then."""
+    """Whether a cable cannot have come near itself since then.
+
+    It cannot if both shapes lean along their chord, for so do all shapes between them, linear in time; nor if no chunks
+    of it are within `reach` [m], see `cable_near`, and none has moved by `far` [m].
+    """
+    last = p.shape[0] - 1
+    x, y, z = p[last, 0] - p[0, 0], p[last, 1] - p[0, 1], p[last, 2] - p[0, 2]
+    size = math.sqrt(x * x + y * y + z * z)
+    if size > 0.0 and leans(p, x / size, y / size, z / size) and leans(p_then, x / size, y / size, z / size):
+        return True
     for i in range(p.shape[0]):
         x, y, z = p[i, 0] - p_then[i, 0], p[i, 1] - p_then[i, 1], p[i, 2] - p_then[i, 2]
         if x * x + y * y + z * z >= far * far:
