@@ -60,7 +60,7 @@ class HeldAmong:
     @property
     def names(self) -> tuple[str, ...]:
         """Of the bodies that it may touch."""
-        return self.state.names
+        return self.state.bodies.names
 
     @property
     def stale(self) -> bool:
@@ -124,8 +124,8 @@ class HeldAmong:
     def buried(self) -> bool:
         """Whether a grip or a clip is inside a body, where the problem has them now."""
         state = self.state
-        now = state.links
-        state.move_bodies(state.link_rows(self.problem.links))
+        now = state.bodies.links
+        state.move_bodies(state.bodies.link_rows(self.problem.links))
         supports = self._placed(self._supports[[0, -1]], self._target[self._at, :3])
         at = state.buried(supports, BURIED)[0]
         state.move_bodies(now)
@@ -134,7 +134,7 @@ class HeldAmong:
     def keep(self) -> tuple[Any, ...]:
         """What :meth:`restore` takes."""
         state = self.state
-        return state.copy(), state.arcs.copy(), state.history, state.positions, state.links, self._target
+        return state.copy(), state.arcs.copy(), state.history, state.positions, state.bodies.links, self._target
 
     def restore(self, kept: tuple[Any, ...]) -> None:
         """Back to where `keep` was called."""
@@ -207,15 +207,15 @@ class HeldAmong:
 
     def grounds(self, arc: float, place: Array, before: list[Ground]) -> list[Ground]:
         """The bodies near a point, which before were those."""
-        state = self.state
-        count = len(state.bodies)
+        state, bodies = self.state, self.state.bodies
+        count = len(bodies.table)
         pressed, sides, out = np.zeros(count), np.zeros((count, 3)), np.empty((count, crossing_ground.GROUND))
         for ground in before:
             if ground.press > 0.0 and ground.body < count:
                 pressed[ground.body], sides[ground.body] = ground.press, ground.normal
         crossing_ground.grounds(
-            place, arc, self.problem.cable.length, state.bodies, state.frames, state.triangles, state.tree,
-            state.radius, pressed, sides, state.stack, out,
+            place, arc, self.problem.cable.length, bodies.table, bodies.frames, bodies.triangles, bodies.tree,
+            state.radius, pressed, sides, bodies.stack, out,
         )  # fmt: skip
         return [
             Ground(b, float(out[b, 0]), out[b, 1:4], out[b, 4:].reshape(3, 3), float(pressed[b]))
@@ -228,7 +228,7 @@ class HeldAmong:
         fraction = MARGIN / size if size > MARGIN else 1.0
         for ground in grounds:
             way = -float(ground.normal @ change)
-            thick = self.state.radius + surface.reach_of(self.state.bodies[ground.body])
+            thick = self.state.radius + surface.reach_of(self.state.bodies.table[ground.body])
             limit = max(ground.gap, 0.0) + _REACH * thick
             fraction = min(fraction, limit / way if way > limit else 1.0)
         return fraction

@@ -21,7 +21,7 @@ def follow(steps: Steps, frames: Array) -> bool:
     """Goes with supports and bodies from where they were to `frames` and `links`, in steps as small as it takes."""
     state = steps.state
     kept = state.copy()
-    origin, links = state.grips[NOW].copy(), state.links_then
+    origin, links = state.grips[NOW].copy(), state.bodies.links_then
     done, step = 0.0, _FIRST_STEP
     history = 1
     while done < 1.0:
@@ -43,7 +43,7 @@ def follow(steps: Steps, frames: Array) -> bool:
 def relax(steps: Steps, frames: Array) -> bool:
     """Lets the cable slide, as in a thick liquid, from the last solution to where it comes to rest at `frames`."""
     state = steps.state
-    origin, links = state.grips[NOW].copy(), state.links_then
+    origin, links = state.grips[NOW].copy(), state.bodies.links_then
     softest = float(min(state.par[:3])) / steps.problem.cable.length**2
     done, step, drag = 0.0, 1.0, _FIRST_DRAG * softest
     for _ in range(_SLIDES):
@@ -68,7 +68,7 @@ def approach(steps: Steps, frames: Array, free: CableShape, away: Array) -> bool
     start = 0.25 * max(-steps.depth(free.buffer), DEEPEST)
     far = start
     while far < 2.0 * steps.problem.cable.length:
-        state.shift(far * away)
+        state.bodies.shift(far * away)
         if steps.depth(free.buffer) > 0.0:
             break
         far *= 1.3
@@ -76,14 +76,14 @@ def approach(steps: Steps, frames: Array, free: CableShape, away: Array) -> bool
         return False
     state.start_from(free, frames)
     state.remember(free.positions)
-    most = 0.6 * (state.thinnest + state.radius)
+    most = 0.6 * (state.bodies.thinnest + state.radius)
     step = min(0.25 * far, most)
     done = far
     while done > 0.0:
         if steps.out_of_time():
             return False
         to = done - step if done - step > 0.1 * step else 0.0
-        state.shift(to * away)
+        state.bodies.shift(to * away)
         if steps.go(frames, 1, WARM_ITERATIONS, math.inf, jump=True):
             done = to
             step = min(1.5 * step, most)

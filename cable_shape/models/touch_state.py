@@ -3,31 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Any, final
 
 import numpy as np
 
 from cable_shape.checks import Array
-from cable_shape.clearance import body_tables, carried_by, link_rows
-from cable_shape.kernels import bounds, contact_check, contact_drive, span_slide, span_work, surface
+from cable_shape.kernels import contact_check, contact_drive, span_slide, span_work
 from cable_shape.kernels.contact_near import BARE, NEAR, NORMAL, PRESS, SPOT
 from cable_shape.kernels.span_factor import PLACE
 from cable_shape.kernels.span_work import BEFORE, NOW, TRIAL
-from cable_shape.kernels.triangles import STACK_SIZE
-from cable_shape.meshes.convex import half_thickness
 from cable_shape.models import touch_mesh, touch_resume
 from cable_shape.models.span_mesh import interpolated
-from cable_shape.pose import FreeEnd, Grip, Pose
+from cable_shape.models.touch_bodies import TouchBodies
+from cable_shape.pose import FreeEnd, Grip
 from cable_shape.problem import Problem
-from cable_shape.scene import Mesh, Obstacle
 from cable_shape.shape import CableShape
 
 MOST_ELEMENTS = 600
 #: Times as many elements as at first, from which on nodes are taken away again, if contacts make a smaller error [L].
 MANY, COARSE = 1.15, 1e-4
 LEAST_LENGTH = 5e-4  #: of the cable's length: shorter elements are not divided
-HORIZON = 0.02  #: [m] bodies further away are only bounded
 _FREE_ROTATIONS = {
     "clamped": (0.0, 0.0, 0.0),
     "fixed": (0.0, 0.0, 0.0),
@@ -60,19 +55,12 @@ class TouchState:
         self.free_frames: Array = np.zeros((2, 7))
         self._positions = _NOWHERE
         self._spacing = self._middles = np.empty(0)  # [m] of the nodes at first, and where
-        self._bodies: tuple[Obstacle, ...] = ()
+        self.bodies = TouchBodies()
         self._arcs: Array = np.zeros(2)  # (b+1,) [m], of the supports; of eyelets, where they were laid out
         self.rings: Any = np.empty(0, np.int64)  # supports that are eyelets
         self.slid: Array = np.zeros((3, 2))  # (3, b+1) [m], arc lengths of the supports
-        self.names: tuple[str, ...] = ()  # of the bodies whose places are known
-        self.frames: Array = np.zeros((0, 4, 3))  # where they are
-        self.frames_then = self.frames  # where they were at the last solution
-        self.measured: Array = np.zeros((0, bounds.RESULT_COLUMNS))
-        self._shift: Array = np.zeros(3)
-        self.links: Array = np.empty((0, 7))
         self.info: Array = np.zeros(contact_drive.INFO)
         self.par: Array = np.zeros(14)
-        self.stack: Any = np.empty(STACK_SIZE, np.int64)
         self._grips: Array = np.zeros((3, 2, 7))
         self.turns: Array = np.zeros(3)
         self._kinds: tuple[str, ...] = ()
@@ -85,20 +73,21 @@ class TouchState:
 
         Bodies and clips may have moved.
         """
-        cable, par, bodies = problem.cable, self.par, problem.bodies
+        cable, par = problem.cable, self.par
         length = cable.length
         arcs = np.array((0.0, *(clip.arc_length for clip in problem.clips), length))
         rings = np.array([1 + i for i, clip in enumerate(problem.clips) if clip.kind == "slide"], dtype=np.int64)
         same_rings = arcs.size == self._arcs.size and np.array_equal(rings, self.rings)
         if same_rings:
             arcs[rings] = self._arcs[rings]  # what is in an eyelet is found
-        known = [(b.name, b.solid, b.link) for b in bodies] == [(b.name, b.solid, b.link) for b in self._bodies]
-        if not (known and same_rings and par[13] == length and np.array_equal(arcs, self._arcs)):
+        if not (
+            self.bodies.are(problem.bodies) and same_rings and par[13] == length and np.array_equal(arcs, self._arcs)
+        ):
             self.forget()
             self.elements = 0
         if arcs.size != self._arcs.size:
             self._grips, self.slid = np.zeros((3, arcs.size, 7)), np.zeros((3, arcs.size))
-        self._bodies, self._arcs, self.rings = bodies, arcs, rings
+        self._arcs, self.rings = arcs, rings
         self.problem = problem
         self.unfactored()
         weight = float(np.linalg.norm(problem.load.mean(axis=0))) * length
@@ -121,17 +110,8 @@ class TouchState:
         self.end_weight: Array = problem.load_force[at >= (1.0 - _AT) * length].sum(axis=0)
         self._stops: Array = np.union1d(self.points, arcs[1:-1])
         self.radius = 0.5 * cable.diameter
-        self._carried = carried_by(bodies)
-        self._tables = body_tables(bodies, tuple(self._carried), problem.gripping)
-        for row, body in zip(self._tables[0], bodies, strict=True):
-            if isinstance(body.solid, Mesh):
-                row[14] = half_thickness(body.solid)
-        self._origins = self._tables[0][:, 4:7].copy()
-        self._fixed = sum(body.link is None for body in bodies)
-        self.horizon = self.radius + HORIZON
-        self.counts: Any = np.empty(2, np.int64)
-        self.thinnest = min((surface.reach_of(body) for body in self._tables[0]), default=math.inf)
-        self._put_bodies(self.link_rows(problem.links))
+        if self.bodies.take(problem):
+            self.forget()
         self._frames = np.zeros((arcs.size, 7))
         for row, clip in zip(self._frames[1:], problem.clips, strict=False):
             row[:] = clip.pose.array
@@ -139,43 +119,10 @@ class TouchState:
                 row[3:] = (0.0, 0.0, 0.0, 1.0)
         self._kinds = ()
 
-    # -- where the bodies are
-
-    def link_rows(self, links: Mapping[str, Pose] | None) -> Array:
-        """(k, 7), poses of the links that carry bodies; (0, 7) if they are not known, or if there are none.
-
-        Raises
-        ------
-        ArgumentError
-            If `links` lacks one of them.
-        """
-        return np.empty((0, 7)) if links is None or not self._carried else link_rows(links, self._carried)
-
     def move_bodies(self, links: Array) -> None:
-        """Puts the bodies on links where these rows, see `link_rows`, say; without rows they are left out."""
-        if len(links) or len(self.links):
-            self._put_bodies(links)
-
-    def _put_bodies(self, links: Array) -> None:
-        all_bodies, self.triangles, self.tree = self._tables
-        count = len(all_bodies) if len(links) else self._fixed
-        names = tuple(body.name for body in self._bodies[:count])
-        if names != self.names:
+        """Puts the bodies on links where these rows of `TouchBodies.link_rows` say; without rows they are left out."""
+        if self.bodies.move(links):
             self.forget()
-            self.names = names
-            self.frames = np.zeros((count, 4, 3))
-            self.measured = np.full((count, bounds.RESULT_COLUMNS), np.inf)
-        self.bodies: Array = all_bodies[:count]
-        self.links = links
-        self.shift(self._shift)
-
-    def shift(self, by: Array) -> None:
-        """Moves the bodies by a vector (3,) [m] from where scene and links have them."""
-        self._shift = by
-        self.bodies[: self._fixed, 4:7] = self._origins[: self._fixed] + by
-        self.moved_links = self.links.copy()
-        self.moved_links[:, :3] += by
-        surface.place_bodies(self.bodies, self.moved_links, self.frames)
 
     # -- what holds the cable
 
@@ -332,7 +279,7 @@ class TouchState:
         free = self.forces < self._arcs.size - 1
         nodes = touch_mesh.first_nodes(self._arcs, self.stops, self.bend, free, shape, finer)
         self._spacing, self._middles = np.diff(nodes), 0.5 * (nodes[1:] + nodes[:-1])
-        rows = touch_resume.pressed_rows(shape, self.names)
+        rows = touch_resume.pressed_rows(shape, self.bodies.names)
         nodes = touch_resume.with_lone(nodes, rows)
         self.lay_out(nodes)
         self.q[NOW] = interpolated(nodes, shape.arc_length, shape.quaternions)
@@ -359,7 +306,7 @@ class TouchState:
     def resume(self, shape: CableShape, frames: Array) -> None:
         """Makes an equilibrium that another solver has found the last one, in contact or not."""
         self.unfactored()
-        if len(touch_resume.pressed_rows(shape, self.names)):
+        if len(touch_resume.pressed_rows(shape, self.bodies.names)):
             self.start_from(shape, frames)
             self.touching = True
             self.remember(shape.positions)
@@ -379,11 +326,11 @@ class TouchState:
 
     def buried(self, frames: Array, deepest: float) -> tuple[int, int, float]:
         """Which support is deeper in which body, and the gap, as `contact_check.buried` has it."""
-        held = len(frames) - (type(self.problem.end) is not Grip)
+        bodies, held = self.bodies, len(frames) - (type(self.problem.end) is not Grip)
         length = self.problem.cable.length
         found: tuple[int, int, float] = contact_check.buried(
-            frames, self.arcs, held, deepest, length, self.bodies, self.frames, self.triangles, self.tree,
-            self.radius, self.stack,
+            frames, self.arcs, held, deepest, length, bodies.table, bodies.frames, bodies.triangles, bodies.tree,
+            self.radius, bodies.stack,
         )  # fmt: skip
         return found
 
@@ -440,8 +387,7 @@ class TouchState:
     def remember(self, positions: Array) -> None:
         """Takes a solution's positions (n, 3) as those from which the cable moves on, and where the bodies are."""
         self._positions = positions.copy()
-        self.frames_then = self.frames.copy()
-        self.links_then = self.links
+        self.bodies.remember()
 
     def forget(self) -> None:
         """The next solve starts from nothing."""

@@ -43,7 +43,7 @@ class Steps:
         self.problem, self.state, self.deadline = problem, state, deadline
         self.iterations = 0
         self.late = False
-        self.links = state.link_rows(problem.links)
+        self.links = state.bodies.link_rows(problem.links)
         self.loads: Array = np.empty((0, 7))
         self.buffer = CableShape.new_buffer(problem.points)
 
@@ -105,14 +105,14 @@ class Steps:
         fine: float,
     ) -> int:
         """One compiled solve."""
-        state = self.state
+        state, bodies = self.state, self.state.bodies
         code: int = contact_drive.solve(
             state.par, state.mesh, state.elements, state.q, state.near, state.on, state.ends, state.grips, state.turns,
             state.held, state.held_mask, state.forces, state.where, state.mask, state.place, state.lam, state.base,
-            state.bodies, state.frames, state.triangles, state.tree, state.radius, sunk, state.stack,
+            bodies.table, bodies.frames, bodies.triangles, bodies.tree, state.radius, sunk, bodies.stack,
             state.acts, state.points, state.table, state.slid, state.rings, state.knots, state.slides, state.work,
             self.buffer, state.info, self.problem.points, history, most, far, drag, state.mesh_then, before,
-            state.frames_then, state.moved_links, state.horizon, state.measured, state.counts, deepest, fine,
+            bodies.frames_then, bodies.moved_links, bodies.horizon, bodies.measured, bodies.counts, deepest, fine,
         )  # fmt: skip
         self.iterations += int(state.info[0])
         if state.held.size > 2 and code in (CONVERGED, UNSETTLED):
@@ -148,12 +148,12 @@ class Steps:
 
     def passes(self, before: Array, buffer: Array) -> bool:
         """Whether the cable may have got past a body from one shape's positions (n, 3) to the next shape."""
-        state, n = self.state, self.problem.points
+        state, bodies, n = self.state, self.state.bodies, self.problem.points
         after = buffer[n : 4 * n].reshape(n, 3)
         return bool(
             contact_check.passes(
-                buffer[:n], before, after, state.bodies, state.frames, state.frames_then,
-                state.triangles, state.tree, state.radius, state.stack,
+                buffer[:n], before, after, bodies.table, bodies.frames, bodies.frames_then,
+                bodies.triangles, bodies.tree, state.radius, bodies.stack,
             )
         )  # fmt: skip
 
@@ -164,12 +164,12 @@ class Steps:
 
     def _measured(self, buffer: Array) -> Array:
         """(m, 8), as `bounds.closest_points` has it, of every body near."""
-        state, n = self.state, self.problem.points
+        state, bodies, n = self.state, self.state.bodies, self.problem.points
         bounds.closest_points(
-            buffer[n : 4 * n].reshape(n, 3), buffer[:n], state.radius, state.horizon, GRIP_EXCLUSION, True,
-            state.bodies, state.moved_links, state.triangles, state.tree, state.measured, state.counts,
+            buffer[n : 4 * n].reshape(n, 3), buffer[:n], state.radius, bodies.horizon, GRIP_EXCLUSION, True,
+            bodies.table, bodies.moved_links, bodies.triangles, bodies.tree, bodies.measured, bodies.counts,
         )  # fmt: skip
-        return state.measured
+        return bodies.measured
 
     def _dips(self, sunk: float, deepest: float = DEEPEST) -> Array:
         """Arc lengths where the shape in the buffer is too deep in a body."""

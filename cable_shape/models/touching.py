@@ -150,7 +150,7 @@ class _Solve:
         down = gravity / size if size > 0.0 else np.array((0.0, 0.0, -1.0))
         for attempt in (1.0, 0.0, -1.0):
             found = approach(steps, frames, free, attempt * down) if attempt else grow(steps, frames, free)
-            state.shift(np.zeros(3))
+            state.bodies.shift(np.zeros(3))
             if found and steps.settle(frames):
                 return self._finish(status)
             if steps.late:
@@ -171,7 +171,7 @@ class _Solve:
         name = "start grip" if i == 0 else "end grip" if i == last else f"clips[{i - 1}]"
         what = "grip" if i in (0, last) else "clip"
         return (
-            f"the cable at the {name} is {-gap * 1e3:.1f} mm inside obstacle {state.names[body]!r}. "
+            f"the cable at the {name} is {-gap * 1e3:.1f} mm inside obstacle {state.bodies.names[body]!r}. "
             f"Move the {what} out of it, or leave the obstacle out of the scene. "
         )
 
@@ -213,7 +213,7 @@ class _Solve:
             solve_time=perf_counter() - self.began,
             supports=steps.loads,
             touches=found,
-            bodies=state.names,
+            bodies=state.bodies.names,
         )
         if not state.touching:
             state.rest(shape, state.grips[NOW].copy())
