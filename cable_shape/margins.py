@@ -39,7 +39,7 @@ from cable_shape.checks import Array
 from cable_shape.clearance import NOT_JUDGED
 from cable_shape.kernels import margin_watch as kernels
 from cable_shape.kernels import swing
-from cable_shape.kernels.margins import BODIES, COLUMNS, QUASISTATIC, STABILITY
+from cable_shape.kernels.margins import BODIES, COLUMNS, STABILITY
 from cable_shape.models.cosserat import MODEL
 from cable_shape.models.rod_state import RodState
 from cable_shape.pose import FreeEnd, Grip, Pose
@@ -64,12 +64,12 @@ _KINDS = (
     WarningKind.TWIST_RATE,
     WarningKind.STRESS,
     WarningKind.STABILITY,
-    WarningKind.QUASISTATIC,
 )
 #: Those that are told, by what the kernel returns.
 _TOLD = [tuple(kind for row, kind in enumerate(_KINDS) if which >> row & 1) for which in range(1 << len(_KINDS))]
 _NAMELESS = [("",) * len(kinds) for kinds in _TOLD]
-_CLEARANCE, _STABLE = WarningKind.CLEARANCE, 1 << STABILITY
+_CLEARANCE, _STABLE, _LOADS = WarningKind.CLEARANCE, 1 << STABILITY, (1 << BODIES) - 1
+_INERTIA, _NO_NAME = (WarningKind.QUASISTATIC,), ("",)
 _HELD, _LOADED, _FRESH, _AGAIN = kernels.HELD, kernels.LOADED, kernels.FRESH, kernels.AGAIN
 _UNSTABLE, _NEW, _LISTED, _IN_PLANE = kernels.UNSTABLE, kernels.NEW, kernels.LISTED, kernels.IN_PLANE
 #: Looked up once: an enumeration's members take longer than their name says.
@@ -130,12 +130,12 @@ class MarginWatch:
         self.stability: Margin | None = None  # of the last shape
         self._mu = math.nan
         unknown = np.full(kernels.SWING - kernels.EIGEN, math.nan)
-        self._kinds: tuple[str, str, bool] = ("", "", False)  # of the ends
+        self._near, self._far, self._held = "", "", False  # kinds of the ends, and whether the second is held
         self._lay_out(np.concatenate((self.limits, self.section, (self.soft,), unknown, self._swing, (0.0,))), 0)
 
     def _lay_out(self, head: Array, bodies: int) -> None:
         """Makes the kernel's memory one for so many bodies; times to loads and bodies are not known then."""
-        k, head_size = BODIES + bodies, int(kernels.HEAD)
+        k, head_size = BODIES + bodies + 1, int(kernels.HEAD)
         memory = np.full(head_size + 2 * (COLUMNS + 1) * k + bodies, math.nan)
         memory[:head_size] = head[:head_size]
         moving = memory[memory.size - bodies :]
@@ -197,15 +197,18 @@ class MarginWatch:
             seconds = math.nan
         if ends is not None:
             start, end = ends
-            self._start[...] = start.array if type(start) is Pose else start.cable_frame.array
-            held = False
-            if end is not None and not isinstance(end, FreeEnd):
-                held = True
-                self._end[...] = end.array if type(end) is Pose else end.cable_frame.array
-            kinds = (getattr(start, "kind", "clamped"), getattr(end, "kind", "clamped"), held)
-            if kinds != self._kinds:
-                self._kinds = kinds
-                self._memory[kernels.SWING + swing.RATE] = bending_rate(self._cable, start, end)
+            near = far = "clamped"
+            if type(start) is Grip:
+                near, start = start.kind, start.cable_frame
+            self._start[...] = start.array
+            if type(end) is Grip:
+                far, end = end.kind, end.cable_frame
+            held = type(end) is Pose
+            if held:
+                self._end[...] = end.array  # type: ignore[union-attr]
+            if near != self._near or far != self._far or held != self._held:
+                self._near, self._far, self._held = near, far, held
+                self._memory[kernels.SWING + swing.RATE] = bending_rate(self._cable, *ends)
         if held:
             flags |= _HELD
         if status is not _OK:
@@ -220,17 +223,19 @@ class MarginWatch:
             self._memory, shape.buffer, shape.points, table, par, mesh, sol, work, elements, width, mode, steps,
             flags | more, seconds,
         )  # fmt: skip
+        which, inertia = which & _LOADS, which >> BODIES
         kinds, names, bodies = _TOLD[which], _NAMELESS[which], clearance.bodies
-        used, limits, values, places, times = self._told[:, : len(kinds) + len(bodies)].tolist()
+        used, limits, values, places, times = self._told[:, : len(kinds) + len(bodies) + inertia].tolist()
         of: Iterable[WarningKind] = kinds
         others: Iterable[str] = names
         if bodies:
-            of, others = chain(kinds, repeat(_CLEARANCE)), chain(names, map(_name, bodies))
+            of, others = chain(kinds, repeat(_CLEARANCE, len(bodies))), chain(names, map(_name, bodies))
+        if inertia:
+            of, others = chain(of, _INERTIA), chain(others, _NO_NAME)
         fields = zip(of, used, limits, values, places, others, times)  # noqa: B905, a keyword doubles its time
         found = tuple(map(_margin, repeat(Margin), fields))
         if which & _STABLE:
-            at = len(kinds) - 1 - (which >> QUASISTATIC & 1)
-            self.stability, self._mu = found[at], values[at]
+            self.stability, self._mu = found[len(kinds) - 1], values[len(kinds) - 1]
         else:
             self.stability = None
             if elements:

@@ -11,8 +11,8 @@ one flat array, for m bodies with k = 7 + m:
     twists   (12,)     how fast the ends move; before, now (14,): their frames, see :mod:`cable_shape.kernels.speed`
     swing    (35,)     see :mod:`cable_shape.kernels.swing`
     turn               the row of `history` that is this cycle's
-    rows     (k, 5)    see :mod:`cable_shape.kernels.margins`
-    told     (5, k)    transposed, and only what can be told: first loads, stability and inertia, then bodies
+    rows     (k, 5)    see :mod:`cable_shape.kernels.margins`; the last one is that of the inertia
+    told     (5, k)    transposed, and only what can be told: first loads and stability, then bodies, then inertia
     history  (2, k)    distance of a body, mu of stability, USED of all else, in this cycle and in the one before; NaN
                        where there is none
     moving   (m,)      1 if that body may move by itself, else 0
@@ -32,7 +32,6 @@ from cable_shape.kernels.margins import (
     BODIES,
     COLUMNS,
     LIMIT,
-    QUASISTATIC,
     STABILITY,
     TIME,
     USED,
@@ -63,7 +62,7 @@ TOUCHING = 1e-9
 @inlined
 def parts(memory: Array, bodies: int) -> tuple[Array, Array, Array, Array]:
     """Rows, told, history, moving."""
-    k = BODIES + bodies
+    k = BODIES + bodies + 1
     a, b, c = HEAD + COLUMNS * k, HEAD + 2 * COLUMNS * k, HEAD + 2 * (COLUMNS + 1) * k
     return (
         memory[HEAD:a].reshape(k, COLUMNS),
@@ -116,12 +115,13 @@ def tell(rows: Array, now: Array, before: Array, seconds: float, listed: bool, t
     """Turns speeds in the column TIME of bodies into times, takes all others from the cycle `before`, and fills `told`.
 
     before, now (k,): see `history`. seconds: between them, NaN if not known. Returns the sum of 2^row over the rows
-    before those of bodies that can be told.
+    before those of bodies that can be told, and 2^BODIES if inertia can.
     """
     count = which = 0
     for row in range(rows.shape[0]):
         used, limit, value, time = rows[row, USED], rows[row, LIMIT], rows[row, VALUE], rows[row, TIME]
-        body, stability, inertia = row >= BODIES, row == STABILITY, row == QUASISTATIC
+        inertia, stability = row == rows.shape[0] - 1, row == STABILITY
+        body = row >= BODIES and not inertia
         now[row] = math.nan if math.isnan(used) else value if body or stability else used
         if math.isnan(used):
             continue
@@ -140,7 +140,7 @@ def tell(rows: Array, now: Array, before: Array, seconds: float, listed: bool, t
         told[ARC_LENGTH, count], told[TIME, count] = rows[row, ARC_LENGTH], time
         count += 1
         if not body:
-            which += 1 << row
+            which += 1 << (BODIES if inertia else row)
     return which
 
 
@@ -158,9 +158,9 @@ def begin(memory: Array, bodies: int, flags: int, seconds: float) -> int:
 
 @kernel
 def tell_inertia(
-    state: Array, twists: Array, flags: int, seconds: float, buffer: Array, points: int, rows: Array
+    state: Array, twists: Array, flags: int, seconds: float, buffer: Array, points: int, row: Array
 ) -> None:  # fmt: skip
-    """Fills the row QUASISTATIC, where a limit of it is asked for and the motion of the ends is known for long enough.
+    """Fills the row of the inertia, if a limit of it is asked for and the motion of the ends is known for long enough.
 
     A stamp again repeats the answer; a jump of the grips, or a gap, makes all motion before forgotten.
     """
@@ -176,9 +176,8 @@ def tell_inertia(
                 state[swing.GRAVITY : swing.LEVER], state[swing.LEVER], state[swing.RATE],
             )  # fmt: skip
     if not math.isnan(state[swing.RATIO]):
-        rows[QUASISTATIC, USED] = state[swing.RATIO] / state[swing.LIMIT]
-        rows[QUASISTATIC, LIMIT], rows[QUASISTATIC, VALUE] = state[swing.LIMIT], state[swing.RATIO]
-        rows[QUASISTATIC, ARC_LENGTH] = state[swing.WHERE] * buffer[points - 1]
+        row[USED], row[LIMIT] = state[swing.RATIO] / state[swing.LIMIT], state[swing.LIMIT]
+        row[VALUE], row[ARC_LENGTH] = state[swing.RATIO], state[swing.WHERE] * buffer[points - 1]
 
 
 @kernel
@@ -195,9 +194,9 @@ def measure(
     rows, told, history, moving = parts(memory, bodies.shape[0])
     limits, twists, eigen = memory[LIMITS:SECTION], memory[TWISTS:BEFORE], memory[EIGEN:TWISTS]
     measure_loads(buffer, points, memory[SECTION:SOFT], limits, flags & HELD != 0, flags & LOADED != 0, rows)
-    rows[STABILITY : QUASISTATIC + 1, :] = math.nan
+    rows[STABILITY, :] = rows[-1, :] = math.nan
     if flags & LOADED:
-        tell_inertia(memory[SWING:TURN], twists, flags, seconds, buffer, points, rows)
+        tell_inertia(memory[SWING:TURN], twists, flags, seconds, buffer, points, rows[-1])
     measure_bodies(bodies, limits[5], rows)
     if elements > 0:
         if not flags & AGAIN:

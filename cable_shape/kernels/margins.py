@@ -1,8 +1,7 @@
 """What the margins of one shape are.
 
-Rows: STRETCH, TENSION, BEND, TWIST, STRESS, STABILITY, QUASISTATIC, then one for each body; columns USED, LIMIT, VALUE,
-ARC_LENGTH, TIME. What cannot be told has USED = NaN; QUASISTATIC and TIME are filled by
-:mod:`cable_shape.kernels.margin_watch`.
+Rows: STRETCH, TENSION, BEND, TWIST, STRESS, STABILITY, then one for each body; columns USED, LIMIT, VALUE, ARC_LENGTH,
+TIME. What cannot be told has USED = NaN; TIME is filled by :mod:`cable_shape.kernels.margin_watch`.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from cable_shape.kernels.loads import most_loaded
 from cable_shape.kernels.response import smallest_eigenvalue
 
 Array = Any
-STRETCH, TENSION, BEND, TWIST, STRESS, STABILITY, QUASISTATIC, BODIES = 0, 1, 2, 3, 4, 5, 6, 7
+STRETCH, TENSION, BEND, TWIST, STRESS, STABILITY, BODIES = 0, 1, 2, 3, 4, 5, 6
 USED, LIMIT, VALUE, ARC_LENGTH, TIME, COLUMNS = 0, 1, 2, 3, 4, 5
 #: Numbers that the stability of the next shape depends on: the eigenvalue in units of `soft` (NaN: none yet), its arc
 #: length, and whether the mode has been neutral from the beginning (1) or not (0).
