@@ -128,6 +128,23 @@ class Cell:
         while time.monotonic() < end:
             self.executor.spin_once(timeout_sec=0.02)
 
+    def ask(self, client: Any, request: Any, what: str, again: float = 30.0) -> Any:
+        """The answer of a service that may be asked twice, as after `again` [s] without an answer it is.
+
+        A service may be known before it has found the client, and its answer is lost then; the middleware says so.
+        """
+        futures: list[Any] = []
+        due = 0.0
+
+        def answered() -> Any:
+            nonlocal due
+            if time.monotonic() >= due:
+                futures.append(client.call_async(request))
+                due = time.monotonic() + again
+            return next((future for future in futures if future.done()), None)
+
+        return self.until(answered, what).result()
+
     def call(self, kind: type, name: str, request: Any) -> Any:
         """The answer of one of the node's services."""
         client = self.node.create_client(kind, f"cable_shape_node/{name}")

@@ -63,10 +63,9 @@ def shapes_of(cell, **fields):
     """The answer of PredictShapes."""
     client = cell.node.create_client(PredictShapes, "cable/predict_shapes")
     cell.until(client.service_is_ready, "predict_shapes")
-    future = client.call_async(PredictShapes.Request(**fields))
-    cell.until(future.done, "shapes")
+    answer = cell.ask(client, PredictShapes.Request(**fields), "shapes")
     cell.node.destroy_client(client)
-    return future.result()
+    return answer
 
 
 class Checker:
