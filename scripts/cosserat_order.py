@@ -40,6 +40,7 @@ def solve_on(state: RodState, elements: int) -> np.ndarray:
     _, layer = state.hanging(ends)
     rod_mesh.layered(length, min(max(layer, 1e-5 * length), length), x, density)
     state._lay_out(x, density, elements)
+    state.unsettle()
     buffer = np.empty(17 * problem.points)
     for _ in range(3):  # each begins where the last one ended: until rounding is all that is left
         state.target[:] = ends
