@@ -105,6 +105,6 @@ def evidence(pages: Pages) -> None:
         "stability",
         "## Hard cases",
         "Counted anew in every run. NOT_CONVERGED and UNSTABLE say so themselves. A snap is told by frames that turn "
-        "further than the ends' motion explains; one that turns them by less than 0.15 rad passes as a motion.",
+        "further than the ends' motion explains; one that turns them by less than 0.2 rad passes as a motion.",
         table(("what", "found"), rows),
     )

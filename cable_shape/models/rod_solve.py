@@ -179,21 +179,23 @@ class Solve:
         while done < 1.0:
             if self.rod.out_of_time():
                 return self._give_up(goal)
-            at = min(1.0, done + step)
+            least = step < _SMALLEST_STEP  # where the cable buckles the branch goes on, but is hard to find
+            at = min(1.0, done + (_SMALLEST_STEP if least else step))
             state.target[:] = between(origin, goal, at)
-            if self.rod.solve(state.history, STEP_ITERATIONS, far=_FAR_STEP, output=at == 1.0):
+            most = COLD_ITERATIONS if least else STEP_ITERATIONS
+            if self.rod.solve(state.history, most, far=_FAR_STEP, output=at == 1.0):
                 state.history = 2
                 done = at
-                step *= 1.6
+                step = 1.6 * max(step, _SMALLEST_STEP)
                 if state.far_too_coarse(self.rod.info) and state.next_mesh():
                     if not self.rod.solve(0, COLD_ITERATIONS, far=_FAR_STEP, output=at == 1.0):
                         return self._snap(goal)  # at a fold, which a coarse mesh puts a little further on
                     state.history = 1
+            elif least:
+                return self._snap(goal)
             else:
                 step *= 0.4
                 state.history = 1
-                if step < _SMALLEST_STEP:
-                    return self._snap(goal)
         return self._finish(Status.OK)
 
     def _snap(self, goal: Array) -> CableShape:

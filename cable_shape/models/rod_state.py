@@ -33,7 +33,7 @@ _TOO_FINE = 1.0 / 40.0
 #: Modes softer than this fraction of the stiffness / length^2 count as neutral, and neutral as stable.
 _NEUTRAL = 1e-4
 #: A frame may turn so far [rad] from its prediction whatever the ends do: predictions are not exact.
-_UNMOVED = 0.15
+_UNMOVED = 0.2
 #: Rotation of an element [rad] that a new mesh aims at.
 _TURN_AIM = 0.55
 #: A mesh is changed at most as for an error so many times off.
