@@ -27,7 +27,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 import cable_shape as cs
 
-RATE, PHASE_S = 250.0, 6.0  # Hz, s: the diagnostics' window of 1000 cycles is 4 s
+RATE, PHASE_S = 250.0, 5.0  # Hz, s: the diagnostics' window of 1000 cycles is 4 s
 OVER, MORE_S, P99_ALLOWED = 1.5, 0.02, 1.5
 STARTUP_S = 120.0
 SPREAD = planner_batch.SPREADS[0]
