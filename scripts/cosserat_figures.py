@@ -163,6 +163,8 @@ def bench_options(parser: argparse.ArgumentParser, arguments: list[str] | None =
 def finish(figures: Figures, options: argparse.Namespace, **more: Any) -> int:
     """Summary, file and comparison; exit status 1 if a figure does not hold, or a ratio or count has become worse."""
     figures.print_summary()
+    if options.quick:
+        print("A quick run: shares and percentiles of so few tries may fall short here and yet hold in full.")
     worse: list[str] = []
     if options.compare is not None:
         heading(f"Beside {options.compare}")

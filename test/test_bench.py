@@ -91,9 +91,9 @@ def test_all_parts_run_each_in_its_process_and_are_judged_together(
         (tmp_path / f"bench_{name}.py").write_text(PART.format(scripts=scripts, error=error, ratio=2.0))
     (tmp_path / "bench_silent.py").write_text("raise SystemExit(0)")
     (tmp_path / "bench_broken.py").write_text("raise ValueError('no')")
-    parts = [bench_all.Part(name) for name in ("good", "bad", "broken")]
+    parts = [bench_all.Part("good", steady=True), bench_all.Part("bad"), bench_all.Part("broken")]
     monkeypatch.setattr(bench_all, "HERE", tmp_path)
-    monkeypatch.setattr(bench_all, "PARTS", (*parts, bench_all.Part("silent", figures=False)))
+    monkeypatch.setattr(bench_all, "PARTS", (*parts, bench_all.Part("silent", figures=False, steady=True)))
     options = ["--quick", "--logs", str(tmp_path / "logs"), "--save", str(tmp_path / "all.json")]
     assert bench_all.main([*options, "--only", "good", "silent"]) == 0
     kept = json.loads((tmp_path / "all.json").read_text())
