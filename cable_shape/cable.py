@@ -237,12 +237,6 @@ class Cable:
         """[N m^2], what the isotropic models use for EI."""
         return 0.5 * (self.bending_stiffness[0] + self.bending_stiffness[1])
 
-    @property
-    def stiffness_length(self) -> float:
-        """(EI / w)^(1/3) [m] under standard gravity: the length over which bending holds the cable's weight."""
-        weight = self.linear_density * STANDARD_GRAVITY
-        return math.inf if weight == 0.0 else (self.mean_bending_stiffness / weight) ** (1.0 / 3.0)
-
     def describe(self) -> str:
         """What these numbers mean in plain words, to catch a slip of units."""
         stiffness = self.mean_bending_stiffness

@@ -13,7 +13,7 @@ from cable_shape.kernels import bounds
 from cable_shape.margins import MarginWatch
 from cable_shape.models.rod_state import RodState
 from cable_shape.plug import Plug, PlugError, plug_error
-from cable_shape.pose import FreeEnd, Grip, Pose
+from cable_shape.pose import Ends, Grip, Pose
 from cable_shape.predictor import Predictor
 from cable_shape.report import BodyDistance, CableWarning, Clearance, Margin
 from cable_shape.scene import Obstacle, Scene
@@ -24,7 +24,6 @@ from cable_shape.tube import TubeWatch
 from cable_shape.uncertainty import Tube
 from cable_shape.warn import Standing, snap_warning, tail_warning, tube_warning, warnings_of
 
-Ends = tuple[Pose | Grip, Pose | Grip | FreeEnd | None]
 Links = Mapping[str, Pose] | None
 
 #: A predicted snap that stands is looked for this much further ahead.

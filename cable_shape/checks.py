@@ -99,6 +99,19 @@ def one_of(name: str, value: Any, options: Iterable[str]) -> str:
     return str(value)
 
 
+def word(name: str, value: object) -> None:
+    """Refuses what is no text, or blank."""
+    if not isinstance(value, str) or not value.strip():
+        raise ArgumentError.of(name, value, "it must be a word", "Give a short name in quotes.")
+
+
+def instance(name: str, value: object, kinds: tuple[type, ...], remedy: str) -> None:
+    """Refuses what is of none of these kinds."""
+    if not isinstance(value, kinds):
+        words = " or ".join(kind.__name__ for kind in kinds)
+        raise ArgumentError.of(name, value, f"it must be a {words}", remedy)
+
+
 def known_keys(where: str, given: Mapping[str, Any], known: Iterable[str]) -> None:
     """Refuses keys of `given` that are not among `known`, naming the nearest."""
     names = tuple(known)

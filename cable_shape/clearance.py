@@ -33,6 +33,9 @@ from cable_shape.shape import CableShape, Status
 #: Of these shapes no clearance is told: they are not where the cable is.
 NOT_JUDGED = (Status.NOT_CONVERGED, Status.BUDGET_EXCEEDED)
 
+#: [m], a cable that rests on a body, solved for, is at most so far inside it.
+DEEPEST_REST = 2e-4
+
 #: The default horizon: this many warning distances, and at least so many metres.
 HORIZON_FACTOR, LEAST_HORIZON = 3.0, 0.1
 

@@ -252,14 +252,13 @@ def _predict(arguments: argparse.Namespace) -> int:
 
 def _view(arguments: argparse.Namespace) -> int:
     import os
-    import shutil
     import subprocess
+
+    from cable_shape.viewer.process import viewer_executable
 
     if not arguments.file.is_file():
         raise ArgumentError(f"{arguments.file}: no such file. `cable-shape replay` and scripts/demo write .rrd files.")
-    viewer = shutil.which("rerun", path=f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}")
-    if viewer is None:
-        raise DependencyError("The rerun viewer is not installed. Run scripts/test once, or pip install rerun-sdk.")
+    viewer = viewer_executable()
     if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise DependencyError(
             f"No screen: DISPLAY and WAYLAND_DISPLAY are not set. Copy {arguments.file} to a machine with one, or open "

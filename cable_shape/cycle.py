@@ -14,13 +14,14 @@ from numpy.typing import ArrayLike
 
 from cable_shape import checks
 from cable_shape.cable import Cable
-from cable_shape.cable_cycle import CableCycle, Ends
+from cable_shape.cable_cycle import CableCycle
 from cable_shape.errors import ArgumentError, StaleInputError
 from cable_shape.models.crossing import Crossing
 from cable_shape.near import CableNear
 from cable_shape.plug import Plug
-from cable_shape.pose import Pose
+from cable_shape.pose import Ends, Pose
 from cable_shape.predictor import Predictor
+from cable_shape.problem import GRAVITY
 from cable_shape.quasistatic import LIMIT
 from cable_shape.report import CycleReport
 from cable_shape.scene import Clip, Obstacle, Scene
@@ -70,7 +71,7 @@ class Cycle:
         robot_links: Sequence[Obstacle] = (),
         gripping_links: Sequence[str] = (),
         model: str = "auto",
-        gravity: ArrayLike = (0.0, 0.0, -9.81),
+        gravity: ArrayLike = GRAVITY,
         points: int = 150,
         tolerance: float | None = None,
         tails: Mapping[str, Mapping[str, float]] | None = None,

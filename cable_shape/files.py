@@ -1,4 +1,4 @@
-"""Reading YAML and JSON files: safe-loaded, bounded in size, with errors that name the file."""
+"""YAML and JSON files: safe-loaded, bounded in size, with errors that name the file."""
 
 from __future__ import annotations
 
@@ -44,6 +44,11 @@ def load_yaml(path: str | Path) -> dict[str, Any]:
     if _values(data, {}) > MAX_VALUES:
         raise ArgumentError(f"{path}: its aliases (*name) make more than {MAX_VALUES} values. Write out what is meant.")
     return data
+
+
+def finite(value: float) -> float | None:
+    """`value`, None for NaN and infinity, which JSON cannot say."""
+    return value if math.isfinite(value) else None
 
 
 def _values(data: Any, known: dict[int, float]) -> float:

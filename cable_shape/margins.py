@@ -42,10 +42,10 @@ from cable_shape.kernels import swing
 from cable_shape.kernels.margins import BODIES, COLUMNS, STABILITY
 from cable_shape.models.cosserat import MODEL
 from cable_shape.models.rod_state import RodState
-from cable_shape.pose import FreeEnd, Grip, Pose
+from cable_shape.pose import Ends, Grip, Pose
 from cable_shape.problem import GRAVITY
 from cable_shape.quasistatic import bending_rate, swing_state
-from cable_shape.report import Clearance, Margin, WarningKind
+from cable_shape.report import LOAD_MARGINS, Clearance, Margin, WarningKind
 from cable_shape.scene import Scene
 from cable_shape.shape import CableShape, Status
 from cable_shape.stress import section_of
@@ -56,17 +56,10 @@ LONGEST_GAP = 0.5
 _COLD_STEPS, _NEAR_STEPS, _WARM_STEPS = 60, 4, 1
 #: Below this mu a snap is near, and the factors are made anew each cycle.
 _NEAR = 1.0
-#: Of the rows of the kernel before those of the bodies.
-_KINDS = (
-    WarningKind.OVERSTRETCHED,
-    WarningKind.TENSION,
-    WarningKind.BEND_RADIUS,
-    WarningKind.TWIST_RATE,
-    WarningKind.STRESS,
-    WarningKind.STABILITY,
-)
 #: Those that are told, by what the kernel returns.
-_TOLD = [tuple(kind for row, kind in enumerate(_KINDS) if which >> row & 1) for which in range(1 << len(_KINDS))]
+_TOLD = [
+    tuple(kind for row, kind in enumerate(LOAD_MARGINS) if which >> row & 1) for which in range(1 << len(LOAD_MARGINS))
+]
 _NAMELESS = [("",) * len(kinds) for kinds in _TOLD]
 _CLEARANCE, _STABLE, _LOADS = WarningKind.CLEARANCE, 1 << STABILITY, (1 << BODIES) - 1
 _INERTIA, _NO_NAME = (WarningKind.QUASISTATIC,), ("",)
@@ -168,7 +161,7 @@ class MarginWatch:
         stamp: int,
         *,
         state: RodState | None = None,
-        ends: tuple[Pose | Grip, Pose | Grip | FreeEnd | None] | None = None,
+        ends: Ends | None = None,
         held: bool = False,
     ) -> tuple[Margin, ...]:
         """The margins of a shape at `stamp` [ns]; a repeated stamp is compared with the same cycle again.

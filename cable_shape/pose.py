@@ -217,6 +217,9 @@ class FreeEnd:
         return f"FreeEnd(mass={self.mass}, force={self.force.tolist()}, moment={self.moment.tolist()})"
 
 
+#: Where both ends are; None: a free end without load.
+Ends = tuple[Pose | Grip, Pose | Grip | FreeEnd | None]
+
 _CLAMPED = Grip(IDENTITY)
 
 

@@ -22,8 +22,6 @@ from cable_shape.cable import Cable
 from cable_shape.checks import Array
 from cable_shape.kernels import swing
 from cable_shape.pose import FreeEnd, Grip, Pose
-from cable_shape.problem import GRAVITY
-from cable_shape.shape import CableShape
 
 #: Ratio of the loads from which a warning is given by default.
 LIMIT = 0.25
@@ -50,16 +48,6 @@ def swing_state(cable: Cable, gravity: ArrayLike, limit: float | None) -> Array:
         state[swing.LEVER] = min((cable.mean_bending_stiffness / weight) ** (1.0 / 3.0), 0.5 * cable.length)
         state[swing.LIMIT] = checks.number("quasistatic_limit", limit, above=0.0)
     return state
-
-
-def swing_period(
-    cable: Cable, shape: CableShape, start: Pose | Grip, end: Pose | Grip | FreeEnd | None, gravity: ArrayLike = GRAVITY
-) -> float:
-    """[s], with which a cable of this shape swings about the line through its ends; see the module."""
-    held = isinstance(end, (Pose, Grip))
-    g = checks.vector("gravity", gravity, 3, "m/s^2")
-    rate = swing.swing_rate(shape.buffer, shape.points, held, g) + bending_rate(cable, start, end)
-    return 2.0 * math.pi / math.sqrt(rate) if rate > 0.0 else math.inf
 
 
 def bending_rate(cable: Cable, start: Pose | Grip, end: Pose | Grip | FreeEnd | None) -> float:

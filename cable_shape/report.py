@@ -10,7 +10,7 @@ from typing import NamedTuple, final
 
 from cable_shape.checks import Array
 from cable_shape.plug import PlugError
-from cable_shape.pose import FreeEnd, Grip, Pose
+from cable_shape.pose import Ends, Pose
 from cable_shape.shape import CableShape
 from cable_shape.uncertainty import Tube
 
@@ -29,6 +29,17 @@ class WarningKind(enum.Enum):
     STABILITY = 7
     SNAP = 8
     QUASISTATIC = 9
+
+
+#: The kinds of margin that a shape has by itself, in the order of the kernels' rows; those of bodies come after them.
+LOAD_MARGINS = (
+    WarningKind.OVERSTRETCHED,
+    WarningKind.TENSION,
+    WarningKind.BEND_RADIUS,
+    WarningKind.TWIST_RATE,
+    WarningKind.STRESS,
+    WarningKind.STABILITY,
+)
 
 
 @final
@@ -134,7 +145,7 @@ class CycleReport:
     """
 
     stamp: int
-    grips: Mapping[str, tuple[Pose | Grip, Pose | Grip | FreeEnd | None]]
+    grips: Mapping[str, Ends]
     links: Mapping[str, Pose] | None
     shapes: Mapping[str, CableShape]
     clearance: Mapping[str, Clearance]

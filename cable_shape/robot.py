@@ -8,7 +8,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, final
-from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,7 +17,15 @@ from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError, CableShapeError, InputError, RobotError
 from cable_shape.files import load_yaml
 from cable_shape.pose import GRIP_KINDS, IDENTITY, Grip, Pose
-from cable_shape.robot_files import build, load_pinocchio, longest_chain, obstacles_of, read_urdf
+from cable_shape.robot_files import (
+    build,
+    leader_of,
+    load_pinocchio,
+    longest_chain,
+    mimics_of,
+    obstacles_of,
+    read_urdf,
+)
 from cable_shape.scene import Obstacle
 
 #: the two grippers: left holds the cable's start, right its end
@@ -142,7 +149,7 @@ class Robot:
     def _read_joints(self, home: Mapping[str, float]) -> None:
         """Which joints move, their limits, those that mimic others, and the home position."""
         model = self._model
-        mimics = _mimics(self.urdf)
+        mimics = mimics_of(self.urdf)
         axes = [j for j in range(1, model.njoints) if model.joints[j].nv == 1]
         self.single_joints = tuple(model.names[j] for j in axes)
         self._row = {name: row for row, name in enumerate(self.single_joints)}
@@ -151,7 +158,7 @@ class Robot:
         # all single joints = spread @ q + shift: a joint that mimics follows its leader
         self._spread, self._shift = np.zeros((len(axes), len(column))), np.zeros(len(axes))
         for name, row in self._row.items():
-            leader, multiplier, constant = _leader(name, mimics)
+            leader, multiplier, constant = leader_of(name, mimics)
             if leader not in column:
                 raise RobotError(f"Joint {name!r} mimics {leader!r}, which is no joint that moves. Correct the URDF.")
             self._spread[row, column[leader]], self._shift[row] = multiplier, constant
@@ -325,35 +332,6 @@ class Robot:
         for row in rows:
             row.setflags(write=False)
         return list(map(Pose.trusted, rows))
-
-
-def _mimics(urdf: str) -> dict[str, tuple[str, float, float]]:
-    """Joint -> (the joint that it mimics, multiplier, offset)."""
-    out = {}
-    for joint in ElementTree.fromstring(urdf).findall("joint"):
-        mimic = joint.find("mimic")
-        if mimic is not None:
-            name = joint.get("name", "")
-            try:
-                out[name] = (
-                    mimic.get("joint", ""),
-                    float(mimic.get("multiplier", "1")),
-                    float(mimic.get("offset", "0")),
-                )
-            except ValueError:
-                raise RobotError(f"Joint {name!r}: multiplier and offset of <mimic> must be numbers.") from None
-    return out
-
-
-def _leader(name: str, mimics: Mapping[str, tuple[str, float, float]]) -> tuple[str, float, float]:
-    """The joint that `name` follows in the end, and how: position = multiplier * leader + offset."""
-    multiplier, offset = 1.0, 0.0
-    for _ in range(len(mimics) + 1):
-        if name not in mimics:
-            return name, multiplier, offset
-        name, factor, constant = mimics[name]
-        multiplier, offset = multiplier * factor, multiplier * constant + offset
-    raise RobotError(f"Joint {name!r} mimics itself in a circle. Correct the URDF.")
 
 
 def _no_such(what: str, name: str, known: Iterable[str]) -> str:

@@ -188,6 +188,35 @@ def _solid(link: str, shape: Any) -> Solid:
     raise RobotError(f"Link {link!r} has collision geometry of kind {kind}. Use boxes, spheres, cylinders or meshes.")
 
 
+def mimics_of(urdf: str) -> dict[str, tuple[str, float, float]]:
+    """Joint -> (the joint that it mimics, multiplier, offset)."""
+    out = {}
+    for joint in ElementTree.fromstring(urdf).findall("joint"):
+        mimic = joint.find("mimic")
+        if mimic is not None:
+            name = joint.get("name", "")
+            try:
+                out[name] = (
+                    mimic.get("joint", ""),
+                    float(mimic.get("multiplier", "1")),
+                    float(mimic.get("offset", "0")),
+                )
+            except ValueError:
+                raise RobotError(f"Joint {name!r}: multiplier and offset of <mimic> must be numbers.") from None
+    return out
+
+
+def leader_of(name: str, mimics: Mapping[str, tuple[str, float, float]]) -> tuple[str, float, float]:
+    """The joint that `name` follows in the end, and how: position = multiplier * leader + offset."""
+    multiplier, offset = 1.0, 0.0
+    for _ in range(len(mimics) + 1):
+        if name not in mimics:
+            return name, multiplier, offset
+        name, factor, constant = mimics[name]
+        multiplier, offset = multiplier * factor, multiplier * constant + offset
+    raise RobotError(f"Joint {name!r} mimics itself in a circle. Correct the URDF.")
+
+
 def longest_chain(model: Any, travel: Mapping[str, float]) -> float:
     """[m], from the world to the frame that is furthest along the chains of joints, all stretched out.
 

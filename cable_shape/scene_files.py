@@ -1,4 +1,4 @@
-"""Scenes as plain mappings, as YAML and JSON hold them: :func:`scene_of` and :func:`mapping_of`.
+"""A scene's keywords from plain mappings, as YAML and JSON hold them, and the parts of a scene as such entries.
 
 One entry a list item; exactly one of the solids in an obstacle::
 
@@ -32,27 +32,17 @@ from cable_shape import checks
 from cable_shape.errors import ArgumentError
 from cable_shape.plug import Plug
 from cable_shape.pose import Pose
-from cable_shape.scene import (
-    SCENE_KEYS,
-    Box,
-    Capsule,
-    Clip,
-    Cylinder,
-    HalfSpace,
-    Mesh,
-    Obstacle,
-    PointMass,
-    Scene,
-    Solid,
-    Sphere,
-)
+from cable_shape.scene_parts import Clip, Obstacle, PointMass
+from cable_shape.solids import Box, Capsule, Cylinder, HalfSpace, Mesh, Solid, Sphere
 
 SOLID_KEYS = ("box", "sphere", "cylinder", "capsule", "half_space", "mesh")
 
 
-def scene_of(values: Mapping[str, Any], where: str, folder: Path) -> Scene:
-    """The scene that `values` says; every error names `where` and the entry."""
-    checks.known_keys(where, values, SCENE_KEYS)
+def keywords_of(values: Mapping[str, Any], where: str, folder: Path) -> dict[str, Any]:
+    """The keywords of :class:`~cable_shape.scene.Scene` that `values` gives; errors name `where` and the entry.
+
+    Meshes are read from `folder`.
+    """
 
     def entries(key: str, make: Callable[[Mapping[str, Any], str], Any]) -> tuple[Any, ...]:
         items = values.get(key)
@@ -62,36 +52,16 @@ def scene_of(values: Mapping[str, Any], where: str, folder: Path) -> Scene:
             raise ArgumentError.of(f"{where}: {key}", items, "it must be a list", "Start every entry with a dash.")
         return tuple(_named(f"{where}: {key}[{i}]", item, make) for i, item in enumerate(items))
 
-    lists: dict[str, Any] = {
+    keywords = {
+        **values,
         "obstacles": entries("obstacles", lambda v, w: _obstacle(v, w, folder)),
         "clips": entries("clips", _clip),
         "masses": entries("masses", _mass),
         "sockets": _sockets(values.get("sockets") or {}, f"{where}: sockets"),
     }
     if values.get("plug") is not None:
-        lists["plug"] = _named(f"{where}: plug", values["plug"], _plug)
-    distances = {key: values[key] for key in SCENE_KEYS if key in values and key not in lists and key != "plug"}
-    try:
-        return Scene(**lists, **distances)
-    except ArgumentError as error:
-        raise ArgumentError(f"{where}: {error}") from None
-
-
-def mapping_of(scene: Scene) -> dict[str, Any]:
-    """The mapping that gives `scene` again."""
-    return {
-        "obstacles": [
-            {"name": o.name, **_solid_entry(o.solid), **_pose_entry(o.pose), **({"link": o.link} if o.link else {})}
-            for o in scene.obstacles
-        ],
-        "clips": [{"arc_length": c.arc_length, **_pose_entry(c.pose), "kind": c.kind} for c in scene.clips],
-        "masses": [{"arc_length": m.arc_length, "mass": m.mass} for m in scene.masses],
-        "warn_distance": scene.warn_distance,
-        "error_distance": scene.error_distance,
-        "sockets": {name: _pose_entry(pose) for name, pose in scene.sockets.items()},
-        "plug": scene.plug and {"socket": scene.plug.socket, **_pose_entry(scene.plug.offset)},
-        "contact": scene.contact,
-    }
+        keywords["plug"] = _named(f"{where}: plug", values["plug"], _plug)
+    return keywords
 
 
 def _named(where: str, item: Any, make: Callable[[Mapping[str, Any], str], Any]) -> Any:
@@ -182,7 +152,29 @@ def _pose(values: Mapping[str, Any]) -> Pose:
     return Pose(values.get("position", (0.0, 0.0, 0.0)), values.get("quaternion", (0.0, 0.0, 0.0, 1.0)))
 
 
-def _pose_entry(pose: Pose) -> dict[str, Any]:
+def obstacle_entry(obstacle: Obstacle) -> dict[str, Any]:
+    """An item of `obstacles`; a mesh is written out."""
+    link = {"link": obstacle.link} if obstacle.link else {}
+    return {"name": obstacle.name, **_solid_entry(obstacle.solid), **pose_entry(obstacle.pose), **link}
+
+
+def clip_entry(clip: Clip) -> dict[str, Any]:
+    """An item of `clips`."""
+    return {"arc_length": clip.arc_length, **pose_entry(clip.pose), "kind": clip.kind}
+
+
+def mass_entry(mass: PointMass) -> dict[str, Any]:
+    """An item of `masses`."""
+    return {"arc_length": mass.arc_length, "mass": mass.mass}
+
+
+def plug_entry(plug: Plug) -> dict[str, Any]:
+    """The value of `plug`."""
+    return {"socket": plug.socket, **pose_entry(plug.offset)}
+
+
+def pose_entry(pose: Pose) -> dict[str, Any]:
+    """The keys that say where something is."""
     return {"position": pose.position.tolist(), "quaternion": pose.quaternion.tolist()}
 
 

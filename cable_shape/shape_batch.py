@@ -13,18 +13,10 @@ from cable_shape.checks import Array
 from cable_shape.clearance import NOT_JUDGED
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels import bounds, margins, rod_drive
-from cable_shape.report import BodyDistance, Clearance, WarningKind
+from cable_shape.report import LOAD_MARGINS as LOAD_MARGINS
+from cable_shape.report import BodyDistance, Clearance
 from cable_shape.shape import NUMBERS_PER_POINT, CableShape, Status
 
-#: What the first columns of `ShapeBatch.used` are about; a column for each body follows.
-LOAD_MARGINS = (
-    WarningKind.OVERSTRETCHED,
-    WarningKind.TENSION,
-    WarningKind.BEND_RADIUS,
-    WarningKind.TWIST_RATE,
-    WarningKind.STRESS,
-    WarningKind.STABILITY,
-)
 _NOT_JUDGED = [status.value for status in NOT_JUDGED]
 
 

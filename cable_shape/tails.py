@@ -18,7 +18,7 @@ from cable_shape.cable import TAIL_SIDES, Cable
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import Grip, Pose
 from cable_shape.predictor import Predictor
-from cable_shape.problem import AUTO_TOLERANCE
+from cable_shape.problem import AUTO_TOLERANCE, GRAVITY
 from cable_shape.shape import CableShape
 
 _BACKWARDS = Pose(quaternion=(1.0, 0.0, 0.0, 0.0))  # half a turn about d1
@@ -51,7 +51,7 @@ class Tail:
         side: str,
         length: float,
         *,
-        gravity: ArrayLike = (0.0, 0.0, -9.81),
+        gravity: ArrayLike = GRAVITY,
         points: int = 150,
     ) -> None:
         self.side = checks.one_of("side", side, TAIL_SIDES)
@@ -95,7 +95,7 @@ def predict_tails(
     end: Pose | Grip | None,
     tails: Mapping[str, float] | None = None,
     *,
-    gravity: ArrayLike = (0.0, 0.0, -9.81),
+    gravity: ArrayLike = GRAVITY,
     points: int = 150,
 ) -> dict[str, CableShape]:
     """The tails of a cable held by two grips, solved once from nothing; the keys are "start" and "end".

@@ -26,18 +26,17 @@ from numpy.typing import ArrayLike, NDArray
 from cable_shape import checks
 from cable_shape.cable import Cable
 from cable_shape.checks import Array
-from cable_shape.clearance import ClearanceChecker
+from cable_shape.clearance import DEEPEST_REST, ClearanceChecker
 from cable_shape.kernels import advance
 from cable_shape.margins import MarginWatch
 from cable_shape.paths import GripPath, JointPath, Motion, Path
 from cable_shape.pose import Grip
 from cable_shape.predictor import Predictor
 from cable_shape.problem import GRAVITY
-from cable_shape.report import Margin, WarningKind
+from cable_shape.report import LOAD_MARGINS, Margin, WarningKind
 from cable_shape.robot import Robot
 from cable_shape.scene import Scene
 from cable_shape.shape import CableShape, Status
-from cable_shape.shape_batch import LOAD_MARGINS
 from cable_shape.trajectory_report import Reason, TrajectoryCheck, Violation
 from cable_shape.warn import metres
 
@@ -55,8 +54,6 @@ _CALM = 0.3
 _CROOKED = 0.25
 #: The first violation is told to this fraction of a segment.
 _PLACE = 1e-3
-#: A cable that rests on a body, solved for, is at most so far inside it [m].
-_RESTING = -2e-4
 #: Joints are not beyond their limits by less than this [rad] or [m].
 _ROUNDING = 1e-9
 
@@ -159,7 +156,7 @@ class _Check:
         #: (m,), row in a sample's links of each body, -1: it stands still
         self.on_link = self.checker.tables[0][:, 11].astype(np.int64)
         resting = np.full(len(self.on_link), scene.contact == "solve") & (self.on_link < 0)
-        self.limits: Array = np.where(resting, _RESTING, scene.error_distance)
+        self.limits: Array = np.where(resting, -DEEPEST_REST, scene.error_distance)
         self.outside: NDArray[np.bool_] = np.zeros(motion.waypoints, np.bool_)
         if robot is not None:
             joints = motion.joints

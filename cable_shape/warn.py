@@ -9,7 +9,7 @@ from typing import final
 import numpy as np
 
 from cable_shape.cable import Cable
-from cable_shape.clearance import NOT_JUDGED
+from cable_shape.clearance import DEEPEST_REST, NOT_JUDGED
 from cable_shape.margins import margins_of
 from cable_shape.problem import AUTO_TOLERANCE
 from cable_shape.report import CableWarning, Clearance, Margin, Severity, WarningKind
@@ -18,8 +18,6 @@ from cable_shape.shape import CableShape, Status
 
 #: A load is warned of from this fraction of its limit, and is an error at the limit.
 WARN_FRACTION = 0.9
-#: [m], a cable that rests on a body, solved for, is at most so far inside it.
-_SOLVED = 2e-4
 #: The stretch of a cable is warned of from this fraction of its length: up to there it hangs slack without harm.
 STRETCH_FRACTION = 0.99
 #: The inertial load is an error from so many times its limit on: by default where it is as large as the weight.
@@ -143,18 +141,48 @@ def _status(cable_id: str, shape: CableShape, tolerance: float) -> CableWarning:
     text = f"{cable_id}: {shape.status.name}. {shape.detail or shape.status.remedy}"
     if shape.status in NOT_JUDGED:
         text += " Clearance and loads were not judged."
+    severity = Severity.WARN if shape.status else Severity.ERROR
+    return _doubt(cable_id, shape, severity, text, shape.error_estimate, tolerance)
+
+
+def tail_warning(cable_id: str, side: str, tail: CableShape) -> CableWarning:
+    """A tail without a shape."""
+    text = f"{cable_id}: tail at the {side}: {tail.status.name}. {tail.detail or tail.status.remedy}"
+    text += " Its clearance was not judged."
+    limit = AUTO_TOLERANCE * tail.length
+    return _doubt(cable_id, tail, Severity.ERROR, text, tail.error_estimate, limit, f"{side} tail")
+
+
+def tube_warning(cable_id: str, shape: CableShape, reason: str) -> CableWarning:
+    """How well the shape is known is asked for, and not known."""
+    text = f"{cable_id}: no tube is known, {reason}: clearance is that of the predicted line. Keep further away."
+    return _doubt(cable_id, shape, Severity.WARN, text, math.nan, math.nan, "tube", margin=1.0)
+
+
+def _doubt(
+    cable_id: str,
+    shape: CableShape,
+    severity: Severity,
+    text: str,
+    value: float,
+    limit: float,
+    other: str = "",
+    margin: float | None = None,
+) -> CableWarning:
+    """About a shape as a whole; its first point stands for it."""
     point = shape.positions[0]
     return CableWarning(
         cable_id=cable_id,
         kind=WarningKind.STATUS,
-        severity=Severity.WARN if shape.status else Severity.ERROR,
+        severity=severity,
         text=text,
-        value=shape.error_estimate,
-        limit=tolerance,
-        margin=shape.error_estimate / tolerance,
+        value=value,
+        limit=limit,
+        margin=value / limit if margin is None else margin,
         arc_length=0.0,
         point_on_cable=point,
         point_on_other=point,
+        other=other,
     )
 
 
@@ -177,43 +205,6 @@ def _overstretched(cable_id: str, shape: CableShape) -> CableWarning:
         point_on_cable=last,
         point_on_other=last,
         time_to_limit=0.0,
-    )
-
-
-def tail_warning(cable_id: str, side: str, tail: CableShape) -> CableWarning:
-    """A tail without a shape."""
-    text = f"{cable_id}: tail at the {side}: {tail.status.name}. {tail.detail or tail.status.remedy}"
-    point = tail.positions[0]
-    return CableWarning(
-        cable_id=cable_id,
-        kind=WarningKind.STATUS,
-        severity=Severity.ERROR,
-        text=f"{text} Its clearance was not judged.",
-        value=tail.error_estimate,
-        limit=AUTO_TOLERANCE * tail.length,
-        margin=tail.error_estimate / (AUTO_TOLERANCE * tail.length),
-        arc_length=0.0,
-        point_on_cable=point,
-        point_on_other=point,
-        other=f"{side} tail",
-    )
-
-
-def tube_warning(cable_id: str, shape: CableShape, reason: str) -> CableWarning:
-    """How well the shape is known is asked for, and not known."""
-    point = shape.positions[0]
-    return CableWarning(
-        cable_id=cable_id,
-        kind=WarningKind.STATUS,
-        severity=Severity.WARN,
-        text=f"{cable_id}: no tube is known, {reason}: clearance is that of the predicted line. Keep further away.",
-        value=math.nan,
-        limit=math.nan,
-        margin=1.0,
-        arc_length=0.0,
-        point_on_cable=point,
-        point_on_other=point,
-        other="tube",
     )
 
 
@@ -253,7 +244,7 @@ def _warning(
         body = next(b for b in clearance.bodies if b.body == margin.other and b.arc_length == margin.arc_length)
         point, other = body.point_on_cable, body.point_on_body
         pressed = sum(contact.force for contact in shape.contacts if contact.body == margin.other)
-        if pressed > 0.0 and margin.value > -_SOLVED:
+        if pressed > 0.0 and margin.value > -DEEPEST_REST:
             severity = Severity.WARN
             where = f"{margin.other!r} {_at(margin.arc_length, shape.length)}"
             text = f"rests on {where}, with {pressed:.2g} N in all. Lift it off, if it is not to touch."

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from cosserat_figures import machine
 from evidence_pages import figures, table
-
-if TYPE_CHECKING:
-    from evidence_work import Point, Series
+from evidence_points import Point, Series
 
 README = Path(__file__).resolve().parents[1] / "README.md"
 BEGIN, END = "<!-- written by scripts/bench evidence -->", "<!-- to here -->"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from time import thread_time
-from typing import NamedTuple
 
 import evidence_rivals
 import matplotlib.pyplot as plt
@@ -14,6 +13,7 @@ from cosserat_order import solve_on
 from cosserat_speed import CABLE, END, GRASPS, START, Collocation, in_turns, motion, planar_motion, same_guess, states
 from evidence_front import PAPER, front
 from evidence_pages import Pages, figures, table, timed
+from evidence_points import Point, Series
 from matplotlib.ticker import LogLocator, NullFormatter
 from tqdm import tqdm
 
@@ -37,18 +37,6 @@ COLOURS = {
     "rod": "tab:blue", "rod, in space": "tab:cyan", "solve_bvp": "tab:red", "catenary": "tab:green",
     "gradient4": "tab:orange", "gradient6": "tab:purple", "MuJoCo cable": "tab:brown", "PyElastica": "tab:pink",
 }  # fmt: skip
-
-
-class Point(NamedTuple):
-    """One setting of one model: time [s], mean error / length, and what was set."""
-
-    time: float
-    error: float
-    setting: str
-    size: int = 0
-
-
-Series = dict[str, list[Point]]
 
 
 def off(positions: np.ndarray, exact: np.ndarray, length: float) -> float:
@@ -280,7 +268,11 @@ def evidence(pages: Pages) -> None:
     pages.picture("performance", figure, "work_precision", "Time against error of six problems, of all models")
     head = ("problem", "model", "setting", "elements or links", "time / rod at 1e-05 L", "mean error / L")
     pages.add("performance", table(head, [row for name, series in results for row in rows_of(name, series)]))
+    draw_meshes(pages, fixed, meshes)
 
+
+def draw_meshes(pages: Pages, fixed: dict[str, list[Point]], meshes: Sequence[int]) -> None:
+    """Error against elements and time of the grasps on fixed meshes."""
     figure, axes = plt.subplots(1, 2, figsize=(11, 4.2), sharey=True, layout="constrained")
     for name, points in fixed.items():
         axes[0].loglog([p.size for p in points], [max(p.error, 1e-15) for p in points], "o-", label=name)

@@ -13,7 +13,7 @@ from time import perf_counter
 import numpy as np
 from contact_reference import compared, finer
 from cosserat_figures import Figures, heading
-from scene_eyelets import print_eyelets
+from scene_eyelets import print_eyelets, sway
 
 import cable_shape as cs
 from cable_shape.clearance import ClearanceChecker
@@ -86,18 +86,11 @@ def motions(steps: int = 300) -> dict[str, tuple[cs.Scene, list[Ends]]]:
     def scene(name: str, solid: Solid, pose: cs.Pose | None = None) -> cs.Scene:
         return cs.Scene(obstacles=[cs.Obstacle(name, solid, pose or cs.Pose())], contact="solve")
 
-    def sway(amplitude: float) -> np.ndarray:
-        t = np.linspace(0.0, 1.0, steps)
-        waves = sum(
-            rng.normal(size=(1, 3)) / f * np.sin(2.0 * np.pi * f * t + rng.uniform(0, 6.0))[:, None] for f in (1, 2, 3)
-        )
-        return amplitude * (waves - waves[0])
-
     def path(start: tuple, way: tuple, chord: float, wobble: float) -> list[Ends]:
         t = np.linspace(0.0, 1.0, steps)[:, None]
-        a = np.array(start) + t * np.array(way) + sway(wobble)
-        b = np.array(start) + (chord, 0.0, 0.0) + t * np.array(way) + sway(wobble)
-        angles = sway(4.0 * wobble)
+        a = np.array(start) + t * np.array(way) + sway(rng, steps, wobble)
+        b = np.array(start) + (chord, 0.0, 0.0) + t * np.array(way) + sway(rng, steps, wobble)
+        angles = sway(rng, steps, 4.0 * wobble)
         return [
             (
                 cs.Pose(p, turned((0, 1, 0), v[1]).quaternion),

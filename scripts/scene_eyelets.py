@@ -20,23 +20,26 @@ SIDEWAYS = cs.Pose((0, 0, 0), (np.sqrt(0.5), 0, 0, np.sqrt(0.5)))  # z along -y
 Step = tuple[cs.Scene, cs.Pose, cs.Pose]
 
 
+def sway(rng: np.random.Generator, steps: int, amplitude: float) -> np.ndarray:
+    """(steps, 3), a random smooth way that begins at 0: three waves along each axis."""
+    t = np.linspace(0.0, 1.0, steps)
+    waves = sum(
+        rng.normal(size=(1, 3)) / f * np.sin(2.0 * np.pi * f * t + rng.uniform(0, 6.0))[:, None] for f in (1, 2, 3)
+    )
+    return amplitude * (waves - waves[0])
+
+
 def motions(steps: int, seed: int) -> dict[str, list[Step]]:
     """Scenes with clips that move, and ends that do, smooth and the same every time."""
     rng = np.random.default_rng(seed)
     t = np.linspace(0.0, 1.0, steps)
 
-    def sway(amplitude: float) -> np.ndarray:
-        waves = sum(
-            rng.normal(size=(1, 3)) / f * np.sin(2.0 * np.pi * f * t + rng.uniform(0, 6.0))[:, None] for f in (1, 2, 3)
-        )
-        return amplitude * (waves - waves[0])
-
     def motion(solid: Solid, pose: cs.Pose, height: float, way: tuple, *clips: tuple) -> list[Step]:
         """clips: arc length, start, way, kind; the ends go from `height` by `way`."""
         body = cs.Obstacle("body", solid, pose)
-        start = np.array((0, 0, height)) + t[:, None] * np.array(way) + sway(0.01)
-        end = np.array((0.8, 0, height)) + t[:, None] * np.array(way) + sway(0.01)
-        places = [np.array(at) + t[:, None] * np.array(go) + sway(0.005) for _, at, go, _ in clips]
+        start = np.array((0, 0, height)) + t[:, None] * np.array(way) + sway(rng, steps, 0.01)
+        end = np.array((0.8, 0, height)) + t[:, None] * np.array(way) + sway(rng, steps, 0.01)
+        places = [np.array(at) + t[:, None] * np.array(go) + sway(rng, steps, 0.005) for _, at, go, _ in clips]
         out = []
         for k in range(steps):
             held = [

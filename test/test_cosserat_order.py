@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rods import ALONG_X, CABLE, END, LENGTH, START
+from rods import ALONG_X, CABLE, END, LENGTH, START, rod_equations
 from scipy.integrate import solve_ivp
 from scipy.optimize import root
 from scipy.spatial.transform import Rotation
@@ -60,17 +60,8 @@ def orders(problem: Problem, exact: np.ndarray) -> np.ndarray:
 def shot(problem: Problem) -> np.ndarray:
     """The same shape by shooting: the rod's equations from s = 0 (DOP853, 1e-12), the wrench there by root finding."""
     cable, start, end = problem.cable, problem.start.cable_frame, problem.end
-    K = np.array((*cable.bending_stiffness, cable.twisting_stiffness))
-    C = np.array([0.0 if a is None else 1.0 / a for a in (cable.shear_stiffness,) * 2 + (cable.axial_stiffness,)])
-    u0, load = np.asarray(cable.rest_curvature), cable.linear_density * problem.gravity
     R0 = Rotation.from_quat(start.quaternion).as_matrix()
-
-    def slopes(_, y):
-        R, n, m = y[3:12].reshape(3, 3), y[12:15], y[15:]
-        u = R.T @ m / K + u0
-        V = np.array((0.0, 0.0, 1.0)) + C * (R.T @ n)
-        spin = np.array(((0.0, -u[2], u[1]), (u[2], 0.0, -u[0]), (-u[1], u[0], 0.0)))
-        return np.concatenate((R @ V, (R @ spin).ravel(), -load, -np.cross(R @ V, n)))
+    slopes = rod_equations(cable, cable.linear_density * problem.gravity)
 
     def sweep(wrench, points=2):
         first = np.concatenate((start.position, R0.ravel(), wrench))

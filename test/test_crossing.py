@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
 from cable_shape.models import crossing_step
-from cable_shape.models.crossing_state import Held, end_frames, positions_at
+from cable_shape.models.crossing_points import positions_at
+from cable_shape.models.crossing_state import Held, end_frames
 from cable_shape.problem import Problem
 
 ALONG_X = Rotation.from_quat((0.5, 0.5, 0.5, 0.5))

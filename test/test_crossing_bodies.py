@@ -9,7 +9,8 @@ from scipy.spatial.transform import Rotation
 import cable_shape as cs
 from cable_shape.models.crossing_group import Group
 from cable_shape.models.crossing_places import Places
-from cable_shape.models.crossing_state import end_frames, positions_at
+from cable_shape.models.crossing_points import positions_at
+from cable_shape.models.crossing_state import end_frames
 from cable_shape.models.crossing_step import Ground, Spot, crossing_step
 from cable_shape.models.crossing_touch import HeldAmong
 from cable_shape.problem import Problem

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from rods import ALONG_X, CABLE, END, START, moved
+from rods import ALONG_X, CABLE, END, START, arch_ends, arch_predictor, moved
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
@@ -85,22 +85,6 @@ def test_of_a_shape_that_is_none_nothing_is_told_and_of_a_straight_line_no_loads
 
 
 # Stability
-
-
-def arch_predictor(chord: float = 0.9) -> tuple[cs.Predictor, cs.Pose, cs.Pose]:
-    """A weightless, buckled strip; turning both ends the same way makes it snap through."""
-    cable = cs.Cable(length=1.0, linear_density=0.0, bending_stiffness=0.02, twisting_stiffness=0.015)
-    return cs.Predictor(cable, model="cosserat"), *arch_ends(0.0, chord)
-
-
-def arch_ends(tilt: float, chord: float = 0.9) -> tuple[cs.Pose, cs.Pose]:
-    """Ends of the arch, which bows to +z: both pitched by `tilt` [rad], start and end mirrored, from bowing to flat."""
-    ends = []
-    for x, sign in ((0.0, 1.0), (chord, -1.0)):
-        turn = sign * (tilt * (1.02 if sign > 0.0 else 1.0) - 0.6)  # a little askew: a fold, no pitchfork
-        q = Rotation.from_rotvec((0.0, turn, 0.0)) * Rotation.from_quat(ALONG_X)
-        ends.append(cs.Pose((x, 0.0, 0.0), q.as_quat()))
-    return ends[0], ends[1]
 
 
 def test_stability_is_the_smallest_eigenvalue_of_the_second_variation():

@@ -8,7 +8,8 @@ from scipy.linalg import eigh
 
 import cable_shape as cs
 from cable_shape.errors import ArgumentError
-from cable_shape.quasistatic import swing_period
+from cable_shape.kernels import swing
+from cable_shape.quasistatic import bending_rate
 from cable_shape.report import WarningKind
 
 ALONG_X = (0.5, 0.5, 0.5, 0.5)
@@ -18,6 +19,14 @@ MS = 1_000_000
 
 def grips(x: float = 0.0, z: float = 1.0, chord: float = 0.8) -> tuple[cs.Pose, cs.Pose]:
     return cs.Pose((x, 0.0, z), ALONG_X), cs.Pose((x + chord, 0.0, z), ALONG_X)
+
+
+def swing_period(
+    cable: cs.Cable, shape: cs.CableShape, start: cs.Pose | cs.Grip, end: cs.Pose | cs.Grip | None
+) -> float:
+    """[s], with which a cable of this shape swings about the line through its ends."""
+    slack = swing.swing_rate(shape.buffer, shape.points, end is not None, np.array((0.0, 0.0, -9.81)))
+    return 2.0 * math.pi / math.sqrt(slack + bending_rate(cable, start, end))
 
 
 def ratios(path, seconds: float, period: float = 0.01, noise: float = 0.0, cable: cs.Cable = LIMP) -> list[float]:

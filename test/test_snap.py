@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
-from test_margins import MS, arch_ends, arch_predictor
+from rods import arch_ends, arch_predictor
 
 import cable_shape as cs
 from cable_shape.report import Severity
 from cable_shape.report import WarningKind as Kind
 from cable_shape.snap import STEPS, copied, moved, predicted_snap
 
+MS = 1_000_000  # ns
 RATE = 0.5  # rad/s, at which both ends turn
 PERIOD = 10  # ms
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from clearances import RADIUS, box_mesh, random_pose, wavy
+from reports import CABLE as DRAWN
+from reports import columns, report, write
 from scipy.spatial.transform import Rotation
-from test_clearance import RADIUS, box_mesh, random_pose, wavy
-from test_viewer import CABLE as DRAWN
-from test_viewer import columns, report, write
 
 import cable_shape as cs
 from cable_shape.clearance import ClearanceChecker
@@ -18,7 +18,7 @@ from cable_shape.errors import ArgumentError, UnknownKeyError
 from cable_shape.report import WarningKind
 from cable_shape.tube import TubeWatch
 from cable_shape.uncertainty import Tube, widest_across
-from cable_shape.viewer.mailbox import decode, encode
+from cable_shape.viewer.letters import decode, encode
 
 ALONG_X = (0.5, 0.5, 0.5, 0.5)
 CABLE = cs.Cable(length=1.0, linear_density=0.06, bending_stiffness=0.004)

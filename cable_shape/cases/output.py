@@ -13,6 +13,7 @@ import numpy as np
 from cable_shape.cases.case import Case
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
+from cable_shape.files import finite
 from cable_shape.shape import CableShape
 
 Row = tuple[str, str]
@@ -102,14 +103,14 @@ def as_dict(case: Case, shape: CableShape) -> dict[str, Any]:
         "status": shape.status.name,
         "usable": bool(shape.status),
         "detail": shape.detail,
-        "error_estimate": _finite(shape.error_estimate),
-        "residual": _finite(shape.residual),
+        "error_estimate": finite(shape.error_estimate),
+        "residual": finite(shape.residual),
         "iterations": shape.iterations,
         "solve_time": shape.solve_time,
-        "energy": _finite(shape.energy),
-        "twist": _finite(shape.twist),
+        "energy": finite(shape.energy),
+        "twist": finite(shape.twist),
         "turns": shape.turns,
-        "roll_error": _finite(shape.roll_error),
+        "roll_error": finite(shape.roll_error),
         "distance_to_reference": distance_to_reference(case, shape),
         "clips": [
             {"arc_length": clip.arc_length, "force": clip.force.tolist(), "moment": clip.moment.tolist()}
@@ -167,7 +168,3 @@ def _draw(case: Case, shape: CableShape, path: Path) -> None:
 
 def _vector(v: Array, unit: str) -> str:
     return f"({', '.join(f'{x:.4g}' for x in v)}) {unit}"
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

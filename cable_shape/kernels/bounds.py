@@ -68,7 +68,7 @@ def closest_points(
         link = int(body[11])
         if link >= links.shape[0]:
             continue
-        _place(body[4:11], links, link, frame)
+        place_body(body[4:11], links, link, frame)
         low, high = -np.inf, np.inf
         if body[12] != 0.0:
             low, high = arc_length[0] + exclusion, arc_length[pieces] - exclusion
@@ -129,14 +129,14 @@ def _closest_to_body(
         if cull and (bounds[k] > known + SLACK or arc_length[first] >= high or arc_length[last] <= low):
             continue
         if cull and mesh:
-            x, y, z = _into(frame, spheres[k, 0], spheres[k, 1], spheres[k, 2])
+            x, y, z = into_body(frame, spheres[k, 0], spheres[k, 1], spheres[k, 2])
             d, _, _, _ = mesh_point(triangles, nodes, root, closed, x, y, z, np.inf, cull, stack)
             if d - spheres[k, 3] > known + SLACK:
                 continue
         # distances of the chunk's points, in the body's frame
         for i in range(first, last + 1):
             p = local[i - first]
-            p[0], p[1], p[2] = _into(frame, positions[i, 0], positions[i, 1], positions[i, 2])
+            p[0], p[1], p[2] = into_body(frame, positions[i, 0], positions[i, 1], positions[i, 2])
             if not mesh:
                 p[3], p[4], p[5], p[6] = signed_distance(kind, body[1], body[2], body[3], p[0], p[1], p[2])
         if mesh:
@@ -157,13 +157,13 @@ def _closest_to_body(
             step_length = arc_length[i + 1] - arc_length[i]
             t0 = max((low - arc_length[i]) / step_length, 0.0)
             t1 = min((high - arc_length[i]) / step_length, 1.0)
-            if cull and _least_on_piece(body, p, q) > known + SLACK:
+            if cull and least_on_piece(body, p, q) > known + SLACK:
                 continue
             solved += 1
             if mesh:
-                t, d, nx, ny, nz = _on_mesh(body, triangles, nodes, p, q, t0, t1, known, cull, stack)
+                t, d, nx, ny, nz = on_mesh(body, triangles, nodes, p, q, t0, t1, known, cull, stack)
             else:
-                t, d, nx, ny, nz = _on_solid(body, p, q, t0, t1)
+                t, d, nx, ny, nz = on_solid(body, p, q, t0, t1)
             if d < best or (d == best and (best_piece < 0 or i < best_piece)):
                 best, best_piece, best_t = d, i, t
                 bx, by, bz = nx, ny, nz
@@ -183,7 +183,7 @@ def _closest_to_body(
 
 
 @kernel
-def _on_solid(body: Array, p: Array, q: Array, t0: float, t1: float) -> tuple[float, float, float, float, float]:
+def on_solid(body: Array, p: Array, q: Array, t0: float, t1: float) -> tuple[float, float, float, float, float]:
     """The least signed distance to a convex solid between t0 and t1 from p to q: (t, distance, outward normal)."""
     kind = int(body[0])
     dx, dy, dz = (t1 - t0) * (q[0] - p[0]), (t1 - t0) * (q[1] - p[1]), (t1 - t0) * (q[2] - p[2])
@@ -194,7 +194,7 @@ def _on_solid(body: Array, p: Array, q: Array, t0: float, t1: float) -> tuple[fl
 
 
 @kernel
-def _on_mesh(
+def on_mesh(
     body: Array,
     triangles: Array,
     nodes: Array,
@@ -206,7 +206,7 @@ def _on_mesh(
     cull: bool,
     stack: Indices,
 ) -> tuple[float, float, float, float, float]:
-    """As `_on_solid`, for a mesh; inside a closed one at the ends only. An infinite distance: beyond `reach` [m]."""
+    """As `on_solid`, for a mesh; inside a closed one at the ends only. An infinite distance: beyond `reach` [m]."""
     root, closed = int(body[13]), body[14] != 0.0
     dx, dy, dz = (t1 - t0) * (q[0] - p[0]), (t1 - t0) * (q[1] - p[1]), (t1 - t0) * (q[2] - p[2])
     x, y, z = p[0] + t0 * (q[0] - p[0]), p[1] + t0 * (q[1] - p[1]), p[2] + t0 * (q[2] - p[2])
@@ -232,7 +232,7 @@ def _on_mesh(
 
 
 @kernel(forceinline=True)
-def _least_on_piece(body: Array, p: Array, q: Array) -> float:
+def least_on_piece(body: Array, p: Array, q: Array) -> float:
     """A lower bound on the signed distance between two points, from the distances and gradients there."""
     if body[0] == MESH:
         return 0.5 * (p[3] + q[3] - _length(p, q))
@@ -244,7 +244,7 @@ def _least_on_piece(body: Array, p: Array, q: Array) -> float:
 @kernel(forceinline=True)
 def _bound(body: Array, frame: Array, sphere: Array) -> float:
     """A lower bound on the signed distance anywhere in a sphere (centre, radius); a mesh is inside its box."""
-    x, y, z = _into(frame, sphere[0], sphere[1], sphere[2])
+    x, y, z = into_body(frame, sphere[0], sphere[1], sphere[2])
     if body[0] == MESH:
         d, _, _, _ = box_distance(body[1], body[2], body[3], x - body[15], y - body[16], z - body[17])
     else:
@@ -270,7 +270,7 @@ def _sphere(points: Array, sphere: Array) -> None:
 
 
 @kernel
-def _place(pose: Array, links: Array, link: int, frame: Array) -> None:
+def place_body(pose: Array, links: Array, link: int, frame: Array) -> None:
     """Fills `frame` with the axes (rows) and the origin of a body whose pose is given in the world or in a link."""
     _axes(pose[3], pose[4], pose[5], pose[6], frame)
     frame[3, 0], frame[3, 1], frame[3, 2] = pose[0], pose[1], pose[2]
@@ -296,7 +296,7 @@ def _axes(x: float, y: float, z: float, w: float, frame: Array) -> None:
 
 
 @kernel(forceinline=True)
-def _into(frame: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
+def into_body(frame: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
     """A point of the world in the body's frame."""
     x, y, z = x - frame[3, 0], y - frame[3, 1], z - frame[3, 2]
     return (

@@ -40,6 +40,13 @@ def on_curve(h: float, a: Vector, ta: Vector, b: Vector, tb: Vector, x: float) -
 
 
 @inlined
+def interval(buffer: Array, points: int, i: int) -> tuple[Vector, Vector, Vector, Vector]:
+    """Place and tangent at point i of a shape's buffer, and at the next."""
+    a, b = place_of(buffer, points, i), place_of(buffer, points, i + 1)
+    return a, tangent_of(buffer, points, i), b, tangent_of(buffer, points, i + 1)
+
+
+@inlined
 def place_of_point(buffer: Array, points: int, p: Vector, arc: float) -> tuple[int, float, bool]:
     """Where on the curve a point is: interval, 0 .. 1 in it, and whether what is out is across the cable.
 
@@ -57,8 +64,7 @@ def place_of_point(buffer: Array, points: int, p: Vector, arc: float) -> tuple[i
         miss = subtract(to, scale(t, step))
         if dot(miss, miss) < least:
             least, i, x = dot(miss, miss), j, t
-    a, b = place_of(buffer, points, i), place_of(buffer, points, i + 1)
-    ta, tb = tangent_of(buffer, points, i), tangent_of(buffer, points, i + 1)
+    a, ta, b, tb = interval(buffer, points, i)
     for _ in range(2):
         c, dc = on_curve(h, a, ta, b, tb, x)
         x += dot(subtract(p, c), dc) / dot(dc, dc)
@@ -80,9 +86,7 @@ def misses(buffer: Array, points: int, seen: Array, arc: Array, out: Array) -> N
     for k in range(seen.shape[0]):
         p = (seen[k, 0], seen[k, 1], seen[k, 2])
         i, x, across = place_of_point(buffer, points, p, arc[k])
-        a, b = place_of(buffer, points, i), place_of(buffer, points, i + 1)
-        ta, tb = tangent_of(buffer, points, i), tangent_of(buffer, points, i + 1)
-        c, dc = on_curve(h, a, ta, b, tb, x)
+        c, dc = on_curve(h, *interval(buffer, points, i), x)
         miss = subtract(p, c)
         if across:
             miss = scale(1.0 / dot(dc, dc), cross(cross(dc, miss), dc))
@@ -99,8 +103,7 @@ def changes(buffer: Array, points: int, seen: Array, arc: Array, moves: Array, o
     for k in range(seen.shape[0]):
         p = (seen[k, 0], seen[k, 1], seen[k, 2])
         i, x, across = place_of_point(buffer, points, p, arc[k])
-        a, b = place_of(buffer, points, i), place_of(buffer, points, i + 1)
-        ta, tb = tangent_of(buffer, points, i), tangent_of(buffer, points, i + 1)
+        a, ta, b, tb = interval(buffer, points, i)
         c, dc = on_curve(h, a, ta, b, tb, x)
         miss = subtract(p, c)
         bend = add(

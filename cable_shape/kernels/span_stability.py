@@ -82,8 +82,8 @@ def smallest_eigenvalue(
 
 @kernel
 def respond(
-    mesh: Array, sol: Array, work: Array, where: Array, mask: Array, place: Array, elements: int, forces: int,
-    G: Array, sums: Array, turned: int, turn: Vector,
+    work: Array, where: Array, mask: Array, place: Array, elements: int, forces: int, G: Array, sums: Array,
+    turned: int, turn: Vector,
 ) -> None:  # fmt: skip
     """Solves for the answer to a change of the gradient, into d and joints; node `turned` itself turns by `turn`."""
     spans = where.shape[0] - 1
@@ -183,7 +183,7 @@ def eyelets(
         put3(G, node, 0, couple)
         put3(sums, rings[c] - 1, 0, scale(-1.0, before))
         put3(sums, rings[c], 0, after)
-        respond(mesh, sol, work, where, mask, place, elements, forces, G, sums, 0, NONE)
+        respond(work, where, mask, place, elements, forces, G, sums, 0, NONE)
         for i in range(rings.shape[0]):
             f[i], J[i, c] = grip(lam, q, joints, d, where, rings[i])
         # the tangent at the eyelet changes by the curvature, too
@@ -273,7 +273,7 @@ def sensitivity(
         turn = move_end(
             par, mesh, q, work, where, mask, elements, forces, far, NONE if turning else e, e if turning else NONE
         )  # fmt: skip
-        respond(mesh, sol, work, where, mask, place, elements, forces, G, sums, elements if far else 0, turn)
+        respond(work, where, mask, place, elements, forces, G, sums, elements if far else 0, turn)
         for i in range(rings.shape[0]):
             _, df[i, column] = grip(lam, q, joints, d, where, rings[i])
         origin = NONE if far or turning else e

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.bounds import _into, _place
+from cable_shape.kernels.bounds import into_body, place_body
 from cable_shape.kernels.distance import BOX, CAPSULE, CYLINDER, HALF_SPACE, MESH, SPHERE, signed_distance
 from cable_shape.kernels.rod_algebra import Matrix, Vector, mscale, mul, tmul
 from cable_shape.kernels.triangles import CORNER_A, FACE, mesh_point, mesh_segment, nearest_on_triangle
@@ -31,7 +31,7 @@ def place_bodies(bodies: Array, links: Array, frames: Array) -> None:
     """Fills frames (m, 4, 3). links (k, 7): poses of the robot's links; bodies on a link beyond k are not placed."""
     for m in range(bodies.shape[0]):
         if int(bodies[m, 11]) < links.shape[0]:
-            _place(bodies[m, 4:11], links, int(bodies[m, 11]), frames[m])
+            place_body(bodies[m, 4:11], links, int(bodies[m, 11]), frames[m])
 
 
 @kernel(forceinline=True)
@@ -152,7 +152,7 @@ def touch(
     does not: on which side of an open mesh, and below which face of a box.
     """
     kind = int(body[0])
-    x, y, z = _into(frame, at[0], at[1], at[2])
+    x, y, z = into_body(frame, at[0], at[1], at[2])
     H = FLAT
     remembered = side[0] != 0.0 or side[1] != 0.0 or side[2] != 0.0
     if kind == MESH:

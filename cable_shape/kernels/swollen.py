@@ -11,7 +11,7 @@ import numpy as np
 
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.bounds import _into, _least_on_piece, _on_mesh, _on_solid, _place
+from cable_shape.kernels.bounds import into_body, least_on_piece, on_mesh, on_solid, place_body
 from cable_shape.kernels.distance import MESH, signed_distance
 from cable_shape.kernels.triangles import STACK_SIZE, mesh_point
 
@@ -35,7 +35,7 @@ def closest_points(
         body = bodies[m]
         mesh = body[0] == MESH
         root, closed = int(body[13]), body[14] != 0.0
-        _place(body[4:11], links, int(body[11]), frame)
+        place_body(body[4:11], links, int(body[11]), frame)
         low, high = -math.inf, math.inf
         if body[12] != 0.0:
             low, high = arc_length[0] + exclusion, arc_length[pieces] - exclusion
@@ -43,7 +43,7 @@ def closest_points(
         bx, by, bz = 0.0, 0.0, 0.0
         for i in range(pieces + 1):
             p, q = local[(i + 1) % 2], local[i % 2]
-            q[0], q[1], q[2] = _into(frame, positions[i, 0], positions[i, 1], positions[i, 2])
+            q[0], q[1], q[2] = into_body(frame, positions[i, 0], positions[i, 1], positions[i, 2])
             if mesh:
                 q[3], q[4], q[5], q[6] = mesh_point(
                     triangles, nodes, root, closed, q[0], q[1], q[2], math.inf, True, stack
@@ -53,15 +53,15 @@ def closest_points(
             if i == 0 or arc_length[i - 1] >= high or arc_length[i] <= low:
                 continue
             thick = max(swell[i - 1], swell[i])
-            if _least_on_piece(body, p, q) - thick > best:
+            if least_on_piece(body, p, q) - thick > best:
                 continue
             long = arc_length[i] - arc_length[i - 1]
             t0 = max((low - arc_length[i - 1]) / long, 0.0)
             t1 = min((high - arc_length[i - 1]) / long, 1.0)
             if mesh:
-                t, d, nx, ny, nz = _on_mesh(body, triangles, nodes, p, q, t0, t1, math.inf, True, stack)
+                t, d, nx, ny, nz = on_mesh(body, triangles, nodes, p, q, t0, t1, math.inf, True, stack)
             else:
-                t, d, nx, ny, nz = _on_solid(body, p, q, t0, t1)
+                t, d, nx, ny, nz = on_solid(body, p, q, t0, t1)
             if d - thick < best:
                 best, best_piece, best_t, best_d = d - thick, i - 1, t, d
                 bx, by, bz = nx, ny, nz

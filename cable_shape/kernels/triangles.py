@@ -141,6 +141,16 @@ def _to_box(nodes: Array, node: int, x: float, y: float, z: float) -> float:
 
 
 @kernel
+def _push_children(nodes: Array, first: int, x: float, y: float, z: float, stack: Indices, depth: int) -> int:
+    """Puts node `first` and the next one on the stack, the one nearer to (x, y, z) on top; the new depth."""
+    near, far = first, first + 1
+    if _to_box(nodes, far, x, y, z) < _to_box(nodes, near, x, y, z):
+        near, far = far, near
+    stack[depth], stack[depth + 1] = far, near
+    return depth + 2
+
+
+@kernel
 def mesh_point(
     triangles: Array,
     nodes: Array,
@@ -169,11 +179,7 @@ def mesh_point(
             continue
         first, number = int(nodes[node, 6]), int(nodes[node, 7])
         if number == 0:
-            near, far = first, first + 1
-            if _to_box(nodes, far, x, y, z) < _to_box(nodes, near, x, y, z):
-                near, far = far, near
-            stack[depth], stack[depth + 1] = far, near
-            depth += 2
+            depth = _push_children(nodes, first, x, y, z, stack, depth)
             continue
         for i in range(first, first + number):
             rx, ry, rz, feature = nearest_on_triangle(triangles[i], x, y, z)
@@ -236,11 +242,7 @@ def mesh_segment(
             continue
         first, number = int(nodes[node, 6]), int(nodes[node, 7])
         if number == 0:
-            near, far = first, first + 1
-            if _to_box(nodes, far, px, py, pz) < _to_box(nodes, near, px, py, pz):
-                near, far = far, near
-            stack[depth], stack[depth + 1] = far, near
-            depth += 2
+            depth = _push_children(nodes, first, px, py, pz, stack, depth)
             continue
         for i in range(first, first + number):
             t, square = segment_triangle(triangles[i], px, py, pz, dx, dy, dz)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from cable_shape.scene import Mesh
+    from cable_shape.solids import Mesh
 
 #: A mesh is convex if it fills its convex hull but for this fraction of the volume, and has no more surface.
 _SLACK = 1e-6

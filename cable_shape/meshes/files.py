@@ -1,4 +1,4 @@
-"""Reading triangle meshes: binary and ASCII STL, OBJ. :func:`read_mesh`"""
+"""Reading triangle meshes: binary and ASCII STL, OBJ. :func:`read_triangles`"""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ import itertools
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from cable_shape import checks
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
-from cable_shape.scene import MAX_FACES, Mesh
 
+#: Meshes with more triangles are refused.
+MAX_FACES = 200_000
 #: Larger files are refused.
 MAX_BYTES = 64 * 1024 * 1024
 
@@ -19,15 +20,14 @@ _STL_HEADER = 84  # bytes: 80 of text, then the number of triangles as uint32
 _STL_RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
-def read_mesh(path: str | Path, scale: float = 1.0) -> Mesh:
-    """The mesh in an STL or OBJ file, equal vertices merged; its coordinates times `scale` are metres.
+def read_triangles(path: str | Path) -> tuple[Array, NDArray[np.int64]]:
+    """Vertices (v, 3) and faces (f, 3) of an STL or OBJ file, in its own unit; equal vertices are merged.
 
     Raises
     ------
     ArgumentError
         Naming the file: missing, too large, of another kind, cut off, or without triangles.
     """
-    factor = checks.number("scale", scale, above=0.0, remedy="1 for a file in metres, 0.001 for one in millimetres.")
     file = Path(path).expanduser()
     suffix = file.suffix.lower()
     if suffix not in (".stl", ".obj"):
@@ -42,15 +42,12 @@ def read_mesh(path: str | Path, scale: float = 1.0) -> Mesh:
     except OSError as error:
         raise ArgumentError(f"{file}: cannot be read ({error}).") from None
     try:
-        vertices, faces = _obj(data) if suffix == ".obj" else _stl(data)
-        return Mesh(vertices * factor, faces)
-    except ArgumentError as error:
-        raise ArgumentError(f"{file}: {error}") from None
+        return _obj(data) if suffix == ".obj" else _stl(data)
     except (ValueError, IndexError) as error:
         raise ArgumentError(f"{file}: not a well-formed {suffix[1:].upper()} file ({error}).") from None
 
 
-def _stl(data: bytes) -> tuple[Array, Array]:
+def _stl(data: bytes) -> tuple[Array, NDArray[np.int64]]:
     """Binary if its length fits the number of triangles it states (a binary header may also start with "solid")."""
     if len(data) >= _STL_HEADER:
         count = int(np.frombuffer(data, "<u4", 1, 80)[0])
@@ -66,7 +63,7 @@ def _stl(data: bytes) -> tuple[Array, Array]:
     return _merged(np.array([words[i + 1 : i + 4] for i in at], dtype=np.float64).reshape(-1, 3))
 
 
-def _obj(data: bytes) -> tuple[Array, Array]:
+def _obj(data: bytes) -> tuple[Array, NDArray[np.int64]]:
     """Lines `v x y z` and `f a b c ...` (`a/t/n`, negative counts from the last vertex); polygons become fans."""
     vertices: list[list[float]] = []
     faces: list[tuple[int, int, int]] = []
@@ -89,7 +86,7 @@ def _obj(data: bytes) -> tuple[Array, Array]:
     return np.array(vertices, dtype=np.float64), np.array(faces, dtype=np.int64)
 
 
-def _merged(corners: Array) -> tuple[Array, Array]:
+def _merged(corners: Array) -> tuple[Array, NDArray[np.int64]]:
     """Vertices and faces of triangles that are given corner by corner (3 f, 3)."""
     if not len(corners):
         raise ValueError("it holds no triangle")

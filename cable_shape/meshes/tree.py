@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels.triangles import NODE_COLUMNS
-from cable_shape.scene import Mesh
+from cable_shape.solids import Mesh
 
 LEAF_SIZE = 4  # triangles
 

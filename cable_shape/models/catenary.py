@@ -73,7 +73,7 @@ def solve(problem: Problem, warm: Array) -> CableShape:
         problem.tolerance, buffer, result,
     )  # fmt: skip
     iterations, residual, defect, energy, roll, chord = result.tolist()
-    error = defect + (_staircase(problem, constants, buffer, chord) if code == kernel.FOUND else math.inf)
+    error = defect + (_staircase(problem, constants, buffer) if code == kernel.FOUND else math.inf)
     status, detail = _verdict(problem, code, constants, chord, error)
     shape = CableShape(
         buffer,
@@ -124,7 +124,7 @@ def _panels(load: Array, length: float, places: Array, forces: Array, count: int
     return panels
 
 
-def _staircase(problem: Problem, constants: _Constants, buffer: Array, chord: float) -> float:
+def _staircase(problem: Problem, constants: _Constants, buffer: Array) -> float:
     """[m], what taking a varying load as constant in each panel costs, from the same with half as many panels."""
     if not len(constants.coarse):
         return 0.0

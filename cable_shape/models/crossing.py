@@ -1,4 +1,4 @@
-"""Cables that rest on each other, or on themselves, without friction, on bodies and in clips, too (see docs/method.md).
+"""Cables that rest on each other or on themselves, without friction, on bodies and in clips, too: docs/contact.md.
 
 As long as no two cables overlap, and none has come past another, each is solved for alone. Otherwise the points where
 they come nearest are held (`crossing_state`), and found along with the forces there (`crossing_step`).

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import copy
 import math
 from time import perf_counter
-from typing import Any, final
+from typing import final
 
 import numpy as np
 
@@ -13,68 +12,39 @@ from cable_shape.checks import Array
 from cable_shape.clearance import carried_by, link_rows
 from cable_shape.kernels import crossing_response, span_work
 from cable_shape.kernels.span_work import NOW
+from cable_shape.models.crossing_points import HeldPoints, positions_at
 from cable_shape.models.rod_common import MODEL
 from cable_shape.models.span_search import COLD_ITERATIONS, FAR, STEP_ITERATIONS, Search
 from cable_shape.models.span_state import SpanState
-from cable_shape.pose import FreeEnd, Grip, Pose, multiply
+from cable_shape.pose import FreeEnd, Grip, multiply
 from cable_shape.problem import NAMED_TOLERANCE, Problem
-from cable_shape.scene import Clip
 from cable_shape.shape import CableShape, Status
 
 #: Of the shape's tolerance, what the mesh is made for: forces at the points have to settle, which the correction of a
 #: large discretisation error with factors that are not quite fresh would disturb.
 FINER = 0.01
 SETTLED = 0.02  #: of the tolerance: a smaller step of the points is the last one
-_REACH = 0.4  #: of the way from a held point to the next one, a mass or an end, that it may go in one step
 
 
 @final
-class Held:
+class Held(HeldPoints[SpanState]):
     """A rod between its ends and k points, each held at a place and an arc length that are given with every solve.
 
-    After :meth:`solve` and :meth:`respond`: `force` (k, 3) [N], world, on the cable at its points; `tangent` (k, 3);
-    and their derivatives `dforce`, `dtangent` (k, 3, k, 4) in the points' places and arc lengths, those before the
-    correction of the discretisation error.
+    `dforce` and `dtangent` are those before the correction of the discretisation error.
     """
 
     def __init__(self, problem: Problem, shape: CableShape, arcs: Array, frames: Array) -> None:
         """From a shape of the cable with its ends in `frames` (2, 7); arcs (k,) [m], ascending."""
-        self.problem = copy.copy(problem)
-        self.problem.cache = {}
+        super().__init__(problem, arcs)
         self.tolerance = min(problem.tolerance, NAMED_TOLERANCE * problem.cable.length)  # m, asked of the shape
         self.problem.tolerance = FINER * self.tolerance
         self.settled = SETTLED * self.tolerance
-        self.problem.clips, self._at = with_points(problem.clips, arcs)
-        self._clips = np.setdiff1d(np.arange(len(self.problem.clips)), self._at - 1)
         self.state = SpanState(self.problem, shape)
         self._supports = self.state.aim(problem.start, problem.end)
         if not self.state.resume(self._placed(frames, positions_at(shape, arcs))):
             self.state.history = 0
         self.search = Search(self.problem, self.state, math.inf)
-        k = len(arcs)
-        self.force, self.tangent = np.zeros((k, 3)), np.zeros((k, 3))
-        self.dforce, self.dtangent = np.zeros((k, 3, k, 4)), np.zeros((k, 3, k, 4))
         self._corrected = self.force, self.tangent
-
-    def _placed(self, frames: Array, places: Array) -> Array:
-        """(m+1, 7), of all the supports."""
-        out = self._supports.copy()
-        out[0], out[-1] = frames
-        out[self._at, :3] = places
-        return out
-
-    @property
-    def arcs(self) -> Array:
-        """(k,) [m], of the points."""
-        return np.asarray(self.state.arcs[self._at])
-
-    @property
-    def weight(self) -> float:
-        """[N], weight + EI / L^2 of the cable: what its forces are measured by."""
-        cable = self.problem.cable
-        return float(np.linalg.norm(self.problem.load.mean(axis=0))) * cable.length + (
-            cable.mean_bending_stiffness / cable.length**2
-        )
 
     @property
     def reaction(self) -> Array:
@@ -86,11 +56,6 @@ class Held:
         """Newton steps since this was made."""
         return self.search.iterations
 
-    def take(self, problem: Problem) -> None:
-        """The ends where they are now."""
-        self.problem.start, self.problem.end = problem.start, problem.end
-        self._supports = self.state.aim(problem.start, problem.end)
-
     def keep(self) -> tuple[Array, Array, int]:
         """What :meth:`restore` takes; valid until the mesh changes."""
         return self.state.sol.copy(), self.state.arcs.copy(), self.state.history
@@ -101,10 +66,6 @@ class Held:
         if not np.array_equal(arcs, self.state.arcs):
             self.state.slide_to(arcs)
         self.state.sol[:] = sol
-
-    def room(self, change: Array) -> float:
-        """The fraction of a change of the points' arc lengths that keeps them in order, and between their stops."""
-        return room(np.concatenate((self.state.stops, self.state.arcs)), self.arcs, change)
 
     def solve(
         self, frames: Array, arcs: Array, places: Array, *, again: bool, far: float = FAR, links: Array | None = None
@@ -198,35 +159,10 @@ class Held:
         )
 
 
-def with_points(clips: tuple[Clip, ...], arcs: Array) -> tuple[tuple[Clip, ...], Any]:
-    """The clips, and points held like ball clips at `arcs` (k,) [m], in order; and which supports the points are."""
-    points = [Clip(arc, Pose()) for arc in arcs.tolist()]
-    every = sorted((*clips, *points), key=lambda clip: clip.arc_length)
-    numbers = [1 + i for i, clip in enumerate(every) if any(clip is point for point in points)]
-    return tuple(every), np.array(numbers, dtype=np.int64)
-
-
-def room(stops: Array, arcs: Array, change: Array) -> float:
-    """The fraction of a change of `arcs` (k,) that takes none too near to the next stop, themselves included."""
-    stops = np.unique(stops)
-    fraction = 1.0
-    for at, by in zip(arcs.tolist(), change.tolist(), strict=True):
-        i = int(np.searchsorted(stops, at))
-        way = stops[i + 1] - at if by > 0.0 else at - stops[i - 1]
-        if abs(by) > _REACH * way:
-            fraction = min(fraction, _REACH * way / abs(by))
-    return fraction
-
-
 def directions(quaternions: Array) -> Array:
     """(k, 3), d3 of frames (k, 4)."""
     x, y, z, w = quaternions.T
     return np.stack((2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)), axis=1)
-
-
-def positions_at(shape: CableShape, arcs: Array) -> Array:
-    """(k, 3) [m], of the material points at arc lengths (k,)."""
-    return np.stack([np.interp(arcs, shape.arc_length, column) for column in shape.positions.T], axis=1)
 
 
 def end_frames(problem: Problem) -> Array:

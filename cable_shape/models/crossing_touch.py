@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import math
 from time import perf_counter
 from typing import Any, final
@@ -13,7 +12,7 @@ from cable_shape.checks import Array
 from cable_shape.kernels import crossing_ground, crossing_response, surface
 from cable_shape.kernels.contact_near import MARGIN
 from cable_shape.kernels.span_work import NOW
-from cable_shape.models.crossing_state import positions_at, room, with_points
+from cable_shape.models.crossing_points import HeldPoints, positions_at
 from cable_shape.models.crossing_step import Ground
 from cable_shape.models.rod_common import MODEL
 from cable_shape.models.touch_factors import factored
@@ -31,7 +30,7 @@ _REACH = 0.6  #: of half a body's thickness and the cable's: so far into a body 
 
 
 @final
-class HeldAmong:
+class HeldAmong(HeldPoints[TouchState]):
     """As :class:`cable_shape.models.crossing_state.Held`, outside the problem's bodies.
 
     Between the points the nodes are kept out of bodies along with every solve. The points are not: which bodies they
@@ -40,12 +39,9 @@ class HeldAmong:
 
     def __init__(self, problem: Problem, shape: CableShape, arcs: Array, frames: Array, links: Array) -> None:
         """From a shape of the cable with its ends in `frames` (2, 7), the bodies' links in `links` (m, 7)."""
-        self.problem = copy.copy(problem)
-        self.problem.cache = {}
+        super().__init__(problem, arcs)
         self.tolerance = max(problem.tolerance, ACCURACY * problem.cable.length)
         self.settled = _SETTLED * problem.cable.length
-        self.problem.clips, self._at = with_points(problem.clips, arcs)
-        self._clips = np.setdiff1d(np.arange(len(self.problem.clips)), self._at - 1)
         self.state = TouchState(self.problem)
         self.state.move_bodies(links)
         self._supports = self.state.aim(problem.start, problem.end)
@@ -53,9 +49,6 @@ class HeldAmong:
         self._finer = 1.0
         self.renew(shape)
         self.steps = Steps(self.problem, self.state, math.inf)
-        k = len(arcs)
-        self.force, self.tangent = np.zeros((k, 3)), np.zeros((k, 3))
-        self.dforce, self.dtangent = np.zeros((k, 3, k, 4)), np.zeros((k, 3, k, 4))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -84,26 +77,6 @@ class HeldAmong:
         self.state.remember(shape.positions)
         self._laid_out = self.state.arcs.copy()
 
-    def _placed(self, frames: Array, places: Array) -> Array:
-        """(b+1, 7), of all the supports."""
-        out = self._supports.copy()
-        out[0], out[-1] = frames
-        out[self._at, :3] = places
-        return out
-
-    @property
-    def arcs(self) -> Array:
-        """(k,) [m], of the points."""
-        return np.asarray(self.state.arcs[self._at])
-
-    @property
-    def weight(self) -> float:
-        """[N], weight + EI / L^2 of the cable: what its forces are measured by."""
-        cable = self.problem.cable
-        return float(np.linalg.norm(self.problem.load.mean(axis=0))) * cable.length + (
-            cable.mean_bending_stiffness / cable.length**2
-        )
-
     @property
     def reaction(self) -> Array:
         """(k, 3) [N], world, what holds the points in the last solution."""
@@ -115,9 +88,8 @@ class HeldAmong:
         return self.steps.iterations
 
     def take(self, problem: Problem) -> None:
-        """The ends and links where they are now."""
-        self.problem.start, self.problem.end, self.problem.links = problem.start, problem.end, problem.links
-        self._supports = self.state.aim(problem.start, problem.end)
+        """As without bodies; nodes that are no longer needed go."""
+        super().take(problem)
         self.state.thin()
         self.state.tidy()
 
@@ -147,10 +119,6 @@ class HeldAmong:
         state.history = history
         state.move_bodies(links)
         state.remember(positions)
-
-    def room(self, change: Array) -> float:
-        """The fraction of a change of the points' arc lengths that keeps them in order, and between their stops."""
-        return room(np.concatenate((self.state.stops, self.state.arcs)), self.arcs, change)
 
     def solve(self, frames: Array, arcs: Array, places: Array, *, again: bool, far: float, links: Array) -> bool:
         """The rod with its ends in `frames` (2, 7) and its points held in `places` (k, 3); False leaves the last one.

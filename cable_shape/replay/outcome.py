@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, final
 
 from cable_shape import checks
 from cable_shape.cable import Cable
+from cable_shape.problem import GRAVITY
 from cable_shape.replay.inputs import AS_GIVEN, Held, Refusals
 from cable_shape.replay.markers import MarkerComparison
 from cable_shape.replay.tally import Tally
@@ -37,7 +38,7 @@ class Settings:
     robot: Robot | None = None
     uncertainty: Uncertainty | None = None
     model: str = "auto"
-    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
+    gravity: tuple[float, float, float] = GRAVITY
     points: int = 150
     tolerance: float | None = None
     start: Held = AS_GIVEN

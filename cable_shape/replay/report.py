@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cable_shape.replay.tally import finite
+from cable_shape.files import finite
 
 if TYPE_CHECKING:
     from cable_shape.replay.outcome import Outcome

@@ -11,6 +11,7 @@ from typing import Any, final
 import numpy as np
 
 from cable_shape.checks import Array
+from cable_shape.files import finite
 from cable_shape.report import BodyDistance, CableWarning, CycleReport, Severity
 from cable_shape.shape import CableShape
 
@@ -152,11 +153,6 @@ def extreme(choose: Any, values: Any) -> float | None:
     a = np.asarray(values, dtype=np.float64)
     a = a[np.isfinite(a)]
     return float(choose(a)) if a.size else None
-
-
-def finite(value: float) -> float | None:
-    """`value`, None for NaN and infinity, which JSON cannot say."""
-    return value if math.isfinite(value) else None
 
 
 def _severe_first(item: tuple[tuple[str, str, str], WarningCount]) -> tuple[int, str, str]:

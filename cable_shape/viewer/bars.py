@@ -10,7 +10,7 @@ import rerun as rr
 from cable_shape.cable import Cable
 from cable_shape.report import Margin, WarningKind
 from cable_shape.viewer import colour as colours
-from cable_shape.viewer import text as text
+from cable_shape.viewer import text
 from cable_shape.viewer.plots import MOST_USED, part, worst_used
 
 _WIDTH = 0.8  # of all bars of one kind; kinds are 1 apart

@@ -22,7 +22,8 @@ import rerun as rr
 from cable_shape.cable import Cable
 from cable_shape.scene import Obstacle, Scene
 from cable_shape.viewer.entities import ReportLogger
-from cable_shape.viewer.mailbox import Mailbox, decode
+from cable_shape.viewer.letters import decode
+from cable_shape.viewer.mailbox import Mailbox
 from cable_shape.viewer.process import start_viewer
 from cable_shape.viewer.recording import new_recording
 

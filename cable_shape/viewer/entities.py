@@ -35,7 +35,7 @@ from cable_shape.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Obstacle,
 from cable_shape.shape import CableShape
 from cable_shape.uncertainty import Tube
 from cable_shape.viewer import colour as colours
-from cable_shape.viewer import text as text
+from cable_shape.viewer import text
 from cable_shape.viewer.bars import Bars
 from cable_shape.viewer.blueprint import blueprint, eye
 from cable_shape.viewer.forces import Forces

@@ -7,7 +7,7 @@ from typing import Any, final
 import numpy as np
 import rerun as rr
 
-from cable_shape.cable import Cable
+from cable_shape.cable import STANDARD_GRAVITY, Cable
 from cable_shape.checks import Array
 from cable_shape.shape import CableShape
 from cable_shape.viewer import colour as colours
@@ -15,7 +15,6 @@ from cable_shape.viewer import colour as colours
 #: The longest arrow / length of the cable; it stands for the weight of the cable or the largest force, if that is more.
 LONGEST = 0.15
 MOST_LABELS = 6
-STANDARD_GRAVITY = 9.81  # m/s^2
 
 
 @final

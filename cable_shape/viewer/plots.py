@@ -13,7 +13,7 @@ from cable_shape.report import Clearance, Margin, WarningKind
 from cable_shape.scene import Scene
 from cable_shape.shape import CableShape
 from cable_shape.viewer import colour as colours
-from cable_shape.viewer import text as text
+from cable_shape.viewer import text
 
 MOST_USED = 2.0  # of a limit, that is plotted
 

@@ -21,7 +21,8 @@ from cable_shape.errors import ArgumentError, DependencyError
 from cable_shape.report import CycleReport
 from cable_shape.scene import Obstacle, Scene
 from cable_shape.viewer.colour import check_colouring
-from cable_shape.viewer.mailbox import Mailbox, encode
+from cable_shape.viewer.letters import encode
+from cable_shape.viewer.mailbox import Mailbox
 
 WINDOW = "window"
 _MEMORY_LIMIT = re.compile(r"\d+(\.\d+)? ?([kKMGT]i?B|%)")

@@ -7,7 +7,7 @@ from typing import final
 
 import numpy as np
 
-from cable_shape.report import CableWarning, Clearance, CycleReport, Margin, Severity, WarningKind
+from cable_shape.report import LOAD_MARGINS, CableWarning, Clearance, CycleReport, Margin, Severity, WarningKind
 from cable_shape.shape import CableShape
 
 
@@ -19,16 +19,7 @@ def millimetres(distance: float) -> str:
 
 
 #: kinds of margins, in the order in which they are drawn
-MARGIN_KINDS = (
-    WarningKind.CLEARANCE,
-    WarningKind.OVERSTRETCHED,
-    WarningKind.TENSION,
-    WarningKind.BEND_RADIUS,
-    WarningKind.TWIST_RATE,
-    WarningKind.STRESS,
-    WarningKind.STABILITY,
-    WarningKind.QUASISTATIC,
-)
+MARGIN_KINDS = (WarningKind.CLEARANCE, *LOAD_MARGINS, WarningKind.QUASISTATIC)
 
 
 def kind_name(kind: WarningKind) -> str:

@@ -1,0 +1,80 @@
+"""What a scene is made of: :class:`Obstacle`, :class:`Clip` and :class:`PointMass`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, final
+
+from cable_shape import checks
+from cable_shape.errors import ArgumentError
+from cable_shape.pose import IDENTITY, Pose
+from cable_shape.solids import SOLIDS, Solid
+
+CLIP_KINDS = ("ball", "fixed", "hinge", "slide")
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Obstacle:
+    """A solid body, fixed in the world (`link` None) or attached to a robot link.
+
+    pose: in the world, or in the frame of `link`.
+    """
+
+    name: str
+    solid: Solid
+    pose: Pose = IDENTITY
+    link: str | None = None
+
+    def __post_init__(self) -> None:
+        checks.word("Obstacle.name", self.name)
+        checks.instance("Obstacle.solid", self.solid, SOLIDS, "Write for example Box((0.1, 0.2, 0.3)) or Sphere(0.05).")
+        checks.instance("Obstacle.pose", self.pose, (Pose,), "Write Pose(position, quaternion).")
+        if self.link is not None:
+            checks.word("Obstacle.link", self.link)
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Clip:
+    """Holds the cable at `arc_length` [m] from the start grip, with the cable frame of `pose`.
+
+    "ball" holds the place of the material point, "fixed" its frame, "hinge" its place and d3: the cable may roll.
+    "slide" is an eyelet without friction through which the cable runs: it holds a place, `arc_length` is about which
+    point is in it, and what is found is in the shape's `clips`.
+    """
+
+    arc_length: float
+    pose: Pose
+    kind: str = "ball"
+
+    def __post_init__(self) -> None:
+        _number(self, "arc_length", "m")
+        checks.instance("Clip.pose", self.pose, (Pose,), "Write Pose(position, quaternion).")
+        checks.one_of("Clip.kind", self.kind, CLIP_KINDS)
+        if self.pose.turns:
+            raise ArgumentError.of(
+                "Clip.pose.turns",
+                self.pose.turns,
+                "windings are counted at the cable's end only",
+                "Give the end's Pose the turns; a clip's own come from the path that led there.",
+            )
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class PointMass:
+    """A connector of `mass` [kg] at `arc_length` [m] from the start grip."""
+
+    arc_length: float
+    mass: float
+
+    def __post_init__(self) -> None:
+        _number(self, "arc_length", "m")
+        _number(self, "mass", "kg")
+
+
+def _number(part: Any, name: str, unit: str) -> None:
+    """Keeps field `name` of a frozen part as a finite float of at least 0."""
+    label = f"{type(part).__name__}.{name}"
+    object.__setattr__(part, name, checks.number(label, getattr(part, name), at_least=0.0, unit=unit))
