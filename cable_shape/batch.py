@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cable_shape import checks
 from cable_shape.batch_seed import MESH_TOLERANCE, Seed, seed_at
+from cable_shape.batch_tube import BatchTube, check_tube
 from cable_shape.cable import Cable
 from cable_shape.checks import Array
 from cable_shape.clearance import ClearanceChecker
@@ -39,6 +40,7 @@ from cable_shape.problem import GRAVITY, Problem
 from cable_shape.scene import Scene
 from cable_shape.shape import NUMBERS_PER_POINT, Status
 from cable_shape.shape_batch import LOAD_MARGINS, ShapeBatch
+from cable_shape.uncertainty import Uncertainty
 
 #: More numbers than this are not kept: 8 GB of shapes.
 MOST_NUMBERS = 1_000_000_000
@@ -68,6 +70,7 @@ def predict_batch(
     distributed_load: ArrayLike | None = None,
     threads: int | None = None,
     time_limit: float | None = None,
+    uncertainty: Uncertainty | None = None,
 ) -> ShapeBatch:
     """The shapes of one cable for many pairs of clamped ends, with clearance and margins.
 
@@ -84,6 +87,10 @@ def predict_batch(
         Default: as many as there are cores to run on.
     time_limit : float, optional
         [s]; after it what is done is returned, see `done` and `partial`; looked at between tasks of some 10 ms.
+    uncertainty : Uncertainty, optional
+        Gives every row a tube, to first order in all that is not known, see `ShapeBatch.radius`; distances and what
+        they use of their margins are those of the tube then. Of the rod between grips, without clips and contact. The
+        poses that are not exactly known are those of `starts` and `ends`.
 
     Raises
     ------
@@ -104,7 +111,7 @@ def predict_batch(
     deadline = math.inf
     if time_limit is not None:
         deadline = began + checks.number("time_limit", time_limit, above=0.0, unit="s")
-    work = _Work(predictor, _table("starts", starts), _table("ends", ends), deadline)
+    work = _Work(predictor, _table("starts", starts), _table("ends", ends), deadline, uncertainty)
     if model in ("cosserat", "auto") and work.compiled:
         work.solve_cells(threads)
     work.solve_left()
@@ -142,7 +149,9 @@ _Task = tuple[Rows, Rows, _CoarseCell]
 class _Work:
     """One call of :func:`predict_batch`."""
 
-    def __init__(self, predictor: Predictor, starts: Array, ends: Array, deadline: float) -> None:
+    def __init__(
+        self, predictor: Predictor, starts: Array, ends: Array, deadline: float, uncertainty: Uncertainty | None
+    ) -> None:
         if starts.shape != ends.shape:
             raise ArgumentError.of(
                 "ends", f"{len(ends)} rows", f"it must have as many as starts, {len(starts)}", "Give a pose a row."
@@ -161,6 +170,9 @@ class _Work:
         self.reach = CELL_REACH * cable.length
         self.longest = math.inf if cable.axial_stiffness is not None else LONGEST_CHORD * cable.length
         self.compiled = cable.mean_bending_stiffness > 0.0 and not problem.clips and scene.contact != "solve"
+        if uncertainty is not None:
+            check_tube(uncertainty, predictor, self.compiled)
+        self.tube = BatchTube(cable, uncertainty)
         judged = [] if scene.contact == "off" else [body for body in scene.obstacles if body.link is None]
         self.checker = ClearanceChecker(
             Scene(obstacles=judged, warn_distance=scene.warn_distance, error_distance=scene.error_distance),
@@ -168,6 +180,9 @@ class _Work:
         )
         self.watch = MarginWatch(cable, scene)
         self.batch = ShapeBatch(len(starts), problem.points, cable.length, self.checker.names, self.checker.horizon)
+        if uncertainty is not None:
+            self.batch.confidence = uncertainty.confidence
+            self.batch.radius = np.full((len(starts), problem.points), math.nan)
         self.invalid: NDArray[np.bool_] = np.zeros(len(starts), np.bool_)
         for name, poses in (("starts", starts), ("ends", ends)):
             self._check(name, poses)
@@ -259,11 +274,13 @@ class _Work:
             self.checker.horizon,
             *self.checker.tables,
             self.masses,
+            self.tube.known,
             batch.buffer,
             batch.info,
             codes,
             batch.tables,
             batch.margin_rows,
+            np.empty((len(batch), 0)) if batch.radius is None else batch.radius,
         )
         good = rows[codes == CONVERGED]
         batch.status[good] = Status.OK.value
@@ -302,7 +319,10 @@ class _Work:
         batch.status[row] = shape.status.value
         if shape.detail:
             batch.details[row] = shape.detail
-        clearance = self.checker.check(shape)
+        swell = None
+        if batch.radius is not None and state is not None and shape.status:
+            swell = batch.radius[row] = self.tube.radius(state, shape)
+        clearance = self.checker.check(shape, swell=swell)
         batch.tables[row] = math.nan if clearance.table is None else clearance.table
         rows = batch.margin_rows[row]
         rows[:] = math.nan

@@ -49,7 +49,7 @@ class CableCycle:
     cables : int
         How many there are in all.
     tubes : TubeWatch, optional
-        Makes clearance that of the cable's tube.
+        Makes clearance that of the cable's tube, and of those of its tails.
     quasistatic_limit : float, optional
         Of the load of inertia as a fraction of the weight; None: it is not told.
     """
@@ -97,6 +97,7 @@ class CableCycle:
         if self._tubes is not None:
             self._tubes.reset()
         self.tube: Tube | None = None  # of the last shape, if it is asked for and known
+        self.tail_tubes: dict[str, Tube] = {}  # of the tails, by side
         self._rod: RodState | None = None  # of the last shape
         self.tails: dict[str, CableShape] = {}  # by side
         self.after_snap: CableShape | None = None
@@ -122,13 +123,18 @@ class CableCycle:
         return self._rod is not None and self._rod.planar
 
     def spread(self, shape: CableShape, ends: Ends, links: Links) -> Tube | None:
-        """The tube of the shape just predicted, if it is asked for and known; kept in `tube`."""
+        """The tube of the shape just predicted, if it is asked for and known; kept, and those of the tails."""
+        self.tail_tubes = {}
         if self._tubes is not None:
             self.tube = self._tubes.tube(self.predictor, shape, ends, links)
+            for side, tail in self.tails.items():
+                tube = self._tubes.tail_tube(self._tails[side], tail, ends)
+                if tube is not None:
+                    self.tail_tubes[side] = tube
         return self.tube
 
     def check(self, shape: CableShape, links: Links) -> Clearance:
-        """The clearance of span, as thick as its tube, and tails: for each body that of the nearest part."""
+        """The clearance of span and tails, as thick as their tubes: for each body that of the nearest part."""
         if self.scene.contact == "off":
             return Clearance(beyond=0.0, robot_checked=links is not None)
         clearance = self._checker.check(shape, links, None if self.tube is None else self.tube.radius)
@@ -136,7 +142,8 @@ class CableCycle:
             return clearance
         parts = [clearance]
         for side, tail in self.tails.items():
-            part = self._checker.check(tail, links)
+            tube = self.tail_tubes.get(side)
+            part = self._checker.check(tail, links, None if tube is None else tube.radius)
             along, length = self._tails[side].along, shape.length
             moved = tuple(
                 BodyDistance(b.body, b.distance, along(b.arc_length, length), b.point_on_cable, b.point_on_body)

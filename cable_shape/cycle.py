@@ -59,8 +59,8 @@ class Cycle:
         Of the ratio of the cable's inertial load, as the grips move, to its weight, beyond which it is warned that the
         prediction leaves the inertia out; 0: never.
     uncertainty : Uncertainty or mapping of cable name to Uncertainty, optional
-        Makes a tube about every shape (`report.tubes`); clearance is that of the tube then, and margins and warnings of
-        it, too. Tails have none.
+        Makes a tube about every shape (`report.tubes`, `report.tail_tubes`); clearance is that of the tube then, and
+        margins and warnings of it, too.
     """
 
     def __init__(
@@ -229,6 +229,9 @@ class Cycle:
             after_snap={name: cable.after_snap for name, cable in cables.items() if cable.after_snap is not None},
             plugs={name: error for name, error in plugs.items() if error is not None},
             tubes=known,
+            tail_tubes={
+                (name, side): tube for name, cable in cables.items() for side, tube in cable.tail_tubes.items()
+            },
         )
 
     def _together(self, grips: Mapping[str, Ends], links: Mapping[str, Pose] | None) -> dict[str, CableShape]:

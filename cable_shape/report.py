@@ -142,6 +142,7 @@ class CycleReport:
     after_snap : by cable, the shape after a snap that is about to come.
     plugs : by cable, how far its plug is from being in the socket.
     tubes : by cable, how well its shape is known, where that is asked for; clearance is that of the tube then.
+    tail_tubes : the same of the tails, by cable and side.
     """
 
     stamp: int
@@ -157,6 +158,7 @@ class CycleReport:
     after_snap: Mapping[str, CableShape] = field(default_factory=dict)
     plugs: Mapping[str, PlugError] = field(default_factory=dict)
     tubes: Mapping[str, Tube] = field(default_factory=dict)
+    tail_tubes: Mapping[tuple[str, str], Tube] = field(default_factory=dict)
 
     @property
     def robot_checked(self) -> bool:

@@ -47,6 +47,11 @@ class ShapeBatch:
         not told.
     used : (k, 6 + m)
         Margins, 1 at the limit (see :mod:`cable_shape.margins`): `LOAD_MARGINS`, then each body; NaN where none.
+    radius : (k, n) [m], optional
+        Of the tube that holds a point of the row's cable with the `confidence`, if an uncertainty was given: distances
+        and `used` of bodies are those of a cable so much thicker. NaN where there is no usable shape.
+    confidence : float
+        0 without an uncertainty.
     time : float [s], spent
     """
 
@@ -68,6 +73,8 @@ class ShapeBatch:
         self.errors: dict[int, ArgumentError] = {}
         self.details: dict[int, str] = {}
         self.partial = False
+        self.radius: Array | None = None
+        self.confidence = 0.0
         self.time = 0.0
 
     def __len__(self) -> int:
@@ -163,7 +170,9 @@ class ShapeBatch:
             for name, r in zip(self.bodies, table, strict=True)
             if r[0] != math.inf
         )
-        return Clearance(near, math.inf if len(near) == len(table) else self.horizon, table=table)
+        told = self.radius is not None and not math.isnan(self.radius[row, 0])
+        beyond = math.inf if len(near) == len(table) else self.horizon
+        return Clearance(near, beyond, table=table, confidence=self.confidence if told else 0.0)
 
     def __getitem__(self, row: int) -> CableShape:
         """Row `row` as a CableShape; of one that was not done the status is NOT_CONVERGED and positions are NaN."""

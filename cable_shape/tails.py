@@ -41,6 +41,8 @@ class Tail:
         [m/s^2], world.
     points : int
         Of the whole cable; a tail gets its share, but not fewer than 12.
+    own_points : int, optional
+        Of the tail itself, in place of its share.
     """
 
     __slots__ = ("cable", "predictor", "side")
@@ -53,6 +55,7 @@ class Tail:
         *,
         gravity: ArrayLike = GRAVITY,
         points: int = 150,
+        own_points: int | None = None,
     ) -> None:
         self.side = checks.one_of("side", side, TAIL_SIDES)
         self.cable = tail_cable(cable, side, length)
@@ -61,7 +64,7 @@ class Tail:
             self.cable,
             model="catenary" if cable.mean_bending_stiffness == 0.0 else "cosserat",
             gravity=gravity,
-            points=share,
+            points=share if own_points is None else own_points,
             tolerance=AUTO_TOLERANCE * self.cable.length,
         )
 

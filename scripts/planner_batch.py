@@ -23,6 +23,7 @@ TURNED = Rotation.from_euler("z", 45, degrees=True) * ALONG_X
 #: name, half width of the spread of either grip: position [m], rotation vector [rad]; rows
 SPREADS = (("a few cm, 10 deg", 0.03, 0.17), ("10 cm, 20 deg", 0.1, 0.35), ("25 cm, 45 deg", 0.25, 0.8))
 ONE_CORE, TWO_CORES, WITH_CLEARANCE = 25_000.0, 1.7, 10_000.0
+UNKNOWN = cs.Uncertainty(start=(0.001, 0.01), end=(0.001, 0.01))  # m and rad, of either grip
 _TOLD = 2  # repeats where nothing is asked
 
 
@@ -50,11 +51,12 @@ def bodies(count: int = 20, seed: int = 1) -> tuple[cs.Obstacle, ...]:
 
 
 def rate(
-    rows: int, threads: int, scene: cs.Scene | None, repeats: int, spread: tuple[float, float]
+    rows: int, threads: int, around: cs.Scene | cs.Uncertainty | None, repeats: int, spread: tuple[float, float]
 ) -> tuple[float, float]:
-    """Best rows a second of wall time, and of processor time."""
+    """Best rows a second of wall time, and of processor time; with a scene around, or a tube for what is not known."""
     starts, ends = grasps(rows, *spread)
-    options = {"model": "cosserat", "tolerance": TOLERANCE, "scene": scene, "threads": threads}
+    options = {"model": "cosserat", "tolerance": TOLERANCE, "threads": threads}
+    options["uncertainty" if isinstance(around, cs.Uncertainty) else "scene"] = around
     cs.predict_batch(CABLE, starts[:100], ends[:100], **options)
     wall, processor = [], []
     for _ in range(repeats):
@@ -73,8 +75,8 @@ def print_rates(rows: int, repeats: int) -> bool:
     rates = {}
     scene = cs.Scene(obstacles=bodies())
     for name, *spread in SPREADS:
-        for threads, around in ((1, None), (2, None), (1, scene)):
-            key = f"{name}, {threads} thread{'s'[: threads - 1]}{', 20 bodies' if around else ''}"
+        for threads, around, said in ((1, None, ""), (2, None, "s"), (1, scene, ", 20 bodies"), (1, UNKNOWN, ", tube")):
+            key = f"{name}, {threads} thread{said}"
             times = repeats if name == SPREADS[0][0] else _TOLD
             rates[key] = rate(rows, threads, around, times, (spread[0], spread[1]))
             print(f"{key:42s} {rates[key][0]:9.0f} {rates[key][1]:9.0f}")

@@ -72,23 +72,35 @@ def test_misses_are_those_to_the_curve() -> None:
     np.testing.assert_allclose(out, seen - fine[[0, 2000, 3108]], rtol=0.0, atol=1e-5)
 
 
+ENDS = ("start_offset", "start_tilt", "end_offset", "end_tilt", "roll")
+AT_ENDS = (4e-3, -3e-3, 2e-3, 0.1, -0.2, 3e-3, 5e-3, -4e-3, 0.15, 0.1, 0.2)
+OWN = ("bending_stiffness", "twisting_stiffness", "axial_stiffness", "length", "rest_curvature")
+AT_OWN = (math.log(0.005), math.log(0.003), math.log(300.0), 1.01, 0.3, -0.2)
+
+
 @pytest.mark.parametrize("known", [False, True])
 @pytest.mark.parametrize("kind", ["clamped", "swivel", "free"])
-def test_derivatives_by_parameters_that_move_ends_are_those_of_differences(kind: str, known: bool) -> None:
-    fit = ("start_offset", "start_tilt", "end_offset", "end_tilt", "roll")
+@pytest.mark.parametrize(("fit", "at"), [(ENDS, AT_ENDS), (OWN, AT_OWN)], ids=["ends", "cable"])
+def test_derivatives_are_those_of_differences(
+    fit: tuple, at: tuple, kind: str, known: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("cable_shape.calibration.forward.TOLERANCE", 1e-8)  # differences hold what a mesh leaves, too
     turned = cs.Pose((0.01, -0.02, 0.03), Rotation.from_rotvec((0.2, -0.1, 0.3)).as_quat())
     of_end = ("end_x", "end_y", "end_z", "end_tilt_1", "end_tilt_2", "roll")
     unseen = {"clamped": (), "swivel": ("roll",), "free": of_end}[kind]
     rng, seen = np.random.default_rng(3), []
-    for _ in range(3):
+    parameters = Parameters(TRUE.replace(axial_stiffness=200.0), fit)
+    at = np.array(at)
+    cable = parameters.make_cable(at)
+    for k in range(3):
         near, far = grips(rng, TRUE.length)
         start = cs.Grip(near * turned.inverse(), offset=turned)
         end = None if kind == "free" else cs.Grip(far, kind=kind)
-        shape = cs.predict(TRUE, start, end, model="cosserat", points=301)
+        table = 2.0 * rng.normal(size=(5, 3)) if k == 0 else None
+        shape = cs.predict(cable, start, end, model="cosserat", points=301, acceleration=table)
         points = shape.positions[15::30] + 5e-4 * rng.normal(size=(10, 3))
-        seen.append(cs.Observation(start, end, points, shape.arc_length[15::30] if known else None))
-    forward = Forward(Parameters(TRUE, fit), seen)
-    at = np.array((4e-3, -3e-3, 2e-3, 0.1, -0.2, 3e-3, 5e-3, -4e-3, 0.15, 0.1, 0.2))
+        seen.append(cs.Observation(start, end, points, shape.arc_length[15::30] if known else None, table))
+    forward = Forward(parameters, seen)
     now = forward.misses(at)
     forward.misses(at + 1e-3)  # as after a step that was not taken
     derivatives = forward.jacobian(at, now)
@@ -97,9 +109,9 @@ def test_derivatives_by_parameters_that_move_ends_are_those_of_differences(kind:
         step[j] = 0.2 * parameter.step
         wanted = (forward.misses(at + step) - forward.misses(at - step)) / (2.0 * step[j])
         size = float(np.abs(wanted).max())
-        if parameter.name in unseen:
-            assert size < 1e-3, parameter.name
-            assert not derivatives[:, :, j].any(), parameter.name
+        if parameter.name in unseen or size * parameter.step < 1e-6:
+            assert size * parameter.step < 2e-6, parameter.name
+            assert np.abs(derivatives[:, :, j]).max() * parameter.step < 2e-6, parameter.name
         else:
             np.testing.assert_allclose(derivatives[:, :, j], wanted, rtol=0.0, atol=0.01 * size, err_msg=parameter.name)
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import copy
-import math
 from collections.abc import Sequence
 from typing import Any, final
 
 import numpy as np
 
-from cable_shape.calibration.ends import moving, velocities
+from cable_shape.calibration.answers import Answers
 from cable_shape.calibration.observation import Observation
 from cable_shape.calibration.parameters import Parameters, held
 from cable_shape.checks import Array
@@ -45,6 +44,7 @@ class Forward:
         self.solves = 0
         self._loads = loads
         self._states: list[RodState | None] = [None] * len(self.observations)
+        self._last: tuple[Array, list[CableShape]] | None = None  # values, and all shapes with them
 
     def centrelines(self, values: Array) -> list[Array]:
         """(101, 3) [m] of each observation; NaN where there is no usable shape."""
@@ -60,31 +60,30 @@ class Forward:
     def jacobian(self, values: Array, now: Array) -> Array:
         """(n, 3, parameters) at `values`, where the misses are `now`; 0 where there is no shape.
 
-        By the rod's own sensitivities where a parameter moves an end, by finite differences elsewhere. A parameter that
-        moves points by no more than the discretisation's own noise moves none.
+        By the rod's own sensitivities. A parameter that moves points by no more than the discretisation's own noise
+        moves none.
         """
-        out = np.empty((*now.shape, len(values)))
-        ends = moving(self.parameters)
-        if ends:
-            out[:, :, ends] = self._moved(values, ends)
-        for j, parameter in enumerate(self.parameters.each):
-            if j not in ends:
-                stepped = values.copy()
-                stepped[j] += parameter.step
-                out[:, :, j] = np.nan_to_num(self.misses(stepped) - now) / parameter.step
-            change = out[:, :, j] * parameter.step
-            if math.sqrt(float((change * change).sum()) / len(change)) <= NOISE * self.parameters.cable.length:
-                out[:, :, j] = 0.0
+        out = self._moved(values)
+        steps = np.array([parameter.step for parameter in self.parameters.each])
+        spread = steps * np.sqrt((out * out).sum(axis=(0, 1)) / len(out))
+        out[:, :, spread <= NOISE * self.parameters.cable.length] = 0.0
         return out
 
-    def _moved(self, values: Array, which: list[int]) -> Array:
-        """(n, 3, k): how misses change with parameters that move ends."""
-        parts = []
+    def _moved(self, values: Array) -> Array:
+        """(n, 3, k): how misses change with the parameters."""
+        parts, answers = [], Answers(self.parameters, values)
         for seen, state, shape in zip(self.observations, self._states, self._shapes(values), strict=True):
-            part = np.zeros((*seen.points.shape, len(which)))
+            part = np.zeros((*seen.points.shape, len(values)))
             if shape.status and state is not None:
-                moves = cosserat.sensitivity(state) @ velocities(self.parameters, values, which, seen.start, seen.end)
+                moves = answers.moves(state, seen.start, seen.end)
                 changes(shape.buffer, shape.points, seen.points, seen.arc_length, moves, part)
+                known = np.isfinite(seen.arc_length)
+                if known.any():  # there the arc length stays, not its share of the length
+                    share = shape.arc_length / shape.length
+                    moves -= (share[:, None] * shape.tangents)[:, :, None] * answers.longer
+                    some = np.empty((int(known.sum()), 3, len(values)))
+                    changes(shape.buffer, shape.points, seen.points[known], seen.arc_length[known], moves, some)
+                    part[known] = some
             parts.append(part)
         return np.concatenate(parts)
 
@@ -111,6 +110,8 @@ class Forward:
         return found
 
     def _shapes(self, values: Array, which: Sequence[int] | None = None) -> list[CableShape]:
+        if which is None and self._last is not None and np.array_equal(self._last[0], values):
+            return self._last[1]
         cable = self.parameters.make_cable(values)
         near, far = self.parameters.offset(values, "start"), self.parameters.offset(values, "end")
         options = {"points": POINTS, "tolerance": TOLERANCE * cable.length, **self._loads}
@@ -130,6 +131,7 @@ class Forward:
                 state = self._states[i] = RodState(problem)
             found.append(cosserat.solve(problem, state))
             self.solves += 1
+        self._last = None if which is not None else (values.copy(), found)
         return found
 
     def _miss(self, i: int, shape: CableShape) -> Array:

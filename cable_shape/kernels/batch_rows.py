@@ -14,10 +14,13 @@ from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.batch_lean import WIDTH, aim, lean
 from cable_shape.kernels.batch_newton import solve_beside
 from cable_shape.kernels.batch_start import start_at
+from cable_shape.kernels.batch_tube import LENGTHS, STEPS, TABLES, tube
 from cable_shape.kernels.bounds import closest_points
+from cable_shape.kernels.rod_answer import neighbours
 from cable_shape.kernels.rod_drive import ESTIMATE, EXCESS, FAR, TURN, slot_size
 from cable_shape.kernels.rod_newton import CONVERGED
 from cable_shape.kernels.rod_work import work_size
+from cable_shape.kernels.swollen import closest_points as swell
 
 Array = Any
 COARSE = 7  # the error is above its tolerance, or an element turns too far
@@ -32,7 +35,8 @@ def solve_rows(
     mesh: Array, sol: Array, work: Array, elements: int, mode: Array, estimate: float, loads: tuple[Array, ...],
     points: int, tolerance: float, soft: float,
     section: Array, limits: Array, radius: float, horizon: float, bodies: Array, triangles: Array, nodes: Array,
-    masses: Array, buffers: Array, infos: Array, codes: Array, tables: Array, margin_rows: Array,
+    masses: Array, known: tuple[Array, ...], buffers: Array, infos: Array, codes: Array, tables: Array,
+    margin_rows: Array, radii: Array,
 ) -> None:  # fmt: skip
     """Solves the `rows` (r,) of starts and ends (k, 7), which lie in `cells` (r, 9), equal ones side by side.
 
@@ -41,12 +45,17 @@ def solve_rows(
     a row is put into the same row of buffers (k, 17 points), infos (k, 18) (see `rod_drive`, the energy with that of
     the masses), tables (k, m, 8) (see `bounds`) and margin_rows (k, 6 + m, 5) (see `margins`). A code, of codes (r,),
     that is not CONVERGED leaves the row to another solver. masses (j, 4): arc length [m] and weight [N] of each.
+    known: see `batch_tube.tube`; radii (k, points) [m] takes the radius of each row's tube, by which the cable then is
+    thicker for the bodies; (k, 0): there are none.
     """
     far_work = work.copy()
     target = np.empty(15)
     links = np.empty((0, 7))
     counts = np.empty(2, np.int64)
     memory = np.empty(margins.MEMORY)
+    wanted = radii.shape[1] > 0
+    moves, shifts = np.empty((radii.shape[1], 3, 12)), np.empty((radii.shape[1], 3, known[STEPS].shape[0]))
+    beside, swing = np.empty((0, 0)), np.empty((0, 3))
     met, own, own_mesh, near, factors, own_mode = False, elements, mesh, sol, far_work, mode
     size = slot_size(own)
     trial, own_work, row_mode = np.zeros(3 * size), np.zeros(work_size(own, WIDTH)), mode.copy()
@@ -60,6 +69,10 @@ def solve_rows(
             )  # fmt: skip
             size = slot_size(own)
             trial, own_work, row_mode = np.zeros(3 * size), np.zeros(work_size(own, WIDTH)), own_mode.copy()
+            if met and wanted:
+                beside = neighbours(
+                    own_mesh, own, known[LENGTHS], known[TABLES], loads[1], loads[2], loads[3], swing, 0.0
+                )
         if not met:
             codes[i] = LOST
             continue
@@ -76,15 +89,8 @@ def solve_rows(
         if code != CONVERGED:
             continue
         info[rod_drive.ENERGY] += energy_of_masses(masses, own_mesh, own_work, own, target)
-        if bodies.shape[0] > 0:
-            positions = buffer[points : 4 * points].reshape(points, 3)
-            closest_points(
-                positions, buffer[:points], radius, horizon, 0.0, True, bodies, links, triangles, nodes, tables[row],
-                counts,
-            )  # fmt: skip
         found = margin_rows[row]
         margins.measure_loads(buffer, points, section, limits, True, True, found)
-        margins.measure_bodies(tables[row], limits[5], found)
         found[margins.STABILITY, :] = np.nan
         row_mode[:, :] = own_mode
         memory[0], memory[1], memory[2] = np.nan, 0.0, 0.0
@@ -92,6 +98,25 @@ def solve_rows(
             par, own_mesh, trial, own_work, own, WIDTH, row_mode, MODE_STEPS, False, soft, False, False, memory,
             found,
         )  # fmt: skip
+        if wanted:  # last: it refreshes the factors
+            tube(
+                par, own_mesh, trial, own_work, own, WIDTH, buffer, points, known, beside, moves, shifts, radii[row]
+            )  # fmt: skip
+        if bodies.shape[0] > 0:
+            positions = buffer[points : 4 * points].reshape(points, 3)
+            reach_now = horizon + (radii[row].max() if wanted else 0.0)
+            closest_points(
+                positions, buffer[:points], radius, reach_now, 0.0, True, bodies, links, triangles, nodes,
+                tables[row], counts,
+            )  # fmt: skip
+            if wanted:
+                swell(
+                    positions, buffer[:points], radius, radii[row], 0.0, bodies, links, triangles, nodes, tables[row]
+                )  # fmt: skip
+                for m in range(bodies.shape[0]):
+                    if tables[row, m, 0] > horizon:
+                        tables[row, m, 0] = np.inf
+        margins.measure_bodies(tables[row], limits[5], found)
 
 
 @kernel

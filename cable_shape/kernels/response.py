@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from cable_shape.kernels._jit import kernel
+from cable_shape.kernels.dead_moment import add_moment
 from cable_shape.kernels.rod_algebra import (
     Vector,
     add,
@@ -139,6 +140,9 @@ def velocities(
     forward(G, P, Y, W, gram)
     border(gram, total[3:], closure, step)
     backward(P, Y, W, step, d)
+    if width == 1 and add_moment(q, par[6:9], P, G, d):
+        forward(G, P, Y, W, gram)
+        backward(P, Y, W, step, d)
     dl = (step[0], step[1], step[2]) if width > 1 else (0.0, 0.0, 0.0)
     for i in range(3):
         d[0, i] += held0[i]

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from cable_shape.kernels._jit import kernel
+from cable_shape.kernels.dead_moment import add_moment
 from cable_shape.kernels.rod_algebra import (
     FAST,
     Matrix,
@@ -53,7 +54,7 @@ def sensitivity(
     parts = vectors(work, elements, width)[0]
     turns = np.zeros((COLUMNS, elements + 1, 3))  # of the nodes, cable frame
     pull = np.zeros((COLUMNS, 3))  # change of lambda
-    solve_columns(q, par[9:15].reshape(2, 3), work, elements, width, turns, pull)
+    solve_columns(q, par[6:9], par[9:15].reshape(2, 3), work, elements, width, turns, pull)
     places = np.zeros((elements + 1, 3, COLUMNS))
     slopes = np.empty((2, elements, 3, COLUMNS))
     for i in range(3):
@@ -83,7 +84,7 @@ def sensitivity(
 
 @kernel
 def solve_columns(
-    q: Array, mask: Array, work: Array, elements: int, width: int, turns: Array, pull: Array
+    q: Array, moment: Array, mask: Array, work: Array, elements: int, width: int, turns: Array, pull: Array
 ) -> None:  # fmt: skip
     """The columns from START_TURN on: turns (12, N+1, 3) of the nodes, change of lambda (12, 3); both zero at first."""
     _, U, _, P, Y, W = matrices(work, elements, width)
@@ -125,6 +126,9 @@ def solve_columns(
             forward(G, P, Y, W, gram)
             border(gram, total[3:], closure, step)
             backward(P, Y, W, step, turns[column])
+            if width == 1 and add_moment(q, moment, P, G, turns[column]):
+                forward(G, P, Y, W, gram)
+                backward(P, Y, W, step, turns[column])
             for i in range(3):
                 turns[column, node, i] += held[i]
                 G[0, i] = G[1, i] = G[elements - 1, i] = G[elements, i] = 0.0

@@ -7,7 +7,7 @@
 /world/cables/NAME/start, end  cable frames at the grips: d1 red, d2 green, d3 (the tangent) blue
 /world/cables/NAME/tails/SIDE  what hangs beyond a grip
 /world/cables/NAME/after_snap  the shape after a snap that is about to come
-/world/cables/NAME/tube        the tube that holds the cable with the confidence asked for
+/world/cables/NAME/tube        the tube that holds the cable with the confidence asked for; below tails theirs
 /world/cables/NAME/closest     the closest pair of points and their distance, of bodies that it does not rest on
 /world/cables/NAME/forces      of clips and of bodies that it rests on, on the cable
 /world/cables/NAME/clips/K     clips of the scene; point masses likewise in masses/K
@@ -120,6 +120,7 @@ class ReportLogger:
             self._log_grip(f"{base}/end", end, shape, -1)
             for side in TAIL_SIDES:
                 self._log_strip(f"{base}/tails/{side}", name, report.tails.get((name, side)), colours.TAIL)
+                self._log_tube(f"{base}/tails/{side}/tube", name, report.tail_tubes.get((name, side)))
             self._log_strip(f"{base}/after_snap", name, report.after_snap.get(name), colours.GHOST)
             self._log_tube(f"{base}/tube", name, report.tubes.get(name))
             force = self._forces[name].of(shape)

@@ -36,7 +36,8 @@ def encode(report: CycleReport) -> bytes:
             [(name, side, *_shape(tail)) for (name, side), tail in report.tails.items()],
             [(name, *_shape(shape)) for name, shape in report.after_snap.items()],
             [(name, *_plug(error)) for name, error in report.plugs.items()],
-            [(name, _joined([t.covariance, t.radius]), float(t.confidence)) for name, t in report.tubes.items()],
+            [(name, *_tube(tube)) for name, tube in report.tubes.items()],
+            [(name, side, *_tube(tube)) for (name, side), tube in report.tail_tubes.items()],
         )
     )
 
@@ -44,8 +45,9 @@ def encode(report: CycleReport) -> bytes:
 def decode(letter: bytes) -> CycleReport:
     """The report that :func:`encode` wrote."""
     stamp, grips, links, shapes, clearance, warnings, times, skipped, *more = marshal.loads(letter)
-    margins, tails, after_snap, plugs, tubes = more
+    margins, tails, after_snap, plugs, tubes, tail_tubes = more
     made = {name: _read_shape(*rest) for name, *rest in shapes}
+    hanging = {(name, side): _read_shape(*rest) for name, side, *rest in tails}
     ends = {name: (_read_end(start), _read_end(end)) for name, start, end in grips}
     return CycleReport(
         stamp=stamp,
@@ -57,10 +59,11 @@ def decode(letter: bytes) -> CycleReport:
         times=dict(times),
         skipped=dict(skipped),
         margins={name: tuple(Margin(WarningKind(kind), *rest) for kind, *rest in found) for name, found in margins},
-        tails={(name, side): _read_shape(*rest) for name, side, *rest in tails},
+        tails=hanging,
         after_snap={name: _read_shape(*rest) for name, *rest in after_snap},
         plugs={name: _read_plug(*fields) for name, *fields in plugs},
         tubes={name: _read_tube(made[name], *rest) for name, *rest in tubes},
+        tail_tubes={(name, side): _read_tube(hanging[name, side], *rest) for name, side, *rest in tail_tubes},
     )
 
 
@@ -188,6 +191,10 @@ def _read_warning(cable_id: str, kind: int, severity: int, text: str, other: str
 def _margin(margin: Margin) -> tuple[Any, ...]:
     kind, used, limit, value, arc_length, other, time = margin
     return (kind.value, float(used), float(limit), float(value), float(arc_length), other, float(time))
+
+
+def _tube(tube: Tube) -> tuple[bytes, float]:
+    return _joined([tube.covariance, tube.radius]), float(tube.confidence)
 
 
 def _read_tube(shape: CableShape, numbers: bytes, confidence: float) -> Tube:
