@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from cable_shape.kernels import rod_algebra, rod_mesh
+from cable_shape.kernels import rod_algebra, rod_lanes, rod_mesh
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.rod_algebra import qnormal, scale, subtract
 from cable_shape.kernels.rod_between import at_node, landing, middle3, middle4, missed
@@ -74,6 +74,39 @@ def test_hessian_of_an_element_against_finite_differences(bend, compliance):
             a, b = step * (unit[i] + unit[j]), step * (unit[i] - unit[j])
             difference = element.value(a) - element.value(b) - element.value(-b) + element.value(-a)
             assert H[i, j] == pytest.approx(difference / (4 * step**2), abs=5e-7)
+
+
+@pytest.mark.parametrize("compliance", LINEAR)
+def test_elements_side_by_side_are_those_taken_one_by_one(compliance):
+    rng = np.random.default_rng(8)
+    elements, stiffness = rod_lanes.LANES + 3, (1.3, 0.7, 0.9)
+    axes = rng.normal(size=(elements, 3))
+    axes /= np.linalg.norm(axes, axis=1)[:, None]
+    q = [Rotation.random(rng=rng)]
+    for turn in np.geomspace(1e-9, 1.3, elements)[:, None] * axes:
+        q.append(q[-1] * Rotation.from_rotvec(turn))
+    q = np.array([x.as_quat() for x in q]) * rng.choice((-1.0, 1.0), size=(elements + 1, 1))
+    h, load, rest = rng.uniform(0.2, 0.6, elements), rng.normal(size=(elements, 9)), rng.normal(size=(elements, 6))
+    force = rng.normal(size=3)
+    lanes = np.empty(rod_lanes.ROWS * rod_lanes.LANES)
+    table = lanes.reshape(rod_lanes.ROWS, rod_lanes.LANES)
+    seen = 0
+    for begin in range(0, elements, rod_lanes.LANES):
+        count = rod_lanes.gather(begin, q, numbers(*force), h, load, rest, lanes)
+        rod_lanes.gradients(lanes, stiffness, compliance)
+        gradients = table[rod_lanes.G1 : rod_lanes.VALUE + 1].copy()
+        rod_lanes.hessians(lanes, stiffness, compliance)
+        for k in range(count):
+            e = begin + k
+            forces = (numbers(*(n + force)) for n in load[e].reshape(3, 3))
+            kinks = (numbers(*x) for x in rest[e].reshape(2, 3))
+            element = float(h[e]), numbers(*q[e]), numbers(*q[e + 1]), *forces, *kinks, stiffness, compliance
+            value, *gradient = element_gradient(*element)
+            assert gradients[:, k] == pytest.approx(np.array((*np.concatenate(gradient), value)), rel=1e-12, abs=1e-12)
+            blocks = np.concatenate(element_hessian(*element))
+            assert table[rod_lanes.G1 :, k] == pytest.approx(blocks, rel=1e-12, abs=1e-12)
+        seen += count
+    assert seen == elements
 
 
 @pytest.mark.parametrize("x", [0.0, 1e-12, 1e-3, 0.029999, 0.030001, 0.5, 0.99])

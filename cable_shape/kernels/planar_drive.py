@@ -50,6 +50,7 @@ from cable_shape.kernels.rod_drive import (
     slot,
     wind,
 )
+from cable_shape.kernels.rod_guess import tangent
 from cable_shape.kernels.rod_newton import CONVERGED
 from cable_shape.kernels.rod_output import all_finite
 from cable_shape.kernels.rod_work import vectors
@@ -96,6 +97,31 @@ def local_normal(par: Array, ends: Array, width: int, e: Vector, plane: Array) -
     if not dot(off, off) <= FLAT * FLAT or (par[0] != par[1] and min(abs(local[0]), abs(local[1])) > FLAT):
         return none
     return local
+
+
+@inlined
+def plane_of(par: Array, ends: Array, width: int, plane: Array) -> tuple[Vector, Vector]:
+    """Unit normal of the plane in which ends, loads and section leave the rod: in the world, in the cable frame.
+
+    Zero, both or the latter, if there is none.
+    """
+    t0 = tangent((ends[3], ends[4], ends[5], ends[6]))
+    chord = t1 = (0.0, 0.0, 0.0)
+    if width > 1:
+        chord = (ends[7] - ends[0], ends[8] - ends[1], ends[9] - ends[2])
+        t1 = tangent((ends[10], ends[11], ends[12], ends[13]))
+    e = normal_of(t0, t1, scale(1.0 / par[19], chord), plane)
+    if e == (0.0, 0.0, 0.0):
+        return e, e
+    return e, local_normal(par, ends, width, e, plane)
+
+
+@kernel
+def has_plane(par: Array, ends: Array, width: int, plane: Array) -> bool:
+    """Whether there is such a plane between `ends` (15,): then the planar solver is asked first."""
+    if plane[0] == 0.0 or par[6] != 0.0 or par[7] != 0.0 or par[8] != 0.0:
+        return False
+    return plane_of(par, ends, width, plane)[1] != (0.0, 0.0, 0.0)
 
 
 @kernel
@@ -183,19 +209,12 @@ def solve_in_plane(
         far = reach(far, par, before, ends)
     held, length = width > 1, par[19]
     q0, q1 = (ends[3], ends[4], ends[5], ends[6]), (ends[10], ends[11], ends[12], ends[13])
-    R = rotation(q0)
-    e1 = (R[2], R[5], R[8])
-    chord = t1 = (0.0, 0.0, 0.0)
+    e1, chord = tangent(q0), (0.0, 0.0, 0.0)
     if held:
         chord = (ends[7] - ends[0], ends[8] - ends[1], ends[9] - ends[2])
         if par[5] == 0.0 and dot(chord, chord) >= (STRAIGHT * length) ** 2:
             return TOO_FAR
-        R = rotation(q1)
-        t1 = (R[2], R[5], R[8])
-    e = normal_of(e1, t1, scale(1.0 / length, chord), plane)
-    if e == (0.0, 0.0, 0.0):
-        return NOT_PLANAR
-    local = local_normal(par, ends, width, e, plane)
+    e, local = plane_of(par, ends, width, plane)
     if local == (0.0, 0.0, 0.0) or strays(slot(sol, elements, NOW if history > 0 else TRIAL)[0], local):
         return NOT_PLANAR
     e2 = cross(e, e1)

@@ -71,13 +71,6 @@ def at_node(
 
 
 @inlined
-def no_node() -> Node:
-    """What a variable is before the first node."""
-    v, q = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
-    return q, v, q, q, v, v, v, v, v, v
-
-
-@inlined
 def apart(a: Vector, b: Vector) -> bool:
     """Whether two moments differ by more than an unfinished iteration leaves: something holds the node."""
     d = (a[0] - b[0], a[1] - b[1], a[2] - b[2])

@@ -64,6 +64,15 @@ def functions(x: float, layer: Layer) -> tuple[float, float]:
 
 
 @inlined
+def middle_functions(layer: Layer) -> tuple[float, float]:
+    """The same at x = 1/2."""
+    if layer[0] == 0.0:
+        return 0.0625, 0.03125
+    middle = math.sqrt(layer[1])
+    return middle, middle
+
+
+@inlined
 def at(c: Curve, x: float, first: float, last: float) -> float:
     """A curve's value; `first` and `last` are its two last functions there."""
     return c[0] + x * (c[1] + x * (c[2] + x * c[3])) + c[4] * first + c[5] * last

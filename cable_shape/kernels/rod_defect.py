@@ -12,6 +12,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.rod_algebra import (
     FAST,
@@ -29,7 +31,6 @@ from cable_shape.kernels.rod_algebra import (
     inverse,
     madd,
     put3,
-    qconj,
     qexp,
     qmul,
     qnormal,
@@ -37,24 +38,24 @@ from cable_shape.kernels.rod_algebra import (
     subtract,
     tapply,
 )
-from cable_shape.kernels.rod_between import (
-    Node,
-    apart,
-    at_node,
-    change,
-    force_slopes,
-    landing,
-    middle3,
-    middle4,
-    missed,
-    no_node,
-    quadratic,
-    spin,
-)
-from cable_shape.kernels.rod_curve import STIFF
+from cable_shape.kernels.rod_between import quadratic, spin
 from cable_shape.kernels.rod_element import element_hessian, relative
 from cable_shape.kernels.rod_factor import backward, border, forward
-from cable_shape.kernels.rod_system import forces, jumps
+from cable_shape.kernels.rod_lanes import LANES, gather, lane3
+from cable_shape.kernels.rod_rule import (
+    M_LEFT,
+    MISSED_MOMENT,
+    MISSED_PLACE,
+    MISSED_TURN,
+    MOMENT,
+    PLACE,
+    ROWS,
+    TURN,
+    gather_moments,
+    is_long,
+    land,
+)
+from cable_shape.kernels.rod_system import forces
 from cable_shape.kernels.rod_work import matrices, vectors
 
 Array = Any
@@ -81,19 +82,6 @@ def halves(
             inv, _ = inverse(madd(A22, B11))
             q = qnormal(qmul(q, qexp(scale(-1.0, apply(inv, add(a2, b1))))))
     return a1, b2, add(al, bl)
-
-
-@inlined
-def onward(
-    h: float, turn: Vector, dM: Vector, dr: Vector, b: Node, n: Vector, flex: Vector, C: Vector
-) -> tuple[Vector, Vector, Vector]:
-    """The defect of a rule that uses the right node, too, as one of integration from the left alone.
-
-    The rule sees the right node where it is, half of h f_y times the defect away from where it should be.
-    """
-    du, ddM, ddr = change(b, n, turn, dM, flex, C)
-    f = 0.5 * h
-    return add(turn, scale(f, add(du, scale(0.5, cross(turn, b[8]))))), add(dM, scale(f, ddM)), add(dr, scale(f, ddr))
 
 
 @inlined
@@ -126,63 +114,40 @@ def defects(
     softest = min(K[0], K[1])
     l3 = (lam[0], lam[1], lam[2])
     s0 = s1 = s2 = 0.0
-    left = missing = (0.0, 0.0, 0.0)
-    b = no_node()
-    stale = True  # b is not the node left of the next element
-    for e in range(elements):
-        nL, nM, nR = forces(load, e, l3)
-        k0 = (rest[e, 0], rest[e, 1], rest[e, 2])
-        k1 = (rest[e, 3], rest[e, 4], rest[e, 5])
-        q1, q2 = get4(q, e), get4(q, e + 1)
-        gl, g1 = (first[e, 0], first[e, 1], first[e, 2]), (first[e, 3], first[e, 4], first[e, 5])
-        g2 = (first[e, 6], first[e, 7], first[e, 8])
-        if h[e] * h[e] * math.sqrt(dot(nM, nM)) > STIFF * softest:
-            a1, a2, al = halves(h[e], q1, q2, nL, nM, nR, k0, k1, K, C)
-            f = 16.0 / 15.0
-            d1, d2, dl = scale(f, subtract(a1, g1)), scale(f, subtract(a2, g2)), scale(f, subtract(al, gl))
-            e1, e2, el = scale(COARSE, d1), scale(COARSE, d2), scale(COARSE, dl)
-            stale = True
-        else:
-            dnL, dnR = force_slopes(h[e], nL, nM, nR)
-            if (
-                stale
-                or rest[e, 3] != 0.0
-                or rest[e, 4] != 0.0
-                or rest[e, 5] != 0.0
-                or jumps(load, e)
-                or apart(b[1], scale(-1.0, g1))
-            ):
-                b = at_node(q1, scale(-1.0, g1), nL, dnL, add(k0, scale(-0.5 * h[e], k1)), k1, flex, C)
+    left = missing = g2 = (0.0, 0.0, 0.0)
+    lanes = np.empty(ROWS * LANES)
+    for begin in range(0, elements, LANES):
+        count = gather(begin, q, l3, h, load, rest, lanes)
+        gather_moments(begin, first, l3, h, load, rest, softest, g2, lanes)
+        land(lanes, flex, C)
+        for k in range(count):
+            e = begin + k
+            gl, g1 = (first[e, 0], first[e, 1], first[e, 2]), (first[e, 3], first[e, 4], first[e, 5])
+            g2 = (first[e, 6], first[e, 7], first[e, 8])
+            if is_long(h, load, l3, e, softest):
+                nL, nM, nR = forces(load, e, l3)
+                k0, k1 = (rest[e, 0], rest[e, 1], rest[e, 2]), (rest[e, 3], rest[e, 4], rest[e, 5])
+                a1, a2, al = halves(h[e], get4(q, e), get4(q, e + 1), nL, nM, nR, k0, k1, K, C)
+                f = 16.0 / 15.0
+                d1, d2, dl = scale(f, subtract(a1, g1)), scale(f, subtract(a2, g2)), scale(f, subtract(al, gl))
+                e1, e2, el = scale(COARSE, d1), scale(COARSE, d2), scale(COARSE, dl)
             else:
-                q1 = b[0]
-            a, stale = b, False
-            if q1[0] * q2[0] + q1[1] * q2[1] + q1[2] * q2[2] + q1[3] * q2[3] < 0.0:
-                q2 = (-q2[0], -q2[1], -q2[2], -q2[3])
-            b = at_node(q2, g2, nR, dnR, add(k0, scale(0.5 * h[e], k1)), k1, flex, C)
-            Mm = middle3(h[e], a[1], a[4], a[5], b[1], b[4], b[5])
-            dnM = scale(1.0 / h[e], subtract(nR, nL))
-            m = at_node(qnormal(middle4(h[e], a, b)), Mm, nM, dnM, k0, k1, flex, C)
-            p, M, r = landing(h[e], a, m, b)
-            miss = qmul(qconj(q2), p)
-            # small, or the mesh is hopeless
-            turn = scale(2.0 / miss[3], (miss[0], miss[1], miss[2]))
-            dM, dr = subtract(M, g2), add(r, gl)
-            turn, dM, dr = onward(h[e], turn, dM, dr, b, nR, flex, C)
-            d1, d2, dl = as_gradient(e, turn, dM, dr, g2, U, parts)
-            d1 = subtract(d1, add(a[1], g1))  # what is missing to balance at the left node
-            turn, dM, dr = missed(h[e], a, m, b, nM, flex, C)
-            e1, e2, el = as_gradient(e, turn, dM, dr, g2, U, parts)
-        put3(G, e, 0, add(get3(G, e), add(left, d1)))
-        put3(slack, e, 0, dl)
-        if e == 0:
-            put3(moments, 0, 0, scale(-1.0, add(g1, d1)))
-        put3(moments, e, 3, add(g2, d2))
-        put3(first, e, 3, add(missing, e1))
-        put3(first, e, 6, el)
-        left, missing = d2, e2
-        s0 += dl[0]
-        s1 += dl[1]
-        s2 += dl[2]
+                turn, dM, dr = lane3(lanes, TURN, k), lane3(lanes, MOMENT, k), lane3(lanes, PLACE, k)
+                d1, d2, dl = as_gradient(e, turn, dM, dr, g2, U, parts)
+                d1 = subtract(d1, add(lane3(lanes, M_LEFT, k), g1))  # what is missing to balance at the left node
+                turn, dM = lane3(lanes, MISSED_TURN, k), lane3(lanes, MISSED_MOMENT, k)
+                e1, e2, el = as_gradient(e, turn, dM, lane3(lanes, MISSED_PLACE, k), g2, U, parts)
+            put3(G, e, 0, add(get3(G, e), add(left, d1)))
+            put3(slack, e, 0, dl)
+            if e == 0:
+                put3(moments, 0, 0, scale(-1.0, add(g1, d1)))
+            put3(moments, e, 3, add(g2, d2))
+            put3(first, e, 3, add(missing, e1))
+            put3(first, e, 6, el)
+            left, missing = d2, e2
+            s0 += dl[0]
+            s1 += dl[1]
+            s2 += dl[2]
     put3(G, elements, 0, add(get3(G, elements), left))
     total[0], total[1], total[2] = total[0] + s0, total[1] + s1, total[2] + s2
     return missing

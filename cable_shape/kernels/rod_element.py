@@ -108,8 +108,16 @@ def element_gradient(
     curvature at the middle and its slope; K, C stiffness and compliance.
     """
     v, w = relative(q1, q2)
-    x = dot(v, v)
-    f, f1, _ = angle_series(x, w)
+    return gradient_of(v, w, angle_series(dot(v, v), w), h, q1, q2, nL, nM, nR, k0, k1, K, C)
+
+
+@inlined
+def gradient_of(
+    v: Vector, w: float, series: Vector, h: float, q1: Quaternion, q2: Quaternion, nL: Vector, nM: Vector, nR: Vector,
+    k0: Vector, k1: Vector, K: Vector, C: Vector,
+) -> tuple[float, Vector, Vector, Vector]:  # fmt: skip
+    """The same from the `relative` rotation and its `angle_series`, without a branch."""
+    f, f1, _ = series
     k = scale(f / h, v)
     m = times(K, subtract(k, k0))
     RL, NL = section_force(q1, nL)
@@ -152,15 +160,24 @@ def element_hessian(
     h: float, q1: Quaternion, q2: Quaternion, nL: Vector, nM: Vector, nR: Vector,
     k0: Vector, k1: Vector, K: Vector, C: Vector,
 ) -> tuple[Vector, Vector, Vector, Matrix, Matrix, Matrix, Matrix, Matrix, Matrix]:  # fmt: skip
-    """Gradient and Hessian: g1, g2, gl, H11, H12, H22, B1 = H1l, B2 = H2l, CC = Hll; arguments as above.
+    """Gradient and Hessian: g1, g2, gl, H11, H12, H22, B1 = H1l, B2 = H2l, CC = Hll; arguments as above."""
+    v, w = relative(q1, q2)
+    elastic = C[0] != 0.0 or C[2] != 0.0
+    return hessian_of(v, w, angle_series(dot(v, v), w), elastic, h, q1, q2, nL, nM, nR, k0, k1, K, C)
+
+
+@inlined
+def hessian_of(
+    v: Vector, w: float, series: Vector, elastic: bool, h: float, q1: Quaternion, q2: Quaternion, nL: Vector,
+    nM: Vector, nR: Vector, k0: Vector, k1: Vector, K: Vector, C: Vector,
+) -> tuple[Vector, Vector, Vector, Matrix, Matrix, Matrix, Matrix, Matrix, Matrix]:  # fmt: skip
+    """The same from the `relative` rotation and its `angle_series`; without a branch but for C above 0: `elastic`.
 
     Exact: the quadratic terms of k, of the rotations at the nodes and of the midpoint rotation in delta_1, delta_2 are
     all there. To second order the midpoint turns by theta + t (|d1|^2 - |d2|^2)/8 + theta t.(d2 - d1)/4 with
     theta = (d1 + d2)/2 + t x (d2 - d1)/2, t = v / (1 + w).
     """
-    v, w = relative(q1, q2)
-    x = dot(v, v)
-    f, f1, f2 = angle_series(x, w)
+    f, f1, f2 = series
     k = scale(f / h, v)
     m = times(K, subtract(k, k0))
     RL, NL = section_force(q1, nL)
@@ -184,7 +201,6 @@ def element_hessian(
     gL, gR = scale(-h / 6.0, VL), scale(-h / 6.0, VR)
     e = -0.5 * slope * c * (a[0] * a[0] + a[1] * a[1])  # dE/d|n|
     ee = slope * slope * c * (W[0] * a[0] * a[0] + W[1] * a[1] * a[1])  # d2E/d|n|2
-    elastic = C[0] != 0.0 or C[2] != 0.0
     z = (-slope * c * W[0] * a[0], -slope * c * W[1] * a[1], 0.0)  # d2E/d|n|dg
     # second derivatives in k and N
     cW = scale(c, W)

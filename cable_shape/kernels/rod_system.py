@@ -20,6 +20,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.rod_algebra import (
     Vector,
@@ -31,7 +33,24 @@ from cable_shape.kernels.rod_algebra import (
     rotation,
     tapply,
 )
-from cable_shape.kernels.rod_element import element_gradient, element_hessian
+from cable_shape.kernels.rod_lanes import (
+    B1,
+    B2,
+    CC,
+    G1,
+    G2,
+    GL,
+    H11,
+    H12,
+    H22,
+    LANES,
+    ROWS,
+    VALUE,
+    gather,
+    gradients,
+    hessians,
+    lane3,
+)
 
 Array = Any
 
@@ -77,32 +96,33 @@ def assemble(
         D[0, c] = 0.0
     for c in range(3 * width):
         X[0, c] = 0.0
-    for e in range(elements):
-        nL, nM, nR = forces(load, e, l3)
-        k0 = (rest[e, 0], rest[e, 1], rest[e, 2])
-        k1 = (rest[e, 3], rest[e, 4], rest[e, 5])
-        g1, g2, gl, H11, H12, H22, B1, B2, CC = element_hessian(
-            h[e], get4(q, e), get4(q, e + 1), nL, nM, nR, k0, k1, K, C
-        )
-        for c in range(9):
-            D[e, c] += H11[c]
-            D[e + 1, c] = H22[c]
-            U[e, c] = H12[c]
-            parts[e, c] = H22[c]
-            parts[e, 9 + c] = B1[c]
-            parts[e, 18 + c] = B2[c]
-            parts[e, 27 + c] = CC[c]
-            total[3 + c] += CC[c]
-        for i in range(3):
-            for c in range(min(nb, 3)):
-                X[e, width * i + c] += B1[3 * i + c]
-                X[e + 1, width * i + c] = B2[3 * i + c]
-            X[e, width * i + nb] += g1[i]
-            X[e + 1, width * i + nb] = g2[i]
-            first[e, i] = gl[i]
-            first[e, 3 + i] = g1[i]
-            first[e, 6 + i] = g2[i]
-            total[i] += gl[i]
+    lanes = np.empty(ROWS * LANES)
+    for begin in range(0, elements, LANES):
+        count = gather(begin, q, l3, h, load, rest, lanes)
+        hessians(lanes, K, C)
+        for k in range(count):
+            e = begin + k
+            for c in range(9):
+                i = c * LANES + k
+                D[e, c] += lanes[H11 * LANES + i]
+                D[e + 1, c] = parts[e, c] = lanes[H22 * LANES + i]
+                U[e, c] = lanes[H12 * LANES + i]
+                parts[e, 9 + c] = lanes[B1 * LANES + i]
+                parts[e, 18 + c] = lanes[B2 * LANES + i]
+                parts[e, 27 + c] = lanes[CC * LANES + i]
+                total[3 + c] += lanes[CC * LANES + i]
+            g1, g2, gl = lane3(lanes, G1, k), lane3(lanes, G2, k), lane3(lanes, GL, k)
+            for i in range(3):
+                if nb > 0:
+                    for c in range(3):
+                        X[e, width * i + c] += lanes[(B1 + 3 * i + c) * LANES + k]
+                        X[e + 1, width * i + c] = lanes[(B2 + 3 * i + c) * LANES + k]
+                X[e, width * i + nb] += g1[i]
+                X[e + 1, width * i + nb] = g2[i]
+                total[i] += gl[i]
+            put3(first, e, 0, gl)
+            put3(first, e, 3, g1)
+            put3(first, e, 6, g2)
     for c in range(9):
         total[12 + c] = D[0, c]
     end_moment(q, moment, D, X, elements, width)
@@ -148,20 +168,22 @@ def gradient(
     l3 = (lam[0], lam[1], lam[2])
     t0 = t1 = t2 = value = 0.0
     left = (0.0, 0.0, 0.0)
-    for e in range(elements):
-        nL, nM, nR = forces(load, e, l3)
-        k0 = (rest[e, 0], rest[e, 1], rest[e, 2])
-        k1 = (rest[e, 3], rest[e, 4], rest[e, 5])
-        v, g1, g2, gl = element_gradient(h[e], get4(q, e), get4(q, e + 1), nL, nM, nR, k0, k1, K, C)
-        value += v
-        put3(G, e, 0, add(left, g1))
-        put3(first, e, 0, gl)
-        put3(first, e, 3, g1)
-        put3(first, e, 6, g2)
-        left = g2
-        t0 += gl[0]
-        t1 += gl[1]
-        t2 += gl[2]
+    lanes = np.empty(ROWS * LANES)
+    for begin in range(0, elements, LANES):
+        count = gather(begin, q, l3, h, load, rest, lanes)
+        gradients(lanes, K, C)
+        for k in range(count):
+            e = begin + k
+            g1, g2, gl = lane3(lanes, G1, k), lane3(lanes, G2, k), lane3(lanes, GL, k)
+            value += lanes[VALUE * LANES + k]
+            put3(G, e, 0, add(left, g1))
+            put3(first, e, 0, gl)
+            put3(first, e, 3, g1)
+            put3(first, e, 6, g2)
+            left = g2
+            t0 += gl[0]
+            t1 += gl[1]
+            t2 += gl[2]
     M = tapply(rotation(get4(q, elements)), (moment[0], moment[1], moment[2]))
     put3(G, elements, 0, (left[0] - M[0], left[1] - M[1], left[2] - M[2]))
     for i in range(3):

@@ -1,17 +1,19 @@
 """The cheapest sufficient model: catenary, gradient cable or Cosserat rod, with hysteresis.
 
 A closed form is taken where its distance to the rod, judged by its residual in the rod's equations
-(:mod:`cable_shape.kernels.rod_judge`), and its own error together stay within the tolerance. What was measured at the
-default tolerance with 150 points, and what follows from it:
+(:mod:`cable_shape.kernels.rod_judge`), and its own error together stay within the tolerance. What ``scripts/bench
+cosserat`` prints of medians of the costs, at the default tolerance with 150 points, and what follows from it:
 
-- Cold, the catenary with its judge costs half to three quarters of the rod, and so does the gradient cable where layers
-  are above a thousandth of the length. Below, the catenary has mostly failed first, and both together cost as much as
-  the rod. Both in vain add up to half of its cost, so a look at the ends rules out most of what is hopeless; with all
-  else that a cold choice takes it adds a tenth.
-- Warm, the rod needs the more elements the thinner its boundary layers sqrt(EI/|n|) are; closed forms do not. Where
-  layers are below a thousandth of the length, closed forms cost half of the rod, at three thousandths nine tenths, and
-  from a few hundredths on nothing is gained. So a warm start beyond three thousandths is the rod's.
-- Warm, catenary and gradient cable cost the same but for a tenth, so one is not left for the other while it will do.
+- Cold, the catenary with its judge costs a fifth of the rod where boundary layers sqrt(EI/|n|) are below 3e-4 of the
+  length, and as much as the rod but for a twentieth above; the gradient cable as much as the rod above a thousandth,
+  and below, where the catenary has mostly failed first, half as much again. A look at the ends rules out most of what
+  is hopeless; with the rest that a cold choice tries in vain a rod costs 1.1 to 1.2 times what it costs by name.
+- Warm, the rod needs the more elements the thinner its boundary layers are; closed forms do not. The catenary costs
+  three quarters of the rod below 3e-4 of the length, nine tenths from there on, and at three thousandths nothing is
+  gained. So a warm start beyond THICK is the rod's. In its plane the rod costs two thirds of what it costs in space, or
+  less, and so less than a closed form: there a warm start is always the rod's.
+- Warm, the gradient cable costs as much as the rod or up to a tenth more: it is only taken where the catenary will not
+  do, and keeps the shape that a cold choice gave. Neither is left for the other while it will do.
 - The gradient cable of 6th order was never within tolerance where neither of the others was: it is not used.
 
 Closed forms know a cable's place, not all of its loads. A cable with a limit on its twist rate is left to the rod, one
@@ -46,7 +48,7 @@ SOONEST, LATEST = 8, 24
 #: Fewest points on which a shape is judged.
 FEWEST_POINTS = 101
 #: Boundary layer / length beyond which a closed form is left for the warm rod, and below which it is taken for it.
-THICK, THIN = 3e-3, 2e-3
+THICK, THIN = 2.5e-3, 2e-3
 #: The catenary is hopeless where the bent ends that it lacks move it by more than this times the tolerance.
 _TOO_FAR = 1.0
 #: The gradient cable, which knows one tension, is hopeless where slack x relative difference of the tensions at its
@@ -155,7 +157,7 @@ class Auto:
             names, ends = self._promising(problem), None
         else:
             names, ends = sorted(_able(problem.cable), key=lambda name: name != self._in_use), before.ends
-        if before is not None and before.layer > THICK * problem.cable.length:
+        if before is not None and (before.layer > THICK * problem.cable.length or self._has_plane(problem)):
             names = []
         for name in names:
             room = 1.0 if before is None or name == self._in_use else ENTER
@@ -189,6 +191,8 @@ class Auto:
         state, self._wait = self._rod.state, self._patience
         if not isinstance(state, RodState) or shape.status is not Status.OK or shape.turns != 0 or _rods_own(problem):
             return
+        if state.planar:
+            return
         promising = self._promising(problem)
         self._patience = min(2 * self._patience, LATEST) if promising else SOONEST
         limit = ENTER * problem.tolerance
@@ -203,13 +207,24 @@ class Auto:
                 return
             self._in_use, self._beside = "cosserat", None
 
+    def _has_plane(self, problem: Problem) -> bool:
+        """Whether the rod would be solved for in its plane."""
+        state = self._rod.state
+        if not isinstance(state, RodState):
+            return False
+        if state.problem is not problem:
+            state.take(problem)
+        return state.has_plane(problem.start, problem.end)
+
     def _continue(self, beside: Beside) -> bool:
         """Solves for the rod beside the last closed form, between its ends; if there is none, the rod is cold."""
         problem, state = self._problem, self._rod.state
         assert problem is not None
         assert isinstance(state, RodState)
         now = problem.start, problem.end
-        shape = cosserat.solve_beside(problem.move(beside.start, beside.end), state, beside.frames, beside.force)
+        problem.move(beside.start, beside.end)
+        fineness = 2.0 if abs(beside.twist) > _WOUND else 1.0  # a cold start's mesh tells twist to a twentieth only
+        shape = cosserat.solve_beside(problem, state, beside.frames, beside.force, fineness=fineness)
         problem.move(*now)
         if shape.status is not Status.OK:
             state.history = 0

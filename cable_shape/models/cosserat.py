@@ -21,11 +21,12 @@ from numpy.typing import ArrayLike
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels import rod_sensitivity, rod_stability
+from cable_shape.models.rod_call import FAR, WARM_ITERATIONS, RodCall
 from cable_shape.models.rod_common import MODEL, turn_about
 from cable_shape.models.rod_solve import Solve
 from cable_shape.models.rod_state import RodState
 from cable_shape.problem import Problem
-from cable_shape.shape import CableShape
+from cable_shape.shape import CableShape, Status
 
 __all__ = ["MODEL", "sensitivity", "smallest_eigenvalue", "solve", "solve_beside"]
 
@@ -57,11 +58,22 @@ def solve(problem: Problem, state: RodState | None = None, *, deadline: float = 
         state = RodState(problem)
     elif state.problem is not problem:
         state.take(problem)
-    return Solve(problem, state, deadline, began).run()
+    rod = RodCall(problem, state, deadline, began)
+    ends = state.aim(problem.start, problem.end, trial=state.history > 0)
+    followed = state.history > 0 and rod.solve(state.history, WARM_ITERATIONS, far=FAR)
+    if followed and rod.final:
+        state.settle()
+        return rod.shape(Status.OK, "")
+    return Solve(rod).run(ends, followed)
 
 
 def solve_beside(
-    problem: Problem, state: RodState, frames: Callable[[Array], Array], force: ArrayLike = (0.0, 0.0, 0.0)
+    problem: Problem,
+    state: RodState,
+    frames: Callable[[Array], Array],
+    force: ArrayLike = (0.0, 0.0, 0.0),
+    *,
+    fineness: float = 2.0,
 ) -> CableShape:
     """The equilibrium next to given frames, stable (OK) or not (UNSTABLE): no branch is sought.
 
@@ -71,10 +83,13 @@ def solve_beside(
         Arc lengths (k,) [m] to quaternions (k, 4), x y z w, whose signs follow one another along the cable.
     force : (3,) array_like
         [N], world: about the force at the end.
+    fineness : float
+        Elements of the first mesh in terms of those of a cold start.
     """
     if state.problem is not problem:
         state.take(problem)
-    return Solve(problem, state, math.inf, perf_counter()).beside(frames, np.asarray(force, dtype=np.float64))
+    rod = RodCall(problem, state, math.inf, perf_counter())
+    return Solve(rod).beside(frames, np.asarray(force, dtype=np.float64), fineness)
 
 
 def sensitivity(state: RodState, *, at: str = "cable") -> Array:

@@ -7,7 +7,7 @@ from typing import final
 
 from cable_shape.checks import Array
 from cable_shape.kernels import planar_drive, rod_stability
-from cable_shape.kernels.rod_drive import ENERGY, ESTIMATE, ITERATIONS, RESIDUAL, TURNS, TWIST
+from cable_shape.kernels.rod_drive import ENERGY, ESTIMATE, EXCESS, ITERATIONS, RESIDUAL, TURNS, TWIST
 from cable_shape.kernels.rod_newton import CONVERGED
 from cable_shape.models.rod_common import MODEL, straight_line
 from cable_shape.models.rod_state import RodState
@@ -17,6 +17,8 @@ from cable_shape.shape import CableShape, Status
 COLD_ITERATIONS, WARM_ITERATIONS, STEP_ITERATIONS = 80, 25, 12
 #: So many meshes are tried for one shape.
 MESHES = 12
+#: A warm solve that turns a frame by more than this [rad] from its prediction is checked by small steps.
+FAR = 0.7
 
 
 @final
@@ -47,6 +49,12 @@ class RodCall:
         self.info = state.info.tolist()
         self.iterations += int(self.info[ITERATIONS])
         return bool(code == CONVERGED)
+
+    @property
+    def final(self) -> bool:
+        """Whether the last solve found a stable shape within tolerance, on a mesh as fine as it need be."""
+        info, state = self.info, self.state
+        return info[EXCESS] == 0.0 and not state.too_coarse(info) and not state.too_fine(info)
 
     def refine(self) -> bool:
         """Meshes as fine as the error asks for, starting from the last solution; False where it is lost."""

@@ -1,4 +1,4 @@
-"""One solve of the rod: warm, then in small steps along the ends' path, then from a guess; graded in the end."""
+"""Where one warm solve of the rod is not all: small steps along the ends' path, then guesses; graded in the end."""
 
 from __future__ import annotations
 
@@ -11,16 +11,12 @@ import numpy as np
 from cable_shape.checks import Array
 from cable_shape.kernels import rod_drive
 from cable_shape.kernels.rod_drive import ESTIMATE, EXCESS, TURNED
-from cable_shape.models.rod_call import COLD_ITERATIONS, MESHES, STEP_ITERATIONS, WARM_ITERATIONS, RodCall
+from cable_shape.models.rod_call import COLD_ITERATIONS, FAR, MESHES, STEP_ITERATIONS, WARM_ITERATIONS, RodCall
 from cable_shape.models.rod_cold import find_again, guesses, soften
-from cable_shape.models.rod_state import RodState
 from cable_shape.pose import Grip, multiply
-from cable_shape.problem import Problem
 from cable_shape.shape import CableShape, Status
 
-#: A warm solve that turns a frame by more than this [rad] from its prediction is checked by small steps.
-_FAR = 0.7
-#: The same for one small step, and a finer mesh that turns a frame as far has left its branch. With more, steps get
+#: As `FAR`, for one small step, and a finer mesh that turns a frame as far has left its branch. With more, steps get
 #: across a fold to the shape that the cable snaps to.
 _FAR_STEP = 0.3
 #: Fractions of the path. Near a cusp the shape moves a thousand times as much as its ends and yet continuously.
@@ -30,22 +26,21 @@ _QUARTER_TURN = 0.25
 
 @final
 class Solve:
-    """One call of :func:`solve`: warm, then in small steps along the ends' path, then from a guess."""
+    """What a call of :func:`cosserat.solve` does where a warm solve alone is not enough."""
 
     __slots__ = ("rod", "softened", "state")
 
-    def __init__(self, problem: Problem, state: RodState, deadline: float, began: float) -> None:
-        self.rod = RodCall(problem, state, deadline, began)
-        self.state = state
+    def __init__(self, rod: RodCall) -> None:
+        self.rod = rod
+        self.state = rod.state
         self.softened = False  # whether a stiffer cable has been asked
 
-    def run(self) -> CableShape:
-        """The shape, whatever comes."""
+    def run(self, ends: Array, followed: bool) -> CableShape:
+        """The shape between `ends` (15,), whatever comes; followed: a warm solve has found an equilibrium there."""
         problem, state = self.rod.problem, self.state
-        ends = state.aim(problem.start, problem.end, trial=state.history > 0)
+        if followed:
+            return self._finish(Status.OK)
         if state.history > 0:
-            if self.rod.solve(state.history, WARM_ITERATIONS, far=_FAR):
-                return self._finish(Status.OK)
             ends = ends.copy()
         if state.width > 1 and state.stretch == 0.0:
             chord, length = math.dist(ends[7:10].tolist(), ends[:3].tolist()), problem.cable.length
@@ -54,14 +49,14 @@ class Solve:
                 return self.rod.no_shape(Status.OVERSTRETCHED, ends, detail)
         return self._walk(ends) if state.history > 0 else self._cold(ends)
 
-    def beside(self, frames: Callable[[Array], Array], force: Array) -> CableShape:
-        """Plain Newton steps from these frames."""
+    def beside(self, frames: Callable[[Array], Array], force: Array, fineness: float) -> CableShape:
+        """Plain Newton steps from these frames, on a mesh so many times as fine as a cold start's."""
         state = self.state
         ends = state.aim(self.rod.problem.start, self.rod.problem.end)
         _, layer = state.hanging(ends)
         q = frames(np.linspace(0.0, self.rod.problem.cable.length, 200))
         turn = 2.0 * np.arccos(np.minimum(1.0, np.abs((q[1:] * q[:-1]).sum(axis=1)))).sum()
-        state.first_mesh(layer, 2.0, turn)
+        state.first_mesh(layer, fineness, turn)
         state.start_with(ends, frames, force)
         if self.rod.solve(0, COLD_ITERATIONS, guard=False):
             return self._finish(Status.UNSTABLE)
@@ -266,7 +261,7 @@ class Solve:
             if self.rod.out_of_time():
                 return self._give_up(ends)
             state.target[:] = ends
-            if self.rod.solve(state.history, WARM_ITERATIONS, far=_FAR):
+            if self.rod.solve(state.history, WARM_ITERATIONS, far=FAR):
                 state.history = 2
                 if state.far_too_coarse(self.rod.info) and state.next_mesh():
                     if not self.rod.solve(0, COLD_ITERATIONS):

@@ -260,6 +260,11 @@ class RodState:
             load = mesh[2 * elements + 1 : 11 * elements + 1].reshape(elements, 9)
             add_inertia(mesh[: elements + 1], problem.swing, problem.cable.linear_density, load)
 
+    def has_plane(self, start: Grip, end: Grip | FreeEnd) -> bool:
+        """Whether these ends, loads and section leave the cable in a plane."""
+        ends = self.aim(start, end)
+        return bool(planar_drive.has_plane(self.par, ends, self.width, self.plane))
+
     @property
     def planar(self) -> bool:
         """Whether the last solution was found in its plane."""

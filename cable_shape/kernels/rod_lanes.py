@@ -1,0 +1,126 @@
+"""The same formulas for LANES elements of the rod at a time: the compiler makes vector instructions of them.
+
+`lanes` (ROWS x LANES numbers, flat) holds one number of each element in a row. Rows are a constant distance apart, so
+that the compiler knows that they do not overlap.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from cable_shape.kernels._jit import kernel
+from cable_shape.kernels.rod_algebra import FAST, Matrix, Quaternion, Vector, dot, get4, inlined
+from cable_shape.kernels.rod_element import angle_series, gradient_of, hessian_of, relative
+
+Array = Any
+#: Elements side by side: what the widest registers hold.
+LANES = 8
+# Rows of what is given: length, quaternions, forces, rest curvature; relative rotation and its series.
+H, LEFT, RIGHT, FORCE_LEFT, FORCE_MIDDLE, FORCE_RIGHT, REST, SLOPE = 0, 1, 5, 9, 12, 15, 18, 21
+V, W, SERIES = 24, 27, 28
+# What comes: gradient in delta_1, delta_2, lambda, and the value, or in its place the blocks of the Hessian.
+G1, G2, GL, VALUE, H11, H12, H22, B1, B2, CC = 31, 34, 37, 40, 40, 49, 58, 67, 76, 85
+ROWS = 94
+
+
+@inlined
+def lane3(lanes: Array, row: int, k: int) -> Vector:
+    """A vector of element k."""
+    i = row * LANES + k
+    return lanes[i], lanes[i + LANES], lanes[i + 2 * LANES]
+
+
+@inlined
+def lane4(lanes: Array, row: int, k: int) -> Quaternion:
+    """A quaternion of element k."""
+    i = row * LANES + k
+    return lanes[i], lanes[i + LANES], lanes[i + 2 * LANES], lanes[i + 3 * LANES]
+
+
+@inlined
+def put_lane3(lanes: Array, row: int, k: int, v: Vector) -> None:
+    """Writes a vector of element k."""
+    i = row * LANES + k
+    lanes[i], lanes[i + LANES], lanes[i + 2 * LANES] = v
+
+
+@inlined
+def put_lane4(lanes: Array, row: int, k: int, q: Quaternion) -> None:
+    """Writes a quaternion of element k."""
+    i = row * LANES + k
+    lanes[i], lanes[i + LANES], lanes[i + 2 * LANES], lanes[i + 3 * LANES] = q
+
+
+@inlined
+def put_lane9(lanes: Array, row: int, k: int, A: Matrix) -> None:
+    """Writes a matrix of element k."""
+    put_lane3(lanes, row, k, (A[0], A[1], A[2]))
+    put_lane3(lanes, row + 3, k, (A[3], A[4], A[5]))
+    put_lane3(lanes, row + 6, k, (A[6], A[7], A[8]))
+
+
+@inlined
+def gather(begin: int, q: Array, lam: Vector, h: Array, load: Array, rest: Array, lanes: Array) -> int:
+    """Fills length to rest curvature of the elements from `begin` on; returns how many there are, at most LANES.
+
+    Lanes beyond the last element repeat it.
+    """
+    elements = h.shape[0]
+    for k in range(LANES):
+        e = min(begin + k, elements - 1)
+        lanes[H * LANES + k] = h[e]
+        put_lane4(lanes, LEFT, k, get4(q, e))
+        put_lane4(lanes, RIGHT, k, get4(q, e + 1))
+        for i in range(9):
+            lanes[(FORCE_LEFT + i) * LANES + k] = load[e, i] + lam[i % 3]
+        for i in range(6):
+            lanes[(REST + i) * LANES + k] = rest[e, i]
+    return min(LANES, elements - begin)
+
+
+@inlined
+def gather_turns(lanes: Array) -> None:
+    """Fills relative rotations and their series."""
+    for k in range(LANES):
+        v, w = relative(lane4(lanes, LEFT, k), lane4(lanes, RIGHT, k))
+        put_lane3(lanes, V, k, v)
+        lanes[W * LANES + k] = w
+        put_lane3(lanes, SERIES, k, angle_series(dot(v, v), w))
+
+
+@kernel(fastmath=FAST)
+def hessians(lanes: Array, K: Vector, C: Vector) -> None:
+    """`rod_element.element_hessian` of all lanes."""
+    gather_turns(lanes)
+    elastic = C[0] != 0.0 or C[2] != 0.0
+    for k in range(LANES):
+        g1, g2, gl, h11, h12, h22, b1, b2, cc = hessian_of(
+            lane3(lanes, V, k), lanes[W * LANES + k], lane3(lanes, SERIES, k), elastic, lanes[H * LANES + k],
+            lane4(lanes, LEFT, k), lane4(lanes, RIGHT, k), lane3(lanes, FORCE_LEFT, k), lane3(lanes, FORCE_MIDDLE, k),
+            lane3(lanes, FORCE_RIGHT, k), lane3(lanes, REST, k), lane3(lanes, SLOPE, k), K, C,
+        )  # fmt: skip
+        put_lane3(lanes, G1, k, g1)
+        put_lane3(lanes, G2, k, g2)
+        put_lane3(lanes, GL, k, gl)
+        put_lane9(lanes, H11, k, h11)
+        put_lane9(lanes, H12, k, h12)
+        put_lane9(lanes, H22, k, h22)
+        put_lane9(lanes, B1, k, b1)
+        put_lane9(lanes, B2, k, b2)
+        put_lane9(lanes, CC, k, cc)
+
+
+@kernel(fastmath=FAST)
+def gradients(lanes: Array, K: Vector, C: Vector) -> None:
+    """`rod_element.element_gradient` of all lanes."""
+    gather_turns(lanes)
+    for k in range(LANES):
+        value, g1, g2, gl = gradient_of(
+            lane3(lanes, V, k), lanes[W * LANES + k], lane3(lanes, SERIES, k), lanes[H * LANES + k],
+            lane4(lanes, LEFT, k), lane4(lanes, RIGHT, k), lane3(lanes, FORCE_LEFT, k), lane3(lanes, FORCE_MIDDLE, k),
+            lane3(lanes, FORCE_RIGHT, k), lane3(lanes, REST, k), lane3(lanes, SLOPE, k), K, C,
+        )  # fmt: skip
+        lanes[VALUE * LANES + k] = value
+        put_lane3(lanes, G1, k, g1)
+        put_lane3(lanes, G2, k, g2)
+        put_lane3(lanes, GL, k, gl)

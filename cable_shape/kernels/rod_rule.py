@@ -1,0 +1,127 @@
+"""The sixth-order rule of :mod:`cable_shape.kernels.rod_defect` on elements side by side, see `rod_lanes`."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from cable_shape.kernels._jit import kernel
+from cable_shape.kernels.rod_algebra import (
+    FAST,
+    Vector,
+    add,
+    cross,
+    dot,
+    inlined,
+    qconj,
+    qmul,
+    qnormal,
+    scale,
+    subtract,
+)
+from cable_shape.kernels.rod_between import (
+    Node,
+    apart,
+    at_node,
+    change,
+    force_slopes,
+    landing,
+    middle3,
+    middle4,
+    missed,
+)
+from cable_shape.kernels.rod_curve import STIFF
+from cable_shape.kernels.rod_lanes import (
+    FORCE_LEFT,
+    FORCE_MIDDLE,
+    FORCE_RIGHT,
+    LANES,
+    LEFT,
+    REST,
+    RIGHT,
+    SLOPE,
+    H,
+    lane3,
+    lane4,
+    put_lane3,
+)
+from cable_shape.kernels.rod_system import jumps
+
+Array = Any
+# Rows, after those of `gather`: moments at the left and right, and minus the step in position;
+M_LEFT, M_RIGHT, STEP = 24, 27, 30
+# what comes: defects in rotation, moment and position, and what the rule itself misses of these.
+TURN, MOMENT, PLACE, MISSED_TURN, MISSED_MOMENT, MISSED_PLACE = 33, 36, 39, 42, 45, 48
+ROWS = 51
+
+
+@inlined
+def is_long(h: Array, load: Array, lam: Vector, e: int, softest: float) -> bool:
+    """Whether element e is so much longer than its boundary layer that the rule is none for it."""
+    n = (load[e, 3] + lam[0], load[e, 4] + lam[1], load[e, 5] + lam[2])
+    return h[e] * h[e] * math.sqrt(dot(n, n)) > STIFF * softest
+
+
+@inlined
+def gather_moments(
+    begin: int, first: Array, lam: Vector, h: Array, load: Array, rest: Array, softest: float, before: Vector,
+    lanes: Array,
+) -> None:  # fmt: skip
+    """Fills moments and steps. A node's moment is that of the element before it, unless something holds the node.
+
+    before: moment at the right of the element before `begin`.
+    """
+    elements = h.shape[0]
+    for k in range(LANES):
+        e = min(begin + k, elements - 1)
+        M = (-first[e, 3], -first[e, 4], -first[e, 5])
+        if k > 0:
+            before = (first[e - 1, 6], first[e - 1, 7], first[e - 1, 8])
+        bent = rest[e, 3] != 0.0 or rest[e, 4] != 0.0 or rest[e, 5] != 0.0
+        if not (e == 0 or bent or is_long(h, load, lam, e - 1, softest) or jumps(load, e) or apart(before, M)):
+            M = before
+        put_lane3(lanes, M_LEFT, k, M)
+        put_lane3(lanes, M_RIGHT, k, (first[e, 6], first[e, 7], first[e, 8]))
+        put_lane3(lanes, STEP, k, (first[e, 0], first[e, 1], first[e, 2]))
+
+
+@inlined
+def onward(
+    h: float, turn: Vector, dM: Vector, dr: Vector, b: Node, n: Vector, flex: Vector, C: Vector
+) -> tuple[Vector, Vector, Vector]:
+    """The defect of a rule that uses the right node, too, as one of integration from the left alone.
+
+    The rule sees the right node where it is, half of h f_y times the defect away from where it should be.
+    """
+    du, ddM, ddr = change(b, n, turn, dM, flex, C)
+    f = 0.5 * h
+    return add(turn, scale(f, add(du, scale(0.5, cross(turn, b[8]))))), add(dM, scale(f, ddM)), add(dr, scale(f, ddr))
+
+
+@kernel(fastmath=FAST)
+def land(lanes: Array, flex: Vector, C: Vector) -> None:
+    """Integrates over all lanes from the left: fills by how much the right node is missed, and what the rule misses."""
+    for k in range(LANES):
+        h, q1, q2 = lanes[H * LANES + k], lane4(lanes, LEFT, k), lane4(lanes, RIGHT, k)
+        sign = 1.0 if q1[0] * q2[0] + q1[1] * q2[1] + q1[2] * q2[2] + q1[3] * q2[3] >= 0.0 else -1.0
+        q2 = (sign * q2[0], sign * q2[1], sign * q2[2], sign * q2[3])
+        nL, nM, nR = lane3(lanes, FORCE_LEFT, k), lane3(lanes, FORCE_MIDDLE, k), lane3(lanes, FORCE_RIGHT, k)
+        k0, k1 = lane3(lanes, REST, k), lane3(lanes, SLOPE, k)
+        dnL, dnR = force_slopes(h, nL, nM, nR)
+        M1, M2 = lane3(lanes, M_LEFT, k), lane3(lanes, M_RIGHT, k)
+        a = at_node(q1, M1, nL, dnL, add(k0, scale(-0.5 * h, k1)), k1, flex, C)
+        b = at_node(q2, M2, nR, dnR, add(k0, scale(0.5 * h, k1)), k1, flex, C)
+        Mm = middle3(h, a[1], a[4], a[5], b[1], b[4], b[5])
+        m = at_node(qnormal(middle4(h, a, b)), Mm, nM, scale(1.0 / h, subtract(nR, nL)), k0, k1, flex, C)
+        p, M, r = landing(h, a, m, b)
+        miss = qmul(qconj(q2), p)
+        # small, or the mesh is hopeless
+        turn = scale(2.0 / miss[3], (miss[0], miss[1], miss[2]))
+        turn, dM, dr = onward(h, turn, subtract(M, M2), add(r, lane3(lanes, STEP, k)), b, nR, flex, C)
+        put_lane3(lanes, TURN, k, turn)
+        put_lane3(lanes, MOMENT, k, dM)
+        put_lane3(lanes, PLACE, k, dr)
+        turn, dM, dr = missed(h, a, m, b, nM, flex, C)
+        put_lane3(lanes, MISSED_TURN, k, turn)
+        put_lane3(lanes, MISSED_MOMENT, k, dM)
+        put_lane3(lanes, MISSED_PLACE, k, dr)
