@@ -20,7 +20,7 @@ def main() -> int:
     options = bench_options(parser)
     quick, figures = options.quick, Figures()
     figures.check("service: time over DDS beside in process", planner_service.print_service(repeats=7 if quick else 15))
-    figures.check("service: cycles beside it keep their p99", planner_service.print_cycles(phases=1 if quick else 3))
+    figures.check("service: cycles beside it keep their p99", planner_service.print_cycles(rounds=2 if quick else 6))
     if not options.service:
         figures.check("predict_batch: shapes a second", planner_batch.print_rates(10_000, 3 if quick else 7))
         planner_batch.print_agreement(50 if quick else 500)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, final
@@ -17,11 +19,14 @@ from cable_shape_msgs.msg import CableShape
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
 SENSOR = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+DAY = 86_400 * 10**9  # ns, so that the phase of a motion keeps its digits
 STARTUP_S = 120.0  # the node may have to compile its kernels
+LATE_S = 0.2  # s, after the last poses no shape is waited for longer
 FRESH_S = 0.3  # s, diagnostics this long after the last input hold all of it
 
 
@@ -62,6 +67,7 @@ class FedNode:
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._hear, 10)
         listener = rclpy.create_node(f"listener_{name}", namespace=name)  # not spun: `shapes` are taken by hand
         self.shapes = listener.create_subscription(CableShape, "cable/shape", lambda _: None, QoSProfile(depth=shapes))
+        self._waiting = rclpy_implementation.WaitSet(1, 0, 0, 0, 0, 0, listener.context.handle)
 
     def _hear(self, message: DiagnosticArray) -> None:
         if message.status and message.status[0].name.startswith(f"{self._name}/"):
@@ -103,6 +109,50 @@ class FedNode:
             p, o = message.pose.position, message.pose.orientation
             p.x, p.y, p.z, o.x, o.y, o.z, o.w = pose
             publisher.publish(message)
+
+    def feed(
+        self, poses: Callable[[int], Sequence[Sequence[float]]], rate: float, rounds: int, shapes: int = 1
+    ) -> list[float]:
+        """Sends rounds of `poses` of a stamp at a rate [Hz].
+
+        Returns
+        -------
+        list of float
+            [s], of each round from its last pose until the last of its shapes came, or those of a later round where the
+            node has overtaken it; infinite if none came.
+        """
+        waits: list[float] = []
+        open_rounds: deque[tuple[int, float]] = deque()
+        missing: dict[int, int] = {}
+        due = time.monotonic()
+        for k in range(rounds + 1):
+            if k < rounds:
+                stamp = time.time_ns()
+                self.send(stamp, poses(stamp))
+                open_rounds.append((stamp, time.monotonic()))
+                missing[stamp] = shapes
+            due += 1.0 / rate if k < rounds else LATE_S
+            while open_rounds and time.monotonic() < due:
+                taken = self._taken(due - time.monotonic())
+                if taken is None:
+                    continue
+                now, at = time.monotonic(), taken.header.stamp
+                came = at.sec * 10**9 + at.nanosec
+                if came not in missing:  # of an earlier turn
+                    continue
+                missing[came] -= 1
+                while not missing[came] and open_rounds and open_rounds[0][0] <= came:
+                    waits.append(now - open_rounds.popleft()[1])
+            time.sleep(max(0.0, due - time.monotonic()) if k < rounds else 0.0)
+        return waits + [math.inf] * len(open_rounds)
+
+    def _taken(self, seconds: float) -> CableShape | None:
+        """The next shape, waited for without keeping a core busy, on which the node may have to run."""
+        self._waiting.clear_entities()
+        self._waiting.add_subscription(self.shapes.handle)
+        self._waiting.wait(max(0, round(1e9 * seconds)))
+        taken = self.shapes.handle.take_message(self.shapes.msg_type, False)
+        return None if taken is None else taken[0]
 
     def close(self) -> None:
         """Ends it."""

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import array
 import os
+import signal
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -19,57 +20,52 @@ import numpy as np
 import planner_batch
 import rclpy
 import yaml
-from builtin_interfaces.msg import Time
 from cable_shape_msgs.srv import PredictShapes
-from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseStamped
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from cell_beside import P99_ALLOWED, RATE, TURN_S, Side, Work, compare, work_when_told
+from cell_node import STARTUP_S, FedNode
+from rclpy.executors import ExternalShutdownException
 
 import cable_shape as cs
+from cable_shape.ros.parameters import find_file
+from cable_shape.ros.planner_messages import ARRAYS, fill_shapes
+from cable_shape.ros.workers import PROFILES
 
-RATE, PHASE_S = 250.0, 5.0  # Hz, s: the diagnostics' window of 1000 cycles is 4 s
-OVER, MORE_S, P99_ALLOWED = 1.5, 0.02, 1.5
-STARTUP_S = 120.0
+OVER, MORE_S = 1.5, 0.02
 SPREAD = planner_batch.SPREADS[0]
+SHIPPED = "fastdds_planner.xml"
+#: what is asked for, bits of PredictShapes.arrays, and whether it is judged with the shipped profiles
+ANSWERS = (("status and margins", 0, False), ("and positions", 1, False), ("and all arrays", sum(ARRAYS), True))
 
 
-@contextmanager
-def running_node() -> Iterator[Any]:
-    """The node with its planner in processes of their own, and a client node."""
-    with tempfile.TemporaryDirectory(prefix="bench_planner_") as folder:
-        file = Path(folder) / "cable.yaml"
-        file.write_text(yaml.safe_dump({k: v for k, v in planner_batch.CABLE.as_dict().items() if v is not None}))
-        log = (Path(folder) / "node.log").open("w")
-        command = [sys.executable, "-m", "cable_shape.ros.node", "--ros-args", "-r", "__ns:=/bench"]
-        for name, value in (
-            ("cable_file", file), ("model", "cosserat"), ("tolerance", planner_batch.TOLERANCE),
-            ("planner", "true"), ("planner_rows", 10_000), ("diagnostics_period", 0.2),
-        ):  # fmt: skip
-            command += ["-p", f"{name}:={value}"]
-        process = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT)
-        rclpy.init()
-        client = rclpy.create_node("client", namespace="bench")
-        try:
-            yield client
-        finally:
-            client.destroy_node()
-            rclpy.try_shutdown()
-            process.terminate()
-            process.wait(30)
-            log.close()
+def parameters(folder: Path, **more: Any) -> dict[str, Any]:
+    """Of a node with the cable of the batches."""
+    file = folder / "cable.yaml"
+    file.write_text(yaml.safe_dump({k: v for k, v in planner_batch.CABLE.as_dict().items() if v is not None}))
+    return {"cable_file": file, "model": "cosserat", "tolerance": planner_batch.TOLERANCE, **more}
 
 
-class Planner:
-    """A client of the service."""
+def predicted(starts: np.ndarray, ends: np.ndarray, threads: int) -> cs.ShapeBatch:
+    """What the service is asked for, in process."""
+    return cs.predict_batch(
+        planner_batch.CABLE, starts, ends, model="cosserat", tolerance=planner_batch.TOLERANCE, threads=threads
+    )
 
-    def __init__(self, node: Any) -> None:
-        self.node = node
-        self.client = node.create_client(PredictShapes, "cable/predict_shapes")
+
+class Client:
+    """Of a service of the type of the planner's."""
+
+    def __init__(self, name: str) -> None:
+        self.node = rclpy.create_node(f"client_{name}", namespace=name)
+        self.client = self.node.create_client(PredictShapes, "cable/predict_shapes")
+
+    def wait(self) -> None:
+        """Until it is there."""
         if not self.client.wait_for_service(STARTUP_S):
             raise TimeoutError("the planner did not come")
+        time.sleep(0.5)  # it may still be looking for this client
 
-    def ask(self, starts: np.ndarray, ends: np.ndarray, arrays: int) -> tuple[float, Any]:
-        """[s], from flat arrays to the answer, and that."""
+    def ask(self, starts: np.ndarray, ends: np.ndarray, arrays: int) -> float:
+        """[s], from flat arrays to the answer."""
         request = PredictShapes.Request(
             starts=array.array("d", starts.tobytes()), ends=array.array("d", ends.tobytes()), arrays=arrays
         )
@@ -80,118 +76,101 @@ class Planner:
         answer = future.result()
         if not answer.success or answer.partial:
             raise RuntimeError(answer.error or "the answer is partial")
-        return spent, answer
+        return spent
+
+
+def echo(name: str, rows: int) -> None:
+    """The least that a service in Python can do: answers as large as the planner's, made before."""
+    batch = predicted(*planner_batch.grasps(rows, *SPREAD[1:]), 1)
+    ready = {arrays: PredictShapes.Response() for _, arrays, _ in ANSWERS}
+    for arrays, answer in ready.items():
+        fill_shapes(answer, batch, arrays)
+    node = rclpy.create_node("echo", namespace=name)
+    node.create_service(PredictShapes, "cable/predict_shapes", lambda request, _: ready[request.arrays])
+    with suppress(KeyboardInterrupt, ExternalShutdownException):
+        rclpy.spin(node)
+    node.destroy_node()
+
+
+@contextmanager
+def echoing(name: str, rows: int, profiles: bool) -> Iterator[Client]:
+    """The client of an echo in a process of its own."""
+    shipped = {PROFILES: str(find_file(SHIPPED))} if profiles else {}
+    child = subprocess.Popen([sys.executable, __file__, "echo", name, str(rows)], env={**os.environ, **shipped})
+    try:
+        yield Client(name)
+    finally:
+        child.send_signal(signal.SIGINT)  # to be killed would leave its shared memory behind
+        child.wait(30)
 
 
 def print_service(rows: int = 1000, repeats: int = 15) -> bool:
     """Prints how long a call takes over DDS beside the same call in process; returns whether that is within bounds."""
     starts, ends = planner_batch.grasps(rows, *SPREAD[1:])
     threads = max(1, len(os.sched_getaffinity(0)) - 1)
-    print(
-        f"\n## PredictShapes: {rows} grasps over DDS and in process, {threads} thread(s), median of {repeats} in turns"
-    )
+    print(f"\n## PredictShapes: {rows} grasps, {threads} thread(s), medians of {repeats} in turns [ms]")
+    print(f"{'':20s} in process   by service, with {SHIPPED}   an echo as large, with it   allowed")
     holds = True
-    with running_node() as node:
-        planner = Planner(node)
-        for name, arrays in (("status and margins", 0), ("and positions", 1), ("and all arrays", 31)):
-            over, within = [], []
+    with ExitStack() as stack:
+        rclpy.init()
+        stack.callback(rclpy.try_shutdown)
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="bench_planner_")))
+        own = parameters(folder, planner="true")
+        for name, more in (("plain", {}), ("profiled", {"planner_profiles": SHIPPED})):
+            stack.enter_context(FedNode(name, folder, {**own, **more}))
+        clients = [Client("plain"), Client("profiled")]
+        clients += [stack.enter_context(echoing(f"echo_{i}", rows, bool(i))) for i in range(2)]
+        for client in clients:
+            client.wait()
+        for name, arrays, shipped in ANSWERS:
+            spent = []
             for _ in range(repeats + 2):
-                over.append(planner.ask(starts, ends, arrays)[0])
                 began = time.perf_counter()
-                cs.predict_batch(
-                    planner_batch.CABLE, starts, ends, model="cosserat", tolerance=planner_batch.TOLERANCE,
-                    threads=threads,
-                )  # fmt: skip
-                within.append(time.perf_counter() - began)
-            dds, own = (1e3 * float(np.median(times[2:])) for times in (over, within))
-            bound = OVER * own + 1e3 * MORE_S
-            holds &= dds <= bound
-            print(f"{name:20s} DDS {dds:7.1f} ms, in process {own:7.1f} ms, allowed {bound:7.1f} ms")
+                predicted(starts, ends, threads)
+                spent.append([time.perf_counter() - began, *(c.ask(starts, ends, arrays) for c in clients)])
+            within, plain, profiled, echo_plain, echo_profiled = 1e3 * np.median(spent[2:], axis=0)
+            bound = OVER * within + 1e3 * MORE_S
+            holds &= bool((profiled if shipped else plain) <= bound)
+            print(
+                f"{name:20s} {within:10.1f} {plain:12.1f} {profiled:25.1f} {echo_plain:18.1f} {echo_profiled:9.1f} "
+                f"{bound:9.1f} {'with it' if shipped else 'without it'}"
+            )
     print(f"at most {OVER:g} times and {1e3 * MORE_S:g} ms more asked; holds: {'yes' if holds else 'no'}")
     return holds
 
 
-def feed(node: Any, seconds: float) -> float:
-    """Publishes gripper poses at `RATE`; the p99 [ms] of the cycle times that the diagnostics tell at the end."""
-    sensor = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-    sides = [node.create_publisher(PoseStamped, f"{side}_gripper/pose", sensor) for side in ("left", "right")]
-    p99: list[float] = []
-
-    def listen(message: DiagnosticArray) -> None:
-        for status in message.status:
-            p99.extend(float(v.value) for v in status.values if v.key == "cycle time p99 [ms]")
-
-    diagnostics = node.create_subscription(DiagnosticArray, "/diagnostics", listen, 10)
-    began = due = time.monotonic()
-    k = 0
-    while due < began + seconds:
-        due += 1.0 / RATE
-        k += 1
-        stamp = time.time_ns()
-        for publisher, x in zip(sides, (0.0, 0.7), strict=True):
-            message = PoseStamped()
-            message.header.frame_id = "world"
-            message.header.stamp = Time(sec=stamp // 10**9, nanosec=stamp % 10**9)
-            p, q = message.pose.position, message.pose.orientation
-            p.x, p.y, p.z = x, 0.03 * np.sin(0.02 * k), 0.5 + 0.03 * np.cos(0.017 * k)
-            q.x = q.y = q.z = q.w = 0.5
-            publisher.publish(message)
-        while due > time.monotonic():
-            rclpy.spin_once(node, timeout_sec=max(0.0, due - time.monotonic()))
-    for publisher in sides:
-        node.destroy_publisher(publisher)
-    node.destroy_subscription(diagnostics)
-    return p99[-1]
-
-
-def load(rows: int) -> None:
-    """Asks for `rows` grasps again and again, until it is ended; prints the answers' seconds."""
-    rclpy.init()
-    planner = Planner(rclpy.create_node("load", namespace="bench"))
+def load(name: str, rows: int) -> None:
+    """Asks for `rows` grasps again and again while it is told to."""
+    client = Client(name)
+    client.wait()
     starts, ends = planner_batch.grasps(rows, *SPREAD[1:])
-    while True:
-        print(f"{planner.ask(starts, ends, 1)[0]:.3f}", flush=True)
+    work_when_told(lambda: client.ask(starts, ends, 1))
 
 
-@contextmanager
-def loaded(rows: int, spent: list[float]) -> Iterator[None]:
-    """The node's planner answers without a pause; `spent` [s] gets what each call took."""
-    child = subprocess.Popen([sys.executable, __file__, "load", str(rows)], stdout=subprocess.PIPE, text=True)
-    try:
-        assert child.stdout is not None
-        child.stdout.readline()
-        yield
-    finally:
-        child.kill()
-        spent += [float(line) for line in child.communicate()[0].splitlines()]
-
-
-def print_cycles(rows: int = 10_000, phases: int = 3) -> bool:
+def print_cycles(rows: int = 10_000, rounds: int = 6) -> bool:
     """Prints the cycles' p99 with and without calls of the service beside; returns whether it is within bounds."""
-    print(f"\n## Cycles at {RATE:g} Hz while {rows} grasps are served without a pause, {phases} phases each in turns")
-    alone: list[float] = []
-    serving: list[float] = []
-    spent: list[float] = []
-    with running_node() as node:
-        Planner(node)
-        feed(node, PHASE_S)
-        for _ in range(phases):
-            alone.append(feed(node, PHASE_S))
-            with loaded(rows, spent):
-                serving.append(feed(node, PHASE_S))
-    for name, values in (("alone", alone), ("serving", serving)):
-        each = ", ".join(f"{value:.3f}" for value in values)
-        print(f"{name:8s} p99 of the cycle time {float(np.median(values)):.3f} ms, median of {each}")
-    ratio = float(np.median(serving) / np.median(alone))
+    print(f"\n## Cycles at {RATE:g} Hz while {rows} grasps are served without a pause, {rounds} turns of {TURN_S:g} s")
+    with ExitStack() as stack:
+        rclpy.init()
+        stack.callback(rclpy.try_shutdown)
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="bench_planner_")))
+        alone = stack.enter_context(FedNode("alone", folder, parameters(folder)))
+        serving = {"planner": "true", "planner_rows": rows}
+        planning = stack.enter_context(FedNode("planning", folder, parameters(folder, **serving)))
+        work = stack.enter_context(Work(__file__, "load", "planning", str(rows)))
+        found = compare([Side("nothing", alone), Side("planner", planning, work.wait().going)], rounds)
+    ratio = found["planner"].cycle_p99 / found["nothing"].cycle_p99
     holds = ratio <= P99_ALLOWED
-    print(f"{len(spent)} calls answered in {sum(spent):.1f} s, with the positions of all points")
-    print(f"{ratio:.2f} times, at most {P99_ALLOWED:g} asked; holds: {'yes' if holds else 'no'}")
+    print(f"{len(work.spent)} calls answered in {sum(work.spent):.1f} s, with the positions of all points")
+    print(f"p99 of the cycle {ratio:.2f} times, at most {P99_ALLOWED:g} asked; holds: {'yes' if holds else 'no'}")
     return holds
 
 
 if __name__ == "__main__":
-    if sys.argv[1:2] == ["load"]:
-        load(int(sys.argv[2]))
+    if sys.argv[1:]:
+        rclpy.init()
+        {"load": load, "echo": echo}[sys.argv[1]](sys.argv[2], int(sys.argv[3]))
+        rclpy.try_shutdown()
     else:
         print_service()
         print_cycles()

@@ -15,8 +15,7 @@ from pathlib import Path
 from typing import Any, final
 
 from geometry_msgs.msg import PoseStamped
-from rclpy.action.server import ActionServer, CancelResponse
-from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
@@ -25,19 +24,17 @@ from cable_shape.cable import Cable
 from cable_shape.calibration.fit import calibrate
 from cable_shape.calibration.online import Gatherer
 from cable_shape.calibration.result import Calibration
-from cable_shape.errors import ArgumentError, CableShapeError, InputError, UnknownKeyError
+from cable_shape.errors import CableShapeError, InputError, UnknownKeyError
 from cable_shape.pose import IDENTITY, Grip, Pose
 from cable_shape.ros import conversions
 from cable_shape.ros.calibration_messages import asked, calibration_message, points_of
+from cable_shape.ros.goals import Feedback, Goals
 from cable_shape.ros.inputs import SECOND, FrameGuard
 from cable_shape.ros.messages import CableCalibration, CalibrateCable
-from cable_shape.ros.serving import MOST_GOALS, leave, serve, told
+from cable_shape.ros.serving import given, leave, serve
 from cable_shape.ros.workers import CalibratorSetup
 
-FEEDBACK_PERIOD = 0.1  # s
-RESULT_KEPT = 60  # s, for a client that asks late
 _QUEUE = 50  # messages that wait while a fit is computed
-_NICENESS = 10  # cycles and planner go first
 
 
 @final
@@ -46,52 +43,13 @@ class Action:
 
     def __init__(self, node: Node, setup: CalibratorSetup, cables: dict[str, Cable]) -> None:
         self._setup, self._cables = setup, cables
-        self._goals = 0
-        self._counting, self._turn = threading.Lock(), threading.Lock()
-        ActionServer(
-            node,
-            CalibrateCable,
-            setup.action,
-            self._run,
-            callback_group=ReentrantCallbackGroup(),
-            cancel_callback=lambda _: CancelResponse.ACCEPT,
-            result_timeout=RESULT_KEPT,
-        )
+        Goals(node, CalibrateCable, setup.action, self._calibrate, {"partial": True})
 
-    def _run(self, goal: Any) -> Any:
-        """A goal; one that finds `MOST_GOALS` others under way is refused."""
+    def _calibrate(self, goal: Any, result: Any) -> None:
         began = time.monotonic()
-        result = CalibrateCable.Result()
-        with self._counting:
-            self._goals += 1
-            busy = self._goals > MOST_GOALS
-        try:
-            if busy:
-                bound = f"at most {MOST_GOALS} may be under way"
-                raise ArgumentError.of("goals", MOST_GOALS + 1, bound, "Wait for a result, or cancel one.")
-            while not self._turn.acquire(timeout=FEEDBACK_PERIOD):
-                if goal.is_cancel_requested:
-                    result.partial = True
-                    goal.canceled()
-                    return result
-            try:
-                result.found, result.partial = self._found(goal)
-                result.success = True
-            finally:
-                self._turn.release()
-        except CableShapeError as error:
-            result.error = str(error)
-            goal.abort()
-            return result
-        finally:
-            with self._counting:
-                self._goals -= 1
+        result.found, result.partial = self._found(goal)
+        result.success = True
         result.time = time.monotonic() - began
-        if goal.is_cancel_requested:
-            goal.canceled()
-        else:
-            goal.succeed()
-        return result
 
     def _found(self, goal: Any) -> tuple[CableCalibration, bool]:
         """The calibration, with feedback, and whether it was ended before it converged."""
@@ -103,16 +61,13 @@ class Action:
             raise UnknownKeyError.among("cable_id", name, self._cables)
         wanted = asked(request, self._setup)
         ends = time.monotonic() + wanted.time_limit
-        told = 0.0
+        feedback = Feedback(goal, at_once=True)
         cut = False
 
         def proceed(iteration: int, scale: float) -> bool:
-            nonlocal told, cut
-            now = time.monotonic()
-            if now - told >= FEEDBACK_PERIOD:
-                told = now
-                goal.publish_feedback(CalibrateCable.Feedback(iteration=iteration, scale=float(scale)))
-            cut = now >= ends or goal.is_cancel_requested
+            nonlocal cut
+            feedback.offer(lambda: CalibrateCable.Feedback(iteration=iteration, scale=float(scale)))
+            cut = time.monotonic() >= ends or goal.is_cancel_requested
             return not cut
 
         cable, gravity = self._cables[name], self._setup.gravity
@@ -219,7 +174,7 @@ def write(found: Calibration, file: Path) -> None:
 
 def main() -> int:
     """Calibrates as the node asked for."""
-    setup = CalibratorSetup.from_json(told())
+    setup = CalibratorSetup.from_json(given())
 
     def make(node: Node) -> str:
         cables = {name: Cable.from_mapping(values) for name, values in setup.cables.items()}
@@ -229,7 +184,7 @@ def main() -> int:
             Online(node, setup, cables)
         return f"calibrating {', '.join(cables)}: {setup.action or 'no action'}, {setup.topics}"
 
-    return serve(setup.name, setup.namespace, _NICENESS, make)
+    return serve(setup.name, setup.namespace, make)
 
 
 if __name__ == "__main__":

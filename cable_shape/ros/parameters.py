@@ -111,6 +111,7 @@ SPECS = (
     Spec("planner_rows", 10_000, "Grasps or waypoints in one request at most.", low=1, high=100_000),
     Spec("planner_threads", 0, "Threads that solve grasps; 0: one less than there are cores.", low=0, high=256),
     Spec("planner_time_limit", 10.0, "Of one request, after which what is done is answered.", "s", 0.001, 3600.0),
+    Spec("planner_profiles", "", "XML profiles of Fast DDS for that process: fastdds_planner.xml; empty: none."),
     Spec("moveit_rate", 0.0, "The cable goes to MoveIt's planning scene at most so often; 0: never.", "Hz", 0.0, 5.0),
     Spec("moveit_capsules", 8, "Capsules that it is made of there.", low=1, high=MAX_CAPSULES),
     Spec("moveit_padding", 0.01, "Capsules are wider by this; a cable within is not sent anew.", "m", 0.0, 1.0),
@@ -156,6 +157,7 @@ class Settings:
     planner_rows: int
     planner_threads: int
     planner_time_limit: float  # s
+    planner_profiles: str
     moveit_rate: float  # Hz
     moveit_capsules: int
     moveit_padding: float  # m

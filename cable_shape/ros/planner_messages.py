@@ -1,4 +1,4 @@
-"""What the planner found, as answers of PredictShapes and CheckTrajectory; arrays are copied as wholes."""
+"""What the planner found, as answers of PredictShapes and CheckTrajectory; arrays are copied once, as wholes."""
 
 from __future__ import annotations
 
@@ -30,12 +30,10 @@ def fill_shapes(response: Any, batch: ShapeBatch, arrays: int) -> None:
     response.points = batch.points
     response.bodies = list(batch.bodies)
     for name in ("done", "status", "usable", "several"):
-        setattr(response, name, _bytes(getattr(batch, name)))
-    for name in ("energy", "error_estimate", "distances", "used"):
-        setattr(response, name, _doubles(getattr(batch, name)))
-    for bit, name in ARRAYS.items():
-        if arrays & bit:
-            setattr(response, name, _doubles(getattr(batch, name)))
+        _put(getattr(response, name), getattr(batch, name), np.uint8)
+    asked = [name for bit, name in ARRAYS.items() if arrays & bit]
+    for name in ("energy", "error_estimate", "distances", "used", *asked):
+        _put(getattr(response, name), getattr(batch, name), np.float64)
     told = sorted(batch.details)
     response.told = array.array("I", told)
     response.texts = [batch.details[row] for row in told]
@@ -46,8 +44,9 @@ def fill_check(result: Any, found: TrajectoryCheck) -> None:
     result.success = True
     result.valid, result.partial, result.robot_checked = found.valid, found.partial, found.robot_checked
     result.first = violation_message(found.first)
-    result.done, result.segments = _bytes(found.done), _bytes(found.segments)
-    result.clearance = _doubles(found.clearance)
+    _put(result.done, found.done, np.uint8)
+    _put(result.segments, found.segments, np.uint8)
+    _put(result.clearance, found.clearance, np.float64)
     wrong = [i for i, violation in enumerate(found.waypoints) if violation is not None]
     result.wrong = array.array("I", wrong)
     result.violations = [violation_message(found.waypoints[i]) for i in wrong]
@@ -77,9 +76,6 @@ def violation_message(violation: Violation | None) -> CableViolation:
     )
 
 
-def _doubles(values: Any) -> array.array[float]:
-    return array.array("d", np.asarray(values, dtype=np.float64).tobytes())
-
-
-def _bytes(values: Any) -> array.array[int]:
-    return array.array("B", np.asarray(values, dtype=np.uint8).tobytes())
+def _put(field: array.array[Any], values: Any, kind: type[np.generic]) -> None:
+    """Into a field that is still empty: to assign an array to it would copy the array, megabytes of it."""
+    field.frombytes(np.ascontiguousarray(values, dtype=kind).reshape(-1).view(np.uint8))  # type: ignore[arg-type]

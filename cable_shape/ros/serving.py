@@ -15,25 +15,25 @@ from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
 from rclpy.node import Node
 from rclpy.utilities import ok, try_shutdown
 
+from cable_shape.ros.goals import MOST_GOALS
 from cable_shape.warm_up import warm_up
 
-MOST_GOALS = 4  # of an action under way at the same time, one of them being worked on
 _AGAIN = 0.05  # s, between tries to shut down
 
 
-def told() -> str:
+def given() -> str:
     """The text that :class:`~cable_shape.ros.worker.WorkerProcess` gave this process."""
     with open(int(sys.argv[1]), encoding="utf-8") as file:
         file.seek(0)
         return file.read()
 
 
-def serve(name: str, namespace: str, niceness: int, make: Callable[[Node], str]) -> int:
+def serve(name: str, namespace: str, make: Callable[[Node], str]) -> int:
     """Serves until the parent closes the pipe, or a signal comes.
 
     make: puts services and topics on the node, and says what it has put there.
     """
-    os.nice(niceness)
+    make_way()
     serving = threading.Event()
     threading.Thread(target=_end_with_parent, args=(serving,), daemon=True).start()
     warm_up()
@@ -54,6 +54,16 @@ def serve(name: str, namespace: str, niceness: int, make: Callable[[Node], str])
         node.destroy_node()
         try_shutdown()
     return 0
+
+
+def make_way() -> None:
+    """From now on all threads of this process run only where no other thread wants the core.
+
+    A nice value does not do: who holds a core may keep it for some milliseconds, a whole cycle, when one that is less
+    nice wakes up on it. With SCHED_IDLE it is given up at once.
+    """
+    for thread in os.listdir("/proc/self/task"):
+        os.sched_setscheduler(int(thread), os.SCHED_IDLE, os.sched_param(0))
 
 
 def leave(code: int) -> NoReturn:

@@ -10,6 +10,7 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Mapping
 from typing import final
 
 from cable_shape.children import ended, left
@@ -32,10 +33,15 @@ class WorkerProcess:
         Run as `python -m MODULE SETUP`, where SETUP is an inherited descriptor with the text `setup`.
     remedy : str
         What else to do if it ends again and again.
+    environment : mapping of str to str
+        Beside and instead of what it inherits.
     """
 
-    def __init__(self, name: str, module: str, setup: str, remedy: str) -> None:
+    def __init__(
+        self, name: str, module: str, setup: str, remedy: str, environment: Mapping[str, str] | None = None
+    ) -> None:
         self._name, self._module, self._remedy = name, module, remedy
+        self._environment = {**os.environ, **(environment or {})}
         self._papers = os.memfd_create(f"cable_shape_{name}_setup", os.MFD_CLOEXEC)
         with open(self._papers, "w", encoding="utf-8", closefd=False) as file:
             file.write(setup)
@@ -85,6 +91,7 @@ class WorkerProcess:
             [sys.executable, "-m", self._module, str(self._papers)],
             stdin=subprocess.PIPE,  # by ending, it ends the process
             pass_fds=(self._papers,),
+            env=self._environment,
             process_group=0,  # Ctrl-C ends the caller, which closes the pipe
         )
         self._started, self._ended = time.monotonic(), None

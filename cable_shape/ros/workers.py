@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import os
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Any, final
 
 from rclpy.node import Node
 
 from cable_shape.cycle import Cycle
+from cable_shape.errors import ArgumentError
 from cable_shape.ros.assembly import Assembly
 from cable_shape.ros.parameters import Settings, find_file
 from cable_shape.ros.qos import POSE_TOPICS
@@ -18,6 +20,13 @@ from cable_shape.scene import Scene
 
 SERVICE, ACTION = "cable/predict_shapes", "cable/check_trajectory"
 CALIBRATE, CALIBRATION = "cable/calibrate", "cable/calibration"
+
+
+#: Unless told otherwise, the C library keeps the memory of a large answer for the next one, up to 256 MB: fresh pages
+#: from the system take as long as copying the answer into them.
+KEEP_MEMORY = {"MALLOC_MMAP_THRESHOLD_": "33554432", "MALLOC_TRIM_THRESHOLD_": "268435456"}
+#: Where Fast DDS looks for profiles; other middlewares do not.
+PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
 
 
 @final
@@ -93,11 +102,28 @@ def start_workers(node: Node, settings: Settings, assembly: Assembly) -> None:
     if settings.planner:
         setup = planner_setup(node, settings, assembly.cycle).to_json()
         remedy = "ask for fewer rows or points in one request."
-        assembly.workers["planner"] = WorkerProcess("planner", "cable_shape.ros.planning", setup, remedy)
+        environment = {name: os.environ.get(name, value) for name, value in KEEP_MEMORY.items()}
+        if settings.planner_profiles:
+            environment[PROFILES] = str(_profiles(settings.planner_profiles))
+        assembly.workers["planner"] = WorkerProcess("planner", "cable_shape.ros.planning", setup, remedy, environment)
     if settings.calibration or settings.calibration_points:
-        told = calibrator_setup(node, settings, assembly.cycle).to_json()
+        setup = calibrator_setup(node, settings, assembly.cycle).to_json()
         remedy = "calibrate with fewer points."
-        assembly.workers["calibrator"] = WorkerProcess("calibrator", "cable_shape.ros.calibrating", told, remedy)
+        assembly.workers["calibrator"] = WorkerProcess("calibrator", "cable_shape.ros.calibrating", setup, remedy)
+
+
+def _profiles(path: str) -> Path:
+    """The file of `planner_profiles`.
+
+    Raises
+    ------
+    ArgumentError
+    """
+    file = find_file(path).resolve()
+    if not file.is_file():
+        remedy = "Name one such as fastdds_planner.xml, or none."
+        raise ArgumentError.of("planner_profiles", path, "it must be the path of an XML file", remedy)
+    return file
 
 
 def planner_setup(node: Node, settings: Settings, cycle: Cycle) -> PlannerSetup:

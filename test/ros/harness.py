@@ -31,6 +31,7 @@ from geometry_msgs.msg import PoseStamped
 from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParametersAtomically
+from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -240,6 +241,49 @@ class Cell:
             return None
 
         return self.until(found, f"diagnostics {name!r} with {text!r}")
+
+
+class Goals:
+    """A client of an action of the node's workers."""
+
+    def __init__(self, cell: Cell, kind: Any, name: str) -> None:
+        self.cell, self.kind = cell, kind
+        self.feedback: list[Any] = []
+        self.client = ActionClient(cell.node, kind, name)
+        cell.until(self.client.server_is_ready, name)
+
+    def send(self, **fields: Any) -> Any:
+        """The handle of an accepted goal."""
+        goal = self.kind.Goal(**fields)
+        sent = self.client.send_goal_async(goal, feedback_callback=lambda m: self.feedback.append(m.feedback))
+        self.cell.until(sent.done, "answer to the goal")
+        assert sent.result().accepted
+        return sent.result()
+
+    def answer(self, handle: Any) -> tuple[int, Any]:
+        """Status and result of a goal, once it has ended."""
+        found = handle.get_result_async()
+        self.cell.until(found.done, "result")
+        return found.result().status, found.result().result
+
+    def __call__(self, **fields: Any) -> tuple[int, Any]:
+        """Status and result of a new goal."""
+        return self.answer(self.send(**fields))
+
+
+def child_of(cell: Cell, module: str) -> int | None:
+    """The process of this module among the node's children."""
+    for entry in os.listdir("/proc"):
+        if not entry.isdigit():
+            continue
+        try:
+            with open(f"/proc/{entry}/stat") as stat, open(f"/proc/{entry}/cmdline") as command:
+                parent, words = int(stat.read().rpartition(")")[2].split()[1]), command.read()
+        except OSError:
+            continue
+        if parent == cell.process.process.pid and module in words:
+            return int(entry)
+    return None
 
 
 def nanoseconds(stamp: Any) -> int:

@@ -12,8 +12,7 @@ import yaml
 from action_msgs.msg import GoalStatus
 from cable_shape_msgs.action import CalibrateCable
 from cable_shape_msgs.msg import CableCalibration, CableMargins, CableTube
-from harness import ALONG_X, LATCHED, nanoseconds
-from rclpy.action import ActionClient
+from harness import ALONG_X, LATCHED, Goals, child_of, nanoseconds
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2, PointField
 
@@ -43,44 +42,6 @@ def goal_fields(count=4, seed=1):
     }
 
 
-def child_of(node, module):
-    """The process of this module among the node's children."""
-    for entry in os.listdir("/proc"):
-        if not entry.isdigit():
-            continue
-        try:
-            with open(f"/proc/{entry}/stat") as stat, open(f"/proc/{entry}/cmdline") as command:
-                parent, words = int(stat.read().rpartition(")")[2].split()[1]), command.read()
-        except OSError:
-            continue
-        if parent == node.process.process.pid and module in words:
-            return int(entry)
-    return None
-
-
-class Client:
-    """Of CalibrateCable."""
-
-    def __init__(self, cell):
-        self.cell, self.feedback = cell, []
-        self.client = ActionClient(cell.node, CalibrateCable, "cable/calibrate")
-        cell.until(self.client.server_is_ready, "calibrate")
-
-    def send(self, **fields):
-        goal = CalibrateCable.Goal(**fields)
-        sent = self.client.send_goal_async(goal, feedback_callback=lambda m: self.feedback.append(m.feedback))
-        self.cell.until(sent.done, "answer to the goal")
-        return sent.result()
-
-    def result(self, **fields):
-        return self.answer(self.send(**fields))
-
-    def answer(self, handle):
-        found = handle.get_result_async()
-        self.cell.until(found.done, "result")
-        return found.result().status, found.result().result
-
-
 @pytest.fixture(scope="module")
 def node(start_for_all):
     return start_for_all(calibration="true", diagnostics_period=0.3)
@@ -88,16 +49,14 @@ def node(start_for_all):
 
 @pytest.fixture(scope="module")
 def client(node):
-    client = Client(node)
+    client = Goals(node, CalibrateCable, "cable/calibrate")
     yield client
     client.client.destroy()
 
 
 def test_the_action_finds_what_the_library_finds_with_its_error_bars(client):
     fields = goal_fields()
-    status, told = client.result(
-        **fields, fit=["bending_stiffness", "length"], prior_names=["length"], prior_errors=[0.01]
-    )
+    status, told = client(**fields, fit=["bending_stiffness", "length"], prior_names=["length"], prior_errors=[0.01])
     assert status == GoalStatus.STATUS_SUCCEEDED
     assert (told.success, told.partial, told.error) == (True, False, "")
     begin = cs.Cable(length=1.2, linear_density=0.1, bending_stiffness=0.01, diameter=0.008)
@@ -137,7 +96,7 @@ def test_the_action_finds_what_the_library_finds_with_its_error_bars(client):
     ],
 )
 def test_a_bad_goal_is_aborted_with_what_is_wrong(client, change, words):
-    status, told = client.result(**{**goal_fields(), **change})
+    status, told = client(**{**goal_fields(), **change})
     assert status == GoalStatus.STATUS_ABORTED
     assert not told.success
     assert words in told.error
@@ -154,7 +113,7 @@ def test_a_goal_that_takes_too_long_is_partial_and_one_may_be_cancelled(client):
         "end_offset",
         "twisting_stiffness",
     ]
-    status, told = client.result(**fields, fit=names, time_limit=1e-3)
+    status, told = client(**fields, fit=names, time_limit=1e-3)
     assert status == GoalStatus.STATUS_SUCCEEDED
     assert (told.success, told.partial, told.found.converged) == (True, True, False)
     many = goal_fields(400)

@@ -12,8 +12,7 @@ from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Duration
 from cable_shape_msgs.action import CheckTrajectory
 from cable_shape_msgs.srv import PredictShapes
-from harness import ALONG_X
-from rclpy.action import ActionClient
+from harness import ALONG_X, Goals, child_of
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 import cable_shape as cs
@@ -68,34 +67,9 @@ def shapes_of(cell, **fields):
     return answer
 
 
-class Checker:
-    """A client of CheckTrajectory."""
-
-    def __init__(self, cell):
-        self.cell, self.feedback = cell, []
-        self.client = ActionClient(cell.node, CheckTrajectory, "cable/check_trajectory")
-        cell.until(self.client.server_is_ready, "check_trajectory")
-
-    def send(self, **fields):
-        sent = self.client.send_goal_async(
-            CheckTrajectory.Goal(**fields), feedback_callback=lambda m: self.feedback.append(m.feedback)
-        )
-        self.cell.until(sent.done, "acceptance")
-        assert sent.result().accepted
-        return sent.result()
-
-    def answer(self, handle):
-        future = handle.get_result_async()
-        self.cell.until(future.done, "result")
-        return future.result().status, future.result().result
-
-    def __call__(self, **fields):
-        return self.answer(self.send(**fields))
-
-
 @pytest.fixture
 def check(planner):
-    checker = Checker(planner)
+    checker = Goals(planner, CheckTrajectory, "cable/check_trajectory")
     yield checker
     checker.client.destroy()
 
@@ -300,18 +274,7 @@ def test_of_too_many_goals_one_is_refused_and_those_that_wait_are_cancelled_at_o
 
 
 def planner_pid(node):
-    """The planner among the node's children."""
-    for entry in os.listdir("/proc"):
-        if not entry.isdigit():
-            continue
-        try:
-            with open(f"/proc/{entry}/stat") as stat, open(f"/proc/{entry}/cmdline") as command:
-                parent, words = int(stat.read().rpartition(")")[2].split()[1]), command.read()
-        except OSError:
-            continue
-        if parent == node.process.process.pid and "cable_shape.ros.planning" in words:
-            return int(entry)
-    return None
+    return child_of(node, "cable_shape.ros.planning")
 
 
 def gone(pid):
@@ -355,6 +318,7 @@ def test_the_planner_comes_and_goes_with_the_lifecycle(start):
     client = node.node.create_client(PredictShapes, "cable/predict_shapes")
     node.until(client.service_is_ready, "predict_shapes")
     pid = planner_pid(node)
+    assert {os.sched_getscheduler(int(thread)) for thread in os.listdir(f"/proc/{pid}/task")} == {os.SCHED_IDLE}
     assert node.transition(DEACTIVATE)
     starts, ends = grasps(1)
     assert shapes_of(node, starts=flat(starts), ends=flat(ends)).success  # it needs no input
@@ -362,6 +326,25 @@ def test_the_planner_comes_and_goes_with_the_lifecycle(start):
     assert gone(pid)
     node.until(lambda: not client.service_is_ready(), "service gone")
     assert node.process.stop() == 0
+
+
+def test_with_profiles_large_answers_go_through_their_shared_memory_and_are_the_same(start):
+    node = start(planner="true", planner_profiles="fastdds_planner.xml", model="cosserat", tolerance=1.2e-4)
+    starts, ends = grasps(200)
+    told = shapes_of(node, starts=flat(starts), ends=flat(ends), arrays=31)
+    own = cs.predict_batch(CABLE, starts, ends, model="cosserat", tolerance=1.2e-4)
+    for name in ("positions", "quaternions", "curvature", "force", "moment"):
+        np.testing.assert_array_equal(np.reshape(getattr(told, name), getattr(own, name).shape), getattr(own, name))
+    with open(f"/proc/{planner_pid(node)}/maps") as maps:
+        sizes = [
+            int(line.split("-")[1].split()[0], 16) - int(line.split("-")[0], 16) for line in maps if "fastrtps_" in line
+        ]
+    assert max(sizes) > 2**25
+
+
+def test_profiles_that_are_not_there_are_told(start):
+    node = start(active=False, planner="true", planner_profiles="nowhere.xml")
+    node.diagnosis("lifecycle", "planner_profiles = 'nowhere.xml' is not allowed", b"\x02")
 
 
 def test_a_killed_node_takes_its_planner_along(start):
@@ -415,11 +398,11 @@ def test_a_defect_is_answered_and_the_planner_goes_on(monkeypatch):
         with monkeypatch.context() as patch:
             for name in ("predict_batch", "check_trajectory"):
                 patch.setattr(planning, name, lambda *_, **__: 1 // 0)
-            for error in (planner._predict(request, PredictShapes.Response()).error, planner._check(goal).error):
+            for error in (planner._predict(request, PredictShapes.Response()).error, planner.checks.run(goal).error):
                 assert "a defect ended this request (ZeroDivisionError: " in error
         assert ended == ["aborted"]
         assert planner._predict(request, PredictShapes.Response()).success
-        assert planner._check(goal).success
+        assert planner.checks.run(goal).success
         assert ended[-1] == "succeeded"
     finally:
         node.destroy_node()
