@@ -37,9 +37,10 @@ from cable_shape.models.rod_state import RodState
 from cable_shape.pose import Pose
 from cable_shape.predictor import Predictor
 from cable_shape.problem import GRAVITY, Problem
+from cable_shape.report import LOAD_MARGINS
 from cable_shape.scene import Scene
 from cable_shape.shape import NUMBERS_PER_POINT, Status
-from cable_shape.shape_batch import LOAD_MARGINS, ShapeBatch
+from cable_shape.shape_batch import ShapeBatch
 from cable_shape.uncertainty import Uncertainty
 
 #: More numbers than this are not kept: 8 GB of shapes.

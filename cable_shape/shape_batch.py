@@ -13,7 +13,6 @@ from cable_shape.checks import Array
 from cable_shape.clearance import NOT_JUDGED
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels import bounds, margins, rod_drive
-from cable_shape.report import LOAD_MARGINS as LOAD_MARGINS
 from cable_shape.report import BodyDistance, Clearance
 from cable_shape.shape import NUMBERS_PER_POINT, CableShape, Status
 
@@ -46,7 +45,7 @@ class ShapeBatch:
         From the cable's surface to each of `bodies`, negative on overlap, infinite beyond `horizon` [m]; NaN where
         not told.
     used : (k, 6 + m)
-        Margins, 1 at the limit (see :mod:`cable_shape.margins`): `LOAD_MARGINS`, then each body; NaN where none.
+        Margins, 1 at the limit (see :mod:`cable_shape.margins`): `report.LOAD_MARGINS`, then each body; NaN where none.
     radius : (k, n) [m], optional
         Of the tube that holds a point of the row's cable with the `confidence`, if an uncertainty was given: distances
         and `used` of bodies are those of a cable so much thicker. NaN where there is no usable shape.

@@ -12,7 +12,7 @@ from cable_shape.kernels import batch_cells, batch_lean, rod_drive, rod_stabilit
 from cable_shape.models import cosserat
 from cable_shape.models.rod_state import RodState
 from cable_shape.problem import Problem
-from cable_shape.shape_batch import LOAD_MARGINS
+from cable_shape.report import LOAD_MARGINS
 
 ALONG_X = Rotation.from_quat((0.5, 0.5, 0.5, 0.5))
 TOLERANCE = 1e-4 * CABLE.length

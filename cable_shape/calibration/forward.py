@@ -41,7 +41,6 @@ class Forward:
     def __init__(self, parameters: Parameters, observations: Sequence[Observation], **loads: Any) -> None:
         self.parameters = parameters
         self.observations = list(observations)
-        self.solves = 0
         self._loads = loads
         self._states: list[RodState | None] = [None] * len(self.observations)
         self._last: tuple[Array, list[CableShape]] | None = None  # values, and all shapes with them
@@ -130,7 +129,6 @@ class Forward:
             if state is None:
                 state = self._states[i] = RodState(problem)
             found.append(cosserat.solve(problem, state))
-            self.solves += 1
         self._last = None if which is not None else (values.copy(), found)
         return found
 

@@ -116,7 +116,7 @@ class Robust:
                     break
                 retries, damping, converged = retries + 1, 1e-4, False
                 misses = self._forward(values)
-        return self._finish(values, misses, start, iteration, converged)
+        return self._finish(values, misses, iteration, converged)
 
     def scale(self, r: Array) -> float:
         """[m], of misses (n, 3), per component: what makes their median that of a normal vector."""
@@ -135,7 +135,7 @@ class Robust:
         g = -np.einsum("n,nij,ni->j", weights, J, r) / scale**2 - self._precision @ moved
         return A, g
 
-    def _finish(self, values: Array, misses: Array, start: Array, iterations: int, converged: bool) -> Fit:
+    def _finish(self, values: Array, misses: Array, iterations: int, converged: bool) -> Fit:
         J = self._derivative(values, misses)
         r = misses
         seen = np.isfinite(r[:, 0])

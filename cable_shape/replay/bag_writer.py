@@ -22,9 +22,9 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from cable_shape.errors import BagError, DependencyError
+from cable_shape.fields import margin_fields, shape_fields, warning_fields
+from cable_shape.pairing import SECOND
 from cable_shape.report import CableWarning, CycleReport
-from cable_shape.ros.fields import margin_fields, shape_fields, warning_fields
-from cable_shape.ros.inputs import SECOND
 
 PACKAGE = "cable_shape_msgs"
 MESSAGES = ("CableMargin", "CableMargins", "CableWarning", "CableWarnings", "CableShape")

@@ -1,6 +1,6 @@
 """From the messages of a recording to grips: the two gripper poses, or joint states through a robot.
 
-Stamps and pairs follow the same rules as in the node (:mod:`cable_shape.ros.inputs`). A message that cannot be used is
+Stamps and pairs follow the same rules as in the node (:mod:`cable_shape.pairing`). A message that cannot be used is
 refused and counted by reason; it never ends the replay.
 """
 
@@ -14,8 +14,8 @@ import numpy as np
 
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError, InputError, StaleInputError
+from cable_shape.pairing import SECOND, Pairing, StampGuard
 from cable_shape.pose import Grip, Pose
-from cable_shape.ros.inputs import SECOND, Pairing, StampGuard
 
 if TYPE_CHECKING:
     from cable_shape.robot import Robot

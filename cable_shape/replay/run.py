@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, final
 
 from cable_shape.cycle import Cycle
 from cable_shape.errors import ArgumentError, BagError
+from cable_shape.pairing import SECOND
 from cable_shape.replay.bag_writer import BagWriter
 from cable_shape.replay.bags import Bag
 from cable_shape.replay.inputs import (
@@ -35,7 +36,6 @@ from cable_shape.replay.outcome import Outcome, Settings
 from cable_shape.replay.report import write_report
 from cable_shape.replay.tally import Tally
 from cable_shape.report import CycleReport
-from cable_shape.ros.inputs import SECOND
 
 if TYPE_CHECKING:
     from cable_shape.viewer.recording import RecordingWriter

@@ -25,11 +25,11 @@ from cable_shape.calibration.fit import calibrate
 from cable_shape.calibration.online import Gatherer
 from cable_shape.calibration.result import Calibration
 from cable_shape.errors import CableShapeError, InputError, UnknownKeyError
+from cable_shape.pairing import SECOND, FrameGuard
 from cable_shape.pose import IDENTITY, Grip, Pose
 from cable_shape.ros import conversions
 from cable_shape.ros.calibration_messages import asked, calibration_message, points_of
 from cable_shape.ros.goals import Feedback, Goals
-from cable_shape.ros.inputs import SECOND, FrameGuard
 from cable_shape.ros.messages import CableCalibration, CalibrateCable
 from cable_shape.ros.serving import given, leave, serve
 from cable_shape.ros.workers import CalibratorSetup

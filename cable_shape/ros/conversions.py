@@ -19,12 +19,12 @@ from visualization_msgs.msg import Marker, MarkerArray
 from cable_shape.cable import TAIL_SIDES
 from cable_shape.checks import QUATERNION_TOLERANCE
 from cable_shape.errors import ArgumentError
+from cable_shape.fields import margin_fields, shape_fields, warning_fields
+from cable_shape.pairing import SECOND
 from cable_shape.pose import Pose
 from cable_shape.report import CableWarning, CycleReport, Severity, WarningKind
 from cable_shape.ros import messages
 from cable_shape.ros.diagnostics import Verdict
-from cable_shape.ros.fields import margin_fields, shape_fields, warning_fields
-from cable_shape.ros.inputs import SECOND
 from cable_shape.shape import CableShape
 from cable_shape.uncertainty import Tube
 

@@ -94,7 +94,7 @@ _KIND = "How this gripper holds the cable. For input poses; with joints, robot_f
 
 SPECS = (
     Spec("cable_file", "", "YAML file of the cable, or of several; relative to the working directory or to config/."),
-    Spec("scene_file", "", "YAML file of obstacles and masses; empty: nothing around the cable."),
+    Spec("scene_file", "", "YAML file of obstacles, clips, masses and sockets; empty: nothing around the cable."),
     Spec("robot_file", "", "YAML file of the robot, for input joints; with poses its links follow joint_states."),
     Spec("model", "auto", "Model of the cable.", options=MODELS),
     Spec("gravity", [0.0, 0.0, -9.81], "Gravity in the frame of the input.", "m/s^2"),

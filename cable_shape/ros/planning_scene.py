@@ -17,9 +17,9 @@ from cable_shape.cable import Cable
 from cable_shape.capsules import Capsules
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
+from cable_shape.pairing import SECOND
 from cable_shape.report import CycleReport
 from cable_shape.ros import conversions
-from cable_shape.ros.inputs import SECOND
 from cable_shape.ros.parameters import Settings
 
 TOPIC = "collision_object"

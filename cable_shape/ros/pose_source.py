@@ -10,11 +10,11 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 
 from cable_shape.errors import ArgumentError, InputError
+from cable_shape.pairing import SECOND, FrameGuard, MissedCount, Pair, Pairing, StampGuard
 from cable_shape.pose import Pose
 from cable_shape.robot import Robot
 from cable_shape.ros import conversions
 from cable_shape.ros.gathering import Gathering
-from cable_shape.ros.inputs import SECOND, FrameGuard, MissedCount, Pair, Pairing, StampGuard
 from cable_shape.ros.links import LinkSource
 from cable_shape.ros.parameters import Settings
 from cable_shape.ros.plausibility import JumpWatch

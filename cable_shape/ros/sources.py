@@ -16,11 +16,11 @@ from sensor_msgs.msg import JointState
 
 from cable_shape.checks import Array
 from cable_shape.errors import InputError, StaleInputError
+from cable_shape.pairing import MissedCount, StampGuard
 from cable_shape.pose import Grip, Pose
 from cable_shape.robot import Robot
 from cable_shape.ros import conversions
 from cable_shape.ros.diagnostics import Health
-from cable_shape.ros.inputs import MissedCount, StampGuard
 from cable_shape.ros.parameters import Settings
 from cable_shape.ros.qos import JOINT_TOPIC, SENSOR
 

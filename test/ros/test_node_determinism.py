@@ -12,11 +12,11 @@ from rosgraph_msgs.msg import Clock
 
 from cable_shape.cable import Cable
 from cable_shape.cycle import Cycle
+from cable_shape.fields import shape_fields
 from cable_shape.pose import Grip, Pose
 from cable_shape.replay.bag_writer import cable_shape_store
 from cable_shape.replay.outcome import Settings
 from cable_shape.replay.run import replay
-from cable_shape.ros.fields import shape_fields
 
 FIELDS = ("arc_length", "positions", "quaternions", "curvature", "force", "moment")
 

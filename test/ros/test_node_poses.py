@@ -12,8 +12,8 @@ from nav_msgs.msg import Path
 from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import MarkerArray
 
+from cable_shape.fields import shape_from
 from cable_shape.pose import Pose, multiply
-from cable_shape.ros.fields import shape_from
 
 WARN, ERROR = DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cable_shape.errors import InputError, StaleInputError
-from cable_shape.ros.inputs import HISTORY, RESTART_JUMP, FrameGuard, MissedCount, Pairing, StampGuard
+from cable_shape.pairing import HISTORY, RESTART_JUMP, FrameGuard, MissedCount, Pairing, StampGuard
 
 MS = 1_000_000  # ns
 

@@ -1,4 +1,4 @@
-"""The fields of cable_shape_msgs as plain values: what the node and the replay put in their messages. Knows no ROS.
+"""The fields of cable_shape_msgs as plain values: what the node and the replay put in their messages.
 
 A flat array is a contiguous float64 numpy array; whoever fills a message turns it into what his message class wants.
 """

@@ -1,4 +1,4 @@
-"""Which input messages may be used together: stamps that increase, and pairs of the two grippers. Knows no ROS.
+"""Which input messages may be used together: stamps that increase, and pairs of the two grippers.
 
 All stamps are integers in nanoseconds.
 """
