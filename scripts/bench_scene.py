@@ -18,6 +18,7 @@ from scene_clips import CASES, print_clips
 from scene_closed_forms import print_closed_forms
 from scene_contact import print_contact
 from scene_crossing import print_crossing
+from scene_limp import print_limp
 from scene_margins import print_margins, print_snap
 
 
@@ -34,6 +35,7 @@ def main() -> int:
     print_snap()
     print_closed_forms(figures)
     print_contact(figures, quick=options.quick)
+    print_limp(figures, 2 if options.quick else 6)
     print_crossing(figures, 2 if options.quick else 10)
     print_both(figures, 2 if options.quick else 10)
     return finish(figures, options)

@@ -13,11 +13,11 @@ from cable_shape.models import touching
 from cable_shape.models.rod_state import RodState
 from cable_shape.models.touch_state import TouchState
 
-NEARBY = 0.05  # rad that a frame may turn where a mesh is halved: further away lies another branch
+NEARBY = 0.05  # rad that a frame may turn where a mesh is halved, at least: further away lies another branch
 ITERATIONS = 100
 
 
-def finer(state: TouchState, halvings: int) -> cs.CableShape | None:
+def finer(state: TouchState, halvings: int, nearby: float = NEARBY) -> cs.CableShape | None:
     """The last solution of `state`, which stays as it is, on a mesh halved so often; None if its branch is lost."""
     problem = state.problem
     fine = TouchState(problem)
@@ -30,7 +30,7 @@ def finer(state: TouchState, halvings: int) -> cs.CableShape | None:
         nodes = fine.nodes
         fine.lay_out(np.sort(np.concatenate((nodes, 0.5 * (nodes[1:] + nodes[:-1])))))
         fine.target(frames)
-        if not (solver.steps.again(ITERATIONS, far=NEARBY) and solver.steps.settle(frames)):
+        if not (solver.steps.again(ITERATIONS, far=nearby) and solver.steps.settle(frames)):
             return None
     return solver._finish(cs.Status.OK)
 

@@ -224,12 +224,12 @@ def look_over(
 
     That is the cable deeper in a body than `deepest` [m], see `closest_points` for its arguments up to `counts`; a
     body that it may have passed since it was at `before` (n, 3; n = 0: anywhere) and the bodies in `frames_then`;
-    contacts whose part of the error [m] is above `fine` (infinite: may be), that were stopped while they ran, or
-    that have come up to a node. A negative `deepest`: who calls will see.
+    contacts whose part of the error [m] is above `fine` (infinite: may be), or AMISS times that in all; contacts that
+    were stopped while they ran, or that have come up to a node. A negative `deepest`: who calls will see.
     """
     if deepest < 0.0:
         return True
-    if fine < math.inf and (info[0] > RUNNING or info[16] > fine):
+    if fine < math.inf and (info[0] > RUNNING or info[16] > fine or info[7] > AMISS * fine):
         return True
     s, positions = out[:points], out[points : 4 * points].reshape(points, 3)
     closest_points(

@@ -32,7 +32,7 @@ from cable_shape.kernels.contact_near import (
     totals,
     walk,
 )
-from cable_shape.kernels.contact_set import drop, grow, spare_clips
+from cable_shape.kernels.contact_set import drop, grow, misplaced, spare_clips
 from cable_shape.kernels.contact_slide import slide
 from cable_shape.kernels.contact_step import eyelets_at, gaps, hold_back, moves, run_on
 from cable_shape.kernels.rod_algebra import (
@@ -149,7 +149,7 @@ def press(
         walk(first, held, places, near)
         look(s, near, on, 1, last_node, bodies, frames, triangles, nodes, radius, sunk, stack)
         spare_clips(near, on, held)
-        added = grow(near, on, min(ADD + length * largest * largest, MOST), one)
+        added = grow(near, on, min(ADD + length * largest * largest, MOST), misplaced(near, on), one)
         changed += added
         spans = supports(q, h, near, on, held, held_mask, where, mask, place, base, runs, flex, True)
         joints, sums, pull, given = joints_of(work, elements, spans)

@@ -32,14 +32,31 @@ def drop(near: Array, on: Array, least: float, one: bool) -> int:
 
 
 @kernel
-def grow(near: Array, on: Array, deepest: float, one: bool) -> int:
-    """Makes contacts of the nodes deeper in a body than that [m], all or the deepest; returns how many."""
+def misplaced(near: Array, on: Array) -> float:
+    """How far contacts are off their bodies at most [m]: by as much the places of other nodes may be wrong, too.
+
+    Where rotations and forces are not yet in balance, errors add up along the cable.
+    """
+    largest = 0.0
+    for k in range(near.shape[0]):
+        if on[k, 0] != BARE and on[k, 0] == on[k, 1]:
+            largest = max(largest, abs(near[k, GAP]))
+    return largest
+
+
+@kernel
+def grow(near: Array, on: Array, deepest: float, off: float, one: bool) -> int:
+    """Makes contacts of the nodes deeper in a body than `deepest` [m], all or the deepest; returns how many.
+
+    off [m]: how wrong places may be. A node less deep than this is added only between two contacts.
+    """
     count = 0
     worst, at = -deepest, -1
     for k in range(near.shape[0]):
         if on[k, 1] == BARE or on[k, 0] == on[k, 1]:
             continue
-        if near[k, GAP] < worst:
+        between = on[k - 1, 0] == on[k, 1] and on[k + 1, 0] == on[k, 1]
+        if near[k, GAP] < worst and (between or near[k, GAP] < -off):
             if one:
                 worst, at = near[k, GAP], k
             else:

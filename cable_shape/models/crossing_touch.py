@@ -18,7 +18,7 @@ from cable_shape.models.rod_common import MODEL
 from cable_shape.models.touch_factors import factored
 from cable_shape.models.touch_state import TouchState
 from cable_shape.models.touch_step import DEEPEST, WARM_ITERATIONS, Steps
-from cable_shape.models.touching import ACCURACY, BURIED
+from cable_shape.models.touching import ACCURACY, BURIED, inexact
 from cable_shape.pose import Grip
 from cable_shape.problem import Problem
 from cable_shape.shape import CableShape, Status
@@ -223,7 +223,7 @@ class HeldAmong(HeldPoints[TouchState]):
             buffer[4 * n - 3 : 4 * n] = problem.end.cable_frame.position
         if status and not info[7] <= self.tolerance:
             status = Status.NOT_CONVERGED
-            detail = f"error estimate {info[7]:.2g} m in contact. {status.remedy}"
+            detail = inexact(float(info[7]), self.tolerance)
         found = np.vstack((self.state.touches(), touches))
         return CableShape(
             buffer,

@@ -10,22 +10,35 @@ import numpy as np
 
 from cable_shape.checks import Array
 from cable_shape.kernels import contact_slide, rod_mesh
-from cable_shape.kernels.contact_near import BARE, NORMAL, PRESS
+from cable_shape.kernels.contact_near import BARE, GAP, NORMAL, PRESS
 from cable_shape.shape import CableShape
 
-ELEMENTS = 48  #: of a mesh before nodes are added
+ELEMENTS = 48  #: of a mesh before nodes are added, at least
+LAYERED = 0.5  #: of these, for the layers at what holds the cable
+FINENESS = 2.0  #: elements over which bending takes up the weight: where a limp cable meets a body it turns in as much
+MOST_AT_FIRST = 320
 FEWEST_ELEMENTS = 16  #: of them between two clips
+SHARE_OF_WORST = 0.1  #: of the largest share in the error that an element has: those above are divided
 WORST = 0.5  #: of the contact that misses most: those above get nodes beside them
+LYING = 2e-6  #: [m] nodes nearer to a body than this lie on it, pressed or not
 STRETCHED = 1.6  #: times as long as at first: elements that an eyelet has stretched so far are divided
 TIP = 5e-5  #: [m] from a free end, which is no support itself, to the node that stands in for it
 _ABSCISSAE = 65
 
 
-def first_nodes(arcs: Array, stops: Array, bend: float, free: bool, shape: CableShape, finer: float = 1.0) -> Array:
+def first_count(length: float, bend: float, weight: float) -> int:
+    """Elements of a cable before nodes are added: where it touches down is not known. weight [N/m]."""
+    even: float = FINENESS * length * (weight / bend) ** (1.0 / 3.0)
+    return max(ELEMENTS, min(math.ceil(LAYERED * ELEMENTS + even), MOST_AT_FIRST))
+
+
+def first_nodes(
+    arcs: Array, stops: Array, bend: float, free: bool, shape: CableShape, elements: int, finer: float = 1.0
+) -> Array:
     """Arc lengths for a cable of which `shape` is a rough idea: denser towards what holds it.
 
     arcs (b+1,) [m], of the supports; stops [m], where nodes must be; bend [N m^2]; free: the end is held by nothing;
-    finer: so many times as many elements as usual.
+    elements: of the whole cable, about; finer: times as many.
     """
     pulls = np.linalg.norm(shape.force, axis=1)
     pieces = []
@@ -38,8 +51,9 @@ def first_nodes(arcs: Array, stops: Array, bend: float, free: bool, shape: Cable
         rod_mesh.layered(length, min(max(layer, 1e-5 * length), length), x, density)
         x, density = x + a, density + 0.5 * density.mean()
         x[0], x[-1] = a, b
+        density = 1.0 + LAYERED * ELEMENTS / (elements - LAYERED * ELEMENTS) * (density - 1.0)
         own = stops[(stops > a) & (stops < b)]
-        count = max(FEWEST_ELEMENTS, math.ceil(finer * ELEMENTS * length / arcs[-1])) + 2 * own.size
+        count = max(FEWEST_ELEMENTS, math.ceil(finer * elements * length / arcs[-1])) + 2 * own.size
         nodes = np.empty(count + 1)
         rod_mesh.equidistribute(x, density, own, count, nodes)
         pieces.append(nodes[:-1])
@@ -49,15 +63,25 @@ def first_nodes(arcs: Array, stops: Array, bend: float, free: bool, shape: Cable
     return nodes
 
 
-def ends_of_rows(nodes: Array, q: Array, near: Array, on: Any) -> Array:
-    """Arc lengths beside the contacts without two neighbours that miss most, halfway to the next nodes."""
+def ends_of_rows(nodes: Array, q: Array, near: Array, on: Any, least: float) -> Array:
+    """Arc lengths beside the contacts without two neighbours that miss most, halfway to the next nodes.
+
+    least [m]: contacts between two elements shorter than this are left out.
+    """
     touched = on[:, 0] != BARE
-    k = np.flatnonzero(touched[1:-1] & ~(touched[:-2] & touched[2:])) + 1
+    divisible = np.diff(nodes) >= least
+    wanted = (divisible[1:] | divisible[:-1]) & touched[1:-1] & ~(touched[:-2] & touched[2:])
+    k = np.flatnonzero(wanted) + 1
     x, y, z, w = q[k].T
     tangents = np.stack((2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)), axis=1)
     missed = near[k, PRESS] * np.abs((tangents * near[k, NORMAL : NORMAL + 3]).sum(axis=1))
     k = k[missed >= WORST * missed.max(initial=0.0)]
     return np.unique(0.5 * np.concatenate((nodes[k] + nodes[k - 1], nodes[k] + nodes[k + 1])))
+
+
+def worst(nodes: Array, errors: Array) -> Array:
+    """Middles of the elements with the largest `errors` (N,)."""
+    return np.asarray(0.5 * (nodes[1:] + nodes[:-1])[errors >= SHARE_OF_WORST * errors.max()])
 
 
 def tidied(nodes: Array, h: Array, q: Array, near: Array, on: Any, bend: float, stops: Array) -> Array | None:
@@ -79,16 +103,20 @@ def tidied(nodes: Array, h: Array, q: Array, near: Array, on: Any, bend: float, 
     return np.sort(np.concatenate((np.delete(nodes, away), new))) if away else None
 
 
-def thinned(nodes: Array, on: Any, spacing: Array, middles: Array, stops: Array) -> Array | None:
+def thinned(
+    nodes: Array, near: Array, on: Any, spacing: Array, middles: Array, stops: Array, *, full: bool, coarse: bool
+) -> Array | None:
     """Takes away every other node far from where a row ends that is closer to the next than `spacing` [m] at `middles`.
 
-    None: there is no such node.
+    full: what lies in a row without being pressed does not end it. coarse: only inside of rows. None: there is no
+    such node.
     """
-    touched = np.cumsum(on[:, 0] != BARE)
+    lies = (on[:, 1] != BARE) & (near[:, GAP] < LYING) & full
+    touched = np.cumsum((on[:, 0] != BARE) | lies)
     k = np.arange(3, nodes.size - 3)
     around = touched[k + 2] - touched[k - 3]  # of five nodes
     close = nodes[k + 1] - nodes[k - 1] < 1.2 * np.interp(nodes[k], middles, spacing)
-    spare = close & ((around == 0) | (around == 5))
+    spare = close & ((around == 5) | ((around == 0) & (not coarse)))
     if not spare.any():
         return None
     away: list[int] = []
@@ -96,6 +124,17 @@ def thinned(nodes: Array, on: Any, spacing: Array, middles: Array, stops: Array)
         if not away or away[-1] < j - 1:
             away.append(int(j))
     return np.delete(nodes, away) if away else None
+
+
+def share_out(nodes: Array, near: Array, on: Any, old_nodes: Array, old_near: Array, old_on: Any) -> None:
+    """Gives what contacts pressed at nodes that are no more to those beside them: the rest stays in balance."""
+    gone = np.flatnonzero((old_on[:, 0] != BARE) & ~np.isin(old_nodes, nodes))
+    for k in gone:
+        j = int(np.searchsorted(nodes, old_nodes[k]))
+        share = (old_nodes[k] - nodes[j - 1]) / (nodes[j] - nodes[j - 1])
+        for i, part in ((j - 1, 1.0 - share), (j, share)):
+            if on[i, 0] == old_on[k, 0]:
+                near[i, PRESS] += part * old_near[k, PRESS]
 
 
 def stretched(nodes: Array, spacing: Array, middles: Array) -> Array:

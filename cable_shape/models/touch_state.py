@@ -20,8 +20,9 @@ from cable_shape.problem import Problem
 from cable_shape.shape import CableShape
 
 MOST_ELEMENTS = 600
-#: Times as many elements as at first, from which on nodes are taken away again, if contacts make a smaller error [L].
-MANY, COARSE = 1.15, 1e-4
+#: Times as many elements as at first, from which on nodes are taken away again, if contacts make a smaller error [L];
+#: and from which on inside of rows whatever the error is.
+MANY, COARSE, FULL = 1.15, 1e-4, 1.3
 LEAST_LENGTH = 5e-4  #: of the cable's length: shorter elements are not divided
 _FREE_ROTATIONS = {
     "clamped": (0.0, 0.0, 0.0),
@@ -92,6 +93,8 @@ class TouchState:
         self.unfactored()
         weight = float(np.linalg.norm(problem.load.mean(axis=0))) * length
         self.bend = cable.mean_bending_stiffness
+        self.limpness = math.inf if weight == 0.0 else self.bend / (weight * length**2)
+        self._count = touch_mesh.first_count(length, self.bend, weight / length)
         par[0:2] = cable.bending_stiffness
         par[2] = cable.twisting_stiffness
         par[3:5] = 0.0 if cable.shear_stiffness is None else 1.0 / cable.shear_stiffness
@@ -218,6 +221,8 @@ class TouchState:
             self.q[which] = interpolated(nodes, old_nodes, q[which])
             self.near[which, same] = near[which, match[same]]
             self.on[which, same] = on[which, match[same]]
+            if np.count_nonzero(same) <= n_old:
+                touch_mesh.share_out(self.nodes, self.near[which], self.on[which], old_nodes, near[which], on[which])
 
     def _load(self, nodes: Array) -> None:
         """Puts the nodes there, and what acts on the elements between them."""
@@ -243,7 +248,13 @@ class TouchState:
 
     def ends_of_rows(self) -> Array:
         """Arc lengths that `touch_mesh.ends_of_rows` has for the last solution."""
-        return touch_mesh.ends_of_rows(self.nodes, self.q[NOW], self.near[NOW], self.on[NOW])
+        least = LEAST_LENGTH * self.par[13]
+        return touch_mesh.ends_of_rows(self.nodes, self.q[NOW], self.near[NOW], self.on[NOW], least)
+
+    def too_coarse(self) -> Array:
+        """Arc lengths in the middle of the elements that most of the error of the last solution comes from."""
+        errors = span_work.mesh_parts(self.mesh, self.elements)[4]
+        return touch_mesh.worst(self.nodes, errors)
 
     def tidy(self) -> bool:
         """Moves the nodes that contacts have run up to; whether there are any."""
@@ -260,9 +271,13 @@ class TouchState:
         """
         if self.rings.size and self.elements < MOST_ELEMENTS:
             self.insert(touch_mesh.stretched(self.nodes, self._spacing, self._middles))
-        if self.elements <= MANY * self._spacing.size or self.info[16] > COARSE * self.par[13]:
+        coarse = bool(self.info[16] > COARSE * self.par[13])
+        full = self.elements > FULL * self._spacing.size
+        if self.elements <= MANY * self._spacing.size or (coarse and not full):
             return
-        nodes = touch_mesh.thinned(self.nodes, self.on[NOW], self._spacing, self._middles, self.stops)
+        nodes = touch_mesh.thinned(
+            self.nodes, self.near[NOW], self.on[NOW], self._spacing, self._middles, self.stops, full=full, coarse=coarse
+        )
         if nodes is not None:
             self.lay_out(nodes)
 
@@ -277,7 +292,7 @@ class TouchState:
         self._arcs[self.rings] = shape.supports[self.rings - 1, 0]
         self.slid[:] = self._arcs
         free = self.forces < self._arcs.size - 1
-        nodes = touch_mesh.first_nodes(self._arcs, self.stops, self.bend, free, shape, finer)
+        nodes = touch_mesh.first_nodes(self._arcs, self.stops, self.bend, free, shape, self._count, finer)
         self._spacing, self._middles = np.diff(nodes), 0.5 * (nodes[1:] + nodes[:-1])
         rows = touch_resume.pressed_rows(shape, self.bodies.names)
         nodes = touch_resume.with_lone(nodes, rows)

@@ -11,6 +11,7 @@ import numpy as np
 from cable_shape.checks import Array
 from cable_shape.kernels import bounds, contact_check, contact_drive, span_work
 from cable_shape.kernels.contact_drive import UNSETTLED
+from cable_shape.kernels.contact_error import AMISS
 from cable_shape.kernels.contact_near import GRIP_EXCLUSION
 from cable_shape.kernels.contact_newton import RUNNING
 from cable_shape.kernels.span_defect import support_loads
@@ -23,7 +24,7 @@ from cable_shape.shape import CableShape
 DEEPEST = 1e-4  #: [m] a shape deeper in a body than this between nodes gets a node there
 WARM_ITERATIONS, STEP_ITERATIONS = 30, 20
 FAR = 0.7  #: A warm solve that turns a frame by more than this [rad] from its prediction is checked by small steps.
-FINE = 1.9e-4  #: of the length: an error from contacts above this asks for a finer mesh there
+FINE = 1.9e-4  #: of the length: an error from contacts above this, or AMISS times it in all, asks for a finer mesh
 _EXACT = 1e-5  #: of the length: an error from contacts below this is none of nodes in their way
 _ROUNDS = 8  #: of adding nodes where the cable dips into a body between them
 _ANYWHERE: Array = np.empty((0, 3))
@@ -131,8 +132,9 @@ class Steps:
                     return False
             arcs = self._dips(sunk)
             deep = arcs.size > 0
-            if not deep and refine and state.info[16] > fine:
-                arcs = state.ends_of_rows()
+            if not deep and refine and (state.info[16] > fine or state.info[7] > AMISS * fine):
+                of_contacts = AMISS * state.info[16]
+                arcs = state.ends_of_rows() if of_contacts > 0.5 * state.info[7] else state.too_coarse()
             if not arcs.size:
                 return True
             if state.elements + arcs.size > MOST_ELEMENTS or not state.insert(arcs):

@@ -23,6 +23,7 @@ from cable_shape.models.rod_state import RodState
 from cable_shape.models.span_state import SpanState
 from cable_shape.models.touch_factors import factored
 from cable_shape.models.touch_search import approach, follow, grow, relax
+from cable_shape.models.touch_soften import LIMP, soften
 from cable_shape.models.touch_state import TouchState
 from cable_shape.models.touch_step import DEEPEST, FAR, WARM_ITERATIONS, Steps
 from cable_shape.pose import Grip
@@ -30,6 +31,7 @@ from cable_shape.problem import Problem
 from cable_shape.shape import CableShape, Status
 
 BURIED = 2e-4  #: [m] a grip deeper in a body than this has no shape
+_ATTEMPTS = (1.0, 0.0, -1.0)  #: bodies come from below, grow, come from above
 ACCURACY = 5e-4  #: of the length: what a shape in contact is asked for where the tolerance is below
 
 
@@ -48,6 +50,14 @@ def solve(problem: Problem, state: TouchState, rod: RodState | SpanState, *, dea
     if state.problem is not problem:
         state.take(problem)
     return _Solve(problem, state, rod, deadline, began).run()
+
+
+def inexact(estimate: float, allowed: float) -> str:
+    """What is the matter with an equilibrium in contact whose error is not known to be small enough [m]."""
+    return (
+        f"an equilibrium in contact, but its error estimate, {estimate:.3g} m, is above {allowed:.3g} m, the larger of "
+        f"`tolerance` and {ACCURACY:g} of the length. Raise `tolerance` above the estimate to accept it."
+    )
 
 
 def sensitivity(state: TouchState, *, at: str = "cable") -> Array:
@@ -75,6 +85,13 @@ def sensitivity(state: TouchState, *, at: str = "cable") -> Array:
         out -= np.einsum("pik,kc->pic", slid, np.linalg.solve(J, df))
     turn_about(at, problem, out)
     return out
+
+
+def _free(problem: Problem, deadline: float) -> CableShape:
+    """The shape without contact, from nothing."""
+    if problem.clips:
+        return clipped.solve(problem, SpanState(problem), deadline=deadline)
+    return cosserat.solve(problem, RodState(problem), deadline=deadline)
 
 
 @final
@@ -132,7 +149,7 @@ class _Solve:
         state.move_bodies(steps.links)
         if steps.late:
             return self._no_shape(Status.BUDGET_EXCEEDED, "")
-        free = self._free(SpanState(self.problem) if self.problem.clips else RodState(self.problem))
+        free = _free(self.problem, self.deadline)
         if not free.status or free.status is Status.OVERSTRETCHED:
             return self._lost()
         return self._cold(frames, free, Status.SNAPPED)
@@ -148,18 +165,32 @@ class _Solve:
         gravity = self.problem.gravity
         size = float(np.linalg.norm(gravity))
         down = gravity / size if size > 0.0 else np.array((0.0, 0.0, -1.0))
-        for attempt in (1.0, 0.0, -1.0):
-            found = approach(steps, frames, free, attempt * down) if attempt else grow(steps, frames, free)
-            state.bodies.shift(np.zeros(3))
-            if found and steps.settle(frames):
-                return self._finish(status)
+        limp = state.limpness < LIMP
+        if limp and soften(steps, frames, lambda stiffer: self._lay(frames, stiffer, down)) and steps.settle(frames):
+            return self._finish(status)
+        for attempt in _ATTEMPTS:
             if steps.late:
                 return self._no_shape(Status.BUDGET_EXCEEDED, "")
-        return self._lost()
+            if self._bring(frames, free, attempt * down) and steps.settle(frames):
+                return self._finish(status)
+        return self._lost() if not steps.late else self._no_shape(Status.BUDGET_EXCEEDED, "")
+
+    def _bring(self, frames: Array, free: CableShape, away: Array) -> bool:
+        """Whether the bodies come to the free shape from `away`, or grow if that is nowhere."""
+        found = approach(self.steps, frames, free, away) if away.any() else grow(self.steps, frames, free)
+        self.state.bodies.shift(np.zeros(3))
+        return found
+
+    def _lay(self, frames: Array, problem: Problem, down: Array) -> bool:
+        """The same for the free shape of another problem's cable."""
+        free = _free(problem, self.deadline)
+        if not free.status or free.status is Status.OVERSTRETCHED:
+            return False
+        return any(self._bring(frames, free, attempt * down) for attempt in _ATTEMPTS if not self.steps.late)
 
     def _lost(self) -> CableShape:
         self.state.forget()
-        return self._no_shape(Status.NOT_CONVERGED, "no equilibrium outside the obstacles was found. ")
+        return self._no_shape(Status.NOT_CONVERGED, "no way to a shape outside the obstacles. ")
 
     def _buried(self, frames: Array) -> str:
         """Which grip or clip is inside which body, in words; empty if none is."""
@@ -187,7 +218,8 @@ class _Solve:
         found = state.touches()
         state.history = 2
         state.touching = len(found) > 0
-        within = info[7] <= max(problem.tolerance, ACCURACY * problem.cable.length)
+        allowed = max(problem.tolerance, ACCURACY * problem.cable.length)
+        within = info[7] <= allowed
         if status is Status.OK and info[2] != 0.0:
             status = Status.UNSTABLE
         detail = "" if status is Status.OK else status.remedy
@@ -196,7 +228,7 @@ class _Solve:
             detail = status.remedy
         elif not within:
             status = Status.NOT_CONVERGED
-            detail = f"error estimate {info[7]:.2g} m in contact. {status.remedy}"
+            detail = inexact(info[7], allowed)
         shape = CableShape(
             steps.buffer,
             problem.points,
