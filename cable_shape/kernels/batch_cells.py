@@ -19,7 +19,6 @@ from cable_shape.kernels.rod_algebra import qconj, qexp, qlog, qmul
 
 Array = Any
 DIMENSIONS = 9
-KEY = DIMENSIONS
 #: The widest relative turn [rad] of a cell's centre: half a turn is where windings meet.
 WIDEST = 0.98 * math.pi
 

@@ -36,7 +36,7 @@ from cable_shape.kernels.rod_work import matrices, vectors
 
 Array = Any
 COLUMNS = 12
-START, START_TURN, END, END_TURN = 0, 3, 6, 9  # first column of each end's velocity and angular velocity
+START, START_TURN, END = 0, 3, 6  # first column of each end's velocity and angular velocity
 
 
 @kernel
