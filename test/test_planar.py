@@ -11,7 +11,15 @@ from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
 from cable_shape.clearance import ClearanceChecker
-from cable_shape.kernels import planar_across, planar_element, planar_response, planar_system, response, rod_element
+from cable_shape.kernels import (
+    planar_across,
+    planar_element,
+    planar_lanes,
+    planar_response,
+    planar_system,
+    response,
+    rod_element,
+)
 from cable_shape.margins import MarginWatch
 from cable_shape.models import cosserat
 from cable_shape.models.rod_state import RodState
@@ -106,6 +114,42 @@ def test_a_planar_element_is_that_of_space_without_what_leaves_the_plane(seed):
         assert np.abs(y[out, 1]).max() < 1e-15
     assert (*got[3], *got[4]) == pytest.approx((*B1[out, 1], *B2[out, 1]), **near)
     assert got[5] == pytest.approx(CC[1, 1], **near)
+
+
+def test_the_series_of_a_turn_are_those_of_its_arcsine():
+    x = np.linspace(1e-6, planar_lanes.NEAR, 500)
+    v, w = np.sqrt(x), np.sqrt(1.0 - x)
+    got = np.array([planar_lanes.near_series(y) for y in x.tolist()])
+    assert got[:, 0] == pytest.approx(2.0 * np.arcsin(v) / v, rel=4e-16)
+    long = x > 0.01  # nearer to 0 the difference cancels
+    assert got[long, 1] == pytest.approx((1.0 / w - np.arcsin(v) / v)[long] / x[long], rel=1e-13)
+    assert planar_lanes.near_series(0.0) == pytest.approx((2.0, 1.0 / 3.0), rel=1e-15)
+
+
+def test_elements_side_by_side_are_those_one_by_one():
+    cases = [random_element(2 * seed)[0] for seed in range(planar_lanes.LANES)]
+    lanes = np.zeros((planar_across.ROWS, planar_lanes.LANES))
+    turned = [1.0 - np.dot(a[1], a[2]) ** 2 for a in cases]
+    assert min(turned) < planar_lanes.NEAR < max(turned)
+    K, C = cases[0][-2:]
+    given = np.array([np.hstack(a[:-2]) for a in cases]).T
+    one_by_one = [planar_element.element_gradient(*a[:-2], K[1], C) for a in cases]
+    lanes[:13] = given
+    planar_lanes.gradients(lanes.ravel(), K[1], C)
+    rows = [planar_lanes.VALUE, planar_lanes.G1, planar_lanes.G2, planar_lanes.GL, planar_lanes.GL + 1]
+    near = {"rel": 1e-12, "abs": 1e-14}
+    assert pytest.approx(np.array([np.hstack(x) for x in one_by_one]), **near) == lanes[rows].T
+    one_by_one = [planar_element.element_hessian(*a[:-2], K[1], C) for a in cases]
+    lanes[:13] = given
+    planar_lanes.hessians(lanes.ravel(), K[1], C)
+    assert (
+        pytest.approx(np.array([np.hstack(x) for x in one_by_one]), **near)
+        == lanes[planar_lanes.G1 : planar_lanes.ROWS].T
+    )
+    one_by_one = [planar_across.element_across(*a[:-2], K[1], K[0], K[2], C) for a in cases]
+    lanes[:13] = given
+    planar_across.blocks(lanes.ravel(), K[1], K[0], K[2], C)
+    assert pytest.approx(np.array([np.hstack(x) for x in one_by_one]), **near) == lanes[planar_across.FIRST :].T
 
 
 @pytest.mark.parametrize("held", [True, False])

@@ -17,11 +17,28 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.planar_element import Pair, product, relative, section
-from cable_shape.kernels.planar_system import forces
+from cable_shape.kernels.planar_lanes import (
+    FORCE_LEFT,
+    FORCE_MIDDLE,
+    FORCE_RIGHT,
+    LEFT,
+    REST,
+    RIGHT,
+    SERIES,
+    SLOPE,
+    D,
+    H,
+    gather,
+    gather_turns,
+    lane2,
+)
 from cable_shape.kernels.rod_algebra import FAST, inlined
 from cable_shape.kernels.rod_element import SMALL_FORCE, angle_series
+from cable_shape.kernels.rod_lanes import LANES, lane4, put_lane4
 
 Array = Any
 #: aa, ab, ba, bb of a 2x2 block in (alpha, beta)
@@ -29,6 +46,9 @@ Block = tuple[float, float, float, float]
 COLUMNS = 18
 I11, I12, I22, W1, W2, Y11, Y12, Y21, Y22, G1, G2, D1, D2 = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12
 B11, B12, B21, B22, CC = 13, 14, 15, 16, 17
+# Rows of lanes, after those of `gather_turns`: blocks, borders and the derivative in the force twice.
+FIRST, BESIDE, SECOND, BORDERS, FORCE = 17, 21, 25, 29, 33
+ROWS = 34
 
 
 @kernel(fastmath=FAST)
@@ -41,8 +61,17 @@ def element_across(
     across: EI about nu, in which the cable bends out of the plane; the others as in `planar_element`.
     """
     z2, d = relative(z1, z2)
-    w, v = d
-    f, f1, _ = angle_series(v * v, w)
+    f, f1, _ = angle_series(d[1] * d[1], d[0])
+    return across_of(d, (f, f1), h, z1, z2, nL, nM, nR, k0, k1, K, across, GJ, C)
+
+
+@inlined
+def across_of(
+    d: Pair, series: Pair, h: float, z1: Pair, z2: Pair, nL: Pair, nM: Pair, nR: Pair, k0: float, k1: float, K: float,
+    across: float, GJ: float, C: Pair,
+) -> tuple[Block, Block, Block, Pair, Pair, float]:  # fmt: skip
+    """The same from z2 / z1 and its series, z2 having the sign nearer to z1, without a branch."""
+    (w, v), (f, f1) = d, series
     k = f * v / h
     m = K * (k - k0)
     c = C[0] - C[1]
@@ -112,6 +141,23 @@ def element_across(
     )
 
 
+@kernel(fastmath=FAST)
+def blocks(lanes: Array, K: float, across: float, GJ: float, C: Pair) -> None:
+    """`element_across` of all lanes."""
+    gather_turns(lanes)
+    for k in range(LANES):
+        h11, h12, h22, b1, b2, cc = across_of(
+            lane2(lanes, D, k), lane2(lanes, SERIES, k), lanes[H * LANES + k], lane2(lanes, LEFT, k),
+            lane2(lanes, RIGHT, k), lane2(lanes, FORCE_LEFT, k), lane2(lanes, FORCE_MIDDLE, k),
+            lane2(lanes, FORCE_RIGHT, k), lanes[REST * LANES + k], lanes[SLOPE * LANES + k], K, across, GJ, C,
+        )  # fmt: skip
+        put_lane4(lanes, FIRST, k, h11)
+        put_lane4(lanes, BESIDE, k, h12)
+        put_lane4(lanes, SECOND, k, h22)
+        put_lane4(lanes, BORDERS, k, (b1[0], b1[1], b2[0], b2[1]))
+        lanes[FORCE * LANES + k] = cc
+
+
 @inlined
 def negative(a: float, c: float, det: float) -> int:
     """Negative eigenvalues of a symmetric 2x2 matrix with the diagonal a, c; det: its determinant."""
@@ -133,20 +179,24 @@ def excess_across(
     last = elements - 1 if held else elements
     count = 0
     p11 = p12 = p22 = w1 = w2 = S = 0.0  # pivot and border of the node at hand, Schur complement
+    lanes = np.empty(ROWS * LANES)
     for e in range(elements):
-        nL, nM, nR = forces(load, e, lam)
-        z1, z2 = (z[e, 0], z[e, 1]), (z[e + 1, 0], z[e + 1, 1])
-        H11, H12, H22, B1, B2, cc = element_across(h[e], z1, z2, nL, nM, nR, rest[e, 0], rest[e, 1], K, across, GJ, C)
-        kept[e, B11], kept[e, B12], kept[e, B21], kept[e, B22], kept[e, CC] = B1[0], B1[1], B2[0], B2[1], cc
+        lane = e % LANES
+        if lane == 0:
+            gather(e, z, lam, h, load, rest, lanes)
+            blocks(lanes, K, across, GJ, C)
+        H11, H12, H22 = lane4(lanes, FIRST, lane), lane4(lanes, BESIDE, lane), lane4(lanes, SECOND, lane)
+        kept[e, B11], kept[e, B12], kept[e, B21], kept[e, B22] = B = lane4(lanes, BORDERS, lane)
+        kept[e, CC] = cc = lanes[FORCE * LANES + lane]
         if e == 0 or e == last:
             node = 0 if e == 0 else elements
             kept[node, Y11], kept[node, Y12], kept[node, Y21], kept[node, Y22] = H12
         S += cc
         size = 0.5 * shift * (h[e] + (h[e + 1] if e + 1 < elements else 0.0))
-        q11, q12, q22, x1, x2 = H22[0] + size, H22[1], H22[3] + size, B2[0], B2[1]
+        q11, q12, q22, x1, x2 = H22[0] + size, H22[1], H22[3] + size, B[2], B[3]
         if e > 0:
             a, b, c = p11 + H11[0], p12 + H11[1], p22 + H11[3]
-            u1, u2 = w1 + B1[0], w2 + B1[1]
+            u1, u2 = w1 + B[0], w2 + B[1]
             det = a * c - b * b
             count += negative(a, c, det)
             i = 1.0 / det

@@ -29,7 +29,6 @@ from cable_shape.kernels.rod_algebra import (
     dot,
     get4,
     inlined,
-    qconj,
     qmul,
     rotation,
     scale,
@@ -124,30 +123,41 @@ def has_plane(par: Array, ends: Array, width: int, plane: Array) -> bool:
     return plane_of(par, ends, width, plane)[1] != (0.0, 0.0, 0.0)
 
 
+@inlined
+def dot4(p: Quaternion, q: Quaternion) -> float:
+    """p . q."""
+    return p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3]
+
+
+@inlined
+def half_turned(q0: Quaternion, local: Vector) -> Quaternion:
+    """q0 turned by pi about `local`: with q0 itself it spans all that is turned about that axis."""
+    return qmul(q0, (local[0], local[1], local[2], 0.0))
+
+
+@inlined
+def angle_part(q: Quaternion, q0: Quaternion, opposite: Quaternion) -> Pair:
+    """Cosine and sine of half the angle from q0 to q, `opposite` being q0 half turned; not of unit length."""
+    return dot4(q, q0), dot4(q, opposite)
+
+
 @kernel
 def strays(q: Array, local: Vector) -> bool:
     """Whether frames turn, against the first one, about another axis than `local`, too."""
-    first = qconj(get4(q, 0))
+    first = get4(q, 0)
+    opposite = half_turned(first, local)
     for k in range(1, q.shape[0]):
-        p = qmul(first, get4(q, k))
-        v = (p[0], p[1], p[2])
-        off = subtract(v, scale(dot(local, v), local))
-        if not dot(off, off) <= STRAY * STRAY:
+        p = get4(q, k)
+        c, d = angle_part(p, first, opposite)
+        if not dot4(p, p) - c * c - d * d <= STRAY * STRAY:
             return True
     return False
 
 
-@inlined
-def angle_part(back: Quaternion, q: Quaternion, local: Vector) -> Pair:
-    """Cosine and sine of half the angle by which q is turned about `local`; not of unit length. back: conj(q0)."""
-    p = qmul(back, q)
-    return p[3], p[0] * local[0] + p[1] * local[1] + p[2] * local[2]
-
-
 @kernel
 def extrapolate(
-    sol: Array, elements: int, history: int, length: float, back: Quaternion, local: Vector, e1: Vector, e2: Vector,
-    z: Array,
+    sol: Array, elements: int, history: int, length: float, start: Quaternion, opposite: Quaternion, e1: Vector,
+    e2: Vector, z: Array,
 ) -> Pair:  # fmt: skip
     """Fills z from the last one or two solutions as `rod_drive.extrapolate` does, or from the trial; returns lambda."""
     q1, lam1, ends1 = slot(sol, elements, NOW if history > 0 else TRIAL)
@@ -164,9 +174,9 @@ def extrapolate(
         if down > 1e-16:
             a = min(max(up / down, 0.0), 2.0)
     for k in range(elements + 1):
-        x = angle_part(back, get4(q1, k), local)
+        x = angle_part(get4(q1, k), start, opposite)
         if a != 0.0:
-            y = angle_part(back, get4(q0, k), local)
+            y = angle_part(get4(q0, k), start, opposite)
             x = ((1.0 + a) * x[0] - a * y[0], (1.0 + a) * x[1] - a * y[1])
         z[k, 0], z[k, 1] = unit(x)
     n = (
@@ -226,10 +236,10 @@ def solve_in_plane(
             force[k, 2 * j], force[k, 2 * j + 1] = dot(n, e1), dot(n, e2)
         bow[k, 0] = dot(local, (rest[k, 0], rest[k, 1], rest[k, 2]))
         bow[k, 1] = dot(local, (rest[k, 3], rest[k, 4], rest[k, 5]))
-    back = qconj(q0)
-    lam2 = extrapolate(sol, elements, history, length, back, local, e1, e2, z)
+    opposite = half_turned(q0, local)
+    lam2 = extrapolate(sol, elements, history, length, q0, opposite, e1, e2, z)
     if history > 0:
-        turn_ends(z, s, held, unit(angle_part(back, q1, local)))
+        turn_ends(z, s, held, unit(angle_part(q1, q0, opposite)))
     if not held:
         lam2 = (0.0, 0.0)
     guess[:, :] = z
@@ -265,7 +275,7 @@ def solve_in_plane(
         totals = np.empty(4)
         sample(
             guess, better, side, parts, s, h, force, bow, K, soft, C, (dot(weight, e1), dot(weight, e2)), start, e1, e2,
-            e, local, q0, points, out, totals,
+            e, local, q0, opposite, points, out, totals,
         )  # fmt: skip
         totals[0] -= length * dot(weight, start)
         info[8:12] = totals
@@ -281,8 +291,8 @@ def solve_in_plane(
         for i in range(3):
             steps[k, i] = parts[k, GL] * e1[i] + parts[k, GL + 1] * e2[i]
     for k in range(elements + 1):
-        c, d = z[k, 0], z[k, 1]
-        q[k, 0], q[k, 1], q[k, 2], q[k, 3] = qmul(q0, (d * local[0], d * local[1], d * local[2], c))
+        for i in range(4):
+            q[k, i] = z[k, 0] * q0[i] + z[k, 1] * opposite[i]
     for i in range(3):
         lam[i] = lam2[0] * e1[i] + lam2[1] * e2[i]
     size = sol.shape[0] // 3

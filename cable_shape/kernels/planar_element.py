@@ -92,7 +92,15 @@ def element_gradient(
     slope; K [N m^2]; C [1/N].
     """
     z2, d = relative(z1, z2)
-    bent = turn_of(d) / h - k0
+    return gradient_of(turn_of(d), h, z1, z2, nL, nM, nR, k0, k1, K, C)
+
+
+@inlined
+def gradient_of(
+    turn: float, h: float, z1: Pair, z2: Pair, nL: Pair, nM: Pair, nR: Pair, k0: float, k1: float, K: float, C: Pair
+) -> tuple[float, float, float, Pair]:
+    """The same from theta_2 - theta_1, z2 having the sign nearer to z1, without a branch."""
+    bent = turn / h - k0
     m = K * bent
     c = C[0] - C[1]
     aL, bL, rL = section(product(z1, z1), nL, C)
@@ -127,7 +135,15 @@ def element_hessian(
 ) -> tuple[float, float, Pair, float, float, float, Pair, Pair, Symmetric]:
     """Gradient and Hessian: g1, g2, gl, H11, H12, H22, B1 = H1l, B2 = H2l, CC = Hll; arguments as above. Exact."""
     z2, d = relative(z1, z2)
-    m = K * (turn_of(d) / h - k0)
+    return hessian_of(turn_of(d), h, z1, z2, nL, nM, nR, k0, k1, K, C)
+
+
+@inlined
+def hessian_of(
+    turn: float, h: float, z1: Pair, z2: Pair, nL: Pair, nM: Pair, nR: Pair, k0: float, k1: float, K: float, C: Pair
+) -> tuple[float, float, Pair, float, float, float, Pair, Pair, Symmetric]:
+    """The same from theta_2 - theta_1, as above."""
+    m = K * (turn / h - k0)
     c = C[0] - C[1]
     tL, tR, t = product(z1, z1), product(z2, z2), product(z1, z2)
     aL, bL, rL = section(tL, nL, C)

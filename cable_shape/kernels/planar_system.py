@@ -20,9 +20,14 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
+from cable_shape.kernels import planar_lanes
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.planar_element import Pair, element_gradient, element_hessian
+from cable_shape.kernels.planar_element import Pair
+from cable_shape.kernels.planar_lanes import ROWS, VALUE, gather, gradients, hessians, lane2
 from cable_shape.kernels.rod_algebra import FAST, inlined
+from cable_shape.kernels.rod_lanes import LANES
 
 Array = Any
 D, INVERSE, G, B, W, CHANGE = 0, 1, 2, 3, 5, 8  # columns of rows
@@ -86,19 +91,24 @@ def assemble(
     elements = h.shape[0]
     c00 = c01 = c11 = r0 = r1 = 0.0
     d = g = x0 = x1 = 0.0  # what the element before gives to the node
-    for e in range(elements):
-        nL, nM, nR = forces(load, e, lam)
-        g1, g2, gl, h11, h12, h22, b1, b2, cc = element_hessian(
-            h[e], (z[e, 0], z[e, 1]), (z[e + 1, 0], z[e + 1, 1]), nL, nM, nR, rest[e, 0], rest[e, 1], K, C
-        )
-        rows[e, D], rows[e, G], rows[e, B], rows[e, B + 1] = d + h11, g + g1, x0 + b1[0], x1 + b1[1]
-        parts[e, H12], parts[e, H22] = h12, h22
-        parts[e, B1], parts[e, B1 + 1], parts[e, B2], parts[e, B2 + 1] = b1[0], b1[1], b2[0], b2[1]
-        parts[e, CC], parts[e, CC + 1], parts[e, CC + 2] = cc
-        parts[e, GL], parts[e, GL + 1], parts[e, G1], parts[e, G2] = gl[0], gl[1], g1, g2
-        d, g, x0, x1 = h22, g2, b2[0], b2[1]
-        c00, c01, c11 = c00 + cc[0], c01 + cc[1], c11 + cc[2]
-        r0, r1 = r0 + gl[0], r1 + gl[1]
+    lanes = np.empty(ROWS * LANES)
+    for begin in range(0, elements, LANES):
+        count = gather(begin, z, lam, h, load, rest, lanes)
+        hessians(lanes, K, C)
+        for k in range(count):
+            e = begin + k
+            (g1, g2), gl = lane2(lanes, planar_lanes.G1, k), lane2(lanes, planar_lanes.GL, k)
+            (h11, h12), h22 = lane2(lanes, planar_lanes.H11, k), lanes[planar_lanes.H22 * LANES + k]
+            b1, b2 = lane2(lanes, planar_lanes.B1, k), lane2(lanes, planar_lanes.B2, k)
+            (cc0, cc1), cc2 = lane2(lanes, planar_lanes.CC, k), lanes[(planar_lanes.CC + 2) * LANES + k]
+            rows[e, D], rows[e, G], rows[e, B], rows[e, B + 1] = d + h11, g + g1, x0 + b1[0], x1 + b1[1]
+            parts[e, H12], parts[e, H22] = h12, h22
+            parts[e, B1], parts[e, B1 + 1], parts[e, B2], parts[e, B2 + 1] = b1[0], b1[1], b2[0], b2[1]
+            parts[e, CC], parts[e, CC + 1], parts[e, CC + 2] = cc0, cc1, cc2
+            parts[e, GL], parts[e, GL + 1], parts[e, G1], parts[e, G2] = gl[0], gl[1], g1, g2
+            d, g, x0, x1 = h22, g2, b2[0], b2[1]
+            c00, c01, c11 = c00 + cc0, c01 + cc1, c11 + cc2
+            r0, r1 = r0 + gl[0], r1 + gl[1]
     rows[elements, D], rows[elements, G], rows[elements, B], rows[elements, B + 1] = d, g, x0, x1
     sums[6], sums[7], sums[8], sums[9], sums[10] = c00, c01, c11, r0, r1
 
@@ -110,15 +120,17 @@ def gradient(
     """Fills G of rows, first derivatives of parts and the sum of those in lambda; returns the functional's value."""
     elements = h.shape[0]
     value = g = r0 = r1 = 0.0
-    for e in range(elements):
-        nL, nM, nR = forces(load, e, lam)
-        v, g1, g2, gl = element_gradient(
-            h[e], (z[e, 0], z[e, 1]), (z[e + 1, 0], z[e + 1, 1]), nL, nM, nR, rest[e, 0], rest[e, 1], K, C
-        )
-        rows[e, G] = g + g1
-        parts[e, GL], parts[e, GL + 1], parts[e, G1], parts[e, G2] = gl[0], gl[1], g1, g2
-        g = g2
-        value, r0, r1 = value + v, r0 + gl[0], r1 + gl[1]
+    lanes = np.empty(ROWS * LANES)
+    for begin in range(0, elements, LANES):
+        count = gather(begin, z, lam, h, load, rest, lanes)
+        gradients(lanes, K, C)
+        for k in range(count):
+            e = begin + k
+            (g1, g2), gl = lane2(lanes, planar_lanes.G1, k), lane2(lanes, planar_lanes.GL, k)
+            rows[e, G] = g + g1
+            parts[e, GL], parts[e, GL + 1], parts[e, G1], parts[e, G2] = gl[0], gl[1], g1, g2
+            g = g2
+            value, r0, r1 = value + lanes[VALUE * LANES + k], r0 + gl[0], r1 + gl[1]
     rows[elements, G] = g
     sums[9], sums[10] = r0, r1
     return value
