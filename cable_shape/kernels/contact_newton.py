@@ -78,6 +78,7 @@ COUPLED = 19  # of `info`
 BLOCK = 8  # iterations in which all contacts that are wrong change at once
 RESTLESS = 1e-4  # of the length: contacts that run further along the cable have changed the system
 CHORD_TOLERANCE, SURE = 2e-6, 0.05  # rad, of a step with old factors that is so much shorter than the one before
+LIMP = 2e-3  # EI / (w L^3): in softer cables errors of rotation carry nodes of steep legs far off their places
 CALM = 0.1  # rad: contacts are dropped after steps below this only
 
 
@@ -109,6 +110,7 @@ def press(
     weight = math.sqrt(par[9] ** 2 + par[10] ** 2 + par[11] ** 2) * length
     least = PULL * (weight + softest)
     flex = 2.0 / (stiff[0] + stiff[1])
+    limp = flex * LIMP * weight * length * length > 1.0
     last_node = elements - 1
     turn, push, slope, J, way = slides
     runs_through = rings.shape[0] > 0
@@ -149,7 +151,8 @@ def press(
         walk(first, held, places, near)
         look(s, near, on, 1, last_node, bodies, frames, triangles, nodes, radius, sunk, stack)
         spare_clips(near, on, held)
-        added = grow(near, on, min(ADD + length * largest * largest, MOST), misplaced(near, on), one)
+        off = misplaced(near, on) if limp else 0.0
+        added = grow(near, on, min(ADD + length * largest * largest, MOST), off, one)
         changed += added
         spans = supports(q, h, near, on, held, held_mask, where, mask, place, base, runs, flex, True)
         joints, sums, pull, given = joints_of(work, elements, spans)

@@ -19,10 +19,28 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.rod_algebra import add, get4, hat, inlined, put3, rotation, tapply
-from cable_shape.kernels.rod_element import element_gradient, element_hessian
-from cable_shape.kernels.rod_system import forces
+from cable_shape.kernels.rod_algebra import add, get3, get4, hat, inlined, put3, rotation, tapply
+from cable_shape.kernels.rod_lanes import (
+    B1,
+    B2,
+    CC,
+    G1,
+    G2,
+    GL,
+    H11,
+    H12,
+    H22,
+    LANES,
+    ROWS,
+    VALUE,
+    gather,
+    gradients,
+    hessians,
+    lane3,
+)
 
 Array = Any
 NONE = (0.0, 0.0, 0.0)  # the spans' forces are folded into `full`
@@ -56,33 +74,34 @@ def assemble(
     for c in range(9):
         D[0, c] = 0.0
     put3(G, 0, 0, NONE)
-    for j in range(spans):
-        for c in range(12):
-            sums[j, c] = 0.0
-        for e in range(where[j], where[j + 1]):
-            nL, nM, nR = forces(full, e, NONE)
-            k0 = (rest[e, 0], rest[e, 1], rest[e, 2])
-            k1 = (rest[e, 3], rest[e, 4], rest[e, 5])
-            g1, g2, gl, H11, H12, H22, B1, B2, CC = element_hessian(
-                h[e], get4(q, e), get4(q, e + 1), nL, nM, nR, k0, k1, K, C
-            )
+    sums[:, :12] = 0.0
+    j = 0
+    lanes = np.empty(ROWS * LANES)
+    for begin in range(0, elements, LANES):
+        count = gather(begin, q, NONE, h, full, rest, lanes)
+        hessians(lanes, K, C)
+        for k in range(count):
+            e = begin + k
+            if e == where[j + 1]:
+                j += 1
             for c in range(9):
-                D[e, c] += H11[c]
-                D[e + 1, c] = H22[c]
-                U[e, c] = H12[c]
-                parts[e, c] = H22[c]
-                parts[e, 9 + c] = B1[c]
-                parts[e, 18 + c] = B2[c]
-                parts[e, 27 + c] = CC[c]
-                sums[j, 3 + c] += CC[c]
+                i = c * LANES + k
+                D[e, c] += lanes[H11 * LANES + i]
+                D[e + 1, c] = parts[e, c] = lanes[H22 * LANES + i]
+                U[e, c] = lanes[H12 * LANES + i]
+                parts[e, 9 + c] = lanes[B1 * LANES + i]
+                parts[e, 18 + c] = lanes[B2 * LANES + i]
+                parts[e, 27 + c] = lanes[CC * LANES + i]
+                sums[j, 3 + c] += lanes[CC * LANES + i]
                 if e == where[j]:
-                    sums[j, 12 + c] = H11[c]
+                    sums[j, 12 + c] = lanes[H11 * LANES + i]
+            g1, g2, gl = lane3(lanes, G1, k), lane3(lanes, G2, k), lane3(lanes, GL, k)
+            put3(G, e, 0, add(get3(G, e), g1))
+            put3(G, e + 1, 0, g2)
+            put3(first, e, 0, gl)
+            put3(first, e, 3, g1)
+            put3(first, e, 6, g2)
             for i in range(3):
-                G[e, i] += g1[i]
-                G[e + 1, i] = g2[i]
-                first[e, i] = gl[i]
-                first[e, 3 + i] = g1[i]
-                first[e, 6 + i] = g2[i]
                 sums[j, i] += gl[i]
     if moment[0] != 0.0 or moment[1] != 0.0 or moment[2] != 0.0:
         M = tapply(rotation(get4(q, elements)), (moment[0], moment[1], moment[2]))
@@ -115,25 +134,28 @@ def gradient(
     """Fills G, first and sums[:, :3]; returns the value of the elements' functional."""
     K = (stiff[0], stiff[1], stiff[2])
     C = (stiff[3], stiff[4], stiff[5])
-    spans = sums.shape[0]
     elements = h.shape[0]
     value = 0.0
     left = NONE
-    for j in range(spans):
-        total = NONE
-        for e in range(where[j], where[j + 1]):
-            nL, nM, nR = forces(full, e, NONE)
-            k0 = (rest[e, 0], rest[e, 1], rest[e, 2])
-            k1 = (rest[e, 3], rest[e, 4], rest[e, 5])
-            v, g1, g2, gl = element_gradient(h[e], get4(q, e), get4(q, e + 1), nL, nM, nR, k0, k1, K, C)
-            value += v
+    sums[:, :3] = 0.0
+    j = 0
+    lanes = np.empty(ROWS * LANES)
+    for begin in range(0, elements, LANES):
+        count = gather(begin, q, NONE, h, full, rest, lanes)
+        gradients(lanes, K, C)
+        for k in range(count):
+            e = begin + k
+            if e == where[j + 1]:
+                j += 1
+            g1, g2, gl = lane3(lanes, G1, k), lane3(lanes, G2, k), lane3(lanes, GL, k)
+            value += lanes[VALUE * LANES + k]
             put3(G, e, 0, add(left, g1))
             put3(first, e, 0, gl)
             put3(first, e, 3, g1)
             put3(first, e, 6, g2)
             left = g2
-            total = add(total, gl)
-        put3(sums, j, 0, total)
+            for i in range(3):
+                sums[j, i] += gl[i]
     M = tapply(rotation(get4(q, elements)), (moment[0], moment[1], moment[2]))
     put3(G, elements, 0, (left[0] - M[0], left[1] - M[1], left[2] - M[2]))
     release(G, where, mask)
