@@ -44,7 +44,7 @@ PARTS = (
     Part("cosserat"),
     Part("scene"),
     Part("planner"),
-    Part("cell", ("--seconds", "6"), ("--seconds", "2", "--rates", "250", "--rounds", "1"), figures=False),
+    Part("cell", ("--seconds", "5"), ("--seconds", "2", "--rates", "250", "--rounds", "1"), figures=False),
     Part("evidence"),
     Part("truth", steady=True),
     Part("instructions", steady=True),
