@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import subprocess
@@ -146,14 +147,13 @@ class Cell:
 
         return self.until(answered, what).result()
 
-    def call(self, kind: type, name: str, request: Any) -> Any:
-        """The answer of one of the node's services."""
+    def call(self, kind: type, name: str, request: Any, again: float = 10.0) -> Any:
+        """The answer of one of the node's services, see `ask`."""
         client = self.node.create_client(kind, f"cable_shape_node/{name}")
         self.until(client.service_is_ready, f"service {name}")
-        future = client.call_async(request)
-        self.until(future.done, f"answer of {name}")
+        answer = self.ask(client, request, f"answer of {name}", again)
         self.node.destroy_client(client)
-        return future.result()
+        return answer
 
     def state(self) -> str:
         return str(self.call(GetState, "get_state", GetState.Request()).current_state.label)
@@ -161,7 +161,7 @@ class Cell:
     def transition(self, number: int) -> bool:
         request = ChangeState.Request()
         request.transition.id = number
-        return bool(self.call(ChangeState, "change_state", request).success)
+        return bool(self.call(ChangeState, "change_state", request, again=math.inf).success)
 
     def active(self) -> None:
         """Waits until the node is active and all topics are matched."""
