@@ -194,7 +194,7 @@ def test_forces_and_tangents_answer_the_held_points_as_differences_say():
     still = {"far": np.inf, "links": np.empty((0, 7))}
     assert rod.solve(frames, arcs, places, again=False, **still)
     rod.respond()
-    assert len(rod.state.touches()) >= 10
+    assert len(rod.state.touches()) > 10
     dforce, dtangent = rod.dforce.copy(), rod.dtangent.copy()
     for c in range(2):
         for axis in range(4):  # along the cable, the nodes in contact move with the point

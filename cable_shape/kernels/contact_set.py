@@ -48,11 +48,12 @@ def misplaced(near: Array, on: Array) -> float:
 def grow(near: Array, on: Array, deepest: float, off: float, one: bool) -> int:
     """Makes contacts of the nodes deeper in a body than `deepest` [m], all or the deepest; returns how many.
 
-    off [m]: how wrong places may be. A node less deep than this is added only between two contacts.
+    off [m]: how wrong places may be. A node less deep than this is added only between two contacts. The first and the
+    last node are held, or a free end, and are none.
     """
     count = 0
     worst, at = -deepest, -1
-    for k in range(near.shape[0]):
+    for k in range(1, near.shape[0] - 1):
         if on[k, 1] == BARE or on[k, 0] == on[k, 1]:
             continue
         between = on[k - 1, 0] == on[k, 1] and on[k + 1, 0] == on[k, 1]
