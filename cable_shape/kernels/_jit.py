@@ -4,15 +4,21 @@ Machine code is cached in one folder per content of a kernel file and of the ker
 kernel that calls another across files is never stale, a second checkout or installation finds what the first one
 compiled, and a read-only one still has a cache. NUMBA_CACHE_DIR overrides the place. Several processes may fill it at
 once, and a file that a crash or a full disk has cut short costs no more than compiling again.
+
+What is loaded runs as the user's own code, so a folder is used only if nobody but the user and root can write into it
+or put another in its place, see :func:`trusted`. A folder that is warm and read-only is used as it is.
 """
 
 from __future__ import annotations
 
 import contextlib
 import fcntl
+import grp
 import hashlib
 import os
+import pwd
 import re
+import stat
 import tempfile
 from collections.abc import Callable, Iterator
 from functools import cache
@@ -23,38 +29,70 @@ import numba
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
 
 HERE = Path(__file__).parent
-_IMPORT = re.compile(rb"^(?:from|import) cable_shape\.kernels(?: import |\.)([\w, ]+)", re.MULTILINE)
+_IMPORT = re.compile(rb"^from cable_shape\.kernels([\w.]*) import (?:\(([^)]*)\)|([^\n]*))", re.MULTILINE)
+_GROUP, _OTHERS = stat.S_IWGRP, stat.S_IWOTH
 
 
 @cache
 def sources(file: Path) -> frozenset[Path]:
-    """A kernel file and all kernel files that it imports, directly or not."""
+    """A kernel file and all kernel files that it imports, directly or not, in whatever folder."""
     found = {file, Path(__file__)}
-    for names in _IMPORT.findall(file.read_bytes()):
-        for name in names.decode().replace(",", " ").split():
-            other = HERE / f"{name}.py"
-            if other.exists() and other not in found:
+    for dotted, several, one in _IMPORT.findall(file.read_bytes()):
+        module = HERE.joinpath(*dotted.decode().split("."))
+        names = re.findall(r"\w+", (several or one).decode())
+        for other in (module.with_suffix(".py"), *(module / f"{name}.py" for name in names)):
+            if other not in found and other.exists():
                 found |= sources(other)
     return frozenset(found)
 
 
+def trusted(folder: Path) -> bool:
+    """Whether nobody but the user and root can write into a folder, or exchange it or a folder above it.
+
+    Folders above may be open to all if they are sticky, as /tmp is: there nobody removes what is another's.
+    """
+    folder = folder.resolve()
+    for place in (folder, *folder.parents):
+        status = place.stat()
+        if status.st_uid not in (0, os.geteuid()):
+            return False
+        shut = not status.st_mode & _OTHERS and (not status.st_mode & _GROUP or _own_group(status.st_gid))
+        if not shut and (place == folder or not status.st_mode & stat.S_ISVTX):
+            return False
+    return True
+
+
+@cache
+def _own_group(number: int) -> bool:
+    """Whether a group is root's, or the user's private one: named like the user, without other members."""
+    try:
+        group, user = grp.getgrgid(number), pwd.getpwuid(os.geteuid()).pw_name
+    except KeyError:
+        return False
+    return number == 0 or (group.gr_name == user and set(group.gr_mem) <= {user})
+
+
 @cache
 def cache_folder(file: Path) -> str:
-    """Where the machine code of a kernel file as it is now is cached; writable, made if missing."""
+    """Where the machine code of a kernel file as it is now is cached: warm, or writable and made if missing."""
     digest = hashlib.sha256(numba.__version__.encode())
     for source in sorted(sources(file)):
-        digest.update(source.name.encode() + source.read_bytes())
+        digest.update(str(source.relative_to(HERE)).encode() + source.read_bytes())
     name = f"{file.stem}-{digest.hexdigest()[:16]}"
     asked = os.environ.get("NUMBA_CACHE_DIR")
     home = Path(asked) if asked else Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "cable_shape"
     for base in (home, Path(tempfile.gettempdir()) / f"cable_shape_{os.getuid()}"):
         folder = base / name
         try:
-            folder.mkdir(parents=True, exist_ok=True)
+            if not folder.is_dir():
+                base.mkdir(mode=0o700, parents=True, exist_ok=True)
+                if not trusted(base):
+                    continue
+                folder.mkdir(mode=0o700, exist_ok=True)
+            if trusted(folder) and (os.access(folder, os.W_OK) or any(folder.glob("*.nbi"))):
+                return str(folder)
         except OSError:
             continue
-        if os.access(folder, os.W_OK):
-            return str(folder)
     return tempfile.mkdtemp(prefix="cable_shape_kernels_")
 
 
@@ -81,6 +119,9 @@ class _Locator(_CacheLocator):
 
     def get_cache_path(self) -> str:
         return cache_folder(Path(self._py_file))
+
+    def ensure_cache_path(self) -> None:
+        """The folder is there; it may be read-only."""
 
     def get_source_stamp(self) -> str:
         return ""  # the folder's name has the digest of the sources
