@@ -14,6 +14,7 @@ from cable_shape.kernels.rod_between import at_node, landing, middle3, middle4, 
 from cable_shape.kernels.rod_element import angle_series, element_gradient, element_hessian
 from cable_shape.kernels.rod_factor import backward, border, factor
 
+NONE = (0.0, 0.0, 0.0)
 LINEAR = (0.0, 0.0, 0.0), (0.02, 0.02, 0.01)
 
 
@@ -30,38 +31,40 @@ def turned(q, delta) -> tuple[float, ...]:
 class Element:
     """A random element, as a function of (delta_1, delta_2, lambda)."""
 
-    def __init__(self, seed: int, bend: float, compliance: tuple[float, ...]) -> None:
+    def __init__(self, seed: int, bend: float, compliance: tuple[float, ...], taper: float = 0.0) -> None:
         rng = np.random.default_rng(seed)
         self.h = 0.4
         self.q1 = Rotation.random(rng=rng).as_quat()
         self.q2 = np.array(turned(self.q1, bend * rng.normal(size=3)))
         self.n = 3.0 * rng.normal(size=(3, 3))
         self.rest = rng.normal(size=(2, 3))
-        self.K, self.C = (1.3, 0.7, 0.9), compliance
+        self.K, self.C, self.taper = (1.3, 0.7, 0.9), compliance, numbers(*taper * np.array((0.8, -0.6, 0.5)))
 
     def arguments(self, x) -> tuple:
         forces = (numbers(*(n + x[6:])) for n in self.n)
         rest = (numbers(*k) for k in self.rest)
-        return (self.h, turned(self.q1, x[:3]), turned(self.q2, x[3:6]), *forces, *rest, self.K, self.C)
+        return (self.h, turned(self.q1, x[:3]), turned(self.q2, x[3:6]), *forces, *rest, self.K, self.C, self.taper)
 
     def value(self, x) -> float:
         return element_gradient(*self.arguments(x))[0]
 
 
+@pytest.mark.parametrize("taper", [0.0, 1.0])
 @pytest.mark.parametrize("compliance", LINEAR)
 @pytest.mark.parametrize("bend", [1e-9, 0.02, 0.5, 1.3])
-def test_gradient_of_an_element_against_finite_differences(bend, compliance):
-    element = Element(1, bend, compliance)
+def test_gradient_of_an_element_against_finite_differences(bend, compliance, taper):
+    element = Element(1, bend, compliance, taper)
     gradient = np.concatenate(element_gradient(*element.arguments(np.zeros(9)))[1:])
     step = 1e-5
     differences = [(element.value(step * e) - element.value(-step * e)) / (2 * step) for e in np.eye(9)]
     assert gradient == pytest.approx(np.array(differences), abs=2e-9)
 
 
+@pytest.mark.parametrize("taper", [0.0, 1.0])
 @pytest.mark.parametrize("compliance", LINEAR)
 @pytest.mark.parametrize("bend", [1e-9, 0.02, 0.5, 1.3])
-def test_hessian_of_an_element_against_finite_differences(bend, compliance):
-    element = Element(2, bend, compliance)
+def test_hessian_of_an_element_against_finite_differences(bend, compliance, taper):
+    element = Element(2, bend, compliance, taper)
     g1, g2, gl, *blocks = (np.array(a) for a in element_hessian(*element.arguments(np.zeros(9))))
     H11, H12, H22, B1, B2, CC = (b.reshape(3, 3) for b in blocks)
     H = np.block([[H11, H12, B1], [H12.T, H22, B2], [B1.T, B2.T, CC]])
@@ -79,7 +82,9 @@ def test_hessian_of_an_element_against_finite_differences(bend, compliance):
 @pytest.mark.parametrize("compliance", LINEAR)
 def test_elements_side_by_side_are_those_taken_one_by_one(compliance):
     rng = np.random.default_rng(8)
-    elements, stiffness = rod_lanes.LANES + 3, (1.3, 0.7, 0.9)
+    elements = rod_lanes.LANES + 3
+    section = np.tile((1.3, 0.7, 0.9, *compliance, 0.0, 0.0, 0.0), (elements, 1)) * rng.uniform(0.5, 1.5, (elements, 9))
+    section[:, 6:] = rng.normal(size=(elements, 3))
     axes = rng.normal(size=(elements, 3))
     axes /= np.linalg.norm(axes, axis=1)[:, None]
     q = [Rotation.random(rng=rng)]
@@ -93,14 +98,22 @@ def test_elements_side_by_side_are_those_taken_one_by_one(compliance):
     seen = 0
     for begin in range(0, elements, rod_lanes.LANES):
         count = rod_lanes.gather(begin, q, numbers(*force), h, load, rest, lanes)
-        rod_lanes.gradients(lanes, stiffness, compliance)
+        rod_lanes.gather_section(begin, section, lanes)
+        rod_lanes.gradients(lanes)
         gradients = table[rod_lanes.G1 : rod_lanes.VALUE + 1].copy()
-        rod_lanes.hessians(lanes, stiffness, compliance)
+        rod_lanes.hessians(lanes, compliance[0] != 0.0)
         for k in range(count):
             e = begin + k
             forces = (numbers(*(n + force)) for n in load[e].reshape(3, 3))
             kinks = (numbers(*x) for x in rest[e].reshape(2, 3))
-            element = float(h[e]), numbers(*q[e]), numbers(*q[e + 1]), *forces, *kinks, stiffness, compliance
+            element = (
+                float(h[e]),
+                numbers(*q[e]),
+                numbers(*q[e + 1]),
+                *forces,
+                *kinks,
+                *(numbers(*x) for x in section[e].reshape(3, 3)),
+            )
             value, *gradient = element_gradient(*element)
             assert gradients[:, k] == pytest.approx(np.array((*np.concatenate(gradient), value)), rel=1e-12, abs=1e-12)
             blocks = np.concatenate(element_hessian(*element))
@@ -175,9 +188,9 @@ def test_the_rule_that_corrects_is_of_sixth_order_and_knows_what_it_misses():
     @kernel
     def across(h, q0, q1, M0, M1, n0, nM, n1, u0, uM, u1, du, flex, C):
         dn = scale(1.0 / h, subtract(n1, n0))
-        a, b = at_node(q0, M0, n0, dn, u0, du, flex, C), at_node(q1, M1, n1, dn, u1, du, flex, C)
+        a, b = at_node(q0, M0, n0, dn, u0, du, flex, NONE, C), at_node(q1, M1, n1, dn, u1, du, flex, NONE, C)
         M = middle3(h, a[1], a[4], a[5], b[1], b[4], b[5])
-        m = at_node(qnormal(middle4(h, a, b)), M, nM, dn, uM, du, flex, C)
+        m = at_node(qnormal(middle4(h, a, b)), M, nM, dn, uM, du, flex, NONE, C)
         return landing(h, a, m, b), missed(h, a, m, b, nM, flex, C)
 
     errors, estimates = [], []

@@ -77,7 +77,7 @@ def cache_folder(file: Path) -> str:
     """Where the machine code of a kernel file as it is now is cached: warm, or writable and made if missing."""
     digest = hashlib.sha256(numba.__version__.encode())
     for source in sorted(sources(file)):
-        digest.update(str(source.relative_to(HERE)).encode() + source.read_bytes())
+        digest.update(os.path.relpath(source, HERE).encode() + source.read_bytes())
     name = f"{file.stem}-{digest.hexdigest()[:16]}"
     asked = os.environ.get("NUMBA_CACHE_DIR")
     home = Path(asked) if asked else Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "cable_shape"

@@ -9,8 +9,16 @@ import numpy as np
 
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.contact_near import BARE, GRIP_EXCLUSION, NONE, NORMAL, PRESS, SPOT
-from cable_shape.kernels.rod_algebra import Vector, add, dot, get3, put3, scale, subtract
-from cable_shape.kernels.span_factor import take3
+from cable_shape.kernels.rod_algebra import (
+    Vector,
+    add,
+    dot,
+    get3,
+    put3,
+    scale,
+    subtract,
+    take3,
+)
 from cable_shape.kernels.surface import reach_of, touch
 
 Array = Any

@@ -14,9 +14,21 @@ import numpy as np
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.contact_near import BARE, NORMAL, PRESS, STEP, parting, tangent_of
 from cable_shape.kernels.contact_step import moves
-from cable_shape.kernels.rod_algebra import add, dot, get3, get4, put3, rotation, scale, subtract, tapply
+from cable_shape.kernels.rod_algebra import (
+    add,
+    dot,
+    get3,
+    get4,
+    put3,
+    rotation,
+    scale,
+    subtract,
+    take3,
+    tapply,
+)
 from cable_shape.kernels.rod_defect import defects
-from cable_shape.kernels.span_factor import backward, forward, take3
+from cable_shape.kernels.rod_lanes import sections
+from cable_shape.kernels.span_factor import backward, forward
 from cable_shape.kernels.span_slide import respace, settle
 from cable_shape.kernels.span_system import NONE, release
 from cable_shape.kernels.span_work import joints_of, matrices, vectors
@@ -44,7 +56,7 @@ def position_error(
     G[:, :] = 0.0
     missed = first.copy()
     defects(
-        q, np.zeros(3), h, full, rest, stiff, np.ones((2, 3)), U, parts, missed, G, slack, np.empty((elements, 6)),
+        q, np.zeros(3), h, full, rest, sections(stiff, elements), U, parts, missed, G, slack, np.empty((elements, 6)),
         np.zeros(3),
     )  # fmt: skip
     release(G, where, mask)

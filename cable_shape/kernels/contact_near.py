@@ -31,10 +31,10 @@ from cable_shape.kernels.rod_algebra import (
     rotation,
     scale,
     subtract,
+    take3,
     tapply,
 )
 from cable_shape.kernels.rod_element import relative
-from cable_shape.kernels.span_factor import take3
 from cable_shape.kernels.surface import FLAT, reach_of, touch
 
 Array = Any

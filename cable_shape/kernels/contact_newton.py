@@ -46,8 +46,9 @@ from cable_shape.kernels.rod_algebra import (
     qnormal,
     scale,
     subtract,
+    take3,
 )
-from cable_shape.kernels.span_factor import FORCE, backward, factor, forward, take3
+from cable_shape.kernels.span_factor import FORCE, backward, factor, forward
 from cable_shape.kernels.span_newton import (
     CHORD_FROM,
     CONVERGED,

@@ -22,9 +22,21 @@ from cable_shape.kernels.contact_near import (
     tangent_of,
     turning,
 )
-from cable_shape.kernels.rod_algebra import Vector, add, apply, dot, get4, get9, put3, qexp, qmul, qnormal, scale
+from cable_shape.kernels.rod_algebra import (
+    Vector,
+    add,
+    apply,
+    dot,
+    get4,
+    get9,
+    put3,
+    qexp,
+    qmul,
+    qnormal,
+    scale,
+    take3,
+)
 from cable_shape.kernels.rod_mesh import element_rest
-from cable_shape.kernels.span_factor import take3
 
 Array = Any
 STILL = 1e-13  # of the length: shorter ways are not gone

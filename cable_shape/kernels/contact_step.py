@@ -19,9 +19,10 @@ from cable_shape.kernels.rod_algebra import (
     qmul,
     scale,
     subtract,
+    take3,
     tapply,
 )
-from cable_shape.kernels.span_factor import FORCE, take3
+from cable_shape.kernels.span_factor import FORCE
 from cable_shape.kernels.span_slide import carried
 from cable_shape.kernels.span_system import release
 

@@ -5,9 +5,20 @@ from __future__ import annotations
 from typing import Any
 
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.rod_algebra import add, apply, cross, get3, get4, put3, rotation, scale, subtract
+from cable_shape.kernels.rod_algebra import (
+    add,
+    apply,
+    cross,
+    get3,
+    get4,
+    put3,
+    rotation,
+    scale,
+    subtract,
+    take3,
+)
 from cable_shape.kernels.rod_element import E3
-from cable_shape.kernels.span_factor import FORCE, backward, forward, take3
+from cable_shape.kernels.span_factor import FORCE, backward, forward
 from cable_shape.kernels.span_stability import move_end, slip
 from cable_shape.kernels.span_system import release
 from cable_shape.kernels.span_work import joints_of, matrices, mesh_parts, vectors

@@ -314,6 +314,12 @@ def get3(a: Any, i: int) -> Vector:
 
 
 @inlined
+def take3(a: Any, i: int, o: int) -> Vector:
+    """Three numbers of row i from column o on."""
+    return (a[i, o], a[i, o + 1], a[i, o + 2])
+
+
+@inlined
 def get4(a: Any, i: int) -> Quaternion:
     """Row i of an (n, 4) array."""
     return (a[i, 0], a[i, 1], a[i, 2], a[i, 3])

@@ -27,7 +27,7 @@ from cable_shape.kernels.rod_algebra import (
     tapply,
     times,
 )
-from cable_shape.kernels.rod_between import at_node, force_slopes, integral, spin
+from cable_shape.kernels.rod_between import at_node, flexibility, force_slopes, integral, spin
 from cable_shape.kernels.rod_curve import (
     Curve,
     at,
@@ -41,14 +41,18 @@ from cable_shape.kernels.rod_curve import (
 )
 from cable_shape.kernels.rod_element import E3
 from cable_shape.kernels.rod_lanes import (
+    COMPLIANCE,
     FORCE_LEFT,
     FORCE_MIDDLE,
     FORCE_RIGHT,
+    GIVEN,
     LANES,
     LEFT,
     REST,
     RIGHT,
     SLOPE,
+    STIFF,
+    TAPER,
     H,
     lane3,
     lane4,
@@ -58,13 +62,14 @@ from cable_shape.kernels.rod_lanes import (
 
 Array = Any
 # Rows, after those of `gather`: moments and positions at the left and right, and the boundary layer, see `layers`;
-M_LEFT, M_RIGHT, R_LEFT, R_RIGHT, LAYER = 24, 27, 30, 33, 36
+M_LEFT, M_RIGHT, R_LEFT, R_RIGHT, LAYER = GIVEN, GIVEN + 3, GIVEN + 6, GIVEN + 9, GIVEN + 12
 # what comes: curves of position, rotation and moment,
-COURSE, FRAME, MOMENT = 40, 58, 82
+COURSE, FRAME, MOMENT = GIVEN + 16, GIVEN + 34, GIVEN + 58
 # squares of how far the rates of these are apart in mid-element, and of the moment there; elastic energy and integrals
 # of weight . r, n . r' and u3.
-GAP, OFF_Q, OFF_M, BENT, WORK, WEIGH, PULL, TWIST = 100, 101, 102, 103, 104, 105, 106, 107
-ROWS = 108
+GAP, OFF_Q, OFF_M, BENT = GIVEN + 76, GIVEN + 77, GIVEN + 78, GIVEN + 79
+WORK, WEIGH, PULL, TWIST = GIVEN + 80, GIVEN + 81, GIVEN + 82, GIVEN + 83
+ROWS = GIVEN + 84
 
 
 @inlined
@@ -97,7 +102,7 @@ def put_lane_curves(lanes: Array, row: int, k: int, c: tuple[Curve, Curve, Curve
 
 @inlined
 def gather_course(
-    begin: int, q: Array, first: Array, moments: Array, softness: float, r: Vector, sign: float, lanes: Array
+    begin: int, q: Array, first: Array, moments: Array, r: Vector, sign: float, lanes: Array
 ) -> tuple[Vector, float]:
     """Fills moments, positions and layers, and makes the signs of the quaternions follow one another.
 
@@ -112,7 +117,8 @@ def gather_course(
         r = subtract(r, get3(first, e))
         put_lane3(lanes, R_RIGHT, k, r)
         n = lane3(lanes, FORCE_MIDDLE, k)
-        layer = layers(lanes[H * LANES + k] * math.sqrt(softness * math.sqrt(dot(n, n))))
+        softest = min(lanes[STIFF * LANES + k], lanes[(STIFF + 1) * LANES + k], lanes[(STIFF + 2) * LANES + k])
+        layer = layers(lanes[H * LANES + k] * math.sqrt(math.sqrt(dot(n, n)) / softest))
         put_lane4(lanes, LAYER, k, layer)
         a, b = get4(q, e), get4(q, e + 1)
         put_lane4(lanes, LEFT, k, (sign * a[0], sign * a[1], sign * a[2], sign * a[3]))
@@ -123,9 +129,8 @@ def gather_course(
 
 
 @kernel(fastmath=FAST)
-def arcs(lanes: Array, flex: Vector, C: Vector, weight: Vector) -> None:
-    """Fills curves, mid-element differences and integrals of all lanes."""
-    elastic = C[0] != 0.0 or C[2] != 0.0
+def arcs(lanes: Array, elastic: bool, weight: Vector) -> None:
+    """Fills curves, mid-element differences and integrals of all lanes; elastic: a compliance may be above 0."""
     for k in range(LANES):
         h = lanes[H * LANES + k]
         qa, qb = lane4(lanes, LEFT, k), lane4(lanes, RIGHT, k)
@@ -134,9 +139,13 @@ def arcs(lanes: Array, flex: Vector, C: Vector, weight: Vector) -> None:
         Ma, Mb = lane3(lanes, M_LEFT, k), lane3(lanes, M_RIGHT, k)
         ra, rb = lane3(lanes, R_LEFT, k), lane3(lanes, R_RIGHT, k)
         layer = lane4(lanes, LAYER, k)
+        K, C, K1 = lane3(lanes, STIFF, k), lane3(lanes, COMPLIANCE, k), lane3(lanes, TAPER, k)
+        fL, dfL = flexibility(K, K1, -0.5 * h)
+        flex, _ = flexibility(K, K1, 0.0)
+        fR, dfR = flexibility(K, K1, 0.5 * h)
         dnL, dnR = force_slopes(h, nL, nM, nR)
-        a = at_node(qa, Ma, nL, dnL, add(k0, scale(-0.5 * h, k1)), k1, flex, C)
-        b = at_node(qb, Mb, nR, dnR, add(k0, scale(0.5 * h, k1)), k1, flex, C)
+        a = at_node(qa, Ma, nL, dnL, add(k0, scale(-0.5 * h, k1)), k1, fL, dfL, C)
+        b = at_node(qb, Mb, nR, dnR, add(k0, scale(0.5 * h, k1)), k1, fR, dfR, C)
         rs = curves(h, ra, a[6], a[7], rb, b[6], b[7], layer)
         qs = spins(h, a, b, layer)
         Ms = curves(h, Ma, a[4], a[5], Mb, b[4], b[5], layer)
@@ -156,8 +165,9 @@ def arcs(lanes: Array, flex: Vector, C: Vector, weight: Vector) -> None:
         miss = subtract(scale(h, (dq[0], dq[1], dq[2])), v)
         lanes[OFF_Q * LANES + k] = dot(miss, miss) + (h * dq[3] - middle_slope(qs[3], layer)) ** 2
         # elastic energy of bending and twist, of stretch and shear (Simpson), and potential energy
-        ea, em, eb = dot(Ma, times(flex, Ma)), dot(Mm, times(flex, Mm)), dot(Mb, times(flex, Mb))
-        dea, deb = 2.0 * dot(Ma, times(flex, a[4])), 2.0 * dot(Mb, times(flex, b[4]))
+        ea, em, eb = dot(Ma, times(fL, Ma)), dot(Mm, times(flex, Mm)), dot(Mb, times(fR, Mb))
+        dea = dot(Ma, add(scale(2.0, times(fL, a[4])), times(dfL, Ma)))
+        deb = dot(Mb, add(scale(2.0, times(fR, b[4])), times(dfR, Mb)))
         work = 0.5 * integral(h, ea, em, eb, dea, deb)
         if elastic:
             Na, Nb = tapply(rotation(qa), nL), tapply(rotation(qb), nR)

@@ -51,17 +51,27 @@ def spin(q: Quaternion, u: Vector) -> Quaternion:
 
 
 @inlined
+def flexibility(K: Vector, K1: Vector, x: float) -> tuple[Vector, Vector]:
+    """1 / stiffness and its derivative, a distance x [m] from where the stiffness is K and has the slope K1."""
+    f = (1.0 / (K[0] + x * K1[0]), 1.0 / (K[1] + x * K1[1]), 1.0 / (K[2] + x * K1[2]))
+    return f, (-K1[0] * f[0] * f[0], -K1[1] * f[1] * f[1], -K1[2] * f[2] * f[2])
+
+
+@inlined
 def at_node(
-    q: Quaternion, M: Vector, n: Vector, dn: Vector, u0: Vector, k1: Vector, flex: Vector, C: Vector
+    q: Quaternion, M: Vector, n: Vector, dn: Vector, u0: Vector, k1: Vector, flex: Vector, dflex: Vector, C: Vector
 ) -> Node:  # fmt: skip
-    """All that the equations say at a node. n, dn: force [N] and its derivative; u0, k1: rest curvature and its."""
+    """All that the equations say at a node.
+
+    n, dn: force [N] and its derivative; u0, k1: rest curvature and its; flex, dflex: 1 / stiffness and its.
+    """
     R = rotation(q)
     u = add(u0, times(flex, M))
     N = tapply(R, n)
     V = add(E3, times(C, N))
     dM = subtract(cross(M, u), cross(V, N))
     dN = add(cross(N, u), tapply(R, dn))
-    du = add(k1, times(flex, dM))
+    du = add(k1, add(times(flex, dM), times(dflex, M)))
     dV = times(C, dN)
     ddM = subtract(add(cross(dM, u), cross(M, du)), add(cross(dV, N), cross(V, dN)))
     dq = spin(q, u)

@@ -36,12 +36,13 @@ from cable_shape.kernels.rod_algebra import (
     qnormal,
     scale,
     subtract,
+    take3,
     tapply,
 )
 from cable_shape.kernels.rod_between import quadratic, spin
 from cable_shape.kernels.rod_element import element_hessian, relative
 from cable_shape.kernels.rod_factor import backward, border, forward
-from cable_shape.kernels.rod_lanes import LANES, gather, lane3
+from cable_shape.kernels.rod_lanes import LANES, gather, gather_section, lane3, sections
 from cable_shape.kernels.rod_rule import (
     M_LEFT,
     MISSED_MOMENT,
@@ -66,7 +67,7 @@ COARSE = 0.08  # of such a comparison is what it misses
 @kernel
 def halves(
     h: float, q1: Quaternion, q2: Quaternion, nL: Vector, nM: Vector, nR: Vector, k0: Vector, k1: Vector, K: Vector,
-    C: Vector,
+    C: Vector, K1: Vector,
 ) -> tuple[Vector, Vector, Vector]:  # fmt: skip
     """Gradient of two half elements in delta_1, delta_2, lambda, the rotation between them being in balance."""
     v, w = relative(q1, q2)
@@ -74,10 +75,11 @@ def halves(
     q = qmul(q1, (f * v[0], f * v[1], f * v[2], f * (1.0 + w)))
     na, nb = quadratic(0.25, nL, nM, nR), quadratic(0.75, nL, nM, nR)
     ka, kb = add(k0, scale(-0.25 * h, k1)), add(k0, scale(0.25 * h, k1))
+    Ka, Kb = add(K, scale(-0.25 * h, K1)), add(K, scale(0.25 * h, K1))
     a1 = b2 = al = bl = (0.0, 0.0, 0.0)
     for i in range(3):
-        a1, a2, al, _, _, A22, _, _, _ = element_hessian(0.5 * h, q1, q, nL, na, nM, ka, k1, K, C)
-        b1, b2, bl, B11, _, _, _, _, _ = element_hessian(0.5 * h, q, q2, nM, nb, nR, kb, k1, K, C)
+        a1, a2, al, _, _, A22, _, _, _ = element_hessian(0.5 * h, q1, q, nL, na, nM, ka, k1, Ka, C, K1)
+        b1, b2, bl, B11, _, _, _, _, _ = element_hessian(0.5 * h, q, q2, nM, nb, nR, kb, k1, Kb, C, K1)
         if i < 2:
             inv, _ = inverse(madd(A22, B11))
             q = qnormal(qmul(q, qexp(scale(-1.0, apply(inv, add(a2, b1))))))
@@ -97,37 +99,35 @@ def as_gradient(
 
 @kernel(fastmath=FAST)
 def defects(
-    q: Array, lam: Array, h: Array, load: Array, rest: Array, stiff: Array, mask: Array, U: Array, parts: Array,
+    q: Array, lam: Array, h: Array, load: Array, rest: Array, section: Array, U: Array, parts: Array,
     first: Array, G: Array, slack: Array, moments: Array, total: Array,
 ) -> Vector:  # fmt: skip
     """Adds the defects of the gradient in the rotations and in lambda to G (N+1, 3) and total[:3]; slack (N, 3) takes
-    each element's of lambda.
+    each element's of lambda. section (N, 9): see `rod_lanes`.
 
     moments (N, 6) [N m], cable frame, takes in columns 3 to 5 the moment at the right of each element and in the first
     three that at the left of the first, with the defect. What the rule itself misses goes, likewise, into columns 3 to
     5 (rotations) and 6 to 8 (lambda) of `first`; what it misses at the last node is returned.
     """
     elements = h.shape[0]
-    K = (stiff[0], stiff[1], stiff[2])
-    C = (stiff[3], stiff[4], stiff[5])
-    flex = (1.0 / K[0], 1.0 / K[1], 1.0 / K[2])
-    softest = min(K[0], K[1])
     l3 = (lam[0], lam[1], lam[2])
     s0 = s1 = s2 = 0.0
     left = missing = g2 = (0.0, 0.0, 0.0)
     lanes = np.empty(ROWS * LANES)
     for begin in range(0, elements, LANES):
         count = gather(begin, q, l3, h, load, rest, lanes)
-        gather_moments(begin, first, l3, h, load, rest, softest, g2, lanes)
-        land(lanes, flex, C)
+        gather_moments(begin, first, l3, h, load, rest, section, g2, lanes)
+        gather_section(begin, section, lanes)
+        land(lanes)
         for k in range(count):
             e = begin + k
             gl, g1 = (first[e, 0], first[e, 1], first[e, 2]), (first[e, 3], first[e, 4], first[e, 5])
             g2 = (first[e, 6], first[e, 7], first[e, 8])
-            if is_long(h, load, l3, e, softest):
+            if is_long(h, load, l3, e, section):
                 nL, nM, nR = forces(load, e, l3)
                 k0, k1 = (rest[e, 0], rest[e, 1], rest[e, 2]), (rest[e, 3], rest[e, 4], rest[e, 5])
-                a1, a2, al = halves(h[e], get4(q, e), get4(q, e + 1), nL, nM, nR, k0, k1, K, C)
+                K, C, K1 = get3(section, e), take3(section, e, 3), take3(section, e, 6)
+                a1, a2, al = halves(h[e], get4(q, e), get4(q, e + 1), nL, nM, nR, k0, k1, K, C, K1)
                 f = 16.0 / 15.0
                 d1, d2, dl = scale(f, subtract(a1, g1)), scale(f, subtract(a2, g2)), scale(f, subtract(al, gl))
                 e1, e2, el = scale(COARSE, d1), scale(COARSE, d2), scale(COARSE, dl)
@@ -253,7 +253,8 @@ def correct(
     elements = h.shape[0]
     _, U, _, P, Y, W = matrices(work, elements, width)
     parts, first, G, d, gram, total, step = vectors(work, elements, width)
-    missing = defects(q, lam, h, load, rest, stiff, mask, U, parts, first, G, slack, moments, total)
+    section = sections(stiff, elements)
+    missing = defects(q, lam, h, load, rest, section, U, parts, first, G, slack, moments, total)
     stiffest = max(stiff[0], stiff[1], stiff[2])
     dl = response(G, mask, P, Y, W, gram, total[3:], total[:3], step, d)
     total[0], total[1], total[2] = lam[0] + dl[0], lam[1] + dl[1], lam[2] + dl[2]

@@ -5,11 +5,13 @@ lambda, the element's part of the stationary functional is
 
     h/2 (k - k0).K(k - k0) - h/6 (psi_left + 4 psi_mid + psi_right) - h^3/24 g.W g,
     psi = N.e3 + 1/2 N.C N,  N = R^T n,  C = diag(1/GA, 1/GA, 1/EA),
-    g = k x m + V x N - K k0',  m = K (k - k0),  V = e3 + C N  at the midpoint,  W = (K + h^2/10 |n| diag(1, 1, 0))^-1.
+    g = k x m + V x N + K' (k - k0) - K k0',  m = K (k - k0),  V = e3 + C N  at the midpoint,
+    W = (K + h^2/10 |n| diag(1, 1, 0))^-1.
 
 The last term is the energy that the true, varying Darboux vector saves: the minimum over a parabolic rotation between
-the nodes, whose load is the body moment imbalance g. It makes the element fourth order in h; the |n| in W keeps it
-bounded where h exceeds the boundary layer sqrt(EI/|n|). Minus the derivative in lambda is the step in position.
+the nodes, whose load is the body moment imbalance g. K and k0 may change linearly along the element. It makes the
+element fourth order in h; the |n| in W keeps it bounded where h exceeds the boundary layer sqrt(EI/|n|). Minus the
+derivative in lambda is the step in position.
 
 Rotations are perturbed from the right, R exp(delta).
 """
@@ -100,32 +102,33 @@ def section_force(q: Quaternion, n: Vector) -> tuple[Matrix, Vector]:
 @kernel(fastmath=FAST)
 def element_gradient(
     h: float, q1: Quaternion, q2: Quaternion, nL: Vector, nM: Vector, nR: Vector,
-    k0: Vector, k1: Vector, K: Vector, C: Vector,
+    k0: Vector, k1: Vector, K: Vector, C: Vector, K1: Vector,
 ) -> tuple[float, Vector, Vector, Vector]:  # fmt: skip
     """Value, and gradient in delta_1, delta_2, lambda.
 
     h [m]; q1, q2 node quaternions; nL, nM, nR [N] world force at the left, middle and right; k0, k1 [1/m, 1/m^2] rest
-    curvature at the middle and its slope; K, C stiffness and compliance.
+    curvature at the middle and its slope; K, C stiffness and compliance at the middle; K1 slope of the stiffness.
     """
     v, w = relative(q1, q2)
-    return gradient_of(v, w, angle_series(dot(v, v), w), h, q1, q2, nL, nM, nR, k0, k1, K, C)
+    return gradient_of(v, w, angle_series(dot(v, v), w), h, q1, q2, nL, nM, nR, k0, k1, K, C, K1)
 
 
 @inlined
 def gradient_of(
     v: Vector, w: float, series: Vector, h: float, q1: Quaternion, q2: Quaternion, nL: Vector, nM: Vector, nR: Vector,
-    k0: Vector, k1: Vector, K: Vector, C: Vector,
+    k0: Vector, k1: Vector, K: Vector, C: Vector, K1: Vector,
 ) -> tuple[float, Vector, Vector, Vector]:  # fmt: skip
     """The same from the `relative` rotation and its `angle_series`, without a branch."""
     f, f1, _ = series
     k = scale(f / h, v)
-    m = times(K, subtract(k, k0))
+    bent = subtract(k, k0)
+    m = times(K, bent)
     RL, NL = section_force(q1, nL)
     RR, NR = section_force(q2, nR)
     RM = midpoint(q1, v, w)
     N = tapply(RM, nM)
     V = add(E3, times(C, N))
-    g = subtract(add(cross(k, m), cross(V, N)), times(K, k1))
+    g = add(subtract(add(cross(k, m), cross(V, N)), times(K, k1)), times(K1, bent))
     size = math.sqrt(dot(nM, nM) + SMALL_FORCE)
     stiff = 0.1 * h * h * size
     c = -h * h * h / 12.0
@@ -133,12 +136,13 @@ def gradient_of(
     VL = add(E3, times(C, NL))
     VR = add(E3, times(C, NR))
     value = (
-        0.5 * h * dot(m, subtract(k, k0))
+        0.5 * h * dot(m, bent)
         - h / 12.0 * (dot(NL, add(E3, VL)) + 4.0 * dot(N, add(E3, V)) + dot(NR, add(E3, VR)))
         + 0.5 * dot(y, g)
-        + h * h * h / 24.0 * dot(k1, times(K, k1))
+        + c * dot(k1, subtract(times(K1, bent), scale(0.5, times(K, k1))))
     )
     gk = add(scale(h, m), add(cross(m, y), times(K, cross(y, k))))
+    gk = add(gk, times(K1, add(y, scale(c, k1))))
     gN = add(scale(-2.0 / 3.0 * h, V), add(cross(y, V), times(C, cross(N, y))))
     gL, gR = scale(-h / 6.0, VL), scale(-h / 6.0, VR)
     Mv = scale(1.0 / h, add(scale(f, gk), scale(2.0 * f1 * dot(v, gk), v)))
@@ -158,18 +162,18 @@ def gradient_of(
 @kernel(fastmath=FAST)
 def element_hessian(
     h: float, q1: Quaternion, q2: Quaternion, nL: Vector, nM: Vector, nR: Vector,
-    k0: Vector, k1: Vector, K: Vector, C: Vector,
+    k0: Vector, k1: Vector, K: Vector, C: Vector, K1: Vector,
 ) -> tuple[Vector, Vector, Vector, Matrix, Matrix, Matrix, Matrix, Matrix, Matrix]:  # fmt: skip
     """Gradient and Hessian: g1, g2, gl, H11, H12, H22, B1 = H1l, B2 = H2l, CC = Hll; arguments as above."""
     v, w = relative(q1, q2)
     elastic = C[0] != 0.0 or C[2] != 0.0
-    return hessian_of(v, w, angle_series(dot(v, v), w), elastic, h, q1, q2, nL, nM, nR, k0, k1, K, C)
+    return hessian_of(v, w, angle_series(dot(v, v), w), elastic, h, q1, q2, nL, nM, nR, k0, k1, K, C, K1)
 
 
 @inlined
 def hessian_of(
     v: Vector, w: float, series: Vector, elastic: bool, h: float, q1: Quaternion, q2: Quaternion, nL: Vector,
-    nM: Vector, nR: Vector, k0: Vector, k1: Vector, K: Vector, C: Vector,
+    nM: Vector, nR: Vector, k0: Vector, k1: Vector, K: Vector, C: Vector, K1: Vector,
 ) -> tuple[Vector, Vector, Vector, Matrix, Matrix, Matrix, Matrix, Matrix, Matrix]:  # fmt: skip
     """The same from the `relative` rotation and its `angle_series`; without a branch but for C above 0: `elastic`.
 
@@ -179,13 +183,14 @@ def hessian_of(
     """
     f, f1, f2 = series
     k = scale(f / h, v)
-    m = times(K, subtract(k, k0))
+    bent = subtract(k, k0)
+    m = times(K, bent)
     RL, NL = section_force(q1, nL)
     RR, NR = section_force(q2, nR)
     RM = midpoint(q1, v, w)
     N = tapply(RM, nM)
     V = add(E3, times(C, N))
-    g = subtract(add(cross(k, m), cross(V, N)), times(K, k1))
+    g = add(subtract(add(cross(k, m), cross(V, N)), times(K, k1)), times(K1, bent))
     size = math.sqrt(dot(nM, nM) + SMALL_FORCE)
     direction = scale(1.0 / size, nM)
     slope = 0.1 * h * h
@@ -197,6 +202,7 @@ def hessian_of(
     VR = add(E3, times(C, NR))
     # first derivatives in k, in N at the midpoint and at the ends
     gk = add(scale(h, m), add(cross(m, y), times(K, cross(y, k))))
+    gk = add(gk, times(K1, add(y, scale(c, k1))))
     gN = add(scale(-2.0 / 3.0 * h, V), add(cross(y, V), times(C, cross(N, y))))
     gL, gR = scale(-h / 6.0, VL), scale(-h / 6.0, VR)
     e = -0.5 * slope * c * (a[0] * a[0] + a[1] * a[1])  # dE/d|n|
@@ -204,7 +210,7 @@ def hessian_of(
     z = (-slope * c * W[0] * a[0], -slope * c * W[1] * a[1], 0.0)  # d2E/d|n|dg
     # second derivatives in k and N
     cW = scale(c, W)
-    Gk = msub(columns_times(hat(k), K), hat(m))  # dg/dk
+    Gk = madd(msub(columns_times(hat(k), K), hat(m)), diagonal(K1))  # dg/dk
     cWGk = rows_times(cW, Gk)
     Ekk = madd(madd(diagonal(scale(h, K)), symmetric(rows_times(K, hat(y)))), tmul(Gk, cWGk))
     if elastic:

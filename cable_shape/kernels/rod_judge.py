@@ -135,7 +135,7 @@ def pair_defects(
         ka, kb = (rest[e, 0], rest[e, 1], rest[e, 2]), (rest[f, 0], rest[f, 1], rest[f, 2])
         g1, g2, gl = element_gradient(
             h[e] + h[f], get4(q, e), get4(q, e + 2), shifted(load, e, 0, lam), shifted(load, e, 6, lam),
-            shifted(load, f, 6, lam), scale(0.5, add(ka, kb)), scale(1.0 / h[e], subtract(kb, ka)), K, C,
+            shifted(load, f, 6, lam), scale(0.5, add(ka, kb)), scale(1.0 / h[e], subtract(kb, ka)), K, C, none,
         )[1:]  # fmt: skip
         g1 = scale(PAIR, subtract(g1, (first[e, 3], first[e, 4], first[e, 5])))
         g2 = scale(PAIR, subtract(g2, (first[f, 6], first[f, 7], first[f, 8])))

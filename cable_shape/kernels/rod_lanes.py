@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.rod_algebra import FAST, Matrix, Quaternion, Vector, dot, get4, inlined
 from cable_shape.kernels.rod_element import angle_series, gradient_of, hessian_of, relative
@@ -15,12 +17,17 @@ from cable_shape.kernels.rod_element import angle_series, gradient_of, hessian_o
 Array = Any
 #: Elements side by side: what the widest registers hold.
 LANES = 8
-# Rows of what is given: length, quaternions, forces, rest curvature; relative rotation and its series.
+# Rows of what is given: length, quaternions, forces, rest curvature, section (stiffness, compliance, slope of the
+# stiffness); relative rotation and its series.
 H, LEFT, RIGHT, FORCE_LEFT, FORCE_MIDDLE, FORCE_RIGHT, REST, SLOPE = 0, 1, 5, 9, 12, 15, 18, 21
-V, W, SERIES = 24, 27, 28
+STIFF, COMPLIANCE, TAPER = 24, 27, 30
+GIVEN = 33
+V, W, SERIES = 33, 36, 37
 # What comes: gradient in delta_1, delta_2, lambda, and the value, or in its place the blocks of the Hessian.
-G1, G2, GL, VALUE, H11, H12, H22, B1, B2, CC = 31, 34, 37, 40, 40, 49, 58, 67, 76, 85
-ROWS = 94
+G1, G2, GL, VALUE, H11, H12, H22, B1, B2, CC = 40, 43, 46, 49, 49, 58, 67, 76, 85, 94
+ROWS = 103
+#: Numbers that tell an element's section: stiffness 3, compliance 3, slope of the stiffness 3.
+SECTION = 9
 
 
 @inlined
@@ -79,6 +86,34 @@ def gather(begin: int, q: Array, lam: Vector, h: Array, load: Array, rest: Array
 
 
 @inlined
+def gather_section(begin: int, section: Array, lanes: Array) -> None:
+    """Fills the sections (N, 9) of the elements from `begin` on."""
+    last = section.shape[0] - 1
+    for k in range(LANES):
+        e = min(begin + k, last)
+        for i in range(SECTION):
+            lanes[(STIFF + i) * LANES + k] = section[e, i]
+
+
+@inlined
+def one_section(stiff: Array, lanes: Array) -> None:
+    """The section of a cable that is the same all along, stiff (6,): stiffness and compliance."""
+    for k in range(LANES):
+        for i in range(6):
+            lanes[(STIFF + i) * LANES + k] = stiff[i]
+        for i in range(6, SECTION):
+            lanes[(STIFF + i) * LANES + k] = 0.0
+
+
+@kernel
+def sections(stiff: Array, elements: int) -> Array:
+    """(N, 9): the same for each element."""
+    out = np.zeros((elements, SECTION))
+    out[:, :6] = stiff
+    return out
+
+
+@inlined
 def gather_turns(lanes: Array) -> None:
     """Fills relative rotations and their series."""
     for k in range(LANES):
@@ -89,15 +124,15 @@ def gather_turns(lanes: Array) -> None:
 
 
 @kernel(fastmath=FAST)
-def hessians(lanes: Array, K: Vector, C: Vector) -> None:
-    """`rod_element.element_hessian` of all lanes."""
+def hessians(lanes: Array, elastic: bool) -> None:
+    """`rod_element.element_hessian` of all lanes; elastic: a compliance may be above 0."""
     gather_turns(lanes)
-    elastic = C[0] != 0.0 or C[2] != 0.0
     for k in range(LANES):
         g1, g2, gl, h11, h12, h22, b1, b2, cc = hessian_of(
             lane3(lanes, V, k), lanes[W * LANES + k], lane3(lanes, SERIES, k), elastic, lanes[H * LANES + k],
             lane4(lanes, LEFT, k), lane4(lanes, RIGHT, k), lane3(lanes, FORCE_LEFT, k), lane3(lanes, FORCE_MIDDLE, k),
-            lane3(lanes, FORCE_RIGHT, k), lane3(lanes, REST, k), lane3(lanes, SLOPE, k), K, C,
+            lane3(lanes, FORCE_RIGHT, k), lane3(lanes, REST, k), lane3(lanes, SLOPE, k), lane3(lanes, STIFF, k),
+            lane3(lanes, COMPLIANCE, k), lane3(lanes, TAPER, k),
         )  # fmt: skip
         put_lane3(lanes, G1, k, g1)
         put_lane3(lanes, G2, k, g2)
@@ -111,14 +146,15 @@ def hessians(lanes: Array, K: Vector, C: Vector) -> None:
 
 
 @kernel(fastmath=FAST)
-def gradients(lanes: Array, K: Vector, C: Vector) -> None:
+def gradients(lanes: Array) -> None:
     """`rod_element.element_gradient` of all lanes."""
     gather_turns(lanes)
     for k in range(LANES):
         value, g1, g2, gl = gradient_of(
             lane3(lanes, V, k), lanes[W * LANES + k], lane3(lanes, SERIES, k), lanes[H * LANES + k],
             lane4(lanes, LEFT, k), lane4(lanes, RIGHT, k), lane3(lanes, FORCE_LEFT, k), lane3(lanes, FORCE_MIDDLE, k),
-            lane3(lanes, FORCE_RIGHT, k), lane3(lanes, REST, k), lane3(lanes, SLOPE, k), K, C,
+            lane3(lanes, FORCE_RIGHT, k), lane3(lanes, REST, k), lane3(lanes, SLOPE, k), lane3(lanes, STIFF, k),
+            lane3(lanes, COMPLIANCE, k), lane3(lanes, TAPER, k),
         )  # fmt: skip
         lanes[VALUE * LANES + k] = value
         put_lane3(lanes, G1, k, g1)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.rod_algebra import FAST, add, apply, qnear, rotation, scale, times
+from cable_shape.kernels.rod_algebra import FAST, Vector, add, apply, qnear, rotation, scale
 from cable_shape.kernels.rod_arcs import (
     BENT,
     COURSE,
@@ -35,11 +35,89 @@ from cable_shape.kernels.rod_arcs import (
 )
 from cable_shape.kernels.rod_between import quadratic
 from cable_shape.kernels.rod_curve import at, at3, functions
-from cable_shape.kernels.rod_lanes import LANES, REST, SLOPE, gather, lane3, lane4
+from cable_shape.kernels.rod_lanes import (
+    LANES,
+    REST,
+    SLOPE,
+    STIFF,
+    TAPER,
+    gather,
+    gather_section,
+    lane3,
+    lane4,
+    sections,
+)
 from cable_shape.kernels.rod_system import forces
 
 Array = Any
 INTERPOLATION = 0.2
+
+
+#: Numbers that `sample_span` gathers: elastic energy - weight . r, twist, integral of n . r' - weight . r; then largest
+#: squares of how far rates are apart in mid-element (position, rotation, moment), and of a moment.
+S_WORK, S_TWIST, S_PULL, S_GAP, S_TURN, S_MOMENT, S_BENT = 0, 1, 2, 3, 4, 5, 6
+SUMS = 7
+
+
+@kernel(fastmath=FAST)
+def sample_span(
+    q: Array, lam: Vector, moments: Array, s: Array, h: Array, load: Array, rest: Array, section: Array,
+    origin: Vector, sign: float, weight: Vector, elastic: bool, first: Array, begin: int, apart: float, points: int,
+    last: bool, out: Array, sums: Array,
+) -> tuple[int, Vector, float]:  # fmt: skip
+    """Fills `out` (17 points, as CableShape.buffer) for the points of one span, from number `begin` on.
+
+    moments (N, 6) [N m], cable frame: at the left and right of each element; first (N, 9): minus the steps in position
+    first; section (N, 9): see `rod_lanes`; origin [m]: where the span starts; sign: of its first quaternion; weight
+    [N/m]; apart [m]: arc length between points; last: no span follows. sums (SUMS,) takes part. Returns the number of
+    the next point, where the span ends, and the sign there.
+    """
+    elements = h.shape[0]
+    r = origin
+    o1, o2, o3, o4, o5 = points, 4 * points, 8 * points, 11 * points, 14 * points
+    i = begin
+    work = pull = twist = gap = off_M = off_q = bent = 0.0
+    lanes = np.empty(ROWS * LANES)
+    for e in range(elements):
+        lane = e % LANES
+        if lane == 0:
+            gather(e, q, lam, h, load, rest, lanes)
+            gather_section(e, section, lanes)
+            r, sign = gather_course(e, q, first, moments, r, sign, lanes)
+            arcs(lanes, elastic, weight)
+        gap, off_q = max(gap, lanes[GAP * LANES + lane]), max(off_q, lanes[OFF_Q * LANES + lane])
+        off_M, bent = max(off_M, lanes[OFF_M * LANES + lane]), max(bent, lanes[BENT * LANES + lane])
+        work += lanes[WORK * LANES + lane] - lanes[WEIGH * LANES + lane]
+        pull += lanes[PULL * LANES + lane] - lanes[WEIGH * LANES + lane]
+        twist += lanes[TWIST * LANES + lane]
+        he, f = h[e], 1.0 / h[e]
+        nL, nM, nR = forces(load, e, lam)
+        k0, k1 = lane3(lanes, REST, lane), lane3(lanes, SLOPE, lane)
+        K, K1 = lane3(lanes, STIFF, lane), lane3(lanes, TAPER, lane)
+        layer = lane4(lanes, LAYER, lane)
+        rs, Ms = lane_curves(lanes, COURSE, lane), lane_curves(lanes, MOMENT, lane)
+        qs, q4 = lane_curves(lanes, FRAME, lane), lane_curve(lanes, FRAME + 18, lane)
+        next_i = points if last and e == elements - 1 else min(points, math.ceil(s[e + 1] / apart - 1e-9))
+        for j in range(i, next_i):
+            x = (j * apart - s[e]) * f
+            out[j] = j * apart
+            e1, e2 = functions(x, layer)
+            out[o1 + 3 * j], out[o1 + 3 * j + 1], out[o1 + 3 * j + 2] = at3(rs, x, e1, e2)
+            p = qnear((at(qs[0], x, e1, e2), at(qs[1], x, e1, e2), at(qs[2], x, e1, e2), at(q4, x, e1, e2)))
+            out[o2 + 4 * j], out[o2 + 4 * j + 1], out[o2 + 4 * j + 2], out[o2 + 4 * j + 3] = p
+            M = at3(Ms, x, e1, e2)
+            y = he * (x - 0.5)
+            u = (M[0] / (K[0] + y * K1[0]), M[1] / (K[1] + y * K1[1]), M[2] / (K[2] + y * K1[2]))
+            out[o3 + 3 * j], out[o3 + 3 * j + 1], out[o3 + 3 * j + 2] = add(add(k0, scale(y, k1)), u)
+            out[o4 + 3 * j], out[o4 + 3 * j + 1], out[o4 + 3 * j + 2] = quadratic(x, nL, nM, nR)
+            out[o5 + 3 * j], out[o5 + 3 * j + 1], out[o5 + 3 * j + 2] = apply(rotation(p), M)
+        i = max(i, next_i)
+    sums[S_WORK] += work
+    sums[S_TWIST] += twist
+    sums[S_PULL] += pull
+    sums[S_GAP], sums[S_TURN] = max(sums[S_GAP], gap), max(sums[S_TURN], off_q)
+    sums[S_MOMENT], sums[S_BENT] = max(sums[S_MOMENT], off_M), max(sums[S_BENT], bent)
+    return i, r, sign
 
 
 @kernel(fastmath=FAST)
@@ -47,64 +125,26 @@ def sample(
     q: Array, lam: Array, moments: Array, s: Array, h: Array, load: Array, rest: Array, stiff: Array, origin: Array,
     weight: Array, first: Array, points: int, out: Array, totals: Array,
 ) -> None:  # fmt: skip
-    """Fills `out` (17 points): arc length, positions, quaternions, curvature, force, moment, as CableShape.buffer.
+    """`sample_span` of a whole cable of one section, stiff (6,).
 
-    moments (N, 6) [N m], cable frame: at the left and right of each element; first (N, 9): minus the steps in position
-    first; origin (3,) [m]: start; weight (3,) [N/m]. totals: 0 elastic energy - weight . r [J], 1 integral of u3 [rad],
+    origin (3,) [m]: start; weight (3,) [N/m]. totals: 0 elastic energy - weight . r [J], 1 integral of u3 [rad],
     2 error of the interpolation [m], judged by how far r' and R V, interpolated apart, differ in mid-element; 3 the
     largest such difference over an element, of rotation [rad], moment / largest moment and position / length; 4
     integral of n . r' - weight . r [J], which with the functional's value makes the energy, too.
     """
     elements = h.shape[0]
-    flex = (1.0 / stiff[0], 1.0 / stiff[1], 1.0 / stiff[2])
-    C = (stiff[3], stiff[4], stiff[5])
-    softness = max(flex[0], flex[1])
-    w3 = (weight[0], weight[1], weight[2])
-    l3 = (lam[0], lam[1], lam[2])
-    r = (origin[0], origin[1], origin[2])
-    dx = s[elements] / (points - 1)
-    o1, o2, o3, o4, o5 = points, 4 * points, 8 * points, 11 * points, 14 * points
-    i = 0
-    work = pull = heavy = twist = gap = off_M = off_q = 0.0
-    bent = (1e-3 * min(stiff[0], stiff[1]) / s[elements]) ** 2
-    sign = 1.0
-    lanes = np.empty(ROWS * LANES)
-    for e in range(elements):
-        lane = e % LANES
-        if lane == 0:
-            gather(e, q, l3, h, load, rest, lanes)
-            r, sign = gather_course(e, q, first, moments, softness, r, sign, lanes)
-            arcs(lanes, flex, C, w3)
-        gap, off_q = max(gap, lanes[GAP * LANES + lane]), max(off_q, lanes[OFF_Q * LANES + lane])
-        off_M, bent = max(off_M, lanes[OFF_M * LANES + lane]), max(bent, lanes[BENT * LANES + lane])
-        work += lanes[WORK * LANES + lane] - lanes[WEIGH * LANES + lane]
-        heavy += lanes[WEIGH * LANES + lane]
-        pull += lanes[PULL * LANES + lane]
-        twist += lanes[TWIST * LANES + lane]
-        he, f = h[e], 1.0 / h[e]
-        nL, nM, nR = forces(load, e, l3)
-        k0, k1 = lane3(lanes, REST, lane), lane3(lanes, SLOPE, lane)
-        layer = lane4(lanes, LAYER, lane)
-        rs, Ms = lane_curves(lanes, COURSE, lane), lane_curves(lanes, MOMENT, lane)
-        qs, q4 = lane_curves(lanes, FRAME, lane), lane_curve(lanes, FRAME + 18, lane)
-        next_i = points if e == elements - 1 else min(points, math.ceil(s[e + 1] / dx - 1e-9))
-        for j in range(i, next_i):
-            x = (j * dx - s[e]) * f
-            out[j] = j * dx
-            e1, e2 = functions(x, layer)
-            out[o1 + 3 * j], out[o1 + 3 * j + 1], out[o1 + 3 * j + 2] = at3(rs, x, e1, e2)
-            p = qnear((at(qs[0], x, e1, e2), at(qs[1], x, e1, e2), at(qs[2], x, e1, e2), at(q4, x, e1, e2)))
-            out[o2 + 4 * j], out[o2 + 4 * j + 1], out[o2 + 4 * j + 2], out[o2 + 4 * j + 3] = p
-            M = at3(Ms, x, e1, e2)
-            out[o3 + 3 * j], out[o3 + 3 * j + 1], out[o3 + 3 * j + 2] = add(
-                add(k0, scale(he * (x - 0.5), k1)), times(flex, M)
-            )
-            out[o4 + 3 * j], out[o4 + 3 * j + 1], out[o4 + 3 * j + 2] = quadratic(x, nL, nM, nR)
-            out[o5 + 3 * j], out[o5 + 3 * j + 1], out[o5 + 3 * j + 2] = apply(rotation(p), M)
-        i = max(i, next_i)
-    totals[0], totals[1], totals[2] = work, twist, INTERPOLATION * math.sqrt(gap)
-    totals[4] = pull - heavy
-    totals[3] = max(2.0 * math.sqrt(off_q), math.sqrt(off_M / bent), math.sqrt(gap) / s[elements])
+    length = s[elements]
+    sums = np.zeros(SUMS)
+    elastic = stiff[3] != 0.0 or stiff[5] != 0.0
+    sample_span(
+        q, (lam[0], lam[1], lam[2]), moments, s, h, load, rest, sections(stiff, elements),
+        (origin[0], origin[1], origin[2]), 1.0, (weight[0], weight[1], weight[2]), elastic, first, 0,
+        length / (points - 1), points, True, out, sums,
+    )  # fmt: skip
+    bent = max(sums[S_BENT], (1e-3 * min(stiff[0], stiff[1]) / length) ** 2)
+    totals[0], totals[1], totals[2] = sums[S_WORK], sums[S_TWIST], INTERPOLATION * math.sqrt(sums[S_GAP])
+    totals[4] = sums[S_PULL]
+    totals[3] = max(2.0 * math.sqrt(sums[S_TURN]), math.sqrt(sums[S_MOMENT] / bent), math.sqrt(sums[S_GAP]) / length)
 
 
 @kernel(fastmath=FAST)

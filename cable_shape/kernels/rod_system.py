@@ -50,6 +50,7 @@ from cable_shape.kernels.rod_lanes import (
     gradients,
     hessians,
     lane3,
+    one_section,
 )
 
 Array = Any
@@ -88,8 +89,6 @@ def assemble(
     elements = h.shape[0]
     width = X.shape[1] // 3
     nb = width - 1
-    K = (stiff[0], stiff[1], stiff[2])
-    C = (stiff[3], stiff[4], stiff[5])
     l3 = (lam[0], lam[1], lam[2])
     total[:] = 0.0
     for c in range(9):
@@ -97,9 +96,11 @@ def assemble(
     for c in range(3 * width):
         X[0, c] = 0.0
     lanes = np.empty(ROWS * LANES)
+    one_section(stiff, lanes)
+    elastic = stiff[3] != 0.0 or stiff[5] != 0.0
     for begin in range(0, elements, LANES):
         count = gather(begin, q, l3, h, load, rest, lanes)
-        hessians(lanes, K, C)
+        hessians(lanes, elastic)
         for k in range(count):
             e = begin + k
             for c in range(9):
@@ -163,15 +164,14 @@ def gradient(
 ) -> float:  # fmt: skip
     """Fills G (N+1, 3), first, total[:3]; returns the value of the functional without lambda . (r_L - r_0)."""
     elements = h.shape[0]
-    K = (stiff[0], stiff[1], stiff[2])
-    C = (stiff[3], stiff[4], stiff[5])
     l3 = (lam[0], lam[1], lam[2])
     t0 = t1 = t2 = value = 0.0
     left = (0.0, 0.0, 0.0)
     lanes = np.empty(ROWS * LANES)
+    one_section(stiff, lanes)
     for begin in range(0, elements, LANES):
         count = gather(begin, q, l3, h, load, rest, lanes)
-        gradients(lanes, K, C)
+        gradients(lanes)
         for k in range(count):
             e = begin + k
             g1, g2, gl = lane3(lanes, G1, k), lane3(lanes, G2, k), lane3(lanes, GL, k)

@@ -12,9 +12,21 @@ from typing import Any
 import numpy as np
 
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.rod_algebra import FAST, add, apply, get3, get4, get9, put3, rotation, subtract
+from cable_shape.kernels.rod_algebra import (
+    FAST,
+    add,
+    apply,
+    get3,
+    get4,
+    get9,
+    put3,
+    rotation,
+    subtract,
+    take3,
+)
 from cable_shape.kernels.rod_defect import defects, left_over, take_off
-from cable_shape.kernels.span_factor import FORCE, SHIFTED, backward, forward, take3
+from cable_shape.kernels.rod_lanes import sections
+from cable_shape.kernels.span_factor import FORCE, SHIFTED, backward, forward
 from cable_shape.kernels.span_slide import carried, settle
 from cable_shape.kernels.span_system import NONE, release
 from cable_shape.kernels.span_work import joints_of, matrices, vectors
@@ -42,12 +54,12 @@ def correct(
     first, full, slack, G, d, _ = vectors(work, elements)
     joints, sums, pull, given = joints_of(work, elements, spans)
     stiffest = max(stiff[0], stiff[1], stiff[2])
-    missing = np.empty((spans, 3))
+    missing, section = np.empty((spans, 3)), sections(stiff, elements)
     still = np.zeros(3)
     for j in range(spans):
         a, b = where[j], where[j + 1]
         short = defects(
-            q[a : b + 1], still, h[a:b], full[a:b], rest[a:b], stiff, mask, U[a:b], parts[a:b], first[a:b],
+            q[a : b + 1], still, h[a:b], full[a:b], rest[a:b], section[a:b], U[a:b], parts[a:b], first[a:b],
             G[a : b + 1], slack[a:b], moments[a:b], sums[j],
         )  # fmt: skip
         put3(missing, j, 0, short)

@@ -30,7 +30,6 @@ from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.rod_algebra import (
     FAST,
     Matrix,
-    Vector,
     add,
     apply,
     get3,
@@ -47,6 +46,7 @@ from cable_shape.kernels.rod_algebra import (
     put9,
     scale,
     subtract,
+    take3,
     tapply,
     tmul,
     transpose,
@@ -58,12 +58,6 @@ NONE = (0.0, 0.0, 0.0)
 PLACE = 31  # numbers that say what acts on a support's place
 # columns of `joints`: S^-1, W at the far support, M, C, A - S^-1, then of one right-hand side
 SI, WE, MC, CB, AY, CLOSING, PULL, MOVED, FORCE, SHIFTED = 0, 9, 18, 27, 36, 45, 48, 51, 54, 57
-
-
-@inlined
-def take3(a: Array, i: int, o: int) -> Vector:
-    """Three numbers of row i from column o on."""
-    return (a[i, o], a[i, o + 1], a[i, o + 2])
 
 
 @inlined

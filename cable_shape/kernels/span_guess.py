@@ -12,7 +12,15 @@ from typing import Any
 import numpy as np
 
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.rod_algebra import add, dot, get3, put3, scale, subtract
+from cable_shape.kernels.rod_algebra import (
+    add,
+    dot,
+    get3,
+    put3,
+    scale,
+    subtract,
+    take3,
+)
 from cable_shape.kernels.rod_guess import (
     bezier_tangents,
     carry_frames,
@@ -24,7 +32,6 @@ from cable_shape.kernels.rod_guess import (
     tangent,
 )
 from cable_shape.kernels.span_drive import take4
-from cable_shape.kernels.span_factor import take3
 from cable_shape.kernels.span_work import TRIAL, mesh_parts, slot
 
 Array = Any

@@ -20,10 +20,11 @@ from cable_shape.kernels.rod_algebra import (
     qmul,
     qnormal,
     scale,
+    take3,
 )
 from cable_shape.kernels.rod_newton import CHORD_FROM as CHORDS_FROM
 from cable_shape.kernels.rod_newton import STEP_TOLERANCE
-from cable_shape.kernels.span_factor import FORCE, SHIFTED, backward, factor, forward, take3
+from cable_shape.kernels.span_factor import FORCE, SHIFTED, backward, factor, forward
 from cable_shape.kernels.span_slide import columns_of, farthest_way, load_elements, respace, settle
 from cable_shape.kernels.span_system import assemble, fold, gradient
 from cable_shape.kernels.span_work import joints_of, matrices, vectors

@@ -20,12 +20,22 @@ from typing import Any
 import numpy as np
 
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.rod_algebra import add, apply, cross, dot, get3, get4, rotation, subtract
+from cable_shape.kernels.rod_algebra import (
+    add,
+    apply,
+    cross,
+    dot,
+    get3,
+    get4,
+    rotation,
+    subtract,
+    take3,
+)
 from cable_shape.kernels.rod_element import E3, element_gradient
 from cable_shape.kernels.rod_mesh import element_loads, element_rest
 from cable_shape.kernels.rod_system import forces as forces_at
-from cable_shape.kernels.span_factor import FORCE, backward, forward, take3
-from cable_shape.kernels.span_system import release
+from cable_shape.kernels.span_factor import FORCE, backward, forward
+from cable_shape.kernels.span_system import NONE, release
 
 Array = Any
 DIFFERENCE = 1e-6  # of the length, between two values of sigma
@@ -113,7 +123,7 @@ def columns_of(
                 j += 1
             nL, nM, nR = forces_at(load, e, get3(lam, j))
             k0, k1 = (bent[e, 0], bent[e, 1], bent[e, 2]), (bent[e, 3], bent[e, 4], bent[e, 5])
-            _, g1, g2, gl = element_gradient(h[e], get4(q, e), get4(q, e + 1), nL, nM, nR, k0, k1, K, C)
+            _, g1, g2, gl = element_gradient(h[e], get4(q, e), get4(q, e + 1), nL, nM, nR, k0, k1, K, C, NONE)
             for x in range(3):
                 slope[c * elements + e, x] = f * (gl[x] - first[e, x])
                 slope[c * elements + e, 3 + x] = f * (g1[x] - first[e, 3 + x])

@@ -19,13 +19,14 @@ from cable_shape.kernels.rod_algebra import (
     rotation,
     scale,
     subtract,
+    take3,
     tapply,
     times,
 )
 from cable_shape.kernels.rod_element import E3, element_hessian
 from cable_shape.kernels.rod_stability import node_slope
 from cable_shape.kernels.rod_system import forces as forces_at
-from cable_shape.kernels.span_factor import FORCE, backward, factor, forward, take3
+from cable_shape.kernels.span_factor import FORCE, backward, factor, forward
 from cable_shape.kernels.span_slide import grip
 from cable_shape.kernels.span_system import NONE, assemble, fold, release
 from cable_shape.kernels.span_work import NOW, joints_of, matrices, mesh_parts, slot, vectors
@@ -239,7 +240,7 @@ def move_end(
         nL, nM, nR = forces_at(full, 0, NONE)
         _, _, _, H11, _, _, _, _, _ = element_hessian(
             h[0], get4(q, 0), get4(q, 1), nL, nM, nR, take3(rest, 0, 0), take3(rest, 0, 3),
-            (par[0], par[1], par[2]), (par[3], par[4], par[5]),
+            (par[0], par[1], par[2]), (par[3], par[4], par[5]), NONE,
         )  # fmt: skip
         own = apply(H11, turn)
     put3(G, beside, 0, add(get3(G, beside), across))

@@ -40,6 +40,7 @@ from cable_shape.kernels.rod_lanes import (
     gradients,
     hessians,
     lane3,
+    one_section,
 )
 
 Array = Any
@@ -67,8 +68,6 @@ def assemble(
     stiff (6,): stiffness and compliance. moment (3,) [N m], world: dead moment at s = L; it makes the last diagonal
     block unsymmetric.
     """
-    K = (stiff[0], stiff[1], stiff[2])
-    C = (stiff[3], stiff[4], stiff[5])
     spans = sums.shape[0]
     elements = h.shape[0]
     for c in range(9):
@@ -77,9 +76,11 @@ def assemble(
     sums[:, :12] = 0.0
     j = 0
     lanes = np.empty(ROWS * LANES)
+    one_section(stiff, lanes)
+    elastic = stiff[3] != 0.0 or stiff[5] != 0.0
     for begin in range(0, elements, LANES):
         count = gather(begin, q, NONE, h, full, rest, lanes)
-        hessians(lanes, K, C)
+        hessians(lanes, elastic)
         for k in range(count):
             e = begin + k
             if e == where[j + 1]:
@@ -132,17 +133,16 @@ def gradient(
     G: Array, first: Array, sums: Array,
 ) -> float:  # fmt: skip
     """Fills G, first and sums[:, :3]; returns the value of the elements' functional."""
-    K = (stiff[0], stiff[1], stiff[2])
-    C = (stiff[3], stiff[4], stiff[5])
     elements = h.shape[0]
     value = 0.0
     left = NONE
     sums[:, :3] = 0.0
     j = 0
     lanes = np.empty(ROWS * LANES)
+    one_section(stiff, lanes)
     for begin in range(0, elements, LANES):
         count = gather(begin, q, NONE, h, full, rest, lanes)
-        gradients(lanes, K, C)
+        gradients(lanes)
         for k in range(count):
             e = begin + k
             if e == where[j + 1]:
