@@ -29,7 +29,7 @@ FIRST, APPROACH = 60, 10
 #: A plain processor: what valgrind can run.
 PLAIN = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": "", "PYTHONHASHSEED": "0", "OPENBLAS_NUM_THREADS": "1"}
 REMEDY = "no valgrind here, so no instructions are counted: sudo apt-get install valgrind"
-NAMES = ("catenary", "gradient4", "gradient6", "rod", "rod in its plane", "auto", "cycle, no scene, auto")
+NAMES = ("catenary", "gradient4", "gradient6", "rod", "rod, planar motion", "auto", "cycle, no scene, auto")
 
 
 def workloads() -> list[Callable[[int], object]]:

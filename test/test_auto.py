@@ -269,22 +269,6 @@ def test_a_warm_rod_that_is_as_cheap_is_preferred() -> None:
     assert set(sequence[1:]) == {"cosserat"}
 
 
-@pytest.mark.parametrize("stiffness", [1e-6, 5e-6])
-def test_a_warm_rod_in_its_plane_is_preferred_on_the_mesh_of_a_cold_one(stiffness: float) -> None:
-    """Until its plane is left. What went on from a closed form on a finer mesh would cost more at every step."""
-    auto, rod = cs.Predictor(cable(stiffness)), cs.Predictor(cable(stiffness), model="cosserat", tolerance=TOLERANCE)
-    sequence = []
-    for chord in 0.98 - 1e-4 * np.arange(40):
-        end = level(chord, roll=0.0)
-        shape, truth = auto.predict(START, end), rod.predict(START, end)
-        sequence.append(shape.model)
-        assert apart(shape, truth) <= shape.error_estimate + truth.error_estimate
-    assert sequence == ["catenary"] + 39 * ["cosserat"]
-    assert auto.rod_state.planar
-    assert auto.rod_state.elements <= rod.rod_state.elements
-    assert models(auto, np.linspace(0.976, 0.974, LATEST + 1))[-1] != "cosserat"
-
-
 def test_slack_taut_slack_ends_on_the_branch_of_the_rod() -> None:
     """Ends turned at random while slack, where several stable shapes exist; closed forms answer in between."""
     rng = np.random.default_rng(8)

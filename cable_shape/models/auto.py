@@ -10,8 +10,7 @@ cosserat`` prints of medians of the costs, at the default tolerance with 150 poi
   is hopeless; with the rest that a cold choice tries in vain a rod costs 1.1 to 1.2 times what it costs by name.
 - Warm, the rod needs the more elements the thinner its boundary layers are; closed forms do not. The catenary costs
   three quarters of the rod below 3e-4 of the length, nine tenths from there on, and at three thousandths nothing is
-  gained. So a warm start beyond THICK is the rod's. In its plane the rod costs two thirds of what it costs in space, or
-  less, and so less than a closed form: there a warm start is always the rod's.
+  gained. So a warm start beyond THICK is the rod's.
 - Warm, the gradient cable costs as much as the rod or up to a tenth more: it is only taken where the catenary will not
   do, and keeps the shape that a cold choice gave. Neither is left for the other while it will do.
 - The gradient cable of 6th order was never within tolerance where neither of the others was: it is not used.
@@ -157,7 +156,7 @@ class Auto:
             names, ends = self._promising(problem), None
         else:
             names, ends = sorted(_able(problem.cable), key=lambda name: name != self._in_use), before.ends
-        if before is not None and (before.layer > THICK * problem.cable.length or self._has_plane(problem)):
+        if before is not None and before.layer > THICK * problem.cable.length:
             names = []
         for name in names:
             room = 1.0 if before is None or name == self._in_use else ENTER
@@ -191,8 +190,6 @@ class Auto:
         state, self._wait = self._rod.state, self._patience
         if not isinstance(state, RodState) or shape.status is not Status.OK or shape.turns != 0 or _rods_own(problem):
             return
-        if state.planar:
-            return
         promising = self._promising(problem)
         self._patience = min(2 * self._patience, LATEST) if promising else SOONEST
         limit = ENTER * problem.tolerance
@@ -206,15 +203,6 @@ class Auto:
                 self._followed, self._patience = True, SOONEST
                 return
             self._in_use, self._beside = "cosserat", None
-
-    def _has_plane(self, problem: Problem) -> bool:
-        """Whether the rod would be solved for in its plane."""
-        state = self._rod.state
-        if not isinstance(state, RodState):
-            return False
-        if state.problem is not problem:
-            state.take(problem)
-        return state.has_plane(problem.start, problem.end)
 
     def _continue(self, beside: Beside) -> bool:
         """Solves for the rod beside the last closed form, between its ends; if there is none, the rod is cold."""
