@@ -124,7 +124,7 @@ def evidence(pages: Pages) -> None:
         "performance",
         "## Where a cycle's time goes",
         "Mean shares of the wall time around `Cycle.step`; bookkeeping is what is in none of the phases.",
-        table(("motion, auto", *PHASES, "bookkeeping", "sum", "mean cycle [ms]"), rows),
+        table(("motion", *PHASES, "bookkeeping", "sum", "mean cycle [ms]"), rows),
     )
     whole, within = in_kernel(1 if pages.quick else 5)
     share = 100.0 * within / whole
