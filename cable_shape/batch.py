@@ -82,8 +82,8 @@ def predict_batch(
     starts, ends : (k, 7) array_like
         Position [m] and quaternion x y z w of the cable frame at each end, in the world.
     model, gravity, points, tolerance, scene, distributed_load
-        As for :func:`predict`. With "auto" the rod is solved to `tolerance`. Other models, clips and contact are solved
-        row by row and far more slowly. Obstacles on robot links are left out.
+        As for :func:`predict`. Other models than the rod, clips and contact are solved row by row and far more
+        slowly. Obstacles on robot links are left out.
     threads : int, optional
         Default: as many as there are cores to run on.
     time_limit : float, optional

@@ -53,7 +53,6 @@ class BatchTube:
         out = np.empty(points)
         rod = state.par, state.mesh, state.sol, state.work, state.elements, state.width
         batch_tube.tube(*rod, shape.buffer, points, known, meshes, moves, shifts, out)
-        state.overwritten(factored=True)
         return out
 
 

@@ -117,11 +117,6 @@ class CableCycle:
                 self.tails[side] = tail.predict(held_frame(grip, shape, side))
         return shape
 
-    @property
-    def planar(self) -> bool:
-        """Whether the last shape was solved for in its plane alone."""
-        return self._rod is not None and self._rod.planar
-
     def spread(self, shape: CableShape, ends: Ends, links: Links) -> Tube | None:
         """The tube of the shape just predicted, if it is asked for and known; kept, and those of the tails."""
         self.tail_tubes = {}

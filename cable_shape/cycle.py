@@ -222,7 +222,6 @@ class Cycle:
                 "pairs_culled": sum(c.pairs_culled for c in clearance.values()),
                 "snap_checks": sum(cable.snap_skipped for cable in cables.values()),
                 "crossings": self._crossings_skipped(cables),
-                "spatial_solves": sum(cable.planar and not shapes[name].reused for name, cable in cables.items()),
             },
             margins=margins,
             tails={(name, side): tail for name, cable in cables.items() for side, tail in cable.tails.items()},

@@ -64,7 +64,7 @@ _NAMELESS = [("",) * len(kinds) for kinds in _TOLD]
 _CLEARANCE, _STABLE, _LOADS = WarningKind.CLEARANCE, 1 << STABILITY, (1 << BODIES) - 1
 _INERTIA, _NO_NAME = (WarningKind.QUASISTATIC,), ("",)
 _HELD, _LOADED, _FRESH, _AGAIN = kernels.HELD, kernels.LOADED, kernels.FRESH, kernels.AGAIN
-_UNSTABLE, _NEW, _LISTED, _IN_PLANE = kernels.UNSTABLE, kernels.NEW, kernels.LISTED, kernels.IN_PLANE
+_UNSTABLE, _NEW, _LISTED = kernels.UNSTABLE, kernels.NEW, kernels.LISTED
 #: Looked up once: an enumeration's members take longer than their name says.
 _OK, _SADDLE, _OVERSTRETCHED = Status.OK, Status.UNSTABLE, Status.OVERSTRETCHED
 #: A Margin from its type and a tuple of its fields, in half the time.
@@ -251,9 +251,6 @@ class MarginWatch:
         if not again and (status is not _OK or not self._mu > _NEAR):
             more |= _FRESH
             steps = max(steps, _NEAR_STEPS)
-            state.overwritten(factored=True)
-        elif state.factor():
-            more |= _IN_PLANE
         return state.par, state.mesh, state.sol, state.work, state.elements, state.width, self._mode, steps, more
 
 

@@ -21,7 +21,7 @@ from cable_shape.models.rod_state import RodState
 from cable_shape.models.span_state import SpanState
 from cable_shape.models.touch_state import TouchState
 from cable_shape.pose import FreeEnd, Grip, Pose
-from cable_shape.problem import AUTO_TOLERANCE, GRAVITY, NAMED_TOLERANCE, Problem
+from cable_shape.problem import GRAVITY, Problem
 from cable_shape.reuse import Ends, unmoved
 from cable_shape.scene import Mesh, Obstacle, Scene
 from cable_shape.shape import CableShape
@@ -36,16 +36,14 @@ class Predictor:
     ----------
     cable : Cable
     model : str
-        "catenary", "gradient4", "gradient6", "cosserat", or "auto": the cheapest of catenary, gradient4 and cosserat
-        whose error against the rod is within `tolerance` (see :mod:`cable_shape.models.auto`); the catenary for a cable
-        without bending stiffness. `shape.model` says which it was.
+        "catenary", "gradient4", "gradient6", "cosserat", or "auto": the rod, and the catenary for a cable without
+        bending stiffness. `shape.model` says which it was.
     gravity : (3,) array_like
         [m/s^2], world.
     points : int
         Number of points of the shape, uniform in arc length.
     tolerance : float, optional
-        [m], largest position error allowed. Default: 1e-5 of the length for a named model, of its discretisation;
-        1e-3 of the length for "auto".
+        [m], largest position error allowed, of the model's discretisation. Default: 1e-5 of the length.
     scene : Scene, optional
         Its masses load the cable, its clips hold it; with ``contact="solve"`` its obstacles keep the cable out.
     robot_links, gripping_links
@@ -85,7 +83,6 @@ class Predictor:
             points=points,
             tolerance=tolerance,
             distributed_load=distributed_load,
-            relative_tolerance=AUTO_TOLERANCE if model == "auto" else NAMED_TOLERANCE,
             robot_links=tuple(robot_links),
             gripping_links=tuple(gripping_links),
         )
@@ -180,7 +177,7 @@ class Predictor:
 
     @property
     def is_rod(self) -> bool:
-        """Whether the model is, or may become, the Cosserat rod."""
+        """Whether the model is the Cosserat rod."""
         return not isinstance(self._solver, ClosedForm)
 
     @property
@@ -199,8 +196,7 @@ class Predictor:
         """(points, 3, 12): how the centreline moves with the ends, d positions at fixed arc length / d (twists).
 
         Columns: vx vy vz [m/s] wx wy wz [rad/s] of the start, then of the end, in world axes; rotation is about that
-        cable end, or with ``at="gripper"`` about the gripper's own origin. Of the last solved shape; where "auto" took
-        a closed form, of the Cosserat rod beside it, which is solved for now.
+        cable end, or with ``at="gripper"`` about the gripper's own origin. Of the last solved shape.
 
         Raises
         ------

@@ -15,9 +15,8 @@ from cable_shape.errors import ArgumentError
 from cable_shape.pose import FreeEnd, Grip, Pose, as_grip
 from cable_shape.scene import Clip, Obstacle, PointMass, Scene
 
-#: default `tolerance` / length of a named model (its discretisation) and of "auto" (discretisation and model)
-NAMED_TOLERANCE = 1e-5
-AUTO_TOLERANCE = 1e-3
+#: Default `tolerance` / length, of the discretisation; and that of a tail, whose place is all that is asked of it.
+NAMED_TOLERANCE, TAIL_TOLERANCE = 1e-5, 1e-3
 MIN_POINTS, MAX_POINTS = 2, 100_000
 #: Rows of a table of accelerations: every kink is a node of the rod.
 MAX_ACCELERATIONS = 200
@@ -91,7 +90,6 @@ class Problem:
         scene: Scene | None = None,
         distributed_load: ArrayLike | None = None,
         acceleration: ArrayLike | None = None,
-        relative_tolerance: float = NAMED_TOLERANCE,
         robot_links: Iterable[Obstacle] = (),
         gripping_links: Iterable[str] = (),
     ) -> None:
@@ -101,7 +99,7 @@ class Problem:
         self.gravity = _GRAVITY if gravity is GRAVITY else checks.vector("gravity", gravity, 3, "m/s^2")
         self.points = checks.integer("points", points, at_least=MIN_POINTS, at_most=MAX_POINTS)
         if tolerance is None:
-            self.tolerance = relative_tolerance * cable.length
+            self.tolerance = NAMED_TOLERANCE * cable.length
         else:
             self.tolerance = checks.number("tolerance", tolerance, above=0.0, unit="m")
         weight = cable.linear_density * self.gravity

@@ -135,7 +135,7 @@ class CycleReport:
     times : phase -> [s]: "predict", "clearance", "margins", "warnings", "total".
     skipped : what was not done -> count: "reused" shapes, "pairs_culled" by bounds, "snap_checks" that were not needed,
         "crossings", pairs of cables (each with itself included) that bounds told not to have touched where contact is
-        solved for, "spatial_solves" of shapes that were found in their plane.
+        solved for.
     margins : how far trouble is, by cable; empty for a shape that did not converge.
     tails : shapes of the tails by cable and side ("start", "end"); arc length counts from the grip outwards. They are
         part of the clearance, their arc lengths negative or beyond the length of the cable.

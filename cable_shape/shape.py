@@ -149,7 +149,7 @@ class CableShape:
         self.residual = residual  # 1, largest relative defect of the model's own equations and boundary conditions
         self.iterations = iterations
         self.solve_time = solve_time  # s
-        self.reused = reused  # the last shape again: the grips moved less than can change the answer
+        self.reused = reused  # the last shape again: nothing has moved
         self.turns = turns  # winding that the shape was solved for
         self.twist = twist  # rad, integral of the twist rate u3
         self.before = before  # SNAPPED: the last shape of the branch that ended, its ends where it did

@@ -14,7 +14,6 @@ from cable_shape.cable import Cable
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.models import catenary, clipped, cosserat, gradient, touching
-from cable_shape.models.auto import Auto
 from cable_shape.models.rod_state import RodState
 from cable_shape.models.span_state import SpanState
 from cable_shape.models.touch_state import TouchState
@@ -113,7 +112,7 @@ class Rod:
 
 
 def solver_of(model: str, cable: Cable, time_budget: float | None) -> Solver:
-    """The solver of a model; without bending stiffness "auto" is the catenary."""
+    """The solver of a model; "auto" is the rod, and the catenary for a cable without bending stiffness."""
     limp = cable.mean_bending_stiffness == 0.0
     if limp and model not in ("catenary", "auto"):
         raise ArgumentError.of(
@@ -129,4 +128,4 @@ def solver_of(model: str, cable: Cable, time_budget: float | None) -> Solver:
     if model == "gradient6":
         return ClosedForm(gradient.solve6)
     budget = math.inf if time_budget is None else checks.number("time_budget", time_budget, above=0.0, unit="s")
-    return Rod(budget) if model == "cosserat" else Auto(Rod(budget))
+    return Rod(budget)

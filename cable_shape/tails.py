@@ -18,7 +18,7 @@ from cable_shape.cable import TAIL_SIDES, Cable
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import Grip, Pose
 from cable_shape.predictor import Predictor
-from cable_shape.problem import AUTO_TOLERANCE, GRAVITY
+from cable_shape.problem import GRAVITY, TAIL_TOLERANCE
 from cable_shape.shape import CableShape
 
 _BACKWARDS = Pose(quaternion=(1.0, 0.0, 0.0, 0.0))  # half a turn about d1
@@ -65,7 +65,7 @@ class Tail:
             model="catenary" if cable.mean_bending_stiffness == 0.0 else "cosserat",
             gravity=gravity,
             points=share if own_points is None else own_points,
-            tolerance=AUTO_TOLERANCE * self.cable.length,
+            tolerance=TAIL_TOLERANCE * self.cable.length,
         )
 
     def predict(self, frame: Pose) -> CableShape:

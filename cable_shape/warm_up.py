@@ -65,9 +65,6 @@ def warm_up_cycles() -> None:
         ),
         masses=(PointMass(0.5, 0.01),),
     )
-    auto = Predictor(cable)
-    for chord in (0.995, 0.9945):  # a closed form, judged, then the rod beside it
-        auto.predict(start, Pose((chord, 0.0, 0.5), start.quaternion))
     for model in MODELS[:-1]:
         for far in (end, Grip(end, kind="pinned"), FreeEnd(mass=0.01)):
             predict(cable, start, far, model=model, scene=scene)

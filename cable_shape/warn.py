@@ -11,7 +11,7 @@ import numpy as np
 from cable_shape.cable import Cable
 from cable_shape.clearance import DEEPEST_REST, NOT_JUDGED
 from cable_shape.margins import margins_of
-from cable_shape.problem import AUTO_TOLERANCE
+from cable_shape.problem import TAIL_TOLERANCE
 from cable_shape.report import CableWarning, Clearance, Margin, Severity, WarningKind
 from cable_shape.scene import Scene
 from cable_shape.shape import CableShape, Status
@@ -24,6 +24,8 @@ STRETCH_FRACTION = 0.99
 INERTIA_ERROR = 4.0
 #: A warning is over, and an error a mere warning again, this fraction below where it began.
 HYSTERESIS = 0.05
+#: Of the length: the limit of STATUS warnings if the tolerance is not given.
+_LIMIT = 1e-3
 
 
 @final
@@ -132,7 +134,7 @@ def warnings_of(
         found = [w for w in found if w.kind is not WarningKind.OVERSTRETCHED]
         found.append(_overstretched(cable_id, shape))
     elif shape.status is not Status.OK:
-        found.append(_status(cable_id, shape, AUTO_TOLERANCE * shape.length if tolerance is None else tolerance))
+        found.append(_status(cable_id, shape, _LIMIT * shape.length if tolerance is None else tolerance))
     return tuple(sorted(found, key=lambda w: (-w.severity.value, -w.margin))) if found else ()
 
 
@@ -149,7 +151,7 @@ def tail_warning(cable_id: str, side: str, tail: CableShape) -> CableWarning:
     """A tail without a shape."""
     text = f"{cable_id}: tail at the {side}: {tail.status.name}. {tail.detail or tail.status.remedy}"
     text += " Its clearance was not judged."
-    limit = AUTO_TOLERANCE * tail.length
+    limit = TAIL_TOLERANCE * tail.length
     return _doubt(cable_id, tail, Severity.ERROR, text, tail.error_estimate, limit, f"{side} tail")
 
 

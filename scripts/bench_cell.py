@@ -6,8 +6,8 @@
     scripts/bench cell --cables 10    # that many cables on one node, beside one
     scripts/bench cell --calibration  # what a calibration costs that goes on beside; part of the whole, too
 
-Four processes: a publisher (two gripper poses and joint states), the node ("auto", 20 obstacles, the links of two arms,
-viewer off), an echo node that answers the same messages with a ready-made shape, and a receiver. The publisher feeds
+Four processes: a publisher (two gripper poses and joint states), the node (20 obstacles, the links of two arms, viewer
+off), an echo node that answers the same messages with a ready-made shape, and a receiver. The publisher feeds
 node and echo in turns of one second, so that whatever else the machine does meets both. Exit status 0 if p50 is at most
 1.5 times and p99 at most 3 times the echo's at every rate, and p99 beside a calibration at most 1.5 times that without.
 """

@@ -14,7 +14,6 @@ from collections.abc import Callable
 from pathlib import Path
 from time import perf_counter
 
-from cosserat_auto import print_auto
 from cosserat_cases import error_of, load, reach
 from cosserat_critical import critical_values
 from cosserat_figures import Figures, bench_options, bench_parser, finish, heading
@@ -60,7 +59,6 @@ def main() -> int:
         lambda: critical_values(figures),
         lambda: print_grasps(count, figures),
         lambda: print_taut_grasps(count, figures),
-        lambda: print_auto(count, figures),
         lambda: print_jumps(count, figures),
         lambda: print_sweep(figures),
         lambda: print_speed(figures, options.quick),

@@ -29,7 +29,7 @@ FIRST, APPROACH = 60, 10
 #: A plain processor: what valgrind can run.
 PLAIN = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": "", "PYTHONHASHSEED": "0", "OPENBLAS_NUM_THREADS": "1"}
 REMEDY = "no valgrind here, so no instructions are counted: sudo apt-get install valgrind"
-NAMES = ("catenary", "gradient4", "gradient6", "rod", "rod in its plane", "auto", "cycle, no scene, auto")
+NAMES = ("catenary", "gradient4", "gradient6", "rod", "rod, planar motion", "cycle, no scene")
 
 
 def workloads() -> list[Callable[[int], object]]:
@@ -46,7 +46,7 @@ def workloads() -> list[Callable[[int], object]]:
 
     cycle, stamps = cs.Cycle(CABLE), itertools.count(10_000_000, 10_000_000)
     steps = [following(model, spatial) for model in ("catenary", "gradient4", "gradient6", "cosserat")]
-    steps += [following("cosserat", planar), following("auto", spatial)]
+    steps.append(following("cosserat", planar))
     return [*steps, lambda k: cycle.step({"cable": (START, spatial[k % len(spatial)])}, stamp=next(stamps))]
 
 

@@ -179,7 +179,6 @@ def print_speed(figures: Figures, quick: bool = False) -> None:
     """Warm steps along the motion, cold grasps, and the first shape of a process."""
     heading("Speed beside scipy.integrate.solve_bvp (tol 1e-3, analytic Jacobian, mesh reused when warm), in turns")
     print_motion(figures, 1 if quick else 3)
-    print_planar(figures, 3 if quick else 10)
     print_cold(figures, 5 if quick else 15)
     script = (
         "import time; import cable_shape as cs; cs.Cable, cs.Pose, cs.predict; t = time.perf_counter(); "
@@ -242,40 +241,12 @@ def print_motion(figures: Figures, rounds: int) -> None:
 
 
 def planar_motion(steps: int = 200) -> list[cs.Pose]:
-    """End poses that leave A in the plane of START and gravity, lifting and pitching."""
+    """End poses in the plane of START and gravity, lifting and pitching."""
     poses = []
     for x in np.arange(1, steps + 1) / steps:
         pitch = Rotation.from_euler("y", -40 * x, degrees=True) * Rotation.from_quat(ALONG_X)
         poses.append(cs.Pose((0.8 - 0.2 * x, 0, 0.1 * np.sin(np.pi * x) + 0.1 * x), pitch.as_quat()))
     return poses
-
-
-def print_planar(figures: Figures, rounds: int) -> None:
-    """Warm steps of a planar motion, in its plane and in space in turns; and what looking for a plane costs M."""
-    for name, poses in (("planar motion", planar_motion()), ("motion M", motion())):
-        states = [RodState(Problem(CABLE), in_plane=allowed) for allowed in (True, False)]
-        spent: tuple[list[float], list[float]] = ([], [])
-        apart = solved = 0.0
-        for round_ in range(rounds + 1):
-            for k, pose in enumerate(poses):
-                shapes = {}
-                for which in (k % 2, 1 - k % 2):  # the second finds the pose unpacked
-                    began = perf_counter()
-                    shapes[which] = cosserat.solve(states[which].problem.move(START, pose), states[which])
-                    if round_ > 0:
-                        spent[which].append(perf_counter() - began)
-                apart = max(apart, float(np.abs(shapes[0].positions - shapes[1].positions).max()))
-                solved += states[0].planar / len(poses) / (rounds + 1)
-        a, b = float(np.median(spent[0])), float(np.median(spent[1]))
-        print(
-            f"warm step of {name}, {states[0].elements} elements: {a * 1e6:.1f} us with the planar path, "
-            f"which took {100 * solved:.0f} %; {b * 1e6:.1f} us without; {apart / CABLE.length:.1e} L apart"
-        )
-        if name == "planar motion":
-            figures.at_most("planar motion: largest distance / L of planar to spatial path", apart / CABLE.length, 1e-9)
-            figures.at_least("planar motion, warm: times faster than by the spatial path", b / a, 1.4, "{:.2f}")
-        else:
-            figures.at_least("motion M, warm: speed kept while looking for a plane", b / a, 0.95, "{:.2f}")
 
 
 def print_cold(figures: Figures, rounds: int) -> None:

@@ -14,10 +14,8 @@ from evidence_pages import Pages, figures, table
 from tqdm import tqdm
 
 import cable_shape as cs
-from cable_shape.models.rod_state import RodState
-from cable_shape.problem import AUTO_TOLERANCE, NAMED_TOLERANCE
+from cable_shape.problem import NAMED_TOLERANCE
 from cable_shape.snap import predicted_snap
-from cable_shape.solvers import Rod
 
 CONFIG = Path(__file__).resolve().parents[1] / "config"
 NAME = "cable"
@@ -45,7 +43,6 @@ class Shortcut(NamedTuple):
     before: Callable[[cs.Cycle], bool]
     after: Callable[[cs.Cycle], bool]
     bound: float
-    rod: bool = False
 
 
 def nothing(cycle: cs.Cycle) -> bool:
@@ -65,16 +62,6 @@ def anew(cycle: cs.Cycle) -> bool:
     return True
 
 
-def in_space(cycle: cs.Cycle) -> bool:
-    """The rod never takes its planar path."""
-    predictor = cycle._cables[NAME].predictor
-    solver = predictor._solver
-    rod = solver if isinstance(solver, Rod) else solver._rod
-    if rod.state is None and not predictor.problem.clips:
-        rod.state = RodState(predictor.problem, in_plane=False)
-    return True
-
-
 def look_ahead(cycle: cs.Cycle) -> bool:
     """Follows the rod's copy to the horizon although stability does not run out."""
     cable = cycle._cables[NAME]
@@ -86,13 +73,10 @@ def look_ahead(cycle: cs.Cycle) -> bool:
 
 #: [s], of the look ahead: the cycle's own default.
 HORIZON = 1.0
-AUTO = "auto: closed forms and choice"
 SNAP = "snap look-ahead on demand"
 SHORTCUTS = (
     Shortcut("culling of bodies", all_pairs, nothing, 0.0),
     Shortcut("reuse of the last shape", anew, nothing, 1.0),
-    Shortcut("planar path", in_space, nothing, 1e-6, rod=True),
-    Shortcut(AUTO, nothing, nothing, 1.0),
     Shortcut(SNAP, nothing, look_ahead, 0.0),
 )
 
@@ -140,9 +124,8 @@ class Outcome(NamedTuple):
 
 def compare(job: Job, shortcut: Shortcut) -> Outcome:
     """Both cycles in turns along the motion."""
-    models = ("cosserat" if shortcut.rod else "auto", "cosserat" if shortcut.rod or shortcut.name == AUTO else "auto")
-    tolerance = (NAMED_TOLERANCE if shortcut.rod else AUTO_TOLERANCE) * job.cable.length
-    with_it, without = (cs.Cycle(job.cable, scene=job.scene, model=model, tolerance=tolerance) for model in models)
+    tolerance = NAMED_TOLERANCE * job.cable.length
+    with_it, without = (cs.Cycle(job.cable, scene=job.scene) for _ in range(2))
     spent: tuple[list[float], list[float]] = ([], [])
     apart, fired, same = 0.0, 0, True
     for k, grips in enumerate(job.grips):
@@ -161,24 +144,21 @@ def compare(job: Job, shortcut: Shortcut) -> Outcome:
         near = [{b.body: b.distance for b in reports[which].clearance[NAME].bodies} for which in (0, 1)]
         same &= bool((on.buffer == off.buffer).all()) and near[0] == near[1]
         same &= bool(on.status is off.status)
-        fired += fires(shortcut, reports[0], on)
+        fired += fires(shortcut, reports[0])
     # the mean, since most fire in some cycles only, without the few in which the machine did something else
     times = [float(np.mean(np.sort(s)[: -max(1, len(s) // 50)])) for s in spent]
     return Outcome(times[0], times[1], apart, fired, len(job.grips), same)
 
 
-def fires(shortcut: Shortcut, report: cs.CycleReport, shape: cs.CableShape) -> bool:
+def fires(shortcut: Shortcut, report: cs.CycleReport) -> bool:
     """Whether a shortcut saved something in this cycle."""
-    kind = shortcut.name.split()[0]
-    if kind == "auto:":
-        return shape.model != "cosserat"
-    key = {"culling": "pairs_culled", "reuse": "reused", "planar": "spatial_solves", "snap": "snap_checks"}[kind]
-    return report.skipped[key] > 0 and (shortcut.name != SNAP or shape.model == "cosserat")
+    key = {"culling": "pairs_culled", "reuse": "reused", "snap": "snap_checks"}[shortcut.name.split()[0]]
+    return report.skipped[key] > 0
 
 
 def applies(job: Job, shortcut: Shortcut) -> bool:
     """Whether a shortcut can say anything about a job."""
-    if shortcut.name in (AUTO, SNAP):
+    if shortcut.name == SNAP:
         return job.scene is None or not (job.scene.clips or job.scene.contact == "solve")
     return job.scene is not None or not shortcut.name.startswith("culling")
 
@@ -213,6 +193,6 @@ def evidence(pages: Pages) -> None:
         "time of a cycle, clearance and margins included, where it fired. Fired: of the cycles, those in which it "
         "applied. Without the snap look-ahead on demand, every cycle looks ahead, and may find no snap that was not "
         "told. Differences in tolerances are the largest of any point; the tolerance is "
-        f"{AUTO_TOLERANCE:g} of the length, for the planar path {NAMED_TOLERANCE:g}.",
+        f"{NAMED_TOLERANCE:g} of the length.",
         table(("motion", "shortcut", "fired", "saved", "difference", "allowed", "holds"), rows),
     )

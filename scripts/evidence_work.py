@@ -31,10 +31,9 @@ BVP = (1e-2, 1e-3, 1e-5, 1e-7)
 MESHES = (10, 20, 40, 80, 160, 320)
 #: Of the length: below, the reference's own error begins to count.
 REFERENCE = 1e-10
-PLANAR_GRASPS = ("A", "C", "D")
 MARKS = {"catenary": "s", "gradient4": "D", "gradient6": "v", "solve_bvp": "x", "MuJoCo cable": "^", "PyElastica": "*"}
 COLOURS = {
-    "rod": "tab:blue", "rod, in space": "tab:cyan", "solve_bvp": "tab:red", "catenary": "tab:green",
+    "rod": "tab:blue", "solve_bvp": "tab:red", "catenary": "tab:green",
     "gradient4": "tab:orange", "gradient6": "tab:purple", "MuJoCo cable": "tab:brown", "PyElastica": "tab:pink",
 }  # fmt: skip
 
@@ -56,16 +55,14 @@ def cold(name: str, quick: bool) -> tuple[Series, float]:
         if shape.status:
             spent = timed(lambda m=model: cs.predict(cable, start, end, model=m), seconds=seconds)
             found[model] = [Point(spent, off(shape.positions, exact, length), "")]
-    paths = {"rod": True, "rod, in space": False} if name in PLANAR_GRASPS else {"rod": True}
-    for path, in_plane in paths.items():
-        found[path] = []
-        for tolerance in TOLERANCES[::3] if quick else TOLERANCES:
-            problem = Problem(cable, tolerance=tolerance * length).move(start, end)
-            state = RodState(problem, in_plane=in_plane)
-            shape = cosserat.solve(problem, state)
-            spent = timed(lambda p=problem, i=in_plane: cosserat.solve(p, RodState(p, in_plane=i)), seconds=seconds)
-            error = off(shape.positions, exact, length)
-            found[path].append(Point(spent, error, f"tol {tolerance:.0e} L", state.elements))
+    found["rod"] = []
+    for tolerance in TOLERANCES[::3] if quick else TOLERANCES:
+        problem = Problem(cable, tolerance=tolerance * length).move(start, end)
+        state = RodState(problem)
+        shape = cosserat.solve(problem, state)
+        spent = timed(lambda p=problem: cosserat.solve(p, RodState(p)), seconds=seconds)
+        error = off(shape.positions, exact, length)
+        found["rod"].append(Point(spent, error, f"tol {tolerance:.0e} L", state.elements))
     other, guess = Collocation(cable), same_guess(cable, start, end)
     found["solve_bvp"] = []
     at = np.linspace(0.0, length, len(exact))
@@ -253,9 +250,8 @@ def evidence(pages: Pages) -> None:
         f"{TOLERANCES[0]:.0e} to {TOLERANCES[-1]:.0e} of the length, the default ringed; of solve_bvp (analytic "
         "Jacobian, mesh reused when warm, the rod's own first guess when cold): tol "
         + ", ".join(f"{t:.0e}" for t in BVP)
-        + ". Closed forms have one time and one error, which is what they leave out. The rod takes its planar path "
-        "where there is one; in space: the same without. Times are processor times of the one thread that works, which "
-        "other load on the machine changes little.",
+        + ". Closed forms have one time and one error, which is what they leave out. Times are processor "
+        "times of the one thread that works, which other load on the machine changes little.",
     )
     rivals = (
         evidence_rivals.METHOD

@@ -117,7 +117,7 @@ def test_a_cable_next_to_limp_hangs_like_a_catenary(ratio, chord, tolerance):
     EI = CABLE.linear_density * 9.81 * (ratio * LENGTH) ** 3
     cable = CABLE.replace(bending_stiffness=EI, twisting_stiffness=0.8 * EI)
     end = Pose(chord * LENGTH * END.position / np.linalg.norm(END.position), END.quaternion)
-    shape = cosserat.solve(Problem(cable, relative_tolerance=tolerance).move(START, end))
+    shape = cosserat.solve(Problem(cable, tolerance=tolerance * LENGTH).move(START, end))
     assert shape.status is Status.OK
     limp = cs.predict(CABLE.replace(bending_stiffness=0.0), START, end, model="catenary")
     assert np.linalg.norm(shape.positions - limp.positions, axis=1).max() < 10.0 * ratio * LENGTH

@@ -59,7 +59,6 @@ def test_the_rod_is_nearer_to_its_reference_than_closed_forms_and_agrees_with_so
     assert errors[-1] < 1e-8
     assert finest < 1e-5
     assert min(series[model][0].error for model in evidence_work.CLOSED) > 1e-3
-    assert {len(series["rod, in space"])} == {len(series["rod"])}
 
 
 def test_the_front_page_gets_time_and_error_between_its_marks(tmp_path: Path) -> None:
@@ -168,8 +167,8 @@ def test_shortcuts_give_the_same_answer(job: evidence_skip.Job, shortcut: eviden
 
 def test_each_shortcut_fires_somewhere() -> None:
     jobs = {job.name: job for job in evidence_skip.jobs(quick=True)}
-    at = ("bench_cell.yaml, the demo's motion",) * 2 + ("no scene, planar motion", "no scene, taut thin span")
-    for name, shortcut in zip((*at, "no scene, motion M"), evidence_skip.SHORTCUTS, strict=True):
+    at = ("bench_cell.yaml, the demo's motion",) * 2 + ("no scene, motion M",)
+    for name, shortcut in zip(at, evidence_skip.SHORTCUTS, strict=True):
         assert evidence_skip.compare(jobs[name], shortcut).fired > 0, shortcut.name
 
 
@@ -191,6 +190,6 @@ def test_starting_is_measured_in_a_process_of_its_own() -> None:
 
 
 def test_weak_spots_are_counted_in_full() -> None:
-    for row, count in ((evidence_weak.weightless(6, 1e-6), 6), (evidence_weak.nearly_limp(2, "cosserat"), 4)):
+    for row, count in ((evidence_weak.weightless(6, 1e-6), 6), (evidence_weak.nearly_limp(2), 4)):
         assert sum(int(part.split()[1]) for part in row[1].split(", ")) == count
     assert "SNAPPED 1" in evidence_weak.small_snap(0.9, 41)[1]

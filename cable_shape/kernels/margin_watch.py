@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from cable_shape.kernels import planar_response, response, swing
+from cable_shape.kernels import response, swing
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.margins import (
     ARC_LENGTH,
@@ -50,9 +50,8 @@ TURN = SWING + swing.SIZE
 HEAD = TURN + 1
 #: What is said of the cycle, to be added: grips hold both ends; the loads are known, which they are not on the line of
 #: an overstretched cable; the factors are to be made anew; the shape is the last one; it is unstable; this is a new
-#: cycle, not the last one once more; rows are the same bodies in every cycle; the factors are those of the planar
-#: solver.
-HELD, LOADED, FRESH, AGAIN, UNSTABLE, NEW, LISTED, IN_PLANE = 1, 2, 4, 8, 16, 32, 64, 128
+#: cycle, not the last one once more; rows are the same bodies in every cycle.
+HELD, LOADED, FRESH, AGAIN, UNSTABLE, NEW, LISTED = 1, 2, 4, 8, 16, 32, 64
 #: [s], what is further away is not being approached.
 LONGEST_TIME = 3600.0
 #: Bodies nearer than this [m] have no direction to them.
@@ -96,10 +95,7 @@ def approach(
             count += 1
     if count == 0:
         return
-    if flags & IN_PLANE:
-        v = planar_response.velocities(par, mesh, sol, work, elements, width, twists, at[:count])
-    else:
-        v = response.velocities(par, mesh, sol, work, elements, width, twists, at[:count])
+    v = response.velocities(par, mesh, sol, work, elements, width, twists, at[:count])
     count = 0
     for b in range(bodies.shape[0]):
         if rows[BODIES + b, TIME] == 0.0:
@@ -200,12 +196,7 @@ def measure(
     measure_bodies(bodies, limits[5], rows)
     if elements > 0:
         if not flags & AGAIN:
-            if flags & IN_PLANE:
-                found = planar_response.smallest_eigenvalue(par, mesh, work, elements, width, mode, steps)
-            else:
-                found = response.smallest_eigenvalue(
-                    par, mesh, sol, work, elements, width, mode, steps, flags & FRESH != 0
-                )
+            found = response.smallest_eigenvalue(par, mesh, sol, work, elements, width, mode, steps, flags & FRESH != 0)
             remember(found, memory[SOFT], eigen)
         tell_stability(flags & UNSTABLE != 0, eigen, rows)
         if bodies.shape[0] > 0 and not math.isnan(twists[0]):

@@ -27,17 +27,3 @@ def compose(a, b):
     for i in range(3, 7):
         out[i] /= norm
     return out
-
-
-@kernel
-def moved(a, b, length):
-    """[m], how far pose `b` is from pose `a`: distance plus `length` [m] times the angle; q and -q are the same."""
-    distance = 0.0
-    for i in range(3):
-        distance += (b[i] - a[i]) ** 2
-    minus, plus = 0.0, 0.0
-    for i in range(3, 7):
-        minus += (b[i] - a[i]) ** 2
-        plus += (b[i] + a[i]) ** 2
-    half_chord = 0.5 * math.sqrt(min(minus, plus))
-    return math.sqrt(distance) + length * 4.0 * math.asin(min(half_chord, 1.0))

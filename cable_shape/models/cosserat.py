@@ -106,7 +106,6 @@ def sensitivity(state: RodState, *, at: str = "cable") -> Array:
     rod_sensitivity.sensitivity(
         state.par, state.mesh, state.sol, state.work, state.elements, state.width, problem.points, out
     )
-    state.overwritten(factored=True)
     turn_about(at, problem, out)
     return out
 
@@ -115,5 +114,5 @@ def smallest_eigenvalue(state: RodState) -> float:
     """[N], of the last solution's second variation under its constraints, against the integral of |rotation|^2."""
     rod = state.par, state.mesh, state.sol, state.work, state.elements, state.width
     value = float(rod_stability.smallest_eigenvalue(*rod))
-    state.overwritten(factored=False)
+    rod_stability.refresh(*rod, True)  # margins take the factors for those of the solution
     return value

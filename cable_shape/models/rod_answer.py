@@ -47,7 +47,6 @@ def answers(state: RodState, changes: Changes) -> Array:
     out = np.empty((problem.points, 3, len(changes.steps)))
     rod = state.par, state.mesh, state.sol, state.work, state.elements, state.width
     rod_stability.refresh(*rod, True)
-    state.overwritten(factored=True)
     meshes = rod_answer.neighbours(
         state.mesh, state.elements, changes.lengths, changes.tables, problem.load, state.points, state.weights,
         _NO_SWING if problem.swing is None else problem.swing, problem.cable.linear_density,

@@ -6,7 +6,7 @@ from time import perf_counter
 from typing import final
 
 from cable_shape.checks import Array
-from cable_shape.kernels import planar_drive, rod_stability
+from cable_shape.kernels import rod_drive, rod_stability
 from cable_shape.kernels.rod_drive import ENERGY, ESTIMATE, EXCESS, ITERATIONS, RESIDUAL, TURNS, TWIST
 from cable_shape.kernels.rod_newton import CONVERGED
 from cable_shape.models.rod_common import MODEL, straight_line
@@ -42,9 +42,9 @@ class RodCall:
         """One compiled solve; True if it found an equilibrium, a stable one if guarded."""
         state = self.state
         points = self.problem.points if output else 0
-        code = planar_drive.solve(
+        code = rod_drive.solve(
             state.par, state.mesh, state.sol, state.work, self.buffer, state.info, state.elements, state.width, points,
-            history, guard, most, far, state.plane,
+            history, guard, most, far,
         )  # fmt: skip
         self.info = state.info.tolist()
         self.iterations += int(self.info[ITERATIONS])

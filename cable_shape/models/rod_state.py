@@ -10,7 +10,7 @@ import numpy as np
 
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
-from cable_shape.kernels import planar_drive, planar_loads, rod_drive, rod_mesh, rod_stability
+from cable_shape.kernels import rod_drive, rod_mesh
 from cable_shape.kernels.inertia import add_inertia
 from cable_shape.kernels.rod_drive import ESTIMATE, LARGEST_TURN, TURN
 from cable_shape.kernels.rod_work import work_size
@@ -20,8 +20,6 @@ from cable_shape.problem import NAMED_TOLERANCE, Problem
 #: Rotations of the cable frame that an end leaves free: about d1, d2, d3.
 _FREE_ROTATIONS = {"clamped": (0.0, 0.0, 0.0), "swivel": (0.0, 0.0, 1.0), "pinned": (1.0, 1.0, 1.0)}
 _FREE_END = (1.0, 1.0, 1.0)
-#: Of start and end, where the shape may be planar.
-_PLANAR_KINDS = (("clamped", "clamped"), ("clamped", "free"))
 
 FEWEST_ELEMENTS, MOST_ELEMENTS = 8, 600
 #: A new mesh aims at this fraction of the tolerance.
@@ -50,21 +48,18 @@ class RodState:
     """The solver's memory for one cable; one object a predictor, not shared between threads.
 
     `history` tells how many solutions there are to start from (0: cold). All arrays that the compiled solver needs are
-    packed into five flat ones, see :mod:`cable_shape.kernels.rod_drive`. in_plane: planar problems may take the planar
-    solver.
+    packed into five flat ones, see :mod:`cable_shape.kernels.rod_drive`.
     """
 
-    def __init__(self, problem: Problem, *, in_plane: bool = True) -> None:
-        self._in_plane = in_plane
+    def __init__(self, problem: Problem) -> None:
         self.history = 0
         self.elements = 0
         self.width = 0
         self.fewest = 0  # elements with which a coarser mesh has failed
-        self.info: Array = np.zeros(planar_drive.INFO)
+        self.info: Array = np.zeros(rod_drive.INFO)
         self.par: Array = np.zeros(rod_drive.PAR)
         self.unsettle()
         self.mesh = self.sol = self.work = _NOTHING
-        self.plane: Array = np.zeros(planar_loads.PLANE)  # what loads and section allow
         self.target: Array = _NOTHING  # (15,) start, end, turns of the trial
         self._kinds = ("", "")
         self._tip = _NOTHING
@@ -149,11 +144,6 @@ class RodState:
         par[12:15] = _FREE_ROTATIONS.get(kinds[1], _FREE_END)
         if par[11] and par[14] and par[0] == par[1] and not self.table.any():
             par[11] = 0.0  # nothing holds the roll of a round straight cable: it would be a zero mode
-        self.plane[0] = 0.0
-        if self._in_plane and kinds in _PLANAR_KINDS and self.problem.swing is None:
-            planar_loads.allow_plane(
-                self.problem.load, self.problem.load_force, tip.reshape(1, 3), self.table, self.plane
-            )
         if self.elements:
             nodes = self.mesh[: self.elements + 1]
             near = np.abs(nodes[:, None] - self.stops).argmin(axis=0)
@@ -260,16 +250,6 @@ class RodState:
             load = mesh[2 * elements + 1 : 11 * elements + 1].reshape(elements, 9)
             add_inertia(mesh[: elements + 1], problem.swing, problem.cable.linear_density, load)
 
-    def has_plane(self, start: Grip, end: Grip | FreeEnd) -> bool:
-        """Whether these ends, loads and section leave the cable in a plane."""
-        ends = self.aim(start, end)
-        return bool(planar_drive.has_plane(self.par, ends, self.width, self.plane))
-
-    @property
-    def planar(self) -> bool:
-        """Whether the last solution was found in its plane."""
-        return bool(self.info[planar_drive.PLANAR])
-
     def settle(self) -> None:
         """The last solution is one under these loads: from it only a motion of the ends turns frames far."""
         self.history = min(2, self.history + 1)
@@ -278,19 +258,6 @@ class RodState:
     def unsettle(self) -> None:
         """The next solution may be far from the last one though no end moves."""
         self.par[20] = math.inf
-
-    def factor(self) -> bool:
-        """Sees to it that `work` has factors of the last solution's Newton matrix; True: those of the planar solver."""
-        left = self.info.item(planar_drive.PLANAR)
-        if left == planar_drive.UNFACTORED:
-            rod_stability.refresh(self.par, self.mesh, self.sol, self.work, self.elements, self.width, True)
-            self.info[planar_drive.PLANAR] = planar_drive.FACTORED
-        return left == planar_drive.IN_PLANE
-
-    def overwritten(self, factored: bool) -> None:
-        """Says that something else has written into `work`; factored: it has left spatial factors there."""
-        if self.planar:
-            self.info[planar_drive.PLANAR] = planar_drive.FACTORED if factored else planar_drive.UNFACTORED
 
     @property
     def ends(self) -> Array:

@@ -99,7 +99,7 @@ SPECS = (
     Spec("model", "auto", "Model of the cable.", options=MODELS),
     Spec("gravity", [0.0, 0.0, -9.81], "Gravity in the frame of the input.", "m/s^2"),
     Spec("points", 150, "Points of a shape, uniform in arc length.", low=MIN_POINTS, high=MAX_POINTS),
-    Spec("tolerance", 0.0, "Largest position error allowed; 0: the model's default.", "m", 0.0, 1.0),
+    Spec("tolerance", 0.0, "Largest position error allowed; 0: 1e-5 of the length.", "m", 0.0, 1.0),
     Spec("time_budget", 0.0, "Of one prediction, after which the best shape so far is given; 0: none.", "s", 0.0, 60.0),
     Spec("snap_horizon", 1.0, "A snap nearer than this is predicted; 0: never.", "s", 0.0, 60.0),
     Spec("quasistatic_limit", 0.25, "Inertial load / weight beyond which it is warned; 0: never.", "1", 0.0, 10.0),

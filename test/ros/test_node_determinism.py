@@ -90,6 +90,6 @@ def test_a_recording_played_live_gives_the_bits_of_its_replay_until_a_pair_is_dr
                 assert np.array_equal(getattr(got, name), getattr(expected, name)), name
         else:
             apart = np.subtract(got.positions, expected.positions)
-            assert np.abs(apart).max() < 2e-3 * cable.length  # each within the tolerance of "auto"
+            assert np.abs(apart).max() < 2e-5 * cable.length  # each within the tolerance
     assert live[played[0]]  # so that some were compared to the bit
     assert node.process.stop() == 0
