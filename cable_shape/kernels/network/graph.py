@@ -1,0 +1,257 @@
+"""The graph of what is unknown of the knots: assembled from condensed spans, factored by sparse block LDL^T.
+
+A vertex is the rotation or the place of a knot, three rows. At a stable equilibrium all pivots are positive in any
+order, so that the order (least degree first, see :mod:`cable_shape.solve.graph`) is made for sparsity alone; on a tree
+nothing fills in beyond the spans' own blocks. Vertices are numbered in the order of elimination.
+"""
+
+from __future__ import annotations
+
+from cable_shape.kernels.network.compiled import inline, viewing
+from cable_shape.kernels.network.condense import (
+    BA,
+    BB,
+    GA,
+    GB,
+    KAA,
+    KBA,
+    KBB,
+    PRESS,
+    SI,
+    ZERO,
+    condense,
+    expand,
+    reduce,
+)
+from cable_shape.kernels.network.system import FORCE, NONE
+from cable_shape.kernels.network.tables import (
+    BASE_SHIFT,
+    LENGTH,
+    Floats,
+    Model,
+    Plan,
+    Whole,
+    Work,
+    model_of,
+    plan_of,
+    work_of,
+)
+from cable_shape.kernels.rod_algebra import (
+    FAST,
+    Matrix,
+    Vector,
+    add,
+    apply,
+    get3,
+    get9,
+    inverse,
+    mscale,
+    mshift,
+    msub,
+    mul,
+    negative_eigenvalues,
+    put3,
+    put9,
+    rotation,
+    scale,
+    subtract,
+    take3,
+    tapply,
+    tmul,
+    transpose,
+)
+
+
+@inline
+def to_knot(plan: Plan, model: Model, j: int, end: int) -> Matrix:
+    """T with theta_end = T^T theta_knot: the end's frame in the knot's, without rotations that are held."""
+    knot = plan.ends[j, end]
+    a, b, c = model.loose[knot, 0], model.loose[knot, 1], model.loose[knot, 2]
+    if plan.turned[j, end] == 0:
+        return (a, 0.0, 0.0, 0.0, b, 0.0, 0.0, 0.0, c)
+    x, y, z, w = model.frame[j, end, 0], model.frame[j, end, 1], model.frame[j, end, 2], model.frame[j, end, 3]
+    R = rotation((x, y, z, w))
+    return (a * R[0], a * R[1], a * R[2], b * R[3], b * R[4], b * R[5], c * R[6], c * R[7], c * R[8])
+
+
+@inline
+def add9(a: Floats, i: int, A: Matrix) -> None:
+    """Adds a matrix to row i."""
+    for c in range(9):
+        a[i, c] += A[c]
+
+
+@inline
+def add_block(block: Floats, place: int, A: Matrix) -> None:
+    """Adds a block, or its transpose where `place` is negative."""
+    if place >= 0:
+        add9(block, place, A)
+    else:
+        add9(block, -1 - place, transpose(A))
+
+
+@viewing(fastmath=FAST, forceinline=True)
+def scatter(plan: Plan, model: Model, work: Work, j: int) -> None:
+    """Adds the condensed span j to the graph."""
+    spans, size, block = work.spans, work.size, work.block
+    ta, ya, tb, yb = plan.corners[j, 0], plan.corners[j, 1], plan.corners[j, 2], plan.corners[j, 3]
+    S = get9(spans, j, SI) if plan.known[j] == 0 else ZERO
+    Ta, Tb, A, B = ZERO, ZERO, ZERO, ZERO
+    if ta >= 0:
+        Ta = to_knot(plan, model, j, 0)
+        Ba = get9(spans, j, BA)
+        own = msub(get9(spans, j, KAA), mul(Ba, mul(S, transpose(Ba))))
+        add9(size, ta, mul(Ta, mul(own, transpose(Ta))))
+        A = mul(Ta, mul(Ba, S))
+    if tb >= 0:
+        Tb = to_knot(plan, model, j, 1)
+        Bb = get9(spans, j, BB)
+        own = msub(get9(spans, j, KBB), mul(Bb, mul(S, transpose(Bb))))
+        add9(size, tb, mul(Tb, mul(own, transpose(Tb))))
+        B = mul(Tb, mul(Bb, S))
+    if ta >= 0 and tb >= 0:
+        between = msub(get9(spans, j, KBA), mul(get9(spans, j, BB), mul(S, transpose(get9(spans, j, BA)))))
+        add_block(block, plan.blocks[j, 1], transpose(mul(Tb, mul(between, transpose(Ta)))))
+    if ya >= 0:
+        add9(size, ya, mscale(-1.0, S))
+        if ta >= 0:
+            add_block(block, plan.blocks[j, 0], A)
+        if tb >= 0:
+            add_block(block, plan.blocks[j, 3], transpose(B))
+    if yb >= 0:
+        add9(size, yb, mscale(-1.0, S))
+        if ta >= 0:
+            add_block(block, plan.blocks[j, 2], mscale(-1.0, A))
+        if tb >= 0:
+            add_block(block, plan.blocks[j, 5], mscale(-1.0, B))
+        if ya >= 0:
+            add_block(block, plan.blocks[j, 4], S)
+
+
+@viewing(fastmath=FAST)
+def factor(ints: Whole, floats: Floats, space: Floats, shift: float) -> int:
+    """Factors the whole matrix, `shift` times the lengths between nodes added; returns the number of negative
+    eigenvalues."""
+    plan, model, work = plan_of(ints), model_of(ints, floats), work_of(ints, space)
+    shift += model.par[BASE_SHIFT]
+    negative = 0
+    vertices = plan.pointer.shape[0] - 1
+    if vertices > 0:
+        work.size[:, :] = 0.0
+        work.block[:, :] = 0.0
+    for j in range(plan.ends.shape[0]):
+        negative += condense(plan, model, work, j, shift)
+        if vertices > 0:
+            scatter(plan, model, work, j)
+    if vertices == 0:
+        return negative
+    for k in range(plan.vertices.shape[0]):
+        v = plan.vertices[k, 0]
+        if v >= 0:
+            for i in range(3):
+                if model.loose[k, i] == 0.0:
+                    work.size[v, 4 * i] += 1.0
+        v = plan.vertices[k, 1]
+        if v >= 0:
+            put9(work.size, v, 0, mshift(get9(work.size, v, 0), shift / model.par[LENGTH]))
+    return negative + eliminate(plan, work.size, work.block, work.diagonal)
+
+
+@viewing(fastmath=FAST, forceinline=True)
+def eliminate(plan: Plan, size: Floats, block: Floats, diagonal: Floats) -> int:
+    """Block LDL^T of the graph: inverse pivots into `diagonal`; returns how many eigenvalues are negative.
+
+    `block` is left with the blocks of every vertex with its later neighbours as they are when it is eliminated.
+    """
+    negative = 0
+    for v in range(diagonal.shape[0]):
+        pivot = get9(size, v, 0)
+        inv, det = inverse(pivot)
+        negative += negative_eigenvalues(pivot, det)
+        put9(diagonal, v, 0, inv)
+        t = plan.goal[v]
+        for a in range(plan.pointer[v], plan.pointer[v + 1]):
+            left = tmul(get9(block, a, 0), inv)
+            for b in range(a, plan.pointer[v + 1]):
+                update = mscale(-1.0, mul(left, get9(block, b, 0)))
+                goal = plan.target[t]
+                t += 1
+                if goal < 0:
+                    add9(size, -1 - goal, update)
+                else:
+                    add9(block, goal, update)
+    return negative
+
+
+@viewing(fastmath=FAST)
+def solve(ints: Whole, floats: Floats, space: Floats) -> float:
+    """Minus the inverse times the right-hand side G, sums[:, :3], pull, with the factors at hand.
+
+    Fills d, the steps of the forces and of the knots; returns the largest step: of a rotation, or twice that of a place
+    / length.
+    """
+    plan, model, work = plan_of(ints), model_of(ints, floats), work_of(ints, space)
+    vertices = plan.pointer.shape[0] - 1
+    gap = work.gap
+    for j in range(plan.ends.shape[0]):
+        reduce(plan, work, j)
+    largest = farthest = 0.0
+    if vertices > 0:
+        collect(plan, model, work)
+        for v in range(vertices):
+            eased = apply(get9(work.diagonal, v, 0), get3(gap, v))
+            for a in range(plan.pointer[v], plan.pointer[v + 1]):
+                n = plan.neighbour[a]
+                put3(gap, n, 0, subtract(get3(gap, n), tapply(get9(work.block, a, 0), eased)))
+        for v in range(vertices - 1, -1, -1):
+            x = get3(gap, v)
+            for a in range(plan.pointer[v], plan.pointer[v + 1]):
+                x = add(x, apply(get9(work.block, a, 0), get3(gap, plan.neighbour[a])))
+            put3(gap, v, 0, scale(-1.0, apply(get9(work.diagonal, v, 0), x)))
+        for k in range(plan.vertices.shape[0]):
+            turn, way = plan.vertices[k, 0], plan.vertices[k, 1]
+            put3(work.move, k, 0, get3(gap, turn) if turn >= 0 else NONE)
+            y = get3(gap, way) if way >= 0 else NONE
+            put3(work.move, k, 3, y)
+            farthest = max(farthest, y[0] * y[0] + y[1] * y[1] + y[2] * y[2])
+    for j in range(plan.ends.shape[0]):
+        ta = ya = tb = yb = NONE
+        if vertices > 0:
+            a, b = plan.ends[j, 0], plan.ends[j, 1]
+            ya, yb = take3(work.move, a, 3), take3(work.move, b, 3)
+            if plan.tied[j, 0] != 0:
+                ta = tapply(to_knot(plan, model, j, 0), get3(work.move, a))
+            if plan.tied[j, 1] != 0:
+                tb = tapply(to_knot(plan, model, j, 1), get3(work.move, b))
+        size = expand(plan, work, j, ta, ya, tb, yb)
+        if not size <= largest:
+            largest = size
+    return max(largest**0.5, 2.0 * farthest**0.5 / model.par[LENGTH])
+
+
+@inline
+def collect(plan: Plan, model: Model, work: Work) -> None:
+    """The right-hand side of the graph: what spans and knots pull at each vertex."""
+    spans, gap = work.spans, work.gap
+    for k in range(plan.vertices.shape[0]):
+        if plan.vertices[k, 0] >= 0:
+            put3(gap, plan.vertices[k, 0], 0, NONE)
+        if plan.vertices[k, 1] >= 0:
+            put3(gap, plan.vertices[k, 1], 0, get3(work.pull, k))
+    for j in range(plan.ends.shape[0]):
+        press = take3(spans, j, PRESS)
+        ta, ya, tb, yb = plan.corners[j, 0], plan.corners[j, 1], plan.corners[j, 2], plan.corners[j, 3]
+        if ta >= 0:
+            put3(gap, ta, 0, add(get3(gap, ta), apply(to_knot(plan, model, j, 0), take3(spans, j, GA))))
+        if tb >= 0:
+            put3(gap, tb, 0, add(get3(gap, tb), apply(to_knot(plan, model, j, 1), take3(spans, j, GB))))
+        if ya >= 0:
+            put3(gap, ya, 0, add(get3(gap, ya), press))
+        if yb >= 0:
+            put3(gap, yb, 0, subtract(get3(gap, yb), press))
+
+
+@inline
+def step_of_force(work: Work, j: int) -> Vector:
+    """Change of the force of span j by the last `solve`."""
+    return take3(work.spans, j, FORCE)

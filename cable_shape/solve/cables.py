@@ -1,0 +1,144 @@
+"""What a cable and its scene are to the solver of networks: knots, spans, pieces of one material, point loads."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, final
+
+import numpy as np
+
+from cable_shape.cable import Cable as CableProperties
+from cable_shape.checks import Array
+from cable_shape.kernels.network import material
+from cable_shape.kernels.network.tables import PIECE
+from cable_shape.problem import Problem
+from cable_shape.solve.plan import Cable, Knot, Span
+
+#: Rotations of the cable frame that a grip or a clip leaves free: about d1, d2, d3.
+FREE_ROTATIONS = {
+    "clamped": (0.0, 0.0, 0.0),
+    "fixed": (0.0, 0.0, 0.0),
+    "swivel": (0.0, 0.0, 1.0),
+    "hinge": (0.0, 0.0, 1.0),
+    "pinned": (1.0, 1.0, 1.0),
+    "ball": (1.0, 1.0, 1.0),
+    "slide": (1.0, 1.0, 1.0),
+    "free": (1.0, 1.0, 1.0),
+}
+#: Loads and kinks nearer to a support than this fraction of the length are at it.
+AT = 1e-9
+#: A kink of the rest curvature becomes a node if inside an element of a 20th of the length it may move the shape by
+#: this fraction of the tolerance; at most so many do.
+_FELT, _MOST_KINKS = 0.02, 200
+
+
+@final
+class Material(NamedTuple):
+    """A cable from end to end."""
+
+    breaks: Array  # (p + 1,) [m], arc lengths between its pieces
+    pieces: Array  # (p, PIECE) see `kernels.network.material`
+    stops: Array  # (j,) [m], those of the breaks that are to be nodes
+
+
+def material_of(problem: Problem) -> Material:
+    """The pieces of the problem's cable: its rest curvature and its load are linear in each."""
+    cable = problem.cable
+    length = cable.length
+    rest = np.atleast_2d(cable.rest_curvature)
+    swing = problem.swing
+    if len(rest) == 1 and swing is None:
+        return Material(np.array((0.0, length)), _piece(cable, rest[0], rest[0], problem.load), np.empty(0))
+    kinks = [np.array((0.0, length))]
+    if len(rest) > 1:
+        kinks.append(np.linspace(0.0, length, len(rest)))
+    if swing is not None:
+        kinks.append(np.linspace(0.0, length, len(swing)))
+    breaks = _distinct(np.concatenate(kinks), AT * length)
+    pieces = np.empty((breaks.size - 1, PIECE))
+    share = breaks / length
+    load = problem.load[0] + share[:, None] * (problem.load[1] - problem.load[0])
+    stops = np.empty(0)
+    if swing is not None:
+        places = np.linspace(0.0, length, len(swing))
+        load = load - cable.linear_density * np.stack([np.interp(breaks, places, x) for x in swing.T], axis=1)
+        stops = places[1:-1]
+    places = np.linspace(0.0, length, len(rest)) if len(rest) > 1 else np.zeros(1)
+    bent = np.stack([np.interp(breaks, places, x) for x in rest.T], axis=1)
+    for i, piece in enumerate(pieces):
+        piece[:] = _piece(cable, bent[i], bent[i + 1], load[i : i + 2])[0]
+    stops = _distinct(np.concatenate((stops, _felt(problem, rest))), AT * length)
+    return Material(breaks, pieces, stops)
+
+
+def _piece(cable: CableProperties, first: Array, last: Array, load: Array) -> Array:
+    """One row of pieces: rest curvature (3,) [1/m] and load (2, 3) [N/m] at its ends."""
+    out = np.empty((1, PIECE))
+    row = out[0]
+    stiffness = (*cable.bending_stiffness, cable.twisting_stiffness)
+    row[material.K_LEFT : material.K_LEFT + 3] = row[material.K_RIGHT : material.K_RIGHT + 3] = stiffness
+    row[material.REST_LEFT : material.REST_LEFT + 3] = first
+    row[material.REST_RIGHT : material.REST_RIGHT + 3] = last
+    row[material.LOAD_LEFT : material.LOAD_LEFT + 3] = load[0]
+    row[material.LOAD_RIGHT : material.LOAD_RIGHT + 3] = load[1]
+    shear = 0.0 if cable.shear_stiffness is None else 1.0 / cable.shear_stiffness
+    stretch = 0.0 if cable.axial_stiffness is None else 1.0 / cable.axial_stiffness
+    row[material.COMPLIANCE : material.COMPLIANCE + 3] = shear, shear, stretch
+    return out
+
+
+def _felt(problem: Problem, rest: Array) -> Array:
+    """Arc lengths of the kinks of the rest curvature that a tolerance makes nodes of."""
+    length = problem.cable.length
+    if len(rest) < 3:
+        return np.empty(0)
+    places = np.linspace(0.0, length, len(rest))
+    turn = np.abs(np.diff(rest, n=2, axis=0)).sum(axis=1) / (length / (len(rest) - 1))  # of the slope, 1/m^2
+    felt = material.ROUGHNESS * turn * (length / 20.0) ** 3 > _FELT * problem.tolerance
+    most = np.sort(turn)[-_MOST_KINKS] if turn.size > _MOST_KINKS else 0.0
+    return np.asarray(places[1:-1][felt & (turn >= most)])
+
+
+def _distinct(values: Array, apart: float) -> Array:
+    """Ascending, without what is nearer than `apart` to the one before."""
+    values = np.sort(values)
+    if values.size == 0:
+        return values
+    return values[np.concatenate(([True], np.diff(values) > apart))]
+
+
+@final
+class Structure(NamedTuple):
+    """How a cable is held: all that the plan of the network needs but the mesh."""
+
+    knots: tuple[Knot, ...]
+    spans: tuple[Span, ...]
+    cables: tuple[Cable, ...]
+    rings: tuple[tuple[int, int], ...]
+    free: tuple[tuple[tuple[float, ...], tuple[float, ...]], ...]  # (m, 2, 3)
+    loose: tuple[tuple[float, ...], ...]  # (k, 3)
+
+
+_HELD, _NO_TURN = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+
+
+def structure_of(kinds: tuple[str, ...], pieces: int, points: int, round_straight: bool) -> Structure:
+    """One cable in supports of these kinds: start grip, clips, end grip or "free"."""
+    masks = [FREE_ROTATIONS[kind] for kind in kinds]
+    last = len(kinds) - 1
+    if round_straight and all(mask[2] for mask in masks):
+        masks[0] = (masks[0][0], masks[0][1], 0.0)  # nothing holds the roll of a round straight cable: a zero mode
+    knots = [Knot(turns=0 < k < last and any(mask), moves=kinds[k] == "free") for k, mask in enumerate(masks)]
+    spans, free = [], []
+    for j in range(last):
+        spans.append(Span(j, j + 1, (knots[j].turns, knots[j + 1].turns)))
+        free.append(tuple(_HELD if knots[k].turns else masks[k] for k in (j, j + 1)))
+    held = [k for k in range(last) if FREE_ROTATIONS[kinds[k]][2] == 0.0]
+    roll = (held[-1] if held else 0, last)
+    return Structure(
+        tuple(knots),
+        tuple(spans),
+        (Cable(last, pieces, points, roll),),
+        tuple((k, k - 1) for k in range(1, last) if kinds[k] == "slide"),
+        tuple((a, b) for a, b in free),
+        tuple(mask if knot.turns else _NO_TURN for mask, knot in zip(masks, knots, strict=True)),
+    )

@@ -1,0 +1,497 @@
+"""What the solver of networks keeps from one solve to the next: mesh, the last two solutions, work space."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import lru_cache
+from itertools import pairwise
+from typing import Any, final
+
+import numpy as np
+
+from cable_shape.checks import Array
+from cable_shape.errors import ArgumentError
+from cable_shape.kernels import rod_mesh
+from cable_shape.kernels.network import drive, guess, material, tables
+from cable_shape.kernels.network.drive import I_ESTIMATE, I_TURN, INFO, LARGEST_TURN
+from cable_shape.kernels.network.tables import BEFORE, NOW, TRIAL
+from cable_shape.pose import FreeEnd, Grip
+from cable_shape.problem import NAMED_TOLERANCE, Problem
+from cable_shape.shape import CableShape
+from cable_shape.solve.cables import AT, Structure, material_of, structure_of
+from cable_shape.solve.mesh import Piece, indicated, interpolated, layered
+from cable_shape.solve.plan import make_plan
+
+_IDENTITY = (0.0, 0.0, 0.0, 1.0)
+_NO_LOADS: Array = np.empty((0, 7))
+_NOTHING: Array = np.zeros(3)
+
+#: Elements of a cable between two grips, of a span between knots, and of a whole network.
+FEWEST_ELEMENTS, FEWEST_OF_SPAN, MOST_ELEMENTS = 8, 4, 1200
+#: A new mesh aims at this fraction of the tolerance.
+AIM = 0.9
+#: A mesh is made coarser when its error is below this fraction of the tolerance.
+_TOO_FINE = 1.0 / 40.0
+#: Modes softer than this fraction of the stiffness / length^2 count as neutral, and neutral as stable.
+_NEUTRAL = 1e-4
+#: A frame may turn so far [rad] from its prediction whatever the supports do: predictions are not exact.
+_UNMOVED = 0.2
+#: Rotation of an element [rad] that a new mesh aims at.
+TURN_AIM = 0.55
+#: A mesh is changed at most as for an error so many times off.
+_MOST_EXCESS = 700.0
+#: Points at which the density of a span's first mesh is given.
+_ABSCISSAE = 65
+#: Points of a shape that is worth starting from.
+_FEWEST_POINTS = 20
+#: Change of a cable's length, as a fraction, beyond which the last solution is no start.
+_LENGTHENED = 0.02
+
+_structure = lru_cache(maxsize=256)(structure_of)
+
+
+@lru_cache(maxsize=256)
+def _plan(structure: Structure, counts: tuple[int, ...]) -> Array:
+    """The plan of a structure with so many elements in each span; shared, never written to."""
+    return make_plan(structure.knots, structure.spans, structure.cables, counts, structure.rings)
+
+
+@final
+class Network:
+    """The solver's memory for one cable, in clips or not; one object a predictor, not shared between threads.
+
+    `history` tells how many solutions there are to start from (0: none); `last`, a shape of the same cable held in
+    other clips, is then the next best. What the arrays hold: :mod:`cable_shape.kernels.network.tables`.
+    """
+
+    def __init__(self, problem: Problem, last: CableShape | None = None) -> None:
+        self.last = last
+        self.history = self.elements = 0
+        self.fewest = 0  # elements with which a coarser mesh has failed
+        self.info: Array = np.zeros(INFO + 2)
+        self.at_rest = math.inf  # rad, by which frames may turn though no support moves
+        self.counts: tuple[int, ...] = ()
+        self.ints: Any = None
+        self.floats = self.sols = self.work = self.nodes = _NOTHING
+        self.length = 0.0
+        self._kinds: tuple[str, ...] = ()
+        self._tip = self._moment = _NOTHING
+        self._arcs: Array = np.empty(0)
+        self.take(problem)
+
+    # -- what is solved
+
+    def take(self, problem: Problem) -> None:
+        """Makes `problem` the one to solve; the last solution stays as a start if its supports are alike."""
+        cable = problem.cable
+        if cable.mean_bending_stiffness == 0.0:
+            raise ArgumentError.of(
+                "bending_stiffness",
+                0.0,
+                "model 'cosserat' needs it above 0 N m^2",
+                "Give EI in N m^2, or choose model='catenary' and remove the clips.",
+            )
+        length = cable.length
+        arcs = np.array((0.0, *[clip.arc_length for clip in problem.clips], length))
+        self._keep(problem, arcs, length)
+        self.problem, self.length, self.tolerance = problem, length, problem.tolerance
+        self.arcs = arcs  # (m+1,) [m], of the supports, as they are held
+        self.material = material_of(problem)
+        self.bend = cable.mean_bending_stiffness
+        stiffness = (*cable.bending_stiffness, cable.twisting_stiffness)
+        self.softest, self.stiffest = min(stiffness) / length**2, max(stiffness)
+        self.stretch = 0.0 if cable.axial_stiffness is None else 1.0 / cable.axial_stiffness
+        self.elastic = cable.axial_stiffness is not None or cable.shear_stiffness is not None
+        self.round_straight = stiffness[0] == stiffness[1] and not np.any(cable.rest_curvature)
+        at, weight = problem.load_arc_length, problem.load_force
+        self._own: Array = np.zeros((arcs.size, 3))  # dead forces on the supports
+        if at.size:
+            near = np.abs(at[:, None] - arcs).argmin(axis=1)
+            held = np.abs(at - arcs[near]) < AT * length
+            np.add.at(self._own, near[held], weight[held])
+            at, weight = at[~held], weight[~held]
+        self.points, self.weights = at, weight
+        self.mean_load: Array = problem.load.mean(axis=0) + weight.sum(axis=0) / length
+        if problem.swing is not None:
+            rows = len(problem.swing)
+            self.mean_load = self.mean_load - cable.linear_density * problem.swing.sum(axis=0) / (rows - 1)
+        self._frames: Array = np.zeros((arcs.size, 7))
+        for row, clip in zip(self._frames[1:], problem.clips, strict=False):
+            row[:] = clip.pose.array
+            if clip.kind in ("ball", "slide"):
+                row[3:] = _IDENTITY
+        self._clips = tuple(clip.kind for clip in problem.clips)
+        self._kinds = ()
+        self.unsettle()
+
+    def _keep(self, problem: Problem, arcs: Array, length: float) -> None:
+        """Keeps mesh and solutions where the new problem's supports are where the old one's were."""
+        if self.elements == 0:
+            return
+        kinds = tuple(clip.kind for clip in problem.clips)
+        alike = kinds == self._clips and abs(length - self.length) <= _LENGTHENED * self.length
+        if alike and kinds:
+            fixed = [i for i, kind in enumerate(("", *kinds, "")) if kind != "slide"]
+            alike = length == self.length and np.array_equal(arcs[fixed], self.arcs[fixed])
+        if not alike:
+            self.history = self.elements = 0
+        elif length != self.length:
+            self.nodes *= length / self.length
+            self.nodes[-1] = length
+            self.history = min(self.history, 1)
+
+    def aim(self, start: Grip, end: Grip | FreeEnd, trial: bool = False) -> Array:
+        """Poses of the supports (m+1, 7), after what holds and loads the ends has been taken into account.
+
+        trial: into the trial itself.
+        """
+        if type(end) is Grip:
+            kinds = (start.kind, end.kind)
+            if kinds != self._kinds:
+                self._hold(kinds, _NOTHING, _NOTHING)
+            poses = self.target if trial else self._frames.copy()
+            poses[0], poses[-1] = start.cable_frame.array, end.cable_frame.array
+        else:
+            assert isinstance(end, FreeEnd)
+            tip = end.mass * self.problem.end_fall + end.force
+            kinds = (start.kind, "free")
+            if kinds != self._kinds or not (
+                np.array_equal(tip, self._tip) and np.array_equal(end.moment, self._moment)
+            ):
+                self._hold(kinds, tip, end.moment)
+            poses = self.target if trial else self._frames.copy()
+            poses[0] = poses[-1] = start.cable_frame.array
+        if trial and self._clips:
+            poses[1:-1] = self._frames[1:-1]
+        return poses
+
+    def _hold(self, kinds: tuple[str, ...], tip: Array, moment: Array) -> None:
+        """Takes over how the ends are held and loaded."""
+        self._kinds, self._tip, self._moment = kinds, tip, moment
+        self.unsettle()
+        pieces = len(self.material.pieces)
+        all_kinds = (kinds[0], *self._clips, kinds[1])
+        structure = _structure(all_kinds, pieces, self.points.size, self.round_straight)
+        changed = self.elements and structure != self.structure
+        self.structure = structure
+        self.spans = len(structure.spans)
+        self.forces = self.spans - (kinds[1] == "free")
+        self.rings = [knot for knot, _ in structure.rings]
+        self.stops = self._stops()
+        if not self.elements:
+            return
+        stops = self.stops
+        on = np.abs(self.nodes[:, None] - stops).min(axis=0, initial=math.inf) if stops.size else stops
+        if changed or (on > AT * self.length).any():
+            pieces_of = [self._as_dense(self.nodes[a : b + 1]) for a, b in self._runs()]
+            self._lay_out(pieces_of, np.asarray(self.counts))
+            self.history = min(self.history, 1)
+        else:
+            self._load()
+
+    def _stops(self) -> Array:
+        """(j,) [m], arc lengths inside spans that are nodes; kinks of the material are none where it runs through."""
+        stops = self.material.stops
+        if stops.size:
+            bounds = self.arcs
+            held = np.abs(stops[:, None] - bounds).min(axis=1) > AT * self.length
+            span = np.searchsorted(bounds, stops) - 1
+            running = {knot + side for knot in self.rings for side in (-1, 0)}
+            stops = stops[held & ~np.isin(span, list(running))]
+        return np.union1d(stops, self.points) if self.points.size else stops
+
+    @staticmethod
+    def _as_dense(nodes: Array) -> tuple[Array, Array]:
+        """Abscissae and density of a span's nodes as they are."""
+        return nodes.copy(), 1.0 / np.gradient(nodes)
+
+    def settle(self) -> None:
+        """The last solution is one under these loads: from it only a motion of the supports turns frames far."""
+        self.history = min(2, self.history + 1)
+        self.at_rest = _UNMOVED
+        self.model.par[tables.TURN_AT_REST] = _UNMOVED
+
+    def unsettle(self) -> None:
+        """The next solution may be far from the last one though no support moves."""
+        self.at_rest = math.inf
+        if self.elements:
+            self.model.par[tables.TURN_AT_REST] = math.inf
+
+    # -- the mesh
+
+    def _runs(self) -> list[tuple[int, int]]:
+        """First and last node of each span."""
+        first = np.concatenate(([0], np.cumsum(self.counts)))
+        return [(int(a) + j, int(b) + j) for j, (a, b) in enumerate(pairwise(first))]
+
+    def first_mesh(self, poses: Array, fineness: float = 1.0, turn: float = 0.0) -> None:
+        """A cold start's mesh: half of each span's nodes within a few boundary layers of its ends.
+
+        fineness: so many times the usual number of elements. turn [rad]: how far the frames turn along the cable, as
+        far as that is known.
+        """
+        layers = self._layers(poses)
+        finer = (NAMED_TOLERANCE * self.length / self.tolerance) ** (1.0 / 6.0)
+        finer = fineness * min(max(finer, 0.75), 3.0)
+        inside = np.histogram(self.stops, self.arcs)[0]
+        if self.spans == 1:
+            layer = layers[0]
+            elements = 16 if layer > 0.08 * self.length else 18 if layer > 0.02 * self.length else 28
+            elements = max(math.ceil(elements * finer), math.ceil(1.3 * turn / TURN_AIM))
+            x, density = np.empty(_ABSCISSAE), np.empty(_ABSCISSAE)
+            rod_mesh.layered(self.length, min(max(layer, 1e-5 * self.length), self.length), x, density)
+            pieces, counts = [(x, density)], np.array((min(MOST_ELEMENTS, elements) + 2 * inside[0],))
+        else:
+            pieces, shares = layered(self.arcs, layers)
+            counts = np.maximum(np.ceil(finer * shares).astype(np.int64), FEWEST_OF_SPAN + 2 * inside)
+        self.elements = self.history = self.fewest = 0
+        self._lay_out(pieces, counts)
+
+    def _layers(self, poses: Array) -> Array:
+        """(m,) [m]: boundary layers of the spans."""
+        out = np.empty(self.spans)
+        force, free, up = np.zeros(3), np.zeros(2), (0.0, 0.0, 1.0)
+        for j in range(self.spans):
+            length = float(self.arcs[j + 1] - self.arcs[j])
+            if j < self.forces:
+                chord = poses[j + 1, :3] - poses[j, :3]
+                out[j] = guess.hanging_force(
+                    chord, self.mean_load, length, self.stretch, self.bend, up, up, free, force
+                )
+            else:
+                tension = float(np.linalg.norm(self._tip + self._own[-1] + self.mean_load * length))
+                out[j] = math.sqrt(self.bend / max(tension, 1e-9 * self.bend / length**2))
+        return out
+
+    def next_mesh(self, fewest: int = 0) -> bool:
+        """A mesh that the last error estimate asks for, and the last solution on it; False if it cannot be finer.
+
+        fewest: it has at least so many elements.
+        """
+        estimate, n = float(self.info[I_ESTIMATE]), self.elements
+        excess = estimate / (AIM * self.tolerance) if math.isfinite(estimate) else _MOST_EXCESS
+        excess = min(max(excess, 1.0 / _MOST_EXCESS), _MOST_EXCESS)
+        errors = self.model.errors
+        if not np.isfinite(errors).all():
+            errors = np.ones(n)
+        q = self.solution(NOW).q
+        pieces, shares = indicated(self.nodes, self._runs(), q, errors, excess, TURN_AIM)
+        counts = self._counts(shares, fewest)
+        if estimate > self.tolerance:
+            if n >= MOST_ELEMENTS:
+                return False
+            if counts.sum() < n + max(1, n // 20):
+                counts = self._counts((n + max(1.0, 0.05 * n)) / shares.sum() * shares, fewest)
+        if counts.sum() > MOST_ELEMENTS:
+            counts = self._counts((MOST_ELEMENTS - self.spans) / shares.sum() * shares)
+        self._lay_out(pieces, counts)
+        size = self._size
+        self.sols[2 * size :] = self.sols[:size]
+        return True
+
+    def _counts(self, shares: Array, fewest: int = 0) -> Array:
+        """Whole numbers of elements of the spans, none too few."""
+        inside = np.histogram(self.stops, self._bounds())[0]
+        least = FEWEST_ELEMENTS if self.spans == 1 else FEWEST_OF_SPAN
+        if self.spans == 1:
+            least = max(least, fewest)
+        return np.maximum(np.ceil(shares).astype(np.int64), least + 2 * inside)
+
+    def _bounds(self) -> Array:
+        """(m+1,) [m]: arc lengths of the supports as the cable runs through them now."""
+        if not self.rings or not self.elements:
+            return self.arcs
+        return np.concatenate((self.nodes[[a for a, _ in self._runs()]], [self.length]))
+
+    def too_coarse(self, info: list[float]) -> bool:
+        """Whether the error is above its tolerance, or an element turns too far for the inertia to be trusted."""
+        return info[I_ESTIMATE] > self.tolerance or info[I_TURN] > LARGEST_TURN
+
+    def far_too_coarse(self, info: list[float]) -> bool:
+        """Whether even a step on the way needs a finer mesh."""
+        return info[I_ESTIMATE] > 30.0 * self.tolerance or info[I_TURN] > 2.0 * LARGEST_TURN
+
+    def too_fine(self, info: list[float]) -> bool:
+        """Whether a mesh of much fewer elements would do."""
+        if info[I_ESTIMATE] >= _TOO_FINE * self.tolerance or info[I_TURN] >= 0.5 * TURN_AIM:
+            return False
+        least = FEWEST_ELEMENTS if self.spans == 1 else FEWEST_OF_SPAN * self.spans
+        return self.elements > max(1.5 * (least + 2 * self.stops.size), self.fewest)
+
+    def _lay_out(self, pieces: list[Piece], counts: Array) -> None:
+        """Nodes of equal share of each span's density, `counts` elements a span; solutions are carried over."""
+        bounds = self._bounds()
+        before = None
+        if self.elements:
+            before = self.nodes.copy(), self._runs(), [self.solution(which) for which in (NOW, BEFORE, TRIAL)]
+        self.counts = tuple(counts.tolist())
+        self.elements = n = sum(self.counts)
+        self.ints = _plan(self.structure, self.counts)
+        self.floats = np.zeros(tables.model_size.py_func(self.ints))
+        self._size = int(tables.solution_size.py_func(self.ints))
+        self.sols = np.zeros(3 * self._size)
+        self.work = np.zeros(tables.work_size.py_func(self.ints))
+        self.model = tables.model_of.py_func(self.ints, self.floats)
+        self.nodes = self.model.s
+        self.target = self.solution(TRIAL).pose
+        runs = self._runs()
+        for (a, b), (x, density), low, high in zip(runs, pieces, bounds[:-1], bounds[1:], strict=True):
+            x[0], x[-1] = low, high
+            stops = self.stops[(self.stops > low) & (self.stops < high)]
+            rod_mesh.equidistribute(x, density, stops, b - a, self.nodes[a : b + 1])
+        self._properties()
+        self._load()
+        self._parts = None
+        if before is None:
+            return
+        nodes, old_runs, old = before
+        for which, was in zip((NOW, BEFORE, TRIAL), old, strict=True):
+            now = self.solution(which)
+            for (a, b), (c, d) in zip(runs, old_runs, strict=True):
+                now.q[a : b + 1] = interpolated(self.nodes[a : b + 1], nodes[c : d + 1], was.q[c : d + 1])
+            for x, y in zip(now[1:], was[1:], strict=True):
+                x[...] = y
+        assert n == self.elements
+
+    def _properties(self) -> None:
+        """What supports and cables are, into the model."""
+        model, structure = self.model, self.structure
+        par = model.par
+        par[tables.SOFTEST], par[tables.BASE_SHIFT], par[tables.LENGTH] = (
+            self.softest,
+            _NEUTRAL * self.softest,
+            self.length,
+        )
+        par[tables.ELASTIC], par[tables.STIFFEST], par[tables.RIGID] = self.elastic, self.stiffest, self.stretch == 0.0
+        par[tables.TURN_AT_REST] = self.at_rest
+        model.free[...] = structure.free
+        model.frame[...] = _IDENTITY
+        model.loose[...] = structure.loose
+        model.heavy[0] = self.problem.cable.linear_density * self.problem.gravity
+        model.breaks[...] = self.material.breaks
+        model.piece[...] = self.material.pieces
+        material.add_up(self.ints, self.floats)
+
+    def _load(self) -> None:
+        """Takes over loads and material on the mesh as it is."""
+        model = self.model
+        self._properties()
+        model.force[...] = self._own
+        model.force[-1] += self._tip
+        model.moment[-1] = self._moment
+        model.at[...] = self.points
+        model.act[...] = self.weights
+        drive.refill(self.ints, self.floats)
+
+    # -- solutions
+
+    def solution(self, which: int) -> tables.Solution:
+        """Solution NOW, BEFORE or TRIAL."""
+        found: tables.Solution = tables.solution_of.py_func(self.ints, self.sols, which)
+        return found
+
+    def put_aside(self) -> tuple[Any, ...]:
+        """Mesh and solutions, for `put_back`."""
+        return (self.counts, self.elements, self.ints, self.floats.copy(), self._size, self.sols, self.work,
+                self.info.copy(), self.history)  # fmt: skip
+
+    def put_back(self, kept: tuple[Any, ...]) -> None:
+        """Mesh and solutions as they were when put aside; a mesh as coarse as the one now is not tried again."""
+        self.counts, self.elements, self.ints, self.floats, self._size, self.sols, self.work, info, self.history = kept
+        self.info[:] = info
+        self.model = tables.model_of.py_func(self.ints, self.floats)
+        self.nodes, self.target = self.model.s, self.solution(TRIAL).pose
+        self.fewest = self.elements
+
+    def start_from(self, poses: Array, kind: int, sag: float, wound: bool = False) -> None:
+        """Puts a guess (see ``guess.guess``) between `poses` into the trial."""
+        trial = self.solution(TRIAL)
+        trial.pose[...] = poses
+        trial.turns[0] = 0.0
+        drive.strip(self.ints, self.floats, self.sols)
+        placed = np.zeros(len(poses), dtype=np.int64)
+        guess.guess(self.ints, self.floats, self.sols, placed, kind, sag, wound)
+
+    def start_with(self, poses: Array, frames: Callable[[Array], Array], force: Array) -> None:
+        """Puts given frames between `poses` into the trial; force (3,) [N]: at the end."""
+        trial = self.solution(TRIAL)
+        trial.pose[...] = poses
+        trial.turns[0] = 0.0
+        trial.q[...] = frames(self.nodes)
+        trial.lam[...] = force
+        if float(trial.q[0] @ poses[0, 3:]) * float(trial.q[-1] @ poses[-1, 3:]) < 0.0:
+            trial.pose[-1, 3:] *= -1.0
+
+    def resume(self, poses: Array) -> bool:
+        """Puts the last shape in the place of the last solution, its supports where their points are; False if none."""
+        shape = self.last
+        if shape is None or not shape.status or shape.length != self.length or shape.points < _FEWEST_POINTS:
+            return False
+        self.first_mesh(poses)
+        now, nodes = self.solution(NOW), self.nodes
+        now.q[...] = interpolated(nodes, shape.arc_length, shape.quaternions)
+        bounds = self._bounds()
+        for i in range(3):
+            now.pose[:, i] = np.interp(bounds, shape.arc_length, shape.positions[:, i])
+        for j, (a, b) in enumerate(self._runs()):
+            first = a - j
+            middles = 0.5 * (nodes[a:b] + nodes[a + 1 : b + 1])
+            for i in range(3):
+                force = np.interp(middles, shape.arc_length, shape.force[:, i])
+                now.lam[j, i] = (force - self.model.load[first : first + b - a, 3 + i]).mean()
+            now.pose[j, 3:] = now.q[a]
+            now.pose[j + 1, 3:] = now.q[b]
+        now.turns[0] = shape.turns
+        now.arc[...] = bounds[self.rings]
+        self.history = 1
+        return True
+
+    def energy_of_masses(self) -> float:
+        """[J], potential energy of point masses and of a plug in the last solution."""
+        problem, energy = self.problem, 0.0
+        if not problem.masses and (type(problem.end) is Grip or problem.end.mass == 0.0):
+            return 0.0
+        nodes, positions = self.node_positions()
+        for mass in problem.masses:
+            node = int(np.abs(nodes - mass.arc_length).argmin())
+            energy -= mass.mass * float(problem.gravity @ positions[node])
+        if isinstance(problem.end, FreeEnd):
+            energy -= problem.end.mass * float(problem.gravity @ positions[-1])
+        return energy
+
+    def node_positions(self) -> tuple[Array, Array]:
+        """Arc lengths (n,) and positions (n, 3) of the nodes of the last solution."""
+        work = tables.work_of.py_func(self.ints, self.work)
+        positions = np.empty((self.nodes.size, 3))
+        for j, (a, b) in enumerate(self._runs()):
+            positions[a] = work.place[j]
+            positions[a + 1 : b + 1] = work.place[j] - np.cumsum(work.first[a - j : b - j, :3], axis=0)
+        return self.nodes, positions
+
+    # -- eyelets
+
+    def slide_to(self, arcs: Array) -> None:
+        """Moves the cable through its eyelets to these arc lengths (m+1,): nodes between them are spread anew."""
+        old = np.concatenate((self._bounds(), self.points))
+        new = np.concatenate((arcs, self.points))
+        order = np.argsort(old)
+        runs = self._runs()
+        self.nodes[:] = np.interp(self.nodes, old[order], new[order])
+        for (a, b), low, high in zip(runs, arcs[:-1], arcs[1:], strict=True):
+            self.nodes[a], self.nodes[b] = low, high
+        drive.refill(self.ints, self.floats)
+        self.solution(TRIAL).arc[...] = arcs[self.rings]
+
+    def predicted_arcs(self) -> Array:
+        """The arc lengths of the supports, those at eyelets extrapolated along the motion of the supports."""
+        arcs = self._bounds().copy()
+        if self.history > 1:
+            a = drive.pace_of(self.ints, self.floats, self.sols)
+            arcs[self.rings] += a * (self.solution(NOW).arc - self.solution(BEFORE).arc)
+        return arcs
+
+    @property
+    def poses(self) -> Array:
+        """(m+1, 7): the supports of the last solution, quaternion signs continuous."""
+        return self.solution(NOW).pose
