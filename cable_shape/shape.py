@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import math
 from dataclasses import dataclass
 from typing import Any, final
 
@@ -100,9 +101,12 @@ class CableShape:
         "detail",
         "energy",
         "error_estimate",
+        "force_error",
         "iterations",
         "length",
+        "missing_length",
         "model",
+        "moment_error",
         "points",
         "residual",
         "reused",
@@ -137,6 +141,9 @@ class CableShape:
         supports: Array = _NO_SUPPORTS,
         touches: Array = _NO_TOUCHES,
         bodies: tuple[str, ...] = (),
+        force_error: float = math.nan,
+        moment_error: float = math.nan,
+        missing_length: float = 0.0,
     ) -> None:
         self.buffer = buffer  # (17 n,): arc_length n | positions 3n | quaternions 4n | curvature, force, moment 3n each
         self.points = points
@@ -157,6 +164,9 @@ class CableShape:
         self.supports = supports  # (k, 7), of each clip: arc length [m], force [N] and moment [N m] on it
         self.touches = touches  # (k, 9), of each contact: arc length [m], row in `bodies`, point 3, normal 3, force [N]
         self.bodies = bodies  # names
+        self.force_error = force_error  # N, estimated largest error of `force`; NaN: not known
+        self.moment_error = moment_error  # N m, estimated largest error of `moment`; NaN: not known
+        self.missing_length = missing_length  # m, what an OVERSTRETCHED cable lacks
 
     @staticmethod
     def new_buffer(points: int) -> Array:

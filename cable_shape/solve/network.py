@@ -13,15 +13,16 @@ import numpy as np
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels import rod_mesh
-from cable_shape.kernels.network import drive, guess, material, tables
+from cable_shape.kernels.network import drive, guess, material, respond, tables
 from cable_shape.kernels.network.drive import I_ESTIMATE, I_TURN, INFO, LARGEST_TURN
 from cable_shape.kernels.network.tables import BEFORE, NOW, TRIAL
+from cable_shape.kernels.rod_guess import hanging_force
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.problem import NAMED_TOLERANCE, Problem
 from cable_shape.shape import CableShape
 from cable_shape.solve.cables import AT, Structure, material_of, structure_of
 from cable_shape.solve.mesh import Piece, indicated, interpolated, layered
-from cable_shape.solve.plan import make_plan
+from cable_shape.solve.plan import Whole, make_plan
 
 _IDENTITY = (0.0, 0.0, 0.0, 1.0)
 _NO_LOADS: Array = np.empty((0, 7))
@@ -52,7 +53,7 @@ _structure = lru_cache(maxsize=256)(structure_of)
 
 
 @lru_cache(maxsize=256)
-def _plan(structure: Structure, counts: tuple[int, ...]) -> Array:
+def _plan(structure: Structure, counts: tuple[int, ...]) -> Whole:
     """The plan of a structure with so many elements in each span; shared, never written to."""
     return make_plan(structure.knots, structure.spans, structure.cables, counts, structure.rings)
 
@@ -70,11 +71,13 @@ class Network:
         self.history = self.elements = 0
         self.fewest = 0  # elements with which a coarser mesh has failed
         self.info: Array = np.zeros(INFO + 2)
+        self.structure: Structure
         self.at_rest = math.inf  # rad, by which frames may turn though no support moves
         self.counts: tuple[int, ...] = ()
         self.ints: Any = None
         self.floats = self.sols = self.work = self.nodes = _NOTHING
         self.length = 0.0
+        self._stiff = 1.0  # by which the cable is stiffened at present
         self._kinds: tuple[str, ...] = ()
         self._tip = self._moment = _NOTHING
         self._arcs: Array = np.empty(0)
@@ -97,7 +100,7 @@ class Network:
         self._keep(problem, arcs, length)
         self.problem, self.length, self.tolerance = problem, length, problem.tolerance
         self.arcs = arcs  # (m+1,) [m], of the supports, as they are held
-        self.material = material_of(problem)
+        self.material, self._stiff = material_of(problem), 1.0
         self.bend = cable.mean_bending_stiffness
         stiffness = (*cable.bending_stiffness, cable.twisting_stiffness)
         self.softest, self.stiffest = min(stiffness) / length**2, max(stiffness)
@@ -256,9 +259,7 @@ class Network:
             length = float(self.arcs[j + 1] - self.arcs[j])
             if j < self.forces:
                 chord = poses[j + 1, :3] - poses[j, :3]
-                out[j] = guess.hanging_force(
-                    chord, self.mean_load, length, self.stretch, self.bend, up, up, free, force
-                )
+                out[j] = hanging_force(chord, self.mean_load, length, self.stretch, self.bend, up, up, free, force)
             else:
                 tension = float(np.linalg.norm(self._tip + self._own[-1] + self.mean_load * length))
                 out[j] = math.sqrt(self.bend / max(tension, 1e-9 * self.bend / length**2))
@@ -290,15 +291,15 @@ class Network:
         self.sols[2 * size :] = self.sols[:size]
         return True
 
-    def _counts(self, shares: Array, fewest: int = 0) -> Array:
+    def _counts(self, shares: Array, fewest: int = 0) -> Any:
         """Whole numbers of elements of the spans, none too few."""
-        inside = np.histogram(self.stops, self._bounds())[0]
+        inside = np.histogram(self.stops, self.bounds())[0]
         least = FEWEST_ELEMENTS if self.spans == 1 else FEWEST_OF_SPAN
         if self.spans == 1:
             least = max(least, fewest)
         return np.maximum(np.ceil(shares).astype(np.int64), least + 2 * inside)
 
-    def _bounds(self) -> Array:
+    def bounds(self) -> Array:
         """(m+1,) [m]: arc lengths of the supports as the cable runs through them now."""
         if not self.rings or not self.elements:
             return self.arcs
@@ -321,7 +322,7 @@ class Network:
 
     def _lay_out(self, pieces: list[Piece], counts: Array) -> None:
         """Nodes of equal share of each span's density, `counts` elements a span; solutions are carried over."""
-        bounds = self._bounds()
+        bounds = self.bounds()
         before = None
         if self.elements:
             before = self.nodes.copy(), self._runs(), [self.solution(which) for which in (NOW, BEFORE, TRIAL)]
@@ -342,7 +343,6 @@ class Network:
             rod_mesh.equidistribute(x, density, stops, b - a, self.nodes[a : b + 1])
         self._properties()
         self._load()
-        self._parts = None
         if before is None:
             return
         nodes, old_runs, old = before
@@ -404,14 +404,14 @@ class Network:
         self.nodes, self.target = self.model.s, self.solution(TRIAL).pose
         self.fewest = self.elements
 
-    def start_from(self, poses: Array, kind: int, sag: float, wound: bool = False) -> None:
-        """Puts a guess (see ``guess.guess``) between `poses` into the trial."""
+    def start_from(self, poses: Array, kind: int, sag: float, turns: float = 0.0) -> None:
+        """Puts a guess (see ``guess.guess``) between `poses` into the trial; turns: those that their signs are of."""
         trial = self.solution(TRIAL)
         trial.pose[...] = poses
-        trial.turns[0] = 0.0
+        trial.turns[0] = turns
         drive.strip(self.ints, self.floats, self.sols)
         placed = np.zeros(len(poses), dtype=np.int64)
-        guess.guess(self.ints, self.floats, self.sols, placed, kind, sag, wound)
+        guess.guess(self.ints, self.floats, self.sols, placed, kind, sag, turns != 0.0)
 
     def start_with(self, poses: Array, frames: Callable[[Array], Array], force: Array) -> None:
         """Puts given frames between `poses` into the trial; force (3,) [N]: at the end."""
@@ -431,7 +431,7 @@ class Network:
         self.first_mesh(poses)
         now, nodes = self.solution(NOW), self.nodes
         now.q[...] = interpolated(nodes, shape.arc_length, shape.quaternions)
-        bounds = self._bounds()
+        bounds = self.bounds()
         for i in range(3):
             now.pose[:, i] = np.interp(bounds, shape.arc_length, shape.positions[:, i])
         for j, (a, b) in enumerate(self._runs()):
@@ -473,7 +473,7 @@ class Network:
 
     def slide_to(self, arcs: Array) -> None:
         """Moves the cable through its eyelets to these arc lengths (m+1,): nodes between them are spread anew."""
-        old = np.concatenate((self._bounds(), self.points))
+        old = np.concatenate((self.bounds(), self.points))
         new = np.concatenate((arcs, self.points))
         order = np.argsort(old)
         runs = self._runs()
@@ -485,11 +485,52 @@ class Network:
 
     def predicted_arcs(self) -> Array:
         """The arc lengths of the supports, those at eyelets extrapolated along the motion of the supports."""
-        arcs = self._bounds().copy()
+        arcs = self.bounds().copy()
         if self.history > 1:
             a = drive.pace_of(self.ints, self.floats, self.sols)
             arcs[self.rings] += a * (self.solution(NOW).arc - self.solution(BEFORE).arc)
         return arcs
+
+    @property
+    def turns(self) -> float:
+        """Turns of the trial."""
+        return float(self.solution(TRIAL).turns[0]) if self.elements else 0.0
+
+    @property
+    def roll(self) -> int:
+        """The support against which the end's turns are counted."""
+        return self.structure.cables[0].roll[0]
+
+    @property
+    def neutral(self) -> float:
+        """[N], eigenvalues smaller than this count as zero."""
+        return _NEUTRAL * self.softest
+
+    def stiffen(self, factor: float) -> None:
+        """Makes the cable so many times as stiff as it is."""
+        self.material.pieces[:, : material.COMPLIANCE] *= self._factor(factor)
+        if self.elements:
+            self._load()
+
+    def _factor(self, factor: float) -> Array:
+        """(18,): what the columns of the pieces are multiplied with to have the bending stiffness times `factor`."""
+        out = np.ones(material.COMPLIANCE)
+        out[material.K_LEFT : material.K_LEFT + 3] = out[material.K_RIGHT : material.K_RIGHT + 3] = factor / self._stiff
+        self._stiff = factor
+        return out
+
+    def refresh(self) -> None:
+        """Factors the matrix of the last solution."""
+        respond.refresh(self.ints, self.floats, self.sols, self.work, True)
+
+    def pulls(self, points: int = 0) -> tuple[Array, Array, Array]:
+        """F . d3 of the eyelets (e,) [N], its derivative in the arc lengths there (e, e), and that of the positions
+        (points, 3, e). Needs `refresh`."""
+        e = len(self.rings)
+        f, J, out = np.empty(e), np.empty((e, e)), np.empty((points, 3, e))
+        jumps = np.empty((self.spans, 3))
+        respond.eyelets(self.ints, self.floats, self.sols, self.work, f, J, points, out, jumps)
+        return f, J, out
 
     @property
     def poses(self) -> Array:

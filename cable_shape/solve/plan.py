@@ -69,7 +69,9 @@ def make_plan(
         corners.append(row)
     order, graph = eliminate(unknown, corners)
     number = {vertex: i for i, vertex in enumerate(order)}
-    pointer, neighbour, place = [0], [], {}
+    pointer: list[int] = [0]
+    neighbour: list[int] = []
+    place: dict[tuple[int, int], int] = {}
     for vertex in order:
         for other in sorted(graph[vertex], key=number.__getitem__):
             place[number[vertex], number[other]] = len(neighbour)

@@ -25,7 +25,6 @@ from cable_shape.kernels.network.condense import (
 )
 from cable_shape.kernels.network.system import FORCE, NONE
 from cable_shape.kernels.network.tables import (
-    BASE_SHIFT,
     LENGTH,
     Floats,
     Model,
@@ -133,7 +132,6 @@ def factor(ints: Whole, floats: Floats, space: Floats, shift: float) -> int:
     """Factors the whole matrix, `shift` times the lengths between nodes added; returns the number of negative
     eigenvalues."""
     plan, model, work = plan_of(ints), model_of(ints, floats), work_of(ints, space)
-    shift += model.par[BASE_SHIFT]
     negative = 0
     vertices = plan.pointer.shape[0] - 1
     if vertices > 0:

@@ -262,7 +262,8 @@ def rotations(
             ends[end, 2] = 0.0 if given_roll(plan, model, placed, k, end) else 1.0
         from_start(model.s[a : b + 1], local)
         carry_frames(local[: b - a + 1], t[a : b + 1], ends, q[a : b + 1])
-        if plan.known[j] != 0 and begin == j and kind != HANGING and plan.tied[j, 1] == 0:
+        if plan.known[j] != 0 and kind != HANGING and plan.tied[j, 1] == 0:
+            a = plan.first[j] + j
             natural_frames(model.h[plan.first[j] : plan.first[j + 1]], model.rest[plan.first[j] :], q[a : b + 1])
         begin = j + 1
     for j in range(plan.known.shape[0]):

@@ -21,6 +21,7 @@ from cable_shape.kernels.network.sliding import (
 )
 from cable_shape.kernels.network.system import FORCE, assemble, energy_left, gradient, release
 from cable_shape.kernels.network.tables import (
+    BASE_SHIFT,
     LENGTH,
     SOFTEST,
     TRIAL,
@@ -206,7 +207,7 @@ def newton(
         untested = trial > 0.0
         negative = 0
         for _ in range(MOST_SHIFTS):
-            negative = factor(ints, floats, space, trial)
+            negative = factor(ints, floats, space, trial + model.par[BASE_SHIFT])
             if trial == 0.0 or negative == wanted:
                 info[I_EXCESS] = negative - wanted
             if not guard:

@@ -1,0 +1,547 @@
+"""How the last solution answers what moves or changes, and how stable it is: all from the factors of its matrix.
+
+A change enters as a right-hand side: the derivative of the gradient. The answer of rotations, forces and places is
+`graph.solve`'s; between nodes positions follow the cubic through the nodes' changes of r and r'. In eyelets the cable
+runs on: each is one more unknown, its arc length sigma, with F . d3 = 0 for its equation.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cable_shape.kernels._jit import kernel
+from cable_shape.kernels.network.compiled import inline, part, viewing
+from cable_shape.kernels.network.graph import factor, solve, step_of_force
+from cable_shape.kernels.network.system import NONE, assemble, gradient, release
+from cable_shape.kernels.network.tables import (
+    BASE_SHIFT,
+    LENGTH,
+    STIFFEST,
+    TRIAL,
+    UNKNOWN,
+    Floats,
+    Model,
+    Plan,
+    Solution,
+    Whole,
+    Work,
+    copy,
+    copy_rows,
+    model_of,
+    plan_of,
+    solution_of,
+    solution_size,
+    work_of,
+)
+from cable_shape.kernels.rod_algebra import (
+    Vector,
+    add,
+    apply,
+    cross,
+    dot,
+    get3,
+    get4,
+    get9,
+    hat,
+    inverse,
+    madd,
+    mscale,
+    mul,
+    put3,
+    rotation,
+    scale,
+    subtract,
+    take3,
+    tapply,
+    times,
+)
+from cable_shape.kernels.rod_element import E3, IDENTITY
+from cable_shape.kernels.rod_stability import node_slope
+
+#: Noise in the mode that inverse iteration starts from: without it a mode of another symmetry would be overlooked.
+NOISE = 0.02
+#: Of the shift that is always there: enough to leave a neutral mode finite, far below what else is accurate.
+SLIGHT = 1e-4
+
+
+@viewing
+def refresh(ints: Whole, floats: Floats, sols: Floats, space: Floats, factored: bool) -> None:
+    """Assembles, and factors if asked, the matrix of the solution now, which becomes the trial, too."""
+    size = solution_size(ints)
+    copy(sols[2 * size : 3 * size], sols[0:size])
+    assemble(ints, floats, sols, space)
+    if factored:
+        factor(ints, floats, space, SLIGHT * model_of(ints, floats).par[BASE_SHIFT])
+
+
+@viewing
+def still(ints: Whole, space: Floats) -> None:
+    """Makes the right-hand side zero."""
+    work = work_of(ints, space)
+    work.G[:, :] = 0.0
+    work.sums[:, :3] = 0.0
+    work.pull[:, :] = 0.0
+    work.slack[:, :] = 0.0
+
+
+# -- what moves
+
+
+@inline
+def turn_end(plan: Plan, model: Model, work: Work, j: int, end: int, turn: Vector) -> None:
+    """Adds to the right-hand side what turning an end of span j (own frame) changes, but for the turn itself."""
+    first, last = plan.first[j], plan.first[j + 1] - 1
+    if end == 0:
+        node, beside, e = first + j, first + j + 1, first
+        across = tapply(get9(work.U, e, 0), turn)
+        change = tapply(get9(work.parts, e, 9), turn)
+        reaction = take3(work.first, e, 3)
+        own = apply(get9(work.sums, j, 12), turn)
+    else:
+        node, beside, e = last + j + 1, last + j, last
+        across = apply(get9(work.U, e, 0), turn)
+        change = tapply(get9(work.parts, e, 18), turn)
+        reaction = take3(work.first, e, 6)
+        own = apply(get9(work.parts, e, 0), turn)
+    put3(work.G, beside, 0, add(get3(work.G, beside), across))
+    # the frame in which the free rotations of this node are in balance turns, too
+    put3(work.G, node, 0, add(get3(work.G, node), add(own, scale(0.5, cross(reaction, turn)))))
+    put3(work.sums, j, 0, add(get3(work.sums, j), change))
+
+
+@inline
+def given_turn(plan: Plan, model: Model, sol: Solution, j: int, end: int, spin: Vector) -> Vector:
+    """How an end of span j turns (own frame) as its knot is turned by `spin` (world), where its rotation is held."""
+    node = plan.first[j + end] + j
+    if plan.tied[j, end] == 0:
+        t = tapply(rotation(get4(sol.q, node)), spin)
+        f = model.free
+        return (t[0] * (1.0 - f[j, end, 0]), t[1] * (1.0 - f[j, end, 1]), t[2] * (1.0 - f[j, end, 2]))
+    k = plan.ends[j, end]
+    t = tapply(rotation((sol.pose[k, 3], sol.pose[k, 4], sol.pose[k, 5], sol.pose[k, 6])), spin)
+    t = (t[0] * (1.0 - model.loose[k, 0]), t[1] * (1.0 - model.loose[k, 1]), t[2] * (1.0 - model.loose[k, 2]))
+    if plan.turned[j, end] != 0:
+        f = model.frame
+        t = tapply(rotation((f[j, end, 0], f[j, end, 1], f[j, end, 2], f[j, end, 3])), t)
+    return t
+
+
+@viewing
+def move_knots(ints: Whole, floats: Floats, sols: Floats, space: Floats, twists: Floats) -> None:
+    """Adds to the right-hand side how knots move, twists (k, 6): velocity and angular velocity about the knot, world.
+
+    Only what is given of a knot counts. `Work.move` and `d` must take the motion in afterwards, see `answer`.
+    """
+    plan, model = plan_of(ints), model_of(ints, floats)
+    sol, work = solution_of(ints, sols, TRIAL), work_of(ints, space)
+    for j in range(plan.ends.shape[0]):
+        for end in range(2):
+            k = plan.ends[j, end]
+            if plan.vertices[k, 1] < 0 and plan.known[j] == 0:
+                sign = 1.0 if end == 1 else -1.0
+                put3(work.sums, j, 0, add(get3(work.sums, j), scale(sign, take3(twists, k, 0))))
+            turn = given_turn(plan, model, sol, j, end, take3(twists, k, 3))
+            if turn != NONE:
+                turn_end(plan, model, work, j, end, turn)
+
+
+@viewing
+def answer(ints: Whole, floats: Floats, sols: Floats, space: Floats, twists: Floats) -> None:
+    """Solves for the answer to the right-hand side, and adds the motion of the knots themselves to it."""
+    plan, model = plan_of(ints), model_of(ints, floats)
+    sol, work = solution_of(ints, sols, TRIAL), work_of(ints, space)
+    release(plan, model, work.G)
+    solve(ints, floats, space)
+    dead_moments(ints, floats, sols, space)
+    for j in range(plan.ends.shape[0]):
+        for end in range(2):
+            k = plan.ends[j, end]
+            turn = given_turn(plan, model, sol, j, end, take3(twists, k, 3))
+            if turn != NONE:
+                node = plan.first[j + end] + j
+                put3(work.d, node, 0, add(get3(work.d, node), turn))
+            if plan.vertices[k, 1] < 0:
+                put3(work.move, k, 3, take3(twists, k, 0))
+
+
+@viewing
+def dead_moments(ints: Whole, floats: Floats, sols: Floats, space: Floats) -> None:
+    """Solves once more where a dead moment acts on a free end: of its derivative the matrix lacks hat(g) / 2.
+
+    Hessians of elements are symmetric: along a cable those parts of a gradient g that is not zero cancel; at its end
+    the elements' gradient is the moment.
+    """
+    plan, model = plan_of(ints), model_of(ints, floats)
+    sol, work = solution_of(ints, sols, TRIAL), work_of(ints, space)
+    for j in range(plan.ends.shape[0]):
+        m = get3(model.moment, plan.ends[j, 1])
+        if plan.tied[j, 1] != 0 or m == NONE:
+            continue
+        node = plan.first[j + 1] + j
+        T = mscale(0.5, hat(tapply(rotation(get4(sol.q, node)), m)))
+        own, _ = inverse(madd(IDENTITY, mul(get9(work.P, node, 0), T)))
+        turn = apply(T, apply(own, get3(work.d, node)))
+        put3(work.G, node, 0, add(get3(work.G, node), turn))
+        solve(ints, floats, space)
+
+
+@viewing
+def spread(
+    ints: Whole, floats: Floats, sols: Floats, space: Floats, points: int, out: Floats, column: int, jumps: Floats
+) -> None:
+    """Fills out[:, :, column] (c points, 3, m) with the change of the positions that d, forces and places make.
+
+    jumps (m, 3): by how much more the cable moves where a span begins than its knot does. `Work.slack`: what else
+    changes of the elements' steps in position.
+    """
+    plan, model = plan_of(ints), model_of(ints, floats)
+    sol, work = solution_of(ints, sols, TRIAL), work_of(ints, space)
+    for c in range(plan.cables.shape[0] - 1):
+        last = plan.cables[c + 1] - 1
+        length = model.s[plan.first[last + 1] + last]
+        i = 0
+        r = NONE
+        for j in range(plan.cables[c], last + 1):
+            r = add(take3(work.move, plan.ends[j, 0], 3), get3(jumps, j))
+            dl = step_of_force(work, j)
+            for e in range(plan.first[j], plan.first[j + 1]):
+                node = e + j
+                da, db = get3(work.d, node), get3(work.d, node + 1)
+                change = add(
+                    add(tapply(get9(work.parts, e, 9), da), tapply(get9(work.parts, e, 18), db)),
+                    add(apply(get9(work.parts, e, 27), dl), get3(work.slack, e)),
+                )
+                rb = subtract(r, change)
+                C = take3(model.section, e, 3)
+                va = node_slope(sol.q, node, da, take3(work.full, e, 0), dl, C)
+                vb = node_slope(sol.q, node + 1, db, take3(work.full, e, 6), dl, C)
+                h, s0 = model.h[e], model.s[node]
+                ends = e == plan.first[last + 1] - 1
+                while i < points:
+                    at = i * length / (points - 1)
+                    if at >= model.s[node + 1] and not ends:
+                        break
+                    p = cubic((at - s0) / h, h, r, va, rb, vb)
+                    row = c * points + i
+                    out[row, 0, column], out[row, 1, column], out[row, 2, column] = p
+                    i += 1
+                r = rb
+
+
+@inline
+def cubic(x: float, h: float, r: Vector, va: Vector, rb: Vector, vb: Vector) -> Vector:
+    """The cubic through values and slopes at both ends of an element, at the fraction x of it."""
+    z = 1.0 - x
+    return add(
+        add(scale(z * z * (1.0 + 2.0 * x), r), scale(z * z * x * h, va)),
+        add(scale(x * x * (3.0 - 2.0 * x), rb), scale(-x * x * z * h, vb)),
+    )
+
+
+@viewing
+def velocities(ints: Whole, floats: Floats, sols: Floats, space: Floats, at: Floats, out: Floats) -> None:
+    """Fills out (k, 3) [m/s] with the velocities at the ascending arc lengths `at` (k,) [m] of the first cable."""
+    plan, model = plan_of(ints), model_of(ints, floats)
+    sol, work = solution_of(ints, sols, TRIAL), work_of(ints, space)
+    for i in range(at.shape[0]):
+        j = 0
+        while j < plan.cables[1] - 1 and at[i] >= model.s[plan.first[j + 1] + j]:
+            j += 1
+        r = take3(work.move, plan.ends[j, 0], 3)
+        dl = step_of_force(work, j)
+        for e in range(plan.first[j], plan.first[j + 1]):
+            node = e + j
+            da, db = get3(work.d, node), get3(work.d, node + 1)
+            change = add(
+                add(tapply(get9(work.parts, e, 9), da), tapply(get9(work.parts, e, 18), db)),
+                apply(get9(work.parts, e, 27), dl),
+            )
+            rb = subtract(r, change)
+            if at[i] < model.s[node + 1] or e == plan.first[j + 1] - 1:
+                C = take3(model.section, e, 3)
+                va = node_slope(sol.q, node, da, take3(work.full, e, 0), dl, C)
+                vb = node_slope(sol.q, node + 1, db, take3(work.full, e, 6), dl, C)
+                put3(out, i, 0, cubic((at[i] - model.s[node]) / model.h[e], model.h[e], r, va, rb, vb))
+                break
+            r = rb
+
+
+# -- eyelets
+
+
+@inline
+def slip(model: Model, sol: Solution, work: Work, node: int, e: int) -> tuple[Vector, Vector, Vector]:
+    """r' (world) just before and just after the node between elements e - 1 and e, of an eyelet, and by how much V x N
+    (cable frame) is larger after it."""
+    R = rotation(get4(sol.q, node))
+    a, b = tapply(R, take3(work.full, e - 1, 6)), tapply(R, take3(work.full, e, 0))
+    va, vb = add(E3, times(take3(model.section, e - 1, 3), a)), add(E3, times(take3(model.section, e, 3), b))
+    return apply(R, va), apply(R, vb), subtract(cross(vb, b), cross(va, a))
+
+
+@inline
+def bent(model: Model, work: Work, e: int, i: int, y: float) -> float:
+    """[1/m], component i of the Darboux vector at the end of element e, y from its middle."""
+    stiff = model.section[e, i] + y * model.section[e, 6 + i]
+    return float(work.first[e, 6 + i] / stiff + model.rest[e, i] + y * model.rest[e, 3 + i])
+
+
+@inline
+def pull_change(plan: Plan, model: Model, sol: Solution, work: Work, c: int) -> float:
+    """Change of F . d3 [N] at eyelet c by the answer at hand, the eyelet staying where it is on the cable."""
+    j = plan.rings[c, 1]
+    node = plan.first[j + 1] + j
+    R = rotation(get4(sol.q, node))
+    F = subtract(get3(sol.lam, j), add(get3(sol.lam, j + 1), get3(model.weight, j + 1)))
+    dF = subtract(step_of_force(work, j), step_of_force(work, j + 1))
+    return dot(dF, apply(R, E3)) + dot(F, apply(R, cross(get3(work.d, node), E3)))
+
+
+@viewing
+def eyelets(
+    ints: Whole, floats: Floats, sols: Floats, space: Floats, f: Floats, J: Floats, points: int, out: Floats,
+    jumps: Floats,
+) -> None:  # fmt: skip
+    """How the eyelets pull along the cable, f (e,) [N], and J = df/dsigma (e, e), at the solution just refreshed.
+
+    out (c points, 3, e): change of the positions at fixed arc length with sigma; points 0: none. jumps (m, 3): scratch.
+    Moving the eyelet on by d sigma is, for the material, to move the point at the eyelet back by r' d sigma, with the
+    difference of the moments that the two forces exert over that length.
+    """
+    plan, model = plan_of(ints), model_of(ints, floats)
+    sol, work = solution_of(ints, sols, TRIAL), work_of(ints, space)
+    for c in range(f.shape[0]):
+        j = plan.rings[c, 1]
+        e = plan.first[j + 1]
+        before, after, couple = slip(model, sol, work, e + j, e)
+        still(ints, space)
+        put3(work.G, e + j + 1, 0, couple)
+        put3(work.sums, j, 0, scale(-1.0, before))
+        put3(work.sums, j + 1, 0, after)
+        solve(ints, floats, space)
+        for i in range(f.shape[0]):
+            J[i, c] = pull_change(plan, model, sol, work, i)
+        R = rotation(get4(sol.q, e + j))
+        F = subtract(get3(sol.lam, j), add(get3(sol.lam, j + 1), get3(model.weight, j + 1)))
+        f[c] = dot(F, apply(R, E3))
+        # the tangent at the eyelet changes by the curvature, too
+        a = e - 1
+        y = 0.5 * model.h[a]
+        u = (bent(model, work, a, 0, y), bent(model, work, a, 1, y), 0.0)
+        J[c, c] += dot(F, apply(R, cross(u, E3)))
+        if points > 0:
+            jumps[:, :] = 0.0
+            put3(jumps, j + 1, 0, scale(-1.0, after))
+            for k in range(work.move.shape[0]):
+                if plan.vertices[k, 1] < 0:
+                    put3(work.move, k, 3, NONE)
+            spread(ints, floats, sols, space, points, out, c, jumps)
+
+
+# -- columns
+
+
+@kernel
+def sensitivities(
+    ints: Whole, floats: Floats, sols: Floats, space: Floats, points: int, knots: Whole, out: Floats, df: Floats
+) -> None:
+    """Fills out (c points, 3, 6 g): change of the positions at fixed arc length with the poses of `knots` (g,).
+
+    Columns: velocity and angular velocity of each knot, world axes, about the knot. df (e, 6 g): change of the pull of
+    the eyelets, see `eyelets`. The matrix must be factored (`refresh`).
+    """
+    twists, jumps = np.zeros((ints[2], 6)), np.zeros((ints[1], 3))
+    for g in range(knots.shape[0]):
+        for axis in range(6):
+            twists[:, :] = 0.0
+            twists[knots[g], axis] = 1.0
+            column_of(ints, floats, sols, space, points, twists, jumps, 6 * g + axis, out, df)
+
+
+@viewing
+def column_of(
+    ints: Whole, floats: Floats, sols: Floats, space: Floats, points: int, twists: Floats, jumps: Floats, column: int,
+    out: Floats, df: Floats,
+) -> None:  # fmt: skip
+    """One column of `sensitivities`."""
+    plan, model = plan_of(ints), model_of(ints, floats)
+    sol, work = solution_of(ints, sols, TRIAL), work_of(ints, space)
+    still(ints, space)
+    move_knots(ints, floats, sols, space, twists)
+    answer(ints, floats, sols, space, twists)
+    for c in range(df.shape[0]):
+        df[c, column] = pull_change(plan, model, sol, work, c)
+    spread(ints, floats, sols, space, points, out, column, jumps)
+
+
+@viewing
+def differ(ints: Whole, plus: Floats, minus: Floats, step: float, sols: Floats, space: Floats, kept: Floats) -> None:
+    """Makes the right-hand side the derivative of the gradient by a number of which two models are 2 `step` apart.
+
+    kept (9 N + 3 n + 3 m + 3 k,): scratch. `Work.slack` takes the change of the elements' steps in position.
+    """
+    work = work_of(ints, space)
+    elements, nodes, spans = ints[0], ints[0] + ints[1], ints[1]
+    first, G = part(kept, 0, (elements, 9)), part(kept, 9 * elements, (nodes, 3))
+    closure = part(kept, 9 * elements + 3 * nodes, (spans, 3))
+    pull = part(kept, 9 * elements + 3 * (nodes + spans), (ints[2], 3))
+    gradient(ints, plus, sols, space)
+    copy_rows(first, work.first, 9)
+    copy_rows(G, work.G, 3)
+    copy_rows(closure, work.sums, 3)
+    copy_rows(pull, work.pull, 3)
+    gradient(ints, minus, sols, space)
+    f = 0.5 / step
+    for e in range(elements):
+        for i in range(3):
+            work.slack[e, i] = f * (first[e, i] - work.first[e, i])
+    for k in range(nodes):
+        for i in range(3):
+            work.G[k, i] = f * (G[k, i] - work.G[k, i])
+    for j in range(spans):
+        for i in range(3):
+            work.sums[j, i] = f * (closure[j, i] - work.sums[j, i])
+    for k in range(ints[2]):
+        for i in range(3):
+            work.pull[k, i] = f * (pull[k, i] - work.pull[k, i])
+
+
+@kernel
+def answers(
+    ints: Whole, floats: Floats, models: Floats, steps: Floats, sols: Floats, space: Floats, points: int, out: Floats,
+    df: Floats,
+) -> None:  # fmt: skip
+    """Fills out (c points, 3, m): change of the positions with each of m numbers, points keeping their share of length.
+
+    models (2 m, size of a model): for each number one above and one below, steps (m,) of it away. df (e, m): change of
+    the pull of the eyelets. The matrix must be factored (`refresh`).
+    """
+    kept = np.empty(12 * ints[0] + 6 * ints[1] + 3 * ints[2])
+    twists, jumps = np.zeros((ints[2], 6)), np.zeros((ints[1], 3))
+    heavy = np.empty((2, ints[1], 3))
+    for i in range(steps.shape[0]):
+        one_answer(
+            ints, floats, models[2 * i], models[2 * i + 1], steps[i], sols, space, points, kept, twists, jumps, heavy,
+            i, out, df,
+        )  # fmt: skip
+
+
+@viewing
+def one_answer(
+    ints: Whole, floats: Floats, plus: Floats, minus: Floats, step: float, sols: Floats, space: Floats, points: int,
+    kept: Floats, twists: Floats, jumps: Floats, heavy: Floats, column: int, out: Floats, df: Floats,
+) -> None:  # fmt: skip
+    """One column of `answers`; forces that follow from loads alone change with them."""
+    plan, model = plan_of(ints), model_of(ints, floats)
+    sol, work = solution_of(ints, sols, TRIAL), work_of(ints, space)
+    differ(ints, plus, minus, step, sols, space, kept)
+    solve(ints, floats, space)
+    dead_moments(ints, floats, sols, space)
+    for k in range(work.move.shape[0]):
+        if plan.vertices[k, 1] < 0:
+            put3(work.move, k, 3, NONE)
+    above, below = model_of(ints, plus), model_of(ints, minus)
+    for c in range(df.shape[0]):
+        j = plan.rings[c, 1]
+        node = plan.first[j + 1] + j
+        dw = scale(0.5 / step, subtract(get3(above.weight, j + 1), get3(below.weight, j + 1)))
+        t = apply(rotation(get4(sol.q, node)), E3)
+        df[c, column] = pull_change(plan, model, sol, work, c) - dot(dw, t)
+    spread(ints, floats, sols, space, points, out, column, jumps)
+
+
+# -- stability
+
+
+@viewing
+def negative_below(ints: Whole, floats: Floats, space: Floats, shift: float) -> int:
+    """How many eigenvalues of the second variation lie below minus `shift` [N]."""
+    return int(factor(ints, floats, space, shift) - ints[UNKNOWN])
+
+
+@viewing
+def smallest_eigenvalue(ints: Whole, floats: Floats, sols: Floats, space: Floats) -> float:
+    """Smallest eigenvalue [N] of the second variation of the solution now, to 1e-3 of itself, by bisection.
+
+    Under the conditions that close the spans, against the integral of |rotation|^2.
+    """
+    refresh(ints, floats, sols, space, False)
+    model = model_of(ints, floats)
+    unstable = negative_below(ints, floats, space, model.par[BASE_SHIFT]) > 0
+    # grow a shift until it changes the verdict: up if unstable, down if stable; then bisect
+    sign = 1.0 if unstable else -1.0
+    low, high = 0.0, 1e-3 * model.par[STIFFEST] / model.par[LENGTH] ** 2
+    changed = False
+    for _ in range(100):
+        shift = 0.5 * (low + high) if changed else high
+        if (negative_below(ints, floats, space, sign * shift) > 0) != unstable:
+            high = shift
+            changed = True
+        else:
+            low = shift
+            high = high if changed else 4.0 * high
+        if changed and high - low < 1e-3 * high:
+            break
+    return -sign * 0.5 * (low + high)
+
+
+@viewing
+def softest_mode(
+    ints: Whole, floats: Floats, sols: Floats, space: Floats, mode: Floats, steps: int, fresh: bool, told: Floats
+) -> None:
+    """told: eigenvalue [N] nearest to zero, and the arc length [m] at which its mode turns most.
+
+    By inverse iteration from `mode` (n, 3), which it improves: the eigenvalue is Rayleigh's quotient. NaN if the
+    iteration breaks down. With fresh factors, or those that the last solve left, which are of a point within
+    `newton.CHORD_FROM` of the solution.
+    """
+    if fresh:
+        refresh(ints, floats, sols, space, True)
+    plan, model, work = plan_of(ints), model_of(ints, floats), work_of(ints, space)
+    told[0], told[1] = math.nan, 0.0
+    disturb(mode, NOISE / math.sqrt(model.par[LENGTH]))
+    for _ in range(steps):
+        work.sums[:, :3] = 0.0
+        work.pull[:, :] = 0.0
+        for j in range(plan.ends.shape[0]):
+            for e in range(plan.first[j], plan.first[j + 1] + 1):
+                size = half_lengths(plan, model, j, e)
+                put3(work.G, e + j, 0, scale(-size, get3(mode, e + j)))
+        release(plan, model, work.G)
+        solve(ints, floats, space)
+        up = down = largest = 0.0
+        for j in range(plan.ends.shape[0]):
+            for e in range(plan.first[j], plan.first[j + 1] + 1):
+                d = get3(work.d, e + j)
+                turn = dot(d, d)
+                up -= dot(d, get3(work.G, e + j))
+                down += half_lengths(plan, model, j, e) * turn
+                if turn > largest:
+                    largest, told[1] = turn, model.s[e + j]
+        if not (down > 0.0 and math.isfinite(down)):
+            told[0], told[1] = math.nan, 0.0
+            return
+        told[0] = up / down
+        unit = 1.0 / math.sqrt(down)
+        for k in range(mode.shape[0]):
+            put3(mode, k, 0, scale(unit, get3(work.d, k)))
+
+
+@inline
+def half_lengths(plan: Plan, model: Model, j: int, e: int) -> float:
+    """Half the length of the elements of span j beside its node e."""
+    before = model.h[e - 1] if e > plan.first[j] else 0.0
+    after = model.h[e] if e < plan.first[j + 1] else 0.0
+    return 0.5 * (before + after)
+
+
+@viewing
+def disturb(mode: Floats, amplitude: float) -> None:
+    """Adds noise up to `amplitude` to mode (n, 3), the same each time."""
+    random = 1
+    for k in range(mode.shape[0]):
+        for i in range(3):
+            random = (random * 1103515245 + 12345) & 0x7FFFFFFF
+            mode[k, i] += amplitude * (random * (1.0 / 0x40000000) - 1.0)

@@ -1,0 +1,163 @@
+"""Clips through which the cable runs without friction: which arc lengths of the cable are in its eyelets.
+
+At rest the force F of an eyelet has no part along the cable, F . d3 = 0: the energy is stationary in the arc length
+sigma at the eyelet, dE/dsigma = -F . d3. Near the solution sigma is one more unknown of the compiled Newton iteration
+(`kernels.network.sliding`); from afar it has a Newton iteration of its own, the rod being solved for every sigma.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import final
+
+import numpy as np
+
+from cable_shape.checks import Array
+from cable_shape.kernels.network.drive import I_TURNED
+from cable_shape.kernels.network.sliding import LEAST, REACH
+from cable_shape.solve.network import Network
+
+Inner = Callable[[int, int, bool, bool, float, bool, bool], bool]
+
+_MOST = 40  #: steps in sigma
+_NEAR = 0.03  #: of the length: after a smaller step in sigma all unknowns are solved for at once
+_AT_REST = 1e-6  #: of the length: a smaller step on a saddle leads nowhere
+_KICK = 0.02  #: of the length: step off a saddle
+
+
+@final
+class Eyelets:
+    """How one solve finds what is in the eyelets; `why`: what failed."""
+
+    __slots__ = ("_inner", "_out_of_time", "_softest", "_stable", "_state", "why")
+
+    def __init__(self, state: Network, inner: Inner, out_of_time: Callable[[], bool]) -> None:
+        self._state = state
+        self._inner = inner
+        self._out_of_time = out_of_time
+        self._softest: Array = np.zeros(0)
+        self._stable = True
+        self.why = ""
+
+    def call(self, history: int, most: int, guard: bool, output: bool, far: float, near: bool) -> bool:
+        """Solves for the supports in the trial, and for what is in the eyelets; near: the trial is next to it."""
+        if near and self._inner(history, most, guard, output, far, False, True):
+            return True
+        return not self._out_of_time() and self._outer(history, most, guard, output, far)
+
+    def _outer(self, history: int, most: int, guard: bool, output: bool, far: float) -> bool:
+        """The rod is solved for given arc lengths, which step towards rest, until both can be solved for at once."""
+        state = self._state
+        before = state.bounds()
+        arcs = state.predicted_arcs() if history else before
+        self._slide(arcs if self._room(arcs, state.target).min() > 0.0 else self._feasible(state.target))
+        if not self._inner(history, most, guard, False, far, False, False):
+            if history:  # the last solution stays, on its own mesh
+                self._slide(before)
+            return False
+        near = _NEAR * state.length
+        shrink, turned = 1.0, state.info[I_TURNED]
+        good = state.bounds()
+        for _ in range(_MOST):
+            step = self._step()
+            if self._out_of_time():
+                return False
+            if np.abs(step).max() <= near:
+                if self._stable or not guard:
+                    if self._inner(1, most, guard, output, far - turned, True, True):
+                        return True
+                    near *= 0.1
+                elif np.abs(step).max() <= _AT_REST * state.length:
+                    step = _KICK * state.length * self._softest
+            shrink = min(1.0, 4.0 * shrink)
+            while True:
+                bounded = self._bounded(good, step, shrink)
+                if bounded is None:
+                    return False
+                self._slide(bounded)
+                if self._inner(1, most, guard, False, far - turned, True, False):
+                    break
+                shrink *= 0.25
+                if shrink < 1e-3:
+                    self._slide(good)
+                    self.why = "no equilibrium was found for the cable running through its eyelets. "
+                    return False
+            good = bounded
+            turned += state.info[I_TURNED]
+        self.why = "the cable did not come to rest in its eyelets, which have no friction: make one a 'ball' clip. "
+        return False
+
+    def spread(self, frames: Array) -> None:
+        """Arc lengths at the eyelets that leave every span slack enough, for a cold start between `frames`."""
+        if self._room(self._state.bounds(), frames).min() <= 0.0:
+            self._state.arcs = self._feasible(frames)
+
+    def _slide(self, arcs: Array) -> None:
+        if not np.array_equal(arcs, self._state.bounds()):
+            self._state.slide_to(arcs)
+
+    def _step(self) -> Array:
+        """Newton's step downhill in the energy, for the eyelets (k,)."""
+        state = self._state
+        state.refresh()
+        f, J, _ = state.pulls()
+        values, vectors = np.linalg.eigh(-0.5 * (J + J.T))
+        self._stable = bool(values[0] > 0.0)
+        self._softest = vectors[:, 0]
+        if self._stable:
+            return np.asarray(np.linalg.solve(J, -f))
+        # uphill in some direction: its slope with the curvature's sign turned round
+        floor = 1e-3 * np.abs(values).max()
+        return np.asarray(vectors @ ((vectors.T @ f) / np.maximum(np.abs(values), floor)))
+
+    def _room(self, arcs: Array, frames: Array) -> Array:
+        """(m,) [m]: slack of each span; of an extensible cable, or before a free end, its length."""
+        state = self._state
+        room = np.diff(arcs)
+        if state.stretch == 0.0:
+            chords = np.linalg.norm(np.diff(frames[:, :3], axis=0), axis=1)
+            room[: state.forces] -= chords[: state.forces]
+        return room
+
+    def _bounded(self, arcs: Array, step: Array, shrink: float) -> Array | None:
+        """The arc lengths after as much of a step as spans and stops allow; None where the cable has run through."""
+        state = self._state
+        length = state.length
+        full = np.zeros(arcs.size)
+        full[state.rings] = shrink * step
+        fraction = 1.0
+        room = self._room(arcs, state.target)
+        for j, used in enumerate(-np.diff(full)):
+            if used > REACH * room[j]:
+                fraction = min(fraction, REACH * max(room[j], 0.0) / used)
+        for ring in state.rings:
+            if full[ring] == 0.0:
+                continue
+            stops = np.concatenate((state.points, arcs[:ring] if full[ring] < 0.0 else arcs[ring + 1 :]))
+            ahead = (stops - arcs[ring]) * np.sign(full[ring])
+            way = ahead[ahead > 0.0].min()
+            if way < LEAST * length:
+                self.why = (
+                    f"clips[{ring - 1}] is an eyelet without friction, and the cable runs through it until the next "
+                    f"clip, mass or end is reached, at {arcs[ring]:.3g} m: nothing holds it. Make it a 'ball' clip. "
+                )
+                return None
+            if abs(full[ring]) > REACH * way:
+                fraction = min(fraction, REACH * way / abs(full[ring]))
+        return np.asarray(arcs + fraction * full)
+
+    def _feasible(self, frames: Array) -> Array:
+        """Arc lengths for which each stretch of cable shares its slack out among its spans as before, or by length."""
+        state = self._state
+        arcs = state.bounds().copy()
+        room = self._room(arcs, frames)
+        needed = np.diff(arcs) - room
+        before = self._room(arcs, state.poses) if state.history else needed
+        holding = [j for j in range(state.spans + 1) if j not in state.rings]
+        for a, b in pairwise(holding):
+            if b - a > 1 and room[a:b].min() <= 0.0:
+                share = np.maximum(before[a:b], 1e-3 * (arcs[b] - arcs[a]))
+                spans = needed[a:b] + share * (room[a:b].sum() / share.sum())
+                arcs[a + 1 : b] = arcs[a] + np.cumsum(spans)[:-1]
+        return arcs

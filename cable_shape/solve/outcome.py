@@ -1,0 +1,133 @@
+"""What is told where there is no shape: straight lines between the supports, and what is too far apart."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+
+from cable_shape.checks import Array
+from cable_shape.errors import ArgumentError
+from cable_shape.kernels.frames import align, straight
+from cable_shape.kernels.network.drive import STRAIGHT
+from cable_shape.pose import FreeEnd, Grip
+from cable_shape.problem import Problem
+from cable_shape.shape import CableShape, Status
+from cable_shape.solve.network import Network
+
+MODEL = "cosserat"
+#: Of the moment on a free end and the weight's own: a moment that a start must hold and cannot, if it is larger.
+_HELD = 1e-9
+
+
+def chords_of(state: Network, poses: Array) -> Array:
+    """(f,) [m]: distances of neighbouring supports, without a free end."""
+    return np.asarray(np.linalg.norm(np.diff(poses[:, :3], axis=0), axis=1)[: state.forces])
+
+
+def no_room(problem: Problem, state: Network, poses: Array) -> tuple[Status, Array, str, float] | None:
+    """Why there is no equilibrium at all: status, poses, what to say, the length that is missing [m]; None if there may
+    be one."""
+    loose = _unheld_moment(problem)
+    if loose:
+        return Status.NOT_CONVERGED, poses, loose, 0.0
+    if state.forces == 0 or state.stretch != 0.0:
+        return None
+    chords, arcs = chords_of(state, poses), state.arcs
+    holding = [j for j in range(state.spans + 1) if j not in state.rings]
+    for a, b in pairwise(holding):
+        if b > state.forces:
+            continue
+        path, length = float(chords[a:b].sum()), float(arcs[b] - arcs[a])
+        if path < STRAIGHT * length:
+            continue
+        if state.spans == 1:
+            detail = f"the ends are {path - length:.3g} m further apart than the cable is long ({length:g} m). "
+        else:
+            through = " through the eyelets between them" if b - a > 1 else ""
+            detail = (
+                f"{_name(a, state.spans)} and {_name(b, state.spans)} are {path:.4g} m apart{through}, "
+                f"{path - length:.3g} m more than the cable between them is long ({length:.4g} m). Bring them "
+                "closer, or let a clip hold another point of the cable; the shape is straight lines."
+            )
+        return Status.OVERSTRETCHED, poses, detail, max(path - length, 0.0)
+    return None
+
+
+def _unheld_moment(problem: Problem) -> str:
+    """A dead moment on the free end that nothing at the start holds, in words; empty if there is none."""
+    end, start = problem.end, problem.start
+    if not isinstance(end, FreeEnd) or problem.clips or not np.any(end.moment):
+        return ""
+    size = float(np.linalg.norm(end.moment))
+    if start.kind == "pinned":
+        # forces may balance it by leaning the cable over, but not a moment along them
+        load = end.mass * problem.end_fall + end.force + problem.load.mean(axis=0) * problem.cable.length
+        along = float(end.moment @ load) / max(float(np.linalg.norm(load)), 1e-300)
+        return _loose(start, size) if abs(along) > _HELD * size else ""
+    return ""
+
+
+def _loose(start: Grip, size: float) -> str:
+    return (
+        f"nothing holds the moment of {size:.3g} N m on the free end: the start grip is {start.kind!r}, and the loads "
+        "have no lever about their own direction. Clamp the start, or leave the moment out. "
+    )
+
+
+def straight_lines(
+    problem: Problem, state: Network, buffer: Array, poses: Array, status: Status, detail: str
+) -> CableShape:
+    """Straight lines between the supports, for want of a shape; `buffer` becomes its own."""
+    n, arcs = problem.points, state.arcs
+    far = poses[-1] if state.forces == state.spans else poses[0]
+    roll = straight(poses[0], far, problem.cable.length, n, buffer)
+    shape = CableShape(
+        buffer,
+        n,
+        length=problem.cable.length,
+        model=MODEL,
+        status=status,
+        detail=detail,
+        error_estimate=math.inf,
+        residual=math.inf,
+        roll_error=float(roll),
+        force_error=math.inf,
+        moment_error=math.inf,
+    )
+    if state.spans == 1:
+        return shape
+    corners = poses[:, :3].copy()
+    if state.forces < state.spans:  # a free end has no place
+        corners[-1] = corners[-2]
+    s, q = buffer[:n], poses[0, 3:].copy()
+    positions, quaternions = buffer[n : 4 * n].reshape(n, 3), buffer[4 * n : 8 * n].reshape(n, 4)
+    for j in range(state.spans):
+        inside = (s >= arcs[j]) & (s <= arcs[j + 1])
+        step = corners[j + 1] - corners[j]
+        chord = float(np.linalg.norm(step))
+        if chord > 0.0:
+            align(q, *(step / chord))
+        positions[inside] = corners[j] + np.outer((s[inside] - arcs[j]) / (arcs[j + 1] - arcs[j]), step)
+        quaternions[inside] = q
+    return shape
+
+
+def turn_about(at: str, problem: Problem, out: Array) -> None:
+    """Changes sensitivities (n, 3, 12) about the cable's ends into those about the grippers' origins, if asked."""
+    if at == "cable":
+        return
+    if at != "gripper":
+        raise ArgumentError.of("at", at, "it must be 'cable' or 'gripper'", "Choose one of these.")
+    for column, end in ((0, problem.start), (6, problem.end)):
+        if isinstance(end, Grip):
+            # v_cable = v_gripper + w x arm
+            x, y, z = end.cable_frame.position - end.pose.position
+            arm = np.array(((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0)))
+            out[:, :, column + 3 : column + 6] += out[:, :, column : column + 3] @ arm
+
+
+def _name(support: int, spans: int) -> str:
+    """What a support is called in the scene."""
+    return "the start grip" if support == 0 else "the end grip" if support == spans else f"clips[{support - 1}]"
