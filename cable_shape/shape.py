@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, final
 
@@ -94,12 +95,12 @@ class CableShape:
     """
 
     __slots__ = (
+        "_error",
         "before",
         "bodies",
         "buffer",
         "detail",
         "energy",
-        "error_estimate",
         "iterations",
         "length",
         "model",
@@ -125,7 +126,7 @@ class CableShape:
         status: Status,
         detail: str = "",
         energy: float = 0.0,
-        error_estimate: float = 0.0,
+        error_estimate: float | Callable[[Array], float] = 0.0,
         residual: float = 0.0,
         iterations: int = 0,
         solve_time: float = 0.0,
@@ -145,7 +146,7 @@ class CableShape:
         self.status = status
         self.detail = detail  # what the status means here, with its remedy; empty when OK
         self.energy = energy  # J, elastic + gravitational, zero at the world origin
-        self.error_estimate = error_estimate  # m, estimated largest position error
+        self._error = error_estimate  # m, or what gives it from the positions
         self.residual = residual  # 1, largest relative defect of the model's own equations and boundary conditions
         self.iterations = iterations
         self.solve_time = solve_time  # s
@@ -157,6 +158,27 @@ class CableShape:
         self.supports = supports  # (k, 7), of each clip: arc length [m], force [N] and moment [N m] on it
         self.touches = touches  # (k, 9), of each contact: arc length [m], row in `bodies`, point 3, normal 3, force [N]
         self.bodies = bodies  # names
+
+    @property
+    def error_estimate(self) -> float:
+        """[m], estimated largest position error.
+
+        Of a closed form that says OK: its largest distance from the Cosserat rod between the same ends, which is solved
+        for when this is first read, and infinite where there is none.
+        """
+        error = self._error
+        if callable(error):
+            error = self._error = error(self.positions)
+        return error
+
+    @error_estimate.setter
+    def error_estimate(self, value: float | Callable[[Array], float]) -> None:
+        self._error = value
+
+    @property
+    def unread_error(self) -> float | Callable[[Array], float]:
+        """`error_estimate`, or as long as it has not been read what gives it from positions (n, 3)."""
+        return self._error
 
     @staticmethod
     def new_buffer(points: int) -> Array:
@@ -229,8 +251,8 @@ class CableShape:
 
     def again(self) -> CableShape:
         """The same shape, marked as reused: arrays are shared, the time is 0."""
-        keywords: dict[str, Any] = {name: getattr(self, name) for name in self.__slots__}
-        keywords.update(reused=True, solve_time=0.0, iterations=0)
+        keywords: dict[str, Any] = {name: getattr(self, name) for name in self.__slots__ if name != "_error"}
+        keywords.update(error_estimate=self._error, reused=True, solve_time=0.0, iterations=0)
         return CableShape(**keywords)
 
     def __repr__(self) -> str:
