@@ -313,7 +313,11 @@ class _Work:
         batch.buffer[row] = shape.buffer
         info = batch.info[row]
         info[:] = math.nan
-        info[rod_drive.ENERGY], info[rod_drive.ESTIMATE] = shape.energy, shape.error_estimate
+        info[rod_drive.ENERGY], error = shape.energy, shape.unread_error
+        if callable(error):
+            batch.unread_errors[row] = error
+        else:
+            info[rod_drive.ESTIMATE] = error
         info[rod_drive.RESIDUAL], info[rod_drive.TWIST] = shape.residual, shape.twist
         batch.iterations[row], batch.turns[row] = shape.iterations, shape.turns
         batch.models[row] = shape.model

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, final
 
@@ -95,6 +96,7 @@ class CableShape:
     """
 
     __slots__ = (
+        "_error",
         "before",
         "bodies",
         "buffer",
@@ -129,7 +131,7 @@ class CableShape:
         status: Status,
         detail: str = "",
         energy: float = 0.0,
-        error_estimate: float = 0.0,
+        error_estimate: float | Callable[[Array], float] = 0.0,
         residual: float = 0.0,
         iterations: int = 0,
         solve_time: float = 0.0,
@@ -152,7 +154,7 @@ class CableShape:
         self.status = status
         self.detail = detail  # what the status means here, with its remedy; empty when OK
         self.energy = energy  # J, elastic + gravitational, zero at the world origin
-        self.error_estimate = error_estimate  # m, estimated largest position error
+        self._error = error_estimate  # m, or what gives it from the positions
         self.residual = residual  # 1, largest relative defect of the model's own equations and boundary conditions
         self.iterations = iterations
         self.solve_time = solve_time  # s
@@ -167,6 +169,27 @@ class CableShape:
         self.force_error = force_error  # N, estimated largest error of `force`; NaN: not known
         self.moment_error = moment_error  # N m, estimated largest error of `moment`; NaN: not known
         self.missing_length = missing_length  # m, what an OVERSTRETCHED cable lacks
+
+    @property
+    def error_estimate(self) -> float:
+        """[m], estimated largest position error.
+
+        Of a closed form that says OK: its largest distance from the Cosserat rod between the same ends, which is solved
+        for when this is first read, and infinite where there is none.
+        """
+        error = self._error
+        if callable(error):
+            error = self._error = error(self.positions)
+        return error
+
+    @error_estimate.setter
+    def error_estimate(self, value: float | Callable[[Array], float]) -> None:
+        self._error = value
+
+    @property
+    def unread_error(self) -> float | Callable[[Array], float]:
+        """`error_estimate`, or as long as it has not been read what gives it from positions (n, 3)."""
+        return self._error
 
     @staticmethod
     def new_buffer(points: int) -> Array:
@@ -239,8 +262,8 @@ class CableShape:
 
     def again(self) -> CableShape:
         """The same shape, marked as reused: arrays are shared, the time is 0."""
-        keywords: dict[str, Any] = {name: getattr(self, name) for name in self.__slots__}
-        keywords.update(reused=True, solve_time=0.0, iterations=0)
+        keywords: dict[str, Any] = {name: getattr(self, name) for name in self.__slots__ if name != "_error"}
+        keywords.update(error_estimate=self._error, reused=True, solve_time=0.0, iterations=0)
         return CableShape(**keywords)
 
     def __repr__(self) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import final
 
 import numpy as np
@@ -71,6 +71,7 @@ class ShapeBatch:
         self.models: NDArray[np.str_] = np.full(rows, "cosserat", dtype="<U9")
         self.errors: dict[int, ArgumentError] = {}
         self.details: dict[int, str] = {}
+        self.unread_errors: dict[int, Callable[[Array], float]] = {}  # see CableShape.unread_error
         self.partial = False
         self.radius: Array | None = None
         self.confidence = 0.0
@@ -125,7 +126,9 @@ class ShapeBatch:
 
     @property
     def error_estimate(self) -> Array:
-        """(k,) [m]."""
+        """(k,) [m]; of closed forms it is found when this is first read, see CableShape."""
+        for row in list(self.unread_errors):
+            self.info[row, rod_drive.ESTIMATE] = self.unread_errors.pop(row)(self.positions[row])
         return self.info[:, rod_drive.ESTIMATE]
 
     @property
@@ -185,7 +188,7 @@ class ShapeBatch:
             status=Status(int(self.status[row])),
             detail=self.details.get(row, ""),
             energy=float(info[rod_drive.ENERGY]),
-            error_estimate=float(info[rod_drive.ESTIMATE]),
+            error_estimate=self.unread_errors.get(row, float(info[rod_drive.ESTIMATE])),
             residual=float(info[rod_drive.RESIDUAL]),
             iterations=int(self.iterations[row]),
             turns=int(self.turns[row]),

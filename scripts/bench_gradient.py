@@ -115,8 +115,8 @@ def measured(name: str, order: int, repeats: int) -> dict[str, Any]:
         "ratio": float(np.median(bvp) / np.median(warm)) if converged else float("nan"),
         "warm_ratio": float(np.median(again) / np.median(warm)) if again and converged else float("nan"),
         "distance_to_solve_bvp": distance,
-        "error_estimate": shape.error_estimate / cable.length,
         "distance_to_rod": apart,
+        "error_estimate": shape.error_estimate / cable.length,
     }
 
 
@@ -161,15 +161,18 @@ def main() -> int:
     )
     print(
         f"{'problem':<22}{'order':>5}{'warm':>9}{'cold':>9}{'solve_bvp':>11}{'ratio':>7}{'reusing':>9}"
-        f"{'to solve_bvp':>14}{'estimate':>10}{'to the rod':>12}"
+        f"{'to solve_bvp':>14}{'to the rod':>12}{'estimate':>10}"
     )
     for r in rows:
         times = f"{r['warm_us']:>6.0f} µs{r['cold_us']:>6.0f} µs{r['solve_bvp_ms']:>8.1f} ms{r['ratio']:>7.0f}"
         times += f"{r['warm_ratio']:>9.0f}"
-        distances = f"{r['distance_to_solve_bvp']:>14.1e}{r['error_estimate']:>10.1e}{r['distance_to_rod']:>12.1e}"
+        distances = f"{r['distance_to_solve_bvp']:>14.1e}{r['distance_to_rod']:>12.1e}{r['error_estimate']:>10.1e}"
         print(f"{r['problem']:<22}{r['order']:>5}{times}{distances}")
     ratios = [r["ratio"] for r in rows if r["ratio"] > 0.0]
-    print(f"least ratio {min(ratios):.0f}, median {np.median(ratios):.0f}; distances are / L; nan: solve_bvp failed")
+    print(
+        f"least ratio {min(ratios):.0f}, median {np.median(ratios):.0f}; distances are / L, that to the rod a mean, "
+        "its estimate the largest; nan: solve_bvp failed"
+    )
     slim = [slender(ratio) for ratio in (40.0, 400.0, 4000.0)]
     print("\nslender cables, polygon of 2001 points:")
     for s in slim:

@@ -33,11 +33,14 @@ def test_a_shape_holds_what_the_contract_says(model: str) -> None:
     np.testing.assert_allclose(np.linalg.norm(shape.quaternions, axis=1), 1.0, atol=1e-12)
     # positions at uniform arc length: no chord is longer than the arc, and short ones are nearly as long
     chords = np.linalg.norm(np.diff(shape.positions, axis=0), axis=1)
-    assert (chords <= 1.2 / 400 + 1e-9 + 2.0 * shape.error_estimate).all()
+    assert (chords <= 1.2 / 400 + 1e-9 + 2e-5 * 1.2).all()
     # d3 is the tangent: central differences of the centreline
     differences = np.gradient(shape.positions, shape.arc_length, axis=0, edge_order=2)
     assert np.abs(differences - shape.tangents)[2:-2].max() < 1e-3
-    assert 0.0 <= shape.error_estimate <= 1e-5 * 1.2
+    if model in CLOSED_FORMS:
+        assert 1e-2 * 1.2 < shape.error_estimate < 0.2 * 1.2, "a slack cable: far from the rod"
+    else:
+        assert 0.0 <= shape.error_estimate <= 1e-5 * 1.2
     assert shape.iterations >= 1
     assert shape.solve_time > 0.0
     assert math.isfinite(shape.energy)
@@ -61,7 +64,7 @@ def test_warm_and_cold_agree_along_a_motion(model: str) -> None:
         cold = cs.predict(CABLE, START, end, model=model)
         assert warm.status is cs.Status.OK
         assert not warm.reused
-        np.testing.assert_allclose(warm.positions, cold.positions, atol=warm.error_estimate + cold.error_estimate)
+        np.testing.assert_allclose(warm.positions, cold.positions, atol=2e-5 * 1.2)
 
 
 def test_reuse_fires_for_the_same_ends_whichever_sign_the_quaternion_has() -> None:

@@ -21,6 +21,7 @@ import numpy as np
 
 from cable_shape.checks import Array
 from cable_shape.kernels import catenary as kernel
+from cable_shape.models.rod_distance import RodDistance
 from cable_shape.pose import FreeEnd
 from cable_shape.problem import Problem
 from cable_shape.shape import CableShape, Status
@@ -83,7 +84,9 @@ def solve(problem: Problem, warm: Array) -> CableShape:
         status=status,
         detail=detail,
         energy=energy,
-        error_estimate=error,
+        error_estimate=RodDistance(problem, error)
+        if status is Status.OK and cable.mean_bending_stiffness > 0.0
+        else error,
         residual=residual,
         iterations=int(iterations),
         roll_error=roll,

@@ -39,6 +39,7 @@ from cable_shape.errors import ArgumentError
 from cable_shape.kernels import gradient as kernel
 from cable_shape.kernels.gradient_ends import CLAMPED, FREE, PINNED
 from cable_shape.kernels.gradient_tension import FAILED, FOUND, SINGULAR, critical
+from cable_shape.models.rod_distance import RodDistance
 from cable_shape.pose import FreeEnd
 from cable_shape.problem import Problem
 from cable_shape.shape import NUMBERS_PER_POINT, CableShape, Status
@@ -161,8 +162,9 @@ def _solve(problem: Problem, warm: Array, order: int) -> CableShape:
         energy -= float(constants.at_start @ start.cable_frame.position)
         if kind1 != FREE:
             energy -= float(constants.at_end @ end_frame[:3])
+    estimate: float | RodDistance = error
     if code == FOUND and error <= problem.tolerance:
-        status, detail = Status.OK, ""
+        status, detail, estimate = Status.OK, "", RodDistance(problem, error)
     else:
         status, detail = _verdict(code, problem, chord, error)
     return CableShape(
@@ -173,7 +175,7 @@ def _solve(problem: Problem, warm: Array, order: int) -> CableShape:
         status=status,
         detail=detail,
         energy=energy,
-        error_estimate=error,
+        error_estimate=estimate,
         residual=residual,
         iterations=int(iterations),
         solve_time=perf_counter() - began,
