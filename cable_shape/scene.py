@@ -96,14 +96,14 @@ class Scene:
         try:
             return cls(**keywords)
         except ArgumentError as error:
-            raise ArgumentError(f"{where}: {error}") from None
+            raise type(error)(f"{where}: {error}") from None
 
     @classmethod
     def from_yaml(cls, path: str | Path) -> Scene:
         """From a YAML file whose keys are the keywords of Scene; the paths of meshes are taken from its folder."""
-        from cable_shape.files import load_yaml
+        from cable_shape.files import load_yaml, path_of
 
-        return cls.from_mapping(load_yaml(path), where=str(path), folder=Path(path).expanduser().parent)
+        return cls.from_mapping(load_yaml(path), where=str(path), folder=path_of(path).parent)
 
     def as_dict(self) -> dict[str, Any]:
         """The mapping that `from_mapping` takes, as plain numbers, lists and words; meshes are written out."""

@@ -30,6 +30,7 @@ from typing import Any
 
 from cable_shape import checks
 from cable_shape.errors import ArgumentError
+from cable_shape.files import path_of
 from cable_shape.plug import Plug
 from cable_shape.pose import Pose
 from cable_shape.scene_parts import Clip, Obstacle, PointMass
@@ -112,7 +113,7 @@ def _solid(kind: str, value: Any, where: str, folder: Path, scale: Any) -> Solid
         return Mesh(mesh.vertices * factor, mesh.faces)
     if not isinstance(value, str):
         raise ArgumentError.of("mesh", value, "it must be a path", "Name an STL or OBJ file, from the scene's folder.")
-    return Mesh.from_file(folder / Path(value).expanduser(), scale)
+    return Mesh.from_file(folder / path_of(value, "mesh"), scale)
 
 
 def _clip(values: Mapping[str, Any], where: str) -> Clip:
