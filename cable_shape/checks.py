@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,6 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 from cable_shape.errors import ArgumentError, UnknownKeyError
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
+_FLOAT = np.dtype(np.float64)
+
+#: Numbers beyond these magnitudes, in SI units, are slips: powers and quotients of them leave what a float holds.
+LEAST, MOST = 1e-20, 1e20
 
 #: Quaternions this close to unit length are normalised, others refused (ROS publishes rounded ones).
 QUATERNION_TOLERANCE = 1e-3
@@ -23,24 +28,31 @@ def number(
     *,
     above: float | None = None,
     at_least: float | None = None,
+    at_most: float = MOST,
     unit: str = "",
     remedy: str = "",
 ) -> float:
-    """`value` as a finite float, above or at least a bound."""
+    """`value` as a finite float, above or at least a bound; above 0, it is at least 1e-20."""
     suffix = f" {unit}" if unit else ""
     remedy = remedy or f"Give {name} in {unit or 'SI units'} as one finite number."
-    if isinstance(value, (bool, str)) or value is None:
+    if value is None or isinstance(value, (bool, str, bytes, bytearray)) or getattr(value, "ndim", False):
         raise ArgumentError.of(name, value, "it must be a number", remedy)
     try:
         x = float(value)
     except (TypeError, ValueError):
         raise ArgumentError.of(name, value, "it must be a number", remedy) from None
+    except OverflowError:
+        raise ArgumentError.of(name, value, f"it must be at most {at_most:g}{suffix}", remedy) from None
     if not math.isfinite(x):
         raise ArgumentError.of(name, x, "it must be finite", remedy)
     if above is not None and not x > above:
         raise ArgumentError.of(name, x, f"it must be above {above:g}{suffix}", remedy)
     if at_least is not None and not x >= at_least:
         raise ArgumentError.of(name, x, f"it must be at least {at_least:g}{suffix}", remedy)
+    if not abs(x) <= at_most:
+        raise ArgumentError.of(name, x, f"its magnitude must be at most {at_most:g}{suffix}", remedy)
+    if above == 0.0 and x < LEAST:
+        raise ArgumentError.of(name, x, f"it must be at least {LEAST:g}{suffix}", remedy)
     return x
 
 
@@ -63,15 +75,25 @@ def vector(name: str, value: ArrayLike, size: int = 3, unit: str = "") -> Array:
     """`value` as a new finite float64 array of shape (size,)."""
     in_unit = f" in {unit}" if unit else ""
     remedy = f"Give {name} as {size} finite numbers{in_unit}."
-    try:
-        a = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ArgumentError.of(name, value, f"it must be {size} numbers", remedy) from None
+    a = numbers(name, value, remedy, f"it must be {size} numbers")
     if a.shape != (size,):
         raise ArgumentError.of(name, value, f"it must have shape ({size},), not {a.shape}", remedy)
-    if not all(map(math.isfinite, a.tolist())):
-        raise ArgumentError.of(name, a.tolist(), "every entry must be finite", remedy)
+    entries = a.tolist()
+    if not all(map(math.isfinite, entries)):
+        raise ArgumentError.of(name, entries, "every entry must be finite", remedy)
+    if entries and not (max(entries) <= MOST and min(entries) >= -MOST):
+        raise ArgumentError.of(name, entries, f"no magnitude may be above {MOST:g}{in_unit}", remedy)
     return a
+
+
+def numbers(name: str, value: Any, remedy: str, bound: str = "it must be numbers") -> Array:
+    """`value` as a new float64 array of whatever shape."""
+    try:
+        if getattr(value, "dtype", _FLOAT).kind not in "biuf":
+            raise TypeError
+        return np.array(value, dtype=np.float64, order="C")
+    except (TypeError, ValueError, OverflowError, RecursionError, AttributeError):
+        raise ArgumentError.of(name, value, bound, remedy) from None
 
 
 def quaternion(name: str, value: ArrayLike) -> Array:
@@ -94,7 +116,7 @@ def one_of(name: str, value: Any, options: Iterable[str]) -> str:
     if type(options) is tuple and type(value) is str and value in options:
         return value
     words = tuple(options)
-    if value not in words:
+    if not isinstance(value, str) or value not in words:
         raise ArgumentError.of(name, value, f"it must be one of {', '.join(words)}", "Choose one of these.")
     return str(value)
 
@@ -110,6 +132,30 @@ def instance(name: str, value: object, kinds: tuple[type, ...], remedy: str) -> 
     if not isinstance(value, kinds):
         words = " or ".join(kind.__name__ for kind in kinds)
         raise ArgumentError.of(name, value, f"it must be a {words}", remedy)
+
+
+def entries(name: str, values: Any, kind: type[T], remedy: str = "") -> tuple[T, ...]:
+    """The items of a list, tuple or other iterable, which are all of this kind."""
+    remedy = remedy or f"Give a list of {kind.__name__}."
+    if isinstance(values, (str, bytes, Mapping)):
+        raise ArgumentError.of(name, values, "it must be a list", remedy)
+    try:
+        items = tuple(values)
+    except TypeError:
+        raise ArgumentError.of(name, values, "it must be a list", remedy) from None
+    for i, item in enumerate(items):
+        instance(f"{name}[{i}]", item, (kind,), remedy)
+    return items
+
+
+def mapping(name: str, values: Any, known: Iterable[str], remedy: str) -> dict[str, Any]:
+    """A mapping that has no keys but those `known`, as a new dict; empty for None."""
+    if values is None:
+        return {}
+    if not isinstance(values, Mapping):
+        raise ArgumentError.of(name, values, "it must be a mapping", remedy)
+    known_keys(name, values, known)
+    return dict(values)
 
 
 def known_keys(where: str, given: Mapping[str, Any], known: Iterable[str]) -> None:

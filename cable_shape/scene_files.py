@@ -58,7 +58,7 @@ def keywords_of(values: Mapping[str, Any], where: str, folder: Path) -> dict[str
         "obstacles": entries("obstacles", lambda v, w: _obstacle(v, w, folder)),
         "clips": entries("clips", _clip),
         "masses": entries("masses", _mass),
-        "sockets": _sockets(values.get("sockets") or {}, f"{where}: sockets"),
+        "sockets": _sockets(values.get("sockets"), f"{where}: sockets"),
     }
     if values.get("plug") is not None:
         keywords["plug"] = _named(f"{where}: plug", values["plug"], _plug)
@@ -126,7 +126,9 @@ def _mass(values: Mapping[str, Any], where: str) -> PointMass:
     return PointMass(values["arc_length"], values["mass"])
 
 
-def _sockets(values: Mapping[str, Any], where: str) -> dict[str, Pose]:
+def _sockets(values: Mapping[str, Any] | None, where: str) -> dict[str, Pose]:
+    if values is None:
+        return {}
     if not isinstance(values, Mapping):
         raise ArgumentError.of(where, values, "it must be a mapping", "Write name: {position: .., quaternion: ..}.")
     return {str(name): _named(f"{where}.{name}", pose, _socket) for name, pose in values.items()}

@@ -10,9 +10,12 @@ from typing import Any, final
 
 import numpy as np
 
+from cable_shape import checks
 from cable_shape.cable import STANDARD_GRAVITY, Cable
 from cable_shape.calibration.parameters import Parameter, Parameters
 from cable_shape.checks import Array
+from cable_shape.errors import UnknownKeyError
+from cable_shape.files import path_of
 
 CONFIDENCE = 0.95
 #: A point of less weight was taken for a stray one.
@@ -78,12 +81,16 @@ class Calibration:
 
     def __getitem__(self, name: str) -> Estimate:
         """The estimate of this name."""
-        return next(e for e in self.estimates if e.name == name)
+        for estimate in self.estimates:
+            if estimate.name == name:
+                return estimate
+        raise UnknownKeyError.among("estimates", name, (e.name for e in self.estimates))
 
     def miss_quantile(self, share: float) -> float:
         """[m], below which that share of the misses is, stray points left out; 0 without points."""
+        part = checks.number("share", share, at_least=0.0, at_most=1.0)
         kept = self.distances[self.weights > STRAY]
-        return float(np.quantile(kept, share)) if len(kept) else 0.0
+        return float(np.quantile(kept, part)) if len(kept) else 0.0
 
     def report(self) -> str:
         """In words, one line each."""
@@ -149,7 +156,7 @@ class Calibration:
 
     def save(self, path: str | Path) -> Path:
         """Writes `yaml` to a file, whose folder must be there."""
-        file = Path(path).expanduser()
+        file = path_of(path)
         file.write_text(self.yaml(), encoding="utf-8")
         return file
 
