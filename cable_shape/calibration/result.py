@@ -20,6 +20,8 @@ from cable_shape.files import path_of
 CONFIDENCE = 0.95
 #: A point of less weight was taken for a stray one.
 STRAY = 0.2
+#: Misses of the usual point beyond this part of the length are those of another cable.
+EXPLAINED = 0.1
 #: Beyond these a number is as good as not known: standard error of a logarithm, correlation of two, error / prior.
 _VAGUE, _TIED, _PRIOR_ONLY = 0.7, 0.95, 0.9
 
@@ -86,6 +88,25 @@ class Calibration:
                 return estimate
         raise UnknownKeyError.among("estimates", name, (e.name for e in self.estimates))
 
+    @property
+    def trouble(self) -> str:
+        """Why this is no calibration, with the remedy; empty if it is one.
+
+        It is none where the fit did not converge, or where the usual point is missed by more than a tenth of the
+        length: whatever was seen, it was not this cable between these grips.
+        """
+        if not self.converged:
+            return "the fit did not converge: start nearer, fit less, or give priors."
+        kept = self.distances[(self.weights > STRAY) & np.isfinite(self.distances)]
+        usual = float(np.median(kept)) if len(kept) else 0.0
+        if usual > EXPLAINED * self.cable.length:
+            part = 100.0 * usual / self.cable.length
+            return (
+                f"the fit explains nothing: the usual point is missed by {part:.0f} % of the length. Are points and "
+                "grips in one frame and in metres, the grips' kinds and the length right?"
+            )
+        return ""
+
     def miss_quantile(self, share: float) -> float:
         """[m], below which that share of the misses is, stray points left out; 0 without points."""
         part = checks.number("share", share, at_least=0.0, at_most=1.0)
@@ -128,6 +149,7 @@ class Calibration:
             "scale": self.scale,
             "mean_miss": float(np.nanmean(self.distances)) if len(self.distances) else None,
             "converged": self.converged,
+            "trouble": self.trouble,
             "remarks": list(self.remarks),
         }
 
@@ -136,6 +158,7 @@ class Calibration:
         import yaml
 
         lines = ["# Calibrated; standard errors and 95 % intervals beside the numbers."]
+        lines += [f"# not to be used: {self.trouble}"] if self.trouble else []
         lines += [f"# note: {remark}" for remark in self.remarks]
         told = {e.name.removesuffix("_1").removesuffix("_2"): str(e) for e in self.estimates}
         if "rest_curvature_1" in {e.name for e in self.estimates}:
