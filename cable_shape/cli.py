@@ -52,8 +52,8 @@ def build_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="cable-shape",
         description="Predicts the quasistatic shape of the cable held between two grippers.",
-        epilog="Exit codes: 0 well, 1 doctor found something, 2 error or a result that must not be used, 3 only a part of "
-        "a recording could be read, 130 interrupted.",
+        epilog="Exit codes: 0 well, 1 doctor found something, 2 error or a result that must not be used, 3 only a "
+        "part of a recording could be read, 130 interrupted.",
     )
     parser.add_argument("--version", action="version", version=f"cable-shape {cable_shape.__version__}")
     parser.add_argument("--debug", action="store_true", help="show the traceback of an error")
