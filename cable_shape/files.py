@@ -87,7 +87,7 @@ def read_text(path: str | Path, most_bytes: int = TEXT_BYTES, what: str = "file"
 
 
 def regular(path: str | Path, most_bytes: int | None = None, what: str = "file") -> Path:
-    """The path of a regular file of at most so many bytes, for a library that opens it by itself.
+    """The path of a regular file of at most so many bytes, and not empty, for a library that opens it by itself.
 
     Raises
     ------
@@ -96,6 +96,8 @@ def regular(path: str | Path, most_bytes: int | None = None, what: str = "file")
     file = path_of(path, what)
     descriptor, size = _opened(file, what)
     os.close(descriptor)
+    if size == 0:  # of the kernel, perhaps, and nothing that a library may wait for
+        raise FileError(f"{file}: it is empty. Is it the right {what}?")
     if most_bytes is not None and size > most_bytes:
         raise FileError(f"{file}: {size} bytes, at most {most_bytes} bytes are read. Is it the right {what}?")
     return file

@@ -59,13 +59,15 @@ def refused_at_once(read: Callable[[Any], object], path: Any) -> str:
 
 @each_reader
 def test_fifo_folder_dangling_link_device_and_nul(read: Callable[[Any], object], name: str, tmp_path: Path) -> None:
-    for kind in ("fifo", "folder", "link", "device", "nothing"):
+    kinds = ("fifo", "folder", "link", "device", "kernel", "nothing")
+    for kind in kinds:
         (tmp_path / kind).mkdir()
     os.mkfifo(tmp_path / "fifo" / name)
     (tmp_path / "folder" / name).mkdir()
     (tmp_path / "link" / name).symlink_to(tmp_path / "gone")
     (tmp_path / "device" / name).symlink_to("/dev/zero")
-    for kind in ("fifo", "folder", "link", "device", "nothing"):
+    (tmp_path / "kernel" / name).symlink_to("/proc/kmsg")  # a regular file, and reading it waits
+    for kind in kinds:
         assert str(tmp_path / kind / name) in refused_at_once(read, tmp_path / kind / name)
     refused_at_once(read, f"a\0b{name}" if name[2:] not in ("png",) else Path(f"a\0b{name}"))
 

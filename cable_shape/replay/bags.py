@@ -123,6 +123,8 @@ class Bag:
             try:
                 if self.path.is_dir():
                     _check_files(self.path)
+                else:
+                    regular(self.path, what="recording")
                 return [_Sound(self.path)]
             except _DAMAGED as error:
                 reason = _in_one_line(error)
@@ -139,6 +141,9 @@ class Bag:
 
     def _open_file(self, file: Path) -> list[_Part]:
         """One storage file, by its index if that is sound, else by salvage."""
+        if not file.stat().st_size:
+            self.problems.append(f"{file.name} is empty")
+            return []
         if self.path.is_dir():
             with contextlib.suppress(*_DAMAGED):
                 return [_Sound(file)]
