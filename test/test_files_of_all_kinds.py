@@ -230,6 +230,18 @@ def test_a_recording_that_names_what_is_no_file(make: Callable[[Path], object], 
         Bag(bag)
 
 
+def test_noughts_in_place_of_records_are_passed_over(tmp_path: Path) -> None:
+    """So many, read one by one, would take half a minute."""
+    from backports import zstd
+
+    size = 200_000_000
+    packed = zstd.compress(bytes(size))
+    sizes = [number.to_bytes(8, "little") for number in (size, len(packed))]
+    body = bytes(16) + sizes[0] + bytes(4) + b"\4\0\0\0zstd" + sizes[1] + packed
+    (tmp_path / "x.mcap").write_bytes(b"\x89MCAP0\r\n\6" + len(body).to_bytes(8, "little") + body)
+    refused_at_once(Bag, tmp_path / "x.mcap")
+
+
 def test_yaml_inside_a_recording_is_read_strictly(tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "bag", motion(2))
     with Bag(bag) as opened:

@@ -122,6 +122,8 @@ def _records(view: memoryview, offset: int) -> Iterator[tuple[int, memoryview, i
     """(opcode, content, where it ends) of each record from `offset`; the last one may end beyond the view."""
     while offset + _RECORD.size <= len(view):
         opcode, length = _RECORD.unpack_from(view, offset)
+        if opcode == 0:  # no record has it: what follows is none, however long
+            return
         begin = offset + _RECORD.size
         offset = begin + length
         yield opcode, view[begin : min(offset, len(view))], offset
