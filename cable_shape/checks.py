@@ -99,8 +99,7 @@ def numbers(name: str, value: Any, remedy: str, bound: str = "it must be numbers
 def quaternion(name: str, value: ArrayLike) -> Array:
     """`value` as a new unit quaternion (4,), x y z w; refused unless within 1e-3 of unit length."""
     q = vector(name, value, 4)
-    with np.errstate(over="ignore"):  # an infinite length is refused, too
-        length = math.sqrt(float(q @ q))
+    length = math.sqrt(float(q @ q))
     if abs(length - 1.0) > QUATERNION_TOLERANCE:
         raise ArgumentError.of(
             name,
