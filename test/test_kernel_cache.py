@@ -243,3 +243,16 @@ def test_all_imports_of_the_kernels_themselves_are_known() -> None:
                 module = HERE.joinpath(*(node.module or "").split(".")[2:])
                 wanted |= {module.with_suffix(".py"), *(module / f"{alias.name}.py" for alias in node.names)}
         assert {path for path in wanted if path.is_file()} <= sources(file), file
+
+
+def test_a_link_in_place_of_the_cache_is_followed_once_and_for_all(no_home: Path, tmp_path: Path) -> None:
+    """Whoever can write into /tmp may put a link to a good folder there, and turn it to another one later."""
+    (tmp_path / "good").mkdir(mode=0o700)
+    link = no_home / f"cable_shape_{os.getuid()}"
+    link.symlink_to(tmp_path / "good")
+    folder = Path(cache_folder(KERNEL))
+    assert folder.parent == tmp_path / "good"
+    link.unlink()
+    link.symlink_to(tmp_path)
+    assert folder.is_dir()
+    assert mode(folder) == 0o700
