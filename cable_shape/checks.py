@@ -13,7 +13,6 @@ from cable_shape.errors import ArgumentError, UnknownKeyError
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
-_FLOAT = np.dtype(np.float64)
 
 #: Numbers beyond these magnitudes, in SI units, are slips: powers and quotients of them leave what a float holds.
 LEAST, MOST = 1e-20, 1e20
@@ -73,27 +72,38 @@ def integer(name: str, value: Any, *, at_least: int, at_most: int | None = None)
 
 def vector(name: str, value: ArrayLike, size: int = 3, unit: str = "") -> Array:
     """`value` as a new finite float64 array of shape (size,)."""
+    a = _as_floats(value)
+    if a is not None and a.shape == (size,):
+        entries = a.tolist()
+        if all(map(math.isfinite, entries)) and (not entries or (max(entries) <= MOST and min(entries) >= -MOST)):
+            return a
     in_unit = f" in {unit}" if unit else ""
     remedy = f"Give {name} as {size} finite numbers{in_unit}."
-    a = numbers(name, value, remedy, f"it must be {size} numbers")
+    if a is None:
+        raise ArgumentError.of(name, value, f"it must be {size} numbers", remedy)
     if a.shape != (size,):
         raise ArgumentError.of(name, value, f"it must have shape ({size},), not {a.shape}", remedy)
-    entries = a.tolist()
-    if not all(map(math.isfinite, entries)):
-        raise ArgumentError.of(name, entries, "every entry must be finite", remedy)
-    if entries and not (max(entries) <= MOST and min(entries) >= -MOST):
-        raise ArgumentError.of(name, entries, f"no magnitude may be above {MOST:g}{in_unit}", remedy)
+    if not np.isfinite(a).all():
+        raise ArgumentError.of(name, a.tolist(), "every entry must be finite", remedy)
+    raise ArgumentError.of(name, a.tolist(), f"no magnitude may be above {MOST:g}{in_unit}", remedy)
+
+
+def numbers(name: str, value: Any, remedy: str) -> Array:
+    """`value` as a new float64 array of whatever shape."""
+    a = _as_floats(value)
+    if a is None:
+        raise ArgumentError.of(name, value, "it must be numbers", remedy)
     return a
 
 
-def numbers(name: str, value: Any, remedy: str, bound: str = "it must be numbers") -> Array:
-    """`value` as a new float64 array of whatever shape."""
+def _as_floats(value: Any) -> Array | None:
+    """A new array of whatever shape; None of what is no numbers, complex ones included."""
     try:
-        if getattr(value, "dtype", _FLOAT).kind not in "biuf":
-            raise TypeError
+        if isinstance(value, np.ndarray) and value.dtype.kind not in "biuf":
+            return None
         return np.array(value, dtype=np.float64, order="C")
     except (TypeError, ValueError, OverflowError, RecursionError, AttributeError):
-        raise ArgumentError.of(name, value, bound, remedy) from None
+        return None
 
 
 def quaternion(name: str, value: ArrayLike) -> Array:
