@@ -191,6 +191,11 @@ class CableShape:
         """`error_estimate`, or as long as it has not been read what gives it from positions (n, 3)."""
         return self._error
 
+    @property
+    def usable(self) -> bool:
+        """Whether the shape may be acted on: what the status says."""
+        return bool(self.status)
+
     @staticmethod
     def new_buffer(points: int) -> Array:
         """An uninitialised buffer for `points` points."""
