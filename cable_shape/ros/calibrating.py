@@ -86,6 +86,7 @@ class Online:
         self._done = dict.fromkeys(setup.topics, 0)  # observations taken at the last fit
         self._gatherers: dict[str, Gatherer] = {}
         self._refused: set[str] = set()
+        self._heard: dict[str, Any] = {}  # topic -> subscription
         kinds = zip(setup.kinds, setup.offsets, strict=True)
         grips = [Grip(IDENTITY, kind, Pose(offset[:3], offset[3:])) for kind, offset in kinds]
         queue = QoSProfile(depth=_QUEUE, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -103,13 +104,14 @@ class Online:
             frame = FrameGuard("")
             for side, topic in enumerate((left, right)):
                 take = partial(self._take_pose, gatherer, frame, side, topic)
-                node.create_subscription(PoseStamped, topic, take, queue, callback_group=group)
+                self._heard[topic] = node.create_subscription(PoseStamped, topic, take, queue, callback_group=group)
             take = partial(self._take_points, gatherer, frame, points)
-            node.create_subscription(PointCloud2, points, take, queue, callback_group=group)
+            self._heard[points] = node.create_subscription(PointCloud2, points, take, queue, callback_group=group)
         threading.Thread(target=self._refine, daemon=True).start()
 
     def _take_pose(self, gatherer: Gatherer, frame: FrameGuard, side: int, topic: str, message: PoseStamped) -> None:
         try:
+            self._alone(topic)
             frame.check(topic, message.header.frame_id)
             gatherer.pose(side, conversions.nanoseconds(message.header.stamp), conversions.pose_of(message))
         except CableShapeError as error:
@@ -117,6 +119,7 @@ class Online:
 
     def _take_points(self, gatherer: Gatherer, frame: FrameGuard, topic: str, message: PointCloud2) -> None:
         try:
+            self._alone(topic)
             frame.check(topic, message.header.frame_id)
             points, arc_length = points_of(message)
             if not len(points):
@@ -124,6 +127,17 @@ class Online:
             gatherer.points(conversions.nanoseconds(message.header.stamp), points, arc_length)
         except CableShapeError as error:
             self._refuse(topic, error)
+
+    def _alone(self, topic: str) -> None:
+        """Observations can wait until a publisher is alone, or known to have died.
+
+        Raises
+        ------
+        InputError
+        """
+        count = self._heard[topic].handle.get_publisher_count()
+        if count > 1:
+            raise InputError(f"{count} publishers are known, one is expected. End the others, or remap their topics.")
 
     def _refuse(self, topic: str, error: CableShapeError) -> None:
         """Says once for each topic what is wrong with its messages."""

@@ -83,6 +83,7 @@ class Health:
     failure: str = ""  # why the last transition failed
     troubles: dict[str, str] = field(default_factory=dict)  # of the node itself: code -> text
     hint: str = ""  # why there are no pairs, if that is known
+    publishers: tuple[Complaint, ...] = ()  # about who publishes the input
     robot_expected: bool = False  # whether there is a robot whose links should be known
     waiting_for: tuple[str, ...] = ()
     arrivals: dict[str, int] = field(default_factory=dict)  # topic -> when its last message came
@@ -101,6 +102,7 @@ class Health:
         self.state = "active"
         self.failure = ""
         self.hint = ""
+        self.publishers = ()
         self.waiting_for = tuple(topics)
         self.arrivals.clear()
         self.refused.clear()
@@ -158,7 +160,7 @@ class Health:
     def _input(self, now: int) -> Verdict:
         if self.state != "active":
             return _verdict("input", [], f"{self.state}: input is not used", {})
-        wrong = [*self._refusals(now), *self._silence(now), *self._clock(now)]
+        wrong = [*self._refusals(now), *self.publishers, *self._silence(now), *self._clock(now)]
         rate = self._rate(now)
         values = {"rate [Hz]": f"{rate:.1f}", "cycles": str(self.cycles), "clock restarts": str(self.restarts)}
         values.update({key: str(value) for key, value in self.counts.items()})

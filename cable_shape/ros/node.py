@@ -324,6 +324,8 @@ class CableShapeNode(LifecycleNode):
         if steady - self._looked >= LOOK_PERIOD:
             self._looked = steady
             self._health.troubles = troubles(self, viewer, workers)
+            if self._source is not None:
+                self._health.publishers = tuple(self._source.publishers())
         verdicts = self._health.verdicts(now)
         complaints = [complaint for verdict in verdicts for complaint in verdict.complaints]
         news = (self._health.state, tuple((c.code, c.level) for c in complaints))
