@@ -5,6 +5,7 @@ CableShapeError                 everything that this package raises on purpose
 │   └── UnknownKeyError         a key or parameter that does not exist: names the nearest one that does
 ├── InputError                  something read at run time: a message, a joint state, a bag
 │   ├── StaleInputError         input older than allowed, or going backwards in time
+│   ├── FileError (ArgumentError)  a file that cannot be read or is malformed: names file, line, key and remedy
 │   └── BagError                a recording that cannot be read, or only in part
 ├── RobotError                  a robot description that does not fit what is asked of it
 ├── SteeringError               a cable that has no shape to be steered from
@@ -16,7 +17,22 @@ Physics never raises: a chord longer than the cable is a :class:`~cable_shape.sh
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable
+
+#: Characters of a value that are quoted: whatever was given, an error stays readable.
+MOST_OF_A_VALUE = 300
+#: Keys that look otherwise are not quoted: a file that is another one has lines for keys.
+_A_KEY = re.compile(r"'?[\w ./-]{0,60}'?")
+
+
+def shown(value: object) -> str:
+    """`value` as an error quotes it: its repr, cut off where it is long; its type where it has none."""
+    try:
+        text = repr(value)
+    except Exception:  # noqa: BLE001, an integer of 5000 digits, or whatever an object of the caller raises
+        return f"a {type(value).__name__}"
+    return text if len(text) <= MOST_OF_A_VALUE else f"{text[:MOST_OF_A_VALUE]}..."
 
 
 class CableShapeError(Exception):
@@ -29,7 +45,7 @@ class ArgumentError(CableShapeError, ValueError):
     @classmethod
     def of(cls, name: str, value: object, bound: str, remedy: str) -> ArgumentError:
         """The one wording of all argument errors: name, value, bound, remedy."""
-        return cls(f"{name} = {value!r} is not allowed: {bound}. {remedy}")
+        return cls(f"{name} = {shown(value)} is not allowed: {bound}. {remedy}")
 
 
 class UnknownKeyError(ArgumentError):
@@ -39,9 +55,11 @@ class UnknownKeyError(ArgumentError):
     def among(cls, where: str, key: object, known: Iterable[str]) -> UnknownKeyError:
         """`key` was found in `where`, but only the keys `known` exist there."""
         options = sorted(known)
-        near = difflib.get_close_matches(str(key), options, n=1, cutoff=0.5)
+        text = shown(key)
+        near = difflib.get_close_matches(str(key), options, n=1, cutoff=0.5) if _A_KEY.fullmatch(text) else []
         hint = f"Did you mean {near[0]!r}? " if near else ""
-        return cls(f"{where}: unknown key {key!r}. {hint}Known keys: {', '.join(options)}.")
+        named = f"unknown key {text}" if _A_KEY.fullmatch(text) else "a key that is not a word"
+        return cls(f"{where}: {named}. {hint}Known keys: {', '.join(options)}.")
 
 
 class InputError(CableShapeError):
@@ -50,6 +68,10 @@ class InputError(CableShapeError):
 
 class StaleInputError(InputError):
     """Input older than allowed, or going backwards in time."""
+
+
+class FileError(InputError, ArgumentError):
+    """A file that cannot be read, or is malformed."""
 
 
 class BagError(InputError):
