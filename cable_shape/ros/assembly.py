@@ -13,7 +13,7 @@ from cable_shape.errors import ArgumentError
 from cable_shape.files import load_yaml
 from cable_shape.robot import Robot
 from cable_shape.ros.interrupt import ends_when_told
-from cable_shape.ros.parameters import Settings, find_file
+from cable_shape.ros.parameters import VIEW_OFF, Settings, find_file
 from cable_shape.ros.worker import WorkerProcess
 from cable_shape.scene import Scene
 from cable_shape.uncertainty import Uncertainty
@@ -97,8 +97,8 @@ class Assembly:
             warm_up_cycles()
         self.workers: dict[str, WorkerProcess] = {}  # processes beside the node by what they are
         self.viewer: ViewerProcess | None = None
-        if settings.view != "off":
-            self.viewer = ViewerProcess(settings.view, self.cycle.cables, scene, robot_file)
+        if settings.view != VIEW_OFF:
+            self.viewer = ViewerProcess(settings.output("view") or settings.view, self.cycle.cables, scene, robot_file)
 
     def describe(self) -> str:
         """What was loaded, in words."""

@@ -8,6 +8,7 @@ ending, ends the process. Started by :class:`~cable_shape.ros.worker.WorkerProce
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from functools import partial
@@ -24,7 +25,8 @@ from cable_shape.cable import Cable
 from cable_shape.calibration.fit import calibrate
 from cable_shape.calibration.online import Gatherer
 from cable_shape.calibration.result import Calibration
-from cable_shape.errors import CableShapeError, InputError, UnknownKeyError
+from cable_shape.errors import ArgumentError, CableShapeError, InputError, UnknownKeyError
+from cable_shape.files import safe_output
 from cable_shape.pairing import SECOND, FrameGuard
 from cable_shape.pose import IDENTITY, Grip, Pose
 from cable_shape.ros import conversions
@@ -170,20 +172,36 @@ class Online:
         if self._setup.file and found.converged:
             try:
                 write(found, self._file(name))
+            except ArgumentError as error:
+                log.error(f"calibration_file: {error}")
             except OSError as error:
                 log.error(f"calibration_file: {error}. Make room there, or name another.")
 
     def _file(self, name: str) -> Path:
         """Of several cables each has a file of its own."""
-        file = Path(self._setup.file).expanduser()
+        file = Path(self._setup.file)
         return file if len(self._cables) == 1 else file.with_stem(f"{file.stem}_{name}")
 
 
 def write(found: Calibration, file: Path) -> None:
-    """Writes the cable as a whole or not at all."""
-    fresh = file.with_name(f"{file.name}.new")
-    fresh.write_text(found.yaml(), encoding="utf-8")
-    fresh.replace(file)
+    """Writes the cable as a whole or not at all, and over nothing but a cable that was written so.
+
+    Raises
+    ------
+    ArgumentError
+        If something else is there.
+    OSError
+    """
+    file = safe_output(file.parent, file.name, (".yaml",))
+    fresh = file.with_name(f".{file.name}.{os.getpid()}.new")
+    fresh.unlink(missing_ok=True)
+    try:
+        with open(fresh, "x", encoding="utf-8") as out:
+            out.write(found.yaml())
+        fresh.replace(file)
+    except OSError:
+        fresh.unlink(missing_ok=True)
+        raise
 
 
 def main() -> int:

@@ -26,7 +26,7 @@ from rclpy.lifecycle import TransitionCallbackReturn as Return
 from rclpy.parameter import Parameter
 from rclpy.utilities import ok, try_shutdown
 
-from cable_shape.errors import ArgumentError, CableShapeError
+from cable_shape.errors import ArgumentError, CableShapeError, shown
 from cable_shape.ros import conversions
 from cable_shape.ros.assembly import Assembly
 from cable_shape.ros.complaint_log import ComplaintLog
@@ -39,7 +39,7 @@ from cable_shape.ros.planning_scene import PlanningScene
 from cable_shape.ros.pose_source import PoseSource
 from cable_shape.ros.sources import JointSource, Ready, Sink
 from cable_shape.ros.surroundings import troubles
-from cable_shape.ros.transitions import answer_wrong_transitions
+from cable_shape.ros.transitions import guard_transitions
 from cable_shape.ros.workers import start_workers
 
 WATCH_PERIOD = 0.1  # s, between looks at the health
@@ -52,6 +52,7 @@ class CableShapeNode(LifecycleNode):
 
     def __init__(self) -> None:
         super().__init__("cable_shape_node")
+        self._locked = False
         self._wrong_overrides = self._declare()
         self._settings = self._current()
         self.add_pre_set_parameters_callback(widened)
@@ -71,7 +72,7 @@ class CableShapeNode(LifecycleNode):
         self._log = ComplaintLog(self.get_logger())
         # not on the node's clock: a silent /clock must not silence the diagnostics
         self.create_timer(WATCH_PERIOD, self._watch, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        answer_wrong_transitions(self, lambda: self._health.state)
+        guard_transitions(self, lambda: self._health.state, self._locked_against)
 
     @property
     def autostart(self) -> bool:
@@ -111,6 +112,9 @@ class CableShapeNode(LifecycleNode):
 
     def _validate(self, changes: list[Parameter]) -> SetParametersResult:
         """All of `changes`, or none."""
+        names = ", ".join(p.name for p in changes)
+        if self._locked_against(f"a change of {shown(names)}"):
+            return SetParametersResult(successful=False, reason=self._health.turned_away["lock"][0])
         if self._health.state != "unconfigured":
             fixed = [p.name for p in changes if p.name in BY_NAME and not BY_NAME[p.name].live]
             if fixed:
@@ -122,6 +126,14 @@ class CableShapeNode(LifecycleNode):
         except ArgumentError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
+
+    def _locked_against(self, what: str) -> bool:
+        """Whether the node is locked; if it is, it says that `what` was asked for and is refused."""
+        if self._locked:
+            text = f"{what} was asked for by a peer and is refused: the node is locked (parameter lock) since it was "
+            text += "active. Shut it down and start it anew, with lock: false to change things while it runs."
+            self._health.turn_away("lock", text, self._now())
+        return self._locked
 
     def _apply(self, changes: list[Parameter]) -> None:
         """`changes` were set."""
@@ -226,6 +238,7 @@ class CableShapeNode(LifecycleNode):
         gc.collect()
         gc.freeze()
         self._health.activate(self._source.topics, self._now())
+        self._locked = self._settings.lock
         return super().on_activate(state)
 
     def close(self, leave: bool = False) -> None:

@@ -7,11 +7,13 @@ import os
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, final
+from xml.etree import ElementTree
 
 from rclpy.node import Node
 
 from cable_shape.cycle import Cycle
 from cable_shape.errors import ArgumentError
+from cable_shape.files import read_bounded, regular
 from cable_shape.ros.assembly import Assembly
 from cable_shape.ros.parameters import Settings, find_file
 from cable_shape.ros.qos import POSE_TOPICS
@@ -27,6 +29,7 @@ CALIBRATE, CALIBRATION = "cable/calibrate", "cable/calibration"
 KEEP_MEMORY = {"MALLOC_MMAP_THRESHOLD_": "33554432", "MALLOC_TRIM_THRESHOLD_": "268435456"}
 #: Where Fast DDS looks for profiles; other middlewares do not.
 PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
+PROFILES_BYTES = 1_000_000
 
 
 @final
@@ -118,12 +121,19 @@ def _profiles(path: str) -> Path:
     Raises
     ------
     ArgumentError
+        If it is not XML, or makes the middleware write files of its own.
     """
-    file = find_file(path).resolve()
-    if not file.is_file():
-        remedy = "Name one such as fastdds_planner.xml, or none."
-        raise ArgumentError.of("planner_profiles", path, "it must be the path of an XML file", remedy)
-    return file
+    file = regular(find_file(path), PROFILES_BYTES, "planner_profiles")
+    remedy = "Name one such as fastdds_planner.xml, or none."
+    try:
+        tree = ElementTree.fromstring(read_bounded(file, PROFILES_BYTES, "planner_profiles"))
+    except ElementTree.ParseError as error:
+        line, _ = error.position
+        raise ArgumentError.of("planner_profiles", path, f"it is not XML from line {line} on", remedy) from None
+    if any(element.tag.rpartition("}")[2] == "log" for element in tree.iter()):
+        bound = "its <log> would write files, and files are written only below output_folder"
+        raise ArgumentError.of("planner_profiles", path, bound, remedy)
+    return file.resolve()
 
 
 def planner_setup(node: Node, settings: Settings, cycle: Cycle) -> PlannerSetup:
@@ -171,6 +181,6 @@ def calibrator_setup(node: Node, settings: Settings, cycle: Cycle) -> Calibrator
         max_skew=settings.max_skew,
         window=settings.calibration_window,
         period=settings.calibration_period,
-        file=settings.calibration_file,
+        file=str(settings.output("calibration_file") or ""),
         time_limit=settings.planner_time_limit,
     )

@@ -162,7 +162,7 @@ def test_a_topic_of_points_refines_the_cable_and_only_the_named_file_is_written(
     file = tmp_path / "found.yaml"
     node = start(
         calibration_points="seen/points", calibration_fit="bending_stiffness,length", calibration_period=0.3,
-        calibration_file=file,
+        calibration_file=file, output_folder=tmp_path,
     )  # fmt: skip
     results = node.listen(CableCalibration, "cable/calibration", LATCHED)
     qos = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
@@ -215,7 +215,11 @@ def test_without_a_parameter_there_is_no_calibrator(cell):
     ("parameters", "words"),
     [
         ({"calibration_fit": "stiffness", "calibration": "true"}, "calibration_fit: unknown key 'stiffness'"),
-        ({"calibration_file": "/nowhere/cable.yaml", "calibration_points": "seen"}, "its folder must exist"),
+        (
+            {"calibration_file": "/nowhere/cable.yaml", "calibration_points": "seen", "output_folder": "."},
+            "calibration_file: output = '/nowhere/cable.yaml' is not allowed: its folder must exist",
+        ),
+        ({"calibration_file": "cable.yaml", "calibration_points": "seen"}, "below output_folder, which is empty"),
         ({"calibration_file": "cable.yaml"}, "it is written by what calibration_points brings"),
         ({"uncertainty_file": "nowhere.yaml"}, "no such file"),
     ],

@@ -146,7 +146,7 @@ def test_lifecycle_transitions_in_any_order_a_hundred_times_leave_nothing_behind
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_leaves_a_recording_that_can_be_read(start, tmp_path, number):
     file = tmp_path / "seen.rrd"
-    node = start(view=file)
+    node = start(output_folder=tmp_path, view=file)
 
     def written():  # the viewer's process takes a moment to start
         node.pair()
@@ -175,7 +175,7 @@ def test_a_signal_during_configure_ends_it(start, number, tmp_path, monkeypatch)
 
 def test_a_full_disk_ends_the_recording_not_the_node(start, tmp_path):
     file = tmp_path / "seen.rrd"
-    node = start(view=file, diagnostics_period=0.2)
+    node = start(output_folder=tmp_path, view=file, diagnostics_period=0.2)
     node.predicted()
     node.until(file.exists, "recording")
     child = next(p for p in Path("/proc").glob("[0-9]*") if parent_of(p) == node.process.process.pid)
@@ -204,7 +204,7 @@ def parent_of(process):
 
 
 def test_a_viewer_that_is_killed_is_told(start, tmp_path):
-    node = start(view=tmp_path / "seen.rrd", diagnostics_period=0.2)
+    node = start(output_folder=tmp_path, view="seen.rrd", diagnostics_period=0.2)
     node.predicted()
     child = next(p for p in Path("/proc").glob("[0-9]*") if parent_of(p) == node.process.process.pid)
     os.kill(int(child.name), signal.SIGKILL)

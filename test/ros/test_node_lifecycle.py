@@ -81,7 +81,7 @@ def test_simulated_time_never_heard_is_told_and_followed_once_it_runs(start):
 
 def test_a_viewer_file_is_written_and_closed(start, tmp_path):
     file = tmp_path / "seen.rrd"
-    node = start(view=file)
+    node = start(output_folder=tmp_path, view=file)
     node.predicted()
     node.until(file.exists, "recording")
     assert node.process.stop() == 0

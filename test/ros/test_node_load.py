@@ -85,7 +85,7 @@ def listed(node):
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_node_that_has_ended_is_gone_from_the_graph_with_its_planner_and_viewer(start, tmp_path, number):
-    node = start(planner="true", view=tmp_path / "seen.rrd")
+    node = start(planner="true", output_folder=tmp_path, view="seen.rrd")
     node.until(lambda: "cable_shape_node_planner" in listed(node), "planner")
     node.predicted()
     children = [p for p in Path("/proc").glob("[0-9]*") if parent_of(p) == node.process.process.pid]
@@ -113,7 +113,7 @@ def alive(process):
 
 
 def test_a_viewer_that_is_stopped_holds_up_neither_cycles_nor_the_end(start, tmp_path):
-    node = start(view=tmp_path / "seen.rrd")
+    node = start(output_folder=tmp_path, view="seen.rrd")
     node.predicted()
     viewer = next(p for p in Path("/proc").glob("[0-9]*") if parent_of(p) == node.process.process.pid)
     os.kill(int(viewer.name), signal.SIGSTOP)
