@@ -1,9 +1,10 @@
 """The calibrator's process: action CalibrateCable, and a calibration that goes on by a topic of points.
 
-    python -m cable_shape.ros.calibrating SETUP
+    python -m cable_shape.ros.calibrating SETUP SERVES ENDS
 
-SETUP is an inherited descriptor with a :class:`~cable_shape.ros.workers.CalibratorSetup` in JSON; standard input, by
-ending, ends the process. Started by :class:`~cable_shape.ros.worker.WorkerProcess`. Nothing here reaches the cycles.
+SETUP is a descriptor of a :class:`~cable_shape.ros.workers.CalibratorSetup` in JSON; for the others see
+:mod:`cable_shape.ros.serving`. Standard input, by ending, ends the process. Started by
+:class:`~cable_shape.ros.worker.WorkerProcess`. Nothing here reaches the cycles.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from cable_shape.ros import conversions
 from cable_shape.ros.calibration_messages import asked, calibration_message, points_of
 from cable_shape.ros.goals import Feedback, Goals
 from cable_shape.ros.messages import CableCalibration, CalibrateCable
-from cable_shape.ros.serving import given, leave, serve
+from cable_shape.ros.serving import Gate, given, leave, serve
 from cable_shape.ros.workers import CalibratorSetup
 
 _QUEUE = 50  # messages that wait while a fit is computed
@@ -43,9 +44,9 @@ _QUEUE = 50  # messages that wait while a fit is computed
 class Action:
     """CalibrateCable; one goal is worked on at a time."""
 
-    def __init__(self, node: Node, setup: CalibratorSetup, cables: dict[str, Cable]) -> None:
+    def __init__(self, node: Node, setup: CalibratorSetup, cables: dict[str, Cable], gate: Gate) -> None:
         self._setup, self._cables = setup, cables
-        Goals(node, CalibrateCable, setup.action, self._calibrate, {"partial": True})
+        Goals(node, CalibrateCable, setup.action, self._calibrate, {"partial": True}, gate.check)
 
     def _calibrate(self, goal: Any, result: Any) -> None:
         began = time.monotonic()
@@ -208,15 +209,15 @@ def main() -> int:
     """Calibrates as the node asked for."""
     setup = CalibratorSetup.from_json(given())
 
-    def make(node: Node) -> str:
+    def make(node: Node, gate: Gate) -> str:
         cables = {name: Cable.from_mapping(values) for name, values in setup.cables.items()}
         if setup.action:
-            Action(node, setup, cables)
+            Action(node, setup, cables, gate)
         if setup.topics:
             Online(node, setup, cables)
         return f"calibrating {', '.join(cables)}: {setup.action or 'no action'}, {setup.topics}"
 
-    return serve(setup.name, setup.namespace, make)
+    return serve(setup, make)
 
 
 if __name__ == "__main__":

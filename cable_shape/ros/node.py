@@ -38,12 +38,11 @@ from cable_shape.ros.parameters import BY_NAME, SPECS, Settings, unknown_overrid
 from cable_shape.ros.planning_scene import PlanningScene
 from cable_shape.ros.pose_source import PoseSource
 from cable_shape.ros.sources import JointSource, Ready, Sink
-from cable_shape.ros.surroundings import troubles
+from cable_shape.ros.surroundings import Surroundings
 from cable_shape.ros.transitions import guard_transitions
 from cable_shape.ros.workers import start_workers
 
 WATCH_PERIOD = 0.1  # s, between looks at the health
-LOOK_PERIOD = 1.0  # s, between looks at the viewer and the other nodes
 
 
 @final
@@ -67,7 +66,7 @@ class CableShapeNode(LifecycleNode):
         self._waiting: Ready | None = None  # the newest input, when cycles run at a set rate
         self._superseded = 0
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self._looked = -LOOK_PERIOD
+        self._around = Surroundings(self)
         self._last_diagnosis: tuple[Any, float] = ((), -1e9)
         self._log = ComplaintLog(self.get_logger())
         # not on the node's clock: a silent /clock must not silence the diagnostics
@@ -329,14 +328,13 @@ class CableShapeNode(LifecycleNode):
         if self._source is not None:
             self._health.hint = self._source.hint()
             self._health.counts = {**self._source.counts(), "superseded": self._superseded}
-        viewer, workers = (None, {}) if self._assembly is None else (self._assembly.viewer, self._assembly.workers)
+        viewer = None if self._assembly is None else self._assembly.viewer
         if viewer is not None:
             viewer.flush()
             self._health.counts["reports that the viewer did not take"] = viewer.dropped
         now, steady = self._now(), time.monotonic()
-        if steady - self._looked >= LOOK_PERIOD:
-            self._looked = steady
-            self._health.troubles = troubles(self, viewer, workers)
+        if self._around.tend(self._assembly, steady):
+            self._health.troubles = self._around.troubles
             if self._source is not None:
                 self._health.publishers = tuple(self._source.publishers())
         verdicts = self._health.verdicts(now)

@@ -124,6 +124,7 @@ SPECS = (
     Spec("calibration_window", 50, "Observations that are kept and fitted.", low=1, high=1000),
     Spec("calibration_period", 5.0, "From one fit to the next.", "s", 0.1, 3600.0),
     Spec("calibration_file", "", "YAML file that fits that converge are written to, below output_folder."),
+    Spec("workers_make_way", True, "Planner and calibrator run only where no other thread wants the core."),
     Spec("output_folder", "", "Files are written only below it; empty: none is written.", read_only=True),
     Spec("lock", False, "Once active: no parameter changes, configure, cleanup by peers.", read_only=True),
     Spec("autostart", True, "Configure and activate at start.", read_only=True),
@@ -172,6 +173,7 @@ class Settings:
     calibration_window: int
     calibration_period: float  # s
     calibration_file: str
+    workers_make_way: bool
     output_folder: str
     lock: bool
     autostart: bool

@@ -15,8 +15,10 @@ from cable_shape.cycle import Cycle
 from cable_shape.errors import ArgumentError
 from cable_shape.files import read_bounded, regular
 from cable_shape.ros.assembly import Assembly
+from cable_shape.ros.messages import CalibrateCable, CheckTrajectory, PredictShapes
 from cable_shape.ros.parameters import Settings, find_file
 from cable_shape.ros.qos import POSE_TOPICS
+from cable_shape.ros.stand_in import StandIn
 from cable_shape.ros.worker import WorkerProcess
 from cable_shape.scene import Scene
 
@@ -51,6 +53,7 @@ class PlannerSetup:
     rows: int  # grasps or waypoints in one request, at most
     threads: int
     time_limit: float  # s
+    make_way: bool  # run only where no other thread wants the core
 
     def to_json(self) -> str:
         """As text, for `from_json`."""
@@ -84,6 +87,7 @@ class CalibratorSetup:
     period: float  # s
     file: str
     time_limit: float  # s
+    make_way: bool  # run only where no other thread wants the core
 
     def to_json(self) -> str:
         """As text, for `from_json`."""
@@ -103,16 +107,22 @@ class CalibratorSetup:
 def start_workers(node: Node, settings: Settings, assembly: Assembly) -> None:
     """Starts what the settings ask for."""
     if settings.planner:
-        setup = planner_setup(node, settings, assembly.cycle).to_json()
+        planner = planner_setup(node, settings, assembly.cycle)
         remedy = "ask for fewer rows or points in one request."
         environment = {name: os.environ.get(name, value) for name, value in KEEP_MEMORY.items()}
         if settings.planner_profiles:
             environment[PROFILES] = str(_profiles(settings.planner_profiles))
-        assembly.workers["planner"] = WorkerProcess("planner", "cable_shape.ros.planning", setup, remedy, environment)
+        worker = WorkerProcess("planner", "cable_shape.ros.planning", planner.to_json(), remedy, environment)
+        assembly.workers["planner"] = worker
+        services, actions = ((PredictShapes, planner.service),), ((CheckTrajectory, planner.action),)
+        assembly.stand_ins.append(StandIn(node, worker, services, actions))
     if settings.calibration or settings.calibration_points:
-        setup = calibrator_setup(node, settings, assembly.cycle).to_json()
+        calibrator = calibrator_setup(node, settings, assembly.cycle)
         remedy = "calibrate with fewer points."
-        assembly.workers["calibrator"] = WorkerProcess("calibrator", "cable_shape.ros.calibrating", setup, remedy)
+        worker = WorkerProcess("calibrator", "cable_shape.ros.calibrating", calibrator.to_json(), remedy)
+        assembly.workers["calibrator"] = worker
+        if calibrator.action:
+            assembly.stand_ins.append(StandIn(node, worker, (), ((CalibrateCable, calibrator.action),)))
 
 
 def _profiles(path: str) -> Path:
@@ -154,6 +164,7 @@ def planner_setup(node: Node, settings: Settings, cycle: Cycle) -> PlannerSetup:
         rows=settings.planner_rows,
         threads=settings.planner_threads or max(1, cores - 1),
         time_limit=settings.planner_time_limit,
+        make_way=settings.workers_make_way,
     )
 
 
@@ -183,4 +194,5 @@ def calibrator_setup(node: Node, settings: Settings, cycle: Cycle) -> Calibrator
         period=settings.calibration_period,
         file=str(settings.output("calibration_file") or ""),
         time_limit=settings.planner_time_limit,
+        make_way=settings.workers_make_way,
     )
