@@ -87,7 +87,6 @@ def shared(start_for_all: Start) -> Cell:
 def cell(shared: Cell) -> Cell:
     """The shared node, predicting, with nothing kept from the test before."""
     shared.predicted()
-    shared.spin(0.05)
     shared.shapes.clear()
     shared.diagnostics.clear()
     return shared

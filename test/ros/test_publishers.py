@@ -48,9 +48,8 @@ def intruded(node, side="left", kind=PoseStamped):
 def test_of_two_publishers_nothing_is_used_and_both_are_named(node):
     peer = intruded(node)
     space = node.process.namespace
+    names = f"left_gripper/pose: publishers /{space}/cell and /{space}/intruder mix: none of their messages is used"
     try:
-        node.spin(0.3)
-        node.shapes.clear()
         node.diagnostics.clear()
 
         def wrong():
@@ -64,17 +63,19 @@ def test_of_two_publishers_nothing_is_used_and_both_are_named(node):
             peer.publisher.publish(message)
             node.spin(0.01)
 
-        wrong()  # from its first message on
-        for _ in range(100):
+        def told():
             node.pair()
             node.spin(0.01)
             wrong()
+            lines = [s for m in node.diagnostics for s in m.status if s.name.endswith(": input")]
+            return next((line for line in lines if names in line.message), None)
+
+        status = node.until(told, "diagnostics about a mixture")
+        node.shapes.clear()
+        for _ in range(100):
+            told()
         assert node.shapes == []
-        status = next(
-            s for m in node.diagnostics for s in m.status if s.name.endswith(": input") and "mix" in s.message
-        )
         assert status.level == ERROR
-        assert f"publishers /{space}/cell and /{space}/intruder mix: none of their messages is used" in status.message
         assert int(values_of(status)["refused: left_gripper/pose publishers"]) > 0
     finally:
         peer.close()
@@ -103,7 +104,7 @@ def test_one_that_is_killed_and_started_again_is_used_before_the_first_is_forgot
         process = subprocess.Popen(command, env=os.environ)
         try:
             node.until(lambda: len(node.shapes) > 30, "shapes of a motion")
-            assert len(node.node.get_publishers_info_by_topic("left_gripper/pose")) == known
+            node.until(lambda known=known: node.node.count_publishers("left_gripper/pose") == known, "both")
         finally:
             process.send_signal(signal.SIGKILL)
             process.wait()
