@@ -10,7 +10,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import final
 
 from cable_shape.children import ended, left
@@ -36,11 +36,20 @@ class WorkerProcess:
         What else to do if it ends again and again.
     environment : mapping of str to str
         Beside and instead of what it inherits.
+    arguments : sequence of str
+        After the others.
     """
 
     def __init__(
-        self, name: str, module: str, setup: str, remedy: str, environment: Mapping[str, str] | None = None
+        self,
+        name: str,
+        module: str,
+        setup: str,
+        remedy: str,
+        environment: Mapping[str, str] | None = None,
+        arguments: Sequence[str] = (),
     ) -> None:
+        self._arguments = tuple(arguments)
         self._name, self._module, self._remedy = name, module, remedy
         self._environment = {**os.environ, **(environment or {})}
         self._papers = os.memfd_create(f"cable_shape_{name}_setup", os.MFD_CLOEXEC)
@@ -117,7 +126,7 @@ class WorkerProcess:
         os.set_blocking(self._ready, False)
         try:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", self._module, str(self._papers), str(serves), str(self.ends)],
+                [sys.executable, "-m", self._module, *map(str, (self._papers, serves, self.ends)), *self._arguments],
                 stdin=subprocess.PIPE,  # by ending, it ends the process
                 pass_fds=(self._papers, serves),
                 env=self._environment,

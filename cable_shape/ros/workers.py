@@ -112,17 +112,34 @@ def start_workers(node: Node, settings: Settings, assembly: Assembly) -> None:
         environment = {name: os.environ.get(name, value) for name, value in KEEP_MEMORY.items()}
         if settings.planner_profiles:
             environment[PROFILES] = str(_profiles(settings.planner_profiles))
-        worker = WorkerProcess("planner", "cable_shape.ros.planning", planner.to_json(), remedy, environment)
+        worker = WorkerProcess(
+            "planner", "cable_shape.ros.planning", planner.to_json(), remedy, environment, _enclave(node, "planner")
+        )
         assembly.workers["planner"] = worker
         services, actions = ((PredictShapes, planner.service),), ((CheckTrajectory, planner.action),)
         assembly.stand_ins.append(StandIn(node, worker, services, actions))
     if settings.calibration or settings.calibration_points:
         calibrator = calibrator_setup(node, settings, assembly.cycle)
         remedy = "calibrate with fewer points."
-        worker = WorkerProcess("calibrator", "cable_shape.ros.calibrating", calibrator.to_json(), remedy)
+        worker = WorkerProcess(
+            "calibrator",
+            "cable_shape.ros.calibrating",
+            calibrator.to_json(),
+            remedy,
+            None,
+            _enclave(node, "calibrator"),
+        )
         assembly.workers["calibrator"] = worker
         if calibrator.action:
             assembly.stand_ins.append(StandIn(node, worker, (), ((CalibrateCable, calibrator.action),)))
+
+
+def _enclave(node: Node, worker: str) -> list[str]:
+    """Arguments that put a worker of a node in an enclave of SROS 2 into an enclave of its own, named after that."""
+    own = (node.get_name(), node.get_namespace())
+    nodes = node.get_node_names_and_namespaces_with_enclaves()
+    enclave = next((enclave for name, space, enclave in nodes if (name, space) == own), "/")
+    return [] if enclave == "/" else ["--ros-args", "--enclave", f"{enclave}_{worker}"]
 
 
 def _profiles(path: str) -> Path:
