@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -14,7 +15,7 @@ from cable_shape import checks
 from cable_shape.calibration.parameters import KNOWN
 from cable_shape.capsules import MAX_CAPSULES
 from cable_shape.errors import ArgumentError, UnknownKeyError
-from cable_shape.files import safe_output
+from cable_shape.files import path_of, safe_output
 from cable_shape.pose import GRIP_KINDS, IDENTITY, Grip, Pose
 from cable_shape.problem import MAX_POINTS, MIN_POINTS
 from cable_shape.solvers import MODELS
@@ -294,19 +295,24 @@ def widened(parameters: Sequence[Parameter]) -> list[Parameter]:
 
 
 def find_file(path: str) -> Path:
-    """`path` as it is if it exists or is absolute, else below the config folder of the sources or the installation."""
-    file = Path(path).expanduser()
-    if file.is_absolute() or file.exists():
+    """`path` as it is if it exists or is absolute, else below the config folder of the sources or the installation.
+
+    Raises
+    ------
+    ArgumentError
+        If it cannot be a path.
+    """
+    file = path_of(path)
+    if file.is_absolute() or os.path.exists(file):
         return file
     for folder in config_folders():
-        if (folder / file).exists():
+        if os.path.exists(folder / file):
             return folder / file
     return file
 
 
 def config_folders() -> list[Path]:
     """Where this package's configuration lies: beside the sources, or in share/ of a ROS prefix."""
-    import os
     import sys
 
     import cable_shape

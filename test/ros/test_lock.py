@@ -129,7 +129,8 @@ def test_what_is_in_a_file_that_a_peer_names_is_never_told_and_devices_and_fifos
     os.mkfifo(tmp_path / "fifo")
     refused(idle, "it is a FIFO, not a regular file", **{name: str(tmp_path / "fifo")}, **others)
     refused(idle, "it is a device, not a regular file", **{name: "/dev/zero"}, **others)
-    idle.spin(0.3)
+    refused(idle, "cannot be opened", **{name: "x" * 5000}, **others)
+    refused(idle, "there is no such user's home", **{name: "~nobody-of-this-name/x.yaml"}, **others)
     told = idle.process.text() + " ".join(s.message for m in idle.diagnostics for s in m.status)
     assert "hunter2" not in told
     assert "Traceback" not in told
