@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 
+LOOPBACK = "127.0.0.1"
 EXIT_UNWELL, EXIT_ERROR, EXIT_PARTIAL, EXIT_INTERRUPTED = 1, 2, 3, 130
 
 
@@ -130,6 +131,11 @@ def _add_predict(commands: Commands) -> None:
 def _add_view(commands: Commands) -> None:
     view = commands.add_parser("view", help="open a .rrd in the rerun viewer")
     view.add_argument("file", type=Path, metavar="FILE.rrd", help="of a replay, a node or the demo")
+    view.add_argument("--web", action="store_true", help="for a browser instead of a window, until Ctrl-C")
+    view.add_argument(
+        "--bind", default=LOOPBACK, metavar="ADDRESS",
+        help="who may connect to the viewer: this machine only (127.0.0.1), or 0.0.0.0 for all that reach it",
+    )  # fmt: skip
     view.set_defaults(run=_view)
 
 
@@ -270,6 +276,7 @@ def note_slips(cable: Cable, scene: Scene | None = None) -> None:
 
 
 def _view(arguments: argparse.Namespace) -> int:
+    import ipaddress
     import os
     import subprocess
 
@@ -277,13 +284,20 @@ def _view(arguments: argparse.Namespace) -> int:
 
     if not arguments.file.is_file():
         raise ArgumentError(f"{arguments.file}: no such file. `cable-shape replay` and scripts/demo write .rrd files.")
-    viewer = viewer_executable()
-    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+    try:
+        address = str(ipaddress.ip_address(arguments.bind))
+    except ValueError:
+        raise ArgumentError.of("--bind", arguments.bind, "it must be an IP address", "Write 127.0.0.1.") from None
+    command = [viewer_executable(), "--bind", address]
+    screen = sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    if arguments.web:
+        command += ["--serve-web", "--port", "0", "--web-viewer-port", "0"]  # free ones; it prints them
+    elif not screen:
         raise DependencyError(
-            f"No screen: DISPLAY and WAYLAND_DISPLAY are not set. Copy {arguments.file} to a machine with one, or open "
-            f"it in a browser: {viewer} --web-viewer {arguments.file}"
+            f"No screen: DISPLAY and WAYLAND_DISPLAY are not set. Copy {arguments.file} to a machine with one, or look "
+            f"at it in a browser: cable-shape view --web {arguments.file}"
         )
-    return subprocess.run([viewer, str(arguments.file)], check=False).returncode
+    return subprocess.run([*command, str(arguments.file)], check=False).returncode
 
 
 def _bench(arguments: argparse.Namespace) -> int:

@@ -1,10 +1,11 @@
-"""Which input messages may be used together: stamps that increase, and pairs of the two grippers.
+"""Which input messages may be used together: stamps that increase, one publisher, pairs of the two grippers.
 
 All stamps are integers in nanoseconds.
 """
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,6 +19,12 @@ SECOND = 1_000_000_000  # ns
 
 #: A stamp that jumps back by more than this [ns] is a clock that was set back (a bag that loops), not a late message.
 RESTART_JUMP = SECOND
+
+#: Where several publishers are known, so many messages must have followed each other before one is used ...
+ROW = 10
+
+#: [s] ... and for so long none of another publisher must have come between.
+MIXED = 1.0
 
 #: Unpaired messages kept of each gripper, so that one whose messages travel longer still finds its partner.
 HISTORY = 32
@@ -96,6 +103,42 @@ class MissedCount:
 
     def forget(self) -> None:
         """The next message has none before it; the count stays."""
+        self._last = None
+
+
+@final
+class SpeakerGuard:
+    """Whether the messages of a topic come from one publisher; nothing in a message says which one sent it.
+
+    As long as several publishers are known, only numbers that follow each other are taken for those of one: where two
+    send, each message of the other breaks the row. One that was killed stays known for a while; once it has been silent
+    for `MIXED` [s], who sends in its place is used.
+    """
+
+    def __init__(self) -> None:
+        self._last: int | None = None
+        self._row = ROW
+        self._until = -math.inf  # s, nothing is used before
+
+    def check(self, publishers: int, info: Mapping[str, int | None], now: float) -> bool:
+        """Whether a message may be used that came at `now` [s, steady] when so many `publishers` were known.
+
+        `info` is what rclpy tells with it: `publication_sequence_number` counts the messages of its publisher.
+        """
+        number = info.get("publication_sequence_number")  # None: this middleware does not count
+        last, self._last = self._last, number
+        if publishers < 2:
+            self._row = ROW
+        elif number is None or last is None or number > last + 1:
+            self._row = 0  # another one, or messages that were overtaken
+        elif number == last + 1:
+            self._row += 1
+        else:
+            self._row, self._until = 0, now + MIXED
+        return self._row >= ROW and now >= self._until
+
+    def forget(self) -> None:
+        """The next message has none before it."""
         self._last = None
 
 

@@ -182,6 +182,7 @@ def node_parameters(folder: Path, view: str) -> dict[str, Any]:
         "left_gripper.offset": crosswise,
         "right_gripper.offset": crosswise,
         "view": view,
+        "output_folder": folder,
     }
 
 

@@ -242,6 +242,7 @@ def main() -> int:
         "scene_file": CONFIG / "scenes" / "demo.yaml",
         "robot_file": CONFIG / "robots" / "dual_arm.yaml",
         "view": "window" if rrd is None else rrd,
+        "output_folder": out,
     }
     node_command = [sys.executable, "-m", "cable_shape.ros.node", "--ros-args"]
     for name, value in parameters.items():

@@ -19,6 +19,7 @@ import numpy as np
 import rclpy
 import soak_files
 import soak_fuzz
+import soak_peers
 import soak_replay
 from bench_cell import CONFIG, SENSOR, node_command
 from builtin_interfaces.msg import Time
@@ -32,6 +33,7 @@ from cable_shape.robot import Robot
 
 STARTUP_S = 120.0
 GROWTH_KB = 5_000  # allocators keep some; a leak of 100 bytes a cycle at 250 Hz is 15 MB in ten minutes
+PEERS = 100  # messages of --fuzz for one request of a hostile peer
 SLOWER = 1.5  # times, of the processor time that a cycle takes, which a busy machine changes less than the clock's
 
 
@@ -151,7 +153,9 @@ def judged(first: tuple[Held, float], last: tuple[Held, float], sent: int, came:
 def main() -> int:
     """See the module."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--fuzz", type=int, metavar="N", help="send N random messages instead, which must do no harm")
+    parser.add_argument(
+        "--fuzz", type=int, metavar="N", help="send N random messages, then N / 100 requests of hostile peers, instead"
+    )
     parser.add_argument("--replay", type=int, metavar="N", help="replay one recording N times: the same bytes")
     parser.add_argument(
         "--files", type=float, metavar="S", help="mutate YAML files, URDFs and recordings for S seconds"
@@ -170,6 +174,8 @@ def main() -> int:
         rclpy.init()
         if options.fuzz:
             wrong = soak_fuzz.fuzz(options.fuzz, options.seed)
+            for lock in (False, True):
+                wrong += soak_peers.harass(max(1, options.fuzz // PEERS), options.seed, lock)
         else:
             wrong = soak(60.0 * options.minutes, options.rate, options.settle, not options.untimed)
         rclpy.try_shutdown()

@@ -139,7 +139,7 @@ def last_stamp(path: Path) -> object:
     return columns(path)["/plots/tension/cable:Scalars:scalars"][-1][0]
 
 
-def wait_until(true: object, within: float = 20.0) -> bool:
+def wait_until(true: object, within: float = 60.0) -> bool:
     until = time.monotonic() + within
     while not true():  # type: ignore[operator]
         if time.monotonic() > until:

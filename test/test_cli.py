@@ -182,6 +182,7 @@ def test_predict_and_replay_remark_what_is_hardly_meant(tmp_path: Path, capsys: 
         (["predict", "missing.yaml"], "missing.yaml: no such file"),
         (["predict", "missing.yaml", "-o", "out.txt"], "its ending must be one of .json, .csv, .png"),
         (["view", "missing.rrd"], "missing.rrd: no such file"),
+        (["view", "--bind", "everywhere", __file__], "--bind = 'everywhere' is not allowed: it must be an IP address"),
     ],
 )
 def test_other_commands_say_what_is_wrong(
@@ -200,7 +201,7 @@ def test_view_without_a_screen_says_so(
     assert main(["view", str(tmp_path / "a.rrd")]) == 2
     line = error_line(capsys)
     assert "No screen" in line
-    assert "--web-viewer" in line
+    assert "cable-shape view --web" in line
 
 
 def test_bench_is_in_the_source_tree_only(

@@ -1,13 +1,24 @@
 """Pairing, stamps and frames, without ROS."""
 
 import itertools
+import random
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cable_shape.errors import InputError, StaleInputError
-from cable_shape.pairing import HISTORY, RESTART_JUMP, FrameGuard, MissedCount, Pairing, StampGuard
+from cable_shape.pairing import (
+    HISTORY,
+    MIXED,
+    RESTART_JUMP,
+    ROW,
+    FrameGuard,
+    MissedCount,
+    Pairing,
+    SpeakerGuard,
+    StampGuard,
+)
 
 MS = 1_000_000  # ns
 
@@ -141,3 +152,45 @@ def test_messages_that_were_never_read_are_counted_by_the_gaps_in_their_numbers(
     count.take({"publication_sequence_number": 1000})
     count.take({})
     assert count.missed == 3
+
+
+def heard(guard, messages, publishers=2):
+    """Which of the (time [s], number) may be used."""
+    return [guard.check(publishers, {"publication_sequence_number": number}, now) for now, number in messages]
+
+
+@settings(derandomize=True, deadline=None)
+@given(
+    st.integers(0, 2**32), st.integers(1, 1000), st.integers(1, 1000), st.floats(5.0, 500.0), st.floats(5.0, 500.0),
+    st.floats(0.0, 0.3),
+)  # fmt: skip
+def test_of_two_that_publish_at_the_same_time_none_is_used(seed, first, second, rate, other, lost):
+    """Whatever their numbers and rates, with messages lost; one message may pass whose number happens to follow."""
+    chance = random.Random(seed)
+    sent = sorted(
+        (start + (k + chance.uniform(0.0, 0.5)) / hertz, number + k)
+        for start, number, hertz in ((0.0, first, rate), (1.0, second, other))
+        for k in range(int(4.0 * hertz))
+    )
+    guard = SpeakerGuard()
+    read = [entry for entry in sent if chance.random() >= lost]
+    alone = [entry for entry in read if entry[0] < 1.0]
+    assert all(heard(guard, alone, 1))
+    both = [entry for entry in read if 1.0 <= entry[0] < 3.9]
+    assert sum(heard(guard, both)) <= 1 + sum(1 for now, _ in both if now < 1.0 + 1.5 / other / (1.0 - lost))
+
+
+def test_one_that_ends_and_one_that_takes_over():
+    guard = SpeakerGuard()
+    assert heard(guard, [(0.0, 100)], 1) == [True]
+    assert all(heard(guard, [(0.01 * k, 100 + k) for k in range(1, 50)]))  # the other one is silent
+    again = heard(guard, [(1.0 + 0.01 * k, 1 + k) for k in range(150)])  # started again, the first still known
+    assert again.index(True) == pytest.approx(100 * MIXED, abs=1)
+    assert all(again[again.index(True) :])
+    assert all(heard(guard, [(9.0 + 0.01 * k, 1 + k) for k in range(9)], 1))  # alone: it may start again
+    lost = heard(guard, [(10.0 + 0.01 * k, 50 + k) for k in range(2 * ROW)])
+    assert lost == [False] * ROW + [True] * ROW
+    assert not any(heard(guard, [(11.0, None), (11.1, None)]))  # a middleware that does not count
+    assert all(heard(guard, [(12.0, None), (12.1, None)], 1))
+    guard.forget()
+    assert heard(guard, [(13.0, 7)], 1) == [True]

@@ -33,7 +33,7 @@ def test_last_of_many_reports_arrives(tmp_path: Path) -> None:
     with ViewerProcess(tmp_path / "out.rrd", {"cable": CABLE}, SCENE, LINKS) as viewer:
         assert all(viewer.send(report(k)) for k in range(1000))
         assert wait_until(lambda: viewer.shown >= 1)
-        assert viewer.close(timeout=20.0)
+        assert viewer.close(timeout=60.0)
     assert (viewer.sent, viewer.dropped) == (1000, 0)
     assert 1 <= viewer.shown < 1000
     assert last_stamp(tmp_path / "out.rrd") == T0 + 999 * PERIOD
@@ -45,7 +45,7 @@ def test_every_report_is_shown_when_they_come_slowly(tmp_path: Path) -> None:
         for k in range(5):
             assert viewer.send(report(k))
             assert wait_until(lambda k=k: viewer.shown == k + 1)
-        assert viewer.close(timeout=20.0)
+        assert viewer.close(timeout=60.0)
     held = columns(tmp_path / "out.rrd")
     assert len(held["/plots/tension/cable:Scalars:scalars"]) == 5
     assert any(name.startswith("/world/robot/left_forearm/") for name in held)
@@ -129,7 +129,7 @@ def test_what_is_offered_too_soon_waits_and_the_last_report_arrives(tmp_path: Pa
         assert viewer.sent == 2
         viewer.offer(report(50))
         assert viewer.sent == 2
-        assert viewer.close(timeout=30.0)
+        assert viewer.close(timeout=60.0)
     assert viewer.sent == 3
     assert last_stamp(tmp_path / "out.rrd") == T0 + 50 * PERIOD
 

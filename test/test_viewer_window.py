@@ -6,7 +6,9 @@ import contextlib
 import os
 import shutil
 import signal
+import socket
 import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +16,7 @@ import pytest
 from reports import (
     CABLE,
     PERIOD,
+    ROOT,
     SCENE,
     T0,
     report,
@@ -54,6 +57,44 @@ def shown_time(command: str) -> int | None:
     port = command.split("--port ")[1].split()[0]
     recordings = ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy").get_state().recordings
     return recordings[0].current_time if recordings else None
+
+
+def listening(pid: int) -> list[tuple[str, int]]:
+    """Addresses and ports on which a process takes connections."""
+    sockets = set()
+    for entry in Path(f"/proc/{pid}/fd").iterdir():
+        with contextlib.suppress(OSError):
+            sockets.add(os.readlink(entry).removeprefix("socket:[").rstrip("]"))
+    found = []
+    for table in ("tcp", "tcp6"):
+        for line in Path("/proc/net", table).read_text().splitlines()[1:]:
+            words = line.split()
+            if words[3] == "0A" and words[9] in sockets:
+                address, port = words[1].split(":")
+                place = socket.inet_ntoa(bytes.fromhex(address)[::-1]) if table == "tcp" else address
+                found.append((place, int(port, 16)))
+    return found
+
+
+@pytest.mark.parametrize(("options", "address"), [((), "127.0.0.1"), (("--bind", "127.0.0.2"), "127.0.0.2")])
+def test_view_listens_where_it_is_told_and_else_on_this_machine_only(
+    tmp_path: Path, options: tuple[str, ...], address: str
+) -> None:
+    write(tmp_path / "out.rrd", [report(k) for k in range(3)])
+    command = [sys.executable, "-m", "cable_shape.cli", "view", "--web", *options, str(tmp_path / "out.rrd")]
+    with (tmp_path / "log").open("w") as log:
+        view = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, cwd=ROOT)
+    viewers: list[tuple[int, str]] = []
+    try:
+        assert wait_until(lambda: bool(viewers.extend(commands_of(view.pid)) or viewers), within=60.0)
+        pid = viewers[0][0]
+        assert wait_until(lambda: len(listening(pid)) == 2, within=60.0), (tmp_path / "log").read_text()
+        assert {place for place, _ in listening(pid)} == {address}
+    finally:
+        for pid, _ in viewers[:1]:
+            os.kill(pid, signal.SIGTERM)
+        view.send_signal(signal.SIGINT)
+        view.wait(30.0)
 
 
 @pytest.mark.skipif(

@@ -13,7 +13,8 @@ from cable_shape.errors import ArgumentError
 from cable_shape.files import load_yaml
 from cable_shape.robot import Robot
 from cable_shape.ros.interrupt import ends_when_told
-from cable_shape.ros.parameters import Settings, find_file
+from cable_shape.ros.parameters import VIEW_OFF, Settings, find_file
+from cable_shape.ros.stand_in import StandIn
 from cable_shape.ros.worker import WorkerProcess
 from cable_shape.scene import Scene
 from cable_shape.uncertainty import Uncertainty
@@ -96,9 +97,10 @@ class Assembly:
         with ends_when_told():
             warm_up_cycles()
         self.workers: dict[str, WorkerProcess] = {}  # processes beside the node by what they are
+        self.stand_ins: list[StandIn] = []  # that answer for those of them that have died
         self.viewer: ViewerProcess | None = None
-        if settings.view != "off":
-            self.viewer = ViewerProcess(settings.view, self.cycle.cables, scene, robot_file)
+        if settings.view != VIEW_OFF:
+            self.viewer = ViewerProcess(settings.output("view") or settings.view, self.cycle.cables, scene, robot_file)
 
     def describe(self) -> str:
         """What was loaded, in words."""
@@ -120,3 +122,6 @@ class Assembly:
                 process.leave(max(0.0, until - time.monotonic()))
             else:
                 process.close()
+        for stand_in in self.stand_ins:
+            stand_in.destroy()
+        self.stand_ins.clear()

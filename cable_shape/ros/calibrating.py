@@ -1,13 +1,15 @@
 """The calibrator's process: action CalibrateCable, and a calibration that goes on by a topic of points.
 
-    python -m cable_shape.ros.calibrating SETUP
+    python -m cable_shape.ros.calibrating SETUP SERVES ENDS
 
-SETUP is an inherited descriptor with a :class:`~cable_shape.ros.workers.CalibratorSetup` in JSON; standard input, by
-ending, ends the process. Started by :class:`~cable_shape.ros.worker.WorkerProcess`. Nothing here reaches the cycles.
+SETUP is a descriptor of a :class:`~cable_shape.ros.workers.CalibratorSetup` in JSON; for the others see
+:mod:`cable_shape.ros.serving`. Standard input, by ending, ends the process. Started by
+:class:`~cable_shape.ros.worker.WorkerProcess`. Nothing here reaches the cycles.
 """
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from functools import partial
@@ -24,14 +26,15 @@ from cable_shape.cable import Cable
 from cable_shape.calibration.fit import calibrate
 from cable_shape.calibration.online import Gatherer
 from cable_shape.calibration.result import Calibration
-from cable_shape.errors import CableShapeError, InputError, UnknownKeyError
+from cable_shape.errors import ArgumentError, CableShapeError, InputError, UnknownKeyError
+from cable_shape.files import safe_output
 from cable_shape.pairing import SECOND, FrameGuard
 from cable_shape.pose import IDENTITY, Grip, Pose
 from cable_shape.ros import conversions
 from cable_shape.ros.calibration_messages import asked, calibration_message, points_of
 from cable_shape.ros.goals import Feedback, Goals
 from cable_shape.ros.messages import CableCalibration, CalibrateCable
-from cable_shape.ros.serving import given, leave, serve
+from cable_shape.ros.serving import Gate, given, leave, serve
 from cable_shape.ros.workers import CalibratorSetup
 
 _QUEUE = 50  # messages that wait while a fit is computed
@@ -41,9 +44,9 @@ _QUEUE = 50  # messages that wait while a fit is computed
 class Action:
     """CalibrateCable; one goal is worked on at a time."""
 
-    def __init__(self, node: Node, setup: CalibratorSetup, cables: dict[str, Cable]) -> None:
+    def __init__(self, node: Node, setup: CalibratorSetup, cables: dict[str, Cable], gate: Gate) -> None:
         self._setup, self._cables = setup, cables
-        Goals(node, CalibrateCable, setup.action, self._calibrate, {"partial": True})
+        Goals(node, CalibrateCable, setup.action, self._calibrate, {"partial": True}, gate.check)
 
     def _calibrate(self, goal: Any, result: Any) -> None:
         began = time.monotonic()
@@ -86,6 +89,7 @@ class Online:
         self._done = dict.fromkeys(setup.topics, 0)  # observations taken at the last fit
         self._gatherers: dict[str, Gatherer] = {}
         self._refused: set[str] = set()
+        self._heard: dict[str, Any] = {}  # topic -> subscription
         kinds = zip(setup.kinds, setup.offsets, strict=True)
         grips = [Grip(IDENTITY, kind, Pose(offset[:3], offset[3:])) for kind, offset in kinds]
         queue = QoSProfile(depth=_QUEUE, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -103,13 +107,14 @@ class Online:
             frame = FrameGuard("")
             for side, topic in enumerate((left, right)):
                 take = partial(self._take_pose, gatherer, frame, side, topic)
-                node.create_subscription(PoseStamped, topic, take, queue, callback_group=group)
+                self._heard[topic] = node.create_subscription(PoseStamped, topic, take, queue, callback_group=group)
             take = partial(self._take_points, gatherer, frame, points)
-            node.create_subscription(PointCloud2, points, take, queue, callback_group=group)
+            self._heard[points] = node.create_subscription(PointCloud2, points, take, queue, callback_group=group)
         threading.Thread(target=self._refine, daemon=True).start()
 
     def _take_pose(self, gatherer: Gatherer, frame: FrameGuard, side: int, topic: str, message: PoseStamped) -> None:
         try:
+            self._alone(topic)
             frame.check(topic, message.header.frame_id)
             gatherer.pose(side, conversions.nanoseconds(message.header.stamp), conversions.pose_of(message))
         except CableShapeError as error:
@@ -117,6 +122,7 @@ class Online:
 
     def _take_points(self, gatherer: Gatherer, frame: FrameGuard, topic: str, message: PointCloud2) -> None:
         try:
+            self._alone(topic)
             frame.check(topic, message.header.frame_id)
             points, arc_length = points_of(message)
             if not len(points):
@@ -124,6 +130,17 @@ class Online:
             gatherer.points(conversions.nanoseconds(message.header.stamp), points, arc_length)
         except CableShapeError as error:
             self._refuse(topic, error)
+
+    def _alone(self, topic: str) -> None:
+        """Observations can wait until a publisher is alone, or known to have died.
+
+        Raises
+        ------
+        InputError
+        """
+        count = self._heard[topic].handle.get_publisher_count()
+        if count > 1:
+            raise InputError(f"{count} publishers are known, one is expected. End the others, or remap their topics.")
 
     def _refuse(self, topic: str, error: CableShapeError) -> None:
         """Says once for each topic what is wrong with its messages."""
@@ -156,35 +173,51 @@ class Online:
         if self._setup.file and found.converged:
             try:
                 write(found, self._file(name))
+            except ArgumentError as error:
+                log.error(f"calibration_file: {error}")
             except OSError as error:
                 log.error(f"calibration_file: {error}. Make room there, or name another.")
 
     def _file(self, name: str) -> Path:
         """Of several cables each has a file of its own."""
-        file = Path(self._setup.file).expanduser()
+        file = Path(self._setup.file)
         return file if len(self._cables) == 1 else file.with_stem(f"{file.stem}_{name}")
 
 
 def write(found: Calibration, file: Path) -> None:
-    """Writes the cable as a whole or not at all."""
-    fresh = file.with_name(f"{file.name}.new")
-    fresh.write_text(found.yaml(), encoding="utf-8")
-    fresh.replace(file)
+    """Writes the cable as a whole or not at all, and over nothing but a cable that was written so.
+
+    Raises
+    ------
+    ArgumentError
+        If something else is there.
+    OSError
+    """
+    file = safe_output(file.parent, file.name, (".yaml",))
+    fresh = file.with_name(f".{file.name}.{os.getpid()}.new")
+    fresh.unlink(missing_ok=True)
+    try:
+        with open(fresh, "x", encoding="utf-8") as out:
+            out.write(found.yaml())
+        fresh.replace(file)
+    except OSError:
+        fresh.unlink(missing_ok=True)
+        raise
 
 
 def main() -> int:
     """Calibrates as the node asked for."""
     setup = CalibratorSetup.from_json(given())
 
-    def make(node: Node) -> str:
+    def make(node: Node, gate: Gate) -> str:
         cables = {name: Cable.from_mapping(values) for name, values in setup.cables.items()}
         if setup.action:
-            Action(node, setup, cables)
+            Action(node, setup, cables, gate)
         if setup.topics:
             Online(node, setup, cables)
         return f"calibrating {', '.join(cables)}: {setup.action or 'no action'}, {setup.topics}"
 
-    return serve(setup.name, setup.namespace, make)
+    return serve(setup, make)
 
 
 if __name__ == "__main__":

@@ -81,8 +81,11 @@ class Health:
     hold: float = 2.0
     state: str = "unconfigured"
     failure: str = ""  # why the last transition failed
+    turned_away: dict[str, tuple[str, int]] = field(default_factory=dict)  # what peers asked for -> text, when
+    refusals: int = 0  # of what peers asked for
     troubles: dict[str, str] = field(default_factory=dict)  # of the node itself: code -> text
     hint: str = ""  # why there are no pairs, if that is known
+    publishers: tuple[Complaint, ...] = ()  # about who publishes the input
     robot_expected: bool = False  # whether there is a robot whose links should be known
     waiting_for: tuple[str, ...] = ()
     arrivals: dict[str, int] = field(default_factory=dict)  # topic -> when its last message came
@@ -101,6 +104,7 @@ class Health:
         self.state = "active"
         self.failure = ""
         self.hint = ""
+        self.publishers = ()
         self.waiting_for = tuple(topics)
         self.arrivals.clear()
         self.refused.clear()
@@ -116,6 +120,11 @@ class Health:
         """A message was not used; `reason` is its topic and what is wrong, `text` names value, bound and remedy."""
         before = self.refused.get(reason)
         self.refused[reason] = _Refusal(text, now, 1 if before is None else before.count + 1)
+
+    def turn_away(self, what: str, text: str, now: int) -> None:
+        """A peer asked for something that is not allowed; the `text` says what and why."""
+        self.refusals += 1
+        self.turned_away[what] = (text, now)
 
     def remark(self, reason: str, text: str, now: int) -> None:
         """A message was used although something about it is odd."""
@@ -140,7 +149,7 @@ class Health:
     def verdicts(self, now: int) -> list[Verdict]:
         """The lines of /diagnostics."""
         self._forget_future(now)
-        return [self._lifecycle(), self._input(now), self._prediction(now), self._cable()]
+        return [self._lifecycle(now), self._input(now), self._prediction(now), self._cable()]
 
     def _forget_future(self, now: int) -> None:
         """After the node's clock was set back, ages count from now."""
@@ -149,16 +158,24 @@ class Health:
             self.arrivals[topic] = min(when, now)
         for refusal in self.refused.values():
             refusal.when = min(refusal.when, now)
+        for what, (text, when) in self.turned_away.items():
+            self.turned_away[what] = (text, min(when, now))
 
-    def _lifecycle(self) -> Verdict:
+    def _lifecycle(self, now: int) -> Verdict:
         wrong = [Complaint("failure", Level.ERROR, self.failure)] if self.failure else []
         wrong += [Complaint(code, Level.WARN, text) for code, text in self.troubles.items()]
-        return _verdict("lifecycle", wrong, self.state, {"state": self.state})
+        wrong += [
+            Complaint(f"turned away {what}", Level.WARN, text)
+            for what, (text, when) in self.turned_away.items()
+            if now - when < self.hold * SECOND
+        ]
+        values = {"state": self.state, "turned away": str(self.refusals)}
+        return _verdict("lifecycle", wrong, self.state, values)
 
     def _input(self, now: int) -> Verdict:
         if self.state != "active":
             return _verdict("input", [], f"{self.state}: input is not used", {})
-        wrong = [*self._refusals(now), *self._silence(now), *self._clock(now)]
+        wrong = [*self._refusals(now), *self.publishers, *self._silence(now), *self._clock(now)]
         rate = self._rate(now)
         values = {"rate [Hz]": f"{rate:.1f}", "cycles": str(self.cycles), "clock restarts": str(self.restarts)}
         values.update({key: str(value) for key, value in self.counts.items()})

@@ -34,12 +34,20 @@ class Goals:
         says.
     unheard : mapping
         Fields of the result of a goal that is cancelled before its turn.
+    check : callable
+        Raises while no goals are served; they are aborted then.
     """
 
     def __init__(
-        self, node: Node, kind: Any, name: str, work: Callable[[Any, Any], None], unheard: Mapping[str, Any]
+        self,
+        node: Node,
+        kind: Any,
+        name: str,
+        work: Callable[[Any, Any], None],
+        unheard: Mapping[str, Any],
+        check: Callable[[], None],
     ) -> None:
-        self._node, self._kind, self._work, self._unheard = node, kind, work, unheard
+        self._node, self._kind, self._work, self._unheard, self._check = node, kind, work, unheard, check
         self._count = 0
         self._counting, self._turn = threading.Lock(), threading.Lock()
         ActionServer(
@@ -59,6 +67,7 @@ class Goals:
             self._count += 1
             busy = self._count > MOST_GOALS
         try:
+            self._check()
             if busy:
                 bound = f"at most {MOST_GOALS} may be under way"
                 raise ArgumentError.of("goals", MOST_GOALS + 1, bound, "Wait for a result, or cancel one.")

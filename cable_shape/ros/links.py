@@ -13,6 +13,8 @@ from cable_shape.pairing import SECOND, StampGuard
 from cable_shape.pose import Pose
 from cable_shape.robot import Robot
 from cable_shape.ros import conversions
+from cable_shape.ros.diagnostics import Complaint
+from cable_shape.ros.publishers import PublisherWatch
 from cable_shape.ros.qos import JOINT_TOPIC, SENSOR
 
 if TYPE_CHECKING:
@@ -30,6 +32,7 @@ class LinkSource:
         self._sink = sink
         self._robot = robot
         self._guard = StampGuard(JOINT_TOPIC)
+        self._publishers = PublisherWatch(node, JOINT_TOPIC, JointState)
         self._newest: tuple[int, JointState] | None = None
         take: Callable[..., None] = self._take
         self.subscription = node.create_subscription(JointState, JOINT_TOPIC, take, SENSOR)
@@ -37,7 +40,12 @@ class LinkSource:
     def clear(self) -> None:
         """Forgets the last joint state."""
         self._guard.forget()
+        self._publishers.forget()
         self._newest = None
+
+    def publishers(self) -> list[Complaint]:
+        """What is wrong with who publishes."""
+        return self._publishers.complaints()
 
     def at(self, stamp: int, max_age: float) -> Mapping[str, Pose] | None:
         """The links; None if no joint state stamped within `max_age` [s] of `stamp` [ns] can be used."""
@@ -52,9 +60,13 @@ class LinkSource:
             return None
         return self._robot.link_poses()
 
-    def _take(self, message: JointState, _: Mapping[str, Any]) -> None:
+    def _take(self, message: JointState, info: Mapping[str, Any]) -> None:
         sink = self._sink
         if not sink.open():
+            return
+        mixed = self._publishers.mixed(self.subscription, info)
+        if mixed:
+            sink.health.refuse(f"{JOINT_TOPIC} publishers", mixed, sink.now())
             return
         stamp = conversions.nanoseconds(message.header.stamp)
         try:

@@ -26,7 +26,7 @@ from rclpy.lifecycle import TransitionCallbackReturn as Return
 from rclpy.parameter import Parameter
 from rclpy.utilities import ok, try_shutdown
 
-from cable_shape.errors import ArgumentError, CableShapeError
+from cable_shape.errors import ArgumentError, CableShapeError, shown
 from cable_shape.ros import conversions
 from cable_shape.ros.assembly import Assembly
 from cable_shape.ros.complaint_log import ComplaintLog
@@ -38,12 +38,11 @@ from cable_shape.ros.parameters import BY_NAME, SPECS, Settings, unknown_overrid
 from cable_shape.ros.planning_scene import PlanningScene
 from cable_shape.ros.pose_source import PoseSource
 from cable_shape.ros.sources import JointSource, Ready, Sink
-from cable_shape.ros.surroundings import troubles
-from cable_shape.ros.transitions import answer_wrong_transitions
+from cable_shape.ros.surroundings import Surroundings
+from cable_shape.ros.transitions import guard_transitions
 from cable_shape.ros.workers import start_workers
 
 WATCH_PERIOD = 0.1  # s, between looks at the health
-LOOK_PERIOD = 1.0  # s, between looks at the viewer and the other nodes
 
 
 @final
@@ -52,6 +51,7 @@ class CableShapeNode(LifecycleNode):
 
     def __init__(self) -> None:
         super().__init__("cable_shape_node")
+        self._locked = False
         self._wrong_overrides = self._declare()
         self._settings = self._current()
         self.add_pre_set_parameters_callback(widened)
@@ -66,12 +66,12 @@ class CableShapeNode(LifecycleNode):
         self._waiting: Ready | None = None  # the newest input, when cycles run at a set rate
         self._superseded = 0
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self._looked = -LOOK_PERIOD
+        self._around = Surroundings(self)
         self._last_diagnosis: tuple[Any, float] = ((), -1e9)
         self._log = ComplaintLog(self.get_logger())
         # not on the node's clock: a silent /clock must not silence the diagnostics
         self.create_timer(WATCH_PERIOD, self._watch, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        answer_wrong_transitions(self, lambda: self._health.state)
+        guard_transitions(self, lambda: self._health.state, self._locked_against)
 
     @property
     def autostart(self) -> bool:
@@ -111,6 +111,9 @@ class CableShapeNode(LifecycleNode):
 
     def _validate(self, changes: list[Parameter]) -> SetParametersResult:
         """All of `changes`, or none."""
+        names = ", ".join(p.name for p in changes)
+        if self._locked_against(f"a change of {shown(names)}"):
+            return SetParametersResult(successful=False, reason=self._health.turned_away["lock"][0])
         if self._health.state != "unconfigured":
             fixed = [p.name for p in changes if p.name in BY_NAME and not BY_NAME[p.name].live]
             if fixed:
@@ -122,6 +125,14 @@ class CableShapeNode(LifecycleNode):
         except ArgumentError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
+
+    def _locked_against(self, what: str) -> bool:
+        """Whether the node is locked; if it is, it says that `what` was asked for and is refused."""
+        if self._locked:
+            text = f"{what} was asked for by a peer and is refused: the node is locked (parameter lock) since it was "
+            text += "active. Shut it down and start it anew, with lock: false to change things while it runs."
+            self._health.turn_away("lock", text, self._now())
+        return self._locked
 
     def _apply(self, changes: list[Parameter]) -> None:
         """`changes` were set."""
@@ -226,6 +237,7 @@ class CableShapeNode(LifecycleNode):
         gc.collect()
         gc.freeze()
         self._health.activate(self._source.topics, self._now())
+        self._locked = self._settings.lock
         return super().on_activate(state)
 
     def close(self, leave: bool = False) -> None:
@@ -316,14 +328,15 @@ class CableShapeNode(LifecycleNode):
         if self._source is not None:
             self._health.hint = self._source.hint()
             self._health.counts = {**self._source.counts(), "superseded": self._superseded}
-        viewer, workers = (None, {}) if self._assembly is None else (self._assembly.viewer, self._assembly.workers)
+        viewer = None if self._assembly is None else self._assembly.viewer
         if viewer is not None:
             viewer.flush()
             self._health.counts["reports that the viewer did not take"] = viewer.dropped
         now, steady = self._now(), time.monotonic()
-        if steady - self._looked >= LOOK_PERIOD:
-            self._looked = steady
-            self._health.troubles = troubles(self, viewer, workers)
+        if self._around.tend(self._assembly, steady):
+            self._health.troubles = self._around.troubles
+            if self._source is not None:
+                self._health.publishers = tuple(self._source.publishers())
         verdicts = self._health.verdicts(now)
         complaints = [complaint for verdict in verdicts for complaint in verdict.complaints]
         news = (self._health.state, tuple((c.code, c.level) for c in complaints))

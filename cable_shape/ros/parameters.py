@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -14,11 +15,14 @@ from cable_shape import checks
 from cable_shape.calibration.parameters import KNOWN
 from cable_shape.capsules import MAX_CAPSULES
 from cable_shape.errors import ArgumentError, UnknownKeyError
+from cable_shape.files import path_of, safe_output
 from cable_shape.pose import GRIP_KINDS, IDENTITY, Grip, Pose
 from cable_shape.problem import MAX_POINTS, MIN_POINTS
 from cable_shape.solvers import MODELS
 
 INPUTS = ("poses", "joints")
+VIEW_OFF, VIEW_WINDOW = "off", "window"
+ENDINGS = {"view": ".rrd", "calibration_file": ".yaml"}  # of what parameters name for writing
 
 #: Overrides that rclpy itself understands, besides the parameters that it declares.
 RCLPY_PREFIXES = ("qos_overrides.", "start_type_description_service")
@@ -106,7 +110,7 @@ SPECS = (
     Spec("uncertainty_file", "", "YAML file of how well cable and grips are known: a tube; empty: none."),
     Spec("input", "poses", "Where the grips come from: two PoseStamped topics or JointState.", options=INPUTS),
     Spec("frame_id", "", "Frame of all input; empty: that of the first message, or 'world' for joints."),
-    Spec("view", "off", "Viewer: off, window, or the path of an .rrd file to write."),
+    Spec("view", VIEW_OFF, "Viewer: off, window, or the path of an .rrd file to write, below output_folder."),
     Spec("planner", False, "Serve planners in a process of its own: cable/predict_shapes, cable/check_trajectory."),
     Spec("planner_rows", 10_000, "Grasps or waypoints in one request at most.", low=1, high=100_000),
     Spec("planner_threads", 0, "Threads that solve grasps; 0: one less than there are cores.", low=0, high=256),
@@ -120,7 +124,10 @@ SPECS = (
     Spec("calibration_fit", "bending_stiffness", "What to fit, with commas, see docs/calibration.md."),
     Spec("calibration_window", 50, "Observations that are kept and fitted.", low=1, high=1000),
     Spec("calibration_period", 5.0, "From one fit to the next.", "s", 0.1, 3600.0),
-    Spec("calibration_file", "", "YAML file that each fit that converges is written to; empty: none."),
+    Spec("calibration_file", "", "YAML file that fits that converge are written to, below output_folder."),
+    Spec("workers_make_way", True, "Planner and calibrator run only where no other thread wants the core."),
+    Spec("output_folder", "", "Files are written only below it; empty: none is written.", read_only=True),
+    Spec("lock", False, "Once active: no parameter changes, configure, cleanup by peers.", read_only=True),
     Spec("autostart", True, "Configure and activate at start.", read_only=True),
     Spec("rate", 0.0, "Cycles a second, each with the newest input; 0: one for every input.", "Hz", 0.0, 10000.0),
     Spec("max_skew", 0.02, "Poses further apart in time are not paired.", "s", 0.0, 10.0, live=True),
@@ -167,6 +174,9 @@ class Settings:
     calibration_window: int
     calibration_period: float  # s
     calibration_file: str
+    workers_make_way: bool
+    output_folder: str
+    lock: bool
     autostart: bool
     rate: float  # Hz
     max_skew: float  # s
@@ -226,9 +236,27 @@ class Settings:
         if self.calibration_file and not self.calibration_points:
             bound = "it is written by what calibration_points brings"
             raise ArgumentError.of("calibration_file", self.calibration_file, bound, "Name that topic, or no file.")
-        if self.calibration_file and not Path(self.calibration_file).expanduser().parent.is_dir():
-            bound = "its folder must exist"
-            raise ArgumentError.of("calibration_file", self.calibration_file, bound, "Make the folder first.")
+        for name in ("view", "calibration_file"):
+            self.output(name)
+
+    def output(self, name: str) -> Path | None:
+        """Where the file goes that the parameter `name` names; None if it names none.
+
+        Raises
+        ------
+        ArgumentError
+            If it lies outside `output_folder`, or would be written over something else.
+        """
+        path: str = getattr(self, name)
+        if path in ("", VIEW_OFF, VIEW_WINDOW):
+            return None
+        if not self.output_folder:
+            bound = "files are written only below output_folder, which is empty"
+            raise ArgumentError.of(name, path, bound, "Start the node with -p output_folder:=FOLDER.")
+        try:
+            return safe_output(self.output_folder, path, (ENDINGS[name],))
+        except ArgumentError as error:
+            raise ArgumentError(f"{name}: {error}") from None
 
     @property
     def fitted(self) -> tuple[str, ...]:
@@ -260,26 +288,31 @@ def widened(parameters: Sequence[Parameter]) -> list[Parameter]:
             parameter = Parameter(parameter.name, Parameter.Type.DOUBLE, float(parameter.value))
         elif isinstance(default, list) and parameter.type_ == Parameter.Type.INTEGER_ARRAY:
             parameter = Parameter(parameter.name, Parameter.Type.DOUBLE_ARRAY, [float(v) for v in parameter.value])
-        elif default == "off" and parameter.value is False:
-            parameter = Parameter(parameter.name, Parameter.Type.STRING, "off")
+        elif default == VIEW_OFF and parameter.value is False:
+            parameter = Parameter(parameter.name, Parameter.Type.STRING, VIEW_OFF)
         out.append(parameter)
     return out
 
 
 def find_file(path: str) -> Path:
-    """`path` as it is if it exists or is absolute, else below the config folder of the sources or the installation."""
-    file = Path(path).expanduser()
-    if file.is_absolute() or file.exists():
+    """`path` as it is if it exists or is absolute, else below the config folder of the sources or the installation.
+
+    Raises
+    ------
+    ArgumentError
+        If it cannot be a path.
+    """
+    file = path_of(path)
+    if file.is_absolute() or os.path.exists(file):
         return file
     for folder in config_folders():
-        if (folder / file).exists():
+        if os.path.exists(folder / file):
             return folder / file
     return file
 
 
 def config_folders() -> list[Path]:
     """Where this package's configuration lies: beside the sources, or in share/ of a ROS prefix."""
-    import os
     import sys
 
     import cable_shape

@@ -1,9 +1,10 @@
 """The planner's process: service PredictShapes and action CheckTrajectory, beside the node and apart from its cycles.
 
-    python -m cable_shape.ros.planning SETUP
+    python -m cable_shape.ros.planning SETUP SERVES ENDS
 
-SETUP is an inherited descriptor with a :class:`~cable_shape.ros.workers.PlannerSetup` in JSON; standard input, by
-ending, ends the process. Started by :class:`~cable_shape.ros.worker.WorkerProcess`.
+SETUP is a descriptor of a :class:`~cable_shape.ros.workers.PlannerSetup` in JSON; for the others see
+:mod:`cable_shape.ros.serving`. Standard input, by ending, ends the process. Started by
+:class:`~cable_shape.ros.worker.WorkerProcess`.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from cable_shape.robot import Robot
 from cable_shape.ros import planner_messages, requests
 from cable_shape.ros.goals import Feedback, Goals, told
 from cable_shape.ros.messages import CheckTrajectory, PredictShapes
-from cable_shape.ros.serving import given, leave, serve
+from cable_shape.ros.serving import Gate, given, leave, serve
 from cable_shape.ros.workers import PlannerSetup
 from cable_shape.trajectory import check_trajectory
 from cable_shape.trajectory_report import TrajectoryCheck
@@ -30,14 +31,15 @@ from cable_shape.trajectory_report import TrajectoryCheck
 class Planner:
     """Answers requests; a check goes on beside calls of the service, of each kind one at a time."""
 
-    def __init__(self, node: Node, setup: PlannerSetup) -> None:
-        self._node, self._setup = node, setup
+    def __init__(self, node: Node, setup: PlannerSetup, gate: Gate) -> None:
+        self._node, self._setup, self._gate = node, setup, gate
         self._cables = {name: Cable.from_mapping(values) for name, values in setup.cables.items()}
         self._robot = Robot.from_yaml(setup.robot) if setup.robot else None
         node.create_service(
             PredictShapes, setup.service, self._predict, callback_group=MutuallyExclusiveCallbackGroup()
         )
-        self.checks = Goals(node, CheckTrajectory, setup.action, self._check, {"success": True, "partial": True})
+        unheard = {"success": True, "partial": True}
+        self.checks = Goals(node, CheckTrajectory, setup.action, self._check, unheard, gate.check)
 
     def _cable(self, cable_id: str) -> Cable:
         if not cable_id and len(self._cables) == 1:
@@ -50,6 +52,7 @@ class Planner:
         """PredictShapes."""
         setup = self._setup
         try:
+            self._gate.check()
             asked = requests.grasps(request, setup)
             batch = predict_batch(
                 self._cable(request.cable_id),
@@ -100,11 +103,11 @@ def main() -> int:
     """Serves planners as the node asked for."""
     setup = PlannerSetup.from_json(given())
 
-    def make(node: Node) -> str:
-        Planner(node, setup)
+    def make(node: Node, gate: Gate) -> str:
+        Planner(node, setup, gate)
         return f"serving {setup.service} and {setup.action}"
 
-    return serve(setup.name, setup.namespace, make)
+    return serve(setup, make)
 
 
 if __name__ == "__main__":

@@ -14,10 +14,12 @@ from cable_shape.pairing import SECOND, FrameGuard, MissedCount, Pair, Pairing, 
 from cable_shape.pose import Pose
 from cable_shape.robot import Robot
 from cable_shape.ros import conversions
+from cable_shape.ros.diagnostics import Complaint
 from cable_shape.ros.gathering import Gathering
 from cable_shape.ros.links import LinkSource
 from cable_shape.ros.parameters import Settings
 from cable_shape.ros.plausibility import JumpWatch
+from cable_shape.ros.publishers import PublisherWatch
 from cable_shape.ros.qos import POSE_TOPICS, SENSOR
 from cable_shape.ros.sources import Ends, Ready, Sink
 
@@ -26,8 +28,10 @@ from cable_shape.ros.sources import Ends, Ready, Sink
 class _Cable:
     """The two topics of one cable; left is its start."""
 
-    def __init__(self, prefix: str) -> None:
+    def __init__(self, node: Node, prefix: str) -> None:
         self.topics = tuple(prefix + topic for topic in POSE_TOPICS)
+        self.subscriptions: list[Any] = []
+        self.publishers = tuple(PublisherWatch(node, topic, PoseStamped) for topic in self.topics)
         self.guards = tuple(StampGuard(topic) for topic in self.topics)
         self.missed = tuple(MissedCount() for _ in self.topics)
         self.pairing: Pairing[Pose] = Pairing(0)
@@ -38,6 +42,8 @@ class _Cable:
         self.jumps.forget()
         for guard in self.guards:
             guard.forget()
+        for watch in self.publishers:
+            watch.forget()
         for count in self.missed:
             count.forget()
 
@@ -56,7 +62,7 @@ class PoseSource:
         self._sink = sink
         self._frame_setting = settings.frame_id
         self._frame = FrameGuard(settings.frame_id)
-        self._cables = {name: _Cable(f"{name}/" if len(cable_ids) > 1 else "") for name in cable_ids}
+        self._cables = {name: _Cable(node, f"{name}/" if len(cable_ids) > 1 else "") for name in cable_ids}
         self._gathering: Gathering[Pair[Pose]] = Gathering(cable_ids)
         self._links = None if robot is None else LinkSource(node, sink, robot)
         self.apply(settings)
@@ -65,7 +71,8 @@ class PoseSource:
         for name, cable in self._cables.items():
             for side, topic in enumerate(cable.topics):
                 take = partial(self._take, name, side)
-                self.subscriptions.append(node.create_subscription(PoseStamped, topic, take, SENSOR))
+                cable.subscriptions.append(node.create_subscription(PoseStamped, topic, take, SENSOR))
+            self.subscriptions += cable.subscriptions
 
     def apply(self, settings: Settings) -> None:
         """Takes over the parameters that may change while running."""
@@ -108,6 +115,12 @@ class PoseSource:
                 )
         return ""
 
+    def publishers(self) -> list[Complaint]:
+        """What is wrong with who publishes."""
+        watches = [watch for cable in self._cables.values() for watch in cable.publishers]
+        links = [] if self._links is None else self._links.publishers()
+        return [complaint for watch in watches for complaint in watch.complaints()] + links
+
     def destroy(self) -> None:
         """Takes the subscriptions away."""
         for subscription in self.subscriptions:
@@ -120,6 +133,10 @@ class PoseSource:
             return
         topic = cable.topics[side]
         sink.health.arrived(topic, sink.now())
+        mixed = cable.publishers[side].mixed(cable.subscriptions[side], info)
+        if mixed:
+            sink.health.refuse(f"{topic} publishers", mixed, sink.now())
+            return
         stamp = conversions.nanoseconds(message.header.stamp)
         reason = "frame"
         try:

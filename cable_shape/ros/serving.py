@@ -1,4 +1,8 @@
-"""What the processes beside the node do alike, from their start to their end: :func:`serve`."""
+"""What the processes beside the node do alike, from their start to their end: :func:`serve`.
+
+Their arguments are two inherited descriptors, of a text that says what to do and of one that is written to as soon as
+requests are served, and how often the process has ended before.
+"""
 
 from __future__ import annotations
 
@@ -8,17 +12,20 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from typing import NoReturn
+from typing import NoReturn, final
 
 import rclpy
 from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
 from rclpy.node import Node
 from rclpy.utilities import ok, try_shutdown
 
+from cable_shape.errors import InputError
 from cable_shape.ros.goals import MOST_GOALS
+from cable_shape.ros.workers import CalibratorSetup, PlannerSetup
 from cable_shape.warm_up import warm_up
 
 _AGAIN = 0.05  # s, between tries to shut down
+_KNOWN = 2.0  # s, within which all others have come to know a node that was started again
 
 
 def given() -> str:
@@ -28,22 +35,50 @@ def given() -> str:
         return file.read()
 
 
-def serve(name: str, namespace: str, make: Callable[[Node], str]) -> int:
+@final
+class Gate:
+    """Shut until requests are served: for a while after a process was started again.
+
+    Those who asked the process before it come to know this one little by little; the node answers them until all do.
+    """
+
+    def __init__(self, shut: bool = False) -> None:
+        self.shut = shut
+
+    def check(self) -> None:
+        """Raises InputError as long as it is shut."""
+        if self.shut:
+            raise InputError("the process that serves this has just been started again. Ask again in some seconds.")
+
+    def open_after(self, seconds: float) -> None:
+        """Opens, and tells the node that requests are served."""
+        time.sleep(seconds)
+        self.shut = False
+        serves = int(sys.argv[2])
+        os.write(serves, b"1")
+        os.close(serves)
+
+
+def serve(setup: PlannerSetup | CalibratorSetup, make: Callable[[Node, Gate], str]) -> int:
     """Serves until the parent closes the pipe, or a signal comes.
 
-    make: puts services and topics on the node, and says what it has put there.
+    make: puts services and topics on the node, which ask the gate first, and says what it has put there.
     """
-    make_way()
+    if setup.make_way:
+        make_way()
+    again = int(sys.argv[3]) > 0
     serving = threading.Event()
     threading.Thread(target=_end_with_parent, args=(serving,), daemon=True).start()
     warm_up()
     serving.set()
     rclpy.init()
-    node = Node(name, namespace=namespace, use_global_arguments=False, start_parameter_services=False)
+    node = Node(setup.name, namespace=setup.namespace, use_global_arguments=False, start_parameter_services=False)
     try:
         executor = MultiThreadedExecutor(num_threads=MOST_GOALS + 4)
         executor.add_node(node)
-        node.get_logger().info(make(node))
+        gate = Gate(shut=again)
+        node.get_logger().info(make(node, gate))
+        threading.Thread(target=gate.open_after, args=(_KNOWN if again else 0.0,), daemon=True).start()
         executor.spin()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass

@@ -20,8 +20,9 @@ from cable_shape.pairing import MissedCount, StampGuard
 from cable_shape.pose import Grip, Pose
 from cable_shape.robot import Robot
 from cable_shape.ros import conversions
-from cable_shape.ros.diagnostics import Health
+from cable_shape.ros.diagnostics import Complaint, Health
 from cable_shape.ros.parameters import Settings
+from cable_shape.ros.publishers import PublisherWatch
 from cable_shape.ros.qos import JOINT_TOPIC, SENSOR
 
 #: frame of the output for joint input without a frame_id: the robot's root
@@ -76,6 +77,7 @@ class JointSource:
         self._robot = robot
         self._frame_id = settings.frame_id or ROBOT_FRAME
         self._guard = StampGuard(JOINT_TOPIC)
+        self._publishers = PublisherWatch(node, JOINT_TOPIC, JointState)
         self._missed = MissedCount()
         self._used = 0
         take: Callable[..., None] = self._take
@@ -87,6 +89,7 @@ class JointSource:
     def clear(self) -> None:
         """Forgets the last stamp."""
         self._guard.forget()
+        self._publishers.forget()
         self._missed.forget()
 
     def counts(self) -> dict[str, int]:
@@ -96,6 +99,10 @@ class JointSource:
     def hint(self) -> str:
         """One topic needs no partner."""
         return ""
+
+    def publishers(self) -> list[Complaint]:
+        """What is wrong with who publishes."""
+        return self._publishers.complaints()
 
     def destroy(self) -> None:
         """Takes the subscription away."""
@@ -108,6 +115,10 @@ class JointSource:
         if not sink.open():
             return
         sink.health.arrived(JOINT_TOPIC, sink.now())
+        mixed = self._publishers.mixed(self.subscriptions[0], info)
+        if mixed:
+            sink.health.refuse(f"{JOINT_TOPIC} publishers", mixed, sink.now())
+            return
         stamp = conversions.nanoseconds(message.header.stamp)
         try:
             q = self._robot.positions(message.name, message.position)

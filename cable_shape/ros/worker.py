@@ -10,7 +10,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import final
 
 from cable_shape.children import ended, left
@@ -30,16 +30,26 @@ class WorkerProcess:
     name : str
         What it is, as in "the planner's process".
     module : str
-        Run as `python -m MODULE SETUP`, where SETUP is an inherited descriptor with the text `setup`.
+        Run as `python -m MODULE SETUP SERVES ENDS`: inherited descriptors, one with the text `setup`, one to be written
+        to as soon as it serves, and how often it has ended before.
     remedy : str
         What else to do if it ends again and again.
     environment : mapping of str to str
         Beside and instead of what it inherits.
+    arguments : sequence of str
+        After the others.
     """
 
     def __init__(
-        self, name: str, module: str, setup: str, remedy: str, environment: Mapping[str, str] | None = None
+        self,
+        name: str,
+        module: str,
+        setup: str,
+        remedy: str,
+        environment: Mapping[str, str] | None = None,
+        arguments: Sequence[str] = (),
     ) -> None:
+        self._arguments = tuple(arguments)
         self._name, self._module, self._remedy = name, module, remedy
         self._environment = {**os.environ, **(environment or {})}
         self._papers = os.memfd_create(f"cable_shape_{name}_setup", os.MFD_CLOEXEC)
@@ -49,6 +59,7 @@ class WorkerProcess:
         self._wait = _FIRST_WAIT
         self._ended: float | None = None  # when it was seen that the process is gone; None: it runs
         self._text, self._told = "", 0.0
+        self._ready = -1  # descriptor, as long as it may bring news
         self._start()
 
     @property
@@ -56,8 +67,26 @@ class WorkerProcess:
         """Of the process."""
         return self._process.pid
 
+    @property
+    def serves(self) -> bool:
+        """Whether its services are there."""
+        if self._process.poll() is not None:
+            return False
+        if self._ready >= 0:
+            try:
+                os.read(self._ready, 1)  # what was written, or the end, which poll will tell
+            except BlockingIOError:
+                return False
+            self._hear_no_more()
+        return self._process.poll() is None
+
+    @property
+    def excuse(self) -> str:
+        """Why a request is answered with an error while the process does not serve."""
+        return self._text or f"the {self._name}'s process does not serve: it loads, or was closed. Ask again later."
+
     def revived(self) -> str:
-        """Starts the process again if it has ended; a text about an end that was not long ago, else an empty one.
+        """Starts the process again if it has ended; a text as long as it does not serve, and for a while after an end.
 
         To be called about once a second.
         """
@@ -68,10 +97,15 @@ class WorkerProcess:
         elif self._ended is not None and now - self._ended >= self._wait:
             self.release()
             self._start()
-        return self._text if self._ended is not None or now - self._told < _TOLD else ""
+        if self._text and (now - self._told < _TOLD or not self.serves):
+            return self._text
+        self._text = ""
+        if self.serves:
+            return ""
+        return f"the {self._name}'s process loads: its services come when it serves, wait for them."
 
     def close(self) -> None:
-        """Ends the process; calls under way get no answer."""
+        """Ends the process."""
         self.release()
         ended(self._process, _GRACE)
         os.close(self._papers)
@@ -85,16 +119,27 @@ class WorkerProcess:
         """Tells the process to end, by closing the pipe."""
         assert self._process.stdin is not None
         self._process.stdin.close()
+        self._hear_no_more()
 
     def _start(self) -> None:
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", self._module, str(self._papers)],
-            stdin=subprocess.PIPE,  # by ending, it ends the process
-            pass_fds=(self._papers,),
-            env=self._environment,
-            process_group=0,  # Ctrl-C ends the caller, which closes the pipe
-        )
+        self._ready, serves = os.pipe()
+        os.set_blocking(self._ready, False)
+        try:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", self._module, *map(str, (self._papers, serves, self.ends)), *self._arguments],
+                stdin=subprocess.PIPE,  # by ending, it ends the process
+                pass_fds=(self._papers, serves),
+                env=self._environment,
+                process_group=0,  # Ctrl-C ends the caller, which closes the pipe
+            )
+        finally:
+            os.close(serves)
         self._started, self._ended = time.monotonic(), None
+
+    def _hear_no_more(self) -> None:
+        if self._ready >= 0:
+            os.close(self._ready)
+            self._ready = -1
 
     def _tell(self, now: float) -> None:
         self.ends += 1
@@ -104,7 +149,7 @@ class WorkerProcess:
         how = f"by signal {-code}" if code < 0 else f"with exit code {code}"
         self._told = now
         self._text = (
-            f"the {self._name}'s process has ended {how} ({self.ends} times so far): requests under way get no answer. "
-            f"It is started again after {self._wait:g} s; the cycles go on. If it ends again, read the log, and "
-            f"{self._remedy}"
+            f"the {self._name}'s process has ended {how} ({self.ends} times so far): requests are answered with an "
+            f"error until it serves again. It is started again after {self._wait:g} s; the cycles go on. If it ends "
+            f"again, read the log, and {self._remedy}"
         )

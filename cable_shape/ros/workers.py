@@ -7,14 +7,18 @@ import os
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, final
+from xml.etree import ElementTree
 
 from rclpy.node import Node
 
 from cable_shape.cycle import Cycle
 from cable_shape.errors import ArgumentError
+from cable_shape.files import read_bounded, regular
 from cable_shape.ros.assembly import Assembly
+from cable_shape.ros.messages import CalibrateCable, CheckTrajectory, PredictShapes
 from cable_shape.ros.parameters import Settings, find_file
 from cable_shape.ros.qos import POSE_TOPICS
+from cable_shape.ros.stand_in import StandIn
 from cable_shape.ros.worker import WorkerProcess
 from cable_shape.scene import Scene
 
@@ -27,6 +31,7 @@ CALIBRATE, CALIBRATION = "cable/calibrate", "cable/calibration"
 KEEP_MEMORY = {"MALLOC_MMAP_THRESHOLD_": "33554432", "MALLOC_TRIM_THRESHOLD_": "268435456"}
 #: Where Fast DDS looks for profiles; other middlewares do not.
 PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
+PROFILES_BYTES = 1_000_000
 
 
 @final
@@ -48,6 +53,7 @@ class PlannerSetup:
     rows: int  # grasps or waypoints in one request, at most
     threads: int
     time_limit: float  # s
+    make_way: bool  # run only where no other thread wants the core
 
     def to_json(self) -> str:
         """As text, for `from_json`."""
@@ -81,6 +87,7 @@ class CalibratorSetup:
     period: float  # s
     file: str
     time_limit: float  # s
+    make_way: bool  # run only where no other thread wants the core
 
     def to_json(self) -> str:
         """As text, for `from_json`."""
@@ -100,16 +107,39 @@ class CalibratorSetup:
 def start_workers(node: Node, settings: Settings, assembly: Assembly) -> None:
     """Starts what the settings ask for."""
     if settings.planner:
-        setup = planner_setup(node, settings, assembly.cycle).to_json()
+        planner = planner_setup(node, settings, assembly.cycle)
         remedy = "ask for fewer rows or points in one request."
         environment = {name: os.environ.get(name, value) for name, value in KEEP_MEMORY.items()}
         if settings.planner_profiles:
             environment[PROFILES] = str(_profiles(settings.planner_profiles))
-        assembly.workers["planner"] = WorkerProcess("planner", "cable_shape.ros.planning", setup, remedy, environment)
+        worker = WorkerProcess(
+            "planner", "cable_shape.ros.planning", planner.to_json(), remedy, environment, _enclave(node, "planner")
+        )
+        assembly.workers["planner"] = worker
+        services, actions = ((PredictShapes, planner.service),), ((CheckTrajectory, planner.action),)
+        assembly.stand_ins.append(StandIn(node, worker, services, actions))
     if settings.calibration or settings.calibration_points:
-        setup = calibrator_setup(node, settings, assembly.cycle).to_json()
+        calibrator = calibrator_setup(node, settings, assembly.cycle)
         remedy = "calibrate with fewer points."
-        assembly.workers["calibrator"] = WorkerProcess("calibrator", "cable_shape.ros.calibrating", setup, remedy)
+        worker = WorkerProcess(
+            "calibrator",
+            "cable_shape.ros.calibrating",
+            calibrator.to_json(),
+            remedy,
+            None,
+            _enclave(node, "calibrator"),
+        )
+        assembly.workers["calibrator"] = worker
+        if calibrator.action:
+            assembly.stand_ins.append(StandIn(node, worker, (), ((CalibrateCable, calibrator.action),)))
+
+
+def _enclave(node: Node, worker: str) -> list[str]:
+    """Arguments that put a worker of a node in an enclave of SROS 2 into an enclave of its own, named after that."""
+    own = (node.get_name(), node.get_namespace())
+    nodes = node.get_node_names_and_namespaces_with_enclaves()
+    enclave = next((enclave for name, space, enclave in nodes if (name, space) == own), "/")
+    return [] if enclave == "/" else ["--ros-args", "--enclave", f"{enclave}_{worker}"]
 
 
 def _profiles(path: str) -> Path:
@@ -118,12 +148,20 @@ def _profiles(path: str) -> Path:
     Raises
     ------
     ArgumentError
+        If it is not XML, or makes the middleware write files of its own.
     """
-    file = find_file(path).resolve()
-    if not file.is_file():
-        remedy = "Name one such as fastdds_planner.xml, or none."
-        raise ArgumentError.of("planner_profiles", path, "it must be the path of an XML file", remedy)
-    return file
+    file = regular(find_file(path), PROFILES_BYTES, "planner_profiles")
+    remedy = "Name one such as fastdds_planner.xml, or none."
+    try:
+        # expat knows no external entities and bounds the growth of internal ones; the file is bounded, too
+        tree = ElementTree.fromstring(read_bounded(file, PROFILES_BYTES, "planner_profiles"))  # noqa: S314
+    except ElementTree.ParseError as error:
+        line, _ = error.position
+        raise ArgumentError.of("planner_profiles", path, f"it is not XML from line {line} on", remedy) from None
+    if any(element.tag.rpartition("}")[2] == "log" for element in tree.iter()):
+        bound = "its <log> would write files, and files are written only below output_folder"
+        raise ArgumentError.of("planner_profiles", path, bound, remedy)
+    return file.resolve()
 
 
 def planner_setup(node: Node, settings: Settings, cycle: Cycle) -> PlannerSetup:
@@ -144,6 +182,7 @@ def planner_setup(node: Node, settings: Settings, cycle: Cycle) -> PlannerSetup:
         rows=settings.planner_rows,
         threads=settings.planner_threads or max(1, cores - 1),
         time_limit=settings.planner_time_limit,
+        make_way=settings.workers_make_way,
     )
 
 
@@ -171,6 +210,7 @@ def calibrator_setup(node: Node, settings: Settings, cycle: Cycle) -> Calibrator
         max_skew=settings.max_skew,
         window=settings.calibration_window,
         period=settings.calibration_period,
-        file=settings.calibration_file,
+        file=str(settings.output("calibration_file") or ""),
         time_limit=settings.planner_time_limit,
+        make_way=settings.workers_make_way,
     )

@@ -386,7 +386,7 @@ class Search:
         if abs(turns) > MOST_TURNS:
             detail = (
                 f"turns {turns} is not allowed from nothing: it must be within {MOST_TURNS} either way. On the way "
-                "there the cable would go through itself. Start with fewer turns, and turn the end from cycle to cycle. "
+                "there the cable would go through itself. Start with fewer turns and turn the end from cycle to cycle. "
             )
             return self.no_shape(Status.NOT_CONVERGED, poses, detail)
         if wound == 0.0 and float(poses[state.roll, 3:] @ poses[-1, 3:]) < 0.0:

@@ -35,7 +35,8 @@ def cable_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def _starter(folder: Path, cable_file: Path, cells: list[Cell]) -> Start:
     def start(*arguments: str, active: bool = True, **parameters: Any) -> Cell:
-        given = {"cable_file": cable_file, **parameters}
+        # else a test of the planner takes as long as others keep the cores busy
+        given = {"cable_file": cable_file, "workers_make_way": "false", **parameters}
         flags = [flag for name, value in given.items() for flag in ("-p", f"{name.replace('__', '.')}:={value}")]
         process = NodeProcess(f"n{os.getpid()}_{next(_count)}", folder, [*flags, *arguments])
         cell = Cell(process)
@@ -86,7 +87,6 @@ def shared(start_for_all: Start) -> Cell:
 def cell(shared: Cell) -> Cell:
     """The shared node, predicting, with nothing kept from the test before."""
     shared.predicted()
-    shared.spin(0.05)
     shared.shapes.clear()
     shared.diagnostics.clear()
     return shared

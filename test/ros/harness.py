@@ -39,6 +39,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
 TIMEOUT = 120.0  # s, bound of every wait; the kernels may have to be compiled within it
+FIRST_PATIENCE = 0.1  # s, for the answer to a pair, which may be lost; each time longer
 ALONG_X = (0.5, 0.5, 0.5, 0.5)  # d3 = x
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -92,6 +93,7 @@ class Cell:
             self.node.create_publisher(PoseStamped, f"{side}_gripper/pose", sensor) for side in ("left", "right")
         )
         self.joints = self.node.create_publisher(JointState, "joint_states", sensor)
+        self.pairs = 0  # published
         self.shapes: list[Any] = []
         self.diagnostics: list[Any] = []
         self.node.create_subscription(CableShape, "cable/shape", self.shapes.append, 100)
@@ -209,6 +211,7 @@ class Cell:
 
     def pair(self, stamp: int | None = None, **keywords: Any) -> int:
         """Publishes both grippers under one stamp, which it returns."""
+        self.pairs += 1
         stamp = self.now() if stamp is None else stamp
         for side in (0, 1):
             self.pose(side, stamp, **keywords)
@@ -219,13 +222,15 @@ class Cell:
         return next((m for m in self.shapes if nanoseconds(m.header.stamp) == stamp), None)
 
     def predicted(self) -> Any:
-        """Publishes pairs until one comes back as a shape."""
-        sent: list[int] = []
+        """The shape of a pair, which is published again until it is answered; none of those before it is under way."""
+        stamp, due, patience = self.pair(), time.monotonic() + FIRST_PATIENCE, FIRST_PATIENCE
 
         def answered() -> Any:
-            sent.append(self.pair())
-            self.executor.spin_once(timeout_sec=0.05)
-            return next((m for m in (self.shape_of(stamp) for stamp in sent) if m is not None), None)
+            nonlocal stamp, due, patience
+            if time.monotonic() >= due:  # lost, or the topics had not met
+                patience *= 1.5
+                stamp, due = self.pair(), time.monotonic() + patience
+            return self.shape_of(stamp)
 
         return self.until(answered, "shape")
 

@@ -12,7 +12,7 @@ import yaml
 from action_msgs.msg import GoalStatus
 from cable_shape_msgs.action import CalibrateCable
 from cable_shape_msgs.msg import CableCalibration, CableMargins, CableTube
-from harness import ALONG_X, LATCHED, Goals, child_of, nanoseconds
+from harness import ALONG_X, LATCHED, TIMEOUT, Goals, child_of, nanoseconds
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2, PointField
 
@@ -162,7 +162,7 @@ def test_a_topic_of_points_refines_the_cable_and_only_the_named_file_is_written(
     file = tmp_path / "found.yaml"
     node = start(
         calibration_points="seen/points", calibration_fit="bending_stiffness,length", calibration_period=0.3,
-        calibration_file=file,
+        calibration_file=file, output_folder=tmp_path,
     )  # fmt: skip
     results = node.listen(CableCalibration, "cable/calibration", LATCHED)
     qos = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
@@ -215,7 +215,11 @@ def test_without_a_parameter_there_is_no_calibrator(cell):
     ("parameters", "words"),
     [
         ({"calibration_fit": "stiffness", "calibration": "true"}, "calibration_fit: unknown key 'stiffness'"),
-        ({"calibration_file": "/nowhere/cable.yaml", "calibration_points": "seen"}, "its folder must exist"),
+        (
+            {"calibration_file": "/nowhere/cable.yaml", "calibration_points": "seen", "output_folder": "."},
+            "calibration_file: output = '/nowhere/cable.yaml' is not allowed: its folder must exist",
+        ),
+        ({"calibration_file": "cable.yaml", "calibration_points": "seen"}, "below output_folder, which is empty"),
         ({"calibration_file": "cable.yaml"}, "it is written by what calibration_points brings"),
         ({"uncertainty_file": "nowhere.yaml"}, "no such file"),
     ],
@@ -252,10 +256,8 @@ def test_the_node_sends_tubes_and_counts_them_in_its_margins(start, tmp_path):
 def test_a_cycle_is_not_disturbed_by_a_fit(client, node):
     """Cycles answer while a long fit runs in the other process."""
     handle = client.send(**goal_fields(400), fit=["bending_stiffness", "length", "start_tilt", "end_tilt"])
-    began = time.monotonic()
     for _ in range(5):
         assert node.predicted().usable
-    assert time.monotonic() - began < 60.0
     client.cell.until(handle.cancel_goal_async().done, "cancelled")
     client.answer(handle)
 
@@ -270,7 +272,7 @@ def test_a_calibrator_that_dies_is_told_and_ends_with_the_node(start):
         lambda: (pid := child_of(node, "cable_shape.ros.calibrating")) != first and pid, "a new process"
     )
     assert node.process.stop() == 0
-    until = time.monotonic() + 20.0  # it may just be loading, and is left to end by itself
+    until = time.monotonic() + TIMEOUT  # it may just be loading, and is left to end by itself
     while os.path.exists(f"/proc/{second}") and time.monotonic() < until:
         time.sleep(0.05)
     assert not os.path.exists(f"/proc/{second}")

@@ -79,7 +79,7 @@ class Node:
 
     def create_subscription(self, kind, topic, callback, qos):
         self.take.append(callback)
-        return SimpleNamespace(topic=topic)
+        return SimpleNamespace(topic=topic, handle=SimpleNamespace(get_publisher_count=lambda: 1))
 
 
 class Fed:

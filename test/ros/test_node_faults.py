@@ -16,7 +16,7 @@ from builtin_interfaces.msg import Time
 from cable_shape_msgs.msg import CableWarnings
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
-from harness import ALONG_X, LATCHED, Cell, NodeProcess, nanoseconds, values_of
+from harness import ALONG_X, LATCHED, TIMEOUT, Cell, NodeProcess, nanoseconds, values_of
 from rerun.chunk import RrdReader
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -31,7 +31,10 @@ POSSIBLE = {"unconfigured": {1: "inactive"}, "inactive": {2: "unconfigured", 3: 
 HERE = Path(__file__).parent
 
 
-def test_a_tracker_that_is_killed_mid_motion_and_started_again(cell):
+def test_a_tracker_that_is_killed_mid_motion_and_started_again(start):
+    cell = start(stale_after=0.4, diagnostics_period=0.3)
+    cell.predicted()  # the cell's own publishers stay known beside the tracker's, and are silent
+
     def tracker():
         return subprocess.Popen([sys.executable, HERE / "mover.py", f"/{cell.process.namespace}"])
 
@@ -51,8 +54,7 @@ def test_a_tracker_that_is_killed_mid_motion_and_started_again(cell):
 
 
 def test_a_jump_of_half_a_metre_is_followed_and_told(cell):
-    cell.predicted()
-    stamp = cell.now()
+    stamp = nanoseconds(cell.predicted().header.stamp) + 10_000_000
     cell.pose(0, stamp, (0.0, 0.5, 0.5))
     cell.pose(1, stamp, (0.8, 0.5, 0.5))
     shape = shape_from(cell.until(lambda: cell.shape_of(stamp), "shape after the jump"))
@@ -64,9 +66,7 @@ def test_a_jump_of_half_a_metre_is_followed_and_told(cell):
 
 
 def test_left_and_right_that_change_places_are_told(cell):
-    stamp = nanoseconds(cell.predicted().header.stamp)
-    cell.spin(0.05)
-    stamp = max(cell.now(), stamp + 1)
+    stamp = nanoseconds(cell.predicted().header.stamp) + 10_000_000
     cell.pose(0, stamp, (0.8, 0.0, 0.5))
     cell.pose(1, stamp, (0.0, 0.0, 0.5))
     cell.until(lambda: cell.shape_of(stamp), "shape the other way round")
@@ -94,13 +94,16 @@ def test_a_bag_that_loops_in_simulated_time(start):
     for last in range(k, k + 100):
         play(last)
     node.shapes.clear()
-    again = [play(k) for k in range(60)]  # from the start
-    node.until(lambda: nanoseconds(node.shapes[-1].header.stamp) in again[-5:], "shapes of the second round", 10.0)
-    fine = node.diagnosis
-    node.diagnostics.clear()
-    for k in range(60, 300):
+    again = []
+
+    def answered():
+        again.append(play(len(again)))  # from the start
+        return node.shapes and nanoseconds(node.shapes[-1].header.stamp) in again
+
+    node.until(answered, "shapes of the second round")
+    for k in range(len(again), len(again) + 240):
         play(k)
-    status = fine("input", "")
+    status = node.diagnosis("input", "")
     assert int(values_of(status)["clock restarts"]) == 1
     assert node.process.stop() == 0
 
@@ -143,7 +146,7 @@ def test_lifecycle_transitions_in_any_order_a_hundred_times_leave_nothing_behind
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_leaves_a_recording_that_can_be_read(start, tmp_path, number):
     file = tmp_path / "seen.rrd"
-    node = start(view=file)
+    node = start(output_folder=tmp_path, view=file)
 
     def written():  # the viewer's process takes a moment to start
         node.pair()
@@ -162,7 +165,7 @@ def test_a_signal_leaves_a_recording_that_can_be_read(start, tmp_path, number):
 def test_a_signal_during_configure_ends_it(start, number, tmp_path, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cold"))  # configure compiles for minutes
     node = start(active=False)
-    end = time.monotonic() + 60.0
+    end = time.monotonic() + TIMEOUT
     while "configuring" not in node.process.text():
         assert time.monotonic() < end
         time.sleep(0.05)
@@ -172,7 +175,7 @@ def test_a_signal_during_configure_ends_it(start, number, tmp_path, monkeypatch)
 
 def test_a_full_disk_ends_the_recording_not_the_node(start, tmp_path):
     file = tmp_path / "seen.rrd"
-    node = start(view=file, diagnostics_period=0.2)
+    node = start(output_folder=tmp_path, view=file, diagnostics_period=0.2)
     node.predicted()
     node.until(file.exists, "recording")
     child = next(p for p in Path("/proc").glob("[0-9]*") if parent_of(p) == node.process.process.pid)
@@ -183,7 +186,7 @@ def test_a_full_disk_ends_the_recording_not_the_node(start, tmp_path):
         node.spin(0.02)
         return next((s for m in node.diagnostics for s in m.status if "the viewer has ended" in s.message), None)
 
-    status = node.until(told, "diagnostics about the viewer", 60.0)
+    status = node.until(told, "diagnostics about the viewer")
     assert "disk full" in status.message
     assert file.stat().st_size <= 20_000
     node.predicted()
@@ -201,7 +204,7 @@ def parent_of(process):
 
 
 def test_a_viewer_that_is_killed_is_told(start, tmp_path):
-    node = start(view=tmp_path / "seen.rrd", diagnostics_period=0.2)
+    node = start(output_folder=tmp_path, view="seen.rrd", diagnostics_period=0.2)
     node.predicted()
     child = next(p for p in Path("/proc").glob("[0-9]*") if parent_of(p) == node.process.process.pid)
     os.kill(int(child.name), signal.SIGKILL)
@@ -233,6 +236,8 @@ def test_ten_cables_on_one_node(start, tmp_path):
     publishers = [[node.node.create_publisher(PoseStamped, topic, 1) for topic in both] for both in topics]
     warnings = node.listen(CableWarnings, "cable/warnings", LATCHED)
 
+    last_sent = [0]
+
     def publish(stamp, last=10):
         for k, both in enumerate(publishers[:last]):
             for x, publisher in zip((0.0, 0.8), both, strict=True):
@@ -245,14 +250,20 @@ def test_ten_cables_on_one_node(start, tmp_path):
                 publisher.publish(message)
 
     def came(count):
+        sent = []
+
         def all_came():
             stamp = node.now() // 10**9 * 10**9 + 1000  # the sum below stays within its second
-            stamp = max(stamp, getattr(node, "sent", 0) + 20_000_000)
-            node.sent = stamp
+            stamp = max(stamp, last_sent[0] + 20_000_000)
+            last_sent[0] = stamp
+            sent.append(stamp)
             publish(stamp, count)
             node.spin(0.1)
-            found = {m.cable_id: m for m in node.shapes if nanoseconds(m.header.stamp) == stamp}
-            return found if len(found) == count else None
+            for stamp in sent:
+                found = {m.cable_id: m for m in node.shapes if nanoseconds(m.header.stamp) == stamp}
+                if len(found) == count:
+                    return found
+            return None
 
         return all_came
 
@@ -330,9 +341,9 @@ def test_poses_with_a_robot_check_its_links_while_joint_states_come(start):
         node.spin(0.02)
         return any(m.robot_checked for m in warnings)
 
-    node.until(checked, "warnings with the robot checked", 20.0)
+    node.until(checked, "warnings with the robot checked")
     warnings.clear()
     node.spin(0.5)
     node.predicted()
-    node.until(lambda: warnings and not warnings[-1].robot_checked, "warnings without it", 10.0)
+    node.until(lambda: warnings and not warnings[-1].robot_checked, "warnings without it")
     assert node.process.stop() == 0

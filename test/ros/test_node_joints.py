@@ -1,12 +1,13 @@
 """The node over DDS, fed with joint states of the dual-arm robot."""
 
 import math
+import time
 
 import pytest
 from builtin_interfaces.msg import Time
 from cable_shape_msgs.msg import CableWarnings
 from diagnostic_msgs.msg import DiagnosticStatus
-from harness import LATCHED, nanoseconds
+from harness import FIRST_PATIENCE, LATCHED, nanoseconds
 from sensor_msgs.msg import JointState
 
 from cable_shape.fields import shape_from
@@ -38,13 +39,15 @@ def publish(cell, robot, stamp=None, drop=(), **changes):
 
 
 def answered(cell, robot, **changes):
-    """The shape for a joint state that is published until it is answered."""
-    sent = []
+    """The shape for a joint state that is published until it is answered; none before it is under way."""
+    stamp, due, patience = publish(cell, robot, **changes), time.monotonic() + FIRST_PATIENCE, FIRST_PATIENCE
 
     def came():
-        sent.append(publish(cell, robot, **changes))
-        cell.executor.spin_once(timeout_sec=0.05)
-        return next((m for m in (cell.shape_of(stamp) for stamp in sent) if m is not None), None)
+        nonlocal stamp, due, patience
+        if time.monotonic() >= due:
+            patience *= 1.5
+            stamp, due = publish(cell, robot, **changes), time.monotonic() + patience
+        return cell.shape_of(stamp)
 
     return cell.until(came, "shape")
 
@@ -77,7 +80,6 @@ def test_clearance_to_the_robot_is_checked(arms, robot):
 )
 def test_bad_joint_states_are_refused(arms, robot, changes, text):
     answered(arms, robot)
-    arms.spin(0.1)
     arms.shapes.clear()
     publish(arms, robot, **changes)
     arms.diagnosis("input", text, ERROR)
@@ -87,12 +89,7 @@ def test_bad_joint_states_are_refused(arms, robot, changes, text):
 
 
 def test_a_repeated_stamp_is_refused(arms, robot):
-    stamp = nanoseconds(answered(arms, robot).header.stamp)
-    arms.spin(0.1)
-    publish(arms, robot, arms.now())
-    arms.spin(0.1)
-    last = max(nanoseconds(m.header.stamp) for m in arms.shapes)
-    assert last >= stamp
+    last = nanoseconds(answered(arms, robot).header.stamp)
     publish(arms, robot, last)
     arms.diagnosis("input", f"joint_states: header.stamp = {last} ns is repeated", ERROR)
     answered(arms, robot)

@@ -73,7 +73,7 @@ def test_simulated_time_never_heard_is_told_and_followed_once_it_runs(start):
         fresh = [s for m in node.diagnostics[-1:] for s in m.status if s.name.endswith(": input")]
         return node.shapes and any(s.level == b"\x00" for s in fresh)
 
-    node.until(stepped, "shapes and diagnostics OK in simulated time", 30.0)
+    node.until(stepped, "shapes and diagnostics OK in simulated time")
     assert nanoseconds(node.shapes[-1].header.stamp) in stamps
     assert nanoseconds(node.diagnostics[-1].header.stamp) < 10**12  # simulated, not since 1970
     assert node.process.stop() == 0
@@ -81,7 +81,7 @@ def test_simulated_time_never_heard_is_told_and_followed_once_it_runs(start):
 
 def test_a_viewer_file_is_written_and_closed(start, tmp_path):
     file = tmp_path / "seen.rrd"
-    node = start(view=file)
+    node = start(output_folder=tmp_path, view=file)
     node.predicted()
     node.until(file.exists, "recording")
     assert node.process.stop() == 0

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticStatus
-from harness import ALONG_X, values_of
+from harness import ALONG_X, TIMEOUT, values_of
 
 from cable_shape.pose import Grip, Pose
 from cable_shape.ros.diagnostics import Level
@@ -26,20 +26,13 @@ def test_of_input_faster_than_the_node_the_newest_is_used_and_the_rest_counted(s
     node = start(model="cosserat", diagnostics_period=0.2)
     node.predicted()
     before = node.diagnosis("input", "")
+    sent = node.pairs
     for _ in range(BURST):
         node.pair()
-    node.spin(0.5)
+    node.predicted()
     node.shapes.clear()
     node.spin(0.5)
     assert node.shapes == []  # nothing waits in a queue
-    extra = []
-
-    def answered():
-        extra.append(node.pair())
-        node.spin(0.05)
-        return node.shape_of(extra[-1])
-
-    node.until(answered, "shape of a pair after the burst", 20.0)
     after = node.diagnosis("input", "")
     missed = number_of(after, "overtaken or lost on ") - number_of(before, "overtaken or lost on ")
     pairs = number_of(after, "pairs") - number_of(before, "pairs")
@@ -47,7 +40,7 @@ def test_of_input_faster_than_the_node_the_newest_is_used_and_the_rest_counted(s
     assert missed > BURST / 10
     assert pairs < BURST
     assert missed + 2 * pairs + alone == pytest.approx(
-        2 * (BURST + len(extra)), abs=80
+        2 * (node.pairs - sent), abs=80
     )  # those that wait for a partner, at most 64
     assert node.process.stop() == 0
 
@@ -85,15 +78,19 @@ def listed(node):
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_node_that_has_ended_is_gone_from_the_graph_with_its_planner_and_viewer(start, tmp_path, number):
-    node = start(planner="true", view=tmp_path / "seen.rrd")
+    node = start(planner="true", output_folder=tmp_path, view="seen.rrd")
     node.until(lambda: "cable_shape_node_planner" in listed(node), "planner")
     node.predicted()
     children = [p for p in Path("/proc").glob("[0-9]*") if parent_of(p) == node.process.process.pid]
     assert len(children) == 2
     assert node.process.stop(number) == 0
     end = time.monotonic() + 15.0  # without a farewell they would stay listed for 20 s
-    while set(listed(node)) & {"cable_shape_node", "cable_shape_node_planner"} or any(map(alive, children)):
+    while set(listed(node)) & {"cable_shape_node", "cable_shape_node_planner"}:
         assert time.monotonic() < end, listed(node)
+        time.sleep(0.05)
+    end = time.monotonic() + TIMEOUT
+    while any(map(alive, children)):
+        assert time.monotonic() < end
         time.sleep(0.05)
 
 
@@ -113,7 +110,7 @@ def alive(process):
 
 
 def test_a_viewer_that_is_stopped_holds_up_neither_cycles_nor_the_end(start, tmp_path):
-    node = start(view=tmp_path / "seen.rrd")
+    node = start(output_folder=tmp_path, view="seen.rrd")
     node.predicted()
     viewer = next(p for p in Path("/proc").glob("[0-9]*") if parent_of(p) == node.process.process.pid)
     os.kill(int(viewer.name), signal.SIGSTOP)

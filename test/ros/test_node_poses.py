@@ -143,12 +143,12 @@ def test_one_gripper_going_silent_is_named(cell):
     def left_only():
         cell.pose(0, cell.now())
         cell.spin(0.02)
-        return time.monotonic() > end
+        texts = [s for m in cell.diagnostics for s in m.status if "stale: no message on right_gripper" in s.message]
+        return next(iter(texts), None)
 
     cell.shapes.clear()
-    end = time.monotonic() + 0.8
-    cell.until(left_only, "0.8 s of left only")
-    status = cell.diagnosis("input", "stale: no message on right_gripper/pose for", WARN)
+    status = cell.until(left_only, "diagnostics about right only")
+    assert status.level == WARN
     assert "no message on left" not in status.message
     assert cell.shapes == []
 
@@ -165,18 +165,18 @@ def test_stamps_too_far_apart_never_pair_and_the_text_says_so(cell):
         stamp = cell.now()
         cell.pose(0, stamp)
         cell.pose(1, stamp + 150_000_000)
+        sent.append(stamp)
         cell.spin(0.4)  # long enough that no other two stamps are nearer
-        return cell.shape_of(stamp)
+        return any(cell.shape_of(stamp) for stamp in sent)
 
-    cell.spin(0.2)
-    cell.shapes.clear()
-    status = cell.until(apart, "diagnostics about pairs", 10.0)
+    sent = []
+    status = cell.until(apart, "diagnostics about pairs")
     assert "10.000 s apart, max_skew = 0.02 s" in status.message
     assert "raise max_skew" in status.message
     assert cell.shapes == []
     assert cell.set(max_skew=0.2).successful
     try:
-        cell.until(wide, "shape of a wide pair", 10.0)
+        cell.until(wide, "shape of a wide pair")
     finally:
         assert cell.set(max_skew=0.02).successful
 
@@ -262,7 +262,7 @@ def test_diagnostics_turn_ok_with_rate_and_cycle_time(cell):
         statuses = [s for m in cell.diagnostics for s in m.status if s.name.endswith(": input")]
         return next((s for s in statuses if s.level == DiagnosticStatus.OK), None)
 
-    status = cell.until(steady, "diagnostics OK", 10.0)
+    status = cell.until(steady, "diagnostics OK")
     assert status.message.endswith("cycles a second")
     values = values_of(status)
     assert float(values["rate [Hz]"]) > 0.0
@@ -286,19 +286,19 @@ def test_only_one_gripper_seen_is_named(start):
 def test_a_set_rate_uses_the_newest_pair_and_sends_nothing_twice(start):
     slow = start(rate=10)
     first = slow.predicted()
-    slow.spin(0.5)
     slow.shapes.clear()
     sent = []
-    end = time.monotonic() + 2.0
-    while time.monotonic() < end:
+    began = time.monotonic()
+    while time.monotonic() < began + 2.0:
         sent.append(slow.pair())
         slow.spin(0.01)
-    slow.spin(0.3)
+    sent.append(nanoseconds(slow.predicted().header.stamp))  # nothing is under way any more
+    seconds = time.monotonic() - began
     stamps = [nanoseconds(m.header.stamp) for m in slow.shapes]
     assert nanoseconds(first.header.stamp) not in stamps
     assert len(set(stamps)) == len(stamps)
-    assert set(stamps) <= set(sent)
-    assert 5 <= len(stamps) <= 23  # 10 Hz for two seconds, on a machine that may be busy
+    assert len(set(stamps) - set(sent)) <= slow.pairs - len(sent)  # those that were asked for again
+    assert 1 <= len(stamps) <= 10.0 * seconds + 3  # 10 Hz, on a machine that may be busy
     assert stamps == sorted(stamps)
     slow.spin(0.5)
     assert len(slow.shapes) == len(stamps)  # no new input, no new message

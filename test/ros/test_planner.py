@@ -12,7 +12,7 @@ from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Duration
 from cable_shape_msgs.action import CheckTrajectory
 from cable_shape_msgs.srv import PredictShapes
-from harness import ALONG_X, Goals, child_of
+from harness import ALONG_X, TIMEOUT, Goals, child_of
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 import cable_shape as cs
@@ -20,6 +20,7 @@ from cable_shape.robot import Robot
 from cable_shape.ros import planning
 from cable_shape.ros.parameters import find_file
 from cable_shape.ros.planning import Planner
+from cable_shape.ros.serving import Gate
 from cable_shape.ros.workers import PlannerSetup
 
 CLEANUP, DEACTIVATE = 2, 4
@@ -27,6 +28,7 @@ CABLE = cs.Cable(length=1.2, linear_density=0.1, bending_stiffness=0.01, diamete
 POST = cs.Obstacle("post", cs.Capsule(0.02, 0.6), cs.Pose((0.4, 0.1, 0.2)))
 SCENE_YAML = "obstacles:\n- {name: post, capsule: {radius: 0.02, length: 0.6}, position: [0.4, 0.1, 0.2]}\n"
 ROBOT = find_file("robots/dual_arm.yaml")
+ROWS = 20_000  # planner_rows
 
 
 def grasps(rows):
@@ -53,7 +55,7 @@ def planner(start_for_all, tmp_path_factory):
     scene = tmp_path_factory.mktemp("scene") / "scene.yaml"
     scene.write_text(SCENE_YAML)
     return start_for_all(
-        scene_file=scene, robot_file=ROBOT, planner="true", planner_rows=2000, planner_time_limit=20.0,
+        scene_file=scene, robot_file=ROBOT, planner="true", planner_rows=ROWS, planner_time_limit=3600.0,
         model="cosserat", tolerance=1.2e-4, diagnostics_period=0.3,
     )  # fmt: skip
 
@@ -112,7 +114,7 @@ def test_a_request_says_points_model_and_what_it_wants_back(planner):
         ({"starts": [0.0] * 8}, "starts = '8 numbers' is not allowed: it must hold seven numbers"),
         ({"starts": [], "ends": []}, "starts = '0 numbers' is not allowed"),
         ({"starts": flat(grasps(2)[0])}, "ends = '1 rows' is not allowed: it must have as many as starts, 2"),
-        ({"starts": [0.0] * 7 * 2001}, "starts = '2001 rows' is not allowed: at most planner_rows = 2000"),
+        ({"starts": [0.0] * 7 * (ROWS + 1)}, "starts = '20001 rows' is not allowed: at most planner_rows = 20000"),
         ({"cable_id": "hose"}, "cable_id: unknown key 'hose'"),
         ({"model": "spline"}, "model = 'spline' is not allowed: it must be one of catenary"),
         ({"points": 1}, "points = 1 is not allowed"),
@@ -214,7 +216,7 @@ def back_in_time():
         ({}, "goal = 'neither' is not allowed: give either trajectory or starts and ends"),
         ({"trajectory": joint_trajectory(2)[1], "starts": [0.0] * 7}, "goal = 'both' is not allowed"),
         ({"trajectory": JointTrajectory(joint_names=["a"])}, "positions = "),
-        ({"starts": [0.0] * 7 * 2001}, "starts = '2001 rows' is not allowed: at most planner_rows = 2000"),
+        ({"starts": [0.0] * 7 * (ROWS + 1)}, "starts = '20001 rows' is not allowed: at most planner_rows = 20000"),
         ({"starts": [float("nan")] * 7, "ends": [0.0] * 7}, "starts[0] = "),
     ],
 )
@@ -226,10 +228,12 @@ def test_a_bad_goal_is_aborted_with_what_is_wrong(check, fields, text):
 
 
 def long_motion():
-    """Minutes of work: to and fro, each time with a violation to find."""
-    starts, ends = sideways(2)
-    turns = np.arange(2000) % 2
-    return {"starts": flat(starts[turns]), "ends": flat(ends[turns])}
+    """Minutes of work: from one end of the reach to another, to a thousandth of the tolerance of the others."""
+    random = np.random.default_rng(5)
+    starts, ends = (np.tile((x, 0.0, 0.6, *ALONG_X), (ROWS, 1)) for x in (0.0, 0.8))
+    for table in (starts, ends):
+        table[:, :3] += random.uniform(-0.3, 0.3, (ROWS, 3))
+    return {"starts": flat(starts), "ends": flat(ends), "tolerance": 1e-8}
 
 
 def test_a_goal_tells_how_far_it_is_and_is_cancelled_while_the_service_answers(planner, check):
@@ -238,15 +242,15 @@ def test_a_goal_tells_how_far_it_is_and_is_cancelled_while_the_service_answers(p
     starts, ends = grasps(5)
     assert shapes_of(planner, starts=flat(starts), ends=flat(ends)).success  # beside the check
     planner.until(lambda: check.feedback[-1].waypoint > 2, "progress")
-    assert check.feedback[-1].waypoints == 2000
-    assert check.feedback[-1].violated
+    assert check.feedback[-1].waypoints == ROWS
+    planner.until(lambda: check.feedback[-1].violated, "a violation")
     cancelled = handle.cancel_goal_async()
     planner.until(cancelled.done, "answer to the cancellation")
     assert len(cancelled.result().goals_canceling) == 1
     status, told = check.answer(handle)
     assert status == GoalStatus.STATUS_CANCELED
     assert (told.success, told.partial, told.valid) == (True, True, False)
-    assert 0 < sum(told.done) < 2000
+    assert 0 < sum(told.done) < ROWS
     assert told.first.other == "post"
 
 
@@ -254,7 +258,7 @@ def test_a_goal_beyond_its_time_limit_is_partial(check):
     status, told = check(**long_motion(), time_limit=0.3)
     assert status == GoalStatus.STATUS_SUCCEEDED
     assert told.partial
-    assert 0 < sum(told.done) < 2000
+    assert 0 < sum(told.done) < ROWS
 
 
 def test_of_too_many_goals_one_is_refused_and_those_that_wait_are_cancelled_at_once(planner, check):
@@ -285,32 +289,79 @@ def gone(pid):
     return False
 
 
+def serving(node):
+    """Waits for the planner, and for the stand-in that the node has beside it."""
+    node.until(lambda: node.node.count_services("cable/predict_shapes") == 2, "planner and stand-in")
+
+
 def test_a_planner_that_dies_is_told_and_started_again_and_cycles_go_on(start):
     node = start(planner="true", diagnostics_period=0.3)
+    node.diagnosis("lifecycle", "the planner's process loads: its services come when it serves", b"\x01")
+    node.diagnosis("lifecycle", "active", b"\x00")
     starts, ends = grasps(3)
     assert shapes_of(node, starts=flat(starts), ends=flat(ends)).success
+    serving(node)
     first = planner_pid(node)
     os.kill(first, signal.SIGKILL)
     status = node.diagnosis("lifecycle", "the planner's process has ended by signal 9 (1 times so far)", b"\x01")
     assert "It is started again after 1 s" in status.message
     node.predicted()
     second = node.until(lambda: (pid := planner_pid(node)) != first and pid, "a new process")
-
-    def answered():
-        client = node.node.create_client(PredictShapes, "cable/predict_shapes")
-        node.until(client.service_is_ready, "predict_shapes")
-        future = client.call_async(PredictShapes.Request(starts=flat(starts), ends=flat(ends)))
-        end = time.monotonic() + 2.0  # the dead one may still be listed
-        while not future.done() and time.monotonic() < end:
-            node.spin(0.05)
-        node.node.destroy_client(client)
-        return future.done() and future.result().success
-
-    node.until(answered, "an answer of the new process")
+    node.diagnosis("lifecycle", "active", b"\x00")  # from now on it serves
+    assert shapes_of(node, starts=flat(starts), ends=flat(ends)).success
     assert node.process.stop() == 0
     node_text = node.process.text()
     assert "Traceback" not in node_text
-    assert gone(second)
+    wait_until_gone(second)
+
+
+def test_whatever_is_asked_while_the_planner_starts_again_is_answered(start):
+    node = start(planner="true", planner_rows=ROWS, planner_time_limit=3600.0, diagnostics_period=0.3, model="cosserat")
+    starts, ends = grasps(3)
+    request = PredictShapes.Request(starts=flat(starts), ends=flat(ends))
+    client = node.node.create_client(PredictShapes, "cable/predict_shapes")
+    goals = Goals(node, CheckTrajectory, "cable/check_trajectory")
+    node.until(client.service_is_ready, "predict_shapes")
+    assert node.ask(client, request, "shapes").success
+    serving(node)
+    under_way = goals.send(**long_motion()).get_result_async()
+    node.until(lambda: goals.feedback, "feedback")
+    os.kill(planner_pid(node), signal.SIGKILL)
+    calls, sent, results = [], [], []
+    motion = goals.kind.Goal(**dict(zip(("starts", "ends"), map(flat, sideways(2, reach=0.02)), strict=True)))
+
+    def served():
+        calls.append(client.call_async(request))
+        sent.append(goals.client.send_goal_async(motion))
+        node.spin(0.2)
+        for future in [future for future in sent if future.done()]:
+            sent.remove(future)
+            assert future.result().accepted
+            results.append(future.result().get_result_async())
+        good = any(call.done() and call.result().success for call in calls)
+        return good and any(result.done() and result.result().result.success for result in results)
+
+    node.until(served, "a shape and a check of the new process")
+    node.until(lambda: all(future.done() for future in (*calls, *sent, under_way)), "answers to all calls")
+    results += [future.result().get_result_async() for future in sent]
+    node.until(lambda: all(future.done() for future in results), "results of all goals")
+    assert under_way.result().status == GoalStatus.STATUS_ABORTED
+    assert "the planner's process has ended by signal 9" in under_way.result().result.error
+    told = [call.result().error for call in calls if not call.result().success]
+    assert told
+    reasons = ("the planner's process has ended by signal 9", "has just been started again")
+    assert all(any(reason in text for reason in reasons) for text in told)
+    wrong = [result.result() for result in results if result.result().status == GoalStatus.STATUS_ABORTED]
+    assert wrong
+    assert all(any(reason in result.result.error for reason in reasons) for result in wrong)
+    assert node.process.stop() == 0
+
+
+def wait_until_gone(pid):
+    end = time.monotonic() + TIMEOUT
+    while not gone(pid):
+        assert time.monotonic() < end
+        time.sleep(0.1)
 
 
 def test_the_planner_comes_and_goes_with_the_lifecycle(start):
@@ -318,7 +369,6 @@ def test_the_planner_comes_and_goes_with_the_lifecycle(start):
     client = node.node.create_client(PredictShapes, "cable/predict_shapes")
     node.until(client.service_is_ready, "predict_shapes")
     pid = planner_pid(node)
-    assert {os.sched_getscheduler(int(thread)) for thread in os.listdir(f"/proc/{pid}/task")} == {os.SCHED_IDLE}
     assert node.transition(DEACTIVATE)
     starts, ends = grasps(1)
     assert shapes_of(node, starts=flat(starts), ends=flat(ends)).success  # it needs no input
@@ -326,6 +376,19 @@ def test_the_planner_comes_and_goes_with_the_lifecycle(start):
     assert gone(pid)
     node.until(lambda: not client.service_is_ready(), "service gone")
     assert node.process.stop() == 0
+
+
+@pytest.mark.parametrize(
+    ("kind", "module"), [("planner", "cable_shape.ros.planning"), ("calibration", "cable_shape.ros.calibrating")]
+)
+def test_the_workers_make_way_for_all_others(start, kind, module):
+    node = start(**{kind: "true"}, workers_make_way="true")
+    pid = node.until(lambda: child_of(node, module), "the process")
+
+    def policies():
+        return {os.sched_getscheduler(int(thread)) for thread in os.listdir(f"/proc/{pid}/task")}
+
+    node.until(lambda: policies() == {os.SCHED_IDLE}, "SCHED_IDLE")
 
 
 def test_with_profiles_large_answers_go_through_their_shared_memory_and_are_the_same(start):
@@ -344,7 +407,7 @@ def test_with_profiles_large_answers_go_through_their_shared_memory_and_are_the_
 
 def test_profiles_that_are_not_there_are_told(start):
     node = start(active=False, planner="true", planner_profiles="nowhere.xml")
-    node.diagnosis("lifecycle", "planner_profiles = 'nowhere.xml' is not allowed", b"\x02")
+    node.diagnosis("lifecycle", "nowhere.xml: no such planner_profiles. Check the path", b"\x02")
 
 
 def test_a_killed_node_takes_its_planner_along(start):
@@ -352,10 +415,7 @@ def test_a_killed_node_takes_its_planner_along(start):
     pid = node.until(lambda: planner_pid(node), "the planner")
     node.process.process.kill()
     node.process.process.wait()
-    end = time.monotonic() + 60.0
-    while not gone(pid):
-        assert time.monotonic() < end
-        time.sleep(0.1)
+    wait_until_gone(pid)
 
 
 def test_of_several_cables_the_request_names_one(start, tmp_path):
@@ -380,13 +440,27 @@ def test_of_several_cables_the_request_names_one(start, tmp_path):
 def test_a_defect_is_answered_and_the_planner_goes_on(monkeypatch):
     """Whatever is raised below the service and the action."""
     setup = PlannerSetup(
-        "p", "/", "s", "a", {"cable": CABLE.as_dict()}, cs.Scene(), "", "auto", (0.0, 0.0, -9.81), 20, 0.0, 10, 1, 5.0
+        "p",
+        "/",
+        "s",
+        "a",
+        {"cable": CABLE.as_dict()},
+        cs.Scene(),
+        "",
+        "auto",
+        (0.0, 0.0, -9.81),
+        20,
+        0.0,
+        10,
+        1,
+        5.0,
+        True,
     )
     context = rclpy.Context()
     rclpy.init(context=context)
     node = rclpy.create_node("defects", context=context)
     try:
-        planner = Planner(node, setup)
+        planner = Planner(node, setup, Gate())
         starts, ends = grasps(2)
         request = PredictShapes.Request(starts=flat(starts), ends=flat(ends))
         ended = []
@@ -414,6 +488,20 @@ def test_the_planner_gets_to_know_the_same_bits():
         [POST, cs.Obstacle("m", cs.Mesh(np.eye(4, 3) / 3.0, [(0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3)]))]
     )
     setup = PlannerSetup(
-        "p", "/", "s", "a", {"cable": CABLE.as_dict()}, scene, "", "auto", (0.0, 0.1, -9.81), 20, 1 / 3, 10, 1, 5.0
+        "p",
+        "/",
+        "s",
+        "a",
+        {"cable": CABLE.as_dict()},
+        scene,
+        "",
+        "auto",
+        (0.0, 0.1, -9.81),
+        20,
+        1 / 3,
+        10,
+        1,
+        5.0,
+        True,
     )
     assert PlannerSetup.from_json(setup.to_json()) == setup

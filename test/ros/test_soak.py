@@ -21,8 +21,11 @@ def test_a_minute_of_input_leaves_nothing_behind():
     assert "memory" in said_by("--minutes", "1", "--rate", "100", "--settle", "20", "--untimed")
 
 
-def test_random_messages_do_no_harm():
-    assert said_by("--fuzz", "4000").startswith("4000 random messages sent, ")
+def test_random_messages_and_hostile_peers_do_no_harm():
+    first, *others = said_by("--fuzz", "4000").splitlines()
+    assert first.startswith("4000 random messages sent, ")
+    told = "40 requests and publishers of hostile peers"
+    assert others == [f"{told}: it predicts", f"{told}, the node locked: it predicts"]
 
 
 def test_replays_are_the_same():
