@@ -102,7 +102,6 @@ class CableShape:
         "buffer",
         "detail",
         "energy",
-        "error_estimate",
         "force_error",
         "iterations",
         "length",

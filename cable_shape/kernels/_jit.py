@@ -163,6 +163,8 @@ class _Cache(FunctionCache):
 def kernel(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     """Compiles lazily in nopython mode with numpy's division rules (NaN and inf, no exceptions) and a cache on disk."""
 
+    options.setdefault("_nrt", True)  # else it would be that of whatever kernel calls it first
+
     def decorate(f: Callable[..., Any]) -> Any:
         compiled = numba.njit(error_model="numpy", **options)(f)
         if hasattr(compiled, "enable_caching"):  # not where NUMBA_DISABLE_JIT leaves the function as it is
