@@ -45,7 +45,7 @@ class LinkSource:
 
     def publishers(self) -> list[Complaint]:
         """What is wrong with who publishes."""
-        return self._publishers.complaints()
+        return self._publishers.complaints(self.subscription)
 
     def at(self, stamp: int, max_age: float) -> Mapping[str, Pose] | None:
         """The links; None if no joint state stamped within `max_age` [s] of `stamp` [ns] can be used."""

@@ -117,9 +117,11 @@ class PoseSource:
 
     def publishers(self) -> list[Complaint]:
         """What is wrong with who publishes."""
-        watches = [watch for cable in self._cables.values() for watch in cable.publishers]
-        links = [] if self._links is None else self._links.publishers()
-        return [complaint for watch in watches for complaint in watch.complaints()] + links
+        found = [] if self._links is None else self._links.publishers()
+        for cable in self._cables.values():
+            for watch, subscription in zip(cable.publishers, cable.subscriptions, strict=True):
+                found += watch.complaints(subscription)
+        return found
 
     def destroy(self) -> None:
         """Takes the subscriptions away."""

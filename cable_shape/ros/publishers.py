@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections import Counter
 from collections.abc import Mapping
 from typing import Any, final
 
@@ -42,21 +41,25 @@ class PublisherWatch:
         self._mixed = now
         if now - self._looked >= _LOOK_AGAIN:
             self._looked = now
-            names = self._names()
+            names = self._names(self._known())
             self._text = (
                 f"{self._topic}: publishers {names} mix: none of their messages is used before one alone has sent for "
                 f"{MIXED:g} s. End one, or remap its topic; one that was killed stays known for some 20 s."
             )
         return self._text
 
-    def complaints(self) -> list[Complaint]:
+    def complaints(self, subscription: Any) -> list[Complaint]:
         """What is wrong with the publishers that are known now, whether or not they send."""
-        names = self._names()
+        matched = subscription.handle.get_publisher_count()
+        if matched < 2 and self._node.count_publishers(self._topic) == matched:
+            return []  # to ask who they are takes longer
+        known = self._known()
+        names = self._names(known)
         found = []
-        if names.count(" and ") and time.monotonic() - self._mixed >= MIXED:
+        if " and " in names and time.monotonic() - self._mixed >= MIXED:
             text = f"{self._topic} has several publishers, {names}: used as long as only one sends. End the others."
             found.append(Complaint(f"publishers {self._topic}", Level.WARN, text))
-        for name, kind in self._others():
+        for name, kind in sorted({(name, kind) for name, kind in known if kind != self._type}):
             text = (
                 f"{self._topic}: {name} publishes {kind} there, it must be {self._type}: its messages do not come. "
                 "Change its type, or remap its topic."
@@ -76,14 +79,9 @@ class PublisherWatch:
             found.append(("a node not yet known" if "UNKNOWN" in name else name, publisher.topic_type))
         return found
 
-    def _names(self) -> str:
+    def _names(self, known: list[tuple[str, str]]) -> str:
         """The nodes that publish the right type, in words."""
-        counted = Counter(name for name, kind in self._known() if kind == self._type)
-        return " and ".join(name for name, count in sorted(counted.items()) for _ in range(count))
-
-    def _others(self) -> list[tuple[str, str]]:
-        """Node and type of each publisher of another type."""
-        return sorted({(name, kind) for name, kind in self._known() if kind != self._type})
+        return " and ".join(sorted(name for name, kind in known if kind == self._type))
 
 
 def _type_name(kind: type) -> str:

@@ -102,7 +102,7 @@ class JointSource:
 
     def publishers(self) -> list[Complaint]:
         """What is wrong with who publishes."""
-        return self._publishers.complaints()
+        return self._publishers.complaints(self.subscriptions[0])
 
     def destroy(self) -> None:
         """Takes the subscription away."""
