@@ -15,16 +15,16 @@ from cable_shape.cable import Cable
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.meshes.convex import is_convex
-from cable_shape.models import clipped, cosserat, touching
+from cable_shape.models import touching
 from cable_shape.models.crossing import Crossing
-from cable_shape.models.rod_state import RodState
-from cable_shape.models.span_state import SpanState
 from cable_shape.models.touch_state import TouchState
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.problem import GRAVITY, Problem
 from cable_shape.reuse import Ends, unmoved
 from cable_shape.scene import Mesh, Obstacle, Scene
 from cable_shape.shape import CableShape
+from cable_shape.solve import cosserat
+from cable_shape.solve.network import Network
 from cable_shape.solvers import MODELS, ClosedForm, solver_of
 
 
@@ -218,17 +218,15 @@ class Predictor:
             raise ArgumentError("sensitivity() needs a solution, and there is none yet. Call predict first.")
         if isinstance(state, TouchState):
             return touching.sensitivity(state, at=at)
-        if isinstance(state, SpanState):
-            return clipped.sensitivity(state, at=at)
         return cosserat.sensitivity(state, at=at)
 
     @property
-    def rod_state(self) -> RodState | None:
-        """The memory of the rod that gave the last shape; None if none did, or one in clips or in contact."""
+    def rod_state(self) -> Network | None:
+        """The memory of the rod that gave the last shape; None if none did, or one in contact."""
         if self.touching or self._last is None or self._last.model != cosserat.MODEL:
             return None
         state = self._solver.rod_state()
-        return state if isinstance(state, RodState) else None
+        return state if isinstance(state, Network) else None
 
     def _with_itself(self) -> Crossing | None:
         """What keeps the cable out of itself, where the scene asks for it and the model can."""

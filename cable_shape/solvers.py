@@ -13,12 +13,12 @@ from cable_shape import checks
 from cable_shape.cable import Cable
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
-from cable_shape.models import catenary, clipped, cosserat, gradient, touching
-from cable_shape.models.rod_state import RodState
-from cable_shape.models.span_state import SpanState
+from cable_shape.models import catenary, gradient, touching
 from cable_shape.models.touch_state import TouchState
 from cable_shape.problem import Problem
 from cable_shape.shape import CableShape
+from cable_shape.solve import cosserat
+from cable_shape.solve.network import Network
 
 MODELS = ("catenary", "gradient4", "gradient6", "cosserat", "auto")
 
@@ -35,7 +35,7 @@ class Solver(Protocol):
     def go_on_from(self, problem: Problem, shape: CableShape, frames: Array) -> None:
         """Makes a shape that was found otherwise the last one in contact with bodies."""
 
-    def rod_state(self) -> RodState | SpanState | TouchState | None:
+    def rod_state(self) -> Network | TouchState | None:
         """The Cosserat rod of the last shape; None: there is none."""
 
 
@@ -66,33 +66,23 @@ class ClosedForm:
 class Rod:
     """The Cosserat rod, in clips, in contact or neither; its warm start is the last solution with its mesh."""
 
-    __slots__ = ("_last", "_time_budget", "_touch", "state")
+    __slots__ = ("_time_budget", "_touch", "state")
 
     def __init__(self, time_budget: float = math.inf) -> None:
-        self.state: RodState | SpanState | None = None
+        self.state: Network | None = None
         self._time_budget = time_budget  # s
-        self._last: CableShape | None = None
         self._touch: TouchState | None = None
 
     def solve(self, problem: Problem) -> CableShape:
         deadline = math.inf if self._time_budget == math.inf else perf_counter() + self._time_budget
-        if problem.clips and not isinstance(self.state, SpanState):
-            self.state = SpanState(problem, self._last)
-        if not problem.clips and not isinstance(self.state, RodState):
-            self.state = RodState(problem)
-        assert self.state is not None
-        if problem.bodies:
-            if self._touch is None:
-                self._touch = TouchState(problem)
-            shape = touching.solve(problem, self._touch, self.state, deadline=deadline)
-        else:
+        if self.state is None:
+            self.state = Network(problem)
+        if not problem.bodies:
             self._touch = None
-            if isinstance(self.state, SpanState):
-                return clipped.solve(problem, self.state, deadline=deadline)
-            shape = cosserat.solve(problem, self.state, deadline=deadline)
-        if not problem.clips:
-            self._last = shape
-        return shape
+            return cosserat.solve(problem, self.state, deadline=deadline)
+        if self._touch is None:
+            self._touch = TouchState(problem)
+        return touching.solve(problem, self._touch, self.state, deadline=deadline)
 
     def go_on_from(self, problem: Problem, shape: CableShape, frames: Array) -> None:
         """Makes a shape that was found otherwise, ends in `frames` (2, 7), the last one in contact with bodies."""
@@ -105,9 +95,9 @@ class Rod:
         self._touch.resume(shape, supports)
 
     def reset(self) -> None:
-        self.state = self._last = self._touch = None
+        self.state = self._touch = None
 
-    def rod_state(self) -> RodState | SpanState | TouchState | None:
+    def rod_state(self) -> Network | TouchState | None:
         return self._touch if self._touch is not None and self._touch.touching else self.state
 
 

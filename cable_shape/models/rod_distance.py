@@ -9,8 +9,8 @@ from typing import final
 import numpy as np
 
 from cable_shape.checks import Array
-from cable_shape.models import cosserat
 from cable_shape.problem import NAMED_TOLERANCE, Problem
+from cable_shape.solve import cosserat
 
 
 @final

@@ -17,10 +17,7 @@ from cable_shape.checks import Array
 from cable_shape.kernels import contact_step, span_stability, span_work
 from cable_shape.kernels.contact_near import SPOT
 from cable_shape.kernels.span_work import NOW
-from cable_shape.models import clipped, cosserat
 from cable_shape.models.rod_common import MODEL, straight_line, turn_about
-from cable_shape.models.rod_state import RodState
-from cable_shape.models.span_state import SpanState
 from cable_shape.models.touch_factors import factored
 from cable_shape.models.touch_search import approach, follow, grow, relax
 from cable_shape.models.touch_soften import LIMP, soften
@@ -29,16 +26,18 @@ from cable_shape.models.touch_step import DEEPEST, FAR, WARM_ITERATIONS, Steps
 from cable_shape.pose import Grip
 from cable_shape.problem import Problem
 from cable_shape.shape import CableShape, Status
+from cable_shape.solve import cosserat
+from cable_shape.solve.network import Network
 
 BURIED = 2e-4  #: [m] a grip deeper in a body than this has no shape
 _ATTEMPTS = (1.0, 0.0, -1.0)  #: bodies come from below, grow, come from above
 ACCURACY = 5e-4  #: of the length: what a shape in contact is asked for where the tolerance is below
 
 
-def solve(problem: Problem, state: TouchState, rod: RodState | SpanState, *, deadline: float = math.inf) -> CableShape:
+def solve(problem: Problem, state: TouchState, rod: Network, *, deadline: float = math.inf) -> CableShape:
     """The rod between the problem's ends and in its clips, outside its bodies.
 
-    `rod` is the memory of the rod without contact, in clips a SpanState. Never raises for a physical reason: see
+    `rod` is the memory of the rod without contact. Never raises for a physical reason: see
     `status`.
 
     Raises
@@ -63,7 +62,7 @@ def inexact(estimate: float, allowed: float) -> str:
 def sensitivity(state: TouchState, *, at: str = "cable") -> Array:
     """(n, 3, 12): change of the last solution's positions at fixed arc length with the poses of the two ends.
 
-    As :func:`cable_shape.models.cosserat.sensitivity`, as long as the same points stay in contact.
+    As :func:`cable_shape.solve.cosserat.sensitivity`, as long as the same points stay in contact.
     """
     problem, n = state.problem, state.elements
     spans, unknown = factored(state)
@@ -89,9 +88,7 @@ def sensitivity(state: TouchState, *, at: str = "cable") -> Array:
 
 def _free(problem: Problem, deadline: float) -> CableShape:
     """The shape without contact, from nothing."""
-    if problem.clips:
-        return clipped.solve(problem, SpanState(problem), deadline=deadline)
-    return cosserat.solve(problem, RodState(problem), deadline=deadline)
+    return cosserat.solve(problem, deadline=deadline)
 
 
 @final
@@ -100,9 +97,7 @@ class _Solve:
 
     __slots__ = ("began", "deadline", "problem", "rod", "state", "steps")
 
-    def __init__(
-        self, problem: Problem, state: TouchState, rod: RodState | SpanState, deadline: float, began: float
-    ) -> None:
+    def __init__(self, problem: Problem, state: TouchState, rod: Network, deadline: float, began: float) -> None:
         self.problem, self.state, self.rod = problem, state, rod
         self.deadline, self.began = deadline, began
         self.steps = Steps(problem, state, deadline)
@@ -132,10 +127,8 @@ class _Solve:
 
     # -- attempts
 
-    def _free(self, rod: RodState | SpanState) -> CableShape:
+    def _free(self, rod: Network) -> CableShape:
         """The shape without contact."""
-        if isinstance(rod, SpanState):
-            return clipped.solve(self.problem, rod, deadline=self.deadline)
         return cosserat.solve(self.problem, rod, deadline=self.deadline)
 
     def _warm(self, frames: Array) -> CableShape:
@@ -250,9 +243,8 @@ class _Solve:
         if not state.touching:
             state.rest(shape, state.grips[NOW].copy())
             self.rod.history = 0
-            if isinstance(self.rod, SpanState):
-                self.rod.last = shape
-                self.rod.arcs[self.rod.rings] = state.arcs[state.rings]
+            self.rod.last = shape
+            self.rod.arcs[self.rod.rings] = state.arcs[state.rings]
         return shape
 
     def _no_shape(self, status: Status, detail: str) -> CableShape:

@@ -140,7 +140,7 @@ class Search:
         )
         if state.spans > 1:
             found.supports = self.loads[1:-1]
-        state.last = found if state.spans > 1 else None
+        state.last = found
         return found
 
     def no_shape(self, status: Status, poses: Array, detail: str, missing: float = 0.0) -> CableShape:
