@@ -32,7 +32,7 @@ from cable_shape.errors import ArgumentError
 from cable_shape.kernels import batch_cells, batch_rows, margins, rod_drive
 from cable_shape.kernels.rod_newton import CONVERGED
 from cable_shape.margins import MarginWatch
-from cable_shape.models import cosserat
+from cable_shape.models import cosserat as rod_of_rows
 from cable_shape.models.rod_state import RodState
 from cable_shape.pose import Pose
 from cable_shape.predictor import Predictor
@@ -41,6 +41,8 @@ from cable_shape.report import LOAD_MARGINS
 from cable_shape.scene import Scene
 from cable_shape.shape import NUMBERS_PER_POINT, Status
 from cable_shape.shape_batch import ShapeBatch
+from cable_shape.solve import cosserat
+from cable_shape.solve.network import Network
 from cable_shape.uncertainty import Uncertainty
 
 #: More numbers than this are not kept: 8 GB of shapes.
@@ -308,7 +310,7 @@ class _Work:
         start, end = Pose.trusted(self.starts[row]), Pose.trusted(self.ends[row])
         state = None
         if self.compiled and self.predictor.model in ("cosserat", "auto"):
-            state = RodState(self.problem)
+            state = Network(self.problem)
             shape = cosserat.solve(self.problem.move(start, end), state)
         else:
             self.predictor.reset()
@@ -329,7 +331,9 @@ class _Work:
             batch.details[row] = shape.detail
         swell = None
         if batch.radius is not None and state is not None and shape.status:
-            swell = batch.radius[row] = self.tube.radius(state, shape)
+            beside = RodState(self.problem)
+            rod_of_rows.solve(self.problem, beside)
+            swell = batch.radius[row] = self.tube.radius(beside, shape)
         clearance = self.checker.check(shape, swell=swell)
         batch.tables[row] = math.nan if clearance.table is None else clearance.table
         rows = batch.margin_rows[row]

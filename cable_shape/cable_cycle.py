@@ -11,7 +11,6 @@ import numpy as np
 from cable_shape.clearance import ClearanceChecker
 from cable_shape.kernels import bounds
 from cable_shape.margins import MarginWatch
-from cable_shape.models.rod_state import RodState
 from cable_shape.plug import Plug, PlugError, plug_error
 from cable_shape.pose import Ends, Grip, Pose
 from cable_shape.predictor import Predictor
@@ -19,6 +18,7 @@ from cable_shape.report import BodyDistance, CableWarning, Clearance, Margin
 from cable_shape.scene import Obstacle, Scene
 from cable_shape.shape import CableShape
 from cable_shape.snap import predicted_snap
+from cable_shape.solve.network import Network
 from cable_shape.tails import Tail, held_frame
 from cable_shape.tube import TubeWatch
 from cable_shape.uncertainty import Tube
@@ -98,7 +98,7 @@ class CableCycle:
             self._tubes.reset()
         self.tube: Tube | None = None  # of the last shape, if it is asked for and known
         self.tail_tubes: dict[str, Tube] = {}  # of the tails, by side
-        self._rod: RodState | None = None  # of the last shape
+        self._rod: Network | None = None  # of the last shape
         self.tails: dict[str, CableShape] = {}  # by side
         self.after_snap: CableShape | None = None
         self.snap_skipped = False  # there was no need to look for a snap

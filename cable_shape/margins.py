@@ -40,14 +40,14 @@ from cable_shape.clearance import NOT_JUDGED
 from cable_shape.kernels import margin_watch as kernels
 from cable_shape.kernels import swing
 from cable_shape.kernels.margins import BODIES, COLUMNS, STABILITY
-from cable_shape.models.cosserat import MODEL
-from cable_shape.models.rod_state import RodState
 from cable_shape.pose import Ends, Grip, Pose
 from cable_shape.problem import GRAVITY
 from cable_shape.quasistatic import bending_rate, swing_state
 from cable_shape.report import LOAD_MARGINS, Clearance, Margin, WarningKind
 from cable_shape.scene import Scene
 from cable_shape.shape import CableShape, Status
+from cable_shape.solve.network import Network
+from cable_shape.solve.outcome import MODEL
 from cable_shape.stress import section_of
 
 #: [s], cycles further apart say nothing about the speed now.
@@ -71,9 +71,9 @@ _OK, _SADDLE, _OVERSTRETCHED = Status.OK, Status.UNSTABLE, Status.OVERSTRETCHED
 _margin: Callable[[type[Margin], tuple[Any, ...]], Margin] = tuple.__new__
 _name = operator.attrgetter("body")
 _NONE, _NO_BODIES, _NO_MODE = np.empty(0), np.empty((0, 8)), np.empty((0, 3))
-#: par, mesh, sol, work, elements, width, mode, steps, flags
-_Rod = tuple[Array, Array, Array, Array, int, int, Array, int, int]
-_NO_ROD: _Rod = (_NONE, _NONE, _NONE, _NONE, 0, 0, _NO_MODE, 0, 0)
+#: ints, floats, sols, work, mode, steps, flags
+_Rod = tuple[Any, Array, Array, Array, Array, int, int]
+_NO_ROD: _Rod = (np.empty(0, dtype=np.int64), _NONE, _NONE, _NONE, _NO_MODE, 0, 0)
 
 
 def margins_of(
@@ -160,7 +160,7 @@ class MarginWatch:
         clearance: Clearance,
         stamp: int,
         *,
-        state: RodState | None = None,
+        state: Network | None = None,
         ends: Ends | None = None,
         held: bool = False,
     ) -> tuple[Margin, ...]:
@@ -168,7 +168,7 @@ class MarginWatch:
 
         Parameters
         ----------
-        state : RodState, optional
+        state : Network, optional
             Of the rod that has just made the shape; None: stability is not told.
         ends : (Pose or Grip, Pose, Grip, FreeEnd or None), optional
             What the ends of the cable were last at this stamp; None: their speed is not known.
@@ -211,10 +211,10 @@ class MarginWatch:
                 return ()
             if status is _OVERSTRETCHED:
                 flags -= _LOADED
-        par, mesh, sol, work, elements, width, mode, steps, more = self._rod(shape, state)
+        ints, floats, sols, work, mode, steps, more = self._rod(shape, state)
         which = kernels.measure(
-            self._memory, shape.buffer, shape.points, table, par, mesh, sol, work, elements, width, mode, steps,
-            flags | more, seconds,
+            self._memory, shape.buffer, shape.points, table, ints, floats, sols, work, mode, steps, flags | more,
+            seconds,
         )  # fmt: skip
         which, inertia = which & _LOADS, which >> BODIES
         kinds, names, bodies = _TOLD[which], _NAMELESS[which], clearance.bodies
@@ -231,19 +231,19 @@ class MarginWatch:
             self.stability, self._mu = found[len(kinds) - 1], values[len(kinds) - 1]
         else:
             self.stability = None
-            if elements:
+            if len(ints):
                 self._mu = math.nan
         return found
 
-    def _rod(self, shape: CableShape, state: RodState | None) -> _Rod:
+    def _rod(self, shape: CableShape, state: Network | None) -> _Rod:
         """What the kernel needs of the rod behind the shape: its memory, the softest mode, steps, and what to add."""
         status = shape.status
         if state is None or state.history == 0 or shape.model != MODEL or not (status is _OK or status):
             return _NO_ROD
         more = _UNSTABLE if status is _SADDLE else 0
         steps = _WARM_STEPS
-        if len(self._mode) != state.elements + 1:
-            self._mode = np.random.default_rng(0).normal(size=(state.elements + 1, 3))
+        if len(self._mode) != len(state.nodes):
+            self._mode = np.random.default_rng(0).normal(size=(len(state.nodes), 3))
             self._mu, steps = math.nan, _COLD_STEPS
         again = shape.reused and not math.isnan(self._mu)
         if again:
@@ -251,7 +251,9 @@ class MarginWatch:
         if not again and (status is not _OK or not self._mu > _NEAR):
             more |= _FRESH
             steps = max(steps, _NEAR_STEPS)
-        return state.par, state.mesh, state.sol, state.work, state.elements, state.width, self._mode, steps, more
+        elif not state.factored:
+            more |= _FRESH
+        return state.ints, state.floats, state.sols, state.work, self._mode, steps, more
 
 
 def _table(clearance: Clearance) -> Array:

@@ -8,21 +8,21 @@ import math
 import numpy as np
 
 from cable_shape.checks import Array
-from cable_shape.models import cosserat
-from cable_shape.models.rod_state import RodState
 from cable_shape.pose import Grip, Pose, multiply
 from cable_shape.shape import CableShape, Status
+from cable_shape.solve import cosserat
+from cable_shape.solve.network import Network
 
 #: Solves on the way to the horizon.
 STEPS = 8
 
 
-def predicted_snap(state: RodState, twists: Array, horizon: float) -> tuple[float, float, CableShape] | None:
+def predicted_snap(state: Network, twists: Array, horizon: float) -> tuple[float, float, CableShape] | None:
     """When the cable snaps if its grips keep their speed, and the shape that it then has; None if it does not snap.
 
     Parameters
     ----------
-    state : RodState
+    state : Network
         Of the rod, after a solve; it is left as it is.
     twists : (12,)
         Velocity [m/s] and angular velocity [rad/s] of the start, then of the end, world axes, about that cable end.
@@ -50,11 +50,9 @@ def predicted_snap(state: RodState, twists: Array, horizon: float) -> tuple[floa
     return None
 
 
-def copied(state: RodState) -> RodState:
+def copied(state: Network) -> Network:
     """The rod's memory once more, sharing only the problem, which a solve does not change."""
-    other = copy.deepcopy(state, {id(state.problem): state.problem})
-    other.target = other.sol[-15:]
-    return other
+    return state.copied()
 
 
 def moved(grip: Grip, twist: Array, time: float) -> Grip:

@@ -10,8 +10,8 @@ import numpy as np
 import cable_shape as cs
 from cable_shape.kernels.span_work import NOW
 from cable_shape.models import touching
-from cable_shape.models.rod_state import RodState
 from cable_shape.models.touch_state import TouchState
+from cable_shape.solve.network import Network
 
 NEARBY = 0.05  # rad that a frame may turn where a mesh is halved, at least: further away lies another branch
 ITERATIONS = 100
@@ -25,7 +25,7 @@ def finer(state: TouchState, halvings: int, nearby: float = NEARBY) -> cs.CableS
     fine.restore((*(part.copy() for part in state.copy()[:-1]), state.elements))
     fine._spacing, fine._middles = state._spacing, state._middles
     frames = fine.grips[NOW].copy()
-    solver = touching._Solve(problem, fine, RodState(problem), math.inf, 0.0)
+    solver = touching._Solve(problem, fine, Network(problem), math.inf, 0.0)
     for _ in range(halvings):
         nodes = fine.nodes
         fine.lay_out(np.sort(np.concatenate((nodes, 0.5 * (nodes[1:] + nodes[:-1])))))

@@ -11,11 +11,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from cable_shape.cases.reference import reference_case
-from cable_shape.models import cosserat
-from cable_shape.models.rod_state import RodState
 from cable_shape.pose import FreeEnd, Pose
 from cable_shape.problem import Problem
 from cable_shape.shape import CableShape
+from cable_shape.solve import cosserat
+from cable_shape.solve.network import Network
 
 ALONG_X = Rotation.from_quat((0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5)))  # d3 = x, d2 = y
 STEPS = 20
@@ -28,7 +28,7 @@ def load(folder: Path, kind: str = "shape") -> list[Values]:
     return [values for values in cases if values.get("kind", "shape") == kind and not values.get("clips")]
 
 
-def reach(values: Values) -> tuple[CableShape, RodState]:
+def reach(values: Values) -> tuple[CableShape, Network]:
     """The shape of a case with several near ones: along its approach, under a growing load, or from beside it."""
     if values["end"] is None:
         return under_growing_load(values)
@@ -37,12 +37,12 @@ def reach(values: Values) -> tuple[CableShape, RodState]:
     return along_approach(values)
 
 
-def under_growing_load(values: Values) -> tuple[CableShape, RodState]:
+def under_growing_load(values: Values) -> tuple[CableShape, Network]:
     """A free end whose loads, and the weight, grow from zero."""
     case = reference_case(values)
     options = {"points": 41, "scene": case.scene}
     assert isinstance(case.end, FreeEnd)
-    state = RodState(Problem(case.cable, gravity=values["gravity"], **options))
+    state = Network(Problem(case.cable, gravity=values["gravity"], **options))
     for t in np.linspace(0.0, 1.0, STEPS + 1)[1:]:
         problem = Problem(case.cable, gravity=t * np.array(values["gravity"]), **options)
         end = FreeEnd(case.end.mass, t * case.end.force, t * case.end.moment)
@@ -50,13 +50,13 @@ def under_growing_load(values: Values) -> tuple[CableShape, RodState]:
     return shape, state
 
 
-def along_approach(values: Values) -> tuple[CableShape, RodState]:
+def along_approach(values: Values) -> tuple[CableShape, Network]:
     """The shape at the end of a case's approach; from nothing where it has none."""
     case = reference_case(values)
     options = {"points": 41, "scene": case.scene, "gravity": values["gravity"]}
     if "approach" not in values:
         problem = Problem(case.cable, **options).move(case.start, case.end)
-        state = RodState(problem)
+        state = Network(problem)
         return cosserat.solve(problem, state), state
     path, length = values["approach"], case.cable.length
     origin, goal = np.array(values["start"]["position"]), np.array(values["end"]["position"])
@@ -69,12 +69,12 @@ def along_approach(values: Values) -> tuple[CableShape, RodState]:
         cable = case.cable.replace(rest_curvature=t * np.array(case.cable.rest_curvature))
         problem = Problem(cable, **options)
         problem.move(Pose(origin, start.as_quat()), Pose((1 - t) * first + t * goal, end.as_quat()))
-        state = state or RodState(problem)
+        state = state or Network(problem)
         shape = cosserat.solve(problem, state)
     return shape, state
 
 
-def beside(values: Values, tolerance: float | None = None) -> tuple[CableShape, RodState]:
+def beside(values: Values, tolerance: float | None = None) -> tuple[CableShape, Network]:
     """The shape found from a start beside the answer: the frames of the solution, interpolated and disturbed."""
     case, solution = reference_case(values), values["solution"]
     options = {} if tolerance is None else {"tolerance": tolerance}
@@ -87,7 +87,7 @@ def beside(values: Values, tolerance: float | None = None) -> tuple[CableShape, 
         q[1:] *= np.cumprod(np.sign((q[1:] * q[:-1]).sum(axis=1)))[:, None]
         return q
 
-    state = RodState(problem)
+    state = Network(problem)
     return cosserat.solve_beside(problem, state, frames, solution["n"][-1]), state
 
 

@@ -10,11 +10,11 @@ from cosserat_figures import Figures, heading
 from tqdm import tqdm
 
 from cable_shape.cable import Cable
-from cable_shape.models import cosserat
-from cable_shape.models.rod_state import RodState
 from cable_shape.pose import FreeEnd, Grip, Pose, multiply
 from cable_shape.problem import Problem
 from cable_shape.shape import Status
+from cable_shape.solve import cosserat
+from cable_shape.solve.network import Network
 
 UP = (0.0, 0.0, 0.0, 1.0)  # d3 = z
 LEVEL = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))  # d3 = x, d1 = -z
@@ -46,7 +46,7 @@ class NotFoundError(RuntimeError):
 def stable(cable: Cable, start: Pose, end: Pose | FreeEnd, frames: Callable, force: tuple = (0, 0, 0)) -> bool:
     """Whether the trivial equilibrium is stable."""
     problem = Problem(cable, points=21, tolerance=1e-2).move(Grip(start), end)
-    shape = cosserat.solve_beside(problem, RodState(problem), frames, force)
+    shape = cosserat.solve_beside(problem, Network(problem), frames, force)
     if not shape.status:
         raise NotFoundError(f"the trivial equilibrium was not found: {shape}")
     return shape.status is Status.OK

@@ -19,12 +19,12 @@ from tqdm import tqdm
 
 from cable_shape.cable import Cable
 from cable_shape.kernels import rod_drive
-from cable_shape.models import cosserat
-from cable_shape.models.rod_solve import between
-from cable_shape.models.rod_state import RodState
 from cable_shape.pose import Pose
 from cable_shape.problem import Problem
 from cable_shape.shape import CableShape, Status
+from cable_shape.solve import cosserat
+from cable_shape.solve.network import Network
+from cable_shape.solve.search import between
 
 POINTS = 50
 #: (largest turn of a frame in a step [rad], smallest step as a fraction of the path)
@@ -46,7 +46,7 @@ def random_jump(rng: np.random.Generator) -> Jump:
 def follow(jump: Jump, turn: float, smallest: float) -> np.ndarray | None:
     """Positions at the end of the branch's path, or None if the branch ends on the way."""
     cable, start, end, there = jump
-    state = RodState(Problem(cable, points=POINTS).move(start, end))
+    state = Network(Problem(cable, points=POINTS).move(start, end))
     cosserat.solve(state.problem, state)
     # the same branch on a fine mesh, which then stays unless the error grows a hundredfold
     fine = cosserat.solve(Problem(cable, points=POINTS, tolerance=1e-7 * cable.length).move(start, end), state)
@@ -93,7 +93,7 @@ def print_jumps(count: int, figures: Figures) -> None:
         jump = random_jump(rng)
         cable, start, end, there = jump
         problem = Problem(cable, points=POINTS).move(start, end)
-        state = RodState(problem)
+        state = Network(problem)
         cosserat.solve(problem, state)
         shape = cosserat.solve(problem.move(start, there), state)
         finer, coarser = follow(jump, *FINER), follow(jump, *COARSER)

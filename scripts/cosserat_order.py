@@ -16,7 +16,7 @@ from tqdm import tqdm
 
 from cable_shape.kernels import rod_drive, rod_mesh
 from cable_shape.kernels.rod_newton import CONVERGED
-from cable_shape.models.rod_state import RodState
+from cable_shape.solve.network import Network
 
 COARSEST, DOUBLINGS = 12, 3
 #: One of each sort: soft, anisotropic, extensible, free end, plug, twisted, rest curvature, masses, ends turned,
@@ -32,7 +32,7 @@ SHOWN = (
 FLOOR = 5e-12
 
 
-def solve_on(state: RodState, elements: int) -> np.ndarray:
+def solve_on(state: Network, elements: int) -> np.ndarray:
     """Positions of the equilibrium next to the last one on a mesh of so many elements, half of them in the layers."""
     problem, length = state.problem, state.problem.cable.length
     ends = state.ends.copy()

@@ -13,11 +13,11 @@ from scipy.spatial.transform import Rotation
 from tqdm import tqdm
 
 from cable_shape.cable import Cable
-from cable_shape.models import cosserat
-from cable_shape.models.rod_state import RodState
 from cable_shape.pose import Pose
 from cable_shape.problem import Problem
 from cable_shape.shape import CableShape, Status
+from cable_shape.solve import cosserat
+from cable_shape.solve.network import Network
 
 LENGTH = 1.2
 
@@ -109,7 +109,7 @@ def _grade(
     for _ in tqdm(range(count), desc=name, leave=False, disable=None):
         cable, start, end = make(rng)
         problem = Problem(cable).move(start, end)
-        state = RodState(problem)
+        state = Network(problem)
         shape = cosserat.solve(problem, state)
         statuses[shape.status.name] += 1
         times.append(shape.solve_time)
@@ -159,7 +159,7 @@ def print_sweep(figures: Figures) -> None:
         for chord in np.concatenate((np.linspace(0.05, 1.05, 200), np.linspace(1.05, 0.05, 200))):
             q = ALONG_X.as_quat()
             problem.move(Pose((0, 0, 0), q), Pose((chord * LENGTH, 0, 0), q))
-            state = state or RodState(problem)
+            state = state or Network(problem)
             shape = cosserat.solve(problem, state)
             statuses[shape.status.name] += 1
             broken += not np.isfinite(shape.buffer).all()

@@ -14,9 +14,9 @@ from scipy.spatial.transform import Rotation, Slerp
 from tqdm import tqdm
 
 import cable_shape as cs
-from cable_shape.models import cosserat
-from cable_shape.models.rod_state import RodState
 from cable_shape.problem import Problem
+from cable_shape.solve import cosserat
+from cable_shape.solve.network import Network
 
 ALONG_X = (0.5, 0.5, 0.5, 0.5)
 CABLE = cs.Cable(length=1.2, linear_density=0.1, bending_stiffness=0.01, twisting_stiffness=0.008)
@@ -135,7 +135,7 @@ def states(shape: cs.CableShape) -> np.ndarray:
 def same_guess(cable: cs.Cable, start: cs.Pose, end: cs.Pose, points: int = 11) -> tuple[np.ndarray, np.ndarray]:
     """A cold start for solve_bvp: the frames and force that the rod solver itself starts from."""
     problem = Problem(cable).move(start, end)
-    state = RodState(problem)
+    state = Network(problem)
     ends = state.aim(problem.start, problem.end)
     force, layer = state.hanging(ends)
     state.first_mesh(layer)
@@ -230,7 +230,7 @@ def print_motion(figures: Figures, rounds: int) -> None:
     ]
     figures.at_most("motion M, warm: mean error / L, worst step", max(off) / CABLE.length, 1e-5)
     figures.at_least("motion M, warm: times faster than solve_bvp", b / a, 100.0, "{:.0f}")
-    state = cosserat.RodState(predictor.problem)
+    state = Network(predictor.problem)
     cosserat.solve(predictor.problem.move(START, END), state)
     spent = []
     for _ in range(200):

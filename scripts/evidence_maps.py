@@ -18,11 +18,11 @@ from tqdm import tqdm
 
 import cable_shape as cs
 from cable_shape.kernels import rod_drive
-from cable_shape.models import cosserat
-from cable_shape.models.rod_state import RodState
 from cable_shape.problem import Problem
 from cable_shape.shape import CableShape, Status
 from cable_shape.snap import copied
+from cable_shape.solve import cosserat
+from cable_shape.solve.network import Network
 
 ALONG_X = Rotation.from_quat((0.5, 0.5, 0.5, 0.5))
 STATUS_COLOURS = ("#d9e8d9", "#f2c14e", "#d1495b", "#8d99ae", "#30638e", "#000000", "#7b2d8b")
@@ -56,7 +56,7 @@ class Map(NamedTuple):
     second: str = "iterations"
 
 
-def sample(shape: CableShape, state: RodState) -> Sample:
+def sample(shape: CableShape, state: Network) -> Sample:
     """What is drawn of one shape."""
     cable = state.problem.cable
     estimate = eigenvalue = math.nan
@@ -84,7 +84,7 @@ def looping(count: int) -> Map:
 
     def column(chord: float, twists: np.ndarray) -> Iterator[Sample]:
         problem = Problem(cable, points=POINTS)
-        state = RodState(problem.move(start, cs.Pose((0.97 * L, 0, 0), q)))
+        state = Network(problem.move(start, cs.Pose((0.97 * L, 0, 0), q)))
         for near in np.arange(0.97, chord, -0.02):
             cosserat.solve(problem.move(start, cs.Pose((near * L, 0, 0), q)), state)
         before = 0.0
@@ -125,11 +125,11 @@ def bowed(count: int) -> Map:
 
     def column(chord: float, ratios: np.ndarray) -> Iterator[Sample]:
         start, end = cs.Pose((0, 0, 0), ALONG_X.as_quat()), cs.Pose((chord * L, 0, 0), ALONG_X.as_quat())
-        state: RodState | None = None
+        state: Network | None = None
         for pull in (20.0, 5.0, 1.0, 0.0):  # hung upwards, then let go
             gravity = (0.0, 0.0, 9.81 * pull * EI / (weight * L**3))
             problem = Problem(strip, points=POINTS, gravity=gravity).move(start, end)
-            state = state or RodState(problem)
+            state = state or Network(problem)
             cosserat.solve(problem, state)
         for ratio in ratios:
             gravity = (0.0, 0.0, -9.81 * EI / (weight * (ratio * L) ** 3))
@@ -160,7 +160,7 @@ def from_nothing(count: int) -> Map:
             EI = stiffness(length, ratio)
             cable = CABLE.replace(bending_stiffness=EI, twisting_stiffness=0.8 * EI)
             problem = Problem(cable, points=POINTS).move(START, cs.Pose(chord * length * direction, END.quaternion))
-            state = RodState(problem)
+            state = Network(problem)
             yield sample(cosserat.solve(problem, state), state)
 
     return Map(
@@ -180,7 +180,7 @@ def meshes(count: int) -> Map:
         EI = stiffness(length, ratio)
         cable = CABLE.replace(bending_stiffness=EI, twisting_stiffness=0.8 * EI)
         problem = Problem(cable, points=POINTS).move(START, END)
-        reached = RodState(problem)
+        reached = Network(problem)
         cosserat.solve(problem, reached)
         fine = Problem(cable, points=POINTS, tolerance=1e-10 * length).move(START, END)
         exact = cosserat.solve(fine, copied(reached)).positions
@@ -216,7 +216,7 @@ def gravity(count: int) -> Map:
             a, e = np.radians((azimuth, height))
             g = 9.81 * np.array((math.cos(e) * math.cos(a), math.cos(e) * math.sin(a), math.sin(e)))
             problem = Problem(CABLE, points=POINTS, gravity=g).move(START, END)
-            state = RodState(problem)
+            state = Network(problem)
             yield sample(cosserat.solve(problem, state), state)
 
     return Map(
@@ -234,7 +234,7 @@ def column_tilt(count: int) -> Map:
 
     def column(ratio: float, tilts: np.ndarray) -> Iterator[Sample]:
         strength = 9.81 * EI / (weight * (ratio * L) ** 3)
-        state: RodState | None = None
+        state: Network | None = None
 
         def problem(tilt: float, part: float = 1.0) -> Problem:
             g = part * strength * np.array((0.0, math.sin(tilt), -math.cos(tilt)))
@@ -242,7 +242,7 @@ def column_tilt(count: int) -> Map:
 
         for part in np.linspace(0.1, 1.0, 10):
             first = problem(math.radians(tilts[0]), part)
-            state = state or RodState(first)
+            state = state or Network(first)
             cosserat.solve(first, state)
         for tilt in tilts:
             yield sample(cosserat.solve(problem(math.radians(tilt)), state), state)

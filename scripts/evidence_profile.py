@@ -14,9 +14,9 @@ from tqdm import tqdm
 
 import cable_shape as cs
 from cable_shape.kernels import rod_drive
-from cable_shape.models import cosserat
-from cable_shape.models.rod_state import RodState
 from cable_shape.problem import Problem
+from cable_shape.solve import cosserat
+from cable_shape.solve.network import Network
 
 PHASES = ("predict", "clearance", "margins", "warnings")
 
@@ -81,7 +81,7 @@ def in_kernel(rounds: int) -> tuple[float, float]:
         return code
 
     problem = Problem(CABLE)
-    state = RodState(problem)
+    state = Network(problem)
     whole, within = [], []
     rod_drive.solve = watched
     try:

@@ -14,11 +14,11 @@ from scipy.spatial.transform import Rotation
 from tqdm import tqdm
 
 import cable_shape as cs
-from cable_shape.models import cosserat
-from cable_shape.models.rod_state import RodState
 from cable_shape.problem import Problem
 from cable_shape.shape import Status
 from cable_shape.snap import copied
+from cable_shape.solve import cosserat
+from cable_shape.solve.network import Network
 
 #: Cables of the walks: EI [N m^2] of a metre or so at 0.1 kg/m.
 STIFFNESS = {"soft": 1e-4, "usual": 1e-2, "stiff": 1.0}
@@ -57,7 +57,7 @@ def walked(name: str, quick: bool) -> tuple[str, ...]:
     steps = STEPS_QUICK if quick else STEPS
     cable = CABLE.replace(bending_stiffness=STIFFNESS[name], twisting_stiffness=0.8 * STIFFNESS[name])
     problem, tight = Problem(cable, points=41), Problem(cable, points=41, tolerance=1e-9 * cable.length)
-    state = RodState(problem)
+    state = Network(problem)
     first = cosserat.solve(problem.move(START, END), state).positions.copy()
     statuses: Counter[str] = Counter()
     worst = worst_ratio = 0.0

@@ -11,10 +11,10 @@ from evidence_pages import Pages, table
 from tqdm import tqdm
 
 import cable_shape as cs
-from cable_shape.models import cosserat
-from cable_shape.models.rod_state import RodState
 from cable_shape.problem import Problem
 from cable_shape.shape import Status
+from cable_shape.solve import cosserat
+from cable_shape.solve.network import Network
 
 Row = tuple[str, str]
 
@@ -70,14 +70,14 @@ def small_snap(chord: float, count: int) -> Row:
     EI = weight * critical**3
     strip = cs.Cable(1.0, weight / 9.81, (EI, STRIP * EI), STRIP * EI)
     statuses: Counter[Status] = Counter()
-    state: RodState | None = None
+    state: Network | None = None
     middle = []
     for k, D in enumerate((1.0 - chord) * np.geomspace(2.0, 0.5, count)):
         for pull in (20.0, 5.0, 1.0, 0.0, -9.81) if k == 0 else (None,):  # hung upwards, then let go
             if pull is not None:
                 problem = Problem(strip, points=41, gravity=(0.0, 0.0, pull))
             problem = problem.move(cs.Pose((0, 0, 0), ALONG_X.as_quat()), cs.Pose((1.0 - D, 0, 0), ALONG_X.as_quat()))
-            state = state or RodState(problem)
+            state = state or Network(problem)
             shape = cosserat.solve(problem, state)
         statuses[shape.status] += 1
         middle.append(float(shape.positions[20, 2]))

@@ -20,9 +20,9 @@ from tqdm import tqdm
 import cable_shape as cs
 from cable_shape.kernels import rod_drive
 from cable_shape.kernels.rod_newton import CONVERGED
-from cable_shape.models import cosserat
-from cable_shape.models.rod_state import RodState
 from cable_shape.problem import Problem
+from cable_shape.solve import cosserat
+from cable_shape.solve.network import Network
 
 CLOSED = ("catenary", "gradient4", "gradient6")
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
@@ -58,9 +58,9 @@ def cold(name: str, quick: bool) -> tuple[Series, float]:
     found["rod"] = []
     for tolerance in TOLERANCES[::3] if quick else TOLERANCES:
         problem = Problem(cable, tolerance=tolerance * length).move(start, end)
-        state = RodState(problem)
+        state = Network(problem)
         shape = cosserat.solve(problem, state)
-        spent = timed(lambda p=problem: cosserat.solve(p, RodState(p)), seconds=seconds)
+        spent = timed(lambda p=problem: cosserat.solve(p, Network(p)), seconds=seconds)
         error = off(shape.positions, exact, length)
         found["rod"].append(Point(spent, error, f"tol {tolerance:.0e} L", state.elements))
     other, guess = Collocation(cable), same_guess(cable, start, end)
@@ -134,7 +134,7 @@ def on_meshes(name: str, meshes: Sequence[int]) -> list[Point]:
     """A grasp on fixed meshes: error, and the time of a warm step of a thousandth of the length."""
     cable, start, end = GRASPS[name]
     problem = Problem(cable).move(start, end)
-    state = RodState(problem)
+    state = Network(problem)
     cosserat.solve(problem, state)
     exact = solve_on(state, 2 * MESHES[-1])
     points = []

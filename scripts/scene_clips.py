@@ -17,9 +17,9 @@ from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
 from cable_shape.cases.reference import reference_case
-from cable_shape.models import clipped
-from cable_shape.models.span_state import SpanState
 from cable_shape.problem import Problem
+from cable_shape.solve import cosserat
+from cable_shape.solve.network import Network
 
 #: of a warm step's time, beside the plain cable's
 ASKED = {"2 ball clips": 1.5, "2 fixed clips": 1.5, "1 eyelet": 2.0}  #: times the plain cable's warm step
@@ -74,13 +74,13 @@ def print_random(count: int, kinds: tuple[str, ...], figures: Figures) -> None:
     for _ in range(count):
         cable, scene, start, end = random_scene(rng, kinds)
         problem = Problem(cable, scene=scene).move(start, end)
-        state = SpanState(problem)
-        shape = clipped.solve(problem, state)
+        state = Network(problem)
+        shape = cosserat.solve(problem, state)
         statuses[shape.status.name] += 1
         times.append(shape.solve_time)
         if shape.status is cs.Status.OK:
             coarse = state.elements
-            fine = clipped.solve(
+            fine = cosserat.solve(
                 Problem(cable, scene=scene, tolerance=problem.tolerance / 4**6).move(start, end), state
             )
             if fine.status:

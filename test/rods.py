@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from itertools import pairwise
 from types import ModuleType
 
 import numpy as np
@@ -10,13 +12,15 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from cable_shape.cable import Cable
-from cable_shape.models import clipped, cosserat
-from cable_shape.models.rod_state import RodState
-from cable_shape.models.span_state import SpanState
+from cable_shape.kernels import rod_mesh
+from cable_shape.kernels.network import drive
+from cable_shape.kernels.network.newton import CONVERGED
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.predictor import Predictor
 from cable_shape.problem import Problem
 from cable_shape.shape import CableShape, Status
+from cable_shape.solve import cosserat
+from cable_shape.solve.network import Network
 
 ALONG_X = (0.5, 0.5, 0.5, 0.5)  # d1 = y, d2 = z, d3 = x
 LENGTH = 1.2
@@ -29,10 +33,10 @@ END = Pose(
 )  # fmt: skip
 
 
-def solved(cable: Cable, start, end, state: RodState | SpanState | None = None, **options) -> CableShape:
+def solved(cable: Cable, start, end, state: Network | None = None, **options) -> CableShape:
     """A shape from nothing, or from `state`."""
     problem = Problem(cable, **options).move(start, end)
-    return clipped.solve(problem, state) if problem.clips else cosserat.solve(problem, state)
+    return cosserat.solve(problem, state)
 
 
 def moved(pose: Pose, shift=(0.0, 0.0, 0.0), turn=(0.0, 0.0, 0.0)) -> Pose:
@@ -83,8 +87,34 @@ GENERAL = CABLE.replace(
 )
 
 
+def on_mesh(state: Network, counts: list[int], layer: float | None = None) -> CableShape:
+    """The equilibrium next to the last one on a mesh of `counts` elements a span, to rounding.
+
+    Half of the elements are within a few boundary layers of the spans' ends, of `layer` times the span if given.
+    """
+    poses, bounds, pieces = state.poses.copy(), state.bounds().copy(), []
+    layers = state._layers(poses)
+    for j, (a, b) in enumerate(pairwise(bounds)):
+        x, density = np.empty(129), np.empty(129)
+        depth = layers[j] if layer is None else layer * (b - a)
+        rod_mesh.layered(b - a, min(max(depth, 1e-5 * (b - a)), b - a), x, density)
+        pieces.append((x + a, density))
+    state._lay_out(pieces, np.array(counts))
+    points = state.problem.points
+    buffer, loads = CableShape.new_buffer(points), np.empty((state.spans + 1, 7))
+    for _ in range(4):
+        state.target[...] = poses
+        code = drive.solve(
+            state.ints, state.floats, state.sols, state.work, buffer, state.info, loads, points, 1, False,
+            bool(state.rings), False, 60, math.inf,
+        )  # fmt: skip
+        assert code == CONVERGED
+    return CableShape(buffer, points, length=state.length, model="", status=Status.OK, supports=loads[1:-1],
+                      error_estimate=float(state.info[drive.I_ESTIMATE]))  # fmt: skip
+
+
 def sensitivities(
-    model: ModuleType, state: RodState | SpanState, kinds: tuple[str, str], step: float = 2e-5
+    model: ModuleType, state: Network, kinds: tuple[str, str], step: float = 2e-5
 ) -> tuple[np.ndarray, np.ndarray]:
     """d positions / d (twists of START and END, held so), (n, 3, 12): what the model says, and by differences."""
 

@@ -14,12 +14,12 @@ from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
 from cable_shape.cases.reference import reference_case
-from cable_shape.models import clipped
-from cable_shape.models.span_state import SpanState
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.problem import Problem
 from cable_shape.scene import Clip, PointMass, Scene
 from cable_shape.shape import CableShape, Status
+from cable_shape.solve import cosserat
+from cable_shape.solve.network import Network
 
 CASES = Path(__file__).parents[2] / "shared" / "cases" / "public"
 HELD = sorted(path for path in CASES.glob("*clip*.json")) if CASES.is_dir() else []
@@ -54,8 +54,8 @@ def along_approach(values: dict, steps: int = 20) -> CableShape:
             frame = Rotation.from_rotvec(t * np.array(path["end_rotvec"])) * along_x * twist
             end = Pose(at(case.cable.length, values["end"]["position"]), frame.as_quat())
         problem = Problem(case.cable, points=41, scene=scene, gravity=values["gravity"]).move(start, end)
-        state = state or SpanState(problem)
-        shape = clipped.solve(problem, state)
+        state = state or Network(problem)
+        shape = cosserat.solve(problem, state)
         assert shape.status, (t, shape)
     return shape
 
@@ -82,10 +82,10 @@ def test_smallest_eigenvalue_of_the_second_variation(path):
     values = json.loads(path.read_text())
     case = reference_case(values)
     problem = Problem(case.cable, gravity=values["gravity"], scene=case.scene, tolerance=1e-7 * case.cable.length)
-    state = SpanState(problem.move(case.start, case.end))
-    assert clipped.solve(problem, state).status is Status.OK
+    state = Network(problem.move(case.start, case.end))
+    assert cosserat.solve(problem, state).status is Status.OK
     unit = max(*case.cable.bending_stiffness, case.cable.twisting_stiffness) / case.cable.length**2
-    assert clipped.smallest_eigenvalue(state) / unit == pytest.approx(values["solution"]["min_eig"], rel=3e-3)
+    assert cosserat.smallest_eigenvalue(state) / unit == pytest.approx(values["solution"]["min_eig"], rel=3e-3)
 
 
 # -- known otherwise
@@ -275,9 +275,9 @@ def test_an_elastic_cable_stretches_between_its_clips():
             lambda: cs.Predictor(CABLE.replace(bending_stiffness=0.0), scene=Scene(clips=[Clip(0.5, END)])),
             "bending stiffness above 0",
         ),
-        (lambda: SpanState(Problem(CABLE.replace(bending_stiffness=0.0, twisting_stiffness=0.0),
+        (lambda: Network(Problem(CABLE.replace(bending_stiffness=0.0, twisting_stiffness=0.0),
                                    scene=Scene(clips=[Clip(0.5, END)]))), "catenary"),
-        (lambda: clipped.sensitivity(SpanState(Problem(CABLE, scene=Scene(clips=[Clip(0.5, END)])))), "predict first"),
+        (lambda: cosserat.sensitivity(Network(Problem(CABLE, scene=Scene(clips=[Clip(0.5, END)])))), "predict first"),
     ],
 )  # fmt: skip
 def test_bad_clips_are_refused_by_name(make, words):
@@ -292,8 +292,8 @@ def test_bad_clips_are_refused_by_name(make, words):
 @pytest.mark.parametrize("clips", [("ball", "ball"), ("fixed", "hinge")])
 def test_sensitivity_against_finite_differences(ends, clips):
     scene = on_the_free_shape((80, clips[0]), (160, clips[1]), shift=(0.01, 0.0, 0.03))
-    state = SpanState(Problem(GENERAL, points=21, tolerance=1e-7, scene=scene))
-    found, differences = sensitivities(clipped, state, ends)
+    state = Network(Problem(GENERAL, points=21, tolerance=1e-7, scene=scene))
+    found, differences = sensitivities(cosserat, state, ends)
     assert found == pytest.approx(differences, abs=4e-4)
 
 

@@ -11,13 +11,13 @@ from rods import ALONG_X, CABLE, END, START, integrated_residual, moved, solved
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
-from cable_shape.models import clipped
-from cable_shape.models.span_search import Search
-from cable_shape.models.span_state import SpanState
 from cable_shape.pose import FreeEnd, Pose
 from cable_shape.problem import Problem
 from cable_shape.scene import Clip, PointMass, Scene
 from cable_shape.shape import CableShape, Status
+from cable_shape.solve import cosserat
+from cable_shape.solve.network import Network
+from cable_shape.solve.search import Search
 
 # -- over time
 
@@ -80,9 +80,10 @@ def test_what_no_guess_leads_to_is_approached_from_a_straight_cable():
     problem = Problem(cable, scene=scene, points=101)
     start = pose((0, 0, 0), 0.446, 0.678, 0.525, 0.257)
     end = pose((-0.205, -0.51, 0.3), -0.074, 0.459, 0.524, 0.713)
-    state = SpanState(problem.move(start, end))
-    assert not Search(problem, state, math.inf).guessed(state.aim(problem.start, problem.end))
-    shape = clipped.solve(problem)
+    state = Network(problem.move(start, end))
+    poses = state.aim(problem.start, problem.end)
+    assert not Search(problem, state, math.inf, 0.0)._guessed(poses, 1.0, 0.0)
+    shape = cosserat.solve(problem)
     assert shape.status is Status.OK
     part = CableShape(np.concatenate([array[36:].ravel() for array in arrays(shape)]), 65, length=1.2, model="part",
                       status=Status.OK)  # fmt: skip
@@ -93,28 +94,28 @@ def test_turning_the_end_is_counted():
     cable = CABLE.replace(bending_stiffness=0.2, twisting_stiffness=0.05)
     end = Pose((1.1, 0, 0), ALONG_X)
     problem = Problem(cable, scene=Scene(clips=[Clip(0.5, Pose((0.46, 0.0, 0.05)))]))
-    state = SpanState(problem.move(START, end))
-    first = clipped.solve(problem, state)
+    state = Network(problem.move(START, end))
+    first = cosserat.solve(problem, state)
     for angle in np.linspace(0.0, 2 * math.pi, 13)[1:]:
-        shape = clipped.solve(problem.move(START, moved(end, turn=(angle, 0, 0))), state)
+        shape = cosserat.solve(problem.move(START, moved(end, turn=(angle, 0, 0))), state)
         assert shape.status is Status.OK
     assert shape.turns == 1
     assert abs(shape.twist - first.twist - 2 * math.pi) < 0.5
-    asked = clipped.solve(problem.move(START, Pose(end.position, ALONG_X, turns=1)))
+    asked = cosserat.solve(problem.move(START, Pose(end.position, ALONG_X, turns=1)))
     assert asked.turns == 1
     assert asked.twist == pytest.approx(shape.twist, abs=1e-3)
 
 
 def test_a_jump_of_the_grip_is_followed_in_small_steps():
     scene = on_the_free_shape((60, "ball"))
-    state = SpanState(Problem(CABLE, scene=scene).move(START, END))
-    clipped.solve(state.problem, state)
+    state = Network(Problem(CABLE, scene=scene).move(START, END))
+    cosserat.solve(state.problem, state)
     far = moved(END, (-0.3, 0.2, 0.2), (0.0, 1.0, 1.0))
-    jumped = clipped.solve(state.problem.move(START, far), state)
+    jumped = cosserat.solve(state.problem.move(START, far), state)
     assert jumped.status is Status.OK
-    small = SpanState(Problem(CABLE, scene=scene).move(START, END))
+    small = Network(Problem(CABLE, scene=scene).move(START, END))
     for t in np.linspace(0.0, 1.0, 41):
-        path = clipped.solve(small.problem.move(START, moved(END, t * np.array((-0.3, 0.2, 0.2)), (0, t, t))), small)
+        path = cosserat.solve(small.problem.move(START, moved(END, t * np.array((-0.3, 0.2, 0.2)), (0, t, t))), small)
     assert jumped.positions == pytest.approx(path.positions, abs=3e-5)
 
 
@@ -126,8 +127,8 @@ def test_an_arch_between_a_grip_and_a_clip_snaps():
         frame = moved(Pose((0.9, 0, 0), ALONG_X), turn=(0, -tilt, 0))
         problem = Problem(cable, gravity=(0, 0, 0), scene=Scene(clips=[Clip(1.0, frame, "fixed")]))
         problem.move(moved(START, turn=(0, tilt, 0)), FreeEnd())
-        state = state or SpanState(problem)
-        shape = clipped.solve(problem, state)
+        state = state or Network(problem)
+        shape = cosserat.solve(problem, state)
         statuses.append(shape.status)
         assert np.isfinite(shape.buffer).all()
     assert statuses.count(Status.SNAPPED) == 1
@@ -137,7 +138,7 @@ def test_an_arch_between_a_grip_and_a_clip_snaps():
 
 def test_a_deadline_that_has_passed_is_graded():
     fine = Problem(CABLE, tolerance=1e-9, scene=on_the_free_shape((60, "ball"))).move(START, END)
-    late = clipped.solve(fine, deadline=0.0)
+    late = cosserat.solve(fine, deadline=0.0)
     assert not late.status
     assert late.status is Status.BUDGET_EXCEEDED
-    assert clipped.solve(fine).status is Status.OK
+    assert cosserat.solve(fine).status is Status.OK

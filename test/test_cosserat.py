@@ -13,12 +13,12 @@ from scipy.spatial.transform import Rotation
 
 from cable_shape.cable import Cable
 from cable_shape.cases.reference import reference_case
-from cable_shape.models import cosserat
-from cable_shape.models.rod_state import RodState
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.problem import Problem
 from cable_shape.scene import PointMass, Scene
 from cable_shape.shape import Status
+from cable_shape.solve import cosserat
+from cable_shape.solve.network import Network
 
 CASES = Path(__file__).parents[2] / "shared" / "cases"
 
@@ -70,7 +70,7 @@ def test_smallest_eigenvalue_of_the_second_variation(name):
     values = json.loads((CASES / "public" / f"{name}.json").read_text())
     case = reference_case(values)
     problem = Problem(case.cable, gravity=values["gravity"], tolerance=1e-7 * case.cable.length)
-    state = RodState(problem.move(case.start, case.end))
+    state = Network(problem.move(case.start, case.end))
     assert cosserat.solve(problem, state).status is Status.OK
     unit = max(*case.cable.bending_stiffness, case.cable.twisting_stiffness) / case.cable.length**2
     assert cosserat.smallest_eigenvalue(state) / unit == pytest.approx(values["solution"]["min_eig"], rel=3e-3)

@@ -8,21 +8,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rods import ALONG_X, CABLE, END, LENGTH, START, rod_equations
+from rods import ALONG_X, CABLE, END, LENGTH, START, on_mesh, rod_equations
 from scipy.integrate import solve_ivp
 from scipy.optimize import root
 from scipy.spatial.transform import Rotation
 
 from cable_shape.cable import Cable
 from cable_shape.cases.reference import reference_case
-from cable_shape.kernels import rod_drive, rod_mesh
-from cable_shape.kernels.rod_newton import CONVERGED
-from cable_shape.models import cosserat
-from cable_shape.models.rod_state import RodState
 from cable_shape.pose import FreeEnd, Pose
 from cable_shape.problem import Problem
 from cable_shape.scene import PointMass, Scene
-from cable_shape.shape import CableShape
+from cable_shape.solve import cosserat
+from cable_shape.solve.network import Network
 
 CASES = Path(__file__).parents[2] / "shared" / "cases"
 MESHES = (16, 32, 64)
@@ -30,28 +27,13 @@ MESHES = (16, 32, 64)
 FLOOR = 1e-11
 
 
-def on_mesh(state: RodState, elements: int) -> np.ndarray:
-    """Positions of the equilibrium next to the last one, to rounding, half of the elements in the boundary layers."""
-    length, ends = state.problem.cable.length, state.ends.copy()
-    x, density = np.empty(129), np.empty(129)
-    rod_mesh.layered(length, min(max(state.hanging(ends)[1], 1e-5 * length), length), x, density)
-    state._lay_out(x, density, elements + 2 * state.stops.size)
-    buffer = CableShape.new_buffer(state.problem.points)
-    for _ in range(3):
-        state.target[:] = ends
-        code = rod_drive.solve(
-            state.par, state.mesh, state.sol, state.work, buffer, state.info, state.elements, state.width,
-            state.problem.points, 1, False, 60, math.inf,
-        )  # fmt: skip
-        assert code == CONVERGED
-    return buffer[state.problem.points : 4 * state.problem.points].reshape(-1, 3)
-
-
 def orders(problem: Problem, exact: np.ndarray) -> np.ndarray:
     """log2 of how the mean error at equal arc length falls from one mesh to the next, above the floor."""
-    state = RodState(problem)
+    state = Network(problem)
     assert cosserat.solve(problem, state).status
-    errors = np.array([np.linalg.norm(on_mesh(state, n) - exact, axis=1).mean() for n in MESHES])
+    errors = np.array(
+        [np.linalg.norm(on_mesh(state, [n + 2 * state.stops.size]).positions - exact, axis=1).mean() for n in MESHES]
+    )
     found = np.log2(errors[:-1] / errors[1:])[errors[1:] > FLOOR]
     assert found.size, "nothing to see above the floor"
     return found
@@ -116,9 +98,9 @@ def test_sixth_order_against_a_circle():
 def test_sixth_order_against_finer_meshes_of_a_cable_with_a_mass():
     """The mass makes a node, so that meshes are not each other's halves and the order shows less evenly."""
     problem = Problem(CABLE, points=25, scene=Scene(masses=(PointMass(0.45, 0.05),))).move(START, END)
-    state = RodState(problem)
+    state = Network(problem)
     cosserat.solve(problem, state)
-    found = orders(problem, on_mesh(state, 560))
+    found = orders(problem, on_mesh(state, [562]).positions)
     assert (found > 5.0).all(), found
     assert (found < 7.6).all(), found
 
@@ -146,10 +128,10 @@ def test_sixth_order_against_reference_shapes(name):
 def test_the_error_on_a_given_mesh_is_the_one_estimated():
     """By solving on a mesh and on one eight times finer, at meshes from coarse to fine."""
     problem = Problem(CABLE).move(START, END)
-    state = RodState(problem)
+    state = Network(problem)
     cosserat.solve(problem, state)
-    exact = on_mesh(state, 512)
+    exact = on_mesh(state, [512]).positions
     for elements in (16, 32, 64):
-        error = np.linalg.norm(on_mesh(state, elements) - exact, axis=1).max()
+        error = np.linalg.norm(on_mesh(state, [elements]).positions - exact, axis=1).max()
         assert error <= state.info[7] <= 10.0 * error, elements
     assert error < 1e-6 * LENGTH

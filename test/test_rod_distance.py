@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
-from cable_shape.models import cosserat
+from cable_shape.solve import cosserat
 
 LENGTH = 1.2
 ALONG_X = Rotation.from_quat((0.5, 0.5, 0.5, 0.5))  # d1 = y, d2 = z, d3 = x

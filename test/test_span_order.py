@@ -6,17 +6,16 @@ import math
 
 import numpy as np
 import pytest
-from rods import ALONG_X, CABLE, END, LENGTH, START, moved, solved
+from rods import ALONG_X, CABLE, END, LENGTH, START, moved, on_mesh, solved
 
-from cable_shape.kernels import rod_drive, rod_mesh, span_drive, span_slide
-from cable_shape.kernels.rod_newton import CONVERGED
-from cable_shape.models import clipped, cosserat
-from cable_shape.models.rod_state import RodState
-from cable_shape.models.span_state import SpanState
-from cable_shape.pose import FreeEnd, Grip, Pose
+from cable_shape.kernels.network import drive, sliding
+from cable_shape.kernels.network.newton import CONVERGED
+from cable_shape.pose import Pose
 from cable_shape.problem import Problem
 from cable_shape.scene import Clip, PointMass, Scene
 from cable_shape.shape import CableShape, Status
+from cable_shape.solve import cosserat
+from cable_shape.solve.network import Network
 
 FREE = solved(CABLE, START, END, points=241, tolerance=1e-11 * LENGTH)
 BENT = CABLE.replace(
@@ -32,76 +31,6 @@ def held_at(*places: tuple[int, str], shift=(0.0, 0.0, 0.0)) -> Scene:
             for i, kind in places
         ]
     )
-
-
-def layers(length: float) -> tuple[np.ndarray, np.ndarray]:
-    """A density with half of the nodes near the two ends, and where it is given."""
-    x, density = np.empty(129), np.empty(129)
-    rod_mesh.layered(length, 0.1 * length, x, density)
-    return x, density
-
-
-def on_spans(state: SpanState, counts: list[int]) -> CableShape:
-    """The equilibrium next to the last one on a mesh of `counts` elements a span, to rounding."""
-    pieces = []
-    for a, b in zip(state.arcs[:-1], state.arcs[1:], strict=True):
-        x, density = layers(b - a)
-        pieces.append((x + a, density))
-    frames = state.frames.copy()
-    state._lay_out(pieces, np.array(counts))
-    state.history = 1
-    points = state.problem.points
-    buffer, loads = CableShape.new_buffer(points), np.empty((state.spans - 1, 7))
-    for _ in range(4):
-        state.target[:] = frames
-        code = span_drive.solve(
-            state.par, state.mesh, state.sol, state.work, buffer, state.info, state.where, state.mask, state.place,
-            state.knots, state.rings, state.acts, state.points, state.table, state.elements, state.forces, state.roll,
-            points, 1, False, True, False, 60, math.inf, loads,
-        )  # fmt: skip
-        assert code == CONVERGED
-        state.ran()
-    return CableShape(buffer, points, length=LENGTH, model="", status=Status.OK, supports=loads,
-                      error_estimate=float(state.info[7]))  # fmt: skip
-
-
-# -- no clip
-
-
-@pytest.mark.parametrize("ends", [("clamped", "clamped"), ("swivel", "pinned"), ("clamped", "free")])
-@pytest.mark.parametrize("cable", [CABLE, BENT])
-def test_one_span_on_the_same_mesh_is_the_plain_cable_to_rounding(cable, ends):
-    """Rotations, forces, what is taken off and what is left of the error: by other factors, the same."""
-    end = FreeEnd(0.05) if ends[1] == "free" else Grip(END, kind=ends[1])
-    masses = Scene(masses=[PointMass(0.5, 0.02)])
-    problem = Problem(cable, points=241, scene=masses).move(Grip(START, kind=ends[0]), end)
-    plain = RodState(problem)
-    first = cosserat.solve(problem, plain)
-    assert first.status is Status.OK
-    x, density = layers(LENGTH)
-    held = plain.ends.copy()
-    plain._lay_out(x, density, 24)
-    buffer = CableShape.new_buffer(241)
-    for _ in range(4):
-        plain.target[:] = held
-        code = rod_drive.solve(
-            plain.par, plain.mesh, plain.sol, plain.work, buffer, plain.info, plain.elements, plain.width, 241, 1,
-            False, 60, math.inf,
-        )  # fmt: skip
-        assert code == CONVERGED
-    spans = SpanState(problem, last=first)
-    assert clipped.solve(problem, spans).status is Status.OK
-    shape = on_spans(spans, [24])
-    assert spans.nodes == pytest.approx(plain.mesh[:25], abs=1e-15)
-    known = CableShape(buffer, 241, length=LENGTH, model="", status=Status.OK)
-    assert shape.positions == pytest.approx(known.positions, abs=1e-10 * LENGTH)
-    assert shape.quaternions * np.sign(shape.quaternions[0] @ known.quaternions[0]) == pytest.approx(
-        known.quaternions, abs=1e-9
-    )
-    assert shape.force == pytest.approx(known.force, abs=1e-8 * np.abs(known.force).max())
-    assert shape.moment == pytest.approx(known.moment, abs=1e-8 * np.abs(known.moment).max())
-    assert spans.info[15:17] == pytest.approx(plain.info[15:17], rel=1e-5)
-    assert spans.info[8] == pytest.approx(plain.info[8], abs=1e-10)
 
 
 @pytest.mark.parametrize("kinds", [("ball",), ("ball", "ball"), ("fixed",), ("hinge", "ball"), ("slide",)])
@@ -123,12 +52,12 @@ def test_clips_on_the_plain_shape_give_the_plain_shape(kinds):
 @pytest.mark.parametrize("kinds", [("ball", "ball"), ("fixed", "hinge"), ("slide", "ball"), ("slide", "slide")])
 def test_the_error_falls_with_the_sixth_power_of_the_element(cable, kinds):
     scene = held_at((80, kinds[0]), (160, kinds[1]), shift=(0.0, 0.01, 0.02))
-    state = SpanState(Problem(cable, points=241, tolerance=1e-11 * LENGTH, scene=scene).move(START, END))
-    exact = clipped.solve(state.problem, state)
+    state = Network(Problem(cable, points=241, tolerance=1e-11 * LENGTH, scene=scene).move(START, END))
+    exact = cosserat.solve(state.problem, state)
     assert exact.status is Status.OK
     errors, slips = [], []
     for counts in ([6, 6, 6], [12, 12, 12], [24, 24, 24]):
-        shape = on_spans(state, counts)
+        shape = on_mesh(state, counts, 0.1)
         error = np.linalg.norm(shape.positions - exact.positions, axis=1)
         errors.append(error.mean())
         slips.append(max(abs(a.arc_length - b.arc_length) for a, b in zip(shape.clips, exact.clips, strict=True)))
@@ -143,10 +72,21 @@ def test_the_error_falls_with_the_sixth_power_of_the_element(cable, kinds):
 
 
 def test_nodes_keep_their_shares_between_the_knots():
-    s = np.array((0.0, 0.1, 0.3, 0.4, 0.7, 0.8, 1.0))
-    knots, where, rings = np.array((0, 2, 3, 4, 6)), np.array((0, 2, 4, 6)), np.array((1, 2))  # a mass at node 3
-    span_slide.respace(s, knots, where, rings, np.array((0.06, -0.04)), 0.5)
-    assert s == pytest.approx(np.array((0.0, 0.11, 0.33, 0.4, 0.68, 0.68 + 0.32 / 3.0, 1.0)))
+    scene = held_at((80, "slide"), (160, "slide")).replace(masses=[PointMass(0.6, 0.01)])
+    state = Network(Problem(CABLE, scene=scene).move(START, END))
+    assert cosserat.solve(state.problem, state).status is Status.OK
+    before, run = state.nodes.copy(), sliding.new_slides(state.ints, True)
+    ways = np.array((0.03, -0.02))
+    sliding.slides_of.py_func(state.ints, run).way[:] = ways
+    sliding.move_along(state.ints, state.floats, run, 0.5)
+    bounds = state.bounds()
+    assert np.interp(np.sort((*before[[a for a, _ in state._runs()]][1:], 0.6)), before, before) == pytest.approx(
+        np.sort((*(bounds[1:-1] - 0.5 * ways), 0.6))
+    )
+    old, new = np.sort((*(bounds[1:-1] - 0.5 * ways), 0.6)), np.sort((*bounds[1:-1], 0.6))
+    expected = np.interp(before, (0.0, *old, LENGTH), (0.0, *new, LENGTH))
+    assert state.nodes == pytest.approx(expected, abs=1e-12)
+    assert state.model.h == pytest.approx(np.diff(state.nodes)[np.diff(state.nodes) > 0.0], abs=1e-15)
 
 
 def test_the_energy_falls_in_as_many_directions_as_eigenvalues_are_negative():
@@ -155,7 +95,7 @@ def test_the_energy_falls_in_as_many_directions_as_eigenvalues_are_negative():
         for _ in range(10):
             A = rng.normal(size=(k, k))
             J, f, way = A + A.T, rng.normal(size=k), np.empty(k)
-            assert span_slide.balance_eyelets(J, f, way) == (np.linalg.eigvalsh(-J) < 0.0).sum()
+            assert sliding.balanced(J, f, way, np.empty((k, k))) == (np.linalg.eigvalsh(-J) < 0.0).sum()
             assert J @ way == pytest.approx(-f, abs=1e-9)
 
 
@@ -163,9 +103,9 @@ def test_a_warm_step_through_an_eyelet_is_one_iteration_of_all_unknowns():
     """What is in the eyelet is an unknown like the others: as few iterations as of a cable in a ball clip."""
     counts = {}
     for kind in ("ball", "slide"):
-        state = SpanState(Problem(CABLE, scene=held_at((80, kind), shift=(0.0, 0.0, 0.01))))
+        state = Network(Problem(CABLE, scene=held_at((80, kind), shift=(0.0, 0.0, 0.01))))
         shapes = [
-            clipped.solve(
+            cosserat.solve(
                 state.problem.move(START, moved(END, (-1e-3 * k, 0.0, 2e-4 * k), (0.0, 1e-3 * k, 0.0))), state
             )
             for k in range(12)
@@ -180,20 +120,19 @@ def test_a_warm_step_through_an_eyelet_is_one_iteration_of_all_unknowns():
 
 def test_an_eyelet_of_a_failed_step_stays_where_it_was():
     """A step through which the compiled iteration cannot go leaves mesh and solution as they were."""
-    state = SpanState(Problem(CABLE, scene=held_at((80, "slide"), shift=(0.0, 0.0, 0.01))).move(START, END))
-    clipped.solve(state.problem, state)
-    before = state.mesh.copy(), state.sol[: state.sol.size // 3].copy()
-    frames = state.frames.copy()
-    frames[-1] = moved(Pose(frames[-1, :3], frames[-1, 3:]), (-0.2, 0.2, 0.3), (2.0, 1.0, 0.0)).array
-    state.target[:] = frames
-    code = span_drive.solve(
-        state.par, state.mesh, state.sol, state.work, CableShape.new_buffer(150), state.info, state.where, state.mask,
-        state.place, state.knots, state.rings, state.acts, state.points, state.table, state.elements, state.forces,
-        state.roll, 150, 1, False, True, True, 3, math.inf, np.empty((1, 7)),
+    state = Network(Problem(CABLE, scene=held_at((80, "slide"), shift=(0.0, 0.0, 0.01))).move(START, END))
+    cosserat.solve(state.problem, state)
+    before = state.floats.copy(), state.sols[: state.sols.size // 3].copy()
+    poses = state.poses.copy()
+    poses[-1] = moved(Pose(poses[-1, :3], poses[-1, 3:]), (-0.2, 0.2, 0.3), (2.0, 1.0, 0.0)).array
+    state.target[...] = poses
+    code = drive.solve(
+        state.ints, state.floats, state.sols, state.work, CableShape.new_buffer(150), state.info, np.empty((3, 7)), 150,
+        1, False, True, True, 3, math.inf,
     )  # fmt: skip
     assert code != CONVERGED
-    assert state.mesh == pytest.approx(before[0], abs=0.0)
-    assert state.sol[: state.sol.size // 3] == pytest.approx(before[1], abs=0.0)
+    assert state.floats == pytest.approx(before[0], abs=0.0)
+    assert state.sols[: state.sols.size // 3] == pytest.approx(before[1], abs=0.0)
 
 
 # -- estimate
@@ -213,11 +152,11 @@ def test_estimates_of_random_scenes_are_honest():
         kinds = rng.choice(("ball", "fixed", "hinge", "slide"), 2)
         clips = [Clip(s, Pose(r, ALONG_X), kind) for s, r, kind in zip(arcs, places, kinds, strict=False)]
         problem = Problem(cable, scene=Scene(clips=clips)).move(START, Pose(places[2], ALONG_X))
-        state = SpanState(problem)
-        shape = clipped.solve(problem, state)
+        state = Network(problem)
+        shape = cosserat.solve(problem, state)
         assert shape.status is Status.OK
         finer = Problem(cable, scene=Scene(clips=clips), tolerance=1e-8 * LENGTH).move(START, Pose(places[2], ALONG_X))
-        fine = clipped.solve(finer, state)
+        fine = cosserat.solve(finer, state)
         assert fine.status is Status.OK
         ratios.append(shape.error_estimate / np.linalg.norm(shape.positions - fine.positions, axis=1).max())
     ratio = np.array(ratios)

@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from cable_shape.kernels import response, swing
+from cable_shape.kernels import swing
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.margins import (
     ARC_LENGTH,
@@ -41,6 +41,9 @@ from cable_shape.kernels.margins import (
     remember,
     tell_stability,
 )
+from cable_shape.kernels.network import respond
+from cable_shape.kernels.network.sliding import new_slides
+from cable_shape.kernels.network.tables import LENGTH, N_KNOTS, N_RINGS
 from cable_shape.kernels.rod_algebra import inlined
 from cable_shape.kernels.speed import follow
 
@@ -81,21 +84,28 @@ def time_left(left: float, rate: float) -> float:
 
 @kernel
 def approach(
-    par: Array, mesh: Array, sol: Array, work: Array, elements: int, width: int, flags: int, twists: Array,
-    bodies: Array, moving: Array, rows: Array,
+    ints: Array, floats: Array, sols: Array, space: Array, flags: int, twists: Array, bodies: Array, moving: Array,
+    rows: Array,
 ) -> None:  # fmt: skip
     """Puts into the column TIME of each body how fast the cable nears it [m/s]; it stays NaN where not known."""
-    at = np.empty(bodies.shape[0])
+    at, length = np.empty(bodies.shape[0]), floats[LENGTH]
     count = 0
     for b in range(bodies.shape[0]):
         may_move = flags & LISTED != 0 and moving[b] != 0.0
-        if TOUCHING < abs(bodies[b, 0]) < math.inf and 0.0 <= bodies[b, 1] <= par[19] and not may_move:
+        if TOUCHING < abs(bodies[b, 0]) < math.inf and 0.0 <= bodies[b, 1] <= length and not may_move:
             at[count] = bodies[b, 1]
             rows[BODIES + b, TIME] = 0.0
             count += 1
     if count == 0:
         return
-    v = response.velocities(par, mesh, sol, work, elements, width, twists, at[:count])
+    moves, v = np.zeros((ints[N_KNOTS], 6)), np.empty((count, 3))
+    moves[0, :] = twists[:6]
+    moves[-1, :] = twists[6:]
+    respond.at_rest(ints, sols)
+    respond.still(ints, space)
+    respond.move_knots(ints, floats, sols, space, moves)
+    respond.answer(ints, floats, sols, space, moves)
+    respond.velocities(ints, floats, sols, space, at[:count], v)
     count = 0
     for b in range(bodies.shape[0]):
         if rows[BODIES + b, TIME] == 0.0:
@@ -178,13 +188,13 @@ def tell_inertia(
 
 @kernel
 def measure(
-    memory: Array, buffer: Array, points: int, bodies: Array, par: Array, mesh: Array, sol: Array, work: Array,
-    elements: int, width: int, mode: Array, steps: int, flags: int, seconds: float,
+    memory: Array, buffer: Array, points: int, bodies: Array, ints: Array, floats: Array, sols: Array, space: Array,
+    mode: Array, steps: int, flags: int, seconds: float,
 ) -> int:  # fmt: skip
     """Fills `told` for a shape's buffer, and returns what it tells, see `tell`; bodies (m, 8) as in `measure_bodies`.
 
-    elements 0: the model knows no stability. mode, steps: see `response.smallest_eigenvalue`. seconds: since the last
-    cycle, NaN where it is none to compare with.
+    ints, floats, sols, space: of a network of rods, see `network.tables`; ints empty: the model knows no stability.
+    mode, steps: see `respond.softest_mode`. seconds: since the last cycle, NaN where it is none to compare with.
     """
     turn = begin(memory, bodies.shape[0], flags, seconds)
     rows, told, history, moving = parts(memory, bodies.shape[0])
@@ -194,11 +204,13 @@ def measure(
     if flags & LOADED:
         tell_inertia(memory[SWING:TURN], twists, flags, seconds, buffer, points, rows[-1])
     measure_bodies(bodies, limits[5], rows)
-    if elements > 0:
+    if ints.shape[0] > 0:
         if not flags & AGAIN:
-            found = response.smallest_eigenvalue(par, mesh, sol, work, elements, width, mode, steps, flags & FRESH != 0)
-            remember(found, memory[SOFT], eigen)
+            found = np.empty(2)
+            run = new_slides(ints, True)
+            respond.softest_mode(ints, floats, sols, space, run, mode, steps, flags & FRESH != 0, found)
+            remember((found[0], found[1]), memory[SOFT], eigen)
         tell_stability(flags & UNSTABLE != 0, eigen, rows)
-        if bodies.shape[0] > 0 and not math.isnan(twists[0]):
-            approach(par, mesh, sol, work, elements, width, flags, twists, bodies, moving, rows)
+        if bodies.shape[0] > 0 and ints[N_RINGS] == 0 and not math.isnan(twists[0]):
+            approach(ints, floats, sols, space, flags, twists, bodies, moving, rows)
     return tell(rows, history[turn], history[1 - turn], seconds, flags & LISTED != 0, told)

@@ -112,4 +112,4 @@ def sensitivity(state: Network, *, at: str = "cable") -> Array:
 
 def smallest_eigenvalue(state: Network) -> float:
     """[N], of the last solution's second variation under its constraints, against the integral of |rotation|^2."""
-    return float(respond.smallest_eigenvalue(state.ints, state.floats, state.sols, state.work))
+    return state.smallest_eigenvalue()

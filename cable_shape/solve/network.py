@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Callable
 from functools import lru_cache
@@ -69,6 +70,7 @@ class Network:
     def __init__(self, problem: Problem, last: CableShape | None = None) -> None:
         self.last = last
         self.history = self.elements = 0
+        self.factored = False  # whether `work` has factors at, or next to, the last solution
         self.fewest = 0  # elements with which a coarser mesh has failed
         self.info: Array = np.zeros(INFO + 2)
         self.structure: Structure
@@ -125,6 +127,8 @@ class Network:
             if clip.kind in ("ball", "slide"):
                 row[3:] = _IDENTITY
         self._clips = tuple(clip.kind for clip in problem.clips)
+        self.spans = self.forces = arcs.size - 1
+        self.rings = [i for i, kind in enumerate(self._clips, 1) if kind == "slide"]
         self._kinds = ()
         self.unsettle()
 
@@ -178,9 +182,7 @@ class Network:
         structure = _structure(all_kinds, pieces, self.points.size, self.round_straight)
         changed = self.elements and structure != self.structure
         self.structure = structure
-        self.spans = len(structure.spans)
         self.forces = self.spans - (kinds[1] == "free")
-        self.rings = [knot for knot, _ in structure.rings]
         self.stops = self._stops()
         if not self.elements:
             return
@@ -404,6 +406,17 @@ class Network:
         self.nodes, self.target = self.model.s, self.solution(TRIAL).pose
         self.fewest = self.elements
 
+    def copied(self) -> Network:
+        """The memory once more, sharing only the problem and the plan, which a solve does not change."""
+        other = copy.copy(self)
+        other.floats, other.sols, other.work = self.floats.copy(), self.sols.copy(), self.work.copy()
+        other.info = self.info.copy()
+        other.model = tables.model_of.py_func(other.ints, other.floats)
+        other.nodes, other.target = other.model.s, other.solution(TRIAL).pose
+        other.material = self.material._replace(pieces=self.material.pieces.copy())
+        other._frames = self._frames.copy()
+        return other
+
     def start_from(self, poses: Array, kind: int, sag: float, turns: float = 0.0) -> None:
         """Puts a guess (see ``guess.guess``) between `poses` into the trial; turns: those that their signs are of."""
         trial = self.solution(TRIAL)
@@ -521,7 +534,13 @@ class Network:
 
     def refresh(self) -> None:
         """Factors the matrix of the last solution."""
+        self.factored = True
         respond.refresh(self.ints, self.floats, self.sols, self.work, True)
+
+    def smallest_eigenvalue(self) -> float:
+        """[N], of the last solution's second variation."""
+        self.factored = False  # but at a shift
+        return float(respond.smallest_eigenvalue(self.ints, self.floats, self.sols, self.work))
 
     def pulls(self, points: int = 0) -> tuple[Array, Array, Array]:
         """F . d3 of the eyelets (e,) [N], its derivative in the arc lengths there (e, e), and that of the positions

@@ -10,7 +10,7 @@ import numpy as np
 
 from cable_shape.checks import Array
 from cable_shape.kernels.frames import align
-from cable_shape.kernels.network import drive, respond
+from cable_shape.kernels.network import drive
 from cable_shape.kernels.network.drive import I_ENERGY, I_ESTIMATE, I_FORCE, I_MOMENT, I_RESIDUAL, I_TURNED, INFO
 from cable_shape.kernels.network.guess import CURVED, HANGING, WAVY
 from cable_shape.kernels.network.newton import CONVERGED, I_EXCESS, I_ITERATIONS
@@ -104,6 +104,7 @@ class Search:
             self.problem.points if output else 0, history, again, sliding, guard, most, far,
         )  # fmt: skip
         self.info = state.info.tolist()
+        state.factored = True
         self.iterations += int(self.info[I_ITERATIONS])
         return bool(code == CONVERGED)
 
@@ -205,7 +206,7 @@ class Search:
         state.settle()
         least = 0.0
         if status is Status.UNSTABLE:
-            least = float(respond.smallest_eigenvalue(state.ints, state.floats, state.sols, state.work))
+            least = state.smallest_eigenvalue()
             if least >= -state.neutral:  # the inertia was that of the last but one iterate, and a mode is neutral
                 status = Status.OK
         if self.late:
@@ -395,10 +396,10 @@ class Search:
             self.eyelets.spread(poses)
         found = self._guessed(poses, 1.0, wound)
         if state.spans > 1:
-            found = found or self._approached(poses)
+            found = found or (not self.late and self._approached(poses))
         for fineness in (2.0,) if state.spans == 1 else (2.0, 5.0):  # a coarse mesh may miss a boundary layer
-            found = found or self._guessed(poses, fineness, wound)
-        found = found or self._softened(poses)
+            found = found or (not self.late and self._guessed(poses, fineness, wound))
+        found = found or (not self.late and self._softened(poses))
         if found:
             if turns and not self._wind_up(turns):
                 if self.late:
@@ -418,12 +419,12 @@ class Search:
         """Tries the guesses, the likeliest first, on meshes so many times as fine as usual."""
         state = self.state
         for kind, sag in self._guesses(poses):
-            if self.out_of_time():
-                return False
             state.first_mesh(poses, fineness)
             state.start_from(poses, kind, sag, wound)
             if self.call(0, COLD_ITERATIONS, guard=guard):
                 return True
+            if self.out_of_time():
+                return False
         return False
 
     def _guesses(self, poses: Array) -> tuple[tuple[int, float], ...]:

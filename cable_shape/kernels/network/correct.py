@@ -127,6 +127,10 @@ def correct(ints: Whole, floats: Floats, sols: Floats, space: Floats, run: Float
         )  # fmt: skip
         moment = max(moment, change_of_moments(plan, work, j))
         left = max(left, far)
+    for j in range(spans):  # what `respond` reads: the moments at the ends of spans, as derivatives
+        a, b = plan.first[j], plan.first[j + 1] - 1
+        put3(first, a, 3, scale(-1.0, take3(moments, a, 0)))
+        put3(first, b, 6, take3(moments, b, 3))
     rough = 0.0
     for e in range(elements):
         rough = max(rough, model.rough[e])

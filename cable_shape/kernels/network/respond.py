@@ -14,6 +14,7 @@ import numpy as np
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.network.compiled import inline, part, viewing
 from cable_shape.kernels.network.graph import factor, solve, step_of_force
+from cable_shape.kernels.network.sliding import columns, slide_step
 from cable_shape.kernels.network.system import NONE, assemble, gradient, release
 from cable_shape.kernels.network.tables import (
     BASE_SHIFT,
@@ -69,11 +70,17 @@ SLIGHT = 1e-4
 @viewing
 def refresh(ints: Whole, floats: Floats, sols: Floats, space: Floats, factored: bool) -> None:
     """Assembles, and factors if asked, the matrix of the solution now, which becomes the trial, too."""
-    size = solution_size(ints)
-    copy(sols[2 * size : 3 * size], sols[0:size])
+    at_rest(ints, sols)
     assemble(ints, floats, sols, space)
     if factored:
         factor(ints, floats, space, SLIGHT * model_of(ints, floats).par[BASE_SHIFT])
+
+
+@viewing
+def at_rest(ints: Whole, sols: Floats) -> None:
+    """Makes the solution now the trial, too."""
+    size = solution_size(ints)
+    copy(sols[2 * size : 3 * size], sols[0:size])
 
 
 @viewing
@@ -489,16 +496,20 @@ def smallest_eigenvalue(ints: Whole, floats: Floats, sols: Floats, space: Floats
 
 @viewing
 def softest_mode(
-    ints: Whole, floats: Floats, sols: Floats, space: Floats, mode: Floats, steps: int, fresh: bool, told: Floats
-) -> None:
+    ints: Whole, floats: Floats, sols: Floats, space: Floats, run: Floats, mode: Floats, steps: int, fresh: bool,
+    told: Floats,
+) -> None:  # fmt: skip
     """told: eigenvalue [N] nearest to zero, and the arc length [m] at which its mode turns most.
 
     By inverse iteration from `mode` (n, 3), which it improves: the eigenvalue is Rayleigh's quotient. NaN if the
     iteration breaks down. With fresh factors, or those that the last solve left, which are of a point within
-    `newton.CHORD_FROM` of the solution.
+    `newton.CHORD_FROM` of the solution. run: see `sliding.new_slides`; with eyelets factors are always fresh.
     """
-    if fresh:
+    slides = run.shape[0] > 0
+    if fresh or slides:
         refresh(ints, floats, sols, space, True)
+    if slides:
+        columns(ints, floats, sols, space, run)
     plan, model, work = plan_of(ints), model_of(ints, floats), work_of(ints, space)
     told[0], told[1] = math.nan, 0.0
     disturb(mode, NOISE / math.sqrt(model.par[LENGTH]))
@@ -511,6 +522,8 @@ def softest_mode(
                 put3(work.G, e + j, 0, scale(-size, get3(mode, e + j)))
         release(plan, model, work.G)
         solve(ints, floats, space)
+        if slides:
+            slide_step(ints, floats, sols, space, run, 0.0)
         up = down = largest = 0.0
         for j in range(plan.ends.shape[0]):
             for e in range(plan.first[j], plan.first[j + 1] + 1):
