@@ -45,6 +45,7 @@ from cable_shape.uncertainty import Uncertainty
 
 #: More numbers than this are not kept: 8 GB of shapes.
 MOST_NUMBERS = 1_000_000_000
+MOST_THREADS = 1024
 #: Units of the lattice of cells: this fraction of the cable's length, and radians; coarse cells are so much wider.
 CELL_REACH, CELL_TURN, COARSER = 0.25, 0.3, 3.0
 #: The grips of a cell's shape are at most this fraction of the length apart.
@@ -108,7 +109,9 @@ def predict_batch(
         scene=scene,
         distributed_load=distributed_load,
     )
-    threads = len(os.sched_getaffinity(0)) if threads is None else checks.integer("threads", threads, at_least=1)
+    if threads is None:
+        threads = len(os.sched_getaffinity(0))
+    threads = checks.integer("threads", threads, at_least=1, at_most=MOST_THREADS)
     deadline = math.inf
     if time_limit is not None:
         deadline = began + checks.number("time_limit", time_limit, above=0.0, unit="s")
@@ -340,10 +343,7 @@ class _Work:
 def _table(name: str, value: ArrayLike) -> Array:
     """Poses as a new array (k, 7)."""
     remedy = "A row is a position in m and a quaternion x, y, z, w."
-    try:
-        table = np.array(value, dtype=np.float64, order="C")
-    except (TypeError, ValueError):
-        raise ArgumentError.of(name, value, "it must be a table of numbers", remedy) from None
+    table = checks.numbers(name, value, remedy)
     if table.ndim != 2 or table.shape[1] != 7:
         raise ArgumentError.of(name, f"array of shape {table.shape}", "it must have shape (k, 7)", remedy)
     return table

@@ -17,6 +17,7 @@ from cable_shape.errors import ArgumentError
 
 STANDARD_GRAVITY = 9.81  # m/s^2
 TAIL_SIDES = ("start", "end")
+LENGTHS = (1e-6, 1e6)  # m
 
 
 @final
@@ -26,7 +27,7 @@ class Cable:
     Parameters
     ----------
     length : float
-        [m], stress-free length between the grips, above 0.
+        [m], stress-free length between the grips, from 1e-6 to 1e6.
     linear_density : float
         [kg/m], at least 0.
     bending_stiffness : float or (2,) array_like
@@ -110,7 +111,7 @@ class Cable:
         tails: Mapping[str, float] | None = None,
     ) -> None:
         put = object.__setattr__
-        put(self, "length", checks.number("length", length, above=0.0, unit="m"))
+        put(self, "length", _length("length", length))
         put(self, "linear_density", checks.number("linear_density", linear_density, at_least=0.0, unit="kg/m"))
         put(self, "bending_stiffness", _bending(bending_stiffness))
         mean = 0.5 * sum(self.bending_stiffness)
@@ -273,17 +274,24 @@ def _inner_diameter(value: float, outer: float) -> float:
 
 def _tails(value: Mapping[str, float] | None) -> Mapping[str, float]:
     """Lengths above 0 by side, in the order of the sides, read-only."""
-    checks.known_keys("tails", value or {}, TAIL_SIDES)
-    given = value or {}
-    return MappingProxyType(
-        {side: checks.number(f"tails.{side}", given[side], above=0.0, unit="m") for side in TAIL_SIDES if side in given}
-    )
+    given = checks.mapping("tails", value, TAIL_SIDES, "Write {start: .., end: ..}, lengths in m.")
+    return MappingProxyType({side: _length(f"tails.{side}", given[side]) for side in TAIL_SIDES if side in given})
+
+
+def _length(name: str, value: float) -> float:
+    """[m], of something between a hair and a continent."""
+    low, high = LENGTHS
+    length = checks.number(name, value, above=0.0, at_most=high, unit="m")
+    if length < low:
+        remedy = f"Give {name} in m as one finite number."
+        raise ArgumentError.of(name, length, f"it must be at least {low:g} m", remedy)
+    return length
 
 
 def _bending(value: float | ArrayLike) -> tuple[float, float]:
     """One number or two, both positive or both zero."""
     remedy = "Give EI in N m^2; 0 (a chain) is solved by model='catenary' only."
-    if np.ndim(value) == 0:
+    if value is None or np.isscalar(value) or isinstance(value, (str, np.generic)):
         one = checks.number("bending_stiffness", value, at_least=0.0, unit="N m^2", remedy=remedy)
         return (one, one)
     pair = checks.vector("bending_stiffness", value, 2, "N m^2")
@@ -297,10 +305,7 @@ def _bending(value: float | ArrayLike) -> tuple[float, float]:
 def _rest_curvature(value: ArrayLike) -> Array:
     """(3,) or (n, 3) with n >= 2, finite, read-only."""
     remedy = "Give three numbers in 1/m, or an (n, 3) table with n >= 2 rows, uniform in arc length."
-    try:
-        a = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ArgumentError.of("rest_curvature", value, "it must be numbers of shape (3,) or (n, 3)", remedy) from None
+    a = checks.numbers("rest_curvature", value, remedy)
     if not (a.shape == (3,) or (a.ndim == 2 and a.shape[1] == 3 and a.shape[0] >= 2)):
         raise ArgumentError.of("rest_curvature", f"shape {a.shape}", "it must be (3,) or (n, 3)", remedy)
     if not np.isfinite(a).all():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,6 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 from cable_shape.errors import ArgumentError, UnknownKeyError
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
+
+#: Numbers beyond these magnitudes, in SI units, are slips: powers and quotients of them leave what a float holds.
+LEAST, MOST = 1e-20, 1e20
 
 #: Quaternions this close to unit length are normalised, others refused (ROS publishes rounded ones).
 QUATERNION_TOLERANCE = 1e-3
@@ -23,24 +27,31 @@ def number(
     *,
     above: float | None = None,
     at_least: float | None = None,
+    at_most: float = MOST,
     unit: str = "",
     remedy: str = "",
 ) -> float:
-    """`value` as a finite float, above or at least a bound."""
+    """`value` as a finite float, above or at least a bound; above 0, it is at least 1e-20."""
     suffix = f" {unit}" if unit else ""
     remedy = remedy or f"Give {name} in {unit or 'SI units'} as one finite number."
-    if isinstance(value, (bool, str)) or value is None:
+    if value is None or isinstance(value, (bool, str, bytes, bytearray)) or getattr(value, "ndim", False):
         raise ArgumentError.of(name, value, "it must be a number", remedy)
     try:
         x = float(value)
     except (TypeError, ValueError):
         raise ArgumentError.of(name, value, "it must be a number", remedy) from None
+    except OverflowError:
+        raise ArgumentError.of(name, value, f"it must be at most {at_most:g}{suffix}", remedy) from None
     if not math.isfinite(x):
         raise ArgumentError.of(name, x, "it must be finite", remedy)
     if above is not None and not x > above:
         raise ArgumentError.of(name, x, f"it must be above {above:g}{suffix}", remedy)
     if at_least is not None and not x >= at_least:
         raise ArgumentError.of(name, x, f"it must be at least {at_least:g}{suffix}", remedy)
+    if not abs(x) <= at_most:
+        raise ArgumentError.of(name, x, f"its magnitude must be at most {at_most:g}{suffix}", remedy)
+    if above == 0.0 and x < LEAST:
+        raise ArgumentError.of(name, x, f"it must be at least {LEAST:g}{suffix}", remedy)
     return x
 
 
@@ -61,24 +72,44 @@ def integer(name: str, value: Any, *, at_least: int, at_most: int | None = None)
 
 def vector(name: str, value: ArrayLike, size: int = 3, unit: str = "") -> Array:
     """`value` as a new finite float64 array of shape (size,)."""
+    a = _as_floats(value)
+    if a is not None and a.shape == (size,):
+        entries = a.tolist()
+        if all(map(math.isfinite, entries)) and (not entries or (max(entries) <= MOST and min(entries) >= -MOST)):
+            return a
     in_unit = f" in {unit}" if unit else ""
     remedy = f"Give {name} as {size} finite numbers{in_unit}."
-    try:
-        a = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ArgumentError.of(name, value, f"it must be {size} numbers", remedy) from None
+    if a is None:
+        raise ArgumentError.of(name, value, f"it must be {size} numbers", remedy)
     if a.shape != (size,):
         raise ArgumentError.of(name, value, f"it must have shape ({size},), not {a.shape}", remedy)
-    if not all(map(math.isfinite, a.tolist())):
+    if not np.isfinite(a).all():
         raise ArgumentError.of(name, a.tolist(), "every entry must be finite", remedy)
+    raise ArgumentError.of(name, a.tolist(), f"no magnitude may be above {MOST:g}{in_unit}", remedy)
+
+
+def numbers(name: str, value: Any, remedy: str) -> Array:
+    """`value` as a new float64 array of whatever shape."""
+    a = _as_floats(value)
+    if a is None:
+        raise ArgumentError.of(name, value, "it must be numbers", remedy)
     return a
+
+
+def _as_floats(value: Any) -> Array | None:
+    """A new array of whatever shape; None of what is no numbers, complex ones included."""
+    try:
+        if isinstance(value, np.ndarray) and value.dtype.kind not in "biuf":
+            return None
+        return np.array(value, dtype=np.float64, order="C")
+    except (TypeError, ValueError, OverflowError, RecursionError, AttributeError):
+        return None
 
 
 def quaternion(name: str, value: ArrayLike) -> Array:
     """`value` as a new unit quaternion (4,), x y z w; refused unless within 1e-3 of unit length."""
     q = vector(name, value, 4)
-    with np.errstate(over="ignore"):  # an infinite length is refused, too
-        length = math.sqrt(float(q @ q))
+    length = math.sqrt(float(q @ q))
     if abs(length - 1.0) > QUATERNION_TOLERANCE:
         raise ArgumentError.of(
             name,
@@ -94,7 +125,7 @@ def one_of(name: str, value: Any, options: Iterable[str]) -> str:
     if type(options) is tuple and type(value) is str and value in options:
         return value
     words = tuple(options)
-    if value not in words:
+    if not isinstance(value, str) or value not in words:
         raise ArgumentError.of(name, value, f"it must be one of {', '.join(words)}", "Choose one of these.")
     return str(value)
 
@@ -110,6 +141,30 @@ def instance(name: str, value: object, kinds: tuple[type, ...], remedy: str) -> 
     if not isinstance(value, kinds):
         words = " or ".join(kind.__name__ for kind in kinds)
         raise ArgumentError.of(name, value, f"it must be a {words}", remedy)
+
+
+def entries(name: str, values: Any, kind: type[T], remedy: str = "") -> tuple[T, ...]:
+    """The items of a list, tuple or other iterable, which are all of this kind."""
+    remedy = remedy or f"Give a list of {kind.__name__}."
+    if isinstance(values, (str, bytes, Mapping)):
+        raise ArgumentError.of(name, values, "it must be a list", remedy)
+    try:
+        items = tuple(values)
+    except TypeError:
+        raise ArgumentError.of(name, values, "it must be a list", remedy) from None
+    for i, item in enumerate(items):
+        instance(f"{name}[{i}]", item, (kind,), remedy)
+    return items
+
+
+def mapping(name: str, values: Any, known: Iterable[str], remedy: str) -> dict[str, Any]:
+    """A mapping that has no keys but those `known`, as a new dict; empty for None."""
+    if values is None:
+        return {}
+    if not isinstance(values, Mapping):
+        raise ArgumentError.of(name, values, "it must be a mapping", remedy)
+    known_keys(name, values, known)
+    return dict(values)
 
 
 def known_keys(where: str, given: Mapping[str, Any], known: Iterable[str]) -> None:

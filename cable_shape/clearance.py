@@ -183,16 +183,20 @@ def link_rows(links: Mapping[str, Pose], carried: Mapping[str, str]) -> Array:
     ArgumentError
         If `links` lacks one of them.
     """
+    if not isinstance(links, Mapping):
+        raise ArgumentError.of("links", links, "it must be a mapping", "Write {link: Pose(...)}, or None.")
     rows = np.zeros((max(len(carried), 1), 7))
     for i, (name, body) in enumerate(carried.items()):
         pose = links.get(name)
         if pose is None:
             raise ArgumentError.of(
                 "links",
-                sorted(links),
+                sorted(map(str, links)),
                 f"the pose of link {name!r} is missing, which carries {body!r}",
                 "Give the pose of every link that carries a body, or None if the robot is not known.",
             )
+        if not isinstance(pose, Pose):
+            raise ArgumentError.of(f"links[{name!r}]", pose, "it must be a Pose", "Write Pose(position, quaternion).")
         rows[i] = pose.array
     return rows
 

@@ -1,7 +1,8 @@
 """The `cable-shape` command.
 
-Exit codes: 0 all is well; 1 `doctor` found something to repair; 2 wrong arguments or input that cannot be used;
-3 `replay` finished, but a part of the recording could not be read; 130 interrupted.
+Exit codes: 0 all is well; 1 `doctor` found something to repair; 2 wrong arguments, input that cannot be used, or a
+result that must not be: a shape of `predict`, a fit of `calibrate`; 3 `replay` finished, but a part of the recording
+could not be read; 130 interrupted.
 """
 
 from __future__ import annotations
@@ -16,7 +17,9 @@ import cable_shape
 from cable_shape.errors import ArgumentError, CableShapeError, DependencyError
 
 if TYPE_CHECKING:
+    from cable_shape.cable import Cable
     from cable_shape.replay.inputs import Held
+    from cable_shape.scene import Scene
 
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 
@@ -50,8 +53,8 @@ def build_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="cable-shape",
         description="Predicts the quasistatic shape of the cable held between two grippers.",
-        epilog="Exit codes: 0 well, 1 doctor found something, 2 error, 3 only a part of a recording could be read, "
-        "130 interrupted.",
+        epilog="Exit codes: 0 well, 1 doctor found something, 2 error or a result that must not be used, 3 only a "
+        "part of a recording could be read, 130 interrupted.",
     )
     parser.add_argument("--version", action="version", version=f"cable-shape {cable_shape.__version__}")
     parser.add_argument("--debug", action="store_true", help="show the traceback of an error")
@@ -176,9 +179,12 @@ def _replay(arguments: argparse.Namespace) -> int:
         from cable_shape.robot import Robot
 
         robot = Robot.from_yaml(arguments.robot)
+    cable = Cable.from_yaml(arguments.cable)
+    scene = None if arguments.scene is None else Scene.from_yaml(arguments.scene)
+    note_slips(cable, scene)
     settings = Settings(
-        cable=Cable.from_yaml(arguments.cable),
-        scene=None if arguments.scene is None else Scene.from_yaml(arguments.scene),
+        cable=cable,
+        scene=scene,
         robot=robot,
         uncertainty=None if arguments.uncertainty is None else Uncertainty.from_yaml(arguments.uncertainty),
         **_model_options(arguments),
@@ -245,6 +251,7 @@ def _predict(arguments: argparse.Namespace) -> int:
     for path in arguments.out:
         check_suffix(path)
     case = load_case(arguments.case)
+    note_slips(case.cable, case.scene)
     options = _model_options(arguments)
     case.predict(**options)  # loads the kernels, so that the solve time below is that of solving
     shape = case.predict(**options)
@@ -253,7 +260,19 @@ def _predict(arguments: argparse.Namespace) -> int:
     for path in arguments.out:
         write(case, shape, path)
         print(f"written: {path}")
+    if not shape.usable:
+        reason = shape.detail or shape.status.remedy
+        print(f"cable-shape: error: {shape.status.name}: do not act on this shape. {reason}", file=sys.stderr)
+        return EXIT_ERROR
     return 0
+
+
+def note_slips(cable: Cable, scene: Scene | None = None) -> None:
+    """Says on stderr what is hardly meant."""
+    from cable_shape.units import slips_of
+
+    for slip in slips_of(cable, scene):
+        print(f"cable-shape: note: {slip}", file=sys.stderr)
 
 
 def _view(arguments: argparse.Namespace) -> int:

@@ -19,7 +19,7 @@ from cable_shape.errors import ArgumentError, StaleInputError
 from cable_shape.models.crossing import Crossing
 from cable_shape.near import CableNear
 from cable_shape.plug import Plug
-from cable_shape.pose import Ends, Pose
+from cable_shape.pose import Ends, FreeEnd, Grip, Pose
 from cable_shape.predictor import Predictor
 from cable_shape.problem import GRAVITY
 from cable_shape.quasistatic import LIMIT
@@ -28,6 +28,9 @@ from cable_shape.scene import Clip, Obstacle, Scene
 from cable_shape.shape import CableShape
 from cable_shape.tube import TubeWatch
 from cable_shape.uncertainty import Uncertainty
+
+_LATEST = 2**63 - 1  # ns
+_HELD, _ENDS = (Pose, Grip), (Pose, Grip, FreeEnd)
 
 
 @final
@@ -82,25 +85,31 @@ class Cycle:
         quasistatic_limit: float = LIMIT,
         uncertainty: Uncertainty | Mapping[str, Uncertainty] | None = None,
     ) -> None:
-        named = {"cable": cables} if isinstance(cables, Cable) else dict(cables)
-        if not named:
-            raise ArgumentError("cables = {} is not allowed: there must be at least one. Give a Cable.")
-        checks.known_keys("tails", tails or {}, named)
-        checks.known_keys("plugs", plugs or {}, named)
-        checks.known_keys("clips", clips or {}, named)
-        for name, lengths in (tails or {}).items():
+        named = _named(cables)
+        if scene is not None:
+            checks.instance("scene", scene, (Scene,), "Write Scene(obstacles=[...]), or Scene.from_yaml(path).")
+        robot_links = checks.entries("robot_links", robot_links, Obstacle)
+        gripping_links = checks.entries("gripping_links", gripping_links, str, "Give a list of link names.")
+        remedy = "Write {name of the cable: ..}."
+        for name, lengths in checks.mapping("tails", tails, named, remedy).items():
             named[name] = named[name].replace(tails=lengths)
+        own_plugs = checks.mapping("plugs", plugs, named, remedy)
+        own_clips = checks.mapping("clips", clips, named, remedy)
         horizon = checks.number("snap_horizon", snap_horizon, at_least=0.0, unit="s")
         ratio = checks.number("quasistatic_limit", quasistatic_limit, at_least=0.0)
-        known = dict.fromkeys(named, uncertainty) if isinstance(uncertainty, Uncertainty) else dict(uncertainty or {})
-        checks.known_keys("uncertainty", known, named)
-        self.cables = named
-        self.scene = scene or Scene()
+        if isinstance(uncertainty, Uncertainty):
+            known: dict[str, Uncertainty] = dict.fromkeys(named, uncertainty)
+        else:
+            known = checks.mapping("uncertainty", uncertainty, named, f"Write Uncertainty(...). {remedy}")
+        for name, one in known.items():
+            checks.instance(f"uncertainty[{name!r}]", one, (Uncertainty,), "Write Uncertainty(...).")
+        self._named = named
+        self._scene = scene or Scene()
         self._cables = {}
         for name, cable in named.items():
             own = self.scene
-            if clips is not None and name in clips:
-                own = dataclasses.replace(own, clips=clips[name])
+            if name in own_clips:
+                own = dataclasses.replace(own, clips=own_clips[name])
             options: dict[str, Any] = {
                 "gravity": gravity,
                 "points": points,
@@ -116,8 +125,9 @@ class Cycle:
                     bound = "only the Cosserat rod knows how its shapes change"
                     raise ArgumentError.of("model", model, bound, "Choose 'cosserat' or 'auto', or no uncertainty.")
                 tubes = TubeWatch(cable, known[name], **options)
-            plug = (plugs or {}).get(name, self.scene.plug)
+            plug = own_plugs.get(name, self.scene.plug)
             if plug is not None:
+                checks.instance(f"plugs[{name!r}]", plug, (Plug,), "Write Plug(socket).")
                 checks.one_of(f"plugs[{name!r}].socket", plug.socket, self.scene.sockets)
             self._cables[name] = CableCycle(
                 name, predictor, own, robot_links, gripping_links, plug, horizon, len(named), tubes,
@@ -132,6 +142,23 @@ class Cycle:
         if self._solves_crossing:
             self._check_models()
         self.last_stamp: int | None = None
+
+    @property
+    def cables(self) -> dict[str, Cable]:
+        """By name; of a Cycle they are fixed."""
+        return self._named
+
+    @property
+    def scene(self) -> Scene:
+        """Of a Cycle it is fixed."""
+        return self._scene
+
+    @scene.setter
+    def scene(self, scene: Scene) -> None:
+        raise ArgumentError(
+            "scene of a Cycle cannot be changed: what is known of it is worked out once. Make another one, "
+            "Cycle(cables, scene=scene), and step that; its first step starts afresh."
+        )
 
     def step(
         self,
@@ -161,6 +188,12 @@ class Cycle:
         ArgumentError
             For a cable that does not exist.
         """
+        if type(stamp) is not int or not -_LATEST <= stamp <= _LATEST:
+            stamp = checks.integer("stamp", stamp, at_least=-_LATEST, at_most=_LATEST)
+        if type(grips) is not dict and not isinstance(grips, Mapping):
+            raise ArgumentError.of("grips", grips, "it must be a mapping", "Write {name of the cable: (start, end)}.")
+        if early is not None and not callable(early):
+            raise ArgumentError.of("early", early, "it must be a function", "Leave it out, or give one.")
         if self.last_stamp is not None and stamp < self.last_stamp:
             raise StaleInputError(
                 f"stamp = {stamp} ns is {(self.last_stamp - stamp) * 1e-9:.6f} s older than the last one, "
@@ -172,6 +205,7 @@ class Cycle:
             cable = self._cables.get(name)
             if cable is None:
                 raise ArgumentError.of("cable", name, "no such cable", f"Known: {', '.join(self._cables)}.")
+            _check_ends(name, grips[name])
             cables[name] = cable
         placed = (links() if self._pushed else None) if callable(links) else links
         together = self._together(grips, placed) if self._solves_crossing else {}
@@ -271,3 +305,29 @@ class Cycle:
             self._crossing[1].reset()
         for cable in self._cables.values():
             cable.reset()
+
+
+def _named(cables: Cable | Mapping[str, Cable]) -> dict[str, Cable]:
+    """The cables by name; one that is alone is named "cable"."""
+    if isinstance(cables, Cable):
+        return {"cable": cables}
+    if not isinstance(cables, Mapping):
+        raise ArgumentError.of("cables", cables, "it must be a Cable or a mapping", "Write {name: Cable(...)}.")
+    if not cables:
+        raise ArgumentError("cables = {} is not allowed: there must be at least one. Give a Cable.")
+    for name, cable in cables.items():
+        checks.word("cables", name)
+        checks.instance(f"cables[{name!r}]", cable, (Cable,), "Write Cable(length=..., ...).")
+    return dict(cables)
+
+
+def _check_ends(name: str, ends: Any) -> None:
+    """Refuses what is no pair of ends."""
+    if not isinstance(ends, (tuple, list)) or len(ends) != 2:
+        raise ArgumentError.of(f"grips[{name!r}]", ends, "it must be (start, end)", "Write (Pose(...), Pose(...)).")
+    start, end = ends
+    if not isinstance(start, _HELD):
+        raise ArgumentError.of(f"grips[{name!r}][0]", start, "it must be a Pose or a Grip", "Write Pose(position, ..).")
+    if end is not None and not isinstance(end, _ENDS):
+        bound = "it must be a Pose, a Grip, a FreeEnd or None"
+        raise ArgumentError.of(f"grips[{name!r}][1]", end, bound, "Write Pose(position, quaternion).")

@@ -30,6 +30,10 @@ LIBRARIES = {
 }
 
 
+#: how folders begin that a process makes for itself when no other may hold its kernels
+PASSING = "cable_shape_kernels_"
+
+
 @final
 @dataclass(frozen=True, slots=True)
 class Finding:
@@ -127,13 +131,14 @@ def _cache() -> list[Finding]:
     """Where compiled kernels are kept."""
     from cable_shape.kernels._jit import HERE, cache_folder
 
-    folders = sorted({cache_folder(file) for file in HERE.glob("[!_]*.py")})
-    place = Path(folders[0]).parent
-    closed = [folder for folder in folders if not os.access(folder, os.W_OK)]
-    if closed:
-        return [Finding("kernel cache", f"{closed[0]} is not writable", "Set NUMBA_CACHE_DIR to a folder that is.")]
-    kept = sum(1 for folder in folders for _ in Path(folder).rglob("*.nbc"))
-    found = f"{place}, {kept} compiled kernels"
+    folders = sorted({Path(cache_folder(file)) for file in HERE.rglob("[!_]*.py")})
+    passing = [folder for folder in folders if folder.name.startswith(PASSING)]
+    if passing:
+        remedy = "Set NUMBA_CACHE_DIR to a folder that you can write into, and nobody else."
+        return [Finding("kernel cache", f"{passing[0]} is forgotten when the process ends", remedy)]
+    kept = sum(1 for folder in folders for _ in folder.rglob("*.nbc"))
+    closed = "" if all(os.access(folder, os.W_OK) for folder in folders) else ", read-only"
+    found = f"{folders[0].parent}, {kept} compiled kernels{closed}"
     return [Finding("kernel cache", found if kept else f"{found}: the first start takes some minutes to compile")]
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,17 +10,7 @@ from cable_shape.doctor import Finding
 from cable_shape.errors import CableShapeError
 from cable_shape.robot import Robot
 from cable_shape.scene import Scene
-
-#: kg/m^3, from foam to lead, of the whole section
-DENSITIES = (50.0, 12000.0)
-
-#: Pa, steel has 2.1e11: a homogeneous round section of this modulus is stiffer than any cable
-STIFFEST = 3e11
-
-#: m, of cables and of the places of obstacles in a cell
-LENGTHS = (0.01, 100.0)
-
-CHECK_UNITS = "Everything is in SI units: m, kg/m, N m^2."
+from cable_shape.units import slips_in, slips_of
 
 
 def examine_files(cable: Path | None, scene: Path | None, robot: Path | None) -> list[Finding]:
@@ -45,34 +34,14 @@ def examine_files(cable: Path | None, scene: Path | None, robot: Path | None) ->
 def _cable(file: Path) -> list[Finding]:
     """In plain words, and whether some material could be like that."""
     cable = Cable.from_yaml(file)
-    findings = [Finding(file.name, cable.describe())]
-    low, high = LENGTHS
-    if not low <= cable.length <= high:
-        findings.append(_slip(file, f"length = {cable.length:g} m is no length between two grippers", "in mm?"))
-    outer, inner = cable.diameter, cable.inner_diameter
-    area = 0.25 * math.pi * (outer**2 - inner**2)
-    if area > 0.0 and cable.linear_density > 0.0:
-        density = cable.linear_density / area
-        if not DENSITIES[0] <= density <= DENSITIES[1]:
-            text = f"linear_density and diameter make {density:.3g} kg/m^3, water has 1000"
-            findings.append(_slip(file, text, "linear_density in g/m, or diameter in mm or as a radius?"))
-    second_moment = math.pi / 64.0 * (outer**4 - inner**4)
-    if second_moment > 0.0:
-        modulus = cable.mean_bending_stiffness / second_moment
-        if modulus > STIFFEST:
-            text = f"bending_stiffness and diameter make a modulus of {modulus:.3g} Pa, steel has 2.1e11: is it a pipe?"
-            findings.append(_slip(file, text, "bending_stiffness in N mm^2 (1e-6 N m^2), or diameter in another unit?"))
-    return findings
+    slips = [Finding(file.name, slip.found, slip.remedy) for slip in slips_of(cable)]
+    return [Finding(file.name, cable.describe()), *slips]
 
 
 def _scene(file: Path) -> list[Finding]:
     scene = Scene.from_yaml(file)
-    findings = [Finding(file.name, f"{len(scene.obstacles)} obstacles, {len(scene.clips)} clips")]
-    for obstacle in scene.obstacles:
-        far = float(abs(obstacle.pose.position).max())
-        if far > LENGTHS[1]:
-            findings.append(_slip(file, f"obstacle {obstacle.name!r} lies {far:g} m away", "its position in mm?"))
-    return findings
+    slips = [Finding(file.name, slip.found, slip.remedy) for slip in slips_in(scene)]
+    return [Finding(file.name, f"{len(scene.obstacles)} obstacles, {len(scene.clips)} clips"), *slips]
 
 
 def _robot(file: Path) -> list[Finding]:
@@ -82,7 +51,3 @@ def _robot(file: Path) -> list[Finding]:
     if not names:
         return [Finding(file.name, found, "Add <collision> to its links: their clearance is not checked.")]
     return [Finding(file.name, found)]
-
-
-def _slip(file: Path, found: str, guess: str) -> Finding:
-    return Finding(file.name, found, f"{CHECK_UNITS} Was it given {guess}")

@@ -32,6 +32,7 @@ def shown(value: object) -> str:
         text = repr(value)
     except Exception:  # noqa: BLE001, an integer of 5000 digits, or whatever an object of the caller raises
         return f"a {type(value).__name__}"
+    text = " ".join(text.split()) if "\n" in text else text
     return text if len(text) <= MOST_OF_A_VALUE else f"{text[:MOST_OF_A_VALUE]}..."
 
 

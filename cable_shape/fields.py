@@ -23,7 +23,7 @@ def shape_fields(cable_id: str, shape: CableShape) -> dict[str, Any]:
         "cable_id": cable_id,
         "model": shape.model,
         "status": shape.status.value,
-        "usable": bool(shape.status),
+        "usable": shape.usable,
         "detail": shape.detail,
         "length": float(shape.length),
         "energy": float(shape.energy),

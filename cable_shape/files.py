@@ -72,7 +72,8 @@ def read_bounded(path: str | Path, most_bytes: int, what: str = "file") -> bytes
         raise FileError(f"{file}: cannot be read: {error.strerror}. Look at the disk.") from None
     finally:
         os.close(descriptor)
-    raise FileError(f"{file}: it is larger than {most_bytes} bytes, at most these are read. Is it the right {what}?")
+    much = f"{size} bytes" if size > most_bytes else "it goes on"
+    raise FileError(f"{file}: {much}, at most {most_bytes} bytes are read. Is it the right {what}?")
 
 
 def read_text(path: str | Path, most_bytes: int = TEXT_BYTES, what: str = "file") -> str:
@@ -86,7 +87,7 @@ def read_text(path: str | Path, most_bytes: int = TEXT_BYTES, what: str = "file"
 
 
 def regular(path: str | Path, most_bytes: int | None = None, what: str = "file") -> Path:
-    """The path of a regular file of at most so many bytes, for a library that opens it by itself.
+    """The path of a regular file of at most so many bytes, and not empty, for a library that opens it by itself.
 
     Raises
     ------
@@ -95,8 +96,10 @@ def regular(path: str | Path, most_bytes: int | None = None, what: str = "file")
     file = path_of(path, what)
     descriptor, size = _opened(file, what)
     os.close(descriptor)
+    if size == 0:  # of the kernel, perhaps, and nothing that a library may wait for
+        raise FileError(f"{file}: it is empty. Is it the right {what}?")
     if most_bytes is not None and size > most_bytes:
-        raise FileError(f"{file}: {size} bytes, at most {most_bytes} are read. Is it the right {what}?")
+        raise FileError(f"{file}: {size} bytes, at most {most_bytes} bytes are read. Is it the right {what}?")
     return file
 
 
@@ -159,7 +162,7 @@ def _opened(file: Path, what: str) -> tuple[int, int]:
             descriptor = os.open(file, _OPEN)
             status = os.fstat(descriptor)
     except FileNotFoundError:
-        raise FileError(f"{file}: no such {what}. Check the path; it is taken from {_here()}.") from None
+        raise FileError(f"{file}: no such file. Check the path; it is taken from {_here()}.") from None
     except OSError as error:
         raise FileError(f"{file}: cannot be opened: {error.strerror}. Check the path and its permissions.") from None
     except ValueError:

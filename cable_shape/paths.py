@@ -32,13 +32,17 @@ class JointPath:
     """
 
     def __init__(self, joint_names: Sequence[str], positions: ArrayLike, times: ArrayLike | None = None) -> None:
-        self.joint_names = tuple(joint_names)
+        self.joint_names = checks.entries("joint_names", joint_names, str, "Give a list of names.")
         self.positions = _waypoints("positions", positions, len(self.joint_names))
         self.times = _times(times, len(self.positions))
 
     @classmethod
     def from_message(cls, message: Any) -> JointPath:
         """From a ``trajectory_msgs/JointTrajectory``, or what has its fields."""
+        missing = [name for name in ("joint_names", "points") if not hasattr(message, name)]
+        if missing:
+            bound = "it must be a JointPath, a GripPath or a trajectory_msgs/JointTrajectory"
+            raise ArgumentError.of("trajectory", message, bound, "Write GripPath(starts, ends).")
         points = message.points
         spans = [point.time_from_start for point in points]
         times = [span.sec + 1e-9 * span.nanosec for span in spans]
@@ -149,20 +153,18 @@ def _between(p: Array, q: Array, x: float) -> Array:
 
 def _waypoints(name: str, value: ArrayLike, width: int) -> Array:
     """A finite table (k, width) as a new array."""
-    try:
-        table = np.array(value, dtype=np.float64, order="C")
-    except (TypeError, ValueError):
-        raise ArgumentError.of(name, value, "it must be a table of numbers", "Give a row a waypoint.") from None
+    table = checks.numbers(name, value, "Give a row a waypoint.")
     if table.ndim != 2 or table.shape[1] != width:
         bound = f"it must have shape (k, {width})"
         raise ArgumentError.of(name, f"array of shape {table.shape}", bound, "Give a row a waypoint.")
     if not 0 < len(table) <= MOST_WAYPOINTS:
         bound = f"1 to {MOST_WAYPOINTS} are allowed"
         raise ArgumentError.of(name, f"{len(table)} waypoints", bound, "Split the trajectory, or give a waypoint.")
-    bad = np.flatnonzero(~np.isfinite(table).all(axis=1))
+    bad = np.flatnonzero(~(np.abs(table) <= checks.MOST).all(axis=1))
     if bad.size:
         row = int(bad[0])
-        raise ArgumentError.of(f"{name}[{row}]", table[row].tolist(), "it must be finite", "Correct the waypoint.")
+        bound = f"it must be finite, at most {checks.MOST:g}"
+        raise ArgumentError.of(f"{name}[{row}]", table[row].tolist(), bound, "Correct the waypoint.")
     return table
 
 

@@ -8,6 +8,7 @@ from typing import final
 
 import numpy as np
 
+from cable_shape import checks
 from cable_shape.pose import IDENTITY, Pose, rotate
 from cable_shape.shape import CableShape
 
@@ -29,6 +30,10 @@ class Plug:
 
     socket: str
     offset: Pose = IDENTITY
+
+    def __post_init__(self) -> None:
+        checks.word("Plug.socket", self.socket)
+        checks.instance("Plug.offset", self.offset, (Pose,), "Write Pose(position, quaternion).")
 
 
 @final

@@ -80,7 +80,8 @@ class Pose:
         array[3:] = checks.quaternion("quaternion", quaternion)
         array.flags.writeable = False
         self.array = array
-        self.turns = checks.integer("turns", turns, at_least=-1000, at_most=1000) if turns else 0
+        plain = type(turns) is int and turns == 0
+        self.turns = 0 if plain else checks.integer("turns", turns, at_least=-1000, at_most=1000)
 
     @classmethod
     def trusted(cls, array: Array, turns: int = 0) -> Pose:
@@ -105,6 +106,8 @@ class Pose:
 
     def __mul__(self, other: Pose) -> Pose:
         """This pose followed by `other`, given in this pose's frame; `turns` is taken from this pose."""
+        if not isinstance(other, Pose):
+            return NotImplemented
         array = compose(self.array, other.array)
         array.flags.writeable = False
         return Pose.trusted(array, self.turns)
@@ -116,6 +119,7 @@ class Pose:
 
     def distance(self, other: Pose) -> tuple[float, float]:
         """How far `other` is away [m] and turned [rad, from 0 to pi] from this pose."""
+        checks.instance("other", other, (Pose,), "Write Pose(position, quaternion).")
         turn = multiply(self.quaternion * np.array((-1.0, -1.0, -1.0, 1.0)), other.quaternion)
         # atan2 of sine and cosine of half the angle is exact for small angles too
         angle = 2.0 * np.arctan2(np.linalg.norm(turn[:3]), abs(turn[3]))
@@ -173,6 +177,7 @@ class Grip:
     ) -> None:
         if not isinstance(pose, Pose):
             raise checks.ArgumentError.of("pose", pose, "it must be a Pose", "Write Grip(Pose(position, quaternion)).")
+        checks.instance("offset", offset, (Pose,), "Write Pose(position, quaternion).")
         self.pose = pose
         self.kind = checks.one_of("kind", kind, GRIP_KINDS)
         self.offset = offset
@@ -181,6 +186,7 @@ class Grip:
 
     def at(self, pose: Pose, cable_frame: Pose | None = None) -> Grip:
         """The same grip with the gripper moved to `pose`; `cable_frame`: ``pose * offset``, if it is known already."""
+        checks.instance("pose", pose, (Pose,), "Write Pose(position, quaternion).")
         grip = object.__new__(Grip)
         grip.pose, grip.kind, grip.offset, grip.curvature = pose, self.kind, self.offset, self.curvature
         if cable_frame is None:

@@ -86,16 +86,17 @@ class Predictor:
             tolerance=tolerance,
             distributed_load=distributed_load,
             relative_tolerance=AUTO_TOLERANCE if model == "auto" else NAMED_TOLERANCE,
-            robot_links=tuple(robot_links),
-            gripping_links=tuple(gripping_links),
+            robot_links=checks.entries("robot_links", robot_links, Obstacle),
+            gripping_links=checks.entries("gripping_links", gripping_links, str, "Give a list of link names."),
         )
         problem = self._problem_in(scene=scene)
+        checks.optional_number("time_budget", time_budget, above=0.0, unit="s")
         self._solver = solver_of(self.model, cable, time_budget)
         self.problem = self._still = self._checked(problem)
         self._last: CableShape | None = None
         self._last_ends: Ends | None = None
         self._last_links: Mapping[str, Pose] | None = None
-        self.time_budget = math.inf if time_budget is None else time_budget
+        self.time_budget = math.inf if time_budget is None else float(time_budget)
         self._others: tuple[Crossing, int] | None = None
         self._crossing = self._with_itself()
 
@@ -207,6 +208,7 @@ class Predictor:
         ArgumentError
             If the model is a closed form by choice, nothing was predicted yet, or the cable touches itself or another.
         """
+        checks.one_of("at", at, ("cable", "gripper"))
         if self.touching:
             raise ArgumentError(
                 "sensitivity() is not known while the cable touches itself or another one. Take differences of predict."

@@ -97,6 +97,8 @@ class Problem:
     ) -> None:
         if not isinstance(cable, Cable):
             raise ArgumentError.of("cable", cable, "it must be a Cable", "Write Cable(length=..., ...).")
+        if scene is not None:
+            checks.instance("scene", scene, (Scene,), "Write Scene(obstacles=[...]), or Scene.from_yaml(path).")
         self.cable = cable
         self.gravity = _GRAVITY if gravity is GRAVITY else checks.vector("gravity", gravity, 3, "m/s^2")
         self.points = checks.integer("points", points, at_least=MIN_POINTS, at_most=MAX_POINTS)
@@ -124,8 +126,9 @@ class Problem:
             self.clips = tuple(scene.clips)
         self.bodies: tuple[Obstacle, ...] = ()
         if scene is not None and scene.contact == "solve":
-            self.bodies = tuple(sorted((*scene.obstacles, *robot_links), key=lambda body: body.link is not None))
-        self.gripping = frozenset(gripping_links)
+            links = checks.entries("robot_links", robot_links, Obstacle)
+            self.bodies = tuple(sorted((*scene.obstacles, *links), key=lambda body: body.link is not None))
+        self.gripping = frozenset(checks.entries("gripping_links", gripping_links, str, "Give a list of link names."))
         self.links: Mapping[str, Pose] | None = None
         self._given: Pose | Grip | None = None
         self.start = _NOWHERE
@@ -210,6 +213,8 @@ class Problem:
         links: Mapping[str, Pose] | None = None,
     ) -> Problem:
         """Puts the ends there (None: a free end), and the links, and returns itself."""
+        if links is not None and type(links) is not dict and not isinstance(links, Mapping):
+            raise ArgumentError.of("links", links, "it must be a mapping", "Write {link: Pose(...)}.")
         self.links = links
         if start is not self._given:  # often only one end moves
             self.start = start if type(start) is Grip else as_grip("start", start)
@@ -229,30 +234,22 @@ def _table(value: ArrayLike) -> Array:
         f"Give three numbers in m/s^2, or a table (m, 3) with 2 to {MAX_ACCELERATIONS} rows, uniform in arc length "
         "from the start grip to the end."
     )
-    try:
-        a = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ArgumentError.of("acceleration", value, "it must be numbers", remedy) from None
+    a = checks.numbers("acceleration", value, remedy)
     if a.shape == (3,):
         a = np.array((a, a))
     if a.ndim != 2 or a.shape[1] != 3 or not 2 <= a.shape[0] <= MAX_ACCELERATIONS:
         raise ArgumentError.of("acceleration", f"shape {a.shape}", "it must be (3,) or (m, 3)", remedy)
-    if not np.isfinite(a).all():
-        raise ArgumentError.of("acceleration", a.tolist(), "every entry must be finite", remedy)
+    if not (np.abs(a) <= checks.MOST).all():
+        bound = f"every entry must be finite, none above {checks.MOST:g}"
+        raise ArgumentError.of("acceleration", a.tolist(), bound, remedy)
     return a
 
 
 def _two_forces(value: ArrayLike) -> Array:
     """((fx, fy, fz) at s = 0, (fx, fy, fz) at s = length) as (2, 3)."""
-    try:
-        a = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        a = np.empty(0)
-    if a.shape != (2, 3) or not np.isfinite(a).all():
-        raise ArgumentError.of(
-            "distributed_load",
-            value,
-            "it must be two rows of three finite numbers in N/m",
-            "Write ((fx, fy, fz) at s = 0, (fx, fy, fz) at s = length).",
-        )
+    remedy = "Write ((fx, fy, fz) at s = 0, (fx, fy, fz) at s = length)."
+    a = checks.numbers("distributed_load", value, remedy)
+    if a.shape != (2, 3) or not (np.abs(a) <= checks.MOST).all():
+        bound = "it must be two rows of three finite numbers in N/m"
+        raise ArgumentError.of("distributed_load", value, bound, remedy)
     return a

@@ -19,14 +19,19 @@ from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from types import ModuleType
 from typing import Any
+from xml.parsers import expat
 
 import numpy as np
 
 from cable_shape.errors import DependencyError, RobotError
-from cable_shape.files import read_text
+from cable_shape.files import TEXT_BYTES, path_of, read_text, regular
+from cable_shape.meshes.files import MAX_BYTES as MESH_BYTES
 from cable_shape.pose import Pose
 from cable_shape.scene import Box, Capsule, Cylinder, Mesh, Obstacle, Solid, Sphere
 
+#: elements within each other
+MAX_DEPTH = 64
+_PIECE = 1 << 16
 #: where in its own sources the parser noticed it
 _AT_LINE = re.compile(r" at line \d+ in \S+")
 
@@ -82,11 +87,9 @@ def read_urdf(source: str | Path) -> str:
     if isinstance(source, str) and source.lstrip().startswith("<"):
         text, where, folder = source, "URDF", Path.cwd()
     else:
-        text, where, folder = read_text(source), str(source), Path(source).expanduser().resolve().parent
-    try:
-        root = ElementTree.fromstring(text.strip())
-    except ElementTree.ParseError as error:
-        raise RobotError(f"{where}: not well-formed XML: {error}. Check that line.") from None
+        text, where = read_text(source, what="URDF"), str(source)
+        folder = path_of(source).resolve().parent
+    root = _parsed(text.strip(), where)
     if any("www.ros.org/wiki/xacro" in element.tag for element in root.iter()):
         raise RobotError(f"{where}: this is a xacro, not a URDF. Expand it first: xacro FILE.xacro > FILE.urdf")
     if root.tag != "robot":
@@ -98,6 +101,32 @@ def read_urdf(source: str | Path) -> str:
             found = _find_mesh(mesh.get("filename", ""), folder, f"{where}: link {link.get('name')!r}")
             mesh.set("filename", str(found))
     return ElementTree.tostring(root, encoding="unicode")
+
+
+def _parsed(text: str, where: str) -> ElementTree.Element:
+    """The top element of an XML text; no entities, which may stand for more than memory holds, and no deep nesting."""
+    if len(text) > TEXT_BYTES or "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise RobotError(f"{where}: more than {TEXT_BYTES} characters, or a DOCTYPE: no URDF has these. Remove it.")
+    parser: Any = ElementTree.XMLPullParser(("start", "end"))
+    root: ElementTree.Element | None = None
+    depth = 0
+    try:
+        for begin in range(0, len(text), _PIECE):
+            parser.feed(text[begin : begin + _PIECE])
+            for event, element in parser.read_events():
+                root = element if root is None else root
+                depth += 1 if event == "start" else -1
+                if depth > MAX_DEPTH:
+                    raise RobotError(f"{where}: elements are nested more than {MAX_DEPTH} deep. Is it a URDF?")
+        parser.close()
+    except ElementTree.ParseError as error:
+        reason = f"{expat.ErrorString(error.code)}, line {error.position[0]}"
+        raise RobotError(f"{where}: not well-formed XML: {reason}. Check that line.") from None
+    except ValueError:
+        raise RobotError(f"{where}: not well-formed XML: it has characters that no XML has. Is it a URDF?") from None
+    if root is None:
+        raise RobotError(f"{where}: it is empty, it must be a URDF. Check the path.")
+    return root
 
 
 def _find_mesh(name: str, folder: Path, where: str) -> Path:
@@ -112,7 +141,7 @@ def _find_mesh(name: str, folder: Path, where: str) -> Path:
         remedy = "Relative paths are taken from the URDF's folder."
     for candidate in candidates:
         if candidate.is_file():
-            return candidate
+            return regular(candidate, MESH_BYTES, "mesh file")
     raise RobotError(f"{where}: mesh {name!r} is not found in {', '.join(map(str, candidates))}. {remedy}")
 
 
@@ -191,7 +220,7 @@ def _solid(link: str, shape: Any) -> Solid:
 def mimics_of(urdf: str) -> dict[str, tuple[str, float, float]]:
     """Joint -> (the joint that it mimics, multiplier, offset)."""
     out = {}
-    for joint in ElementTree.fromstring(urdf).findall("joint"):
+    for joint in ElementTree.fromstring(urdf).findall("joint"):  # noqa: S314, `read_urdf` has written it
         mimic = joint.find("mimic")
         if mimic is not None:
             name = joint.get("name", "")

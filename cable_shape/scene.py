@@ -11,6 +11,7 @@ from typing import Any, final
 
 from cable_shape import checks
 from cable_shape.errors import ArgumentError
+from cable_shape.files import path_of
 from cable_shape.plug import Plug
 from cable_shape.pose import Pose
 from cable_shape.scene_files import clip_entry, keywords_of, mass_entry, obstacle_entry, plug_entry, pose_entry
@@ -63,7 +64,7 @@ class Scene:
     def __post_init__(self) -> None:
         checks.one_of("contact", self.contact, CONTACT_KINDS)
         for name, kind in (("obstacles", Obstacle), ("clips", Clip), ("masses", PointMass)):
-            object.__setattr__(self, name, _tuple_of(name, getattr(self, name), kind))
+            object.__setattr__(self, name, checks.entries(name, getattr(self, name), kind))
         for name in ("warn_distance", "error_distance"):
             object.__setattr__(self, name, checks.number(name, getattr(self, name), at_least=0.0, unit="m"))
         _unique_names("obstacles", self.obstacles)
@@ -92,18 +93,18 @@ class Scene:
         `where` is named in errors; the paths of meshes are taken from `folder`.
         """
         checks.known_keys(where, values, SCENE_KEYS)
-        keywords = keywords_of(values, where, Path(folder))
+        keywords = keywords_of(values, where, path_of(folder, "folder"))
         try:
             return cls(**keywords)
         except ArgumentError as error:
-            raise ArgumentError(f"{where}: {error}") from None
+            raise type(error)(f"{where}: {error}") from None
 
     @classmethod
     def from_yaml(cls, path: str | Path) -> Scene:
         """From a YAML file whose keys are the keywords of Scene; the paths of meshes are taken from its folder."""
         from cable_shape.files import load_yaml
 
-        return cls.from_mapping(load_yaml(path), where=str(path), folder=Path(path).expanduser().parent)
+        return cls.from_mapping(load_yaml(path), where=str(path), folder=path_of(path).parent)
 
     def as_dict(self) -> dict[str, Any]:
         """The mapping that `from_mapping` takes, as plain numbers, lists and words; meshes are written out."""
@@ -134,13 +135,3 @@ def _unique_names(where: str, obstacles: Iterable[Obstacle]) -> None:
         if obstacle.name in seen:
             raise ArgumentError.of(where, obstacle.name, "names must be unique", "Rename one of them.")
         seen.add(obstacle.name)
-
-
-def _tuple_of(label: str, values: Any, kind: type) -> tuple[Any, ...]:
-    remedy = f"Give a list of {kind.__name__}."
-    if isinstance(values, (str, Mapping)) or not isinstance(values, Iterable):
-        raise ArgumentError.of(label, values, "it must be a list", remedy)
-    entries = tuple(values)
-    for i, entry in enumerate(entries):
-        checks.instance(f"{label}[{i}]", entry, (kind,), remedy)
-    return entries

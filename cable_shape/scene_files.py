@@ -30,6 +30,7 @@ from typing import Any
 
 from cable_shape import checks
 from cable_shape.errors import ArgumentError
+from cable_shape.files import path_of
 from cable_shape.plug import Plug
 from cable_shape.pose import Pose
 from cable_shape.scene_parts import Clip, Obstacle, PointMass
@@ -57,7 +58,7 @@ def keywords_of(values: Mapping[str, Any], where: str, folder: Path) -> dict[str
         "obstacles": entries("obstacles", lambda v, w: _obstacle(v, w, folder)),
         "clips": entries("clips", _clip),
         "masses": entries("masses", _mass),
-        "sockets": _sockets(values.get("sockets") or {}, f"{where}: sockets"),
+        "sockets": _sockets(values.get("sockets"), f"{where}: sockets"),
     }
     if values.get("plug") is not None:
         keywords["plug"] = _named(f"{where}: plug", values["plug"], _plug)
@@ -112,7 +113,7 @@ def _solid(kind: str, value: Any, where: str, folder: Path, scale: Any) -> Solid
         return Mesh(mesh.vertices * factor, mesh.faces)
     if not isinstance(value, str):
         raise ArgumentError.of("mesh", value, "it must be a path", "Name an STL or OBJ file, from the scene's folder.")
-    return Mesh.from_file(folder / Path(value).expanduser(), scale)
+    return Mesh.from_file(folder / path_of(value, "mesh"), scale)
 
 
 def _clip(values: Mapping[str, Any], where: str) -> Clip:
@@ -125,7 +126,9 @@ def _mass(values: Mapping[str, Any], where: str) -> PointMass:
     return PointMass(values["arc_length"], values["mass"])
 
 
-def _sockets(values: Mapping[str, Any], where: str) -> dict[str, Pose]:
+def _sockets(values: Mapping[str, Any] | None, where: str) -> dict[str, Pose]:
+    if values is None:
+        return {}
     if not isinstance(values, Mapping):
         raise ArgumentError.of(where, values, "it must be a mapping", "Write name: {position: .., quaternion: ..}.")
     return {str(name): _named(f"{where}.{name}", pose, _socket) for name, pose in values.items()}

@@ -158,6 +158,11 @@ class CableShape:
         self.touches = touches  # (k, 9), of each contact: arc length [m], row in `bodies`, point 3, normal 3, force [N]
         self.bodies = bodies  # names
 
+    @property
+    def usable(self) -> bool:
+        """Whether the shape may be acted on: what the status says."""
+        return bool(self.status)
+
     @staticmethod
     def new_buffer(points: int) -> Array:
         """An uninitialised buffer for `points` points."""

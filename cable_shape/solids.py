@@ -91,12 +91,13 @@ class Mesh:
     faces: Array  # (f, 3) int64
 
     def __init__(self, vertices: ArrayLike, faces: ArrayLike) -> None:
+        remedy = "Give a table of three numbers a row."
+        vertices = checks.numbers("Mesh.vertices", vertices, remedy)
         try:
-            vertices = np.array(vertices, dtype=np.float64)
             faces = np.array(faces)
-        except (TypeError, ValueError):
-            raise ArgumentError("Mesh: vertices and faces must be tables of three numbers a row.") from None
-        if vertices.ndim != 2 or vertices.shape[1] != 3 or not np.isfinite(vertices).all():
+        except (TypeError, ValueError, OverflowError):
+            raise ArgumentError.of("Mesh.faces", faces, "it must be whole numbers of shape (f, 3)", remedy) from None
+        if vertices.ndim != 2 or vertices.shape[1] != 3 or not (np.abs(vertices) <= checks.MOST).all():
             raise ArgumentError.of(
                 "Mesh.vertices", f"array of shape {vertices.shape}", "it must be finite of shape (v, 3)", "Give metres."
             )

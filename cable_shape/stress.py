@@ -14,6 +14,7 @@ from typing import final
 
 import numpy as np
 
+from cable_shape import checks
 from cable_shape.cable import Cable
 from cable_shape.checks import Array
 from cable_shape.kernels import stress as kernels
@@ -45,7 +46,14 @@ def stress_of(cable: Cable, shape: CableShape) -> Stress:
     sigma = N / A + M r / I cos(phi) and tau = T r / J + k V / A sin(psi - phi) at the fibre phi of the surface, with
     k = 4/3 for a solid section and 4/3 (D^2 + D d + d^2) / (D^2 + d^2) for a tube; the stress is the largest
     sqrt(sigma^2 + 3 tau^2).
+
+    Raises
+    ------
+    ArgumentError
+        If these are no Cable and no CableShape.
     """
+    checks.instance("cable", cable, (Cable,), "Write Cable(length=..., ...).")
+    checks.instance("shape", shape, (CableShape,), "Give what predict returns.")
     von_mises = np.empty(shape.points)
     kernels.von_mises(shape.buffer, shape.points, section_of(cable), von_mises)
     greatest = float(von_mises.max())

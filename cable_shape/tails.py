@@ -16,9 +16,9 @@ from numpy.typing import ArrayLike
 from cable_shape import checks
 from cable_shape.cable import TAIL_SIDES, Cable
 from cable_shape.errors import ArgumentError
-from cable_shape.pose import Grip, Pose
+from cable_shape.pose import Grip, Pose, as_grip
 from cable_shape.predictor import Predictor
-from cable_shape.problem import AUTO_TOLERANCE, GRAVITY
+from cable_shape.problem import AUTO_TOLERANCE, GRAVITY, MAX_POINTS, MIN_POINTS
 from cable_shape.shape import CableShape
 
 _BACKWARDS = Pose(quaternion=(1.0, 0.0, 0.0, 0.0))  # half a turn about d1
@@ -59,6 +59,7 @@ class Tail:
     ) -> None:
         self.side = checks.one_of("side", side, TAIL_SIDES)
         self.cable = tail_cable(cable, side, length)
+        checks.integer("points", points, at_least=MIN_POINTS, at_most=MAX_POINTS)
         share = max(_FEWEST_POINTS, round(points * self.cable.length / cable.length))
         self.predictor = Predictor(
             self.cable,
@@ -115,12 +116,14 @@ def predict_tails(
     ArgumentError
         For a length that is not above 0, or a tail at an end that nothing holds.
     """
+    checks.instance("cable", cable, (Cable,), "Write Cable(length=..., ...).")
+    lengths = dict(cable.tails) if tails is None else checks.mapping("tails", tails, TAIL_SIDES, "Write {end: 0.1}.")
     shapes = {}
-    for side, length in (cable.tails if tails is None else tails).items():
+    for side, length in lengths.items():
         grip = start if side == "start" else end
         if grip is None:
             raise ArgumentError.of(f"tails.{side}", length, "nothing holds this end", "Lengthen the cable instead.")
-        frame = grip.cable_frame if isinstance(grip, Grip) else grip
+        frame = as_grip(side, grip).cable_frame
         shapes[side] = Tail(cable, side, length, gravity=gravity, points=points).predict(frame)
     return shapes
 

@@ -27,6 +27,7 @@ from cable_shape import checks
 from cable_shape.cable import Cable
 from cable_shape.checks import Array
 from cable_shape.clearance import DEEPEST_REST, ClearanceChecker
+from cable_shape.errors import ArgumentError
 from cable_shape.kernels import advance
 from cable_shape.margins import MarginWatch
 from cable_shape.paths import GripPath, JointPath, Motion, Path
@@ -93,6 +94,11 @@ def check_trajectory(
         For unknown joints, times that do not rise, no waypoint or more than 100000, a cable without bending stiffness.
     """
     began = perf_counter()
+    if not isinstance(cable, Cable):
+        raise ArgumentError.of("cable", cable, "it must be a Cable", "Write Cable(length=..., ...).")
+    if robot is not None:
+        checks.instance("robot", robot, (Robot,), "Write Robot.from_yaml(path).")
+    _callable("proceed", proceed)
     path = trajectory if isinstance(trajectory, (JointPath, GripPath)) else JointPath.from_message(trajectory)
     deadline = math.inf
     if time_limit is not None:
@@ -109,6 +115,11 @@ def check_trajectory(
     check.run()
     check.found.time = perf_counter() - began
     return check.found
+
+
+def _callable(name: str, value: object) -> None:
+    if value is not None and not callable(value):
+        raise ArgumentError.of(name, value, "it must be a function", "Leave it out, or give one.")
 
 
 class _Sample(NamedTuple):

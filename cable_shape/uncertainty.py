@@ -17,6 +17,7 @@ from cable_shape.cable import Cable
 from cable_shape.calibration.parameters import KNOWN, Parameters
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError, UnknownKeyError
+from cable_shape.files import path_of
 from cable_shape.kernels import tube
 from cable_shape.shape import CableShape
 
@@ -91,8 +92,7 @@ class Uncertainty:
         confidence: float = CONFIDENCE,
         misses: float = 0.0,
     ) -> None:
-        given = dict(cable or {})
-        checks.known_keys("cable", given, KNOWN)
+        given = checks.mapping("cable", cable, KNOWN, "Write {bending_stiffness: 0.1}, a fraction.")
         self.confidence = checks.number("confidence", confidence, above=0.0)
         if self.confidence >= 1.0:
             raise ArgumentError.of("confidence", self.confidence, "it must be below 1", "Give 0.95 for 95 %.")
@@ -120,7 +120,10 @@ class Uncertainty:
         ArgumentError
             If its data do not see one of its parameters.
         """
-        made = cls(None, start, end, confidence=confidence, misses=found.miss_quantile(confidence))
+        remedy = "Give what cs.calibrate returns."
+        checks.instance("found", found, (_calibration(),), remedy)
+        made = cls(None, start, end, confidence=confidence)
+        made.misses = found.miss_quantile(made.confidence)
         estimates, covariance = found.estimates, found.covariance
         if found.parameters is None:  # a sag
             made.names, covariance = ("bending_stiffness",), np.array([[estimates[0].relative ** 2]])
@@ -148,7 +151,7 @@ class Uncertainty:
         made = cls(values.get("cable"), ends.get("start", EXACT), ends.get("end", EXACT), **numbers)
         if whole is not None:
             checks.known_keys(f"{where}: covariance", whole, ("names", "matrix"))
-            made.names = tuple(whole.get("names") or ())
+            made.names = checks.entries(f"{where}: covariance.names", whole.get("names") or (), str)
             for name in made.names:
                 if name not in KNOWN:
                     raise UnknownKeyError.among(f"{where}: covariance.names", name, KNOWN)
@@ -183,7 +186,7 @@ class Uncertainty:
 
     def save(self, path: str | Path) -> Path:
         """Writes `yaml` to a file, whose folder must be there."""
-        file = Path(path).expanduser()
+        file = path_of(path)
         file.write_text(self.yaml(), encoding="utf-8")
         return file
 
@@ -210,6 +213,13 @@ class Uncertainty:
         out = np.empty(len(covariance))
         tube.radii(covariance, np.ascontiguousarray(tangents), self.misses, quantiles(self.confidence), out)
         return out
+
+
+def _calibration() -> type:
+    """The class of calibrations, which are made of uncertainties."""
+    from cable_shape.calibration.result import Calibration
+
+    return Calibration
 
 
 @cache
@@ -245,27 +255,23 @@ def _directions(covariance: Array) -> Array:
 
 def _of_pose(name: str, value: ArrayLike) -> Array:
     """(6, 6) from two standard deviations or a covariance."""
-    try:
-        a = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        a = np.empty(0)
+    remedy = "Give (position [m], angle [rad]) or a covariance (6, 6)."
+    a = checks.numbers(name, value, remedy)
     if a.shape == (2,):
         position = checks.number(f"{name}[0]", a[0], at_least=0.0, unit="m")
         angle = checks.number(f"{name}[1]", a[1], at_least=0.0, unit="rad")
         return np.diag(np.repeat((position**2, angle**2), 3))
-    return _semidefinite(name, value, 6, "Give (position [m], angle [rad]) or a covariance (6, 6).")
+    return _semidefinite(name, value, 6, remedy)
 
 
 def _semidefinite(name: str, value: Any, size: int, remedy: str = "Give variances and covariances.") -> Array:
     """(size, size), finite, symmetric, without a negative variance in any direction."""
-    try:
-        a = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ArgumentError.of(name, value, "it must be numbers", remedy) from None
+    a = checks.numbers(name, value, remedy)
     if a.shape != (size, size):
         raise ArgumentError.of(name, f"shape {a.shape}", f"it must be ({size}, {size})", remedy)
-    if not np.isfinite(a).all():
-        raise ArgumentError.of(name, a.tolist(), "every entry must be finite", remedy)
+    if not np.isfinite(a).all() or np.abs(a).max(initial=0.0) > checks.MOST:
+        bound = f"every entry must be finite, none above {checks.MOST:g}"
+        raise ArgumentError.of(name, a.tolist(), bound, remedy)
     scale = np.sqrt(np.abs(np.diag(a)))
     unit = np.where(scale > 0.0, scale, 1.0)
     scaled = a / np.outer(unit, unit)

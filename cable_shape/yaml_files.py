@@ -21,8 +21,8 @@ from cable_shape.files import YAML_BYTES, read_text
 MAX_VALUES = 1_000_000
 #: Mappings and lists within each other.
 MAX_DEPTH = 64
-#: Digits of a whole number.
-MAX_DIGITS = 18
+#: Digits of a whole number: those of nanoseconds since 1970.
+MAX_DIGITS = 19
 
 #: Every key of the files that are read here. Of a file that has none of them at its top nothing is quoted.
 WORDS = frozenset((
@@ -64,13 +64,18 @@ def load(path: str | Path, known: Iterable[str] | None = None) -> dict[str, Any]
         than 64 deep, aliases that stand for more than a million values, or not a mapping of known keys.
     """
     text = read_text(path, YAML_BYTES)
-    data = _from_json(text, str(path)) if str(path).endswith(".json") else _Reader(text, str(path)).document()
+    data = _from_json(text, str(path)) if str(path).endswith(".json") else read_strictly(text, str(path))
     if not isinstance(data, dict):
         kind = {list: "a list", type(None): "empty"}.get(type(data), "one value")
         raise FileError(f"{path}: the top level must be a mapping of keys to values, but it is {kind}.")
     if data and not _is_one_of_ours(data, WORDS if known is None else frozenset(known)):
         raise FileError(f"{path}: none of its keys is known. Is it the right file?")
     return data
+
+
+def read_strictly(text: str, where: str) -> Any:
+    """What a text in YAML says, for errors said to be in `where`; see :func:`load`."""
+    return _Reader(text, where).document()
 
 
 def _is_one_of_ours(data: dict[Any, Any], known: frozenset[str]) -> bool:

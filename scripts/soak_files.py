@@ -1,81 +1,32 @@
-"""Damaged files: whatever is in a YAML file, a URDF or a recording, it is read, or refused with a CableShapeError.
+"""Files that cannot be trusted: whatever is in one, or in its place, it is read, or refused with a CableShapeError.
 
     scripts/soak --files 60                                     # mutations of the files that come along, for 60 s
     python scripts/soak_files.py KIND -max_total_time=60        # coverage-guided, where atheris is installed
-    (KIND: yaml, urdf, mcap, db3)
+    (KIND: yaml, json, urdf, stl, obj, csv, npz, mcap, db3)
 
-Each kind is tried in a process of its own, so that a crash below Python is seen, too.
+Each kind is tried in a process of its own, with bounds on its memory, so that a crash below Python is seen, too. First
+come devices, FIFOs, sockets, folders and links in the file's place, then bombs, then mutations of both.
 """
 
 from __future__ import annotations
 
-import contextlib
 import faulthandler
 import random
+import resource
+import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
 from time import monotonic
 
-CONFIG = Path(__file__).resolve().parents[1] / "config"
-HANGS_S = 60.0  # one file that takes longer hangs
+from soak_kinds import CONFIG, NO_FILES, READERS, bombs, removed, sound
+
+HANGS_S = 30.0  # one file that takes longer hangs
+MEMORY = 4 << 30  # bytes, of the data of one process
 TOKENS = (b"nan", b".inf", b"-1", b"1e308", b"0", b"[]", b"{}", b"null", b"&a", b"*a", b"!!python/object:os.system",
-          b"\xff\xff\xff\xff", b"\x00" * 8, b"<", b'"', b": ", b"\n  - ", b"../" * 9)  # fmt: skip
-
-
-def read_yaml(file: Path) -> None:
-    """Every reader of YAML."""
-    from cable_shape.cable import Cable
-    from cable_shape.errors import CableShapeError
-    from cable_shape.robot import Robot
-    from cable_shape.ros.assembly import load_cables
-    from cable_shape.scene import Scene
-
-    for read in (Cable.from_yaml, Scene.from_yaml, load_cables, Robot.from_yaml):
-        with contextlib.suppress(CableShapeError):
-            read(file)
-
-
-def read_urdf(file: Path) -> None:
-    """The robot that a URDF describes, and where its links are."""
-    from cable_shape.errors import CableShapeError
-    from cable_shape.pose import Pose
-    from cable_shape.robot import Gripper, Robot
-
-    grippers = {side: Gripper(f"{side}_tool", Pose((0.0, 0.0, 0.0))) for side in ("left", "right")}
-    with contextlib.suppress(CableShapeError):
-        Robot(file, grippers).link_poses()
-
-
-def read_bag(file: Path) -> None:
-    """All messages of a recording."""
-    from cable_shape.errors import CableShapeError
-    from cable_shape.replay.bags import Bag
-
-    with contextlib.suppress(CableShapeError), Bag(file) as bag:
-        for _ in bag.messages(tuple(bag.types)):
-            pass
-
-
-READERS: dict[str, Callable[[Path], None]] = {
-    "yaml": read_yaml,
-    "urdf": read_urdf,
-    "mcap": read_bag,
-    "db3": read_bag,
-}
-
-
-def seeds(kind: str, folder: Path) -> list[bytes]:
-    """Sound files of this kind."""
-    if kind in ("yaml", "urdf"):
-        return [file.read_bytes() for file in sorted(CONFIG.rglob(f"*.{kind}"))]
-    from soak_replay import write_recording
-
-    bag = folder / kind
-    write_recording(bag, kind, 6)
-    return [(bag / f"{kind}.{kind}").read_bytes()]
+          b"\xff\xff\xff\xff", b"\x00" * 8, b"<", b'"', b": ", b"\n  - ", b"../" * 9, b"<<: *a", b"1:30", b"9" * 99,
+          b"/dev/zero", b"~x/")  # fmt: skip
 
 
 def mutated(content: bytes, chance: random.Random) -> bytes:
@@ -103,20 +54,36 @@ def mutated(content: bytes, chance: random.Random) -> bytes:
 def one_kind(kind: str, seconds: float, seed: int, folder: Path) -> int:
     """Mutates and reads for so long; how many. The file of the moment stays in `folder` if the process dies."""
     chance = random.Random(f"{kind} {seed}")
-    sound = seeds(kind, folder)
+    _, most = resource.getrlimit(resource.RLIMIT_DATA)
     file = folder / f"mutated.{kind}"
     read = READERS[kind]
-    for content in sound:
+    given = sound(kind, folder)
+    for content in given:
         file.write_bytes(content)
-        read(file)
-    until, count = monotonic() + seconds, 0
-    while monotonic() < until:
-        file.write_bytes(mutated(chance.choice(sound), chance))
+        read(file)  # loads what is needed
+    resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, most))
+
+    def watched() -> None:
         faulthandler.dump_traceback_later(HANGS_S, exit=True)
         read(file)
         faulthandler.cancel_dump_traceback_later()
+
+    for name, put in NO_FILES.items():
+        print(f"{kind}: {name}", file=sys.stderr, flush=True)  # the last line, if this is the end
+        removed(file)
+        put(file)
+        watched()
+    removed(file)
+    given += bombs(kind)
+    for content in given:
+        file.write_bytes(content)
+        watched()
+    until, count = monotonic() + seconds, len(given)
+    while monotonic() < until:
+        file.write_bytes(mutated(chance.choice(given), chance))
+        watched()
         count += 1
-    return count
+    return count + len(NO_FILES)
 
 
 def mutate(seconds: float, seed: int) -> list[str]:
@@ -129,8 +96,12 @@ def mutate(seconds: float, seed: int) -> list[str]:
             done = subprocess.run(command, capture_output=True, text=True, check=False)
             print(f"{kind}: {done.stdout.strip() or 'nothing'} files damaged, exit code {done.returncode}")
             if done.returncode:
+                last = Path(folder, f"mutated.{kind}")
                 kept = Path(tempfile.gettempdir(), f"soak_files_{kind}_{seed}.{kind}")
-                kept.write_bytes(Path(folder, f"mutated.{kind}").read_bytes())
+                if (
+                    last.is_file() and not last.is_symlink() and last.stat().st_size <= MEMORY
+                ):  # else the last line says what it was
+                    shutil.copyfile(last, kept)
                 wrong.append(f"{kind}: exit code {done.returncode}, the file is {kept}\n{done.stderr[-3000:]}")
     return wrong
 
@@ -146,7 +117,7 @@ def guided(kind: str, options: list[str]) -> None:
     corpus.mkdir()
     file = folder / f"guided.{kind}"
     with atheris.instrument_imports(include=["cable_shape", "yaml", "rosbags"], exclude=kernels):
-        for k, content in enumerate(seeds(kind, folder)):
+        for k, content in enumerate([*sound(kind, folder), *bombs(kind)]):
             (corpus / str(k)).write_bytes(content)
             file.write_bytes(content)
             READERS[kind](file)

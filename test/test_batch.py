@@ -178,7 +178,7 @@ def test_an_empty_batch_is_empty() -> None:
     [
         ({"starts": np.zeros((3, 6))}, r"starts.*shape \(k, 7\)"),
         ({"ends": np.zeros((2, 7))}, "ends.*as many as starts, 3"),
-        ({"starts": "here"}, "starts.*table of numbers"),
+        ({"starts": "here"}, "starts.*must be numbers"),
         ({"threads": 0}, "threads.*at least 1"),
         ({"threads": 1.5}, "threads.*whole number"),
         ({"time_limit": 0.0}, "time_limit.*above 0"),

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from recordings import BEGIN, LEFT, PERIOD, RIGHT, markers_entry, pose_entry, wr
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
+from cable_shape.calibration import robust
 from cable_shape.calibration.forward import Forward
 from cable_shape.calibration.parameters import Parameters
 from cable_shape.calibration.robust import TUNING, Robust
@@ -430,6 +432,49 @@ def test_command_from_points_and_from_a_sag(tmp_path: Path, capsys: pytest.Captu
 def test_command_says_what_is_wrong(options: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["calibrate", *options]) == 2
     assert words in capsys.readouterr().err
+
+
+def command_of(folder: Path, seen: list[cs.Observation]) -> list[str]:
+    np.savez(folder / "seen.npz", **arrays(seen))
+    (folder / "rough.yaml").write_text("length: 1.0\nlinear_density: 0.06\nbending_stiffness: 0.01\n")
+    outputs = ["-o", str(folder / "cable.yaml"), "--uncertainty", str(folder / "spread.yaml")]
+    report = ["--report", str(folder / "report.json")]
+    return ["calibrate", str(folder / "seen.npz"), "--cable", str(folder / "rough.yaml"), *outputs, *report]
+
+
+def no_fit(command: list[str], folder: Path, words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """The command says so first, exits with 2 and writes its report alone, unless it is forced."""
+    assert main(command) == 2
+    said = capsys.readouterr()
+    assert re.match(rf"cable-shape: error: {words}", said.err)
+    assert said.err.count("not written: ") == 2
+    assert not (folder / "cable.yaml").exists()
+    assert not (folder / "spread.yaml").exists()
+    assert re.match(words, json.loads((folder / "report.json").read_text())["trouble"])
+    assert main([*command, "--force"]) == 0
+    assert re.match(rf"cable-shape: error: {words}", capsys.readouterr().err)
+    assert re.search(rf"# not to be used: {words}", (folder / "cable.yaml").read_text())
+    assert cs.Cable.from_yaml(folder / "cable.yaml").length == 1.0
+    assert (folder / "spread.yaml").exists()
+
+
+def test_a_fit_that_explains_nothing_is_not_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    away = np.array((0.0, 0.27, 0.0))
+    seen = [cs.Observation(o.start, o.end, o.points + away) for o in observed(TRUE, 14)]
+    no_fit(command_of(tmp_path, seen), tmp_path, "the fit explains nothing: the usual point .* 2[678] %", capsys)
+
+
+def test_a_fit_that_did_not_converge_is_not_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(robust, "_MOST_ITERATIONS", 1)
+    no_fit(command_of(tmp_path, observed(TRUE, 14)), tmp_path, "the fit did not converge", capsys)
+
+
+def test_a_good_fit_is_no_trouble(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(command_of(tmp_path, observed(TRUE, 14))) == 0
+    assert "error" not in capsys.readouterr().err
+    assert json.loads((tmp_path / "report.json").read_text())["trouble"] == ""
 
 
 def test_bad_arguments_are_named() -> None:

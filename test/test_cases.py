@@ -102,7 +102,7 @@ def test_an_end_may_be_free(tmp_path: Path, end: Any, mass: float, force: list[f
         ({"cable": {**CABLE, "lenght": 1}}, "unknown key 'lenght'. Did you mean 'length'?"),
         ({"cable": {"length": 1.0}}, "linear_density"),
         ({"cable": {**CABLE, "bending_stiffness": -1}}, "bending_stiffness = -1"),
-        ({"cable": "missing.yaml"}, "cable = 'missing.yaml': no such file"),
+        ({"cable": "missing.yaml"}, "missing.yaml: no such file. Check the path"),
         ({"start": {"position": [0, 0]}}, "start: position"),
         ({"start": {"quaternion": ALONG_X}}, "start: position is missing"),
         ({"start": {"position": [0, 0, 0], "kind": "glued"}}, "start: kind = 'glued'"),

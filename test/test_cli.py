@@ -150,6 +150,32 @@ def test_predict_prints_a_table_and_writes_files(tmp_path: Path, capsys: pytest.
     assert len(Path(files[1]).read_text().splitlines()) == 26
 
 
+def test_predict_exits_with_2_when_the_shape_is_not_to_be_used(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    values = {"cable": CABLE, "start": {"position": [0, 0, 0]}, "end": {"position": [0, 9, 0]}}
+    out = tmp_path / "out.json"
+    assert main(["predict", yaml_file(tmp_path / "far.yaml", values), "-o", str(out)]) == 2
+    said = capsys.readouterr()
+    assert "OVERSTRETCHED" in said.out
+    assert "cable-shape: error: OVERSTRETCHED: do not act on this shape. " in said.err
+    assert json.loads(out.read_text())["usable"] is False
+
+
+def test_predict_and_replay_remark_what_is_hardly_meant(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    ends = {"start": {"position": [0, 0, 0]}, "end": {"position": [0, 900, 0]}}
+    long = yaml_file(tmp_path / "long.yaml", {"cable": {**CABLE, "length": 1200}, **ends})
+    main(["predict", long])
+    note = "cable-shape: note: length = 1200 m is no length between two grippers. Everything is in SI units"
+    assert note in capsys.readouterr().err
+    yaml_file(tmp_path / "cable.yaml", {**CABLE, "length": 1200})
+    main(["replay", "nowhere", "-o", str(tmp_path / "out"), "--cable", str(tmp_path / "cable.yaml")])
+    assert note in capsys.readouterr().err
+    values = {"cable": CABLE, "start": {"position": [0, 0, 0]}, "end": {"position": [0, 0.8, 0]}}
+    assert main(["predict", yaml_file(tmp_path / "held.yaml", values)]) == 0
+    assert capsys.readouterr().err == ""
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -101,3 +101,18 @@ def test_overstretched_is_a_warning_and_the_next_step_recovers() -> None:
 def test_a_cycle_needs_a_cable() -> None:
     with pytest.raises(cs.ArgumentError, match="at least one"):
         cs.Cycle({})
+
+
+def test_the_scene_of_a_cycle_cannot_be_exchanged() -> None:
+    cycle = cs.Cycle(CABLE, scene=cs.Scene(warn_distance=0.1))
+    with pytest.raises(cs.ArgumentError, match=r"scene of a Cycle cannot be changed.*Cycle\(cables, scene=scene\)"):
+        cycle.scene = cs.Scene()
+    assert cycle.scene.warn_distance == 0.1
+    with pytest.raises(AttributeError):
+        cycle.cables = {}  # type: ignore[misc]
+
+
+def test_a_shape_says_whether_it_is_usable() -> None:
+    start, straight, far = cs.Pose(), cs.Pose((0.5, 0, 0)), cs.Pose((9, 0, 0))
+    assert cs.predict(CABLE, start, straight).usable is True
+    assert cs.predict(CABLE, start, far).usable is False

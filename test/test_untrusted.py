@@ -7,6 +7,7 @@ import pytest
 
 import cable_shape as cs
 
+ROOT = Path(cs.__file__).parents[1]
 SOURCES = sorted(Path(cs.__file__).parent.rglob("*.py"))
 RUN_WHAT_THEY_READ = {"pickle", "shelve", "dill", "cloudpickle", "joblib"}
 CALLS = {"eval", "exec", "compile", "__import__"}
@@ -26,3 +27,14 @@ def test_no_source_runs_what_it_reads(file):
             given = {keyword.arg: ast.unparse(keyword.value) for keyword in node.keywords}
             assert given.get("shell", "False") == "False"
             assert called != "np.load" or given.get("allow_pickle") == "False"
+
+
+@pytest.mark.parametrize("folder", ["cable_shape", "scripts", "test", "launch"])
+def test_no_command_goes_through_a_shell(folder):
+    files = sorted((ROOT / folder).rglob("*.py"))
+    assert files
+    for file in files:
+        for node in ast.walk(ast.parse(file.read_text())):
+            if isinstance(node, ast.Call):
+                given = {keyword.arg: ast.unparse(keyword.value) for keyword in node.keywords}
+                assert given.get("shell", "False") == "False", file

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from cable_shape.calibration.photo import PhotoCalibration, calibrate_photo, is_
 from cable_shape.calibration.result import Calibration
 from cable_shape.errors import ArgumentError
 from cable_shape.uncertainty import Uncertainty
+from cable_shape.units import slips_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,6 +26,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="a rosbag2, .npz or .csv with grips and points, or a .csv of clicks in a photograph",
     )
     parser.add_argument("-o", "--out", type=Path, metavar="CABLE.yaml", help="write the calibrated cable there")
+    parser.add_argument(
+        "--force", action="store_true", help="write -o and --uncertainty though the fit must not be used; exit code 0"
+    )
     parser.add_argument("--report", type=Path, metavar="FILE", help="write the report, too: .json, .txt or .png")
     parser.add_argument("--uncertainty", type=Path, metavar="FILE.yaml", help="write what is left open, for a tube")
     parser.add_argument("--cable", type=Path, metavar="CABLE.yaml", help="where the fit begins, and what is not fitted")
@@ -78,12 +83,22 @@ def run(arguments: argparse.Namespace) -> int:
         found = photo.found
     else:
         found = _from_source(arguments, cable)
+    trouble = found.trouble
+    if trouble:
+        print(f"cable-shape: error: {trouble}", file=sys.stderr)
     print(found.report())
     print(f"{'cable':<22} {found.cable.describe()}")
-    if arguments.out is not None:
-        print(f"written: {found.save(arguments.out)}")
-    if arguments.uncertainty is not None:
-        print(f"written: {Uncertainty.of(found).save(arguments.uncertainty)}")
+    for slip in slips_of(found.cable):
+        print(f"cable-shape: note: {slip}", file=sys.stderr)
+    asked = [path for path in (arguments.out, arguments.uncertainty) if path is not None]
+    if trouble and not arguments.force:
+        for path in asked:
+            print(f"not written: {path}: it is no fit. --force writes it all the same", file=sys.stderr)
+    else:
+        if arguments.out is not None:
+            print(f"written: {found.save(arguments.out)}")
+        if arguments.uncertainty is not None:
+            print(f"written: {Uncertainty.of(found).save(arguments.uncertainty)}")
     if arguments.report is not None:
         if photo is not None and arguments.report.suffix == ".png":
             from cable_shape.calibration.picture import draw_photo
@@ -92,7 +107,7 @@ def run(arguments: argparse.Namespace) -> int:
         else:
             _write_report(found, arguments.report)
         print(f"written: {arguments.report}")
-    return 0
+    return 2 if trouble and not arguments.force else 0
 
 
 def _cable(arguments: argparse.Namespace) -> Cable:

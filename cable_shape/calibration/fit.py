@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cable_shape import checks
 from cable_shape.cable import Cable
 from cable_shape.calibration.forward import Forward
 from cable_shape.calibration.observation import Observation
@@ -58,9 +59,12 @@ def calibrate(
     ArgumentError
         For wrong arguments, or if no observation has a usable shape with the cable given.
     """
-    seen = list(observations)
-    if not seen or not all(isinstance(o, Observation) for o in seen):
-        raise ArgumentError.of("observations", f"{len(seen)} items", "it must be Observations, one at least", "")
+    seen = checks.entries("observations", observations, Observation)
+    if not seen:
+        raise ArgumentError.of("observations", "0 items", "it must be Observations, one at least", "Give some.")
+    checks.instance("cable", cable, (Cable,), "Write Cable(length=..., ...).")
+    if proceed is not None and not callable(proceed):
+        raise ArgumentError.of("proceed", proceed, "it must be a function", "Leave it out, or give one.")
     parameters = Parameters(cable, (fit,) if isinstance(fit, str) else fit, priors)
     forward = Forward(parameters, seen, gravity=gravity)
     owners = np.repeat(np.arange(len(seen)), [len(o.points) for o in seen])

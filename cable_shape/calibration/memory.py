@@ -52,10 +52,9 @@ def rest_curvature_from(points: ArrayLike, cable: Cable | None = None, *, d1: Ar
         For too few points, or points that are not as long as the cable.
     """
     remedy = "Give one row x, y, z a point, from the start grip to the end."
-    try:
-        seen = np.array(points, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ArgumentError.of("points", points, "it must be numbers", remedy) from None
+    if cable is not None:
+        checks.instance("cable", cable, (Cable,), "Write Cable(length=..., ...).")
+    seen = checks.numbers("points", points, remedy)
     if seen.ndim != 2 or seen.shape[1] != 3 or len(seen) < FEWEST:
         raise ArgumentError.of("points", f"shape {seen.shape}", f"it must be (m, 3), m >= {FEWEST}", remedy)
     if not np.isfinite(seen).all():

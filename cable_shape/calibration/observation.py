@@ -83,13 +83,14 @@ class Observation:
         self.points = np.ascontiguousarray(seen[whole])
         self.arc_length = np.ascontiguousarray(arc[whole])
         self.acceleration = None if acceleration is None else _numbers("acceleration", acceleration)
+        checks.instance("planar", planar, (bool, np.bool_), "Write True or False.")
         self.planar = bool(planar)
-        self.group = None if group is None else checks.integer("group", group, at_least=-(2**62))
+        self.group = None if group is None else checks.integer("group", group, at_least=-(2**62), at_most=2**62)
 
 
 def _numbers(name: str, value: ArrayLike) -> Array:
-    """`value` as float64."""
-    try:
-        return np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ArgumentError.of(name, value, "it must be numbers", f"Give {name} as an array.") from None
+    """`value` as float64, NaN allowed."""
+    given = checks.numbers(name, value, f"Give {name} as an array.")
+    if (np.abs(given) > checks.MOST).any():
+        raise ArgumentError.of(name, given.tolist(), f"no magnitude may be above {checks.MOST:g}", "Give SI units.")
+    return given

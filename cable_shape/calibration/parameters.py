@@ -69,16 +69,13 @@ class Parameters:
     """
 
     def __init__(self, cable: Cable, fit: Sequence[str], priors: Mapping[str, float] | None = None) -> None:
-        names = (fit,) if isinstance(fit, str) else tuple(fit)
+        names = (fit,) if isinstance(fit, str) else checks.entries("fit", fit, str, f"Known: {', '.join(KNOWN)}.")
         if not names or len(set(names)) != len(names):
             raise ArgumentError.of("fit", names, "it must name something, each once", f"Known: {', '.join(KNOWN)}.")
         for name in names:
             if name not in KNOWN:
                 raise UnknownKeyError.among("fit", name, KNOWN)
-        given = dict(priors or {})
-        for name in given:
-            if name not in names:
-                raise UnknownKeyError.among("priors", name, names)
+        given = checks.mapping("priors", priors, names, "Write {name: standard deviation}.")
         if {"rest_curvature", "rest_curvature_along"} <= set(names):
             raise ArgumentError.of("fit", names, "rest_curvature is a part of rest_curvature_along", "Fit one of them.")
         self.cable = cable

@@ -7,7 +7,6 @@ at the plane), or the two grips whose distance is known, with a plumb line.
 
 from __future__ import annotations
 
-import csv
 import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -22,8 +21,10 @@ from cable_shape.cable import Cable
 from cable_shape.calibration.fit import calibrate
 from cable_shape.calibration.observation import Observation
 from cable_shape.calibration.result import Calibration, correlation_of, estimates_of
+from cable_shape.calibration.tables import head_of, number_in, rows_of
 from cable_shape.checks import Array
-from cable_shape.errors import ArgumentError, UnknownKeyError
+from cable_shape.errors import ArgumentError, FileError
+from cable_shape.files import path_of
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.problem import GRAVITY
 
@@ -73,10 +74,7 @@ class PhotoCalibration:
 
 def is_photo(path: str | Path) -> bool:
     """Whether a table is one of clicks, by its first line."""
-    from cable_shape.files import read_text
-
-    head = read_text(path).partition("\n")[0]
-    return {"u", "v"} <= {word.strip() for word in head.split(",")}
+    return {"u", "v"} <= set(head_of(path))
 
 
 def load_clicks(path: str | Path) -> Clicks:
@@ -86,28 +84,21 @@ def load_clicks(path: str | Path) -> Clicks:
     ------
     ArgumentError
     """
-    from cable_shape.files import read_text
-
-    file = Path(path).expanduser()
-    table = csv.DictReader(read_text(file).splitlines())
-    names = [name.strip() for name in table.fieldnames or ()]
-    table.fieldnames = names
-    for key in names:
-        if key not in COLUMNS:
-            raise UnknownKeyError.among(str(file), key, COLUMNS)
-    if not set(COLUMNS[:3]) <= set(names):
-        raise ArgumentError(f"{file}: its first line must name the columns what, u, v.")
+    file = path_of(path)
     rows: dict[str, list[list[float]]] = {kind: [] for kind in KINDS}
-    for line, row in enumerate(table, start=2):
-        kind = (row["what"] or "").strip()
+    for line, row in rows_of(file, COLUMNS[:3], COLUMNS):
+        where = f"{file}, line {line}"
+        kind = row["what"].strip()
         try:
             checks.one_of("what", kind, KINDS)
             own = ("u", "v", "x", "y") if kind == "known" else ("u", "v")
-            numbers = [checks.number(key, float(row[key]), unit="px" if key in "uv" else "m") for key in own]
-            arc = row.get("arc_length") or "nan"
-            rows[kind].append([*numbers, float(arc)])
-        except (TypeError, KeyError, ValueError) as error:
-            raise ArgumentError(f"{file}, line {line}: {error}") from None
+            numbers = [checks.number(key, number_in(row, key, where), unit="px" if key in "uv" else "m") for key in own]
+            arc = number_in(row, "arc_length", where) if row.get("arc_length") else math.nan
+            rows[kind].append([*numbers, arc])
+        except FileError:
+            raise
+        except ArgumentError as error:
+            raise ArgumentError(f"{where}: {error}") from None
     for kind, (least, most) in KINDS.items():
         if not least <= len(rows[kind]) <= most:
             bound = f"there must be {least}" + ("" if most == least else f" to {most}")

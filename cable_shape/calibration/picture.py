@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +12,11 @@ import numpy as np
 from cable_shape.calibration.photo import PhotoCalibration, to_pixels
 from cable_shape.calibration.result import Calibration
 from cable_shape.checks import Array
-from cable_shape.errors import ArgumentError
+from cable_shape.errors import ArgumentError, FileError
+from cable_shape.files import read_bounded
+
+#: Larger pictures are refused.
+IMAGE_BYTES = 64 * 1024 * 1024
 
 _BLUE, _RED, _GREY = "#2563a8", "#c0392b", "#666666"
 _SHOWN = 5
@@ -74,11 +80,15 @@ def draw_photo(photo: PhotoCalibration, path: Path, image: Path | None = None) -
 def _image(path: Path) -> Any:
     """What matplotlib reads of an image."""
     from matplotlib.image import imread
+    from PIL.Image import DecompressionBombError, DecompressionBombWarning
 
+    content = io.BytesIO(read_bounded(path, IMAGE_BYTES, "image"))
     try:
-        return imread(path)
-    except (OSError, SyntaxError, ValueError) as error:
-        raise ArgumentError(f"{path}: cannot be read as an image ({error}). Give a PNG or JPEG.") from None
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", DecompressionBombWarning)
+            return imread(content, format=path.suffix[1:].lower())
+    except (OSError, SyntaxError, ValueError, DecompressionBombError, DecompressionBombWarning) as error:
+        raise FileError(f"{path}: cannot be read as an image ({error}). Give a PNG or JPEG.") from None
 
 
 def side_view(axis: Any, line: Array, points: Array) -> None:

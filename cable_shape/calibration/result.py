@@ -10,13 +10,18 @@ from typing import Any, final
 
 import numpy as np
 
+from cable_shape import checks
 from cable_shape.cable import STANDARD_GRAVITY, Cable
 from cable_shape.calibration.parameters import Parameter, Parameters
 from cable_shape.checks import Array
+from cable_shape.errors import UnknownKeyError
+from cable_shape.files import path_of
 
 CONFIDENCE = 0.95
 #: A point of less weight was taken for a stray one.
 STRAY = 0.2
+#: Misses of the usual point beyond this part of the length are those of another cable.
+EXPLAINED = 0.1
 #: Beyond these a number is as good as not known: standard error of a logarithm, correlation of two, error / prior.
 _VAGUE, _TIED, _PRIOR_ONLY = 0.7, 0.95, 0.9
 
@@ -78,12 +83,35 @@ class Calibration:
 
     def __getitem__(self, name: str) -> Estimate:
         """The estimate of this name."""
-        return next(e for e in self.estimates if e.name == name)
+        for estimate in self.estimates:
+            if estimate.name == name:
+                return estimate
+        raise UnknownKeyError.among("estimates", name, (e.name for e in self.estimates))
+
+    @property
+    def trouble(self) -> str:
+        """Why this is no calibration, with the remedy; empty if it is one.
+
+        It is none where the fit did not converge, or where the usual point is missed by more than a tenth of the
+        length: whatever was seen, it was not this cable between these grips.
+        """
+        if not self.converged:
+            return "the fit did not converge: start nearer, fit less, or give priors."
+        kept = self.distances[(self.weights > STRAY) & np.isfinite(self.distances)]
+        usual = float(np.median(kept)) if len(kept) else 0.0
+        if usual > EXPLAINED * self.cable.length:
+            part = 100.0 * usual / self.cable.length
+            return (
+                f"the fit explains nothing: the usual point is missed by {part:.0f} % of the length. Are points and "
+                "grips in one frame and in metres, the grips' kinds and the length right?"
+            )
+        return ""
 
     def miss_quantile(self, share: float) -> float:
         """[m], below which that share of the misses is, stray points left out; 0 without points."""
+        part = checks.number("share", share, at_least=0.0, at_most=1.0)
         kept = self.distances[self.weights > STRAY]
-        return float(np.quantile(kept, share)) if len(kept) else 0.0
+        return float(np.quantile(kept, part)) if len(kept) else 0.0
 
     def report(self) -> str:
         """In words, one line each."""
@@ -121,6 +149,7 @@ class Calibration:
             "scale": self.scale,
             "mean_miss": float(np.nanmean(self.distances)) if len(self.distances) else None,
             "converged": self.converged,
+            "trouble": self.trouble,
             "remarks": list(self.remarks),
         }
 
@@ -129,6 +158,7 @@ class Calibration:
         import yaml
 
         lines = ["# Calibrated; standard errors and 95 % intervals beside the numbers."]
+        lines += [f"# not to be used: {self.trouble}"] if self.trouble else []
         lines += [f"# note: {remark}" for remark in self.remarks]
         told = {e.name.removesuffix("_1").removesuffix("_2"): str(e) for e in self.estimates}
         if "rest_curvature_1" in {e.name for e in self.estimates}:
@@ -149,7 +179,7 @@ class Calibration:
 
     def save(self, path: str | Path) -> Path:
         """Writes `yaml` to a file, whose folder must be there."""
-        file = Path(path).expanduser()
+        file = path_of(path)
         file.write_text(self.yaml(), encoding="utf-8")
         return file
 

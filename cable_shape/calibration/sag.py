@@ -57,6 +57,7 @@ def calibrate_sag(
     ArgumentError
         For wrong arguments, or a sag that no stiffness gives, with the range of those that some does.
     """
+    checks.instance("cable", cable, (Cable,), "Write Cable(length=..., ...).")
     checks.one_of("held", held, HELD)
     wanted = checks.number("sag", sag, above=0.0, unit="m")
     sag_error = checks.number("sag_error", sag_error, above=0.0, unit="m")
@@ -79,6 +80,9 @@ def calibrate_sag(
     unit = math.log(weight * cable.length**3)
     ends = np.linspace(unit + math.log(_SOFTEST), unit + math.log(_STIFFEST), 25)
     sags = np.array([at(x) for x in ends])
+    if np.isnan(sags).all():
+        remedy = "Are its length and density in SI units?"
+        raise ArgumentError.of("cable", cable, "it has no usable shape between these ends", remedy)
     crossed = np.flatnonzero((sags[:-1] - wanted) * (sags[1:] - wanted) <= 0.0)
     if not len(crossed):
         raise ArgumentError.of(

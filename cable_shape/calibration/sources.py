@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import csv
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 
 from cable_shape.calibration.observation import Observation
+from cable_shape.calibration.tables import load_arrays, number_in, rows_of
 from cable_shape.checks import Array
-from cable_shape.errors import ArgumentError, BagError, UnknownKeyError
+from cable_shape.errors import ArgumentError, BagError, FileError, UnknownKeyError
+from cable_shape.files import path_of
 from cable_shape.pose import Grip, Pose
 
 #: Frames taken from one recording, evenly spread.
@@ -36,14 +38,13 @@ def load_observations(
 
     kinds: how start and end are held, see :class:`cable_shape.Grip`.
     """
-    file = Path(path).expanduser()
-    if not file.exists():
-        raise ArgumentError(f"{file}: no such file. Check the path; it is taken from {Path.cwd()}.")
+    file = path_of(path)
     if file.suffix == ".npz":
-        with np.load(file, allow_pickle=False) as arrays:
-            return from_arrays(dict(arrays), kinds, str(file))
+        return from_arrays(load_arrays(file), kinds, str(file))
     if file.suffix == ".csv":
         return _from_csv(file, kinds)
+    if not file.exists():
+        raise FileError(f"{file}: no such file. Check the path; it is taken from {Path.cwd()}.")
     return from_bag(file, kinds, **bag)
 
 
@@ -55,22 +56,30 @@ def from_arrays(arrays: Mapping[str, Array], kinds: tuple[str, str], where: str 
     for key in _KEYS[:3]:
         if key not in arrays:
             raise ArgumentError(f"{where}: {key} is missing. It needs start (n, 7), end (n, 7) and points (n, m, 3).")
-    points = np.asarray(arrays["points"], dtype=np.float64)
-    count = len(points)
-    for key, shape in (("start", (count, 7)), ("end", (count, 7)), ("points", (*points.shape[:2], 3))):
-        if np.shape(arrays[key]) != shape:
-            raise ArgumentError.of(f"{where}: {key}", f"shape {np.shape(arrays[key])}", f"it must be {shape}", "")
-    arc = arrays.get("arc_length")
-    if arc is not None:
-        arc = np.broadcast_to(np.asarray(arc, dtype=np.float64), points.shape[:2])
+    given = {key: np.asarray(array, dtype=np.float64) for key, array in arrays.items()}
+    points = given["points"]
+    if points.ndim != 3:
+        raise ArgumentError.of(f"{where}: points", f"shape {points.shape}", "it must be (n, m, 3)", "Pad with NaN.")
+    count, each = points.shape[:2]
+    acceleration, group, arc = (given.get(key) for key in ("acceleration", "group", "arc_length"))
+    if arc is not None and arc.shape == (each,):
+        arc = np.broadcast_to(arc, (count, each))
+    rows = 1 if acceleration is None or acceleration.ndim != 3 else acceleration.shape[1]
+    wanted = {"start": (count, 7), "end": (count, 7), "points": (count, each, 3), "group": (count,)}
+    wanted |= {"acceleration": (count, rows, 3), "arc_length": (count, each)}
+    for key, array in {**given, **({} if arc is None else {"arc_length": arc})}.items():
+        if array.shape != wanted[key]:
+            raise ArgumentError.of(f"{where}: {key}", f"shape {array.shape}", f"it must be {wanted[key]}", "")
+    if group is not None and not (np.isfinite(group).all() and (group == np.round(group)).all()):
+        raise ArgumentError.of(f"{where}: group", group.tolist(), "it must be whole numbers", "Number the recordings.")
     return [
         Observation(
-            Grip(Pose(arrays["start"][i, :3], arrays["start"][i, 3:]), kinds[0]),
-            Grip(Pose(arrays["end"][i, :3], arrays["end"][i, 3:]), kinds[1]),
+            Grip(Pose(given["start"][i, :3], given["start"][i, 3:]), kinds[0]),
+            Grip(Pose(given["end"][i, :3], given["end"][i, 3:]), kinds[1]),
             points[i],
             None if arc is None else arc[i],
-            arrays["acceleration"][i] if "acceleration" in arrays else None,
-            int(arrays["group"][i]) if "group" in arrays else None,
+            None if acceleration is None else acceleration[i],
+            None if group is None else int(group[i]),
         )
         for i in range(count)
     ]
@@ -78,43 +87,30 @@ def from_arrays(arrays: Mapping[str, Array], kinds: tuple[str, str], where: str 
 
 def load_points(path: str | Path) -> Array:
     """(m, 3) [m] of a CSV with the columns x, y, z, in their order along the cable."""
-    from cable_shape.files import read_text
-
-    table = csv.DictReader(read_text(path).splitlines())
-    if not {"x", "y", "z"} <= set(table.fieldnames or ()):
-        raise ArgumentError(f"{path}: its first line must name the columns x, y, z.")
-    rows = []
-    for line, row in enumerate(table, start=2):
-        try:
-            rows.append([float(row[key]) for key in ("x", "y", "z")])
-        except (TypeError, ValueError) as error:
-            raise ArgumentError(f"{path}, line {line}: {error}") from None
+    keys = ("x", "y", "z")
+    rows = [[number_in(row, key, f"{path}, line {line}") for key in keys] for line, row in rows_of(path, keys)]
     return np.array(rows).reshape(-1, 3)
 
 
 def _from_csv(file: Path, kinds: tuple[str, str]) -> list[Observation]:
-    from cable_shape.files import read_text
-
-    table = csv.DictReader(read_text(file).splitlines())
-    for key in table.fieldnames or ():
-        if key not in _COLUMNS:
-            raise UnknownKeyError.among(str(file), key, _COLUMNS)
-    if not set(_COLUMNS[:5]) <= set(table.fieldnames or ()):
-        raise ArgumentError(f"{file}: its first line must name the columns {', '.join(_COLUMNS[:9])}.")
     poses: dict[tuple[str, str], Pose] = {}
     points: dict[str, list[list[float]]] = {}
-    for line, row in enumerate(table, start=2):
+    for line, row in rows_of(file, _COLUMNS[:5], _COLUMNS):
+        where = f"{file}, line {line}"
+        which, what = row["observation"], row.get("what", "")
+        place = [number_in(row, key, where) for key in ("x", "y", "z")]
         try:
-            place = [float(row[key]) for key in ("x", "y", "z")]
-            which, what = row["observation"], row["what"]
             if what == "point":
-                points.setdefault(which, []).append([*place, float(row.get("arc_length") or "nan")])
+                arc = number_in(row, "arc_length", where) if row.get("arc_length") else math.nan
+                points.setdefault(which, []).append([*place, arc])
             elif what in ("start", "end"):
-                poses[which, what] = Pose(place, [float(row[key]) for key in ("qx", "qy", "qz", "qw")])
+                poses[which, what] = Pose(place, [number_in(row, key, where) for key in ("qx", "qy", "qz", "qw")])
             else:
                 raise ArgumentError.of("what", what, "it must be start, end or point", "")
-        except (TypeError, KeyError, ValueError) as error:
-            raise ArgumentError(f"{file}, line {line}: {error}") from None
+        except FileError:
+            raise
+        except ArgumentError as error:
+            raise ArgumentError(f"{where}: {error}") from None
     out = []
     for which, seen in points.items():
         for what in ("start", "end"):

@@ -21,8 +21,8 @@ from cable_shape import checks
 from cable_shape.cable import Cable
 from cable_shape.cases.case import Case
 from cable_shape.cases.reference import reference_case
-from cable_shape.errors import ArgumentError
-from cable_shape.files import load_yaml
+from cable_shape.errors import ArgumentError, shown
+from cable_shape.files import load_yaml, path_of
 from cable_shape.pose import IDENTITY, FreeEnd, Grip, Pose
 from cable_shape.scene import Scene
 
@@ -43,7 +43,7 @@ def load_case(path: str | Path) -> Case:
     ArgumentError
         Naming the file, the key, the bound and the remedy.
     """
-    file = Path(path)
+    file = path_of(path, "case")
     values = load_yaml(file)
     cable = values.get("cable")
     try:
@@ -104,7 +104,7 @@ def pose_of(where: str, values: Any) -> Pose:
 
 def _cable(value: Any, folder: Path) -> Cable:
     if isinstance(value, str):
-        return Cable.from_yaml(_file("cable", value, folder))
+        return _within(f"cable = {shown(value)}", lambda: Cable.from_yaml(folder / path_of(value)))
     return Cable.from_mapping(value)
 
 
@@ -112,16 +112,8 @@ def _scene(value: Any, folder: Path) -> Scene | None:
     if value is None:
         return None
     if isinstance(value, str):
-        return Scene.from_yaml(_file("scene", value, folder))
+        return _within(f"scene = {shown(value)}", lambda: Scene.from_yaml(folder / path_of(value)))
     return Scene.from_mapping(value, folder=folder)
-
-
-def _file(where: str, value: str, folder: Path) -> Path:
-    """A path given in a file: relative to that file."""
-    file = folder / Path(value).expanduser()
-    if not file.is_file():
-        raise ArgumentError(f"{where} = {value!r}: no such file. A relative path is taken from {folder}.")
-    return file
 
 
 def _within(where: str, make: Callable[[], T]) -> T:

@@ -101,7 +101,7 @@ def as_dict(case: Case, shape: CableShape) -> dict[str, Any]:
         "cable": case.cable.as_dict(),
         "model": shape.model,
         "status": shape.status.name,
-        "usable": bool(shape.status),
+        "usable": shape.usable,
         "detail": shape.detail,
         "error_estimate": finite(shape.error_estimate),
         "residual": finite(shape.residual),

@@ -46,20 +46,21 @@ def sources(file: Path) -> frozenset[Path]:
     return frozenset(found)
 
 
-def trusted(folder: Path) -> bool:
-    """Whether nobody but the user and root can write into a folder, or exchange it or a folder above it.
+def trusted(folder: Path) -> Path | None:
+    """The folder, links on its way followed, if nobody but user and root can write into it or exchange a part of it.
 
-    Folders above may be open to all if they are sticky, as /tmp is: there nobody removes what is another's.
+    Folders above may be open to all if they are sticky, as /tmp is: there nobody removes what is another's. What is
+    given may lead through a link of somebody else, who may turn it: use what is returned, each part of it was judged.
     """
     folder = folder.resolve()
     for place in (folder, *folder.parents):
-        status = place.stat()
-        if status.st_uid not in (0, os.geteuid()):
-            return False
+        status = place.lstat()
+        if status.st_uid not in (0, os.geteuid()) or not stat.S_ISDIR(status.st_mode):
+            return None
         shut = not status.st_mode & _OTHERS and (not status.st_mode & _GROUP or _own_group(status.st_gid))
         if not shut and (place == folder or not status.st_mode & stat.S_ISVTX):
-            return False
-    return True
+            return None
+    return folder
 
 
 @cache
@@ -82,14 +83,15 @@ def cache_folder(file: Path) -> str:
     asked = os.environ.get("NUMBA_CACHE_DIR")
     home = Path(asked) if asked else Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "cable_shape"
     for base in (home, Path(tempfile.gettempdir()) / f"cable_shape_{os.getuid()}"):
-        folder = base / name
         try:
-            if not folder.is_dir():
+            if not (base / name).is_dir():
                 base.mkdir(mode=0o700, parents=True, exist_ok=True)
-                if not trusted(base):
+                own = trusted(base)
+                if own is None:
                     continue
-                folder.mkdir(mode=0o700, exist_ok=True)
-            if trusted(folder) and (os.access(folder, os.W_OK) or any(folder.glob("*.nbi"))):
+                (own / name).mkdir(mode=0o700, exist_ok=True)
+            folder = trusted(base / name)
+            if folder is not None and (os.access(folder, os.W_OK) or any(folder.glob("*.nbi"))):
                 return str(folder)
         except OSError:
             continue

@@ -17,6 +17,8 @@ from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
 
 from cable_shape.errors import BagError
+from cable_shape.files import load_yaml, path_of, regular
+from cable_shape.replay.bounds import bound_rosbags
 from cable_shape.replay.mcap_salvage import Salvaged, salvage_mcap, zstd_error
 
 #: What rosbags and the libraries below it raise for a damaged file.
@@ -38,6 +40,7 @@ _DAMAGED: tuple[type[Exception], ...] = (
     ValueError,
 )
 
+_METADATA = "rosbag2_bagfile_information"
 STORAGE_SUFFIXES = (".mcap", ".db3")
 
 
@@ -66,7 +69,7 @@ class Bag:
     """
 
     def __init__(self, path: str | Path) -> None:
-        self.path = Path(path).expanduser()
+        self.path = path_of(path, "recording")
         self.problems: list[str] = []  # what could not be read
         self.notes: list[str] = []  # what is odd, though nothing is missing
         self.read: Counter[str] = Counter()  # topic -> messages given so far
@@ -114,9 +117,14 @@ class Bag:
         if self.path.name == "metadata.yaml":
             self.path = self.path.parent
         files = _storage_files(self.path)
+        bound_rosbags()
         reason = "metadata.yaml is missing"
         if self.path.is_file() or (self.path / "metadata.yaml").is_file():
             try:
+                if self.path.is_dir():
+                    _check_files(self.path)
+                else:
+                    regular(self.path, what="recording")
                 return [_Sound(self.path)]
             except _DAMAGED as error:
                 reason = _in_one_line(error)
@@ -133,6 +141,9 @@ class Bag:
 
     def _open_file(self, file: Path) -> list[_Part]:
         """One storage file, by its index if that is sound, else by salvage."""
+        if not file.stat().st_size:
+            self.problems.append(f"{file.name} is empty")
+            return []
         if self.path.is_dir():
             with contextlib.suppress(*_DAMAGED):
                 return [_Sound(file)]
@@ -238,7 +249,7 @@ def _storage_files(path: Path) -> list[Path]:
         return [path]
     if not path.is_dir():
         raise BagError(f"{path}: no such file or folder. Check the path; it is taken from {Path.cwd()}.")
-    files = [file for file in path.iterdir() if file.suffix in STORAGE_SUFFIXES]
+    files = [file for file in path.iterdir() if file.suffix in STORAGE_SUFFIXES and file.is_file()]
     if not files and not (path / "metadata.yaml").is_file():
         raise BagError(
             f"{path}: not a recording: neither metadata.yaml nor a .mcap or .db3 file is in it. "
@@ -247,16 +258,25 @@ def _storage_files(path: Path) -> list[Path]:
     return sorted(files, key=lambda file: [int(s) if s.isdigit() else s for s in re.split(r"(\d+)", file.name)])
 
 
+def _check_files(folder: Path) -> None:
+    """Refuses metadata.yaml that names what is no regular file.
+
+    Raises
+    ------
+    FileError, LookupError, TypeError
+    """
+    for name in load_yaml(folder / "metadata.yaml", (_METADATA,))[_METADATA]["relative_file_paths"]:
+        regular(folder / Path(name).name, what="recording")
+
+
 def _counts_in_metadata(path: Path) -> dict[str, int]:
     """Topic -> messages as metadata.yaml says; nothing if it cannot be read."""
-    import yaml
-
     counts: Counter[str] = Counter()
     try:
-        information = yaml.safe_load(path.read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
+        information = load_yaml(path, (_METADATA,))[_METADATA]
         for entry in information["topics_with_message_count"]:
             counts[str(entry["topic_metadata"]["name"])] += int(entry["message_count"])
-    except (OSError, yaml.YAMLError, KeyError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError):
         return {}
     return counts
 

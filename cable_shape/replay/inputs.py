@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol, final
 
 import numpy as np
 
-from cable_shape.checks import Array
+from cable_shape.checks import MOST, Array
 from cable_shape.errors import ArgumentError, InputError, StaleInputError
 from cable_shape.pairing import SECOND, Pairing, StampGuard
 from cable_shape.pose import Grip, Pose
@@ -159,7 +159,7 @@ class PoseSource:
         try:
             return Pose(position, quaternion)
         except ArgumentError as error:
-            finite = np.isfinite((*position, *quaternion)).all()
+            finite = (np.abs((*position, *quaternion)) <= MOST).all()
             reason = "quaternion not of unit length" if finite else "pose not finite"
             self._refusals.add(topic, reason, f"{topic}: {error}")
             return None

@@ -14,6 +14,10 @@ from pathlib import Path
 from typing import final
 from zlib import crc32
 
+from rosbags.rosbag2 import ReaderError
+
+from cable_shape.replay.bounds import unpacked
+
 MAGIC = b"\x89MCAP0\r\n"
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x02, 0x03, 0x04, 0x05, 0x06, 0x0F
 _RECORD = struct.Struct("<BQ")
@@ -118,6 +122,8 @@ def _records(view: memoryview, offset: int) -> Iterator[tuple[int, memoryview, i
     """(opcode, content, where it ends) of each record from `offset`; the last one may end beyond the view."""
     while offset + _RECORD.size <= len(view):
         opcode, length = _RECORD.unpack_from(view, offset)
+        if opcode == 0:  # no record has it: what follows is none, however long
+            return
         begin = offset + _RECORD.size
         offset = begin + length
         yield opcode, view[begin : min(offset, len(view))], offset
@@ -134,15 +140,9 @@ def _decompressed(data: memoryview, compression: str) -> memoryview:
     if compression == "":
         return data
     try:
-        if compression == "zstd":
-            from backports import zstd
-
-            return memoryview(zstd.ZstdDecompressor().decompress(data))
-        if compression == "lz4":
-            from lz4.frame import LZ4FrameDecompressor  # type: ignore[import-untyped]
-
-            return memoryview(LZ4FrameDecompressor().decompress(bytes(data)))
-    except (ValueError, RuntimeError, EOFError, zstd_error()):
+        if compression in ("zstd", "lz4"):
+            return memoryview(unpacked(data, compression))
+    except (ReaderError, ValueError, RuntimeError, EOFError, zstd_error()):
         pass
     return memoryview(b"")
 
