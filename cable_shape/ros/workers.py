@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 from rclpy.node import Node
 
 from cable_shape.cycle import Cycle
-from cable_shape.errors import ArgumentError
+from cable_shape.errors import ArgumentError, FileError
 from cable_shape.files import read_text
 from cable_shape.ros.assembly import Assembly
 from cable_shape.ros.messages import CalibrateCable, CheckTrajectory, PredictShapes
@@ -151,7 +151,10 @@ def _profiles(path: str) -> Path:
         If it is not XML, or makes the middleware write files of its own.
     """
     file = find_file(path)
-    text = read_text(file, PROFILES_BYTES, "planner_profiles")
+    try:
+        text = read_text(file, PROFILES_BYTES)
+    except FileError as error:
+        raise ArgumentError(f"planner_profiles: {error}") from None
     remedy = "Name one such as fastdds_planner.xml, or none."
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise ArgumentError.of("planner_profiles", path, "it has a DOCTYPE, which no profiles have", remedy)
