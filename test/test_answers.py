@@ -9,10 +9,10 @@ from rods import CABLE, END, START, moved, solved
 import cable_shape as cs
 from cable_shape.calibration.answers import Answers
 from cable_shape.calibration.parameters import Parameters
-from cable_shape.kernels import response, rod_stability
-from cable_shape.models import cosserat
-from cable_shape.models.rod_state import RodState
+from cable_shape.kernels.network import respond
 from cable_shape.problem import Problem
+from cable_shape.solve import cosserat
+from cable_shape.solve.network import Network
 
 ELASTIC = CABLE.replace(axial_stiffness=40.0, shear_stiffness=25.0, rest_curvature=(1.0, -0.5, 0.3))
 WAVY = CABLE.replace(rest_curvature=[(1.0, 0.0, 0.5), (-2.0, 1.0, 0.0), (0.5, 0.5, -1.0)])
@@ -32,7 +32,7 @@ def assert_differences(cable: cs.Cable, fit: tuple[str, ...], ends, share: float
     options = {"points": 61, "tolerance": 1e-9 * cable.length, **options}
     parameters = Parameters(cable, fit)
     middle = parameters.start
-    state = RodState(Problem(parameters.make_cable(middle), **options))
+    state = Network(Problem(parameters.make_cable(middle), **options))
     shape = cosserat.solve(state.problem.move(*ends), state)
     assert shape.status is cs.Status.OK
     found = Answers(parameters, middle).moves(state, state.problem.start, state.problem.end)
@@ -75,7 +75,7 @@ def test_of_a_cable_that_swings() -> None:
 def test_a_dead_moment_counts_in_the_answer_to_the_start() -> None:
     options = {"points": 61, "tolerance": 1e-9 * CABLE.length}
     end = ENDS["free"][1]
-    state = RodState(Problem(ELASTIC, **options))
+    state = Network(Problem(ELASTIC, **options))
     cosserat.solve(state.problem.move(START, end), state)
     found = cosserat.sensitivity(state)[:, :, 3:6]
     for axis in range(3):
@@ -85,7 +85,12 @@ def test_a_dead_moment_counts_in_the_answer_to_the_start() -> None:
             solved(ELASTIC, moved(START, turn=sign * turn), end, **options).positions for sign in (1.0, -1.0)
         )
         np.testing.assert_allclose(found[:, :, axis], (above - below) / 2e-4, rtol=0.0, atol=1e-5)
-    rod_stability.refresh(state.par, state.mesh, state.sol, state.work, state.elements, state.width, True)
-    twist, places = np.array((0.0, 0.0, 0.0, 0.3, -0.5, 0.7, *np.zeros(6))), np.linspace(0.0, CABLE.length, 61)
-    rod = state.par, state.mesh, state.sol, state.work, state.elements, state.width
-    np.testing.assert_allclose(response.velocities(*rod, twist, places), found @ twist[3:6], rtol=0.0, atol=1e-9)
+    twists, places = np.zeros((2, 6)), np.linspace(0.0, CABLE.length, 61)
+    twists[0, 3:] = 0.3, -0.5, 0.7
+    state.refresh()
+    network, out = (state.ints, state.floats, state.sols, state.work), np.empty((61, 3))
+    respond.still(state.ints, state.work)
+    respond.move_knots(*network, twists)
+    respond.answer(*network, twists)
+    respond.velocities(*network, places, out)
+    np.testing.assert_allclose(out, found @ twists[0, 3:], rtol=0.0, atol=1e-9)

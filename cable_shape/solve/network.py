@@ -21,7 +21,7 @@ from cable_shape.kernels.rod_guess import hanging_force
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.problem import NAMED_TOLERANCE, Problem
 from cable_shape.shape import CableShape
-from cable_shape.solve.cables import AT, Structure, material_of, structure_of
+from cable_shape.solve.cables import AT, Structure, material_of, shared_loads, structure_of
 from cable_shape.solve.mesh import Piece, indicated, interpolated, layered
 from cable_shape.solve.plan import Whole, make_plan
 
@@ -109,15 +109,8 @@ class Network:
         self.stretch = 0.0 if cable.axial_stiffness is None else 1.0 / cable.axial_stiffness
         self.elastic = cable.axial_stiffness is not None or cable.shear_stiffness is not None
         self.round_straight = stiffness[0] == stiffness[1] and not np.any(cable.rest_curvature)
-        at, weight = problem.load_arc_length, problem.load_force
-        self._own: Array = np.zeros((arcs.size, 3))  # dead forces on the supports
-        if at.size:
-            near = np.abs(at[:, None] - arcs).argmin(axis=1)
-            held = np.abs(at - arcs[near]) < AT * length
-            np.add.at(self._own, near[held], weight[held])
-            at, weight = at[~held], weight[~held]
-        self.points, self.weights = at, weight
-        self.mean_load: Array = problem.load.mean(axis=0) + weight.sum(axis=0) / length
+        self._own, self.points, self.weights = shared_loads(problem, arcs)
+        self.mean_load: Array = problem.load.mean(axis=0) + self.weights.sum(axis=0) / length
         if problem.swing is not None:
             rows = len(problem.swing)
             self.mean_load = self.mean_load - cable.linear_density * problem.swing.sum(axis=0) / (rows - 1)
