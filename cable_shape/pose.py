@@ -231,8 +231,8 @@ _CLAMPED = Grip(IDENTITY)
 
 def as_grip(name: str, end: Pose | Grip) -> Grip:
     """A bare Pose is a clamped grip."""
-    if isinstance(end, Grip):
+    if type(end) is Pose:  # most often
+        return _CLAMPED.at(end, end)
+    if type(end) is Grip:
         return end
-    if isinstance(end, Pose):
-        return _CLAMPED.at(end)
     raise checks.ArgumentError.of(name, end, "it must be a Pose or a Grip", "Write Pose(position, quaternion).")

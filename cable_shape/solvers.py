@@ -41,19 +41,19 @@ class Solver(Protocol):
 
 @final
 class ClosedForm:
-    """A model in closed form; its warm start is a handful of numbers, NaN when cold."""
+    """A model in closed form; what it remembers is one array, NaN when cold."""
 
-    __slots__ = ("_solve", "_warm")
+    __slots__ = ("_memory", "_solve")
 
-    def __init__(self, solve: Callable[[Problem, Array], CableShape]) -> None:
+    def __init__(self, solve: Callable[[Problem, Array], CableShape], memory: Array) -> None:
         self._solve = solve
-        self._warm = np.full(4, math.nan)
+        self._memory = memory
 
     def solve(self, problem: Problem) -> CableShape:
-        return self._solve(problem, self._warm)
+        return self._solve(problem, self._memory)
 
     def reset(self) -> None:
-        self._warm[:] = math.nan
+        self._memory[:] = math.nan
 
     def go_on_from(self, problem: Problem, shape: CableShape, frames: Array) -> None:
         return
@@ -112,10 +112,10 @@ def solver_of(model: str, cable: Cable, time_budget: float | None) -> Solver:
             "Give EI in N m^2, or choose model='catenary'.",
         )
     if model == "catenary" or limp:
-        return ClosedForm(catenary.solve)
+        return ClosedForm(catenary.solve, np.empty(0))
     if model == "gradient4":
-        return ClosedForm(gradient.solve4)
+        return ClosedForm(gradient.solve4, gradient.new_memory())
     if model == "gradient6":
-        return ClosedForm(gradient.solve6)
+        return ClosedForm(gradient.solve6, gradient.new_memory())
     budget = math.inf if time_budget is None else checks.number("time_budget", time_budget, above=0.0, unit="s")
     return Rod(budget)

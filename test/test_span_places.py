@@ -37,8 +37,7 @@ def at_a_place(free: int, A=None, f=(0.0, 0.0, 0.0), axes=None, targets=(0.0, 0.
 def found(state: SpanState) -> CableShape:
     """From nothing."""
     search = Search(state.problem, state, math.inf)
-    assert search.guessed(state.aim(state.problem.start, state.problem.end))
-    assert search.refine()
+    assert search.guessed(state.aim(state.problem.start, state.problem.end), fineness=5.0)
     return CableShape(search.buffer, 241, length=LENGTH, model="", status=Status.OK, supports=search.loads)
 
 

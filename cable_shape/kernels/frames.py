@@ -89,11 +89,11 @@ def transport(tangents, turning, step, frames):
         if rw == 0.0:  # opposite tangents: half a turn about d1
             rx, ry, rz = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)
             rw = 0.0
-        x, y, z, w = (
-            rw * x + rx * w + ry * z - rz * y,
-            rw * y - rx * z + ry * w + rz * x,
-            rw * z + rx * y - ry * x + rz * w,
-            rw * w - rx * x - ry * y - rz * z,
+        x, y, z, w = (  # in pairs: the next step waits for these
+            (rw * x + rx * w) + (ry * z - rz * y),
+            (rw * y - rx * z) + (ry * w + rz * x),
+            (rw * z + rx * y) - (ry * x - rz * w),
+            (rw * w - rx * x) - (ry * y + rz * z),
         )
         frames[4 * k + 4], frames[4 * k + 5], frames[4 * k + 6], frames[4 * k + 7] = x, y, z, w
 

@@ -22,16 +22,26 @@ from cable_shape.kernels.gradient_length import (
     put,
     tails,
 )
-from cable_shape.kernels.gradient_tension import FAILED, find
+from cable_shape.kernels.gradient_tension import FAILED, FOUND, find
+from cable_shape.kernels.gradient_tension import MEMORY as OF_TENSION
 
 OVERSTRETCHED, NOT_FINITE = 3, 4
+#: As in cable_shape.shape.
+NUMBERS_PER_POINT = 17
 
 # Places in `numbers`.
-LENGTH, STIFFNESS, GRADIENT, ETA, WEIGHT_FORCE, LOAD = 0, 1, 2, 3, 4, 7
+LENGTH, STIFFNESS, GRADIENT, ETA, WEIGHT_FORCE, LOAD, FINEST, NUMBERS = 0, 1, 2, 3, 4, 7, 13, 14
 
-# Places in `result`.
+# Places in `held`.
+KIND0, KIND1, BUCKLING, CURVATURE0, CURVATURE1, TIP, HELD = 0, 1, 2, 3, 6, 9, 18
+
+# Places in `memory`: results of the last solve, what the next one starts from, scratch for 41 numbers that are zero
+# first and for the mode, then see gradient_tension.
 ITERATIONS, RESIDUAL, ERROR, ENERGY, ROLL, CHORD, RESAMPLING = 0, 1, 2, 3, 4, 5, 6
 RESULTS = 7
+BEFORE, ENDS, MOVED, ZEROS, MODE = 7, 8, 17, 26, 67
+TENSION = MODE + PARAMETERS + 4 * SERIES_TERMS
+MEMORY = TENSION + OF_TENSION
 
 #: Chords nearer than this to the length count as longer than an inextensible cable.
 _TAUT = 1e-12
@@ -42,47 +52,42 @@ _SLOWEST = 1e-6
 
 
 @kernel
-def solve(
-    start, start_curvature, kind0, end, end_curvature, kind1, tip, numbers, load_place, load_force, buckling, finest,
-    points, warm, buffer, result,
-):  # fmt: skip
+def solve(start, end, held, numbers, memory, buffer):
     """Solves one gradient cable and fills a shape's buffer.
 
     Parameters
     ----------
     start, end : (7,)
         Cable frames at the ends: position [m], quaternion. `end` is ignored for kind FREE.
-    start_curvature, end_curvature : (3,)
-        x'' [1/m], for the 6th order.
-    kind0, kind1 : int
-        CLAMPED, PINNED, FREE.
-    tip : (9,)
-        Force [N] with the plug's weight, moment [N m], the plug's weight [N], of a free end.
-    numbers : (13,)
+    held : (HELD,)
+        Kinds of start and end (CLAMPED, PINNED, FREE), the buckling tension from
+        :func:`~cable_shape.kernels.gradient_tension.critical`, x'' [1/m] at both ends (for the 6th order), and of a
+        free end force [N] with the plug's weight, moment [N m], the plug's weight [N].
+    numbers : (NUMBERS + 4 k,)
         L [m], B [N m^2], (gradient length / L)^2 (0: 4th order), B / (L^2 EA) (0: inextensible), weight [N/m] (3),
-        distributed load [N/m] at both ends (3 + 3).
-    load_place : (k,), load_force : (k, 3)
-        Concentrated loads: fraction of the length, ascending, strictly inside; force [N].
-    buckling : float
-        From :func:`~cable_shape.kernels.gradient_tension.critical`.
-    finest : float
-        Fraction of the length to which the speed is resolved on each panel, see gradient_length.tails.
-    points : int
-    warm : (4,)
-        Warm start, in and out.
-    buffer : (17 points,)
+        distributed load [N/m] at both ends (3 + 3), fraction of the length to which the speed is resolved on each panel
+        (see gradient_length.tails); then of the concentrated loads all fractions of the length, ascending, strictly
+        inside, and all forces [N].
+    memory : (MEMORY,)
+        Results, and what the next solve starts from; NaN: cold.
+    buffer : (17 n,)
         Out: see CableShape.
-    result : (RESULTS,)
-        Out.
 
     Returns FOUND, FAILED, SINGULAR, OVERSTRETCHED or NOT_FINITE.
     """
     length, stiffness, c, eta = numbers[LENGTH], numbers[STIFFNESS], numbers[GRADIENT], numbers[ETA]
+    points, loads = len(buffer) // NUMBERS_PER_POINT, (len(numbers) - NUMBERS) // 4
+    load_place = numbers[NUMBERS : NUMBERS + loads]
+    load_force = numbers[NUMBERS + loads : NUMBERS + 4 * loads].reshape(loads, 3)
+    kind0, kind1, tip = int(held[KIND0]), int(held[KIND1]), held[TIP:HELD]
+    result = memory[:RESULTS]
     free = kind1 == FREE
     kinds = np.empty(2, np.int64)
     kinds[0], kinds[1] = kind0, kind1
-    given, load = np.zeros((2, 3, 3)), np.empty((2, 3))
-    tip_moment, direction = np.zeros(3), np.zeros(3)
+    zeros = memory[ZEROS:MODE]
+    zeros[:] = 0.0
+    given, load = zeros[:18].reshape(2, 3, 3), zeros[18:24].reshape(2, 3)
+    tip_moment, direction, force, info = zeros[24:27], zeros[27:30], zeros[30:33], zeros[33:41]
     if kind0 == CLAMPED:
         given[0, 1, 0], given[0, 1, 1], given[0, 1, 2] = director(start[3:7], 2)
     if kind1 == CLAMPED:
@@ -91,9 +96,9 @@ def solve(
     square = 0.0
     for k in range(3):
         if kind0 == CLAMPED:
-            given[0, 2, k] = start_curvature[k] * length
+            given[0, 2, k] = held[CURVATURE0 + k] * length
         if kind1 == CLAMPED:
-            given[1, 2, k] = end_curvature[k] * length
+            given[1, 2, k] = held[CURVATURE1 + k] * length
         if free:
             given[1, 0, k] = tip[k] * to_force
             tip_moment[k] = tip[3 + k] * length / stiffness
@@ -112,14 +117,16 @@ def solve(
         if chord > 1e-9:
             for k in range(3):
                 direction[k] = given[1, 0, k] / chord
-    loads = len(load_place)
     edges, panels = np.empty(loads + 2), np.empty((4, MAX_PANELS))
-    par, series, rows = np.empty(PARAMETERS), np.empty((4, SERIES_TERMS)), np.empty((loads + 1, 3, ROW))
-    force, info = np.empty(3), np.zeros(8)
+    par, series = memory[MODE : MODE + PARAMETERS], memory[MODE + PARAMETERS : TENSION].reshape(4, SERIES_TERMS)
+    rows = np.empty((loads + 1, 3, ROW))
+    _guess_ahead(given, held[BUCKLING], memory)
+    point_load = load_force * to_force
     status, nodes, phi, slope, speed = find(
-        c, kinds, given, tip_moment, load, load_place, load_force * to_force, direction, chord, eta, buckling, start,
-        finest, warm, edges, panels, par, series, rows, force, info,
+        c, kinds, given, tip_moment, load, load_place, point_load, direction, chord, eta, held[BUCKLING], start,
+        numbers[FINEST], memory[TENSION:], edges, panels, par, series, rows, force, info,
     )  # fmt: skip
+    _remember(status == FOUND, given, memory)
     result[ITERATIONS] = info[1]
     mode, count = int(info[6]), int(info[5])
     if mode < 0 or not info[3] < math.inf:
@@ -129,8 +136,8 @@ def solve(
         result[ROLL] = straight(start, start if free else end, length, points, buffer)
         return FAILED
     arc = _fill(
-        mode, count, start, end, kinds, given, length, stiffness, load, load_force * to_force, edges, panels, par,
-        series, rows, force, speed, points, buffer, result,
+        mode, count, start, end, kinds, given, length, stiffness, load, point_load, edges, panels, par, series, rows,
+        force, speed, points, buffer, result,
     )  # fmt: skip
     _grade(info, speed, panels, count, length, result)
     result[ENERGY] = _energy(
@@ -144,21 +151,41 @@ def solve(
 
 
 @kernel
+def _of_ends(given, i):
+    """Number i of 9 that say where the ends are: the chord, and the tangents at both ends."""
+    return given[1, 0, i] if i < 3 else (given[0, 1, i - 3] if i < 6 else given[1, 1, i - 6])
+
+
+@kernel
+def _guess_ahead(given, buckling, memory):
+    """Moves the tension that the next solve starts from along the last step's change, as far as the ends went on."""
+    along = size = 0.0
+    for i in range(9):
+        along += memory[MOVED + i] * (_of_ends(given, i) - memory[ENDS + i])
+        size += memory[MOVED + i] ** 2
+    z = memory[TENSION]
+    change = min(max(along / size, 0.0), 2.0) * (z - memory[BEFORE]) if size > 0.0 else 0.0
+    memory[BEFORE] = z
+    if abs(change) < 0.3 * (z - buckling):  # not where one of them is NaN
+        memory[TENSION] = z + change
+
+
+@kernel
+def _remember(found, given, memory):
+    """Keeps the ends of this solve, and how far they are from those of the last one; NaN after a failure."""
+    for i in range(9):
+        now = _of_ends(given, i)
+        memory[MOVED + i] = now - memory[ENDS + i] if found else math.nan
+        memory[ENDS + i] = now if found else math.nan
+
+
+@kernel(fastmath={"reassoc"})
 def _finite(buffer):
-    """Whether every number is finite: 0 times it is NaN otherwise. Four sums, to keep the processor busy."""
-    a, b, c, d = 0.0, 0.0, 0.0, 0.0
-    last = len(buffer) - 3
-    k = 0
-    while k < last:
-        a += 0.0 * buffer[k]
-        b += 0.0 * buffer[k + 1]
-        c += 0.0 * buffer[k + 2]
-        d += 0.0 * buffer[k + 3]
-        k += 4
-    while k < len(buffer):
-        a += 0.0 * buffer[k]
-        k += 1
-    return a + b + c + d == 0.0
+    """Whether every number is finite: 0 times it is NaN otherwise."""
+    total = 0.0
+    for k in range(len(buffer)):
+        total += 0.0 * buffer[k]
+    return total == 0.0
 
 
 @kernel
@@ -170,11 +197,12 @@ def _fill(
     n, pieces = points, len(edges) - 1
     power, begin = np.empty((count, NODES + 3)), np.empty(count + 1)
     arc = measured(speed, panels, count, power, begin)
-    at = np.empty((3, n))
+    room = np.empty(22 * n + 2 * AHEAD)
+    at, jet, phi = room[: 3 * n].reshape(3, n), room[3 * n : 15 * n].reshape(12, n), room[15 * n : 19 * n].reshape(4, n)
+    turning, t, moved = room[19 * n : 20 * n], room[20 * n : 21 * n + AHEAD], room[21 * n + AHEAD : 22 * n + 2 * AHEAD]
     behind = np.full(pieces + 1, n)  # the first point of each piece
     behind[0] = 0
     worst, step, first = 0.0, arc / (n - 1.0), 0
-    t = np.empty(n + AHEAD)
     for i in range(count):
         last = n
         if i < count - 1:
@@ -182,7 +210,7 @@ def _fill(
             last = min(n - 1, max(first, math.ceil((begin[i + 1] - early) / step)))
             if i == 0:
                 last = max(last, 1)
-        worst = max(worst, invert(power, i, step, begin[i], first, last, begin[i + 1] - begin[i], t))
+        worst = max(worst, invert(power, i, step, begin[i], first, last, begin[i + 1] - begin[i], moved, t))
         if i > 0 and panels[3, i] != panels[3, i - 1]:
             behind[int(panels[3, i])] = first
         if i == 0:
@@ -191,7 +219,7 @@ def _fill(
             t[n - 1] = 1.0
         put(panels, i, edges, t, first, last, at)
         first = last
-    jet, phi, d, rest = np.empty((12, n)), np.empty((4, n)), np.empty((12, ROW)), length / (n - 1.0)
+    d, rest = np.empty((12, ROW)), length / (n - 1.0)
     wide, unit = par[1] > 0.0, stiffness / (length * length)
     for p in range(pieces):
         first, last = behind[p], behind[p + 1]
@@ -222,7 +250,6 @@ def _fill(
             if kinds[e] == CLAMPED:
                 residual = max(residual, abs(d1[k, e * (n - 1)] - given[e, 1, k]))
     result[RESIDUAL], result[RESAMPLING] = residual, worst
-    turning = np.empty(n)
     _bend(d1, d2, d3, arc / length, turning)
     _still(d1, start)
     for m in range(n):

@@ -45,8 +45,13 @@ POINT = _X
 WEIGHT = 0.5 * _W
 #: Two highest Legendre coefficients of the polynomial through the values at the Gauss points.
 TAIL = np.stack([(k + 0.5) * _W * np.polynomial.legendre.legval(_X, np.eye(NODES)[k]) for k in (NODES - 2, NODES - 1)])
-#: Powers of t in [-1, 1] of that polynomial: coefficients = values @ POWERS.
-POWERS = np.ascontiguousarray(np.linalg.inv(np.vander(_X, NODES, increasing=True)).T)
+_POWERS = np.linalg.inv(np.vander(_X, NODES, increasing=True)).T  # coefficients = values @ _POWERS, of t in [-1, 1]
+_SIGNS = (-1.0) ** np.arange(NODES)
+#: Of that polynomial's integral from t = -1: values @ INTEGRAL are the coefficients of t, t^2 ..., values @ BEFORE is
+#: the constant; values @ AT_ENDS is the polynomial itself at t = -1 and 1.
+INTEGRAL = np.ascontiguousarray(_POWERS / np.arange(1, NODES + 1))
+BEFORE = INTEGRAL @ _SIGNS
+AT_ENDS = np.ascontiguousarray(np.stack((_POWERS @ _SIGNS, _POWERS.sum(axis=1)), axis=1))
 
 
 @kernel
@@ -107,18 +112,12 @@ def put(panels, i, edges, t, first, last, points):
     """Points of panel `i` at t in [-1, 1] into ``points[:, first:last]``: u, distances from the ends of the piece."""
     p = int(panels[3, i])
     half, before, behind = 0.5 * panels[2, i], panels[0, i], panels[1, i]
-    at, u, left, right = t[first:last], points[0, first:last], points[1, first:last], points[2, first:last]
-    if before < behind:
-        origin = edges[p] - 0.5 + before
-        for k in range(last - first):
-            u[k] = origin + half * (1.0 + at[k])
-    else:
-        origin = edges[p + 1] - 0.5 - behind
-        for k in range(last - first):
-            u[k] = origin - half * (1.0 - at[k])
-    for k in range(last - first):
-        left[k] = before + half * (1.0 + at[k])
-        right[k] = behind + half * (1.0 - at[k])
+    near = before < behind
+    origin = edges[p] - 0.5 + before if near else edges[p + 1] - 0.5 - behind
+    for k in range(first, last):
+        a, b = half * (1.0 + t[k]), half * (1.0 - t[k])
+        points[0, k] = origin + a if near else origin - b
+        points[1, k], points[2, k] = before + a, behind + b
 
 
 @kernel
@@ -253,24 +252,20 @@ def measured(speed, panels, count, power, start):
         Out. `power` has NODES + 1 coefficients, then dt / d(arc length / panel's length) at both ends.
     """
     total = 0.0
-    value = np.empty(NODES)
     for i in range(count):
         half = 0.5 * panels[2, i]
-        value[:] = 0.0
+        before, length, slope0, slope1 = 0.0, 0.0, 0.0, 0.0
+        for k in range(1, NODES + 1):
+            power[i, k] = 0.0
         for j in range(NODES):
             v = half * speed[NODES * i + j]
+            before += BEFORE[j] * v
+            length += 2.0 * WEIGHT[j] * v
+            slope0 += AT_ENDS[j, 0] * v
+            slope1 += AT_ENDS[j, 1] * v
             for k in range(NODES):
-                value[k] += POWERS[j, k] * v
-        before, after, slope0, slope1, sign = 0.0, 0.0, 0.0, 0.0, 1.0
-        for k in range(NODES):
-            slope0 += sign * value[k]
-            slope1 += value[k]
-            power[i, k + 1] = value[k] / (k + 1.0)
-            before += sign * power[i, k + 1]  # minus the value at t = -1
-            after += power[i, k + 1]
-            sign = -sign
+                power[i, k + 1] += INTEGRAL[j, k] * v
         power[i, 0] = before
-        length = before + after
         power[i, NODES + 1] = length / slope0 if slope0 > 0.0 else 2.0
         power[i, NODES + 2] = length / slope1 if slope1 > 0.0 else 2.0
         start[i] = total
@@ -280,22 +275,30 @@ def measured(speed, panels, count, power, start):
 
 
 @kernel(fastmath={"contract"})
-def invert(power, i, step, origin, first, last, length, t):
+def invert(power, i, step, origin, first, last, length, moved, t):
     """t in [-1, 1] where the arc length within panel `i`, from 0 to `length`, is step k - origin, first <= k < last.
 
-    Up to four steps of Newton's method from the cubic through both ends, for all at once; more, within a bracket, for
-    those that need it. Up to AHEAD - 1 further entries of `t` are overwritten. Returns the largest defect.
+    Up to four steps of Newton's method from the quintic through middle and ends, for all at once; more, within a
+    bracket, for those that need it. `moved` is scratch; up to AHEAD - 1 entries more than there are points are
+    overwritten in both. Returns the largest defect.
     """
-    d0, d1 = power[i, NODES + 1], power[i, NODES + 2]
-    d2, d3 = 6.0 - 2.0 * d0 - d1, d0 + d1 - 4.0
+    # divided differences of t by y, the fraction of the arc length, at 0, 0, m, m, 1, 1
+    d0, d1, m = power[i, NODES + 1], power[i, NODES + 2], power[i, 0] / length
+    left, right, slope = 1.0 / m, 1.0 / (1.0 - m), length / power[i, 1]
+    e0, e1, e2, e3 = (left - d0) * left, (slope - left) * left, (right - slope) * right, (d1 - right) * right
+    f0, f1, f2 = (e1 - e0) * left, e2 - e1, (e3 - e2) * right
+    g0 = f1 - f0
+    h0 = f2 - f1 - g0
     c0, c1, c2, c3, c4, c5 = power[i, 0], power[i, 1], power[i, 2], power[i, 3], power[i, 4], power[i, 5]
     c6, c7, c8, c9, c10 = power[i, 6], power[i, 7], power[i, 8], power[i, 9], power[i, 10]
     count = (last - first + AHEAD - 1) // AHEAD * AHEAD  # whole groups, for vector instructions
-    out, moved, scale = t[first : first + count], np.empty(count), 1.0 / length
+    out, moved, scale = t[first : first + count], moved[:count], 1.0 / length
     for k in range(count):
         y = (step * (first + k) - origin) * scale
-        out[k] = -1.0 + y * (d0 + y * (d2 + y * d3))
-    largest = 0.0
+        z = y - m
+        x = -1.0 + y * (d0 + y * (e0 + z * (f0 + z * (g0 + (y - 1.0) * h0))))
+        out[k] = min(1.0, max(-1.0, x))
+    largest, near = 0.0, 0
     for _ in range(4):
         for k in range(count):
             x, target = out[k], step * (first + k) - origin
@@ -322,12 +325,17 @@ def invert(power, i, step, origin, first, last, length, t):
             p = c0 + x * p
             moved[k] = (p - target) / q
             out[k] = x - moved[k]
-        largest = 0.0
+        largest, near = 0.0, 0
         for k in range(last - first):
             largest = max(largest, abs(moved[k]))
+            near += 1 if abs(moved[k]) < _QUADRATIC and abs(out[k]) < 1.0 + 1e-9 else 0
         if largest < _QUADRATIC:
             break
     worst = min(largest, _QUADRATIC) ** 2 * length
+    if near == last - first:
+        for k in range(last - first):
+            out[k] = min(1.0, max(-1.0, out[k]))
+        return worst
     for k in range(last - first):
         if abs(moved[k]) < _QUADRATIC and abs(out[k]) < 1.0 + 1e-9:
             out[k] = min(1.0, max(-1.0, out[k]))

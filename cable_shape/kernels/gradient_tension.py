@@ -34,12 +34,27 @@ FOUND, FAILED, SINGULAR = 0, 1, 2
 #: Nearest to the buckling load, as a fraction of it, that the tension may come; nearer the buckled shape is added.
 _NEAREST = 1e-7
 _LARGEST = 1e45
-#: Convergence of log(excess / wanted), and what a finer quadrature may change of it. Half is the sag's relative error.
+#: Least of log(excess / wanted) that is solved for, and that a finer quadrature may change; half is the sag's relative
+#: error. The tolerance on the speed counts where it is more.
 _TOLERANCE, _REFINED = 1e-9, 1e-8
 #: Fraction of the arc length to which concentrated loads are placed.
 _PLACED = 1e-10
 #: Stands for the logarithm of nothing.
 _EMPTY = -50.0
+
+#: Panels that are remembered, at most, and numbers a node in their scratch.
+KEPT, ROWS = 24, 12
+#: What is remembered from one solve to the next, in the order of `memory`: z to start from, first and second derivative
+#: of log(excess) by y at the last z, and that; of the panels: mode, decay length that they were made for, how many (0:
+#: none), how often they have been used; the panels, one row of KEPT after the other; scratch, nodes first; scratch for
+#: the linear system and its table.
+WARM, LAID, PANELS, ROOM = 0, 4, 8, 8 + 4 * KEPT
+SYSTEM = ROOM + ROWS * NODES * KEPT
+TABLE, MEMORY = SYSTEM + 10 * WORK, SYSTEM + 10 * WORK + 10 * ROW
+#: Solves after which panels are made anew: they are divided where they have to be, and never joined.
+_OLDEST = 32
+#: Steps of y from which a difference of log(excess) tells its slope.
+_MEASURABLE = 1e-8
 
 
 @kernel
@@ -140,8 +155,8 @@ def _aside(start, free, direction, load):
 
 @kernel
 def find(
-    c, kinds, given, tip_moment, load, places, point_load, direction, chord, eta, buckling, start, finest, warm, edges,
-    panels, par, series, rows, force, info,
+    c, kinds, given, tip_moment, load, places, point_load, direction, chord, eta, buckling, start, finest, memory,
+    edges, panels, par, series, rows, force, info,
 ):  # fmt: skip
     """Finds the tension and leaves the solution in `par`, `series`, `rows`, `force`, `edges` and `panels`.
 
@@ -163,8 +178,8 @@ def find(
         Cable frame at the start: its d1 is the direction of the buckled shape, where loads and ends choose none.
     finest : float
         Tail of the speed's polynomial (see gradient_length) above which a panel is divided.
-    warm : (4,)
-        In and out: z, first and second derivative of log(excess) by y; NaN: cold.
+    memory : (MEMORY,)
+        In and out, see above; NaN: cold.
     edges : (k + 2,), panels : (4, MAX_PANELS)
         Out.
     info : (8,)
@@ -181,24 +196,33 @@ def find(
     loads = len(places)
     edges[0], edges[loads + 1] = 0.0, 1.0
     edges[1 : loads + 1] = places
+    warm, laid_out = memory[WARM:LAID], memory[LAID:PANELS]
+    kept = memory[PANELS:ROOM].reshape(4, KEPT)
     bent, straight = False, False
-    pushed, plain, aside = load.copy(), load, direction
+    pushed, plain, aside = load, load, direction
     slope_y, bend_y = -1.0, 0.0
     if lowest + nearest < warm[0] < _LARGEST:
         y = math.log(warm[0] - lowest)
         if -20.0 < warm[1] < -0.05:
             slope_y = warm[1]
-            if abs(warm[2]) < 4.0:
+            if abs(warm[2]) < 4.0 and warm[3] > lowest + nearest:
                 bend_y = warm[2]
+                slope_y = min(slope_y + bend_y * (y - math.log(warm[3] - lowest)), -1e-3)
     else:
         guess = _first_guess(chord, kinds, given, plain, point_load, direction, max(base, 1e-12))
         y = math.log(max(guess - lowest, 1.0))
     y = min(max(y, bottom), top)
-    work, table = np.empty((WORK, 10)), np.empty((2, 5, ROW))
-    capacity = 0
-    nodes, phi, slope = np.empty((3, 0)), np.empty((4, 0)), np.empty((3, 0))
-    speed, over, tail = np.empty(0), np.empty(0), np.empty(MAX_PANELS)
-    count, mode, laid_mode, laid = 0, -1, -2, 0.0
+    work, table = memory[SYSTEM:TABLE].reshape(WORK, 10), memory[TABLE:MEMORY].reshape(2, 5, ROW)
+    capacity = NODES * KEPT
+    nodes, phi, slope, speed, over = _split_room(memory[ROOM:SYSTEM], capacity)
+    tail = np.empty(MAX_PANELS)
+    count, mode, laid_mode, laid, age = 0, -1, -2, 0.0, 0.0
+    if loads == 0 and laid_out[2] > 0.0 and laid_out[3] < _OLDEST:
+        laid_mode, laid, count, age = int(laid_out[0]), laid_out[1], int(laid_out[2]), laid_out[3] + 1.0
+        for row in range(4):
+            for i in range(count):
+                panels[row, i] = kept[row, i]
+    close = max(_TOLERANCE, finest)
     evaluations, f, total, wanted, z = 0, 0.0, 0.0, 1.0, 0.0
     status = FAILED
     shift, mover = 0.0, np.zeros((loads + 3, loads))
@@ -223,13 +247,12 @@ def find(
             thin = max(par[MU], par[MU2])
             if mode != laid_mode or not 0.66 * laid <= thin <= 1.5 * laid:
                 count = lay_out(mode, par, edges, panels)
-                laid_mode, laid = mode, thin
+                laid_mode, laid, age = mode, thin, 0.0
                 if count == 0:
                     break
                 if NODES * count > capacity:
                     capacity = NODES * (count + 8)
-                    nodes, phi, slope = np.empty((3, capacity)), np.empty((4, capacity)), np.empty((3, capacity))
-                    speed, over = np.empty(capacity), np.empty(capacity)
+                    nodes, phi, slope, speed, over = _split_room(np.empty(ROWS * capacity), capacity)
                 put_nodes(panels, count, edges, nodes)
             total = measure(mode, par, series, rows, panels, count, edges, direction, nodes, phi, slope, speed, over)
             evaluations += 1
@@ -237,8 +260,10 @@ def find(
             if not total < math.inf:
                 break
             f = math.log(total / wanted) if total > 0.0 and wanted > 0.0 else _EMPTY
-            if abs(f) <= _TOLERANCE or abs(total - wanted) <= 4e-16:
+            if abs(f) <= close or abs(total - wanted) <= 4e-16:
                 found = True
+                if abs(y - y_before) > _MEASURABLE and -50.0 < (f - f_before) / (y - y_before) < -1e-3:
+                    slope_y = min((f - f_before) / (y - y_before) + 0.5 * bend_y * (y - y_before), -1e-3)
                 break
             if f > 0.0:
                 low = y
@@ -272,6 +297,7 @@ def find(
         if not found:
             if not bent and high <= bottom:
                 bent = True
+                pushed = plain.copy()
                 y, slope_y, bend_y = -math.log(nearest), -1.0, 0.0
                 aside = _aside(start, chord < 0.0, direction, plain)
                 continue
@@ -286,13 +312,12 @@ def find(
             refined, count = True, more
             if NODES * count > capacity:
                 capacity = NODES * (count + count // 2)
-                nodes, phi, slope = np.empty((3, capacity)), np.empty((4, capacity)), np.empty((3, capacity))
-                speed, over = np.empty(capacity), np.empty(capacity)
+                nodes, phi, slope, speed, over = _split_room(np.empty(ROWS * capacity), capacity)
             put_nodes(panels, count, edges, nodes)
             total = measure(mode, par, series, rows, panels, count, edges, direction, nodes, phi, slope, speed, over)
         if refined and not straight:
             f = math.log(total / wanted) if total > 0.0 else _EMPTY
-            if abs(f) > _REFINED and abs(total - wanted) > 4e-16:
+            if abs(f) > max(_REFINED, close) and abs(total - wanted) > 4e-16:
                 continue
         status = FOUND
         if loads == 0:
@@ -306,10 +331,29 @@ def find(
     info[0], info[1], info[2], info[3], info[4] = z, evaluations, f, total + max(chord, 0.0), wanted + max(chord, 0.0)
     info[5], info[6], info[7] = count, mode, shift
     if status == FOUND and not bent:
-        warm[0], warm[1], warm[2] = z, slope_y, bend_y
+        warm[0], warm[1], warm[2], warm[3] = z, slope_y, bend_y, z
     else:
-        warm[:3] = math.nan
+        warm[:] = math.nan
+    keep = loads == 0 and status == FOUND and capacity == NODES * KEPT
+    laid_out[0], laid_out[1], laid_out[2], laid_out[3] = laid_mode, laid, count if keep else 0.0, age
+    if keep:
+        for row in range(4):
+            for i in range(count):
+                kept[row, i] = panels[row, i]
     return status, nodes, phi, slope, speed
+
+
+@kernel
+def _split_room(room, capacity):
+    """Positions (3, n), phi (4, n), x' (3, n), speed and its excess (n,) in one array of ROWS n numbers."""
+    n = capacity
+    return (
+        room[: 3 * n].reshape(3, n),
+        room[3 * n : 7 * n].reshape(4, n),
+        room[7 * n : 10 * n].reshape(3, n),
+        room[10 * n : 11 * n],
+        room[11 * n : 12 * n],
+    )
 
 
 @kernel

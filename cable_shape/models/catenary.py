@@ -21,7 +21,7 @@ import numpy as np
 
 from cable_shape.checks import Array
 from cable_shape.kernels import catenary as kernel
-from cable_shape.models.rod_distance import RodDistance
+from cable_shape.models.rod_distance import rod_distance
 from cable_shape.pose import FreeEnd
 from cable_shape.problem import Problem
 from cable_shape.shape import CableShape, Status
@@ -84,7 +84,7 @@ def solve(problem: Problem, warm: Array) -> CableShape:
         status=status,
         detail=detail,
         energy=energy,
-        error_estimate=RodDistance(problem, error)
+        error_estimate=rod_distance(problem, error)
         if status is Status.OK and cable.mean_bending_stiffness > 0.0
         else error,
         residual=residual,

@@ -28,9 +28,11 @@ which does not include `distributed_load`.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from functools import lru_cache
 from time import perf_counter
-from typing import NamedTuple
+from typing import final
 
 import numpy as np
 
@@ -39,82 +41,118 @@ from cable_shape.errors import ArgumentError
 from cable_shape.kernels import gradient as kernel
 from cable_shape.kernels.gradient_ends import CLAMPED, FREE, PINNED
 from cable_shape.kernels.gradient_tension import FAILED, FOUND, SINGULAR, critical
-from cable_shape.models.rod_distance import RodDistance
-from cable_shape.pose import FreeEnd
+from cable_shape.models.rod_distance import rod_distance
+from cable_shape.pose import FreeEnd, Grip
 from cable_shape.problem import Problem
 from cable_shape.shape import NUMBERS_PER_POINT, CableShape, Status
 
 _KIND = {"clamped": CLAMPED, "swivel": CLAMPED, "pinned": PINNED}
-_NO_TIP = np.zeros(9)
 _NOWHERE = np.array((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
-_STRAIGHT = np.zeros(3)
+_NOTHING: Array = np.zeros(3)
+
+_OK = Status.OK  # looked up once: an enumeration's members take longer than their name says
 
 #: Loads nearer to an end than this fraction of the length are carried by the end.
 _AT_END = 1e-9
 
 
-def solve4(problem: Problem, warm: Array) -> CableShape:
+def new_memory() -> Array:
+    """What :func:`solve4` and :func:`solve6` keep from call to call; cold."""
+    return np.full(kernel.MEMORY, math.nan)
+
+
+def solve4(problem: Problem, memory: Array) -> CableShape:
     """The gradient cable of 4th order: T x'' - B x'''' + f = 0.
 
     Parameters
     ----------
     problem : Problem
-    warm : (4,)
-        The last solution's state, read and overwritten; NaN: cold. Any values are safe.
+    memory
+        From :func:`new_memory`; of the last solution, whatever its problem was.
 
     Raises
     ------
     ArgumentError
         If the bending stiffness is 0.
     """
-    return _solve(problem, warm, 4)
+    return _solve(problem, memory, 4)
 
 
-def solve6(problem: Problem, warm: Array) -> CableShape:
+def solve6(problem: Problem, memory: Array) -> CableShape:
     """The gradient cable of 6th order, with C = EI `gradient_length`^2 and the curvature vector given at the ends.
 
     Parameters and errors as for :func:`solve4`.
     """
-    return _solve(problem, warm, 6)
+    return _solve(problem, memory, 6)
 
 
-class _Constants(NamedTuple):
-    """What stays while the ends move."""
+@final
+class _Constants:
+    """What stays while the ends move; `held` follows the way in which they are held."""
 
-    numbers: Array
-    place: Array  # fractions of the length, inside
-    load: Array  # (k, 3)
-    at_start: Array  # (3,) [N], loads carried by the ends
-    at_end: Array
-    held: bool  # whether there are any
-    finest: float  # share of the tolerance for each panel, as a fraction of the length
-    buckling: dict[tuple[int, int], float]
+    __slots__ = ("_end", "_start", "at_end", "at_start", "carried", "held", "numbers")
+
+    def __init__(self, problem: Problem, order: int) -> None:
+        cable = problem.cable
+        stiffness, length = cable.mean_bending_stiffness, cable.length
+        if stiffness == 0.0:
+            raise ArgumentError.of(
+                "bending_stiffness", 0.0, "a gradient cable needs it above 0 N m^2", "Choose model='catenary'."
+            )
+        numbers = np.empty(kernel.NUMBERS)
+        numbers[kernel.LENGTH], numbers[kernel.STIFFNESS] = length, stiffness
+        numbers[kernel.GRADIENT] = 0.0 if order == 4 else (cable.gradient_length / length) ** 2
+        numbers[kernel.ETA] = 0.0 if cable.axial_stiffness is None else stiffness / (length**2 * cable.axial_stiffness)
+        numbers[kernel.WEIGHT_FORCE : kernel.LOAD] = cable.linear_density * problem.gravity
+        numbers[kernel.LOAD : kernel.FINEST] = problem.load.ravel()
+        numbers[kernel.FINEST] = min(max(0.01 * problem.tolerance / length, 1e-12), 1e-5)
+        self.numbers: Array = numbers
+        self.at_start: Array = _NOTHING  # (3,) [N], loads carried by the ends
+        self.at_end: Array = _NOTHING
+        self.carried = False  # whether there are any
+        if len(problem.load_arc_length):
+            self._load(problem)
+        self.held: Array = np.zeros(kernel.HELD)
+        self._start: Grip | None = None  # the ends whose way of being held that is
+        self._end: Grip | FreeEnd | None = None
+
+    def _load(self, problem: Problem) -> None:
+        """Takes over the concentrated loads."""
+        fraction = problem.load_arc_length / problem.cable.length
+        inside = (fraction > _AT_END) & (fraction < 1.0 - _AT_END)
+        place, which = np.unique(fraction[inside], return_inverse=True)
+        load = np.zeros((len(place), 3))
+        np.add.at(load, which, problem.load_force[inside])
+        self.numbers = np.concatenate((self.numbers, place, load.ravel()))
+        self.at_start = problem.load_force[fraction <= _AT_END].sum(axis=0)
+        self.at_end = problem.load_force[fraction >= 1.0 - _AT_END].sum(axis=0)
+        self.carried = bool(self.at_start.any() or self.at_end.any())
+
+    def hold(self, problem: Problem) -> None:
+        """Takes over the way in which the ends are held; most often it is that of the last ones."""
+        start, end = problem.start, problem.end
+        if _held_alike(start, self._start) and _held_alike(end, self._end):
+            return
+        self._start, self._end = start, end
+        held, kind0 = self.held, _KIND[start.kind]
+        held[kernel.CURVATURE0 : kernel.CURVATURE1] = start.curvature
+        if isinstance(end, FreeEnd):
+            kind1, plug = FREE, end.mass * problem.end_fall + self.at_end
+            held[kernel.CURVATURE1 :] = np.concatenate((np.zeros(3), end.force + plug, end.moment, plug))
+        else:
+            kind1 = _KIND[end.kind]
+            held[kernel.CURVATURE1 : kernel.TIP] = end.curvature
+        held[kernel.KIND0], held[kernel.KIND1] = kind0, kind1
+        held[kernel.BUCKLING] = buckling_tension(float(self.numbers[kernel.GRADIENT]), kind0, kind1)
 
 
-def _constants(problem: Problem, order: int) -> _Constants:
-    cable = problem.cable
-    stiffness, length = cable.mean_bending_stiffness, cable.length
-    if stiffness == 0.0:
-        raise ArgumentError.of(
-            "bending_stiffness", 0.0, "a gradient cable needs it above 0 N m^2", "Choose model='catenary'."
-        )
-    numbers = np.empty(13)
-    numbers[kernel.LENGTH], numbers[kernel.STIFFNESS] = length, stiffness
-    numbers[kernel.GRADIENT] = 0.0 if order == 4 else (cable.gradient_length / length) ** 2
-    numbers[kernel.ETA] = 0.0 if cable.axial_stiffness is None else stiffness / (length**2 * cable.axial_stiffness)
-    numbers[kernel.WEIGHT_FORCE : kernel.LOAD] = cable.linear_density * problem.gravity
-    numbers[kernel.LOAD :] = problem.load.ravel()
-    finest = min(max(0.01 * problem.tolerance / length, 1e-12), 1e-5)
-    if not len(problem.load_arc_length):
-        return _Constants(numbers, np.empty(0), np.empty((0, 3)), np.zeros(3), np.zeros(3), False, finest, {})
-    fraction = problem.load_arc_length / length
-    inside = (fraction > _AT_END) & (fraction < 1.0 - _AT_END)
-    place, which = np.unique(fraction[inside], return_inverse=True)
-    load = np.zeros((len(place), 3))
-    np.add.at(load, which, problem.load_force[inside])
-    at_start = problem.load_force[fraction <= _AT_END].sum(axis=0)
-    at_end = problem.load_force[fraction >= 1.0 - _AT_END].sum(axis=0)
-    return _Constants(numbers, place, load, at_start, at_end, bool(at_start.any() or at_end.any()), finest, {})
+def _held_alike(now: Grip | FreeEnd, before: Grip | FreeEnd | None) -> bool:
+    """Whether two ends are held in the same way, wherever they are."""
+    if now is before:
+        return True
+    if type(now) is not Grip or type(before) is not Grip:
+        return False
+    return now.curvature is before.curvature and now.kind == before.kind
 
 
 @lru_cache(maxsize=256)
@@ -133,43 +171,31 @@ def buckling_tension(c: float, start: int, end: int) -> float:
     return float(critical(c, np.array((start, end)), fourth))
 
 
-def _solve(problem: Problem, warm: Array, order: int) -> CableShape:
+def _solve(problem: Problem, memory: Array, order: int) -> CableShape:
     began = perf_counter()
     model = "gradient4" if order == 4 else "gradient6"
     constants: _Constants | None = problem.cache.get(model)
     if constants is None:
-        constants = problem.cache[model] = _constants(problem, order)
-    start, end, points = problem.start, problem.end, problem.points
-    kind0 = _KIND[start.kind]
-    if type(end) is FreeEnd:
-        kind1, end_frame, end_curvature = FREE, _NOWHERE, _STRAIGHT
-        tip = np.concatenate((end.force + end.mass * problem.end_fall + constants.at_end, end.moment, _STRAIGHT))
-        tip[6:] = end.mass * problem.end_fall + constants.at_end
-    else:
-        kind1, end_frame, end_curvature, tip = _KIND[end.kind], end.cable_frame.array, end.curvature, _NO_TIP
-    buckling = constants.buckling.get((kind0, kind1))
-    if buckling is None:
-        buckling = buckling_tension(float(constants.numbers[kernel.GRADIENT]), kind0, kind1)
-        constants.buckling[kind0, kind1] = buckling
-    buffer = np.empty(NUMBERS_PER_POINT * points)
-    result = np.empty(kernel.RESULTS)
-    code = kernel.solve(
-        start.cable_frame.array, start.curvature, kind0, end_frame, end_curvature, kind1, tip, constants.numbers,
-        constants.place, constants.load, buckling, constants.finest, points, warm, buffer, result,
-    )  # fmt: skip
-    iterations, residual, error, energy, roll, chord, _ = result.tolist()
-    if constants.held:
-        energy -= float(constants.at_start @ start.cable_frame.position)
-        if kind1 != FREE:
-            energy -= float(constants.at_end @ end_frame[:3])
-    estimate: float | RodDistance = error
+        constants = problem.cache[model] = _Constants(problem, order)
+    constants.hold(problem)
+    start, end = problem.start, problem.end
+    near = start.cable_frame.array
+    far = end.cable_frame.array if type(end) is Grip else _NOWHERE
+    buffer = np.empty(NUMBERS_PER_POINT * problem.points)
+    code = kernel.solve(near, far, constants.held, constants.numbers, memory, buffer)
+    iterations, residual, error, energy, roll, chord = memory[: kernel.RESAMPLING].tolist()
+    if constants.carried:
+        energy -= float(constants.at_start @ near[:3])
+        if far is not _NOWHERE:
+            energy -= float(constants.at_end @ far[:3])
+    estimate: float | Callable[[Array], float] = error
     if code == FOUND and error <= problem.tolerance:
-        status, detail, estimate = Status.OK, "", RodDistance(problem, error)
+        status, detail, estimate = _OK, "", rod_distance(problem, error)
     else:
         status, detail = _verdict(code, problem, chord, error)
     return CableShape(
         buffer,
-        points,
+        problem.points,
         length=problem.cable.length,
         model=model,
         status=status,

@@ -12,8 +12,8 @@ from xml.etree import ElementTree
 from rclpy.node import Node
 
 from cable_shape.cycle import Cycle
-from cable_shape.errors import ArgumentError
-from cable_shape.files import read_bounded, regular
+from cable_shape.errors import ArgumentError, FileError
+from cable_shape.files import read_text
 from cable_shape.ros.assembly import Assembly
 from cable_shape.ros.messages import CalibrateCable, CheckTrajectory, PredictShapes
 from cable_shape.ros.parameters import Settings, find_file
@@ -150,11 +150,16 @@ def _profiles(path: str) -> Path:
     ArgumentError
         If it is not XML, or makes the middleware write files of its own.
     """
-    file = regular(find_file(path), PROFILES_BYTES, "planner_profiles")
-    remedy = "Name one such as fastdds_planner.xml, or none."
+    file = find_file(path)
     try:
-        # expat knows no external entities and bounds the growth of internal ones; the file is bounded, too
-        tree = ElementTree.fromstring(read_bounded(file, PROFILES_BYTES, "planner_profiles"))  # noqa: S314
+        text = read_text(file, PROFILES_BYTES)
+    except FileError as error:
+        raise ArgumentError(f"planner_profiles: {error}") from None
+    remedy = "Name one such as fastdds_planner.xml, or none."
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise ArgumentError.of("planner_profiles", path, "it has a DOCTYPE, which no profiles have", remedy)
+    try:
+        tree = ElementTree.fromstring(text.encode())  # noqa: S314, without entities nothing grows
     except ElementTree.ParseError as error:
         line, _ = error.position
         raise ArgumentError.of("planner_profiles", path, f"it is not XML from line {line} on", remedy) from None

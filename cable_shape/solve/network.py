@@ -17,7 +17,7 @@ from cable_shape.kernels import rod_mesh
 from cable_shape.kernels.network import drive, guess, material, respond, tables
 from cable_shape.kernels.network.drive import I_ESTIMATE, I_TURN, INFO, LARGEST_TURN
 from cable_shape.kernels.network.tables import BEFORE, NOW, TRIAL
-from cable_shape.kernels.rod_guess import hanging_force
+from cable_shape.kernels.rod_guess import hanging_force, tangent
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.problem import NAMED_TOLERANCE, Problem
 from cable_shape.shape import CableShape
@@ -126,8 +126,11 @@ class Network:
         self.unsettle()
 
     def _keep(self, problem: Problem, arcs: Array, length: float) -> None:
-        """Keeps mesh and solutions where the new problem's supports are where the old one's were."""
-        if self.elements == 0:
+        """Keeps mesh and solutions where the new problem's supports are where the old one's were.
+
+        arcs (m+1,) takes what was found to be in the eyelets.
+        """
+        if self.length == 0.0:
             return
         kinds = tuple(clip.kind for clip in problem.clips)
         alike = kinds == self._clips and abs(length - self.length) <= _LENGTHENED * self.length
@@ -136,7 +139,10 @@ class Network:
             alike = length == self.length and np.array_equal(arcs[fixed], self.arcs[fixed])
         if not alike:
             self.history = self.elements = 0
-        elif length != self.length:
+            return
+        if self.rings:
+            arcs[self.rings] = (self.bounds() if self.history else self.arcs)[self.rings]
+        if self.elements and length != self.length:
             self.nodes *= length / self.length
             self.nodes[-1] = length
             self.history = min(self.history, 1)
@@ -249,12 +255,16 @@ class Network:
     def _layers(self, poses: Array) -> Array:
         """(m,) [m]: boundary layers of the spans."""
         out = np.empty(self.spans)
-        force, free, up = np.zeros(3), np.zeros(2), (0.0, 0.0, 1.0)
+        force, held = np.zeros(3), np.zeros(2)
+        first = last = (0.0, 0.0, 1.0)
+        if self.spans == 1 and self.forces:  # bent ends take up length, and tighten what is nearly taut
+            held[:] = [1.0 - free[0] for free in self.structure.free[0]]
+            first, last = tangent(tuple(poses[0, 3:].tolist())), tangent(tuple(poses[1, 3:].tolist()))
         for j in range(self.spans):
             length = float(self.arcs[j + 1] - self.arcs[j])
             if j < self.forces:
                 chord = poses[j + 1, :3] - poses[j, :3]
-                out[j] = hanging_force(chord, self.mean_load, length, self.stretch, self.bend, up, up, free, force)
+                out[j] = hanging_force(chord, self.mean_load, length, self.stretch, self.bend, first, last, held, force)
             else:
                 tension = float(np.linalg.norm(self._tip + self._own[-1] + self.mean_load * length))
                 out[j] = math.sqrt(self.bend / max(tension, 1e-9 * self.bend / length**2))
@@ -401,13 +411,10 @@ class Network:
 
     def copied(self) -> Network:
         """The memory once more, sharing only the problem and the plan, which a solve does not change."""
-        other = copy.copy(self)
-        other.floats, other.sols, other.work = self.floats.copy(), self.sols.copy(), self.work.copy()
-        other.info = self.info.copy()
+        shared = (self.problem, self.ints, self.last)
+        other = copy.deepcopy(self, {id(part): part for part in shared if part is not None})
         other.model = tables.model_of.py_func(other.ints, other.floats)
         other.nodes, other.target = other.model.s, other.solution(TRIAL).pose
-        other.material = self.material._replace(pieces=self.material.pieces.copy())
-        other._frames = self._frames.copy()
         return other
 
     def start_from(self, poses: Array, kind: int, sag: float, turns: float = 0.0) -> None:

@@ -10,7 +10,7 @@ from lifecycle_msgs.srv import ChangeState
 
 CONFIGURE, CLEANUP, ACTIVATE, DEACTIVATE, ACTIVE_SHUTDOWN = 1, 2, 3, 4, 7
 WARN, ERROR = DiagnosticStatus.WARN, DiagnosticStatus.ERROR
-SECRET = "root:$6$hunter2$qwertz:19000:0:99999:7:::"  # noqa: S105, what must not come back
+SECRET = "root:$6$hunter2$qwertz:19000:0:99999:7:::"  # noqa: S105, planted where the node must not tell it
 
 
 def by_label(node, label):

@@ -407,7 +407,7 @@ def test_with_profiles_large_answers_go_through_their_shared_memory_and_are_the_
 
 def test_profiles_that_are_not_there_are_told(start):
     node = start(active=False, planner="true", planner_profiles="nowhere.xml")
-    node.diagnosis("lifecycle", "nowhere.xml: no such planner_profiles. Check the path", b"\x02")
+    node.diagnosis("lifecycle", "planner_profiles: nowhere.xml: no such file. Check the path", b"\x02")
 
 
 def test_a_killed_node_takes_its_planner_along(start):

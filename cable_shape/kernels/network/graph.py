@@ -206,12 +206,12 @@ def solve(ints: Whole, floats: Floats, space: Floats) -> float:
             for a in range(plan.pointer[v], plan.pointer[v + 1]):
                 x = add(x, apply(get9(work.block, a, 0), get3(gap, plan.neighbour[a])))
             put3(gap, v, 0, scale(-1.0, apply(get9(work.diagonal, v, 0), x)))
-        for k in range(plan.vertices.shape[0]):
-            turn, way = plan.vertices[k, 0], plan.vertices[k, 1]
-            put3(work.move, k, 0, get3(gap, turn) if turn >= 0 else NONE)
-            y = get3(gap, way) if way >= 0 else NONE
-            put3(work.move, k, 3, y)
-            farthest = max(farthest, y[0] * y[0] + y[1] * y[1] + y[2] * y[2])
+    for k in range(plan.vertices.shape[0]):
+        turn, way = plan.vertices[k, 0], plan.vertices[k, 1]
+        put3(work.move, k, 0, get3(gap, turn) if turn >= 0 else NONE)
+        y = get3(gap, way) if way >= 0 else NONE
+        put3(work.move, k, 3, y)
+        farthest = max(farthest, y[0] * y[0] + y[1] * y[1] + y[2] * y[2])
     for j in range(plan.ends.shape[0]):
         ta = ya = tb = yb = NONE
         if vertices > 0:
