@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 from cable_shape.kernels.network.compiled import viewing
+from cable_shape.kernels.network.dead import turn_with
 from cable_shape.kernels.network.graph import solve, step_of_force
 from cable_shape.kernels.network.sliding import carried, slide_step, slides_of
 from cable_shape.kernels.network.system import release
@@ -75,7 +76,7 @@ def correct(ints: Whole, floats: Floats, sols: Floats, space: Floats, run: Float
         )  # fmt: skip
         put3(missing, j, 0, short)
     release(plan, model, G)
-    solve(ints, floats, space)
+    turn_with(ints, floats, sols, space, solve(ints, floats, space))
     runs = slides.way.shape[0] > 0
     if runs:
         slide_step(ints, floats, sols, space, run, 1.0)
@@ -106,7 +107,7 @@ def correct(ints: Whole, floats: Floats, sols: Floats, space: Floats, run: Float
     # what the rule itself misses
     work.pull[:, :] = 0.0
     release(plan, model, G)
-    solve(ints, floats, space)
+    turn_with(ints, floats, sols, space, solve(ints, floats, space))
     along = 0.0
     if runs:
         taken = slides.used

@@ -13,6 +13,7 @@ import numpy as np
 
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.network.compiled import inline, part, viewing
+from cable_shape.kernels.network.dead import turn_with
 from cable_shape.kernels.network.graph import factor, solve, step_of_force
 from cable_shape.kernels.network.sliding import columns, slide_step
 from cable_shape.kernels.network.system import NONE, assemble, gradient, release
@@ -45,11 +46,6 @@ from cable_shape.kernels.rod_algebra import (
     get3,
     get4,
     get9,
-    hat,
-    inverse,
-    madd,
-    mscale,
-    mul,
     put3,
     rotation,
     scale,
@@ -58,7 +54,7 @@ from cable_shape.kernels.rod_algebra import (
     tapply,
     times,
 )
-from cable_shape.kernels.rod_element import E3, IDENTITY
+from cable_shape.kernels.rod_element import E3
 from cable_shape.kernels.rod_stability import node_slope
 
 #: Noise in the mode that inverse iteration starts from: without it a mode of another symmetry would be overlooked.
@@ -161,7 +157,7 @@ def answer(ints: Whole, floats: Floats, sols: Floats, space: Floats, twists: Flo
     sol, work = solution_of(ints, sols, TRIAL), work_of(ints, space)
     release(plan, model, work.G)
     solve(ints, floats, space)
-    dead_moments(ints, floats, sols, space)
+    turn_with(ints, floats, sols, space, 0.0)
     for j in range(plan.ends.shape[0]):
         for end in range(2):
             k = plan.ends[j, end]
@@ -171,27 +167,6 @@ def answer(ints: Whole, floats: Floats, sols: Floats, space: Floats, twists: Flo
                 put3(work.d, node, 0, add(get3(work.d, node), turn))
             if plan.vertices[k, 1] < 0:
                 put3(work.move, k, 3, take3(twists, k, 0))
-
-
-@viewing
-def dead_moments(ints: Whole, floats: Floats, sols: Floats, space: Floats) -> None:
-    """Solves once more where a dead moment acts on a free end: of its derivative the matrix lacks hat(g) / 2.
-
-    Hessians of elements are symmetric: along a cable those parts of a gradient g that is not zero cancel; at its end
-    the elements' gradient is the moment.
-    """
-    plan, model = plan_of(ints), model_of(ints, floats)
-    sol, work = solution_of(ints, sols, TRIAL), work_of(ints, space)
-    for j in range(plan.ends.shape[0]):
-        m = get3(model.moment, plan.ends[j, 1])
-        if plan.tied[j, 1] != 0 or m == NONE:
-            continue
-        node = plan.first[j + 1] + j
-        T = mscale(0.5, hat(tapply(rotation(get4(sol.q, node)), m)))
-        own, _ = inverse(madd(IDENTITY, mul(get9(work.P, node, 0), T)))
-        turn = apply(T, apply(own, get3(work.d, node)))
-        put3(work.G, node, 0, add(get3(work.G, node), turn))
-        solve(ints, floats, space)
 
 
 @inline
@@ -487,7 +462,7 @@ def one_answer(
     sol, work = solution_of(ints, sols, TRIAL), work_of(ints, space)
     differ(ints, floats, plus, minus, step, sols, space, kept)
     solve(ints, floats, space)
-    dead_moments(ints, floats, sols, space)
+    turn_with(ints, floats, sols, space, 0.0)
     for k in range(work.move.shape[0]):
         if plan.vertices[k, 1] < 0:
             put3(work.move, k, 3, NONE)
