@@ -44,7 +44,6 @@ def assert_differences(cable: cs.Cable, fit: tuple[str, ...], ends, share: float
         )
         wanted = (above - below) / (2.0 * step[j])
         size = max(np.abs(wanted).max(), 1e-3)
-        print(parameter.name, size, np.abs(found[:, :, j] - wanted).max() / size)
         np.testing.assert_allclose(found[:, :, j], wanted, rtol=0.0, atol=share * size, err_msg=parameter.name)
 
 
@@ -66,6 +65,14 @@ def test_of_a_rest_curvature_along_the_cable() -> None:
 def test_masses_keep_their_place_on_a_longer_cable(kind: str) -> None:
     load = ((0.1, 0.0, 0.0), (0.0, 0.2, 0.0))
     assert_differences(ELASTIC, FIT, ENDS[kind], scene=MASSES, distributed_load=load)
+
+
+@pytest.mark.parametrize("kind", ["ball", "fixed", "hinge", "slide"])
+def test_in_clips(kind: str) -> None:
+    shape = cs.predict(WAVY, START, END, points=61)
+    there = moved(cs.Pose(shape.positions[25], shape.quaternions[25]), (0.01, 0.02, 0.02), (0.1, 0.1, 0.0))
+    scene = cs.Scene(clips=[cs.Clip(0.5, there, kind)], masses=[cs.PointMass(0.9, 0.02)])
+    assert_differences(WAVY, (*FIT, "rest_curvature_along"), ENDS["clamped"], scene=scene)
 
 
 def test_of_a_cable_that_swings() -> None:
@@ -94,3 +101,25 @@ def test_a_dead_moment_counts_in_the_answer_to_the_start() -> None:
     respond.answer(*network, twists)
     respond.velocities(*network, places, out)
     np.testing.assert_allclose(out, found @ twists[0, 3:], rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("turn", [1e-5, 2e-4, 1e-2])
+def test_a_dead_moment_is_solved_for_as_exactly_from_the_last_shape_as_from_nothing(turn: float) -> None:
+    tolerance = 1e-9 * CABLE.length
+    predictor = cs.Predictor(CABLE, points=61, tolerance=tolerance)
+    end = ENDS["free"][1]
+    cold = predictor.predict(START, end).positions
+    predictor.predict(moved(START, turn=(0.0, 0.0, turn)), end)
+    again = predictor.predict(START, end)
+    assert again.status is cs.Status.OK
+    np.testing.assert_allclose(again.positions, cold, rtol=0.0, atol=2.0 * tolerance)
+
+
+def test_a_mass_at_a_kink_of_the_rest_curvature_is_one_node_with_it() -> None:
+    table = [(1.0, 0.0, 0.5), (-0.5, 0.5, 0.25), (-2.0, 1.0, 0.0), (-0.7, 0.8, -0.5), (0.5, 0.5, -1.0)]
+    wavy = CABLE.replace(rest_curvature=table)  # its last kink is at 0.9 m but for rounding
+    assert not (np.linspace(0.0, CABLE.length, 5) == 0.9).any()
+    state = Network(Problem(wavy, tolerance=1e-9 * CABLE.length, scene=cs.Scene(masses=[cs.PointMass(0.9, 0.02)])))
+    shape = cosserat.solve(state.problem.move(START, END), state)
+    assert shape.status is cs.Status.OK
+    assert np.diff(state.nodes).min() > 1e-4

@@ -203,7 +203,10 @@ class Network:
             span = np.searchsorted(bounds, stops) - 1
             running = {knot + side for knot in self.rings for side in (-1, 0)}
             stops = stops[held & ~np.isin(span, list(running))]
-        return np.union1d(stops, self.points) if self.points.size else stops
+        if self.points.size == 0:
+            return stops
+        apart = np.abs(stops[:, None] - self.points).min(axis=1, initial=math.inf) > AT * self.length
+        return np.union1d(stops[apart], self.points)
 
     @staticmethod
     def _as_dense(nodes: Array) -> tuple[Array, Array]:
