@@ -151,7 +151,7 @@ class Problem:
     def beside(self, cable: Cable) -> Problem:
         """The same on a cable that differs little: weight and inertia change with it, what holds it keeps its place."""
         other = copy.copy(self)
-        other.cable = cable
+        other.cable, other.cache = cable, {}
         falls = np.array((self.fall(0.0), self.end_fall))
         other.load = self.load + (cable.linear_density - self.cable.linear_density) * falls
         other.load_force = np.array([m.mass * other.fall(m.arc_length) for m in self.masses]).reshape(-1, 3)

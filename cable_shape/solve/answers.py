@@ -10,7 +10,7 @@ import numpy as np
 from cable_shape.cable import Cable
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
-from cable_shape.kernels.network import drive, material, respond, tables
+from cable_shape.kernels.network import drive, respond, tables
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.problem import Problem
 from cable_shape.scene_parts import clip_names
@@ -174,7 +174,6 @@ def _beside(state: Network, cable: Cable) -> Array:
     model.breaks[...], model.piece[...] = found.breaks, found.pieces
     own, _, model.act[...] = shared_loads(problem, state.arcs)
     model.force[...] += own - shared_loads(state.problem, state.arcs)[0]
-    material.add_up(state.ints, floats)
     drive.refill(state.ints, floats)
     return floats
 

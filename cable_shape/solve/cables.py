@@ -38,16 +38,28 @@ class Material(NamedTuple):
     breaks: Array  # (p + 1,) [m], arc lengths between its pieces
     pieces: Array  # (p, PIECE) see `kernels.network.material`
     stops: Array  # (j,) [m], those of the breaks that are to be nodes
+    straight: bool  # without rest curvature
 
 
 def material_of(problem: Problem) -> Material:
     """The pieces of the problem's cable: its rest curvature and its load are linear in each."""
+    found = problem.cache.get("material")
+    if found is None:
+        found = problem.cache["material"] = _material_of(problem)
+    assert isinstance(found, Material)
+    return found
+
+
+def _material_of(problem: Problem) -> Material:
+    """The same, made."""
     cable = problem.cable
     length = cable.length
     rest = np.atleast_2d(cable.rest_curvature)
     swing = problem.swing
     if len(rest) == 1 and swing is None:
-        return Material(np.array((0.0, length)), _piece(cable, rest[0], rest[0], problem.load), np.empty(0))
+        return Material(
+            np.array((0.0, length)), _piece(cable, rest[0], rest[0], problem.load), _NOWHERE, not rest.any()
+        )
     kinks = [np.array((0.0, length))]
     if len(rest) > 1:
         kinks.append(np.linspace(0.0, length, len(rest)))
@@ -67,7 +79,7 @@ def material_of(problem: Problem) -> Material:
     for i, piece in enumerate(pieces):
         piece[:] = _piece(cable, bent[i], bent[i + 1], load[i : i + 2])[0]
     stops = _distinct(np.concatenate((stops, _felt(problem, rest))), AT * length)
-    return Material(breaks, pieces, stops)
+    return Material(breaks, pieces, stops, not rest.any())
 
 
 def shared_loads(problem: Problem, arcs: Array) -> tuple[Array, Array, Array]:
@@ -85,18 +97,11 @@ def shared_loads(problem: Problem, arcs: Array) -> tuple[Array, Array, Array]:
 
 def _piece(cable: CableProperties, first: Array, last: Array, load: Array) -> Array:
     """One row of pieces: rest curvature (3,) [1/m] and load (2, 3) [N/m] at its ends."""
-    out = np.empty((1, PIECE))
-    row = out[0]
     stiffness = (*cable.bending_stiffness, cable.twisting_stiffness)
-    row[material.K_LEFT : material.K_LEFT + 3] = row[material.K_RIGHT : material.K_RIGHT + 3] = stiffness
-    row[material.REST_LEFT : material.REST_LEFT + 3] = first
-    row[material.REST_RIGHT : material.REST_RIGHT + 3] = last
-    row[material.LOAD_LEFT : material.LOAD_LEFT + 3] = load[0]
-    row[material.LOAD_RIGHT : material.LOAD_RIGHT + 3] = load[1]
     shear = 0.0 if cable.shear_stiffness is None else 1.0 / cable.shear_stiffness
     stretch = 0.0 if cable.axial_stiffness is None else 1.0 / cable.axial_stiffness
-    row[material.COMPLIANCE : material.COMPLIANCE + 3] = shear, shear, stretch
-    return out
+    left, right = (*first.tolist(), *load[0].tolist()), (*last.tolist(), *load[1].tolist())
+    return np.array(((*stiffness, *left, *stiffness, *right, shear, shear, stretch),))
 
 
 def _felt(problem: Problem, rest: Array) -> Array:
@@ -131,6 +136,7 @@ class Structure(NamedTuple):
     loose: tuple[tuple[float, ...], ...]  # (k, 3)
 
 
+_NOWHERE: Array = np.empty(0)
 _HELD, _NO_TURN = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
 
 

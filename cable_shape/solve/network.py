@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable
 from functools import lru_cache
 from itertools import pairwise
-from typing import Any, final
+from typing import Any, NamedTuple, final
 
 import numpy as np
 
@@ -53,10 +53,59 @@ _LENGTHENED = 0.02
 _structure = lru_cache(maxsize=256)(structure_of)
 
 
+class _Layout(NamedTuple):
+    """Where things are in the arrays of a structure with so many elements in each span; shared, never written to."""
+
+    ints: Whole
+    floats: Array  # a model in which supports are told, and nothing of the cable
+    size: int  # of one solution
+    work: int
+    runs: list[tuple[int, int]]  # first and last node of each span
+    s: slice
+    force: slice
+    moment: slice  # of the last knot
+    heavy: slice
+    breaks: slice
+    piece: slice
+    at: slice
+    act: slice
+    pose: slice  # of the trial
+
+
 @lru_cache(maxsize=256)
-def _plan(structure: Structure, counts: tuple[int, ...]) -> Whole:
-    """The plan of a structure with so many elements in each span; shared, never written to."""
-    return make_plan(structure.knots, structure.spans, structure.cables, counts, structure.rings)
+def _layout(structure: Structure, counts: tuple[int, ...]) -> _Layout:
+    """The layout of a structure with so many elements in each span."""
+    ints = make_plan(structure.knots, structure.spans, structure.cables, counts, structure.rings)
+    floats = np.zeros(tables.model_size.py_func(ints))
+    model = tables.model_of.py_func(ints, floats)
+    model.free[...], model.frame[...], model.loose[...] = structure.free, _IDENTITY, structure.loose
+    size = int(tables.solution_size.py_func(ints))
+    sols = np.zeros(3 * size)
+    trial = tables.solution_of.py_func(ints, sols, TRIAL)
+    first = np.concatenate(([0], np.cumsum(counts))).tolist()
+    runs = [(a + j, b + j) for j, (a, b) in enumerate(pairwise(first))]
+    return _Layout(
+        ints,
+        floats,
+        size,
+        int(tables.work_size.py_func(ints)),
+        runs,
+        s=_place(model.s, floats),
+        force=_place(model.force, floats),
+        moment=_place(model.moment[-1], floats),
+        heavy=_place(model.heavy, floats),
+        breaks=_place(model.breaks, floats),
+        piece=_place(model.piece, floats),
+        at=_place(model.at, floats),
+        act=_place(model.act, floats),
+        pose=_place(trial.pose, sols),
+    )
+
+
+def _place(part: Array, whole: Array) -> slice:
+    """Where a part of a flat array is in it."""
+    start = (part.ctypes.data - whole.ctypes.data) // whole.itemsize
+    return slice(start, start + part.size)
 
 
 @final
@@ -76,13 +125,14 @@ class Network:
         self.structure: Structure
         self.at_rest = math.inf  # rad, by which frames may turn though no support moves
         self.counts: tuple[int, ...] = ()
+        self.layout: _Layout
         self.ints: Any = None
+        self._model: tables.Model | None = None
         self.floats = self.sols = self.work = self.nodes = _NOTHING
         self.length = 0.0
         self._stiff = 1.0  # by which the cable is stiffened at present
         self._kinds: tuple[str, ...] = ()
         self._tip = self._moment = _NOTHING
-        self._arcs: Array = np.empty(0)
         self.take(problem)
 
     # -- what is solved
@@ -108,9 +158,11 @@ class Network:
         self.softest, self.stiffest = min(stiffness) / length**2, max(stiffness)
         self.stretch = 0.0 if cable.axial_stiffness is None else 1.0 / cable.axial_stiffness
         self.elastic = cable.axial_stiffness is not None or cable.shear_stiffness is not None
-        self.round_straight = stiffness[0] == stiffness[1] and not np.any(cable.rest_curvature)
+        self.round_straight = stiffness[0] == stiffness[1] and self.material.straight
         self._own, self.points, self.weights = shared_loads(problem, arcs)
-        self.mean_load: Array = problem.load.mean(axis=0) + self.weights.sum(axis=0) / length
+        self.mean_load: Array = 0.5 * (problem.load[0] + problem.load[1])
+        if self.points.size:
+            self.mean_load = self.mean_load + self.weights.sum(axis=0) / length
         if problem.swing is not None:
             rows = len(problem.swing)
             self.mean_load = self.mean_load - cable.linear_density * problem.swing.sum(axis=0) / (rows - 1)
@@ -189,7 +241,7 @@ class Network:
         on = np.abs(self.nodes[:, None] - stops).min(axis=0, initial=math.inf) if stops.size else stops
         if changed or (on > AT * self.length).any():
             pieces_of = [self._as_dense(self.nodes[a : b + 1]) for a, b in self._runs()]
-            self._lay_out(pieces_of, np.asarray(self.counts))
+            self._lay_out(pieces_of, self.counts)
             self.history = min(self.history, 1)
         else:
             self._load()
@@ -216,21 +268,19 @@ class Network:
     def settle(self) -> None:
         """The last solution is one under these loads: from it only a motion of the supports turns frames far."""
         self.history = min(2, self.history + 1)
-        self.at_rest = _UNMOVED
-        self.model.par[tables.TURN_AT_REST] = _UNMOVED
+        self.at_rest = self.floats[tables.TURN_AT_REST] = _UNMOVED
 
     def unsettle(self) -> None:
         """The next solution may be far from the last one though no support moves."""
         self.at_rest = math.inf
         if self.elements:
-            self.model.par[tables.TURN_AT_REST] = math.inf
+            self.floats[tables.TURN_AT_REST] = math.inf
 
     # -- the mesh
 
     def _runs(self) -> list[tuple[int, int]]:
         """First and last node of each span."""
-        first = np.concatenate(([0], np.cumsum(self.counts)))
-        return [(int(a) + j, int(b) + j) for j, (a, b) in enumerate(pairwise(first))]
+        return self.layout.runs
 
     def first_mesh(self, poses: Array, fineness: float = 1.0, turn: float = 0.0) -> None:
         """A cold start's mesh: half of each span's nodes within a few boundary layers of its ends.
@@ -241,17 +291,17 @@ class Network:
         layers = self._layers(poses)
         finer = (NAMED_TOLERANCE * self.length / self.tolerance) ** (1.0 / 6.0)
         finer = fineness * min(max(finer, 0.75), 3.0)
-        inside = np.histogram(self.stops, self.arcs)[0]
+        inside = self._stops_in(self.arcs)
         if self.spans == 1:
-            layer = layers[0]
+            layer = float(layers[0])
             elements = 16 if layer > 0.08 * self.length else 18 if layer > 0.02 * self.length else 28
             elements = max(math.ceil(elements * finer), math.ceil(1.3 * turn / TURN_AIM))
             x, density = np.empty(_ABSCISSAE), np.empty(_ABSCISSAE)
             rod_mesh.layered(self.length, min(max(layer, 1e-5 * self.length), self.length), x, density)
-            pieces, counts = [(x, density)], np.array((min(MOST_ELEMENTS, elements) + 2 * inside[0],))
+            pieces, counts = [(x, density)], (min(MOST_ELEMENTS, elements) + 2 * int(inside[0]),)
         else:
             pieces, shares = layered(self.arcs, layers)
-            counts = np.maximum(np.ceil(finer * shares).astype(np.int64), FEWEST_OF_SPAN + 2 * inside)
+            counts = tuple(np.maximum(np.ceil(finer * shares).astype(np.int64), FEWEST_OF_SPAN + 2 * inside).tolist())
         self.elements = self.history = self.fewest = 0
         self._lay_out(pieces, counts)
 
@@ -261,7 +311,8 @@ class Network:
         force, held = np.zeros(3), np.zeros(2)
         first = last = (0.0, 0.0, 1.0)
         if self.spans == 1 and self.forces:  # bent ends take up length, and tighten what is nearly taut
-            held[:] = [1.0 - free[0] for free in self.structure.free[0]]
+            near, far = self.structure.free[0]
+            held[0], held[1] = 1.0 - near[0], 1.0 - far[0]
             first, last = tangent(tuple(poses[0, 3:].tolist())), tangent(tuple(poses[1, 3:].tolist()))
         for j in range(self.spans):
             length = float(self.arcs[j + 1] - self.arcs[j])
@@ -294,14 +345,20 @@ class Network:
                 counts = self._counts((n + max(1.0, 0.05 * n)) / shares.sum() * shares, fewest)
         if counts.sum() > MOST_ELEMENTS:
             counts = self._counts((MOST_ELEMENTS - self.spans) / shares.sum() * shares)
-        self._lay_out(pieces, counts)
-        size = self._size
+        self._lay_out(pieces, tuple(counts.tolist()))
+        size = self.layout.size
         self.sols[2 * size :] = self.sols[:size]
         return True
 
+    def _stops_in(self, bounds: Array) -> Any:
+        """(m,) How many stops each span has inside."""
+        if not self.stops.size:
+            return np.zeros(self.spans, dtype=np.int64)
+        return np.histogram(self.stops, bounds)[0]
+
     def _counts(self, shares: Array, fewest: int = 0) -> Any:
         """Whole numbers of elements of the spans, none too few."""
-        inside = np.histogram(self.stops, self.bounds())[0]
+        inside = self._stops_in(self.bounds())
         least = FEWEST_ELEMENTS if self.spans == 1 else FEWEST_OF_SPAN
         if self.spans == 1:
             least = max(least, fewest)
@@ -328,69 +385,64 @@ class Network:
         least = FEWEST_ELEMENTS if self.spans == 1 else FEWEST_OF_SPAN * self.spans
         return self.elements > max(1.5 * (least + 2 * self.stops.size), self.fewest)
 
-    def _lay_out(self, pieces: list[Piece], counts: Array) -> None:
+    def _lay_out(self, pieces: list[Piece], counts: tuple[int, ...]) -> None:
         """Nodes of equal share of each span's density, `counts` elements a span; solutions are carried over."""
         bounds = self.bounds()
         before = None
         if self.elements:
             before = self.nodes.copy(), self._runs(), [self.solution(which) for which in (NOW, BEFORE, TRIAL)]
-        self.counts = tuple(counts.tolist())
-        self.elements = n = sum(self.counts)
-        self.ints = _plan(self.structure, self.counts)
-        self.floats = np.zeros(tables.model_size.py_func(self.ints))
-        self._size = int(tables.solution_size.py_func(self.ints))
-        self.sols = np.zeros(3 * self._size)
-        self.work = np.zeros(tables.work_size.py_func(self.ints))
-        self.model = tables.model_of.py_func(self.ints, self.floats)
-        self.nodes = self.model.s
-        self.target = self.solution(TRIAL).pose
-        runs = self._runs()
-        for (a, b), (x, density), low, high in zip(runs, pieces, bounds[:-1], bounds[1:], strict=True):
+        self.counts = counts
+        self.elements = sum(counts)
+        layout = _layout(self.structure, counts)
+        self._take_arrays(layout, layout.floats.copy(), np.zeros(3 * layout.size), np.zeros(layout.work))
+        for (a, b), (x, density), low, high in zip(layout.runs, pieces, bounds[:-1], bounds[1:], strict=True):
             x[0], x[-1] = low, high
-            stops = self.stops[(self.stops > low) & (self.stops < high)]
+            stops = self.stops
+            if stops.size:
+                stops = stops[(stops > low) & (stops < high)]
             rod_mesh.equidistribute(x, density, stops, b - a, self.nodes[a : b + 1])
-        self._properties()
         self._load()
         if before is None:
             return
         nodes, old_runs, old = before
         for which, was in zip((NOW, BEFORE, TRIAL), old, strict=True):
             now = self.solution(which)
-            for (a, b), (c, d) in zip(runs, old_runs, strict=True):
+            for (a, b), (c, d) in zip(layout.runs, old_runs, strict=True):
                 now.q[a : b + 1] = interpolated(self.nodes[a : b + 1], nodes[c : d + 1], was.q[c : d + 1])
             for x, y in zip(now[1:], was[1:], strict=True):
                 x[...] = y
-        assert n == self.elements
 
-    def _properties(self) -> None:
-        """What supports and cables are, into the model."""
-        model, structure = self.model, self.structure
-        par = model.par
-        par[tables.SOFTEST], par[tables.BASE_SHIFT], par[tables.LENGTH] = (
-            self.softest,
-            _NEUTRAL * self.softest,
-            self.length,
-        )
-        par[tables.ELASTIC], par[tables.STIFFEST], par[tables.RIGID] = self.elastic, self.stiffest, self.stretch == 0.0
-        par[tables.TURN_AT_REST] = self.at_rest
-        model.free[...] = structure.free
-        model.frame[...] = _IDENTITY
-        model.loose[...] = structure.loose
-        model.heavy[0] = self.problem.cable.linear_density * self.problem.gravity
-        model.breaks[...] = self.material.breaks
-        model.piece[...] = self.material.pieces
-        material.add_up(self.ints, self.floats)
+    def _take_arrays(self, layout: _Layout, floats: Array, sols: Array, work: Array) -> None:
+        """Makes these the model, the solutions and the work space."""
+        self.layout, self.ints, self.floats, self.sols, self.work = layout, layout.ints, floats, sols, work
+        self.nodes = floats[layout.s]
+        self.target = sols[layout.pose].reshape(-1, 7)
+        self._model = None
+
+    @property
+    def model(self) -> tables.Model:
+        """The model's arrays by name."""
+        if self._model is None:
+            self._model = tables.model_of.py_func(self.ints, self.floats)
+        return self._model
 
     def _load(self) -> None:
-        """Takes over loads and material on the mesh as it is."""
-        model = self.model
-        self._properties()
-        model.force[...] = self._own
-        model.force[-1] += self._tip
-        model.moment[-1] = self._moment
-        model.at[...] = self.points
-        model.act[...] = self.weights
-        drive.refill(self.ints, self.floats)
+        """Takes over cable and loads on the mesh as it is."""
+        floats, layout = self.floats, self.layout
+        floats[:7] = (
+            self.softest, _NEUTRAL * self.softest, self.length, self.elastic, self.stiffest, self.at_rest,
+            self.stretch == 0.0,
+        )  # fmt: skip
+        floats[layout.heavy] = self.problem.cable.linear_density * self.problem.gravity
+        floats[layout.breaks] = self.material.breaks
+        floats[layout.piece] = self.material.pieces.ravel()
+        floats[layout.force] = self._own.ravel()
+        floats[layout.force.stop - 3 : layout.force.stop] += self._tip
+        floats[layout.moment] = self._moment
+        if self.points.size:
+            floats[layout.at] = self.points
+            floats[layout.act] = self.weights.ravel()
+        drive.refill(self.ints, floats)
 
     # -- solutions
 
@@ -401,30 +453,27 @@ class Network:
 
     def put_aside(self) -> tuple[Any, ...]:
         """Mesh and solutions, for `put_back`."""
-        return (self.counts, self.elements, self.ints, self.floats.copy(), self._size, self.sols, self.work,
-                self.info.copy(), self.history)  # fmt: skip
+        return (self.counts, self.elements, self.layout, self.floats, self.sols, self.work, self.info.copy(),
+                self.history)  # fmt: skip
 
     def put_back(self, kept: tuple[Any, ...]) -> None:
         """Mesh and solutions as they were when put aside; a mesh as coarse as the one now is not tried again."""
-        self.counts, self.elements, self.ints, self.floats, self._size, self.sols, self.work, info, self.history = kept
+        self.counts, self.elements, layout, floats, sols, work, info, self.history = kept
         self.info[:] = info
-        self.model = tables.model_of.py_func(self.ints, self.floats)
-        self.nodes, self.target = self.model.s, self.solution(TRIAL).pose
+        self._take_arrays(layout, floats, sols, work)
         self.fewest = self.elements
 
     def copied(self) -> Network:
         """The memory once more, sharing only the problem and the plan, which a solve does not change."""
-        shared = (self.problem, self.ints, self.last)
+        shared = (self.problem, self.layout, self.ints, self.last)
         other = copy.deepcopy(self, {id(part): part for part in shared if part is not None})
-        other.model = tables.model_of.py_func(other.ints, other.floats)
-        other.nodes, other.target = other.model.s, other.solution(TRIAL).pose
+        other._take_arrays(other.layout, other.floats, other.sols, other.work)
         return other
 
     def start_from(self, poses: Array, kind: int, sag: float, turns: float = 0.0) -> None:
         """Puts a guess (see ``guess.guess``) between `poses` into the trial; turns: those that their signs are of."""
-        trial = self.solution(TRIAL)
-        trial.pose[...] = poses
-        trial.turns[0] = turns
+        self.target[...] = poses
+        self.sols[-1] = turns
         drive.strip(self.ints, self.floats, self.sols)
         placed = np.zeros(len(poses), dtype=np.int64)
         guess.guess(self.ints, self.floats, self.sols, placed, kind, sag, turns != 0.0)
@@ -510,7 +559,7 @@ class Network:
     @property
     def turns(self) -> float:
         """Turns of the trial."""
-        return float(self.solution(TRIAL).turns[0]) if self.elements else 0.0
+        return float(self.sols[-1]) if self.elements else 0.0
 
     @property
     def roll(self) -> int:
@@ -524,7 +573,9 @@ class Network:
 
     def stiffen(self, factor: float) -> None:
         """Makes the cable so many times as stiff as it is."""
-        self.material.pieces[:, : material.COMPLIANCE] *= self._factor(factor)
+        pieces = self.material.pieces.copy()
+        pieces[:, : material.COMPLIANCE] *= self._factor(factor)
+        self.material = self.material._replace(pieces=pieces)
         if self.elements:
             self._load()
 

@@ -33,6 +33,10 @@ def no_room(problem: Problem, state: Network, poses: Array) -> tuple[Status, Arr
         return Status.NOT_CONVERGED, poses, loose, 0.0
     if state.forces == 0 or state.stretch != 0.0:
         return None
+    if state.spans == 1:
+        room = math.dist(poses[0, :3].tolist(), poses[1, :3].tolist()) < STRAIGHT * state.length
+        if room:
+            return None
     chords, arcs = chords_of(state, poses), state.arcs
     holding = [j for j in range(state.spans + 1) if j not in state.rings]
     for a, b in pairwise(holding):

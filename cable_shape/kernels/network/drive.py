@@ -18,7 +18,7 @@ from cable_shape.kernels.network.correct import (
     OFF_MOMENT,
     correct,
 )
-from cable_shape.kernels.network.material import fill
+from cable_shape.kernels.network.material import add_up, fill
 from cable_shape.kernels.network.newton import CONVERGED, I_STALE, newton
 from cable_shape.kernels.network.predict import (
     extrapolate,
@@ -86,6 +86,7 @@ INTERPOLATED, INTERPOLATED_OF_KNOTS = 0.45, 0.7
 @viewing
 def refill(ints: Whole, floats: Floats) -> None:
     """Lengths, loads, rest curvature and section of the elements between the nodes as they are."""
+    add_up(ints, floats)
     fill(ints, floats)
 
 
