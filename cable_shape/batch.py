@@ -118,7 +118,7 @@ def predict_batch(
     if time_limit is not None:
         deadline = began + checks.number("time_limit", time_limit, above=0.0, unit="s")
     work = _Work(predictor, _table("starts", starts), _table("ends", ends), deadline, uncertainty)
-    if model in ("cosserat", "auto") and work.compiled:
+    if model in ("cosserat", "auto") and work.compiled and work.even:
         work.solve_cells(threads)
     work.solve_left()
     batch = work.batch
@@ -176,6 +176,7 @@ class _Work:
         self.reach = CELL_REACH * cable.length
         self.longest = math.inf if cable.axial_stiffness is not None else LONGEST_CHORD * cable.length
         self.compiled = cable.mean_bending_stiffness > 0.0 and not problem.clips and scene.contact != "solve"
+        self.even = np.ndim(cable.rest_curvature) == 1  # else every kink of the table would be a node
         if uncertainty is not None:
             check_tube(uncertainty, predictor, self.compiled)
         self.tube = BatchTube(cable, uncertainty)

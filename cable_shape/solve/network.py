@@ -123,6 +123,7 @@ class Network:
         self.fewest = 0  # elements with which a coarser mesh has failed
         self.info: Array = np.zeros(INFO + 2)
         self.structure: Structure
+        self.rolls = False  # a dead moment on the free end may twist a start that does not hold its roll
         self.at_rest = math.inf  # rad, by which frames may turn though no support moves
         self.counts: tuple[int, ...] = ()
         self.layout: _Layout
@@ -233,6 +234,8 @@ class Network:
         structure = _structure(all_kinds, pieces, self.points.size, self.round_straight)
         changed = self.elements and structure != self.structure
         self.structure = structure
+        free = kinds[1] == "free" and kinds[0] in ("swivel", "pinned")
+        self.rolls = bool(free and self.round_straight and not self._clips and np.any(moment))
         self.forces = self.spans - (kinds[1] == "free")
         self.stops = self._stops()
         if not self.elements:

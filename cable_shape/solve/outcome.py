@@ -10,14 +10,15 @@ import numpy as np
 from cable_shape.checks import Array
 from cable_shape.kernels.frames import align, straight
 from cable_shape.kernels.network.drive import STRAIGHT
-from cable_shape.pose import FreeEnd, Grip
+from cable_shape.kernels.rod_guess import tangent
+from cable_shape.pose import FreeEnd
 from cable_shape.problem import Problem
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve.network import Network
 
 MODEL = "cosserat"
-#: Of the moment on a free end and the weight's own: a moment that a start must hold and cannot, if it is larger.
-_HELD = 1e-9
+#: Of the moment on a free end: a twisting moment that a start must hold and cannot, if it is larger.
+_UNHELD = 1e-6
 
 
 def chords_of(state: Network, poses: Array) -> Array:
@@ -28,9 +29,6 @@ def chords_of(state: Network, poses: Array) -> Array:
 def no_room(problem: Problem, state: Network, poses: Array) -> tuple[Status, Array, str, float] | None:
     """Why there is no equilibrium at all: status, poses, what to say, the length that is missing [m]; None if there may
     be one."""
-    loose = _unheld_moment(problem)
-    if loose:
-        return Status.NOT_CONVERGED, poses, loose, 0.0
     if state.forces == 0 or state.stretch != 0.0:
         return None
     if state.spans == 1:
@@ -58,24 +56,22 @@ def no_room(problem: Problem, state: Network, poses: Array) -> tuple[Status, Arr
     return None
 
 
-def _unheld_moment(problem: Problem) -> str:
-    """A dead moment on the free end that nothing at the start holds, in words; empty if there is none."""
-    end, start = problem.end, problem.start
-    if not isinstance(end, FreeEnd) or problem.clips or not np.any(end.moment):
+def unheld_roll(problem: Problem, state: Network, buffer: Array, error: float) -> str:
+    """A moment about the tangent of a start that does not hold its roll, in words; empty if there is none.
+
+    Where nothing holds the roll of a round straight cable it is held at the start, for want of an equation; a dead
+    moment on the free end that twists the cable there then has no counterpart. error [N m]: of the shape's moments.
+    """
+    end, n = problem.end, problem.points
+    if not (state.rolls and isinstance(end, FreeEnd)):
         return ""
-    size = float(np.linalg.norm(end.moment))
-    if start.kind == "pinned":
-        # forces may balance it by leaning the cable over, but not a moment along them
-        load = end.mass * problem.end_fall + end.force + problem.load.mean(axis=0) * problem.cable.length
-        along = float(end.moment @ load) / max(float(np.linalg.norm(load)), 1e-300)
-        return _loose(start, size) if abs(along) > _HELD * size else ""
-    return ""
-
-
-def _loose(start: Grip, size: float) -> str:
+    moment = buffer[14 * n : 14 * n + 3]
+    twisting = float(moment @ np.array(tangent(tuple(buffer[4 * n : 4 * n + 4].tolist()))))
+    if abs(twisting) <= 10.0 * error + _UNHELD * float(np.linalg.norm(end.moment)):
+        return ""
     return (
-        f"nothing holds the moment of {size:.3g} N m on the free end: the start grip is {start.kind!r}, and the loads "
-        "have no lever about their own direction. Clamp the start, or leave the moment out. "
+        f"nothing holds the twisting moment of {twisting:.3g} N m at the start, which is {problem.start.kind!r}: the "
+        "cable would spin. Clamp the start, or leave the moment on the free end out. "
     )
 
 

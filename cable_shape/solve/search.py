@@ -19,7 +19,7 @@ from cable_shape.problem import NAMED_TOLERANCE, Problem
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve.eyelets import Eyelets
 from cable_shape.solve.network import Network
-from cable_shape.solve.outcome import MODEL, chords_of, no_room, straight_lines
+from cable_shape.solve.outcome import MODEL, chords_of, no_room, straight_lines, unheld_roll
 
 COLD_ITERATIONS, WARM_ITERATIONS, STEP_ITERATIONS = 80, 25, 12
 #: A warm solve that turns a frame by more than this [rad] from its prediction is checked by small steps.
@@ -116,7 +116,8 @@ class Search:
     def final(self) -> bool:
         """Whether the last solve found a stable shape within tolerance, on a mesh as fine as it need be."""
         info, state = self.info, self.state
-        return info[I_EXCESS] == 0.0 and not state.too_coarse(info) and not state.too_fine(info)
+        good = info[I_EXCESS] == 0.0 and not state.too_coarse(info) and not state.too_fine(info)
+        return good and not state.rolls
 
     def shape(self, status: Status, detail: str) -> CableShape:
         """What the last compiled solve found."""
@@ -209,13 +210,14 @@ class Search:
             least = state.smallest_eigenvalue()
             if least >= -state.neutral:  # the inertia was that of the last but one iterate, and a mode is neutral
                 status = Status.OK
+        unheld = unheld_roll(problem, state, self.buffer, info[I_MOMENT])
         if self.late:
             status = Status.BUDGET if within else Status.BUDGET_EXCEEDED
-        elif not within:
+        elif not within or unheld:
             status = Status.NOT_CONVERGED
         if status is Status.OK:
             return self.shape(status, "")
-        detail = ""
+        detail = unheld
         if not within:
             detail = f"error estimate {info[I_ESTIMATE]:.2g} m, tolerance {problem.tolerance:.2g} m. "
         elif status is Status.UNSTABLE:
@@ -235,7 +237,7 @@ class Search:
             guard = status is not Status.UNSTABLE
             if not self.call(0, COLD_ITERATIONS, guard=guard, near=True) and not self._find_again(coarse.positions):
                 return None
-            if keep > 0 and status is Status.OK and self.info[I_TURNED] > _FAR_STEP and self._elsewhere(coarse):
+            if keep > 0 and status is Status.OK and self._elsewhere(coarse.arc_length, coarse.positions):
                 status = Status.SNAPPED  # at a fold, which a coarse mesh puts a little further on
                 self.before = coarse
             if not state.too_coarse(self.info):
@@ -243,10 +245,15 @@ class Search:
         state.history = min(keep, 1)
         return status
 
-    def _elsewhere(self, coarse: CableShape) -> bool:
-        """Whether the finer mesh has led to another shape, and not only turned frames where they turn sharply."""
-        n = self.problem.points
-        apart = self.buffer[n : 4 * n].reshape(n, 3) - coarse.positions
+    def _elsewhere(self, s: Array, coarse: Array) -> bool:
+        """Whether the finer mesh has led to another shape than that with positions (k, 3) at arc lengths s (k,).
+
+        Frames alone do not tell: where they turn sharply a finer mesh turns them far.
+        """
+        if self.info[I_TURNED] <= _FAR_STEP:
+            return False
+        nodes, fine = self.state.node_positions()
+        apart = np.stack([np.interp(nodes, s, x) for x in coarse.T], axis=1) - fine
         return float((apart * apart).sum(axis=1).max()) > (_SAME * self.problem.cable.length) ** 2
 
     def _find_again(self, coarse: Array) -> bool:
@@ -359,10 +366,13 @@ class Search:
                 state.history = 2
                 done = at
                 step = 1.6 * max(step, smallest)
-                if state.far_too_coarse(self.info) and state.next_mesh():
-                    if not self.call(0, COLD_ITERATIONS, far=_FAR_STEP, output=at == 1.0, near=True):
-                        return False  # at a fold, which a coarse mesh puts a little further on
-                    state.history = 1
+                if state.far_too_coarse(self.info):
+                    nodes, coarse = state.node_positions()
+                    if state.next_mesh():
+                        found = self.call(0, COLD_ITERATIONS, output=at == 1.0, near=True)
+                        if not found or self._elsewhere(nodes, coarse):
+                            return False  # at a fold, which a coarse mesh puts a little further on
+                        state.history = 1
             elif least:
                 if not snaps:
                     return False

@@ -1,4 +1,4 @@
-"""Networks of rods built by hand from knots, spans and pieces: :class:`Net`, for tests and benches of the solver itself.
+"""Networks of rods built by hand from knots, spans and pieces: :class:`Net`, for tests and benches of the solver.
 
 A rod runs through knots, has a span between each two of them, and in each piece of it stiffness and rest curvature
 change linearly. What the arrays hold: :mod:`cable_shape.kernels.network.tables`.
@@ -165,24 +165,12 @@ class Net:
 
     def solve(self, history: int = 0, guard: bool = True, most: int = 100, points: int | None = None) -> int:
         """One compiled solve; see `drive.solve` for what it returns."""
-        return int(
-            drive.solve(
-                self.ints,
-                self.floats,
-                self.sols,
-                self.work,
-                self.buffer,
-                self.info,
-                self.loads,
-                self.samples if points is None else points,
-                history,
-                False,
-                False,
-                guard,
-                most,
-                math.inf,
-            )  # fmt: skip
-        )
+        points = self.samples if points is None else points
+        code = drive.solve(
+            self.ints, self.floats, self.sols, self.work, self.buffer, self.info, self.loads, points, history, False,
+            False, guard, most, math.inf,
+        )  # fmt: skip
+        return int(code)
 
     def settle(self, kind: int = guess.CURVED, sag: float = 0.3, guard: bool = True) -> Net:
         """The equilibrium that a guess leads to, to rounding."""
@@ -210,6 +198,10 @@ class Net:
         chosen = np.array(knots, dtype=np.int64)
         respond.sensitivities(self.ints, self.floats, self.sols, self.work, self.samples, chosen, out, df)
         return out.reshape(len(self.rods), self.samples, 3, -1)
+
+    def softest(self) -> float:
+        """[N], the smallest eigenvalue of the second variation."""
+        return float(respond.smallest_eigenvalue(self.ints, self.floats, self.sols, self.work))
 
     # -- what was found
 
@@ -243,10 +235,13 @@ class Net:
     def at_nodes(self, span: int) -> tuple[np.ndarray, np.ndarray]:
         """Corrected positions (n, 3) and rotations (n, 4) at the nodes of a span."""
         a, b = self.plan.first[span], self.plan.first[span + 1]
-        steps = self.space.first[a:b, :3]
         start = self.space.place[self.plan.ends[span, 0]]
-        places = start - np.concatenate((np.zeros((1, 3)), np.cumsum(steps, axis=0)))
-        return places, self.space.start[a + span : b + span + 1]
+        return start + self.steps(span), self.space.start[a + span : b + span + 1]
+
+    def steps(self, span: int) -> np.ndarray:
+        """(n, 3) [m]: from the first node of a span to all of them; corrected after a solve."""
+        a, b = self.plan.first[span], self.plan.first[span + 1]
+        return -np.concatenate((np.zeros((1, 3)), np.cumsum(self.space.first[a:b, :3], axis=0)))
 
     def raw(self, span: int) -> np.ndarray:
         """Rotations (n, 4) at the nodes of a span as Newton's method leaves them, not corrected."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+
 import collocation
 import numpy as np
 import pytest
@@ -9,8 +11,10 @@ from networks import HELD, REVERSED, TURNS, Net, Piece, Point, Rod, even, frame_
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from cable_shape.kernels.network.drive import I_ESTIMATE
-from cable_shape.kernels.network.newton import I_EXCESS
+from cable_shape.kernels.network import system
+from cable_shape.kernels.network.drive import I_ESTIMATE, I_OFF
+from cable_shape.kernels.network.guess import CURVED, HANGING
+from cable_shape.kernels.network.newton import CONVERGED, I_EXCESS
 
 LENGTH = 1.2
 K = (0.01, 0.015, 0.008)
@@ -103,18 +107,23 @@ FAR = ((0.42, 0.05, 0.1), (-0.35, 0.4, 0.05), (-0.3, -0.38, 0.15))
 STRAIGHT = (0.0, 0.0, 0.0, 1.0)
 
 
-def star(elements: int, free: tuple[int, ...] = (), samples: int = 41, tip: np.ndarray | None = None) -> Net:
+TIP, COUPLE = np.array((0.05, 0.1, -0.2)), np.array((0.002, 0.004, 0.003))
+
+
+def star(elements: int, free: tuple[int, ...] = (), samples: int = 41, couple: np.ndarray | None = None) -> Net:
     """Three arms of different stiffness, weight and length on a loaded junction; the second one ends in it.
 
-    free: those arms whose far ends nothing holds, but a dead force.
+    free: those arms whose far ends nothing holds; on them pull TIP and a dead moment `couple`.
     """
     points = [Point((0.02, 0.02, -0.12), STRAIGHT, TURNS, True, force=FORCE)]
     rods = []
     for i, way in enumerate(WAYS / np.linalg.norm(WAYS, axis=1)[:, None]):
         ends = i == 1
-        rotation = frame_along(-way - (0.0, 0.0, 0.3), 0.2) if ends else frame_along(way + (0.0, 0.2, 0.3), -0.3)
-        pull = (0.0, 0.0, 0.0) if tip is None or i not in free else tip
-        points.append(Point(FAR[i], rotation, moves=i in free, force=pull))
+        rotation = frame_along(np.add(way, (0.0, 0.2, 0.3)), -0.3)
+        if ends:
+            rotation = frame_along(-np.add(way, (0.0, 0.0, 0.3)), 0.2)
+        loads = (TIP, HELD if couple is None else couple) if i in free else (HELD, HELD)
+        points.append(Point(FAR[i], rotation, moves=i in free, force=loads[0], moment=loads[1]))
         rest = (0.5, 0.0, 0.3) if i == 2 else HELD
         piece = Piece(LENGTHS[i], STIFFNESS[i], rest=rest, weight=WEIGHTS[i])
         frames = {(0, int(ends)): frame_along(-way if ends else way, 0.3)}
@@ -139,18 +148,11 @@ def reference(net: Net):
     for rod in net.rods:
         meets = rod.knots.index(0)
         piece, far = rod.pieces[0], net.points[rod.knots[1 - meets]]
+        tip = (far.force, far.moment) if far.moves else None
+        stiffness, rest = collocation.constant(piece.stiffness), collocation.constant(piece.rest)
+        frame = rod.frames[0, meets]
         arms.append(
-            collocation.Arm(
-                piece.length,
-                collocation.constant(piece.stiffness),
-                collocation.constant(piece.rest),
-                piece.weight,
-                far.place,
-                far.rotation,
-                meets,
-                rod.frames[0, meets],
-                (far.force, HELD) if far.moves else None,
-            )  # fmt: skip
+            collocation.Arm(piece.length, stiffness, rest, piece.weight, far.place, far.rotation, meets, frame, tip)
         )
     return collocation.solve(arms, [states(net, i) for i in range(len(arms))], FORCE)
 
@@ -213,16 +215,146 @@ def test_forces_balance_at_a_junction(clamped):
     np.testing.assert_allclose(carried, FORCE - (0.0, 0.0, weight), atol=1e-9)
 
 
-@pytest.mark.parametrize("free", [(2,), (1,), (1, 2)])
-def test_free_arms_are_what_collocation_finds(free):
+@pytest.mark.parametrize(("free", "couple"), [((2,), HELD), ((1,), HELD), ((1, 2), HELD), ((2,), COUPLE)])
+def test_free_arms_are_what_collocation_finds(free, couple):
     """An arm that ends free, one that starts free, and a fork that hangs from one grip."""
-    tip = np.array((0.05, 0.1, -0.2))
-    found = reference(star(40, free, 161, tip).settle(kind=0))
+    found = reference(star(40, free, 161, couple).settle(kind=HANGING))
     counts, errors = (8, 10, 14, 20, 28), []
     for n in counts:
-        net = star(n, free, tip=tip).settle(kind=0)
+        net = star(n, free, couple=couple).settle(kind=HANGING)
         assert net.info[I_EXCESS] == 0.0
         errors.append(error(net, found))
         assert errors[-1] <= net.info[I_ESTIMATE]
         np.testing.assert_allclose(net.loads[0, 1:], 0.0, atol=1e-9)
     assert order(counts, errors) >= 5.5
+
+
+@pytest.mark.parametrize("free", [(), (2,), (1,), (1, 2)])
+def test_what_is_told_to_be_taken_off_is_the_way_of_the_positions(free):
+    """Whatever knots move with it: junctions, and those that nothing holds."""
+    net = star(12, free).settle(kind=HANGING)
+    told, corrected = net.info[I_OFF], [net.at_nodes(i)[0].copy() for i in range(3)]
+    net.trial.q[...], net.trial.lam[...], net.trial.pose[...] = net.now.q, net.now.lam, net.now.pose
+    system.gradient(net.ints, net.floats, net.sols, net.work)
+    held = next(i for i in range(3) if i not in free)
+    junction = net.now.pose[0, :3]
+    if len(free) == 2:  # a fork: its junction is where the arm that is held leads
+        steps = net.steps(held)
+        junction = FAR[held] - steps[-1]
+    way = 0.0
+    for i in range(3):
+        steps = net.steps(i)
+        places = junction + (steps if net.rods[i].knots[0] == 0 else steps - steps[-1])
+        way = max(way, np.linalg.norm(places - corrected[i], axis=1).max())
+    assert told == pytest.approx(way, rel=1e-6)
+
+
+@pytest.mark.parametrize("weights", [WEIGHTS, (0.0, 0.0, 0.0)])
+@pytest.mark.parametrize("kind", [HANGING, CURVED])
+def test_a_star_is_found_from_any_number_of_elements(monkeypatch, weights, kind):
+    """Also where, in a guess, the force in the middle of an element would vanish."""
+    monkeypatch.setattr(sys.modules[__name__], "WEIGHTS", weights)
+    for n in range(5, 14):
+        net = star(n)
+        net.start(kind)
+        assert net.solve() == CONVERGED, n
+
+
+@pytest.mark.parametrize(("free", "couple"), [((), HELD), ((2,), HELD), ((1,), HELD), ((1, 2), HELD), ((2,), COUPLE)])
+def test_sensitivities_of_a_star_are_differences(free, couple):
+    """By every number of a grip's pose, of all arms, of those too that nothing else holds."""
+    net = star(60, free, couple=couple).settle(kind=HANGING)
+    grip = 1
+    found = net.sensitivities(grip)
+    point, step = net.points[grip], 1e-5
+    place, rotation = np.asarray(point.place), Rotation.from_quat(point.rotation)
+    for axis in range(6):
+        twist = np.zeros(6)
+        shapes = []
+        for sign in (1.0, -1.0):
+            twist[axis] = sign * step
+            point.place, point.rotation = place + twist[:3], (Rotation.from_rotvec(twist[3:]) * rotation).as_quat()
+            net.again()
+            shapes.append([net.positions(i).copy() for i in range(3)])
+        difference = (np.array(shapes[0]) - np.array(shapes[1])) / (2.0 * step)
+        scale = 1.0 if axis < 3 else np.abs(found[..., 3:]).max()
+        np.testing.assert_allclose(found[..., axis], difference, rtol=0.0, atol=1e-6 * scale)
+
+
+# -- stability
+
+
+EI, HEIGHT = 0.01, 0.5
+EULER = np.pi**2 * EI / (4.0 * HEIGHT**2)
+
+
+def column(load: float) -> Net:
+    """An upright arm clamped at its foot; a load on the junction at its head, and two slack arms that are soft."""
+    up = frame_along((0.0, 0.0, 1.0))
+    points = [Point((0.0, 0.0, HEIGHT), up, TURNS, True, force=(0.0, 0.0, -load)), Point((0.0, 0.0, 0.0), up)]
+    rods = [Rod((1, 0), [Piece(HEIGHT, (EI, EI, EI), weight=1e-6, compliance=(0.0, 0.0, 1e-6))], even(HEIGHT, 16))]
+    for k, side in enumerate((1.0, -1.0)):
+        points.append(Point((0.3 * side, 0.0, HEIGHT), frame_along((side, 0.0, -1.0))))
+        frame = Rotation.from_quat(up).inv() * Rotation.from_quat(frame_along((side, 0.0, 1.0)))
+        soft = Piece(0.4, (1e-6 * EI, 1e-6 * EI, 1e-6 * EI), weight=1e-6)
+        rods.append(Rod((0, k + 2), [soft], even(0.4, 16), {(0, 0): frame.as_quat()}))
+    return Net(points, rods)
+
+
+def test_a_star_with_an_arm_beyond_buckling_is_unstable():
+    """Two modes of the strut, from Euler's load on; kept to minima it bends to where there is none."""
+    assert column(0.99 * EULER).settle(guard=False).info[I_EXCESS] == 0.0
+    upright = column(1.01 * EULER).settle(guard=False)
+    assert upright.info[I_EXCESS] == 2.0
+    assert upright.softest() < 0.0
+    np.testing.assert_allclose(upright.now.pose[0, :3], (0.0, 0.0, HEIGHT), atol=1e-5)
+    bent = column(1.5 * EULER).settle()
+    assert bent.info[I_EXCESS] == 0.0
+    assert bent.now.pose[0, 2] < 0.95 * HEIGHT
+
+
+# -- tapers and jumps of stiffness
+
+
+JUMP = 0.5  # m, where both stiffness and its slope jump
+TAPERS = (((0.01, 0.014, 0.008), (0.03, 0.02, 0.02)), ((0.006, 0.005, 0.004), (0.012, 0.02, 0.01)))
+BENDS = ((1.0, 0.5, 0.2), (0.2, -0.6, 0.5), (-0.5, 0.3, -0.4))
+PARTS = (JUMP, LENGTH - JUMP)
+
+
+def tapered(elements: int) -> Net:
+    """One cable whose stiffness changes linearly on both sides of a jump, and its rest curvature with a kink there."""
+    half = elements // 2
+    nodes = np.concatenate((np.linspace(0.0, JUMP, half + 1)[:-1], np.linspace(JUMP, LENGTH, elements - half + 1)))
+    pieces = [Piece(PARTS[i], *TAPERS[i], BENDS[i], BENDS[i + 1], 0.981) for i in range(2)]
+    return Net([START, END], [Rod((0, 1), pieces, [nodes])], samples=241)
+
+
+def line(a, b, length: float):
+    first, slope = np.array(a)[:, None], (np.array(b) - a)[:, None] / length
+    return lambda s: first + slope * s
+
+
+def test_tapers_and_jumps_keep_the_order():
+    """The fourth of rotations as Newton's method finds them, the sixth of the shape; both parts by collocation."""
+    fine = tapered(120).settle()
+    arms = []
+    for i, point in enumerate((START, END)):
+        stiffness, rest = line(*TAPERS[i], PARTS[i]), line(BENDS[i], BENDS[i + 1], PARTS[i])
+        arms.append(collocation.Arm(PARTS[i], stiffness, rest, 0.981, point.place, point.rotation, 1 - i))
+    share = JUMP / LENGTH
+    found = collocation.solve(arms, [states(fine, 0, 0.0, share), states(fine, 0, share)], np.zeros(3))
+    counts, rotations, errors = (16, 20, 24, 32, 40, 48, 64), [], []
+    for n in counts:
+        net = tapered(n).settle()
+        both = [of(found, i, np.linspace(0.0, 1.0, k + 1)) for i, k in enumerate((n // 2, n - n // 2))]
+        places, turns = (np.concatenate((a, b[1:])) for a, b in zip(*both, strict=True))
+        rotations.append((Rotation.from_quat(net.raw(0)).inv() * Rotation.from_quat(turns)).magnitude().max())
+        errors.append(np.abs(net.at_nodes(0)[0] - places).max())
+        assert errors[-1] <= net.info[I_ESTIMATE]
+    assert order(counts, rotations) >= 3.5
+    assert order(counts, errors) >= 5.5
+    s = np.linspace(0.0, LENGTH, fine.samples)
+    left, right = s[s <= JUMP] / JUMP, (s[s > JUMP] - JUMP) / PARTS[1]
+    shape = np.concatenate((of(found, 0, left)[0], of(found, 1, right)[0]))
+    np.testing.assert_allclose(fine.positions(0), shape, rtol=0.0, atol=1e-7 * LENGTH)

@@ -9,8 +9,7 @@ from __future__ import annotations
 import math
 
 from cable_shape.kernels.network.compiled import viewing
-from cable_shape.kernels.network.dead import turn_with
-from cable_shape.kernels.network.graph import solve, step_of_force
+from cable_shape.kernels.network.graph import lead, solve, step_of_force
 from cable_shape.kernels.network.sliding import carried, slide_step, slides_of
 from cable_shape.kernels.network.system import release
 from cable_shape.kernels.network.tables import (
@@ -76,10 +75,11 @@ def correct(ints: Whole, floats: Floats, sols: Floats, space: Floats, run: Float
         )  # fmt: skip
         put3(missing, j, 0, short)
     release(plan, model, G)
-    turn_with(ints, floats, sols, space, solve(ints, floats, space))
+    solve(ints, floats, space)
     runs = slides.way.shape[0] > 0
     if runs:
         slide_step(ints, floats, sols, space, run, 1.0)
+    lead(plan, work)
     largest = left = force = moment = 0.0
     for k in range(sol.pose.shape[0]):
         step = take3(work.move, k, 3)
@@ -89,13 +89,13 @@ def correct(ints: Whole, floats: Floats, sols: Floats, space: Floats, run: Float
         dl = step_of_force(work, j)
         force = max(force, dot(dl, dl))
         put3(work.pulled, j, 0, add(get3(sol.lam, j), dl))
-        r = take3(work.move, plan.ends[j, 0], 3)
+        r = scale(-1.0, take3(work.move, plan.ends[j, 0], 3))  # elements tell minus their steps
         _, far, closure = take_off(
             sol.q[a + j : b + j + 1], U[a:b], parts[a:b], get9(sums, j, 12), work.d[a + j : b + j + 1], dl, slack[a:b],
             first[a:b], moments[a:b], G[a + j : b + j + 1], work.start[a + j : b + j + 1], r,
         )  # fmt: skip
         moment = max(moment, change_of_moments(plan, work, j))
-        largest = max(largest, far)
+        largest = max(largest, dot(r, r), far)
         put3(sums, j, 0, closure)
         put3(G, b + j, 0, get3(missing, j))
     if runs:
@@ -107,7 +107,7 @@ def correct(ints: Whole, floats: Floats, sols: Floats, space: Floats, run: Float
     # what the rule itself misses
     work.pull[:, :] = 0.0
     release(plan, model, G)
-    turn_with(ints, floats, sols, space, solve(ints, floats, space))
+    solve(ints, floats, space)
     along = 0.0
     if runs:
         taken = slides.used
@@ -117,17 +117,22 @@ def correct(ints: Whole, floats: Floats, sols: Floats, space: Floats, run: Float
         for c in range(slides.way.shape[0]):
             along += abs(slides.way[c])
             slides.way[c] = taken[c]
+    if plan.stripped.shape[0] > 0:
+        for e in range(elements):
+            put3(slack, e, 0, take3(first, e, 6))
+        lead(plan, work)
     force = moment = 0.0
     for j in range(spans):
         a, b = plan.first[j], plan.first[j + 1]
         dl = step_of_force(work, j)
         force = max(force, dot(dl, dl))
+        r = scale(-1.0, take3(work.move, plan.ends[j, 0], 3))
         _, far = left_over(
             model.h[a:b], parts[a:b], work.d[a + j : b + j + 1], dl, first[a:b], model.par[STIFFEST],
-            model.errors[a:b], take3(work.move, plan.ends[j, 0], 3),
+            model.errors[a:b], r,
         )  # fmt: skip
         moment = max(moment, change_of_moments(plan, work, j))
-        left = max(left, far)
+        left = max(left, dot(r, r), far)
     for j in range(spans):  # what `respond` reads: the moments at the ends of spans, as derivatives
         a, b = plan.first[j], plan.first[j + 1] - 1
         put3(first, a, 3, scale(-1.0, take3(moments, a, 0)))

@@ -194,7 +194,9 @@ def solve(ints: Whole, floats: Floats, space: Floats) -> float:
     for j in range(plan.ends.shape[0]):
         reduce(plan, work, j)
     largest = farthest = 0.0
-    if vertices > 0:
+    if vertices == 0:
+        work.move[:, :] = 0.0
+    else:
         collect(plan, model, work)
         for v in range(vertices):
             eased = apply(get9(work.diagonal, v, 0), get3(gap, v))
@@ -253,3 +255,29 @@ def collect(plan: Plan, model: Model, work: Work) -> None:
 def step_of_force(work: Work, j: int) -> Vector:
     """Change of the force of span j by the last `solve`."""
     return take3(work.spans, j, FORCE)
+
+
+@viewing
+def lead(plan: Plan, work: Work) -> None:
+    """Fills `Work.move` with how knots move that nothing holds: as the spans lead from those held.
+
+    Where only a cable's last point is moved by it nobody asks. `Work.slack`: what else changes of the elements' steps.
+    """
+    for i in range(plan.stripped.shape[0] - 1, -1, -1):
+        j, end = plan.stripped[i, 0], plan.stripped[i, 1]
+        leaf, other = plan.ends[j, end], plan.ends[j, 1 - end]
+        asked = end == 0
+        for k in range(i):
+            asked = asked or plan.ends[plan.stripped[k, 0], 1 - plan.stripped[k, 1]] == leaf
+        if not asked:
+            continue
+        way = take3(work.move, other, 3)
+        dl = step_of_force(work, j)
+        for e in range(plan.first[j], plan.first[j + 1]):
+            da, db = get3(work.d, e + j), get3(work.d, e + j + 1)
+            change = add(
+                add(tapply(get9(work.parts, e, 9), da), tapply(get9(work.parts, e, 18), db)),
+                add(apply(get9(work.parts, e, 27), dl), get3(work.slack, e)),
+            )
+            way = add(way, change) if end == 0 else subtract(way, change)
+        put3(work.move, leaf, 3, way)

@@ -200,8 +200,8 @@ def lay(
             t1 = t1 if held[1] != 0.0 else along
             side = -sag if kind == WAVY and j % 2 == 1 else sag
             bezier_tangents(local[: b - a + 1], span, t0, t1, scale(side, down), t[a : b + 1])
-            for i in range(3):
-                sol.lam[j, i] = -0.5 * model.weight[j, i]
+            pull = scale(bend / length**2, along)  # where there is no force at all the Hessian has 1 / |n| in it
+            put3(sol.lam, j, 0, add(scale(-0.5, get3(model.weight, j)), pull))
         for end in range(2):
             if held[end] != 0.0:
                 put3(t, b if end == 1 else a, 0, (T[j, end, 0], T[j, end, 1], T[j, end, 2]))

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 
 from cable_shape.kernels.network.compiled import inline, viewing
-from cable_shape.kernels.network.dead import turn_with
 from cable_shape.kernels.network.graph import factor, solve, step_of_force
 from cable_shape.kernels.network.sliding import (
     columns,
@@ -223,7 +222,7 @@ def newton(
         shift = trial
         if runs:
             columns(ints, floats, sols, space, run)
-        largest = turn_with(ints, floats, sols, space, solve(ints, floats, space))
+        largest = solve(ints, floats, space)
         fraction = 1.0
         if runs:
             falling = slide_step(ints, floats, sols, space, run, 1.0)
@@ -255,7 +254,7 @@ def newton(
         while shift == 0.0 and fraction == 1.0 and before < CHORD_FROM and iterations < most:
             iterations += 1
             info[I_VALUE] = gradient(ints, floats, sols, space)
-            largest = turn_with(ints, floats, sols, space, solve(ints, floats, space))
+            largest = solve(ints, floats, space)
             if runs:
                 slide_step(ints, floats, sols, space, run, 1.0)
                 largest = run_through(ints, floats, space, run)

@@ -13,8 +13,7 @@ import numpy as np
 
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.network.compiled import inline, part, viewing
-from cable_shape.kernels.network.dead import turn_with
-from cable_shape.kernels.network.graph import factor, solve, step_of_force
+from cable_shape.kernels.network.graph import factor, lead, solve, step_of_force
 from cable_shape.kernels.network.sliding import columns, slide_step
 from cable_shape.kernels.network.system import NONE, assemble, gradient, release
 from cable_shape.kernels.network.tables import (
@@ -157,7 +156,6 @@ def answer(ints: Whole, floats: Floats, sols: Floats, space: Floats, twists: Flo
     sol, work = solution_of(ints, sols, TRIAL), work_of(ints, space)
     release(plan, model, work.G)
     solve(ints, floats, space)
-    turn_with(ints, floats, sols, space, 0.0)
     for j in range(plan.ends.shape[0]):
         for end in range(2):
             k = plan.ends[j, end]
@@ -167,6 +165,7 @@ def answer(ints: Whole, floats: Floats, sols: Floats, space: Floats, twists: Flo
                 put3(work.d, node, 0, add(get3(work.d, node), turn))
             if plan.vertices[k, 1] < 0:
                 put3(work.move, k, 3, take3(twists, k, 0))
+    lead(plan, work)
 
 
 @inline
@@ -349,6 +348,7 @@ def eyelets(
             for k in range(work.move.shape[0]):
                 if plan.vertices[k, 1] < 0:
                     put3(work.move, k, 3, NONE)
+            lead(plan, work)
             spread(ints, floats, sols, space, points, out, c, jumps, part(space, 0, (0,)), part(space, 0, (0, 6)))
 
 
@@ -389,8 +389,8 @@ def column_of(
 
 
 @viewing
-def add_gradient(ints: Whole, floats: Floats, sols: Floats, space: Floats, factor: float, kept: Floats) -> None:
-    """Adds `factor` times the gradient of a model at the solution to `kept`, see `differ`."""
+def add_gradient(ints: Whole, floats: Floats, sols: Floats, space: Floats, by: float, kept: Floats) -> None:
+    """Adds `by` times the gradient of a model at the solution to `kept`, see `differ`."""
     plan, model = plan_of(ints), model_of(ints, floats)
     sol, work = solution_of(ints, sols, TRIAL), work_of(ints, space)
     gradient(ints, floats, sols, space)
@@ -399,17 +399,17 @@ def add_gradient(ints: Whole, floats: Floats, sols: Floats, space: Floats, facto
     closure, pull = part(kept, 12 * n + 3 * m, (m, 3)), part(kept, 12 * n + 6 * m, (ints[2], 3))
     for e in range(n):
         node, C = plan.left[e], take3(model.section, e, 3)
-        put3(slack, e, 0, add(get3(slack, e), scale(factor, get3(work.first, e))))
+        put3(slack, e, 0, add(get3(slack, e), scale(by, get3(work.first, e))))
         left = slope_at(sol.q, node, take3(work.full, e, 0), C)
         right = slope_at(sol.q, node + 1, take3(work.full, e, 6), C)
-        put3(dv, e, 0, add(take3(dv, e, 0), scale(factor, left)))
-        put3(dv, e, 3, add(take3(dv, e, 3), scale(factor, right)))
+        put3(dv, e, 0, add(take3(dv, e, 0), scale(by, left)))
+        put3(dv, e, 3, add(take3(dv, e, 3), scale(by, right)))
     for k in range(n + m):
-        put3(G, k, 0, add(get3(G, k), scale(factor, get3(work.G, k))))
+        put3(G, k, 0, add(get3(G, k), scale(by, get3(work.G, k))))
     for j in range(m):
-        put3(closure, j, 0, add(get3(closure, j), scale(factor, get3(work.sums, j))))
+        put3(closure, j, 0, add(get3(closure, j), scale(by, get3(work.sums, j))))
     for k in range(ints[2]):
-        put3(pull, k, 0, add(get3(pull, k), scale(factor, get3(work.pull, k))))
+        put3(pull, k, 0, add(get3(pull, k), scale(by, get3(work.pull, k))))
 
 
 @viewing
@@ -462,10 +462,10 @@ def one_answer(
     sol, work = solution_of(ints, sols, TRIAL), work_of(ints, space)
     differ(ints, floats, plus, minus, step, sols, space, kept)
     solve(ints, floats, space)
-    turn_with(ints, floats, sols, space, 0.0)
     for k in range(work.move.shape[0]):
         if plan.vertices[k, 1] < 0:
             put3(work.move, k, 3, NONE)
+    lead(plan, work)
     above, below = model_of(ints, plus), model_of(ints, minus)
     for k in range(ds.shape[0]):
         ds[k] = 0.5 / step * (above.s[k] - below.s[k])

@@ -184,7 +184,8 @@ def gradient(ints: Whole, floats: Floats, sols: Floats, space: Floats) -> float:
 def end_moments(plan: Plan, model: Model, q: Floats, D: Floats, G: Floats, matrix: bool) -> None:
     """Dead moments on the ends of spans: minus R^T moment in the gradient, and its derivative if asked.
 
-    It makes the block of that end unsymmetric.
+    It makes the block of that end unsymmetric: minus hat(M), of which the elements' gradient g, M at rest, takes half
+    back: their Hessians are symmetric, where the derivative of a gradient that is not zero has hat(g) / 2 besides.
     """
     for j in range(plan.ends.shape[0]):
         for end in range(2):
@@ -197,7 +198,7 @@ def end_moments(plan: Plan, model: Model, q: Floats, D: Floats, G: Floats, matri
                 if matrix:
                     spin = hat(M)
                     for c in range(9):
-                        D[node, c] -= spin[c]
+                        D[node, c] -= 0.5 * spin[c]
 
 
 @inline
