@@ -11,11 +11,11 @@ from cable_shape.calibration.answers import Answers
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels import batch_tube, rod_answer
-from cable_shape.models.rod_answer import Changes
 from cable_shape.models.rod_state import RodState
 from cable_shape.pose import Grip, Pose
 from cable_shape.predictor import Predictor
 from cable_shape.shape import CableShape
+from cable_shape.solve.answers import Changes
 from cable_shape.uncertainty import Uncertainty, quantiles
 
 _NO_SWING: Array = np.empty((0, 3))
@@ -39,7 +39,10 @@ class BatchTube:
                 level = Grip(Pose())
                 order = np.argsort(~answers.material, kind="stable")  # those that change the cable first
                 changes, twists = answers.changes, answers.twists(level, level)[:, order]
-        of_cable = changes.stiff, changes.lengths, changes.tables, changes.steps
+        stiff = np.array([_stiffness(beside) for beside in changes.cables]).reshape(-1, 6)
+        rests = [np.atleast_2d(beside.rest_curvature) for beside in changes.cables]
+        tables = np.array(rests) if rests else np.empty((0, 1, 3))
+        of_cable = stiff, changes.lengths, tables, changes.steps
         self.known = tuple(np.array(a, order="C") for a in (poses, twists, *of_cable, squares, (misses,)))
 
     def radius(self, state: RodState, shape: CableShape) -> Array:
@@ -68,6 +71,13 @@ def check_tube(uncertainty: Uncertainty, predictor: Predictor, compiled: bool) -
         bound = "in a batch it is known between two grips alone, not in clips or with contact='solve'"
         remedy = "Take Cycle(..., uncertainty=...) row by row, or leave clips and contact out."
         raise ArgumentError.of("uncertainty", "given", bound, remedy)
+
+
+def _stiffness(cable: Cable) -> tuple[float, ...]:
+    """EI1, EI2, GJ, and the compliances in shear and stretch."""
+    shear = 0.0 if cable.shear_stiffness is None else 1.0 / cable.shear_stiffness
+    stretch = 0.0 if cable.axial_stiffness is None else 1.0 / cable.axial_stiffness
+    return (*cable.bending_stiffness, cable.twisting_stiffness, shear, shear, stretch)
 
 
 def _answers_of(uncertainty: Uncertainty, cable: Cable) -> Answers | None:

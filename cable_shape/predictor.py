@@ -22,8 +22,10 @@ from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.problem import GRAVITY, Problem
 from cable_shape.reuse import Ends, unmoved
 from cable_shape.scene import Mesh, Obstacle, Scene
+from cable_shape.scene_parts import clip_names
 from cable_shape.shape import CableShape
 from cable_shape.solve import cosserat
+from cable_shape.solve.answers import ENDS, NUMBERS, check_names
 from cable_shape.solve.network import Network
 from cable_shape.solvers import MODELS, ClosedForm, solver_of
 
@@ -193,18 +195,29 @@ class Predictor:
         """1 where bounds told that the cable has not touched itself, as the last shape was solved for; else 0."""
         return 0 if self._crossing is None else self._crossing.culled
 
-    def sensitivity(self, *, at: str = "cable") -> Array:
-        """(points, 3, 12): how the centreline moves with the ends, d positions at fixed arc length / d (twists).
+    def sensitivity(self, by: Iterable[str] = ENDS, *, at: str = "cable") -> Array:
+        """(points, 3, m): how the centreline moves with what holds the cable, d positions at fixed arc length / d (by).
 
-        Columns: vx vy vz [m/s] wx wy wz [rad/s] of the start, then of the end, in world axes; rotation is about that
-        cable end, or with ``at="gripper"`` about the gripper's own origin. Of the last solved shape.
+        Of the last solved shape, exact; columns are in the order of `by`.
+
+        Parameters
+        ----------
+        by : names, each once
+            "start", "end", and "clip:NAME": six columns, vx vy vz [m/s] wx wy wz [rad/s] in world axes; rotation is
+            about that cable end, or with ``at="gripper"`` about the gripper's own origin, and of a clip about the
+            origin of its pose. "length", "linear_density", "twisting_stiffness", and "bending_stiffness" (the mean of
+            the two, which keep their ratio): one column, per unit; with "length" points keep their share of it, clips
+            and masses their arc length. "body:NAME": six columns, zero for a body that nothing touches. Columns of a
+            free end, and of rotations that a grip or clip leaves free, are zero.
 
         Raises
         ------
         ArgumentError
-            If the model is a closed form by choice, nothing was predicted yet, or the cable touches itself or another.
+            If the model is a closed form by choice, nothing was predicted yet, or the cable touches itself or another;
+            for a name that does not exist; in contact with a body for all but the ends.
         """
         checks.one_of("at", at, ("cable", "gripper"))
+        by = (by,) if isinstance(by, str) else checks.entries("by", by, str, "Write ('start', 'end'), for example.")
         if self.touching:
             raise ArgumentError(
                 "sensitivity() is not known while the cable touches itself or another one. Take differences of predict."
@@ -217,8 +230,8 @@ class Predictor:
         if state is None:
             raise ArgumentError("sensitivity() needs a solution, and there is none yet. Call predict first.")
         if isinstance(state, TouchState):
-            return touching.sensitivity(state, at=at)
-        return cosserat.sensitivity(state, at=at)
+            return _in_contact(state, by, at)
+        return cosserat.sensitivity(state, by, at=at)
 
     @property
     def rod_state(self) -> Network | None:
@@ -285,6 +298,17 @@ class Predictor:
                     "Divide it into convex parts, one obstacle each, or write contact='warn'.",
                 )
         return problem
+
+
+def _in_contact(state: TouchState, by: tuple[str, ...], at: str) -> Array:
+    """`Predictor.sensitivity` of a cable that touches bodies."""
+    check_names(state.problem, by, (*ENDS, *(f"clip:{name}" for name in clip_names(state.problem.clips)), *NUMBERS))
+    for name in by:
+        if name not in ENDS:
+            bound = "while the cable touches a body only 'start' and 'end' are known"
+            raise ArgumentError.of("by", name, bound, "Leave it out, or take differences of predict.")
+    columns = touching.sensitivity(state, at=at)
+    return np.concatenate([columns[:, :, 6 * ENDS.index(name) :][:, :, :6] for name in by], axis=2)
 
 
 def predict(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -146,6 +147,15 @@ class Problem:
         swing = table - np.linspace(table[0], table[-1], len(table))
         if np.abs(swing).max() > _STRAIGHT * np.abs(table).max():
             self.swing = swing
+
+    def beside(self, cable: Cable) -> Problem:
+        """The same on a cable that differs little: weight and inertia change with it, what holds it keeps its place."""
+        other = copy.copy(self)
+        other.cable, other.cache = cable, {}
+        falls = np.array((self.fall(0.0), self.end_fall))
+        other.load = self.load + (cable.linear_density - self.cable.linear_density) * falls
+        other.load_force = np.array([m.mass * other.fall(m.arc_length) for m in self.masses]).reshape(-1, 3)
+        return other
 
     @property
     def end_fall(self) -> Array:

@@ -15,7 +15,7 @@ from cable_shape.files import path_of
 from cable_shape.plug import Plug
 from cable_shape.pose import Pose
 from cable_shape.scene_files import clip_entry, keywords_of, mass_entry, obstacle_entry, plug_entry, pose_entry
-from cable_shape.scene_parts import CLIP_KINDS, Clip, Obstacle, PointMass
+from cable_shape.scene_parts import CLIP_KINDS, Clip, Obstacle, PointMass, clip_names
 from cable_shape.solids import Box, Capsule, Cylinder, HalfSpace, Mesh, Solid, Sphere
 
 __all__ = [
@@ -34,7 +34,7 @@ class Scene:
     Parameters
     ----------
     obstacles, clips, masses : sequence of Obstacle, Clip, PointMass
-        Kept as a tuple. Names of obstacles are unique; clips are in ascending arc length.
+        Kept as a tuple. Names of obstacles are unique, and those of clips; clips are in ascending arc length.
     warn_distance, error_distance : float
         [m], a clearance below these is a warning of severity WARN, ERROR.
     sockets : mapping of name to Pose
@@ -67,7 +67,7 @@ class Scene:
             object.__setattr__(self, name, checks.entries(name, getattr(self, name), kind))
         for name in ("warn_distance", "error_distance"):
             object.__setattr__(self, name, checks.number(name, getattr(self, name), at_least=0.0, unit="m"))
-        _unique_names("obstacles", self.obstacles)
+        _unique_names("obstacles", [obstacle.name for obstacle in self.obstacles])
         if not isinstance(self.sockets, Mapping):
             raise ArgumentError.of("sockets", self.sockets, "it must be a mapping", "Write {name: Pose(...)}.")
         object.__setattr__(self, "sockets", dict(self.sockets))
@@ -85,6 +85,7 @@ class Scene:
                     f"it must be above that of clips[{i}], {clip.arc_length:g} m",
                     "List the clips in the order in which the cable runs through them, no two at one arc length.",
                 )
+        _unique_names("clips", clip_names(self.clips))
 
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any], where: str = "scene", folder: str | Path = ".") -> Scene:
@@ -128,10 +129,10 @@ class Scene:
 SCENE_KEYS = tuple(f.name for f in dataclasses.fields(Scene))
 
 
-def _unique_names(where: str, obstacles: Iterable[Obstacle]) -> None:
-    """Refuses two obstacles of one name: reports could not tell them apart."""
+def _unique_names(where: str, names: Iterable[str]) -> None:
+    """Refuses two parts of one name: reports could not tell them apart."""
     seen: set[str] = set()
-    for obstacle in obstacles:
-        if obstacle.name in seen:
-            raise ArgumentError.of(where, obstacle.name, "names must be unique", "Rename one of them.")
-        seen.add(obstacle.name)
+    for name in names:
+        if name in seen:
+            raise ArgumentError.of(where, name, "names must be unique", "Rename one of them.")
+        seen.add(name)

@@ -14,7 +14,7 @@ One entry a list item; exactly one of the solids in an obstacle::
       - {name: fixture, mesh: fixture.stl, scale: 0.001}
       - {name: camera, box: [0.03, 0.09, 0.03], position: [0, 0.06, 0], link: left_tool}
     clips:
-      - {arc_length: 0.5, position: [0.5, 0, 0.3], quaternion: [0, 0, 0, 1], kind: ball}
+      - {arc_length: 0.5, position: [0.5, 0, 0.3], quaternion: [0, 0, 0, 1], kind: ball, name: guide}
     masses:
       - {arc_length: 0.5, mass: 0.02}
     sockets:
@@ -117,8 +117,8 @@ def _solid(kind: str, value: Any, where: str, folder: Path, scale: Any) -> Solid
 
 
 def _clip(values: Mapping[str, Any], where: str) -> Clip:
-    _required(values, where, ("arc_length", "position"), ("quaternion", "kind"))
-    return Clip(values["arc_length"], _pose(values), values.get("kind", "ball"))
+    _required(values, where, ("arc_length", "position"), ("quaternion", "kind", "name"))
+    return Clip(values["arc_length"], _pose(values), values.get("kind", "ball"), values.get("name"))
 
 
 def _mass(values: Mapping[str, Any], where: str) -> PointMass:
@@ -163,7 +163,8 @@ def obstacle_entry(obstacle: Obstacle) -> dict[str, Any]:
 
 def clip_entry(clip: Clip) -> dict[str, Any]:
     """An item of `clips`."""
-    return {"arc_length": clip.arc_length, **pose_entry(clip.pose), "kind": clip.kind}
+    name = {} if clip.name is None else {"name": clip.name}
+    return {"arc_length": clip.arc_length, **pose_entry(clip.pose), "kind": clip.kind, **name}
 
 
 def mass_entry(mass: PointMass) -> dict[str, Any]:

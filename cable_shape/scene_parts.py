@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import count
 from typing import Any, final
 
 from cable_shape import checks
@@ -41,17 +43,21 @@ class Clip:
 
     "ball" holds the place of the material point, "fixed" its frame, "hinge" its place and d3: the cable may roll.
     "slide" is an eyelet without friction through which the cable runs: it holds a place, `arc_length` is about which
-    point is in it, and what is found is in the shape's `clips`.
+    point is in it, and what is found is in the shape's `clips`. Of a scene's clips those without a `name` are "clip0",
+    "clip1" and so on, in order of arc length.
     """
 
     arc_length: float
     pose: Pose
     kind: str = "ball"
+    name: str | None = None
 
     def __post_init__(self) -> None:
         _number(self, "arc_length", "m")
         checks.instance("Clip.pose", self.pose, (Pose,), "Write Pose(position, quaternion).")
         checks.one_of("Clip.kind", self.kind, CLIP_KINDS)
+        if self.name is not None:
+            checks.word("Clip.name", self.name)
         if self.pose.turns:
             raise ArgumentError.of(
                 "Clip.pose.turns",
@@ -59,6 +65,12 @@ class Clip:
                 "windings are counted at the cable's end only",
                 "Give the end's Pose the turns; a clip's own come from the path that led there.",
             )
+
+
+def clip_names(clips: Iterable[Clip]) -> tuple[str, ...]:
+    """The names of clips in ascending arc length: their own, or "clip0", "clip1" and so on for those without."""
+    number = count()
+    return tuple(f"clip{next(number)}" if clip.name is None else clip.name for clip in clips)
 
 
 @final

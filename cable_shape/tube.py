@@ -13,10 +13,10 @@ from cable_shape.calibration.parameters import Parameters, held
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels import tube
-from cable_shape.models.rod_common import MODEL
 from cable_shape.pose import Ends, FreeEnd, Grip, Pose, as_grip
 from cable_shape.predictor import Predictor
 from cable_shape.shape import CableShape
+from cable_shape.solve.outcome import MODEL
 from cable_shape.tails import Tail, held_frame
 from cable_shape.uncertainty import Tube, Uncertainty
 

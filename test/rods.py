@@ -99,7 +99,7 @@ def on_mesh(state: Network, counts: list[int], layer: float | None = None) -> Ca
         depth = layers[j] if layer is None else layer * (b - a)
         rod_mesh.layered(b - a, min(max(depth, 1e-5 * (b - a)), b - a), x, density)
         pieces.append((x + a, density))
-    state._lay_out(pieces, np.array(counts))
+    state._lay_out(pieces, tuple(counts))
     points = state.problem.points
     buffer, loads = CableShape.new_buffer(points), np.empty((state.spans + 1, 7))
     for _ in range(4):

@@ -245,6 +245,26 @@ def test_groups_put_what_the_model_lacks_into_the_error_bars() -> None:
     assert apart["bending_stiffness"].relative > 1.2 * few["bending_stiffness"].relative / math.sqrt(16 / 5)
 
 
+@pytest.mark.parametrize("kind", ["ball", "hinge", "slide"])
+def test_a_cable_in_a_clip_is_found_with_the_clip(kind: str) -> None:
+    rng = np.random.default_rng(8)
+    start, end = cs.Pose((0, 0, 0), ALONG_X.as_quat()), cs.Pose((0.75, 0.1, 0.0), ALONG_X.as_quat())
+    shape = cs.predict(TRUE, start, end, points=101)
+    middle = cs.Pose(shape.positions[40] + (0.0, 0.03, 0.04), shape.quaternions[40])
+    scene = cs.Scene(clips=[cs.Clip(0.4, middle, kind)], masses=[cs.PointMass(0.7, 0.005)])
+    shape = cs.predict(TRUE, start, end, points=101, scene=scene)
+    seen = [cs.Observation(start, end, shape.positions[3:-3:3] + 3e-4 * rng.normal(size=(32, 3)))]
+    fit = ("bending_stiffness", "length")
+    found = cs.calibrate(seen, rough(TRUE, 1.5, length=1.003), fit, scene=scene)
+    assert found.converged
+    assert not found.trouble
+    assert abs(math.log(found["bending_stiffness"].value / 0.004)) < 3.0 * found["bending_stiffness"].relative
+    assert abs(found["length"].value - 1.0) < 3.0 * found["length"].standard_error
+    assert found["bending_stiffness"].relative < 0.2
+    without = cs.calibrate(seen, rough(TRUE, 1.5, length=1.003), fit)
+    assert np.median(without.distances) > 5.0 * np.median(found.distances)
+
+
 def test_moving_cable_needs_its_acceleration() -> None:
     rng = np.random.default_rng(7)
     seen, still = [], []

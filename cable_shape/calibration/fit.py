@@ -16,6 +16,7 @@ from cable_shape.calibration.result import Calibration, correlation_of, estimate
 from cable_shape.calibration.robust import Robust
 from cable_shape.errors import ArgumentError
 from cable_shape.problem import GRAVITY
+from cable_shape.scene import Scene
 
 
 def calibrate(
@@ -25,6 +26,7 @@ def calibrate(
     *,
     priors: Mapping[str, float] | None = None,
     gravity: ArrayLike = GRAVITY,
+    scene: Scene | None = None,
     proceed: Callable[[int, float], bool] | None = None,
 ) -> Calibration:
     """The cable whose predicted shapes come nearest to the observed points, and how well it is known.
@@ -50,6 +52,8 @@ def calibrate(
         fraction of it; of "rest_curvature_along" that of its change over the whole length, 3 / length by default.
     gravity : (3,) array_like
         [m/s^2], world.
+    scene : Scene, optional
+        Its clips held the cable, its masses loaded it; its obstacles did not touch it.
     proceed : callable, optional
         Is asked before each iteration, with its number and the scale of the misses [m], whether to go on. If not, the
         result is where the fit is then, not converged.
@@ -66,7 +70,7 @@ def calibrate(
     if proceed is not None and not callable(proceed):
         raise ArgumentError.of("proceed", proceed, "it must be a function", "Leave it out, or give one.")
     parameters = Parameters(cable, (fit,) if isinstance(fit, str) else fit, priors)
-    forward = Forward(parameters, seen, gravity=gravity)
+    forward = Forward(parameters, seen, gravity=gravity, scene=scene)
     owners = np.repeat(np.arange(len(seen)), [len(o.points) for o in seen])
     groups = np.array([-1 - i if o.group is None else o.group for i, o in enumerate(seen)])
     if any(o.group is not None and o.group < 0 for o in seen):

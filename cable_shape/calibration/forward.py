@@ -13,11 +13,11 @@ from cable_shape.calibration.observation import Observation
 from cable_shape.calibration.parameters import Parameters, held
 from cable_shape.checks import Array
 from cable_shape.kernels.misses import changes, misses
-from cable_shape.models import cosserat
-from cable_shape.models.rod_state import RodState
 from cable_shape.pose import Grip
 from cable_shape.problem import Problem
 from cable_shape.shape import CableShape
+from cable_shape.solve import cosserat
+from cable_shape.solve.network import Network
 
 #: Points of a centreline that observed points are compared with; between them it is cubic.
 POINTS = 101
@@ -42,7 +42,7 @@ class Forward:
         self.parameters = parameters
         self.observations = list(observations)
         self._loads = loads
-        self._states: list[RodState | None] = [None] * len(self.observations)
+        self._states: list[Network | None] = [None] * len(self.observations)
         self._last: tuple[Array, list[CableShape]] | None = None  # values, and all shapes with them
 
     def centrelines(self, values: Array) -> list[Array]:
@@ -127,7 +127,7 @@ class Forward:
             problem.move(start, held(seen.end, far))
             state = self._states[i]
             if state is None:
-                state = self._states[i] = RodState(problem)
+                state = self._states[i] = Network(problem)
             found.append(cosserat.solve(problem, state))
         self._last = None if which is not None else (values.copy(), found)
         return found

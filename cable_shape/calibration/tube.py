@@ -7,10 +7,10 @@ from numpy.typing import ArrayLike
 
 from cable_shape.calibration.parameters import held
 from cable_shape.calibration.result import Calibration
-from cable_shape.models.rod_common import MODEL
 from cable_shape.pose import FreeEnd, Grip, Pose, as_grip
 from cable_shape.predictor import Predictor
 from cable_shape.problem import GRAVITY
+from cable_shape.solve.outcome import MODEL
 from cable_shape.tube import TubeWatch
 from cable_shape.uncertainty import CONFIDENCE, Tube, Uncertainty
 

@@ -82,6 +82,19 @@ def _material_of(problem: Problem) -> Material:
     return Material(breaks, pieces, stops, not rest.any())
 
 
+def shared_loads(problem: Problem, arcs: Array) -> tuple[Array, Array, Array]:
+    """Concentrated loads: (m+1, 3) [N] on supports at arc lengths `arcs` (m+1,); arc lengths (k,) and forces (k, 3) of
+    the others."""
+    own = np.zeros((arcs.size, 3))
+    at, force = problem.load_arc_length, problem.load_force
+    if at.size == 0:
+        return own, at, force
+    near = np.abs(at[:, None] - arcs).argmin(axis=1)
+    held = np.abs(at - arcs[near]) < AT * arcs[-1]
+    np.add.at(own, near[held], force[held])
+    return own, at[~held], force[~held]
+
+
 def _piece(cable: CableProperties, first: Array, last: Array, load: Array) -> Array:
     """One row of pieces: rest curvature (3,) [1/m] and load (2, 3) [N/m] at its ends."""
     stiffness = (*cable.bending_stiffness, cable.twisting_stiffness)

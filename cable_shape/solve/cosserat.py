@@ -19,12 +19,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cable_shape.checks import Array
-from cable_shape.errors import ArgumentError
-from cable_shape.kernels.network import respond
 from cable_shape.problem import Problem
 from cable_shape.shape import CableShape, Status
+from cable_shape.solve.answers import sensitivity
 from cable_shape.solve.network import Network
-from cable_shape.solve.outcome import MODEL, turn_about
+from cable_shape.solve.outcome import MODEL
 from cable_shape.solve.search import FAR, WARM_ITERATIONS, Search
 
 __all__ = ["MODEL", "sensitivity", "smallest_eigenvalue", "solve", "solve_beside"]
@@ -85,29 +84,6 @@ def solve_beside(
         state.take(problem)
     search = Search(problem, state, math.inf, perf_counter())
     return search.beside(frames, np.asarray(force, dtype=np.float64), fineness)
-
-
-def sensitivity(state: Network, *, at: str = "cable") -> Array:
-    """(n, 3, 12): change of the last solution's positions at fixed arc length with the poses of the two ends.
-
-    Columns: velocity (3) [m/s] and angular velocity (3) [rad/s] of the start, then of the end, world axes; rotation is
-    about that cable end, or with ``at="gripper"`` about the gripper's own origin. Columns of a free end, and of
-    rotations that a grip leaves free, are zero; clips stand still, and the cable runs on through its eyelets.
-    """
-    if state.history == 0:
-        raise ArgumentError("sensitivity() is not allowed yet: there is no solution. Call predict first.")
-    problem = state.problem
-    out, df = np.empty((problem.points, 3, 12)), np.empty((len(state.rings), 12))
-    state.refresh()
-    knots = np.array((0, state.spans), dtype=np.int64)
-    respond.sensitivities(state.ints, state.floats, state.sols, state.work, problem.points, knots, out, df)
-    if state.forces < state.spans:
-        out[:, :, 6:] = 0.0
-    if state.rings:
-        _, J, slid = state.pulls(problem.points)
-        out -= np.einsum("pik,kc->pic", slid, np.linalg.solve(J, df))
-    turn_about(at, problem, out)
-    return out
 
 
 def smallest_eigenvalue(state: Network) -> float:

@@ -21,7 +21,7 @@ from cable_shape.kernels.rod_guess import hanging_force, tangent
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.problem import NAMED_TOLERANCE, Problem
 from cable_shape.shape import CableShape
-from cable_shape.solve.cables import AT, Structure, material_of, structure_of
+from cable_shape.solve.cables import AT, Structure, material_of, shared_loads, structure_of
 from cable_shape.solve.mesh import Piece, indicated, interpolated, layered
 from cable_shape.solve.plan import Whole, make_plan
 
@@ -160,17 +160,10 @@ class Network:
         self.stretch = 0.0 if cable.axial_stiffness is None else 1.0 / cable.axial_stiffness
         self.elastic = cable.axial_stiffness is not None or cable.shear_stiffness is not None
         self.round_straight = stiffness[0] == stiffness[1] and self.material.straight
-        at, weight = problem.load_arc_length, problem.load_force
-        self._own: Array = np.zeros((arcs.size, 3))  # dead forces on the supports
-        if at.size:
-            near = np.abs(at[:, None] - arcs).argmin(axis=1)
-            held = np.abs(at - arcs[near]) < AT * length
-            np.add.at(self._own, near[held], weight[held])
-            at, weight = at[~held], weight[~held]
-        self.points, self.weights = at, weight
+        self._own, self.points, self.weights = shared_loads(problem, arcs)
         self.mean_load: Array = 0.5 * (problem.load[0] + problem.load[1])
-        if at.size:
-            self.mean_load = self.mean_load + weight.sum(axis=0) / length
+        if self.points.size:
+            self.mean_load = self.mean_load + self.weights.sum(axis=0) / length
         if problem.swing is not None:
             rows = len(problem.swing)
             self.mean_load = self.mean_load - cable.linear_density * problem.swing.sum(axis=0) / (rows - 1)
@@ -265,7 +258,10 @@ class Network:
             span = np.searchsorted(bounds, stops) - 1
             running = {knot + side for knot in self.rings for side in (-1, 0)}
             stops = stops[held & ~np.isin(span, list(running))]
-        return np.union1d(stops, self.points) if self.points.size else stops
+        if self.points.size == 0:
+            return stops
+        apart = np.abs(stops[:, None] - self.points).min(axis=1, initial=math.inf) > AT * self.length
+        return np.union1d(stops[apart], self.points)
 
     @staticmethod
     def _as_dense(nodes: Array) -> tuple[Array, Array]:

@@ -8,11 +8,10 @@ from itertools import pairwise
 import numpy as np
 
 from cable_shape.checks import Array
-from cable_shape.errors import ArgumentError
 from cable_shape.kernels.frames import align, straight
 from cable_shape.kernels.network.drive import STRAIGHT
 from cable_shape.kernels.rod_guess import tangent
-from cable_shape.pose import FreeEnd, Grip
+from cable_shape.pose import FreeEnd
 from cable_shape.problem import Problem
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve.network import Network
@@ -112,20 +111,6 @@ def straight_lines(
         positions[inside] = corners[j] + np.outer((s[inside] - arcs[j]) / (arcs[j + 1] - arcs[j]), step)
         quaternions[inside] = q
     return shape
-
-
-def turn_about(at: str, problem: Problem, out: Array) -> None:
-    """Changes sensitivities (n, 3, 12) about the cable's ends into those about the grippers' origins, if asked."""
-    if at == "cable":
-        return
-    if at != "gripper":
-        raise ArgumentError.of("at", at, "it must be 'cable' or 'gripper'", "Choose one of these.")
-    for column, end in ((0, problem.start), (6, problem.end)):
-        if isinstance(end, Grip):
-            # v_cable = v_gripper + w x arm
-            x, y, z = end.cable_frame.position - end.pose.position
-            arm = np.array(((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0)))
-            out[:, :, column + 3 : column + 6] += out[:, :, column : column + 3] @ arm
 
 
 def _name(support: int, spans: int) -> str:

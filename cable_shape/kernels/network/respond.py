@@ -168,20 +168,31 @@ def answer(ints: Whole, floats: Floats, sols: Floats, space: Floats, twists: Flo
     lead(plan, work)
 
 
+@inline
+def slope_at(q: Floats, k: int, n: Vector, C: Vector) -> Vector:
+    """r' = R V at node k under the force n."""
+    R = rotation(get4(q, k))
+    return apply(R, add(E3, times(C, tapply(R, n))))
+
+
 @viewing
 def spread(
-    ints: Whole, floats: Floats, sols: Floats, space: Floats, points: int, out: Floats, column: int, jumps: Floats
-) -> None:
+    ints: Whole, floats: Floats, sols: Floats, space: Floats, points: int, out: Floats, column: int, jumps: Floats,
+    ds: Floats, dv: Floats,
+) -> None:  # fmt: skip
     """Fills out[:, :, column] (c points, 3, m) with the change of the positions that d, forces and places make.
 
     jumps (m, 3): by how much more the cable moves where a span begins than its knot does. `Work.slack`: what else
-    changes of the elements' steps in position.
+    changes of the elements' steps in position. ds (n,), dv (N, 6): change of the arc length of the nodes, and what else
+    changes of r' at the left and right of the elements, points keeping their share of the length; ds (0,): nothing.
     """
     plan, model = plan_of(ints), model_of(ints, floats)
     sol, work = solution_of(ints, sols, TRIAL), work_of(ints, space)
+    stretched = ds.shape[0] > 0
     for c in range(plan.cables.shape[0] - 1):
         last = plan.cables[c + 1] - 1
-        length = model.s[plan.first[last + 1] + last]
+        far = plan.first[last + 1] + last
+        length = model.s[far]
         i = 0
         r = NONE
         for j in range(plan.cables[c], last + 1):
@@ -196,15 +207,27 @@ def spread(
                 )
                 rb = subtract(r, change)
                 C = take3(model.section, e, 3)
-                va = node_slope(sol.q, node, da, take3(work.full, e, 0), dl, C)
-                vb = node_slope(sol.q, node + 1, db, take3(work.full, e, 6), dl, C)
+                left, right = take3(work.full, e, 0), take3(work.full, e, 6)
+                va = node_slope(sol.q, node, da, left, dl, C)
+                vb = node_slope(sol.q, node + 1, db, right, dl, C)
                 h, s0 = model.h[e], model.s[node]
+                dh, ta, tb = 0.0, NONE, NONE
+                if stretched:
+                    dh = ds[node + 1] - ds[node]
+                    ta, tb = slope_at(sol.q, node, left, C), slope_at(sol.q, node + 1, right, C)
+                    va = add(va, add(take3(dv, e, 0), scale(dh / h, ta)))
+                    vb = add(vb, add(take3(dv, e, 3), scale(dh / h, tb)))
                 ends = e == plan.first[last + 1] - 1
                 while i < points:
-                    at = i * length / (points - 1)
+                    share = i / (points - 1)
+                    at = share * length
                     if at >= model.s[node + 1] and not ends:
                         break
-                    p = cubic((at - s0) / h, h, r, va, rb, vb)
+                    x = (at - s0) / h
+                    p = cubic(x, h, r, va, rb, vb)
+                    if stretched:  # the point moves in its element where nodes do not keep their share of the length
+                        shift = share * ds[far] - ds[node] - x * dh
+                        p = add(p, scale(shift, cubic_slope(x, scale(-1.0 / h, get3(work.first, e)), ta, tb)))
                     row = c * points + i
                     out[row, 0, column], out[row, 1, column], out[row, 2, column] = p
                     i += 1
@@ -219,6 +242,13 @@ def cubic(x: float, h: float, r: Vector, va: Vector, rb: Vector, vb: Vector) -> 
         add(scale(z * z * (1.0 + 2.0 * x), r), scale(z * z * x * h, va)),
         add(scale(x * x * (3.0 - 2.0 * x), rb), scale(-x * x * z * h, vb)),
     )
+
+
+@inline
+def cubic_slope(x: float, mean: Vector, va: Vector, vb: Vector) -> Vector:
+    """The slope of that cubic, of which `mean` is the mean."""
+    z = 1.0 - x
+    return add(scale(6.0 * x * z, mean), add(scale(z * (1.0 - 3.0 * x), va), scale(x * (3.0 * x - 2.0), vb)))
 
 
 @viewing
@@ -319,7 +349,7 @@ def eyelets(
                 if plan.vertices[k, 1] < 0:
                     put3(work.move, k, 3, NONE)
             lead(plan, work)
-            spread(ints, floats, sols, space, points, out, c, jumps)
+            spread(ints, floats, sols, space, points, out, c, jumps, part(space, 0, (0,)), part(space, 0, (0, 6)))
 
 
 # -- columns
@@ -355,39 +385,53 @@ def column_of(
     answer(ints, floats, sols, space, twists)
     for c in range(df.shape[0]):
         df[c, column] = pull_change(plan, model, sol, work, c)
-    spread(ints, floats, sols, space, points, out, column, jumps)
+    spread(ints, floats, sols, space, points, out, column, jumps, part(space, 0, (0,)), part(space, 0, (0, 6)))
 
 
 @viewing
-def differ(ints: Whole, plus: Floats, minus: Floats, step: float, sols: Floats, space: Floats, kept: Floats) -> None:
+def add_gradient(ints: Whole, floats: Floats, sols: Floats, space: Floats, by: float, kept: Floats) -> None:
+    """Adds `by` times the gradient of a model at the solution to `kept`, see `differ`."""
+    plan, model = plan_of(ints), model_of(ints, floats)
+    sol, work = solution_of(ints, sols, TRIAL), work_of(ints, space)
+    gradient(ints, floats, sols, space)
+    n, m = ints[0], ints[1]
+    dv, slack, G = part(kept, 0, (n, 6)), part(kept, 6 * n, (n, 3)), part(kept, 9 * n, (n + m, 3))
+    closure, pull = part(kept, 12 * n + 3 * m, (m, 3)), part(kept, 12 * n + 6 * m, (ints[2], 3))
+    for e in range(n):
+        node, C = plan.left[e], take3(model.section, e, 3)
+        put3(slack, e, 0, add(get3(slack, e), scale(by, get3(work.first, e))))
+        left = slope_at(sol.q, node, take3(work.full, e, 0), C)
+        right = slope_at(sol.q, node + 1, take3(work.full, e, 6), C)
+        put3(dv, e, 0, add(take3(dv, e, 0), scale(by, left)))
+        put3(dv, e, 3, add(take3(dv, e, 3), scale(by, right)))
+    for k in range(n + m):
+        put3(G, k, 0, add(get3(G, k), scale(by, get3(work.G, k))))
+    for j in range(m):
+        put3(closure, j, 0, add(get3(closure, j), scale(by, get3(work.sums, j))))
+    for k in range(ints[2]):
+        put3(pull, k, 0, add(get3(pull, k), scale(by, get3(work.pull, k))))
+
+
+@viewing
+def differ(
+    ints: Whole, floats: Floats, plus: Floats, minus: Floats, step: float, sols: Floats, space: Floats, kept: Floats
+) -> None:
     """Makes the right-hand side the derivative of the gradient by a number of which two models are 2 `step` apart.
 
-    kept (9 N + 3 n + 3 m + 3 k,): scratch. `Work.slack` takes the change of the elements' steps in position.
+    kept (12 N + 6 m + 3 k,): change of r' at the left and right of the elements (N, 6); and of their steps in position,
+    which `Work.slack` takes; the right-hand side.
     """
-    work = work_of(ints, space)
-    elements, nodes, spans = ints[0], ints[0] + ints[1], ints[1]
-    first, G = part(kept, 0, (elements, 9)), part(kept, 9 * elements, (nodes, 3))
-    closure = part(kept, 9 * elements + 3 * nodes, (spans, 3))
-    pull = part(kept, 9 * elements + 3 * (nodes + spans), (ints[2], 3))
-    gradient(ints, plus, sols, space)
-    copy_rows(first, work.first, 9)
-    copy_rows(G, work.G, 3)
-    copy_rows(closure, work.sums, 3)
-    copy_rows(pull, work.pull, 3)
-    gradient(ints, minus, sols, space)
-    f = 0.5 / step
-    for e in range(elements):
-        for i in range(3):
-            work.slack[e, i] = f * (first[e, i] - work.first[e, i])
-    for k in range(nodes):
-        for i in range(3):
-            work.G[k, i] = f * (G[k, i] - work.G[k, i])
-    for j in range(spans):
-        for i in range(3):
-            work.sums[j, i] = f * (closure[j, i] - work.sums[j, i])
-    for k in range(ints[2]):
-        for i in range(3):
-            work.pull[k, i] = f * (pull[k, i] - work.pull[k, i])
+    kept[:] = 0.0
+    add_gradient(ints, plus, sols, space, 0.5 / step, kept)
+    add_gradient(ints, minus, sols, space, -0.5 / step, kept)
+    gradient(ints, floats, sols, space)  # for forces and moments as they are
+    n, m, work = ints[0], ints[1], work_of(ints, space)
+    copy_rows(work.slack, part(kept, 6 * n, (n, 3)), 3)
+    copy_rows(work.G, part(kept, 9 * n, (n + m, 3)), 3)
+    closure = part(kept, 12 * n + 3 * m, (m, 3))
+    for j in range(m):
+        put3(work.sums, j, 0, get3(closure, j))
+    copy_rows(work.pull, part(kept, 12 * n + 6 * m, (ints[2], 3)), 3)
 
 
 @kernel
@@ -401,37 +445,37 @@ def answers(
     the pull of the eyelets. The matrix must be factored (`refresh`).
     """
     kept = np.empty(12 * ints[0] + 6 * ints[1] + 3 * ints[2])
-    twists, jumps = np.zeros((ints[2], 6)), np.zeros((ints[1], 3))
-    heavy = np.empty((2, ints[1], 3))
+    jumps, ds = np.zeros((ints[1], 3)), np.empty(ints[0] + ints[1])
     for i in range(steps.shape[0]):
         one_answer(
-            ints, floats, models[2 * i], models[2 * i + 1], steps[i], sols, space, points, kept, twists, jumps, heavy,
-            i, out, df,
-        )  # fmt: skip
+            ints, floats, models[2 * i], models[2 * i + 1], steps[i], sols, space, points, kept, jumps, ds, i, out, df
+        )
 
 
 @viewing
 def one_answer(
     ints: Whole, floats: Floats, plus: Floats, minus: Floats, step: float, sols: Floats, space: Floats, points: int,
-    kept: Floats, twists: Floats, jumps: Floats, heavy: Floats, column: int, out: Floats, df: Floats,
+    kept: Floats, jumps: Floats, ds: Floats, column: int, out: Floats, df: Floats,
 ) -> None:  # fmt: skip
-    """One column of `answers`; forces that follow from loads alone change with them."""
+    """One column of `answers`."""
     plan, model = plan_of(ints), model_of(ints, floats)
     sol, work = solution_of(ints, sols, TRIAL), work_of(ints, space)
-    differ(ints, plus, minus, step, sols, space, kept)
+    differ(ints, floats, plus, minus, step, sols, space, kept)
     solve(ints, floats, space)
     for k in range(work.move.shape[0]):
         if plan.vertices[k, 1] < 0:
             put3(work.move, k, 3, NONE)
     lead(plan, work)
     above, below = model_of(ints, plus), model_of(ints, minus)
+    for k in range(ds.shape[0]):
+        ds[k] = 0.5 / step * (above.s[k] - below.s[k])
     for c in range(df.shape[0]):
         j = plan.rings[c, 1]
         node = plan.first[j + 1] + j
         dw = scale(0.5 / step, subtract(get3(above.weight, j + 1), get3(below.weight, j + 1)))
         t = apply(rotation(get4(sol.q, node)), E3)
         df[c, column] = pull_change(plan, model, sol, work, c) - dot(dw, t)
-    spread(ints, floats, sols, space, points, out, column, jumps)
+    spread(ints, floats, sols, space, points, out, column, jumps, ds, part(kept, 0, (ints[0], 6)))
 
 
 # -- stability

@@ -1,0 +1,191 @@
+"""How the last solution answers what holds its cable, and what it is made of: :func:`sensitivity`, :func:`answers`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import final
+
+import numpy as np
+
+from cable_shape.cable import Cable
+from cable_shape.checks import Array
+from cable_shape.errors import ArgumentError
+from cable_shape.kernels.network import drive, respond, tables
+from cable_shape.pose import FreeEnd, Grip
+from cable_shape.problem import Problem
+from cable_shape.scene_parts import clip_names
+from cable_shape.solve.cables import material_of, shared_loads
+from cable_shape.solve.network import Network
+
+ENDS = ("start", "end")
+#: Numbers of a cable that a shape's derivative may be by.
+NUMBERS = ("length", "linear_density", "bending_stiffness", "twisting_stiffness")
+#: Cables beside one are this far from it, as a fraction of the number: nothing is solved for there.
+_NEAR = 1e-6
+#: kg/m, of a cable without weight.
+_LIGHT = 1e-6
+
+
+@final
+class Changes:
+    """Directions in which a cable may change, each told by two cables, `steps` (k,) of it above and below.
+
+    Number and places of the kinks of the rest curvature are those of the cable itself, in shares of the length.
+    """
+
+    __slots__ = ("cables", "lengths", "steps")
+
+    def __init__(self, pairs: Sequence[tuple[Cable, Cable]], steps: Array) -> None:
+        self.cables = [cable for pair in pairs for cable in pair]
+        self.steps = np.array(steps, dtype=np.float64)
+        self.lengths = np.array([cable.length for cable in self.cables])  # (2 k,) m
+
+    @property
+    def longer(self) -> Array:
+        """(k,) [m]: how much longer the cable is a unit of each direction."""
+        return np.asarray(0.5 * (self.lengths[0::2] - self.lengths[1::2]) / self.steps)
+
+
+def answers(state: Network, changes: Changes) -> Array:
+    """(n, 3, k): change of the last solution's positions, a unit of each direction, all that holds it standing still.
+
+    Points keep their share of the length; clips and masses their arc length, and the cable runs on through eyelets.
+    """
+    points, count = state.problem.points, len(changes.steps)
+    out, df = np.empty((points, 3, count)), np.empty((len(state.rings), count))
+    slides = _refreshed(state)
+    models = np.empty((2 * count, state.floats.size))
+    for row, cable in zip(models, changes.cables, strict=True):
+        row[:] = _beside(state, cable)
+    respond.answers(state.ints, state.floats, models, changes.steps, state.sols, state.work, points, out, df)
+    return _run_on(out, df, slides)
+
+
+def sensitivity(state: Network, by: Sequence[str] = ENDS, *, at: str = "cable") -> Array:
+    """(n, 3, m): change of the last solution's positions, by the poses of what holds the cable, and by its numbers.
+
+    `by` names the columns in their order: "start", "end" and "clip:NAME" have six, velocity [m/s] and angular velocity
+    [rad/s], world axes, about that cable end (with ``at="gripper"`` about the gripper's own origin) or the origin of
+    the clip's pose; "body:NAME" six zeros, as nothing touches the cable; "length", "linear_density",
+    "bending_stiffness" (the mean of EI1 and EI2, which keep their ratio) and "twisting_stiffness" one. Points stay at
+    their arc length, by "length" at their share of it. Columns of a free end, and of what a grip or a clip leaves free,
+    are zero; the cable runs on through its eyelets.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no solution yet, or for a name that means nothing here.
+    """
+    if state.history == 0:
+        raise ArgumentError("sensitivity() is not allowed yet: there is no solution. Call predict first.")
+    if at not in ("cable", "gripper"):
+        raise ArgumentError.of("at", at, "it must be 'cable' or 'gripper'", "Choose one of these.")
+    problem = state.problem
+    places = {"start": 0, "end": state.spans}
+    places.update((f"clip:{name}", knot) for knot, name in enumerate(clip_names(problem.clips), 1))
+    check_names(problem, by, (*places, *NUMBERS))
+    held = [name for name in by if name in places]
+    moved = _moved(state, [places[name] for name in held])
+    blocks = dict(zip(held, np.split(moved, len(held), axis=2), strict=True)) if held else {}
+    for name, end in zip(ENDS, (problem.start, problem.end), strict=True):
+        if name in blocks and isinstance(end, FreeEnd):
+            blocks[name][:] = 0.0
+        elif name in blocks and at == "gripper":
+            assert isinstance(end, Grip)
+            about_gripper(end, blocks[name])
+    if len(held) == len(by):
+        return moved
+    numbers = [name for name in by if name in NUMBERS]
+    if numbers:
+        pairs, steps = zip(*[_pair(problem.cable, name) for name in numbers], strict=True)
+        columns = answers(state, Changes(pairs, np.array(steps)))
+        blocks.update(zip(numbers, np.split(columns, len(numbers), axis=2), strict=True))
+    still = np.zeros((problem.points, 3, 6))
+    return np.concatenate([blocks.get(name, still) for name in by], axis=2)
+
+
+def check_names(problem: Problem, by: Sequence[str], known: Sequence[str]) -> None:
+    """Refuses names that are not `known`, nor those of bodies around the cable."""
+    if not by:
+        raise ArgumentError.of("by", by, "it must name something", f"Known: {', '.join(known)}.")
+    for name in by:
+        if name not in known:
+            scene = () if problem.scene is None else problem.scene.obstacles
+            bodies = dict.fromkeys(f"body:{body.name}" for body in (*scene, *problem.bodies))
+            if name not in bodies:
+                remedy = f"Known: {', '.join((*known, *bodies))}."
+                raise ArgumentError.of("by", name, "the shape knows no derivative by it", remedy)
+        if by.count(name) > 1:
+            raise ArgumentError.of("by", name, "it must be named once", "Leave it out where it comes again.")
+
+
+def about_gripper(end: Grip, block: Array) -> None:
+    """Changes columns (n, 3, 6) about the cable's end into those about the gripper's origin."""
+    # v_cable = v_gripper + w x arm
+    x, y, z = end.cable_frame.position - end.pose.position
+    block[:, :, 3:] += block[:, :, :3] @ np.array(((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0)))
+
+
+def _moved(state: Network, knots: list[int]) -> Array:
+    """(n, 3, 6 g): change of the positions with the poses of knots."""
+    points, columns = state.problem.points, 6 * len(knots)
+    out, df = np.empty((points, 3, columns)), np.empty((len(state.rings), columns))
+    if knots:
+        slides = _refreshed(state)
+        which = np.array(knots, dtype=np.int64)
+        respond.sensitivities(state.ints, state.floats, state.sols, state.work, points, which, out, df)
+        _run_on(out, df, slides)
+    return out
+
+
+def _refreshed(state: Network) -> tuple[Array, Array] | None:
+    """Factors the matrix; of a cable in eyelets also what moves their arc lengths, see `Network.pulls`."""
+    state.refresh()
+    if not state.rings:
+        return None
+    _, J, slid = state.pulls(state.problem.points)
+    return J, slid
+
+
+def _run_on(out: Array, df: Array, slides: tuple[Array, Array] | None) -> Array:
+    """Adds to columns (n, 3, m) what the cable runs through its eyelets, whose pull they change by df (e, m)."""
+    if slides is not None:
+        J, slid = slides
+        out -= np.einsum("pik,kc->pic", slid, np.linalg.solve(J, df))
+    return out
+
+
+def _beside(state: Network, cable: Cable) -> Array:
+    """The model of another cable on the mesh of this one, as far as the gradient depends on it.
+
+    Nodes at supports and point loads stay at their arc length, those at the ends and at kinks of what varies along the
+    cable at their share of the length; the others stay in between.
+    """
+    problem = state.problem.beside(cable)
+    floats = state.floats.copy()
+    model = tables.model_of.py_func(state.ints, floats)
+    stays = np.union1d(state.bounds()[:-1], state.points)
+    kinks = np.append(np.setdiff1d(state.stops, state.points), state.length)
+    before = np.concatenate((stays, kinks))
+    after = np.concatenate((stays, kinks * (cable.length / state.length)))
+    order = np.argsort(before)
+    model.s[...] = np.interp(state.nodes, before[order], after[order])
+    found = material_of(problem)
+    model.breaks[...], model.piece[...] = found.breaks, found.pieces
+    own, _, model.act[...] = shared_loads(problem, state.arcs)
+    model.force[...] += own - shared_loads(state.problem, state.arcs)[0]
+    drive.refill(state.ints, floats)
+    return floats
+
+
+def _pair(cable: Cable, name: str) -> tuple[tuple[Cable, Cable], float]:
+    """Two cables that differ in one of NUMBERS, and half by how much."""
+    if name == "bending_stiffness":
+        mean = cable.mean_bending_stiffness
+        pair = [[(1.0 + sign * _NEAR) * x for x in cable.bending_stiffness] for sign in (1.0, -1.0)]
+        return (cable.replace(bending_stiffness=pair[0]), cable.replace(bending_stiffness=pair[1])), _NEAR * mean
+    value = getattr(cable, name)
+    step = _LIGHT if value == 0.0 else _NEAR * value
+    low = max(value - step, 0.0)
+    high = value + step
+    return (cable.replace(**{name: high}), cable.replace(**{name: low})), 0.5 * (high - low)
