@@ -13,12 +13,13 @@ from collections import Counter
 
 import numpy as np
 from cosserat_figures import Figures, heading
+from cosserat_order import compiled
 from cosserat_random import random_grasp
 from scipy.spatial.transform import Rotation
 from tqdm import tqdm
 
 from cable_shape.cable import Cable
-from cable_shape.kernels import rod_drive
+from cable_shape.kernels.network.newton import CONVERGED
 from cable_shape.pose import Pose
 from cable_shape.problem import Problem
 from cable_shape.shape import CableShape, Status
@@ -55,22 +56,17 @@ def follow(jump: Jump, turn: float, smallest: float) -> np.ndarray | None:
     problem = Problem(cable, points=POINTS, tolerance=1e-6 * cable.length).move(start, end)
     state.take(problem)
     state.aim(problem.start, problem.end)
-    origin = state.ends.copy()
+    origin = state.poses.copy()
     goal = state.aim(problem.start, problem.move(start, there).end)
-    rod_drive.wind(origin, goal)
     buffer = CableShape.new_buffer(POINTS)
 
     def reached(history: int, iterations: int, far: float) -> bool:
-        code = rod_drive.solve(
-            state.par, state.mesh, state.sol, state.work, buffer, state.info, state.elements, state.width, POINTS,
-            history, True, iterations, far,
-        )  # fmt: skip
-        return code == rod_drive.CONVERGED
+        return compiled(state, buffer, history, True, iterations, far) == CONVERGED
 
     done, step, history = 0.0, 0.01, 1
     while done < 1.0:
         at = min(1.0, done + step)
-        state.target[:] = between(origin, goal, at)
+        state.target[...] = between(origin, goal, at)
         if reached(history, 12, turn):
             done, step, history = at, 1.5 * step, 2
             if state.far_too_coarse(state.info.tolist()) and state.next_mesh():

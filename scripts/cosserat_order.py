@@ -14,8 +14,9 @@ from cosserat_cases import error_of, load, reach
 from cosserat_figures import Figures, heading
 from tqdm import tqdm
 
-from cable_shape.kernels import rod_drive, rod_mesh
-from cable_shape.kernels.rod_newton import CONVERGED
+from cable_shape.kernels import rod_mesh
+from cable_shape.kernels.network import drive
+from cable_shape.kernels.network.newton import CONVERGED
 from cable_shape.solve.network import Network
 
 COARSEST, DOUBLINGS = 12, 3
@@ -32,22 +33,27 @@ SHOWN = (
 FLOOR = 5e-12
 
 
+def compiled(state: Network, buffer: np.ndarray, history: int, guard: bool, most: int, far: float) -> int:
+    """One compiled solve for the trial of a plain cable, see `drive.solve`."""
+    return drive.solve(
+        state.ints, state.floats, state.sols, state.work, buffer, state.info, np.empty((0, 7)), state.problem.points,
+        history, False, False, guard, most, far,
+    )  # fmt: skip
+
+
 def solve_on(state: Network, elements: int) -> np.ndarray:
     """Positions of the equilibrium next to the last one on a mesh of so many elements, half of them in the layers."""
     problem, length = state.problem, state.problem.cable.length
-    ends = state.ends.copy()
+    poses = state.poses.copy()
     x, density = np.empty(129), np.empty(129)
-    _, layer = state.hanging(ends)
+    layer = float(state._layers(poses)[0])
     rod_mesh.layered(length, min(max(layer, 1e-5 * length), length), x, density)
-    state._lay_out(x, density, elements)
+    state._lay_out([(x, density)], (elements,))
     state.unsettle()
     buffer = np.empty(17 * problem.points)
     for _ in range(3):  # each begins where the last one ended: until rounding is all that is left
-        state.target[:] = ends
-        code = rod_drive.solve(
-            state.par, state.mesh, state.sol, state.work, buffer, state.info, elements, state.width, problem.points,
-            1, False, 60, math.inf,
-        )  # fmt: skip
+        state.target[...] = poses
+        code = compiled(state, buffer, 1, False, 60, math.inf)
         if code != CONVERGED:
             raise RuntimeError(f"no equilibrium on {elements} elements: {code}")
     return buffer[problem.points : 4 * problem.points].reshape(-1, 3)

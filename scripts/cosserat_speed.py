@@ -14,6 +14,8 @@ from scipy.spatial.transform import Rotation, Slerp
 from tqdm import tqdm
 
 import cable_shape as cs
+from cable_shape.kernels.network.guess import CURVED, HANGING
+from cable_shape.kernels.network.tables import TRIAL
 from cable_shape.problem import Problem
 from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
@@ -136,15 +138,12 @@ def same_guess(cable: cs.Cable, start: cs.Pose, end: cs.Pose, points: int = 11) 
     """A cold start for solve_bvp: the frames and force that the rod solver itself starts from."""
     problem = Problem(cable).move(start, end)
     state = Network(problem)
-    ends = state.aim(problem.start, problem.end)
-    force, layer = state.hanging(ends)
-    state.first_mesh(layer)
-    kind, sag = (1, 0.3) if cable.bending_stiffness[0] > 0.1 else (0, 0.0)
-    state.start_from(ends, force, kind, sag)
-    nodes = state.elements + 1
-    trial = state.sol[2 * state.sol.size // 3 :]
-    s = state.mesh[:nodes]
-    frames = Rotation.from_quat(trial[: 4 * nodes].reshape(nodes, 4))
+    poses = state.aim(problem.start, problem.end)
+    state.first_mesh(poses)
+    kind, sag = (CURVED, 0.3) if cable.bending_stiffness[0] > 0.1 else (HANGING, 0.0)
+    state.start_from(poses, kind, sag)
+    trial, s = state.solution(TRIAL), state.nodes
+    frames = Rotation.from_quat(trial.q)
     x = np.linspace(0.0, cable.length, points)
     between = Slerp(s, frames)
     q = between(x).as_quat()
@@ -157,9 +156,7 @@ def same_guess(cable: cs.Cable, start: cs.Pose, end: cs.Pose, points: int = 11) 
     steps = 0.5 * (tangents[1:] + tangents[:-1]) * np.diff(x)[:, None]
     Y[0:3] = (start.position + np.vstack((np.zeros(3), np.cumsum(steps, axis=0)))).T
     Y[3:7], Y[7:10] = q.T, u.T * np.array((*cable.bending_stiffness, cable.twisting_stiffness))[:, None]
-    Y[10:13] = trial[4 * nodes : 4 * nodes + 3, None] + np.outer(
-        (0.0, 0.0, -9.81 * cable.linear_density), cable.length - x
-    )
+    Y[10:13] = trial.lam[0][:, None] + np.outer((0.0, 0.0, -9.81 * cable.linear_density), cable.length - x)
     return x, Y
 
 

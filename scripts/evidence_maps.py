@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from tqdm import tqdm
 
 import cable_shape as cs
-from cable_shape.kernels import rod_drive
+from cable_shape.kernels.network.drive import I_ESTIMATE
 from cable_shape.problem import Problem
 from cable_shape.shape import CableShape, Status
 from cable_shape.snap import copied
@@ -195,7 +195,7 @@ def meshes(count: int) -> Map:
             eigenvalue = cosserat.smallest_eigenvalue(state) / unit
             status = Status.OK if eigenvalue > 0.0 else Status.UNSTABLE
             error = float(np.linalg.norm(positions - exact, axis=1).max()) / length
-            yield status.value, math.log10(max(error, 1e-16)), state.info[rod_drive.ESTIMATE] / length, eigenvalue
+            yield status.value, math.log10(max(error, 1e-16)), state.info[I_ESTIMATE] / length, eigenvalue
 
     return Map(
         "map_mesh", "stiffness length x mesh size",

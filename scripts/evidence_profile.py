@@ -13,7 +13,7 @@ from evidence_skip import NAME, Job, jobs
 from tqdm import tqdm
 
 import cable_shape as cs
-from cable_shape.kernels import rod_drive
+from cable_shape.kernels.network import drive
 from cable_shape.problem import Problem
 from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
@@ -72,7 +72,7 @@ def phases(job: Job) -> tuple[dict[str, float], float]:
 def in_kernel(rounds: int) -> tuple[float, float]:
     """Median time [s] of a warm solve along M, and of the compiled calls in it."""
     inside: list[float] = []
-    compiled = rod_drive.solve
+    compiled = drive.solve
 
     def watched(*arguments: object) -> object:
         began = perf_counter()
@@ -83,7 +83,7 @@ def in_kernel(rounds: int) -> tuple[float, float]:
     problem = Problem(CABLE)
     state = Network(problem)
     whole, within = [], []
-    rod_drive.solve = watched
+    drive.solve = watched
     try:
         for _ in range(rounds):
             cosserat.solve(problem.move(START, END), state)
@@ -94,7 +94,7 @@ def in_kernel(rounds: int) -> tuple[float, float]:
                 whole.append(perf_counter() - began)
                 within.append(sum(inside))
     finally:
-        rod_drive.solve = compiled
+        drive.solve = compiled
     return float(np.median(whole)), float(np.median(within))
 
 

@@ -9,7 +9,7 @@ from time import thread_time
 import evidence_rivals
 import matplotlib.pyplot as plt
 import numpy as np
-from cosserat_order import solve_on
+from cosserat_order import compiled, solve_on
 from cosserat_speed import CABLE, END, GRASPS, START, Collocation, in_turns, motion, planar_motion, same_guess, states
 from evidence_front import PAPER, front
 from evidence_pages import Pages, figures, table, timed
@@ -18,8 +18,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from tqdm import tqdm
 
 import cable_shape as cs
-from cable_shape.kernels import rod_drive
-from cable_shape.kernels.rod_newton import CONVERGED
+from cable_shape.kernels.network.newton import CONVERGED
 from cable_shape.problem import Problem
 from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
@@ -140,18 +139,15 @@ def on_meshes(name: str, meshes: Sequence[int]) -> list[Point]:
     points = []
     for n in meshes:
         error = off(solve_on(state, n), exact, cable.length)
-        ends = state.ends.copy()
+        ends = state.poses.copy()
         beside = ends.copy()
-        beside[7] -= 1e-3 * cable.length
+        beside[-1, 0] -= 1e-3 * cable.length
         buffer = np.empty(17 * problem.points)
 
         def there_and_back(ends: np.ndarray = ends, beside: np.ndarray = beside, buffer: np.ndarray = buffer) -> None:
             for target in (beside, ends):
-                state.target[:] = target
-                code = rod_drive.solve(
-                    state.par, state.mesh, state.sol, state.work, buffer, state.info, state.elements, state.width,
-                    problem.points, 1, False, 60, math.inf,
-                )  # fmt: skip
+                state.target[...] = target
+                code = compiled(state, buffer, 1, False, 60, math.inf)
                 if code != CONVERGED:
                     raise RuntimeError(f"no equilibrium on {state.elements} elements: {code}")
 

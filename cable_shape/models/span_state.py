@@ -262,16 +262,6 @@ class SpanState:
         _, _, self.frames, self._arcs_now, self.turns = span_work.slot(self.sol, n, self.spans, NOW)
         _, _, self.target, self._trial_arcs, self._trial_turns = span_work.slot(self.sol, n, self.spans, TRIAL)
 
-    def put_aside(self) -> tuple[Any, ...]:
-        """Mesh and solutions, for `put_back`."""
-        return self.mesh, self.sol, self.work, self.elements, self.where, self.knots, self.arcs, self.info.copy()
-
-    def put_back(self, kept: tuple[Any, ...]) -> None:
-        """Mesh and solutions as they were when put aside; a mesh as coarse as the one now is not tried again."""
-        self.mesh, self.sol, self.work, self.elements, self.where, self.knots, self.arcs, self.info = kept
-        self.fewest = self.elements
-        self._part()
-
     def _load(self, nodes: Array) -> None:
         """Puts the nodes there, and what acts on the elements between them."""
         s, h, load, rest, _ = span_work.mesh_parts(self.mesh, self.elements)
@@ -334,33 +324,8 @@ class SpanState:
         self._load(nodes)
         self._trial_arcs[:] = arcs
 
-    def ran(self) -> None:
-        """Takes over where the last solve has left the eyelets."""
-        self.arcs = self._arcs_now.copy()
-
-    def predicted_arcs(self) -> Array:
-        """The arc lengths of the supports, those at eyelets extrapolated along the motion of the supports."""
-        arcs = self.arcs.copy()
-        if self.history > 1:
-            a = span_drive.pace(self.sol, self.elements, self.spans, self.par[13])
-            now = span_work.slot(self.sol, self.elements, self.spans, NOW)[3]
-            before = span_work.slot(self.sol, self.elements, self.spans, BEFORE)[3]
-            arcs[self.rings] += a * (now - before)[self.rings]
-        return arcs
-
     def refresh(self) -> None:
         """Factors the matrix of the last solution."""
         span_stability.refresh(
             self.par, self.mesh, self.sol, self.work, self.where, self.mask, self.place, self.elements, self.forces
         )
-
-    def eyelets(self, points: int = 0) -> tuple[Array, Array, Array]:
-        """F . d3 of the eyelets (k,) [N], its derivative in the arc lengths there (k, k), and that of the positions
-        (points, 3, k). Needs `refresh`."""
-        k = self.rings.size
-        f, J, out = np.empty(k), np.empty((k, k)), np.empty((points, 3, k))
-        span_stability.eyelets(
-            self.par, self.mesh, self.sol, self.work, self.where, self.mask, self.place, self.elements, self.forces,
-            self.rings, f, J, points, out,
-        )  # fmt: skip
-        return f, J, out
