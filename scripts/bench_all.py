@@ -42,6 +42,7 @@ class Part(NamedTuple):
 PARTS = (
     Part("gradient"),
     Part("cosserat"),
+    Part("network"),
     Part("scene"),
     Part("planner"),
     Part("cell", ("--seconds", "5"), ("--seconds", "2", "--rates", "250", "--rounds", "1"), figures=False),
