@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import final
 
 import numpy as np
@@ -195,7 +195,7 @@ class Predictor:
         """1 where bounds told that the cable has not touched itself, as the last shape was solved for; else 0."""
         return 0 if self._crossing is None else self._crossing.culled
 
-    def sensitivity(self, by: Iterable[str] = ENDS, *, at: str = "cable") -> Array:
+    def sensitivity(self, by: Sequence[str] = ENDS, *, at: str = "cable") -> Array:
         """(points, 3, m): how the centreline moves with what holds the cable, d positions at fixed arc length / d (by).
 
         Of the last solved shape, exact; columns are in the order of `by`.
@@ -217,7 +217,10 @@ class Predictor:
             for a name that does not exist; in contact with a body for all but the ends.
         """
         checks.one_of("at", at, ("cable", "gripper"))
-        by = (by,) if isinstance(by, str) else checks.entries("by", by, str, "Write ('start', 'end'), for example.")
+        if isinstance(by, str):
+            by = (by,)
+        elif by is not ENDS:
+            by = checks.entries("by", by, str, "Write ('start', 'end'), for example.")
         if self.touching:
             raise ArgumentError(
                 "sensitivity() is not known while the cable touches itself or another one. Take differences of predict."

@@ -86,7 +86,7 @@ def sensitivity(state: Network, by: Sequence[str] = ENDS, *, at: str = "cable") 
     check_names(problem, by, (*places, *NUMBERS))
     held = [name for name in by if name in places]
     moved = _moved(state, [places[name] for name in held])
-    blocks = dict(zip(held, np.split(moved, len(held), axis=2), strict=True)) if held else {}
+    blocks = {name: moved[:, :, 6 * i : 6 * i + 6] for i, name in enumerate(held)}
     for name, end in zip(ENDS, (problem.start, problem.end), strict=True):
         if name in blocks and isinstance(end, FreeEnd):
             blocks[name][:] = 0.0
@@ -99,7 +99,7 @@ def sensitivity(state: Network, by: Sequence[str] = ENDS, *, at: str = "cable") 
     if numbers:
         pairs, steps = zip(*[_pair(problem.cable, name) for name in numbers], strict=True)
         columns = answers(state, Changes(pairs, np.array(steps)))
-        blocks.update(zip(numbers, np.split(columns, len(numbers), axis=2), strict=True))
+        blocks.update((name, columns[:, :, i : i + 1]) for i, name in enumerate(numbers))
     still = np.zeros((problem.points, 3, 6))
     return np.concatenate([blocks.get(name, still) for name in by], axis=2)
 
