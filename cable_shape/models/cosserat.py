@@ -1,34 +1,22 @@
-"""The quasistatic Cosserat rod: geometrically exact, of sixth order, warm-started (see docs/method.md).
+"""A rod of a batch, solved by itself: for the tube beside a row and the seed of a table (see docs/planning.md).
 
-    r' = R V,  R' = R hat(u),  n' + f = 0,  m' + r' x n = 0,
-    V = e3 + diag(1/GA, 1/GA, 1/EA) R^T n,  R^T m = diag(EI1, EI2, GJ) (u - u0)
-
-with the frame R (columns d1, d2, d3), the Darboux vector u and the rest curvature u0 in the cable frame, and the force
-n and moment m that the far side exerts, in world axes. Unknown are the rotations of the nodes and the force at the
-end; positions follow. After the geometrically exact rod of Simo, and the discrete rods on quaternions of Lang, Linn
-and Arnold; the element is described in :mod:`cable_shape.kernels.rod_element`.
+Every other rod is solved by :mod:`cable_shape.solve`; this goes when batches do, too.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from time import perf_counter
 
-import numpy as np
-from numpy.typing import ArrayLike
-
-from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
-from cable_shape.kernels import rod_sensitivity, rod_stability
 from cable_shape.models.rod_call import FAR, WARM_ITERATIONS, RodCall
-from cable_shape.models.rod_common import MODEL, turn_about
+from cable_shape.models.rod_common import MODEL
 from cable_shape.models.rod_solve import Solve
 from cable_shape.models.rod_state import RodState
 from cable_shape.problem import Problem
 from cable_shape.shape import CableShape, Status
 
-__all__ = ["MODEL", "sensitivity", "smallest_eigenvalue", "solve", "solve_beside"]
+__all__ = ["MODEL", "solve"]
 
 
 def solve(problem: Problem, state: RodState | None = None, *, deadline: float = math.inf) -> CableShape:
@@ -65,54 +53,3 @@ def solve(problem: Problem, state: RodState | None = None, *, deadline: float = 
         state.settle()
         return rod.shape(Status.OK, "")
     return Solve(rod).run(ends, followed)
-
-
-def solve_beside(
-    problem: Problem,
-    state: RodState,
-    frames: Callable[[Array], Array],
-    force: ArrayLike = (0.0, 0.0, 0.0),
-    *,
-    fineness: float = 2.0,
-) -> CableShape:
-    """The equilibrium next to given frames, stable (OK) or not (UNSTABLE): no branch is sought.
-
-    Parameters
-    ----------
-    frames : callable
-        Arc lengths (k,) [m] to quaternions (k, 4), x y z w, whose signs follow one another along the cable.
-    force : (3,) array_like
-        [N], world: about the force at the end.
-    fineness : float
-        Elements of the first mesh in terms of those of a cold start.
-    """
-    if state.problem is not problem:
-        state.take(problem)
-    rod = RodCall(problem, state, math.inf, perf_counter())
-    return Solve(rod).beside(frames, np.asarray(force, dtype=np.float64), fineness)
-
-
-def sensitivity(state: RodState, *, at: str = "cable") -> Array:
-    """(n, 3, 12): change of the last solution's positions at fixed arc length with the poses of the two ends.
-
-    Columns: velocity (3) [m/s] and angular velocity (3) [rad/s] of the start, then of the end, world axes; rotation is
-    about that cable end, or with ``at="gripper"`` about the gripper's own origin. Columns of a free end, and of
-    rotations that a grip leaves free, are zero.
-    """
-    if state.history == 0:
-        raise ArgumentError("sensitivity() is not allowed yet: there is no solution. Call predict first.")
-    problem = state.problem
-    out = np.empty((problem.points, 3, 12))
-    rod_sensitivity.sensitivity(
-        state.par, state.mesh, state.sol, state.work, state.elements, state.width, problem.points, out
-    )
-    turn_about(at, problem, out)
-    return out
-
-
-def smallest_eigenvalue(state: RodState) -> float:
-    """[N], of the last solution's second variation under its constraints, against the integral of |rotation|^2."""
-    rod = state.par, state.mesh, state.sol, state.work, state.elements, state.width
-    value = float(rod_stability.smallest_eigenvalue(*rod))
-    rod_stability.refresh(*rod, True)  # margins take the factors for those of the solution
-    return value

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import final
 
 import numpy as np
@@ -48,19 +47,6 @@ class Solve:
                 detail = f"the ends are {chord - length:.3g} m further apart than the cable is long ({length:g} m). "
                 return self.rod.no_shape(Status.OVERSTRETCHED, ends, detail)
         return self._walk(ends) if state.history > 0 else self._cold(ends)
-
-    def beside(self, frames: Callable[[Array], Array], force: Array, fineness: float) -> CableShape:
-        """Plain Newton steps from these frames, on a mesh so many times as fine as a cold start's."""
-        state = self.state
-        ends = state.aim(self.rod.problem.start, self.rod.problem.end)
-        _, layer = state.hanging(ends)
-        q = frames(np.linspace(0.0, self.rod.problem.cable.length, 200))
-        turn = 2.0 * np.arccos(np.minimum(1.0, np.abs((q[1:] * q[:-1]).sum(axis=1)))).sum()
-        state.first_mesh(layer, fineness, turn)
-        state.start_with(ends, frames, force)
-        if self.rod.solve(0, COLD_ITERATIONS, guard=False):
-            return self._finish(Status.UNSTABLE)
-        return self.rod.no_shape(Status.NOT_CONVERGED, ends, "")
 
     def _finish(self, status: Status) -> CableShape:
         """Refines the mesh until the error is within tolerance, and reports."""

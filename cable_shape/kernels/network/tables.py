@@ -336,13 +336,6 @@ def work_of(ints: Whole, work: Floats) -> Work:
 
 
 @viewing
-def plan_size(ints: Whole) -> int:
-    """Numbers of a plan with this head."""
-    n, m, k, v, b, t = ints[0], ints[1], ints[2], ints[3], ints[4], ints[5]
-    return HEAD + 6 + n + 18 * m + 2 * k + 2 * v + b + t + 5 * ints[N_CABLES] + 2 * (ints[N_STRIPPED] + ints[N_RINGS])
-
-
-@viewing
 def model_size(ints: Whole) -> int:
     """Numbers of a model with this head."""
     n, m, k, c, p, a = ints[0], ints[1], ints[2], ints[N_CABLES], ints[N_PIECES], ints[N_POINTS]
