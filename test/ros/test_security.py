@@ -64,7 +64,15 @@ def node(start_for_all):
     )  # fmt: skip
     counted = ("cable/predict_shapes", "cable/calibrate/_action/send_goal")
     node.until(lambda: all(node.node.count_services(name) == 2 for name in counted), "the workers and their stand-ins")
+    names = {name for name, _ in OURS.values()}  # whose node a service is may be known later than the service
+    node.until(lambda: set(enclaves_seen(node)) >= names, f"{names} by name")
     return node
+
+
+def enclaves_seen(node):
+    """name -> enclave of the nodes under test"""
+    nodes = node.node.get_node_names_and_namespaces_with_enclaves()
+    return {n: enclave for n, space, enclave in nodes if space == f"/{node.process.namespace}" and n != "cell"}
 
 
 @pytest.mark.parametrize("path", OURS)
@@ -79,15 +87,12 @@ def test_a_policy_allows_what_its_node_has(node, path):
             for kind in expected
         }
 
-    node.until(lambda: all(seen()[kind] >= expected[kind] for kind in expected), f"{expected}, there is {seen()}", 30.0)
+    node.until(lambda: all(seen()[kind] >= expected[kind] for kind in expected), f"all of {expected}")
     assert seen() == expected
 
 
 def test_the_workers_are_in_enclaves_of_their_own(node):
-    space = f"/{node.process.namespace}"
-    nodes = node.node.get_node_names_and_namespaces_with_enclaves()
-    found = {name: enclave for name, own, enclave in nodes if own == space and name != "cell"}
-    assert found == {name: path for path, (name, _) in OURS.items()}
+    assert enclaves_seen(node) == {name: path for path, (name, _) in OURS.items()}
 
 
 def test_the_others_are_allowed_nothing_but_what_our_nodes_offer_or_take():
