@@ -111,8 +111,8 @@ a = np.array((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
 b = np.array((1.0, 0.2, 0.1, 0.0, 0.6, 0.0, 0.8))
 out = np.empty(17 * 5)
 roll = frames.straight(a, b, 1.2, 5, out)
-both = (frames.straight, poses.moved)
-print(poses.moved(a, b, 1.0).hex(), float(roll).hex(), out.tobytes().hex())
+both = (frames.straight, poses.compose)
+print(poses.compose(a, b).tobytes().hex(), float(roll).hex(), out.tobytes().hex())
 print(sum(k.stats.cache_hits.total() for k in both), sum(k.stats.cache_misses.total() for k in both))
 """
 COMPILED, LOADED = "0 2", "2 0"  # cache hits and misses of the two kernels

@@ -34,4 +34,4 @@ def test_replays_are_the_same():
 
 def test_damaged_files_are_read_or_refused():
     kinds = [line.split(":")[0] for line in said_by("--files", "20").splitlines()]
-    assert kinds == ["yaml", "urdf", "mcap", "db3"]
+    assert kinds == ["yaml", "json", "urdf", "stl", "obj", "csv", "npz", "mcap", "db3"]
