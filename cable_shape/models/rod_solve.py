@@ -34,19 +34,15 @@ class Solve:
         self.state = rod.state
         self.softened = False  # whether a stiffer cable has been asked
 
-    def run(self, ends: Array, followed: bool) -> CableShape:
-        """The shape between `ends` (15,), whatever comes; followed: a warm solve has found an equilibrium there."""
+    def run(self, ends: Array) -> CableShape:
+        """The shape between `ends` (15,), from nothing, whatever comes."""
         problem, state = self.rod.problem, self.state
-        if followed:
-            return self._finish(Status.OK)
-        if state.history > 0:
-            ends = ends.copy()
         if state.width > 1 and state.stretch == 0.0:
             chord, length = math.dist(ends[7:10].tolist(), ends[:3].tolist()), problem.cable.length
             if chord >= rod_drive.STRAIGHT * length:
                 detail = f"the ends are {chord - length:.3g} m further apart than the cable is long ({length:g} m). "
                 return self.rod.no_shape(Status.OVERSTRETCHED, ends, detail)
-        return self._walk(ends) if state.history > 0 else self._cold(ends)
+        return self._cold(ends)
 
     def _finish(self, status: Status) -> CableShape:
         """Refines the mesh until the error is within tolerance, and reports."""

@@ -1,4 +1,4 @@
-"""What the solver of a cable in clips keeps from one solve to the next: mesh, the last two solutions, work space."""
+"""What contact between cables keeps of each from one solve to the next: mesh, the last two solutions, work space."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from cable_shape.kernels import rod_mesh, span_drive, span_guess, span_slide, sp
 from cable_shape.kernels.rod_drive import ESTIMATE, INFO, LARGEST_TURN, TURN
 from cable_shape.kernels.span_factor import PLACE
 from cable_shape.kernels.span_work import BEFORE, NOW, TRIAL
-from cable_shape.models import span_mesh
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.problem import NAMED_TOLERANCE, Problem
 from cable_shape.shape import CableShape
+from cable_shape.solve.mesh import Piece, indicated, interpolated, layered
 
 #: Rotations of the cable frame that a grip or a clip leaves free: about d1, d2, d3.
 _FREE_ROTATIONS = {
@@ -180,7 +180,7 @@ class SpanState:
             else:
                 tension = float(np.linalg.norm(self._tip + load * length))
                 layers[j] = math.sqrt(self.bend / max(tension, 1e-9 * self.bend / length**2))
-        pieces, shares = span_mesh.layered(self.arcs, layers)
+        pieces, shares = layered(self.arcs, layers)
         finer = (NAMED_TOLERANCE * self.par[13] / self.problem.tolerance) ** (1.0 / 6.0)
         self.elements = self.history = self.fewest = 0
         self._lay_out(pieces, self._counts(fineness * min(max(finer, 0.75), 3.0) * shares))
@@ -194,7 +194,7 @@ class SpanState:
         errors = span_work.mesh_parts(self.mesh, n)[4]
         if not np.isfinite(errors).all():
             errors = np.ones(n)
-        pieces, shares = span_mesh.indicated(self.nodes, self.where, q, errors, excess, TURN_AIM)
+        pieces, shares = indicated(self.nodes, list(pairwise(self.where)), q, errors, excess, TURN_AIM)
         counts = self._counts(shares)
         if estimate > tolerance:
             if n >= MOST_ELEMENTS:
@@ -229,7 +229,7 @@ class SpanState:
         inside = np.histogram(self.stops, self.arcs)[0]
         return np.maximum(np.ceil(shares).astype(np.int64), FEWEST_ELEMENTS + 2 * inside)
 
-    def _lay_out(self, pieces: list[span_mesh.Piece], counts: Array) -> None:
+    def _lay_out(self, pieces: list[Piece], counts: Array) -> None:
         """Nodes of equal share of each span's density, `counts` elements a span; solutions are carried over."""
         old_nodes, old, n_old = self.nodes.copy(), self.sol, self.elements
         n = int(counts.sum())
@@ -251,7 +251,7 @@ class SpanState:
             for which in (NOW, BEFORE, TRIAL):
                 q, *others = span_work.slot(old, n_old, self.spans, which)
                 q_new, *others_new = span_work.slot(self.sol, n, self.spans, which)
-                q_new[:] = span_mesh.interpolated(nodes, old_nodes, q)
+                q_new[:] = interpolated(nodes, old_nodes, q)
                 for a, b in zip(others, others_new, strict=True):
                     b[:] = a
         self._trial_arcs[:] = self.arcs
@@ -284,7 +284,7 @@ class SpanState:
             return False
         self.first_mesh(frames)
         q, lam, _, arcs, _ = span_work.slot(self.sol, self.elements, self.spans, NOW)
-        q[:] = span_mesh.interpolated(self.nodes, shape.arc_length, shape.quaternions)
+        q[:] = interpolated(self.nodes, shape.arc_length, shape.quaternions)
         middles = 0.5 * (self.nodes[1:] + self.nodes[:-1])
         load = span_work.mesh_parts(self.mesh, self.elements)[2][:, 3:6]
         for i in range(3):

@@ -13,11 +13,11 @@ from cable_shape.kernels.contact_near import BARE, NEAR, NORMAL, PRESS, SPOT
 from cable_shape.kernels.span_factor import PLACE
 from cable_shape.kernels.span_work import BEFORE, NOW, TRIAL
 from cable_shape.models import touch_mesh, touch_resume
-from cable_shape.models.span_mesh import interpolated
 from cable_shape.models.touch_bodies import TouchBodies
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.problem import Problem
 from cable_shape.shape import CableShape
+from cable_shape.solve.mesh import interpolated
 
 MOST_ELEMENTS = 600
 #: Times as many elements as at first, from which on nodes are taken away again, if contacts make a smaller error [L];

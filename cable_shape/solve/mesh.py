@@ -33,13 +33,15 @@ def indicated(
 ) -> tuple[list[Piece], Array]:
     """What a solution's errors (N,) ask for, see ``rod_mesh.indicated``: one share for all elements of the cable.
 
-    runs: first and last node of each span; excess: by which factor the error is above its aim.
+    runs: first and last node of each span, as their elements follow; excess: how many times its aim the error is.
     """
     pieces, shares = [], np.empty(len(runs))
     worst, whole = errors.max(), errors.sum()
+    first = 0
     for j, (a, b) in enumerate(runs):
         x, density = np.empty(b - a + 2), np.empty(b - a + 2)
-        own = errors[a - j : b - j]
+        own = errors[first : first + b - a]
+        first += b - a
         most, part = own.max(), 0.0
         if most > 0.0:  # `rod_mesh.indicated` of this span alone comes to the cable's share
             part = excess * errors.size * worst / whole * (most / worst) ** (6.0 / 7.0)
