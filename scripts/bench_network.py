@@ -194,7 +194,7 @@ def main() -> int:
             figures.at_most(f"{name}, {n} spans, warm", medians[name][n], bound, "{:.0f}", " us")
     for name in ("tree", "clips"):
         slope = np.polyfit(np.log(SPANS), np.log([medians[name][n] for n in SPANS]), 1)[0]
-        figures.at_most(f"{name}, slope of log time over log spans", slope, 1.1, "{:.2f}")
+        figures.at_most(f"{name}, slope of log time over log spans", slope, 1.05, "{:.2f}")
     if options.draw is not None:
         draw(medians, options.draw)
     return finish(figures, options)
