@@ -8,14 +8,10 @@ so is solved by itself, from nothing. Either way a row's answer depends on its o
 
 from __future__ import annotations
 
-import copy
 import math
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
-from itertools import pairwise
-from threading import Lock
 from time import perf_counter
 from typing import final
 
@@ -23,20 +19,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cable_shape import checks
-from cable_shape.batch_seed import MESH_TOLERANCE, Seed, seed_at
 from cable_shape.batch_tube import BatchTube, check_tube
 from cable_shape.cable import Cable
 from cable_shape.checks import Array
 from cable_shape.clearance import ClearanceChecker
 from cable_shape.errors import ArgumentError
-from cable_shape.kernels import batch_cells, batch_rows, margins, rod_drive
-from cable_shape.kernels.rod_newton import CONVERGED
+from cable_shape.kernels import batch_cells, batch_rows, margins
+from cable_shape.kernels.network import beside, drive
+from cable_shape.kernels.network.newton import CONVERGED, I_ITERATIONS
 from cable_shape.margins import MarginWatch
-from cable_shape.models import cosserat as rod_of_rows
-from cable_shape.models.rod_state import RodState
-from cable_shape.pose import Pose
+from cable_shape.pose import GRIP_KINDS, FreeEnd, Grip, Pose
 from cable_shape.predictor import Predictor
-from cable_shape.problem import GRAVITY, Problem
+from cable_shape.problem import GRAVITY
 from cable_shape.report import LOAD_MARGINS
 from cable_shape.scene import Scene
 from cable_shape.shape import NUMBERS_PER_POINT, Status
@@ -48,15 +42,17 @@ from cable_shape.uncertainty import Uncertainty
 #: More numbers than this are not kept: 8 GB of shapes.
 MOST_NUMBERS = 1_000_000_000
 MOST_THREADS = 1024
-#: Units of the lattice of cells: this fraction of the cable's length, and radians; coarse cells are so much wider.
-CELL_REACH, CELL_TURN, COARSER = 0.25, 0.3, 3.0
+#: Units of the lattice of cells: this fraction of the cable's length, and radians.
+CELL_REACH, CELL_TURN = 0.25, 0.3
+#: In clips: the first as a fraction of the shortest stretch between supports, which a grip leaves little room.
+REACH_IN_CLIPS = 0.15
 #: The grips of a cell's shape are at most this fraction of the length apart.
 LONGEST_CHORD = 0.95
 #: Rows in one task.
 TASK_ROWS = 128
 
 #: Codes of `batch_rows.solve_rows` that tell nothing of other shapes.
-_ALONE = (CONVERGED, batch_rows.COARSE, batch_rows.LOST, rod_drive.TOO_FAR)
+_ALONE = (CONVERGED, batch_rows.COARSE, batch_rows.LOST, drive.TAUT)
 
 Rows = NDArray[np.int64]
 
@@ -64,37 +60,43 @@ Rows = NDArray[np.int64]
 def predict_batch(
     cable: Cable,
     starts: ArrayLike,
-    ends: ArrayLike,
+    ends: ArrayLike | FreeEnd | None,
     *,
+    start_kind: str = "clamped",
+    end_kind: str = "clamped",
     model: str = "auto",
     gravity: ArrayLike = GRAVITY,
     scene: Scene | None = None,
     points: int = 150,
     tolerance: float | None = None,
     distributed_load: ArrayLike | None = None,
+    acceleration: ArrayLike | None = None,
     threads: int | None = None,
     time_limit: float | None = None,
     uncertainty: Uncertainty | None = None,
 ) -> ShapeBatch:
-    """The shapes of one cable for many pairs of clamped ends, with clearance and margins.
+    """The shapes of one cable for many pairs of ends, with clearance and margins.
 
     The order of the rows, the other rows and the number of threads change no bit of a row.
 
     Parameters
     ----------
     starts, ends : (k, 7) array_like
-        Position [m] and quaternion x y z w of the cable frame at each end, in the world.
-    model, gravity, points, tolerance, scene, distributed_load
-        As for :func:`predict`. Other models than the rod, clips and contact are solved row by row and far more
-        slowly. Obstacles on robot links are left out.
+        Position [m] and quaternion x y z w of the cable frame at each end, in the world. `ends` may be a FreeEnd, which
+        is that of all rows, or None: free without load.
+    start_kind, end_kind : str
+        How grips hold the ends: "clamped", "swivel" or "pinned", as of :class:`Grip`.
+    model, gravity, points, tolerance, scene, distributed_load, acceleration
+        As for :func:`predict`, the same for all rows. Other models than the rod, clips of kind "slide" and contact are
+        solved row by row and far more slowly. Obstacles on robot links are left out.
     threads : int, optional
         Default: as many as there are cores to run on.
     time_limit : float, optional
         [s]; after it what is done is returned, see `done` and `partial`; looked at between tasks of some 10 ms.
     uncertainty : Uncertainty, optional
         Gives every row a tube, to first order in all that is not known, see `ShapeBatch.radius`; distances and what
-        they use of their margins are those of the tube then. Of the rod between grips, without clips and contact. The
-        poses that are not exactly known are those of `starts` and `ends`.
+        they use of their margins are those of the tube then. Of the rod, without eyelets and contact. The poses
+        that are not exactly known are those of `starts` and `ends`.
 
     Raises
     ------
@@ -117,8 +119,16 @@ def predict_batch(
     deadline = math.inf
     if time_limit is not None:
         deadline = began + checks.number("time_limit", time_limit, above=0.0, unit="s")
-    work = _Work(predictor, _table("starts", starts), _table("ends", ends), deadline, uncertainty)
-    if model in ("cosserat", "auto") and work.compiled and work.even:
+    if acceleration is not None:
+        predictor.accelerate(acceleration)
+    checks.one_of("start_kind", start_kind, GRIP_KINDS)
+    checks.one_of("end_kind", end_kind, GRIP_KINDS)
+    poses = _table("starts", starts)
+    free = FreeEnd() if ends is None else ends if isinstance(ends, FreeEnd) else None
+    how = start_kind, end_kind if free is None else free
+    others = poses.copy() if isinstance(ends, FreeEnd) or ends is None else _table("ends", ends)
+    work = _Work(predictor, poses, others, how, acceleration, deadline, uncertainty)
+    if work.network is not None:
         work.solve_cells(threads)
     work.solve_left()
     batch = work.batch
@@ -131,24 +141,7 @@ def predict_batch(
     return batch
 
 
-@final
-class _CoarseCell:
-    """The shape of a coarse cell, made by the first task that needs it."""
-
-    def __init__(self, make: Callable[[], Seed | None]) -> None:
-        self._make: Callable[[], Seed | None] | None = make
-        self._seed: Seed | None = None
-        self._making = Lock()
-
-    def seed(self) -> Seed | None:
-        """None if there is no good one."""
-        with self._making:
-            if self._make is not None:
-                self._seed, self._make = self._make(), None
-            return self._seed
-
-
-_Task = tuple[Rows, Rows, _CoarseCell]
+_Task = tuple[Rows, Rows]
 
 
 @final
@@ -156,7 +149,14 @@ class _Work:
     """One call of :func:`predict_batch`."""
 
     def __init__(
-        self, predictor: Predictor, starts: Array, ends: Array, deadline: float, uncertainty: Uncertainty | None
+        self,
+        predictor: Predictor,
+        starts: Array,
+        ends: Array,
+        how: tuple[str, str | FreeEnd],
+        acceleration: ArrayLike | None,
+        deadline: float,
+        uncertainty: Uncertainty | None,
     ) -> None:
         if starts.shape != ends.shape:
             raise ArgumentError.of(
@@ -169,33 +169,42 @@ class _Work:
             raise ArgumentError.of(
                 "starts", f"{len(starts)} rows", f"{most} rows of {problem.points} points are allowed", "Split them."
             )
-        self.finer: Problem = copy.copy(problem)
-        self.finer.tolerance = MESH_TOLERANCE * problem.tolerance
         self.predictor, self.problem, self.deadline = predictor, problem, deadline
-        self.starts, self.ends = starts, ends
-        self.reach = CELL_REACH * cable.length
-        self.longest = math.inf if cable.axial_stiffness is not None else LONGEST_CHORD * cable.length
-        self.compiled = cable.mean_bending_stiffness > 0.0 and not problem.clips and scene.contact != "solve"
-        self.even = np.ndim(cable.rest_curvature) == 1  # else every kink of the table would be a node
+        self.starts, self.ends, self.how, self.acceleration = starts, ends, how, acceleration
+        rod = cable.mean_bending_stiffness > 0.0 and predictor.model in ("cosserat", "auto")
+        #: What all rows share, if they are solved together.
+        alone = scene.contact == "solve" or any(clip.kind == "slide" for clip in problem.clips)
+        self.network = None if alone or not rod else self._shared()
         if uncertainty is not None:
-            check_tube(uncertainty, predictor, self.compiled)
-        self.tube = BatchTube(cable, uncertainty)
+            check_tube(uncertainty, predictor, self.network)
+        self.tube = BatchTube(self.network, uncertainty)
         judged = [] if scene.contact == "off" else [body for body in scene.obstacles if body.link is None]
         self.checker = ClearanceChecker(
             Scene(obstacles=judged, warn_distance=scene.warn_distance, error_distance=scene.error_distance),
             radius=0.5 * cable.diameter,
         )
         self.watch = MarginWatch(cable, scene)
-        self.batch = ShapeBatch(len(starts), problem.points, cable.length, self.checker.names, self.checker.horizon)
+        self.batch = ShapeBatch(
+            len(starts), problem.points, cable.length, self.checker.names, self.checker.horizon, len(problem.clips)
+        )
         if uncertainty is not None:
             self.batch.confidence = uncertainty.confidence
             self.batch.radius = np.full((len(starts), problem.points), math.nan)
         self.invalid: NDArray[np.bool_] = np.zeros(len(starts), np.bool_)
         for name, poses in (("starts", starts), ("ends", ends)):
             self._check(name, poses)
-        self.masses: Array = np.empty((len(problem.masses), 4))
-        for row, mass in zip(self.masses, problem.masses, strict=True):
-            row[0], row[1:] = mass.arc_length, mass.mass * problem.gravity
+
+    def _shared(self) -> Network:
+        """The cable as all rows hold it."""
+        network = Network(self.problem)
+        network.tolerance = beside.SHARE * self.problem.tolerance
+        network.aim(*self._grips(Pose(), Pose()))
+        return network
+
+    def _grips(self, start: Pose, end: Pose) -> tuple[Grip, Grip | FreeEnd]:
+        """What holds the ends of a row."""
+        kind, other = self.how
+        return Grip(start, kind), other if isinstance(other, FreeEnd) else Grip(end, other)
 
     def _check(self, name: str, poses: Array) -> None:
         """Normalises the quaternions, and puts rows that are not valid into the errors."""
@@ -216,85 +225,76 @@ class _Work:
         """Every valid row that its cell's shape leads to, in tasks that share nothing but what they read."""
         rows = np.flatnonzero(~self.invalid)
         starts, ends = self.starts[rows], self.ends[rows]
-        fine, coarse = np.empty((2, len(rows), batch_cells.DIMENSIONS), np.int64)
+        told, judged, found = self._told(), self._judged(), self._found()
+        wide = batch_cells.IN_CLIPS if self.problem.clips else batch_cells.DIMENSIONS
+        cells = np.empty((len(rows), wide), np.int64)
 
         def find(a: int, b: int) -> None:
-            batch_cells.keys(starts[a:b], ends[a:b], self.reach, CELL_TURN, COARSER, fine[a:b], coarse[a:b])
+            batch_cells.keys(starts[a:b], ends[a:b], told.reach, told.turn, cells[a:b])
+
+        def solve(task: _Task) -> None:
+            self._solve(task, told, judged, found)
 
         with ThreadPoolExecutor(threads) as pool:
             run = map if threads == 1 else pool.map
             cuts = np.linspace(0, len(rows), threads + 1).astype(int).tolist()
             for _ in run(find, cuts[:-1], cuts[1:]):
                 pass
-            order = np.lexsort((*fine.T, *coarse.T))
-            for _ in run(self._solve, self._tasks(rows[order], fine[order], coarse[order])):
+            order = np.lexsort(cells.T)
+            for _ in run(solve, self._tasks(rows[order], cells[order])):
                 pass
+        self.batch.tell_several_by(cells, rows, lambda keys: _several(told, keys))
 
-    def _tasks(self, rows: Rows, fine: Rows, coarse: Rows) -> Iterator[_Task]:
-        """Rows of one coarse cell, their cells, and the coarse one."""
-        cuts = np.flatnonzero((coarse[1:] != coarse[:-1]).any(axis=1)) + 1
-        for first, last in pairwise((0, *cuts.tolist(), len(rows))):
-            if last > first:
-                cell = _CoarseCell(partial(self._seed, coarse[first]))
-                for a in range(first, last, TASK_ROWS):
-                    b = min(last, a + TASK_ROWS)
-                    yield rows[a:b], fine[a:b], cell
+    def _told(self) -> beside.Told:
+        """The cable, as compiled code takes it."""
+        network, length = self.network, self.problem.cable.length
+        assert network is not None
+        reach, longest = CELL_REACH * length, math.inf
+        if self.problem.clips:
+            reach = REACH_IN_CLIPS * float(np.diff(network.arcs).min())
+        elif self.problem.cable.axial_stiffness is None:
+            longest = LONGEST_CHORD * length
+        return beside.Told(
+            network.bare, network.held, network.knots, network.stops, network.finer(1.0), self.problem.tolerance,
+            reach, CELL_TURN, longest,
+        )  # fmt: skip
 
-    def _seed(self, key: Rows) -> Seed | None:
-        """The shape at the centre of a coarse cell; None if there is no good one."""
-        start, end = np.empty((2, 7))
-        batch_cells.grasp(key, COARSER * self.reach, COARSER * CELL_TURN, self.longest, start, end)
-        return seed_at(self.finer, start, end)
+    def _judged(self) -> batch_rows.Judged:
+        """What shapes are judged by, likewise."""
+        watch, checker = self.watch, self.checker
+        assert self.network is not None
+        end = self._grips(Pose(), Pose())[1]
+        masses, held = self.network.masses(end), isinstance(end, Grip)
+        return batch_rows.Judged(
+            watch.section, watch.limits, watch.soft, held, masses, checker.radius, checker.horizon, *checker.tables
+        )
 
-    def _solve(self, task: _Task) -> None:
-        """Rows of one coarse cell."""
+    def _found(self) -> batch_rows.Found:
+        """Where compiled code puts what it finds."""
+        batch = self.batch
+        radius = np.empty((len(batch), 0)) if batch.radius is None else batch.radius
+        return batch_rows.Found(batch.buffer, batch.info, batch.loads, batch.tables, batch.margin_rows, radius)
+
+    @staticmethod
+    def _tasks(rows: Rows, cells: Rows) -> Iterator[_Task]:
+        """Rows and their cells."""
+        for a in range(0, len(rows), TASK_ROWS):
+            b = a + TASK_ROWS
+            yield rows[a:b], cells[a:b]
+
+    def _solve(self, task: _Task, told: beside.Told, judged: batch_rows.Judged, found: batch_rows.Found) -> None:
+        """Some rows."""
         if perf_counter() > self.deadline:
             return
-        rows, cells, coarse = task
-        seed = coarse.seed()
-        if seed is None:
-            return
-        batch, state, problem = self.batch, seed.state, self.problem
+        batch, rows = self.batch, task[0]
         codes = np.empty(len(rows), np.int64)
-        batch_rows.solve_rows(
-            rows,
-            cells,
-            self.reach,
-            CELL_TURN,
-            self.longest,
-            self.starts,
-            self.ends,
-            state.par,
-            state.mesh,
-            state.sol,
-            state.work,
-            state.elements,
-            seed.mode,
-            state.info[rod_drive.ESTIMATE],
-            seed.loads,
-            problem.points,
-            problem.tolerance,
-            self.watch.soft,
-            self.watch.section,
-            self.watch.limits,
-            self.checker.radius,
-            self.checker.horizon,
-            *self.checker.tables,
-            self.masses,
-            self.tube.known,
-            batch.buffer,
-            batch.info,
-            codes,
-            batch.tables,
-            batch.margin_rows,
-            np.empty((len(batch), 0)) if batch.radius is None else batch.radius,
-        )
+        asked = batch_rows.Rows(*task, self.starts, self.ends)
+        batch_rows.solve_rows(asked, told, judged, self.tube.known, self.problem.points, found, codes)
         good = rows[codes == CONVERGED]
         batch.status[good] = Status.OK.value
-        batch.iterations[good] = batch.info[good, rod_drive.ITERATIONS]
+        batch.iterations[good] = batch.info[good, I_ITERATIONS]
         batch.done[good] = True
-        batch.several[rows] = seed.several
-        batch.several[rows[~np.isin(codes, _ALONE)]] = True
+        batch.flag_several(rows[~np.isin(codes, _ALONE)])
 
     # -- one row by itself
 
@@ -308,33 +308,35 @@ class _Work:
     def _solve_alone(self, row: int) -> None:
         """A row from nothing."""
         batch = self.batch
-        start, end = Pose.trusted(self.starts[row]), Pose.trusted(self.ends[row])
+        start, end = self._grips(Pose.trusted(self.starts[row]), Pose.trusted(self.ends[row]))
         state = None
-        if self.compiled and self.predictor.model in ("cosserat", "auto"):
+        if self.network is not None:
             state = Network(self.problem)
             shape = cosserat.solve(self.problem.move(start, end), state)
         else:
             self.predictor.reset()
-            shape = self.predictor.predict(start, end)
+            shape = self.predictor.predict(start, end, acceleration=self.acceleration)
         batch.buffer[row] = shape.buffer
         info = batch.info[row]
         info[:] = math.nan
-        info[rod_drive.ENERGY], error = shape.energy, shape.unread_error
+        info[drive.I_ENERGY], error = shape.energy, shape.unread_error
         if callable(error):
             batch.unread_errors[row] = error
         else:
-            info[rod_drive.ESTIMATE] = error
-        info[rod_drive.RESIDUAL], info[rod_drive.TWIST] = shape.residual, shape.twist
+            info[drive.I_ESTIMATE] = error
+        info[drive.I_RESIDUAL], info[drive.INFO] = shape.residual, shape.twist
+        info[drive.I_FORCE], info[drive.I_MOMENT] = shape.force_error, shape.moment_error
         batch.iterations[row], batch.turns[row] = shape.iterations, shape.turns
         batch.models[row] = shape.model
+        batch.missing_length[row] = shape.missing_length
+        if shape.supports is not None and len(batch.loads[row]):
+            batch.loads[row, 1:-1] = shape.supports
         batch.status[row] = shape.status.value
         if shape.detail:
             batch.details[row] = shape.detail
         swell = None
         if batch.radius is not None and state is not None and shape.status:
-            beside = RodState(self.problem)
-            rod_of_rows.solve(self.problem, beside)
-            swell = batch.radius[row] = self.tube.radius(beside, shape)
+            swell = batch.radius[row] = self.tube.radius(state, shape)
         clearance = self.checker.check(shape, swell=swell)
         batch.tables[row] = math.nan if clearance.table is None else clearance.table
         rows = batch.margin_rows[row]
@@ -343,10 +345,17 @@ class _Work:
         columns = {kind: i for i, kind in enumerate(LOAD_MARGINS)} | {
             n: margins.BODIES + i for i, n in enumerate(batch.bodies)
         }
-        for margin in self.watch.margins(shape, clearance, 0, state=state, held=True):
+        for margin in self.watch.margins(shape, clearance, 0, state=state, held=isinstance(end, Grip)):
             column = columns[margin.other or margin.kind]
             rows[column, : margins.TIME] = margin.used, margin.limit, margin.value, margin.arc_length
         batch.done[row] = True
+
+
+def _several(told: beside.Told, keys: Rows) -> NDArray[np.bool_]:
+    """(c,): whether guesses lead to several stable shapes at the centres of cells (c, d)."""
+    found = np.zeros(len(keys), np.int64)
+    beside.others(told, keys, np.zeros(drive.INFO + 2), found)
+    return found.astype(np.bool_)
 
 
 def _table(name: str, value: ArrayLike) -> Array:

@@ -217,7 +217,7 @@ class Cable:
     @classmethod
     def from_yaml(cls, path: str | Path) -> Cable:
         """From a YAML file whose keys are the keywords of :class:`Cable`, or of :meth:`from_material`."""
-        from cable_shape.files import load_yaml
+        from cable_shape.yaml_files import load_yaml
 
         return cls.from_mapping(load_yaml(path), where=str(path))
 

@@ -12,7 +12,6 @@ import os
 import stat
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 from cable_shape.errors import ArgumentError, FileError, shown
 
@@ -101,13 +100,6 @@ def regular(path: str | Path, most_bytes: int | None = None, what: str = "file")
     if most_bytes is not None and size > most_bytes:
         raise FileError(f"{file}: {size} bytes, at most {most_bytes} bytes are read. Is it the right {what}?")
     return file
-
-
-def load_yaml(path: str | Path, known: Iterable[str] | None = None) -> dict[str, Any]:
-    """A YAML (or JSON) file whose top level is a mapping; see :func:`cable_shape.yaml_files.load`."""
-    from cable_shape.yaml_files import load
-
-    return load(path, known)
 
 
 def safe_output(folder: str | Path, path: str | Path, endings: Iterable[str] = tuple(BEGINNINGS)) -> Path:

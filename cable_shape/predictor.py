@@ -143,7 +143,7 @@ class Predictor:
             For wrong arguments, or if `links` lacks a link that carries such a body.
         """
         if acceleration is not None:
-            self._accelerate(acceleration)
+            self.accelerate(acceleration)
         elif self.problem is not self._still:
             self._swap(self._still)
         self.problem.move(start, end, links)
@@ -250,8 +250,8 @@ class Predictor:
             return None
         return Crossing(("cable",), [self], self.time_budget)
 
-    def _accelerate(self, acceleration: ArrayLike) -> None:
-        """Makes the problem that of a cable which moves like this."""
+    def accelerate(self, acceleration: ArrayLike) -> None:
+        """Makes the problem that of a cable which moves like this, until the next prediction."""
         problem = self._problem_in(scene=self.scene, acceleration=acceleration)
         before = self.problem.acceleration
         if before is not None and problem.acceleration is not None and np.array_equal(before, problem.acceleration):

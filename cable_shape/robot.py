@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike, NDArray
 from cable_shape import checks
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError, CableShapeError, InputError, RobotError
-from cable_shape.files import load_yaml
 from cable_shape.pose import GRIP_KINDS, IDENTITY, Grip, Pose
 from cable_shape.robot_files import (
     build,
@@ -27,6 +26,7 @@ from cable_shape.robot_files import (
     read_urdf,
 )
 from cable_shape.scene import Obstacle
+from cable_shape.yaml_files import load_yaml
 
 #: the two grippers: left holds the cable's start, right its end
 SIDES = ("left", "right")

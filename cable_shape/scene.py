@@ -103,7 +103,7 @@ class Scene:
     @classmethod
     def from_yaml(cls, path: str | Path) -> Scene:
         """From a YAML file whose keys are the keywords of Scene; the paths of meshes are taken from its folder."""
-        from cable_shape.files import load_yaml
+        from cable_shape.yaml_files import load_yaml
 
         return cls.from_mapping(load_yaml(path), where=str(path), folder=path_of(path).parent)
 

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from cable_shape.checks import Array
 from cable_shape.clearance import NOT_JUDGED
 from cable_shape.errors import ArgumentError
-from cable_shape.kernels import bounds, margins, rod_drive
+from cable_shape.kernels import bounds, margins
+from cable_shape.kernels.network import drive
 from cable_shape.report import BodyDistance, Clearance
 from cable_shape.shape import NUMBERS_PER_POINT, CableShape, Status
 
@@ -36,7 +37,8 @@ class ShapeBatch:
     errors : dict of row to ArgumentError
         Rows whose input is not valid: NaN, or a quaternion that is not of unit length.
     several : (k,) bool
-        The cable has shown other stable shapes for these ends, or for ends close by. Not every such row is found.
+        The cable has shown other stable shapes for these ends, or for ends close by. Not every such row is found. Some
+        are looked for when this is first read.
     details : dict of row to str
         What the status means there, where it is not OK.
     turns, iterations : (k,) int
@@ -54,18 +56,23 @@ class ShapeBatch:
     time : float [s], spent
     """
 
-    def __init__(self, rows: int, points: int, length: float, bodies: tuple[str, ...], horizon: float) -> None:
+    def __init__(
+        self, rows: int, points: int, length: float, bodies: tuple[str, ...], horizon: float, clips: int = 0
+    ) -> None:
         self.points = points
         self.length = length
         self.bodies = bodies
         self.horizon = horizon
         self.buffer: Array = np.empty((rows, NUMBERS_PER_POINT * points))
-        self.info: Array = np.full((rows, rod_drive.INFO), math.nan)  # see kernels.rod_drive
+        self.info: Array = np.full((rows, drive.INFO + 2), math.nan)  # see kernels.network.drive
         self.tables: Array = np.full((rows, len(bodies), bounds.RESULT_COLUMNS), math.nan)  # see kernels.bounds
         self.margin_rows: Array = np.full((rows, margins.BODIES + len(bodies), margins.COLUMNS), math.nan)
         self.status: NDArray[np.int64] = np.full(rows, Status.NOT_CONVERGED.value)
         self.done: NDArray[np.bool_] = np.zeros(rows, np.bool_)
-        self.several: NDArray[np.bool_] = np.zeros(rows, np.bool_)
+        self.loads: Array = np.full((rows, clips + 2 if clips else 0, 7), math.nan)  # see kernels.network.drive
+        self.missing_length: Array = np.zeros(rows)
+        self._several: NDArray[np.bool_] = np.zeros(rows, np.bool_)
+        self._unread_several: Callable[[], None] | None = None
         self.turns: NDArray[np.int64] = np.zeros(rows, np.int64)
         self.iterations: NDArray[np.int64] = np.zeros(rows, np.int64)
         self.models: NDArray[np.str_] = np.full(rows, "cosserat", dtype="<U9")
@@ -84,6 +91,30 @@ class ShapeBatch:
     def usable(self) -> NDArray[np.bool_]:
         """(k,): ``bool(status)`` of each row."""
         return self.done & (self.status <= Status.BUDGET.value)
+
+    @property
+    def several(self) -> NDArray[np.bool_]:
+        """(k,), see the class."""
+        if self._unread_several is not None:
+            look, self._unread_several = self._unread_several, None
+            look()
+        return self._several
+
+    def flag_several(self, rows: NDArray[np.int64]) -> None:
+        """These rows have shown several stable shapes."""
+        self._several[rows] = True
+
+    def tell_several_by(
+        self, cells: NDArray[np.int64], rows: NDArray[np.int64], look: Callable[[NDArray[np.int64]], NDArray[np.bool_]]
+    ) -> None:
+        """What is asked when `several` is first read: whether cells (c, d) have several shapes; those of `rows` (r,)
+        are `cells` (r, d)."""
+
+        def find() -> None:
+            keys, which = np.unique(cells, axis=0, return_inverse=True)
+            self._several[rows] |= look(keys)[which.ravel()]
+
+        self._unread_several = find
 
     @property
     def arc_length(self) -> Array:
@@ -122,24 +153,24 @@ class ShapeBatch:
     @property
     def energy(self) -> Array:
         """(k,) [J]."""
-        return self.info[:, rod_drive.ENERGY]
+        return self.info[:, drive.I_ENERGY]
 
     @property
     def error_estimate(self) -> Array:
         """(k,) [m]; of closed forms it is found when this is first read, see CableShape."""
         for row in list(self.unread_errors):
-            self.info[row, rod_drive.ESTIMATE] = self.unread_errors.pop(row)(self.positions[row])
-        return self.info[:, rod_drive.ESTIMATE]
+            self.info[row, drive.I_ESTIMATE] = self.unread_errors.pop(row)(self.positions[row])
+        return self.info[:, drive.I_ESTIMATE]
 
     @property
     def residual(self) -> Array:
         """(k,)."""
-        return self.info[:, rod_drive.RESIDUAL]
+        return self.info[:, drive.I_RESIDUAL]
 
     @property
     def twist(self) -> Array:
         """(k,) [rad], integral of the twist rate u3."""
-        return self.info[:, rod_drive.TWIST]
+        return self.info[:, drive.INFO]
 
     @property
     def distances(self) -> Array:
@@ -180,20 +211,26 @@ class ShapeBatch:
         """Row `row` as a CableShape; of one that was not done the status is NOT_CONVERGED and positions are NaN."""
         row = range(len(self))[row]
         info = self.info[row]
-        return CableShape(
+        shape = CableShape(
             self.buffer[row],
             self.points,
             length=self.length,
             model=str(self.models[row]),
             status=Status(int(self.status[row])),
             detail=self.details.get(row, ""),
-            energy=float(info[rod_drive.ENERGY]),
-            error_estimate=self.unread_errors.get(row, float(info[rod_drive.ESTIMATE])),
-            residual=float(info[rod_drive.RESIDUAL]),
+            energy=float(info[drive.I_ENERGY]),
+            error_estimate=self.unread_errors.get(row, float(info[drive.I_ESTIMATE])),
+            residual=float(info[drive.I_RESIDUAL]),
             iterations=int(self.iterations[row]),
             turns=int(self.turns[row]),
-            twist=float(info[rod_drive.TWIST]),
+            twist=float(info[drive.INFO]),
+            force_error=float(info[drive.I_FORCE]),
+            moment_error=float(info[drive.I_MOMENT]),
+            missing_length=float(self.missing_length[row]),
         )
+        if self.loads.shape[1]:
+            shape.supports = self.loads[row, 1:-1]
+        return shape
 
     def __iter__(self) -> Iterator[CableShape]:
         return (self[row] for row in range(len(self)))

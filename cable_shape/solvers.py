@@ -66,17 +66,20 @@ class ClosedForm:
 class Rod:
     """The Cosserat rod, in clips, in contact or neither; its warm start is the last solution with its mesh."""
 
-    __slots__ = ("_time_budget", "_touch", "state")
+    __slots__ = ("_spare", "_time_budget", "_touch", "state")
 
     def __init__(self, time_budget: float = math.inf) -> None:
         self.state: Network | None = None
+        self._spare: Network | None = None  # a memory to be used again
         self._time_budget = time_budget  # s
         self._touch: TouchState | None = None
 
     def solve(self, problem: Problem) -> CableShape:
         deadline = math.inf if self._time_budget == math.inf else perf_counter() + self._time_budget
         if self.state is None:
-            self.state = Network(problem)
+            spare = self._spare
+            self.state = spare if spare is not None and spare.forget(problem) else Network(problem)
+            self._spare = None
         if not problem.bodies:
             self._touch = None
             return cosserat.solve(problem, self.state, deadline=deadline)
@@ -95,7 +98,7 @@ class Rod:
         self._touch.resume(shape, supports)
 
     def reset(self) -> None:
-        self.state = self._touch = None
+        self._spare, self.state, self._touch = self.state or self._spare, None, None
 
     def rod_state(self) -> Network | TouchState | None:
         return self._touch if self._touch is not None and self._touch.touching else self.state

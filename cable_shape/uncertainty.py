@@ -163,7 +163,7 @@ class Uncertainty:
     @classmethod
     def from_yaml(cls, path: str | Path) -> Uncertainty:
         """From a YAML file, see :meth:`from_mapping`."""
-        from cable_shape.files import load_yaml
+        from cable_shape.yaml_files import load_yaml
 
         return cls.from_mapping(load_yaml(path), where=str(path))
 

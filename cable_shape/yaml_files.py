@@ -52,7 +52,7 @@ _QUOTED = re.compile(r"'[^']*'|\"[^\"]*\"")
 _Found: TypeAlias = tuple[Any, int, int]
 
 
-def load(path: str | Path, known: Iterable[str] | None = None) -> dict[str, Any]:
+def load_yaml(path: str | Path, known: Iterable[str] | None = None) -> dict[str, Any]:
     """The mapping that is the top level of a YAML file, or of a JSON file by its ending.
 
     known: keys of which one must be at the top, or nearly; default :data:`WORDS`.

@@ -46,9 +46,9 @@ def solve_on(state: Network, elements: int) -> np.ndarray:
     problem, length = state.problem, state.problem.cable.length
     poses = state.poses.copy()
     x, density = np.empty(129), np.empty(129)
-    layer = float(state._layers(poses)[0])
+    layer = float(state.layers(poses)[0])
     rod_mesh.layered(length, min(max(layer, 1e-5 * length), length), x, density)
-    state._lay_out([(x, density)], (elements,))
+    state.lay_out([(x, density)], (elements,))
     state.unsettle()
     buffer = np.empty(17 * problem.points)
     for _ in range(3):  # each begins where the last one ended: until rounding is all that is left

@@ -93,13 +93,13 @@ def on_mesh(state: Network, counts: list[int], layer: float | None = None) -> Ca
     Half of the elements are within a few boundary layers of the spans' ends, of `layer` times the span if given.
     """
     poses, bounds, pieces = state.poses.copy(), state.bounds().copy(), []
-    layers = state._layers(poses)
+    layers = state.layers(poses)
     for j, (a, b) in enumerate(pairwise(bounds)):
         x, density = np.empty(129), np.empty(129)
         depth = layers[j] if layer is None else layer * (b - a)
         rod_mesh.layered(b - a, min(max(depth, 1e-5 * (b - a)), b - a), x, density)
         pieces.append((x + a, density))
-    state._lay_out(pieces, tuple(counts))
+    state.lay_out(pieces, tuple(counts))
     points = state.problem.points
     buffer, loads = CableShape.new_buffer(points), np.empty((state.spans + 1, 7))
     for _ in range(4):

@@ -12,7 +12,6 @@ from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.rod_algebra import qnormal, scale, subtract
 from cable_shape.kernels.rod_between import at_node, landing, middle3, middle4, missed
 from cable_shape.kernels.rod_element import angle_series, element_gradient, element_hessian
-from cable_shape.kernels.rod_factor import backward, border, factor
 
 NONE = (0.0, 0.0, 0.0)
 LINEAR = (0.0, 0.0, 0.0), (0.02, 0.02, 0.01)
@@ -134,43 +133,6 @@ def test_the_angle_series_and_its_derivatives(x):
     assert f == pytest.approx((c * x**j).sum(), rel=1e-12)
     assert f1 == pytest.approx((j[1:] * c[1:] * x ** j[:-1]).sum(), rel=1e-11)
     assert f2 == pytest.approx((j[2:] * (j[2:] - 1) * c[2:] * x ** j[:-2]).sum(), rel=1e-9)
-
-
-def test_factors_solve_the_bordered_system_and_count_its_negative_eigenvalues():
-    rng = np.random.default_rng(3)
-    elements, width = 6, 4
-    size = 3 * (elements + 1)
-    for definite in (True, False):
-        D = np.zeros((elements + 1, 9))
-        for k in range(elements + 1):
-            A = rng.normal(size=(3, 3))
-            D[k] = (A @ A.T + (5.0 if definite else -1.0) * np.eye(3)).ravel()
-        U = rng.normal(size=(elements, 9))
-        X = rng.normal(size=(elements + 1, 3 * width))
-        mask = np.array(((1.0, 1.0, 1.0), (1.0, 1.0, 1.0)))
-        CC = -np.eye(3) * 0.3
-        h = np.full(elements, 1.0)
-        full = np.zeros((size + 3, size + 3))
-        rhs = np.zeros(size + 3)
-        for k in range(elements + 1):
-            rows = slice(3 * k, 3 * k + 3)
-            full[rows, rows] = D[k].reshape(3, 3)
-            columns = X[k].reshape(3, width)
-            full[rows, size:] = columns[:, :3]
-            full[size:, rows] = columns[:, :3].T
-            rhs[rows] = -columns[:, 3]
-            if k < elements:
-                full[rows, 3 * k + 3 : 3 * k + 6] = U[k].reshape(3, 3)
-                full[3 * k + 3 : 3 * k + 6, rows] = U[k].reshape(3, 3).T
-        full[size:, size:] = CC
-        closure = rng.normal(size=3)
-        rhs[size:] = -closure
-        P, Y, W = np.zeros_like(D), np.zeros_like(U), np.zeros_like(X)
-        gram, step, d = np.zeros((width, width)), np.zeros(width), np.zeros((elements + 1, 3))
-        negative = factor(D, U, X, mask, 0.0, h, P, Y, W, gram) + border(gram, CC.ravel(), closure, step)
-        backward(P, Y, W, step, d)
-        assert np.concatenate((d.ravel(), step[:3])) == pytest.approx(np.linalg.solve(full, rhs), abs=1e-9)
-        assert negative == (np.linalg.eigvalsh(full) < 0).sum()
 
 
 def test_the_rule_that_corrects_is_of_sixth_order_and_knows_what_it_misses():

@@ -11,7 +11,8 @@ from time import monotonic
 import pytest
 
 import cable_shape as cs
-from cable_shape.files import TEXT_BYTES, YAML_BYTES, load_yaml, path_of, read_bounded, read_text, regular, safe_output
+from cable_shape.files import TEXT_BYTES, YAML_BYTES, path_of, read_bounded, read_text, regular, safe_output
+from cable_shape.yaml_files import load_yaml
 
 AT_ONCE = 2.0  # s
 

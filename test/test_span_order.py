@@ -80,7 +80,7 @@ def test_nodes_keep_their_shares_between_the_knots():
     sliding.slides_of.py_func(state.ints, run).way[:] = ways
     sliding.move_along(state.ints, state.floats, run, 0.5)
     bounds = state.bounds()
-    assert np.interp(np.sort((*before[[a for a, _ in state._runs()]][1:], 0.6)), before, before) == pytest.approx(
+    assert np.interp(np.sort((*before[[a for a, _ in state.runs]][1:], 0.6)), before, before) == pytest.approx(
         np.sort((*(bounds[1:-1] - 0.5 * ways), 0.6))
     )
     old, new = np.sort((*(bounds[1:-1] - 0.5 * ways), 0.6)), np.sort((*bounds[1:-1], 0.6))

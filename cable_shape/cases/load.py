@@ -22,9 +22,10 @@ from cable_shape.cable import Cable
 from cable_shape.cases.case import Case
 from cable_shape.cases.reference import reference_case
 from cable_shape.errors import ArgumentError, shown
-from cable_shape.files import load_yaml, path_of
+from cable_shape.files import path_of
 from cable_shape.pose import IDENTITY, FreeEnd, Grip, Pose
 from cable_shape.scene import Scene
+from cable_shape.yaml_files import load_yaml
 
 T = TypeVar("T")
 

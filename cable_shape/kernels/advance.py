@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.rod_algebra import get3, qconj, qlog, qmul, rotation, subtract, tapply
 
-Array = Any
 #: A cubic with slopes a and b beyond its chord deviates from it by at most this fraction of |a| + |b|.
 CUBIC = 4.0 / 27.0
 #: So many times what a cubic deviates is allowed for.

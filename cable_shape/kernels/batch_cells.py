@@ -1,8 +1,9 @@
 """Which rows of a batch start from the same shape: cells of a fixed lattice in the space of grasps.
 
-A grasp is where the end is seen from the start (3), how the start is turned (3) and how the end is turned against it
-(3, canonical winding), in units in which a cell is about as wide in each. The cells are those of A9*, the dual of the
-root lattice: integer vectors z of ten numbers projected along (1, ..., 1). A grasp's cell depends on nothing else, so
+A grasp is where the end is seen from the start (3), how the start is turned (3), how the end is turned against it (3,
+canonical winding) and, where clips hold the cable, where the start is (3), in units in which a cell is about as wide in
+each. The cells are those of A9* (A12* in clips), the dual of the root lattice: integer vectors z of one number more,
+projected along (1, ..., 1). A grasp's cell depends on nothing else, so
 that a row's answer does not depend on the other rows. The nearest point of the lattice is found by sorting the
 remainders after rounding (Conway and Sloane, Sphere packings, lattices and groups, chapter 20).
 """
@@ -10,15 +11,14 @@ remainders after rounding (Conway and Sloane, Sphere packings, lattices and grou
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.rod_algebra import qconj, qexp, qlog, qmul
 
-Array = Any
-DIMENSIONS = 9
+DIMENSIONS, IN_CLIPS = 9, 12
 #: The widest relative turn [rad] of a cell's centre: half a turn is where windings meet.
 WIDEST = 0.98 * math.pi
 
@@ -36,7 +36,7 @@ def normalise(poses: Array, off: Array) -> None:
 
 @kernel
 def coordinates(start: Array, end: Array, reach: float, turn: float, x: Array) -> None:
-    """Fills x (9,) from the two poses (7,); reach [m] and turn [rad] are the units."""
+    """Fills x (9,) or (12,) from the two poses (7,); reach [m] and turn [rad] are the units."""
     p = (start[3], start[4], start[5], start[6])
     q = (end[3], end[4], end[5], end[6])
     if p[3] < 0.0:
@@ -47,12 +47,14 @@ def coordinates(start: Array, end: Array, reach: float, turn: float, x: Array) -
     a, b = qlog(p), qlog(relative)
     for i in range(3):
         x[i], x[3 + i], x[6 + i] = (end[i] - start[i]) / reach, a[i] / turn, b[i] / turn
+        if x.shape[0] > DIMENSIONS:
+            x[DIMENSIONS + i] = start[i] / reach
 
 
 @kernel
 def nearest(x: Array, key: Array) -> None:
-    """The lattice point nearest to x (9,) as key (9,) of whole numbers: z_1 - z_0, ..., z_9 - z_0."""
-    n = DIMENSIONS + 1
+    """The lattice point nearest to x (d,) as key (d,) of whole numbers: z_1 - z_0, ..., z_d - z_0."""
+    n = x.shape[0] + 1
     y = np.zeros(n)
     for i in range(1, n):  # an orthonormal basis of the plane across (1, ..., 1)
         c = x[i - 1] / math.sqrt(i * (i + 1.0))
@@ -81,14 +83,14 @@ def nearest(x: Array, key: Array) -> None:
             best, count = square, k + 1
     for k in range(count):
         z[order[k]] += 1.0
-    for i in range(DIMENSIONS):
+    for i in range(key.shape[0]):
         key[i] = int(z[i + 1] - z[0])
 
 
 @kernel
 def centre(key: Array, x: Array) -> None:
-    """The coordinates x (9,) of a lattice point."""
-    n = DIMENSIONS + 1
+    """The coordinates x (d,) of a lattice point."""
+    n = x.shape[0] + 1
     for i in range(1, n):
         total = 0.0
         for j in range(1, i):
@@ -97,22 +99,19 @@ def centre(key: Array, x: Array) -> None:
 
 
 @kernel(nogil=True)
-def keys(starts: Array, ends: Array, reach: float, turn: float, ratio: float, fine: Array, coarse: Array) -> None:
-    """Fills fine (k, 9) with each row's cell and coarse (k, 9) with the cell, `ratio` times as wide, of its centre."""
-    x = np.empty(DIMENSIONS)
-    for i in range(fine.shape[0]):
+def keys(starts: Array, ends: Array, reach: float, turn: float, cells: Array) -> None:
+    """Fills cells (k, d) with each row's cell."""
+    x = np.empty(cells.shape[1])
+    for i in range(cells.shape[0]):
         coordinates(starts[i], ends[i], reach, turn, x)
-        nearest(x, fine[i])
-        centre(fine[i], x)
-        for j in range(DIMENSIONS):
-            x[j] /= ratio
-        nearest(x, coarse[i])
+        nearest(x, cells[i])
 
 
 @kernel
 def grasp(key: Array, reach: float, turn: float, longest: float, start: Array, end: Array) -> None:
-    """Fills the poses (7,) of a cell's centre, whose chord is at most `longest` [m]; the start is at the origin."""
-    x = np.empty(DIMENSIONS)
+    """Fills the poses (7,) of a cell's centre, whose chord is at most `longest` [m]; the start is at the origin, or
+    where twelve numbers tell."""
+    x = np.empty(key.shape[0])
     centre(key, x)
     p = qexp((turn * x[3], turn * x[4], turn * x[5]))
     angle = turn * math.sqrt(x[6] ** 2 + x[7] ** 2 + x[8] ** 2)
@@ -121,6 +120,7 @@ def grasp(key: Array, reach: float, turn: float, longest: float, start: Array, e
     chord = reach * math.sqrt(x[0] ** 2 + x[1] ** 2 + x[2] ** 2)
     near = reach * min(1.0, longest / chord) if chord > 0.0 else reach
     for i in range(3):
-        start[i], end[i] = 0.0, near * x[i]
+        start[i] = reach * x[DIMENSIONS + i] if x.shape[0] > DIMENSIONS else 0.0
+        end[i] = start[i] + near * x[i]
     for i in range(4):
         start[3 + i], end[3 + i] = p[i], q[i]

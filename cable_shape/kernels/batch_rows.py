@@ -1,136 +1,158 @@
-"""Many shapes of one cable from one solved shape beside them: the compiled inner loop of a batch.
+"""Many shapes of one cable from shapes beside them: the compiled inner loop of a batch.
 
-Every row starts from the same solution, moved to first order as its ends differ, so that no row depends on another.
+Every row starts from the shape at the centre of its own cell, moved to first order as its ends differ, so that no row
+depends on another.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
-from cable_shape.kernels import margins, rod_drive
+from cable_shape.kernels import margins
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.batch_lean import WIDTH, aim, lean
-from cable_shape.kernels.batch_newton import solve_beside
-from cable_shape.kernels.batch_start import start_at
-from cable_shape.kernels.batch_tube import LENGTHS, STEPS, TABLES, tube
+from cable_shape.kernels.batch_tube import Known, tube
 from cable_shape.kernels.bounds import closest_points
-from cable_shape.kernels.rod_answer import neighbours
-from cable_shape.kernels.rod_drive import ESTIMATE, EXCESS, FAR, TURN, slot_size
-from cable_shape.kernels.rod_newton import CONVERGED
-from cable_shape.kernels.rod_work import work_size
+from cable_shape.kernels.network.beside import Told, aim, cell_shape, lean, take_trial
+from cable_shape.kernels.network.drive import (
+    FAR,
+    I_DOUBT,
+    I_ENERGY,
+    I_ESTIMATE,
+    I_TURN,
+    LARGEST_TURN,
+    energy_of_masses,
+    solve,
+)
+from cable_shape.kernels.network.mesh import neighbours
+from cable_shape.kernels.network.newton import CONVERGED, I_EXCESS
+from cable_shape.kernels.network.respond import softest_mode
+from cable_shape.kernels.network.tables import Floats, Whole
 from cable_shape.kernels.swollen import closest_points as swell
 
-Array = Any
 COARSE = 7  # the error is above its tolerance, or an element turns too far
 FARTHEST = 0.7  # rad, a frame's largest turn from its prediction: further away is another branch
 LOST = 8  # the centre of the row's cell was not reached
-MODE_STEPS = 2  # inverse iterations from the mode of the shape beside
+MOST_ITERATIONS = 25
+MODE_STEPS, MODE_STEPS_OF_CELL = 2, 6  # inverse iterations from the mode of the shape beside, and from none
+
+
+class Rows(NamedTuple):
+    """Which grasps are asked for."""
+
+    rows: Whole  # (r,) of starts and ends, rows of one cell side by side
+    cells: Whole  # (r, d) where they lie
+    starts: Floats  # (k, 7)
+    ends: Floats  # (k, 7)
+
+
+class Judged(NamedTuple):
+    """What a shape is judged by."""
+
+    section: Floats  # see `margins`
+    limits: Floats
+    soft: float  # [N], unit of eigenvalues
+    held: bool  # grips hold both ends
+    masses: Floats  # (j, 4) arc length [m] and weight [N] of each
+    radius: float  # [m], of the cable
+    horizon: float  # [m], bodies further away are not told
+    bodies: Floats  # see `bounds`
+    triangles: Floats
+    nodes: Floats
+
+
+class Found(NamedTuple):
+    """What is found of each row, in the same row of these."""
+
+    buffers: Floats  # (k, 17 points)
+    infos: Floats  # (k, 22) see `drive`, the energy with that of the masses
+    loads: Floats  # (k, knots, 7) see `drive.knot_loads`; (k, 0, 7): not asked
+    tables: Floats  # (k, bodies, 8) see `bounds`
+    margins: Floats  # (k, 6 + bodies, 5) see `margins`
+    radii: Floats  # (k, points) [m] of each row's tube; (k, 0): there is none
 
 
 @kernel(nogil=True)
-def solve_rows(
-    rows: Array, cells: Array, reach: float, turn: float, longest: float, starts: Array, ends: Array, par: Array,
-    mesh: Array, sol: Array, work: Array, elements: int, mode: Array, estimate: float, loads: tuple[Array, ...],
-    points: int, tolerance: float, soft: float,
-    section: Array, limits: Array, radius: float, horizon: float, bodies: Array, triangles: Array, nodes: Array,
-    masses: Array, known: tuple[Array, ...], buffers: Array, infos: Array, codes: Array, tables: Array,
-    margin_rows: Array, radii: Array,
-) -> None:  # fmt: skip
-    """Solves the `rows` (r,) of starts and ends (k, 7), which lie in `cells` (r, 9), equal ones side by side.
-
-    First the centre of each cell is solved for from the solution now in `sol` and its factors in `work`, on a mesh of
-    its own, then the rows from there; see `batch_start.start_at` for mesh, mode, estimate and loads. What is found of
-    a row is put into the same row of buffers (k, 17 points), infos (k, 18) (see `rod_drive`, the energy with that of
-    the masses), tables (k, m, 8) (see `bounds`) and margin_rows (k, 6 + m, 5) (see `margins`). A code, of codes (r,),
-    that is not CONVERGED leaves the row to another solver. masses (j, 4): arc length [m] and weight [N] of each.
-    known: see `batch_tube.tube`; radii (k, points) [m] takes the radius of each row's tube, by which the cable then is
-    thicker for the bodies; (k, 0): there are none.
-    """
-    far_work = work.copy()
-    target = np.empty(15)
-    links = np.empty((0, 7))
-    counts = np.empty(2, np.int64)
-    memory = np.empty(margins.MEMORY)
-    wanted = radii.shape[1] > 0
-    moves, shifts = np.empty((radii.shape[1], 3, 12)), np.empty((radii.shape[1], 3, known[STEPS].shape[0]))
-    beside, swing = np.empty((0, 0)), np.empty((0, 3))
-    met, own, own_mesh, near, factors, own_mode = False, elements, mesh, sol, far_work, mode
-    size = slot_size(own)
-    trial, own_work, row_mode = np.zeros(3 * size), np.zeros(work_size(own, WIDTH)), mode.copy()
-    for i in range(rows.shape[0]):
-        row = rows[i]
-        buffer, info = buffers[row], infos[row]
-        if i == 0 or (cells[i] != cells[i - 1]).any():
-            met, own, own_mesh, near, factors, own_mode = start_at(
-                cells[i], reach, turn, longest, par, mesh, sol, far_work, elements, mode, estimate, tolerance, loads,
-                info,
-            )  # fmt: skip
-            size = slot_size(own)
-            trial, own_work, row_mode = np.zeros(3 * size), np.zeros(work_size(own, WIDTH)), own_mode.copy()
-            if met and wanted:
-                beside = neighbours(
-                    own_mesh, own, known[LENGTHS], known[TABLES], loads[1], loads[2], loads[3], swing, 0.0
+def solve_rows(asked: Rows, told: Told, judged: Judged, known: Known, points: int, found: Found, codes: Whole) -> None:
+    """Solves the rows asked for; a code, of codes (r,), that is not CONVERGED leaves the row to another solver."""
+    knots = told.poses.shape[0]
+    poses, twists, nothing = np.empty((knots, 7)), np.empty((knots, 6)), np.empty(0)
+    info = np.zeros(found.infos.shape[1])
+    memory, eigen = np.empty(margins.MEMORY), np.empty(2)
+    wanted = found.radii.shape[1] > 0
+    steps = known.steps.shape[0]
+    moves, shifts = np.empty((found.radii.shape[1], 3, 12)), np.empty((found.radii.shape[1], 3, steps))
+    models = np.empty((0, 0))
+    begun, met, own_ints, own_floats, own_sols, own_space = False, False, told.bare, told.held, nothing, nothing
+    row_sols, row_space = nothing, nothing
+    mode, own_mode = np.empty((0, 3)), np.empty((0, 3))
+    for i in range(asked.rows.shape[0]):
+        row = asked.rows[i]
+        if not begun or (asked.cells[i] != asked.cells[i - 1]).any():
+            met, own_ints, own_floats, own_sols, own_space = cell_shape(told, asked.cells[i], nothing, info)
+            if met:
+                row_sols, row_space = np.zeros_like(own_sols), own_space.copy()
+                own_mode = np.zeros((own_ints[0] + own_ints[1], 3))
+                softest_mode(
+                    own_ints, own_floats, own_sols, own_space, nothing, own_mode, MODE_STEPS_OF_CELL, False, eigen
                 )
+                mode = own_mode.copy()
+                if wanted:
+                    models = neighbours(told.bare, known.models, own_ints, own_floats, known.before, known.after)
+        begun = True
         if not met:
             codes[i] = LOST
             continue
-        if not aim(starts[row], ends[row], near[size - 15 : size], target):
+        if not aim(own_ints, own_sols, asked.starts[row], asked.ends[row], poses):
             codes[i] = FAR
             continue
-        lean(near, factors, own, target, trial)
-        code = solve_beside(par, own_mesh, trial, factors, own_work, buffer, info, own, points, tolerance, FARTHEST)
-        if code == CONVERGED and not (info[ESTIMATE] <= tolerance and info[TURN] <= rod_drive.LARGEST_TURN):
+        lean(own_ints, own_floats, own_sols, own_space, poses, twists)
+        take_trial(own_ints, own_sols, row_sols)
+        buffer, told_of = found.buffers[row], found.infos[row]
+        code = solve(
+            own_ints, own_floats, row_sols, row_space, buffer, told_of, found.loads[row], points, 0, True, False, True,
+            MOST_ITERATIONS, FARTHEST,
+        )  # fmt: skip
+        error = told_of[I_ESTIMATE] + told_of[I_DOUBT]
+        if code == CONVERGED and not (error <= told.tolerance and told_of[I_TURN] <= LARGEST_TURN):
             code = COARSE
-        elif code == CONVERGED and info[EXCESS] != 0.0:
+        elif code == CONVERGED and told_of[I_EXCESS] != 0.0:
             code = FAR
         codes[i] = code
         if code != CONVERGED:
             continue
-        info[rod_drive.ENERGY] += energy_of_masses(masses, own_mesh, own_work, own, target)
-        found = margin_rows[row]
-        margins.measure_loads(buffer, points, section, limits, True, True, found)
-        found[margins.STABILITY, :] = np.nan
-        row_mode[:, :] = own_mode
+        told_of[I_ENERGY] += energy_of_masses(own_ints, own_floats, row_space, judged.masses)
+        rows = found.margins[row]
+        margins.measure_loads(buffer, points, judged.section, judged.limits, judged.held, True, rows)
+        rows[margins.STABILITY, :] = np.nan
+        mode[:, :] = own_mode
         memory[0], memory[1], memory[2] = np.nan, 0.0, 0.0
-        margins.measure_stability(
-            par, own_mesh, trial, own_work, own, WIDTH, row_mode, MODE_STEPS, False, soft, False, False, memory,
-            found,
-        )  # fmt: skip
+        softest_mode(own_ints, own_floats, row_sols, row_space, nothing, mode, MODE_STEPS, False, eigen)
+        margins.remember((eigen[0], eigen[1]), judged.soft, memory)
+        margins.tell_stability(False, memory, rows)
         if wanted:  # last: it refreshes the factors
-            tube(
-                par, own_mesh, trial, own_work, own, WIDTH, buffer, points, known, beside, moves, shifts, radii[row]
-            )  # fmt: skip
-        if bodies.shape[0] > 0:
-            positions = buffer[points : 4 * points].reshape(points, 3)
-            reach_now = horizon + (radii[row].max() if wanted else 0.0)
-            closest_points(
-                positions, buffer[:points], radius, reach_now, 0.0, True, bodies, links, triangles, nodes,
-                tables[row], counts,
-            )  # fmt: skip
-            if wanted:
-                swell(
-                    positions, buffer[:points], radius, radii[row], 0.0, bodies, links, triangles, nodes, tables[row]
-                )  # fmt: skip
-                for m in range(bodies.shape[0]):
-                    if tables[row, m, 0] > horizon:
-                        tables[row, m, 0] = np.inf
-        margins.measure_bodies(tables[row], limits[5], found)
+            tube(own_ints, own_floats, row_sols, row_space, buffer, points, known, models, moves, shifts,
+                 found.radii[row])  # fmt: skip
+        if judged.bodies.shape[0] > 0:
+            measure_clearance(judged, buffer, points, found.radii[row], found.tables[row])
+        margins.measure_bodies(found.tables[row], judged.limits[5], rows)
 
 
 @kernel
-def energy_of_masses(masses: Array, mesh: Array, work: Array, elements: int, ends: Array) -> float:
-    """[J], potential energy of point masses (j, 4) of the solution that has just been found."""
-    energy = 0.0
-    if masses.shape[0] == 0:
-        return energy
-    steps = rod_drive.steps(work, elements, WIDTH)
-    for j in range(masses.shape[0]):
-        x, y, z = ends[0], ends[1], ends[2]
-        for k in range(elements):
-            if 0.5 * (mesh[k] + mesh[k + 1]) > masses[j, 0]:
-                break
-            x, y, z = x - steps[k, 0], y - steps[k, 1], z - steps[k, 2]
-        energy -= masses[j, 1] * x + masses[j, 2] * y + masses[j, 3] * z
-    return energy
+def measure_clearance(judged: Judged, buffer: Floats, points: int, radius: Floats, table: Floats) -> None:
+    """Fills table (m, 8) for a shape's buffer; radius (points,) [m]: of its tube, empty: none."""
+    links, counts = np.empty((0, 7)), np.empty(2, np.int64)
+    positions, arcs = buffer[points : 4 * points].reshape(points, 3), buffer[:points]
+    wide = radius.max() if radius.shape[0] > 0 else 0.0
+    closest_points(
+        positions, arcs, judged.radius, judged.horizon + wide, 0.0, True, judged.bodies, links, judged.triangles,
+        judged.nodes, table, counts,
+    )  # fmt: skip
+    if radius.shape[0] > 0:
+        swell(
+            positions, arcs, judged.radius, radius, 0.0, judged.bodies, links, judged.triangles, judged.nodes, table
+        )  # fmt: skip
+        for m in range(judged.bodies.shape[0]):
+            if table[m, 0] > judged.horizon:
+                table[m, 0] = np.inf

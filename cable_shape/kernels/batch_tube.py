@@ -2,28 +2,37 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
 from cable_shape.kernels._jit import kernel
+from cable_shape.kernels.network.compiled import viewing
+from cable_shape.kernels.network.respond import answers, refresh, sensitivities
+from cable_shape.kernels.network.tables import NOW, Floats, Whole, solution_of
 from cable_shape.kernels.rod_algebra import apply, get4, rotation
-from cable_shape.kernels.rod_answer import answers
-from cable_shape.kernels.rod_drive import NOW, slot
-from cable_shape.kernels.rod_sensitivity import sensitivity
-from cable_shape.kernels.rod_stability import refresh
 from cable_shape.kernels.tube import radius_of
 
-Array = Any
-#: Known: what makes up a tube, the same for all rows of a batch.
-POSES, TWISTS, STIFF, LENGTHS, TABLES, STEPS, SQUARES, MISSES = 0, 1, 2, 3, 4, 5, 6, 7
+
+class Known(NamedTuple):
+    """What makes up a tube, the same for all rows of a batch."""
+
+    poses: Floats  # (12, p) steps of one standard deviation of both ends' twists, world axes
+    twists: Floats  # (12, k) of further directions, in the cable frames; the first of them change the cable, too
+    steps: Floats  # (c,) steps by which they do
+    models: Floats  # (2 c, size) models with one element a span of a cable above and one below, see `respond.answers`
+    before: Floats  # (a,) [m] arc lengths that stay at supports and loads, or at their share of the length
+    after: Floats  # (2 c, a) [m] where they are on the changed cables
+    squares: Floats  # (r,) of the radius that holds a normal vector by the ratio of its standard deviations, 0 to 1
+    misses: float  # [m], which join in quadrature
 
 
-@kernel
-def to_world(twists: Array, q: Array, elements: int, out: Array) -> None:
+@viewing
+def to_world(twists: Floats, ints: Whole, sols: Floats, out: Floats) -> None:
     """Fills out (12, k) with twists (12, k) of both ends, cable frames, in world axes."""
+    q = solution_of(ints, sols, NOW).q
     for end in range(2):
-        R = rotation(get4(q, elements * end))
+        R = rotation(get4(q, end * (q.shape[0] - 1)))
         for part in range(2):
             o = 6 * end + 3 * part
             for c in range(twists.shape[1]):
@@ -32,33 +41,30 @@ def to_world(twists: Array, q: Array, elements: int, out: Array) -> None:
 
 @kernel
 def tube(
-    par: Array, mesh: Array, sol: Array, work: Array, elements: int, width: int, buffer: Array, points: int,
-    known: tuple[Array, ...], meshes: Array, moves: Array, shifts: Array, radius: Array,
+    ints: Whole, floats: Floats, sols: Floats, space: Floats, buffer: Floats, points: int, known: Known, models: Floats,
+    moves: Floats, shifts: Floats, radius: Floats,
 ) -> None:  # fmt: skip
     """Fills radius (points,) [m] of the solution now, sampled in `buffer` (17 points); refreshes the factors.
 
-    known: see POSES to MISSES: steps of one standard deviation of both ends' twists (12, p), world axes, and of further
-    directions (12, k), in the cable frames, the first of which change the cable, too, as `stiff`, meshes and steps say
-    (see `rod_answer.answers`; lengths and rest curvature are in `meshes`); squares (r,) of the radius that holds a
-    normal vector by the ratio of its standard deviations, 0 to 1; misses (1,) [m], which join in quadrature.
-    moves (points, 3, 12) and shifts (points, 3, k): room for the sensitivities.
+    models (2 c, size): those of `known` on the mesh at hand. moves (points, 3, 12) and shifts (points, 3, c): room for
+    the sensitivities.
     """
-    poses, twists, steps, squares = known[POSES], known[TWISTS], known[STEPS], known[SQUARES]
-    q, _, _ = slot(sol, elements, NOW)
+    poses, twists = known.poses, known.twists
     free, total = poses.shape[1], poses.shape[1] + twists.shape[1]
     ways = np.zeros((12, total))
     ways[:, :free] = poses
-    to_world(twists, q, elements, ways[:, free:])
+    to_world(twists, ints, sols, ways[:, free:])
     first, last = np.full(total + 1, 12), np.zeros(total + 1, np.int64)  # of what is not 0 in each
     for c in range(total):
         for a in range(12):
             if ways[a, c] != 0.0:
                 first[c], last[c] = min(first[c], a), a + 1
+    refresh(ints, floats, sols, space, True)
     if last.max() > 0:
-        sensitivity(par, mesh, sol, work, elements, width, points, moves)
-    else:
-        refresh(par, mesh, sol, work, elements, width, True)
-    answers(par, mesh, sol, work, elements, width, known[STIFF], meshes, steps, points, shifts)
+        knots = np.array((0, ints[2] - 1))
+        sensitivities(ints, floats, sols, space, points, knots, moves, np.empty((0, 12)))
+    if known.steps.shape[0] > 0:
+        answers(ints, floats, models, known.steps, sols, space, points, shifts, np.empty((0, known.steps.shape[0])))
     for i in range(points):
         j = 4 * points + 4 * i
         R = rotation((buffer[j], buffer[j + 1], buffer[j + 2], buffer[j + 3]))
@@ -69,7 +75,7 @@ def tube(
                 m0 += moves[i, 0, a] * ways[a, c]
                 m1 += moves[i, 1, a] * ways[a, c]
                 m2 += moves[i, 2, a] * ways[a, c]
-            if 0 <= c - free < steps.shape[0]:
+            if 0 <= c - free < known.steps.shape[0]:
                 m0 += shifts[i, 0, c - free]
                 m1 += shifts[i, 1, c - free]
                 m2 += shifts[i, 2, c - free]
@@ -77,4 +83,4 @@ def tube(
             xx += x * x
             xy += x * y
             yy += y * y
-        radius[i] = radius_of(xx, xy, yy, known[MISSES][0], squares)
+        radius[i] = radius_of(xx, xy, yy, known.misses, known.squares)

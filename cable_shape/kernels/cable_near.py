@@ -11,13 +11,12 @@ is more than theta / 2 off that in the middle of the turning. What has not turne
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 
-Array = Any
 CHUNK = 8  # pieces in one bounding sphere
 HALF_CIRCLE = 2.0 / math.pi  # chord / arc length
 SLACK = 1e-9  # m, of bounds against rounding

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.contact_near import BARE, GRIP_EXCLUSION, NONE, NORMAL, PRESS, SPOT
 from cable_shape.kernels.rod_algebra import (
@@ -21,7 +21,6 @@ from cable_shape.kernels.rod_algebra import (
 )
 from cable_shape.kernels.surface import reach_of, touch
 
-Array = Any
 TOUCH = 9  # numbers of a contact: arc length, body, point 3, normal 3, force
 
 

@@ -13,10 +13,10 @@ Solutions are kept in three slots, of which NOW and BEFORE are solutions and TRI
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.bounds import closest_points
 from cable_shape.kernels.contact_check import passes
@@ -34,7 +34,6 @@ from cable_shape.kernels.span_slide import farthest_way, load_elements, respace
 from cable_shape.kernels.span_system import NONE, assemble, fold
 from cable_shape.kernels.span_work import BEFORE, NOW, TRIAL, joints_of, matrices, mesh_parts, vectors
 
-Array = Any
 INFO = 20
 AGE = 18  # of `info`
 OLDEST = 0.03  # rad: factors from further away serve no more

@@ -7,10 +7,10 @@ supports that are eyelets, the spans' forces, and the columns of `span_slide`.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.contact_near import BARE, NORMAL, PRESS, STEP, parting, tangent_of
 from cable_shape.kernels.contact_step import moves
@@ -33,7 +33,6 @@ from cable_shape.kernels.span_slide import respace, settle
 from cable_shape.kernels.span_system import NONE, release
 from cable_shape.kernels.span_work import joints_of, matrices, vectors
 
-Array = Any
 Through = tuple[Array, Array, Array, Array, tuple[Array, Array, Array, Array, Array]]
 SAFETY = 1.5  # of `position_error`, which by itself is right to a few percent on resolved meshes, either way
 AMISS = 2.5  # of `contact_error`

@@ -11,8 +11,8 @@ nodes within d of it.
 from __future__ import annotations
 
 import math
-from typing import Any
 
+from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.distance import HALF_SPACE
 from cable_shape.kernels.rod_algebra import (
@@ -37,7 +37,6 @@ from cable_shape.kernels.rod_algebra import (
 from cable_shape.kernels.rod_element import relative
 from cable_shape.kernels.surface import FLAT, reach_of, touch
 
-Array = Any
 NEAR = 20  # columns of `near`
 PRESS, GAP, NORMAL, CURVED, SPOT, STEP = 0, 1, 2, 5, 14, 17
 BARE = -1

@@ -15,8 +15,8 @@ If the set of contacts does not settle, one contact is changed at a time.
 from __future__ import annotations
 
 import math
-from typing import Any
 
+from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.contact_near import (
     NORMAL,
@@ -68,7 +68,6 @@ from cable_shape.kernels.span_slide import columns_of, farthest_way, load_elemen
 from cable_shape.kernels.span_system import assemble, fold, gradient
 from cable_shape.kernels.span_work import joints_of, matrices, mesh_parts, vectors
 
-Array = Any
 # [m] a node deeper inside becomes a contact: far from and at the solution, for a step misses by its square
 MOST, ADD = 2e-5, 1e-6
 PULL = 1e-5  # of weight + EI / L^2: a contact that pulls by more is dropped

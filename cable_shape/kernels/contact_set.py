@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
+from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.contact_near import BARE, GAP, PRESS
-
-Array = Any
 
 
 @kernel

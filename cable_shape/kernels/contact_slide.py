@@ -8,8 +8,8 @@ element before it at the cost of the one behind.
 from __future__ import annotations
 
 import math
-from typing import Any
 
+from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.contact_near import (
     BARE,
@@ -38,7 +38,6 @@ from cable_shape.kernels.rod_algebra import (
 )
 from cable_shape.kernels.rod_mesh import element_rest
 
-Array = Any
 STILL = 1e-13  # of the length: shorter ways are not gone
 FARTHEST = 0.3  # of the shorter neighbouring element, at a time
 DIP = 1e-5  # m, four times as far as the cable may dip into a body between two contacts that stay two

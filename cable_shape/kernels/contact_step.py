@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
+from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.contact_near import GAP, NORMAL, PRESS, SPOT, STEP, along_cable, tangent_of
 from cable_shape.kernels.rod_algebra import (
@@ -25,8 +25,6 @@ from cable_shape.kernels.rod_algebra import (
 from cable_shape.kernels.span_factor import FORCE
 from cable_shape.kernels.span_slide import carried
 from cable_shape.kernels.span_system import release
-
-Array = Any
 
 
 @kernel

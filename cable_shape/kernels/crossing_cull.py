@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
+from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.cable_near import HALF_CIRCLE, TURN, apart_for_good, bound, spheres_around, turning
-
-Array = Any
 
 
 @kernel

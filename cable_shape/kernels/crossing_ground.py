@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
+from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.contact_near import GRIP_EXCLUSION, MARGIN
 from cable_shape.kernels.rod_algebra import get3, put3, put9
 from cable_shape.kernels.surface import touch
 
-Array = Any
 GROUND = 13  # gap | outward normal 3 | second derivative of the gap 9
 
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
-
+from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.rod_algebra import (
     add,
@@ -22,8 +21,6 @@ from cable_shape.kernels.span_factor import FORCE, backward, forward
 from cable_shape.kernels.span_stability import move_end, slip
 from cable_shape.kernels.span_system import release
 from cable_shape.kernels.span_work import joints_of, matrices, mesh_parts, vectors
-
-Array = Any
 
 
 @kernel

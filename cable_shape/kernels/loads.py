@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
+from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.stress import most_stressed
 
-Array = Any
 Extremes = tuple[float, int, float, int, float, int, float, int, float]
 
 

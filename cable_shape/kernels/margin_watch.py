@@ -21,10 +21,10 @@ one flat array, for m bodies with k = 7 + m:
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from cable_shape.checks import Array
 from cable_shape.kernels import swing
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.margins import (
@@ -47,7 +47,6 @@ from cable_shape.kernels.network.tables import LENGTH, N_KNOTS, N_RINGS
 from cable_shape.kernels.rod_algebra import inlined
 from cable_shape.kernels.speed import follow
 
-Array = Any
 LIMITS, SECTION, SOFT, EIGEN, TWISTS, BEFORE, NOW, SWING = 0, 6, 11, 12, 15, 27, 41, 55
 TURN = SWING + swing.SIZE
 HEAD = TURN + 1

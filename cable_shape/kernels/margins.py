@@ -7,13 +7,11 @@ TIME. What cannot be told has USED = NaN; TIME is filled by :mod:`cable_shape.ke
 from __future__ import annotations
 
 import math
-from typing import Any
 
+from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.loads import most_loaded
-from cable_shape.kernels.response import smallest_eigenvalue
 
-Array = Any
 STRETCH, TENSION, BEND, TWIST, STRESS, STABILITY, BODIES = 0, 1, 2, 3, 4, 5, 6
 USED, LIMIT, VALUE, ARC_LENGTH, TIME, COLUMNS = 0, 1, 2, 3, 4, 5
 #: Numbers that the stability of the next shape depends on: the eigenvalue in units of `soft` (NaN: none yet), its arc
@@ -63,17 +61,6 @@ def measure_bodies(bodies: Array, limit: float, rows: Array) -> None:
             rows[row, USED] = 2.0 - d / limit
         else:
             rows[row, USED] = math.inf if d < 0.0 else 0.0
-
-
-@kernel
-def measure_stability(
-    par: Array, mesh: Array, sol: Array, work: Array, elements: int, width: int, mode: Array, steps: int, fresh: bool,
-    soft: float, again: bool, unstable: bool, memory: Array, rows: Array,
-) -> None:  # fmt: skip
-    """Fills the row STABILITY. soft [N]: unit of the eigenvalue. again: the shape is the last one, so is the answer."""
-    if not again:
-        remember(smallest_eigenvalue(par, mesh, sol, work, elements, width, mode, steps, fresh), soft, memory)
-    tell_stability(unstable, memory, rows)
 
 
 @kernel

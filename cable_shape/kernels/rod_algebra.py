@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 
 Vector = tuple[float, float, float]
@@ -308,25 +309,25 @@ def qlog(q: Quaternion) -> Vector:
 
 
 @inlined
-def get3(a: Any, i: int) -> Vector:
+def get3(a: Array, i: int) -> Vector:
     """Row i of an (n, 3) array."""
     return (a[i, 0], a[i, 1], a[i, 2])
 
 
 @inlined
-def take3(a: Any, i: int, o: int) -> Vector:
+def take3(a: Array, i: int, o: int) -> Vector:
     """Three numbers of row i from column o on."""
     return (a[i, o], a[i, o + 1], a[i, o + 2])
 
 
 @inlined
-def get4(a: Any, i: int) -> Quaternion:
+def get4(a: Array, i: int) -> Quaternion:
     """Row i of an (n, 4) array."""
     return (a[i, 0], a[i, 1], a[i, 2], a[i, 3])
 
 
 @inlined
-def get9(a: Any, i: int, o: int) -> Matrix:
+def get9(a: Array, i: int, o: int) -> Matrix:
     """Nine numbers of row i from column o on."""
     return (
         a[i, o], a[i, o + 1], a[i, o + 2], a[i, o + 3], a[i, o + 4],
@@ -335,13 +336,13 @@ def get9(a: Any, i: int, o: int) -> Matrix:
 
 
 @inlined
-def put3(a: Any, i: int, o: int, v: Vector) -> None:
+def put3(a: Array, i: int, o: int, v: Vector) -> None:
     """Writes three numbers into row i from column o on."""
     a[i, o], a[i, o + 1], a[i, o + 2] = v
 
 
 @inlined
-def put9(a: Any, i: int, o: int, A: Matrix) -> None:
+def put9(a: Array, i: int, o: int, A: Matrix) -> None:
     """Writes nine numbers into row i from column o on."""
     for c in range(9):
         a[i, o + c] = A[c]

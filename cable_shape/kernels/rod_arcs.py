@@ -7,8 +7,8 @@ interpolation. Energy, potential and twist are integrals over the element.
 from __future__ import annotations
 
 import math
-from typing import Any
 
+from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.rod_algebra import (
     FAST,
@@ -60,7 +60,6 @@ from cable_shape.kernels.rod_lanes import (
     put_lane4,
 )
 
-Array = Any
 # Rows, after those of `gather`: moments and positions at the left and right, and the boundary layer, see `layers`;
 M_LEFT, M_RIGHT, R_LEFT, R_RIGHT, LAYER = GIVEN, GIVEN + 3, GIVEN + 6, GIVEN + 9, GIVEN + 12
 # what comes: curves of position, rotation and moment,

@@ -10,10 +10,10 @@ compared with their own two halves instead.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.rod_algebra import (
     FAST,
@@ -34,15 +34,17 @@ from cable_shape.kernels.rod_algebra import (
     qexp,
     qmul,
     qnormal,
+    rotation,
     scale,
     subtract,
     take3,
     tapply,
+    times,
 )
 from cable_shape.kernels.rod_between import quadratic, spin
-from cable_shape.kernels.rod_element import element_hessian, relative
-from cable_shape.kernels.rod_factor import backward, border, forward
-from cable_shape.kernels.rod_lanes import LANES, gather, gather_section, lane3, sections
+from cable_shape.kernels.rod_element import E3, element_hessian, relative
+from cable_shape.kernels.rod_lanes import LANES, gather, gather_section, lane3
+from cable_shape.kernels.rod_mesh import forces
 from cable_shape.kernels.rod_rule import (
     M_LEFT,
     MISSED_MOMENT,
@@ -56,10 +58,6 @@ from cable_shape.kernels.rod_rule import (
     is_long,
     land,
 )
-from cable_shape.kernels.rod_system import forces
-from cable_shape.kernels.rod_work import matrices, vectors
-
-Array = Any
 
 COARSE = 0.08  # of such a comparison is what it misses
 
@@ -154,21 +152,6 @@ def defects(
 
 
 @inlined
-def response(
-    G: Array, mask: Array, P: Array, Y: Array, W: Array, gram: Array, CC: Array, closure: Array, step: Array, d: Array
-) -> Vector:  # fmt: skip
-    """Solves for d (N+1, 3) and lambda's change, which is returned, with the factors at hand."""
-    last = G.shape[0] - 1
-    for i in range(3):
-        G[0, i] *= mask[0, i]
-        G[last, i] *= mask[1, i]
-    forward(G, P, Y, W, gram)
-    border(gram, CC, closure, step)
-    backward(P, Y, W, step, d)
-    return (step[0], step[1], step[2]) if step.shape[0] > 1 else (0.0, 0.0, 0.0)
-
-
-@inlined
 def change_of_step(parts: Array, e: int, d1: Vector, d2: Vector, dl: Vector) -> Vector:
     """Minus the change of element e's step in position, under rotations of its nodes and a change of lambda."""
     return add(
@@ -238,35 +221,10 @@ def left_over(
     return r, left
 
 
-@kernel(fastmath=FAST)
-def correct(
-    q: Array, lam: Array, h: Array, load: Array, rest: Array, stiff: Array, mask: Array, work: Array, width: int,
-    slack: Array, errors: Array, moments: Array, better: Array,
-) -> tuple[float, float]:  # fmt: skip
-    """The solution at hand without its discretisation error, to first order in it.
-
-    better (N+1, 4) takes the rotations, moments (N, 6) the moments in the cable frame, the first three columns of
-    `first` minus the steps in position, total[:3] lambda. slack (N, 3): scratch; errors (N,) takes each element's share
-    of what is left, a guide for the next mesh. Returns the largest error in position [m] that is taken off, and the
-    largest that is left; infinite if they cannot be judged.
-    """
-    elements = h.shape[0]
-    _, U, _, P, Y, W = matrices(work, elements, width)
-    parts, first, G, d, gram, total, step = vectors(work, elements, width)
-    section = sections(stiff, elements)
-    missing = defects(q, lam, h, load, rest, section, U, parts, first, G, slack, moments, total)
-    stiffest = max(stiff[0], stiff[1], stiff[2])
-    dl = response(G, mask, P, Y, W, gram, total[3:], total[:3], step, d)
-    total[0], total[1], total[2] = lam[0] + dl[0], lam[1] + dl[1], lam[2] + dl[2]
-    block = get9(total.reshape(1, 21), 0, 12)
-    _, largest, closure = take_off(q, U, parts, block, d, dl, slack, first, moments, G, better, (0.0, 0.0, 0.0))
-    put3(G, elements, 0, missing)
-    dl = response(G, mask, P, Y, W, gram, total[3:], closure, step, d)
-    _, left = left_over(h, parts, d, dl, first, stiffest, errors, (0.0, 0.0, 0.0))
-    # what the sensitivities read: the moments at the two ends, as derivatives
-    put3(first, 0, 3, scale(-1.0, get3(moments, 0)))
-    last = elements - 1
-    put3(first, last, 6, (moments[last, 3], moments[last, 4], moments[last, 5]))
-    if not math.isfinite(largest) or not math.isfinite(left):
-        return math.inf, math.inf
-    return math.sqrt(largest), math.sqrt(left)
+@inlined
+def node_slope(q: Array, k: int, d: Vector, n: Vector, dl: Vector, C: Vector) -> Vector:
+    """Change of r' = R V at node k under the rotation d (cable frame) and the change dl of the force."""
+    R = rotation(get4(q, k))
+    N = tapply(R, n)
+    dN = add(cross(N, d), tapply(R, dl))
+    return apply(R, add(cross(d, add(E3, times(C, N))), times(C, dN)))

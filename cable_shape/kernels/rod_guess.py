@@ -7,10 +7,10 @@ end is spread evenly.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.rod_algebra import (
     Quaternion,
@@ -30,7 +30,6 @@ from cable_shape.kernels.rod_algebra import (
     subtract,
 )
 
-Array = Any
 SAMPLES = 64
 
 

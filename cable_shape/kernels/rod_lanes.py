@@ -6,15 +6,13 @@ that the compiler knows that they do not overlap.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.rod_algebra import FAST, Matrix, Quaternion, Vector, dot, get4, inlined
 from cable_shape.kernels.rod_element import angle_series, gradient_of, hessian_of, relative
 
-Array = Any
 #: Elements side by side: what the widest registers hold.
 LANES = 8
 # Rows of what is given: length, quaternions, forces, rest curvature, section (stiffness, compliance, slope of the

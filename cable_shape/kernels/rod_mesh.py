@@ -8,13 +8,12 @@ internal force jumps are nodes.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
-
-Array = Any
+from cable_shape.kernels.rod_algebra import Vector, inlined
 
 
 @kernel
@@ -187,3 +186,23 @@ def element_rest(s: Array, table: Array, rest: Array) -> None:
                     rest[e, 3 + i] += 12.0 / h**3 * (0.5 * (ya + yb) * d * c + slope * d**3 / 12.0)
             left = right
             j += 1
+
+
+@inlined
+def forces(load: Array, e: int, lam: Vector) -> tuple[Vector, Vector, Vector]:
+    """The internal force at the left, middle and right of element e."""
+    return (
+        (load[e, 0] + lam[0], load[e, 1] + lam[1], load[e, 2] + lam[2]),
+        (load[e, 3] + lam[0], load[e, 4] + lam[1], load[e, 5] + lam[2]),
+        (load[e, 6] + lam[0], load[e, 7] + lam[1], load[e, 8] + lam[2]),
+    )
+
+
+@inlined
+def jumps(load: Array, e: int) -> bool:
+    """Whether the internal force jumps where element e > 0 begins."""
+    miss = size = 0.0
+    for i in range(3):
+        miss += abs(load[e, i] - load[e - 1, 6 + i])
+        size += abs(load[e, i]) + abs(load[e - 1, i])
+    return miss > 1e-9 * size

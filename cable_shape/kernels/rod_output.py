@@ -8,10 +8,10 @@ known exactly.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.rod_algebra import FAST, Vector, add, apply, qnear, rotation, scale
 from cable_shape.kernels.rod_arcs import (
@@ -47,9 +47,8 @@ from cable_shape.kernels.rod_lanes import (
     lane4,
     sections,
 )
-from cable_shape.kernels.rod_system import forces
+from cable_shape.kernels.rod_mesh import forces
 
-Array = Any
 INTERPOLATION = 0.2
 
 
@@ -144,7 +143,8 @@ def sample(
     bent = max(sums[S_BENT], (1e-3 * min(stiff[0], stiff[1]) / length) ** 2)
     totals[0], totals[1], totals[2] = sums[S_WORK], sums[S_TWIST], INTERPOLATION * math.sqrt(sums[S_GAP])
     totals[4] = sums[S_PULL]
-    totals[3] = max(2.0 * math.sqrt(sums[S_TURN]), math.sqrt(sums[S_MOMENT] / bent), math.sqrt(sums[S_GAP]) / length)
+    turn, moment, gap = 2.0 * math.sqrt(sums[S_TURN]), math.sqrt(sums[S_MOMENT] / bent), math.sqrt(sums[S_GAP])
+    totals[3] = max(turn, moment, gap / float(length))
 
 
 @kernel(fastmath=FAST)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
+from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.rod_algebra import (
     FAST,
@@ -50,9 +50,8 @@ from cable_shape.kernels.rod_lanes import (
     lane4,
     put_lane3,
 )
-from cable_shape.kernels.rod_system import jumps
+from cable_shape.kernels.rod_mesh import jumps
 
-Array = Any
 # Rows, after those of `gather`: moments at the left and right, and minus the step in position;
 M_LEFT, M_RIGHT, STEP = GIVEN, GIVEN + 3, GIVEN + 6
 # what comes: defects in rotation, moment and position, and what the rule itself misses of these.

@@ -7,10 +7,10 @@ defects of all spans comes from the factors at hand, and that of the eyelets wit
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.rod_algebra import (
     FAST,
@@ -30,8 +30,6 @@ from cable_shape.kernels.span_factor import FORCE, SHIFTED, backward, forward
 from cable_shape.kernels.span_slide import carried, settle
 from cable_shape.kernels.span_system import NONE, release
 from cable_shape.kernels.span_work import joints_of, matrices, vectors
-
-Array = Any
 
 
 @kernel(fastmath=FAST)

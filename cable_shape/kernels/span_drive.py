@@ -1,7 +1,7 @@
 """One solve of a cable in spans, warm or from a guess, in one compiled call: predict, Newton, correct, sample.
 
     par   (14,)  stiffness 3, compliance 3, dead end moment 3, weight [N/m] 3, base shift, length
-    info  (18,)  as in `rod_drive`
+    info  (18,)  see ITERATIONS and the rest
 
 and the arrays of `span_work`, `span_factor` and `span_slide`.
 """
@@ -9,11 +9,12 @@ and the arrays of `span_work`, `span_factor` and `span_slide`.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
+from cable_shape.kernels.network.drive import STRAIGHT
 from cable_shape.kernels.rod_algebra import (
     add,
     dot,
@@ -28,7 +29,6 @@ from cable_shape.kernels.rod_algebra import (
     scale,
     subtract,
 )
-from cable_shape.kernels.rod_drive import STRAIGHT
 from cable_shape.kernels.rod_guess import angle_axis, tangent
 from cable_shape.kernels.rod_output import all_finite, sample
 from cable_shape.kernels.span_defect import correct, support_loads
@@ -37,12 +37,12 @@ from cable_shape.kernels.span_slide import farthest_way, load_elements, respace
 from cable_shape.kernels.span_system import NONE, fold
 from cable_shape.kernels.span_work import BEFORE, NOW, TRIAL, mesh_parts, slot, vectors
 
-Array = Any
 BROKEN = 3  # a number in the output is not finite
 FAR = 4  # an equilibrium further from the prediction than asked for
 TAUT = 5  # a span that cannot stretch is shorter than its chord, or as long
-PAR = 14
-# The estimate's factors, as in `rod_drive`, set in the same way on random scenes with clips.
+PAR, INFO = 14, 18
+ITERATIONS, ESTIMATE, TURNED, TURN = 0, 7, 12, 13  # in info
+# The estimate's factors, as in `network.drive`, set in the same way on random scenes with clips.
 LEFT, INTERPOLATED = 21.0, 0.7
 
 

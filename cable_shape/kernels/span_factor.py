@@ -1,6 +1,6 @@
 """Block LDL^T of a rod in spans, three border columns at a time whatever the number of supports, and its inertia.
 
-Along span j the node rotations are eliminated with the columns W of its force lambda_j, as in `rod_factor`:
+Along span j the node rotations are eliminated with the columns W of its force lambda_j:
 
     P_k = D_k - Y_{k-1}^T O_{k-1},  Y_k = P_k^-1 O_k,  W_k = B_k - Y_{k-1}^T W_{k-1},
     S_j = CC_j - sum W_k^T P_k^-1 W_k.
@@ -24,8 +24,8 @@ the first k free | c 3: rows i >= k of Z^T y must be c_i | a 3, b 3: a b^T coupl
 from __future__ import annotations
 
 import math
-from typing import Any
 
+from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.rod_algebra import (
     FAST,
@@ -52,7 +52,6 @@ from cable_shape.kernels.rod_algebra import (
     transpose,
 )
 
-Array = Any
 ZERO = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 NONE = (0.0, 0.0, 0.0)
 PLACE = 31  # numbers that say what acts on a support's place

@@ -7,10 +7,10 @@ the two spans hanging alone.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.rod_algebra import (
     add,
@@ -34,7 +34,6 @@ from cable_shape.kernels.rod_guess import (
 from cable_shape.kernels.span_drive import take4
 from cable_shape.kernels.span_work import TRIAL, mesh_parts, slot
 
-Array = Any
 HANGING, CURVED, WAVY = 0, 1, 2
 WEAK = 1e-3  # of a span's own load, at a tip that carries none: it has a direction nevertheless
 

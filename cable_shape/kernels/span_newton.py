@@ -1,11 +1,13 @@
-"""Newton's method for a rod in spans: damped by inertia and step length, finished by chord steps (as `rod_newton`)."""
+"""Newton's method for a rod in spans: damped by inertia and step length, finished by chord steps."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
+from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
+from cable_shape.kernels.network.newton import CHORD_FROM as CHORDS_FROM
+from cable_shape.kernels.network.newton import STEP_TOLERANCE
 from cable_shape.kernels.rod_algebra import (
     add,
     apply,
@@ -22,14 +24,10 @@ from cable_shape.kernels.rod_algebra import (
     scale,
     take3,
 )
-from cable_shape.kernels.rod_newton import CHORD_FROM as CHORDS_FROM
-from cable_shape.kernels.rod_newton import STEP_TOLERANCE
 from cable_shape.kernels.span_factor import FORCE, SHIFTED, backward, factor, forward
 from cable_shape.kernels.span_slide import columns_of, farthest_way, load_elements, respace, settle
 from cable_shape.kernels.span_system import assemble, fold, gradient
 from cable_shape.kernels.span_work import joints_of, matrices, vectors
-
-Array = Any
 
 CONVERGED, STALLED, NOT_FINITE = 0, 1, 2
 LARGEST_STEP = 0.6  # rad
@@ -178,7 +176,7 @@ def newton(
     Returns CONVERGED, STALLED or NOT_FINITE; the step that remains is left in the right-hand sides, for
     `span_defect.correct` to take. mesh: s, h, load, rest, which eyelets change; slides: see `span_slide`; par: see
     `span_drive`. guard: keep to minima; without it any equilibrium is accepted. most: iterations allowed. info as in
-    `rod_newton`.
+    `network.newton`.
     """
     s, h, load, rest = mesh
     turn, push, slope, J, way = slides

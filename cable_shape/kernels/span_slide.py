@@ -15,10 +15,10 @@ factors answer to them reduces the system to one equation an eyelet. With k eyel
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.rod_algebra import (
     add,
@@ -33,11 +33,10 @@ from cable_shape.kernels.rod_algebra import (
 )
 from cable_shape.kernels.rod_element import E3, element_gradient
 from cable_shape.kernels.rod_mesh import element_loads, element_rest
-from cable_shape.kernels.rod_system import forces as forces_at
+from cable_shape.kernels.rod_mesh import forces as forces_at
 from cable_shape.kernels.span_factor import FORCE, backward, forward
 from cable_shape.kernels.span_system import NONE, release
 
-Array = Any
 DIFFERENCE = 1e-6  # of the length, between two values of sigma
 REACH = 0.5  # of the slack of a span, or of the way to the next knot, that one step may use up
 LEAST = 2e-3  # of the length: an eyelet this near to a knot has been run through

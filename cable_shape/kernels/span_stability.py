@@ -1,9 +1,8 @@
-"""How stable a cable in spans is, and how it answers its supports: `rod_stability` with the factors of the spans."""
+"""How stable a cable in spans is, and how it answers its supports: from the factors of the spans."""
 
 from __future__ import annotations
 
-from typing import Any
-
+from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.rod_algebra import (
     Vector,
@@ -23,15 +22,13 @@ from cable_shape.kernels.rod_algebra import (
     tapply,
     times,
 )
+from cable_shape.kernels.rod_defect import node_slope
 from cable_shape.kernels.rod_element import E3, element_hessian
-from cable_shape.kernels.rod_stability import node_slope
-from cable_shape.kernels.rod_system import forces as forces_at
+from cable_shape.kernels.rod_mesh import forces as forces_at
 from cable_shape.kernels.span_factor import FORCE, backward, factor, forward
 from cable_shape.kernels.span_slide import grip
 from cable_shape.kernels.span_system import NONE, assemble, fold, release
 from cable_shape.kernels.span_work import NOW, joints_of, matrices, mesh_parts, slot, vectors
-
-Array = Any
 
 
 @kernel

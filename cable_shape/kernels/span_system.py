@@ -17,10 +17,9 @@ where (m+1,): node of each support. mask (m+1, 3): rotations there, 1 free and 0
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.rod_algebra import add, get3, get4, hat, inlined, put3, rotation, tapply
 from cable_shape.kernels.rod_lanes import (
@@ -43,7 +42,6 @@ from cable_shape.kernels.rod_lanes import (
     one_section,
 )
 
-Array = Any
 NONE = (0.0, 0.0, 0.0)  # the spans' forces are folded into `full`
 
 

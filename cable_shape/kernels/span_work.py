@@ -13,11 +13,9 @@ A frame is position and quaternion; its position is that of the support now, unk
 
 from __future__ import annotations
 
-from typing import Any
-
+from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 
-Array = Any
 NOW, BEFORE, TRIAL = 0, 1, 2
 JOINT = 60  # numbers kept for each span by the factorisation
 

@@ -12,13 +12,12 @@ psi being the angle of V. k V / A is the shear stress at the neutral axis by Jou
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 
-Array = Any
 #: Fibres looked at before Newton's method goes to the maximum beside the best one: the square has at most two maxima.
 FIBRES = 16
 ANGLES = 2.0 * math.pi * np.arange(FIBRES) / FIBRES

@@ -11,17 +11,16 @@ Bodies are rows of the table of :mod:`cable_shape.kernels.bounds`; frames (m, 4,
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.bounds import into_body, place_body
 from cable_shape.kernels.distance import BOX, CAPSULE, CYLINDER, HALF_SPACE, MESH, SPHERE, signed_distance
 from cable_shape.kernels.rod_algebra import Matrix, Vector, mscale, mul, tmul
 from cable_shape.kernels.triangles import CORNER_A, FACE, mesh_point, mesh_segment, nearest_on_triangle
 
-Array = Any
 FLAT = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 SHARPEST = 1e-4  # [m] radius below which an edge or a corner is not taken to be curved more
 

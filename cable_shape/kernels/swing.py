@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
+from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 
-Array = Any
 #: Words of the memory: filtered twists of both ends (12), their derivatives (12), the largest ratio that still lasts,
 #: and how long the motion has been seen [s].
 MEMORY, LASTING, SEEN = 26, 24, 25

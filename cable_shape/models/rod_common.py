@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 from time import perf_counter
 
-import numpy as np
-
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels.frames import straight
 from cable_shape.pose import Grip
 from cable_shape.problem import Problem
 from cable_shape.shape import CableShape, Status
+from cable_shape.solve.answers import about_gripper
 
 MODEL = "cosserat"
 
@@ -52,7 +51,4 @@ def turn_about(at: str, problem: Problem, out: Array) -> None:
         raise ArgumentError.of("at", at, "it must be 'cable' or 'gripper'", "Choose one of these.")
     for column, end in ((0, problem.start), (6, problem.end)):
         if isinstance(end, Grip):
-            # v_cable = v_gripper + w x arm
-            x, y, z = end.cable_frame.position - end.pose.position
-            arm = np.array(((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0)))
-            out[:, :, column + 3 : column + 6] += out[:, :, column : column + 3] @ arm
+            about_gripper(end, out[:, :, column : column + 6])

@@ -10,7 +10,7 @@ import numpy as np
 
 from cable_shape.checks import Array
 from cable_shape.kernels import span_drive
-from cable_shape.kernels.rod_drive import ITERATIONS, TURNED
+from cable_shape.kernels.span_drive import ITERATIONS, TURNED
 from cable_shape.kernels.span_guess import CURVED, HANGING, WAVY
 from cable_shape.kernels.span_newton import CONVERGED
 from cable_shape.models.span_state import SpanState
@@ -33,7 +33,7 @@ class Search:
 
     `buffer` and `loads` take the shape and the loads on its supports, `iterations` counts Newton steps, `late` tells
     that the deadline has passed, `snapped` that the branch followed has ended on the way, `info` what the last compiled
-    solve tells (see `rod_drive`).
+    solve tells (see `span_drive`).
     """
 
     __slots__ = ("_deadline", "_problem", "_state", "buffer", "info", "iterations", "late", "loads", "snapped")

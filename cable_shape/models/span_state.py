@@ -11,7 +11,8 @@ import numpy as np
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels import rod_mesh, span_drive, span_guess, span_slide, span_stability, span_work
-from cable_shape.kernels.rod_drive import ESTIMATE, INFO, LARGEST_TURN, TURN
+from cable_shape.kernels.network.drive import LARGEST_TURN
+from cable_shape.kernels.span_drive import ESTIMATE, INFO, TURN
 from cable_shape.kernels.span_factor import PLACE
 from cable_shape.kernels.span_work import BEFORE, NOW, TRIAL
 from cable_shape.pose import FreeEnd, Grip

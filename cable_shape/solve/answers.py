@@ -10,11 +10,10 @@ import numpy as np
 from cable_shape.cable import Cable
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
-from cable_shape.kernels.network import drive, respond, tables
+from cable_shape.kernels.network import mesh, respond
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.problem import Problem
 from cable_shape.scene_parts import clip_names
-from cable_shape.solve.cables import material_of, shared_loads
 from cable_shape.solve.network import Network
 
 ENDS = ("start", "end")
@@ -54,9 +53,8 @@ def answers(state: Network, changes: Changes) -> Array:
     points, count = state.problem.points, len(changes.steps)
     out, df = np.empty((points, 3, count)), np.empty((len(state.rings), count))
     slides = _refreshed(state)
-    models = np.empty((2 * count, state.floats.size))
-    for row, cable in zip(models, changes.cables, strict=True):
-        row[:] = _beside(state, cable)
+    held, before, after = state.beside(changes.cables)
+    models = mesh.neighbours(state.bare, held, state.ints, state.floats, before, after)
     respond.answers(state.ints, state.floats, models, changes.steps, state.sols, state.work, points, out, df)
     return _run_on(out, df, slides)
 
@@ -153,29 +151,6 @@ def _run_on(out: Array, df: Array, slides: tuple[Array, Array] | None) -> Array:
         J, slid = slides
         out -= np.einsum("pik,kc->pic", slid, np.linalg.solve(J, df))
     return out
-
-
-def _beside(state: Network, cable: Cable) -> Array:
-    """The model of another cable on the mesh of this one, as far as the gradient depends on it.
-
-    Nodes at supports and point loads stay at their arc length, those at the ends and at kinks of what varies along the
-    cable at their share of the length; the others stay in between.
-    """
-    problem = state.problem.beside(cable)
-    floats = state.floats.copy()
-    model = tables.model_of.py_func(state.ints, floats)
-    stays = np.union1d(state.bounds()[:-1], state.points)
-    kinks = np.append(np.setdiff1d(state.stops, state.points), state.length)
-    before = np.concatenate((stays, kinks))
-    after = np.concatenate((stays, kinks * (cable.length / state.length)))
-    order = np.argsort(before)
-    model.s[...] = np.interp(state.nodes, before[order], after[order])
-    found = material_of(problem)
-    model.breaks[...], model.piece[...] = found.breaks, found.pieces
-    own, _, model.act[...] = shared_loads(problem, state.arcs)
-    model.force[...] += own - shared_loads(state.problem, state.arcs)[0]
-    drive.refill(state.ints, floats)
-    return floats
 
 
 def _pair(cable: Cable, name: str) -> tuple[tuple[Cable, Cable], float]:

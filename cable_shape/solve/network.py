@@ -4,47 +4,38 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from itertools import pairwise
 from typing import Any, NamedTuple, final
 
 import numpy as np
 
+from cable_shape.cable import Cable
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
-from cable_shape.kernels import rod_mesh
-from cable_shape.kernels.network import drive, guess, material, respond, tables
-from cable_shape.kernels.network.drive import I_ESTIMATE, I_TURN, INFO, LARGEST_TURN
+from cable_shape.kernels.network import drive, guess, material, mesh, respond, start, tables
+from cable_shape.kernels.network.drive import I_DOUBT, I_ESTIMATE, I_TURN, INFO, LARGEST_TURN
 from cable_shape.kernels.network.tables import BEFORE, NOW, TRIAL
-from cable_shape.kernels.rod_guess import hanging_force, tangent
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.problem import NAMED_TOLERANCE, Problem
 from cable_shape.shape import CableShape
 from cable_shape.solve.cables import AT, Structure, material_of, shared_loads, structure_of
-from cable_shape.solve.mesh import Piece, indicated, interpolated, layered
+from cable_shape.solve.mesh import Piece, interpolated
 from cable_shape.solve.plan import Whole, make_plan
 
 _IDENTITY = (0.0, 0.0, 0.0, 1.0)
-_NO_LOADS: Array = np.empty((0, 7))
+_NO_MASSES: Array = np.empty((0, 4))
 _NOTHING: Array = np.zeros(3)
 
-#: Elements of a cable between two grips, of a span between knots, and of a whole network.
-FEWEST_ELEMENTS, FEWEST_OF_SPAN, MOST_ELEMENTS = 8, 4, 1200
-#: A new mesh aims at this fraction of the tolerance.
-AIM = 0.9
 #: A mesh is made coarser when its error is below this fraction of the tolerance.
 _TOO_FINE = 1.0 / 40.0
 #: Modes softer than this fraction of the stiffness / length^2 count as neutral, and neutral as stable.
 _NEUTRAL = 1e-4
+#: So many times as uncertain are corrections where supports leave rotations free.
+_SOFTER = 4.0
 #: A frame may turn so far [rad] from its prediction whatever the supports do: predictions are not exact.
 _UNMOVED = 0.2
-#: Rotation of an element [rad] that a new mesh aims at.
-TURN_AIM = 0.55
-#: A mesh is changed at most as for an error so many times off.
-_MOST_EXCESS = 700.0
-#: Points at which the density of a span's first mesh is given.
-_ABSCISSAE = 65
 #: Points of a shape that is worth starting from.
 _FEWEST_POINTS = 20
 #: Change of a cable's length, as a fraction, beyond which the last solution is no start.
@@ -53,14 +44,11 @@ _LENGTHENED = 0.02
 _structure = lru_cache(maxsize=256)(structure_of)
 
 
-class _Layout(NamedTuple):
-    """Where things are in the arrays of a structure with so many elements in each span; shared, never written to."""
+class _Bare(NamedTuple):
+    """A structure with one element a span, and where things are in its model; shared, never written to."""
 
     ints: Whole
     floats: Array  # a model in which supports are told, and nothing of the cable
-    size: int  # of one solution
-    work: int
-    runs: list[tuple[int, int]]  # first and last node of each span
     s: slice
     force: slice
     moment: slice  # of the last knot
@@ -69,27 +57,18 @@ class _Layout(NamedTuple):
     piece: slice
     at: slice
     act: slice
-    pose: slice  # of the trial
 
 
 @lru_cache(maxsize=256)
-def _layout(structure: Structure, counts: tuple[int, ...]) -> _Layout:
-    """The layout of a structure with so many elements in each span."""
-    ints = make_plan(structure.knots, structure.spans, structure.cables, counts, structure.rings)
+def _bare_of(structure: Structure) -> _Bare:
+    """A structure's plan and model but for the mesh."""
+    ints = make_plan(structure.knots, structure.spans, structure.cables, [1] * len(structure.spans), structure.rings)
     floats = np.zeros(tables.model_size.py_func(ints))
     model = tables.model_of.py_func(ints, floats)
     model.free[...], model.frame[...], model.loose[...] = structure.free, _IDENTITY, structure.loose
-    size = int(tables.solution_size.py_func(ints))
-    sols = np.zeros(3 * size)
-    trial = tables.solution_of.py_func(ints, sols, TRIAL)
-    first = np.concatenate(([0], np.cumsum(counts))).tolist()
-    runs = [(a + j, b + j) for j, (a, b) in enumerate(pairwise(first))]
-    return _Layout(
+    return _Bare(
         ints,
         floats,
-        size,
-        int(tables.work_size.py_func(ints)),
-        runs,
         s=_place(model.s, floats),
         force=_place(model.force, floats),
         moment=_place(model.moment[-1], floats),
@@ -98,7 +77,6 @@ def _layout(structure: Structure, counts: tuple[int, ...]) -> _Layout:
         piece=_place(model.piece, floats),
         at=_place(model.at, floats),
         act=_place(model.act, floats),
-        pose=_place(trial.pose, sols),
     )
 
 
@@ -123,18 +101,33 @@ class Network:
         self.fewest = 0  # elements with which a coarser mesh has failed
         self.info: Array = np.zeros(INFO + 2)
         self.structure: Structure
+        self.turns_freely = False
         self.rolls = False  # a dead moment on the free end may twist a start that does not hold its roll
         self.at_rest = math.inf  # rad, by which frames may turn though no support moves
-        self.counts: tuple[int, ...] = ()
-        self.layout: _Layout
+        self._bare: _Bare
+        self.held: Array = _NOTHING  # a model with one element a span
         self.ints: Any = None
         self._model: tables.Model | None = None
+        self._spans: list[tuple[int, int]] | None = None
         self.floats = self.sols = self.work = self.nodes = _NOTHING
         self.length = 0.0
         self._stiff = 1.0  # by which the cable is stiffened at present
         self._kinds: tuple[str, ...] = ()
         self._tip = self._moment = _NOTHING
         self.take(problem)
+
+    def forget(self, problem: Problem) -> bool:
+        """Forgets all solutions, as if made anew; False if it cannot, since the problem is another one or runs through
+        eyelets."""
+        if problem is not self.problem or self.rings or self._stiff != 1.0:
+            return False
+        self.history = self.elements = self.fewest = 0
+        self.last = None
+        self.factored = False
+        self.floats = self.sols = self.work = self.nodes = _NOTHING
+        self._model = self._spans = self.ints = None
+        self.unsettle()
+        return True
 
     # -- what is solved
 
@@ -208,7 +201,7 @@ class Network:
         if type(end) is Grip:
             kinds = (start.kind, end.kind)
             if kinds != self._kinds:
-                self._hold(kinds, _NOTHING, _NOTHING)
+                self.hold(kinds, _NOTHING, _NOTHING)
             poses = self.target if trial else self._frames.copy()
             poses[0], poses[-1] = start.cable_frame.array, end.cable_frame.array
         else:
@@ -218,14 +211,14 @@ class Network:
             if kinds != self._kinds or not (
                 np.array_equal(tip, self._tip) and np.array_equal(end.moment, self._moment)
             ):
-                self._hold(kinds, tip, end.moment)
+                self.hold(kinds, tip, end.moment)
             poses = self.target if trial else self._frames.copy()
             poses[0] = poses[-1] = start.cable_frame.array
         if trial and self._clips:
             poses[1:-1] = self._frames[1:-1]
         return poses
 
-    def _hold(self, kinds: tuple[str, ...], tip: Array, moment: Array) -> None:
+    def hold(self, kinds: tuple[str, ...], tip: Array, moment: Array) -> None:
         """Takes over how the ends are held and loaded."""
         self._kinds, self._tip, self._moment = kinds, tip, moment
         self.unsettle()
@@ -233,21 +226,23 @@ class Network:
         all_kinds = (kinds[0], *self._clips, kinds[1])
         structure = _structure(all_kinds, pieces, self.points.size, self.round_straight)
         changed = self.elements and structure != self.structure
-        self.structure = structure
+        self.structure, self._bare = structure, _bare_of(structure)
+        self.held = self._bare.floats.copy()
         free = kinds[1] == "free" and kinds[0] in ("swivel", "pinned")
+        self.turns_freely = not set(all_kinds) <= {"clamped", "fixed"}  # some support leaves a rotation free
         self.rolls = bool(free and self.round_straight and not self._clips and np.any(moment))
         self.forces = self.spans - (kinds[1] == "free")
-        self.stops = self._stops()
+        self.stops = stops = self._stops()
+        self._tell()
         if not self.elements:
             return
-        stops = self.stops
         on = np.abs(self.nodes[:, None] - stops).min(axis=0, initial=math.inf) if stops.size else stops
         if changed or (on > AT * self.length).any():
-            pieces_of = [self._as_dense(self.nodes[a : b + 1]) for a, b in self._runs()]
-            self._lay_out(pieces_of, self.counts)
+            pieces_of = [self._as_dense(self.nodes[a : b + 1]) for a, b in self.runs]
+            self.lay_out(pieces_of, [b - a for a, b in self.runs])
             self.history = min(self.history, 1)
         else:
-            self._load()
+            mesh.take_over(self._bare.ints, self.held, self.ints, self.floats)
 
     def _stops(self) -> Array:
         """(j,) [m], arc lengths inside spans that are nodes; kinks of the material are none where it runs through."""
@@ -271,111 +266,83 @@ class Network:
     def settle(self) -> None:
         """The last solution is one under these loads: from it only a motion of the supports turns frames far."""
         self.history = min(2, self.history + 1)
-        self.at_rest = self.floats[tables.TURN_AT_REST] = _UNMOVED
+        self.at_rest = self.held[tables.TURN_AT_REST] = self.floats[tables.TURN_AT_REST] = _UNMOVED
 
     def unsettle(self) -> None:
         """The next solution may be far from the last one though no support moves."""
         self.at_rest = math.inf
-        if self.elements:
-            self.floats[tables.TURN_AT_REST] = math.inf
+        for floats in (self.held, self.floats):
+            if floats.size > tables.PAR:
+                floats[tables.TURN_AT_REST] = math.inf
 
     # -- the mesh
 
-    def _runs(self) -> list[tuple[int, int]]:
+    @property
+    def runs(self) -> list[tuple[int, int]]:
         """First and last node of each span."""
-        return self.layout.runs
+        if self._spans is None:
+            first = self.ints[tables.HEAD : tables.HEAD + self.spans + 1].tolist()
+            self._spans = [(a + j, b + j) for j, (a, b) in enumerate(pairwise(first))]
+        return self._spans
+
+    def finer(self, fineness: float) -> float:
+        """How many times the usual number of elements a cold start's mesh has that is so much finer than its own."""
+        usual: float = (NAMED_TOLERANCE * self.length / self.tolerance) ** (1.0 / 6.0)
+        return fineness * min(max(usual, 0.75), 3.0)
 
     def first_mesh(self, poses: Array, fineness: float = 1.0, turn: float = 0.0) -> None:
-        """A cold start's mesh: half of each span's nodes within a few boundary layers of its ends.
-
-        fineness: so many times the usual number of elements. turn [rad]: how far the frames turn along the cable, as
-        far as that is known.
-        """
-        layers = self._layers(poses)
-        finer = (NAMED_TOLERANCE * self.length / self.tolerance) ** (1.0 / 6.0)
-        finer = fineness * min(max(finer, 0.75), 3.0)
-        inside = self._stops_in(self.arcs)
-        if self.spans == 1:
-            layer = float(layers[0])
-            elements = 16 if layer > 0.08 * self.length else 18 if layer > 0.02 * self.length else 28
-            elements = max(math.ceil(elements * finer), math.ceil(1.3 * turn / TURN_AIM))
-            x, density = np.empty(_ABSCISSAE), np.empty(_ABSCISSAE)
-            rod_mesh.layered(self.length, min(max(layer, 1e-5 * self.length), self.length), x, density)
-            pieces, counts = [(x, density)], (min(MOST_ELEMENTS, elements) + 2 * int(inside[0]),)
-        else:
-            pieces, shares = layered(self.arcs, layers)
-            counts = tuple(np.maximum(np.ceil(finer * shares).astype(np.int64), FEWEST_OF_SPAN + 2 * inside).tolist())
+        """A cold start's mesh, see ``mesh.wish_first``; turn [rad]: how far the frames turn along the cable."""
         self.elements = self.history = self.fewest = 0
-        self._lay_out(pieces, counts)
+        if self.rings:
+            self._tell()
+        finer = self.finer(fineness)
+        self.take_arrays(*start.first_mesh(self._bare.ints, self.held, poses, 0.0, self.stops, finer, turn))
 
-    def _layers(self, poses: Array) -> Array:
-        """(m,) [m]: boundary layers of the spans."""
+    def layers(self, poses: Array) -> Array:
+        """(m,) [m]: boundary layers of the spans between these poses."""
         out = np.empty(self.spans)
-        force, held = np.zeros(3), np.zeros(2)
-        first = last = (0.0, 0.0, 1.0)
-        if self.spans == 1 and self.forces:  # bent ends take up length, and tighten what is nearly taut
-            near, far = self.structure.free[0]
-            held[0], held[1] = 1.0 - near[0], 1.0 - far[0]
-            first, last = tangent(tuple(poses[0, 3:].tolist())), tangent(tuple(poses[1, 3:].tolist()))
-        for j in range(self.spans):
-            length = float(self.arcs[j + 1] - self.arcs[j])
-            if j < self.forces:
-                chord = poses[j + 1, :3] - poses[j, :3]
-                out[j] = hanging_force(chord, self.mean_load, length, self.stretch, self.bend, first, last, held, force)
-            else:
-                tension = float(np.linalg.norm(self._tip + self._own[-1] + self.mean_load * length))
-                out[j] = math.sqrt(self.bend / max(tension, 1e-9 * self.bend / length**2))
+        sols = np.zeros(3 * int(tables.solution_size.py_func(self._bare.ints)))
+        start.put_knots(self._bare.ints, sols, poses, 0.0)
+        drive.strip(self._bare.ints, self.held, sols)
+        mesh.span_layers(self._bare.ints, self.held, sols, out, np.empty(mesh.ROOM))
         return out
 
-    def next_mesh(self, fewest: int = 0) -> bool:
-        """A mesh that the last error estimate asks for, and the last solution on it; False if it cannot be finer.
+    def guesses(self, poses: Array) -> list[tuple[int, float]]:
+        """Kind and tilt of the guesses between `poses`, in the order to try them."""
+        return [(int(kind), sag) for kind, sag in start.likeliest(self._bare.ints, self.held, poses).tolist()]
 
-        fewest: it has at least so many elements.
-        """
-        estimate, n = float(self.info[I_ESTIMATE]), self.elements
-        excess = estimate / (AIM * self.tolerance) if math.isfinite(estimate) else _MOST_EXCESS
-        excess = min(max(excess, 1.0 / _MOST_EXCESS), _MOST_EXCESS)
-        errors = self.model.errors
-        if not np.isfinite(errors).all():
-            errors = np.ones(n)
-        q = self.solution(NOW).q
-        pieces, shares = indicated(self.nodes, self._runs(), q, errors, excess, TURN_AIM)
-        counts = self._counts(shares, fewest)
-        if estimate > self.tolerance:
-            if n >= MOST_ELEMENTS:
-                return False
-            if counts.sum() < n + max(1, n // 20):
-                counts = self._counts((n + max(1.0, 0.05 * n)) / shares.sum() * shares, fewest)
-        if counts.sum() > MOST_ELEMENTS:
-            counts = self._counts((MOST_ELEMENTS - self.spans) / shares.sum() * shares)
-        self._lay_out(pieces, tuple(counts.tolist()))
-        size = self.layout.size
-        self.sols[2 * size :] = self.sols[:size]
-        return True
+    def started(self, poses: Array, turns: float, meshes: int, out: Array, loads: Array) -> int:
+        """Solves from nothing on a cold start's mesh and `meshes` that it asks for: a code of ``start.start``."""
+        code, *arrays = start.start(
+            self._bare.ints, self.held, poses, turns, self.stops, self.finer(1.0), self.tolerance, meshes,
+            self.problem.points, out, self.info, loads,
+        )  # fmt: skip
+        self.history = self.fewest = 0
+        self.factored = True
+        self.take_arrays(*arrays)
+        return int(code)
 
-    def _stops_in(self, bounds: Array) -> Any:
-        """(m,) How many stops each span has inside."""
-        if not self.stops.size:
-            return np.zeros(self.spans, dtype=np.int64)
-        return np.histogram(self.stops, bounds)[0]
-
-    def _counts(self, shares: Array, fewest: int = 0) -> Any:
-        """Whole numbers of elements of the spans, none too few."""
-        inside = self._stops_in(self.bounds())
-        least = FEWEST_ELEMENTS if self.spans == 1 else FEWEST_OF_SPAN
-        if self.spans == 1:
-            least = max(least, fewest)
-        return np.maximum(np.ceil(shares).astype(np.int64), least + 2 * inside)
+    def next_mesh(self) -> bool:
+        """A mesh that the last error estimate asks for, and the last solution on it; False if it cannot be finer."""
+        estimate = float(self.info[I_ESTIMATE] + self.info[I_DOUBT])
+        found, *arrays = start.next_mesh(
+            self._bare.ints, self.held, self.ints, self.floats, self.sols, self.stops,
+            estimate if math.isfinite(estimate) else math.inf, self.tolerance,
+        )  # fmt: skip
+        if found:
+            self.take_arrays(*arrays)
+        return bool(found)
 
     def bounds(self) -> Array:
         """(m+1,) [m]: arc lengths of the supports as the cable runs through them now."""
         if not self.rings or not self.elements:
             return self.arcs
-        return np.concatenate((self.nodes[[a for a, _ in self._runs()]], [self.length]))
+        return np.concatenate((self.nodes[[a for a, _ in self.runs]], [self.length]))
 
     def too_coarse(self, info: list[float]) -> bool:
         """Whether the error is above its tolerance, or an element turns too far for the inertia to be trusted."""
-        return info[I_ESTIMATE] > self.tolerance or info[I_TURN] > LARGEST_TURN
+        doubt = info[I_DOUBT] if self.history == 0 else 0.0  # beside a shape that was found without any there is none
+        return info[I_ESTIMATE] + doubt > self.tolerance or info[I_TURN] > LARGEST_TURN
 
     def far_too_coarse(self, info: list[float]) -> bool:
         """Whether even a step on the way needs a finer mesh."""
@@ -383,44 +350,33 @@ class Network:
 
     def too_fine(self, info: list[float]) -> bool:
         """Whether a mesh of much fewer elements would do."""
-        if info[I_ESTIMATE] >= _TOO_FINE * self.tolerance or info[I_TURN] >= 0.5 * TURN_AIM:
+        if info[I_ESTIMATE] + info[I_DOUBT] >= _TOO_FINE * self.tolerance or info[I_TURN] >= 0.5 * mesh.TURN_AIM:
             return False
-        least = FEWEST_ELEMENTS if self.spans == 1 else FEWEST_OF_SPAN * self.spans
+        least = mesh.FEWEST if self.spans == 1 else mesh.FEWEST_OF_SPAN * self.spans
         return self.elements > max(1.5 * (least + 2 * self.stops.size), self.fewest)
 
-    def _lay_out(self, pieces: list[Piece], counts: tuple[int, ...]) -> None:
+    def lay_out(self, pieces: list[Piece], counts: Sequence[int]) -> None:
         """Nodes of equal share of each span's density, `counts` elements a span; solutions are carried over."""
         bounds = self.bounds()
-        before = None
-        if self.elements:
-            before = self.nodes.copy(), self._runs(), [self.solution(which) for which in (NOW, BEFORE, TRIAL)]
-        self.counts = counts
-        self.elements = sum(counts)
-        layout = _layout(self.structure, counts)
-        self._take_arrays(layout, layout.floats.copy(), np.zeros(3 * layout.size), np.zeros(layout.work))
-        for (a, b), (x, density), low, high in zip(layout.runs, pieces, bounds[:-1], bounds[1:], strict=True):
+        for (x, _), low, high in zip(pieces, bounds[:-1], bounds[1:], strict=True):
             x[0], x[-1] = low, high
-            stops = self.stops
-            if stops.size:
-                stops = stops[(stops > low) & (stops < high)]
-            rod_mesh.equidistribute(x, density, stops, b - a, self.nodes[a : b + 1])
-        self._load()
-        if before is None:
-            return
-        nodes, old_runs, old = before
-        for which, was in zip((NOW, BEFORE, TRIAL), old, strict=True):
-            now = self.solution(which)
-            for (a, b), (c, d) in zip(layout.runs, old_runs, strict=True):
-                now.q[a : b + 1] = interpolated(self.nodes[a : b + 1], nodes[c : d + 1], was.q[c : d + 1])
-            for x, y in zip(now[1:], was[1:], strict=True):
-                x[...] = y
+        at = np.concatenate(([0], np.cumsum([x.size for x, _ in pieces])))
+        wish = mesh.Density(at, np.concatenate([x for x, _ in pieces]), np.concatenate([d for _, d in pieces]), bounds)
+        self.take_arrays(
+            *mesh.laid_out(
+                self._bare.ints, self.held, self.ints, self.floats, self.sols, np.array(counts), self.stops, wish
+            )
+        )
 
-    def _take_arrays(self, layout: _Layout, floats: Array, sols: Array, work: Array) -> None:
-        """Makes these the model, the solutions and the work space."""
-        self.layout, self.ints, self.floats, self.sols, self.work = layout, layout.ints, floats, sols, work
-        self.nodes = floats[layout.s]
-        self.target = sols[layout.pose].reshape(-1, 7)
-        self._model = None
+    def take_arrays(self, ints: Any, floats: Array, sols: Array, work: Array) -> None:
+        """Makes these the plan, the model, the solutions and the work space."""
+        self.ints, self.floats, self.sols, self.work = ints, floats, sols, work
+        self.elements = int(ints[tables.N_ELEMENTS])
+        nodes = self.elements + self.spans
+        self.nodes = floats[tables.PAR : tables.PAR + nodes]
+        first = 2 * (sols.size // 3) + 4 * nodes + 3 * self.spans
+        self.target = sols[first : first + 7 * (self.spans + 1)].reshape(-1, 7)
+        self._model = self._spans = None
 
     @property
     def model(self) -> tables.Model:
@@ -429,23 +385,24 @@ class Network:
             self._model = tables.model_of.py_func(self.ints, self.floats)
         return self._model
 
-    def _load(self) -> None:
-        """Takes over cable and loads on the mesh as it is."""
-        floats, layout = self.floats, self.layout
-        floats[:7] = (
+    def _tell(self) -> None:
+        """Tells the model with one element a span what cable and loads are."""
+        held, bare = self.held, self._bare
+        held[: tables.PAR] = (
             self.softest, _NEUTRAL * self.softest, self.length, self.elastic, self.stiffest, self.at_rest,
-            self.stretch == 0.0,
+            self.stretch == 0.0, _SOFTER if self.turns_freely else 1.0,
         )  # fmt: skip
-        floats[layout.heavy] = self.problem.cable.linear_density * self.problem.gravity
-        floats[layout.breaks] = self.material.breaks
-        floats[layout.piece] = self.material.pieces.ravel()
-        floats[layout.force] = self._own.ravel()
-        floats[layout.force.stop - 3 : layout.force.stop] += self._tip
-        floats[layout.moment] = self._moment
+        held[bare.s] = self.arcs.repeat(2)[1:-1]
+        held[bare.heavy] = self.problem.cable.linear_density * self.problem.gravity
+        held[bare.breaks] = self.material.breaks
+        held[bare.piece] = self.material.pieces.ravel()
+        held[bare.force] = self._own.ravel()
+        held[bare.force.stop - 3 : bare.force.stop] += self._tip
+        held[bare.moment] = self._moment
         if self.points.size:
-            floats[layout.at] = self.points
-            floats[layout.act] = self.weights.ravel()
-        drive.refill(self.ints, floats)
+            held[bare.at] = self.points
+            held[bare.act] = self.weights.ravel()
+        drive.refill(bare.ints, held)
 
     # -- solutions
 
@@ -456,21 +413,20 @@ class Network:
 
     def put_aside(self) -> tuple[Any, ...]:
         """Mesh and solutions, for `put_back`."""
-        return (self.counts, self.elements, self.layout, self.floats, self.sols, self.work, self.info.copy(),
-                self.history)  # fmt: skip
+        return self.ints, self.floats, self.sols, self.work, self.info.copy(), self.history
 
     def put_back(self, kept: tuple[Any, ...]) -> None:
         """Mesh and solutions as they were when put aside; a mesh as coarse as the one now is not tried again."""
-        self.counts, self.elements, layout, floats, sols, work, info, self.history = kept
+        ints, floats, sols, work, info, self.history = kept
         self.info[:] = info
-        self._take_arrays(layout, floats, sols, work)
         self.fewest = self.elements
+        self.take_arrays(ints, floats, sols, work)
 
     def copied(self) -> Network:
         """The memory once more, sharing only the problem and the plan, which a solve does not change."""
-        shared = (self.problem, self.layout, self.ints, self.last)
+        shared = (self.problem, self._bare, self.ints, self.last)
         other = copy.deepcopy(self, {id(part): part for part in shared if part is not None})
-        other._take_arrays(other.layout, other.floats, other.sols, other.work)
+        other.take_arrays(other.ints, other.floats, other.sols, other.work)
         return other
 
     def start_from(self, poses: Array, kind: int, sag: float, turns: float = 0.0) -> None:
@@ -502,7 +458,7 @@ class Network:
         bounds = self.bounds()
         for i in range(3):
             now.pose[:, i] = np.interp(bounds, shape.arc_length, shape.positions[:, i])
-        for j, (a, b) in enumerate(self._runs()):
+        for j, (a, b) in enumerate(self.runs):
             first = a - j
             middles = 0.5 * (nodes[a:b] + nodes[a + 1 : b + 1])
             for i in range(3):
@@ -515,24 +471,24 @@ class Network:
         self.history = 1
         return True
 
+    def masses(self, end: Grip | FreeEnd) -> Array:
+        """(j, 4): arc length [m] and weight [N] of the point masses, and of a plug on this end."""
+        problem = self.problem
+        rows = [(mass.arc_length, *(mass.mass * problem.gravity)) for mass in problem.masses]
+        if isinstance(end, FreeEnd) and end.mass > 0.0:
+            rows.append((self.length, *(end.mass * problem.gravity)))
+        return np.array(rows) if rows else _NO_MASSES
+
     def energy_of_masses(self) -> float:
         """[J], potential energy of point masses and of a plug in the last solution."""
-        problem, energy = self.problem, 0.0
-        if not problem.masses and (type(problem.end) is Grip or problem.end.mass == 0.0):
-            return 0.0
-        nodes, positions = self.node_positions()
-        for mass in problem.masses:
-            node = int(np.abs(nodes - mass.arc_length).argmin())
-            energy -= mass.mass * float(problem.gravity @ positions[node])
-        if isinstance(problem.end, FreeEnd):
-            energy -= problem.end.mass * float(problem.gravity @ positions[-1])
-        return energy
+        masses = self.masses(self.problem.end)
+        return float(drive.energy_of_masses(self.ints, self.floats, self.work, masses)) if masses.size else 0.0
 
     def node_positions(self) -> tuple[Array, Array]:
         """Arc lengths (n,) and positions (n, 3) of the nodes of the last solution."""
         work = tables.work_of.py_func(self.ints, self.work)
         positions = np.empty((self.nodes.size, 3))
-        for j, (a, b) in enumerate(self._runs()):
+        for j, (a, b) in enumerate(self.runs):
             positions[a] = work.place[j]
             positions[a + 1 : b + 1] = work.place[j] - np.cumsum(work.first[a - j : b - j, :3], axis=0)
         return self.nodes, positions
@@ -544,7 +500,7 @@ class Network:
         old = np.concatenate((self.bounds(), self.points))
         new = np.concatenate((arcs, self.points))
         order = np.argsort(old)
-        runs = self._runs()
+        runs = self.runs
         self.nodes[:] = np.interp(self.nodes, old[order], new[order])
         for (a, b), low, high in zip(runs, arcs[:-1], arcs[1:], strict=True):
             self.nodes[a], self.nodes[b] = low, high
@@ -558,6 +514,35 @@ class Network:
             a = drive.pace_of(self.ints, self.floats, self.sols)
             arcs[self.rings] += a * (self.solution(NOW).arc - self.solution(BEFORE).arc)
         return arcs
+
+    def beside(self, cables: Sequence[Cable]) -> tuple[Array, Array, Array]:
+        """Models (c, size) with one element a span of other cables held in the same way, and arc lengths (a,) on this
+        one with where they are on those (c, a): see ``mesh.neighbours``.
+
+        Supports and point loads stay at their arc length; both ends and kinks of what varies along the cable at their
+        share of the length.
+        """
+        stays = np.union1d(self.bounds()[:-1], self.points)
+        kinks = np.append(np.setdiff1d(self.stops, self.points), self.length)
+        places = np.concatenate((stays, kinks))
+        order = np.argsort(places)
+        models, after = np.empty((len(cables), self.held.size)), np.empty((len(cables), places.size))
+        for model, there, cable in zip(models, after, cables, strict=True):
+            other = Network(self.problem.beside(cable))
+            other.hold(self._kinds, self._tip, self._moment)
+            model[:] = other.held
+            there[:] = np.concatenate((stays, kinks * (cable.length / self.length)))[order]
+        return models, places[order], after
+
+    @property
+    def knots(self) -> Array:
+        """(k, 7): poses of the supports, without those of the ends."""
+        return self._frames
+
+    @property
+    def bare(self) -> Whole:
+        """The plan with one element a span, which `held` is the model of."""
+        return self._bare.ints
 
     @property
     def turns(self) -> float:
@@ -579,8 +564,9 @@ class Network:
         pieces = self.material.pieces.copy()
         pieces[:, : material.COMPLIANCE] *= self._factor(factor)
         self.material = self.material._replace(pieces=pieces)
+        self._tell()
         if self.elements:
-            self._load()
+            mesh.take_over(self._bare.ints, self.held, self.ints, self.floats)
 
     def _factor(self, factor: float) -> Array:
         """(18,): what the columns of the pieces are multiplied with to have the bending stiffness times `factor`."""
@@ -596,8 +582,13 @@ class Network:
 
     def smallest_eigenvalue(self) -> float:
         """[N], of the last solution's second variation."""
-        self.factored = False  # but at a shift
-        return float(respond.smallest_eigenvalue(self.ints, self.floats, self.sols, self.work))
+        return float(respond.smallest_eigenvalue(self.ints, self.floats, self.sols, self.work.copy()))
+
+    def is_minimum(self) -> bool:
+        """Whether the second variation at the last solution, and not at an iterate before it, is positive."""
+        work = self.work.copy()  # that of the solve stays
+        respond.refresh(self.ints, self.floats, self.sols, work, False)
+        return bool(respond.negative_below(self.ints, self.floats, work, self.neutral) <= 0)
 
     def pulls(self, points: int = 0) -> tuple[Array, Array, Array]:
         """F . d3 of the eyelets (e,) [N], its derivative in the arc lengths there (e, e), and that of the positions

@@ -6,8 +6,9 @@ found once, here, and again only when a knot or a span comes or goes.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
+from types import MappingProxyType
 from typing import NamedTuple, final
 
 import numpy as np
@@ -16,6 +17,10 @@ from numpy.typing import NDArray
 from cable_shape.kernels.network import tables
 
 Whole = NDArray[np.int64]
+
+#: Where the head of a plan tells how many vertices of pushes there are.
+PRESSED = 12
+_NOTHING: Mapping[int, Sequence[int]] = MappingProxyType({})
 
 
 @final
@@ -48,13 +53,15 @@ class Cable(NamedTuple):
 
 def make_plan(
     knots: Sequence[Knot], spans: Sequence[Span], cables: Sequence[Cable], elements: Sequence[int],
-    rings: Sequence[tuple[int, int]] = (),
+    rings: Sequence[tuple[int, int]] = (), stripping: bool = True, pressed: Sequence[Sequence[int]] = (),
 ) -> Whole:  # fmt: skip
     """The whole numbers of :class:`cable_shape.kernels.network.tables.Plan`.
 
-    elements: how many of each span. rings: (knot, span before it) of each eyelet.
+    elements: how many of each span. rings: (knot, span before it) of each eyelet. stripping: forces beyond which
+    nothing holds a place are known, and such places no unknowns; not so in motion, where drag holds all. pressed: the
+    knots between which, or on which, a vertex of up to three pushes acts; see `pushes`.
     """
-    stripped = strip(knots, spans)
+    stripped = strip(knots, spans) if stripping else []
     leaves = {spans[j][end] for j, end in stripped}
     known = {j for j, _ in stripped}
     sides = [(2 * k, 2 * k + 1) for k in range(len(knots))]
@@ -67,7 +74,11 @@ def make_plan(
             row.append(sides[knot][0] if tied and sides[knot][0] in unknown else -1)
             row.append(sides[knot][1] if sides[knot][1] in unknown and j not in known else -1)
         corners.append(row)
-    order, graph = eliminate(unknown, corners)
+    links = [[sides[k][1] for k in group if sides[k][1] in unknown] for group in pressed]
+    vertex_of = [2 * len(knots) + i for i in range(len(pressed))]
+    unknown |= set(vertex_of)
+    after = dict(zip(vertex_of, links, strict=True))
+    order, graph = eliminate(unknown, [*corners, *([*row, v] for v, row in after.items())], after)
     number = {vertex: i for i, vertex in enumerate(order)}
     pointer: list[int] = [0]
     neighbour: list[int] = []
@@ -93,6 +104,7 @@ def make_plan(
         first[-1], len(spans), len(knots), len(order), len(neighbour), len(target), len(cables), len(stripped),
         sum(c.pieces for c in cables), sum(c.points for c in cables), len(rings),
     )  # fmt: skip
+    head[PRESSED] = len(pressed)
     head[tables.UNKNOWN] = 3 * (len(spans) - len(known))
     vertices = [[number.get(a, -1), number.get(b, -1)] for a, b in sides]
     left = [np.arange(a, b) + j for j, (a, b) in enumerate(pairwise(first.tolist()))]
@@ -102,8 +114,25 @@ def make_plan(
         [[number.get(x, -1) for x in row] for row in corners], blocks, vertices, pointer, neighbour, goal, target,
         stripped, _starts([c.spans for c in cables]), [c.roll for c in cables], _starts([c.pieces for c in cables]),
         _starts([c.points for c in cables]), list(rings),
+        [(number[v], *group, -1)[:3] for v, group in zip(vertex_of, pressed, strict=True)],
     )  # fmt: skip
     return np.concatenate([np.asarray(part, dtype=np.int64).ravel() for part in parts])
+
+
+def moving(ints: Whole) -> Whole:
+    """The plan of the same network in motion: no force is known, and every place that is not given is unknown."""
+    plan: tables.Plan = tables.plan_of.py_func(ints)
+    leaves = {int(plan.ends[j, end]) for j, end in plan.stripped}
+    knots = [Knot(bool(a >= 0), bool(b >= 0) or k in leaves) for k, (a, b) in enumerate(plan.vertices)]
+    spans = [
+        Span(int(a), int(b), (bool(t[0]), bool(t[1])), (bool(f[0]), bool(f[1])))
+        for (a, b), t, f in zip(plan.ends, plan.tied, plan.turned, strict=True)
+    ]
+    counts = zip(np.diff(plan.cables), np.diff(plan.pieces), np.diff(plan.points), plan.roll, strict=True)
+    cables = [Cable(int(m), int(p), int(q), (int(a), int(b))) for m, p, q, (a, b) in counts]
+    rings = [(int(knot), int(span)) for knot, span in plan.rings]
+    pressed = [[int(k) for k in row[1:] if k >= 0] for row in pushes(ints)]
+    return make_plan(knots, spans, cables, np.diff(plan.first).tolist(), rings, stripping=False, pressed=pressed)
 
 
 def strip(knots: Sequence[Knot], spans: Sequence[Span]) -> list[tuple[int, int]]:
@@ -124,8 +153,29 @@ def strip(knots: Sequence[Knot], spans: Sequence[Span]) -> list[tuple[int, int]]
                 out.append((j, end))
 
 
-def eliminate(unknown: set[int], corners: Sequence[Sequence[int]]) -> tuple[list[int], dict[int, set[int]]]:
-    """An order of the vertices, least degree first, and of each the neighbours that are still there at its turn."""
+def pushes(ints: Whole) -> Whole:
+    """(p, 3): the vertices of pushes, each with its knot, and the other one or -1; behind what compiled code knows.
+
+    Their blocks on the diagonal are zero but for pushes that are not there, whose number is 1: so they come after the
+    places on which they act, and every push adds a negative eigenvalue.
+    """
+    return ints[ints.size - 3 * int(ints[PRESSED]) :].reshape(-1, 3)
+
+
+def block_between(ints: Whole, first: int, second: int) -> int:
+    """Where the block of two vertices is, of which the first is eliminated first."""
+    plan: tables.Plan = tables.plan_of.py_func(ints)
+    a, b = int(plan.pointer[first]), int(plan.pointer[first + 1])
+    return a + [int(x) for x in plan.neighbour[a:b]].index(second)
+
+
+def eliminate(
+    unknown: set[int], corners: Sequence[Sequence[int]], after: Mapping[int, Sequence[int]] = _NOTHING
+) -> tuple[list[int], dict[int, set[int]]]:
+    """An order of the vertices, least degree first, and of each the neighbours that are still there at its turn.
+
+    after: of some vertices, those that have to go before.
+    """
     beside: dict[int, set[int]] = {vertex: set() for vertex in unknown}
     for row in corners:
         there = [x for x in row if x in beside]
@@ -133,7 +183,8 @@ def eliminate(unknown: set[int], corners: Sequence[Sequence[int]]) -> tuple[list
             beside[x].update(y for y in there if y != x)
     order, graph = [], {}
     while beside:
-        vertex = min(beside, key=lambda x: (len(beside[x]), x))
+        ready = (x for x in beside if not any(y in beside for y in after.get(x, ())))
+        vertex = min(ready, key=lambda x: (len(beside[x]), x))
         others = beside.pop(vertex)
         for x in others:
             beside[x].discard(vertex)

@@ -10,16 +10,16 @@ import numpy as np
 
 from cable_shape.checks import Array
 from cable_shape.kernels.frames import align
-from cable_shape.kernels.network import drive
+from cable_shape.kernels.network import drive, start
 from cable_shape.kernels.network.drive import I_ENERGY, I_ESTIMATE, I_FORCE, I_MOMENT, I_RESIDUAL, I_TURNED, INFO
-from cable_shape.kernels.network.guess import CURVED, HANGING, WAVY
+from cable_shape.kernels.network.guess import CURVED, HANGING
 from cable_shape.kernels.network.newton import CONVERGED, I_EXCESS, I_ITERATIONS
 from cable_shape.pose import Grip, multiply, rotate
 from cable_shape.problem import NAMED_TOLERANCE, Problem
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve.eyelets import Eyelets
 from cable_shape.solve.network import Network
-from cable_shape.solve.outcome import MODEL, chords_of, no_room, straight_lines, unheld_roll
+from cable_shape.solve.outcome import MODEL, no_room, straight_lines, unheld_roll
 
 COLD_ITERATIONS, WARM_ITERATIONS, STEP_ITERATIONS = 80, 25, 12
 #: A warm solve that turns a frame by more than this [rad] from its prediction is checked by small steps.
@@ -39,15 +39,8 @@ _SAME = 0.02
 _SLACK = 0.97
 #: So many times as stiff are cables from which next to limp ones are softened, and by this factor in one step.
 _STIFFER, _SOFTENING = (8.0, 64.0, 512.0, 4096.0), 2.0
-#: (kind, tilt of the handles) of guesses.
-_HANGS, _FLAT, _CURVED, _MORE_CURVED, _STEEP = (
-    (HANGING, 0.0),
-    (CURVED, 0.02),
-    (CURVED, 0.3),
-    (CURVED, 0.8),
-    (CURVED, 1.2),
-)
-_WAVES = (WAVY, 0.3)
+#: Guesses (kind, tilt of the handles) for a cable that is stiffened.
+_HANGS, _CURVED = (HANGING, 0.0), (CURVED, 0.3)
 _NO_LOADS: Array = np.empty((0, 7))
 
 
@@ -202,7 +195,10 @@ class Search:
             self._coarsen()  # only now: a mesh that is too fine costs if it is used again
         info = self.info
         if status is Status.OK or status is Status.UNSTABLE:
-            status = Status.OK if info[I_EXCESS] == 0.0 else Status.UNSTABLE
+            stable = info[I_EXCESS] == 0.0
+            if stable and state.history == 0 and state.turns_freely:  # a soft mode may have changed its sign since
+                stable = state.is_minimum()
+            status = Status.OK if stable else Status.UNSTABLE
         within = info[I_ESTIMATE] <= problem.tolerance
         state.settle()
         least = 0.0
@@ -262,7 +258,7 @@ class Search:
         if state.spans > 1:
             return False
         poses, turns = state.target.copy(), state.turns
-        for kind, sag in self._guesses(poses):
+        for kind, sag in state.guesses(poses):
             state.first_mesh(poses, 2.0)
             state.start_from(poses, kind, sag, turns)
             if self.call(0, COLD_ITERATIONS):
@@ -404,7 +400,7 @@ class Search:
             poses[-1, 3:] *= -1.0
         if self.eyelets is not None:
             self.eyelets.spread(poses)
-        found = self._guessed(poses, 1.0, wound)
+        found = self._started(poses, wound)
         if state.spans > 1:
             found = found or (not self.late and self._approached(poses))
         for fineness in (2.0,) if state.spans == 1 else (2.0, 5.0):  # a coarse mesh may miss a boundary layer
@@ -425,10 +421,23 @@ class Search:
         state.history = 0
         return self.no_shape(Status.NOT_CONVERGED, poses, "" if self.eyelets is None else self.eyelets.why)
 
+    def _started(self, poses: Array, wound: float) -> bool:
+        """Tries the guesses on the usual mesh, and refines it, in one compiled call."""
+        state = self.state
+        if self.eyelets is not None:
+            return self._guessed(poses, 1.0, wound)
+        meshes = start.MOST_MESHES if self.deadline == math.inf else 0
+        code = state.started(poses, wound, meshes, self.buffer, self.loads)
+        self.info = state.info.tolist()
+        self.iterations += int(self.info[I_ITERATIONS])
+        if code == start.LOST:
+            return not self.out_of_time() and self._guessed(poses, 1.0, wound)
+        return bool(code == start.FOUND)
+
     def _guessed(self, poses: Array, fineness: float, wound: float, guard: bool = True) -> bool:
         """Tries the guesses, the likeliest first, on meshes so many times as fine as usual."""
         state = self.state
-        for kind, sag in self._guesses(poses):
+        for kind, sag in state.guesses(poses):
             state.first_mesh(poses, fineness)
             state.start_from(poses, kind, sag, wound)
             if self.call(0, COLD_ITERATIONS, guard=guard):
@@ -436,27 +445,6 @@ class Search:
             if self.out_of_time():
                 return False
         return False
-
-    def _guesses(self, poses: Array) -> tuple[tuple[int, float], ...]:
-        """Which guesses, in which order: soft or taut cables hang, stiff ones curve."""
-        state = self.state
-        weight = math.hypot(*state.mean_load.tolist())
-        if state.spans == 1:
-            length = self.problem.cable.length
-            if state.forces == 0:
-                return (_CURVED,)
-            soft = state.bend < weight * (0.3 * length) ** 3
-            taut = math.dist(poses[-1, :3].tolist(), poses[0, :3].tolist()) > 0.97 * length
-            if soft or taut:
-                return (_HANGS, _CURVED, _MORE_CURVED, _FLAT, _STEEP)
-            return (_CURVED, _HANGS, _MORE_CURVED, _FLAT, _STEEP)
-        lengths = np.diff(state.arcs)[: state.forces]
-        if weight == 0.0:
-            return (_WAVES, _CURVED, _MORE_CURVED, _FLAT, _HANGS)
-        soft = state.bend < weight * (0.3 * lengths.max()) ** 3
-        if soft or (chords_of(state, poses) > 0.97 * lengths).any():
-            return (_HANGS, _CURVED, _MORE_CURVED, _FLAT, _WAVES)
-        return (_CURVED, _HANGS, _MORE_CURVED, _FLAT, _WAVES)
 
     def _approached(self, poses: Array) -> bool:
         """Starts from a straight cable and goes to `poses` in small steps: for supports that no guess suits."""

@@ -87,7 +87,9 @@ class Net:
     rotations.
     """
 
-    def __init__(self, points: Sequence[Point], rods: Sequence[Rod], samples: int = 41) -> None:
+    def __init__(
+        self, points: Sequence[Point], rods: Sequence[Rod], samples: int = 41, pressed: Sequence[Sequence[int]] = ()
+    ) -> None:
         self.points, self.rods, self.samples = list(points), list(rods), samples
         knots = [Knot(turns=any(point.loose), moves=point.moves) for point in points]
         spans: list[Span] = []
@@ -105,7 +107,7 @@ class Net:
             self.runs.append(range(first, len(spans)))
         cables = [Cable(len(rod.nodes), len(rod.pieces), len(rod.loads), (rod.knots[0], rod.knots[-1])) for rod in rods]
         self.nodes = [nodes for rod in rods for nodes in rod.nodes]
-        self.ints = make_plan(knots, spans, cables, [nodes.size - 1 for nodes in self.nodes])
+        self.ints = make_plan(knots, spans, cables, [nodes.size - 1 for nodes in self.nodes], pressed=pressed)
         self.floats = np.zeros(tables.model_size.py_func(self.ints))
         self.size = int(tables.solution_size.py_func(self.ints))
         self.sols = np.zeros(3 * self.size)
@@ -148,7 +150,7 @@ class Net:
         par = model.par
         par[tables.LENGTH], par[tables.SOFTEST] = length, stiffness.min() / length**2
         par[tables.STIFFEST], par[tables.BASE_SHIFT] = stiffness.max(), 1e-4 * stiffness.min() / length**2
-        par[tables.TURN_AT_REST] = math.inf
+        par[tables.TURN_AT_REST], par[tables.SOFT] = math.inf, 1.0
         stretchy = [any(piece.compliance) for piece in pieces]
         par[tables.ELASTIC], par[tables.RIGID] = any(stretchy), not all(piece.compliance[2] for piece in pieces)
         material.add_up(self.ints, self.floats)

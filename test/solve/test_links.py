@@ -14,37 +14,20 @@ from cable_shape.solve import plan
 
 SECTION = Piece(1.2, (0.01, 0.015, 0.008), rest=(0.3, 0.2, 0.1), weight=0.981)
 NODES = [np.linspace(0.0, 0.5, 17), np.linspace(0.5, 1.2, 23)]
-KNOT, PUSHES = 1, 99  # the knot that is pressed on; a vertex beside those of knots
+KNOT = 1  # that is pressed on
 #: Normals of a floor and of a wall, and the gap of the origin.
 NORMALS = np.array(((0.05, -0.1, 1.0), (0.2, 1.0, 0.1)))
 NORMALS /= np.linalg.norm(NORMALS, axis=1)[:, None]
 GAPS = np.array((0.25, -0.3))
 
 
-def with_pushes(unknown, corners):
-    """`plan.eliminate` with a vertex of pushes beside the knot's place; its diagonal is zero, so that it comes last."""
-    order, graph_of = ELIMINATE(unknown, corners)
-    place = 2 * KNOT + 1
-    beside = {place}
-    for vertex in order:  # eliminating a vertex joins its neighbours
-        if vertex in beside:
-            beside |= graph_of[vertex]
-            graph_of[vertex] = graph_of[vertex] | {PUSHES}
-    graph_of[PUSHES] = set()
-    return [*order, PUSHES], graph_of
-
-
-ELIMINATE = plan.eliminate
-
-
-def cable(monkeypatch) -> Net:
+def cable() -> Net:
     """A cable that sags through floor and wall; its knot in between is free in place and rotation."""
     ends = Point((0.0, 0.0, 0.0), frame_along((1.0, 0.0, 0.2))), Point((0.75, 0.1, 0.05), frame_along((1.0, 0.3, 0.4)))
     knot = Point((0.35, 0.05, -0.3), frame_along((1.0, 0.0, 0.0)), TURNS, True)
     points, rods = [ends[0], knot, ends[1]], [Rod((0, 1, 2), [SECTION], NODES)]
     without = Net(points, rods).settle()
-    monkeypatch.setattr(plan, "eliminate", with_pushes)
-    net = Net(points, rods)
+    net = Net(points, rods, pressed=[[KNOT]])
     for ours, theirs in zip(net.trial, without.now, strict=True):
         ours[...] = theirs
     return net
@@ -58,17 +41,17 @@ def factor(net: Net) -> int:
     space.size[:], space.block[:] = 0.0, 0.0
     for j in range(ours.ends.shape[0]):
         graph.scatter(ours, net.model, space, j)
-    place, pushes = ours.vertices[KNOT, 1], space.size.shape[0] - 1
-    row = range(ours.pointer[place], ours.pointer[place + 1])
-    beside = next(a for a in row if ours.neighbour[a] == pushes)
+    ((pushes, _, _),) = plan.pushes(net.ints)
+    assert pushes == space.size.shape[0] - 1
+    beside = plan.block_between(net.ints, ours.vertices[KNOT, 1], pushes)
     space.block[beside].reshape(3, 3)[:, :2] = NORMALS.T
     space.size[pushes, 8] = 1.0  # a third link that is not there
     return inner + int(graph.eliminate(ours, space.size, space.block, space.diagonal))
 
 
-def test_a_knot_in_a_corner_is_one_vertex_more(monkeypatch):
+def test_a_knot_in_a_corner_is_one_vertex_more():
     """Newton's method converges quadratically, the knot lies on both, and pushes are what holds it where it is."""
-    net = cable(monkeypatch)
+    net = cable()
     free = net.trial.pose[KNOT, :3].copy()
     assert (NORMALS @ free + GAPS < -0.01).all()
     pushes, trial, space = np.zeros(2), net.trial, net.space

@@ -12,7 +12,8 @@ with K = (Kaa, Kab; Kba, Kbb), the stiffness matrix of a finite beam. A row of `
 and a row of `Work.W` the nine numbers of theta_a's column, nine of lambda's and three of the right-hand side's.
 
 This is the one elimination of a span at rest; who joins spans (see `graph`) sees only these rows. A span whose elements
-carry forces of their own and whose nodes move against a resistance condenses to the same rows, see `settle`.
+carry forces of their own and whose nodes move against a resistance condenses to the same rows and a few more, for it
+holds the places of its ends apart; see `chain`.
 """
 
 from __future__ import annotations

@@ -143,6 +143,13 @@ def factor(ints: Whole, floats: Floats, space: Floats, shift: float) -> int:
             scatter(plan, model, work, j)
     if vertices == 0:
         return negative
+    hold_knots(plan, model, work, shift)
+    return negative + eliminate(plan, work.size, work.block, work.diagonal)
+
+
+@viewing(fastmath=FAST, forceinline=True)
+def hold_knots(plan: Plan, model: Model, work: Work, shift: float) -> None:
+    """Adds to the graph what is the knots' own: rotations that are held, and the shift."""
     for k in range(plan.vertices.shape[0]):
         v = plan.vertices[k, 0]
         if v >= 0:
@@ -152,7 +159,6 @@ def factor(ints: Whole, floats: Floats, space: Floats, shift: float) -> int:
         v = plan.vertices[k, 1]
         if v >= 0:
             put9(work.size, v, 0, mshift(get9(work.size, v, 0), shift / model.par[LENGTH]))
-    return negative + eliminate(plan, work.size, work.block, work.diagonal)
 
 
 @viewing(fastmath=FAST, forceinline=True)
@@ -190,43 +196,66 @@ def solve(ints: Whole, floats: Floats, space: Floats) -> float:
     """
     plan, model, work = plan_of(ints), model_of(ints, floats), work_of(ints, space)
     vertices = plan.pointer.shape[0] - 1
-    gap = work.gap
     for j in range(plan.ends.shape[0]):
         reduce(plan, work, j)
-    largest = farthest = 0.0
     if vertices == 0:
         work.move[:, :] = 0.0
     else:
         collect(plan, model, work)
-        for v in range(vertices):
-            eased = apply(get9(work.diagonal, v, 0), get3(gap, v))
-            for a in range(plan.pointer[v], plan.pointer[v + 1]):
-                n = plan.neighbour[a]
-                put3(gap, n, 0, subtract(get3(gap, n), tapply(get9(work.block, a, 0), eased)))
-        for v in range(vertices - 1, -1, -1):
-            x = get3(gap, v)
-            for a in range(plan.pointer[v], plan.pointer[v + 1]):
-                x = add(x, apply(get9(work.block, a, 0), get3(gap, plan.neighbour[a])))
-            put3(gap, v, 0, scale(-1.0, apply(get9(work.diagonal, v, 0), x)))
-    for k in range(plan.vertices.shape[0]):
-        turn, way = plan.vertices[k, 0], plan.vertices[k, 1]
-        put3(work.move, k, 0, get3(gap, turn) if turn >= 0 else NONE)
-        y = get3(gap, way) if way >= 0 else NONE
-        put3(work.move, k, 3, y)
-        farthest = max(farthest, y[0] * y[0] + y[1] * y[1] + y[2] * y[2])
+        substitute(plan, work)
+    farthest = spread(plan, work)
+    largest = 0.0
     for j in range(plan.ends.shape[0]):
-        ta = ya = tb = yb = NONE
-        if vertices > 0:
-            a, b = plan.ends[j, 0], plan.ends[j, 1]
-            ya, yb = take3(work.move, a, 3), take3(work.move, b, 3)
-            if plan.tied[j, 0] != 0:
-                ta = tapply(to_knot(plan, model, j, 0), get3(work.move, a))
-            if plan.tied[j, 1] != 0:
-                tb = tapply(to_knot(plan, model, j, 1), get3(work.move, b))
+        ta, ya, tb, yb = steps_of_ends(plan, model, work, j, vertices > 0)
         size = expand(plan, work, j, ta, ya, tb, yb)
         if not size <= largest:
             largest = size
     return max(largest**0.5, 2.0 * farthest**0.5 / model.par[LENGTH])
+
+
+@viewing(fastmath=FAST, forceinline=True)
+def substitute(plan: Plan, work: Work) -> None:
+    """Minus the inverse of the graph's matrix times `gap`, into `gap`."""
+    gap, vertices = work.gap, plan.pointer.shape[0] - 1
+    for v in range(vertices):
+        eased = apply(get9(work.diagonal, v, 0), get3(gap, v))
+        for a in range(plan.pointer[v], plan.pointer[v + 1]):
+            n = plan.neighbour[a]
+            put3(gap, n, 0, subtract(get3(gap, n), tapply(get9(work.block, a, 0), eased)))
+    for v in range(vertices - 1, -1, -1):
+        x = get3(gap, v)
+        for a in range(plan.pointer[v], plan.pointer[v + 1]):
+            x = add(x, apply(get9(work.block, a, 0), get3(gap, plan.neighbour[a])))
+        put3(gap, v, 0, scale(-1.0, apply(get9(work.diagonal, v, 0), x)))
+
+
+@viewing(fastmath=FAST, forceinline=True)
+def spread(plan: Plan, work: Work) -> float:
+    """Fills `move`, the steps of the knots; returns the square of the longest of a place."""
+    farthest = 0.0
+    for k in range(plan.vertices.shape[0]):
+        turn, way = plan.vertices[k, 0], plan.vertices[k, 1]
+        put3(work.move, k, 0, get3(work.gap, turn) if turn >= 0 else NONE)
+        y = get3(work.gap, way) if way >= 0 else NONE
+        put3(work.move, k, 3, y)
+        farthest = max(farthest, y[0] * y[0] + y[1] * y[1] + y[2] * y[2])
+    return farthest
+
+
+@inline
+def steps_of_ends(
+    plan: Plan, model: Model, work: Work, j: int, any_vertex: bool
+) -> tuple[Vector, Vector, Vector, Vector]:
+    """Steps of rotation (own frame) and place at the start and at the end of span j, as its knots move."""
+    ta = ya = tb = yb = NONE
+    if any_vertex:
+        a, b = plan.ends[j, 0], plan.ends[j, 1]
+        ya, yb = take3(work.move, a, 3), take3(work.move, b, 3)
+        if plan.tied[j, 0] != 0:
+            ta = tapply(to_knot(plan, model, j, 0), get3(work.move, a))
+        if plan.tied[j, 1] != 0:
+            tb = tapply(to_knot(plan, model, j, 1), get3(work.move, b))
+    return ta, ya, tb, yb
 
 
 @inline

@@ -14,6 +14,7 @@ import numpy as np
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.network.compiled import inline, part, viewing
 from cable_shape.kernels.network.graph import factor, lead, solve, step_of_force
+from cable_shape.kernels.network.newton import size_at
 from cable_shape.kernels.network.sliding import columns, slide_step
 from cable_shape.kernels.network.system import NONE, assemble, gradient, release
 from cable_shape.kernels.network.tables import (
@@ -53,8 +54,8 @@ from cable_shape.kernels.rod_algebra import (
     tapply,
     times,
 )
+from cable_shape.kernels.rod_defect import node_slope
 from cable_shape.kernels.rod_element import E3
-from cable_shape.kernels.rod_stability import node_slope
 
 #: Noise in the mode that inverse iteration starts from: without it a mode of another symmetry would be overlooked.
 NOISE = 0.02
@@ -537,7 +538,7 @@ def softest_mode(
         work.pull[:, :] = 0.0
         for j in range(plan.ends.shape[0]):
             for e in range(plan.first[j], plan.first[j + 1] + 1):
-                size = half_lengths(plan, model, j, e)
+                size = size_at(plan, model, j, e)
                 put3(work.G, e + j, 0, scale(-size, get3(mode, e + j)))
         release(plan, model, work.G)
         solve(ints, floats, space)
@@ -549,7 +550,7 @@ def softest_mode(
                 d = get3(work.d, e + j)
                 turn = dot(d, d)
                 up -= dot(d, get3(work.G, e + j))
-                down += half_lengths(plan, model, j, e) * turn
+                down += size_at(plan, model, j, e) * turn
                 if turn > largest:
                     largest, told[1] = turn, model.s[e + j]
         if not (down > 0.0 and math.isfinite(down)):
@@ -559,14 +560,6 @@ def softest_mode(
         unit = 1.0 / math.sqrt(down)
         for k in range(mode.shape[0]):
             put3(mode, k, 0, scale(unit, get3(work.d, k)))
-
-
-@inline
-def half_lengths(plan: Plan, model: Model, j: int, e: int) -> float:
-    """Half the length of the elements of span j beside its node e."""
-    before = model.h[e - 1] if e > plan.first[j] else 0.0
-    after = model.h[e] if e < plan.first[j + 1] else 0.0
-    return 0.5 * (before + after)
 
 
 @viewing

@@ -34,7 +34,7 @@ N_PIECES, N_POINTS, N_RINGS, UNKNOWN = 8, 9, 10, 11
 PIECE = 21
 #: Numbers that belong to the whole network, see `Model.par`.
 PAR = 8
-SOFTEST, BASE_SHIFT, LENGTH, ELASTIC, STIFFEST, TURN_AT_REST, RIGID = 0, 1, 2, 3, 4, 5, 6
+SOFTEST, BASE_SHIFT, LENGTH, ELASTIC, STIFFEST, TURN_AT_REST, RIGID, SOFT = 0, 1, 2, 3, 4, 5, 6, 7
 #: Numbers of scratch: rows of elements side by side, and a few more.
 LANES_SIZE, SCRATCH = ROWS * LANES, 16
 #: Solutions that are kept.
@@ -72,7 +72,8 @@ class Model(NamedTuple):
     """What cables and supports are made of; lengths in m, forces in N."""
 
     par: Floats  # (PAR,) softest stiffness / length^2, shift that is always there, length, whether a compliance is
-    #              above 0, largest stiffness, turn [rad] that needs no motion of supports, whether nothing stretches
+    #              above 0, largest stiffness, turn [rad] that needs no motion of supports, whether nothing stretches,
+    #              how many times as uncertain corrections are as between clamped ends
     s: Floats  # (n,) arc length of the nodes, on their cable
     h: Floats  # (N,)
     load: Floats  # (N, 9) internal force without the span's own at the left, middle and right of each element

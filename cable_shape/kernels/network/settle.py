@@ -1,0 +1,247 @@
+"""A network that moves against drag alone: one implicit step in time, a minimum of energy and drag together.
+
+With the nodes' places r^ of the last step, drag c_i and a step dt in time a step is a minimum of
+
+    E(shape) + sum over nodes of c_i / (2 dt) |r_i - r^_i|^2,
+
+so that no step adds energy. As dt grows the step becomes Newton's method at rest; small steps lead continuously over a
+snap to where the network falls. Rotations about the cable meet no drag and are always at rest.
+"""
+
+from __future__ import annotations
+
+import math
+
+from cable_shape.kernels.network.compiled import inline, viewing
+from cable_shape.kernels.network.depart import energy
+from cable_shape.kernels.network.motion import Motion, motion_of, pull_of, put_places
+from cable_shape.kernels.network.moving import factor, solve
+from cable_shape.kernels.network.newton import CONVERGED, NOT_FINITE, STALLED, advance
+from cable_shape.kernels.network.predict import extrapolate, follow, turn_ends, turn_knots
+from cable_shape.kernels.network.system import assemble as at_rest
+from cable_shape.kernels.network.system import release
+from cable_shape.kernels.network.tables import (
+    BASE_SHIFT,
+    NOW,
+    SOFTEST,
+    TRIAL,
+    Floats,
+    Model,
+    Plan,
+    Solution,
+    Whole,
+    copy,
+    copy_rows,
+    model_of,
+    plan_of,
+    solution_of,
+    solution_size,
+    work_of,
+)
+from cable_shape.kernels.rod_algebra import add, dot, get3, get4, put3, qconj, qmul, scale, subtract, take3
+
+FAR = 4  # a frame turned by more than it may: the step in time was too long
+LARGEST_TURN = 0.3  # rad, of a frame in one step in time
+LARGEST_STEP = 0.3  # rad, of an iteration
+BEYOND = 0.7  # rad, further than a step may turn a frame, at which an iteration gives up
+NUDGE = 1e-3  # rad
+TOLERANCE = 1e-9  # rad, and of half the length: the last iteration
+FIRST_SHIFT, SHIFT_GROWTH, MOST_SHIFTS = 0.02, 6.0, 12  # as Newton's method at rest has them
+MOST_ITERATIONS = 15
+#: What `step` tells in `info`: iterations, largest turn of a frame [rad], largest force of drag at a node [N], largest
+#: internal force [N], negative eigenvalues beyond three a force, energy [J] after the step, last iteration [rad].
+I_ITERATIONS, I_TURNED, I_DRAG, I_FORCE, I_EXCESS, I_ENERGY, I_LAST = 0, 1, 2, 3, 4, 5, 6
+INFO = 8
+
+
+@viewing
+def assemble(ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: Floats) -> None:
+    """Fills the matrix of the trial and its right-hand side: G, slack, pull."""
+    plan, model, work, motion = plan_of(ints), model_of(ints, floats), work_of(ints, space), motion_of(ints, moving)
+    sol = solution_of(ints, sols, TRIAL)
+    load_up(plan, model, motion, sol)
+    at_rest(ints, floats, sols, space)
+    put_places(plan, sol, motion)
+    for j in range(plan.ends.shape[0]):
+        first, last = plan.first[j], plan.first[j + 1] - 1
+        for c in range(9):  # blocks beside rotations that are held
+            if plan.tied[j, 0] == 0:
+                f = model.free[j, 0, c // 3]
+                work.U[first, c] *= f
+                work.parts[first, 9 + c] *= f
+            if plan.tied[j, 1] == 0:
+                work.U[last, c] *= model.free[j, 1, c % 3]
+                work.parts[last, 18 + c] *= model.free[j, 1, c // 3]
+        for e in range(first, last + 1):
+            way = subtract(get3(motion.place, e + j + 1), get3(motion.place, e + j))
+            put3(motion.slack, e, 0, add(take3(work.first, e, 0), way))
+
+
+@viewing(forceinline=True)
+def load_up(plan: Plan, model: Model, motion: Motion, sol: Solution) -> None:
+    """Adds the nodes' drag to the loads: a span's force is that of its last element."""
+    for j in range(plan.ends.shape[0]):
+        first, last = plan.first[j], plan.first[j + 1] - 1
+        n = get3(motion.lam, last)
+        put3(sol.lam, j, 0, n)
+        for e in range(first, last + 1):
+            for c in range(9):
+                model.load[e, c] = motion.load[e, c] + (motion.lam[e, c % 3] - n[c % 3])
+        put3(model.weight, j, 0, add(get3(motion.weight, j), subtract(get3(motion.lam, first), n)))
+
+
+@inline
+def turned(sol: Solution, now: Solution) -> float:
+    """[rad], by how much a frame has turned at most."""
+    largest = 0.0
+    for k in range(sol.q.shape[0]):
+        miss = qmul(qconj(get4(now.q, k)), get4(sol.q, k))
+        size = miss[0] * miss[0] + miss[1] * miss[1] + miss[2] * miss[2]
+        if not size <= largest:
+            largest = size
+    return 2.0 * math.asin(min(1.0, math.sqrt(largest)))
+
+
+@viewing
+def newton(
+    ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: Floats, far: float, most: int, info: Floats
+) -> int:
+    """Solves for one step in time from the trial as it is; returns CONVERGED, STALLED, NOT_FINITE or FAR."""
+    model, motion = model_of(ints, floats), motion_of(ints, moving)
+    sol, now = solution_of(ints, sols, TRIAL), solution_of(ints, sols, NOW)
+    softest, wanted = model.par[SOFTEST], 3 * ints[0]
+    shift = 0.0
+    for i in range(most):
+        info[I_ITERATIONS] = i + 1.0
+        assemble(ints, floats, sols, space, moving)
+        trial = shift / SHIFT_GROWTH if shift > FIRST_SHIFT * softest else 0.0
+        negative = 0
+        for _ in range(MOST_SHIFTS):
+            negative = factor(ints, floats, space, moving, trial + model.par[BASE_SHIFT])
+            info[I_EXCESS] = negative - wanted
+            if negative <= wanted:
+                break
+            trial = max(SHIFT_GROWTH * trial, FIRST_SHIFT * softest)
+        if negative != wanted:
+            return STALLED
+        shift = trial
+        largest = solve(ints, floats, space, moving)
+        info[I_LAST] = largest
+        if not math.isfinite(largest):
+            return NOT_FINITE
+        fraction = min(1.0, LARGEST_STEP / largest) if largest > 0.0 else 1.0
+        advance(ints, sols, space, fraction)
+        for e in range(motion.lam.shape[0]):
+            for c in range(3):
+                motion.lam[e, c] += fraction * motion.step[e, c]
+        if shift == 0.0 and largest < TOLERANCE:
+            return CONVERGED
+        if not turned(sol, now) < far + BEYOND:
+            return FAR
+    return STALLED
+
+
+@viewing
+def step(
+    ints: Whole,
+    floats: Floats,
+    sols: Floats,
+    space: Floats,
+    moving: Floats,
+    dt: float,
+    far: float,
+    most: int,
+    info: Floats,
+) -> int:
+    """One step dt [s] from the solution now to the knots that are given in the trial; returns as `newton` does.
+
+    far [rad]: by how much a frame may turn.
+    After CONVERGED the trial has become the solution now and its forces those of `Motion.kept`; else nothing has.
+    """
+    plan, model, motion = plan_of(ints), model_of(ints, floats), motion_of(ints, moving)
+    sol, now = solution_of(ints, sols, TRIAL), solution_of(ints, sols, NOW)
+    for i in range(info.shape[0]):
+        info[i] = 0.0
+    for k in range(motion.hold.shape[0]):
+        motion.hold[k] = motion.drag[k] / dt
+    copy_rows(motion.lam, motion.kept, 3)
+    follow(plan, now, sol)
+    turn_knots(plan, model, now, now, sol, 0.0)
+    extrapolate(plan, now, now, sol, 0.0)
+    turn_ends(plan, model, sol)
+    status = newton(ints, floats, sols, space, moving, far, most, info)
+    info[I_TURNED] = turned(sol, now)
+    if status == CONVERGED and not info[I_TURNED] <= far:
+        status = FAR
+    if status != CONVERGED:
+        return status
+    put_places(plan, sol, motion)
+    strongest(plan, model, motion, info)
+    info[I_ENERGY] = energy(ints, floats, sols, moving)
+    copy_rows(motion.kept, motion.lam, 3)
+    copy_rows(motion.origin, motion.place, 3)
+    size = solution_size(ints)
+    copy(sols[size : 2 * size], sols[0:size])
+    copy(sols[0:size], sols[2 * size : 3 * size])
+    return CONVERGED
+
+
+@viewing
+def excess(ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: Floats, dt: float) -> int:
+    """How many modes of the trial grow so fast that a step dt cannot follow them, with the matrix factored."""
+    model, motion = model_of(ints, floats), motion_of(ints, moving)
+    for k in range(motion.hold.shape[0]):
+        motion.hold[k] = motion.drag[k] / dt
+    assemble(ints, floats, sols, space, moving)
+    return factor(ints, floats, space, moving, model.par[BASE_SHIFT]) - 3 * ints[0]
+
+
+@viewing
+def nudge(ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: Floats, dt: float) -> int:
+    """Turns the trial by NUDGE rad along the mode that a step dt only just follows; returns CONVERGED or STALLED.
+
+    From an unstable equilibrium that nothing else disturbs. The trial becomes the solution now.
+    """
+    plan, motion, work = plan_of(ints), motion_of(ints, moving), work_of(ints, space)
+    sol = solution_of(ints, sols, TRIAL)
+    if excess(ints, floats, sols, space, moving, dt) != 0:
+        return STALLED
+    work.pull[:, :] = 0.0
+    for k in range(work.G.shape[0]):
+        x = float(k) / work.G.shape[0]
+        put3(work.G, k, 0, (math.sin(7.0 * x) + 0.3, math.cos(5.0 * x) + 0.2, math.sin(3.0 * x + 0.4)))
+    release(plan, model_of(ints, floats), work.G)
+    for e in range(motion.slack.shape[0]):
+        put3(motion.slack, e, 0, (0.0, 0.0, 0.0))
+    largest = solve(ints, floats, space, moving)
+    if not (math.isfinite(largest) and largest > 0.0):
+        return STALLED
+    fraction = NUDGE / largest
+    advance(ints, sols, space, fraction)
+    for e in range(motion.lam.shape[0]):
+        put3(motion.lam, e, 0, add(get3(motion.lam, e), scale(fraction, get3(motion.step, e))))
+    put_places(plan, sol, motion)
+    copy_rows(motion.origin, motion.place, 3)
+    copy_rows(motion.lam, motion.kept, 3)
+    size = solution_size(ints)
+    copy(sols[0:size], sols[2 * size : 3 * size])
+    return CONVERGED
+
+
+@inline
+def strongest(plan: Plan, model: Model, motion: Motion, info: Floats) -> None:
+    """Tells the largest force of drag and the largest internal force."""
+    force = drag = 0.0
+    for j in range(plan.ends.shape[0]):
+        for e in range(plan.first[j], plan.first[j + 1]):
+            n = add(take3(motion.load, e, 3), get3(motion.lam, e))
+            force = max(force, dot(n, n))
+            if e > plan.first[j]:
+                f = pull_of(motion, e)
+                drag = max(drag, dot(f, f))
+        for end in range(2):
+            if plan.vertices[plan.ends[j, end], 1] >= 0:
+                node = plan.first[j + end] + j
+                way = subtract(get3(motion.place, node), get3(motion.origin, node))
+                drag = max(drag, motion.hold[node] ** 2 * dot(way, way))
+    info[I_DRAG], info[I_FORCE] = math.sqrt(drag), math.sqrt(force)
