@@ -1,6 +1,6 @@
 """The calibrator's process: action CalibrateCable, and a calibration that goes on by a topic of points.
 
-    python -m cable_shape.ros.calibrating SETUP SERVES ENDS
+    python -m cable_shape.ros.calibrating SETUP SERVES CLIENTS
 
 SETUP is a descriptor of a :class:`~cable_shape.ros.workers.CalibratorSetup` in JSON; for the others see
 :mod:`cable_shape.ros.serving`. Standard input, by ending, ends the process. Started by
@@ -20,6 +20,7 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.utilities import ok
 from sensor_msgs.msg import PointCloud2
 
 from cable_shape.cable import Cable
@@ -150,12 +151,16 @@ class Online:
 
     def _refine(self) -> None:
         """Until the process ends."""
-        while True:
-            time.sleep(self._setup.period)
-            for name, gatherer in self._gatherers.items():
-                if gatherer.taken > self._done[name]:
-                    self._done[name] = gatherer.taken
-                    self._fit(name, gatherer)
+        try:
+            while ok():
+                time.sleep(self._setup.period)
+                for name, gatherer in self._gatherers.items():
+                    if gatherer.taken > self._done[name]:
+                        self._done[name] = gatherer.taken
+                        self._fit(name, gatherer)
+        except RuntimeError:  # rclpy's own, when the end comes while a fit is told
+            if ok():
+                raise
 
     def _fit(self, name: str, gatherer: Gatherer) -> None:
         """One fit, told on the topic and in the file."""
