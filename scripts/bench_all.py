@@ -49,6 +49,7 @@ PARTS = (
     Part("evidence"),
     Part("truth", steady=True),
     Part("instructions", steady=True),
+    Part("certify", ("--rows", "20000", "--clips", "2000"), steady=True),
 )
 
 

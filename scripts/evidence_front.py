@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from cosserat_figures import machine
-from evidence_pages import figures, table
+from evidence_pages import END, figures, table
 from evidence_points import Point, Series
 
 README = Path(__file__).resolve().parents[1] / "README.md"
-BEGIN, END = "<!-- written by scripts/bench evidence -->", "<!-- to here -->"
+BEGIN = "<!-- written by scripts/bench evidence -->"
 WARM = "M, warm"
 #: Of the paper's, for a shape of 150 points in space, section 4.
 PAPER = "96 ms"
@@ -42,8 +42,8 @@ def cell(points: Sequence[Point], setting: str | None = None) -> str:
     return f"{figures(1e3 * found[0].time)} ms, {found[0].error:.0e}"
 
 
-def put(text: str, page: Path = README) -> None:
+def put(text: str, page: Path = README, begin: str = BEGIN) -> None:
     """Replaces what is between the marks of a page."""
-    before, rest = page.read_text(encoding="utf-8").split(BEGIN)
-    after = rest.split(END)[1]
-    page.write_text(f"{before}{BEGIN}\n{text}\n{END}{after}", encoding="utf-8")
+    before, rest = page.read_text(encoding="utf-8").split(begin)
+    after = rest.partition(END)[2]
+    page.write_text(f"{before}{begin}\n{text}\n{END}{after}", encoding="utf-8")

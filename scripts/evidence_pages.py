@@ -18,6 +18,8 @@ TITLES = {
     "performance": "Run time against error",
     "stability": "Stability under stress",
 }
+#: Marks around what `scripts/bench certify` writes on a page, which stays when the page is written anew.
+CERTIFIED, END = "<!-- written by scripts/bench certify -->", "<!-- to here -->"
 
 
 def figures(value: float, digits: int = 2) -> str:
@@ -33,6 +35,14 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """A markdown table."""
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def certified(page: Path) -> list[str]:
+    """What `scripts/bench certify` has written on a page, with its marks; empty if nothing."""
+    text = page.read_text(encoding="utf-8") if page.exists() else ""
+    if CERTIFIED not in text:
+        return []
+    return [f"{CERTIFIED}{text.partition(CERTIFIED)[2].partition(END)[0]}{END}"]
 
 
 class Pages:
@@ -69,7 +79,8 @@ class Pages:
             head = [f"# {TITLES[page]}", f"Written by `scripts/bench evidence` on {machine()}.{note}"]
             if page == "performance":
                 head.append(self._ratio_table())
-            (self.folder / f"{page}.md").write_text("\n\n".join((*head, *texts)) + "\n", encoding="utf-8")
+            file = self.folder / f"{page}.md"
+            file.write_text("\n\n".join((*head, *texts, *certified(file))) + "\n", encoding="utf-8")
 
     def _ratio_table(self) -> str:
         found = sorted(self.ratios.items(), key=lambda item: -item[1][0])
