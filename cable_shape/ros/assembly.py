@@ -10,7 +10,6 @@ from typing import final
 from cable_shape.cable import Cable
 from cable_shape.cycle import Cycle
 from cable_shape.errors import ArgumentError
-from cable_shape.files import load_yaml
 from cable_shape.robot import Robot
 from cable_shape.ros.interrupt import ends_when_told
 from cable_shape.ros.parameters import VIEW_OFF, Settings, find_file
@@ -20,6 +19,7 @@ from cable_shape.scene import Scene
 from cable_shape.uncertainty import Uncertainty
 from cable_shape.viewer.process import ViewerProcess
 from cable_shape.warm_up import warm_up_cycles
+from cable_shape.yaml_files import load_yaml
 
 #: name of a cable that is alone
 CABLE = "cable"

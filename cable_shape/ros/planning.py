@@ -1,6 +1,6 @@
 """The planner's process: service PredictShapes and action CheckTrajectory, beside the node and apart from its cycles.
 
-    python -m cable_shape.ros.planning SETUP SERVES ENDS
+    python -m cable_shape.ros.planning SETUP SERVES CLIENTS
 
 SETUP is a descriptor of a :class:`~cable_shape.ros.workers.PlannerSetup` in JSON; for the others see
 :mod:`cable_shape.ros.serving`. Standard input, by ending, ends the process. Started by

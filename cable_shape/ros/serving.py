@@ -1,7 +1,7 @@
 """What the processes beside the node do alike, from their start to their end: :func:`serve`.
 
 Their arguments are two inherited descriptors, of a text that says what to do and of one that is written to as soon as
-requests are served, and how often the process has ended before.
+requests are served, and how many clients the node knew when it started the process again; 0 at first.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import NoReturn, final
 
 import rclpy
@@ -21,11 +22,12 @@ from rclpy.utilities import ok, try_shutdown
 
 from cable_shape.errors import InputError
 from cable_shape.ros.goals import MOST_GOALS
-from cable_shape.ros.workers import CalibratorSetup, PlannerSetup
+from cable_shape.ros.workers import CalibratorSetup, PlannerSetup, clients
 from cable_shape.warm_up import warm_up
 
-_AGAIN = 0.05  # s, between tries to shut down
-_KNOWN = 2.0  # s, within which all others have come to know a node that was started again
+_AGAIN = 0.05  # s, between tries to shut down, and between looks for clients
+_SETTLED = 1.0  # s, within which a client that this process knows knows this process, too
+_LATEST = 10.0  # s, three of the middleware's announcements; a client that ended meanwhile is waited for so long
 
 
 def given() -> str:
@@ -37,9 +39,10 @@ def given() -> str:
 
 @final
 class Gate:
-    """Shut until requests are served: for a while after a process was started again.
+    """Shut until requests are served: after a process was started again, until this one is known.
 
-    Those who asked the process before it come to know this one little by little; the node answers them until all do.
+    Those who asked the process before it come to know this one little by little, some only with the middleware's next
+    announcement after three seconds; the node answers them until all do.
     """
 
     def __init__(self, shut: bool = False) -> None:
@@ -50,10 +53,14 @@ class Gate:
         if self.shut:
             raise InputError("the process that serves this has just been started again. Ask again in some seconds.")
 
-    def open_after(self, seconds: float) -> None:
-        """Opens, and tells the node that requests are served."""
-        time.sleep(seconds)
-        self.shut = False
+    def open_when(self, known: Callable[[], bool]) -> None:
+        """Opens, if it is shut not before `known` for a while, and tells the node that requests are served."""
+        if self.shut:
+            latest = time.monotonic() + _LATEST
+            while not known() and time.monotonic() < latest:
+                time.sleep(_AGAIN)
+            time.sleep(_SETTLED)
+            self.shut = False
         serves = int(sys.argv[2])
         os.write(serves, b"1")
         os.close(serves)
@@ -66,7 +73,7 @@ def serve(setup: PlannerSetup | CalibratorSetup, make: Callable[[Node, Gate], st
     """
     if setup.make_way:
         make_way()
-    again = int(sys.argv[3]) > 0
+    asking = int(sys.argv[3])
     serving = threading.Event()
     threading.Thread(target=_end_with_parent, args=(serving,), daemon=True).start()
     warm_up()
@@ -76,9 +83,10 @@ def serve(setup: PlannerSetup | CalibratorSetup, make: Callable[[Node, Gate], st
     try:
         executor = MultiThreadedExecutor(num_threads=MOST_GOALS + 4)
         executor.add_node(node)
-        gate = Gate(shut=again)
+        gate = Gate(shut=asking > 0)
         node.get_logger().info(make(node, gate))
-        threading.Thread(target=gate.open_after, args=(_KNOWN if again else 0.0,), daemon=True).start()
+        known = partial(_known, node, setup, asking)
+        threading.Thread(target=gate.open_when, args=(known,), daemon=True).start()
         executor.spin()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
@@ -89,6 +97,14 @@ def serve(setup: PlannerSetup | CalibratorSetup, make: Callable[[Node, Gate], st
         node.destroy_node()
         try_shutdown()
     return 0
+
+
+def _known(node: Node, setup: PlannerSetup | CalibratorSetup, asking: int) -> bool:
+    """Whether this process knows as many clients as the node did; it ends while others still look."""
+    try:
+        return clients(node, setup) >= asking
+    except RuntimeError:  # rclpy's own
+        return not ok()
 
 
 def make_way() -> None:

@@ -65,13 +65,14 @@ class StandIn:
         self._servers.clear()
 
     def _listen(self) -> None:
-        for kind, name in self._services:
-            self._serve(kind, name, partial(_failed, kind))
+        """What a client asks last comes first: who knows the first that it asks then has all the others, too."""
         for kind, name in self._actions:
             check_for_type_support(kind)
-            self._serve(kind.Impl.SendGoalService, f"{name}/_action/send_goal", partial(_accepted, kind))
-            self._serve(kind.Impl.GetResultService, f"{name}/_action/get_result", partial(_aborted, kind), _MANY)
             self._serve(CancelGoal, f"{name}/_action/cancel_goal", _not_cancelled, _MANY)
+            self._serve(kind.Impl.GetResultService, f"{name}/_action/get_result", partial(_aborted, kind), _MANY)
+            self._serve(kind.Impl.SendGoalService, f"{name}/_action/send_goal", partial(_accepted, kind))
+        for kind, name in self._services:
+            self._serve(kind, name, partial(_failed, kind))
 
     def _serve(
         self, kind: Any, name: str, make: Callable[[str], Any], qos: QoSProfile = qos_profile_services_default

@@ -10,7 +10,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import final
 
 from cable_shape.children import ended, left
@@ -30,10 +30,12 @@ class WorkerProcess:
     name : str
         What it is, as in "the planner's process".
     module : str
-        Run as `python -m MODULE SETUP SERVES ENDS`: inherited descriptors, one with the text `setup`, one to be written
-        to as soon as it serves, and how often it has ended before.
+        Run as `python -m MODULE SETUP SERVES CLIENTS`: inherited descriptors, one with the text `setup`, one to be
+        written to as soon as it serves, and `clients()` if it has ended before, else 0.
     remedy : str
         What else to do if it ends again and again.
+    clients : callable
+        How many there are who may have asked the process, and are to know the next one before it serves.
     environment : mapping of str to str
         Beside and instead of what it inherits.
     arguments : sequence of str
@@ -46,10 +48,11 @@ class WorkerProcess:
         module: str,
         setup: str,
         remedy: str,
+        clients: Callable[[], int],
         environment: Mapping[str, str] | None = None,
         arguments: Sequence[str] = (),
     ) -> None:
-        self._arguments = tuple(arguments)
+        self._arguments, self._clients = tuple(arguments), clients
         self._name, self._module, self._remedy = name, module, remedy
         self._environment = {**os.environ, **(environment or {})}
         self._papers = os.memfd_create(f"cable_shape_{name}_setup", os.MFD_CLOEXEC)
@@ -124,9 +127,10 @@ class WorkerProcess:
     def _start(self) -> None:
         self._ready, serves = os.pipe()
         os.set_blocking(self._ready, False)
+        asking = self._clients() if self.ends else 0
         try:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", self._module, *map(str, (self._papers, serves, self.ends)), *self._arguments],
+                [sys.executable, "-m", self._module, *map(str, (self._papers, serves, asking)), *self._arguments],
                 stdin=subprocess.PIPE,  # by ending, it ends the process
                 pass_fds=(self._papers, serves),
                 env=self._environment,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from dataclasses import dataclass, fields
+from functools import partial
 from pathlib import Path
 from typing import Any, final
 from xml.etree import ElementTree
@@ -104,6 +105,14 @@ class CalibratorSetup:
         return cls(**values)
 
 
+def clients(node: Node, setup: PlannerSetup | CalibratorSetup) -> int:
+    """How many clients of a worker's services and actions a node knows, the three of an action each for itself."""
+    names = [f"{setup.action}/_action/{part}" for part in ("send_goal", "get_result", "cancel_goal") if setup.action]
+    if isinstance(setup, PlannerSetup):
+        names.append(setup.service)
+    return sum(node.count_clients(name) for name in names)
+
+
 def start_workers(node: Node, settings: Settings, assembly: Assembly) -> None:
     """Starts what the settings ask for."""
     if settings.planner:
@@ -113,7 +122,13 @@ def start_workers(node: Node, settings: Settings, assembly: Assembly) -> None:
         if settings.planner_profiles:
             environment[PROFILES] = str(_profiles(settings.planner_profiles))
         worker = WorkerProcess(
-            "planner", "cable_shape.ros.planning", planner.to_json(), remedy, environment, _enclave(node, "planner")
+            "planner",
+            "cable_shape.ros.planning",
+            planner.to_json(),
+            remedy,
+            partial(clients, node, planner),
+            environment,
+            _enclave(node, "planner"),
         )
         assembly.workers["planner"] = worker
         services, actions = ((PredictShapes, planner.service),), ((CheckTrajectory, planner.action),)
@@ -126,8 +141,8 @@ def start_workers(node: Node, settings: Settings, assembly: Assembly) -> None:
             "cable_shape.ros.calibrating",
             calibrator.to_json(),
             remedy,
-            None,
-            _enclave(node, "calibrator"),
+            partial(clients, node, calibrator),
+            arguments=_enclave(node, "calibrator"),
         )
         assembly.workers["calibrator"] = worker
         if calibrator.action:

@@ -291,7 +291,9 @@ def gone(pid):
 
 def serving(node):
     """Waits for the planner, and for the stand-in that the node has beside it."""
-    node.until(lambda: node.node.count_services("cable/predict_shapes") == 2, "planner and stand-in")
+    action = [f"cable/check_trajectory/_action/{name}" for name in ("send_goal", "get_result", "cancel_goal")]
+    for name in ("cable/predict_shapes", *action):
+        node.until(lambda name=name: node.node.count_services(name) == 2, f"planner and stand-in with {name}")
 
 
 def test_a_planner_that_dies_is_told_and_started_again_and_cycles_go_on(start):
@@ -342,7 +344,9 @@ def test_whatever_is_asked_while_the_planner_starts_again_is_answered(start):
         return good and any(result.done() and result.result().result.success for result in results)
 
     node.until(served, "a shape and a check of the new process")
-    node.until(lambda: all(future.done() for future in (*calls, *sent, under_way)), "answers to all calls")
+    node.until(under_way.done, "result of the goal under way")
+    node.until(lambda: all(call.done() for call in calls), "answers to all calls")
+    node.until(lambda: all(future.done() for future in sent), "answers to all goals")
     results += [future.result().get_result_async() for future in sent]
     node.until(lambda: all(future.done() for future in results), "results of all goals")
     assert under_way.result().status == GoalStatus.STATUS_ABORTED
