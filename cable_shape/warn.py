@@ -107,7 +107,7 @@ def warnings_of(
     warning distance and an error below the error distance.
 
     Of a shape that did not converge only that is told, and that clearance and loads were not judged. On the straight
-    line of an overstretched cable clearance is judged, loads are not.
+    line of an overstretched cable, or its way past bodies, clearance is judged, loads are not.
 
     Parameters
     ----------
@@ -189,17 +189,20 @@ def _doubt(
 
 
 def _overstretched(cable_id: str, shape: CableShape) -> CableWarning:
-    """The ends are further apart than the cable is long."""
+    """The ends are further apart than the cable is long, by themselves or through clips or past bodies."""
     first, last = shape.positions[0], shape.positions[-1]
     span = math.dist(first, last)
+    text = (
+        f"the grips are {metres(span)} apart, {metres(span - shape.length)} more than the cable is long. "
+        "Bring them closer."
+    )
+    if span < shape.length:
+        span, text = shape.length + shape.missing_length, shape.detail
     return CableWarning(
         cable_id=cable_id,
         kind=WarningKind.OVERSTRETCHED,
         severity=Severity.ERROR,
-        text=(
-            f"{cable_id}: the grips are {metres(span)} apart, {metres(span - shape.length)} more than the cable is "
-            f"long. Bring them closer."
-        ),
+        text=f"{cable_id}: {text}",
         value=span,
         limit=shape.length,
         margin=span / shape.length,

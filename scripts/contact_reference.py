@@ -22,8 +22,7 @@ def finer(state: TouchState, halvings: int, nearby: float = NEARBY) -> cs.CableS
     problem = state.problem
     fine = TouchState(problem)
     fine.aim(problem.start, problem.end)
-    fine.restore((*(part.copy() for part in state.copy()[:-1]), state.elements))
-    fine._spacing, fine._middles = state._spacing, state._middles
+    fine.restore(state.copy())
     frames = fine.grips[NOW].copy()
     solver = touching._Solve(problem, fine, Network(problem), math.inf, 0.0)
     for _ in range(halvings):

@@ -18,9 +18,9 @@ from cable_shape.models.crossing_group import GROWTH, Group
 from cable_shape.models.crossing_places import Places
 from cable_shape.models.crossing_state import all_frames
 from cable_shape.models.crossing_step import Spot
-from cable_shape.models.touch_search import between
 from cable_shape.problem import Problem
 from cable_shape.shape import CableShape, Status
+from cable_shape.solve.search import between
 
 MOST = 8  #: contacts at a time
 _FIRST_STEP, _SMALLEST_STEP = 0.25, 1.0 / 256.0

@@ -110,12 +110,11 @@ class HeldAmong(HeldPoints[TouchState]):
 
     def restore(self, kept: tuple[Any, ...]) -> None:
         """Back to where `keep` was called."""
-        arrays, arcs, history, positions, links, self._target = kept
+        solutions, arcs, history, positions, links, self._target = kept
         state = self.state
         if not np.array_equal(arcs, state.arcs):
             state.slide_to(arcs)
-        *solutions, mesh, elements = arrays
-        state.restore((*(a.copy() for a in solutions), mesh, elements))
+        state.restore(solutions)
         state.history = history
         state.move_bodies(links)
         state.remember(positions)

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from cable_shape.checks import Array
 from cable_shape.kernels.span_work import NOW
 from cable_shape.models.touch_step import DEEPEST, FAR, STEP_ITERATIONS, WARM_ITERATIONS, Steps
 from cable_shape.shape import CableShape
+from cable_shape.solve.search import between
 
 _FIRST_STEP, _SMALLEST_STEP = 0.25, 1.0 / 512.0
 _FIRST_DRAG = 3e3  #: of a sliding cable, in stiffness / length^2
@@ -53,7 +52,7 @@ def relax(steps: Steps, frames: Array) -> bool:
         state.move_bodies(between(links, steps.links, at))
         if steps.go(between(origin, frames, at), 1, STEP_ITERATIONS, math.inf, drag=drag):
             rests = drag * state.info[12] < _AT_REST * softest
-            done, drag = at, 0.4 * drag
+            done, drag, step = at, 0.4 * drag, 1.6 * step
             if done == 1.0 and rests and steps.go(frames, 1, WARM_ITERATIONS, FAR):
                 return True
         else:
@@ -112,15 +111,3 @@ def grow(steps: Steps, frames: Array, free: CableShape) -> bool:
             if step < depth * _SMALLEST_STEP:
                 return False
     return True
-
-
-def between(origin: Array, goal: Array, at: float) -> Array:
-    """Frames (k, 7) on the straight path from `origin` to `goal`: positions linear, frames along the shortest turn."""
-    frames = (1.0 - at) * origin + at * goal
-    for row, a, b in zip(frames, origin, goal, strict=True):
-        p, q = a[3:], b[3:] if a[3:] @ b[3:] >= 0.0 else -b[3:]
-        angle = math.acos(min(1.0, float(p @ q)))
-        if angle > 1e-6:
-            row[3:] = (math.sin((1.0 - at) * angle) * p + math.sin(at * angle) * q) / math.sin(angle)
-        row[3:] /= np.linalg.norm(row[3:])
-    return frames

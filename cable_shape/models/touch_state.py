@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, final
+from typing import Any, NamedTuple, final
 
 import numpy as np
 
@@ -35,11 +35,23 @@ _FREE_ROTATIONS = {
     "free": (1.0, 1.0, 1.0),
 }
 _NEUTRAL = 1e-6  #: modes softer than this fraction of the stiffness / length^2 count as neutral, and neutral as stable
-#: Least stretch of a cable under weight + 10 EI / L^2: between two contacts nothing else lets a straight piece give.
+#: Least stretch of a cable under weight + 10 EI / L^2 + the force on a free end: between two contacts nothing else lets
+#: a straight piece give.
 _LEAST_STRETCH = 1e-6
 _NOTHING: Array = np.zeros(3)
 _NOWHERE: Array = np.empty((0, 3))
 _AT = 1e-9  #: loads nearer to an end than this fraction of the length are carried by it
+
+
+@final
+class Kept(NamedTuple):
+    """What `TouchState.copy` keeps."""
+
+    arrays: list[Array]
+    mesh: Array
+    elements: int
+    spacing: Array
+    middles: Array
 
 
 @final
@@ -52,6 +64,7 @@ class TouchState:
     def __init__(self, problem: Problem) -> None:
         self.history = self.elements = 0
         self.touching = False  # whether the last solution is in contact
+        self.wait, self.patience = 0, 1  # solves until another way is looked for where none led on, and after the next
         self.free: CableShape | None = None  # the last shape, if it is not, and the frames of its supports (b+1, 7)
         self.free_frames: Array = np.zeros((2, 7))
         self._positions = _NOWHERE
@@ -98,8 +111,8 @@ class TouchState:
         par[0:2] = cable.bending_stiffness
         par[2] = cable.twisting_stiffness
         par[3:5] = 0.0 if cable.shear_stiffness is None else 1.0 / cable.shear_stiffness
-        stretch = 0.0 if cable.axial_stiffness is None else 1.0 / cable.axial_stiffness
-        par[5] = max(stretch, _LEAST_STRETCH / (weight + 10.0 * self.bend / length**2))
+        self._stretch = 0.0 if cable.axial_stiffness is None else 1.0 / cable.axial_stiffness
+        self._load_scale = weight + 10.0 * self.bend / length**2
         par[9:12] = cable.linear_density * problem.gravity
         par[12] = _NEUTRAL * min(par[:3]) / length**2
         par[13] = length
@@ -154,6 +167,7 @@ class TouchState:
             self.history = min(self.history, 1)
             self._grips[NOW, :, 3:] = self.q[NOW, self.held]
         self._kinds, self._held_as, self._tip = kinds, kinds, tip
+        self.par[5] = max(self._stretch, _LEAST_STRETCH / (self._load_scale + float(np.linalg.norm(tip))))
         self.forces = len(kinds) - 1 - (end == "free")
         self.held_mask: Array = np.array([_FREE_ROTATIONS[kind] for kind in kinds])
         if self.held_mask[:, 2].all() and self.par[0] == self.par[1] and not self.table.any():
@@ -352,6 +366,7 @@ class TouchState:
     def rest(self, shape: CableShape, frames: Array) -> None:
         """Makes a shape without contacts the last one; `frames` are those of its supports."""
         self.touching = False
+        self.wait, self.patience = 0, 1
         self.free, self.free_frames = shape, frames
         self.remember(shape.positions)
 
@@ -360,21 +375,21 @@ class TouchState:
         out = np.empty((self.elements, contact_check.TOUCH))
         return out[: contact_check.touches(self.nodes, self.near[NOW], self.on[NOW], self.radius, out)]
 
-    def copy(self, *, then: bool = False) -> tuple[Any, ...]:
+    def copy(self, *, then: bool = False) -> Kept:
         """All that a solve changes; `then`: with the mesh from before the last step."""
         solutions = (self.q, self.near, self.on, self.ends, self._grips, self.turns, self.slid)
-        arrays = tuple(a.copy() for a in solutions)
-        return (*arrays, (self.mesh_then if then else self.mesh).copy(), self.elements)
+        mesh = (self.mesh_then if then else self.mesh).copy()
+        return Kept([a.copy() for a in solutions], mesh, self.elements, self._spacing, self._middles)
 
-    def restore(self, kept: tuple[Any, ...]) -> None:
-        """Puts back a `copy`."""
-        *arrays, mesh, elements = kept
+    def restore(self, kept: Kept) -> None:
+        """Puts back a `copy`, which stays as it is."""
+        arrays, mesh, elements, self._spacing, self._middles = kept
         nodes = mesh[: elements + 1].copy()
         if self.elements != elements or self.rings.size:
             self._arcs[self.rings] = arrays[-1][NOW, self.rings]
             self.elements = 0
             self.lay_out(nodes)
-        self.q, self.near, self.on, self.ends, self._grips, self.turns, self.slid = arrays
+        self.q, self.near, self.on, self.ends, self._grips, self.turns, self.slid = (a.copy() for a in arrays)
         self.mesh[:] = mesh
         self.unfactored()
 
@@ -386,12 +401,23 @@ class TouchState:
         """The next solve starts without the factors at hand."""
         self.info[contact_drive.AGE] = math.inf
 
-    def came_from(self, kept: tuple[Any, ...]) -> None:
+    def put_aside(self) -> tuple[Any, ...]:
+        """The last solution and how the cable and the bodies were then, for `put_back`."""
+        bodies = self.bodies
+        then = bodies.frames_then, bodies.links_then
+        return self.copy(), self.history, self.touching, self.free, self.free_frames, self._positions, then
+
+    def put_back(self, aside: tuple[Any, ...]) -> None:
+        """Makes what was put aside the last solution again."""
+        kept, self.history, self.touching, self.free, self.free_frames, self._positions, then = aside
+        self.restore(kept)
+        self.bodies.frames_then, self.bodies.links_then = then
+
+    def came_from(self, kept: Kept) -> None:
         """Makes the last solution of a `copy` the one before the last, if they have the same elements."""
-        *arrays, _, elements = kept
-        if self.elements == elements:
+        if self.elements == kept.elements:
             mine = (self.q, self.near, self.on, self.ends, self._grips, self.turns, self.slid)
-            for array, other in zip(mine, arrays, strict=True):
+            for array, other in zip(mine, kept.arrays, strict=True):
                 array[BEFORE] = other[NOW]
 
     @property
@@ -408,6 +434,7 @@ class TouchState:
         """The next solve starts from nothing."""
         self.history = 0
         self.touching = False
+        self.wait, self.patience = 0, 1
         self.free = None
         self._positions = _NOWHERE
 

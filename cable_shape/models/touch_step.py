@@ -9,7 +9,7 @@ from typing import final
 import numpy as np
 
 from cable_shape.checks import Array
-from cable_shape.kernels import bounds, contact_check, contact_drive, span_work
+from cable_shape.kernels import bounds, contact_check, contact_drive, span_work, surface
 from cable_shape.kernels.contact_drive import UNSETTLED
 from cable_shape.kernels.contact_error import AMISS
 from cable_shape.kernels.contact_near import GRIP_EXCLUSION
@@ -27,6 +27,9 @@ FAR = 0.7  #: A warm solve that turns a frame by more than this [rad] from its p
 FINE = 1.9e-4  #: of the length: an error from contacts above this, or AMISS times it in all, asks for a finer mesh
 _EXACT = 1e-5  #: of the length: an error from contacts below this is none of nodes in their way
 _ROUNDS = 8  #: of adding nodes where the cable dips into a body between them
+#: Of half a body's thickness and the cable's: how deep a point is that stands for one in the middle of the body, where
+#: points and times are at most so much apart.
+_MIDDLE = 0.4
 _ANYWHERE: Array = np.empty((0, 3))
 
 
@@ -158,6 +161,33 @@ class Steps:
                 bodies.triangles, bodies.tree, state.radius, bodies.stack,
             )
         )  # fmt: skip
+
+    def goes_through(self, before: Array, then: Array, buffer: Array) -> bool:
+        """Whether the straight way from positions (n, 3) to a shape leads through the middle of a body, or may do so.
+
+        The bodies were in the frames `then` (m, 4, 3). Far ways along a body are none past it, as `passes` has it; but
+        a body that is thinner than the points are apart cannot be told from none between them, and counts as passed.
+        """
+        bodies, n, radius = self.state.bodies, self.problem.points, self.state.radius
+        arcs, after, length = buffer[:n], buffer[n : 4 * n].reshape(n, 3), self.problem.cable.length
+        for b in range(len(bodies.table)):
+            table, frames = bodies.table[b : b + 1], bodies.frames[b : b + 1]
+            middle = _MIDDLE * (surface.reach_of(table[0]) + radius)
+            start = np.array([contact_check.carried(tuple(p), then[b], frames[0]) for p in before])
+            apart = max(float(np.linalg.norm(np.diff(line, axis=0), axis=1).max()) for line in (start, after))
+            far = float(np.linalg.norm(after - start, axis=1).max())
+            if far <= middle:
+                continue
+            if apart > middle:
+                return True
+            for at in np.linspace(0.0, 1.0, 2 + math.ceil(far / middle)):
+                for p, arc in zip((1.0 - at) * start + at * after, arcs, strict=True):
+                    gap, _ = contact_check.depth_of(
+                        p, arc, length, table, frames, bodies.triangles, bodies.tree, radius, bodies.stack
+                    )
+                    if gap < -middle:
+                        return True
+        return False
 
     def out_of_time(self) -> bool:
         """Whether the deadline is over."""

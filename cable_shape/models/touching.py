@@ -30,8 +30,17 @@ from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
 
 BURIED = 2e-4  #: [m] a grip deeper in a body than this has no shape
+_STUCK = (
+    "no way from the last shape leads to one between these ends but past an obstacle, behind which the cable cannot "
+    "have come. It stays so until the ends are back where a way leads on, or until reset: then any shape is taken. "
+)
+_LONGEST_WAIT = 16  #: solves after which all that takes long is tried again where it has failed
 _ATTEMPTS = (1.0, 0.0, -1.0)  #: bodies come from below, grow, come from above
 ACCURACY = 5e-4  #: of the length: what a shape in contact is asked for where the tolerance is below
+#: Of the length: what a cable that does not stretch may seem to stretch by. It gives a little, for between two contacts
+#: a straight piece could not give otherwise: by 3.5e-5 under a tension of 35 times its weight, which leaves it as much
+#: sag. From there on what it is stretched by is what it lacks.
+TAUT = 1e-4
 
 
 def solve(problem: Problem, state: TouchState, rod: Network, *, deadline: float = math.inf) -> CableShape:
@@ -113,8 +122,7 @@ class _Solve:
         if not state.touching:
             shape = self._free(self.rod)
             if shape.status in (Status.NOT_CONVERGED, Status.OVERSTRETCHED, Status.BUDGET_EXCEEDED):
-                state.free = None
-                return shape
+                return shape  # on which side of the bodies the cable is, the last shape goes on to tell
             clear = self.steps.depth(shape.buffer) > -DEEPEST
             last = state.free
             if clear and (last is None or not self.steps.passes(last.positions, shape.buffer)):
@@ -137,15 +145,38 @@ class _Solve:
         state.thin()
         if steps.go(frames, state.history, WARM_ITERATIONS, FAR) or follow(steps, frames):
             return self._finish(Status.OK)
+        state.move_bodies(steps.links)
+        if state.wait > 0 and not steps.late:
+            state.wait -= 1
+            return self._no_shape(Status.NOT_CONVERGED, _STUCK)
+        reached = state.put_aside()
         if relax(steps, frames):
             return self._finish(Status.SNAPPED)
         state.move_bodies(steps.links)
         if steps.late:
             return self._no_shape(Status.BUDGET_EXCEEDED, "")
+        shape = self._anew(frames)
+        if shape is not None:
+            return shape
+        state.put_back(reached)
+        if steps.out_of_time():
+            return self._no_shape(Status.BUDGET_EXCEEDED, "")
+        state.wait = state.patience
+        state.patience = min(2 * state.patience, _LONGEST_WAIT)
+        return self._no_shape(Status.NOT_CONVERGED, _STUCK)
+
+    def _anew(self, frames: Array) -> CableShape | None:
+        """From nothing, where the last solution leads nowhere; None if the cable may have come past a body on the way.
+
+        The last solution is that of this shape, whatever comes.
+        """
+        state, steps = self.state, self.steps
+        before, then = state.positions, state.bodies.frames_then
         free = _free(self.problem, self.deadline)
-        if not free.status or free.status is Status.OVERSTRETCHED:
-            return self._lost()
-        return self._cold(frames, free, Status.SNAPPED)
+        if not free.status:
+            return None
+        shape = self._cold(frames, free, Status.SNAPPED)
+        return shape if shape.status and not steps.goes_through(before, then, shape.buffer) else None
 
     def _cold(self, frames: Array, free: CableShape, status: Status = Status.OK) -> CableShape:
         """From the shape without contact, to which the bodies come from below, or grow, or come from above."""
@@ -205,30 +236,19 @@ class _Solve:
         """Grades and reports the solution in the buffer."""
         problem, state, steps = self.problem, self.state, self.steps
         info = state.info.tolist()
+        state.wait, state.patience = 0, 1
         if type(problem.end) is Grip:
             n = problem.points
             steps.buffer[4 * n - 3 : 4 * n] = problem.end.cable_frame.position
         found = state.touches()
         state.history = 2
         state.touching = len(found) > 0
-        allowed = max(problem.tolerance, ACCURACY * problem.cable.length)
-        within = info[7] <= allowed
-        if status is Status.OK and info[2] != 0.0:
-            status = Status.UNSTABLE
-        detail = "" if status is Status.OK else status.remedy
-        if steps.late:
-            status = Status.BUDGET if within else Status.BUDGET_EXCEEDED
-            detail = status.remedy
-        elif not within:
-            status = Status.NOT_CONVERGED
-            detail = inexact(info[7], allowed)
         shape = CableShape(
             steps.buffer,
             problem.points,
             length=problem.cable.length,
             model=MODEL,
             status=status,
-            detail=detail,
             energy=info[8] + state.energy_of_masses(),
             error_estimate=info[7],
             residual=info[5],
@@ -240,12 +260,47 @@ class _Solve:
             touches=found,
             bodies=state.bodies.names,
         )
+        self._grade(shape)
         if not state.touching:
             state.rest(shape, state.grips[NOW].copy())
             self.rod.history = 0
             self.rod.last = shape
             self.rod.arcs[self.rod.rings] = state.arcs[state.rings]
         return shape
+
+    def _grade(self, shape: CableShape) -> None:
+        """Fills status and detail of a shape that is OK or SNAPPED if nothing is the matter with it."""
+        shape.missing_length = self._stretched(shape)
+        allowed = max(self.problem.tolerance, ACCURACY * shape.length)
+        within = shape.error_estimate <= allowed
+        detail = ""
+        if shape.missing_length > 0.0:
+            shape.status, shape.error_estimate = Status.OVERSTRETCHED, math.inf
+            detail = (
+                f"the cable is {shape.missing_length:.3g} m too short for its way past the obstacles that it lies on. "
+                "Bring the ends closer; it is drawn as if it were longer."
+            )
+        elif self.steps.late:
+            shape.status = Status.BUDGET if within else Status.BUDGET_EXCEEDED
+        elif not within:
+            shape.status, detail = Status.NOT_CONVERGED, inexact(shape.error_estimate, allowed)
+        elif shape.status is Status.OK and self.state.info[2] != 0.0:
+            shape.status = Status.UNSTABLE
+        shape.detail = detail or ("" if shape.status is Status.OK else shape.status.remedy)
+
+    def _stretched(self, shape: CableShape) -> float:
+        """[m] what a cable that does not stretch lacks, 0 if that is next to nothing; its error grows by as much.
+
+        A free end pulls it as long as it is: only up to the last support with a given place it can be too short.
+        """
+        state, s = self.state, shape.arc_length
+        if self.problem.cable.axial_stiffness is not None:
+            return 0.0
+        stretch = state.par[5] * shape.tension
+        shape.error_estimate += max(0.0, float(np.trapezoid(stretch, s)))
+        held = s <= state.arcs[state.forces]
+        missing = float(np.trapezoid(stretch[held], s[held]))
+        return missing if missing > TAUT * shape.length else 0.0
 
     def _no_shape(self, status: Status, detail: str) -> CableShape:
         """The straight line; what was solved before stays as a warm start."""
