@@ -160,10 +160,13 @@ class Predictor:
         self._last_links = problem.links
         return shape
 
-    def go_on_from(self, shape: CableShape, frames: Array) -> None:
-        """Makes a shape between the ends `frames` (2, 7) the last solution, if there are bodies it may lie on."""
+    def go_on_from(self, shape: CableShape, frames: Array, links: Array) -> None:
+        """Makes a shape between the ends `frames` (2, 7) the last solution, if there are bodies it may lie on.
+
+        links (m, 7): where the links were then that carry bodies; m = 0: not known, or there are none.
+        """
         if self.problem.bodies:
-            self._solver.go_on_from(self.problem, shape, frames)
+            self._solver.go_on_from(self.problem, shape, frames, links)
             self._last = None
 
     def reset(self) -> None:

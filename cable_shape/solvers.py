@@ -32,7 +32,7 @@ class Solver(Protocol):
     def reset(self) -> None:
         """Forgets the last solution."""
 
-    def go_on_from(self, problem: Problem, shape: CableShape, frames: Array) -> None:
+    def go_on_from(self, problem: Problem, shape: CableShape, frames: Array, links: Array) -> None:
         """Makes a shape that was found otherwise the last one in contact with bodies."""
 
     def rod_state(self) -> Network | TouchState | None:
@@ -55,7 +55,7 @@ class ClosedForm:
     def reset(self) -> None:
         self._memory[:] = math.nan
 
-    def go_on_from(self, problem: Problem, shape: CableShape, frames: Array) -> None:
+    def go_on_from(self, problem: Problem, shape: CableShape, frames: Array, links: Array) -> None:
         return
 
     def rod_state(self) -> None:
@@ -87,14 +87,18 @@ class Rod:
             self._touch = TouchState(problem)
         return touching.solve(problem, self._touch, self.state, deadline=deadline)
 
-    def go_on_from(self, problem: Problem, shape: CableShape, frames: Array) -> None:
-        """Makes a shape that was found otherwise, ends in `frames` (2, 7), the last one in contact with bodies."""
+    def go_on_from(self, problem: Problem, shape: CableShape, frames: Array, links: Array) -> None:
+        """Makes a shape that was found otherwise, ends in `frames` (2, 7), the last one in contact with bodies.
+
+        links (m, 7): where the links were then that carry bodies.
+        """
         if not problem.bodies:
             return
         if self._touch is None:
             self._touch = TouchState(problem)
         supports = self._touch.aim(problem.start, problem.end)
         supports[0], supports[-1] = frames
+        self._touch.move_bodies(links)
         self._touch.resume(shape, supports)
 
     def reset(self) -> None:

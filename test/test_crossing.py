@@ -135,6 +135,38 @@ def test_a_jump_does_not_carry_a_cable_through_another():
         assert apart < 1e-4 * HEAVY.length
 
 
+def lies_over(report):
+    """Whether `over` is above `under` where they cross."""
+    under, over = (report.shapes[name].positions for name in ("under", "over"))
+    apart = np.linalg.norm(under[:, None, :2] - over[None, :, :2], axis=2)
+    i, j = np.unravel_index(apart.argmin(), apart.shape)
+    return over[j, 2] > under[i, 2]
+
+
+def let_down(cycle, heights, first=100):
+    """The reports of steps to these heights of `over`."""
+    for k, height in enumerate(heights, first):
+        grips = {"under": across(0.0, 0.5, 0.0), "over": across(70.0, 0.5, height, (0.02, 0.01))}
+        yield cycle.step(grips, stamp=10_000_000 * k)
+
+
+@pytest.mark.parametrize("heights", [np.arange(-0.04, -0.45, -0.02), (-0.2, -0.5), (-0.5,)])
+def test_a_cable_drawn_against_another_is_never_taken_to_have_come_through_it(heights):
+    _, cycle = pressed(DOWN)
+    for report in let_down(cycle, heights):
+        assert all(not shape.usable for shape in report.shapes.values()) or lies_over(report)
+    assert {shape.status for shape in report.shapes.values()} == {cs.Status.NOT_CONVERGED}
+    assert "through a cable" in report.shapes["over"].detail
+    for report in let_down(cycle, [*np.arange(heights[-1], 0.0, 0.05), *[-0.04] * 17], first=200):
+        assert all(not shape.usable for shape in report.shapes.values()) or lies_over(report)
+    assert {shape.status for shape in report.shapes.values()} == {cs.Status.OK}
+    assert report.shapes["over"].contacts
+    cycle.reset()
+    (report,) = let_down(cycle, [-0.5])
+    assert {shape.status for shape in report.shapes.values()} == {cs.Status.OK}
+    assert not lies_over(report)
+
+
 def test_overlapping_cables_are_pushed_apart_from_nothing():
     report, cycle = pressed([-0.005])
     (contact,) = report.shapes["under"].contacts

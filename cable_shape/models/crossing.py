@@ -28,6 +28,10 @@ _MOST_STEPS = 60  #: on one way
 _ROUNDS = 6  #: of finding places that were missed
 _SAME = 1e-3  #: of the length: a shape found alone is the one that has come free, if it is no further away
 _LOST = "no equilibrium of cables that touch was found. "
+_THROUGH = (
+    "no way from the last shapes leads to ones between these ends but through a cable. It stays so until "
+    "the ends are back where a way leads on, or until reset: then any shape is taken. "
+)
 _LONGEST_WAIT = 16  #: solves after which one that has failed from nothing is tried again
 
 
@@ -39,8 +43,11 @@ class Solo(Protocol):
     def alone(self) -> CableShape:
         """The shape between the problem's ends."""
 
-    def go_on_from(self, shape: CableShape, frames: Array) -> None:
-        """Makes a shape between the ends `frames` (2, 7) the last solution, if there are bodies it may lie on."""
+    def go_on_from(self, shape: CableShape, frames: Array, links: Array) -> None:
+        """Makes a shape between the ends `frames` (2, 7) the last solution, if there are bodies it may lie on.
+
+        links (m, 7): where the links were then that carry bodies; m = 0: not known, or there are none.
+        """
 
 
 @final
@@ -64,7 +71,13 @@ class Crossing:
         self.reset()
 
     def reset(self) -> None:
-        """Forgets the last equilibrium."""
+        """Forgets the last equilibrium, and which way cables lie over each other."""
+        self._last: tuple[list[CableShape], Array, list[Spot]] | None = None  # that equilibrium
+        self._reached: Group | None = None  # how far its cables got from there to where none was found
+        self._forget()
+
+    def _forget(self) -> None:
+        """The next solve starts from nothing."""
         self._group: Group | None = None
         self._shapes: list[CableShape] | None = None
         self._frames: Array = np.empty(0)
@@ -99,6 +112,8 @@ class Crossing:
         if self._shapes is not None and len(frames) != len(self._frames):  # links are known, or not any more
             self._let_go()
             self.reset()
+        if self._shapes is None and self._wait == 0:
+            self._go_on()
         if self._group is not None:
             for cable, rod in self._group.rods.items():
                 rod.take(self.problems[cable])
@@ -110,7 +125,7 @@ class Crossing:
             return self._give_up(free, "")
         given = [shape for shape in free if shape is not None]
         if self._shapes is None:
-            wrong = self._places.involved(given) if self._wait > 0 else set()
+            wrong = self._places.involved(given) | self._through(given) if self._wait > 0 else set()
             if wrong:
                 self._wait -= 1
                 return [
@@ -181,12 +196,16 @@ class Crossing:
         late = Status.BUDGET_EXCEEDED
         if perf_counter() > self._deadline:  # what has been reached is where the next solve starts
             return [_graded(shape, late, late.remedy) for shape in self._shapes]
-        if group.go(frames, search=True) and group.refined():
+        kept = group.keep()
+        found = group.go(frames, search=True)
+        if found and group.refined():
             shapes = self._reported(free, Status.SNAPPED, began)
             if not self._places.overlaps(shapes, self._spots):
                 return self._accept(shapes, frames)
-        self._let_go()
-        self.reset()
+        self._lose()
+        if not found:
+            group.restore(kept)
+            self._reached = group
         alone = [shape if shape is not None else self._solos[i].alone() for i, shape in enumerate(free)]
         if any(_no_place(shape) for shape in alone):
             return self._give_up(alone, "")
@@ -204,6 +223,8 @@ class Crossing:
             if perf_counter() > self._deadline:
                 return self._give_up(list(shapes), "", Status.BUDGET_EXCEEDED)
             if not found:
+                if self._through(given):
+                    return self._give_up([None] * len(shapes), _THROUGH)
                 if status is not Status.OK and self._group is None:
                     given = [_graded(shape, status, status.remedy) for shape in given]
                 return self._accept(given, frames)
@@ -270,47 +291,69 @@ class Crossing:
         """Remembers an equilibrium; cables that have come free are let go."""
         group = self._group
         self._shapes, self._frames = shapes, frames
-        if group is None:
-            return shapes
-        along = self._places.along_each_other(shapes, [spot for spot in group.spots if spot.press > 0.0])
-        if along:
-            return self._give_up([None] * len(shapes), along)
-        self._patience = 1
-        for spot in group.spots:
-            spot.before = spot.arcs.copy()
-        staying = [spot for spot in group.spots if spot.press > 0.0 or spot.distance < 2.0 * spot.reach]
-        if len(staying) < len(group.spots):
-            held = {cable for spot in staying for cable in spot.cables}
-            if all(self._comes_free(cable, shapes[cable]) for cable in group.rods if cable not in held):
-                self._group = Group(self._names, self.problems, shapes, frames, staying) if staying else None
+        if group is not None:
+            along = self._places.along_each_other(shapes, [spot for spot in group.spots if spot.press > 0.0])
+            if along:
+                return self._give_up([None] * len(shapes), along)
+            self._patience = 1
+            for spot in group.spots:
+                spot.before = spot.arcs.copy()
+            staying = [spot for spot in group.spots if spot.press > 0.0 or spot.distance < 2.0 * spot.reach]
+            if len(staying) < len(group.spots):
+                held = {cable for spot in staying for cable in spot.cables}
+                if all(self._comes_free(cable, shapes[cable]) for cable in group.rods if cable not in held):
+                    self._group = Group(self._names, self.problems, shapes, frames, staying) if staying else None
+        self._last = shapes, frames, [spot.copy() for spot in self._spots]
+        self._reached = None
         return shapes
 
     def _let_go(self) -> None:
         """Has those that are held go on alone from where they last were."""
         for cable in self.touching:
             if self._shapes is not None:
-                self._solos[cable].go_on_from(self._shapes[cable], self._frames[2 * cable : 2 * cable + 2])
+                self._solos[cable].go_on_from(self._shapes[cable], *self._ends_and_links(cable))
+
+    def _ends_and_links(self, cable: int) -> tuple[Array, Array]:
+        """The cable's ends (2, 7) and the links that carry bodies (m, 7) at the last equilibrium."""
+        return self._frames[2 * cable : 2 * cable + 2], self._frames[2 * len(self.problems) :]
 
     def _comes_free(self, cable: int, shape: CableShape) -> bool:
         """Whether the cable alone has this shape."""
-        self._solos[cable].go_on_from(shape, self._frames[2 * cable : 2 * cable + 2])
+        self._solos[cable].go_on_from(shape, *self._ends_and_links(cable))
         alone = self._solos[cable].alone()
         if not alone.status:
             return False
         return bool(np.abs(alone.positions - shape.positions).max() <= _SAME * shape.length)
+
+    def _through(self, shapes: list[CableShape]) -> set[int]:
+        """The cables that went through another one, or themselves, since the last equilibrium."""
+        return set() if self._last is None else self._places.gone_through(shapes, self._last[0])
+
+    def _lose(self) -> None:
+        """No equilibrium was found from the last one on, which is where one is looked for again."""
+        self._let_go()
+        self._forget()
+
+    def _go_on(self) -> None:
+        """Makes the last equilibrium that there was, if any, the one from which the next solve starts."""
+        if self._last is None:
+            return
+        self._shapes, self._frames, spots = self._last
+        self._group, self._reached = self._reached, None
+        if spots and self._group is None:
+            self._group = Group(self._names, self.problems, self._shapes, self._frames, [s.copy() for s in spots])
 
     def _give_up(
         self, shapes: Sequence[CableShape | None], detail: str, status: Status = Status.NOT_CONVERGED
     ) -> list[CableShape]:
         """The shapes of the cables alone, those that touched or overlap so graded, and nothing to start from."""
         touching = self.touching
-        self._let_go()
-        self.reset()
+        self._lose()
         out = [shape if shape is not None else self._solos[i].alone() for i, shape in enumerate(shapes)]
         if detail:
             self._wait, self._patience = self._patience, min(2 * self._patience, _LONGEST_WAIT)
         self._why = (detail or _LOST) + status.remedy
-        wrong = touching | self._places.involved(out)
+        wrong = touching | self._places.involved(out) | self._through(out)
         return [
             _graded(shape, status, self._why) if shape.status and i in wrong else shape for i, shape in enumerate(out)
         ]

@@ -21,6 +21,9 @@ _PARALLEL = math.cos(math.radians(15.0))  #: cables that cross at a smaller angl
 _ASIDE = 2.0  #: of the distance to be kept: a place nearer to a contact along both cables is that contact
 _APART = 0.05  #: of the distance to be kept: nearer points tell no direction in which to part
 _MOST_LOOKS = 40  #: at shapes between two
+_MIDDLE = 0.5  #: of the distance to be kept: cables that come nearer, looked at so often, go through each other
+_OFF = 2.0  #: of the distance to be kept: so near to an end a cable may slip off the other one
+_LONGEST_WAY = 2.0  #: of a cable's length: further ways are not looked at
 
 Pair = tuple[int, int]
 
@@ -93,6 +96,31 @@ class Places:
                 if near is not None and not any(near is other for other in found):
                     found.append(near)
         return found
+
+    def gone_through(self, shapes: list[CableShape], before: list[CableShape]) -> set[int]:
+        """The cables that went through another one or themselves on the straight way from the shapes before.
+
+        Off a cable's end another one may slip.
+        """
+        found: set[int] = set()
+        for pair in self.near(shapes, before):
+            ways = [shapes[i].positions - before[i].positions for i in pair]
+            way, middle = sum(float(np.linalg.norm(w, axis=1).max()) for w in ways), _MIDDLE * self.reach(pair)
+            if way > _LONGEST_WAY * max(shapes[i].length for i in pair):
+                return set(range(len(shapes)))
+            for x in np.linspace(0.0, 1.0, 1 + math.ceil(way / middle)):
+                p, r = (before[i].positions + x * w for i, w in zip(pair, ways, strict=True))
+                spots = self._spots(pair, before[pair[0]], before[pair[1]], p, r, middle, ())
+                if any(not self._at_an_end(spot) for spot in spots):
+                    found.update(pair)
+                    break
+        return found
+
+    def _at_an_end(self, spot: Spot) -> bool:
+        """Whether a place is at an end of one of its cables."""
+        off = _OFF * self.reach(spot.cables)
+        lengths = (self._problems[cable].cable.length for cable in spot.cables)
+        return any(min(arc, length - arc) < off for arc, length in zip(spot.arcs, lengths, strict=True))
 
     def crowded(self, spots: Sequence[Spot]) -> str:
         """Which cable is touched too near to what holds it, or twice in one place, in words; empty if none is."""
