@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cable_shape.clearance import ClearanceChecker
 from cable_shape.kernels import bounds
@@ -14,7 +15,7 @@ from cable_shape.margins import MarginWatch
 from cable_shape.plug import Plug, PlugError, plug_error
 from cable_shape.pose import Ends, Grip, Pose
 from cable_shape.predictor import Predictor
-from cable_shape.report import BodyDistance, CableWarning, Clearance, Margin
+from cable_shape.report import BodyDistance, CableWarning, Clearance, Margin, WarningKind
 from cable_shape.scene import Obstacle, Scene
 from cable_shape.shape import CableShape
 from cable_shape.snap import predicted_snap
@@ -99,16 +100,20 @@ class CableCycle:
         self.tube: Tube | None = None  # of the last shape, if it is asked for and known
         self.tail_tubes: dict[str, Tube] = {}  # of the tails, by side
         self._rod: Network | None = None  # of the last shape
+        self._acceleration: ArrayLike | None = None  # that it was loaded with
         self.tails: dict[str, CableShape] = {}  # by side
         self.after_snap: CableShape | None = None
         self.snap_skipped = False  # there was no need to look for a snap
         self._snap: CableWarning | None = None
         self._looked = self._snaps_at = -math.inf  # ns, when a snap was looked for, and when it is to come
 
-    def predict(self, ends: Ends, links: Links, solved: CableShape | None = None) -> CableShape:
+    def predict(
+        self, ends: Ends, links: Links, solved: CableShape | None = None, acceleration: ArrayLike | None = None
+    ) -> CableShape:
         """The shape of the span, unless it has been solved for, and of the tails into `tails`."""
         start, end = ends
-        shape = self.predictor.predict(start, end, links) if solved is None else solved
+        self._acceleration = acceleration
+        shape = self.predictor.predict(start, end, links, acceleration=acceleration) if solved is None else solved
         self._rod = self.predictor.rod_state
         self.tails = {}
         for side, tail in self._tails.items():
@@ -121,7 +126,7 @@ class CableCycle:
         """The tube of the shape just predicted, if it is asked for and known; kept, and those of the tails."""
         self.tail_tubes = {}
         if self._tubes is not None:
-            self.tube = self._tubes.tube(self.predictor, shape, ends, links)
+            self.tube = self._tubes.tube(self.predictor, shape, ends, links, self._acceleration)
             for side, tail in self.tails.items():
                 tube = self._tubes.tail_tube(self._tails[side], tail, ends)
                 if tube is not None:
@@ -150,6 +155,8 @@ class CableCycle:
     def margins(self, shape: CableShape, clearance: Clearance, ends: Ends, stamp: int) -> tuple[Margin, ...]:
         """How far trouble is, and with it whether the cable is about to snap."""
         margins = self._watch.margins(shape, clearance, stamp, state=self._rod, ends=ends)
+        if self._acceleration is not None:  # the prediction does not leave it out
+            margins = tuple(margin for margin in margins if margin.kind is not WarningKind.QUASISTATIC)
         self._look_ahead(shape, stamp)
         return margins
 

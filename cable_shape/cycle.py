@@ -54,6 +54,8 @@ class Cycle:
         In place of the scene's `plug`.
     clips : mapping of cable name to sequence of Clip, optional
         What holds that cable, in place of the scene's `clips`, which hold every cable.
+    distributed_load : (2, 3) array_like or mapping of cable name to (2, 3) array_like, optional
+        [N/m], world, at s = 0 and s = length, linear between, added to the weight; one for all cables, or each its own.
     time_budget : float, optional
         [s], of one prediction, see :class:`cable_shape.Predictor`.
     snap_horizon : float
@@ -81,6 +83,7 @@ class Cycle:
         plugs: Mapping[str, Plug] | None = None,
         clips: Mapping[str, Sequence[Clip]] | None = None,
         snap_horizon: float = 1.0,
+        distributed_load: ArrayLike | Mapping[str, ArrayLike] | None = None,
         time_budget: float | None = None,
         quasistatic_limit: float = LIMIT,
         uncertainty: Uncertainty | Mapping[str, Uncertainty] | None = None,
@@ -95,6 +98,10 @@ class Cycle:
             named[name] = named[name].replace(tails=lengths)
         own_plugs = checks.mapping("plugs", plugs, named, remedy)
         own_clips = checks.mapping("clips", clips, named, remedy)
+        if isinstance(distributed_load, Mapping):
+            loads = checks.mapping("distributed_load", distributed_load, named, remedy)
+        else:
+            loads = dict.fromkeys(named, distributed_load)
         horizon = checks.number("snap_horizon", snap_horizon, at_least=0.0, unit="s")
         ratio = checks.number("quasistatic_limit", quasistatic_limit, at_least=0.0)
         if isinstance(uncertainty, Uncertainty):
@@ -114,6 +121,7 @@ class Cycle:
                 "gravity": gravity,
                 "points": points,
                 "scene": own,
+                "distributed_load": loads.get(name),
                 "time_budget": time_budget,
                 "robot_links": robot_links,
                 "gripping_links": gripping_links,
@@ -166,6 +174,8 @@ class Cycle:
         stamp: int,
         links: Mapping[str, Pose] | Callable[[], Mapping[str, Pose] | None] | None = None,
         early: Callable[[Mapping[str, CableShape]], None] | None = None,
+        *,
+        acceleration: Mapping[str, ArrayLike] | None = None,
     ) -> CycleReport:
         """Predicts every cable in `grips` and checks it against the scene.
 
@@ -180,13 +190,17 @@ class Cycle:
             is asked for them after `early`, or before the prediction where links keep the cable out.
         early : callable, optional
             Is given the shapes as soon as they are predicted, before clearance, margins and warnings.
+        acceleration : mapping of cable name to (3,) or (m, 3) array_like, optional
+            [m/s^2], world, of cables in `grips` in this step, uniform in arc length, see
+            :meth:`cable_shape.Predictor.predict`; the others are at rest, and so are tails. Of a cable whose
+            acceleration is given no QUASISTATIC margin is told: its inertia is part of the load.
 
         Raises
         ------
         StaleInputError
             If `stamp` goes backwards. `reset` forgets the last stamp (a bag that loops).
         ArgumentError
-            For a cable that does not exist.
+            For a cable that does not exist, or an acceleration that is none, or that the model does not know.
         """
         if type(stamp) is not int or not -_LATEST <= stamp <= _LATEST:
             stamp = checks.integer("stamp", stamp, at_least=-_LATEST, at_most=_LATEST)
@@ -207,9 +221,16 @@ class Cycle:
                 raise ArgumentError.of("cable", name, "no such cable", f"Known: {', '.join(self._cables)}.")
             _check_ends(name, grips[name])
             cables[name] = cable
+        moving = checks.mapping("acceleration", acceleration, grips, "Write {name of the cable: (ax, ay, az)}.")
+        if moving or self._solves_crossing:
+            for name, cable in cables.items():
+                _accelerate(name, cable.predictor, moving.get(name))
         placed = (links() if self._pushed else None) if callable(links) else links
         together = self._together(grips, placed) if self._solves_crossing else {}
-        shapes = {name: cable.predict(grips[name], placed, together.get(name)) for name, cable in cables.items()}
+        shapes = {
+            name: cable.predict(grips[name], placed, together.get(name), moving.get(name))
+            for name, cable in cables.items()
+        }
         predicted = perf_counter()
         if early is not None:
             early(shapes)
@@ -318,6 +339,14 @@ def _named(cables: Cable | Mapping[str, Cable]) -> dict[str, Cable]:
         checks.word("cables", name)
         checks.instance(f"cables[{name!r}]", cable, (Cable,), "Write Cable(length=..., ...).")
     return dict(cables)
+
+
+def _accelerate(name: str, predictor: Predictor, acceleration: ArrayLike | None) -> None:
+    """Tells how a cable moves; what is refused, before any is predicted, is said to be this cable's."""
+    try:
+        predictor.accelerate(acceleration)
+    except ArgumentError as error:
+        raise ArgumentError(f"acceleration[{name!r}]: {error}") from None
 
 
 def _check_ends(name: str, ends: Any) -> None:

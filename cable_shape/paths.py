@@ -122,9 +122,12 @@ class Motion:
 
     def joint_positions(self, place: float) -> Array:
         """(n,) [rad] or [m], in the order of the robot's `joint_names`."""
+        return self.between(self.joints, place)
+
+    def between(self, rows: Array, place: float) -> Array:
+        """Of an array with a row (...) a waypoint the row there, linear between waypoints."""
         i, j, x = self._segment(place)
-        q: Array = self.joints[i] if x == 0.0 else (1.0 - x) * self.joints[i] + x * self.joints[j]
-        return q
+        return np.asarray(rows[i] if x == 0.0 else (1.0 - x) * rows[i] + x * rows[j])
 
     def _segment(self, place: float) -> tuple[int, int, float]:
         """The waypoints before and after a place, and how far it is from one to the other, 0 to 1."""

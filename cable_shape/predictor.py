@@ -112,7 +112,8 @@ class Predictor:
     @scene.setter
     def scene(self, scene: Scene | None) -> None:
         self._still = self._checked(self._problem_in(scene=scene))
-        self._swap(self._still)
+        self._load(self._still)
+        self._crossing = self._with_itself()
 
     def predict(
         self,
@@ -134,18 +135,15 @@ class Predictor:
         acceleration : (3,) or (m, 3) array_like, optional
             [m/s^2], world, of the cable, uniform in arc length, linear between the rows: the cable is in equilibrium
             under density * (gravity - acceleration), masses likewise. For this prediction only; `energy` leaves it out.
-            Three rows or more, unless they are on a line, are for the Cosserat rod without clips and contact; each is a
-            node of the rod.
+            Three rows or more, unless they are on a line, are for the Cosserat rod, in clips too, without
+            ``contact="solve"``; each is a node of the rod.
 
         Raises
         ------
         ArgumentError
             For wrong arguments, or if `links` lacks a link that carries such a body.
         """
-        if acceleration is not None:
-            self.accelerate(acceleration)
-        elif self.problem is not self._still:
-            self._swap(self._still)
+        self.accelerate(acceleration)
         self.problem.move(start, end, links)
         return self.alone() if self._crossing is None else self._crossing.solve()[0]
 
@@ -253,33 +251,39 @@ class Predictor:
             return None
         return Crossing(("cable",), [self], self.time_budget)
 
-    def accelerate(self, acceleration: ArrayLike) -> None:
-        """Makes the problem that of a cable which moves like this, until the next prediction."""
+    def accelerate(self, acceleration: ArrayLike | None) -> None:
+        """Makes the problem that of a cable which moves like this, or is at rest, until the next prediction."""
+        if acceleration is None:
+            if self.problem is not self._still:
+                self._load(self._still)
+            return
         problem = self._problem_in(scene=self.scene, acceleration=acceleration)
         before = self.problem.acceleration
         if before is not None and problem.acceleration is not None and np.array_equal(before, problem.acceleration):
             return
-        if problem.swing is not None:
-            if isinstance(self._solver, ClosedForm):
-                reason = f"model {self.model!r} of this cable knows accelerations linear along the cable only"
-                remedy = "Give at most two rows, or choose model='cosserat' and a bending stiffness above 0 N m^2."
-            elif problem.clips or problem.bodies or problem.solves_crossing:
-                reason = "with clips or contact='solve' only accelerations linear along the cable are known"
-                remedy = "Give at most two rows, or remove the clips and write contact='warn'."
-            else:
-                reason = ""
-            if reason:
-                raise ArgumentError.of("acceleration", f"shape {problem.swing.shape}", reason, remedy)
-        self._swap(problem)
+        self._load(self._checked(problem))
 
-    def _swap(self, problem: Problem) -> None:
-        """Makes this the problem; what touches starts anew."""
+    def _load(self, problem: Problem) -> None:
+        """Makes this the problem, whose loads may be others."""
         self.problem = problem
         self._last = None
-        self._crossing = self._with_itself()
 
     def _checked(self, problem: Problem) -> Problem:
-        """The problem, if its model can solve it: only the rod is held in clips, or rests on bodies."""
+        """The problem, if its model can solve it.
+
+        Only the rod is held in clips, rests on bodies, or takes loads that are not linear along the cable; where it is
+        kept out of bodies, of itself and of others, they are linear, too.
+        """
+        touches = bool(problem.bodies) or problem.solves_crossing
+        if problem.swing is not None and (touches or not self.is_rod):
+            if self.is_rod:
+                reason, remedy = "contact='solve'", "write contact='warn'."
+            else:
+                reason = f"model {self.model!r} of this cable"
+                remedy = "choose model='cosserat' and a bending stiffness above 0 N m^2."
+            reason += " knows only accelerations that are linear along the cable"
+            shape = f"shape {problem.swing.shape}"
+            raise ArgumentError.of("acceleration", shape, reason, f"Give at most two rows, or {remedy}")
         if isinstance(self._solver, ClosedForm):
             if problem.bodies:
                 raise ArgumentError.of(

@@ -144,9 +144,7 @@ class Problem:
         """Adds the inertial load of an acceleration (m, 3)."""
         self.acceleration = table
         self.load -= self.cable.linear_density * table[[0, -1]]
-        swing = table - np.linspace(table[0], table[-1], len(table))
-        if np.abs(swing).max() > _STRAIGHT * np.abs(table).max():
-            self.swing = swing
+        self.swing = swing_of(table)
 
     def beside(self, cable: Cable) -> Problem:
         """The same on a cable that differs little: weight and inertia change with it, what holds it keeps its place."""
@@ -156,6 +154,37 @@ class Problem:
         other.load = self.load + (cable.linear_density - self.cable.linear_density) * falls
         other.load_force = np.array([m.mass * other.fall(m.arc_length) for m in self.masses]).reshape(-1, 3)
         return other
+
+    def after(self, last: Problem, share: float) -> Problem:
+        """The same under loads on the way from those of `last`, of the same cable, at this share of it."""
+        if share == 1.0:
+            return self
+        other = copy.copy(self)
+        other.cache = {}
+        other.load = last.load + share * (self.load - last.load)
+        other.load_force = last.load_force + share * (self.load_force - last.load_force)
+        rows = max([2, *(len(a) for a in (self.acceleration, last.acceleration) if a is not None)])
+        before, now = last._rows(rows), self._rows(rows)
+        other.acceleration = before + share * (now - before)
+        other.swing = swing_of(other.acceleration)
+        return other
+
+    def _rows(self, rows: int) -> Array:
+        """The acceleration, told in so many rows: exact if it has as many, or is linear."""
+        if self.acceleration is None:
+            return np.zeros((rows, 3))
+        here, there = np.linspace(0.0, 1.0, rows), np.linspace(0.0, 1.0, len(self.acceleration))
+        return np.stack([np.interp(here, there, a) for a in self.acceleration.T], axis=1)
+
+    def loaded_otherwise(self, last: Problem) -> bool:
+        """Whether it is the same cable, with loads at the same places, that are not those of `last`."""
+        if last is self or last.cable is not self.cable:
+            return False
+        if not np.array_equal(last.load_arc_length, self.load_arc_length):
+            return False
+        swings = [np.empty(0) if one.swing is None else one.swing for one in (last, self)]
+        pairs = (swings, (last.load, self.load), (last.load_force, self.load_force), (last.end_fall, self.end_fall))
+        return not all(np.array_equal(one, other) for one, other in pairs)
 
     @property
     def end_fall(self) -> Array:
@@ -234,6 +263,12 @@ class Problem:
         else:
             self.end = as_grip("end", end)
         return self
+
+
+def swing_of(table: Array) -> Array | None:
+    """What an acceleration (m, 3) has beyond the line from its first to its last row; None: nothing."""
+    swing = table - np.linspace(table[0], table[-1], len(table))
+    return swing if np.abs(swing).max() > _STRAIGHT * np.abs(table).max() else None
 
 
 def _table(value: ArrayLike) -> Array:

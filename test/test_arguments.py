@@ -141,6 +141,7 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, Any]]] = {
             "gravity": (0, 0, -9.81), "points": 12, "tolerance": 1e-3, "tails": {"cable": {"end": 0.1}},
             "plugs": {"cable": cs.Plug("port")}, "clips": {"cable": ()}, "snap_horizon": 1.0, "time_budget": 1.0,
             "quasistatic_limit": 0.25, "uncertainty": None,
+            "distributed_load": {"cable": np.zeros((2, 3))}, "acceleration": {"cable": (0, 0, 1)},
             "grips": {"cable": (START, END)}, "stamp": 0, "links": {"tool": START}, "early": None,
         },
     ),
@@ -159,7 +160,8 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, Any]]] = {
         cs.check_trajectory,
         {
             "cable": CABLE, "scene": None, "robot": None, "trajectory": TWO, "gravity": (0, 0, -9.81), "points": 12,
-            "tolerance": 1e-3, "time_limit": 10.0, "proceed": None,
+            "tolerance": 1e-3, "distributed_load": np.zeros((2, 3)), "acceleration": np.zeros((2, 3)),
+            "time_limit": 10.0, "proceed": None,
         },
     ),
     "Observation": (
@@ -299,6 +301,21 @@ SLIPS: list[tuple[Callable[[], object], str]] = [
     (lambda: stepped(grips={"cable": (None, END)}), r"grips\['cable'\]\[0\] = None .* must be a Pose or a Grip"),
     (lambda: stepped(grips={"cable": (START, END)}, stamp="0"), "stamp = '0' .* whole number"),
     (lambda: stepped(robot_links=[LINKED], links={"tool": 3}), r"links\['tool'\] = 3 .* must be a Pose"),
+    (lambda: stepped(acceleration=(0, 0, 1)), r"acceleration = \(0, 0, 1\) .* must be a mapping"),
+    (lambda: stepped(acceleration={"b": (0, 0, 1)}), "acceleration: unknown key 'b'"),
+    (lambda: stepped(acceleration={"cable": (0, 1)}), r"acceleration\['cable'\]: .*shape \(2,\).*\(3,\) or \(m, 3\)"),
+    (lambda: stepped(distributed_load={"b": np.zeros((2, 3))}), "distributed_load: unknown key 'b'"),
+    (lambda: stepped(distributed_load=(0, 0, 1)), "distributed_load = .* two rows"),
+    (lambda: cs.check_trajectory(CABLE, None, None, TWO, acceleration=(0, 0, 1)), r"\(3,\).* must be \(2, 3\) or"),
+    (
+        lambda: cs.check_trajectory(CABLE, None, None, TWO, acceleration=np.zeros((3, 3))),
+        "Give three numbers .* waypoint",
+    ),
+    (lambda: cs.check_trajectory(CABLE, None, None, TWO, acceleration=np.zeros((2, 1, 3))), r"\(m, 3\) with 2 to 200"),
+    (
+        lambda: cs.check_trajectory(CABLE, None, None, TWO, acceleration=[[0] * 3, [np.nan] * 3]),
+        r"acceleration\[1\] .*fin",
+    ),
     (lambda: cs.check_trajectory(CABLE, {}, None, TWO), "scene = {} .* must be a Scene"),  # type: ignore[arg-type]
     (lambda: cs.check_trajectory(CABLE, None, None, np.zeros((2, 14))), r"trajectory = .* GripPath\(starts, ends\)"),
     (lambda: cs.JointPath(3, [[0]]), "joint_names = 3 .* must be a list"),  # type: ignore[arg-type]

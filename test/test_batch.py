@@ -167,6 +167,10 @@ HOLDS = {
         "scene": HELD.replace(clips=[cs.Clip(0.6, cs.Pose((0.35, 0.15, -0.2), (0.5, 0.5, 0.5, 0.5)), kind="hinge")])
     },
     "accelerated": {"acceleration": np.column_stack((2.0 * np.sin(WAVE), 0.5 * WAVE, 0.0 * WAVE))},
+    "accelerated in a ball clip": {
+        "scene": HELD,
+        "acceleration": np.column_stack((2.0 * np.sin(WAVE), 0.5 * WAVE, 0.0 * WAVE)),
+    },
     "bent at rest": {"cable": CABLE.replace(rest_curvature=BENT)},
     "extensible": {"cable": CABLE.replace(axial_stiffness=50.0, shear_stiffness=30.0)},
 }

@@ -127,6 +127,28 @@ def test_a_cable_lifted_off_is_free_again():
     assert not any(cable.predictor.touching for cable in cycle._cables.values())
 
 
+def test_cables_that_touch_go_on_under_another_acceleration():
+    """It grows, turns round and goes: the over cable stays above, as it does where gravity is tilted from the start."""
+    report, cycle = pressed(DOWN)
+    push = np.array((0.5, 1.0, 2.0))
+    for k, share in enumerate((0.3, 1.0, -0.5, 1.0, 0.0), 100):
+        moving = {"under": share * push, "over": np.array((0.5 * share * push, 1.5 * share * push))} if share else None
+        found = cycle.step(report.grips, stamp=10_000_000 * k, acceleration=moving)
+        assert all(shape.status is cs.Status.OK and len(shape.contacts) == 1 for shape in found.shapes.values())
+        assert found.shapes["over"].contacts[0].normal[2] > 0.5
+        assert not any(shape.reused for shape in found.shapes.values())
+    for name in ("under", "over"):  # nothing of it is left
+        apart = np.abs(found.shapes[name].positions - report.shapes[name].positions).max()
+        assert apart < 2e-5 * HEAVY.length
+    moved = cycle.step(report.grips, stamp=2_000_000_000, acceleration=dict.fromkeys(("under", "over"), push))
+    tilted, _ = pressed(DOWN, gravity=(0, 0, -9.81) - push)
+    for name in ("under", "over"):
+        assert np.abs(moved.shapes[name].positions - report.shapes[name].positions).max() > 1e-4 * HEAVY.length
+        assert np.abs(moved.shapes[name].positions - tilted.shapes[name].positions).max() < 2e-5 * HEAVY.length
+        ours, theirs = moved.shapes[name].contacts[0], tilted.shapes[name].contacts[0]
+        assert ours.force == pytest.approx(theirs.force, rel=1e-3)
+
+
 def test_a_jump_does_not_carry_a_cable_through_another():
     stepped, _ = pressed(DOWN)
     jumped, _ = pressed([DOWN[0], DOWN[-1]])

@@ -116,3 +116,69 @@ def test_a_shape_says_whether_it_is_usable() -> None:
     start, straight, far = cs.Pose(), cs.Pose((0.5, 0, 0)), cs.Pose((9, 0, 0))
     assert cs.predict(CABLE, start, straight).usable is True
     assert cs.predict(CABLE, start, far).usable is False
+
+
+TABLE = ((0.0, 1.0, 0.0), (3.0, 0.0, 1.0), (-1.0, 2.0, 0.5), (0.0, -2.0, 2.0), (1.0, 0.0, 0.0))
+LOAD = ((0.0, 0.2, 0.0), (0.0, 0.4, 0.1))
+
+
+def test_cables_that_move_and_cables_at_rest_are_predicted_as_by_themselves() -> None:
+    cycle = cs.Cycle({"a": CABLE, "b": CABLE}, model="cosserat")
+    grips = {"a": (START, END), "b": (END, cs.Pose((1.4, 0.3, 1.0), ALONG_X))}
+    still = {name: cs.predict(CABLE, *ends, model="cosserat").positions for name, ends in grips.items()}
+    moving = {name: cs.predict(CABLE, *e, model="cosserat", acceleration=TABLE).positions for name, e in grips.items()}
+    assert np.abs(still["a"] - moving["a"]).max() > 0.01
+    for k, swung in enumerate(((), ("a",), ("a", "b"), ("b",), ())):
+        report = cycle.step(grips, 1_000 * k, acceleration=dict.fromkeys(swung, TABLE))
+        for name, shape in report.shapes.items():
+            wanted = moving[name] if name in swung else still[name]
+            assert shape.status is cs.Status.OK
+            np.testing.assert_allclose(shape.positions, wanted, rtol=0.0, atol=2e-5)
+    assert all(shape.reused for shape in cycle.step(grips, 9_000).shapes.values())
+
+
+def test_a_constant_acceleration_is_another_gravity_for_shapes_margins_and_tubes() -> None:
+    push = np.array((1.0, -2.0, 3.0))
+    cable = CABLE.replace(max_tension=2.0, min_bend_radius=0.05)
+    spread = cs.Uncertainty({"length": 1e-3, "bending_stiffness": 0.1}, start=(1e-3, 0.01))
+    ball = cs.Obstacle("ball", cs.Sphere(0.05), cs.Pose((0.4, 0.1, 0.7)))
+    options = {"scene": cs.Scene(obstacles=[ball]), "uncertainty": spread, "model": "cosserat", "tolerance": 1e-8}
+    moved = cs.Cycle(cable, **options).step({"cable": (START, END)}, 0, acceleration={"cable": push})
+    tilted = cs.Cycle(cable, gravity=(0, 0, -9.81) - push, **options).step({"cable": (START, END)}, 0)
+    for report in (moved, tilted):
+        assert report.shapes["cable"].status is cs.Status.OK
+    near, far = (report.tubes["cable"] for report in (moved, tilted))
+    np.testing.assert_allclose(moved.shapes["cable"].positions, tilted.shapes["cable"].positions, rtol=0.0, atol=1e-8)
+    np.testing.assert_allclose(near.radius, far.radius, rtol=0.0, atol=1e-6)
+    assert near.radius.max() > 1e-3
+    ours, theirs = moved.margins["cable"], tilted.margins["cable"]
+    assert [margin.kind for margin in ours] == [margin.kind for margin in theirs]
+    np.testing.assert_allclose([m.used for m in ours], [m.used for m in theirs], rtol=1e-4)
+
+
+def test_distributed_loads_are_of_all_cables_or_of_each() -> None:
+    grips = {"a": (START, END), "b": (END, cs.Pose((1.4, 0.3, 1.0), ALONG_X))}
+    for given, loaded in ((LOAD, ("a", "b")), ({"b": LOAD}, ("b",)), (None, ())):
+        cycle = cs.Cycle({"a": CABLE, "b": CABLE}, model="cosserat", distributed_load=given)
+        for name, shape in cycle.step(grips, 0).shapes.items():
+            own = LOAD if name in loaded else None
+            wanted = cs.predict(CABLE, *grips[name], model="cosserat", distributed_load=own)
+            np.testing.assert_array_equal(shape.positions, wanted.positions)
+
+
+def test_an_acceleration_that_is_refused_is_named_before_anything_is_predicted() -> None:
+    grips = {"a": (START, END), "b": (END, cs.Pose((1.4, 0.3, 1.0), ALONG_X))}
+    refused = [
+        (cs.Cycle({"a": CABLE, "b": CABLE}, model="gradient4"), {"b": TABLE}, r"\['b'\]: .*gradient4.*linear"),
+        (cs.Cycle({"a": CABLE, "b": CABLE}, scene=cs.Scene(contact="solve")), {"b": TABLE}, "contact='solve'.*linear"),
+        (cs.Cycle({"a": CABLE, "b": CABLE}), {"c": (0, 0, 1)}, "unknown key 'c'"),
+    ]
+    for cycle, acceleration, words in refused:
+        before = cycle.step(grips, 5)
+        with pytest.raises(cs.ArgumentError, match=words):
+            cycle.step(grips, 6, acceleration=acceleration)
+        assert cycle.last_stamp == 5
+        for name, shape in cycle.step(grips, 6).shapes.items():
+            np.testing.assert_array_equal(shape.positions, before.shapes[name].positions)
+    with pytest.raises(cs.ArgumentError, match="unknown key 'b'"):  # it is not stepped
+        cs.Cycle({"a": CABLE, "b": CABLE}).step({"a": grips["a"]}, 0, acceleration={"b": (0, 0, 1)})

@@ -157,3 +157,17 @@ def test_a_repeated_stamp_repeats_the_ratio() -> None:
         values += [m.value for m in report.margins["cable"] if m.kind is WarningKind.QUASISTATIC]
     assert values[1] == values[2]
     assert values[3] != values[2]
+
+
+def test_a_cable_whose_acceleration_is_given_is_not_warned_of_it() -> None:
+    told = {}
+    for given in (None, {"cable": (0.0, 0.0, 5.0)}):
+        cycle = cs.Cycle(LIMP)
+        for k in range(40):
+            ends = grips(z=1.0 + 2.5 * (0.01 * k) ** 2)
+            report = cycle.step({"cable": ends}, 10 * MS * k, acceleration=given)
+        told[given is None] = [
+            any(one.kind is WarningKind.QUASISTATIC for one in every)
+            for every in (report.margins["cable"], report.warnings)
+        ]
+    assert told == {True: [True, True], False: [False, False]}

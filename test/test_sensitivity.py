@@ -19,6 +19,7 @@ WAVY = CABLE.replace(rest_curvature=TABLE)
 FREE = cs.FreeEnd(mass=0.02, force=(0.1, 0.0, 0.05), moment=(0.0, 0.01, 0.0))
 MASSES = (cs.PointMass(0.31, 0.03), cs.PointMass(0.71, 0.02))
 SWING = ((0.0, 0.0, 0.0), (3.0, 0.0, 1.0))
+SWUNG = ((0.0, 1.0, 0.0), (3.0, 0.0, 1.0), (-1.0, 2.0, 0.5), (0.0, -2.0, 2.0), (1.0, 0.0, 0.0))
 POINTS = 38
 
 
@@ -61,6 +62,10 @@ def case(name: str) -> tuple[cs.Cable, object, object, cs.Scene, dict[str, objec
             held = ((0.5, "slide"),)
         case "eyelets and ball":
             cable, held = GENERAL, ((0.3, "slide"), (0.5, "ball"), (0.8, "slide"))
+        case "swung in clips":
+            held, masses, motion = ((0.3, "fixed"), (0.7, "ball")), MASSES, {"acceleration": SWUNG}
+        case "swung through eyelets":
+            cable, held, motion = GENERAL, ((0.3, "slide"), (0.5, "ball"), (0.8, "slide")), {"acceleration": SWUNG}
         case "plain":
             pass
         case _:
@@ -71,7 +76,8 @@ def case(name: str) -> tuple[cs.Cable, object, object, cs.Scene, dict[str, objec
 
 NAMES = (
     "plain", "elastic", "rest table", "pinned", "free", "masses that are moved", "ball", "fixed and hinge",
-    "hinge, then free", "table in a ball, masses", "eyelet", "eyelets and ball",
+    "hinge, then free", "table in a ball, masses", "eyelet", "eyelets and ball", "swung in clips",
+    "swung through eyelets",
 )  # fmt: skip
 
 

@@ -11,6 +11,7 @@ from rods import CABLE
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
+from cable_shape.clearance import ClearanceChecker
 from cable_shape.kernels import advance
 from cable_shape.paths import MOST_WAYPOINTS, Motion
 from cable_shape.robot import Robot
@@ -313,3 +314,89 @@ def test_a_check_that_may_not_proceed_gives_what_is_done() -> None:
     assert found.partial
     assert not found.valid
     assert found.first is None
+
+
+PUSH = np.array((0.0, 6.0, 1.0))
+
+
+def test_a_constant_acceleration_and_a_load_are_what_the_predictor_takes_them_for() -> None:
+    ball = cs.Obstacle("ball", cs.Sphere(0.05), cs.Pose((0.4, 0.1, -0.3)))
+    scene, path = cs.Scene(obstacles=[ball]), sideways()
+    tilted = cs.check_trajectory(CABLE, scene, None, path, gravity=(0, 0, -9.81) - PUSH)
+    weight = -CABLE.linear_density * np.array((PUSH, PUSH))
+    assert tilted.first is not None
+    for options in (
+        {"acceleration": np.tile(PUSH, (3, 1))},
+        {"acceleration": np.tile(PUSH, (3, 9, 1))},
+        {"distributed_load": weight},
+    ):
+        found = cs.check_trajectory(CABLE, scene, None, path, **options)
+        assert found.first is not None
+        assert found.first.reason is cs.Reason.CLEARANCE
+        assert found.first.place == pytest.approx(tilted.first.place, abs=2e-3)
+        np.testing.assert_allclose(found.clearance, tilted.clearance, rtol=0.0, atol=1e-5)
+    assert cs.check_trajectory(CABLE, scene, None, path).valid
+
+
+def test_a_cable_that_swings_into_a_wire_between_waypoints_is_found() -> None:
+    """The grips stand still; the cable is accelerated more and more, in its middle more than at its ends."""
+    path = cs.GripPath(*(np.tile(row((x, 0.0, 0.0)), (3, 1)) for x in (0.0, 0.8)))
+    table = np.zeros((3, 5, 3))
+    table[1], table[2] = (0.0, 1.0, 0.0), np.outer((0.5, 1.0, 1.2, 1.0, 0.5), (0.0, -9.0, 2.0))
+    predictor = cs.Predictor(CABLE, model="cosserat", tolerance=1e-4 * CABLE.length)
+
+    def shape_at(place: float) -> cs.CableShape:
+        return predictor.predict(*(cs.Pose(p[0, :3], p[0, 3:]) for p in (path.starts, path.ends)),
+                                 acceleration=(2.0 - place) * table[1] + (place - 1.0) * table[2])  # fmt: skip
+
+    middle = shape_at(1.45).positions[75]
+    wire = cs.Obstacle("wire", cs.Capsule(1e-4, 0.05), cs.Pose(middle))  # upright
+    scene = cs.Scene(obstacles=[wire], error_distance=0.0, warn_distance=0.0)
+    found = cs.check_trajectory(CABLE, scene, None, path, acceleration=table)
+    assert found.waypoints == (None, None, None)
+    assert found.segments.tolist() == [True, False]
+    assert found.first is not None
+    assert found.first.other == "wire"
+    checker = ClearanceChecker(scene, radius=0.5 * CABLE.diameter)
+    distances = [
+        checker.check(shape_at(place)).bodies[0].distance for place in (found.first.place, found.first.place - 2e-3)
+    ]
+    assert distances[0] < 1e-5 < distances[1]
+    assert cs.check_trajectory(CABLE, scene, None, path, acceleration=0.3 * table).valid
+
+
+def test_where_accelerations_change_the_deviation_still_bounds_what_the_cable_does() -> None:
+    """As where they do not, the load being linear along the way."""
+    predictor = cs.Predictor(CABLE, model="cosserat")
+    for ends in ((0.7, 0.05, 0.1, -0.3), (0.9, 0.0, 0.0, 0.0)):
+        path = cs.GripPath(
+            [row((0.0, 0.0, 0.0)), row((0.05, 0.1, 0.0), 0.2)], [row((0.9, 0.0, 0.0)), row(ends[:3], ends[3])]
+        )
+        motion = Motion(path, None)
+        for push in ((0.0, 3.0, 0.0), (2.0, -3.0, 4.0)):
+            found = []
+            for place in np.linspace(0.0, 1.0, 21):
+                start, end, _ = motion.at(place)
+                shape = predictor.predict(start, end, acceleration=place * np.array(push))
+                found.append((shape.positions, predictor.sensitivity(), np.array((start.array, end.array))))
+            (p, a, ends_a), (q, b, ends_b) = found[0], found[-1]
+            off = advance.motion(p, q, a, b, ends_a, ends_b, 0.0, 0.0)[1]
+            apart = [
+                np.linalg.norm(r - (1.0 - x) * p - x * q, axis=1).max()
+                for x, (r, _, _) in zip(np.linspace(0.0, 1.0, 21), found, strict=True)
+            ]
+            assert max(apart) < off
+
+
+def test_accelerations_in_contact_are_linear_along_the_cable_at_every_waypoint() -> None:
+    table = cs.Obstacle("table", cs.HalfSpace(), cs.Pose((0.0, 0.0, -0.25)))
+    scene, path = cs.Scene(obstacles=[table], contact="solve"), sideways(waypoints=3, far=0.05)
+    rows = np.zeros((3, 7, 3))
+    rows[:] = np.linspace((0.0, 1.0, 0.1), (0.3, -2.0, 0.7), 7)
+    rows[2] = -rows[0]  # between them nothing is left but rounding
+    assert cs.check_trajectory(CABLE, scene, None, path, acceleration=rows).valid
+    rows[2, 3] += 1.0
+    seen: list[int] = []
+    with pytest.raises(cs.ArgumentError, match=r"contact='solve'.*linear"):
+        cs.check_trajectory(CABLE, scene, None, path, acceleration=rows, proceed=lambda found: not seen.append(1))
+    assert not seen

@@ -38,7 +38,7 @@ _LONGEST_WAIT = 16  #: solves after which one that has failed from nothing is tr
 class Solo(Protocol):
     """What solves for one cable as if there were no other."""
 
-    problem: Problem  #: moved to the ends before every solve
+    problem: Problem  #: moved to the ends before every solve; may be another one, of the same cable under other loads
 
     def alone(self) -> CableShape:
         """The shape between the problem's ends."""
@@ -103,6 +103,8 @@ class Crossing:
         began = perf_counter()
         self._deadline = began + self._time_budget
         self._places.culled = 0
+        if any(solo.problem is not problem for solo, problem in zip(self._solos, self.problems, strict=True)):
+            self._load()
         frames = all_frames(self.problems)
         kinds = [(problem.start.kind, getattr(problem.end, "kind", "free")) for problem in self.problems]
         still = kinds == self._kinds and frames.tobytes() == self._frames.tobytes()
@@ -157,6 +159,14 @@ class Crossing:
             self._group = Group(self._names, self.problems, self._shapes, self._frames, [spot.copy() for spot in old])
             free = [shape if i not in self.touching else None for i, shape in enumerate(free)]
         return self._give_up(free, _LOST)
+
+    def _load(self) -> None:
+        """Goes on from the last equilibrium under the loads that the problems now have."""
+        self.problems[:] = [solo.problem for solo in self._solos]
+        self._kinds = []
+        if self._group is not None and self._shapes is not None:
+            spots = [spot.copy() for spot in self._spots]
+            self._group = Group(self._names, self.problems, self._shapes, self._frames, spots)
 
     # -- attempts
 

@@ -82,6 +82,16 @@ def _material_of(problem: Problem) -> Material:
     return Material(breaks, pieces, stops, not rest.any())
 
 
+def kinks_of(problem: Problem) -> tuple[Array, Array]:
+    """Arc lengths (k,) [m] of the kinks of the problem's load, and by how much its slope changes there (k,) [N/m^2]."""
+    swing, cable = problem.swing, problem.cable
+    if swing is None or len(swing) == 2:
+        return _NOWHERE, _NOWHERE
+    places = np.linspace(0.0, cable.length, len(swing))
+    turn = np.linalg.norm(np.diff(swing, n=2, axis=0), axis=1)
+    return places[1:-1], cable.linear_density * turn / places[1]
+
+
 def shared_loads(problem: Problem, arcs: Array) -> tuple[Array, Array, Array]:
     """Concentrated loads: (m+1, 3) [N] on supports at arc lengths `arcs` (m+1,); arc lengths (k,) and forces (k, 3) of
     the others."""

@@ -50,10 +50,11 @@ def solve(problem: Problem, state: Network | None = None, *, deadline: float = m
     began = perf_counter()
     if state is None:
         state = Network(problem)
-    elif state.problem is not problem:
+    last = state.problem
+    if last is not problem:
         state.take(problem)
     poses = state.aim(problem.start, problem.end, trial=state.history > 0)
-    search = Search(problem, state, deadline, began)
+    search = Search(problem, state, deadline, began, last)
     followed = state.history > 0 and search.call(state.history, WARM_ITERATIONS, far=FAR)
     if followed and search.final:
         state.settle()

@@ -20,7 +20,7 @@ from cable_shape.kernels.network.tables import BEFORE, NOW, TRIAL
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.problem import NAMED_TOLERANCE, Problem
 from cable_shape.shape import CableShape
-from cable_shape.solve.cables import AT, Structure, material_of, shared_loads, structure_of
+from cable_shape.solve.cables import AT, Structure, kinks_of, material_of, shared_loads, structure_of
 from cable_shape.solve.mesh import Piece, interpolated
 from cable_shape.solve.plan import Whole, make_plan
 
@@ -38,6 +38,8 @@ _SOFTER = 4.0
 _UNMOVED = 0.2
 #: Points of a shape that is worth starting from.
 _FEWEST_POINTS = 20
+#: Kinks of a load nearer to an eyelet than this fraction of the length are no nodes.
+_BESIDE = 1e-5
 #: Change of a cable's length, as a fraction, beyond which the last solution is no start.
 _LENGTHENED = 0.02
 
@@ -114,6 +116,7 @@ class Network:
         self._stiff = 1.0  # by which the cable is stiffened at present
         self._kinds: tuple[str, ...] = ()
         self._tip = self._moment = _NOTHING
+        self.kinks = self.sharpness = self._still_stops = _NOTHING[:0]
         self.take(problem)
 
     def forget(self, problem: Problem) -> bool:
@@ -168,6 +171,7 @@ class Network:
         self._clips = tuple(clip.kind for clip in problem.clips)
         self.spans = self.forces = arcs.size - 1
         self.rings = [i for i, kind in enumerate(self._clips, 1) if kind == "slide"]
+        self.kinks, self.sharpness = kinks_of(problem) if self.rings else (_NOTHING[:0], _NOTHING[:0])
         self._kinds = ()
         self.unsettle()
 
@@ -232,31 +236,57 @@ class Network:
         self.turns_freely = not set(all_kinds) <= {"clamped", "fixed"}  # some support leaves a rotation free
         self.rolls = bool(free and self.round_straight and not self._clips and np.any(moment))
         self.forces = self.spans - (kinds[1] == "free")
-        self.stops = stops = self._stops()
         self._tell()
+        self._still_stops = stops = self._stops()
         if not self.elements:
             return
         on = np.abs(self.nodes[:, None] - stops).min(axis=0, initial=math.inf) if stops.size else stops
         if changed or (on > AT * self.length).any():
             pieces_of = [self._as_dense(self.nodes[a : b + 1]) for a, b in self.runs]
-            self.lay_out(pieces_of, [b - a for a, b in self.runs])
+            inside = np.bincount(np.searchsorted(self.bounds(), stops) - 1, minlength=self.spans).tolist()
+            self.lay_out(pieces_of, [max(b - a, 2 * k + 2) for (a, b), k in zip(self.runs, inside, strict=True)])
             self.history = min(self.history, 1)
         else:
             mesh.take_over(self._bare.ints, self.held, self.ints, self.floats)
 
+    @property
+    def stops(self) -> Array:
+        """(j,) [m], arc lengths inside spans at which a mesh gets nodes: masses, and kinks of what varies along the
+        cable; next to an eyelet only those of the load, as the cable runs through it now."""
+        return self._stops() if self.kinks.size else self._still_stops
+
     def _stops(self) -> Array:
-        """(j,) [m], arc lengths inside spans that are nodes; kinks of the material are none where it runs through."""
-        stops = self.material.stops
+        """The same, found."""
+        stops, apart = self.material.stops, AT * self.length
         if stops.size:
-            bounds = self.arcs
-            held = np.abs(stops[:, None] - bounds).min(axis=1) > AT * self.length
-            span = np.searchsorted(bounds, stops) - 1
-            running = {knot + side for knot in self.rings for side in (-1, 0)}
-            stops = stops[held & ~np.isin(span, list(running))]
+            bounds = self.bounds()
+            stops = stops[np.abs(stops[:, None] - bounds).min(axis=1) > apart]
+            stops = stops[~self._running(stops, bounds)]
+            if self.kinks.size:
+                kinks = self.kinks[np.abs(self.kinks[:, None] - bounds).min(axis=1) > _BESIDE * self.length]
+                stops = np.union1d(stops, kinks[self._running(kinks, bounds)])
         if self.points.size == 0:
             return stops
-        apart = np.abs(stops[:, None] - self.points).min(axis=1, initial=math.inf) > AT * self.length
-        return np.union1d(stops[apart], self.points)
+        stops = stops[np.abs(stops[:, None] - self.points).min(axis=1, initial=math.inf) > apart]
+        return np.union1d(stops, self.points)
+
+    def _running(self, arcs: Array, bounds: Array) -> Any:
+        """Whether these arc lengths are in a span next to an eyelet."""
+        return np.isin(np.searchsorted(bounds, arcs) - 1, [knot + side for knot in self.rings for side in (-1, 0)])
+
+    @property
+    def missed(self) -> float:
+        """[m], by how much a shape may be off because the cable has run on, and kinks of its load are no nodes now.
+
+        In an element, of length h, the force is taken for a parabola. Where its second derivative jumps by D, at the
+        share t of it, the moment is off by D h^3 t^2 (1 - t)^2 / 12.
+        """
+        if self.kinks.size == 0:
+            return 0.0
+        at = np.searchsorted(self.nodes, self.kinks)  # two nodes are at a knot
+        left, right = self.kinks - self.nodes[at - 1], self.nodes[at] - self.kinks
+        off = self.sharpness * left**2 * right**2 / (12.0 * (left + right))
+        return float(off.sum() * self.length**2 / min(self.problem.cable.bending_stiffness))
 
     @staticmethod
     def _as_dense(nodes: Array) -> tuple[Array, Array]:

@@ -53,12 +53,16 @@ class Search:
     """
 
     __slots__ = (
-        "before", "began", "buffer", "deadline", "eyelets", "info", "iterations", "late", "loads", "problem", "snapped",
-        "softened", "state",
+        "before", "began", "buffer", "deadline", "eyelets", "info", "iterations", "last", "late", "loads", "problem",
+        "reached", "snapped", "softened", "state",
     )  # fmt: skip
 
-    def __init__(self, problem: Problem, state: Network, deadline: float, began: float) -> None:
+    def __init__(
+        self, problem: Problem, state: Network, deadline: float, began: float, last: Problem | None = None
+    ) -> None:
         self.problem = problem
+        self.last = problem if last is None else last  # whose loads the last solution is under, ...
+        self.reached = 0.0  # ... or at this share of the way from there to those of the problem
         self.state = state
         self.deadline = deadline
         self.began = began
@@ -97,6 +101,7 @@ class Search:
             self.problem.points if output else 0, history, again, sliding, guard, most, far,
         )  # fmt: skip
         self.info = state.info.tolist()
+        self.info[I_ESTIMATE] += state.missed
         state.factored = True
         self.iterations += int(self.info[I_ITERATIONS])
         return bool(code == CONVERGED)
@@ -158,6 +163,8 @@ class Search:
         unheld = no_room(self.problem, state, poses)
         if unheld is not None:
             return self.no_shape(*unheld)
+        if not self.problem.loaded_otherwise(self.last):
+            self.last = self.problem
         if state.history > 0:
             return self._walk(poses)
         if state.spans > 1 and state.resume(poses):
@@ -166,6 +173,8 @@ class Search:
                 return self._finish(Status.OK)
             if self.late:
                 return self._give_up(poses)
+            self._load(1.0)
+            self.last = self.problem
         return self._cold(poses)
 
     def beside(self, frames: object, force: Array, fineness: float) -> CableShape:
@@ -301,6 +310,7 @@ class Search:
         if state.history == 0:
             return None
         self.buffer, self.loads = CableShape.new_buffer(self.problem.points), np.empty_like(loads)
+        self._load(self.reached)
         state.target[...] = state.poses
         shape = self.shape(Status.OK, "") if self.call(1, STEP_ITERATIONS, guard=False) else None
         self.buffer, self.loads, self.info = buffer, loads, info
@@ -322,13 +332,15 @@ class Search:
     # -- from the last solution in small steps
 
     def _walk(self, poses: Array) -> CableShape:
-        """Follows the branch along the straight path of the supports; where it ends, the cable snaps."""
+        """Follows the branch along the straight path of the supports and loads; where it ends, the cable snaps."""
         if self._follow(poses):
             return self._finish(Status.OK)
         if self.late:
             return self._give_up(poses)
         state = self.state
         self.before = self._here()
+        self._load(1.0)
+        self.last = self.problem
         state.target[...] = poses
         state.unsettle()
         if self.call(1, COLD_ITERATIONS):
@@ -342,7 +354,7 @@ class Search:
         return shape
 
     def _follow(self, poses: Array, snaps: bool = False) -> bool:
-        """Goes with the supports from where they were to `poses`, in steps as small as it takes.
+        """Goes with the supports from where they were to `poses`, and with the loads, in steps as small as it takes.
 
         snaps: where the branch ends, let the cable fall to the next stable shape and go on.
         """
@@ -356,11 +368,12 @@ class Search:
                 return False
             least = step < smallest  # where the cable buckles the branch goes on, but is hard to find
             at = min(1.0, done + (smallest if least else step))
+            self._load(at)
             state.target[...] = between(origin, poses, at)
             most = COLD_ITERATIONS if least else STEP_ITERATIONS
             if self.call(state.history, most, far=_FAR_STEP, output=at == 1.0):
                 state.history = 2
-                done = at
+                done = self.reached = at
                 step = 1.6 * max(step, smallest)
                 if state.far_too_coarse(self.info):
                     nodes, coarse = state.node_positions()
@@ -374,14 +387,23 @@ class Search:
                     return False
                 step = _FIRST_STEP * _FIRST_STEP
                 done = min(1.0, done + step)
+                self._load(done)
                 state.target[...] = between(origin, poses, done)
                 if not self.call(1, COLD_ITERATIONS):
                     return False
+                self.reached = done
                 state.history = 1
             else:
                 step *= 0.4
                 state.history = 1
         return True
+
+    def _load(self, at: float) -> None:
+        """Makes the loads those at this share of the way from the last ones, if they differ."""
+        problem, state = self.problem, self.state
+        if self.last is not problem:
+            state.take(problem.after(self.last, at))
+            state.aim(problem.start, problem.end, trial=True)
 
     # -- from nothing
 
