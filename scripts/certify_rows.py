@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -98,6 +99,14 @@ def looked_at_again(grasp: Grasp, shape: cs.CableShape, row: Judged) -> Judged:
     if fine.status is not cs.Status.OK:
         return row
     (its,) = certified([grasp], [fine], row.halvings, -LACKING * row.turn**2)
+    if not its.stable:
+        fines = {row.halvings: fine}
+
+        def stable(halvings: int, reserve: float) -> bool:
+            shape = fines.setdefault(halvings, grasp.predict(halvings, FINER))
+            return certified([grasp], [shape], halvings, reserve)[0].stable
+
+        its = its._replace(stable=in_the_limit(stable, row.halvings))
     apart, forces, moments = (
         float(np.linalg.norm(getattr(shape, name) - getattr(fine, name), axis=1).max())
         for name in ("positions", "force", "moment")
@@ -110,6 +119,28 @@ def looked_at_again(grasp: Grasp, shape: cs.CableShape, row: Judged) -> Judged:
         moment=beyond(moments, shape.moment_error, shape, shape.moment),
         stable=its.stable,
     )
+
+
+def in_the_limit(stable: Callable[[int, float], bool], halvings: int) -> bool:
+    """Whether a second variation lacks no share of its stiffness as the points come to lie closer and closer.
+
+    stable: of halvings of the spacing, and of a share of the stiffness taken off. What linear elements lack falls with
+    the square of their length: how it falls from one spacing to half of it tells whether anything is left.
+    """
+    if halvings >= MOST_HALVINGS:
+        return False
+    return 4.0 * lacking(stable, halvings + 1) < lacking(stable, halvings)
+
+
+def lacking(stable: Callable[[int, float], bool], halvings: int) -> float:
+    """The share of the stiffness with which, added, it is stable; infinite: no share up to 1 is."""
+    if not stable(halvings, -1.0):
+        return math.inf
+    low, high = 1e-9, 1.0
+    while high > 1.02 * low:
+        middle = math.sqrt(low * high)
+        low, high = (low, middle) if stable(halvings, -middle) else (middle, high)
+    return high
 
 
 def certified(grasps: list[Grasp], shapes: list[cs.CableShape], halvings: int, reserve: float) -> list[Judged]:

@@ -18,7 +18,7 @@ import evidence_front
 from certify_check import CLAMPED, PINNED, Certificate, Shapes, certify
 from certify_grasps import Grasp, in_clips, plain, points, stacked
 from certify_reduction import solve
-from certify_rows import SEED, certified, looked_at_again, plain_block
+from certify_rows import SEED, certified, in_the_limit, looked_at_again, plain_block
 from evidence_pages import Pages
 
 TOLERANCE = 1e-5 * 1.2  # of random grasps
@@ -121,9 +121,8 @@ def test_shapes_that_are_wrong_are_caught() -> None:
     assert "off" in found.wrong
 
 
-def straight(force: float, kind: int) -> Certificate:
+def straight(force: float, kind: int, count: int = 150, reserve: float = 0.0) -> Certificate:
     """A column of length, EI and 1 / EA = 1, 1 and 1e-4, pressed or pulled along itself."""
-    count = 150
     s = np.linspace(0.0, 1.0, count)
     stretch = 1.0 + 1e-4 * force
     r = np.stack((0.0 * s, 0.0 * s, s * stretch), axis=1)[None]
@@ -134,7 +133,8 @@ def straight(force: float, kind: int) -> Certificate:
     n = zeros + np.array((0.0, 0.0, force))
     return certify(
         Shapes(np.ones(1), none, np.array(((1.0, 1.0, 0.8),)), np.array(((0.0, 0.0, 1e-4),)), none, none, ends,
-               np.array(((CLAMPED, kind),)), r, q, zeros, n, zeros)
+               np.array(((CLAMPED, kind),)), r, q, zeros, n, zeros),
+        reserve,
     )  # fmt: skip
 
 
@@ -145,6 +145,16 @@ def test_a_pressed_column_is_a_minimum_up_to_eulers_load(kind: int, critical: fl
         assert straight(force, kind).away[0] < 1e-12
     for force in (-1.015 * critical, -2.0 * critical, -5.0 * critical):
         assert not straight(force, kind).stable[0], force
+
+
+@pytest.mark.parametrize(("kind", "critical"), [(CLAMPED, 4.0 * math.pi**2), (PINNED, 20.19)])
+@pytest.mark.parametrize("share", [1.01, 1.1, 3.0])
+def test_a_saddle_is_none_in_the_limit_either(kind: int, critical: float, share: float) -> None:
+    def stable(halvings: int, reserve: float) -> bool:
+        return bool(straight(-share * critical, kind, 5 * 2**halvings + 1, reserve).stable[0])
+
+    assert not stable(2, 0.0)
+    assert not in_the_limit(stable, 2)
 
 
 def test_a_broken_off_run_goes_on_and_a_row_depends_on_its_number_alone(
@@ -197,7 +207,7 @@ def test_the_counts_stay_on_the_page_when_it_is_drawn_anew(tmp_path: Path) -> No
     assert f"{bench_certify.BEGIN}\ncounts\n{evidence_front.END}" in text
 
 
-@pytest.mark.parametrize("row", [11401, 154535, 190188, 198213, 325615, 327873, 397846])
+@pytest.mark.parametrize("row", [11401, 154535, 190188, 198213, 257951, 325615, 327873, 397846])
 def test_rows_that_were_further_off_than_the_tolerance_are_no_more(row: int) -> None:
     """Where the correction is large, or modes are soft, the estimate alone was trusted once."""
     grasp = plain(SEED, row)
@@ -205,6 +215,22 @@ def test_rows_that_were_further_off_than_the_tolerance_are_no_more(row: int) -> 
     assert shape.status is cs.Status.OK
     assert exact.status is cs.Status.OK
     assert np.linalg.norm(shape.positions - exact.positions, axis=1).max() < 0.9 * TOLERANCE
+
+
+@pytest.mark.parametrize("row", [230913, 320431])
+def test_moments_of_limp_cables_between_ends_that_turn_are_as_exact_as_they_say(row: int) -> None:
+    grasp = plain(SEED, row)
+    shape, exact = (grasp.predict(grasp.halvings, finer) for finer in (1.0, 1000.0))
+    assert np.linalg.norm(shape.moment - exact.moment, axis=1).max() < 2.0 * shape.moment_error
+
+
+@pytest.mark.parametrize("row", [547425, 626721])
+def test_cables_that_are_taut_within_a_boundary_layer_are_judged_in_the_limit(row: int) -> None:
+    grasp = plain(SEED, row)
+    shape = grasp.predict(7)
+    (found,) = certified([grasp], [shape], 7, 0.0)
+    assert found.wrong == "no minimum"
+    assert not looked_at_again(grasp, shape, found).wrong
 
 
 def test_a_soft_mode_that_has_become_unstable_is_told() -> None:

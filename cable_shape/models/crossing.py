@@ -163,7 +163,7 @@ class Crossing:
     def _load(self) -> None:
         """Goes on from the last equilibrium under the loads that the problems now have."""
         self.problems[:] = [solo.problem for solo in self._solos]
-        self._kinds = []
+        self._kinds, self._reached = [], None
         if self._group is not None and self._shapes is not None:
             spots = [spot.copy() for spot in self._spots]
             self._group = Group(self._names, self.problems, self._shapes, self._frames, spots)

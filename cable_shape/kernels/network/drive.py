@@ -82,12 +82,13 @@ LARGEST_TURN = 0.7  # rad, of an element: coarser ones misjudge stability
 # The estimated error is so many times what the correction leaves and what the interpolation misses: both are judged by
 # their leading term. Set so that on random scenes it is above the true error in 99 of 100 at any tolerance.
 MARGIN, MARGIN_OF_KNOTS = 14.0, 21.0
+MOMENTS = 1.5  # times as much for moments, largest in layers of which the leading term is less sure
 INTERPOLATED, INTERPOLATED_OF_KNOTS = 0.45, 0.7
 # The correction is of first order: of a small one it may leave the fraction STRAYS times its size over the length, of
 # a large one MOST_STRAYING; where supports leave rotations free, which makes for soft modes, so many times
 # `par[SOFT]`. It seldom leaves as much: that is no part of the estimate, but a mesh for which both exceed the
 # tolerance is too coarse.
-STRAYS, MOST_STRAYING = 1e4, 0.2
+STRAYS, MOST_STRAYING = 1.5e4, 0.3
 
 
 @viewing
@@ -226,7 +227,7 @@ def attempt(
     info[I_DOUBT] = strays * told[OFF]
     info[I_ESTIMATE] = margin * told[LEFT] + stale * told[OFF]
     info[I_FORCE] = margin * told[LEFT_FORCE] + stale * told[OFF_FORCE]
-    info[I_MOMENT] = margin * told[LEFT_MOMENT] + stale * told[OFF_MOMENT]
+    info[I_MOMENT] = MOMENTS * margin * told[LEFT_MOMENT] + stale * told[OFF_MOMENT]
     info[I_OFF], info[I_LEFT] = told[OFF], told[LEFT]
     cosine = 1.0
     for e in range(model.h.shape[0]):

@@ -1,0 +1,165 @@
+"""A certificate of shapes in contact from their own numbers, in numpy: nothing of the solver's code takes part.
+
+From point to point n' = -w but for the forces of contacts and clips, which jump, and m' = n x r'; contacts push, along
+the normal of their body, where the cable is on it; no point is inside a body; and on the straight way from the shape
+before no body or cable is passed.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+import cable_shape as cs
+
+Array = np.ndarray
+
+DEEP = 3e-4  # m, beside the error estimate: what a cable may seem to be inside a body, or a contact off one
+BALANCE = 1e-5  # of the largest force or the weight
+MOMENT = 1e-3  # of the largest moment, by Hermite's rule on the shape's points
+MIDDLE = 0.5  # of half a body's thickness and the cable's: deeper inside is on the way through
+LOOKS = 24  # at shapes between two
+
+
+def distances(solid: object, pose: cs.Pose, points: Array) -> Array:
+    """(n,) signed distances [m] of points (n, 3) from a solid, negative inside."""
+    p = Rotation.from_quat(pose.quaternion).inv().apply(points - pose.position)
+    if isinstance(solid, cs.HalfSpace):
+        return p[:, 2]
+    if isinstance(solid, cs.Sphere):
+        return np.linalg.norm(p, axis=1) - solid.radius
+    if isinstance(solid, cs.Capsule):
+        p[:, 2] -= np.clip(p[:, 2], -0.5 * solid.length, 0.5 * solid.length)
+        return np.linalg.norm(p, axis=1) - solid.radius
+    if isinstance(solid, cs.Cylinder):
+        out = np.stack((np.hypot(p[:, 0], p[:, 1]) - solid.radius, np.abs(p[:, 2]) - 0.5 * solid.length))
+    elif isinstance(solid, cs.Box):
+        out = (np.abs(p) - 0.5 * np.asarray(solid.size)).T
+    else:
+        raise TypeError(f"no distance from {solid!r} is known here")
+    return np.linalg.norm(np.maximum(out, 0.0), axis=0) + np.minimum(out.max(axis=0), 0.0)
+
+
+def thickness(solid: object) -> float:
+    """[m] half the least thickness of a solid."""
+    if isinstance(solid, cs.HalfSpace):
+        return float("inf")
+    if isinstance(solid, cs.Cylinder):
+        return min(solid.radius, 0.5 * solid.length)
+    if isinstance(solid, cs.Box):
+        return 0.5 * min(solid.size)
+    return float(solid.radius)  # type: ignore[attr-defined]
+
+
+def outward(solid: object, pose: cs.Pose, point: Array) -> Array:
+    """(3,) unit normal of a solid's distance at a point, by differences."""
+    step = 1e-6 * np.eye(3)
+    return (distances(solid, pose, point + step) - distances(solid, pose, point - step)) / 2e-6
+
+
+def between(shape: cs.CableShape, arcs: Array) -> Array:
+    """(k, 3) positions at arc lengths, by Hermite's interpolation."""
+    s, r, t = shape.arc_length, shape.positions, shape.tangents
+    i = np.clip(np.searchsorted(s, arcs, side="right") - 1, 0, len(s) - 2)
+    h = (s[i + 1] - s[i])[:, None]
+    x = ((arcs - s[i])[:, None]) / h
+    return (
+        (1.0 + 2.0 * x) * (1.0 - x) ** 2 * r[i]
+        + x * (1.0 - x) ** 2 * h * t[i]
+        + x**2 * (3.0 - 2.0 * x) * r[i + 1]
+        - x**2 * (1.0 - x) * h * t[i + 1]
+    )
+
+
+def judged(cable: cs.Cable, scene: cs.Scene, shape: cs.CableShape, clips: Array) -> tuple[str, ...]:
+    """What is wrong with a usable shape; clips (k, 4 or more): arc length and force on each clip."""
+    wrong = []
+    allowed = DEEP + shape.error_estimate
+    radius = 0.5 * cable.diameter
+    bodies = {body.name: body for body in scene.obstacles}
+    line = between(shape, np.linspace(0.0, shape.length, 4 * shape.points))
+    for body in bodies.values():
+        gap = float(distances(body.solid, body.pose, line).min()) - radius
+        if gap < -allowed:
+            wrong.append(f"inside: {body.name} by {-1e3 * gap:.2f} mm")
+    for contact in shape.contacts:
+        if not contact.force > 0.0:
+            wrong.append(f"pull: {contact.body} {contact.force:.3g} N")
+        own = between(shape, np.array([contact.arc_length]))[0]
+        if contact.body in bodies:
+            body = bodies[contact.body]
+            off = float(distances(body.solid, body.pose, own[None])[0]) - radius
+            along = float(outward(body.solid, body.pose, own) @ contact.normal)
+            if abs(off) > allowed:
+                wrong.append(f"off: contact with {contact.body} is {1e3 * off:.2f} mm off")
+            if along < 0.98:
+                wrong.append(f"normal: {contact.body} {along:.3f}")
+    wrong += balance(cable, shape, clips)
+    return tuple(wrong)
+
+
+def balance(cable: cs.Cable, shape: cs.CableShape, clips: Array) -> list[str]:
+    """Of forces from end to end, and of forces and moments between the points where nothing acts."""
+    wrong = []
+    s, n, m, t = shape.arc_length, shape.force, shape.moment, shape.tangents
+    weight = np.array((0.0, 0.0, -9.81 * cable.linear_density))
+    pushed = [(contact.arc_length, contact.force * contact.normal) for contact in shape.contacts]
+    pushed += [(row[0], -row[1:4]) for row in clips]
+    size = max(float(np.linalg.norm(n, axis=1).max()), float(np.linalg.norm(weight)) * shape.length)
+    left = n[-1] - n[0] + weight * shape.length + sum((force for _, force in pushed), np.zeros(3))
+    if np.linalg.norm(left) > BALANCE * size + 1e-9:
+        wrong.append(f"force: {np.linalg.norm(left):.3g} N of {size:.3g} N are left over")
+    h = np.diff(s)
+    clear = np.ones(len(h), dtype=bool)
+    for at, _ in pushed:
+        clear &= (at < s[:-1] - 1e-9) | (at > s[1:] + 1e-9)
+    jumps = np.linalg.norm(np.diff(n, axis=0) + weight * h[:, None], axis=1)[clear]
+    if jumps.size and jumps.max() > BALANCE * size + 1e-9:
+        wrong.append(f"jump: {jumps.max():.3g} N of {size:.3g} N where nothing acts")
+    bend = float(np.linalg.norm(m, axis=1).max())
+    slope = np.cross(n, t)  # Hermite's rule: m'' = n' x t + n x t'
+    k = shape.curvature
+    frames = Rotation.from_quat(shape.quaternions)
+    turn = np.cross(frames.apply(k), t)
+    second = np.cross(-weight, t) + np.cross(n, turn)
+    rule = 0.5 * h[:, None] * (slope[:-1] + slope[1:]) + h[:, None] ** 2 / 12.0 * (second[:-1] - second[1:])
+    off = np.linalg.norm(np.diff(m, axis=0) - rule, axis=1)[clear]
+    if off.size and off.max() > MOMENT * bend:
+        wrong.append(f"moment: {off.max() / bend:.2g} of the largest")
+    return wrong
+
+
+def passed(scene: cs.Scene, radius: float, before: cs.CableShape, after: cs.CableShape) -> str:
+    """Which body is passed on the straight way from a shape to the next; empty if none is."""
+    arcs = np.linspace(0.0, after.length, 4 * after.points)
+    a, b = between(before, arcs), between(after, arcs)
+    for body in scene.obstacles:
+        middle = MIDDLE * (thickness(body.solid) + radius)
+        if np.linalg.norm(b - a, axis=1).max() < middle:
+            continue
+        for x in np.linspace(0.0, 1.0, LOOKS):
+            if distances(body.solid, body.pose, (1.0 - x) * a + x * b).min() - radius < -middle:
+                return f"through: {body.name}"
+    return ""
+
+
+def crossed(
+    pair: tuple[cs.CableShape, cs.CableShape], after: tuple[cs.CableShape, cs.CableShape], reach: float, own: bool
+) -> bool:
+    """Whether two cables go through each other on the straight way; own: a cable through itself. Ends do not count."""
+    lines = []
+    for then, now in zip(pair, after, strict=True):
+        arcs = np.linspace(0.0, now.length, 2 * now.points)
+        inner = (arcs > 4.0 * reach) & (arcs < now.length - 4.0 * reach)
+        lines.append((arcs[inner], between(then, arcs)[inner], between(now, arcs)[inner]))
+    (s, a, a_now), (u, b, b_now) = lines
+    if max(np.linalg.norm(a_now - a, axis=1).max(), np.linalg.norm(b_now - b, axis=1).max()) < 0.2 * reach:
+        return False
+    near = np.abs(s[:, None] - u[None, :]) < np.pi * reach if own else np.zeros((len(s), len(u)), dtype=bool)
+    for x in np.linspace(0.0, 1.0, LOOKS):
+        p, q = (1.0 - x) * a + x * a_now, (1.0 - x) * b + x * b_now
+        apart = np.linalg.norm(p[:, None] - q[None], axis=2)
+        apart[near] = np.inf
+        if apart.min() < 0.4 * reach:
+            return True
+    return False
