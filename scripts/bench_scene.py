@@ -20,6 +20,7 @@ from scene_contact import print_contact
 from scene_crossing import print_crossing
 from scene_limp import print_limp
 from scene_margins import print_margins, print_snap
+from scene_random import print_random
 
 
 def main() -> int:
@@ -38,6 +39,7 @@ def main() -> int:
     print_limp(figures, 2 if options.quick else 6)
     print_crossing(figures, 2 if options.quick else 10)
     print_both(figures, 2 if options.quick else 10)
+    print_random(figures, 2 if options.quick else 25)
     return finish(figures, options)
 
 

@@ -8,6 +8,7 @@ before no body or cable is passed.
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial.distance import cdist
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
@@ -18,6 +19,7 @@ DEEP = 3e-4  # m, beside the error estimate: what a cable may seem to be inside 
 BALANCE = 1e-5  # of the largest force or the weight
 MOMENT = 1e-3  # of the largest moment, by Hermite's rule on the shape's points
 MIDDLE = 0.5  # of half a body's thickness and the cable's: deeper inside is on the way through
+MET = 0.4  # of the distance to be kept: nearer cables are on the way through each other
 LOOKS = 24  # at shapes between two
 
 
@@ -153,13 +155,15 @@ def crossed(
         inner = (arcs > 4.0 * reach) & (arcs < now.length - 4.0 * reach)
         lines.append((arcs[inner], between(then, arcs)[inner], between(now, arcs)[inner]))
     (s, a, a_now), (u, b, b_now) = lines
-    if max(np.linalg.norm(a_now - a, axis=1).max(), np.linalg.norm(b_now - b, axis=1).max()) < 0.2 * reach:
-        return False
     near = np.abs(s[:, None] - u[None, :]) < np.pi * reach if own else np.zeros((len(s), len(u)), dtype=bool)
+    way = float(np.linalg.norm(a_now - a, axis=1).max() + np.linalg.norm(b_now - b, axis=1).max())
     for x in np.linspace(0.0, 1.0, LOOKS):
         p, q = (1.0 - x) * a + x * a_now, (1.0 - x) * b + x * b_now
-        apart = np.linalg.norm(p[:, None] - q[None], axis=2)
+        apart = cdist(p, q)
         apart[near] = np.inf
-        if apart.min() < 0.4 * reach:
+        least = float(apart.min())
+        if least < MET * reach:
             return True
+        if least - (1.0 - x) * way > MET * reach:
+            return False
     return False

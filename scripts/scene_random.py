@@ -195,7 +195,7 @@ def twisted(rng: np.random.Generator, cable: cs.Cable) -> Motion:
 def run(kind: str, number: int) -> Found:
     """Predicts a motion's steps and judges them."""
     given = motion(kind, number)
-    cycle = cs.Cycle(given.cables, scene=given.scene, clips=given.clips or None, model="cosserat")
+    cycle = cs.Cycle(given.cables, scene=given.scene, clips=given.clips or None, model="cosserat", points=301)
     statuses: Counter[str] = Counter()
     wrong: Counter[str] = Counter()
     first, before = "", None
