@@ -7,6 +7,8 @@ before no body or cable is passed.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from scipy.spatial.distance import cdist
 from scipy.spatial.transform import Rotation
@@ -17,7 +19,8 @@ Array = np.ndarray
 
 DEEP = 3e-4  # m, beside the error estimate: what a cable may seem to be inside a body, or a contact off one
 BALANCE = 1e-5  # of the largest force or the weight
-MOMENT = 1e-3  # of the largest moment, by Hermite's rule on the shape's points
+MOMENT = 1e-3  # of the largest moment, by Hermite's rule on the shape's points ...
+LAYER = 1.5  # ... where the shortest boundary layer is so many times as long as they are apart
 MIDDLE = 0.5  # of half a body's thickness and the cable's: deeper inside is on the way through
 MET = 0.4  # of the distance to be kept: nearer cables are on the way through each other
 LOOKS = 24  # at shapes between two
@@ -126,7 +129,8 @@ def balance(cable: cs.Cable, shape: cs.CableShape, clips: Array) -> list[str]:
     second = np.cross(-weight, t) + np.cross(n, turn)
     rule = 0.5 * h[:, None] * (slope[:-1] + slope[1:]) + h[:, None] ** 2 / 12.0 * (second[:-1] - second[1:])
     off = np.linalg.norm(np.diff(m, axis=0) - rule, axis=1)[clear]
-    if off.size and off.max() > MOMENT * bend:
+    layer = math.sqrt(cable.mean_bending_stiffness / max(float(np.linalg.norm(n, axis=1).max()), 1e-12))
+    if off.size and layer > LAYER * h[0] and off.max() > MOMENT * bend:
         wrong.append(f"moment: {off.max() / bend:.2g} of the largest")
     return wrong
 
