@@ -105,7 +105,9 @@ class Rod:
         self._spare, self.state, self._touch = self.state or self._spare, None, None
 
     def rod_state(self) -> Network | TouchState | None:
-        return self._touch if self._touch is not None and self._touch.touching else self.state
+        touch = self._touch
+        found = touch is not None and (touch.touching or (self.state is not None and self.state.history == 0))
+        return touch if found else self.state
 
 
 def solver_of(model: str, cable: Cable, time_budget: float | None) -> Solver:

@@ -17,7 +17,7 @@ move by w more, nearly evenly: the cubic is off by 4/27 \\|v_a - v_b\\| then, an
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from time import perf_counter
 from typing import NamedTuple, final
 
@@ -30,9 +30,10 @@ from cable_shape.checks import Array
 from cable_shape.clearance import DEEPEST_REST, ClearanceChecker
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels import advance
+from cable_shape.kernels.rod_algebra import qexp, qmul
 from cable_shape.margins import MarginWatch
 from cable_shape.paths import GripPath, JointPath, Motion, Path
-from cable_shape.pose import Grip
+from cable_shape.pose import Grip, Pose, as_grip
 from cable_shape.predictor import Predictor
 from cable_shape.problem import GRAVITY, swing_of
 from cable_shape.report import LOAD_MARGINS, Margin, WarningKind
@@ -56,6 +57,8 @@ _CALM = 0.3
 _CROOKED = 0.25
 #: The first violation is told to this fraction of a segment.
 _PLACE = 1e-3
+#: Of the length, and [rad]: by which ends are moved for differences.
+_STEP = 1e-3
 #: Joints are not beyond their limits by less than this [rad] or [m].
 _ROUNDING = 1e-9
 
@@ -128,6 +131,19 @@ def check_trajectory(
     check.run()
     check.found.time = perf_counter() - began
     return check.found
+
+
+def beside(start: Pose | Grip, end: Pose | Grip, far: float) -> Iterator[tuple[Grip, Grip]]:
+    """The ends with each moved in turn by `far` [m] along x, y, z, and by _STEP [rad] about them."""
+    grips = as_grip("start", start), as_grip("end", end)
+    for side, grip in enumerate(grips):
+        frame = grip.cable_frame
+        for column in range(6):
+            step = np.zeros(6)
+            step[column] = far if column < 3 else _STEP
+            turned = qmul(qexp(tuple(step[3:])), tuple(frame.quaternion))
+            moved = Grip(Pose(frame.position + step[:3], turned), grip.kind, curvature=grip.curvature)
+            yield (moved, grips[1]) if side == 0 else (grips[0], moved)
 
 
 def _callable(name: str, value: object) -> None:
@@ -288,17 +304,42 @@ class _Check:
         frames = [(grip.cable_frame if isinstance(grip, Grip) else grip).array for grip in (start, end)]
         poses = [] if links is None else [links[name].array for name in self.checker.links]
         good = bool(shape.status) and shape.status is not Status.UNSTABLE
+        slopes = np.empty(0)
+        if good:
+            slopes = (
+                self._differences(shape, start, end, links, moving)
+                if self.predictor.touching
+                else (self.predictor.sensitivity())
+            )
         return _Sample(
             place,
             shape,
             np.array(frames),
             np.array(poses).reshape(-1, 7),
-            self.predictor.sensitivity() if good else np.empty(0),
+            slopes,
             distances,
             np.array(used),
             self._judge(place, shape, distances, margins),
             margins,
         )
+
+    def _differences(
+        self,
+        shape: CableShape,
+        start: Pose | Grip,
+        end: Pose | Grip,
+        links: Mapping[str, Pose] | None,
+        moving: Array | None,
+    ) -> Array:
+        """(n, 3, 12), the sensitivity of a cable that touches itself, by differences; NaN where one has no shape."""
+        out = np.full((shape.points, 3, 12), math.nan)
+        for column, ends in enumerate(beside(start, end, _STEP * shape.length)):
+            other = self.predictor.predict(*ends, links, acceleration=moving)
+            if other.usable:
+                step = _STEP * shape.length if column % 6 < 3 else _STEP
+                out[:, :, column] = (other.positions - shape.positions) / step
+        self.predictor.predict(start, end, links, acceleration=moving)
+        return out
 
     def _judge(
         self, place: float, shape: CableShape, distances: Array, margins: tuple[Margin, ...]

@@ -15,6 +15,7 @@ from cable_shape.clearance import ClearanceChecker
 from cable_shape.kernels import advance
 from cable_shape.paths import MOST_WAYPOINTS, Motion
 from cable_shape.robot import Robot
+from cable_shape.trajectory import beside
 
 ALONG_X = Rotation.from_quat((0.5, 0.5, 0.5, 0.5))
 ROBOT = Path(__file__).resolve().parent.parent / "config" / "robots" / "dual_arm.yaml"
@@ -400,3 +401,62 @@ def test_accelerations_in_contact_are_linear_along_the_cable_at_every_waypoint()
     with pytest.raises(cs.ArgumentError, match=r"contact='solve'.*linear"):
         cs.check_trajectory(CABLE, scene, None, path, acceleration=rows, proceed=lambda found: not seen.append(1))
     assert not seen
+
+
+def test_a_cable_that_comes_to_lie_on_a_table_on_the_way_is_checked_through() -> None:
+    """It bows to one side from the beginning, and so does not fall to one where it is laid down."""
+    table = cs.Obstacle("table", cs.HalfSpace())
+    scene, cable = cs.Scene(obstacles=[table], contact="solve"), CABLE.replace(length=0.83)
+    z = np.linspace(0.16, 0.06, 5)
+    aside = [(Rotation.from_rotvec((0.0, 0.0, a)) * ALONG_X).as_quat() for a in (0.4, -0.4)]
+    path = cs.GripPath([(0.0, 0.0, v, *aside[0]) for v in z], [(0.8, 0.0, v, *aside[1]) for v in z])
+    found = cs.check_trajectory(cable, scene, None, path)
+    assert found.valid, found
+    assert found.clearance[0] > 0.001 > abs(found.clearance[-1])
+
+
+def test_a_cable_that_comes_to_touch_itself_on_the_way_is_checked_through() -> None:
+    cable = cs.Cable(1.0, 0.005, 0.004, 0.003, diameter=0.008)
+    turns = 2.0 * np.pi * np.linspace(0.9, 1.25, 8)
+    ends = [(*(0.3, 0.0, 0.0), *(Rotation.from_rotvec((a, 0.0, 0.0)) * ALONG_X).as_quat()) for a in turns]
+    path = cs.GripPath([row((0.0, 0.0, 0.0))] * 8, np.array(ends))
+    wound = cs.Predictor(cable, model="cosserat", scene=cs.Scene(contact="solve"))
+    for a in np.arange(0.0, turns[-1], 0.05):
+        end = cs.Pose((0.3, 0.0, 0.0), (Rotation.from_rotvec((a, 0.0, 0.0)) * ALONG_X).as_quat())
+        shape = wound.predict(cs.Pose((0.0, 0.0, 0.0), ALONG_X.as_quat()), end)
+    assert shape.contacts  # wound up so far it touches itself
+    found = cs.check_trajectory(cable, cs.Scene(contact="solve"), None, path, tolerance=1e-5)
+    assert found.done.all()
+    assert found.first is None or found.first.reason is cs.Reason.SNAP
+
+
+def test_differences_are_the_sensitivity() -> None:
+    predictor = cs.Predictor(CABLE, model="cosserat", tolerance=1e-8)
+    start, end = (
+        cs.Grip(cs.Pose((0.0, 0.0, 0.0), row((0, 0, 0))[3:]), offset=cs.Pose((0.0, 0.0, 0.02))),
+        cs.Pose((0.8, 0.1, 0.05), row((0, 0, 0), 0.3)[3:]),
+    )
+    shape = predictor.predict(start, end)
+    exact, step = predictor.sensitivity(), 1e-3
+    for column, ends in enumerate(beside(start, end, step)):
+        other = predictor.predict(*ends)
+        assert (other.positions - shape.positions) / step == pytest.approx(exact[:, :, column], abs=0.02)
+
+
+def test_a_cable_that_has_come_off_a_body_has_a_sensitivity() -> None:
+    table = cs.Obstacle("table", cs.HalfSpace())
+    predictor = cs.Predictor(
+        CABLE.replace(bending_stiffness=0.1), model="cosserat", scene=cs.Scene(obstacles=[table], contact="solve")
+    )
+    touched = 0
+    for height in (*np.linspace(0.5, 0.35, 8), *np.linspace(0.35, 0.5, 16)):
+        start, end = (cs.Pose((x, 0.0, height), ALONG_X.as_quat()) for x in (0.0, 0.8))
+        shape = predictor.predict(start, end)
+        touched += bool(shape.contacts)
+        slopes = predictor.sensitivity()
+        higher = slopes[:, 2, 2] + slopes[:, 2, 8]
+        assert higher[0] == pytest.approx(1.0, abs=1e-3)
+        if not shape.contacts:
+            assert higher == pytest.approx(1.0, abs=1e-3)  # the whole cable goes with its ends
+    assert touched
+    assert not shape.contacts
