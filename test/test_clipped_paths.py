@@ -18,6 +18,7 @@ from cable_shape.shape import CableShape, Status
 from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
 from cable_shape.solve.search import Search
+from cable_shape.solve.starts import guessed
 
 # -- over time
 
@@ -82,7 +83,7 @@ def test_what_no_guess_leads_to_is_approached_from_a_straight_cable():
     end = pose((-0.205, -0.51, 0.3), -0.074, 0.459, 0.524, 0.713)
     state = Network(problem.move(start, end))
     poses = state.aim(problem.start, problem.end)
-    assert not Search(problem, state, math.inf, 0.0)._guessed(poses, 1.0, 0.0)
+    assert not guessed(Search(problem, state, math.inf, 0.0), poses, 1.0, 0.0)
     shape = cosserat.solve(problem)
     assert shape.status is Status.OK
     part = CableShape(np.concatenate([array[36:].ravel() for array in arrays(shape)]), 65, length=1.2, model="part",

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from itertools import pairwise
-from typing import Any, NamedTuple, final
+from typing import Any, final
 
 import numpy as np
 
@@ -20,11 +20,11 @@ from cable_shape.kernels.network.tables import BEFORE, NOW, TRIAL
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.problem import NAMED_TOLERANCE, Problem
 from cable_shape.shape import CableShape
+from cable_shape.solve.bare import IDENTITY, Bare, bare_of
 from cable_shape.solve.cables import AT, Structure, kinks_of, material_of, shared_loads, structure_of
 from cable_shape.solve.mesh import Piece, interpolated
-from cable_shape.solve.plan import Whole, make_plan
+from cable_shape.solve.plan import Whole
 
-_IDENTITY = (0.0, 0.0, 0.0, 1.0)
 _NO_MASSES: Array = np.empty((0, 4))
 _NOTHING: Array = np.zeros(3)
 
@@ -46,48 +46,6 @@ _LENGTHENED = 0.02
 _structure = lru_cache(maxsize=256)(structure_of)
 
 
-class _Bare(NamedTuple):
-    """A structure with one element a span, and where things are in its model; shared, never written to."""
-
-    ints: Whole
-    floats: Array  # a model in which supports are told, and nothing of the cable
-    s: slice
-    force: slice
-    moment: slice  # of the last knot
-    heavy: slice
-    breaks: slice
-    piece: slice
-    at: slice
-    act: slice
-
-
-@lru_cache(maxsize=256)
-def _bare_of(structure: Structure) -> _Bare:
-    """A structure's plan and model but for the mesh."""
-    ints = make_plan(structure.knots, structure.spans, structure.cables, [1] * len(structure.spans), structure.rings)
-    floats = np.zeros(tables.model_size.py_func(ints))
-    model = tables.model_of.py_func(ints, floats)
-    model.free[...], model.frame[...], model.loose[...] = structure.free, _IDENTITY, structure.loose
-    return _Bare(
-        ints,
-        floats,
-        s=_place(model.s, floats),
-        force=_place(model.force, floats),
-        moment=_place(model.moment[-1], floats),
-        heavy=_place(model.heavy, floats),
-        breaks=_place(model.breaks, floats),
-        piece=_place(model.piece, floats),
-        at=_place(model.at, floats),
-        act=_place(model.act, floats),
-    )
-
-
-def _place(part: Array, whole: Array) -> slice:
-    """Where a part of a flat array is in it."""
-    start = (part.ctypes.data - whole.ctypes.data) // whole.itemsize
-    return slice(start, start + part.size)
-
-
 @final
 class Network:
     """The solver's memory for one cable, in clips or not; one object a predictor, not shared between threads.
@@ -106,7 +64,7 @@ class Network:
         self.turns_freely = False
         self.rolls = False  # a dead moment on the free end may twist a start that does not hold its roll
         self.at_rest = math.inf  # rad, by which frames may turn though no support moves
-        self._bare: _Bare
+        self._bare: Bare
         self.held: Array = _NOTHING  # a model with one element a span
         self.ints: Any = None
         self._model: tables.Model | None = None
@@ -167,7 +125,7 @@ class Network:
         for row, clip in zip(self._frames[1:], problem.clips, strict=False):
             row[:] = clip.pose.array
             if clip.kind in ("ball", "slide"):
-                row[3:] = _IDENTITY
+                row[3:] = IDENTITY
         self._clips = tuple(clip.kind for clip in problem.clips)
         self.spans = self.forces = arcs.size - 1
         self.rings = [i for i, kind in enumerate(self._clips, 1) if kind == "slide"]
@@ -230,7 +188,7 @@ class Network:
         all_kinds = (kinds[0], *self._clips, kinds[1])
         structure = _structure(all_kinds, pieces, self.points.size, self.round_straight)
         changed = self.elements and structure != self.structure
-        self.structure, self._bare = structure, _bare_of(structure)
+        self.structure, self._bare = structure, bare_of(structure)
         self.held = self._bare.floats.copy()
         free = kinds[1] == "free" and kinds[0] in ("swivel", "pinned")
         self.turns_freely = not set(all_kinds) <= {"clamped", "fixed"}  # some support leaves a rotation free

@@ -9,19 +9,18 @@ from typing import final
 import numpy as np
 
 from cable_shape.checks import Array
-from cable_shape.kernels.frames import align
 from cable_shape.kernels.network import drive, start
 from cable_shape.kernels.network.drive import I_ENERGY, I_ESTIMATE, I_FORCE, I_MOMENT, I_RESIDUAL, I_TURNED, INFO
-from cable_shape.kernels.network.guess import CURVED, HANGING
 from cable_shape.kernels.network.newton import CONVERGED, I_EXCESS, I_ITERATIONS
-from cable_shape.pose import Grip, multiply, rotate
-from cable_shape.problem import NAMED_TOLERANCE, Problem
+from cable_shape.pose import Grip, multiply
+from cable_shape.problem import Problem
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve.eyelets import Eyelets
 from cable_shape.solve.network import Network
 from cable_shape.solve.outcome import MODEL, no_room, straight_lines, unheld_roll
+from cable_shape.solve.starts import COLD_ITERATIONS, approached, guessed, softened
 
-COLD_ITERATIONS, WARM_ITERATIONS, STEP_ITERATIONS = 80, 25, 12
+WARM_ITERATIONS, STEP_ITERATIONS = 25, 12
 #: A warm solve that turns a frame by more than this [rad] from its prediction is checked by small steps.
 FAR = 0.7
 #: The same for one small step, and for a finer mesh. With more, steps get across a fold to what is snapped to.
@@ -35,12 +34,6 @@ _QUARTER_TURN = 0.25
 MOST_TURNS = 3
 #: Shapes nearer to each other than this fraction of the length are one.
 _SAME = 0.02
-#: Chord / length of the straight cable from which a shape in clips is approached.
-_SLACK = 0.97
-#: So many times as stiff are cables from which next to limp ones are softened, and by this factor in one step.
-_STIFFER, _SOFTENING = (8.0, 64.0, 512.0, 4096.0), 2.0
-#: Guesses (kind, tilt of the handles) for a cable that is stiffened.
-_HANGS, _CURVED = (HANGING, 0.0), (CURVED, 0.3)
 _NO_LOADS: Array = np.empty((0, 7))
 
 
@@ -169,7 +162,7 @@ class Search:
             return self._walk(poses)
         if state.spans > 1 and state.resume(poses):
             state.target[...] = poses
-            if self.call(1, WARM_ITERATIONS, far=FAR) or self._follow(poses):
+            if self.call(1, WARM_ITERATIONS, far=FAR) or self.follow(poses):
                 return self._finish(Status.OK)
             if self.late:
                 return self._give_up(poses)
@@ -276,7 +269,7 @@ class Search:
                     return True
         return False
 
-    def _refine(self) -> bool:
+    def refine(self) -> bool:
         """Meshes as fine as the error asks for, starting from the last solution; False where it is lost."""
         for _ in range(_MESHES):
             if not self.state.too_coarse(self.info) or not self.state.next_mesh():
@@ -299,7 +292,7 @@ class Search:
 
     def _lost(self, poses: Array) -> CableShape:
         """A finer mesh did not confirm the equilibrium."""
-        if self._softened(poses):
+        if softened(self, poses):
             return self._finish(Status.OK if self.before is None else Status.SNAPPED)
         self.state.history = 0
         return self.no_shape(Status.NOT_CONVERGED, poses, "the equilibrium was lost on a finer mesh. ")
@@ -333,7 +326,7 @@ class Search:
 
     def _walk(self, poses: Array) -> CableShape:
         """Follows the branch along the straight path of the supports and loads; where it ends, the cable snaps."""
-        if self._follow(poses):
+        if self.follow(poses):
             return self._finish(Status.OK)
         if self.late:
             return self._give_up(poses)
@@ -353,7 +346,7 @@ class Search:
             shape.detail = Status.SNAPPED.remedy
         return shape
 
-    def _follow(self, poses: Array, snaps: bool = False) -> bool:
+    def follow(self, poses: Array, snaps: bool = False) -> bool:
         """Goes with the supports from where they were to `poses`, and with the loads, in steps as small as it takes.
 
         snaps: where the branch ends, let the cable fall to the next stable shape and go on.
@@ -424,10 +417,10 @@ class Search:
             self.eyelets.spread(poses)
         found = self._started(poses, wound)
         if state.spans > 1:
-            found = found or (not self.late and self._approached(poses))
+            found = found or (not self.late and approached(self, poses))
         for fineness in (2.0,) if state.spans == 1 else (2.0, 5.0):  # a coarse mesh may miss a boundary layer
-            found = found or (not self.late and self._guessed(poses, fineness, wound))
-        found = found or (not self.late and self._softened(poses))
+            found = found or (not self.late and guessed(self, poses, fineness, wound))
+        found = found or (not self.late and softened(self, poses))
         if found:
             if turns and not self._wind_up(turns):
                 if self.late:
@@ -438,7 +431,7 @@ class Search:
             return self._finish(Status.SNAPPED if self.snapped else Status.OK)
         if self.late:
             return self._give_up(poses)
-        if self._guessed(poses, 2.0, wound, guard=False):
+        if guessed(self, poses, 2.0, wound, guard=False):
             return self._finish(Status.UNSTABLE)
         state.history = 0
         return self.no_shape(Status.NOT_CONVERGED, poses, "" if self.eyelets is None else self.eyelets.why)
@@ -447,77 +440,14 @@ class Search:
         """Tries the guesses on the usual mesh, and refines it, in one compiled call."""
         state = self.state
         if self.eyelets is not None:
-            return self._guessed(poses, 1.0, wound)
+            return guessed(self, poses, 1.0, wound)
         meshes = start.MOST_MESHES if self.deadline == math.inf else 0
         code = state.started(poses, wound, meshes, self.buffer, self.loads)
         self.info = state.info.tolist()
         self.iterations += int(self.info[I_ITERATIONS])
         if code == start.LOST:
-            return not self.out_of_time() and self._guessed(poses, 1.0, wound)
+            return not self.out_of_time() and guessed(self, poses, 1.0, wound)
         return bool(code == start.FOUND)
-
-    def _guessed(self, poses: Array, fineness: float, wound: float, guard: bool = True) -> bool:
-        """Tries the guesses, the likeliest first, on meshes so many times as fine as usual."""
-        state = self.state
-        for kind, sag in state.guesses(poses):
-            state.first_mesh(poses, fineness)
-            state.start_from(poses, kind, sag, wound)
-            if self.call(0, COLD_ITERATIONS, guard=guard):
-                return True
-            if self.out_of_time():
-                return False
-        return False
-
-    def _approached(self, poses: Array) -> bool:
-        """Starts from a straight cable and goes to `poses` in small steps: for supports that no guess suits."""
-        state = self.state
-        span = poses[state.forces, :3] - poses[0, :3]
-        chord = float(np.linalg.norm(span))
-        along = span / chord if chord > 0.1 * state.length else rotate(poses[0, 3:], np.array((0.0, 0.0, 1.0)))
-        origin = poses.copy()
-        for j in range(state.spans + 1):
-            origin[j, :3] = poses[0, :3] + _SLACK * state.arcs[j] * along
-            align(origin[j, 3:], *along)
-        if not self._guessed(origin, 2.0, 0.0):  # it has to do for all of the way
-            return False
-        state.history = 1
-        return self._follow(poses, snaps=True)
-
-    def _softened(self, poses: Array) -> bool:
-        """From the shape of a stiffer cable, asked once: what is next to limp bends too sharply for any guess."""
-        state = self.state
-        if self.softened or state.forces == 0 or state.spans > 1:
-            return False
-        self.softened = True
-        tolerance = state.tolerance
-        state.tolerance = min(tolerance, NAMED_TOLERANCE * state.length)
-        try:
-            stiffer = next((f for f in _STIFFER if self._as_stiff(f, poses)), 1.0)
-            while stiffer > 1.0:
-                stiffer = max(1.0, stiffer / _SOFTENING)
-                state.stiffen(stiffer)
-                state.history = 1
-                state.unsettle()
-                state.target[...] = poses
-                if self.out_of_time() or not self.call(1, COLD_ITERATIONS) or not self._refine():
-                    return False
-            return stiffer == 1.0 and state.history > 0
-        finally:
-            state.stiffen(1.0)
-            state.tolerance, state.history = tolerance, 0
-
-    def _as_stiff(self, factor: float, poses: Array) -> bool:
-        """Whether a cable so many times as stiff has a stable shape that a guess leads to."""
-        state = self.state
-        state.stiffen(factor)
-        turns = state.turns
-        for kind, sag in (_HANGS, _CURVED):
-            state.first_mesh(poses)
-            state.start_from(poses, kind, sag, turns)
-            if self.call(0, COLD_ITERATIONS) and self._refine():
-                state.history = 1
-                return True
-        return False
 
     def _wind_up(self, turns: int) -> bool:
         """From the winding 0, which has just been solved, to `turns` by turning the end about its d3."""
@@ -538,7 +468,7 @@ class Search:
                     if not self.call(0, COLD_ITERATIONS, near=True):
                         return False
                     state.history = 1
-            elif not self._follow(poses):
+            elif not self.follow(poses):
                 state.target[...] = poses
                 if self.late or not self.call(1, COLD_ITERATIONS):
                     return False
