@@ -168,26 +168,31 @@ class Steps:
         The bodies were in the frames `then` (m, 4, 3). Far ways along a body are none past it, as `passes` has it; but
         a body that is thinner than the points are apart cannot be told from none between them, and counts as passed.
         """
-        bodies, n, radius = self.state.bodies, self.problem.points, self.state.radius
-        arcs, after, length = buffer[:n], buffer[n : 4 * n].reshape(n, 3), self.problem.cable.length
-        for b in range(len(bodies.table)):
-            table, frames = bodies.table[b : b + 1], bodies.frames[b : b + 1]
-            middle = _MIDDLE * (surface.reach_of(table[0]) + radius)
-            start = np.array([contact_check.carried(tuple(p), then[b], frames[0]) for p in before])
-            apart = max(float(np.linalg.norm(np.diff(line, axis=0), axis=1).max()) for line in (start, after))
+        bodies, n = self.state.bodies, self.problem.points
+        after = buffer[n : 4 * n].reshape(n, 3)
+        for b, body in enumerate(bodies.table):
+            middle = _MIDDLE * (surface.reach_of(body) + self.state.radius)
+            start = np.array([contact_check.carried(tuple(p), then[b], bodies.frames[b]) for p in before])
             far = float(np.linalg.norm(after - start, axis=1).max())
-            if far <= middle:
+            if far <= middle or self._least_gap(start, buffer[:n], b) > far:
                 continue
+            apart = max(float(np.linalg.norm(np.diff(line, axis=0), axis=1).max()) for line in (start, after))
             if apart > middle:
                 return True
             for at in np.linspace(0.0, 1.0, 2 + math.ceil(far / middle)):
-                for p, arc in zip((1.0 - at) * start + at * after, arcs, strict=True):
-                    gap, _ = contact_check.depth_of(
-                        p, arc, length, table, frames, bodies.triangles, bodies.tree, radius, bodies.stack
-                    )
-                    if gap < -middle:
-                        return True
+                if self._least_gap((1.0 - at) * start + at * after, buffer[:n], b) < -middle:
+                    return True
         return False
+
+    def _least_gap(self, line: Array, arcs: Array, b: int) -> float:
+        """[m], of points (n, 3) at arc lengths (n,) to body b; infinite next to the grips of a body that grips."""
+        state, bodies, length = self.state, self.state.bodies, self.problem.cable.length
+        one = bodies.table[b : b + 1], bodies.frames[b : b + 1], bodies.triangles, bodies.tree
+        gaps = [
+            contact_check.depth_of(p, arc, length, *one, state.radius, bodies.stack)[0]
+            for p, arc in zip(line, arcs, strict=True)
+        ]
+        return float(min(gaps))
 
     def out_of_time(self) -> bool:
         """Whether the deadline is over."""
