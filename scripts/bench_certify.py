@@ -193,7 +193,8 @@ def section(plain_found: list[dict[str, Any]], clips_found: list[dict[str, Any]]
         table(head, lines),
         f"Every one of the {statuses[0][1]['OK']:,} plain shapes that say OK was certified by a check of its own in "
         "numpy: the rod's equations integrated from point to point, and what is left over turned into a distance from "
-        "the exact equilibrium by one Newton step; the ends; force and moment; the inertia of the second variation. "
+        "the exact equilibrium by one Newton step; the ends; force and moment; the inertia of the second variation, of "
+        "shapes that are taut within a boundary layer in the limit of ever closer points. "
         f"Wrong is what is further away than the tolerance or fails in another of these: {len(wrong):,} ({told}). In "
         f"tolerances: {far}, the furthest {largest:.2f}. At four times the points the distance of {number:,} of them "
         f"changes by {worst:.3f} at most, stability {'of some' if flips else 'of none'}. In clips and eyelets only the "

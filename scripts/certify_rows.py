@@ -127,8 +127,7 @@ def in_the_limit(stable: Callable[[int, float], bool], halvings: int) -> bool:
     stable: of halvings of the spacing, and of a share of the stiffness taken off. What linear elements lack falls with
     the square of their length: how it falls from one spacing to half of it tells whether anything is left.
     """
-    if halvings >= MOST_HALVINGS:
-        return False
+    halvings = min(halvings, MOST_HALVINGS - 1)
     return 4.0 * lacking(stable, halvings + 1) < lacking(stable, halvings)
 
 

@@ -16,7 +16,7 @@ sys.path.append(str(Path(__file__).resolve().parents[1] / "scripts"))
 import bench_certify
 import evidence_front
 from certify_check import CLAMPED, PINNED, Certificate, Shapes, certify
-from certify_grasps import Grasp, in_clips, plain, points, stacked
+from certify_grasps import MOST_HALVINGS, Grasp, in_clips, plain, points, stacked
 from certify_reduction import solve
 from certify_rows import SEED, certified, in_the_limit, looked_at_again, plain_block
 from evidence_pages import Pages
@@ -227,8 +227,8 @@ def test_moments_of_limp_cables_between_ends_that_turn_are_as_exact_as_they_say(
 @pytest.mark.parametrize("row", [547425, 626721])
 def test_cables_that_are_taut_within_a_boundary_layer_are_judged_in_the_limit(row: int) -> None:
     grasp = plain(SEED, row)
-    shape = grasp.predict(7)
-    (found,) = certified([grasp], [shape], 7, 0.0)
+    shape = grasp.predict(MOST_HALVINGS)
+    (found,) = certified([grasp], [shape], MOST_HALVINGS, 0.0)
     assert found.wrong == "no minimum"
     assert not looked_at_again(grasp, shape, found).wrong
 
