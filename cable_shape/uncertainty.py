@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from cable_shape import checks
 from cable_shape.cable import Cable
-from cable_shape.calibration.parameters import KNOWN, Parameters
+from cable_shape.calibration.parameters import KNOWN, Parameters, supports_in
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError, UnknownKeyError
 from cable_shape.files import path_of
@@ -157,7 +157,10 @@ class Uncertainty:
                     raise UnknownKeyError.among(f"{where}: covariance.names", name, KNOWN)
             size = sum(len(KNOWN[name][0]) for name in made.names)
             if size:
-                made.covariance = _semidefinite(f"{where}: covariance.matrix", whole.get("matrix"), size)
+                matrix = whole.get("matrix")
+                if isinstance(matrix, (list, tuple)) and supports_in(made.names, len(matrix)):
+                    size = len(matrix)  # any number of supports along the cable
+                made.covariance = _semidefinite(f"{where}: covariance.matrix", matrix, size)
         return made
 
     @classmethod
@@ -192,7 +195,9 @@ class Uncertainty:
 
     def parameters(self, cable: Cable) -> Parameters | None:
         """The numbers that are not known of a cable; None if there are none."""
-        return Parameters(cable, self.names) if self.names else None
+        if not self.names:
+            return None
+        return Parameters(cable, self.names, supports=supports_in(self.names, len(self.covariance)))
 
     def directions(self) -> Array:
         """(m, k): independent steps of one standard deviation each that make up the covariance of the cable's."""

@@ -18,7 +18,7 @@ DENSITY = 0.05  # kg/m, not measured: only EI / weight shapes these cables
 #: EI / weight [m^3] where the fits begin.
 BEGIN = 1e-3
 #: Rows of the tables of accelerations.
-ROWS = 51
+ROWS = 25
 
 
 @dataclass(frozen=True)
@@ -43,9 +43,9 @@ class Frames:
         return np.flatnonzero(np.isin(self.kind, kinds) & ((self.part == part) == inside))
 
 
-def load(number: int, parts: int) -> Frames:
+def load(number: int, parts: int, folder: Path = DATA) -> Frames:
     """Frames of cable 1 to 5; whole trajectories go into one of so many parts of about the same number of frames."""
-    with np.load(DATA / f"cable{number}_frames.npz", allow_pickle=False) as d:
+    with np.load(folder / f"cable{number}_frames.npz", allow_pickle=False) as d:
         x, a, arc = (d[key].astype(np.float64) for key in ("frames", "acc", "arc"))
         kind, traj, frame, length = d["kind"], d["traj"], d["frame"], float(d["free_length"])
         calm, recorded = float(d["q"][kind == "quasi"].max()), tuple(int(t) for t in d["replay_traj"])
@@ -63,9 +63,11 @@ def load(number: int, parts: int) -> Frames:
     return Frames(cable, static, moving, kind, traj, frame, shares(traj, parts), calm, recorded)
 
 
-def recording(number: int, which: int, calm: float) -> tuple[list[cs.Observation], list[cs.Observation]]:
+def recording(
+    number: int, which: int, calm: float, folder: Path = DATA
+) -> tuple[list[cs.Observation], list[cs.Observation]]:
     """The frames of a recording that accelerate along the cable by no more than `calm` [g, rms]: static, moving."""
-    seen = from_bag(DATA / f"cable{number}_recording{which}", frames=500, inertia=True)
+    seen = from_bag(folder / f"cable{number}_recording{which}", frames=500, inertia=True)
     moving = [o for o in seen if np.sqrt((o.acceleration[1:-1] ** 2).sum(axis=1).mean()) <= calm * 9.81]  # type: ignore[index]
     return [cs.Observation(o.start, o.end, o.points) for o in moving], moving
 

@@ -74,8 +74,8 @@ def test_misses_are_those_to_the_curve() -> None:
     np.testing.assert_allclose(out, seen - fine[[0, 2000, 3108]], rtol=0.0, atol=1e-5)
 
 
-ENDS = ("start_offset", "start_tilt", "end_offset", "end_tilt", "roll")
-AT_ENDS = (4e-3, -3e-3, 2e-3, 0.1, -0.2, 3e-3, 5e-3, -4e-3, 0.15, 0.1, 0.2)
+ENDS = ("start_offset", "start_tilt", "end_offset", "end_tilt", "roll", "start_roll")
+AT_ENDS = (4e-3, -3e-3, 2e-3, 0.1, -0.2, 3e-3, 5e-3, -4e-3, 0.15, 0.1, 0.2, 0.1)
 OWN = ("bending_stiffness", "twisting_stiffness", "axial_stiffness", "length", "rest_curvature")
 AT_OWN = (math.log(0.005), math.log(0.003), math.log(300.0), 1.01, 0.3, -0.2)
 
@@ -128,8 +128,8 @@ def test_robust_fit_against_a_line_in_closed_form() -> None:
     seen = design @ truth + 1e-3 * rng.normal(size=(400, 3))
     one = np.ones(2)
     fit = Robust(
-        lambda v: seen - design @ v, lambda v, r: -design, lambda v, r: False, np.full(400, 3), np.arange(400) % 5,
-        10.0 * one, np.zeros((2, 2)),
+        lambda v: seen - design @ v, lambda v, r: -design, lambda v: seen - design @ v, np.full(400, 3),
+        np.arange(400) % 5, 10.0 * one, np.zeros((2, 2)),
     ).run(np.zeros(2))  # fmt: skip
     assert fit.converged
     assert fit.scale == pytest.approx(1e-3, rel=0.1)

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from test_calibration import TRUE, grips, rough
 
 import cable_shape as cs
-from cable_shape.calibration.parameters import ROWS, WANDERS, Parameters
+from cable_shape.calibration.parameters import ROWS, SWERVES, WANDERS, Parameters
 from cable_shape.cli import main
 from cable_shape.errors import ArgumentError
 
@@ -62,13 +62,15 @@ def test_where_no_point_was_seen_the_prior_is_said_to_speak() -> None:
     assert abs(change) < 0.005, "a random walk of 0.01 over the length"
 
 
-def test_the_prior_is_a_random_walk_along_the_cable() -> None:
+def test_the_prior_is_a_random_walk_of_curvature_and_slope_along_the_cable() -> None:
     parameters = Parameters(TRUE.replace(length=2.0), ("length", "rest_curvature_along"), {"length": 0.1})
     precision = parameters.precision
     assert precision[0, 0] == pytest.approx(100.0)
     rng = np.random.default_rng(0)
     nodes = rng.normal(size=(ROWS, 2))
     energy = sum((ROWS - 1) / (WANDERS / 2.0) ** 2 * ((nodes[i + 1] - nodes[i]) ** 2).sum() for i in range(ROWS - 1))
+    turns = nodes[2:] - 2.0 * nodes[1:-1] + nodes[:-2]
+    energy += (ROWS - 1) ** 3 / (SWERVES * WANDERS / 2.0) ** 2 * (turns**2).sum()
     moved = np.concatenate(((0.0,), nodes.ravel()))
     assert moved @ precision @ moved == pytest.approx(energy)
     level = np.concatenate(((0.0,), np.tile((1.0, -2.0), ROWS)))

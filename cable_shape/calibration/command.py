@@ -44,6 +44,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--prior", action="append", default=[], metavar="NAME=SD", help="standard deviation about the start; repeatable"
     )
+    parser.add_argument(
+        "--supports",
+        default="5",
+        metavar="N",
+        help="of rest_curvature_along, 3 to 33, or auto: by cross validation over observations that are left out (5)",
+    )
     parser.add_argument("--start-kind", choices=("clamped", "swivel", "pinned"), default="clamped")
     parser.add_argument(
         "--end-kind", choices=("clamped", "swivel", "pinned"), help="swivel for a recording, clamped otherwise"
@@ -158,11 +164,23 @@ def _from_source(arguments: argparse.Namespace, cable: Cable) -> Calibration:
         options = {name: getattr(arguments, name) for name in names}
     kinds = (arguments.start_kind, arguments.end_kind or ("swivel" if recorded else "clamped"))
     observations = load_observations(arguments.source, kinds, **options)
-    return calibrate(observations, cable, _names(arguments), priors=_priors(arguments))
+    return calibrate(
+        observations, cable, _names(arguments), priors=_priors(arguments), supports=_supports(arguments.supports)
+    )
 
 
 def _names(arguments: argparse.Namespace) -> tuple[str, ...]:
     return tuple(name.strip() for name in arguments.fit.split(",") if name.strip())
+
+
+def _supports(text: str) -> int | str:
+    """A whole number, or "auto"."""
+    if text == "auto":
+        return text
+    try:
+        return int(text)
+    except ValueError:
+        raise ArgumentError.of("--supports", text, "it must be a whole number or auto", "As in --supports 9.") from None
 
 
 def _priors(arguments: argparse.Namespace) -> dict[str, float]:

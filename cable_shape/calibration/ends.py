@@ -12,11 +12,12 @@ from cable_shape.checks import Array
 from cable_shape.pose import FreeEnd, Grip
 
 _AXES, _TILTS = "xyz", ("tilt_1", "tilt_2")
+_ROLLS = {"start": "start_roll", "end": "roll"}
 
 
 def moving(parameters: Parameters) -> list[int]:
     """Which parameters move nothing but an end."""
-    names = {f"{side}_{what}" for side in ("start", "end") for what in (*_AXES, *_TILTS)} | {"roll"}
+    names = {f"{side}_{what}" for side in ("start", "end") for what in (*_AXES, *_TILTS)} | set(_ROLLS.values())
     return [j for j, parameter in enumerate(parameters.each) if parameter.name in names]
 
 
@@ -36,7 +37,7 @@ def velocities(
         turn = np.array([now.get(f"{side}_{tilt}", 0.0) for tilt in _TILTS] + [0.0])
         for column, j in enumerate(which):
             name = parameters.each[j].name
-            if name == "roll" and side == "end":
+            if name == _ROLLS[side]:
                 out[first + 3 : first + 6, column] = frame @ _turned(turn)
             elif name.startswith(f"{side}_tilt"):
                 out[first + 3 : first + 6, column] = (

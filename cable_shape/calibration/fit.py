@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from cable_shape import checks
 from cable_shape.cable import Cable
+from cable_shape.calibration.fitted import fitted, owners_of
 from cable_shape.calibration.forward import Forward
 from cable_shape.calibration.observation import Observation
-from cable_shape.calibration.parameters import Parameters
+from cable_shape.calibration.parameters import ROWS, Parameters
+from cable_shape.calibration.progress import Progress
 from cable_shape.calibration.result import Calibration, correlation_of, estimates_of, remarks_of
-from cable_shape.calibration.robust import Robust
+from cable_shape.calibration.robust import Fit
+from cable_shape.calibration.supports import Task, supports_of
+from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
+from cable_shape.pose import Grip
 from cable_shape.problem import GRAVITY
 from cable_shape.scene import Scene
+from cable_shape.solve.cables import FREE_ROTATIONS
+
+#: Another shape is nearer with a median miss below this fraction.
+_NEARER = 0.8
 
 
 def calibrate(
@@ -25,9 +34,11 @@ def calibrate(
     fit: str | Sequence[str] = ("bending_stiffness",),
     *,
     priors: Mapping[str, float] | None = None,
+    supports: int | str = ROWS,
     gravity: ArrayLike = GRAVITY,
     scene: Scene | None = None,
     proceed: Callable[[int, float], bool] | None = None,
+    progress: bool = True,
 ) -> Calibration:
     """The cable whose predicted shapes come nearest to the observed points, and how well it is known.
 
@@ -35,7 +46,7 @@ def calibrate(
     :mod:`cable_shape.calibration.robust`). Only the ratio of stiffness to weight shapes a cable between grips:
     `cable.linear_density` is taken for granted. Where observations come in twelve groups or more, the errors are judged
     by how much these disagree, so that what the model leaves out is in the error bars; with fewer, by the scatter of
-    single points.
+    single points. The misses told are those of shapes predicted from nothing with the numbers found.
 
     Parameters
     ----------
@@ -44,12 +55,15 @@ def calibrate(
         Where the fit begins, and all that is not fitted.
     fit : sequence of str
         "bending_stiffness" (its two values keep their ratio; GJ follows unless fitted), "twisting_stiffness",
-        "axial_stiffness", "length", "rest_curvature" (constant, about d1 and d2), "rest_curvature_along" (of five hat
+        "axial_stiffness", "length", "rest_curvature" (constant, about d1 and d2), "rest_curvature_along" (of hat
         functions of arc length, a smooth change of what the cable has), "start_offset", "end_offset" (of the cable in
-        the grip's cable frame), "start_tilt", "end_tilt" (about d1 and d2 there), "roll" (of the end's).
+        the grip's cable frame), "start_tilt", "end_tilt" (about d1 and d2 there), "roll" (of the end's), "start_roll".
     priors : mapping, optional
         Standard deviation about where the fit begins, by name and in the unit of what is fitted; of a stiffness as a
         fraction of it; of "rest_curvature_along" that of its change over the whole length, 3 / length by default.
+    supports : int or "auto"
+        Hat functions of "rest_curvature_along", 3 to 33. "auto": the number with which groups of observations that are
+        left out are predicted best.
     gravity : (3,) array_like
         [m/s^2], world.
     scene : Scene, optional
@@ -57,6 +71,8 @@ def calibrate(
     proceed : callable, optional
         Is asked before each iteration, with its number and the scale of the misses [m], whether to go on. If not, the
         result is where the fit is then, not converged.
+    progress : bool
+        A bar on a terminal where it takes more than a second.
 
     Raises
     ------
@@ -69,24 +85,23 @@ def calibrate(
     checks.instance("cable", cable, (Cable,), "Write Cable(length=..., ...).")
     if proceed is not None and not callable(proceed):
         raise ArgumentError.of("proceed", proceed, "it must be a function", "Leave it out, or give one.")
-    parameters = Parameters(cable, (fit,) if isinstance(fit, str) else fit, priors)
-    forward = Forward(parameters, seen, gravity=gravity, scene=scene)
-    owners = np.repeat(np.arange(len(seen)), [len(o.points) for o in seen])
-    groups = np.array([-1 - i if o.group is None else o.group for i, o in enumerate(seen)])
     if any(o.group is not None and o.group < 0 for o in seen):
-        raise ArgumentError.of("group", int(groups.min()), "it must be at least 0", "Number the recordings from 0.")
-    arc = np.concatenate([o.arc_length for o in seen])
-    if np.isnan(forward.misses(parameters.start)[:, 0]).all():
-        raise ArgumentError.of(
-            "observations", f"{len(seen)} items", "none has a usable shape with the cable given",
-            "Is its length in metres, and at least the distance of the grips?",
-        )  # fmt: skip
+        least = min(o.group for o in seen if o.group is not None)
+        raise ArgumentError.of("group", least, "it must be at least 0", "Number the recordings from 0.")
+    names, loads = Parameters(cable, fit, priors).names, {"gravity": gravity, "scene": scene}
+    with Progress(progress, proceed) as told:
+        rows, chosen = supports_of(supports, Task(seen, cable, names, priors, loads), told.step)
+        parameters = Parameters(cable, names, priors, rows)
+        forward = Forward(parameters, seen, **loads)
+        if np.isnan(forward.misses(parameters.start)[:, 0]).all():
+            raise ArgumentError.of(
+                "observations", f"{len(seen)} items", "none has a usable shape with the cable given",
+                "Is its length in metres, and at least the distance of the grips?",
+            )  # fmt: skip
+        found = fitted(forward, told.step)
     each = parameters.each
-    steps, before = np.array([p.most for p in each]), parameters.precision
-    freedom = 3 - np.isnan(arc) - np.array([o.planar for o in seen])[owners]
-    robust = Robust(forward.misses, forward.jacobian, forward.retry, freedom, groups[owners], steps, before)
-    found = robust.run(parameters.start, proceed)
     correlation = correlation_of(found.covariance)
+    owners = owners_of(seen)
     lost = len(np.unique(owners[np.isnan(found.misses[:, 0])]))
     return Calibration(
         cable=parameters.make_cable(found.values),
@@ -98,8 +113,11 @@ def calibrate(
         iterations=found.iterations,
         converged=found.converged,
         remarks=(
+            *chosen,
             *remarks_of(each, found.covariance, correlation, found.blind, found.converged, lost),
             *parameters.by_prior(found.covariance),
+            *_direction(names, seen),
+            *_elsewhere(found, owners),
         ),
         points=tuple(o.points for o in seen),
         centrelines=tuple(forward.centrelines(found.values)),
@@ -108,3 +126,27 @@ def calibrate(
         covariance=found.covariance,
         freedom=found.freedom,
     )
+
+
+def _direction(names: Sequence[str], seen: Sequence[Observation]) -> Iterator[str]:
+    """What a rest curvature means where no grip holds the roll of the cable."""
+    if not any(name.startswith("rest_curvature") for name in names):
+        return
+    if any(not FREE_ROTATIONS[end.kind][2] for o in seen for end in (o.start, o.end) if isinstance(end, Grip)):
+        return
+    yield (
+        "no grip holds the cable's roll: of its rest curvature the size is known, and how it turns along the cable, "
+        "but not its direction in the grips."
+    )
+
+
+def _elsewhere(found: Fit, owners: Array) -> Iterator[str]:
+    """How many observations look like another stable shape than the one that is predicted from nothing."""
+    count = 0
+    for i in np.unique(owners):
+        fresh, followed = (
+            float(np.median(np.linalg.norm(misses[owners == i], axis=1))) for misses in (found.misses, found.followed)
+        )
+        count += followed < _NEARER * fresh
+    if count:
+        yield f"{count} observations are nearer to another stable shape than to the one predicted from nothing."

@@ -1,4 +1,4 @@
-"""From parameters to misses: every observation predicted by a warm rod of its own."""
+"""From parameters to misses: every observation predicted by a rod of its own, warm or from nothing."""
 
 from __future__ import annotations
 
@@ -25,15 +25,14 @@ POINTS = 101
 TOLERANCE = 1e-6
 #: [1], of the length, root mean square: what differs by less is the same.
 NOISE = 1e-6
-#: An observation whose median miss is so many times the usual one may be of another stable shape; among few all may.
-_FAR, _FEW = 1.5, 10
-#: Another shape is better with a median miss below this fraction.
-_BETTER = 0.8
 
 
 @final
 class Forward:
     """Misses of all observed points (n, 3) [m], observation by observation, and how they change with parameters.
+
+    Between the same grips a cable may have several stable shapes. Shapes at new values are followed from those where
+    the last derivatives were taken, whatever was tried in between; :meth:`afresh` predicts each from nothing.
 
     loads: the keywords `gravity`, `scene` and `distributed_load` of :func:`cable_shape.predict`.
     """
@@ -42,7 +41,8 @@ class Forward:
         self.parameters = parameters
         self.observations = list(observations)
         self._loads = loads
-        self._states: list[Network | None] = [None] * len(self.observations)
+        self._from: list[Network | None] = [None] * len(self.observations)  # where shapes are followed from
+        self._states: list[Network | None] = self._from.copy()  # with the last values
         self._last: tuple[Array, list[CableShape]] | None = None  # values, and all shapes with them
 
     def centrelines(self, values: Array) -> list[Array]:
@@ -53,8 +53,13 @@ class Forward:
 
     def misses(self, values: Array) -> Array:
         """(n, 3) [m]; NaN where there is no usable shape."""
-        shapes = self._shapes(values)
-        return np.concatenate([self._miss(i, shape) for i, shape in enumerate(shapes)])
+        return np.concatenate([self._miss(i, shape) for i, shape in enumerate(self._shapes(values))])
+
+    def afresh(self, values: Array) -> Array:
+        """`misses` of every observation predicted from nothing, as :func:`cable_shape.predict` does; from there on
+        shapes are followed."""
+        self._from, self._last = [None] * len(self.observations), None
+        return self.misses(values)
 
     def jacobian(self, values: Array, now: Array) -> Array:
         """(n, 3, parameters) at `values`, where the misses are `now`; 0 where there is no shape.
@@ -62,16 +67,18 @@ class Forward:
         By the rod's own sensitivities. A parameter that moves points by no more than the discretisation's own noise
         moves none.
         """
-        out = self._moved(values)
+        shapes = self._shapes(values)
+        self._from = self._states
+        out = self._moved(values, shapes)
         steps = np.array([parameter.step for parameter in self.parameters.each])
         spread = steps * np.sqrt((out * out).sum(axis=(0, 1)) / len(out))
         out[:, :, spread <= NOISE * self.parameters.cable.length] = 0.0
         return out
 
-    def _moved(self, values: Array) -> Array:
+    def _moved(self, values: Array, shapes: list[CableShape]) -> Array:
         """(n, 3, k): how misses change with the parameters."""
         parts, answers = [], Answers(self.parameters, values)
-        for seen, state, shape in zip(self.observations, self._states, self._shapes(values), strict=True):
+        for seen, state, shape in zip(self.observations, self._states, shapes, strict=True):
             part = np.zeros((*seen.points.shape, len(values)))
             if shape.status and state is not None:
                 moves = answers.moves(state, seen.start, seen.end)
@@ -86,38 +93,16 @@ class Forward:
             parts.append(part)
         return np.concatenate(parts)
 
-    def retry(self, values: Array, now: Array) -> bool:
-        """Solves cold where the misses `now` are large, and goes on from there if that comes nearer.
-
-        Between the same grips a cable may have several stable shapes; which one a warm rod is on is left from where it
-        began.
-        """
-        sizes = np.split(np.linalg.norm(now, axis=1), np.cumsum([len(o.points) for o in self.observations])[:-1])
-        typical = [float(np.median(size)) for size in sizes]
-        usual = np.nanmedian(typical)
-        kept, found = self._states.copy(), False
-        far = [i for i, size in enumerate(typical) if not size <= _FAR * usual or len(typical) <= _FEW]
-        for i in far:
-            self._states[i] = None
-        fresh = self._shapes(values, far)
-        for i, shape in zip(far, fresh, strict=True):
-            again = float(np.median(np.linalg.norm(self._miss(i, shape), axis=1)))
-            if again < _BETTER * typical[i] or (np.isfinite(again) and not np.isfinite(typical[i])):
-                found = True
-            else:
-                self._states[i] = kept[i]
-        return found
-
-    def _shapes(self, values: Array, which: Sequence[int] | None = None) -> list[CableShape]:
-        if which is None and self._last is not None and np.array_equal(self._last[0], values):
+    def _shapes(self, values: Array) -> list[CableShape]:
+        if self._last is not None and np.array_equal(self._last[0], values):
             return self._last[1]
         cable = self.parameters.make_cable(values)
         near, far = self.parameters.offset(values, "start"), self.parameters.offset(values, "end")
         options = {"points": POINTS, "tolerance": TOLERANCE * cable.length, **self._loads}
         plain = Problem(cable, **options)
-        found = []
-        for i in range(len(self.observations)) if which is None else which:
-            seen = self.observations[i]
+        found: list[CableShape] = []
+        states: list[Network | None] = []
+        for seen, last in zip(self.observations, self._from, strict=True):
             if seen.acceleration is None:
                 problem = copy.copy(plain)  # a rod tells by its problem that its cable is another one
             else:
@@ -125,11 +110,10 @@ class Forward:
             start = held(seen.start, near)
             assert isinstance(start, Grip)
             problem.move(start, held(seen.end, far))
-            state = self._states[i]
-            if state is None:
-                state = self._states[i] = Network(problem)
+            state = Network(problem) if last is None or last.history == 0 else last.copied()
             found.append(cosserat.solve(problem, state))
-        self._last = None if which is not None else (values.copy(), found)
+            states.append(state)
+        self._states, self._last = states, (values.copy(), found)
         return found
 
     def _miss(self, i: int, shape: CableShape) -> Array:

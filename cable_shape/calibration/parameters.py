@@ -15,10 +15,21 @@ from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError, UnknownKeyError
 from cable_shape.pose import FreeEnd, Grip, Pose
 
-#: Hat functions of a rest curvature that varies along the cable: it is linear between so many places, evenly spread.
-ROWS = 5
+#: Hat functions of a rest curvature that varies along the cable: it is linear between so many supports, evenly spread,
+#: unless another number is given, which may be so large.
+ROWS, FEWEST_ROWS, MOST_ROWS = 5, 3, 33
 #: [1], standard deviation of its change over the whole length times this length: half a turn.
 WANDERS = 3.0
+#: [1], standard deviation of how its slope changes over the whole length, in terms of that change a length: with ten
+#: supports or more it is this that keeps it smooth.
+SWERVES = 10.0
+
+
+def along(rows: int) -> tuple[str, ...]:
+    """Names of a rest curvature that varies along the cable, by its supports in % of the length."""
+    return tuple(f"rest_curvature_{i}_at_{100.0 * k / (rows - 1):.4g}" for k in range(rows) for i in (1, 2))
+
+
 #: name -> (components, unit, step of the finite differences, largest step at once, whether its logarithm is fitted).
 #: Stiffness is fitted as a logarithm: it is positive, and known to so many per cent.
 KNOWN: dict[str, tuple[tuple[str, ...], str, float, float, bool]] = {
@@ -27,24 +38,20 @@ KNOWN: dict[str, tuple[tuple[str, ...], str, float, float, bool]] = {
     "axial_stiffness": (("axial_stiffness",), "N", 2e-2, 1.5, True),
     "length": (("length",), "m", 1e-4, 0.02, False),
     "rest_curvature": (("rest_curvature_1", "rest_curvature_2"), "1/m", 1e-2, 2.0, False),
-    "rest_curvature_along": (
-        tuple(f"rest_curvature_{axis}_at_{100 * place // (ROWS - 1)}" for place in range(ROWS) for axis in (1, 2)),
-        "1/m",
-        1e-2,
-        2.0,
-        False,
-    ),
+    "rest_curvature_along": (along(ROWS), "1/m", 1e-2, 2.0, False),
     "start_offset": (("start_x", "start_y", "start_z"), "m", 1e-4, 0.01, False),
     "end_offset": (("end_x", "end_y", "end_z"), "m", 1e-4, 0.01, False),
     "start_tilt": (("start_tilt_1", "start_tilt_2"), "rad", 2e-3, 0.2, False),
     "end_tilt": (("end_tilt_1", "end_tilt_2"), "rad", 2e-3, 0.2, False),
     "roll": (("roll",), "rad", 2e-3, 0.5, False),
+    "start_roll": (("start_roll",), "rad", 2e-3, 0.5, False),
 }
-_ALONG = KNOWN["rest_curvature_along"][0]
+#: The name of a rest curvature that varies along the cable.
+ALONG = "rest_curvature_along"
 #: Error / prior beyond which a number is known by its prior.
 _PRIOR_ONLY = 0.9
 #: Rows of a table of rest curvature that has the kinks of both the cable's own and the hat functions, at most.
-_MOST_ROWS = 200
+_MOST_TABLE = 200
 _STIFFNESS = ("bending_stiffness", "twisting_stiffness", "axial_stiffness")
 
 
@@ -65,10 +72,13 @@ class Parameter:
 class Parameters:
     """The numbers to be fitted, in their order, about a cable to start from.
 
-    fit: names of `KNOWN`; priors: standard deviation by name, of a stiffness as a fraction of it.
+    fit: names of `KNOWN`; priors: standard deviation by name, of a stiffness as a fraction of it; supports: of a rest
+    curvature along the cable.
     """
 
-    def __init__(self, cable: Cable, fit: Sequence[str], priors: Mapping[str, float] | None = None) -> None:
+    def __init__(
+        self, cable: Cable, fit: Sequence[str], priors: Mapping[str, float] | None = None, supports: int = ROWS
+    ) -> None:
         names = (fit,) if isinstance(fit, str) else checks.entries("fit", fit, str, f"Known: {', '.join(KNOWN)}.")
         if not names or len(set(names)) != len(names):
             raise ArgumentError.of("fit", names, "it must name something, each once", f"Known: {', '.join(KNOWN)}.")
@@ -80,47 +90,56 @@ class Parameters:
             raise ArgumentError.of("fit", names, "rest_curvature is a part of rest_curvature_along", "Fit one of them.")
         self.cable = cable
         self.names = names
+        self.supports = checks.integer("supports", supports, at_least=FEWEST_ROWS, at_most=MOST_ROWS)
         self.each: list[Parameter] = []
         self._wanders = math.inf
         start: list[float] = []
         for name in names:
-            parts, unit, step, most, log = KNOWN[name]
+            _, unit, step, most, log = KNOWN[name]
+            parts = self._parts(name)
             prior = checks.number(f"priors[{name!r}]", given[name], above=0.0) if name in given else math.inf
-            if name == "rest_curvature_along":
+            if name == ALONG:
                 self._wanders, prior = min(prior, WANDERS / cable.length), math.inf
             self.each += [Parameter(part, unit, step, most, log, prior) for part in parts]
             start += self._start(name)
         self.start: Array = np.array(start)
 
+    def _parts(self, name: str) -> tuple[str, ...]:
+        """Names of the components."""
+        return along(self.supports) if name == ALONG else KNOWN[name][0]
+
+    @property
+    def _bends(self) -> slice:
+        """Where the components of a rest curvature along the cable are."""
+        first = sum(len(self._parts(name)) for name in self.names[: self.names.index(ALONG)])
+        return slice(first, first + 2 * self.supports)
+
     @property
     def precision(self) -> Array:
         """(k, k), of what is known before: inverse of variances about the start; 0 where nothing is.
 
-        Of a rest curvature along the cable the change from place to place is a random walk, its level not known.
+        See `smoothness` for a rest curvature along the cable.
         """
         out = np.diag(np.array([p.prior for p in self.each]) ** -2.0)
-        if math.isfinite(self._wanders):
-            first = next(i for i, p in enumerate(self.each) if p.name == _ALONG[0])
-            step = (ROWS - 1) / self._wanders**2
-            for i in range(first, first + len(_ALONG) - 2):
-                out[i, i] += step
-                out[i + 2, i + 2] += step
-                out[i, i + 2] -= step
-                out[i + 2, i] -= step
+        if ALONG in self.names:
+            bends = self._bends
+            out[bends, bends] += np.kron(smoothness(self.supports, self._wanders), np.eye(2))
         return out
 
     def by_prior(self, covariance: Array) -> list[str]:
         """Of a rest curvature along the cable, between which places in % of the length the data say hardly anything."""
-        if not math.isfinite(self._wanders):
+        if ALONG not in self.names:
             return []
-        first = next(i for i, p in enumerate(self.each) if p.name == _ALONG[0])
-        spread = self._wanders / math.sqrt(ROWS - 1)
+        bends = self._bends
+        names = [p.name for p in self.each[bends]]
+        own, before = covariance[bends, bends], np.linalg.pinv(smoothness(self.supports, self._wanders))
         out = []
-        for i in range(first, first + len(_ALONG) - 2):
-            change = covariance[i, i] + covariance[i + 2, i + 2] - 2.0 * covariance[i, i + 2]
-            if not change < (_PRIOR_ONLY * spread) ** 2:
-                names = self.each[i].name, self.each[i + 2].name
-                out.append(f"the change from {names[0]} to {names[1]} is known by its prior, hardly by the data.")
+        for i in range(len(names) - 2):
+            k = i // 2
+            spread = before[k, k] + before[k + 1, k + 1] - 2.0 * before[k, k + 1]
+            change = own[i, i] + own[i + 2, i + 2] - 2.0 * own[i, i + 2]
+            if not change < _PRIOR_ONLY**2 * spread:
+                out.append(f"the change from {names[i]} to {names[i + 2]} is known by its prior, hardly by the data.")
         return out
 
     def _start(self, name: str) -> list[float]:
@@ -133,10 +152,10 @@ class Parameters:
                 remedy = "Give a cable whose rest curvature is three numbers, or do not fit it."
                 raise ArgumentError.of("rest_curvature", "a table", "only a constant one is fitted", remedy)
             return [float(x) for x in cable.rest_curvature[:2]]
-        if name == "rest_curvature_along":
+        if name == ALONG:
             table = np.atleast_2d(cable.rest_curvature)
             rows = np.linspace(0.0, 1.0, len(table)) if len(table) > 1 else np.zeros(1)
-            at = np.linspace(0.0, 1.0, ROWS)
+            at = np.linspace(0.0, 1.0, self.supports)
             return [float(np.interp(x, rows, table[:, axis])) for x in at for axis in (0, 1)]
         if name in _STIFFNESS:
             value = cable.mean_bending_stiffness if name == "bending_stiffness" else getattr(cable, name)
@@ -144,6 +163,17 @@ class Parameters:
                 raise ArgumentError.of(name, value, "to be fitted it must be given above 0", "Give a rough value.")
             return [math.log(value)]
         return [0.0] * len(KNOWN[name][0])
+
+    def taken(self, other: Parameters, values: Array) -> Array:
+        """(k,): the values of other parameters, which differ in the number of supports."""
+        out = np.array(values)
+        if ALONG in self.names:
+            bends = other._bends
+            at, places = (np.linspace(0.0, 1.0, rows) for rows in (self.supports, other.supports))
+            table = values[bends].reshape(-1, 2)
+            new = np.stack([np.interp(at, places, column) for column in table.T], axis=1)
+            out = np.concatenate((values[: bends.start], new.ravel(), values[bends.stop :]))
+        return out
 
     def by_name(self, values: Array) -> dict[str, float]:
         """Each number in its unit."""
@@ -159,20 +189,21 @@ class Parameters:
             changes.setdefault("twisting_stiffness", ratio * cable.twisting_stiffness)
         if "rest_curvature_1" in now:
             changes["rest_curvature"] = (now["rest_curvature_1"], now["rest_curvature_2"], cable.rest_curvature[2])
-        if _ALONG[0] in now:
-            changes["rest_curvature"] = self._along(np.array([now[name] for name in _ALONG]))
+        if ALONG in self.names:
+            changes["rest_curvature"] = self._along(np.asarray(values)[self._bends])
         return cable.replace(**changes) if changes else cable
 
     def _along(self, now: Array) -> Array:
-        """(n, 3) [1/m]: the cable's own table, changed by hat functions to have the values (10,) at their places."""
+        """(n, 3) [1/m]: the cable's own table, changed by hat functions to have these values (2 supports,) there."""
         table = np.atleast_2d(self.cable.rest_curvature)
-        rows = ROWS if len(table) == 1 else math.lcm(len(table) - 1, ROWS - 1) + 1
-        if rows > _MOST_ROWS:
-            rows = max(len(table), ROWS)
-        at, hats = np.linspace(0.0, 1.0, rows), np.linspace(0.0, 1.0, ROWS)
+        supports = self.supports
+        rows = supports if len(table) == 1 else math.lcm(len(table) - 1, supports - 1) + 1
+        if rows > _MOST_TABLE:
+            rows = max(len(table), supports)
+        at, hats = np.linspace(0.0, 1.0, rows), np.linspace(0.0, 1.0, supports)
         own = np.linspace(0.0, 1.0, len(table)) if len(table) > 1 else np.zeros(1)
         out = np.stack([np.interp(at, own, table[:, axis]) for axis in range(3)], axis=1)
-        change = (now - np.array(self._start("rest_curvature_along"))).reshape(ROWS, 2)
+        change = (now - np.array(self._start(ALONG))).reshape(supports, 2)
         for axis in range(2):
             out[:, axis] += np.interp(at, hats, change[:, axis])
         return out
@@ -182,13 +213,35 @@ class Parameters:
         now = self.by_name(values)
         place = [now.get(f"{side}_{axis}", 0.0) for axis in "xyz"]
         turn = [now.get(f"{side}_tilt_1", 0.0), now.get(f"{side}_tilt_2", 0.0)]
-        roll = now.get("roll", 0.0) if side == "end" else 0.0
+        roll = now.get("roll" if side == "end" else "start_roll", 0.0)
         if not any(place) and not any(turn) and roll == 0.0:
             return None
         angle = math.hypot(*turn)
         f = 0.5 if angle == 0.0 else math.sin(0.5 * angle) / angle
         tilt = Pose(place, (f * turn[0], f * turn[1], 0.0, math.cos(0.5 * angle)))
         return tilt * Pose((0.0, 0.0, 0.0), (0.0, 0.0, math.sin(0.5 * roll), math.cos(0.5 * roll)))
+
+
+def supports_in(names: Sequence[str], size: int) -> int:
+    """How many supports a rest curvature along the cable has, of so many numbers of these names; 0: it cannot be."""
+    others = sum(len(KNOWN[name][0]) for name in names if name != ALONG)
+    if ALONG not in names:
+        return ROWS if size == others else 0
+    rows, odd = divmod(size - others, 2)
+    return rows if not odd and FEWEST_ROWS <= rows <= MOST_ROWS else 0
+
+
+def smoothness(rows: int, wanders: float) -> Array:
+    """(rows, rows): precision of one component of a rest curvature along the cable; its level is not known.
+
+    wanders [1/m]: standard deviation of its change over the whole length, as of a random walk (first differences); its
+    slope is another random walk, which changes by SWERVES times that a length (second differences). Both mean the same
+    of a curvature with any number of supports.
+    """
+    step = 1.0 / (rows - 1)
+    change = np.diff(np.eye(rows), axis=0) / (wanders * math.sqrt(step))
+    turn = np.diff(np.eye(rows), n=2, axis=0) / (SWERVES * wanders * step**1.5)
+    return np.asarray(change.T @ change + turn.T @ turn)
 
 
 def held(end: Grip | FreeEnd, offset: Pose | None) -> Grip | FreeEnd:

@@ -4,6 +4,10 @@ Minimised is the sum over points of c^2/2 log(1 + (d / c sigma)^2), d the length
 stray point pulls the less the further it is off), plus 1/2 (p - p0)^T P (p - p0), P the precision of what was known
 before. The scale sigma is that of the middle half of the misses. Levenberg and Marquardt's method, with the weights of
 the present misses.
+
+Misses jump where a shape goes over to another branch. A descent follows the branches on which it began; where it ends
+all is predicted from nothing, and if that is another shape somewhere, the next descent begins there. The least loss of
+what is predicted from nothing counts.
 """
 
 from __future__ import annotations
@@ -11,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import final
+from typing import NamedTuple, final
 
 import numpy as np
 
@@ -22,9 +26,17 @@ TUNING = 2.385
 #: Medians of the length of a normal vector of unit variance in one to three dimensions.
 _MEDIANS: Array = np.array((math.nan, 0.6744897501960817, math.sqrt(2.0 * math.log(2.0)), 1.5381722544550522))
 _MOST_ITERATIONS = 60
-_MOST_RETRIES = 4
-#: The fit ends with a step below this fraction of the standard errors.
-_STEP = 1e-2
+_MOST_DESCENTS = 5
+#: A descent ends where another step would be below this fraction of the standard errors, in any direction.
+_STEP = 0.1
+#: The same where no step makes the loss less: shapes are no more exact.
+_STUCK = 0.3
+#: Steps with the same derivatives at most; all but the first win this part of what they promise.
+_CHORDS, _PAYS = 5, 0.2
+#: Shares of a step that are taken, least and most, and those that are as good as the whole.
+_LEAST, _MOST, _NEAR = 0.1, 2.5, (0.7, 1.5)
+#: Loss that another descent has to win, and change of a mean miss [1] that makes it worth a try.
+_WORTH, _OTHER = 0.1, 1e-3
 #: So many groups make their own scatter a better measure of the errors than that of single points.
 FEWEST_GROUPS = 12
 #: Relative eigenvalue of the scaled information matrix below which a combination of parameters is not seen at all.
@@ -38,6 +50,7 @@ class Fit:
 
     covariance (k, k): of the parameters; infinite on the diagonal where the data say nothing. scale [m]: of the misses.
     freedom: degrees of freedom behind the covariance. blind (b, k): unit combinations that the data do not see.
+    misses (n, 3) [m]: of what is predicted from nothing; followed (n, 3) [m]: on the branches of the descent.
     """
 
     values: Array
@@ -47,9 +60,26 @@ class Fit:
     iterations: int
     converged: bool
     misses: Array
+    followed: Array
     weights: Array
     blind: Array
     clustered: bool
+
+
+class _Place(NamedTuple):
+    """Where a descent ended."""
+
+    values: Array
+    misses: Array
+    converged: bool
+
+
+class _Trial(NamedTuple):
+    """Where a step leads, and how much less the loss is there."""
+
+    values: Array
+    misses: Array
+    won: float
 
 
 @final
@@ -60,63 +90,111 @@ class Robust:
         self,
         forward: Callable[[Array], Array],
         derivative: Callable[[Array, Array], Array],
-        retry: Callable[[Array, Array], bool],
+        afresh: Callable[[Array], Array],
         freedom: Array,
         groups: Array,
         steps: Array,
         precision: Array,
     ) -> None:
-        """retry(values, misses): looks for better shapes at the same values, and says whether it found some.
+        """forward(values): misses of shapes followed from those where the last derivative was taken; afresh(values):
+        those of shapes predicted from nothing, from which `forward` goes on.
 
         freedom (n,): in how many directions, 1 to 3, a point may be off; an arc length that is not known takes one, and
         so does a plane in which all was seen; groups (n,): of each point; steps (k,); precision (k, k)."""
-        self._forward, self._derivative, self._retry = forward, derivative, retry
+        self._forward, self._derivative, self._afresh = forward, derivative, afresh
         self._freedom = np.asarray(freedom, dtype=np.float64)
         self._medians = _MEDIANS[np.asarray(freedom, dtype=np.int64)]
         self._groups = groups
         self._most, self._precision = steps, precision
+        self._iteration = 0
 
-    def run(self, values: Array, proceed: Callable[[int, float], bool] | None = None) -> Fit:
-        """From these values to the least loss; `proceed`, given iteration and scale [m], may end it before."""
-        start = values
-        misses = self._forward(values)
-        damping, converged, retries = 1e-4, False, 0
-        iteration = 0
-        for iteration in range(1, _MOST_ITERATIONS + 1):
-            r = misses
-            scale = self.scale(r)
-            if proceed is not None and not proceed(iteration, scale):
-                converged = False
+    def run(
+        self, values: Array, proceed: Callable[[int, float], bool] | None = None, about: Array | None = None
+    ) -> Fit:
+        """From these values to the least loss; `proceed`, given iteration and scale [m], may end it before.
+
+        about (k,): what was known before, default: where it begins.
+        """
+        about = values if about is None else about
+        self._iteration = 0
+        best: tuple[int, float] | None = None
+        place, misses = _Place(values, self._afresh(values), False), None
+        scale = math.nan
+        for _ in range(_MOST_DESCENTS):
+            there = self._descend(place.values, place.misses if misses is None else misses, about, proceed)
+            misses = self._afresh(there.values)
+            scale = self.scale(misses) if best is None else scale
+            lost = int(np.isnan(misses[:, 0]).sum())
+            loss = lost, self._loss(misses, scale, there.values - about)
+            if best is not None and not loss < (best[0], best[1] - _WORTH):
+                misses = self._afresh(place.values)
+                break
+            best, place = loss, there
+            if not there.converged or not _differ(misses, there.misses):
+                break
+        assert misses is not None
+        return self._finish(place, misses)
+
+    def _descend(
+        self, values: Array, misses: Array, about: Array, proceed: Callable[[int, float], bool] | None
+    ) -> _Place:
+        """From values, and their misses on the branches to follow, to the least loss on these branches."""
+        damping = 1e-4
+        while self._iteration < _MOST_ITERATIONS:
+            self._iteration += 1
+            scale = self.scale(misses)
+            if proceed is not None and not proceed(self._iteration, scale):
                 break
             J = self._derivative(values, misses)
-            weights = _weights(r, scale)
-            A, g = self._normal(J, r, weights, scale, values - start)
-            loss = self._loss(r, scale, values - start)
-            spread = np.sqrt(np.maximum(np.diag(A), 1e-300))
-            step = np.zeros_like(values)
-            accepted = False
-            while damping < 1e8:
-                scaled = A / np.outer(spread, spread) + damping * np.eye(len(values))
-                step = np.linalg.solve(scaled, g / spread) / spread
-                step *= min(1.0, float((self._most / np.maximum(np.abs(step), 1e-300)).min()))
-                trial = self._forward(values + step)
-                lost = np.isnan(trial[:, 0]) & ~np.isnan(misses[:, 0])
-                if not lost.any() and self._loss(trial, scale, values + step - start) <= loss:
-                    accepted = True
+            for chord in range(_CHORDS):  # derivatives cost far more than misses: several steps with the same ones
+                A, g = self._normal(J, misses, _weights(misses, scale), scale, values - about)
+                spread = np.sqrt(np.maximum(np.diag(A), 1e-300))
+                scaled, left = A / np.outer(spread, spread), _left(A, g)
+                if left < _STEP:
                     break
-                damping = max(10.0 * damping, 1e-3)
-            if accepted:
-                values, misses = values + step, trial
-                damping = max(0.1 * damping, 1e-9)
-                converged = float((np.abs(step) * spread).max()) < _STEP
-            else:
-                converged = float(np.abs(g / spread).max()) < _STEP * math.sqrt(len(r))
-            if converged or not accepted:
-                if retries == _MOST_RETRIES or not self._retry(values, misses):
+                loss = self._loss(misses, scale, values - about)
+                found = None
+                while damping < 1e8:
+                    step = np.linalg.solve(scaled + damping * np.eye(len(values)), g / spread) / spread
+                    step *= min(1.0, float((self._most / np.maximum(np.abs(step), 1e-300)).min()))
+                    promised = float(g @ step)
+                    found = self._search(values, misses, step, promised, loss, scale, about)
+                    if found is not None and chord and found.won < _PAYS * promised:
+                        found = None
+                    if found is not None or chord:
+                        break
+                    damping = max(10.0 * damping, 1e-3)
+                if found is None:
                     break
-                retries, damping, converged = retries + 1, 1e-4, False
-                misses = self._forward(values)
-        return self._finish(values, misses, iteration, converged)
+                values, misses = found.values, found.misses
+                damping = max(0.01 * damping, 1e-9)
+                scale = self.scale(misses)
+            if chord == 0 and left < _STEP:
+                return _Place(values, misses, True)
+            if chord == 0:
+                return _Place(values, misses, left < _STUCK)
+        return _Place(values, misses, False)
+
+    def _search(
+        self, values: Array, misses: Array, step: Array, promised: float, loss: float, scale: float, about: Array
+    ) -> _Trial | None:
+        """The better of a step and of as much of it as a parabola through both losses asks for; None: both are worse.
+
+        promised: by how much the loss falls along the whole step, to first order.
+        """
+        best, share = None, 1.0
+        for _ in range(2):
+            there = values + share * step
+            trial = self._forward(there)
+            lost = (np.isnan(trial[:, 0]) & ~np.isnan(misses[:, 0])).any()
+            won = -math.inf if lost else loss - self._loss(trial, scale, there - about)
+            if won >= (0.0 if best is None else best.won):
+                best = _Trial(there, trial, won)
+            bent = promised - won
+            share = min(max(promised / (2.0 * bent), _LEAST), _MOST) if bent > 0.0 else _MOST
+            if _NEAR[0] < share < _NEAR[1]:
+                break
+        return best
 
     def scale(self, r: Array) -> float:
         """[m], of misses (n, 3), per component: what makes their median that of a normal vector."""
@@ -135,7 +213,8 @@ class Robust:
         g = -np.einsum("n,nij,ni->j", weights, J, r) / scale**2 - self._precision @ moved
         return A, g
 
-    def _finish(self, values: Array, misses: Array, iterations: int, converged: bool) -> Fit:
+    def _finish(self, place: _Place, misses: Array) -> Fit:
+        values = place.values
         J = self._derivative(values, misses)
         r = misses
         seen = np.isfinite(r[:, 0])
@@ -173,9 +252,26 @@ class Robust:
         unseen = (np.abs(vectors[:, sizes < _BLIND]) > 1e-3).any(axis=1)
         covariance[unseen, unseen] = math.inf
         return Fit(
-            values=values, covariance=covariance, scale=scale, freedom=max(1, int(freedom)), iterations=iterations,
-            converged=converged, misses=misses, weights=weights, blind=blind, clustered=clustered,
+            values=values, covariance=covariance, scale=scale, freedom=max(1, int(freedom)),
+            iterations=self._iteration, converged=place.converged, misses=misses, followed=place.misses,
+            weights=weights, blind=blind, clustered=clustered,
         )  # fmt: skip
+
+
+def _left(A: Array, g: Array) -> float:
+    """[1], by how many standard errors Newton's step is off at most, in the direction in which that is most."""
+    spread = np.sqrt(np.maximum(np.diag(A), 1e-300))
+    scaled = A / np.outer(spread, spread) + _BLIND * np.eye(len(g))
+    return math.sqrt(max(float(g / spread @ np.linalg.solve(scaled, g / spread)), 0.0))
+
+
+def _differ(a: Array, b: Array) -> bool:
+    """Whether misses (n, 3) are those of different shapes."""
+    sizes = np.linalg.norm(a, axis=1), np.linalg.norm(b, axis=1)
+    if not np.array_equal(np.isnan(sizes[0]), np.isnan(sizes[1])):
+        return True
+    means = [float(np.nanmean(size)) if np.isfinite(size).any() else 0.0 for size in sizes]
+    return abs(means[0] - means[1]) > _OTHER * max(means)
 
 
 def _weights(r: Array, scale: float) -> Array:

@@ -76,8 +76,9 @@ class Action:
 
         cable, gravity = self._cables[name], self._setup.gravity
         found = calibrate(
-            wanted.observations, cable, wanted.fit, priors=wanted.priors, gravity=gravity, proceed=proceed
-        )
+            wanted.observations, cable, wanted.fit, priors=wanted.priors, gravity=gravity, proceed=proceed,
+            progress=False,
+        )  # fmt: skip
         return calibration_message(name, found, len(wanted.observations)), cut
 
 
@@ -167,7 +168,7 @@ class Online:
         stamp, seen = gatherer.observations()
         log = self._node.get_logger()
         try:
-            found = calibrate(seen, self._cables[name], self._setup.fit, gravity=self._setup.gravity)
+            found = calibrate(seen, self._cables[name], self._setup.fit, gravity=self._setup.gravity, progress=False)
         except CableShapeError as error:
             log.warning(f"{name}: {len(seen)} observations do not give a cable: {error}")
             return

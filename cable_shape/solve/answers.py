@@ -32,12 +32,13 @@ class Changes:
     Number and places of the kinks of the rest curvature are those of the cable itself, in shares of the length.
     """
 
-    __slots__ = ("cables", "lengths", "steps")
+    __slots__ = ("cables", "kept", "lengths", "steps")
 
     def __init__(self, pairs: Sequence[tuple[Cable, Cable]], steps: Array) -> None:
         self.cables = [cable for pair in pairs for cable in pair]
         self.steps = np.array(steps, dtype=np.float64)
         self.lengths = np.array([cable.length for cable in self.cables])  # (2 k,) m
+        self.kept: dict[bytes, Array] = {}  # what they are made of, see `Network.beside`
 
     @property
     def longer(self) -> Array:
@@ -53,7 +54,7 @@ def answers(state: Network, changes: Changes) -> Array:
     points, count = state.problem.points, len(changes.steps)
     out, df = np.empty((points, 3, count)), np.empty((len(state.rings), count))
     slides = _refreshed(state)
-    held, before, after = state.beside(changes.cables)
+    held, before, after = state.beside(changes.cables, changes.kept)
     models = mesh.neighbours(state.bare, held, state.ints, state.floats, before, after)
     respond.answers(state.ints, state.floats, models, changes.steps, state.sols, state.work, points, out, df)
     return _run_on(out, df, slides)

@@ -9,7 +9,6 @@ import numpy as np
 from cable_shape.cable import Cable as CableProperties
 from cable_shape.checks import Array
 from cable_shape.kernels.network import material
-from cable_shape.kernels.network.tables import PIECE
 from cable_shape.problem import Problem
 from cable_shape.solve.plan import Cable, Knot, Span
 
@@ -29,6 +28,9 @@ AT = 1e-9
 #: A kink of the rest curvature becomes a node if inside an element of a 20th of the length it may move the shape by
 #: this fraction of the tolerance; at most so many do.
 _FELT, _MOST_KINKS = 0.02, 200
+#: Columns of a piece that are its loads, at its left and at its right.
+LOADS: Array = np.concatenate([np.arange(first, first + 3) for first in (material.LOAD_LEFT, material.LOAD_RIGHT)])
+_WEIGHTLESS: Array = np.zeros((2, 3))
 
 
 @final
@@ -66,7 +68,6 @@ def _material_of(problem: Problem) -> Material:
     if swing is not None:
         kinks.append(np.linspace(0.0, length, len(swing)))
     breaks = _distinct(np.concatenate(kinks), AT * length)
-    pieces = np.empty((breaks.size - 1, PIECE))
     share = breaks / length
     load = problem.load[0] + share[:, None] * (problem.load[1] - problem.load[0])
     stops = np.empty(0)
@@ -74,10 +75,8 @@ def _material_of(problem: Problem) -> Material:
         places = np.linspace(0.0, length, len(swing))
         load = load - cable.linear_density * np.stack([np.interp(breaks, places, x) for x in swing.T], axis=1)
         stops = places[1:-1]
-    places = np.linspace(0.0, length, len(rest)) if len(rest) > 1 else np.zeros(1)
-    bent = np.stack([np.interp(breaks, places, x) for x in rest.T], axis=1)
-    for i, piece in enumerate(pieces):
-        piece[:] = _piece(cable, bent[i], bent[i + 1], load[i : i + 2])[0]
+    pieces = substance(cable, share)
+    pieces[:, LOADS] = np.concatenate((load[:-1], load[1:]), axis=1)
     stops = _distinct(np.concatenate((stops, _felt(problem, rest))), AT * length)
     return Material(breaks, pieces, stops, not rest.any())
 
@@ -90,6 +89,17 @@ def kinks_of(problem: Problem) -> tuple[Array, Array]:
     places = np.linspace(0.0, cable.length, len(swing))
     turn = np.linalg.norm(np.diff(swing, n=2, axis=0), axis=1)
     return places[1:-1], cable.linear_density * turn / places[1]
+
+
+def substance(cable: CableProperties, shares: Array) -> Array:
+    """(p, PIECE): pieces of a cable between these shares (p + 1,) of its length, without loads."""
+    rest = np.atleast_2d(cable.rest_curvature)
+    places = np.linspace(0.0, 1.0, len(rest)) if len(rest) > 1 else np.zeros(1)
+    bent = np.stack([np.interp(shares, places, x) for x in rest.T], axis=1)
+    out = np.tile(_piece(cable, bent[0], bent[0], _WEIGHTLESS), (len(shares) - 1, 1))
+    out[:, material.REST_LEFT : material.REST_LEFT + 3] = bent[:-1]
+    out[:, material.REST_RIGHT : material.REST_RIGHT + 3] = bent[1:]
+    return out
 
 
 def shared_loads(problem: Problem, arcs: Array) -> tuple[Array, Array, Array]:

@@ -21,7 +21,16 @@ from cable_shape.pose import FreeEnd, Grip
 from cable_shape.problem import NAMED_TOLERANCE, Problem
 from cable_shape.shape import CableShape
 from cable_shape.solve.bare import IDENTITY, Bare, bare_of
-from cable_shape.solve.cables import AT, Structure, kinks_of, material_of, shared_loads, structure_of
+from cable_shape.solve.cables import (
+    AT,
+    LOADS,
+    Structure,
+    kinks_of,
+    material_of,
+    shared_loads,
+    structure_of,
+    substance,
+)
 from cable_shape.solve.mesh import Piece, interpolated
 from cable_shape.solve.plan import Whole
 
@@ -412,8 +421,10 @@ class Network:
 
     def copied(self) -> Network:
         """The memory once more, sharing only the problem and the plan, which a solve does not change."""
-        shared = (self.problem, self._bare, self.ints, self.last)
-        other = copy.deepcopy(self, {id(part): part for part in shared if part is not None})
+        other = copy.copy(self)
+        for name, part in vars(self).items():
+            if isinstance(part, np.ndarray) and part is not self.ints:
+                setattr(other, name, part.copy())
         other.take_arrays(other.ints, other.floats, other.sols, other.work)
         return other
 
@@ -503,24 +514,44 @@ class Network:
             arcs[self.rings] += a * (self.solution(NOW).arc - self.solution(BEFORE).arc)
         return arcs
 
-    def beside(self, cables: Sequence[Cable]) -> tuple[Array, Array, Array]:
+    def beside(self, cables: Sequence[Cable], kept: dict[bytes, Array] | None = None) -> tuple[Array, Array, Array]:
         """Models (c, size) with one element a span of other cables held in the same way, and arc lengths (a,) on this
         one with where they are on those (c, a): see ``mesh.neighbours``.
 
         Supports and point loads stay at their arc length; both ends and kinks of what varies along the cable at their
-        share of the length.
+        share of the length. kept: what these very cables are made of, from call to call, by where it has kinks.
         """
         stays = np.union1d(self.bounds()[:-1], self.points)
         kinks = np.append(np.setdiff1d(self.stops, self.points), self.length)
         places = np.concatenate((stays, kinks))
         order = np.argsort(places)
-        models, after = np.empty((len(cables), self.held.size)), np.empty((len(cables), places.size))
-        for model, there, cable in zip(models, after, cables, strict=True):
-            other = Network(self.problem.beside(cable))
-            other.hold(self._kinds, self._tip, self._moment)
-            model[:] = other.held
-            there[:] = np.concatenate((stays, kinks * (cable.length / self.length)))[order]
+        models, after = np.tile(self.held, (len(cables), 1)), np.tile(places[order], (len(cables), 1))
+        pieces = self._substances(cables, {} if kept is None else kept)
+        for model, there, cable, made_of in zip(models, after, cables, pieces, strict=True):
+            longer = cable.length != self.length
+            if cable.linear_density == self.problem.cable.linear_density and not (longer and self.problem.masses):
+                model[self._bare.piece] = made_of  # loads are the same at the same share of the length
+                if longer:
+                    bounds = np.append(self.arcs[:-1], cable.length)
+                    model[self._bare.s] = bounds.repeat(2)[1:-1]
+                    model[self._bare.breaks] = self.material.breaks * (cable.length / self.length)
+            else:
+                other = Network(self.problem.beside(cable))
+                other.hold(self._kinds, self._tip, self._moment)
+                model[:] = other.held
+            if longer:
+                there[:] = np.concatenate((stays, kinks * (cable.length / self.length)))[order]
         return models, places[order], after
+
+    def _substances(self, cables: Sequence[Cable], kept: dict[bytes, Array]) -> Array:
+        """(c, pieces * columns): pieces of these cables under the loads of this one."""
+        shares = self.material.breaks / self.length
+        key = shares.tobytes()
+        if key not in kept:
+            kept[key] = np.array([substance(c, shares) for c in cables]).reshape(len(cables), -1, tables.PIECE)
+        out = kept[key].copy()
+        out[:, :, LOADS] = self.material.pieces[:, LOADS]
+        return out.reshape(len(cables), -1)
 
     @property
     def knots(self) -> Array:
