@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
@@ -16,6 +17,7 @@ from cable_shape.calibration.result import Calibration, correlation_of, estimate
 from cable_shape.calibration.robust import Robust
 from cable_shape.errors import ArgumentError
 from cable_shape.problem import GRAVITY
+from cable_shape.quasistatic import inertia_of
 from cable_shape.scene import Scene
 
 
@@ -107,4 +109,5 @@ def calibrate(
         values=found.values,
         covariance=found.covariance,
         freedom=found.freedom,
+        inertia=math.sqrt(sum(inertia_of(o.acceleration, gravity) ** 2 for o in seen) / len(seen)),
     )
