@@ -19,6 +19,7 @@ from tqdm import tqdm
 from truth_data import CABLES, DATA, Frames, load, recording
 from truth_limits import least, line, mean_error, read_off
 from truth_readings import readings
+from truth_tubes import tubes
 
 import cable_shape as cs
 from cable_shape.calibration.parameters import held
@@ -328,6 +329,7 @@ def main() -> int:
     out: dict[str, Any] = {"synthetic": synthetic(figures, 40 if args.quick else SYNTHETIC)}
     if DATA.is_dir():
         out |= real(figures, args.quick, args.picture, args.frames)
+        out["tubes"] = tubes(figures, args.quick)
         if args.readings:
             readings({number: load(number, PARTS) for number in CABLES})
     else:

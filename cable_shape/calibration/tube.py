@@ -18,7 +18,7 @@ from cable_shape.tube import TubeWatch
 from cable_shape.uncertainty import CONFIDENCE, Tube, Uncertainty
 
 #: Part of a given acceleration that stands for what is wrong with it, and with the model of a cable that moves.
-LEFT = 0.5
+LEFT = 0.6
 
 
 def left_out(found: Calibration, acceleration: ArrayLike, gravity: ArrayLike = GRAVITY) -> float:
@@ -48,7 +48,7 @@ def predict_tube(
     look at its status.
 
     inertia: the load of the cable's inertia, as a fraction of its weight, that `acceleration` leaves out; 0: the cable
-    is at rest. Default: with an `acceleration` half of what it has beyond those of the calibration, whose misses tell
+    is at rest. Default: with an `acceleration` 0.6 of what it has beyond those of the calibration, whose misses tell
     of them already; without, it is not known, the tube is that of a cable at rest, and `Tube.holds` is False.
 
     Raises
