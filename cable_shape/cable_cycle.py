@@ -23,7 +23,7 @@ from cable_shape.solve.network import Network
 from cable_shape.tails import Tail, held_frame
 from cable_shape.tube import TubeWatch
 from cable_shape.uncertainty import Tube
-from cable_shape.warn import Standing, snap_warning, tail_warning, tube_warning, warnings_of
+from cable_shape.warn import Standing, narrow_warning, snap_warning, tail_warning, tube_warning, warnings_of
 
 Links = Mapping[str, Pose] | None
 
@@ -122,11 +122,14 @@ class CableCycle:
                 self.tails[side] = tail.predict(held_frame(grip, shape, side))
         return shape
 
-    def spread(self, shape: CableShape, ends: Ends, links: Links) -> Tube | None:
+    def spread(self, shape: CableShape, ends: Ends, links: Links, stamp: int) -> Tube | None:
         """The tube of the shape just predicted, if it is asked for and known; kept, and those of the tails."""
         self.tail_tubes = {}
         if self._tubes is not None:
-            self.tube = self._tubes.tube(self.predictor, shape, ends, links, self._acceleration)
+            inertia = 0.0  # in the load already
+            if self._acceleration is None:
+                inertia = self._watch.inertia(shape, ends, stamp) if shape.status else math.nan
+            self.tube = self._tubes.tube(self.predictor, shape, ends, links, self._acceleration, inertia=inertia)
             for side, tail in self.tails.items():
                 tube = self._tubes.tail_tube(self._tails[side], tail, ends)
                 if tube is not None:
@@ -208,6 +211,8 @@ class CableCycle:
         more = [] if self._snap is None else [self._snap]
         if self._tubes is not None and self._tubes.trouble and shape.status:
             more.append(tube_warning(self.name, shape, self._tubes.trouble))
+        elif self.tube is not None and not self.tube.holds:
+            more.append(narrow_warning(self.name, self.tube))
         more += [tail_warning(self.name, side, tail) for side, tail in self.tails.items() if not tail.status]
         if not more:
             return found

@@ -237,14 +237,14 @@ class Cycle:
         if callable(links) and not self._pushed:
             placed = links()
         resumed = perf_counter()
-        tubes = {name: cable.spread(shapes[name], grips[name], placed) for name, cable in cables.items()}
+        tubes = {name: cable.spread(shapes[name], grips[name], placed, stamp) for name, cable in cables.items()}
         known = {name: tube for name, tube in tubes.items() if tube is not None}
         swell = {name: float(tube.radius.max()) for name, tube in known.items()}
         clearance = {name: cable.check(shapes[name], placed) for name, cable in cables.items()}
         if self.scene.contact != "off":
             clearance = self._near.added(shapes, clearance, swell)
         for name, tube in known.items():
-            clearance[name] = dataclasses.replace(clearance[name], confidence=tube.confidence)
+            clearance[name] = dataclasses.replace(clearance[name], confidence=tube.confidence, holds=tube.holds)
         checked = perf_counter()
         margins = {
             name: cable.margins(shapes[name], clearance[name], grips[name], stamp) for name, cable in cables.items()

@@ -104,6 +104,7 @@ class MarginWatch:
         quasistatic_limit: float | None = None,
     ) -> None:
         self._cable = cable
+        self._weightless = cable.linear_density == 0.0 and not scene.masses
         self._swing = swing_state(cable, gravity, quasistatic_limit)
         longest = cable.length
         if cable.axial_stiffness is not None and cable.max_tension is not None:
@@ -138,6 +139,7 @@ class MarginWatch:
         self._bodies = bodies
         self._start: Array = memory[kernels.NOW : kernels.NOW + 7]
         self._end: Array = memory[kernels.NOW + 7 : kernels.SWING]
+        self._twists: Array = memory[kernels.TWISTS : kernels.BEFORE]
         self._told: Array = memory[head_size + COLUMNS * k : head_size + 2 * COLUMNS * k].reshape(COLUMNS, k)
 
     @property
@@ -146,13 +148,54 @@ class MarginWatch:
 
         None while not known: at first, and after a gap in the stamps. Zero for a free end.
         """
-        twists: Array = self._memory[kernels.TWISTS : kernels.BEFORE].copy()
+        twists: Array = self._twists.copy()
         return None if math.isnan(twists[0]) else twists
 
     @property
     def period(self) -> float:
         """[s], with which the cable swings, where its motion was judged last; NaN: not known."""
         return float(self._memory[kernels.SWING + swing.PERIOD])
+
+    def inertia(self, shape: CableShape, ends: Ends, stamp: int) -> float:
+        """Load of the cable's inertia as a fraction of its weight at this stamp, that of QUASISTATIC; NaN: not known.
+
+        Of a usable shape, before the `margins` of the same cycle, which go on from there.
+        """
+        if self._weightless:
+            return 0.0
+        flags, seconds = self._step(stamp)
+        if self._hold(ends):
+            flags |= _HELD
+        state = self._memory[kernels.SWING : kernels.TURN]
+        kernels.begin(self._memory, self._bodies, flags, seconds)
+        kernels.tell_inertia(state, self._twists, flags, seconds, shape.buffer, shape.points, np.empty(COLUMNS))
+        return float(state[swing.RATIO])
+
+    def _step(self, stamp: int) -> tuple[int, float]:
+        """Whether this is a new cycle, as the kernel's flag, and the time since the last one [s]; NaN: not known."""
+        flags = 0
+        if stamp != self._stamp:
+            self._older_stamp, self._stamp = self._stamp, stamp
+            flags = _NEW
+        seconds = (stamp - self._older_stamp) * 1e-9
+        return flags, seconds if 0.0 < seconds <= LONGEST_GAP else math.nan
+
+    def _hold(self, ends: Ends) -> bool:
+        """Tells the kernel what the ends are and where; whether grips hold both."""
+        start, end = ends
+        near = far = "clamped"
+        if type(start) is Grip:
+            near, start = start.kind, start.cable_frame
+        self._start[...] = start.array
+        if type(end) is Grip:
+            far, end = end.kind, end.cable_frame
+        held = type(end) is Pose
+        if held:
+            self._end[...] = end.array  # type: ignore[union-attr]
+        if near != self._near or far != self._far or held != self._held:
+            self._near, self._far, self._held = near, far, held
+            self._memory[kernels.SWING + swing.RATE] = bending_rate(self._cable, *ends)
+        return held
 
     def margins(
         self,
@@ -182,26 +225,10 @@ class MarginWatch:
                 flags -= _LISTED
         if len(table) != self._bodies:
             self._lay_out(self._memory, len(table))
-        if stamp != self._stamp:
-            self._older_stamp, self._stamp = self._stamp, stamp
-            flags |= _NEW
-        seconds = (stamp - self._older_stamp) * 1e-9
-        if not 0.0 < seconds <= LONGEST_GAP:
-            seconds = math.nan
+        new, seconds = self._step(stamp)
+        flags |= new
         if ends is not None:
-            start, end = ends
-            near = far = "clamped"
-            if type(start) is Grip:
-                near, start = start.kind, start.cable_frame
-            self._start[...] = start.array
-            if type(end) is Grip:
-                far, end = end.kind, end.cable_frame
-            held = type(end) is Pose
-            if held:
-                self._end[...] = end.array  # type: ignore[union-attr]
-            if near != self._near or far != self._far or held != self._held:
-                self._near, self._far, self._held = near, far, held
-                self._memory[kernels.SWING + swing.RATE] = bending_rate(self._cable, *ends)
+            held = self._hold(ends)
         if held:
             flags |= _HELD
         if status is not _OK:

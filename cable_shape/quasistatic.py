@@ -59,3 +59,15 @@ def bending_rate(cable: Cable, start: Pose | Grip, end: Pose | Grip | FreeEnd | 
     else:
         beta = 0.0 if isinstance(start, Grip) and start.kind == "pinned" else _CANTILEVER
     return beta**2 * cable.mean_bending_stiffness / (cable.linear_density * cable.length**4)
+
+
+def inertia_of(acceleration: ArrayLike | None, gravity: ArrayLike) -> float:
+    """Root mean square of accelerations (3,) or (m, 3) [m/s^2] along a cable, as a fraction of gravity; None: 0.
+
+    NaN without gravity.
+    """
+    if acceleration is None:
+        return 0.0
+    table = np.atleast_2d(checks.numbers("acceleration", acceleration, "Give (3,) or (m, 3) in m/s^2."))
+    size = float(np.linalg.norm(checks.vector("gravity", gravity, 3, "m/s^2")))
+    return math.sqrt(float((table**2).sum(axis=1).mean())) / size if size > 0.0 else math.nan

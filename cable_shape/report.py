@@ -81,6 +81,7 @@ class Clearance:
     pairs_culled: int = 0  # pairs of a cable capsule and a body, or another capsule, that bounds ruled out
     pairs_exact: int = 0  # pairs solved exactly
     confidence: float = 0.0  # above 0: distances are those of the tube that holds the cable with it
+    holds: bool = True  # False: that tube may be too narrow, see `Tube.holds`
     #: (m, 8), a row for each body checked: distance (infinite: beyond), arc length, the two witness points
     table: Array | None = field(default=None, repr=False, compare=False)
 

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from cable_shape.calibration.result import Calibration
 
 CONFIDENCE = 0.95
+#: Load of a cable's inertia, as a fraction of its weight, beyond which no tube holds: it counts it to first order only.
+MOST_INERTIA = 1.0
 #: Of a grip whose pose is exactly known.
 EXACT = (0.0, 0.0)
 _KEYS = ("confidence", "misses", "start", "end", "cable", "covariance")
@@ -42,12 +44,20 @@ class Tube:
     shape : of which the tube is.
     covariance : (n, 3, 3) [m^2], of the positions, from what is not known of the cable and of its grips.
     radius : (n,) [m], of the tube that holds a point of the cable with the `confidence`.
+    inertia : load of the cable's inertia that the shape leaves out and the tube counts, as a fraction of the weight;
+        NaN: it is not known, and the tube holds a cable at rest only.
     """
 
     shape: CableShape
     covariance: Array
     radius: Array
     confidence: float = CONFIDENCE
+    inertia: float = math.nan
+
+    @property
+    def holds(self) -> bool:
+        """Whether it is as wide as it says: how the cable moves is known, and its inertia at most its weight."""
+        return self.inertia <= MOST_INERTIA
 
 
 @final

@@ -15,6 +15,7 @@ from cable_shape.problem import TAIL_TOLERANCE
 from cable_shape.report import CableWarning, Clearance, Margin, Severity, WarningKind
 from cable_shape.scene import Scene
 from cable_shape.shape import CableShape, Status
+from cable_shape.uncertainty import Tube
 
 #: A load is warned of from this fraction of its limit, and is an error at the limit.
 WARN_FRACTION = 0.9
@@ -161,6 +162,17 @@ def tube_warning(cable_id: str, shape: CableShape, reason: str) -> CableWarning:
     return _doubt(cable_id, shape, Severity.WARN, text, math.nan, math.nan, "tube", margin=1.0)
 
 
+def narrow_warning(cable_id: str, tube: Tube) -> CableWarning:
+    """The tube may be too narrow, see `Tube.holds`."""
+    if math.isnan(tube.inertia):
+        why = "holds a cable at rest only, and how this one moves is not known"
+    else:
+        why = f"does not hold: its inertia loads the cable with {100.0 * tube.inertia:.0f} % of its weight"
+    text = f"{cable_id}: the tube {why}: clearance may be less. Keep further away."
+    shape = tube.shape
+    return _doubt(cable_id, shape, Severity.WARN, text, math.nan, math.nan, "tube", margin=1.0)
+
+
 def _doubt(
     cable_id: str,
     shape: CableShape,
@@ -254,7 +266,7 @@ def _warning(
             where = f"{margin.other!r} {_at(margin.arc_length, shape.length)}"
             text = f"rests on {where}, with {pressed:.2g} N in all. Lift it off, if it is not to touch."
         else:
-            text = _clearance(margin, severity, scene, shape.length, clearance.confidence)
+            text = _clearance(margin, severity, scene, shape.length, clearance)
     elif margin.kind is WarningKind.QUASISTATIC:
         point = other = shape.positions[-1 if margin.arc_length > 0.0 else 0]
         text = _moving(margin, period)
@@ -279,11 +291,12 @@ def _warning(
     )
 
 
-def _clearance(margin: Margin, severity: Severity, scene: Scene, length: float, confidence: float) -> str:
+def _clearance(margin: Margin, severity: Severity, scene: Scene, length: float, clearance: Clearance) -> str:
     """The cable, or the tube that holds it, is too near to another body."""
     where = f"{margin.other!r} {_at(margin.arc_length, length)}"
-    if confidence > 0.0:
-        where += f", by the tube that holds the cable with {100.0 * confidence:g} %"
+    if clearance.confidence > 0.0:
+        tube = "the tube that holds" if clearance.holds else "a tube that may be too narrow to hold"
+        where += f", by {tube} the cable with {100.0 * clearance.confidence:g} %"
     if margin.value < 0.0:
         return f"overlaps {where} by {metres(-margin.value)}. Move the cable off it."
     if severity is Severity.ERROR:

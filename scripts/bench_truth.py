@@ -20,6 +20,7 @@ from truth_data import CABLES, DATA, Frames, load, recording
 from truth_limits import least, line, mean_error, read_off
 from truth_readings import readings
 from truth_supports import ends_of
+from truth_tubes import tubes
 
 import cable_shape as cs
 from cable_shape.calibration.parameters import held
@@ -327,6 +328,7 @@ def main() -> int:
     out: dict[str, Any] = {"synthetic": synthetic(figures, 40 if args.quick else SYNTHETIC)}
     if DATA.is_dir():
         out |= real(figures, args.quick, args.picture, args.frames)
+        out["tubes"] = tubes(figures, args.quick)
         if args.readings:
             readings({number: load(number, PARTS) for number in CABLES})
     else:

@@ -72,13 +72,14 @@ def recording(
     return [cs.Observation(o.start, o.end, o.points) for o in moving], moving
 
 
-def carried(tangents: np.ndarray) -> np.ndarray:
-    """(n, 4): frames with these third axes (n, 3), turned the shortest way from one on the mean tangent.
+def carried(tangents: np.ndarray, about: np.ndarray | None = None) -> np.ndarray:
+    """(n, 4): frames with these third axes (n, 3), turned the shortest way from one on the mean tangent, or of `about`.
 
     The roll of the grippers was not measured; gripping tools that turn about as little as they can have these frames.
     """
     t = tangents / np.linalg.norm(tangents, axis=1)[:, None]
-    mean = t.mean(axis=0) / np.linalg.norm(t.mean(axis=0))
+    like = t if about is None else about / np.linalg.norm(about, axis=1)[:, None]
+    mean = like.mean(axis=0) / np.linalg.norm(like.mean(axis=0))
     level = np.cross((0.0, 0.0, 1.0), mean)
     level /= np.linalg.norm(level)
     middle = Rotation.from_matrix(np.stack((level, np.cross(mean, level), mean), axis=1))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
@@ -21,6 +22,7 @@ from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import Grip
 from cable_shape.problem import GRAVITY
+from cable_shape.quasistatic import inertia_of
 from cable_shape.scene import Scene
 from cable_shape.solve.cables import FREE_ROTATIONS
 
@@ -125,6 +127,7 @@ def calibrate(
         values=found.values,
         covariance=found.covariance,
         freedom=found.freedom,
+        inertia=math.sqrt(sum(inertia_of(o.acceleration, gravity) ** 2 for o in seen) / len(seen)),
     )
 
 

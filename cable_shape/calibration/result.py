@@ -63,6 +63,7 @@ class Calibration:
     points, centrelines : (m, 3) and (101, 3) [m] of each observation; NaN where there is no usable shape.
     parameters, values, covariance : what was fitted, where the fit ended (k,), and (k, k) of it; see `predict_tube`.
     freedom : degrees of freedom behind the covariance.
+    inertia : root mean square of the accelerations given with the observations, as a fraction of gravity.
     """
 
     cable: Cable
@@ -80,6 +81,7 @@ class Calibration:
     values: Array | None = None
     covariance: Array | None = None
     freedom: int = 0
+    inertia: float = 0.0
 
     def __getitem__(self, name: str) -> Estimate:
         """The estimate of this name."""

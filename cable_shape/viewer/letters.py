@@ -153,6 +153,7 @@ def _clearance(clearance: Clearance) -> tuple[Any, ...]:
         int(clearance.pairs_culled),
         int(clearance.pairs_exact),
         float(clearance.confidence),
+        bool(clearance.holds),
     )
 
 
@@ -193,13 +194,13 @@ def _margin(margin: Margin) -> tuple[Any, ...]:
     return (kind.value, float(used), float(limit), float(value), float(arc_length), other, float(time))
 
 
-def _tube(tube: Tube) -> tuple[bytes, float]:
-    return _joined([tube.covariance, tube.radius]), float(tube.confidence)
+def _tube(tube: Tube) -> tuple[bytes, float, float]:
+    return _joined([tube.covariance, tube.radius]), float(tube.confidence), float(tube.inertia)
 
 
-def _read_tube(shape: CableShape, numbers: bytes, confidence: float) -> Tube:
+def _read_tube(shape: CableShape, numbers: bytes, confidence: float, inertia: float) -> Tube:
     covariance, radius = np.split(np.frombuffer(numbers, dtype=np.float64), [9 * shape.points])
-    return Tube(shape, covariance.reshape(-1, 3, 3), radius, confidence)
+    return Tube(shape, covariance.reshape(-1, 3, 3), radius, confidence, inertia)
 
 
 def _plug(error: PlugError) -> tuple[Any, ...]:
