@@ -5,13 +5,16 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from cable_shape.cable import Cable
+from cable_shape.cable_file import AS_GIVEN, SIDES, CableFile, Held
 from cable_shape.calibration.photo import PhotoCalibration, calibrate_photo, is_photo
 from cable_shape.calibration.result import Calibration
 from cable_shape.errors import ArgumentError
+from cable_shape.pose import Grip, Pose
 from cable_shape.uncertainty import Uncertainty
 from cable_shape.units import slips_of
 
@@ -42,7 +45,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="with commas; see docs/calibration.md (bending_stiffness)",
     )
     parser.add_argument(
-        "--prior", action="append", default=[], metavar="NAME=SD", help="standard deviation about the start; repeatable"
+        "--prior",
+        action="append",
+        default=[],
+        metavar="NAME=SD[,..]",
+        help="standard deviations about where the fit begins; repeatable",
     )
     parser.add_argument(
         "--supports",
@@ -54,6 +61,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--end-kind", choices=("clamped", "swivel", "pinned"), help="swivel for a recording, clamped otherwise"
     )
+    for side in ("start", "end"):
+        parser.add_argument(
+            f"--{side}-offset",
+            type=float,
+            nargs=7,
+            metavar=("X", "Y", "Z", "QX", "QY", "QZ", "QW"),
+            help=f"the cable frame in that of the poses of the {side}, as for replay; the default is that frame itself",
+        )
     parser.add_argument("--frames", type=int, default=50, metavar="N", help="of a recording, evenly spread (50)")
     parser.add_argument("--inertia", action="store_true", help="of a recording: markers' accelerations load the cable")
     parser.add_argument("--left-topic", default="/left_gripper/pose", metavar="TOPIC")
@@ -94,6 +109,8 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"cable-shape: error: {trouble}", file=sys.stderr)
     print(found.report())
     print(f"{'cable':<22} {found.cable.describe()}")
+    if found.file.describe():
+        print(f"{'grips':<22} {found.file.describe()}")
     for slip in slips_of(found.cable):
         print(f"cable-shape: note: {slip}", file=sys.stderr)
     asked = [path for path in (arguments.out, arguments.uncertainty) if path is not None]
@@ -118,7 +135,11 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _cable(arguments: argparse.Namespace) -> Cable:
     if arguments.cable is not None:
-        return Cable.from_yaml(arguments.cable)
+        file = CableFile.from_yaml(arguments.cable)
+        if any(held.correction is not None for held in file.held):
+            text = f"{arguments.cable} corrects its grips: this fit begins without that, so fit offsets and tilts again"
+            print(f"cable-shape: note: {text}", file=sys.stderr)
+        return file.cable
     if arguments.length is None or arguments.mass is None:
         raise ArgumentError("Give --cable CABLE.yaml, or --length [m] and --mass [kg] of the cable between the grips.")
     # a start only: a cable that bends under its own weight over a third of its length
@@ -163,10 +184,22 @@ def _from_source(arguments: argparse.Namespace, cable: Cable) -> Calibration:
         names = ("left_topic", "right_topic", "markers_topic", "frames", "inertia")
         options = {name: getattr(arguments, name) for name in names}
     kinds = (arguments.start_kind, arguments.end_kind or ("swivel" if recorded else "clamped"))
+    start, end = (_offset(side, getattr(arguments, f"{side}_offset")) for side in SIDES)
     observations = load_observations(arguments.source, kinds, **options)
+    for one in observations:
+        one.start = start.grip(one.start)
+        one.end = end.grip(one.end) if isinstance(one.end, Grip) else one.end
     return calibrate(
         observations, cable, _names(arguments), priors=_priors(arguments), supports=_supports(arguments.supports)
     )
+
+
+def _offset(side: str, given: Sequence[float] | None) -> Held:
+    """How one end is held beside its poses."""
+    try:
+        return AS_GIVEN if given is None else Held(offset=Pose(given[:3], given[3:]))
+    except ArgumentError as error:
+        raise ArgumentError(f"--{side}-offset: {error}") from None
 
 
 def _names(arguments: argparse.Namespace) -> tuple[str, ...]:
@@ -184,7 +217,7 @@ def _supports(text: str) -> int | str:
 
 
 def _priors(arguments: argparse.Namespace) -> dict[str, float]:
-    return dict(_prior(text) for text in arguments.prior)
+    return dict(_prior(text.strip()) for several in arguments.prior for text in several.split(","))
 
 
 def _prior(text: str) -> tuple[str, float]:

@@ -15,7 +15,7 @@ from cable_shape.calibration.forward import Forward
 from cable_shape.calibration.observation import Observation
 from cable_shape.calibration.parameters import ROWS, Parameters
 from cable_shape.calibration.progress import Progress
-from cable_shape.calibration.result import Calibration, correlation_of, estimates_of, remarks_of
+from cable_shape.calibration.result import Calibration, correlation_of, estimates_of, grips_of, remarks_of
 from cable_shape.calibration.robust import Fit
 from cable_shape.calibration.supports import Task, supports_of
 from cable_shape.checks import Array
@@ -128,6 +128,7 @@ def calibrate(
         covariance=found.covariance,
         freedom=found.freedom,
         inertia=math.sqrt(sum(inertia_of(o.acceleration, gravity) ** 2 for o in seen) / len(seen)),
+        grips=grips_of(seen, parameters, found.values),
     )
 
 
