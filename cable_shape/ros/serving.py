@@ -26,7 +26,8 @@ from cable_shape.ros.workers import CalibratorSetup, PlannerSetup, clients
 from cable_shape.warm_up import warm_up
 
 _AGAIN = 0.05  # s, between tries to shut down, and between looks for clients
-_SETTLED = 1.0  # s, within which a client that this process knows knows this process, too
+#: Sleeps of _AGAIN within which a client that this process knows knows this process, too; longer where cores are busy.
+_SETTLED = 100
 _LATEST = 10.0  # s, three of the middleware's announcements; a client that ended meanwhile is waited for so long
 
 
@@ -59,7 +60,8 @@ class Gate:
             latest = time.monotonic() + _LATEST
             while not known() and time.monotonic() < latest:
                 time.sleep(_AGAIN)
-            time.sleep(_SETTLED)
+            for _ in range(_SETTLED):
+                time.sleep(_AGAIN)
             self.shut = False
         serves = int(sys.argv[2])
         os.write(serves, b"1")
