@@ -206,7 +206,7 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, Any]]] = {
         cs.predict_tube,
         {
             "found": FOUND, "start": START, "end": END, "confidence": 0.9, "start_error": (0.0, 0.0), "points": 12,
-            "end_error": (0.0, 0.0), "acceleration": None, "gravity": (0, 0, -9.81),
+            "end_error": (0.0, 0.0), "acceleration": None, "gravity": (0, 0, -9.81), "inertia": 0.2,
         },
     ),
     "Uncertainty": (

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import cable_shape as cs
+from cable_shape.cable import STANDARD_GRAVITY
+from cable_shape.calibration.tube import LEFT
 from cable_shape.errors import ArgumentError
 from cable_shape.report import WarningKind
 from cable_shape.tube import SHARE, TubeWatch
@@ -89,6 +91,28 @@ def test_wrong_ratios_are_refused() -> None:
         tube_of(-0.1)
     with pytest.raises(ArgumentError, match=r"inertia = 0\.3 .* without gravity"):
         tube_of(0.3, gravity=(0, 0, 0))
+
+
+def test_a_calibration_s_tube_counts_what_is_told_or_what_its_accelerations_leave_out() -> None:
+    """Fitted to cables that swing with known accelerations of 0.2 g."""
+    rng = np.random.default_rng(4)
+    seen = []
+    for x in (0.6, 0.7, 0.8):
+        end, load = cs.Pose((x, 0.1, 1.0), ALONG_X), rng.normal(size=3)
+        load *= 0.2 * STANDARD_GRAVITY / np.linalg.norm(load)
+        line = cs.predict(CABLE, ENDS[0], end, model="cosserat", acceleration=load).positions[10:-10:9]
+        noise = 5e-4 * rng.normal(size=line.shape)
+        seen.append(cs.Observation(ENDS[0], end, line + noise, acceleration=load))
+    found = cs.calibrate(seen, CABLE)
+    assert found.inertia == pytest.approx(0.2)
+    unknown, rest, told = (cs.predict_tube(found, *ENDS, inertia=x) for x in (None, 0.0, 0.3))
+    assert (unknown.holds, rest.holds, told.holds, told.inertia) == (False, True, True, 0.3)
+    np.testing.assert_array_equal(unknown.radius, rest.radius)
+    assert (told.radius[5:-5] > 2.0 * rest.radius[5:-5]).all()
+    calm, fast = ((0.0, x * STANDARD_GRAVITY, 0.0) for x in (0.15, 0.6))
+    assert cs.predict_tube(found, *ENDS, acceleration=calm).inertia == 0.0
+    given = cs.predict_tube(found, *ENDS, acceleration=fast).inertia
+    assert given == pytest.approx(LEFT * math.sqrt(0.6**2 - 0.2**2), rel=1e-3)
 
 
 def run(cycle: cs.Cycle, path, steps: int, period: int = 10, first: int = 0) -> list[cs.CycleReport]:

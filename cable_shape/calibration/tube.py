@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cable_shape import checks
 from cable_shape.calibration.parameters import held
 from cable_shape.calibration.result import Calibration
 from cable_shape.pose import FreeEnd, Grip, Pose, as_grip
@@ -65,7 +66,9 @@ def predict_tube(
         ends = shifted, held(far, found.parameters.offset(found.values, "end"))
     else:
         ends = near, far
-    if inertia is None:
+    if inertia is not None:
+        inertia = checks.number("inertia", inertia, at_least=0.0)
+    else:
         inertia = math.nan if acceleration is None else left_out(found, acceleration, gravity)
     predictor = Predictor(found.cable, model=MODEL, points=points, gravity=gravity)
     watch = TubeWatch(found.cable, uncertainty, found.parameters, found.values, points=points, gravity=gravity)
