@@ -12,6 +12,7 @@ from cable_shape.warm_up import warm_up
 if TYPE_CHECKING:
     from cable_shape.batch import predict_batch
     from cable_shape.cable import Cable
+    from cable_shape.cable_file import CableFile, Held
     from cable_shape.calibration.fit import calibrate
     from cable_shape.calibration.memory import rest_curvature_from
     from cable_shape.calibration.observation import Observation
@@ -65,6 +66,7 @@ __all__ = [
     "BodyDistance",
     "Box",
     "Cable",
+    "CableFile",
     "CableShape",
     "CableShapeError",
     "CableWarning",
@@ -84,6 +86,7 @@ __all__ = [
     "Grip",
     "GripPath",
     "HalfSpace",
+    "Held",
     "InputError",
     "JointPath",
     "Margin",
@@ -128,6 +131,7 @@ __all__ = [
 _HOMES = {
     "batch": ("predict_batch",),
     "cable": ("Cable",),
+    "cable_file": ("CableFile", "Held"),
     "calibration.fit": ("calibrate",),
     "calibration.memory": ("rest_curvature_from",),
     "calibration.observation": ("Observation",),

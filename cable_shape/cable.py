@@ -18,6 +18,8 @@ from cable_shape.errors import ArgumentError
 STANDARD_GRAVITY = 9.81  # m/s^2
 TAIL_SIDES = ("start", "end")
 LENGTHS = (1e-6, 1e6)  # m
+#: Key of a cable's file under which a calibration says how grips held it, see :class:`cable_shape.CableFile`.
+GRIPS = "grips"
 
 
 @final
@@ -205,7 +207,13 @@ class Cable:
 
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any], where: str = "cable") -> Cable:
-        """From a mapping whose keys are the keywords of :class:`Cable`, or of :meth:`from_material`."""
+        """From a mapping whose keys are the keywords of :class:`Cable`, or of :meth:`from_material`.
+
+        What a calibration says of the grips, under `grips`, is no part of the cable: see
+        :class:`cable_shape.CableFile`.
+        """
+        if isinstance(values, Mapping) and GRIPS in values:
+            values = {key: value for key, value in values.items() if key != GRIPS}
         if isinstance(values, Mapping) and "youngs_modulus" in values:
             material = ("youngs_modulus", "poisson_ratio", "density", "inner_diameter", "allowable_stress")
             limits = ("gradient_length", "min_bend_radius", "max_tension", "max_twist_rate", "rest_curvature", "tails")
@@ -216,7 +224,7 @@ class Cable:
 
     @classmethod
     def from_yaml(cls, path: str | Path) -> Cable:
-        """From a YAML file whose keys are the keywords of :class:`Cable`, or of :meth:`from_material`."""
+        """From a YAML file, see :meth:`from_mapping`."""
         from cable_shape.yaml_files import load_yaml
 
         return cls.from_mapping(load_yaml(path), where=str(path))

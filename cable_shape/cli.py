@@ -18,7 +18,7 @@ from cable_shape.errors import ArgumentError, CableShapeError, DependencyError
 
 if TYPE_CHECKING:
     from cable_shape.cable import Cable
-    from cable_shape.replay.inputs import Held
+    from cable_shape.cable_file import Held
     from cable_shape.scene import Scene
 
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
@@ -80,7 +80,7 @@ def _add_replay(commands: Commands) -> None:
     )
     replay.add_argument("bag", type=Path, metavar="BAG", help="rosbag2 folder, or one .mcap or .db3 file")
     replay.add_argument("-o", "--out", type=Path, required=True, metavar="OUT", help="folder for the results")
-    replay.add_argument("--cable", type=Path, metavar="CABLE.yaml", help="keys: the keywords of Cable (required)")
+    replay.add_argument("--cable", type=Path, metavar="CABLE.yaml", help="a cable's file (required)")
     replay.add_argument("--scene", type=Path, metavar="SCENE.yaml", help="keys: the keywords of Scene")
     replay.add_argument("--robot", type=Path, metavar="ROBOT.yaml", help="needed for joint states")
     replay.add_argument("--uncertainty", type=Path, metavar="FILE.yaml", help="keys: those of Uncertainty; a tube")
@@ -103,6 +103,7 @@ def _add_replay(commands: Commands) -> None:
     replay.add_argument("--right-topic", default="/right_gripper/pose", metavar="TOPIC")
     replay.add_argument("--joints-topic", default="/joint_states", metavar="TOPIC")
     replay.add_argument("--markers-topic", default="/cable/markers", metavar="TOPIC", help="PoseArray to compare with")
+    replay.add_argument("--inertia", action="store_true", help="the markers' accelerations load the cable")
     replay.add_argument("--no-rrd", action="store_true", help="do not write replay.rrd")
     replay.add_argument("--no-picture", action="store_true", help="do not write report.png")
     replay.set_defaults(run=_replay)
@@ -160,7 +161,7 @@ def _add_bench(commands: Commands) -> None:
 
 
 def _replay(arguments: argparse.Namespace) -> int:
-    from cable_shape.cable import Cable
+    from cable_shape.cable_file import CableFile
     from cable_shape.replay.interrupt import Interruptible
     from cable_shape.replay.outcome import Settings
     from cable_shape.replay.report import headline, summarise
@@ -179,7 +180,8 @@ def _replay(arguments: argparse.Namespace) -> int:
         from cable_shape.robot import Robot
 
         robot = Robot.from_yaml(arguments.robot)
-    cable = Cable.from_yaml(arguments.cable)
+    file = CableFile.from_yaml(arguments.cable)
+    cable = file.cable
     scene = None if arguments.scene is None else Scene.from_yaml(arguments.scene)
     note_slips(cable, scene)
     settings = Settings(
@@ -189,14 +191,15 @@ def _replay(arguments: argparse.Namespace) -> int:
         uncertainty=None if arguments.uncertainty is None else Uncertainty.from_yaml(arguments.uncertainty),
         **_model_options(arguments),
         gravity=tuple(arguments.gravity),
-        start=_held("--start-offset", arguments.start_kind, arguments.start_offset),
-        end=_held("--end-offset", arguments.end_kind, arguments.end_offset),
+        start=_held("start", file.start, arguments.start_kind, arguments.start_offset),
+        end=_held("end", file.end, arguments.end_kind, arguments.end_offset),
         max_skew=arguments.max_skew,
         input=arguments.input,
         left_topic=arguments.left_topic,
         right_topic=arguments.right_topic,
         joints_topic=arguments.joints_topic,
         markers_topic=arguments.markers_topic,
+        inertia=arguments.inertia,
         rrd=not arguments.no_rrd,
         picture=not arguments.no_picture,
     )
@@ -219,15 +222,18 @@ def _replay(arguments: argparse.Namespace) -> int:
     return EXIT_PARTIAL if outcome.problems else 0
 
 
-def _held(option: str, kind: str | None, offset: Sequence[float] | None) -> Held:
-    """How one gripper holds the cable, from the command line."""
+def _held(side: str, known: Held, kind: str | None, offset: Sequence[float] | None) -> Held:
+    """How one gripper holds the cable: as its file knows, but for what the command line tells."""
     from cable_shape.pose import Pose
-    from cable_shape.replay.inputs import Held
 
     try:
-        return Held(kind, None if offset is None else Pose(offset[:3], offset[3:]))
+        held = known.told(kind, None if offset is None else Pose(offset[:3], offset[3:]))
     except ArgumentError as error:
-        raise ArgumentError(f"{option}: {error}") from None
+        raise ArgumentError(f"--{side}-offset: {error}") from None
+    if known.kind not in (None, held.kind):
+        text = f"--{side}-kind {held.kind}: the cable's file was fitted with a {known.kind} {side}"
+        print(f"cable-shape: note: {text}", file=sys.stderr)
+    return held
 
 
 def _model_options(arguments: argparse.Namespace) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from cable_shape.cable import Cable
+from cable_shape.cable_file import CableFile
 from cable_shape.doctor import Finding
 from cable_shape.errors import CableShapeError
 from cable_shape.robot import Robot
@@ -33,9 +33,11 @@ def examine_files(cable: Path | None, scene: Path | None, robot: Path | None) ->
 
 def _cable(file: Path) -> list[Finding]:
     """In plain words, and whether some material could be like that."""
-    cable = Cable.from_yaml(file)
-    slips = [Finding(file.name, slip.found, slip.remedy) for slip in slips_of(cable)]
-    return [Finding(file.name, cable.describe()), *slips]
+    read = CableFile.from_yaml(file)
+    slips = [Finding(file.name, slip.found, slip.remedy) for slip in slips_of(read.cable)]
+    grips = read.describe()
+    told = [Finding(file.name, f"grips when it was calibrated: {grips}")] if grips else []
+    return [Finding(file.name, read.cable.describe()), *told, *slips]
 
 
 def _scene(file: Path) -> list[Finding]:

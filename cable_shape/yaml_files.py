@@ -34,7 +34,7 @@ WORDS = frozenset((
     "vertices", "faces", "arc_length", "kind", "mass", "socket", "urdf", "grippers", "home", "left", "right",
     "frame", "offset", "gripping_links", "confidence", "misses", "start", "end", "cable", "covariance", "angle",
     "names", "matrix", "scene", "model", "gravity", "points", "tolerance", "distributed_load", "turns", "curvature",
-    "force", "moment", "solution", "quantity",
+    "force", "moment", "solution", "quantity", "grips", "correction",
 ))  # fmt: skip
 
 _INT = re.compile(r"[-+]?[0-9][0-9_]*")

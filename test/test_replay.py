@@ -29,7 +29,6 @@ from replays import CABLE, MODEL, messages, report_of, run
 from rosbags.rosbag2 import StoragePlugin
 
 import cable_shape as cs
-from cable_shape.replay.inputs import Held
 from cable_shape.replay.markers import distance_to_polyline
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -144,8 +143,8 @@ def test_grips_are_held_as_asked(tmp_path: Path) -> None:
     run(
         bag,
         tmp_path / "out",
-        start=Held(offset=offset),
-        end=Held("swivel", cs.Pose((0.0, 0.0, 0.1), (0.5, -0.5, 0.5, -0.5))),
+        start=cs.Held(offset=offset),
+        end=cs.Held("swivel", cs.Pose((0.0, 0.0, 0.1), (0.5, -0.5, 0.5, -0.5))),
         points=400,
     )
     _, message = messages(tmp_path / "out", "/cable/shape")[0]

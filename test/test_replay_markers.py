@@ -26,7 +26,6 @@ from recordings import (
 from replays import CABLE, MODEL, report_of, run
 
 import cable_shape as cs
-from cable_shape.replay.inputs import Held
 from cable_shape.replay.markers import MarkerComparison, distance_to_polyline
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -115,7 +114,7 @@ def test_a_real_cable_is_followed_as_closely_as_a_static_rod_can(tmp_path: Path,
     ratio, length, figure = REAL[cable_number]
     density = 0.1
     cable = cs.Cable(length=length, linear_density=density, bending_stiffness=ratio * density * 9.81)
-    outcome = run(bag, tmp_path / "out", cable=cable, end=Held("swivel"), points=150)
+    outcome = run(bag, tmp_path / "out", cable=cable, end=cs.Held("swivel"), points=150)
     assert outcome.tally.cycles == 500
     figures = outcome.markers.figures()
     assert figures is not None

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from cable_shape.cable import Cable
+from cable_shape.cable_file import CableFile
 from cable_shape.calibration.photo import PhotoCalibration, calibrate_photo, is_photo
 from cable_shape.calibration.result import Calibration
 from cable_shape.errors import ArgumentError
@@ -112,7 +113,11 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _cable(arguments: argparse.Namespace) -> Cable:
     if arguments.cable is not None:
-        return Cable.from_yaml(arguments.cable)
+        file = CableFile.from_yaml(arguments.cable)
+        if any(held.correction is not None for held in file.held):
+            text = f"{arguments.cable} corrects its grips: this fit begins without that, so fit offsets and tilts again"
+            print(f"cable-shape: note: {text}", file=sys.stderr)
+        return file.cable
     if arguments.length is None or arguments.mass is None:
         raise ArgumentError("Give --cable CABLE.yaml, or --length [m] and --mass [kg] of the cable between the grips.")
     # a start only: a cable that bends under its own weight over a third of its length

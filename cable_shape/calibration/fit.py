@@ -12,7 +12,7 @@ from cable_shape.cable import Cable
 from cable_shape.calibration.forward import Forward
 from cable_shape.calibration.observation import Observation
 from cable_shape.calibration.parameters import Parameters
-from cable_shape.calibration.result import Calibration, correlation_of, estimates_of, remarks_of
+from cable_shape.calibration.result import Calibration, correlation_of, estimates_of, grips_of, remarks_of
 from cable_shape.calibration.robust import Robust
 from cable_shape.errors import ArgumentError
 from cable_shape.problem import GRAVITY
@@ -107,4 +107,5 @@ def calibrate(
         values=found.values,
         covariance=found.covariance,
         freedom=found.freedom,
+        grips=grips_of(seen, parameters, found.values),
     )

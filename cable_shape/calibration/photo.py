@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from cable_shape import checks
 from cable_shape.cable import Cable
+from cable_shape.cable_file import AS_GIVEN
 from cable_shape.calibration.fit import calibrate
 from cable_shape.calibration.observation import Observation
 from cable_shape.calibration.result import Calibration, correlation_of, estimates_of
@@ -147,7 +148,8 @@ def calibrate_photo(
     def found_with(these: Clicks) -> Calibration:
         return calibrate([observation_of(these, chord)], cable, fit, priors=priors, gravity=gravity)
 
-    found = found_with(given)
+    # what holds the cable in a picture is not what will hold it in a cell
+    found = dataclasses.replace(found_with(given), grips=(AS_GIVEN, AS_GIVEN))
     return PhotoCalibration(_with_clicks(found, given, found_with, error), given, plane_of(given, chord))
 
 

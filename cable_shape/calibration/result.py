@@ -11,11 +11,14 @@ from typing import Any, final
 import numpy as np
 
 from cable_shape import checks
-from cable_shape.cable import STANDARD_GRAVITY, Cable
+from cable_shape.cable import GRIPS, STANDARD_GRAVITY, Cable
+from cable_shape.cable_file import AS_GIVEN, SIDES, CableFile, Held
+from cable_shape.calibration.observation import Observation
 from cable_shape.calibration.parameters import Parameter, Parameters
 from cable_shape.checks import Array
 from cable_shape.errors import UnknownKeyError
 from cable_shape.files import path_of
+from cable_shape.pose import Grip
 
 CONFIDENCE = 0.95
 #: A point of less weight was taken for a stray one.
@@ -63,6 +66,7 @@ class Calibration:
     points, centrelines : (m, 3) and (101, 3) [m] of each observation; NaN where there is no usable shape.
     parameters, values, covariance : what was fitted, where the fit ended (k,), and (k, k) of it; see `predict_tube`.
     freedom : degrees of freedom behind the covariance.
+    grips : how start and end were held, and where offsets, tilts and roll that were fitted put the cable's frames.
     """
 
     cable: Cable
@@ -80,6 +84,7 @@ class Calibration:
     values: Array | None = None
     covariance: Array | None = None
     freedom: int = 0
+    grips: tuple[Held, Held] = (AS_GIVEN, AS_GIVEN)
 
     def __getitem__(self, name: str) -> Estimate:
         """The estimate of this name."""
@@ -106,6 +111,11 @@ class Calibration:
                 "grips in one frame and in metres, the grips' kinds and the length right?"
             )
         return ""
+
+    @property
+    def file(self) -> CableFile:
+        """The cable and its grips: ``found.file.start.grip(pose)`` is a start as this calibration has it."""
+        return CableFile(self.cable, *self.grips)
 
     def miss_quantile(self, share: float) -> float:
         """[m], below which that share of the misses is, stray points left out; 0 without points."""
@@ -151,10 +161,11 @@ class Calibration:
             "converged": self.converged,
             "trouble": self.trouble,
             "remarks": list(self.remarks),
+            GRIPS: {side: held.as_dict() for side, held in zip(SIDES, self.grips, strict=True)},
         }
 
     def yaml(self) -> str:
-        """A cable file (see :meth:`Cable.from_yaml`) with the uncertainties in comments."""
+        """A cable file (see :class:`cable_shape.CableFile`) with the uncertainties in comments."""
         import yaml
 
         lines = ["# Calibrated; standard errors and 95 % intervals beside the numbers."]
@@ -170,6 +181,14 @@ class Calibration:
             text = yaml.safe_dump({key: value}, default_flow_style=None, width=10_000).strip()
             text = text[1:-1] if text.startswith("{") else text
             lines.append(f"{text}  # {told[key]}" if key in told else text)
+        if self.grips != (AS_GIVEN, AS_GIVEN):
+            lines.append(
+                f"{GRIPS}:  # how they held it; correction: the cable frame in the one that pose and offset say"
+            )
+        for side, held in zip(SIDES, self.grips, strict=True):
+            if held != AS_GIVEN:
+                text = yaml.safe_dump(held.as_dict(), default_flow_style=True, sort_keys=False, width=10_000).strip()
+                lines.append(f"  {side}: {text}")
         for e in self.estimates:
             if "_at_" in e.name:
                 lines.append(f"# {e.name} % of the length: {e}")
@@ -182,6 +201,22 @@ class Calibration:
         file = path_of(path)
         file.write_text(self.yaml(), encoding="utf-8")
         return file
+
+
+def grips_of(observations: Sequence[Observation], parameters: Parameters, values: Array) -> tuple[Held, Held]:
+    """How start and end held the cable in all the observations, and what the parameters put beside what these say.
+
+    A kind that is not the same in all is left out, and an end that nothing holds.
+    """
+
+    def held(side: str) -> Held:
+        ends = [getattr(one, side) for one in observations]
+        kinds = {end.kind for end in ends if isinstance(end, Grip)}
+        if not kinds:
+            return AS_GIVEN
+        return Held(kinds.pop() if len(kinds) == 1 else None, correction=parameters.offset(values, side))
+
+    return held("start"), held("end")
 
 
 def estimates_of(each: Sequence[Parameter], values: Array, covariance: Array, freedom: int) -> tuple[Estimate, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,8 @@ FRAMES = 50
 _KEYS = ("start", "end", "points", "arc_length", "acceleration", "group")
 _COLUMNS = ("observation", "what", "x", "y", "z", "qx", "qy", "qz", "qw", "arc_length")
 _MAX_SKEW = 20_000_000  # ns
+#: [s], of markers that a cubic goes through whose second derivative is their acceleration.
+SMOOTHED = 0.11
 #: Rows of the table of accelerations.
 _ROWS = 21
 
@@ -157,7 +159,7 @@ def from_bag(
     seen = [i for i in range(len(left)) if left[i] is not None and right[i] is not None]
     if not seen:
         raise BagError(f"{path}: no markers within {_MAX_SKEW * 1e-6:g} ms of both grippers' poses.")
-    moving = _accelerations(tracks[markers_topic]) if inertia else None
+    moving = accelerations(tracks[markers_topic]) if inertia else None
     chosen = [seen[i] for i in np.unique(np.linspace(0, len(seen) - 1, frames).round().astype(int))]
     return [
         Observation(
@@ -182,22 +184,39 @@ def _at(track: list[tuple[int, Array]], markers: list[tuple[int, Array]]) -> lis
     return out
 
 
-def _accelerations(markers: list[tuple[int, Array]]) -> Array:
-    """(n, rows, 3) [m/s^2] along the cable, from evenly sampled frames of markers; NaN where one was lost."""
+def accelerations(markers: Sequence[tuple[int, Array]]) -> Array:
+    """(n, rows, 3) [m/s^2], world, uniform along the cable, from frames of markers: a stamp [ns] and (m, 3) [m] each.
+
+    Second derivatives of cubics through 0.11 s of what was recorded. NaN where in that time a marker was lost (NaN), or
+    a frame is missing.
+
+    Raises
+    ------
+    BagError
+        For fewer frames than that, or numbers of markers that differ.
+    """
     from scipy.signal import savgol_filter
 
     stamps = np.array([stamp - markers[0][0] for stamp, _ in markers]) * 1e-9
     period = float(np.median(np.diff(stamps))) if len(stamps) > 1 else 0.0
-    window = max(5, 2 * round(0.055 / period) + 1) if period > 0.0 else 0
+    window = max(5, 2 * round(0.5 * SMOOTHED / period) + 1) if period > 0.0 else 0
     if window == 0 or len(markers) < window or len({track.shape for _, track in markers}) > 1:
         raise BagError("inertia needs frames of one number of markers, evenly recorded, for 0.11 s at least.")
     places = np.array([track for _, track in markers])
-    at_markers = savgol_filter(places, window, 3, deriv=2, delta=period, axis=0)
+    if places.shape[1] < 2:
+        raise BagError("inertia needs markers along the cable, the first and the last at the grips.")
+    lost = ~np.isfinite(places).all(axis=(1, 2))
+    uneven = np.abs(np.diff(stamps) - period) > 0.5 * period
     arc = np.nancumsum(np.nanmedian(np.linalg.norm(np.diff(places, axis=1), axis=2), axis=0))
+    places[lost] = 0.0
+    at_markers = savgol_filter(places, window, 3, deriv=2, delta=period, axis=0)
     fraction = np.concatenate(((0.0,), arc)) / arc[-1]
     rows = np.linspace(0.0, 1.0, _ROWS)
-    out = np.empty((len(markers), _ROWS, 3))
+    out = np.full((len(markers), _ROWS, 3), np.nan)
     for i in range(len(markers)):
+        first = min(max(i - window // 2, 0), len(markers) - window)  # at both ends one cubic serves several frames
+        if lost[first : first + window].any() or uneven[first : first + window - 1].any():
+            continue
         for axis in range(3):
             out[i, :, axis] = np.interp(rows, fraction, at_markers[i, :, axis])
     return out

@@ -2,7 +2,8 @@
 
 Two forms are read. The first has the keywords of :func:`cable_shape.predict` as keys::
 
-    cable: {length: 1.2, linear_density: 0.1, bending_stiffness: 0.01}    # or the path of a cable's YAML file
+    cable: {length: 1.2, linear_density: 0.1, bending_stiffness: 0.01}    # or the path of a cable's YAML file, whose
+                                                                          # `grips`, if it has any, correct both ends
     start: {position: [0, 0, 0], quaternion: [0.5, 0.5, 0.5, 0.5]}        # kind, offset, curvature may follow
     end: {position: [0.8, 0, 0], quaternion: [0.5, 0.5, 0.5, 0.5]}        # turns may follow; absent: a free end
     scene: {masses: [{arc_length: 0.6, mass: 0.02}]}                      # or the path of a scene's YAML file
@@ -18,7 +19,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from cable_shape import checks
-from cable_shape.cable import Cable
+from cable_shape.cable_file import CableFile
 from cable_shape.cases.case import Case
 from cable_shape.cases.reference import reference_case
 from cable_shape.errors import ArgumentError, shown
@@ -62,11 +63,13 @@ def case_of(values: Mapping[str, Any], folder: Path, name: str) -> Case:
         if key not in values:
             raise ArgumentError(f"{key} is missing. Keys of a case: {', '.join(CASE_KEYS)}.")
     options = {key: values[key] for key in OPTION_KEYS if values.get(key) is not None}
+    file = _cable(values["cable"], folder)
+    start, end = grip_of("start", values["start"]), end_of("end", values.get("end"))
     return Case(
         name=str(values.get("name") or name),
-        cable=_cable(values["cable"], folder),
-        start=grip_of("start", values["start"]),
-        end=end_of("end", values.get("end")),
+        cable=file.cable,
+        start=file.start.told(values["start"].get("kind")).grip(start),
+        end=end if isinstance(end, FreeEnd) else file.end.told(values["end"].get("kind")).grip(end),
         scene=_scene(values.get("scene"), folder),
         options=options,
     )
@@ -103,10 +106,10 @@ def pose_of(where: str, values: Any) -> Pose:
     return _within(where, lambda: Pose(**values))
 
 
-def _cable(value: Any, folder: Path) -> Cable:
+def _cable(value: Any, folder: Path) -> CableFile:
     if isinstance(value, str):
-        return _within(f"cable = {shown(value)}", lambda: Cable.from_yaml(folder / path_of(value)))
-    return Cable.from_mapping(value)
+        return _within(f"cable = {shown(value)}", lambda: CableFile.from_yaml(folder / path_of(value)))
+    return CableFile.from_mapping(value)
 
 
 def _scene(value: Any, folder: Path) -> Scene | None:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol, final
 
 import numpy as np
 
+from cable_shape.cable_file import Held
 from cable_shape.checks import MOST, Array
 from cable_shape.errors import ArgumentError, InputError, StaleInputError
 from cable_shape.pairing import SECOND, Pairing, StampGuard
@@ -23,27 +24,6 @@ if TYPE_CHECKING:
 POSE_TYPE = "geometry_msgs/msg/PoseStamped"
 JOINTS_TYPE = "sensor_msgs/msg/JointState"
 MARKERS_TYPE = "geometry_msgs/msg/PoseArray"
-
-
-@final
-@dataclass(frozen=True, slots=True)
-class Held:
-    """How one gripper holds its end, where that is not left to the robot's file or to the defaults of Grip.
-
-    kind: "clamped", "swivel" or "pinned"; offset: the cable frame in the tool frame.
-    """
-
-    kind: str | None = None
-    offset: Pose | None = None
-
-    def grip(self, grip: Grip) -> Grip:
-        """`grip`, held in this way."""
-        if self.kind is None and self.offset is None:
-            return grip
-        return Grip(grip.pose, self.kind or grip.kind, self.offset or grip.offset)
-
-
-AS_GIVEN = Held()
 
 
 @final

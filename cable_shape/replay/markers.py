@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import final
 
@@ -17,7 +19,10 @@ HISTORY = 64
 @final
 @dataclass(frozen=True, slots=True)
 class MarkerFigures:
-    """Distances of the inner markers to the centreline, over all frames, as a fraction of the cable's length."""
+    """Distances of the inner markers to the centreline, over all frames, as a fraction of the cable's length.
+
+    with_tube, inside : of how many the tube is known there, and the share of these that it holds; None for none.
+    """
 
     frames: int
     distances: int
@@ -25,6 +30,8 @@ class MarkerFigures:
     median: float
     p90: float
     worst: float
+    with_tube: int
+    inside: float | None
 
 
 @final
@@ -32,24 +39,33 @@ class MarkerComparison:
     """Pairs marker frames with shapes by stamp and collects distances of the inner markers to the centreline.
 
     A frame goes with the shape whose stamp is nearest, within `max_skew` [ns]. The first and the last marker are left
-    out: they sit at the grips. The distance is that to the closest point of the polyline through the shape's points.
+    out: they sit at the grips. The distance is that to the closest point of the polyline through the shape's points;
+    where that is known, the marker is inside the tube if its distance is at most the tube's radius at that point.
+
+    told: is given the stamp [ns] of each frame that was compared, the distances (m,) [m] of the markers that were seen,
+    and the radii of the tube (m,) [m] at the closest points, None without one.
     """
 
-    def __init__(self, length: float, max_skew: int) -> None:
+    def __init__(
+        self, length: float, max_skew: int, told: Callable[[int, Array, Array | None], None] | None = None
+    ) -> None:
         self.length = length
         self.max_skew = max_skew
+        self._told = told
         self.frames = 0  # with a distance
         self.unpaired = 0  # without a shape within max_skew
         self.unusable = 0  # whose shape may not be acted on
         self.not_finite = 0  # markers
-        self._shapes: deque[tuple[int, Array | None]] = deque(maxlen=HISTORY)
+        self._shapes: deque[tuple[int, Array | None, Array | None]] = deque(maxlen=HISTORY)
         self._waiting: deque[tuple[int, Array]] = deque()
         self._distances: list[Array] = []
+        self._with_tube = self._inside = 0  # markers
         self.series: list[tuple[int, float]] = []  # stamp [ns], mean distance of that frame [m]
+        self.radii: list[float] = []  # mean of the tube at the markers of each frame of the series [m], NaN for none
 
-    def add_shape(self, stamp: int, positions: Array | None) -> None:
-        """Takes the centreline (n, 3) [m] of one cycle; None if its shape is not usable."""
-        self._shapes.append((stamp, positions))
+    def add_shape(self, stamp: int, positions: Array | None, radius: Array | None = None) -> None:
+        """Takes the centreline (n, 3) [m] of one cycle, None if its shape is not usable, and its tube (n,) [m]."""
+        self._shapes.append((stamp, positions, radius))
         while self._waiting and self._waiting[0][0] <= stamp:
             self._settle(*self._waiting.popleft())
 
@@ -80,6 +96,8 @@ class MarkerComparison:
             median=float(np.median(relative)),
             p90=float(np.percentile(relative, 90.0)),
             worst=float(relative.max()),
+            with_tube=self._with_tube,
+            inside=self._inside / self._with_tube if self._with_tube else None,
         )
 
     def _settle(self, stamp: int, markers: Array) -> None:
@@ -88,7 +106,8 @@ class MarkerComparison:
         if nearest is None or abs(nearest[0] - stamp) > self.max_skew:
             self.unpaired += 1
             return
-        if nearest[1] is None:
+        _, line, radius = nearest
+        if line is None:
             self.unusable += 1
             return
         inner = markers[1:-1]
@@ -96,17 +115,36 @@ class MarkerComparison:
         self.not_finite += int((~finite).sum())
         if not finite.any():
             return
-        distances = distance_to_polyline(inner[finite], nearest[1])
+        distances, places = nearest_on_polyline(inner[finite], line)
         self.frames += 1
         self._distances.append(distances)
         self.series.append((stamp, float(distances.mean())))
+        widths = None if radius is None else np.interp(places, np.arange(len(line)), radius)
+        self.radii.append(math.nan if widths is None else float(widths.mean()))
+        if widths is not None:
+            self._with_tube += len(distances)
+            self._inside += int((distances <= widths).sum())
+        if self._told is not None:
+            self._told(stamp, distances, widths)
 
 
 def distance_to_polyline(points: Array, line: Array) -> Array:
     """(m,) [m]: distance of each of `points` (m, 3) to the closest point of the polyline through `line` (n, 3)."""
+    return nearest_on_polyline(points, line)[0]
+
+
+def nearest_on_polyline(points: Array, line: Array) -> tuple[Array, Array]:
+    """(m,) [m] and (m,): distance of each of `points` (m, 3) to the polyline through `line` (n, 3), and where.
+
+    Where the closest point is: 2.5 is half way from line[2] to line[3].
+    """
     start, step = line[:-1], np.diff(line, axis=0)
     to_point = points[:, None, :] - start[None, :, :]
     square = np.einsum("ij,ij->i", step, step)
     along = np.einsum("mij,ij->mi", to_point, step) / np.where(square > 0.0, square, 1.0)
-    rest = to_point - np.clip(along, 0.0, 1.0)[:, :, None] * step[None, :, :]
-    return np.asarray(np.sqrt(np.einsum("mij,mij->mi", rest, rest).min(axis=1)))
+    along = np.clip(along, 0.0, 1.0)
+    rest = to_point - along[:, :, None] * step[None, :, :]
+    squares = np.einsum("mij,mij->mi", rest, rest)
+    which = squares.argmin(axis=1)
+    each = np.arange(len(points))
+    return np.sqrt(squares[each, which]), which + along[each, which]

@@ -59,6 +59,10 @@ def _markers(axis: Any, outcome: Outcome) -> None:
     axis.plot(
         outcome.tally.seconds(stamps), 100.0 * means / markers.length, color=_BLUE, lw=1.2, label="mean of a frame"
     )
+    radii = np.array(markers.radii)
+    if figures.inside is not None:
+        label = f"radius of the tube, which holds {100.0 * figures.inside:.1f} %"
+        axis.plot(outcome.tally.seconds(stamps), 100.0 * radii / markers.length, color=_AMBER, lw=0.8, label=label)
     axis.axhline(100.0 * figures.mean, color=_GREY, lw=0.8, ls="--", label=f"mean {100.0 * figures.mean:.2f} %")
     axis.set_ylim(bottom=0.0)
     axis.legend(loc="best", fontsize=8)

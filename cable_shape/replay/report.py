@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 from cable_shape.files import finite
 
 if TYPE_CHECKING:
-    from cable_shape.replay.outcome import Outcome
+    from cable_shape.cable_file import Held
+    from cable_shape.replay.outcome import Outcome, Settings
 
 Row = tuple[str, str]
 
@@ -62,19 +63,40 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
             "tolerance": settings.tolerance,
             "start_kind": settings.start.kind or kind,
             "end_kind": settings.end.kind or kind,
+            "start_correction": settings.start.as_dict().get("correction"),
+            "end_correction": settings.end.as_dict().get("correction"),
+            "grips_in_words": _grips(settings, kind),
             "scene": settings.scene is not None,
             "robot": settings.robot is not None,
             "uncertainty": settings.uncertainty is not None,
             "picture": settings.picture,
         },
         "replay": outcome.tally.as_dict(),
+        "inertia": _inertia(outcome),
         "markers": _markers(outcome),
     }
 
 
+def _grips(settings: Settings, kind: str) -> str:
+    """How both grips hold the cable; `kind`: where nothing else is said."""
+
+    def words(held: Held) -> str:
+        return ", ".join(part for part in ("" if held.kind else kind, held.describe()) if part)
+
+    return f"start {words(settings.start)}; end {words(settings.end)}"
+
+
+def _inertia(outcome: Outcome) -> dict[str, Any] | None:
+    """What loaded the cable beside its weight; None: nothing did."""
+    inertia = outcome.inertia
+    if inertia is None:
+        return None
+    return {"source": inertia.source, "cycles": inertia.cycles, "cycles_without": inertia.without}
+
+
 def _markers(outcome: Outcome) -> dict[str, Any] | None:
     """Distances of the markers; None if none were recorded."""
-    markers = outcome.markers
+    markers, known = outcome.markers, outcome.settings.uncertainty
     figures = markers.figures()
     seen = markers.frames + markers.unpaired + markers.unusable
     if figures is None and not seen:
@@ -89,6 +111,9 @@ def _markers(outcome: Outcome) -> dict[str, Any] | None:
         "median": figures.median if figures else None,
         "p90": figures.p90 if figures else None,
         "worst": figures.worst if figures else None,
+        "distances_with_a_tube": figures.with_tube if figures else 0,
+        "inside_the_tube": figures.inside if figures else None,
+        "confidence_of_the_tube": None if known is None else known.confidence,
     }
 
 
@@ -148,6 +173,12 @@ def _headline(summary: dict[str, Any]) -> Iterator[Row]:
         "cycles",
         f"{replayed['cycles']}" + (f" ({replayed['reused']} reused the last shape)" if replayed["reused"] else ""),
     )
+    yield "grips", summary["settings"]["grips_in_words"]
+    inertia = summary["inertia"]
+    if inertia is not None:
+        missing = inertia["cycles_without"]
+        left = f"; in {missing} they are not known, and it is predicted as at rest" if missing else ""
+        yield "inertia", f"{inertia['source']}, load it in {inertia['cycles']} cycles{left}"
     yield "models", ", ".join(f"{model} {count}" for model, count in replayed["model"].items())
     yield "status", ", ".join(f"{status} {count}" for status, count in replayed["status"].items())
     if replayed["clock_restarts"]:
@@ -170,6 +201,9 @@ def _headline(summary: dict[str, Any]) -> Iterator[Row]:
     markers = summary["markers"]
     if markers is not None:
         yield "markers to centreline", _distances(markers)
+        if markers["inside_the_tube"] is not None:
+            share, told = 100.0 * markers["inside_the_tube"], 100.0 * markers["confidence_of_the_tube"]
+            yield "markers inside the tube", f"{share:.1f} % of {markers['distances_with_a_tube']}; it tells {told:g} %"
 
 
 def _count(warning: dict[str, Any]) -> str:

@@ -13,11 +13,13 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, final
 
+from cable_shape.checks import Array
 from cable_shape.cycle import Cycle
 from cable_shape.errors import ArgumentError, BagError
 from cable_shape.pairing import SECOND
 from cable_shape.replay.bag_writer import BagWriter
 from cable_shape.replay.bags import Bag
+from cable_shape.replay.inertia import Inertia
 from cable_shape.replay.inputs import (
     JOINTS_TYPE,
     MARKERS_TYPE,
@@ -98,7 +100,10 @@ class _Run:
         self.refusals = Refusals()
         self.source, self.source_name = self._source()
         self.tally = Tally()
-        self.markers = MarkerComparison(settings.cable.length, round(settings.max_skew * SECOND))
+        skew = round(settings.max_skew * SECOND)
+        self.inertia = Inertia(bag.path, settings.markers_topic, skew) if settings.inertia else None
+        self.sinks: _Sinks | None = None
+        self.markers = MarkerComparison(settings.cable.length, skew, self._compared)
         has_markers = bag.types.get(settings.markers_topic) == MARKERS_TYPE
         self.topics = (*self.source.topics, *((settings.markers_topic,) if has_markers else ()))
         robot = settings.robot if self.source_name == "joints" else None
@@ -122,41 +127,64 @@ class _Run:
         warm_up_cycles()
         total = sum(self.bag.counts.get(topic, 0) for topic in self.topics)
         with contextlib.ExitStack() as stack:
-            sinks: _Sinks | None = None
             for topic, _, message in progress(self.bag.messages(self.topics), total):
                 if topic == self.settings.markers_topic:
-                    self._take_markers(topic, message, sinks)
+                    self._take_markers(topic, message)
                     continue
                 sample = self.source.feed(topic, message)
                 if self.source.restarted:
                     self._restart()
                 if sample is None:
                     continue
-                sinks = sinks or stack.enter_context(_Sinks(self.out, self.settings, self.cycle, self.links))
-                self._take(sample, sinks)
-        self.source.finish()
-        self.markers.finish()
+                if self.sinks is None:
+                    self._check_frames()
+                    has_markers = self.settings.markers_topic in self.topics
+                    sinks = _Sinks(self.out, self.settings, self.cycle, self.links, has_markers)
+                    self.sinks = stack.enter_context(sinks)
+                self._take(sample, self.sinks)
+            self.source.finish()
+            self.markers.finish()
         if not self.tally.cycles:
             raise BagError(self._nothing())
         return self._outcome()
 
     def _take(self, sample: Sample, sinks: _Sinks) -> None:
         """One cycle."""
-        report = self.cycle.step({"cable": (sample.start, sample.end)}, sample.stamp, sample.links)
+        moving = None if self.inertia is None else self.inertia.at(sample.stamp, self.tally.restarts)
+        ends = {"cable": (sample.start, sample.end)}
+        report = self.cycle.step(
+            ends, sample.stamp, sample.links, acceleration=None if moving is None else {"cable": moving}
+        )
         shape = report.shapes["cable"]
         self.tally.add(report, shape)
-        self.markers.add_shape(sample.stamp, shape.positions if shape.status else None)
+        tube = report.tubes.get("cable")
+        self.markers.add_shape(
+            sample.stamp, shape.positions if shape.status else None, None if tube is None else tube.radius
+        )
         sinks.write(report, self.source.frame_id or "")
 
-    def _take_markers(self, topic: str, message: Any, sinks: _Sinks | None) -> None:
+    def _take_markers(self, topic: str, message: Any) -> None:
         frame, expected = message.header.frame_id, self.source.frame_id
         if expected is not None and frame != expected:
             self.refusals.add(topic, "other frame", other_frame(topic, frame, expected))
             return
         stamp, points = stamp_of(message), positions_of(message.poses)
         self.markers.add_markers(stamp, points)
-        if sinks is not None and sinks.recording is not None:
-            sinks.recording.log_markers(points, stamp)
+        if self.sinks is not None and self.sinks.recording is not None:
+            self.sinks.recording.log_markers(points, stamp)
+
+    def _compared(self, stamp: int, distances: Array, radii: Array | None) -> None:
+        """A frame of markers was compared with its shape."""
+        if self.sinks is not None and self.sinks.recording is not None:
+            self.sinks.recording.log_distances(distances, radii, stamp)
+
+    def _check_frames(self) -> None:
+        """Accelerations load the cable in the frame of its grips."""
+        if self.inertia is not None and self.inertia.frame_id != self.source.frame_id:
+            raise BagError(
+                f"{self.bag.path}: --inertia: the markers are in frame {self.inertia.frame_id!r}, the grips in "
+                f"{self.source.frame_id!r}. Frames are not transformed here; record both in one."
+            )
 
     def _restart(self) -> None:
         """The clock was set back: what follows has nothing to do with what was before."""
@@ -176,6 +204,7 @@ class _Run:
             refusals=self.refusals,
             unpaired=self.source.unpaired,
             markers=self.markers,
+            inertia=self.inertia,
             problems=tuple(self.bag.problems),
             notes=tuple(self.bag.notes),
         )
@@ -237,14 +266,14 @@ class _Run:
 class _Sinks:
     """Where reports go: the recording of the node's messages and the .rrd."""
 
-    def __init__(self, out: Path, settings: Settings, cycle: Cycle, links: Any) -> None:
+    def __init__(self, out: Path, settings: Settings, cycle: Cycle, links: Any, markers: bool) -> None:
         self.out = out
         self.bag = BagWriter(out / "replay")
         self.recording: RecordingWriter | None = None
         if settings.rrd:
             from cable_shape.viewer.recording import RecordingWriter
 
-            self.recording = RecordingWriter(out / "replay.rrd", cycle.cables, cycle.scene, links)
+            self.recording = RecordingWriter(out / "replay.rrd", cycle.cables, cycle.scene, links, markers=markers)
 
     def write(self, report: CycleReport, frame_id: str) -> None:
         """One report, without what differs from run to run."""

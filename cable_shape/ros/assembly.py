@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 from typing import final
 
-from cable_shape.cable import Cable
+from cable_shape.cable_file import CableFile
 from cable_shape.cycle import Cycle
 from cable_shape.errors import ArgumentError
 from cable_shape.robot import Robot
@@ -32,8 +32,8 @@ MAX_CABLES = 100
 LEAVE = 0.5
 
 
-def load_cables(path: Path) -> dict[str, Cable]:
-    """One cable, or several from a file whose only key `cables` maps names to keywords of Cable or to other files.
+def load_cables(path: Path) -> dict[str, CableFile]:
+    """One cable, or several from a file whose only key `cables` maps names to keys of a cable's file or to other files.
 
     Raises
     ------
@@ -41,7 +41,7 @@ def load_cables(path: Path) -> dict[str, Cable]:
     """
     values = load_yaml(path)
     if list(values) != ["cables"]:
-        return {CABLE: Cable.from_mapping(values, where=str(path))}
+        return {CABLE: CableFile.from_mapping(values, where=str(path))}
     several = values["cables"]
     if not isinstance(several, dict) or not 0 < len(several) <= MAX_CABLES:
         bound = f"it must map 1 to {MAX_CABLES} names to cables"
@@ -53,9 +53,9 @@ def load_cables(path: Path) -> dict[str, Cable]:
             raise ArgumentError.of(f"{path}: cables", name, bound, "It is a part of the cable's topics.")
         where = f"{path}: {name}"
         if isinstance(cable, str):
-            cables[name] = Cable.from_yaml(path.parent / cable)
+            cables[name] = CableFile.from_yaml(path.parent / cable)
         elif isinstance(cable, dict):
-            cables[name] = Cable.from_mapping(cable, where=where)
+            cables[name] = CableFile.from_mapping(cable, where=where)
         else:
             raise ArgumentError.of(where, cable, "it must be a file name or a mapping", "See config/cables.")
     return cables
@@ -72,7 +72,9 @@ class Assembly:
     """
 
     def __init__(self, settings: Settings) -> None:
-        cables = load_cables(find_file(settings.cable_file))
+        files = load_cables(find_file(settings.cable_file))
+        cables = {name: file.cable for name, file in files.items()}
+        self.held = {name: file.held for name, file in files.items()}  # what is known of the grips of each cable
         if len(cables) > 1 and settings.input == "joints":
             bound = "input = 'joints' moves one cable, between the robot's two grippers"
             raise ArgumentError.of("cable_file", settings.cable_file, bound, "Set input to 'poses', or name one cable.")
@@ -107,7 +109,20 @@ class Assembly:
         robot = "no robot" if self.robot is None else f"robot with {len(self.robot.joint_names)} joints"
         scene = f"{len(self.cycle.scene.obstacles)} obstacles"
         cables = "; ".join(f"{name}: {cable.describe()}" for name, cable in self.cycle.cables.items())
-        return f"{cables}; {scene}; {robot}"
+        told = {name: CableFile(self.cycle.cables[name], *held).describe() for name, held in self.held.items()}
+        grips = "".join(f"; grips of {name} as calibrated: {words}" for name, words in told.items() if words)
+        return f"{cables}{grips}; {scene}; {robot}"
+
+    def remarks(self, settings: Settings) -> list[str]:
+        """Grips that are told to hold a cable in another way than while it was calibrated."""
+        said = zip(("left", "right"), settings.kinds, strict=True)
+        kinds = {side: kind for side, kind in said if kind is not None and settings.input == "poses"}
+        return [
+            f"grip_kind_{side} is {kinds[side]}, but {name} was calibrated {known.kind} there: set it to auto."
+            for name, held in self.held.items()
+            for side, known in zip(("left", "right"), held, strict=True)
+            if side in kinds and known.kind not in (None, kinds[side])
+        ]
 
     def close(self, leave: bool = False) -> None:
         """Ends viewer and workers at the same time, within their bounds; with `leave` for a node that must end now."""

@@ -9,6 +9,7 @@ SETUP is a descriptor of a :class:`~cable_shape.ros.workers.CalibratorSetup` in 
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import threading
 import time
@@ -24,6 +25,7 @@ from rclpy.utilities import ok
 from sensor_msgs.msg import PointCloud2
 
 from cable_shape.cable import Cable
+from cable_shape.cable_file import CableFile
 from cable_shape.calibration.fit import calibrate
 from cable_shape.calibration.online import Gatherer
 from cable_shape.calibration.result import Calibration
@@ -85,25 +87,26 @@ class Action:
 class Online:
     """Calibrates each cable again and again by the newest observations that the topics bring."""
 
-    def __init__(self, node: Node, setup: CalibratorSetup, cables: dict[str, Cable]) -> None:
-        self._node, self._setup, self._cables = node, setup, cables
+    def __init__(self, node: Node, setup: CalibratorSetup, files: dict[str, CableFile]) -> None:
+        self._node, self._setup, self._files = node, setup, files
         self._done = dict.fromkeys(setup.topics, 0)  # observations taken at the last fit
         self._gatherers: dict[str, Gatherer] = {}
         self._refused: set[str] = set()
         self._heard: dict[str, Any] = {}  # topic -> subscription
-        kinds = zip(setup.kinds, setup.offsets, strict=True)
-        grips = [Grip(IDENTITY, kind, Pose(offset[:3], offset[3:])) for kind, offset in kinds]
         queue = QoSProfile(depth=_QUEUE, reliability=ReliabilityPolicy.BEST_EFFORT)
-        depth = max(1, len(cables))
+        depth = max(1, len(files))
         latched = QoSProfile(
             depth=depth, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
         )
         self._results = node.create_publisher(CableCalibration, setup.result, latched)
         group = MutuallyExclusiveCallbackGroup()
         for name, (left, right, points) in setup.topics.items():
-            gatherer = Gatherer(
-                cables[name], (grips[0], grips[1]), round(setup.max_skew * SECOND), setup.window, setup.gravity
+            start, end = (
+                held.told(kind).grip(Grip(IDENTITY, offset=Pose(offset[:3], offset[3:])))
+                for held, kind, offset in zip(files[name].held, setup.kinds, setup.offsets, strict=True)
             )
+            skew = round(setup.max_skew * SECOND)
+            gatherer = Gatherer(files[name].cable, (start, end), skew, setup.window, setup.gravity)
             self._gatherers[name] = gatherer
             frame = FrameGuard("")
             for side, topic in enumerate((left, right)):
@@ -167,10 +170,13 @@ class Online:
         stamp, seen = gatherer.observations()
         log = self._node.get_logger()
         try:
-            found = calibrate(seen, self._cables[name], self._setup.fit, gravity=self._setup.gravity)
+            file = self._files[name]
+            found = calibrate(seen, file.cable, self._setup.fit, gravity=self._setup.gravity)
         except CableShapeError as error:
             log.warning(f"{name}: {len(seen)} observations do not give a cable: {error}")
             return
+        start, end = (held.then(new) for held, new in zip(file.held, found.grips, strict=True))
+        found = dataclasses.replace(found, grips=(start, end))
         message = calibration_message(name, found, len(seen))
         message.header.stamp = conversions.time_of(stamp)
         self._results.publish(message)
@@ -186,7 +192,7 @@ class Online:
     def _file(self, name: str) -> Path:
         """Of several cables each has a file of its own."""
         file = Path(self._setup.file)
-        return file if len(self._cables) == 1 else file.with_stem(f"{file.stem}_{name}")
+        return file if len(self._files) == 1 else file.with_stem(f"{file.stem}_{name}")
 
 
 def write(found: Calibration, file: Path) -> None:
@@ -215,12 +221,12 @@ def main() -> int:
     setup = CalibratorSetup.from_json(given())
 
     def make(node: Node, gate: Gate) -> str:
-        cables = {name: Cable.from_mapping(values) for name, values in setup.cables.items()}
+        files = {name: CableFile.from_mapping(values) for name, values in setup.cables.items()}
         if setup.action:
-            Action(node, setup, cables, gate)
+            Action(node, setup, {name: file.cable for name, file in files.items()}, gate)
         if setup.topics:
-            Online(node, setup, cables)
-        return f"calibrating {', '.join(cables)}: {setup.action or 'no action'}, {setup.topics}"
+            Online(node, setup, files)
+        return f"calibrating {', '.join(files)}: {setup.action or 'no action'}, {setup.topics}"
 
     return serve(setup, make)
 

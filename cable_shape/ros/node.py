@@ -217,9 +217,9 @@ class CableShapeNode(LifecycleNode):
         self._outputs = Outputs(self, assembly.cycle.cables)
         if settings.input == "joints":
             assert assembly.robot is not None
-            self._source = JointSource(self, settings, sink, assembly.robot, next(iter(assembly.cycle.cables)))
+            self._source = JointSource(self, settings, sink, assembly.robot, assembly.held)
         else:
-            self._source = PoseSource(self, settings, sink, assembly.robot, tuple(assembly.cycle.cables))
+            self._source = PoseSource(self, settings, sink, assembly.robot, assembly.held)
         self._health.robot_expected = assembly.robot is not None
         if settings.moveit_rate > 0.0:
             self._scene = PlanningScene(self, settings, assembly.cycle.cables)
@@ -227,6 +227,8 @@ class CableShapeNode(LifecycleNode):
         if settings.rate > 0.0:
             self._rate_timer = self.create_timer(1.0 / settings.rate, self._tick)
         self.get_logger().info(f"parameters: {settings.echo()}")
+        for remark in assembly.remarks(settings):
+            self.get_logger().warning(remark)
         self.get_logger().info(f"{assembly.describe()}; configured in {time.perf_counter() - began:.1f} s")
         return super().on_configure(state)
 

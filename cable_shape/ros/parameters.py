@@ -12,6 +12,7 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.parameter import Parameter
 
 from cable_shape import checks
+from cable_shape.cable_file import AS_GIVEN, Held
 from cable_shape.calibration.parameters import KNOWN
 from cable_shape.capsules import MAX_CAPSULES
 from cable_shape.errors import ArgumentError, UnknownKeyError
@@ -22,6 +23,7 @@ from cable_shape.solvers import MODELS
 
 INPUTS = ("poses", "joints")
 VIEW_OFF, VIEW_WINDOW = "off", "window"
+AUTO = "auto"  # of the kind of a grip
 ENDINGS = {"view": ".rrd", "calibration_file": ".yaml"}  # of what parameters name for writing
 
 #: Overrides that rclpy itself understands, besides the parameters that it declares.
@@ -94,7 +96,7 @@ class Spec:
 
 NO_OFFSET = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
 _OFFSET = "Cable frame in the tool frame: x y z [m], qx qy qz qw. For input poses; with joints, robot_file says it."
-_KIND = "How this gripper holds the cable. For input poses; with joints, robot_file says it."
+_KIND = "How this gripper holds the cable; auto: as cable_file says, else clamped. For input poses; with joints: auto."
 
 SPECS = (
     Spec("cable_file", "", "YAML file of the cable, or of several; relative to the working directory or to config/."),
@@ -133,8 +135,8 @@ SPECS = (
     Spec("max_skew", 0.02, "Poses further apart in time are not paired.", "s", 0.0, 10.0, live=True),
     Spec("stale_after", 0.5, "Input older than this is reported as stale.", "s", 0.01, 3600.0, live=True),
     Spec("diagnostics_period", 1.0, "Time between diagnostics that hold no news.", "s", 0.1, 60.0, live=True),
-    Spec("grip_kind_left", "clamped", _KIND, options=GRIP_KINDS, live=True),
-    Spec("grip_kind_right", "clamped", _KIND, options=GRIP_KINDS, live=True),
+    Spec("grip_kind_left", AUTO, _KIND, options=(*GRIP_KINDS, AUTO), live=True),
+    Spec("grip_kind_right", AUTO, _KIND, options=(*GRIP_KINDS, AUTO), live=True),
     Spec("left_gripper.offset", NO_OFFSET, _OFFSET, live=True),
     Spec("right_gripper.offset", NO_OFFSET, _OFFSET, live=True),
 )
@@ -199,18 +201,24 @@ class Settings:
         settings.grips()
         return settings
 
-    def grips(self) -> tuple[Grip, Grip]:
-        """The start and end grip at the origin, with kind and offset."""
+    def grips(self, held: tuple[Held, Held] = (AS_GIVEN, AS_GIVEN)) -> tuple[Grip, Grip]:
+        """The start and end grip at the origin, with kind and offset; `held`: what the cable's file knows of them."""
         made = []
-        for side, kind in (("left", self.grip_kind_left), ("right", self.grip_kind_right)):
+        for side, kind, known in zip(("left", "right"), self.kinds, held, strict=True):
             name = f"{side}_gripper.offset"
             row = getattr(self, BY_NAME[name].field)
             try:
                 offset = IDENTITY if list(row) == NO_OFFSET else Pose(row[:3], row[3:])
-                made.append(Grip(IDENTITY, kind, offset))
+                made.append(known.told(kind).grip(Grip(IDENTITY, offset=offset)))
             except ArgumentError as error:
                 raise ArgumentError(f"{name}: {error}") from None
         return made[0], made[1]
+
+    @property
+    def kinds(self) -> tuple[str | None, str | None]:
+        """How left and right gripper hold the cable; None: that is left to the cable's file."""
+        left, right = (None if kind == AUTO else kind for kind in (self.grip_kind_left, self.grip_kind_right))
+        return left, right
 
     def complete(self) -> None:
         """What the parameters must be together, before the node can be configured.

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import partial
 from typing import Any, final
 
 from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 
+from cable_shape.cable_file import Held
 from cable_shape.errors import ArgumentError, InputError
 from cable_shape.pairing import SECOND, FrameGuard, MissedCount, Pair, Pairing, StampGuard
 from cable_shape.pose import Pose
@@ -52,12 +53,20 @@ class _Cable:
 class PoseSource:
     """PoseStamped topics, paired by stamp. With a robot its links follow joint states.
 
-    One cable listens to left_gripper/pose and right_gripper/pose, several to NAME/left_gripper/pose and so on.
+    One cable listens to left_gripper/pose and right_gripper/pose, several to NAME/left_gripper/pose and so on. `held`:
+    what the file of each cable knows of its grips, by the cable's name.
     """
 
     def __init__(
-        self, node: Node, settings: Settings, sink: Sink, robot: Robot | None, cable_ids: Sequence[str]
+        self,
+        node: Node,
+        settings: Settings,
+        sink: Sink,
+        robot: Robot | None,
+        held: Mapping[str, tuple[Held, Held]],
     ) -> None:
+        cable_ids = tuple(held)
+        self._held = held
         self._node = node
         self._sink = sink
         self._frame_setting = settings.frame_id
@@ -78,7 +87,7 @@ class PoseSource:
         """Takes over the parameters that may change while running."""
         for cable in self._cables.values():
             cable.pairing.max_skew = round(settings.max_skew * SECOND)
-        self._grips = settings.grips()
+        self._grips = {name: settings.grips(held) for name, held in self._held.items()}
         self._max_age = settings.stale_after
 
     def clear(self) -> None:
@@ -170,6 +179,6 @@ class PoseSource:
             sink.deliver(Ready(oldest, frame_id, partial(self._ends, oldest, pairs)))
 
     def _ends(self, stamp: int, pairs: Mapping[str, Pair[Pose]]) -> Ends:
-        start, end = self._grips
         links = None if self._links is None else partial(self._links.at, stamp, self._max_age)
-        return {name: (start.at(pair.start), end.at(pair.end)) for name, pair in pairs.items()}, links
+        grips = self._grips
+        return {name: (grips[name][0].at(p.start), grips[name][1].at(p.end)) for name, p in pairs.items()}, links

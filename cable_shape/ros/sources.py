@@ -14,6 +14,7 @@ from typing import Any, final
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
+from cable_shape.cable_file import Held
 from cable_shape.checks import Array
 from cable_shape.errors import InputError, StaleInputError
 from cable_shape.pairing import MissedCount, StampGuard
@@ -66,12 +67,14 @@ class Sink:
 
 @final
 class JointSource:
-    """Joint states through the robot's kinematics."""
+    """Joint states through the robot's kinematics; `held`: the cable's name, and what its file knows of the grips."""
 
     topics = (JOINT_TOPIC,)
 
-    def __init__(self, node: Node, settings: Settings, sink: Sink, robot: Robot, cable_id: str) -> None:
-        self._cable_id = cable_id
+    def __init__(
+        self, node: Node, settings: Settings, sink: Sink, robot: Robot, held: Mapping[str, tuple[Held, Held]]
+    ) -> None:
+        ((self._cable_id, self._held),) = held.items()
         self._node = node
         self._sink = sink
         self._robot = robot
@@ -136,4 +139,5 @@ class JointSource:
 
     def _ends(self, q: Array) -> Ends:
         start, end = self._robot.grips(q)
-        return {self._cable_id: (start, end)}, self._robot.link_poses
+        near, far = self._held
+        return {self._cable_id: (near.grip(start), far.grip(end))}, self._robot.link_poses

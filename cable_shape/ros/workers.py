@@ -12,6 +12,7 @@ from xml.etree import ElementTree
 
 from rclpy.node import Node
 
+from cable_shape.cable_file import CableFile
 from cable_shape.cycle import Cycle
 from cable_shape.errors import ArgumentError, FileError
 from cable_shape.files import read_text
@@ -77,11 +78,11 @@ class CalibratorSetup:
     namespace: str
     action: str
     result: str  # topic
-    cables: dict[str, dict[str, Any]]  # keywords of Cable
+    cables: dict[str, dict[str, Any]]  # keys of CableFile
     topics: dict[str, tuple[str, str, str]]  # of each cable: left, right and points; empty: none is listened to
     gravity: tuple[float, float, float]  # m/s^2
     fit: tuple[str, ...]
-    kinds: tuple[str, str]
+    kinds: tuple[str | None, str | None]  # None: as the cable's file says
     offsets: tuple[tuple[float, ...], tuple[float, ...]]  # x y z [m], quaternion
     max_skew: float  # s
     window: int
@@ -134,7 +135,7 @@ def start_workers(node: Node, settings: Settings, assembly: Assembly) -> None:
         services, actions = ((PredictShapes, planner.service),), ((CheckTrajectory, planner.action),)
         assembly.stand_ins.append(StandIn(node, worker, services, actions))
     if settings.calibration or settings.calibration_points:
-        calibrator = calibrator_setup(node, settings, assembly.cycle)
+        calibrator = calibrator_setup(node, settings, assembly)
         remedy = "calibrate with fewer points."
         worker = WorkerProcess(
             "calibrator",
@@ -206,9 +207,9 @@ def planner_setup(node: Node, settings: Settings, cycle: Cycle) -> PlannerSetup:
     )
 
 
-def calibrator_setup(node: Node, settings: Settings, cycle: Cycle) -> CalibratorSetup:
+def calibrator_setup(node: Node, settings: Settings, assembly: Assembly) -> CalibratorSetup:
     """For what the node's cycles run with."""
-    topics = {}
+    cycle, topics = assembly.cycle, {}
     if settings.calibration_points:
         for name in cycle.cables:
             prefix = f"{name}/" if len(cycle.cables) > 1 else ""
@@ -221,11 +222,11 @@ def calibrator_setup(node: Node, settings: Settings, cycle: Cycle) -> Calibrator
         namespace=node.get_namespace(),
         action=node.resolve_topic_name(CALIBRATE) if settings.calibration else "",
         result=node.resolve_topic_name(CALIBRATION),
-        cables={name: cable.as_dict() for name, cable in cycle.cables.items()},
+        cables={name: CableFile(cable, *assembly.held[name]).as_dict() for name, cable in cycle.cables.items()},
         topics=topics,
         gravity=settings.gravity,
         fit=settings.fitted,
-        kinds=(settings.grip_kind_left, settings.grip_kind_right),
+        kinds=settings.kinds,
         offsets=(settings.left_gripper_offset, settings.right_gripper_offset),
         max_skew=settings.max_skew,
         window=settings.calibration_window,

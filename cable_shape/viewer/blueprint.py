@@ -57,11 +57,19 @@ def _level(direction: Array, otherwise: tuple[float, float, float]) -> Array:
 
 
 def blueprint(
-    cables: Sequence[str], camera: Eye, timeline: str, *, bodies: bool, times: bool, live: bool
+    cables: Sequence[str],
+    camera: Eye,
+    timeline: str,
+    *,
+    bodies: bool,
+    times: bool,
+    live: bool,
+    markers: bool = False,
 ) -> rrb.Blueprint:
     """The scene to the left; numbers over time to the right; words below.
 
-    bodies, times: whether there is clearance, and time spent, to plot. live: follow the newest report.
+    bodies, times, markers: whether there is clearance, time spent, and how far markers are, to plot. live: follow the
+    newest report.
     """
     scene = rrb.Spatial3DView(
         origin="/world",
@@ -80,6 +88,7 @@ def blueprint(
         ("bend_radius", "smallest bend radius [mm]", several, True),
         ("tension", "largest tension [N]", several, True),
         ("time", "cycle time [ms]", named, times),
+        ("markers", "markers to centreline [mm]", named, markers),
     ]
     numbers = [
         rrb.TimeSeriesView(origin=f"/plots/{plot}", name=title, plot_legend=legend)

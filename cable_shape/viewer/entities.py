@@ -14,7 +14,7 @@
 /world/markers                 markers that were measured on the real cable
 /world/sockets/NAME            frames of the sockets, once
 /margins/KIND                  how much of each limit is used now, as bars
-/plots/...                     limits used [1], clearance and bend radius [mm], tension [N], time [ms]
+/plots/...                     limits used [1], clearance, bend radius, markers' distances [mm], tension [N], time [ms]
 /warnings, /state              what is wrong, and how each cable is, in words
 =============================  ====================================================================================
 """
@@ -70,6 +70,8 @@ class ReportLogger:
         What colours the cable: "curvature" or "clearance".
     times : bool
         Whether to show how long things took. Without, the recording depends on the reports' content only.
+    markers : bool
+        Whether to plot how far measured markers are from the centreline.
     live : bool
         Whether the viewer follows the newest report, or plays the recording from its beginning.
     """
@@ -83,6 +85,7 @@ class ReportLogger:
         *,
         colour: str = "curvature",
         times: bool = True,
+        markers: bool = False,
         live: bool = False,
     ) -> None:
         self.recording = recording
@@ -91,6 +94,7 @@ class ReportLogger:
         self.links = tuple(links)
         self.colour = colours.check_colouring(colour)
         self.times = times
+        self.markers = markers
         self.live = live
         self._plots = Plots(recording, self.cables, scene, times)
         self._bars = Bars(recording, self.cables)
@@ -139,6 +143,11 @@ class ReportLogger:
         radius = 0.8 * max((cable.diameter for cable in self.cables.values()), default=0.01)
         self._write("/world/markers", rr.Points3D(points, radii=radius, colors=colours.MARKER))
 
+    def log_distances(self, distances: Array, radii: Array | None, stamp: int) -> None:
+        """Plots how far measured markers are from the centreline, see :meth:`Plots.markers`, at `stamp` [ns]."""
+        self._at(stamp)
+        self._plots.markers(distances, radii)
+
     def _write(self, entity: str, *what: Any, static: bool = False) -> None:
         self.recording.log(entity, *what, static=static)
 
@@ -162,8 +171,9 @@ class ReportLogger:
         self._begun = True
         bodies = bool(self.scene.obstacles or self.links)
         layout = blueprint(
-            tuple(self.cables), eye(report, self.scene), TIMELINE, bodies=bodies, times=self.times, live=self.live
-        )
+            tuple(self.cables), eye(report, self.scene), TIMELINE, bodies=bodies, times=self.times, live=self.live,
+            markers=self.markers,
+        )  # fmt: skip
         self.recording.send_blueprint(layout)
         self._write("/world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         for body in self.scene.obstacles:
@@ -178,7 +188,7 @@ class ReportLogger:
             self._write(f"/world/sockets/{part(name)}", _transform(pose), axes, static=True)
         for name, cable in self.cables.items():
             self._log_held(f"/world/cables/{part(name)}", cable)
-        self._plots.begin()
+        self._plots.begin(self.markers)
         self._bars.begin()
 
     def _log_solid(self, entity: str, solid: Solid, pose: Pose, colour: colours.Colour) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import rerun as rr
 
 from cable_shape.cable import Cable
+from cable_shape.checks import Array
 from cable_shape.report import Clearance, Margin, WarningKind
 from cable_shape.scene import Scene
 from cable_shape.shape import CableShape
@@ -31,8 +32,8 @@ class Plots:
     def _write(self, entity: str, what: Any, static: bool = False) -> None:
         self._recording.log(entity, what, static=static)
 
-    def begin(self) -> None:
-        """Names and colours of the plotted lines."""
+    def begin(self, markers: bool = False) -> None:
+        """Names and colours of the plotted lines; markers: those of the distances of markers, too."""
         several = len(self._cables) > 1
         palette = ((38, 198, 218), (186, 147, 255), (129, 212, 160), (255, 213, 79), (240, 98, 146))
         for k, name in enumerate(self._cables):
@@ -54,6 +55,11 @@ class Plots:
                 colors=[(38, 198, 218), (255, 213, 79)], names=["cycle", "of it prediction"], widths=[2.0]
             )
             self._write("/plots/time/cycle", cycle, static=True)
+        if markers:
+            far = rr.SeriesLines(colors=[palette[0], palette[3]], names=["mean", "largest"], widths=[2.0, 1.0])
+            self._write("/plots/markers/distance", far, static=True)
+            tube = rr.SeriesLines(colors=[palette[1]], names=["radius of the tube"], widths=[1.0])
+            self._write("/plots/markers/tube", tube, static=True)
 
     def shape(self, name: str, shape: CableShape, clearance: Clearance | None) -> None:
         """Numbers over time. A bend radius above the cable's length is drawn as that length: as good as straight."""
@@ -78,6 +84,13 @@ class Plots:
             self._write(entity, rr.Scalars(min(used, MOST_USED)))
         if worst:
             self._write("/plots/margins/limit", rr.Scalars(1.0))
+
+    def markers(self, distances: Array, radii: Array | None) -> None:
+        """Distances (m,) [m] of the markers of a frame from the centreline, and radii (m,) [m] of the tube there."""
+        far = 1e3 * float(distances.mean()), 1e3 * float(distances.max())
+        self._write("/plots/markers/distance", rr.Scalars(far))
+        if radii is not None:
+            self._write("/plots/markers/tube", rr.Scalars(1e3 * float(radii.mean())))
 
     def times(self, total: float, predict: float) -> None:
         """How long a cycle took [s], and the prediction in it."""

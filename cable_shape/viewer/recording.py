@@ -32,7 +32,7 @@ class RecordingWriter:
     Parameters
     ----------
     path : path of the .rrd; an existing file is replaced
-    cables, scene, links, colour, times
+    cables, scene, links, colour, times, markers
         As for :class:`ReportLogger`. `times` are left out by default: they differ from run to run.
     """
 
@@ -45,9 +45,10 @@ class RecordingWriter:
         *,
         colour: str = "curvature",
         times: bool = False,
+        markers: bool = False,
     ) -> None:
         self.recording = new_recording(path)
-        self._logger = ReportLogger(self.recording, cables, scene, links, colour=colour, times=times)
+        self._logger = ReportLogger(self.recording, cables, scene, links, colour=colour, times=times, markers=markers)
         self._flushed = time.monotonic()
         self._broken = False
 
@@ -62,6 +63,10 @@ class RecordingWriter:
     def log_markers(self, points: Array, stamp: int | None = None) -> None:
         """Writes measured markers (k, 3) [m], world, at `stamp` [ns], by default that of the last report."""
         self._logger.log_markers(points, stamp)
+
+    def log_distances(self, distances: Array, radii: Array | None, stamp: int) -> None:
+        """Plots how far measured markers are from the centreline, see :meth:`Plots.markers`, at `stamp` [ns]."""
+        self._logger.log_distances(distances, radii, stamp)
 
     def close(self, timeout: float = 30.0) -> None:
         """Writes what is still buffered, within `timeout` [s], and closes the file; RuntimeError if it cannot."""

@@ -159,10 +159,16 @@ def test_clouds_are_read_as_they_are_and_bad_ones_refused(datatype):
 
 
 def test_a_topic_of_points_refines_the_cable_and_only_the_named_file_is_written(start, tmp_path):
-    file = tmp_path / "found.yaml"
+    file, begin = tmp_path / "found.yaml", tmp_path / "begin.yaml"
+    place = "{position: [0.0, 0.0, 0.02]}"  # an earlier calibration's, which the offset makes up for
+    begin.write_text(
+        "length: 1.2\nlinear_density: 0.1\nbending_stiffness: 0.01\ndiameter: 0.008\n"
+        f"grips: {{start: {{kind: clamped, correction: {place}}}, end: {{kind: clamped}}}}\n"
+    )
     node = start(
         calibration_points="seen/points", calibration_fit="bending_stiffness,length", calibration_period=0.3,
-        calibration_file=file, output_folder=tmp_path,
+        calibration_file=file, output_folder=tmp_path, cable_file=begin,
+        left_gripper__offset=[0.0, 0.0, -0.02, 0.0, 0.0, 0.0, 1.0],
     )  # fmt: skip
     results = node.listen(CableCalibration, "cable/calibration", LATCHED)
     qos = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
@@ -196,9 +202,11 @@ def test_a_topic_of_points_refines_the_cable_and_only_the_named_file_is_written(
     assert found.values[1] == pytest.approx(1.2, abs=0.003)
     assert nanoseconds(found.header.stamp) > 0
     node.until(file.exists, "the file")
-    written = cs.Cable.from_yaml(file)
-    assert written.mean_bending_stiffness == pytest.approx(0.006, rel=0.2)
-    assert sorted(p.name for p in tmp_path.iterdir() if p.suffix in (".yaml", ".new")) == ["found.yaml"]
+    written = cs.CableFile.from_yaml(file)
+    assert written.cable.mean_bending_stiffness == pytest.approx(0.006, rel=0.2)
+    assert written.held == cs.CableFile.from_yaml(begin).held, "they still lie there"
+    named = ["begin.yaml", "found.yaml"]
+    assert sorted(p.name for p in tmp_path.iterdir() if p.suffix in (".yaml", ".new")) == named
     assert node.predicted().usable, "the cycles go on with the cable that they were given"
     assert node.process.stop() == 0
     assert "Traceback" not in node.process.text()

@@ -63,4 +63,4 @@ def test_cycles_never_go_back_and_use_each_entry_once(entries):
 def test_the_shipped_file_of_several_cables_names_them():
     cables = load_cables(Path(__file__).resolve().parents[2] / "config" / "cables" / "three.yaml")
     assert list(cables) == ["front", "rear", "hose"]
-    assert all(cable.length > 0.0 for cable in cables.values())
+    assert all(file.cable.length > 0.0 for file in cables.values())

@@ -128,7 +128,7 @@ def test_a_running_node_describes_and_changes_its_parameters(cell):
 def test_a_change_is_made_as_a_whole_or_not_at_all(cell):
     result = cell.set(stale_after=0.3, grip_kind_left="glued")
     assert not result.successful
-    assert "grip_kind_left = 'glued' is not allowed: it must be one of clamped, swivel, pinned" in result.reason
+    assert "grip_kind_left = 'glued' is not allowed: it must be one of clamped, swivel, pinned, auto" in result.reason
     assert cell.get("stale_after") == 0.4
     result = cell.set(max_skew=-1.0)
     assert not result.successful

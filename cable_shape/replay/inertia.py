@@ -1,0 +1,94 @@
+"""The cable's own acceleration in a recording, from the markers on it: :class:`Inertia`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import final
+
+import numpy as np
+
+from cable_shape.calibration.sources import SMOOTHED, accelerations
+from cable_shape.checks import Array
+from cable_shape.errors import BagError, StaleInputError
+from cable_shape.pairing import StampGuard
+from cable_shape.replay.bags import Bag
+from cable_shape.replay.inputs import MARKERS_TYPE, positions_of, stamp_of
+
+_REMEDY = "Name their topic with --markers-topic, or replay without --inertia."
+
+
+@final
+class Inertia:
+    """Accelerations along the cable at the stamps of a recording, read beforehand: a derivative needs what comes after.
+
+    They are those of the markers, see :func:`cable_shape.calibration.sources.accelerations`. `cycles` and `without`
+    count what `at` answered.
+
+    Parameters
+    ----------
+    path : path of the recording
+    topic : str
+        Of markers (PoseArray), in their order along the cable, the first and the last at the grips.
+    max_skew : int
+        [ns], markers further away in time than this are not those of a cycle.
+
+    Raises
+    ------
+    BagError
+        If it holds no such markers, or none of which a derivative can be taken.
+    """
+
+    source = f"accelerations of the markers, smoothed over {SMOOTHED:g} s"
+
+    def __init__(self, path: Path, topic: str, max_skew: int) -> None:
+        self.max_skew = max_skew
+        self.frame_id: str | None = None  # of the first frame of markers; those in others are left out
+        self.cycles = self.without = 0
+        parts: list[list[tuple[int, Array]]] = [[]]  # a clock that is set back begins another one
+        guard = StampGuard(topic)
+        with Bag(path) as bag:
+            if bag.types.get(topic) != MARKERS_TYPE:
+                raise BagError(
+                    f"{path} has no markers ({MARKERS_TYPE}) on {topic}, from whose motion --inertia takes the cable's "
+                    f"acceleration. {_REMEDY}"
+                )
+            for _, _, message in bag.messages((topic,)):
+                if self.frame_id is None:
+                    self.frame_id = message.header.frame_id
+                if message.header.frame_id != self.frame_id:
+                    continue
+                stamp = stamp_of(message)
+                try:
+                    if guard.check(stamp):
+                        parts.append([])
+                except StaleInputError:
+                    continue
+                parts[-1].append((stamp, positions_of(message.poses)))
+        self._parts = [_tabled(part) for part in parts]
+        if not any(np.isfinite(table).any() for _, table in self._parts):
+            raise BagError(
+                f"{path}: the markers on {topic} tell no acceleration: it takes frames of one number of markers, "
+                f"evenly recorded, for {SMOOTHED:g} s at least. {_REMEDY}"
+            )
+
+    def at(self, stamp: int, restarts: int) -> Array | None:
+        """(rows, 3) [m/s^2], world, at a stamp [ns] after so many restarts of the clock; None: it is not known."""
+        found = None
+        if restarts < len(self._parts):
+            stamps, table = self._parts[restarts]
+            if len(stamps):
+                nearest = int(np.abs(stamps - stamp).argmin())
+                if abs(int(stamps[nearest]) - stamp) <= self.max_skew and np.isfinite(table[nearest]).all():
+                    found = np.ascontiguousarray(table[nearest])
+        self.cycles += found is not None
+        self.without += found is None
+        return found
+
+
+def _tabled(part: list[tuple[int, Array]]) -> tuple[Array, Array]:
+    """Stamps (n,) [ns] and accelerations (n, rows, 3); none where no derivative can be taken."""
+    try:
+        table = accelerations(part)
+    except BagError:
+        return np.empty(0), np.empty((0, 1, 3))
+    return np.array([stamp for stamp, _ in part], dtype=np.int64), table
