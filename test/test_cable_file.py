@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from recordings import BEGIN, LEFT, PERIOD, RIGHT, markers_entry, pose_entry, write_bag
+from replays import MOUNTS, TRUE, bag_of, mounted
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
@@ -18,41 +18,8 @@ from cable_shape.cases.load import load_case
 from cable_shape.cli import main
 from cable_shape.errors import ArgumentError, UnknownKeyError
 
-ALONG_X = Rotation.from_quat((0.5, 0.5, 0.5, 0.5))
-TRUE = cs.Cable(length=1.0, linear_density=0.06, bending_stiffness=0.004)
 ROUGH = "length: 1.0\nlinear_density: 0.06\nbending_stiffness: 0.006\n"
-#: Where the cable lies in the frames that the grippers' trackers tell.
-MOUNTS = (
-    cs.Pose((0.002, -0.004, 0.003), Rotation.from_rotvec((0.06, -0.09, 0.0)).as_quat()),
-    cs.Pose((-0.003, 0.002, 0.0), Rotation.from_rotvec((-0.05, 0.07, 0.0)).as_quat()),
-)
 FIT = "bending_stiffness,start_offset,start_tilt,end_offset,end_tilt"
-
-
-def mounted(seed: int, count: int, end_kind: str = "swivel") -> list[cs.Observation]:
-    """Points of the true cable, held where the mounts say, with the poses of the trackers."""
-    rng = np.random.default_rng(seed)
-    out: list[cs.Observation] = []
-    while len(out) < count:
-        turns = (Rotation.from_rotvec(0.3 * rng.normal(size=3)) * ALONG_X for _ in range(2))
-        start, end = cs.Pose((0, 0, 0), next(turns).as_quat()), cs.Pose((0, 0, 0), next(turns).as_quat())
-        end = cs.Pose(np.array((0.7, 0.0, 0.0)) + 0.08 * rng.normal(size=3), end.quaternion)
-        held = cs.Grip(start, offset=MOUNTS[0]), cs.Grip(end, end_kind, MOUNTS[1])
-        shape = cs.predict(TRUE, *held, model="cosserat", points=301)
-        if shape.status is cs.Status.OK:
-            points = shape.positions[10:-10:14] + 5e-5 * rng.normal(size=(21, 3))
-            out.append(cs.Observation(cs.Grip(start), cs.Grip(end, end_kind), points))
-    return out
-
-
-def bag_of(folder: Path, seen: list[cs.Observation]) -> Path:
-    entries = []
-    for k, one in enumerate(seen):
-        assert isinstance(one.end, cs.Grip)
-        stamp, ends = BEGIN + k * 100 * PERIOD, (one.start.pose, one.end.pose)
-        entries += [pose_entry(t, stamp, p.position, p.quaternion) for t, p in zip((LEFT, RIGHT), ends, strict=True)]
-        entries.append(markers_entry(stamp, [ends[0].position, *one.points, ends[1].position]))
-    return write_bag(folder, entries)
 
 
 @pytest.fixture(scope="module")

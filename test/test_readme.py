@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from recordings import motion, write_bag
+from replays import bag_of, mounted
 
 from cable_shape.cli import build_parser, main
 from cable_shape.report import WarningKind
@@ -99,11 +100,13 @@ def test_the_two_commands_are_executable() -> None:
 
 
 def test_every_command_is_one_that_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Those of the command line as they stand, with a recording in place of BAG; the node's is run in test/ros."""
-    bag = write_bag(tmp_path / "bag", motion(5))
+    """Those of the command line as they stand, with recordings for BAG, SEEN and OTHER; the node's runs in test/ros."""
+    bag, seen = write_bag(tmp_path / "bag", motion(5)), bag_of(tmp_path / "seen", mounted(3, 8))
     monkeypatch.setenv("COLUMNS", "200")
     words = {
         "BAG": str(bag),
+        "SEEN": str(seen),
+        "OTHER": str(seen),
         "OUT": str(tmp_path / "out"),
         "config/cables/demo.yaml": str(ROOT / "config/cables/demo.yaml"),
     }
@@ -119,10 +122,10 @@ def test_every_command_is_one_that_runs(tmp_path: Path, monkeypatch: pytest.Monk
         assert command.endswith("cable-shape"), line
         arguments = [words.get(word, word).replace("OUT/", f"{tmp_path}/out/") for word in arguments]
         assert build_parser().parse_args(arguments).run
-        if arguments[0] == "replay" or "--sag" in arguments:
+        if arguments[0] == "replay" or {"--sag", str(seen)} & set(arguments):
             assert main(arguments) == 0, line
             ran.append(arguments[0])
-    assert ran == ["replay", "calibrate"]
+    assert ran == ["replay", "calibrate", "replay", "calibrate"]
 
 
 def test_benches_that_the_readme_names_are_all_there_are() -> None:

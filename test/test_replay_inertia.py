@@ -23,31 +23,12 @@ from recordings import (
     pose_entry,
     write_bag,
 )
-from replays import CABLE, report_of, run
+from replays import CABLE, END, FRAMES, PUSH, START, pushed, report_of, run
 from reports import columns
 
 import cable_shape as cs
 from cable_shape.errors import ArgumentError, BagError
 from cable_shape.replay.markers import MarkerComparison, nearest_on_polyline
-
-START, END = np.array((0.0, 0.0, 0.5)), np.array((0.8, 0.0, 0.5))
-PUSH = np.array((0.0, 3.0, 0.0))  # m/s^2, sideways: the whole cable hangs aslant
-FRAMES = 40
-
-
-def pushed(frames: int = FRAMES, hidden: int | None = None, frame: str = "world", begin: int = BEGIN) -> list[Entry]:
-    """Both grips and the cable accelerate as one; of the frame `hidden` one marker is not seen."""
-    ends = cs.Pose(START, ALONG_X), cs.Pose(END, ALONG_X)
-    aslant = cs.predict(CABLE, *ends, model="cosserat", acceleration=PUSH, points=201).positions[::20]
-    entries = []
-    for k in range(frames):
-        stamp, way = begin + k * PERIOD, 0.5 * PUSH * (1e-9 * k * PERIOD) ** 2
-        seen = aslant + way
-        if k == hidden:
-            seen[4] = math.nan
-        entries += [pose_entry(LEFT, stamp, START + way), pose_entry(RIGHT, stamp, END + way)]
-        entries.append(markers_entry(stamp, seen, frame))
-    return entries
 
 
 def test_the_cable_is_loaded_by_its_own_acceleration(tmp_path: Path) -> None:

@@ -43,7 +43,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="with commas; see docs/calibration.md (bending_stiffness)",
     )
     parser.add_argument(
-        "--prior", action="append", default=[], metavar="NAME=SD", help="standard deviation about the start; repeatable"
+        "--prior",
+        action="append",
+        default=[],
+        metavar="NAME=SD[,..]",
+        help="standard deviations about where the fit begins; repeatable",
     )
     parser.add_argument("--start-kind", choices=("clamped", "swivel", "pinned"), default="clamped")
     parser.add_argument(
@@ -171,7 +175,7 @@ def _names(arguments: argparse.Namespace) -> tuple[str, ...]:
 
 
 def _priors(arguments: argparse.Namespace) -> dict[str, float]:
-    return dict(_prior(text) for text in arguments.prior)
+    return dict(_prior(text.strip()) for several in arguments.prior for text in several.split(","))
 
 
 def _prior(text: str) -> tuple[str, float]:
