@@ -138,9 +138,6 @@ def test_a_cycle_takes_the_acceleration_of_its_cable() -> None:
     np.testing.assert_allclose(still.positions, cs.predict(CABLE, *ends, points=60).positions, rtol=0.0, atol=2e-5)
     with pytest.raises(ArgumentError, match="acceleration: unknown key 'other'"):
         cycle.step({"cable": ends}, 2, acceleration={"other": table})
-    both = cs.Cycle({"a": CABLE, "b": CABLE}, scene=cs.Scene(contact="solve"))
-    with pytest.raises(ArgumentError, match="not known of cables that rest on each other"):
-        both.step({"a": ends}, 0, acceleration={"a": PUSH})
 
 
 def hanging(tmp_path: Path) -> Path:
