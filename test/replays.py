@@ -60,13 +60,16 @@ def mounted(seed: int, count: int, end_kind: str = "swivel") -> list[cs.Observat
     return out
 
 
-def bag_of(folder: Path, seen: list[cs.Observation]) -> Path:
+def bag_of(folder: Path, seen: list[cs.Observation], tool: cs.Pose | None = None) -> Path:
+    """A look a second; with `tool`, the cable frame in the tool frame, the poses are those of tools."""
     entries = []
     for k, one in enumerate(seen):
         assert isinstance(one.end, cs.Grip)
-        stamp, ends = BEGIN + k * 100 * PERIOD, (one.start.pose, one.end.pose)
+        stamp, ends = BEGIN + k * 100 * PERIOD, [one.start.pose, one.end.pose]
+        if tool is not None:
+            ends = [end * tool.inverse() for end in ends]
         entries += [pose_entry(t, stamp, p.position, p.quaternion) for t, p in zip((LEFT, RIGHT), ends, strict=True)]
-        entries.append(markers_entry(stamp, [ends[0].position, *one.points, ends[1].position]))
+        entries.append(markers_entry(stamp, [one.start.pose.position, *one.points, one.end.pose.position]))
     return write_bag(folder, entries)
 
 

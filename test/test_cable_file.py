@@ -114,6 +114,22 @@ def test_from_a_recording_to_a_replay_in_two_commands(
     assert "note: --end-kind pinned: the cable's file was fitted with a swivel end" in capsys.readouterr().err
 
 
+def test_grippers_that_hold_it_crosswise_are_calibrated_and_replayed_by_the_same_offsets(tmp_path: Path) -> None:
+    tool = cs.Pose((0.0, 0.01, 0.1), (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5)))
+    (tmp_path / "rough.yaml").write_text(ROUGH)
+    offsets = [word for side in ("start", "end") for word in (f"--{side}-offset", *map(repr, tool.array.tolist()))]
+    bag, file = bag_of(tmp_path / "bag", mounted(3, 8), tool), tmp_path / "cable.yaml"
+    command = ["calibrate", str(bag), "--cable", str(tmp_path / "rough.yaml"), "--fit", FIT, "-o", str(file), *offsets]
+    assert main(command) == 0
+    for held, mount in zip(cs.CableFile.from_yaml(file).held, MOUNTS, strict=True):
+        assert held.correction is not None
+        assert held.correction.distance(mount)[0] < 3e-4
+    bag_of(tmp_path / "fresh", mounted(4, 6), tool)
+    assert replayed(tmp_path, tmp_path / "out", "--cable", str(file), *offsets)["markers"]["mean"] < 3e-4
+    bad = ["--end-offset", *"0000000"]
+    assert main([*command, *bad]) == 2
+
+
 def test_a_case_is_held_as_the_file_of_its_cable_says(calibrated: Path, tmp_path: Path) -> None:
     ends = {
         "start": {"position": [0, 0, 1], "quaternion": [0.5, 0.5, 0.5, 0.5]},

@@ -5,14 +5,16 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from cable_shape.cable import Cable
-from cable_shape.cable_file import CableFile
+from cable_shape.cable_file import AS_GIVEN, SIDES, CableFile, Held
 from cable_shape.calibration.photo import PhotoCalibration, calibrate_photo, is_photo
 from cable_shape.calibration.result import Calibration
 from cable_shape.errors import ArgumentError
+from cable_shape.pose import Grip, Pose
 from cable_shape.uncertainty import Uncertainty
 from cable_shape.units import slips_of
 
@@ -53,6 +55,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--end-kind", choices=("clamped", "swivel", "pinned"), help="swivel for a recording, clamped otherwise"
     )
+    for side in ("start", "end"):
+        parser.add_argument(
+            f"--{side}-offset",
+            type=float,
+            nargs=7,
+            metavar=("X", "Y", "Z", "QX", "QY", "QZ", "QW"),
+            help=f"the cable frame in that of the poses of the {side}, as for replay; the default is that frame itself",
+        )
     parser.add_argument("--frames", type=int, default=50, metavar="N", help="of a recording, evenly spread (50)")
     parser.add_argument("--inertia", action="store_true", help="of a recording: markers' accelerations load the cable")
     parser.add_argument("--left-topic", default="/left_gripper/pose", metavar="TOPIC")
@@ -166,8 +176,20 @@ def _from_source(arguments: argparse.Namespace, cable: Cable) -> Calibration:
         names = ("left_topic", "right_topic", "markers_topic", "frames", "inertia")
         options = {name: getattr(arguments, name) for name in names}
     kinds = (arguments.start_kind, arguments.end_kind or ("swivel" if recorded else "clamped"))
+    start, end = (_offset(side, getattr(arguments, f"{side}_offset")) for side in SIDES)
     observations = load_observations(arguments.source, kinds, **options)
+    for one in observations:
+        one.start = start.grip(one.start)
+        one.end = end.grip(one.end) if isinstance(one.end, Grip) else one.end
     return calibrate(observations, cable, _names(arguments), priors=_priors(arguments))
+
+
+def _offset(side: str, given: Sequence[float] | None) -> Held:
+    """How one end is held beside its poses."""
+    try:
+        return AS_GIVEN if given is None else Held(offset=Pose(given[:3], given[3:]))
+    except ArgumentError as error:
+        raise ArgumentError(f"--{side}-offset: {error}") from None
 
 
 def _names(arguments: argparse.Namespace) -> tuple[str, ...]:
