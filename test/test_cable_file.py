@@ -46,6 +46,11 @@ def test_a_calibration_writes_how_grips_were_held_and_where_the_cable_lies_in_th
     assert cs.CableFile.from_mapping(json.loads(json.dumps(file.as_dict()))) == file
 
 
+def test_the_command_tells_the_grips(calibrated: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["calibrate", str(calibrated / "bag"), "--cable", str(calibrated / "rough.yaml"), "--fit", FIT]) == 0
+    assert "grips                  start clamped, corrected by 5." in capsys.readouterr().out
+
+
 def test_the_file_holds_the_cable_as_the_calibration_did(tmp_path: Path) -> None:
     seen = mounted(5, 4)
     found = cs.calibrate(seen, TRUE, FIT.split(","))

@@ -103,6 +103,8 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"cable-shape: error: {trouble}", file=sys.stderr)
     print(found.report())
     print(f"{'cable':<22} {found.cable.describe()}")
+    if found.file.describe():
+        print(f"{'grips':<22} {found.file.describe()}")
     for slip in slips_of(found.cable):
         print(f"cable-shape: note: {slip}", file=sys.stderr)
     asked = [path for path in (arguments.out, arguments.uncertainty) if path is not None]

@@ -76,10 +76,11 @@ class Inertia:
         found = None
         if restarts < len(self._parts):
             stamps, table = self._parts[restarts]
-            if len(stamps):
-                nearest = int(np.abs(stamps - stamp).argmin())
-                if abs(int(stamps[nearest]) - stamp) <= self.max_skew and np.isfinite(table[nearest]).all():
-                    found = np.ascontiguousarray(table[nearest])
+            after = int(np.searchsorted(stamps, stamp))
+            around = range(max(after - 1, 0), min(after + 1, len(stamps)))
+            nearest = min(around, key=lambda i: abs(int(stamps[i]) - stamp), default=None)
+            if nearest is not None and abs(int(stamps[nearest]) - stamp) <= self.max_skew:
+                found = np.ascontiguousarray(table[nearest]) if np.isfinite(table[nearest]).all() else None
         self.cycles += found is not None
         self.without += found is None
         return found
