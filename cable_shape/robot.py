@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, final
 
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cable_shape import checks
+from cable_shape.cable_file import AS_GIVEN, Held
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError, CableShapeError, InputError, RobotError
 from cable_shape.pose import GRIP_KINDS, IDENTITY, Grip, Pose
@@ -145,6 +146,17 @@ class Robot:
             return cls(urdf, grippers, values.get("home"))
         except CableShapeError as error:
             raise type(error)(f"{path}: {error}") from None
+
+    def holding(self, start: Held, end: Held) -> Robot:
+        """The same robot at home, its grippers holding the cable as its file knows (:class:`cable_shape.CableFile`)."""
+        if start == end == AS_GIVEN:
+            return self
+        held = zip(self.grippers.items(), (start, end), strict=True)
+        grips = {side: known.grip(Grip(IDENTITY, old.kind, old.offset)) for (side, old), known in held}
+        grippers = {
+            side: replace(self.grippers[side], kind=grip.kind, offset=grip.offset) for side, grip in grips.items()
+        }
+        return Robot(self.urdf, grippers, dict(zip(self.joint_names, self.home.tolist(), strict=True)))
 
     def _read_joints(self, home: Mapping[str, float]) -> None:
         """Which joints move, their limits, those that mimic others, and the home position."""

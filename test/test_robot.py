@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from urdf_reference import collisions, links
 
+from cable_shape.cable_file import Held
 from cable_shape.errors import ArgumentError, InputError, RobotError, UnknownKeyError
 from cable_shape.pose import Pose, rotate
 from cable_shape.robot import Gripper, Robot
@@ -145,6 +146,17 @@ def test_both_arms_are_the_same_but_for_their_place(robot: Robot) -> None:
             other = poses[link.replace("left_", "right_")]
             np.testing.assert_allclose(pose.position - other.position, (0.0, 0.7, 0.0), atol=1e-12)
             assert pose.distance(other)[1] < 1e-12
+
+
+def test_a_robot_holds_a_cable_as_its_file_knows(robot: Robot) -> None:
+    known = Held("swivel", correction=Pose((0.01, 0.0, 0.02), (0.0, 0.6, 0.0, 0.8)))
+    held, q = robot.holding(known, Held()), robot.home + 0.1
+    for (grip, before), correct in zip(zip(held.grips(q), robot.grips(q), strict=True), (known, Held()), strict=True):
+        expected = correct.grip(before)
+        assert grip.kind == expected.kind
+        np.testing.assert_allclose(grip.cable_frame.matrix(), expected.cable_frame.matrix(), atol=1e-12)
+    np.testing.assert_array_equal(held.home, robot.home)
+    assert robot.holding(Held(), Held()) is robot
 
 
 def test_home_holds_a_cable_between_the_grippers(robot: Robot) -> None:

@@ -15,7 +15,7 @@ from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 
 from cable_shape.batch import predict_batch
-from cable_shape.cable import Cable
+from cable_shape.cable_file import CableFile
 from cable_shape.errors import UnknownKeyError
 from cable_shape.robot import Robot
 from cable_shape.ros import planner_messages, requests
@@ -33,20 +33,23 @@ class Planner:
 
     def __init__(self, node: Node, setup: PlannerSetup, gate: Gate) -> None:
         self._node, self._setup, self._gate = node, setup, gate
-        self._cables = {name: Cable.from_mapping(values) for name, values in setup.cables.items()}
-        self._robot = Robot.from_yaml(setup.robot) if setup.robot else None
+        files = {name: CableFile.from_mapping(values) for name, values in setup.cables.items()}
+        self._cables = {name: file.cable for name, file in files.items()}
+        robot = Robot.from_yaml(setup.robot) if setup.robot else None
+        self._robots = {name: None if robot is None else robot.holding(*file.held) for name, file in files.items()}
         node.create_service(
             PredictShapes, setup.service, self._predict, callback_group=MutuallyExclusiveCallbackGroup()
         )
         unheard = {"success": True, "partial": True}
         self.checks = Goals(node, CheckTrajectory, setup.action, self._check, unheard, gate.check)
 
-    def _cable(self, cable_id: str) -> Cable:
+    def _name(self, cable_id: str) -> str:
+        """Of the cable that is asked for, which need not be named where it is alone."""
         if not cable_id and len(self._cables) == 1:
-            return next(iter(self._cables.values()))
+            return next(iter(self._cables))
         if cable_id not in self._cables:
             raise UnknownKeyError.among("cable_id", cable_id, self._cables)
-        return self._cables[cable_id]
+        return cable_id
 
     def _predict(self, request: Any, response: Any) -> Any:
         """PredictShapes."""
@@ -55,7 +58,7 @@ class Planner:
             self._gate.check()
             asked = requests.grasps(request, setup)
             batch = predict_batch(
-                self._cable(request.cable_id),
+                self._cables[self._name(request.cable_id)],
                 asked.starts,
                 asked.ends,
                 model=request.model or setup.model,
@@ -80,16 +83,16 @@ class Planner:
         """The check itself, with feedback, until the goal is cancelled."""
         setup, request = self._setup, goal.request
         asked = requests.motion(request, setup)
-        feedback = Feedback(goal)
+        feedback, name = Feedback(goal), self._name(request.cable_id)
 
         def proceed(found: TrajectoryCheck) -> bool:
             feedback.offer(lambda: planner_messages.feedback(found))
             return not goal.is_cancel_requested
 
         return check_trajectory(
-            self._cable(request.cable_id),
+            self._cables[name],
             setup.scene,
-            self._robot,
+            self._robots[name],
             asked.path,
             gravity=setup.gravity,
             points=asked.points,

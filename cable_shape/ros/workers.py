@@ -13,7 +13,6 @@ from xml.etree import ElementTree
 from rclpy.node import Node
 
 from cable_shape.cable_file import CableFile
-from cable_shape.cycle import Cycle
 from cable_shape.errors import ArgumentError, FileError
 from cable_shape.files import read_text
 from cable_shape.ros.assembly import Assembly
@@ -45,7 +44,7 @@ class PlannerSetup:
     namespace: str
     service: str
     action: str
-    cables: dict[str, dict[str, Any]]  # keywords of Cable
+    cables: dict[str, dict[str, Any]]  # keys of CableFile
     scene: Scene
     robot: str  # path of the robot's YAML file; empty: none
     model: str
@@ -117,7 +116,7 @@ def clients(node: Node, setup: PlannerSetup | CalibratorSetup) -> int:
 def start_workers(node: Node, settings: Settings, assembly: Assembly) -> None:
     """Starts what the settings ask for."""
     if settings.planner:
-        planner = planner_setup(node, settings, assembly.cycle)
+        planner = planner_setup(node, settings, assembly)
         remedy = "ask for fewer rows or points in one request."
         environment = {name: os.environ.get(name, value) for name, value in KEEP_MEMORY.items()}
         if settings.planner_profiles:
@@ -185,15 +184,16 @@ def _profiles(path: str) -> Path:
     return file.resolve()
 
 
-def planner_setup(node: Node, settings: Settings, cycle: Cycle) -> PlannerSetup:
+def planner_setup(node: Node, settings: Settings, assembly: Assembly) -> PlannerSetup:
     """For what the node's cycles run with."""
+    cycle = assembly.cycle
     cores = len(os.sched_getaffinity(0))
     return PlannerSetup(
         name=f"{node.get_name()}_planner",
         namespace=node.get_namespace(),
         service=node.resolve_service_name(SERVICE),
         action=node.resolve_topic_name(ACTION),
-        cables={name: cable.as_dict() for name, cable in cycle.cables.items()},
+        cables={name: CableFile(cable, *assembly.held[name]).as_dict() for name, cable in cycle.cables.items()},
         scene=cycle.scene,
         robot=str(find_file(settings.robot_file).resolve()) if settings.robot_file else "",
         model=settings.model,

@@ -1,17 +1,26 @@
 """The node holds a cable as its file says that a calibration found it held."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import rclpy
 from builtin_interfaces.msg import Time
+from cable_shape_msgs.action import CheckTrajectory
 from harness import ALONG_X
 from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 import cable_shape as cs
 from cable_shape.fields import shape_from
 from cable_shape.robot import Robot
+from cable_shape.ros import planning
+from cable_shape.ros.assembly import load_cables
 from cable_shape.ros.parameters import SPECS, Settings, find_file
+from cable_shape.ros.planning import Planner
+from cable_shape.ros.serving import Gate
+from cable_shape.ros.workers import PlannerSetup
 
 GRIPS = """
 grips:
@@ -79,3 +88,39 @@ def test_settings_hold_as_told_else_as_the_file_says_else_clamped():
     assert [grip.kind for grip in Settings.of(values).grips(held)] == ["swivel", "clamped"]
     told = Settings.of({**values, "grip_kind_left": "pinned"})
     assert [grip.kind for grip in told.grips(held)] == ["pinned", "clamped"]
+
+
+def test_several_cables_have_grips_of_their_own(file, tmp_path):
+    several = tmp_path / "several.yaml"
+    plain = "{length: 1.0, linear_density: 0.1, bending_stiffness: 0.01, grips: {start: {kind: pinned}}}"
+    several.write_text(f"cables:\n  a: {file}\n  b: {plain}\n")
+    cables = load_cables(several)
+    assert [held.kind for cable in cables.values() for held in cable.held] == ["clamped", "swivel", "pinned", None]
+    assert cables["a"] == cs.CableFile.from_yaml(file)
+
+
+def test_the_planner_corrects_the_grips_of_the_robot(file):
+    cable, robot = cs.CableFile.from_yaml(file), find_file("robots/dual_arm.yaml")
+    setup = PlannerSetup(
+        "p", "/", "s", "a", {"cable": cable.as_dict()}, cs.Scene(), str(robot), "auto", (0.0, 0.0, -9.81), 20, 0.0, 10,
+        1, 5.0, True,
+    )  # fmt: skip
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    node = rclpy.create_node("corrects", context=context)
+    try:
+        seen = []
+        planner = Planner(node, PlannerSetup.from_json(setup.to_json()), Gate())
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(planning, "check_trajectory", lambda cable, scene, robot, *_, **__: seen.append(robot))
+            points = [JointTrajectoryPoint(positions=Robot.from_yaml(robot).home.tolist())] * 2
+            names = list(Robot.from_yaml(robot).joint_names)
+            goal = CheckTrajectory.Goal(trajectory=JointTrajectory(joint_names=names, points=points))
+            planner._checked(SimpleNamespace(request=goal, is_cancel_requested=False))
+        plain = Robot.from_yaml(robot)
+        for grip, before, held in zip(seen[0].grips(plain.home), plain.grips(plain.home), cable.held, strict=True):
+            assert grip.kind == held.kind
+            assert grip.cable_frame.distance(held.grip(before).cable_frame) == pytest.approx((0.0, 0.0), abs=1e-9)
+    finally:
+        node.destroy_node()
+        rclpy.shutdown(context=context)
