@@ -19,7 +19,8 @@ from tqdm import tqdm
 from truth_data import CABLES, DATA, Frames, load, recording
 from truth_limits import least, line, mean_error, read_off
 from truth_readings import readings
-from truth_supports import ends_of
+from truth_supports import NOISE, ROWS, SEEN, draw_rest, ends_of, recovered_along
+from truth_supports import POINTS as MARKS
 from truth_tubes import tubes
 
 import cable_shape as cs
@@ -44,11 +45,13 @@ TOLD = {
 }
 ONE = ("bending_stiffness",)
 HELPS = ("bending_stiffness", "length", "start_tilt", "end_tilt", "start_offset", "end_offset", "rest_curvature_along")
-PRIORS = {"length": 0.005, "start_tilt": 0.15, "end_tilt": 0.15, "start_offset": 0.005, "end_offset": 0.005}
+PRIORS = {"length": 0.002, "start_tilt": 0.06, "end_tilt": 0.06, "start_offset": 0.002, "end_offset": 0.002}
+#: Frames that "all that helps" is fitted on.
+KINDS = ("quasi", "slow", "moderate")
 PARTS = 3
-#: Of the rest curvature along the cable: chosen within the frames that are fitted.
-SUPPORTS = "auto"
-SYNTHETIC, ALONG = 200, 60
+#: Of the rest curvature along the cable.
+SUPPORTS = 9
+SYNTHETIC, ALONG = 200, 100
 #: Every so many frames, whether the tube holds the markers.
 TUBES = 3
 
@@ -70,6 +73,13 @@ def predicted(found: cs.Calibration, seen: cs.Observation, model: str = "cossera
     return cs.predict(found.cable, start, end, model=model, points=101, acceleration=seen.acceleration)
 
 
+def rolling(seen: cs.Observation) -> cs.Observation:
+    """The same with swivels at both ends: what roll the grippers had was not measured."""
+    assert isinstance(seen.end, cs.Grip)
+    grips = cs.Grip(seen.start.pose, "swivel"), cs.Grip(seen.end.pose, "swivel")
+    return cs.Observation(*grips, seen.points, acceleration=seen.acceleration, group=seen.group)
+
+
 def radius_at(found: cs.Calibration, seen: cs.Observation) -> np.ndarray:
     """(m,) [m]: radius of the 95 % tube where it is nearest to each observed point."""
     tube = cs.predict_tube(found, seen.start, seen.end, acceleration=seen.acceleration)
@@ -77,7 +87,7 @@ def radius_at(found: cs.Calibration, seen: cs.Observation) -> np.ndarray:
     return tube.radius[apart.argmin(axis=1)]
 
 
-def judge(number: int, frames: Frames, quick: bool) -> dict[str, Any]:
+def judge(number: int, frames: Frames, quick: bool, folder: Path) -> dict[str, Any]:
     """All rows for one cable: mean distance of held-back markers in % of the length, and what was fitted."""
     rows: dict[str, dict[int, np.ndarray]] = {}
     fits: dict[str, list[cs.Calibration]] = {STATIC: [], MOVING: [], ALL: []}
@@ -93,9 +103,8 @@ def judge(number: int, frames: Frames, quick: bool) -> dict[str, Any]:
             STATIC: cs.calibrate([frames.static[i] for i in learn], frames.cable, ONE),
             MOVING: cs.calibrate([frames.moving[i] for i in learn], frames.cable, ONE),
         }
-        by[ALL] = cs.calibrate(
-            [frames.moving[i] for i in learn], by[MOVING].cable, HELPS, priors=PRIORS, supports=SUPPORTS
-        )
+        wide = [rolling(frames.moving[i]) for i in frames.where(KINDS, part, False)]
+        by[ALL] = cs.calibrate(wide, by[MOVING].cable, HELPS, priors=PRIORS, supports=SUPPORTS)
         for row, found in by.items():
             fits[row].append(found)
         for i in held_back:
@@ -109,6 +118,7 @@ def judge(number: int, frames: Frames, quick: bool) -> dict[str, Any]:
                 put(model, i, distances(predicted(by[STATIC], still, model), points))
             put(STATIC, i, distances(predicted(by[STATIC], still), points))
             put(MOVING, i, distances(predicted(by[MOVING], moving), points))
+            moving = rolling(moving)
             shape = predicted(by[ALL], moving)
             off = distances(shape, points)
             put(ALL, i, off)
@@ -119,7 +129,7 @@ def judge(number: int, frames: Frames, quick: bool) -> dict[str, Any]:
         for i in frames.where(("moderate",), part, True):
             for row, told, seen in (("static", STATIC, frames.static[i]), ("inertial load", MOVING, frames.moving[i])):
                 put(f"moderate frames, {row}", i, distances(predicted(by[told], seen), seen.points))
-            put(FASTER, i, distances(predicted(by[ALL], frames.moving[i]), frames.moving[i].points))
+            put(FASTER, i, distances(predicted(by[ALL], rolling(frames.moving[i])), frames.moving[i].points))
     per_cent = 100.0 / frames.cable.length
     means = {row: {i: per_cent * float(x.mean()) for i, x in values.items()} for row, values in rows.items()}
     joined = {row: per_cent * np.concatenate(list(values.values())) for row, values in rows.items()}
@@ -132,7 +142,7 @@ def judge(number: int, frames: Frames, quick: bool) -> dict[str, Any]:
             row: per_cent * least([seen[i] for i in calm], frames.cable)[0]
             for row, seen in ((STATIC, frames.static), (MOVING, frames.moving))
         },
-        "recordings": recordings(number, frames),
+        "recordings": recordings(number, frames, folder),
         "frames": frames,
         "coverage": float(np.concatenate(inside).mean()),
         "fits": fits,
@@ -141,12 +151,12 @@ def judge(number: int, frames: Frames, quick: bool) -> dict[str, Any]:
     }
 
 
-def recordings(number: int, frames: Frames) -> dict[str, float]:
+def recordings(number: int, frames: Frames, folder: Path) -> dict[str, float]:
     """Means over the calm frames of both recordings, EI/w fitted to frames of other trajectories; count of frames."""
     off: dict[str, list[np.ndarray]] = {STATIC: [], MOVING: []}
     for which, traj in enumerate(frames.recorded):
         learn = np.flatnonzero((frames.kind == "quasi") & (frames.traj != traj))
-        seen = dict(zip(off, recording(number, which, frames.calm), strict=True))
+        seen = dict(zip(off, recording(number, which, frames.calm, folder), strict=True))
         for row, known in ((STATIC, frames.static), (MOVING, frames.moving)):
             found = cs.calibrate([known[i] for i in learn], frames.cable, ONE)
             off[row] += [distances(predicted(found, one), one.points) for one in seen[row]]
@@ -154,14 +164,17 @@ def recordings(number: int, frames: Frames) -> dict[str, float]:
     return means | {"frames": len(off[STATIC])}
 
 
-def real(figures: Figures, quick: bool, picture: Path | None, table: Path | None) -> dict[str, Any]:
+def real(
+    figures: Figures, quick: bool, folder: Path, picture: Path | None, table: Path | None, rest: Path | None
+) -> dict[str, Any]:
     """The table of real cables."""
     heading("Real cables: mean distance of inner markers to the prediction, % of the free length, frames 'quasi'")
-    print(f"fitted on other trajectories than judged, {PARTS} parts; all that helps: {', '.join(HELPS)},")
-    print(f"priors {PRIORS}, one set a cable, none a frame. Swivel at the end; roll of the grippers not measured.")
+    print(f"fitted on other trajectories than judged, {PARTS} parts. Swivel at the end: roll was not measured.")
+    print(f"All that helps: {', '.join(HELPS)} with {SUPPORTS} supports,")
+    print(f"priors {PRIORS}, one set a cable, none a frame; swivels at both ends, fitted on {', '.join(KINDS)}.")
     print("Grips as the data say: tangents through the two markers in each grip, no marker that is judged.")
     print("±: standard error, from how much trajectories disagree.")
-    done = {number: judge(number, load(number, PARTS), quick) for number in tqdm(CABLES, desc="cables", unit="cable")}
+    done = {number: judge(number, load(number, PARTS, folder), quick, folder) for number in tqdm(CABLES, desc="cables")}
     print(f"{'':52}" + "".join(f"{f'cable{n}':>14}" for n in CABLES))
     for row in next(iter(done.values()))["rows"]:
         errors = []
@@ -172,6 +185,10 @@ def real(figures: Figures, quick: bool, picture: Path | None, table: Path | None
         lost = [done[n]["lost"][row] for n in CABLES]
         if any(lost):
             print(f"{'  markers without a usable shape':52}" + "".join(f"{x:14d}" for x in lost))
+    told = [
+        100.0 * np.mean([np.nanmean(f.distances) for f in done[n]["fits"][ALL]]) / done[n]["length"] for n in CABLES
+    ]
+    line(f"{ALL}: told by the fits, of their frames", told)
     limits(done)
     for row in (STATIC, MOVING, ALL):
         print(f"EI/w [m^3] and its standard error, {row}, one part left out:")
@@ -192,6 +209,8 @@ def real(figures: Figures, quick: bool, picture: Path | None, table: Path | None
         figures.at_most(f"cable{n}: 95 % tube holds held-back markers", share, 99.0, "{:.1f}", " %")
     if picture is not None:
         draw(done, picture)
+    if rest is not None:
+        draw_rest({n: done[n]["fits"][ALL] for n in CABLES}, rest)
     if table is not None:
         write(done, table)
     return {f"cable{n}": {"rows": done[n]["rows"], "coverage": done[n]["coverage"]} for n in CABLES}
@@ -295,6 +314,15 @@ def synthetic(figures: Figures, count: int) -> dict[str, float]:
         out[name] = 100.0 * sum(r[name] for r in results) / count
         figures.at_least(f"true {name} in its 95 % interval", out[name], 90.0, "{:.1f}", " %")
         figures.at_most(f"true {name} in its 95 % interval", out[name], 99.0, "{:.1f}", " %")
+    many = max(8, count * ALONG // SYNTHETIC)
+    heading(
+        f"Rest curvature at {ROWS} supports and stiffness: {many} cables, {SEEN} observations of {MARKS} points, noise "
+        f"{1e3 * NOISE:g} mm, 5 % stray by 5 cm"
+    )
+    inside = np.concatenate([recovered_along(seed) for seed in tqdm(range(many), desc="supports", unit="cable")])
+    out["along"] = 100.0 * float(inside.mean())
+    figures.at_least("true numbers with nine supports in their 95 % intervals", out["along"], 93.0, "{:.1f}", " %")
+    figures.at_most("true numbers with nine supports in their 95 % intervals", out["along"], 97.0, "{:.1f}", " %")
     rng = np.random.default_rng(0)
     true = cs.Cable(length=1.0, linear_density=0.05, bending_stiffness=0.004)
     for loaded in (False, True):
@@ -320,17 +348,22 @@ def synthetic(figures: Figures, count: int) -> dict[str, float]:
 def main() -> int:
     parser = bench_parser(__doc__, "one part of the frames, 40 synthetic cables")
     parser.add_argument("--picture", type=Path, metavar="FILE.png", help="draw predicted and measured cables")
+    parser.add_argument("--data", type=Path, default=DATA, metavar="FOLDER", help="recordings to judge (shared/data)")
+    parser.add_argument("--rest", type=Path, metavar="FILE.png", help="draw the rest shapes that were found")
     parser.add_argument("--frames", type=Path, metavar="FILE.csv", help="write the error of every judged frame")
     parser.add_argument("--readings", action="store_true", help="also read the frames in other ways")
     args = bench_options(parser)
     cs.warm_up()
     figures = Figures()
     out: dict[str, Any] = {"synthetic": synthetic(figures, 40 if args.quick else SYNTHETIC)}
-    if DATA.is_dir():
-        out |= real(figures, args.quick, args.picture, args.frames)
-        out["tubes"] = tubes(figures, args.quick)
+    if args.data.is_dir():
+        out |= real(figures, args.quick, args.data, args.picture, args.frames, args.rest)
+        if args.data == DATA:
+            out["tubes"] = tubes(figures, args.quick)
         if args.readings:
-            readings({number: load(number, PARTS) for number in CABLES})
+            readings({number: load(number, PARTS, args.data) for number in CABLES})
+    elif args.data != DATA:
+        parser.error(f"--data {args.data}: no such folder. Name one with cable1_frames.npz and the others.")
     else:
         print(f"\nno recordings of real cables at {DATA.parent.name}/{DATA.name}: not judged")
     return finish(figures, args, tables=out)

@@ -33,10 +33,11 @@ def least(observations: list[cs.Observation], cable: cs.Cable, ratios: np.ndarra
     """Least mean distance [m] that any EI/w reaches on these very observations, and that EI/w [m^3]."""
     forward = Forward(Parameters(cable, ("bending_stiffness",)), observations)
     weight = cable.linear_density * 9.81
-    means = [
-        float(np.nanmean(np.linalg.norm(forward.misses(np.array([math.log(ratio * weight)])), axis=1)))
-        for ratio in ratios[::-1]
-    ]
+    means = []
+    for ratio in ratios[::-1]:
+        off = forward.misses(np.array([math.log(ratio * weight)]))
+        forward.keep()  # the next cable, a little limper, hangs on the same branch
+        means.append(float(np.nanmean(np.linalg.norm(off, axis=1))))
     best = int(np.argmin(means))
     return means[best], float(ratios[::-1][best])
 

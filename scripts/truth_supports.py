@@ -1,8 +1,10 @@
-"""Rest curvature at nine supports, put into synthetic cables and found again."""
+"""Rest curvature at nine supports: put into synthetic cables and found again; drawn as the shape at rest."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -55,3 +57,27 @@ def recovered_along(seed: int) -> np.ndarray:
     found = cs.calibrate(seen, begin, ("bending_stiffness", "rest_curvature_along"), supports=ROWS)
     truth = dict(zip(along(ROWS), table[:, :2].ravel().tolist(), strict=True)) | {"bending_stiffness": stiffness}
     return np.array([found[name].low <= x <= found[name].high for name, x in truth.items()])
+
+
+def draw_rest(fits: Mapping[int, Sequence[cs.Calibration]], picture: Path) -> None:
+    """The shapes without load that the fits of each cable found, from two sides, each against a straight line."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(13.0, 2.4 * len(fits)), dpi=90)
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(len(fits), 2, squeeze=False)
+    level = cs.Pose((0.0, 0.0, 0.0), (0.5, 0.5, 0.5, 0.5))  # d1 = y, d2 = z, d3 = x
+    for row, (number, found) in zip(axes, fits.items(), strict=True):
+        for part, fit in enumerate(found, 1):
+            shape = cs.predict(fit.cable, level, None, model="cosserat", gravity=(0.0, 0.0, 0.0))
+            for axis, across, name in zip(row, (1, 2), ("d1", "d2"), strict=True):
+                axis.plot(shape.positions[:, 0], shape.positions[:, across], lw=1.5, label=f"without part {part}")
+                axis.set_title(f"cable{number} at rest, held level at the start, along {name} [m]", fontsize=9)
+        for axis in row:
+            axis.axhline(0.0, color="#666666", lw=0.8, ls="--")
+            axis.set_aspect("equal", adjustable="datalim")
+            axis.tick_params(labelsize=8)
+    axes[0, 0].legend(fontsize=8)
+    figure.tight_layout()
+    figure.savefig(picture, metadata={"Software": None})

@@ -61,6 +61,10 @@ class Forward:
         self._from, self._last = [None] * len(self.observations), None
         return self.misses(values)
 
+    def keep(self) -> None:
+        """From now on shapes are followed from the last ones."""
+        self._from = self._states
+
     def jacobian(self, values: Array, now: Array) -> Array:
         """(n, 3, parameters) at `values`, where the misses are `now`; 0 where there is no shape.
 
@@ -68,7 +72,7 @@ class Forward:
         moves none.
         """
         shapes = self._shapes(values)
-        self._from = self._states
+        self.keep()
         out = self._moved(values, shapes)
         steps = np.array([parameter.step for parameter in self.parameters.each])
         spread = steps * np.sqrt((out * out).sum(axis=(0, 1)) / len(out))
