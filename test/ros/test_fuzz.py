@@ -19,6 +19,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from cable_shape.cable import Cable
+from cable_shape.cable_file import AS_GIVEN
 from cable_shape.cycle import Cycle
 from cable_shape.errors import CableShapeError
 from cable_shape.robot import Robot
@@ -110,12 +111,12 @@ class Fed:
 
 @pytest.fixture(scope="module")
 def poses():
-    return Fed(partial(PoseSource, robot=None, cable_ids=("cable",)))
+    return Fed(partial(PoseSource, robot=None, held={"cable": (AS_GIVEN, AS_GIVEN)}))
 
 
 @pytest.fixture(scope="module")
 def joints():
-    return Fed(partial(JointSource, robot=ROBOT, cable_id="cable"))
+    return Fed(partial(JointSource, robot=ROBOT, held={"cable": (AS_GIVEN, AS_GIVEN)}))
 
 
 @fuzzed
