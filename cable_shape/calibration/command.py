@@ -61,7 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--end-kind", choices=("clamped", "swivel", "pinned"), help="swivel for a recording, clamped otherwise"
     )
-    for side in ("start", "end"):
+    for side in SIDES:
         parser.add_argument(
             f"--{side}-offset",
             type=float,

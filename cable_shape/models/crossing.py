@@ -18,6 +18,7 @@ from cable_shape.models.crossing_group import GROWTH, Group
 from cable_shape.models.crossing_places import Places
 from cable_shape.models.crossing_state import all_frames
 from cable_shape.models.crossing_step import Spot
+from cable_shape.models.rod_common import Patience
 from cable_shape.problem import Problem
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve.search import between
@@ -32,7 +33,6 @@ _THROUGH = (
     "no way from the last shapes leads to ones between these ends but through a cable. It stays so until "
     "the ends are back where a way leads on, or until reset: then any shape is taken. "
 )
-_LONGEST_WAIT = 16  #: solves after which one that has failed from nothing is tried again
 
 
 class Solo(Protocol):
@@ -66,7 +66,7 @@ class Crossing:
         self._names = tuple(names)
         self._solos = solos
         self._time_budget, self._deadline = time_budget, math.inf
-        self._patience, self._why = 1, ""
+        self._patience, self._why = Patience(), ""
         self._places = Places(names, self.problems)
         self.reset()
 
@@ -74,6 +74,7 @@ class Crossing:
         """Forgets the last equilibrium, and which way cables lie over each other."""
         self._last: tuple[list[CableShape], Array, list[Spot]] | None = None  # that equilibrium
         self._reached: Group | None = None  # how far its cables got from there to where none was found
+        self._patience.succeed()
         self._forget()
 
     def _forget(self) -> None:
@@ -82,7 +83,6 @@ class Crossing:
         self._shapes: list[CableShape] | None = None
         self._frames: Array = np.empty(0)
         self._kinds: list[tuple[str, str]] = []
-        self._wait = 0
 
     @property
     def touching(self) -> frozenset[int]:
@@ -114,7 +114,7 @@ class Crossing:
         if self._shapes is not None and len(frames) != len(self._frames):  # links are known, or not any more
             self._let_go()
             self.reset()
-        if self._shapes is None and self._wait == 0:
+        if self._shapes is None and self._patience.left == 0:
             self._go_on()
         if self._group is not None:
             for cable, rod in self._group.rods.items():
@@ -127,9 +127,9 @@ class Crossing:
             return self._give_up(free, "")
         given = [shape for shape in free if shape is not None]
         if self._shapes is None:
-            wrong = self._places.involved(given) | self._through(given) if self._wait > 0 else set()
+            wrong = self._places.involved(given) | self._through(given) if self._patience.left > 0 else set()
             if wrong:
-                self._wait -= 1
+                self._patience.left -= 1
                 return [
                     _graded(shape, Status.NOT_CONVERGED, self._why) if i in wrong else shape
                     for i, shape in enumerate(given)
@@ -305,7 +305,7 @@ class Crossing:
             along = self._places.along_each_other(shapes, [spot for spot in group.spots if spot.press > 0.0])
             if along:
                 return self._give_up([None] * len(shapes), along)
-            self._patience = 1
+            self._patience.succeed()
             for spot in group.spots:
                 spot.before = spot.arcs.copy()
             staying = [spot for spot in group.spots if spot.press > 0.0 or spot.distance < 2.0 * spot.reach]
@@ -361,7 +361,7 @@ class Crossing:
         self._lose()
         out = [shape if shape is not None else self._solos[i].alone() for i, shape in enumerate(shapes)]
         if detail:
-            self._wait, self._patience = self._patience, min(2 * self._patience, _LONGEST_WAIT)
+            self._patience.fail()
         self._why = (detail or _LOST) + status.remedy
         wrong = touching | self._places.involved(out) | self._through(out)
         return [

@@ -1,9 +1,10 @@
-"""What the rod's models share, plain, in clips and in contact: the straight line, and sensitivities about grippers."""
+"""What models of the rod share: the straight line, sensitivities about grippers, patience with what takes long."""
 
 from __future__ import annotations
 
 import math
 from time import perf_counter
+from typing import final
 
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
@@ -14,6 +15,7 @@ from cable_shape.shape import CableShape, Status
 from cable_shape.solve.answers import about_gripper
 
 MODEL = "cosserat"
+_LONGEST_WAIT = 16
 
 
 def straight_line(
@@ -52,3 +54,20 @@ def turn_about(at: str, problem: Problem, out: Array) -> None:
     for column, end in ((0, problem.start), (6, problem.end)):
         if isinstance(end, Grip):
             about_gripper(end, out[:, :, column : column + 6])
+
+
+@final
+class Patience:
+    """How many solves pass before what takes long is tried again where it has failed: 1, 2, 4, at most 16."""
+
+    def __init__(self) -> None:
+        self.left = 0  #: solves that are still to pass
+        self._next = 1
+
+    def fail(self) -> None:
+        """It has failed once more."""
+        self.left, self._next = self._next, min(2 * self._next, _LONGEST_WAIT)
+
+    def succeed(self) -> None:
+        """It has not failed, or is to be tried again at once."""
+        self.left, self._next = 0, 1

@@ -13,6 +13,7 @@ from cable_shape.kernels.contact_near import BARE, NEAR, NORMAL, PRESS, SPOT
 from cable_shape.kernels.span_factor import PLACE
 from cable_shape.kernels.span_work import BEFORE, NOW, TRIAL
 from cable_shape.models import touch_mesh, touch_resume
+from cable_shape.models.rod_common import Patience
 from cable_shape.models.touch_bodies import TouchBodies
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.problem import Problem
@@ -64,7 +65,7 @@ class TouchState:
     def __init__(self, problem: Problem) -> None:
         self.history = self.elements = 0
         self.touching = False  # whether the last solution is in contact
-        self.wait, self.patience = 0, 1  # solves until another way is looked for where none led on, and after the next
+        self.patience = Patience()  # until another way is looked for where none led on
         self.free: CableShape | None = None  # the last shape, if it is not, and the frames of its supports (b+1, 7)
         self.free_frames: Array = np.zeros((2, 7))
         self._positions = _NOWHERE
@@ -366,7 +367,7 @@ class TouchState:
     def rest(self, shape: CableShape, frames: Array) -> None:
         """Makes a shape without contacts the last one; `frames` are those of its supports."""
         self.touching = False
-        self.wait, self.patience = 0, 1
+        self.patience.succeed()
         self.free, self.free_frames = shape, frames
         self.remember(shape.positions)
 
@@ -434,7 +435,7 @@ class TouchState:
         """The next solve starts from nothing."""
         self.history = 0
         self.touching = False
-        self.wait, self.patience = 0, 1
+        self.patience.succeed()
         self.free = None
         self._positions = _NOWHERE
 

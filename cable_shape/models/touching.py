@@ -34,7 +34,6 @@ _STUCK = (
     "no way from the last shape leads to one between these ends but past an obstacle, behind which the cable cannot "
     "have come. It stays so until the ends are back where a way leads on, or until reset: then any shape is taken. "
 )
-_LONGEST_WAIT = 16  #: solves after which all that takes long is tried again where it has failed
 _ATTEMPTS = (1.0, 0.0, -1.0)  #: bodies come from below, grow, come from above
 ACCURACY = 5e-4  #: of the length: what a shape in contact is asked for where the tolerance is below
 #: Of the length: what a cable that does not stretch may seem to stretch by. It gives a little, for between two contacts
@@ -146,8 +145,8 @@ class _Solve:
         if steps.go(frames, state.history, WARM_ITERATIONS, FAR) or follow(steps, frames):
             return self._finish(Status.OK)
         state.move_bodies(steps.links)
-        if state.wait > 0 and not steps.late:
-            state.wait -= 1
+        if state.patience.left > 0 and not steps.late:
+            state.patience.left -= 1
             return self._no_shape(Status.NOT_CONVERGED, _STUCK)
         reached = state.put_aside()
         if relax(steps, frames):
@@ -161,8 +160,7 @@ class _Solve:
         state.put_back(reached)
         if steps.out_of_time():
             return self._no_shape(Status.BUDGET_EXCEEDED, "")
-        state.wait = state.patience
-        state.patience = min(2 * state.patience, _LONGEST_WAIT)
+        state.patience.fail()
         return self._no_shape(Status.NOT_CONVERGED, _STUCK)
 
     def _anew(self, frames: Array) -> CableShape | None:
@@ -236,7 +234,7 @@ class _Solve:
         """Grades and reports the solution in the buffer."""
         problem, state, steps = self.problem, self.state, self.steps
         info = state.info.tolist()
-        state.wait, state.patience = 0, 1
+        state.patience.succeed()
         if type(problem.end) is Grip:
             n = problem.points
             steps.buffer[4 * n - 3 : 4 * n] = problem.end.cable_frame.position

@@ -10,6 +10,7 @@ from cable_shape import checks
 from cable_shape.cable import Cable
 from cable_shape.cable_file import AS_GIVEN, Held
 from cable_shape.errors import ArgumentError
+from cable_shape.predictor import Predictor
 from cable_shape.problem import GRAVITY
 from cable_shape.replay.inertia import Inertia
 from cable_shape.replay.inputs import Refusals
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
     from cable_shape.robot import Robot
 
 INPUTS = ("auto", "poses", "joints")
+#: [m/s^2], an acceleration that is not linear along the cable, as that of markers is not.
+_UNEVEN = ((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
 
 
 @final
@@ -61,22 +64,10 @@ class Settings:
         checks.number("max_skew", self.max_skew, above=0.0, unit="s")
         checks.one_of("input", self.input, INPUTS)
         if self.inertia:
-            self._moves()
-
-    def _moves(self) -> None:
-        """What a cable that is accelerated differently all along must be.
-
-        Raises
-        ------
-        ArgumentError
-        """
-        if self.model not in ("auto", "cosserat") or self.cable.mean_bending_stiffness == 0.0:
-            bound = "only the Cosserat rod knows accelerations that vary along the cable"
-            remedy = "Choose model 'auto' and a bending stiffness above 0 N m^2, or leave inertia out."
-            raise ArgumentError.of("inertia", self.model, bound, remedy)
-        if self.scene is not None and (self.scene.clips or self.scene.contact == "solve"):
-            bound = "it is not known of cables in clips, or that rest on bodies"
-            raise ArgumentError.of("inertia", "with such a scene", bound, "Leave inertia out, or remove them.")
+            try:
+                Predictor(self.cable, model=self.model, scene=self.scene).accelerate(_UNEVEN)
+            except ArgumentError as error:
+                raise ArgumentError(f"inertia: {error} Or leave inertia out.") from None
 
 
 @final
