@@ -206,7 +206,7 @@ def condense_between(plan: Plan, model: Model, work: Work, j: int, shift: float)
 
 
 @viewing(fastmath=FAST, forceinline=True)
-def reduce(plan: Plan, work: Work, j: int) -> None:
+def reduce(plan: Plan, model: Model, work: Work, j: int) -> None:
     """Eliminates the right-hand side of span j, G and the first three of sums, with the factors at hand."""
     P, Y, W, G, spans = work.P, work.Y, work.W, work.G, work.spans
     first, last = plan.first[j], plan.first[j + 1]
@@ -233,6 +233,8 @@ def reduce(plan: Plan, work: Work, j: int) -> None:
         if e < last:
             x = subtract(get3(G, node + 1), tapply(get9(Y, e, 0), x))
     put3(spans, j, CLOSURE, c)
+    if model.given.shape[0] > 0:
+        c = add(c, subtract(get3(model.given, plan.ends[j, 1]), get3(model.given, plan.ends[j, 0])))
     press = apply(get9(spans, j, SI), c) if unknown else NONE
     put3(spans, j, PRESS, press)
     if tied:

@@ -41,14 +41,16 @@ from cable_shape.kernels.rod_algebra import (
     Vector,
     add,
     apply,
+    dot,
     get3,
     get9,
-    inverse,
+    inverse_by_pivots,
+    madd,
     mscale,
     mshift,
     msub,
     mul,
-    negative_eigenvalues,
+    outer,
     put3,
     put9,
     rotation,
@@ -59,6 +61,7 @@ from cable_shape.kernels.rod_algebra import (
     tmul,
     transpose,
 )
+from cable_shape.kernels.rod_element import IDENTITY
 
 
 @inline
@@ -95,6 +98,9 @@ def scatter(plan: Plan, model: Model, work: Work, j: int) -> None:
     spans, size, block = work.spans, work.size, work.block
     ta, ya, tb, yb = plan.corners[j, 0], plan.corners[j, 1], plan.corners[j, 2], plan.corners[j, 3]
     S = get9(spans, j, SI) if plan.known[j] == 0 else ZERO
+    pressed = model.along.shape[0] > 0
+    Za = get9(model.along, plan.ends[j, 0], 0) if pressed else ZERO
+    Zb = get9(model.along, plan.ends[j, 1], 0) if pressed else ZERO
     Ta, Tb, A, B = ZERO, ZERO, ZERO, ZERO
     if ta >= 0:
         Ta = to_knot(plan, model, j, 0)
@@ -112,19 +118,35 @@ def scatter(plan: Plan, model: Model, work: Work, j: int) -> None:
         between = msub(get9(spans, j, KBA), mul(get9(spans, j, BB), mul(S, transpose(get9(spans, j, BA)))))
         add_block(block, plan.blocks[j, 1], transpose(mul(Tb, mul(between, transpose(Ta)))))
     if ya >= 0:
-        add9(size, ya, mscale(-1.0, S))
+        add9(size, ya, mscale(-1.0, tmul(Za, mul(S, Za)) if pressed else S))
         if ta >= 0:
-            add_block(block, plan.blocks[j, 0], A)
+            add_block(block, plan.blocks[j, 0], mul(A, Za) if pressed else A)
         if tb >= 0:
-            add_block(block, plan.blocks[j, 3], transpose(B))
+            add_block(block, plan.blocks[j, 3], transpose(mul(B, Za) if pressed else B))
     if yb >= 0:
-        add9(size, yb, mscale(-1.0, S))
+        add9(size, yb, mscale(-1.0, tmul(Zb, mul(S, Zb)) if pressed else S))
         if ta >= 0:
-            add_block(block, plan.blocks[j, 2], mscale(-1.0, A))
+            add_block(block, plan.blocks[j, 2], mscale(-1.0, mul(A, Zb) if pressed else A))
         if tb >= 0:
-            add_block(block, plan.blocks[j, 5], mscale(-1.0, B))
+            add_block(block, plan.blocks[j, 5], mscale(-1.0, mul(B, Zb) if pressed else B))
         if ya >= 0:
-            add_block(block, plan.blocks[j, 4], S)
+            add_block(block, plan.blocks[j, 4], tmul(Za, mul(S, Zb)) if pressed else S)
+    if pressed and tb >= 0 and yb >= 0:
+        press(plan, model, work, j)
+
+
+@inline
+def press(plan: Plan, model: Model, work: Work, j: int) -> None:
+    """Adds to the graph what presses on the knot where span j ends."""
+    knot, v = plan.ends[j, 1], plan.corners[j, 3]
+    Z = get9(model.along, knot, 0)
+    own = tmul(Z, mul(get9(model.bent, knot, 0), Z))
+    add9(work.size, v, msub(madd(own, IDENTITY), tmul(Z, Z)))
+    a, b = take3(model.lean, knot, 0), tapply(Z, take3(model.lean, knot, 3))
+    if a != NONE or b != NONE:
+        add9(work.size, plan.corners[j, 2], outer(a, a))
+        add9(work.size, v, outer(b, b))
+        add_block(work.block, plan.blocks[j, 5], outer(a, b))
 
 
 @viewing(fastmath=FAST)
@@ -158,7 +180,12 @@ def hold_knots(plan: Plan, model: Model, work: Work, shift: float) -> None:
                     work.size[v, 4 * i] += 1.0
         v = plan.vertices[k, 1]
         if v >= 0:
-            put9(work.size, v, 0, mshift(get9(work.size, v, 0), shift / model.par[LENGTH]))
+            f = shift / model.par[LENGTH]
+            if model.along.shape[0] > 0:
+                Z = get9(model.along, k, 0)
+                add9(work.size, v, mscale(f, tmul(Z, Z)))
+            else:
+                put9(work.size, v, 0, mshift(get9(work.size, v, 0), f))
 
 
 @viewing(fastmath=FAST, forceinline=True)
@@ -170,8 +197,8 @@ def eliminate(plan: Plan, size: Floats, block: Floats, diagonal: Floats) -> int:
     negative = 0
     for v in range(diagonal.shape[0]):
         pivot = get9(size, v, 0)
-        inv, det = inverse(pivot)
-        negative += negative_eigenvalues(pivot, det)
+        inv, below = inverse_by_pivots(pivot)
+        negative += below
         put9(diagonal, v, 0, inv)
         t = plan.goal[v]
         for a in range(plan.pointer[v], plan.pointer[v + 1]):
@@ -197,13 +224,13 @@ def solve(ints: Whole, floats: Floats, space: Floats) -> float:
     plan, model, work = plan_of(ints), model_of(ints, floats), work_of(ints, space)
     vertices = plan.pointer.shape[0] - 1
     for j in range(plan.ends.shape[0]):
-        reduce(plan, work, j)
+        reduce(plan, model, work, j)
     if vertices == 0:
         work.move[:, :] = 0.0
     else:
         collect(plan, model, work)
         substitute(plan, work)
-    farthest = spread(plan, work)
+    farthest = spread(plan, model, work)
     largest = 0.0
     for j in range(plan.ends.shape[0]):
         ta, ya, tb, yb = steps_of_ends(plan, model, work, j, vertices > 0)
@@ -230,13 +257,15 @@ def substitute(plan: Plan, work: Work) -> None:
 
 
 @viewing(fastmath=FAST, forceinline=True)
-def spread(plan: Plan, work: Work) -> float:
+def spread(plan: Plan, model: Model, work: Work) -> float:
     """Fills `move`, the steps of the knots; returns the square of the longest of a place."""
     farthest = 0.0
     for k in range(plan.vertices.shape[0]):
         turn, way = plan.vertices[k, 0], plan.vertices[k, 1]
         put3(work.move, k, 0, get3(work.gap, turn) if turn >= 0 else NONE)
         y = get3(work.gap, way) if way >= 0 else NONE
+        if model.given.shape[0] > 0:
+            y = add(apply(get9(model.along, k, 0), y), get3(model.given, k))
         put3(work.move, k, 3, y)
         farthest = max(farthest, y[0] * y[0] + y[1] * y[1] + y[2] * y[2])
     return farthest
@@ -278,6 +307,16 @@ def collect(plan: Plan, model: Model, work: Work) -> None:
             put3(gap, ya, 0, add(get3(gap, ya), press))
         if yb >= 0:
             put3(gap, yb, 0, subtract(get3(gap, yb), press))
+    for k in range(model.along.shape[0]):
+        turn, way = plan.vertices[k, 0], plan.vertices[k, 1]
+        if way < 0:
+            continue
+        given, b = get3(model.given, k), take3(model.lean, k, 3)
+        f = dot(b, given)
+        pull = add(get3(gap, way), add(apply(get9(model.bent, k, 0), given), scale(f, b)))
+        put3(gap, way, 0, tapply(get9(model.along, k, 0), pull))
+        if turn >= 0:
+            put3(gap, turn, 0, add(get3(gap, turn), scale(f, take3(model.lean, k, 0))))
 
 
 @inline

@@ -6,7 +6,7 @@ import math
 
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.contact_near import BARE, GAP, PRESS
+from cable_shape.kernels.contact.near import BARE, GAP, PRESS
 
 
 @kernel
