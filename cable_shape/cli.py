@@ -11,10 +11,11 @@ import argparse
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
 
 import cable_shape
 from cable_shape.errors import ArgumentError, CableShapeError, DependencyError
+from cable_shape.extras import lacking
 
 if TYPE_CHECKING:
     from cable_shape.cable import Cable
@@ -35,8 +36,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     except CableShapeError as error:
         if arguments.debug:
             raise
-        print(f"cable-shape: error: {' '.join(str(error).split())}", file=sys.stderr)
-        return EXIT_ERROR
+        return _refuse(error)
+    except ModuleNotFoundError as error:
+        known = lacking(error)
+        if arguments.debug or known is None:
+            raise
+        return _refuse(known)
     except OSError as error:
         if arguments.debug:
             raise
@@ -46,6 +51,26 @@ def main(argv: Sequence[str] | None = None) -> int:
         print("cable-shape: interrupted", file=sys.stderr)
         return EXIT_INTERRUPTED
     return code
+
+
+def _refuse(error: CableShapeError, command: str = "cable-shape") -> int:
+    """Says what is wrong on one line."""
+    print(f"{command}: error: {' '.join(str(error).split())}", file=sys.stderr)
+    return EXIT_ERROR
+
+
+def run_node() -> NoReturn:
+    """The executable `cable_shape_node`, see cable_shape.ros.node."""
+    try:
+        from cable_shape.ros.node import run
+    except DependencyError as error:
+        sys.exit(_refuse(error, "cable_shape_node"))
+    except ModuleNotFoundError as error:
+        known = lacking(error)
+        if known is None:
+            raise
+        sys.exit(_refuse(known, "cable_shape_node"))
+    run()
 
 
 def build_parser() -> argparse.ArgumentParser:

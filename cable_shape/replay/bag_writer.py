@@ -146,11 +146,16 @@ def cable_shape_store() -> Typestore:
 
 
 def message_folder() -> Path:
-    """Where the .msg files are: in the source tree, else in a prefix of AMENT_PREFIX_PATH or that of this Python."""
+    """Where the .msg files are: in the source tree, else in a prefix of AMENT_PREFIX_PATH or that of this Python.
+
+    There they are those of the built messages, or the copies that the wheel of this package brings.
+    """
     prefixes = [Path(prefix) for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix]
+    prefixes.append(Path(sys.prefix))
     candidates = [
         Path(__file__).resolve().parents[2] / "msg_defs" / "msg",
-        *(prefix / "share" / PACKAGE / "msg" for prefix in (*prefixes, Path(sys.prefix))),
+        *(prefix / "share" / PACKAGE / "msg" for prefix in prefixes),
+        *(prefix / "share" / "cable_shape" / "msg" for prefix in prefixes),
     ]
     for folder in candidates:
         if all((folder / f"{name}.msg").is_file() for name in MESSAGES):
