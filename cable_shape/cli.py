@@ -1,8 +1,8 @@
 """The `cable-shape` command.
 
-Exit codes: 0 all is well; 1 `doctor` found something to repair; 2 wrong arguments, input that cannot be used, or a
-result that must not be: a shape of `predict`, a fit of `calibrate`; 3 `replay` finished, but a part of the recording
-could not be read; 130 interrupted.
+Exit codes: 0 all is well; 1 `doctor` found something to repair, or a node of `status` is not well; 2 wrong arguments,
+input that cannot be used, or a result that must not be: a shape of `predict`, a fit of `calibrate`; 3 a part of the
+recording of a `replay` could not be read; 130 interrupted.
 """
 
 from __future__ import annotations
@@ -78,8 +78,8 @@ def build_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="cable-shape",
         description="Predicts the quasistatic shape of the cable held between two grippers.",
-        epilog="Exit codes: 0 well, 1 doctor found something, 2 error or a result that must not be used, 3 only a "
-        "part of a recording could be read, 130 interrupted.",
+        epilog="Exit codes: 0 well, 1 doctor or status found something, 2 error or a result that must not be used, "
+        "3 only a part of a recording could be read, 130 interrupted.",
     )
     parser.add_argument("--version", action="version", version=f"cable-shape {cable_shape.__version__}")
     parser.add_argument("--debug", action="store_true", help="show the traceback of an error")
@@ -88,6 +88,7 @@ def build_parser() -> argparse.ArgumentParser:
     _add_predict(commands)
     _add_view(commands)
     _add_calibrate(commands)
+    _add_status(commands)
     _add_bench(commands)
     doctor = commands.add_parser("doctor", help="check libraries, messages, compiled kernels, and your files")
     for name in ("cable", "scene", "robot"):
@@ -176,6 +177,23 @@ def _add_calibrate(commands: Commands) -> None:
     )
     add_arguments(calibrate)
     calibrate.set_defaults(run=run)
+
+
+def _add_status(commands: Commands) -> None:
+    status = commands.add_parser(
+        "status",
+        help="say what the running nodes say of themselves; needs a ROS, but no `ros2` command",
+        description="Hears /diagnostics and asks the lifecycle of the nodes on this ROS_DOMAIN_ID, then prints their "
+        "lines. Exit code 0: all are well; 1: one is not; 2: there is none.",
+    )
+    status.add_argument(
+        "--node", default="", metavar="NAME", help="only this one, with its namespace: /cell/cable_shape_node"
+    )
+    status.add_argument("--timeout", type=float, default=5.0, metavar="S", help="wait so long for nodes to speak (5)")
+    status.add_argument("--follow", action="store_true", help="go on, and tell each change, until Ctrl-C")
+    status.add_argument("--values", action="store_true", help="with all numbers: rates, ages, times, counts")
+    status.add_argument("--json", action="store_true", help="for a program, with all numbers")
+    status.set_defaults(run=_status)
 
 
 def _add_bench(commands: Commands) -> None:
@@ -329,6 +347,18 @@ def _view(arguments: argparse.Namespace) -> int:
             f"at it in a browser: cable-shape view --web {arguments.file}"
         )
     return subprocess.run([*command, str(arguments.file)], check=False).returncode
+
+
+def _status(arguments: argparse.Namespace) -> int:
+    from cable_shape.checks import number
+
+    timeout = number("--timeout", arguments.timeout, above=0.0, unit="s")
+    if arguments.json and arguments.follow:
+        raise ArgumentError("--json is for one answer: leave it or --follow out.")
+    from cable_shape.ros.status import run
+
+    well = run(arguments.node, timeout, arguments.follow, arguments.values, arguments.json)
+    return 0 if well else EXIT_UNWELL
 
 
 def _bench(arguments: argparse.Namespace) -> int:
