@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from builtin_interfaces.msg import Duration, Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from geometry_msgs.msg import Point, PoseStamped
+from geometry_msgs.msg import Point, PoseStamped, Quaternion, TransformStamped, Vector3
 from nav_msgs.msg import Path
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import ColorRGBA, Header
@@ -66,7 +66,22 @@ def pose_of(message: PoseStamped) -> Pose:
     ArgumentError
         For entries that are not finite, a position out of all reach, and a quaternion that is not of unit length.
     """
-    p, q = message.pose.position, message.pose.orientation
+    return _pose(message.pose.position, message.pose.orientation)
+
+
+def transform_of(message: TransformStamped) -> Pose:
+    """Where the child frame of a TransformStamped is in its parent.
+
+    Raises
+    ------
+    ArgumentError
+        As `pose_of`.
+    """
+    return _pose(message.transform.translation, message.transform.rotation)
+
+
+def _pose(p: Point | Vector3, q: Quaternion) -> Pose:
+    """Position and quaternion of a message, checked."""
     row = np.array((p.x, p.y, p.z, q.x, q.y, q.z, q.w))
     if not (abs(q.x) < 2.0 and abs(q.y) < 2.0 and abs(q.z) < 2.0 and abs(q.w) < 2.0):
         return Pose(row[:3], row[3:])  # says what is wrong, here and below
