@@ -147,7 +147,9 @@ def _add_predict(commands: Commands) -> None:
         help="predict one shape from a file",
         description="Solves CASE (YAML or JSON; keys: the arguments of cable_shape.predict) and prints a table.",
     )
-    predict.add_argument("case", type=Path, metavar="CASE", help="see docs/replay.md")
+    predict.add_argument(
+        "case", type=Path, metavar="CASE", help="see docs/replay.md; one of its own is cases/harness.yaml"
+    )
     predict.add_argument(
         "-o", "--out", type=Path, action="append", default=[], metavar="FILE", help=".json, .csv or .png; repeatable"
     )
@@ -205,6 +207,7 @@ def _add_bench(commands: Commands) -> None:
 
 def _replay(arguments: argparse.Namespace) -> int:
     from cable_shape.cable_file import CableFile
+    from cable_shape.files import find_file
     from cable_shape.replay.interrupt import Interruptible
     from cable_shape.replay.outcome import Settings
     from cable_shape.replay.report import headline, summarise
@@ -222,16 +225,16 @@ def _replay(arguments: argparse.Namespace) -> int:
     if arguments.robot is not None:
         from cable_shape.robot import Robot
 
-        robot = Robot.from_yaml(arguments.robot)
-    file = CableFile.from_yaml(arguments.cable)
+        robot = Robot.from_yaml(find_file(arguments.robot))
+    file = CableFile.from_yaml(find_file(arguments.cable))
     cable = file.cable
-    scene = None if arguments.scene is None else Scene.from_yaml(arguments.scene)
+    scene = None if arguments.scene is None else Scene.from_yaml(find_file(arguments.scene))
     note_slips(cable, scene)
     settings = Settings(
         cable=cable,
         scene=scene,
         robot=robot,
-        uncertainty=None if arguments.uncertainty is None else Uncertainty.from_yaml(arguments.uncertainty),
+        uncertainty=None if arguments.uncertainty is None else Uncertainty.from_yaml(find_file(arguments.uncertainty)),
         **_model_options(arguments),
         gravity=tuple(arguments.gravity),
         start=_held("start", file.start, arguments.start_kind, arguments.start_offset),
@@ -296,10 +299,11 @@ def _bar(messages: Iterable[Any], count: int) -> Iterable[Any]:
 def _predict(arguments: argparse.Namespace) -> int:
     from cable_shape.cases.load import load_case
     from cable_shape.cases.output import check_suffix, rows, write
+    from cable_shape.files import find_file
 
     for path in arguments.out:
         check_suffix(path)
-    case = load_case(arguments.case)
+    case = load_case(find_file(arguments.case))
     note_slips(case.cable, case.scene)
     options = _model_options(arguments)
     case.predict(**options)  # loads the kernels, so that the solve time below is that of solving

@@ -175,6 +175,7 @@ def test_the_installed_command_predicts_a_case_and_replays_a_recording(installed
     bag = write_bag(tmp_path / "bag", motion(3))
     command, plain = str(installed / "bin" / "cable-shape"), {"cwd": tmp_path, "env": {"HOME": str(Path.home())}}
     assert "status                     OK" in run([command, "predict", "case.yaml"], **plain).stdout
+    assert "status                     OK" in run([command, "predict", "cases/harness.yaml"], **plain).stdout  # its own
     replayed = run([command, "replay", str(bag), "-o", "out", "--cable", "cable.yaml", "--no-rrd"], **plain)
     assert "cycles                     3" in replayed.stdout
 

@@ -10,9 +10,10 @@ from typing import final
 from cable_shape.cable_file import CableFile
 from cable_shape.cycle import Cycle
 from cable_shape.errors import ArgumentError
+from cable_shape.files import find_file
 from cable_shape.robot import Robot
 from cable_shape.ros.interrupt import ends_when_told
-from cable_shape.ros.parameters import VIEW_OFF, Settings, find_file
+from cable_shape.ros.parameters import VIEW_OFF, Settings
 from cable_shape.ros.stand_in import StandIn
 from cable_shape.ros.worker import WorkerProcess
 from cable_shape.scene import Scene

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -16,10 +15,12 @@ from cable_shape.cable_file import AS_GIVEN, Held
 from cable_shape.calibration.parameters import KNOWN
 from cable_shape.capsules import MAX_CAPSULES
 from cable_shape.errors import ArgumentError, UnknownKeyError
-from cable_shape.files import path_of, safe_output
+from cable_shape.files import config_folders, find_file, safe_output
 from cable_shape.pose import GRIP_KINDS, IDENTITY, Grip, Pose
 from cable_shape.problem import MAX_POINTS, MIN_POINTS
 from cable_shape.solvers import MODELS
+
+__all__ = ["BY_NAME", "SPECS", "Settings", "Spec", "config_folders", "find_file", "unknown_overrides", "widened"]
 
 INPUTS = ("poses", "joints", "tf")
 VIEW_OFF, VIEW_WINDOW = "off", "window"
@@ -321,31 +322,3 @@ def widened(parameters: Sequence[Parameter]) -> list[Parameter]:
             parameter = Parameter(parameter.name, Parameter.Type.STRING, VIEW_OFF)
         out.append(parameter)
     return out
-
-
-def find_file(path: str) -> Path:
-    """`path` as it is if it exists or is absolute, else below the config folder of the sources or the installation.
-
-    Raises
-    ------
-    ArgumentError
-        If it cannot be a path.
-    """
-    file = path_of(path)
-    if file.is_absolute() or os.path.exists(file):
-        return file
-    for folder in config_folders():
-        if os.path.exists(folder / file):
-            return folder / file
-    return file
-
-
-def config_folders() -> list[Path]:
-    """Where this package's configuration lies: beside the sources, or in share/ of a ROS prefix."""
-    import sys
-
-    import cable_shape
-
-    prefixes = [p for p in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if p] + [sys.prefix]
-    source = Path(cable_shape.__file__).resolve().parents[1] / "config"
-    return [source, *(Path(prefix, "share", "cable_shape", "config") for prefix in prefixes)]
