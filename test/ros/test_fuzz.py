@@ -163,7 +163,7 @@ def transforms():
 
 
 @fuzzed
-@given(st.lists(st.tuples(st.integers(0, 1), st.lists(TRANSFORMS, max_size=4)), max_size=6))
+@given(st.lists(st.tuples(st.integers(0, 1), st.lists(TRANSFORMS, max_size=2)), max_size=4))
 def test_random_transforms(transforms, messages):
     for topic, entries in messages:
         transforms.put(topic, TFMessage(transforms=entries))

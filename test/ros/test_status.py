@@ -121,8 +121,10 @@ def test_a_node_that_is_there_but_says_nothing_is_told(cell, capsys):
     """As one that configures: its participant is seen, nothing is answered."""
     busy = LifecycleNode("cable_shape_node", namespace="/busy", context=cell.context)
     busy.create_publisher(DiagnosticArray, "/diagnostics", 10)
+    timeouts = iter(("1", "4", "16", "64"))  # for it to be found
     try:
-        cell.until(lambda: main(["status", "--node", "/busy/cable_shape_node", "--timeout", "2"]) == 1, "the busy node")
+        while main(["status", "--node", "/busy/cable_shape_node", "--timeout", next(timeouts)]) != 1:
+            pass
     finally:
         busy.destroy_node()
     said = capsys.readouterr().out
@@ -133,7 +135,7 @@ def test_a_node_that_is_there_but_says_nothing_is_told(cell, capsys):
 
 def test_following_tells_news_until_it_is_interrupted(cell):
     cell.predicted()
-    following = status("--node", name_of(cell), "--follow")
+    following = status("--node", name_of(cell), "--follow", "--timeout", "60")
     try:
         first = following.stdout.readline()
         assert first.endswith(f" {name_of(cell)}: active\n")
