@@ -153,6 +153,8 @@ class TransformSource:
         for transform in self._waiting(message):
             self._transforms += 1
             parent, child = _name(transform.header.frame_id), _name(transform.child_frame_id)
+            if self._tree.changes_nothing(parent, child):
+                continue
             stamp = conversions.nanoseconds(transform.header.stamp)
             try:
                 restarted = self._tree.put(parent, child, stamp, partial(conversions.transform_of, transform))

@@ -58,6 +58,11 @@ class TransformTree:
     def __len__(self) -> int:
         return len(self._edges)
 
+    def changes_nothing(self, parent: str, child: str) -> bool:
+        """Whether a transform on /tf would: it is known where it hangs, and it lies on no way."""
+        edge = self._edges.get(child)
+        return edge is not None and edge.parent == parent and child not in self.needed and edge.static is None
+
     def put_static(self, parent: str, child: str, pose: Callable[[], Pose]) -> None:
         """`child` is at `pose` in `parent` for good.
 
@@ -213,6 +218,8 @@ class TransformTree:
     def _between(self, name: str, edge: _Edge, stamp: int, gap: int) -> Pose:
         """One edge at `stamp`."""
         samples = edge.samples
+        if samples and samples[-1][0] == stamp:
+            return samples[-1][1]
         after = bisect_left(samples, stamp, key=lambda sample: sample[0])
         near = [*islice(samples, max(after - 1, 0), after + 1)]
         miss = min((abs(when - stamp) for when, _ in near), default=None)

@@ -105,6 +105,10 @@ def test_a_pose_that_is_none_is_refused_and_the_one_before_stays():
 def test_transforms_off_the_way_are_neither_looked_at_nor_kept():
     made = tree("left", moving=[("cell", "left", T0, at(0.0)), ("cell", "camera", 0, None)])
     made.put("cell", "camera", 0, lambda: 1 / 0)
+    assert made.changes_nothing("cell", "camera")
+    assert not made.changes_nothing("table", "camera")
+    assert not made.changes_nothing("cell", "left")
+    assert not made.changes_nothing("cell", "lamp")
     assert made.newest(["left"]) == T0
 
 
