@@ -113,9 +113,8 @@ def test_one_that_is_killed_and_started_again_is_used_before_the_first_is_forgot
 def test_a_publisher_of_another_type_is_named(node):
     peer = intruded(node, "right", String)
     try:
-        status = node.diagnosis("input", "publishes std_msgs/msg/String there", ERROR)
         told = f"right_gripper/pose: /{node.process.namespace}/intruder publishes std_msgs/msg/String there, it must be"
-        assert f"{told} geometry_msgs/msg/PoseStamped" in status.message
+        node.diagnosis("input", f"{told} geometry_msgs/msg/PoseStamped", ERROR)  # its name may be known later
         assert node.predicted().usable
     finally:
         peer.close()
