@@ -33,6 +33,8 @@ if TYPE_CHECKING:
         SteeringError,
         UnknownKeyError,
     )
+    from cable_shape.harness import Harness, Junction
+    from cable_shape.harness_shape import HarnessShape
     from cable_shape.paths import GripPath, JointPath
     from cable_shape.plug import Plug, PlugError
     from cable_shape.pose import FreeEnd, Grip, Pose
@@ -86,9 +88,12 @@ __all__ = [
     "Grip",
     "GripPath",
     "HalfSpace",
+    "Harness",
+    "HarnessShape",
     "Held",
     "InputError",
     "JointPath",
+    "Junction",
     "Margin",
     "Mesh",
     "Observation",
@@ -152,6 +157,8 @@ _HOMES = {
         "SteeringError",
         "UnknownKeyError",
     ),
+    "harness": ("Harness", "Junction"),
+    "harness_shape": ("HarnessShape",),
     "paths": ("GripPath", "JointPath"),
     "plug": ("Plug", "PlugError"),
     "pose": ("FreeEnd", "Grip", "Pose"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import final
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +14,7 @@ from cable_shape import checks
 from cable_shape.cable import Cable
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
+from cable_shape.harness import Harness
 from cable_shape.meshes.convex import is_convex
 from cable_shape.models import touching
 from cable_shape.models.crossing import Crossing
@@ -29,10 +30,16 @@ from cable_shape.solve.answers import ENDS, NUMBERS, check_names
 from cable_shape.solve.network import Network
 from cable_shape.solvers import MODELS, ClosedForm, solver_of
 
+_NOT_GIVEN = object()
+#: Keywords that say who is not to be touched.
+_ABOUT_CONTACT = ("robot_links", "gripping_links")
+
 
 @final
 class Predictor:
     """Predicts one cable's shape again and again, each time starting from the last solution.
+
+    Of a :class:`Harness` it makes a :class:`cable_shape.harness_predictor.HarnessPredictor`.
 
     Parameters
     ----------
@@ -63,9 +70,17 @@ class Predictor:
         Naming the value, the bound and the remedy.
     """
 
+    def __new__(cls, cable: Any, **keywords: Any) -> Any:
+        """A :class:`HarnessPredictor` for a harness."""
+        if not isinstance(cable, Harness):
+            return super().__new__(cls)
+        from cable_shape.harness_predictor import HarnessPredictor
+
+        return HarnessPredictor(cable, **_of_harness(keywords))
+
     def __init__(
         self,
-        cable: Cable,
+        cable: Cable | Harness,
         *,
         model: str = "auto",
         gravity: ArrayLike = GRAVITY,
@@ -77,6 +92,8 @@ class Predictor:
         robot_links: Iterable[Obstacle] = (),
         gripping_links: Iterable[str] = (),
     ) -> None:
+        if not isinstance(cable, Cable):
+            raise ArgumentError.of("cable", cable, "it must be a Cable or a Harness", "Write Cable(length=..., ...).")
         self.model = checks.one_of("model", model, MODELS)
         self._problem_in = functools.partial(
             Problem,
@@ -310,6 +327,11 @@ class Predictor:
         return problem
 
 
+def _of_harness(keywords: dict[str, Any]) -> dict[str, Any]:
+    """Keywords of a predictor without those about contact, which is not solved for of a harness."""
+    return {key: value for key, value in keywords.items() if key not in _ABOUT_CONTACT or list(value)}
+
+
 def _in_contact(state: TouchState, by: tuple[str, ...], at: str) -> Array:
     """`Predictor.sensitivity` of a cable that touches bodies."""
     check_names(state.problem, by, (*ENDS, *(f"clip:{name}" for name in clip_names(state.problem.clips)), *NUMBERS))
@@ -322,9 +344,9 @@ def _in_contact(state: TouchState, by: tuple[str, ...], at: str) -> Array:
 
 
 def predict(
-    cable: Cable,
-    start: Pose | Grip,
-    end: Pose | Grip | FreeEnd | None,
+    cable: Cable | Harness,
+    start: Any,
+    end: Any = _NOT_GIVEN,
     *,
     model: str = "auto",
     gravity: ArrayLike = GRAVITY,
@@ -333,10 +355,22 @@ def predict(
     scene: Scene | None = None,
     distributed_load: ArrayLike | None = None,
     acceleration: ArrayLike | None = None,
-) -> CableShape:
-    """The shape of a cable between two ends, solved once from nothing.
+) -> Any:
+    """The shape of a cable between two ends, solved once from nothing; of a harness, between ends by their names.
 
     The keywords are those of :class:`Predictor` and of :meth:`Predictor.predict`.
+
+    Parameters
+    ----------
+    cable : Cable or Harness
+    start, end
+        Of a cable: Pose or Grip; `end` may be a FreeEnd or None. Of a harness `start` alone, the mapping of ends to
+        Pose, Grip or FreeEnd; the shape is a :class:`HarnessShape`.
+
+    Raises
+    ------
+    ArgumentError
+        For wrong arguments.
     """
     predictor = Predictor(
         cable,
@@ -347,4 +381,10 @@ def predict(
         scene=scene,
         distributed_load=distributed_load,
     )
+    if isinstance(cable, Harness):
+        if end is not _NOT_GIVEN:
+            raise ArgumentError.of("end", end, "the ends of a harness are one mapping", "Write {'a.start': Pose(...)}.")
+        return predictor.predict(start, acceleration=acceleration)  # type: ignore[call-arg, arg-type]
+    if end is _NOT_GIVEN:
+        raise ArgumentError("end is missing. Write predict(cable, start, end); None is a free end.")
     return predictor.predict(start, end, acceleration=acceleration)

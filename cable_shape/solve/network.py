@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from itertools import pairwise
-from typing import Any, final
+from typing import Any
 
 import numpy as np
 
@@ -55,7 +55,6 @@ _LENGTHENED = 0.02
 _structure = lru_cache(maxsize=256)(structure_of)
 
 
-@final
 class Network:
     """The solver's memory for one cable, in clips or not; one object a predictor, not shared between threads.
 
@@ -372,7 +371,7 @@ class Network:
         nodes = self.elements + self.spans
         self.nodes = floats[tables.PAR : tables.PAR + nodes]
         first = 2 * (sols.size // 3) + 4 * nodes + 3 * self.spans
-        self.target = sols[first : first + 7 * (self.spans + 1)].reshape(-1, 7)
+        self.target = sols[first : first + 7 * int(ints[tables.N_KNOTS])].reshape(-1, 7)
         self._model = self._spans = None
 
     @property

@@ -1,0 +1,265 @@
+"""What the solver of networks keeps of a harness from one solve to the next: :class:`HarnessNetwork`."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any, final
+
+import numpy as np
+
+from cable_shape.checks import Array
+from cable_shape.harness_problem import HarnessProblem
+from cable_shape.kernels.network import drive, guess, mesh, respond, tables
+from cable_shape.kernels.network.drive import INFO
+from cable_shape.pose import FreeEnd, Grip
+from cable_shape.solve.bare import IDENTITY, bare_of
+from cable_shape.solve.cables import FREE_ROTATIONS, material_of
+from cable_shape.solve.harness_layout import layout_of
+from cable_shape.solve.network import _NEUTRAL, _SOFTER, Network
+
+_NO_STOPS: Array = np.empty(0)
+
+
+@final
+class HarnessNetwork(Network):
+    """The solver's memory of one harness: the mesh, the last two solutions, work space.
+
+    `layout` names knots and spans; what the arrays hold: :mod:`cable_shape.kernels.network.tables`.
+    """
+
+    problem: HarnessProblem  # type: ignore[assignment]
+
+    def __init__(self, problem: HarnessProblem) -> None:
+        self.told_before: Array | None = None  # loads of the last solution, where they have been changed since
+        super().__init__(problem)  # type: ignore[arg-type]
+
+    def forget(self, problem: Any) -> bool:
+        """Never: another memory is made."""
+        return False
+
+    # -- what is solved
+
+    def take(self, problem: HarnessProblem) -> None:  # type: ignore[override]
+        """Makes `problem` the one to solve; the last solution stays as a start if its parts are the same."""
+        cables = problem.harness.segments.values()
+        self.problem, self.tolerance = problem, problem.tolerance
+        self.length = problem.harness.length
+        numbers = [x for cable in cables for x in (*cable.bending_stiffness, cable.twisting_stiffness)]
+        self.softest, self.stiffest = min(numbers) / self.length**2, max(numbers)
+        self.bend = min(cable.mean_bending_stiffness for cable in cables)
+        self.stretch = 0.0 if any(cable.axial_stiffness is None for cable in cables) else 1.0
+        self.elastic = any(c.axial_stiffness is not None or c.shear_stiffness is not None for c in cables)
+        self.rings: list[int] = []
+        self.arcs = np.zeros(1)
+        self.kinks = self.sharpness = self._still_stops = _NO_STOPS
+        if self._kinds:
+            self._lay_out(self._kinds)
+        self.unsettle()
+
+    def aim(self, start: Any = None, end: Any = None, trial: bool = False) -> Array:
+        """Poses of the knots (k, 7), after what holds and loads the ends has been taken into account.
+
+        trial: into the trial itself; rows of knots that nothing holds stay as they are there.
+        """
+        ends = self.problem.ends
+        kinds = tuple(how.kind if type(how) is Grip else "free" for how in ends.values())
+        if kinds != self._kinds:
+            self._lay_out(kinds)
+            self.unsettle()
+        self._load_tips()
+        trial = trial and self.elements > 0
+        poses = self.target if trial else self._frames.copy()
+        if trial:
+            poses[self._fixed] = self._frames[self._fixed]
+        for row, name in self._held:
+            held = ends[name]
+            assert isinstance(held, Grip)
+            poses[row] = held.cable_frame.array
+        return poses
+
+    def _lay_out(self, kinds: tuple[str, ...]) -> None:
+        """Takes over how the ends are held, and what the segments are made of."""
+        problem = self.problem
+        before = self.layout if self._kinds else None
+        self._kinds = kinds
+        layout = self.layout = layout_of(problem, dict(zip(problem.ends, kinds, strict=True)))
+        self.structure, self._bare = layout.structure, bare_of(layout.structure)
+        self.spans = len(layout.structure.spans)
+        self.cables = len(layout.structure.cables)
+        self._held = [(layout.knots["end", end], end) for end, how in problem.ends.items() if type(how) is Grip]
+        self._tips = [(layout.knots["end", end], end) for end, how in problem.ends.items() if type(how) is FreeEnd]
+        self._frames = np.zeros((len(layout.knots), 7))
+        self._frames[:, 3:] = IDENTITY
+        fixed = []
+        for name, row in layout.knots.items():
+            if name[0] == "clip":
+                assert problem.scene is not None
+                clip = problem.scene.clips[int(name[1])]
+                self._frames[row] = clip.pose.array
+                if clip.kind == "ball":
+                    self._frames[row, 3:] = IDENTITY
+                fixed.append(row)
+        self._fixed = np.array(fixed, dtype=np.int64)
+        self._given_turns = {k for k, knot in enumerate(layout.structure.knots) if not (knot.moves or knot.turns)}
+        clips = range(0 if problem.scene is None else len(problem.scene.clips))
+        self.clip_rows = [layout.knots["clip", i] for i in clips]
+        lengths = [cable.length for cable in problem.harness.segments.values()]
+        self.gaps = np.concatenate(([0.0], np.cumsum(2.0 * np.array(lengths))[:-1]))  # m, see `node_positions`
+        masks = [mask for pair in layout.structure.free for mask in pair]
+        self.turns_freely = any(any(mask) for mask in masks) or any(FREE_ROTATIONS[k] != _HELD for k in self._clipped())
+        self.forces = int(self._bare.ints[tables.UNKNOWN]) // 3
+        self.info = np.zeros(INFO + 3 * self.cables)
+        same = before is not None and list(before.knots) == list(layout.knots)
+        self.held = self._bare.floats.copy()
+        self._model_of_held = tables.model_of.py_func(self._bare.ints, self.held)
+        self._load_of_tips: Array = np.full((len(self._tips), 2, 3), np.nan)
+        self._tell()
+        self._load_tips()
+        if not self.elements:
+            return
+        if not same:
+            self.history = self.elements = 0
+            return
+        counts = np.diff(self.ints[tables.HEAD : tables.HEAD + self.spans + 1])
+        pieces = [self._as_dense(self.nodes[a : b + 1]) for a, b in self.runs]
+        self.lay_out(pieces, counts.tolist())
+        self.history = min(self.history, 1)
+
+    def _clipped(self) -> list[str]:
+        """Kinds of the clips."""
+        scene = self.problem.scene
+        return [] if scene is None else [clip.kind for clip in scene.clips]
+
+    def _tell(self) -> None:
+        """Tells the model with one element a span what segments and loads are."""
+        model, layout, problem = self._model_of_held, self.layout, self.problem
+        model.par[...] = (
+            self.softest, _NEUTRAL * self.softest, self.length, self.elastic, self.stiffest, self.at_rest,
+            any(cable.axial_stiffness is None for cable in problem.harness.segments.values()),
+            _SOFTER if self.turns_freely else 1.0,
+        )  # fmt: skip
+        model.frame[...] = layout.frames
+        model.s[...] = layout.arcs.ravel()
+        materials = [material_of(one) for one in problem.segments.values()]
+        model.heavy[...] = [one.cable.linear_density * one.gravity for one in problem.segments.values()]
+        model.breaks[...] = np.concatenate([one.breaks for one in materials])
+        model.piece[...] = np.concatenate([one.pieces for one in materials])
+        model.force[...] = layout.own
+        for junction in problem.harness.junctions:
+            weight = junction.mass * problem.fall(junction.ends[0])
+            model.force[layout.knots["junction", junction.name]] += weight
+        drive.refill(self._bare.ints, self.held)
+
+    def _load_tips(self) -> None:
+        """Dead loads on the free ends."""
+        changed = False
+        for i, (row, name) in enumerate(self._tips):
+            end = self.problem.ends[name]
+            assert isinstance(end, FreeEnd)
+            tip = self._load_of_tips[i]
+            force = end.mass * self.problem.fall(name) + end.force if end.mass else end.force
+            if not (np.array_equal(tip[0], force) and np.array_equal(tip[1], end.moment)):
+                if not np.isnan(tip).any():
+                    self.keep_loads()
+                self._model_of_held.force[row] = self.layout.own[row] + force
+                self._model_of_held.moment[row] = end.moment
+                tip[0], tip[1] = force, end.moment
+                changed = True
+        if changed:
+            self.unsettle()
+            self.take_over(self.held)
+
+    def keep_loads(self) -> None:
+        """Keeps the loads as they are, for solutions on the way from them to others."""
+        if self.told_before is None and self.history > 0:
+            self.told_before = self.held.copy()
+
+    def align(self, poses: Array) -> None:
+        """Signs of the quaternions that are given along each segment: the shorter turn from one to the next."""
+        for spans in self.layout.spans.values():
+            rows = [self.structure.spans[spans[0]].start, *(self.structure.spans[j].end for j in spans)]
+            given = [row for row in rows if row in self._given_turns]
+            for k, n in pairwise(given):
+                if float(poses[k, 3:] @ poses[n, 3:]) < 0.0:
+                    poses[n, 3:] *= -1.0
+
+    def take_over(self, held: Array) -> None:
+        """Makes the loads those of a model with one element a span; what it is held in and made of is the same."""
+        if self.elements:
+            mesh.take_over(self._bare.ints, held, self.ints, self.floats)
+
+    @property
+    def stops(self) -> Array:
+        """None: masses and kinks are knots."""
+        return _NO_STOPS
+
+    @property
+    def missed(self) -> float:
+        """0 m: every kink is a knot."""
+        return 0.0
+
+    def bounds(self) -> Array:
+        """(m, 2) [m]: arc lengths at which the spans begin and end."""
+        return self.layout.arcs
+
+    def lay_out(self, pieces: Any, counts: Any) -> None:
+        """Nodes of equal share of each span's density, `counts` elements a span; solutions are carried over."""
+        for (x, _), (low, high) in zip(pieces, self.layout.arcs, strict=True):
+            x[0], x[-1] = low, high
+        at = np.concatenate(([0], np.cumsum([x.size for x, _ in pieces])))
+        x, density = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
+        wish = mesh.Density(at, x, density, np.empty(self.spans))
+        old = self.ints
+        arrays = mesh.laid_out(
+            self._bare.ints, self.held, old, self.floats, self.sols, np.array(counts), _NO_STOPS, wish
+        )
+        self.take_arrays(*arrays)
+
+    # -- solutions
+
+    def start_from(self, poses: Array, kind: int, sag: float, turns: float = 0.0) -> None:
+        """Puts a guess (see ``guess.guess``) between `poses` into the trial."""
+        self.target[...] = poses
+        drive.strip(self.ints, self.floats, self.sols)
+        guess.guess(self.ints, self.floats, self.sols, self.layout.placed, kind, sag, False)
+
+    def energy_of_masses(self) -> float:
+        """[J], potential energy of masses in the last solution."""
+        if not self.layout.at_masses and not any(self.problem.ends[name].mass for _, name in self._tips):  # type: ignore[union-attr]
+            return 0.0
+        place = tables.work_of.py_func(self.ints, self.work).place
+        gravity = self.problem.gravity
+        out = sum(mass * float(gravity @ place[row]) for row, mass, _ in self.layout.at_masses)
+        for row, name in self._tips:
+            end = self.problem.ends[name]
+            assert isinstance(end, FreeEnd)
+            out += end.mass * float(gravity @ place[row])
+        return -out
+
+    def node_positions(self) -> tuple[Array, Array]:
+        """Arc lengths (n,), those of each segment beyond a gap, and positions (n, 3) of the last solution's nodes."""
+        work = tables.work_of.py_func(self.ints, self.work)
+        positions = np.empty((self.nodes.size, 3))
+        for j, (a, b) in enumerate(self.runs):
+            start = work.place[self.structure.spans[j].start]
+            positions[a] = start
+            positions[a + 1 : b + 1] = start - np.cumsum(work.first[a - j : b - j, :3], axis=0)
+        s = self.nodes.copy()
+        for spans, gap in zip(self.layout.spans.values(), self.gaps, strict=True):
+            s[self.runs[spans[0]][0] : self.runs[spans[-1]][1] + 1] += gap
+        return s, positions
+
+    def sensitivities(self, ends: tuple[str, ...]) -> Array:
+        """(c points, 3, 6 g): change of the positions of all segments with the poses of these held ends."""
+        points = self.problem.points
+        rows = np.array([self.layout.knots["end", end] for end in ends], dtype=np.int64)
+        out, df = np.zeros((self.cables * points, 3, 6 * len(ends))), np.empty((0, 6 * len(ends)))
+        if len(ends):
+            self.refresh()
+            respond.sensitivities(self.ints, self.floats, self.sols, self.work, points, rows, out, df)
+        return out
+
+
+_HELD = (0.0, 0.0, 0.0)
+
+

@@ -1,0 +1,93 @@
+"""What is told of a harness where there is no shape: straight lines between its knots, and what is too far apart."""
+
+from __future__ import annotations
+
+import heapq
+import math
+
+import numpy as np
+
+from cable_shape.checks import Array
+from cable_shape.harness_problem import HarnessProblem
+from cable_shape.kernels.frames import align
+from cable_shape.kernels.network.drive import STRAIGHT
+from cable_shape.shape import NUMBERS_PER_POINT, Status
+from cable_shape.solve.harness_layout import Name
+from cable_shape.solve.harness_network import HarnessNetwork
+
+
+def out_of_reach(
+    task: HarnessProblem, state: HarnessNetwork, poses: Array
+) -> tuple[Status, Array, str, float] | None:
+    """Two supports further apart than the segments between them are long: status, poses, what to say, what is missing
+    [m]; None where there are none, or segments stretch."""
+    knots = state.structure.knots
+    beside: dict[int, list[tuple[int, float]]] = {}
+    cables = list(task.harness.segments.values())
+    for cable, spans in zip(cables, state.layout.spans.values(), strict=True):
+        for j in spans:
+            a, b = state.structure.spans[j][:2]
+            low, high = state.layout.arcs[j]
+            reach = float(high - low) if cable.axial_stiffness is None else math.inf
+            beside.setdefault(a, []).append((b, reach))
+            beside.setdefault(b, []).append((a, reach))
+    names = list(state.layout.knots)
+    worst: tuple[float, int, int, float, float] = (0.0, -1, -1, 0.0, 0.0)
+    held = [k for k, knot in enumerate(knots) if not knot.moves]
+    for k in held:
+        for other, length in _distances(beside, k, held).items():
+            apart = math.dist(poses[k, :3].tolist(), poses[other, :3].tolist())
+            if apart >= STRAIGHT * length and (worst[1] < 0 or apart - length > worst[0]):
+                worst = (apart - length, k, other, apart, length)
+    missing, a, b, apart, length = worst
+    if a < 0:
+        return None
+    detail = (
+        f"{_told(task, names[a])} and {_told(task, names[b])} are {apart:.4g} m apart, {missing:.3g} m more than the "
+        f"segments between them are long ({length:.4g} m). Bring them closer, or give the segments an axial_stiffness; "
+        "the shape is straight lines."
+    )
+    return Status.OVERSTRETCHED, poses, detail, max(missing, 0.0)
+
+
+def _distances(beside: dict[int, list[tuple[int, float]]], start: int, held: list[int]) -> dict[int, float]:
+    """[m], the shortest ways along segments from one support to others, without passing any."""
+    best = {start: 0.0}
+    queue = [(0.0, start)]
+    stop = set(held) - {start}
+    while queue:
+        way, k = heapq.heappop(queue)
+        if way > best[k] or k in stop:
+            continue
+        for other, length in beside.get(k, ()):
+            if way + length < best.get(other, math.inf):
+                best[other] = way + length
+                heapq.heappush(queue, (way + length, other))
+    return {k: way for k, way in best.items() if k in stop}
+
+
+def _told(task: HarnessProblem, name: Name) -> str:
+    """What a support is called."""
+    return f"clip {task.clip_names[int(name[1])]!r}" if name[0] == "clip" else f"the grip at {name[1]!r}"
+
+
+def laid_straight(task: HarnessProblem, state: HarnessNetwork, poses: Array, buffer: Array) -> None:
+    """Fills a buffer of all segments with straight lines between the knots; no forces."""
+    n = task.points
+    buffer[:] = 0.0
+    spans = state.structure.spans
+    for i, (name, cable) in enumerate(task.harness.segments.items()):
+        own = buffer[NUMBERS_PER_POINT * n * i : NUMBERS_PER_POINT * n * (i + 1)]
+        s = np.linspace(0.0, cable.length, n)
+        own[:n] = s
+        positions, quaternions = own[n : 4 * n].reshape(n, 3), own[4 * n : 8 * n].reshape(n, 4)
+        q = np.array((0.0, 0.0, 0.0, 1.0))
+        for j in state.layout.spans[name]:
+            low, high = state.layout.arcs[j]
+            inside = (s >= low) & (s <= high)
+            a, b = poses[spans[j].start, :3], poses[spans[j].end, :3]
+            size = float(np.linalg.norm(b - a))
+            if size > 0.0:
+                align(q, *((b - a) / size))
+            positions[inside] = a + np.outer((s[inside] - low) / (high - low), b - a)
+            quaternions[inside] = q
