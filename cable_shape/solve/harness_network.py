@@ -14,9 +14,14 @@ from cable_shape.kernels.network.drive import INFO
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.solve.bare import IDENTITY, bare_of
 from cable_shape.solve.cables import FREE_ROTATIONS, material_of
-from cable_shape.solve.harness_layout import layout_of
-from cable_shape.solve.network import _NEUTRAL, _SOFTER, Network
+from cable_shape.solve.harness_layout import Layout, layout_of
+from cable_shape.solve.network import _SOFTER, Network
 
+#: Shares of what counts as neutral by which matrices are shifted: with little of it soft modes converge as fast as
+#: others, with more those are passed over that seem unstable short of rest.
+FIRM = (1e-3, 0.3, 10.0)
+#: Modes softer than this fraction of the whole load count as neutral: short of rest they seem as unstable as that.
+_HANGING = 2e-6
 _NO_STOPS: Array = np.empty(0)
 
 
@@ -31,6 +36,8 @@ class HarnessNetwork(Network):
 
     def __init__(self, problem: HarnessProblem) -> None:
         self.told_before: Array | None = None  # loads of the last solution, where they have been changed since
+        self._layout: Layout | None = None
+        self.firmness = FIRM[0]  # the shift that is always there, in what counts as neutral
         super().__init__(problem)  # type: ignore[arg-type]
 
     def forget(self, problem: Any) -> bool:
@@ -43,18 +50,26 @@ class HarnessNetwork(Network):
         """Makes `problem` the one to solve; the last solution stays as a start if its parts are the same."""
         cables = problem.harness.segments.values()
         self.problem, self.tolerance = problem, problem.tolerance
-        self.length = problem.harness.length
+        self.length = problem.harness.longest
         numbers = [x for cable in cables for x in (*cable.bending_stiffness, cable.twisting_stiffness)]
         self.softest, self.stiffest = min(numbers) / self.length**2, max(numbers)
         self.bend = min(cable.mean_bending_stiffness for cable in cables)
         self.stretch = 0.0 if any(cable.axial_stiffness is None for cable in cables) else 1.0
+        loads = [abs(x) for one in problem.segments.values() for x in (one.load * one.cable.length).ravel()]
+        self._weight = 0.5 * sum(loads)  # N
         self.elastic = any(c.axial_stiffness is not None or c.shear_stiffness is not None for c in cables)
         self.rings: list[int] = []
         self.arcs = np.zeros(1)
         self.kinks = self.sharpness = self._still_stops = _NO_STOPS
-        if self._kinds:
+        if self._layout is not None:
             self._lay_out(self._kinds)
         self.unsettle()
+
+    @property
+    def layout(self) -> Layout:
+        """Knots and spans by name."""
+        assert self._layout is not None
+        return self._layout
 
     def aim(self, start: Any = None, end: Any = None, trial: bool = False) -> Array:
         """Poses of the knots (k, 7), after what holds and loads the ends has been taken into account.
@@ -63,7 +78,7 @@ class HarnessNetwork(Network):
         """
         ends = self.problem.ends
         kinds = tuple(how.kind if type(how) is Grip else "free" for how in ends.values())
-        if kinds != self._kinds:
+        if kinds != self._kinds or self._layout is None:
             self._lay_out(kinds)
             self.unsettle()
         self._load_tips()
@@ -80,9 +95,9 @@ class HarnessNetwork(Network):
     def _lay_out(self, kinds: tuple[str, ...]) -> None:
         """Takes over how the ends are held, and what the segments are made of."""
         problem = self.problem
-        before = self.layout if self._kinds else None
+        before = self._layout
         self._kinds = kinds
-        layout = self.layout = layout_of(problem, dict(zip(problem.ends, kinds, strict=True)))
+        layout = self._layout = layout_of(problem, dict(zip(problem.ends, kinds, strict=True)))
         self.structure, self._bare = layout.structure, bare_of(layout.structure)
         self.spans = len(layout.structure.spans)
         self.cables = len(layout.structure.cables)
@@ -134,7 +149,7 @@ class HarnessNetwork(Network):
         """Tells the model with one element a span what segments and loads are."""
         model, layout, problem = self._model_of_held, self.layout, self.problem
         model.par[...] = (
-            self.softest, _NEUTRAL * self.softest, self.length, self.elastic, self.stiffest, self.at_rest,
+            self.softest, self.firmness * self.neutral, self.length, self.elastic, self.stiffest, self.at_rest,
             any(cable.axial_stiffness is None for cable in problem.harness.segments.values()),
             _SOFTER if self.turns_freely else 1.0,
         )  # fmt: skip
@@ -187,6 +202,19 @@ class HarnessNetwork(Network):
         """Makes the loads those of a model with one element a span; what it is held in and made of is the same."""
         if self.elements:
             mesh.take_over(self._bare.ints, held, self.ints, self.floats)
+
+    def firm(self, firmness: float) -> None:
+        """How firmly modes that are as good as neutral are held while they are solved for, see FIRM."""
+        if firmness != self.firmness:
+            self.firmness = firmness
+            for floats in (self.held, self.floats):
+                if floats.size > tables.PAR:
+                    floats[tables.BASE_SHIFT] = firmness * self.neutral
+
+    @property
+    def neutral(self) -> float:
+        """[N], eigenvalues smaller than this count as zero: a part that hangs turns freely about the vertical."""
+        return max(super().neutral, _HANGING * self._weight)
 
     @property
     def stops(self) -> Array:

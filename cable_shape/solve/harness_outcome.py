@@ -15,6 +15,9 @@ from cable_shape.shape import NUMBERS_PER_POINT, Status
 from cable_shape.solve.harness_layout import Name
 from cable_shape.solve.harness_network import HarnessNetwork
 
+#: Steps in which strings are laid out, and what they lack [longest segments] that is no rounding of that.
+_STRINGS, _SHORT = 300, 1e-3
+
 
 def out_of_reach(
     task: HarnessProblem, state: HarnessNetwork, poses: Array
@@ -91,3 +94,40 @@ def laid_straight(task: HarnessProblem, state: HarnessNetwork, poses: Array, buf
                 align(q, *((b - a) / size))
             positions[inside] = a + np.outer((s[inside] - low) / (high - low), b - a)
             quaternions[inside] = q
+
+
+def lacking(task: HarnessProblem, state: HarnessNetwork, poses: Array) -> tuple[float, str]:
+    """[m], what segments that do not stretch lack together to reach all supports at once, by how much they could not be
+    laid out as strings; and the segment that lacks most. 0: nothing, or it cannot be told."""
+    spans = state.structure.spans
+    a, b = (np.array([span[i] for span in spans]) for i in (0, 1))
+    length = state.layout.arcs[:, 1] - state.layout.arcs[:, 0]
+    cables = list(task.harness.segments.values())
+    holds = np.concatenate([
+        np.full(len(rows), cable.axial_stiffness is None)
+        for cable, rows in zip(cables, state.layout.spans.values(), strict=True)
+    ])  # fmt: skip
+    moves = np.array([knot.moves for knot in state.structure.knots])
+    y = poses[:, :3].copy()
+    n = len(y)
+    for _ in range(_STRINGS):
+        d = y[b] - y[a]
+        size = np.maximum(np.linalg.norm(d, axis=1), 1e-12)
+        tight = holds & (size > length)
+        if not tight.any():
+            return 0.0, ""
+        k = np.where(tight, 1.0, 1e-4) / length
+        goal = d * np.where(tight, length / size, 1.0)[:, None]
+        K, right = np.zeros((n, n)), np.zeros((n, 3))
+        for i, j, sign in ((a, a, 1.0), (b, b, 1.0), (a, b, -1.0), (b, a, -1.0)):
+            np.add.at(K, (i, j), sign * k)
+        np.add.at(right, a, -k[:, None] * goal)
+        np.add.at(right, b, k[:, None] * goal)
+        y[moves] = np.linalg.solve(K[np.ix_(moves, moves)], right[moves] - K[np.ix_(moves, ~moves)] @ y[~moves])
+    d = np.linalg.norm(y[b] - y[a], axis=1)
+    over = np.where(holds, np.maximum(d - length, 0.0), 0.0)
+    if over.sum() <= _SHORT * state.length:
+        return 0.0, ""
+    worst = int(over.argmax())
+    name = next(name for name, rows in state.layout.spans.items() if worst in rows)
+    return float(over.sum()), name

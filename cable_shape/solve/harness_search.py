@@ -16,17 +16,28 @@ from cable_shape.kernels.network.drive import I_ENERGY, I_ESTIMATE, I_FORCE, I_M
 from cable_shape.kernels.network.guess import CURVED, HANGING
 from cable_shape.shape import NUMBERS_PER_POINT, Status
 from cable_shape.solve.harness_guess import laid
-from cable_shape.solve.harness_network import HarnessNetwork
-from cable_shape.solve.harness_outcome import laid_straight, out_of_reach
+from cable_shape.solve.harness_network import FIRM, HarnessNetwork
+from cable_shape.solve.harness_outcome import lacking, laid_straight, out_of_reach
 from cable_shape.solve.outcome import MODEL
 from cable_shape.solve.search import FAR, WARM_ITERATIONS, _FAR_STEP, _SAME, Search
 from cable_shape.solve.settle import Settling
-from cable_shape.solve.starts import COLD_ITERATIONS
 
 #: Guesses: share of the loads that pull the knots, kind and tilt of the spans' curves.
 _GUESSES = ((1.0, HANGING, 0.0), (1.0, CURVED, 0.3), (0.1, CURVED, 0.1), (0.0, CURVED, 0.02), (10.0, HANGING, 0.0))
+#: In this order: how many times as fine as usual the mesh is, the guess, by how much it is disturbed, how firmly soft
+#: modes are held, whether it settles first, whether only a stable shape will do.
+_ATTEMPTS = (
+    *((1.0, guess, 0.0, firm, False, True) for firm in FIRM[:2] for guess in _GUESSES[:3]),
+    *((1.0, guess, 0.0, FIRM[2], False, True) for guess in _GUESSES),
+    *((2.0, guess, 0.0, firm, False, True) for firm in FIRM for guess in _GUESSES[:2]),
+    *((1.3 + 0.15 * i, _GUESSES[i % 4], 0.03 * (1 + i), FIRM[i % 3], False, True) for i in range(12)),
+    *((2.0, guess, 0.0, FIRM[1], True, True) for guess in _GUESSES[:2]),
+    *((2.0, guess, 0.0, FIRM[0], False, False) for guess in _GUESSES),
+)
+#: Iterations of a solve from a guess: parts that hang have soft modes.
+_COLD_ITERATIONS = 160
 #: Steps in time that a guess may take to settle.
-_SETTLED = 400
+_SETTLED = 100
 
 
 @final
@@ -126,38 +137,64 @@ class HarnessSearch(Search):
     # -- from nothing
 
     def _cold(self, poses: Array, wound: float = 0.0) -> HarnessShape:  # type: ignore[override]
-        """From guesses, the likeliest first; then from one that settles against drag."""
+        """From guesses, the likeliest first, then from some that settle against drag, until there is a stable shape."""
         state = self.state
         state.align(poses)
-        for fineness, guesses in ((1.0, _GUESSES), (2.0, _GUESSES[:2])):
-            for load, kind, sag in guesses:
-                guess = self._guess(poses, load)
-                state.first_mesh(guess, fineness)
-                state.start_from(guess, kind, sag)
-                if self.call(0, COLD_ITERATIONS):
-                    return self._finish(Status.SNAPPED if self.snapped else Status.OK)  # type: ignore[return-value]
-                if self.out_of_time():
-                    return self._give_up(guess)
-        for load, kind, sag in _GUESSES[:3]:
+        found: HarnessShape | None = None
+        kept: tuple[Any, ...] = ()
+        chance = np.random.default_rng(0)
+        for fineness, (load, kind, sag), disturbed, firm, settles, guard in _ATTEMPTS:
+            if not guard and found is not None:
+                break
             guess = self._guess(poses, load)
-            state.first_mesh(guess, 2.0)
+            if disturbed > 0.0:
+                self._disturb(guess, disturbed, chance)
+            state.firm(firm)
+            state.first_mesh(guess, fineness)
             state.start_from(guess, kind, sag)
-            if self._settled() and self.call(0, COLD_ITERATIONS):
-                return self._finish(Status.SNAPPED if self.snapped else Status.OK)  # type: ignore[return-value]
+            if settles and not self._settled():
+                continue
+            if self.call(0, _COLD_ITERATIONS, guard=guard):
+                told = Status.SNAPPED if self.snapped else Status.OK
+                shape: Any = self._finish(told if guard else Status.UNSTABLE)
+                if shape.status in (Status.OK, Status.SNAPPED):
+                    return shape  # type: ignore[no-any-return]
+                if found is None or (shape.usable and not found.usable):
+                    found, kept = shape, state.put_aside()
+                self.buffer, self.loads = self.room()
             if self.out_of_time():
-                return self._give_up(guess)
-        for load, kind, sag in _GUESSES:
-            guess = self._guess(poses, load)
-            state.first_mesh(guess, 2.0)
-            state.start_from(guess, kind, sag)
-            if self.call(0, COLD_ITERATIONS, guard=False):
-                return self._finish(Status.UNSTABLE)  # type: ignore[return-value]
+                return self._give_up(guess) if found is None else found
+        if found is not None:
+            state.put_back(kept)
+            return found
         state.history = 0
-        return self.no_shape(Status.NOT_CONVERGED, self._guess(poses, 1.0), "")
+        guess = self._guess(poses, 1.0)
+        missing, name = lacking(self.task, state, guess)
+        if missing > 0.0:
+            detail = (
+                f"the segments lack {missing:.3g} m to reach all supports and to close, {name!r} most of all. Bring the "
+                "supports closer, or lengthen it; the shape is straight lines."
+            )
+            return self.no_shape(Status.OVERSTRETCHED, guess, detail, missing)
+        return self.no_shape(Status.NOT_CONVERGED, guess, "")
+
+    def _lost(self, poses: Array) -> HarnessShape:  # type: ignore[override]
+        """A finer mesh did not confirm the equilibrium."""
+        self.state.history = 0
+        return self.no_shape(Status.NOT_CONVERGED, poses, "the equilibrium was lost on a finer mesh. ")
 
     def _guess(self, poses: Array, load: float) -> Array:
         """Poses of all knots, of which some are given."""
         return laid(self.state, poses, load)
+
+    def _disturb(self, poses: Array, much: float, chance: np.random.Generator) -> None:
+        """Moves what nothing holds by about so much [lengths, rad]."""
+        state = self.state
+        for row, knot in enumerate(state.structure.knots):
+            if knot.moves:
+                poses[row, :3] += much * state.length * chance.normal(size=3)
+                poses[row, 3:] += 0.5 * much * chance.normal(size=4)
+                poses[row, 3:] /= np.linalg.norm(poses[row, 3:])
 
     def _settled(self) -> bool:
         """Lets the guess in the trial come to rest against drag."""

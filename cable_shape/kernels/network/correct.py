@@ -44,6 +44,8 @@ from cable_shape.kernels.rod_defect import defects, left_over, take_off
 #: moment [N m].
 OFF, LEFT, OFF_FORCE, LEFT_FORCE, OFF_MOMENT, LEFT_MOMENT = 0, 1, 2, 3, 4, 5
 ERRORS = 6
+#: Forces at knots that nothing holds are balanced so many times at most, or until they change so much less than first.
+BALANCINGS, SETTLED = 4, 1e-9
 
 
 @viewing(fastmath=FAST)
@@ -146,11 +148,49 @@ def correct(ints: Whole, floats: Floats, sols: Floats, space: Floats, run: Float
         math.sqrt(force),
         math.sqrt(moment),
     )
+    told[LEFT_FORCE] += balance(ints, floats, space)
     total = 0.0
     for i in range(ERRORS):
         total += told[i]
     if not math.isfinite(total):
         told[:] = math.inf
+
+
+@viewing
+def balance(ints: Whole, floats: Floats, space: Floats) -> float:
+    """Balances the forces of the spans at knots that nothing holds; returns the largest change [N].
+
+    Next to straight, spans that do not stretch are so stiff that rounding of places makes forces: of what the gaps
+    between places leave of a balance only this is asked, how the forces share it.
+    """
+    plan, model, work = plan_of(ints), model_of(ints, floats), work_of(ints, space)
+    moves = False
+    for k in range(plan.vertices.shape[0]):
+        moves = moves or plan.vertices[k, 1] >= 0
+    if not moves:
+        return 0.0
+    first = 0.0
+    for i in range(BALANCINGS):
+        for k in range(plan.vertices.shape[0]):
+            put3(work.pull, k, 0, scale(-1.0, get3(model.force, k)))
+        work.G[:, :] = 0.0
+        work.sums[:, :3] = 0.0
+        for j in range(plan.ends.shape[0]):
+            a, b = plan.ends[j, 0], plan.ends[j, 1]
+            n = get3(work.pulled, j)
+            put3(work.pull, a, 0, subtract(get3(work.pull, a), add(n, get3(model.weight, j))))
+            put3(work.pull, b, 0, add(get3(work.pull, b), n))
+        solve(ints, floats, space)
+        largest = 0.0
+        for j in range(plan.ends.shape[0]):
+            dl = step_of_force(work, j)
+            largest = max(largest, dot(dl, dl))
+            put3(work.pulled, j, 0, add(get3(work.pulled, j), dl))
+        if i == 0:
+            first = math.sqrt(largest)
+        if not largest > SETTLED * SETTLED * first * first:
+            break
+    return first
 
 
 @viewing(fastmath=FAST, forceinline=True)
