@@ -2,11 +2,13 @@
 
 Every segment is a cable of the network. Its spans run from support to support: an open end, a clip, a junction; a point
 mass, and an arc length at which what the segment is made of has a jump or a kink that is felt, is a knot, too, which
-nothing holds (a station).
+nothing holds (a station). An end that lies beside its junction's origin hangs on a lever, a rod LEVER times as stiff as
+the stiffest segment, which is a cable of the network, too.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from itertools import pairwise
 from typing import NamedTuple, final
@@ -14,14 +16,16 @@ from typing import NamedTuple, final
 import numpy as np
 
 from cable_shape.checks import Array
-from cable_shape.harness import split_end
 from cable_shape.harness_problem import HarnessProblem
 from cable_shape.problem import Problem
 from cable_shape.solve.bare import IDENTITY
 from cable_shape.solve.cables import AT, FREE_ROTATIONS, Structure, material_of, shared_loads
 from cable_shape.solve.plan import Cable, Knot, Span
 
-#: A knot: ("junction", its name), ("end", "a.start"), ("clip", number in the scene), ("station", segment, arc length).
+#: What holds an end beside its junction is so many times as stiff as the stiffest segment.
+LEVER = 1e6
+#: A knot: ("junction", its name), ("end", "a.start"), ("clip", number in the scene), ("station", segment, arc length),
+#: ("lever", "a.start").
 Name = tuple[str | int | float, ...]
 Mask = tuple[float, ...]
 _ALL, _NONE = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
@@ -38,6 +42,7 @@ class Layout(NamedTuple):
     arcs: Array  # (m, 2) [m], at which a span begins and ends, on its segment
     own: Array  # (k, 3) [N], loads of segments at knots: point masses
     at_masses: tuple[tuple[int, float, Array], ...]  # knot, mass [kg], what weighs on it [m/s^2]
+    levers: tuple[tuple[int, float], ...]  # span and length [m] of each, in the order of their cables, the last ones
     placed: Array  # (k,) whole numbers, 1: the rotation of a rigid junction, of which a guess is to be made
 
 
@@ -53,6 +58,7 @@ class _Builder:
         self.free: list[tuple[Mask, Mask]] = []
         self.frames: list[list[Mask]] = []
         self.arcs: list[tuple[float, float]] = []
+        self.levers: list[tuple[int, int, Array]] = []  # knots of junction and end, and the way between them
 
     def knot(self, name: Name, turns: Mask = _NONE, moves: bool = False) -> int:
         """The row of a knot, made if it is new."""
@@ -81,7 +87,8 @@ def layout_of(problem: HarnessProblem, kinds: Mapping[str, str]) -> Layout:
             ends.append((mask, frame))
             loads[row] = loads.get(row, np.zeros(3)) + load
         _hold_roll(one, places, ends, build)
-        for (k, (a, end)), (n, (b, other)) in pairwise(zip(knots, zip([x for _, x in places], ends, strict=True), strict=True)):
+        rows = list(zip(knots, [arc for _, arc in places], ends, strict=True))
+        for (k, a, end), (n, b, other) in pairwise(rows):
             masks, frames = (end[0], other[0]), (end[1], other[1])
             tied = (masks[0] is None, masks[1] is None)
             turned = (frames[0] is not None, frames[1] is not None)
@@ -92,6 +99,15 @@ def layout_of(problem: HarnessProblem, kinds: Mapping[str, str]) -> Layout:
         spans[name] = range(first, len(build.spans))
         cables.append(Cable(len(spans[name]), len(material_of(one).pieces), 0, (knots[0], knots[0])))
         masses += [(_at(places, knots, mass.arc_length), mass.mass, one.fall(mass.arc_length)) for mass in one.masses]
+    levers = []
+    for row, far, way in build.levers:
+        size = float(np.linalg.norm(way))
+        levers.append((len(build.spans), size))
+        build.spans.append(Span(row, far, (True, True), (True, True)))
+        build.free.append((_NONE, _NONE))
+        build.frames.append([frame_along(way / size)] * 2)
+        build.arcs.append((0.0, size))
+        cables.append(Cable(1, 1, 0, (row, row)))
     for junction in harness.junctions:
         masses.append((build.rows["junction", junction.name], junction.mass, problem.fall(junction.ends[0])))
     own_loads = np.zeros((len(build.knots), 3))
@@ -100,10 +116,10 @@ def layout_of(problem: HarnessProblem, kinds: Mapping[str, str]) -> Layout:
     structure = Structure(
         tuple(build.knots), tuple(build.spans), tuple(cables), (), tuple(build.free), tuple(build.loose)
     )
-    placed = np.array([int(name[0] == "junction" and build.knots[row].turns) for name, row in build.rows.items()])
+    placed = np.array([int(name[0] in ("junction", "lever") and build.knots[row].turns) for name, row in build.rows.items()])
     return Layout(
         structure, np.array(build.frames), build.rows, spans, np.array(build.arcs), own_loads,
-        tuple(row for row in masses if row[1] > 0.0), placed,
+        tuple(row for row in masses if row[1] > 0.0), tuple(levers), placed,
     )  # fmt: skip
 
 
@@ -141,7 +157,12 @@ def _support(
         row = build.rows["junction", junction.name]
         if junction.kind == "ball":
             return row, _ALL, None
-        return row, None, tuple(junction.frame(end).quaternion.tolist())
+        frame = junction.frame(end)
+        if frame.position.any():
+            far = build.knot(("lever", end), _ALL, moves=True)
+            build.levers.append((row, far, frame.position))
+            row = far
+        return row, None, tuple(frame.quaternion.tolist())
     if what[0] == "station":
         return build.knot(what, _ALL, moves=True), None, None
     assert problem.scene is not None
@@ -166,16 +187,16 @@ def _hold_roll(
         ends[side] = ((mask[0], mask[1], 0.0), None)
 
 
+def frame_along(way: Array) -> Mask:
+    """(4,) x, y, z, w: a rotation whose d3 points along a unit vector."""
+    x, y, z = way.tolist()
+    if z < -0.999999:
+        return (1.0, 0.0, 0.0, 0.0)
+    size = math.sqrt(2.0 + 2.0 * z)
+    return (-y / size, x / size, 0.0, 0.5 * size)
+
+
 def _at(places: list[tuple[Name, float]], knots: list[int], arc: float) -> int:
     """The knot nearest to an arc length."""
     return knots[min(range(len(places)), key=lambda i: abs(places[i][1] - arc))]
 
-
-def ends_at(layout: Layout, problem: HarnessProblem, junction: str) -> list[tuple[int, int]]:
-    """Spans, each with its end (0 or 1), that meet in a junction."""
-    out = []
-    for end in next(j for j in problem.harness.junctions if j.name == junction).ends:
-        segment, side = split_end(end)
-        spans = layout.spans[segment]
-        out.append((spans[0], 0) if side == "start" else (spans[-1], 1))
-    return out

@@ -9,12 +9,12 @@ import numpy as np
 
 from cable_shape.checks import Array
 from cable_shape.harness_problem import HarnessProblem
-from cable_shape.kernels.network import drive, guess, mesh, respond, tables
+from cable_shape.kernels.network import drive, guess, material, mesh, respond, tables
 from cable_shape.kernels.network.drive import INFO
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.solve.bare import IDENTITY, bare_of
 from cable_shape.solve.cables import FREE_ROTATIONS, material_of
-from cable_shape.solve.harness_layout import Layout, layout_of
+from cable_shape.solve.harness_layout import LEVER, Layout, layout_of
 from cable_shape.solve.network import _SOFTER, Network
 
 #: Shares of what counts as neutral by which matrices are shifted: with little of it soft modes converge as fast as
@@ -149,16 +149,22 @@ class HarnessNetwork(Network):
         """Tells the model with one element a span what segments and loads are."""
         model, layout, problem = self._model_of_held, self.layout, self.problem
         model.par[...] = (
-            self.softest, self.firmness * self.neutral, self.length, self.elastic, self.stiffest, self.at_rest,
+            self.softest, self.firmness * self.neutral, self.length, self.elastic or bool(layout.levers), self.stiffest, self.at_rest,
             any(cable.axial_stiffness is None for cable in problem.harness.segments.values()),
             _SOFTER if self.turns_freely else 1.0,
         )  # fmt: skip
         model.frame[...] = layout.frames
         model.s[...] = layout.arcs.ravel()
         materials = [material_of(one) for one in problem.segments.values()]
-        model.heavy[...] = [one.cable.linear_density * one.gravity for one in problem.segments.values()]
-        model.breaks[...] = np.concatenate([one.breaks for one in materials])
-        model.piece[...] = np.concatenate([one.pieces for one in materials])
+        levers = layout.levers
+        heavy = [one.cable.linear_density * one.gravity for one in problem.segments.values()]
+        model.heavy[...] = [*heavy, *[np.zeros(3) for _ in levers]]
+        model.breaks[...] = np.concatenate([*[one.breaks for one in materials], *[(0.0, size) for _, size in levers]])
+        stiff = np.zeros((len(levers), tables.PIECE))
+        for first in (material.K_LEFT, material.K_RIGHT):
+            stiff[:, first : first + 3] = LEVER * self.stiffest
+        stiff[:, material.COMPLIANCE + 2] = [size**2 / (LEVER * self.stiffest) for _, size in levers]
+        model.piece[...] = np.concatenate([*[one.pieces for one in materials], stiff])
         model.force[...] = layout.own
         for junction in problem.harness.junctions:
             weight = junction.mass * problem.fall(junction.ends[0])
@@ -223,8 +229,13 @@ class HarnessNetwork(Network):
 
     @property
     def missed(self) -> float:
-        """0 m: every kink is a knot."""
-        return 0.0
+        """[m], by how much a shape may be off because levers give."""
+        if not self.layout.levers:
+            return 0.0
+        moments = tables.work_of.py_func(self.ints, self.work).moments
+        first = self.ints[tables.HEAD : tables.HEAD + self.spans + 1]
+        turn = sum(np.abs(moments[first[j] : first[j + 1]]).max() * size for j, size in self.layout.levers)
+        return float(turn / (LEVER * self.stiffest) * 2.0 * self.length)
 
     def bounds(self) -> Array:
         """(m, 2) [m]: arc lengths at which the spans begin and end."""
@@ -275,7 +286,8 @@ class HarnessNetwork(Network):
         s = self.nodes.copy()
         for spans, gap in zip(self.layout.spans.values(), self.gaps, strict=True):
             s[self.runs[spans[0]][0] : self.runs[spans[-1]][1] + 1] += gap
-        return s, positions
+        last = self.runs[spans[-1]][1] + 1  # levers are beyond
+        return s[:last], positions[:last]
 
     def sensitivities(self, ends: tuple[str, ...]) -> Array:
         """(c points, 3, 6 g): change of the positions of all segments with the poses of these held ends."""

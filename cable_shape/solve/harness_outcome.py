@@ -34,6 +34,10 @@ def out_of_reach(
             reach = float(high - low) if cable.axial_stiffness is None else math.inf
             beside.setdefault(a, []).append((b, reach))
             beside.setdefault(b, []).append((a, reach))
+    for j, size in state.layout.levers:
+        a, b = state.structure.spans[j][:2]
+        beside.setdefault(a, []).append((b, size))
+        beside.setdefault(b, []).append((a, size))
     names = list(state.layout.knots)
     worst: tuple[float, int, int, float, float] = (0.0, -1, -1, 0.0, 0.0)
     held = [k for k, knot in enumerate(knots) if not knot.moves]
@@ -103,10 +107,9 @@ def lacking(task: HarnessProblem, state: HarnessNetwork, poses: Array) -> tuple[
     a, b = (np.array([span[i] for span in spans]) for i in (0, 1))
     length = state.layout.arcs[:, 1] - state.layout.arcs[:, 0]
     cables = list(task.harness.segments.values())
-    holds = np.concatenate([
-        np.full(len(rows), cable.axial_stiffness is None)
-        for cable, rows in zip(cables, state.layout.spans.values(), strict=True)
-    ])  # fmt: skip
+    holds = np.ones(len(spans), dtype=bool)
+    for cable, rows in zip(cables, state.layout.spans.values(), strict=True):
+        holds[rows.start : rows.stop] = cable.axial_stiffness is None
     moves = np.array([knot.moves for knot in state.structure.knots])
     y = poses[:, :3].copy()
     n = len(y)
@@ -129,5 +132,5 @@ def lacking(task: HarnessProblem, state: HarnessNetwork, poses: Array) -> tuple[
     if over.sum() <= _SHORT * state.length:
         return 0.0, ""
     worst = int(over.argmax())
-    name = next(name for name, rows in state.layout.spans.items() if worst in rows)
-    return float(over.sum()), name
+    names = [name for name, rows in state.layout.spans.items() if worst in rows]
+    return float(over.sum()), names[0] if names else "a junction"
