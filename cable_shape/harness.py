@@ -109,6 +109,7 @@ class Harness:
 
     segments: Mapping[str, Cable]
     junctions: tuple[Junction, ...]
+    _junction_of: dict[str, Junction]
 
     def __init__(self, segments: Mapping[str, Cable], junctions: Iterable[Junction] = ()) -> None:
         put = object.__setattr__
@@ -164,8 +165,7 @@ class Harness:
 
     def junction_of(self, end: str) -> Junction | None:
         """The junction that an end is in; None if it is open."""
-        found: Junction | None = self._junction_of.get(end)
-        return found
+        return self._junction_of.get(end)
 
     def parts(self) -> list[frozenset[str]]:
         """Names of the segments that hang together, part by part."""

@@ -95,9 +95,7 @@ class HarnessPredictor:
         """Names of the ends held at the last prediction, in the order of the segments: those of `sensitivity`."""
         return self.problem.grips
 
-    def predict(
-        self, ends: Mapping[str, End], *, acceleration: Mapping[str, ArrayLike] | None = None
-    ) -> HarnessShape:
+    def predict(self, ends: Mapping[str, End], *, acceleration: Mapping[str, ArrayLike] | None = None) -> HarnessShape:
         """The shape between these ends; never raises for a physical reason: look at `status`.
 
         Parameters

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, final
 
@@ -15,7 +15,7 @@ from cable_shape.harness import Harness
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.problem import GRAVITY, NAMED_TOLERANCE, Problem
 from cable_shape.scene import Scene
-from cable_shape.scene_parts import clip_names
+from cable_shape.scene_parts import Clip, PointMass, clip_names
 
 End = Pose | Grip | FreeEnd | None
 _FREE = FreeEnd()
@@ -53,9 +53,7 @@ class HarnessProblem:
         distributed_load: Mapping[str, ArrayLike] | None = None,
         acceleration: Mapping[str, ArrayLike] | None = None,
     ) -> None:
-        if not isinstance(harness, Harness):
-            remedy = "Write Harness(segments={...}, junctions=[...])."
-            raise ArgumentError.of("harness", harness, "it must be a Harness", remedy)
+        checks.instance("harness", harness, (Harness,), "Write Harness(segments={...}, junctions=[...]).")
         self.harness = harness
         if tolerance is None:
             tolerance = NAMED_TOLERANCE * harness.longest
@@ -71,7 +69,7 @@ class HarnessProblem:
             self.segments[name] = self._segment(name, moves.get(name))
         first = next(iter(self.segments.values()))
         self.gravity, self.points = first.gravity, first.points
-        self._given: dict[str, End] = {}
+        self._given: dict[str, End] | None = None
         self.ends: dict[str, Grip | FreeEnd] = dict.fromkeys(harness.open_ends, _FREE)
 
     def _segment(self, name: str, acceleration: ArrayLike | None) -> Problem:
@@ -109,10 +107,9 @@ class HarnessProblem:
         ArgumentError
             For an end that does not exist or is in a junction, and where nothing holds a part of the harness.
         """
-        if not isinstance(ends, Mapping):
-            raise ArgumentError.of("ends", ends, "it must be a mapping", "Write {'a.start': Pose(...), ...}.")
+        checks.instance("ends", ends, (Mapping,), "Write {'a.start': Pose(...), ...}.")
         given, now = self._given, self.ends
-        if given.keys() == ends.keys():
+        if given is not None and given.keys() == ends.keys():
             for end, held in ends.items():
                 if held is not given[end]:
                     now[end] = self._end(end, held)
@@ -134,11 +131,9 @@ class HarnessProblem:
             found: Grip | FreeEnd = held
         elif held is None:
             found = _FREE
-        elif type(held) is Pose:
-            found = _CLAMPED.at(held, held)
         else:
-            remedy = "Write Pose(position, quaternion)."
-            raise ArgumentError.of(end, held, "it must be a Pose, a Grip or a FreeEnd", remedy)
+            checks.instance(end, held, (Pose, Grip, FreeEnd), "Write Pose(position, quaternion).")
+            found = _CLAMPED.at(held, held)
         if type(found) is Grip and found.cable_frame.turns:
             bound = "windings of a harness come from the path that led there"
             raise ArgumentError.of(f"{end}: turns", found.cable_frame.turns, bound, "Leave them out and turn the end.")
@@ -193,7 +188,8 @@ def _scenes_of(harness: Harness, scene: Scene | None) -> tuple[dict[str, Scene |
     if scene.plug is not None:
         remedy = "Give the end a FreeEnd(mass=...)."
         raise ArgumentError.of("scene.plug", scene.plug, "a harness has more ends than one", remedy)
-    for kind, parts in (("clips", scene.clips), ("masses", scene.masses)):
+    both: tuple[tuple[str, Sequence[Clip | PointMass]], ...] = (("clips", scene.clips), ("masses", scene.masses))
+    for kind, parts in both:
         for i, part in enumerate(parts):
             if part.segment not in scenes:
                 known = f"Segments: {', '.join(harness.segments)}."
@@ -217,4 +213,3 @@ def _of_segments(where: str, values: Mapping[str, ArrayLike] | None, harness: Ha
     """A mapping of segments to what each is given."""
     remedy = f"Write {{segment: ...}}; segments: {', '.join(harness.segments)}."
     return checks.mapping(where, values, harness.segments, remedy)
-

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, final
+from typing import Any, final, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +15,7 @@ from cable_shape.cable import Cable
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.harness import Harness
+from cable_shape.harness_shape import HarnessShape
 from cable_shape.meshes.convex import is_convex
 from cable_shape.models import touching
 from cable_shape.models.crossing import Crossing
@@ -343,7 +344,11 @@ def _in_contact(state: TouchState, by: tuple[str, ...], at: str) -> Array:
     return np.concatenate([columns[:, :, 6 * ENDS.index(name) :][:, :, :6] for name in by], axis=2)
 
 
-def predict(
+@overload
+def predict(cable: Cable, start: Pose | Grip, end: Pose | Grip | FreeEnd | None, **_: Any) -> CableShape: ...
+@overload
+def predict(cable: Harness, start: Mapping[str, Pose | Grip | FreeEnd | None], **_: Any) -> HarnessShape: ...
+def predict(  # type: ignore[misc]
     cable: Cable | Harness,
     start: Any,
     end: Any = _NOT_GIVEN,
@@ -384,7 +389,8 @@ def predict(
     if isinstance(cable, Harness):
         if end is not _NOT_GIVEN:
             raise ArgumentError.of("end", end, "the ends of a harness are one mapping", "Write {'a.start': Pose(...)}.")
-        return predictor.predict(start, acceleration=acceleration)  # type: ignore[call-arg, arg-type]
+        of_harness: Any = predictor
+        return of_harness.predict(start, acceleration=acceleration)
     if end is _NOT_GIVEN:
         raise ArgumentError("end is missing. Write predict(cable, start, end); None is a free end.")
     return predictor.predict(start, end, acceleration=acceleration)

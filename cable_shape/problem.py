@@ -120,7 +120,8 @@ class Problem:
         self.load_force = _NO_FORCES
         self.clips: tuple[Clip, ...] = ()
         if scene is not None and (scene.masses or scene.clips):
-            for part in (*scene.clips, *scene.masses):
+            parts: tuple[Clip | PointMass, ...] = (*scene.clips, *scene.masses)
+            for part in parts:
                 if part.segment is not None:
                     raise ArgumentError.of(
                         f"{type(part).__name__}.segment", part.segment, "a cable has no segments", "Leave it out."

@@ -7,6 +7,8 @@ former solve a linear system, the latter turn to where their spans lead.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from cable_shape.checks import Array
@@ -31,15 +33,15 @@ def laid(state: HarnessNetwork, poses: Array, load: float) -> Array:
     length = model.s[1::2] - model.s[::2]
     bend = 0.5 * (model.section[:, 0] + model.section[:, 1])
     stiff = _SLACK * bend / length**3
-    moves = np.array([knot.moves for knot in state.structure.knots])
-    turns = np.array([knot.turns for knot in state.structure.knots])
+    moves: Any = np.array([knot.moves for knot in state.structure.knots])
+    turns: Any = np.array([knot.turns for knot in state.structure.knots])
     ball = moves & ~turns
     force = load * model.force.copy()
     for end in (a, b):
         np.add.at(force, end, 0.5 * load * model.weight)
     # of a span that turns for itself at an end nothing is known of its way there
-    known = np.stack([(plan.tied[:, i] != 0) | (model.free[:, i, 0] == 0.0) for i in (0, 1)], axis=1)
-    known &= ~np.stack([ball[a], ball[b]], axis=1)
+    known: Any = (plan.tied != 0) | (model.free[:, :, 0] == 0.0)
+    known &= ~np.stack((ball[a], ball[b]), axis=1)
     frames = _matrices(poses[:, 3:])
     own = _matrices(model.frame.reshape(-1, 4)).reshape(-1, 2, 3, 3)
     y = _along_the_tree(poses[:, :3].copy(), moves, a, b, length, frames, own, known)
@@ -48,10 +50,14 @@ def laid(state: HarnessNetwork, poses: Array, load: float) -> Array:
     for _ in range(_ROUNDS):
         d = y[b] - y[a]
         size = np.linalg.norm(d, axis=1)
-        ahead = np.einsum("mxyz,mx->my", np.stack([frames[a] @ own[:, 0], frames[b] @ own[:, 1]], axis=1)[..., 2:], known)
+        ahead = np.einsum(
+            "mxyz,mx->my", np.stack([frames[a] @ own[:, 0], frames[b] @ own[:, 1]], axis=1)[..., 2:], known
+        )
         way = np.where(known.any(axis=1)[:, None], ahead, d)
         norm = np.linalg.norm(way, axis=1)
-        way = np.where(norm[:, None] > 1e-9, way / np.maximum(norm, 1e-9)[:, None], d / np.maximum(size, 1e-12)[:, None])
+        way = np.where(
+            norm[:, None] > 1e-9, way / np.maximum(norm, 1e-9)[:, None], d / np.maximum(size, 1e-12)[:, None]
+        )
         pull = np.linalg.norm(model.weight, axis=1) + np.linalg.norm(force, axis=1).max(initial=0.0)
         taut = size > _TAUT * length
         k = np.where(taut, _HOLDS * (stiff + pull / length), stiff)
@@ -75,7 +81,7 @@ def laid(state: HarnessNetwork, poses: Array, load: float) -> Array:
 
 
 def _along_the_tree(
-    y: Array, moves: Array, a: Array, b: Array, length: Array, frames: Array, own: Array, known: Array
+    y: Array, moves: Any, a: Any, b: Any, length: Array, frames: Array, own: Array, known: Array
 ) -> Array:
     """Places from those that are given, each span straight on from its frame, or away from the last one."""
     found = ~moves
@@ -97,7 +103,7 @@ def _along_the_tree(
 
 
 def _turned(
-    frames: Array, turns: Array, own: Array, y: Array, a: Array, b: Array, length: Array, stiff: Array, known: Array
+    frames: Array, turns: Any, own: Array, y: Array, a: Any, b: Any, length: Array, stiff: Array, known: Array
 ) -> Array:
     """Frames (k, 3, 3) of the knots that turn, to where their spans and their neighbours' frames lead."""
     d = y[b] - y[a]

@@ -75,7 +75,9 @@ def layout_of(problem: HarnessProblem, kinds: Mapping[str, str]) -> Layout:
     harness = problem.harness
     for junction in harness.junctions:
         build.knot(("junction", junction.name), _ALL if junction.kind == "rigid" else _NONE, moves=True)
-    spans, loads, masses = {}, {}, []
+    spans: dict[str, range] = {}
+    loads: dict[int, Array] = {}
+    masses = []
     cables = []
     for name, one in problem.segments.items():
         first = len(build.spans)
@@ -116,7 +118,9 @@ def layout_of(problem: HarnessProblem, kinds: Mapping[str, str]) -> Layout:
     structure = Structure(
         tuple(build.knots), tuple(build.spans), tuple(cables), (), tuple(build.free), tuple(build.loose)
     )
-    placed = np.array([int(name[0] in ("junction", "lever") and build.knots[row].turns) for name, row in build.rows.items()])
+    placed = np.array(
+        [int(name[0] in ("junction", "lever") and build.knots[row].turns) for name, row in build.rows.items()]
+    )
     return Layout(
         structure, np.array(build.frames), build.rows, spans, np.array(build.arcs), own_loads,
         tuple(row for row in masses if row[1] > 0.0), tuple(levers), placed,
@@ -199,4 +203,3 @@ def frame_along(way: Array) -> Mask:
 def _at(places: list[tuple[Name, float]], knots: list[int], arc: float) -> int:
     """The knot nearest to an arc length."""
     return knots[min(range(len(places)), key=lambda i: abs(places[i][1] - arc))]
-

@@ -149,7 +149,8 @@ class HarnessNetwork(Network):
         """Tells the model with one element a span what segments and loads are."""
         model, layout, problem = self._model_of_held, self.layout, self.problem
         model.par[...] = (
-            self.softest, self.firmness * self.neutral, self.length, self.elastic or bool(layout.levers), self.stiffest, self.at_rest,
+            self.softest, self.firmness * self.neutral, self.length, self.elastic or bool(layout.levers), self.stiffest,
+            self.at_rest,
             any(cable.axial_stiffness is None for cable in problem.harness.segments.values()),
             _SOFTER if self.turns_freely else 1.0,
         )  # fmt: skip
@@ -301,5 +302,3 @@ class HarnessNetwork(Network):
 
 
 _HELD = (0.0, 0.0, 0.0)
-
-

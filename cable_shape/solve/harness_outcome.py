@@ -19,9 +19,7 @@ from cable_shape.solve.harness_network import HarnessNetwork
 _STRINGS, _SHORT = 300, 1e-3
 
 
-def out_of_reach(
-    task: HarnessProblem, state: HarnessNetwork, poses: Array
-) -> tuple[Status, Array, str, float] | None:
+def out_of_reach(task: HarnessProblem, state: HarnessNetwork, poses: Array) -> tuple[Status, Array, str, float] | None:
     """Two supports further apart than the segments between them are long: status, poses, what to say, what is missing
     [m]; None where there are none, or segments stretch."""
     knots = state.structure.knots

@@ -19,7 +19,7 @@ from cable_shape.solve.harness_guess import laid
 from cable_shape.solve.harness_network import FIRM, HarnessNetwork
 from cable_shape.solve.harness_outcome import lacking, laid_straight, out_of_reach
 from cable_shape.solve.outcome import MODEL
-from cable_shape.solve.search import FAR, WARM_ITERATIONS, _FAR_STEP, _SAME, Search
+from cable_shape.solve.search import _FAR_STEP, _SAME, FAR, WARM_ITERATIONS, Search
 from cable_shape.solve.settle import Settling
 
 #: Guesses: share of the loads that pull the knots, kind and tilt of the spans' curves.
@@ -65,7 +65,7 @@ class HarnessSearch(Search):
         task, state, info = self.task, self.state, self.info
         told = np.array(info[INFO:])
         cables = state.cables
-        found = HarnessShape(
+        return HarnessShape(
             task.harness,
             self.buffer,
             task.points,
@@ -85,7 +85,6 @@ class HarnessSearch(Search):
             clips=self.loads[state.clip_rows] if state.clip_rows else None,
             clips_of=task.clips,
         )
-        return found
 
     def no_shape(self, status: Status, poses: Array, detail: str, missing: float = 0.0) -> HarnessShape:  # type: ignore[override]
         """Straight lines between the knots; what was solved before stays as a warm start."""
@@ -172,8 +171,8 @@ class HarnessSearch(Search):
         missing, name = lacking(self.task, state, guess)
         if missing > 0.0:
             detail = (
-                f"the segments lack {missing:.3g} m to reach all supports and to close, {name!r} most of all. Bring the "
-                "supports closer, or lengthen it; the shape is straight lines."
+                f"the segments lack {missing:.3g} m to reach all supports and to close, {name!r} most of all. Bring "
+                "the supports closer, or lengthen it; the shape is straight lines."
             )
             return self.no_shape(Status.OVERSTRETCHED, guess, detail, missing)
         return self.no_shape(Status.NOT_CONVERGED, guess, "")
@@ -236,5 +235,3 @@ def solve(
         state.settle()
         return search.shape(Status.OK, ""), state
     return search.run(poses, followed), state  # type: ignore[return-value]
-
-
