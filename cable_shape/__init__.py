@@ -52,6 +52,7 @@ if TYPE_CHECKING:
         Scene,
         Sphere,
     )
+    from cable_shape.section import Section
     from cable_shape.shape import CableShape, ClipLoad, Contact, Status
     from cable_shape.shape_batch import ShapeBatch
     from cable_shape.stress import Stress, stress_of
@@ -106,6 +107,7 @@ __all__ = [
     "Reason",
     "RobotError",
     "Scene",
+    "Section",
     "Severity",
     "ShapeBatch",
     "Sphere",
@@ -165,6 +167,7 @@ _HOMES = {
     "predictor": ("Predictor", "predict"),
     "report": ("BodyDistance", "CableWarning", "Clearance", "CycleReport", "Margin", "Severity", "WarningKind"),
     "scene": ("Box", "Capsule", "Clip", "Cylinder", "HalfSpace", "Mesh", "Obstacle", "PointMass", "Scene", "Sphere"),
+    "section": ("Section",),
     "shape": ("CableShape", "ClipLoad", "Contact", "Status"),
     "shape_batch": ("ShapeBatch",),
     "stress": ("Stress", "stress_of"),

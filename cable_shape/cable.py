@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, final
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from cable_shape import checks
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
+from cable_shape.section import Section, sections_of
 
 STANDARD_GRAVITY = 9.81  # m/s^2
 TAIL_SIDES = ("start", "end")
@@ -53,6 +54,8 @@ class Cable:
         [Pa], limit of the von Mises stress, see :mod:`cable_shape.stress`; None: no limit.
     tails : mapping of "start" and "end" to a length, optional
         [m], cable that hangs beyond the grips, not counted in `length`; see :mod:`cable_shape.tails`.
+    sections : sequence of Section, optional
+        Stretches with properties of their own, which do not overlap; see :class:`cable_shape.Section`.
 
     Raises
     ------
@@ -73,6 +76,7 @@ class Cable:
         "max_twist_rate",
         "min_bend_radius",
         "rest_curvature",
+        "sections",
         "shear_stiffness",
         "tails",
         "twisting_stiffness",
@@ -93,6 +97,7 @@ class Cable:
     inner_diameter: float
     allowable_stress: float | None
     tails: Mapping[str, float]
+    sections: tuple[Section, ...]
 
     def __init__(
         self,
@@ -111,6 +116,7 @@ class Cable:
         inner_diameter: float = 0.0,
         allowable_stress: float | None = None,
         tails: Mapping[str, float] | None = None,
+        sections: Sequence[Section] | None = None,
     ) -> None:
         put = object.__setattr__
         put(self, "length", _length("length", length))
@@ -139,6 +145,9 @@ class Cable:
             self, "allowable_stress", checks.optional_number("allowable_stress", allowable_stress, above=0.0, unit="Pa")
         )
         put(self, "tails", _tails(tails))
+        put(self, "sections", sections_of(sections, self.length))
+        for i, section in enumerate(self.sections):
+            _check_section(self, section, f"sections[{i}]")
 
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(f"a Cable is fixed; make another with cable.replace({name}=...)")
@@ -216,7 +225,15 @@ class Cable:
             values = {key: value for key, value in values.items() if key != GRIPS}
         if isinstance(values, Mapping) and "youngs_modulus" in values:
             material = ("youngs_modulus", "poisson_ratio", "density", "inner_diameter", "allowable_stress")
-            limits = ("gradient_length", "min_bend_radius", "max_tension", "max_twist_rate", "rest_curvature", "tails")
+            limits = (
+                "gradient_length",
+                "min_bend_radius",
+                "max_tension",
+                "max_twist_rate",
+                "rest_curvature",
+                "tails",
+                "sections",
+            )
             checks.known_keys(where, values, ("length", "diameter", *material, *limits))
             return _called(cls.from_material, values, where)
         checks.known_keys(where, values, cls.__slots__)
@@ -235,6 +252,7 @@ class Cable:
         out["bending_stiffness"] = list(self.bending_stiffness)
         out["rest_curvature"] = self.rest_curvature.tolist()
         out["tails"] = dict(self.tails)
+        out["sections"] = [section.as_dict() for section in self.sections]
         return out
 
     def replace(self, **changes: Any) -> Cable:
@@ -268,6 +286,17 @@ class Cable:
 
     def __repr__(self) -> str:
         return f"Cable({', '.join(f'{k}={v!r}' for k, v in self.as_dict().items())})"
+
+
+def _check_section(cable: Cable, section: Section, where: str) -> None:
+    """Makes the cable that a section is a stretch of, with errors that name it."""
+    try:
+        made = cable.replace(sections=None, **section.properties)
+    except ArgumentError as error:
+        raise type(error)(f"{where}: {error}") from None
+    if (made.mean_bending_stiffness == 0.0) or (cable.mean_bending_stiffness == 0.0):
+        bound = "a cable with sections needs it above 0 N m^2"
+        raise ArgumentError.of(f"{where}: bending_stiffness", 0.0, bound, "Give EI in N m^2, however small it is.")
 
 
 def _inner_diameter(value: float, outer: float) -> float:

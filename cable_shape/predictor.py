@@ -25,6 +25,7 @@ from cable_shape.problem import GRAVITY, Problem
 from cable_shape.reuse import Ends, unmoved
 from cable_shape.scene import Mesh, Obstacle, Scene
 from cable_shape.scene_parts import clip_names
+from cable_shape.section import refuse
 from cable_shape.shape import CableShape
 from cable_shape.solve import cosserat
 from cable_shape.solve.answers import ENDS, NUMBERS, check_names
@@ -293,6 +294,8 @@ class Predictor:
         kept out of bodies, of itself and of others, they are linear, too.
         """
         touches = bool(problem.bodies) or problem.solves_crossing
+        if touches:
+            refuse(problem.cable, "contact='solve'", "Write contact='warn', or leave them out.")
         if problem.swing is not None and (touches or not self.is_rod):
             if self.is_rod:
                 reason, remedy = "contact='solve'", "write contact='warn'."

@@ -18,6 +18,7 @@ import numpy as np
 from cable_shape.checks import Array
 from cable_shape.harness_problem import HarnessProblem
 from cable_shape.problem import Problem
+from cable_shape.section import pieces_of
 from cable_shape.solve.bare import IDENTITY
 from cable_shape.solve.cables import AT, FREE_ROTATIONS, Structure, material_of, shared_loads
 from cable_shape.solve.plan import Cable, Knot, Span
@@ -179,7 +180,7 @@ def _hold_roll(
     one: Problem, places: list[tuple[Name, float]], ends: list[tuple[Mask | None, Mask | None]], build: _Builder
 ) -> None:
     """Holds the roll of a round straight segment at one of its ends where nothing else does: it would be neutral."""
-    stiff = {(*one.cable.bending_stiffness,)}
+    stiff = [part.bending_stiffness for _, _, part in pieces_of(one.cable)]
     alike = all(a == b for a, b in stiff) and material_of(one).straight
     if not alike or any(frame is not None for _, frame in ends):
         return

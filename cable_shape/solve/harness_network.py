@@ -12,6 +12,7 @@ from cable_shape.harness_problem import HarnessProblem
 from cable_shape.kernels.network import drive, guess, material, mesh, respond, tables
 from cable_shape.kernels.network.drive import INFO
 from cable_shape.pose import FreeEnd, Grip
+from cable_shape.section import pieces_of
 from cable_shape.solve.bare import IDENTITY, bare_of
 from cable_shape.solve.cables import FREE_ROTATIONS, material_of
 from cable_shape.solve.harness_layout import LEVER, Layout, layout_of
@@ -48,7 +49,7 @@ class HarnessNetwork(Network):
 
     def take(self, problem: HarnessProblem) -> None:  # type: ignore[override]
         """Makes `problem` the one to solve; the last solution stays as a start if its parts are the same."""
-        cables = problem.harness.segments.values()
+        cables = [one for cable in problem.harness.segments.values() for _, _, one in pieces_of(cable)]
         self.problem, self.tolerance = problem, problem.tolerance
         self.length = problem.harness.longest
         numbers = [x for cable in cables for x in (*cable.bending_stiffness, cable.twisting_stiffness)]
@@ -151,7 +152,7 @@ class HarnessNetwork(Network):
         model.par[...] = (
             self.softest, self.firmness * self.neutral, self.length, self.elastic or bool(layout.levers), self.stiffest,
             self.at_rest,
-            any(cable.axial_stiffness is None for cable in problem.harness.segments.values()),
+            self.stretch == 0.0,
             _SOFTER if self.turns_freely else 1.0,
         )  # fmt: skip
         model.frame[...] = layout.frames

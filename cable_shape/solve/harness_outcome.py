@@ -7,10 +7,12 @@ import math
 
 import numpy as np
 
+from cable_shape.cable import Cable
 from cable_shape.checks import Array
 from cable_shape.harness_problem import HarnessProblem
 from cable_shape.kernels.frames import align
 from cable_shape.kernels.network.drive import STRAIGHT
+from cable_shape.section import pieces_of
 from cable_shape.shape import NUMBERS_PER_POINT, Status
 from cable_shape.solve.harness_layout import Name
 from cable_shape.solve.harness_network import HarnessNetwork
@@ -29,7 +31,7 @@ def out_of_reach(task: HarnessProblem, state: HarnessNetwork, poses: Array) -> t
         for j in spans:
             a, b = state.structure.spans[j][:2]
             low, high = state.layout.arcs[j]
-            reach = float(high - low) if cable.axial_stiffness is None else math.inf
+            reach = float(high - low) if _holds(cable) else math.inf
             beside.setdefault(a, []).append((b, reach))
             beside.setdefault(b, []).append((a, reach))
     for j, size in state.layout.levers:
@@ -53,6 +55,11 @@ def out_of_reach(task: HarnessProblem, state: HarnessNetwork, poses: Array) -> t
         "the shape is straight lines."
     )
     return Status.OVERSTRETCHED, poses, detail, max(missing, 0.0)
+
+
+def _holds(cable: Cable) -> bool:
+    """Whether no part of a cable stretches."""
+    return all(one.axial_stiffness is None for _, _, one in pieces_of(cable))
 
 
 def _distances(beside: dict[int, list[tuple[int, float]]], start: int, held: list[int]) -> dict[int, float]:
@@ -107,7 +114,7 @@ def lacking(task: HarnessProblem, state: HarnessNetwork, poses: Array) -> tuple[
     cables = list(task.harness.segments.values())
     holds = np.ones(len(spans), dtype=bool)
     for cable, rows in zip(cables, state.layout.spans.values(), strict=True):
-        holds[rows.start : rows.stop] = cable.axial_stiffness is None
+        holds[rows.start : rows.stop] = _holds(cable)
     moves = np.array([knot.moves for knot in state.structure.knots])
     y = poses[:, :3].copy()
     n = len(y)

@@ -14,6 +14,7 @@ from cable_shape.harness_shape import HarnessShape
 from cable_shape.kernels.network import drive, tables
 from cable_shape.kernels.network.drive import I_ENERGY, I_ESTIMATE, I_FORCE, I_MOMENT, I_RESIDUAL, I_TURNED, INFO
 from cable_shape.kernels.network.guess import CURVED, HANGING
+from cable_shape.section import energy_of_sections
 from cable_shape.shape import NUMBERS_PER_POINT, Status
 from cable_shape.solve.harness_guess import laid
 from cable_shape.solve.harness_network import FIRM, HarnessNetwork
@@ -65,7 +66,7 @@ class HarnessSearch(Search):
         task, state, info = self.task, self.state, self.info
         told = np.array(info[INFO:])
         cables = state.cables
-        return HarnessShape(
+        found = HarnessShape(
             task.harness,
             self.buffer,
             task.points,
@@ -85,6 +86,13 @@ class HarnessSearch(Search):
             clips=self.loads[state.clip_rows] if state.clip_rows else None,
             clips_of=task.clips,
         )
+        for i, (name, cable) in enumerate(task.harness.segments.items()):
+            if cable.sections:
+                more = energy_of_sections(cable, found.segments[name], task.gravity)
+                found.segments[name].energy += more
+                told[2 * cables + i] += more
+                found.energy += more
+        return found
 
     def no_shape(self, status: Status, poses: Array, detail: str, missing: float = 0.0) -> HarnessShape:  # type: ignore[override]
         """Straight lines between the knots; what was solved before stays as a warm start."""

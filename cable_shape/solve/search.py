@@ -13,6 +13,7 @@ from cable_shape.kernels.network.drive import I_ENERGY, I_ESTIMATE, I_FORCE, I_M
 from cable_shape.kernels.network.newton import CONVERGED, I_EXCESS, I_ITERATIONS
 from cable_shape.pose import Grip, multiply
 from cable_shape.problem import Problem
+from cable_shape.section import energy_of_sections
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve.eyelets import Eyelets
 from cable_shape.solve.network import Network
@@ -135,6 +136,8 @@ class Search:
         )
         if state.spans > 1:
             found.supports = self.loads[1:-1]
+        if problem.cable.sections:
+            found.energy += energy_of_sections(problem.cable, found, problem.gravity)
         state.last = found
         return found
 
