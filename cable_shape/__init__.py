@@ -60,6 +60,7 @@ if TYPE_CHECKING:
     from cable_shape.trajectory import check_trajectory
     from cable_shape.trajectory_report import Reason, TrajectoryCheck, Violation
     from cable_shape.uncertainty import Tube, Uncertainty
+    from cable_shape.wires import Wire
 
 __version__ = "0.1.0"
 
@@ -121,6 +122,7 @@ __all__ = [
     "UnknownKeyError",
     "Violation",
     "WarningKind",
+    "Wire",
     "calibrate",
     "calibrate_photo",
     "calibrate_sag",
@@ -175,6 +177,7 @@ _HOMES = {
     "trajectory": ("check_trajectory",),
     "trajectory_report": ("Reason", "TrajectoryCheck", "Violation"),
     "uncertainty": ("Tube", "Uncertainty"),
+    "wires": ("Wire",),
 }
 _MODULES = {name: module for module, names in _HOMES.items() for name in names}
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from cable_shape.shape import CableShape
 
 #: Keywords of a cable that are of the whole of it.
-_OF_THE_WHOLE = ("length", "tails", "sections")
+_OF_THE_WHOLE = ("length", "tails", "sections", "stiffness_interval")
 
 
 @final

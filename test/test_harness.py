@@ -291,7 +291,7 @@ def joined(*ends: str, **keywords: object) -> cs.Harness:
         (lambda: cs.predict(fork(), {"a.end": START}), r"'a.end' .* in junction 'fork'"),
         (lambda: cs.predict(fork(), {"d.end": START}), r"'d.end' .* no such end .* a.start, b.end, c.end"),
         (lambda: cs.predict(fork(), {}), r"nothing holds the part with the segments a, b, c"),
-        (lambda: cs.predict(fork(), START), r"ends = .* must be a mapping"),
+        (lambda: cs.predict(fork(), START), r"ends = .* must be a Mapping"),
         (lambda: cs.predict(fork(), {"a.start": (0, 0, 0)}), r"a.start = .* a Pose or Grip or FreeEnd"),
         (lambda: cs.predict(fork(), {"a.start": cs.Pose(turns=1)}), r"a.start: turns = 1"),
         (lambda: cs.predict(fork(), START, END), r"the ends of a harness are one mapping"),
