@@ -124,3 +124,42 @@ def balance(shape: cs.HarnessShape, gravity: np.ndarray = GRAVITY) -> tuple[floa
         if junction.kind == "rigid":
             worst[1] = max(worst[1], float(np.abs(moment).max()))
     return worst[0], worst[1], worst[2]
+
+
+def hung_tree(segments: int, seed: int = 3) -> tuple[cs.Harness, dict[str, cs.Pose], cs.Scene]:
+    """A car's harness on a wall, drawn by a seed: a trunk held at its start and in a clip for every 11 segments.
+
+    One segment in three goes on with the trunk, two leave it as branches and twigs that hang.
+    """
+    rng = np.random.default_rng(seed)
+    down = np.array((1.0, 0.0, 0.0, 0.0))  # half a turn about x: d3 points down
+    along = np.array((0.0, np.sqrt(0.5), 0.0, np.sqrt(0.5)))  # d3 along x
+    cables: dict[str, cs.Cable] = {}
+    meets: list[list[tuple[str, np.ndarray]]] = [[]]
+    places, trunk, carries = [np.zeros(3)], [0], []
+    for i in range(segments):
+        name, length = f"s{i}", float(rng.uniform(0.1, 0.3))
+        node, frame, step = trunk[-1], down, np.array((0.0, 0.0, -length))
+        if i % 3 == 0:
+            frame, step = along, np.array((0.97 * length, 0.0, 0.0))
+        elif i % 3 == 2 and rng.uniform() < 0.5:
+            node = len(places) - 1  # a twig
+        cables[name] = cs.Cable(length, *((0.05, 0.002) if i % 3 else (0.15, 0.01)))
+        meets[node].append((f"{name}.start", frame))
+        meets.append([(f"{name}.end", frame)])
+        places.append(places[node] + step)
+        if i % 3 == 0:
+            trunk.append(len(places) - 1)
+            carries.append(name)
+    clips = []
+    for i in np.linspace(1, len(carries) - 1, round(17 * segments / 183), dtype=int):
+        half = 0.5 * cables[carries[i]].length
+        middle = places[trunk[i + 1]] - (0.97 * half, 0.0, 0.0)
+        clips.append(cs.Clip(half, cs.Pose(middle, along), "fixed", segment=carries[i]))
+    junctions = []
+    for node, ends in enumerate(meets):
+        if len(ends) > 1:
+            own = cs.Pose(quaternion=ends[0][1]).inverse()
+            frames = {end: own * cs.Pose(quaternion=frame) for end, frame in ends}
+            junctions.append(cs.Junction(f"j{node}", [end for end, _ in ends], frames=frames))
+    return cs.Harness(cables, junctions), {"s0.start": cs.Pose(places[0], along)}, cs.Scene(clips=clips)

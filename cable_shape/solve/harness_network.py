@@ -78,14 +78,14 @@ class HarnessNetwork(Network):
         trial: into the trial itself; rows of knots that nothing holds stay as they are there.
         """
         ends = self.problem.ends
-        kinds = tuple(how.kind if type(how) is Grip else "free" for how in ends.values())
+        kinds = tuple([how.kind if type(how) is Grip else "free" for how in ends.values()])
         if kinds != self._kinds or self._layout is None:
             self._lay_out(kinds)
             self.unsettle()
         self._load_tips()
         trial = trial and self.elements > 0
         poses = self.target if trial else self._frames.copy()
-        if trial:
+        if trial and self.clip_rows:
             poses[self._fixed] = self._frames[self._fixed]
         for row, name in self._held:
             held = ends[name]
@@ -128,6 +128,8 @@ class HarnessNetwork(Network):
         same = before is not None and list(before.knots) == list(layout.knots)
         self.held = self._bare.floats.copy()
         self._model_of_held = tables.model_of.py_func(self._bare.ints, self.held)
+        self._told_tips: list[object] = [None] * len(self._tips)
+        self._told_by: object = None
         self._load_of_tips: Array = np.full((len(self._tips), 2, 3), np.nan)
         self._tell()
         self._load_tips()
@@ -178,7 +180,10 @@ class HarnessNetwork(Network):
         changed = False
         for i, (row, name) in enumerate(self._tips):
             end = self.problem.ends[name]
+            if end is self._told_tips[i] and self.problem is self._told_by:
+                continue
             assert isinstance(end, FreeEnd)
+            self._told_tips[i] = end
             tip = self._load_of_tips[i]
             force = end.mass * self.problem.fall(name) + end.force if end.mass else end.force
             if not (np.array_equal(tip[0], force) and np.array_equal(tip[1], end.moment)):
@@ -188,6 +193,7 @@ class HarnessNetwork(Network):
                 self._model_of_held.moment[row] = end.moment
                 tip[0], tip[1] = force, end.moment
                 changed = True
+        self._told_by = self.problem
         if changed:
             self.unsettle()
             self.take_over(self.held)

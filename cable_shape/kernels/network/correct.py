@@ -44,8 +44,8 @@ from cable_shape.kernels.rod_defect import defects, left_over, take_off
 #: moment [N m].
 OFF, LEFT, OFF_FORCE, LEFT_FORCE, OFF_MOMENT, LEFT_MOMENT = 0, 1, 2, 3, 4, 5
 ERRORS = 6
-#: Forces at knots that nothing holds are balanced so many times at most, or until they change so much less than first.
-BALANCINGS, SETTLED = 4, 1e-9
+#: Forces at knots that nothing holds are balanced so many times at most, or until they change by this fraction.
+BALANCINGS, BALANCED = 4, 1e-10
 
 
 @viewing(fastmath=FAST)
@@ -181,14 +181,14 @@ def balance(ints: Whole, floats: Floats, space: Floats) -> float:
             put3(work.pull, a, 0, subtract(get3(work.pull, a), add(n, get3(model.weight, j))))
             put3(work.pull, b, 0, add(get3(work.pull, b), n))
         solve(ints, floats, space)
-        largest = 0.0
+        largest = strongest = 0.0
         for j in range(plan.ends.shape[0]):
-            dl = step_of_force(work, j)
-            largest = max(largest, dot(dl, dl))
-            put3(work.pulled, j, 0, add(get3(work.pulled, j), dl))
+            dl, n = step_of_force(work, j), get3(work.pulled, j)
+            largest, strongest = max(largest, dot(dl, dl)), max(strongest, dot(n, n))
+            put3(work.pulled, j, 0, add(n, dl))
         if i == 0:
             first = math.sqrt(largest)
-        if not largest > SETTLED * SETTLED * first * first:
+        if not largest > BALANCED * BALANCED * strongest:
             break
     return first
 
