@@ -243,6 +243,55 @@ def test_sensitivities_are_differences(kind):
                 np.testing.assert_allclose(columns[:, :, 6 * g + axis], difference, atol=2e-5, rtol=1e-3)
 
 
+# -- cycles
+
+
+def test_a_cycle_checks_every_segment_of_a_harness():
+    """Against a table and against segments that it does not meet; a plain cable beside it as ever."""
+    limited = CABLE.replace(length=0.3, max_tension=0.01, diameter=0.01)
+    table = cs.Obstacle("table", cs.Box((2.0, 2.0, 0.02)), cs.Pose((0.4, 0.0, -0.75)))
+    cycle = cs.Cycle({"h": fork(arm=limited), "alone": CABLE}, scene=cs.Scene(obstacles=[table]))
+    seen = []
+    for k in range(4):
+        grips = {"h": path(k), "alone": (cs.Pose((0.0, 1.0, 0.0), ALONG), cs.Pose((0.4, 1.0, 0.0), ALONG))}
+        report = cycle.step(grips, stamp=10_000_000 * k, early=seen.append)
+    shape = report.shapes["h"]
+    assert isinstance(shape, cs.HarnessShape)
+    assert shape.status is cs.Status.OK
+    assert seen[-1]["h"] is shape
+    assert set(report.clearance) == set(report.margins) == {"alone", "h/a", "h/b", "h/c"}
+    distances = {body.body: body.distance for body in report.clearance["h/c"].bodies}
+    lowest = shape.segments["c"].positions[:, 2].min()
+    assert distances["table"] == pytest.approx(lowest - 0.005 + 0.74, abs=1e-4)
+    assert "h/a" not in distances  # they meet
+    told = {(warning.cable_id, warning.kind) for warning in report.warnings}
+    assert ("h/c", cs.WarningKind.TENSION) in told
+    moved = cycle.step({"h": path(3)}, stamp=50_000_000, acceleration={"h": {"c": (1.0, 0.0, 0.0)}})
+    assert np.abs(moved.shapes["h"].segments["c"].positions - shape.segments["c"].positions).max() > 1e-3
+    with pytest.raises(cs.ArgumentError, match="no such cable"):
+        cycle.step({"x": path(0)}, stamp=60_000_000)
+    cycle.reset()
+    assert cycle.step({"h": path(0)}, stamp=0).shapes["h"].usable
+
+
+def test_segments_that_do_not_meet_are_checked_against_each_other():
+    """Two branches of one trunk, their ends held next to each other."""
+    joints = [
+        cs.Junction("one", ("a.end", "b.start", "x.start"), frames={"x.start": turned(1.2)}),
+        cs.Junction("two", ("b.end", "c.start", "y.start"), frames={"y.start": turned(1.2)}),
+    ]
+    short = CABLE.replace(length=0.4)
+    harness = cs.Harness({"a": short, "b": short, "c": short, "x": short, "y": short}, joints)
+    ends = {"a.start": START, "c.end": cs.Pose((1.1, 0.0, 0.0), ALONG)}
+    for name, x in (("x", 0.50), ("y", 0.52)):
+        ends[f"{name}.end"] = cs.Grip(cs.Pose((x, -0.2, -0.2), ALONG), "pinned")
+    report = cs.Cycle({"h": harness}).step({"h": ends}, stamp=0)
+    assert report.shapes["h"].usable
+    distances = {body.body: body.distance for body in report.clearance["h/x"].bodies}
+    assert distances["h/y"] < 0.02
+    assert "h/b" not in distances
+
+
 # -- files
 
 
@@ -313,7 +362,7 @@ def joined(*ends: str, **keywords: object) -> cs.Harness:
         (lambda: cs.predict(fork(), ENDS, acceleration={"x": (0, 0, 0)}), r"unknown key 'x'"),
         (lambda: cs.predict(fork(), ENDS, acceleration={"a": (0, 0)}), r"segment 'a': acceleration"),
         (lambda: cs.Predictor("cable"), r"cable = 'cable' .* a Cable or a Harness"),
-        (lambda: cs.Cycle(fork()), r"must be a Cable"),
+        (lambda: cs.Cycle(fork()), r"a harness needs a name"),
         (lambda: cs.Predictor(fork()).sensitivity(), r"there is none yet"),
     ],
 )  # fmt: skip
