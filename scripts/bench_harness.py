@@ -45,7 +45,7 @@ def warm(predictor: cs.Predictor, ends: dict[str, cs.Pose], moved: str, steps: i
     """[s], the median of predictions while one grip moves."""
     times, usable = [], 0
     for k in range(steps):
-        x, y = 0.02 * np.sin(0.11 * k), 0.02 * np.cos(0.13 * k)
+        x, y = 0.01 * (1.0 + np.sin(0.11 * k)), 0.02 * np.cos(0.13 * k)
         pose = ends[moved]
         now = {**ends, moved: cs.Pose(pose.position + np.array((x, y, 0.5 * x)), pose.quaternion)}
         before = time.perf_counter()

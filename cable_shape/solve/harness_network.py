@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 from typing import Any, final
 
@@ -10,7 +11,7 @@ import numpy as np
 from cable_shape.checks import Array
 from cable_shape.harness_problem import HarnessProblem
 from cable_shape.kernels.network import drive, guess, material, mesh, respond, tables
-from cable_shape.kernels.network.drive import INFO
+from cable_shape.kernels.network.drive import I_DOUBT, I_ESTIMATE, INFO
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.section import pieces_of
 from cable_shape.solve.bare import IDENTITY, bare_of
@@ -23,6 +24,8 @@ from cable_shape.solve.network import _SOFTER, Network
 FIRM = (1e-3, 0.3, 10.0)
 #: Modes softer than this fraction of the whole load count as neutral: short of rest they seem as unstable as that.
 _HANGING = 2e-6
+#: A mesh is made finer as for an error at most so many times the tolerance.
+_EXCESS = 8.0
 _NO_STOPS: Array = np.empty(0)
 
 
@@ -261,6 +264,16 @@ class HarnessNetwork(Network):
             self._bare.ints, self.held, old, self.floats, self.sols, np.array(counts), _NO_STOPS, wish
         )
         self.take_arrays(*arrays)
+
+    def next_mesh(self) -> bool:
+        """A mesh that the last error estimate asks for, in steps: one that is asked for at once is much too fine."""
+        told = self.info[I_ESTIMATE], self.info[I_DOUBT]
+        most = _EXCESS * self.tolerance
+        if math.isfinite(sum(told)) and sum(told) > most:
+            self.info[I_ESTIMATE], self.info[I_DOUBT] = most, 0.0
+        found = super().next_mesh()
+        self.info[I_ESTIMATE], self.info[I_DOUBT] = told
+        return found
 
     # -- solutions
 
