@@ -24,6 +24,8 @@ from cable_shape.solve.network import _SOFTER, Network
 FIRM = (1e-3, 0.3, 10.0)
 #: Modes softer than this fraction of the whole load count as neutral: short of rest they seem as unstable as that.
 _HANGING = 2e-6
+#: Numbers of a solution below this are made 0.
+_NOTHING_LEFT = 1e-60
 #: A mesh is made finer as for an error at most so many times the tolerance.
 _EXCESS = 8.0
 _NO_STOPS: Array = np.empty(0)
@@ -264,6 +266,15 @@ class HarnessNetwork(Network):
             self._bare.ints, self.held, old, self.floats, self.sols, np.array(counts), _NO_STOPS, wish
         )
         self.take_arrays(*arrays)
+
+    def settle(self) -> None:
+        """The last solution is one under these loads; see `Network.settle`.
+
+        What hangs straight is so ever more exactly from shape to shape, until squares of what is left are no longer
+        normal numbers, with which processors are fifty times as slow: nothing is made of it.
+        """
+        super().settle()
+        self.sols[np.abs(self.sols) < _NOTHING_LEFT] = 0.0
 
     def next_mesh(self) -> bool:
         """A mesh that the last error estimate asks for, in steps: one that is asked for at once is much too fine."""
