@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import inspect
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, final, overload
@@ -331,9 +332,18 @@ class Predictor:
         return problem
 
 
+_MADE_FROM = inspect.signature(Predictor.__init__)
+_MADE_FROM = _MADE_FROM.replace(parameters=list(_MADE_FROM.parameters.values())[1:])
+Predictor.__signature__ = _MADE_FROM  # type: ignore[attr-defined]  # not that of __new__
+
+
 def _of_harness(keywords: dict[str, Any]) -> dict[str, Any]:
     """Keywords of a predictor without those about contact, which is not solved for of a harness."""
-    return {key: value for key, value in keywords.items() if key not in _ABOUT_CONTACT or list(value)}
+    for name in _ABOUT_CONTACT:
+        if name in keywords and keywords[name] not in ((), []):
+            bound = "contact of a harness is not solved for"
+            raise ArgumentError.of(name, keywords[name], bound, "Leave it out.")
+    return {key: value for key, value in keywords.items() if key not in _ABOUT_CONTACT}
 
 
 def _in_contact(state: TouchState, by: tuple[str, ...], at: str) -> Array:

@@ -158,7 +158,7 @@ def correct(ints: Whole, floats: Floats, sols: Floats, space: Floats, run: Float
 
 @viewing
 def balance(ints: Whole, floats: Floats, space: Floats) -> float:
-    """Balances the forces of the spans at knots that nothing holds; returns the largest change [N].
+    """Balances the forces of the spans at knots that nothing holds; returns the largest first change [N].
 
     Next to straight, spans that do not stretch are so stiff that rounding of places makes forces: of what the gaps
     between places leave of a balance only this is asked, how the forces share it.
@@ -169,8 +169,8 @@ def balance(ints: Whole, floats: Floats, space: Floats) -> float:
         moves = moves or plan.vertices[k, 1] >= 0
     if not moves:
         return 0.0
-    first = 0.0
-    for i in range(BALANCINGS):
+    first = last = math.inf
+    for _ in range(BALANCINGS):
         for k in range(plan.vertices.shape[0]):
             put3(work.pull, k, 0, scale(-1.0, get3(model.force, k)))
         work.G[:, :] = 0.0
@@ -185,9 +185,13 @@ def balance(ints: Whole, floats: Floats, space: Floats) -> float:
         for j in range(plan.ends.shape[0]):
             dl, n = step_of_force(work, j), get3(work.pulled, j)
             largest, strongest = max(largest, dot(dl, dl)), max(strongest, dot(n, n))
-            put3(work.pulled, j, 0, add(n, dl))
-        if i == 0:
+        if not largest < last:  # nothing more is to be had
+            break
+        for j in range(plan.ends.shape[0]):
+            put3(work.pulled, j, 0, add(get3(work.pulled, j), step_of_force(work, j)))
+        if not first < math.inf:
             first = math.sqrt(largest)
+        last = largest
         if not largest > BALANCED * BALANCED * strongest:
             break
     return first
