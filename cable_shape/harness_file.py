@@ -41,7 +41,7 @@ def harness_of(values: Mapping[str, Any], where: str = "harness", folder: str | 
     if not isinstance(segments, Mapping) or not segments:
         remedy = "Write name: {length: .., linear_density: .., bending_stiffness: ..}."
         raise ArgumentError.of(f"{where}: segments", segments, "it must be a mapping of names to cables", remedy)
-    items = values.get("junctions") or ()
+    items = () if values.get("junctions") is None else values["junctions"]
     if not isinstance(items, (list, tuple)):
         remedy = "Start every entry with a dash."
         raise ArgumentError.of(f"{where}: junctions", items, "it must be a list", remedy)
@@ -97,7 +97,7 @@ def _junction(values: Any, i: int) -> Junction:
     for key in ("name", "ends"):
         if key not in values:
             raise ArgumentError(f"{where}: the key {key!r} is missing. Add it.")
-    frames = values.get("frames") or {}
+    frames = {} if values.get("frames") is None else values["frames"]
     if not isinstance(frames, Mapping):
         raise ArgumentError.of(f"{where}: frames", frames, "it must be a mapping", "Write {end: {quaternion: ..}}.")
     return Junction(

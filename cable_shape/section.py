@@ -95,9 +95,8 @@ def sections_of(values: Any, length: float) -> tuple[Section, ...]:
     """Sections of a cable in ascending order, which do not overlap and end on the cable."""
     if values is None:
         return ()
-    if isinstance(values, (str, bytes, Mapping)):
-        raise ArgumentError.of("sections", values, "it must be a list", "Give a list of Section.")
-    found = sorted((section_from(value, f"sections[{i}]") for i, value in enumerate(values)), key=lambda one: one.start)
+    items = checks.entries("sections", values, object, "Give a list of Section.")
+    found = sorted((section_from(item, f"sections[{i}]") for i, item in enumerate(items)), key=lambda one: one.start)
     before = 0.0
     for one in found:
         if one.start < before:

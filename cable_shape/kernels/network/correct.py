@@ -46,6 +46,8 @@ OFF, LEFT, OFF_FORCE, LEFT_FORCE, OFF_MOMENT, LEFT_MOMENT = 0, 1, 2, 3, 4, 5
 ERRORS = 6
 #: Forces at knots that nothing holds are balanced so many times at most, or until they change by this fraction.
 BALANCINGS, BALANCED = 4, 1e-10
+#: So many times the last change may be what is left where it is no smaller than the one before.
+REMAINING = 10.0
 
 
 @viewing(fastmath=FAST)
@@ -158,7 +160,7 @@ def correct(ints: Whole, floats: Floats, sols: Floats, space: Floats, run: Float
 
 @viewing
 def balance(ints: Whole, floats: Floats, space: Floats) -> float:
-    """Balances the forces of the spans at knots that nothing holds; returns the largest first change [N].
+    """Balances the forces of the spans at knots that nothing holds; returns how uncertain they were, and are [N].
 
     Next to straight, spans that do not stretch are so stiff that rounding of places makes forces: of what the gaps
     between places leave of a balance only this is asked, how the forces share it.
@@ -170,6 +172,7 @@ def balance(ints: Whole, floats: Floats, space: Floats) -> float:
     if not moves:
         return 0.0
     first = last = math.inf
+    largest = 0.0
     for _ in range(BALANCINGS):
         for k in range(plan.vertices.shape[0]):
             put3(work.pull, k, 0, scale(-1.0, get3(model.force, k)))
@@ -181,7 +184,7 @@ def balance(ints: Whole, floats: Floats, space: Floats) -> float:
             put3(work.pull, a, 0, subtract(get3(work.pull, a), add(n, get3(model.weight, j))))
             put3(work.pull, b, 0, add(get3(work.pull, b), n))
         solve(ints, floats, space)
-        largest = strongest = 0.0
+        largest, strongest = 0.0, 0.0
         for j in range(plan.ends.shape[0]):
             dl, n = step_of_force(work, j), get3(work.pulled, j)
             largest, strongest = max(largest, dot(dl, dl)), max(strongest, dot(n, n))
@@ -194,7 +197,7 @@ def balance(ints: Whole, floats: Floats, space: Floats) -> float:
         last = largest
         if not largest > BALANCED * BALANCED * strongest:
             break
-    return first
+    return first + REMAINING * math.sqrt(largest)
 
 
 @viewing(fastmath=FAST, forceinline=True)
