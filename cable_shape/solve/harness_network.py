@@ -24,8 +24,8 @@ from cable_shape.solve.network import _SOFTER, Network
 FIRM = (1e-3, 0.3, 10.0)
 #: Modes softer than this fraction of the whole load count as neutral: short of rest they seem as unstable as that.
 _HANGING = 2e-6
-#: Numbers of a solution below this are made 0.
-_NOTHING_LEFT = 1e-60
+#: Numbers of a solution below this are made 0, once in so many shapes.
+_NOTHING_LEFT, _NOW_AND_THEN = 1e-50, 6
 #: A mesh is made finer as for an error at most so many times the tolerance.
 _EXCESS = 8.0
 _NO_STOPS: Array = np.empty(0)
@@ -43,6 +43,7 @@ class HarnessNetwork(Network):
     def __init__(self, problem: HarnessProblem) -> None:
         self.told_before: Array | None = None  # loads of the last solution, where they have been changed since
         self._layout: Layout | None = None
+        self._settled = 0  # shapes so far
         self.firmness = FIRM[0]  # the shift that is always there, in what counts as neutral
         super().__init__(problem)  # type: ignore[arg-type]
 
@@ -62,6 +63,7 @@ class HarnessNetwork(Network):
         self.bend = min(cable.mean_bending_stiffness for cable in cables)
         self.stretch = 0.0 if any(cable.axial_stiffness is None for cable in cables) else 1.0
         loads = [abs(x) for one in problem.segments.values() for x in (one.load * one.cable.length).ravel()]
+        self.sectioned = [(i, name) for i, (name, one) in enumerate(problem.harness.segments.items()) if one.sections]
         self._weight = 0.5 * sum(loads)  # N
         self.elastic = any(c.axial_stiffness is not None or c.shear_stiffness is not None for c in cables)
         self.rings: list[int] = []
@@ -274,7 +276,9 @@ class HarnessNetwork(Network):
         normal numbers, with which processors are fifty times as slow: nothing is made of it.
         """
         super().settle()
-        self.sols[np.abs(self.sols) < _NOTHING_LEFT] = 0.0
+        self._settled += 1
+        if self._settled % _NOW_AND_THEN == 0:
+            self.sols[np.abs(self.sols) < _NOTHING_LEFT] = 0.0
 
     def next_mesh(self) -> bool:
         """A mesh that the last error estimate asks for, in steps: one that is asked for at once is much too fine."""

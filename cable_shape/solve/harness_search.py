@@ -64,7 +64,7 @@ class HarnessSearch(Search):
     def shape(self, status: Status, detail: str) -> HarnessShape:  # type: ignore[override]
         """What the last compiled solve found."""
         task, state, info = self.task, self.state, self.info
-        told = np.array(info[INFO:])
+        told = state.info[INFO:].copy()
         cables = state.cables
         found = HarnessShape(
             task.harness,
@@ -86,12 +86,11 @@ class HarnessSearch(Search):
             clips=self.loads[state.clip_rows] if state.clip_rows else None,
             clips_of=task.clips,
         )
-        for i, (name, cable) in enumerate(task.harness.segments.items()):
-            if cable.sections:
-                more = energy_of_sections(cable, found.segments[name], task.gravity)
-                found.segments[name].energy += more
-                told[2 * cables + i] += more
-                found.energy += more
+        for i, name in state.sectioned:
+            more = energy_of_sections(task.harness.segments[name], found.segments[name], task.gravity)
+            found.segments[name].energy += more
+            told[2 * cables + i] += more
+            found.energy += more
         return found
 
     def no_shape(self, status: Status, poses: Array, detail: str, missing: float = 0.0) -> HarnessShape:  # type: ignore[override]
