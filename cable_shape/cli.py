@@ -297,21 +297,24 @@ def _bar(messages: Iterable[Any], count: int) -> Iterable[Any]:
 
 
 def _predict(arguments: argparse.Namespace) -> int:
+    from cable_shape.cases import harness, output
     from cable_shape.cases.load import load_case
-    from cable_shape.cases.output import check_suffix, rows, write
     from cable_shape.files import find_file
 
     for path in arguments.out:
-        check_suffix(path)
-    case = load_case(find_file(arguments.case))
-    note_slips(case.cable, case.scene)
+        output.check_suffix(path)
+    case: Any = load_case(find_file(arguments.case))
+    of_harness = isinstance(case, harness.HarnessCase)
+    told: Any = harness if of_harness else output
+    for cable in case.harness.segments.values() if of_harness else (case.cable,):
+        note_slips(cable, case.scene)
     options = _model_options(arguments)
     case.predict(**options)  # loads the kernels, so that the solve time below is that of solving
     shape = case.predict(**options)
     print(case.name)
-    _print_table(rows(case, shape))
+    _print_table(told.rows(case, shape))
     for path in arguments.out:
-        write(case, shape, path)
+        told.write(case, shape, path)
         print(f"written: {path}")
     if not shape.usable:
         reason = shape.detail or shape.status.remedy

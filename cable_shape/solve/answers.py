@@ -14,6 +14,7 @@ from cable_shape.kernels.network import mesh, respond
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.problem import Problem
 from cable_shape.scene_parts import clip_names
+from cable_shape.section import Section
 from cable_shape.solve.network import Network
 
 ENDS = ("start", "end")
@@ -161,7 +162,16 @@ def _pair(cable: Cable, name: str) -> tuple[tuple[Cable, Cable], float]:
         pair = [[(1.0 + sign * _NEAR) * x for x in cable.bending_stiffness] for sign in (1.0, -1.0)]
         return (cable.replace(bending_stiffness=pair[0]), cable.replace(bending_stiffness=pair[1])), _NEAR * mean
     value = getattr(cable, name)
+    if name == "length" and cable.sections:
+        step = _NEAR * value
+        return (_longer(cable, 1.0 + _NEAR), _longer(cable, 1.0 - _NEAR)), step
     step = _LIGHT if value == 0.0 else _NEAR * value
     low = max(value - step, 0.0)
     high = value + step
     return (cable.replace(**{name: high}), cable.replace(**{name: low})), 0.5 * (high - low)
+
+
+def _longer(cable: Cable, factor: float) -> Cable:
+    """A cable so many times as long, its sections with it."""
+    sections = [Section(factor * one.start, factor * one.end, **one.properties) for one in cable.sections]
+    return cable.replace(sections=None).replace(length=factor * cable.length, sections=sections)

@@ -43,12 +43,11 @@ from cable_shape.kernels.rod_algebra import (
     apply,
     get3,
     get9,
-    inverse,
+    inverse_by_pivots,
     mscale,
     mshift,
     msub,
     mul,
-    negative_eigenvalues,
     put3,
     put9,
     rotation,
@@ -170,8 +169,8 @@ def eliminate(plan: Plan, size: Floats, block: Floats, diagonal: Floats) -> int:
     negative = 0
     for v in range(diagonal.shape[0]):
         pivot = get9(size, v, 0)
-        inv, det = inverse(pivot)
-        negative += negative_eigenvalues(pivot, det)
+        inv, below = inverse_by_pivots(pivot)
+        negative += below
         put9(diagonal, v, 0, inv)
         t = plan.goal[v]
         for a in range(plan.pointer[v], plan.pointer[v + 1]):
