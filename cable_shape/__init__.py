@@ -33,6 +33,8 @@ if TYPE_CHECKING:
         SteeringError,
         UnknownKeyError,
     )
+    from cable_shape.harness import Harness, Junction
+    from cable_shape.harness_shape import HarnessShape
     from cable_shape.paths import GripPath, JointPath
     from cable_shape.plug import Plug, PlugError
     from cable_shape.pose import FreeEnd, Grip, Pose
@@ -50,6 +52,7 @@ if TYPE_CHECKING:
         Scene,
         Sphere,
     )
+    from cable_shape.section import Section
     from cable_shape.shape import CableShape, ClipLoad, Contact, Status
     from cable_shape.shape_batch import ShapeBatch
     from cable_shape.stress import Stress, stress_of
@@ -57,6 +60,7 @@ if TYPE_CHECKING:
     from cable_shape.trajectory import check_trajectory
     from cable_shape.trajectory_report import Reason, TrajectoryCheck, Violation
     from cable_shape.uncertainty import Tube, Uncertainty
+    from cable_shape.wires import Wire
 
 __version__ = "0.1.0"
 
@@ -86,9 +90,12 @@ __all__ = [
     "Grip",
     "GripPath",
     "HalfSpace",
+    "Harness",
+    "HarnessShape",
     "Held",
     "InputError",
     "JointPath",
+    "Junction",
     "Margin",
     "Mesh",
     "Observation",
@@ -101,6 +108,7 @@ __all__ = [
     "Reason",
     "RobotError",
     "Scene",
+    "Section",
     "Severity",
     "ShapeBatch",
     "Sphere",
@@ -114,6 +122,7 @@ __all__ = [
     "UnknownKeyError",
     "Violation",
     "WarningKind",
+    "Wire",
     "calibrate",
     "calibrate_photo",
     "calibrate_sag",
@@ -152,12 +161,15 @@ _HOMES = {
         "SteeringError",
         "UnknownKeyError",
     ),
+    "harness": ("Harness", "Junction"),
+    "harness_shape": ("HarnessShape",),
     "paths": ("GripPath", "JointPath"),
     "plug": ("Plug", "PlugError"),
     "pose": ("FreeEnd", "Grip", "Pose"),
     "predictor": ("Predictor", "predict"),
     "report": ("BodyDistance", "CableWarning", "Clearance", "CycleReport", "Margin", "Severity", "WarningKind"),
     "scene": ("Box", "Capsule", "Clip", "Cylinder", "HalfSpace", "Mesh", "Obstacle", "PointMass", "Scene", "Sphere"),
+    "section": ("Section",),
     "shape": ("CableShape", "ClipLoad", "Contact", "Status"),
     "shape_batch": ("ShapeBatch",),
     "stress": ("Stress", "stress_of"),
@@ -165,6 +177,7 @@ _HOMES = {
     "trajectory": ("check_trajectory",),
     "trajectory_report": ("Reason", "TrajectoryCheck", "Violation"),
     "uncertainty": ("Tube", "Uncertainty"),
+    "wires": ("Wire",),
 }
 _MODULES = {name: module for module, names in _HOMES.items() for name in names}
 

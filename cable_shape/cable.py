@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, final
+from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +14,10 @@ from numpy.typing import ArrayLike
 from cable_shape import checks
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
+from cable_shape.section import Section, sections_of
+
+if TYPE_CHECKING:
+    from cable_shape.wires import Wire
 
 STANDARD_GRAVITY = 9.81  # m/s^2
 TAIL_SIDES = ("start", "end")
@@ -53,6 +57,10 @@ class Cable:
         [Pa], limit of the von Mises stress, see :mod:`cable_shape.stress`; None: no limit.
     tails : mapping of "start" and "end" to a length, optional
         [m], cable that hangs beyond the grips, not counted in `length`; see :mod:`cable_shape.tails`.
+    sections : sequence of Section, optional
+        Stretches with properties of their own, which do not overlap; see :class:`cable_shape.Section`.
+    stiffness_interval : (2,) array_like, optional
+        [N m^2], between which EI is, low and high, as of a bundle whose wires slip or stick; for `stiffness_spread`.
 
     Raises
     ------
@@ -73,7 +81,9 @@ class Cable:
         "max_twist_rate",
         "min_bend_radius",
         "rest_curvature",
+        "sections",
         "shear_stiffness",
+        "stiffness_interval",
         "tails",
         "twisting_stiffness",
     )
@@ -93,6 +103,8 @@ class Cable:
     inner_diameter: float
     allowable_stress: float | None
     tails: Mapping[str, float]
+    sections: tuple[Section, ...]
+    stiffness_interval: tuple[float, float] | None
 
     def __init__(
         self,
@@ -111,6 +123,8 @@ class Cable:
         inner_diameter: float = 0.0,
         allowable_stress: float | None = None,
         tails: Mapping[str, float] | None = None,
+        sections: Sequence[Section] | None = None,
+        stiffness_interval: ArrayLike | None = None,
     ) -> None:
         put = object.__setattr__
         put(self, "length", _length("length", length))
@@ -139,6 +153,10 @@ class Cable:
             self, "allowable_stress", checks.optional_number("allowable_stress", allowable_stress, above=0.0, unit="Pa")
         )
         put(self, "tails", _tails(tails))
+        put(self, "stiffness_interval", _interval(stiffness_interval))
+        put(self, "sections", sections_of(sections, self.length))
+        for i, section in enumerate(self.sections):
+            _check_section(self, section, f"sections[{i}]")
 
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(f"a Cable is fixed; make another with cable.replace({name}=...)")
@@ -206,6 +224,27 @@ class Cable:
         )
 
     @classmethod
+    def from_wires(cls, wires: Sequence[Wire], length: float, covering: Wire | None = None, **keywords: Any) -> Cable:
+        """A bundle of wires, packed round, as one cable.
+
+        `bending_stiffness` is that of full slip, to which a bundle tends as it is bent, and `stiffness_interval` that
+        from full slip to full stick: see :mod:`cable_shape.wires`.
+
+        Parameters
+        ----------
+        wires : sequence of Wire
+        length : float
+            [m].
+        covering : Wire, optional
+            A tube around the bundle, such as tape or a protection; its EI and mass are added.
+        **keywords
+            Further keywords of :class:`Cable`, which go before what the wires say.
+        """
+        from cable_shape.wires import from_wires
+
+        return from_wires(wires, length, covering, **keywords)
+
+    @classmethod
     def from_mapping(cls, values: Mapping[str, Any], where: str = "cable") -> Cable:
         """From a mapping whose keys are the keywords of :class:`Cable`, or of :meth:`from_material`.
 
@@ -216,7 +255,15 @@ class Cable:
             values = {key: value for key, value in values.items() if key != GRIPS}
         if isinstance(values, Mapping) and "youngs_modulus" in values:
             material = ("youngs_modulus", "poisson_ratio", "density", "inner_diameter", "allowable_stress")
-            limits = ("gradient_length", "min_bend_radius", "max_tension", "max_twist_rate", "rest_curvature", "tails")
+            limits = (
+                "gradient_length",
+                "min_bend_radius",
+                "max_tension",
+                "max_twist_rate",
+                "rest_curvature",
+                "tails",
+                "sections",
+            )
             checks.known_keys(where, values, ("length", "diameter", *material, *limits))
             return _called(cls.from_material, values, where)
         checks.known_keys(where, values, cls.__slots__)
@@ -235,6 +282,8 @@ class Cable:
         out["bending_stiffness"] = list(self.bending_stiffness)
         out["rest_curvature"] = self.rest_curvature.tolist()
         out["tails"] = dict(self.tails)
+        out["stiffness_interval"] = None if self.stiffness_interval is None else list(self.stiffness_interval)
+        out["sections"] = [section.as_dict() for section in self.sections]
         return out
 
     def replace(self, **changes: Any) -> Cable:
@@ -245,6 +294,17 @@ class Cable:
     def mean_bending_stiffness(self) -> float:
         """[N m^2], what the isotropic models use for EI."""
         return 0.5 * (self.bending_stiffness[0] + self.bending_stiffness[1])
+
+    @property
+    def stiffness_spread(self) -> float:
+        """Standard deviation of EI as a fraction of it, where every value in `stiffness_interval` is as likely; else 0.
+
+        What ``Uncertainty({"bending_stiffness": ...})`` takes.
+        """
+        if self.stiffness_interval is None or self.mean_bending_stiffness == 0.0:
+            return 0.0
+        low, high = self.stiffness_interval
+        return (high - low) / math.sqrt(12.0) / self.mean_bending_stiffness
 
     def describe(self) -> str:
         """What these numbers mean in plain words, to catch a slip of units."""
@@ -268,6 +328,28 @@ class Cable:
 
     def __repr__(self) -> str:
         return f"Cable({', '.join(f'{k}={v!r}' for k, v in self.as_dict().items())})"
+
+
+def _interval(value: ArrayLike | None) -> tuple[float, float] | None:
+    """Two numbers of at least 0, the second not below the first."""
+    if value is None:
+        return None
+    low, high = checks.vector("stiffness_interval", value, 2, "N m^2").tolist()
+    if not 0.0 <= low <= high:
+        remedy = "Give (low, high) in N m^2."
+        raise ArgumentError.of("stiffness_interval", [low, high], "it must be two numbers, 0 <= low <= high", remedy)
+    return low, high
+
+
+def _check_section(cable: Cable, section: Section, where: str) -> None:
+    """Makes the cable that a section is a stretch of, with errors that name it."""
+    try:
+        made = cable.replace(sections=None, **section.properties)
+    except ArgumentError as error:
+        raise type(error)(f"{where}: {error}") from None
+    if (made.mean_bending_stiffness == 0.0) or (cable.mean_bending_stiffness == 0.0):
+        bound = "a cable with sections needs it above 0 N m^2"
+        raise ArgumentError.of(f"{where}: bending_stiffness", 0.0, bound, "Give EI in N m^2, however small it is.")
 
 
 def _inner_diameter(value: float, outer: float) -> float:

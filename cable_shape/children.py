@@ -1,12 +1,26 @@
-"""How processes that we started end: :func:`ended` waits for it, :func:`left` does not wait for long."""
+"""How processes that we started end: :func:`ended` waits for it, :func:`left` does not wait for long.
+
+And how they begin: :func:`be_ordinary`, which each of them calls first.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import os
 import subprocess
+import sys
 from pathlib import Path
 
 _GRACE = 1.0  # s, between asking a process to end and ending it
+
+
+def be_ordinary() -> None:
+    """Gives up, in every thread, a real-time priority that came from the parent: it is meant for the cycles alone."""
+    if sys.platform != "linux":
+        return
+    for thread in os.listdir("/proc/self/task"):
+        if os.sched_getscheduler(int(thread)) & ~os.SCHED_RESET_ON_FORK in (os.SCHED_FIFO, os.SCHED_RR):
+            os.sched_setscheduler(int(thread), os.SCHED_OTHER, os.sched_param(0))
 
 
 def ended(process: subprocess.Popen[bytes], timeout: float) -> bool:

@@ -1,8 +1,8 @@
 """The `cable-shape` command.
 
-Exit codes: 0 all is well; 1 `doctor` found something to repair; 2 wrong arguments, input that cannot be used, or a
-result that must not be: a shape of `predict`, a fit of `calibrate`; 3 `replay` finished, but a part of the recording
-could not be read; 130 interrupted.
+Exit codes: 0 all is well; 1 `doctor` found something to repair, or a node of `status` is not well; 2 wrong arguments,
+input that cannot be used, or a result that must not be: a shape of `predict`, a fit of `calibrate`; 3 a part of the
+recording of a `replay` could not be read; 130 interrupted.
 """
 
 from __future__ import annotations
@@ -11,10 +11,11 @@ import argparse
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
 
 import cable_shape
 from cable_shape.errors import ArgumentError, CableShapeError, DependencyError
+from cable_shape.extras import lacking
 
 if TYPE_CHECKING:
     from cable_shape.cable import Cable
@@ -35,8 +36,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     except CableShapeError as error:
         if arguments.debug:
             raise
-        print(f"cable-shape: error: {' '.join(str(error).split())}", file=sys.stderr)
-        return EXIT_ERROR
+        return _refuse(error)
+    except ModuleNotFoundError as error:
+        known = lacking(error)
+        if arguments.debug or known is None:
+            raise
+        return _refuse(known)
     except OSError as error:
         if arguments.debug:
             raise
@@ -48,13 +53,33 @@ def main(argv: Sequence[str] | None = None) -> int:
     return code
 
 
+def _refuse(error: CableShapeError, command: str = "cable-shape") -> int:
+    """Says what is wrong on one line."""
+    print(f"{command}: error: {' '.join(str(error).split())}", file=sys.stderr)
+    return EXIT_ERROR
+
+
+def run_node() -> NoReturn:
+    """The executable `cable_shape_node`, see cable_shape.ros.node."""
+    try:
+        from cable_shape.ros.node import run
+    except DependencyError as error:
+        sys.exit(_refuse(error, "cable_shape_node"))
+    except ModuleNotFoundError as error:
+        known = lacking(error)
+        if known is None:
+            raise
+        sys.exit(_refuse(known, "cable_shape_node"))
+    run()
+
+
 def build_parser() -> argparse.ArgumentParser:
     """All commands and their options."""
     parser = argparse.ArgumentParser(
         prog="cable-shape",
         description="Predicts the quasistatic shape of the cable held between two grippers.",
-        epilog="Exit codes: 0 well, 1 doctor found something, 2 error or a result that must not be used, 3 only a "
-        "part of a recording could be read, 130 interrupted.",
+        epilog="Exit codes: 0 well, 1 doctor or status found something, 2 error or a result that must not be used, "
+        "3 only a part of a recording could be read, 130 interrupted.",
     )
     parser.add_argument("--version", action="version", version=f"cable-shape {cable_shape.__version__}")
     parser.add_argument("--debug", action="store_true", help="show the traceback of an error")
@@ -63,6 +88,7 @@ def build_parser() -> argparse.ArgumentParser:
     _add_predict(commands)
     _add_view(commands)
     _add_calibrate(commands)
+    _add_status(commands)
     _add_bench(commands)
     doctor = commands.add_parser("doctor", help="check libraries, messages, compiled kernels, and your files")
     for name in ("cable", "scene", "robot"):
@@ -121,7 +147,9 @@ def _add_predict(commands: Commands) -> None:
         help="predict one shape from a file",
         description="Solves CASE (YAML or JSON; keys: the arguments of cable_shape.predict) and prints a table.",
     )
-    predict.add_argument("case", type=Path, metavar="CASE", help="see docs/replay.md")
+    predict.add_argument(
+        "case", type=Path, metavar="CASE", help="see docs/replay.md; one of its own is cases/harness.yaml"
+    )
     predict.add_argument(
         "-o", "--out", type=Path, action="append", default=[], metavar="FILE", help=".json, .csv or .png; repeatable"
     )
@@ -153,6 +181,23 @@ def _add_calibrate(commands: Commands) -> None:
     calibrate.set_defaults(run=run)
 
 
+def _add_status(commands: Commands) -> None:
+    status = commands.add_parser(
+        "status",
+        help="say what the running nodes say of themselves; needs a ROS, but no `ros2` command",
+        description="Hears /diagnostics and asks the lifecycle of the nodes on this ROS_DOMAIN_ID, then prints their "
+        "lines. Exit code 0: all are well; 1: one is not; 2: there is none.",
+    )
+    status.add_argument(
+        "--node", default="", metavar="NAME", help="only this one, with its namespace: /cell/cable_shape_node"
+    )
+    status.add_argument("--timeout", type=float, default=5.0, metavar="S", help="wait so long for nodes to speak (5)")
+    status.add_argument("--follow", action="store_true", help="go on, and tell each change, until Ctrl-C")
+    status.add_argument("--values", action="store_true", help="with all numbers: rates, ages, times, counts")
+    status.add_argument("--json", action="store_true", help="for a program, with all numbers")
+    status.set_defaults(run=_status)
+
+
 def _add_bench(commands: Commands) -> None:
     bench = commands.add_parser("bench", help="run a benchmark of the source tree; without a name: all of them")
     bench.add_argument("name", nargs="?", metavar="NAME", help="a scripts/bench_NAME.py")
@@ -162,6 +207,7 @@ def _add_bench(commands: Commands) -> None:
 
 def _replay(arguments: argparse.Namespace) -> int:
     from cable_shape.cable_file import CableFile
+    from cable_shape.files import find_file
     from cable_shape.replay.interrupt import Interruptible
     from cable_shape.replay.outcome import Settings
     from cable_shape.replay.report import headline, summarise
@@ -179,16 +225,16 @@ def _replay(arguments: argparse.Namespace) -> int:
     if arguments.robot is not None:
         from cable_shape.robot import Robot
 
-        robot = Robot.from_yaml(arguments.robot)
-    file = CableFile.from_yaml(arguments.cable)
+        robot = Robot.from_yaml(find_file(arguments.robot))
+    file = CableFile.from_yaml(find_file(arguments.cable))
     cable = file.cable
-    scene = None if arguments.scene is None else Scene.from_yaml(arguments.scene)
+    scene = None if arguments.scene is None else Scene.from_yaml(find_file(arguments.scene))
     note_slips(cable, scene)
     settings = Settings(
         cable=cable,
         scene=scene,
         robot=robot,
-        uncertainty=None if arguments.uncertainty is None else Uncertainty.from_yaml(arguments.uncertainty),
+        uncertainty=None if arguments.uncertainty is None else Uncertainty.from_yaml(find_file(arguments.uncertainty)),
         **_model_options(arguments),
         gravity=tuple(arguments.gravity),
         start=_held("start", file.start, arguments.start_kind, arguments.start_offset),
@@ -251,20 +297,24 @@ def _bar(messages: Iterable[Any], count: int) -> Iterable[Any]:
 
 
 def _predict(arguments: argparse.Namespace) -> int:
+    from cable_shape.cases import harness, output
     from cable_shape.cases.load import load_case
-    from cable_shape.cases.output import check_suffix, rows, write
+    from cable_shape.files import find_file
 
     for path in arguments.out:
-        check_suffix(path)
-    case = load_case(arguments.case)
-    note_slips(case.cable, case.scene)
+        output.check_suffix(path)
+    case: Any = load_case(find_file(arguments.case))
+    of_harness = isinstance(case, harness.HarnessCase)
+    told: Any = harness if of_harness else output
+    for cable in case.harness.segments.values() if of_harness else (case.cable,):
+        note_slips(cable, case.scene)
     options = _model_options(arguments)
     case.predict(**options)  # loads the kernels, so that the solve time below is that of solving
     shape = case.predict(**options)
     print(case.name)
-    _print_table(rows(case, shape))
+    _print_table(told.rows(case, shape))
     for path in arguments.out:
-        write(case, shape, path)
+        told.write(case, shape, path)
         print(f"written: {path}")
     if not shape.usable:
         reason = shape.detail or shape.status.remedy
@@ -304,6 +354,18 @@ def _view(arguments: argparse.Namespace) -> int:
             f"at it in a browser: cable-shape view --web {arguments.file}"
         )
     return subprocess.run([*command, str(arguments.file)], check=False).returncode
+
+
+def _status(arguments: argparse.Namespace) -> int:
+    from cable_shape.checks import number
+
+    timeout = number("--timeout", arguments.timeout, above=0.0, unit="s")
+    if arguments.json and arguments.follow:
+        raise ArgumentError("--json is for one answer: leave it or --follow out.")
+    from cable_shape.ros.status import run
+
+    well = run(arguments.node, timeout, arguments.follow, arguments.values, arguments.json)
+    return 0 if well else EXIT_UNWELL
 
 
 def _bench(arguments: argparse.Namespace) -> int:

@@ -16,6 +16,8 @@ from cable_shape import checks
 from cable_shape.cable import Cable
 from cable_shape.cable_cycle import CableCycle
 from cable_shape.errors import ArgumentError, StaleInputError
+from cable_shape.harness import Harness
+from cable_shape.harness_cycle import HarnessCycle, beside_each_other
 from cable_shape.models.crossing import Crossing
 from cable_shape.near import CableNear
 from cable_shape.plug import Plug
@@ -39,8 +41,9 @@ class Cycle:
 
     Parameters
     ----------
-    cables : Cable or mapping of name to Cable
-        A single cable is named "cable".
+    cables : Cable, or mapping of name to Cable or Harness
+        A single cable is named "cable". Segments of a harness "h" are "h/a" in clearance, margins and warnings; of it
+        no tube, plug or stability is told.
     scene : Scene, optional
     robot_links : sequence of Obstacle
         Collision geometry of the robot, each with its `link` set (see ``Robot.link_geometry``).
@@ -70,7 +73,7 @@ class Cycle:
 
     def __init__(
         self,
-        cables: Cable | Mapping[str, Cable],
+        cables: Cable | Mapping[str, Cable | Harness],
         *,
         scene: Scene | None = None,
         robot_links: Sequence[Obstacle] = (),
@@ -88,7 +91,7 @@ class Cycle:
         quasistatic_limit: float = LIMIT,
         uncertainty: Uncertainty | Mapping[str, Uncertainty] | None = None,
     ) -> None:
-        named = _named(cables)
+        named, harnesses = _named(cables)
         if scene is not None:
             checks.instance("scene", scene, (Scene,), "Write Scene(obstacles=[...]), or Scene.from_yaml(path).")
         robot_links = checks.entries("robot_links", robot_links, Obstacle)
@@ -97,9 +100,10 @@ class Cycle:
         for name, lengths in checks.mapping("tails", tails, named, remedy).items():
             named[name] = named[name].replace(tails=lengths)
         own_plugs = checks.mapping("plugs", plugs, named, remedy)
-        own_clips = checks.mapping("clips", clips, named, remedy)
+        every = (*named, *harnesses)
+        own_clips = checks.mapping("clips", clips, every, remedy)
         if isinstance(distributed_load, Mapping):
-            loads = checks.mapping("distributed_load", distributed_load, named, remedy)
+            loads = checks.mapping("distributed_load", distributed_load, every, remedy)
         else:
             loads = dict.fromkeys(named, distributed_load)
         horizon = checks.number("snap_horizon", snap_horizon, at_least=0.0, unit="s")
@@ -141,9 +145,22 @@ class Cycle:
                 name, predictor, own, robot_links, gripping_links, plug, horizon, len(named), tubes,
                 ratio if ratio > 0.0 else None,
             )  # fmt: skip
-        self._near = CableNear(named, self.scene, robot_links)
+        self._harnesses: dict[str, HarnessCycle] = {}
+        segments: dict[str, Cable] = {}
+        joined: set[frozenset[str]] = set()
+        for name, harness in harnesses.items():
+            own = dataclasses.replace(self.scene, clips=own_clips[name]) if name in own_clips else self.scene
+            keywords = {
+                "model": model, "gravity": gravity, "points": points, "tolerance": tolerance,
+                "time_budget": time_budget, "distributed_load": loads.get(name),
+            }  # fmt: skip
+            made = self._harnesses[name] = HarnessCycle(name, harness, own, robot_links, gripping_links, keywords)
+            segments.update(made.cables)
+            joined |= beside_each_other(name, harness)
+        self._near = CableNear({**named, **segments}, self.scene, robot_links, joined=joined)
         self._crossing: tuple[tuple[str, ...], Crossing] | None = None
-        self._pushed = any(body.link is not None for body in predictor.problem.bodies)
+        bodies = [body for cable in self._cables.values() for body in cable.predictor.problem.bodies]
+        self._pushed = any(body.link is not None for body in bodies)
         self._solves_crossing = len(named) > 1 and all(
             cable.predictor.problem.solves_crossing for cable in self._cables.values()
         )
@@ -182,7 +199,8 @@ class Cycle:
         Parameters
         ----------
         grips : mapping of cable name to (start, end)
-            Poses or Grips in the world; end None or a FreeEnd: nothing holds it.
+            Poses or Grips in the world; end None or a FreeEnd: nothing holds it. Of a harness the mapping of ends, see
+            :meth:`cable_shape.harness_predictor.HarnessPredictor.predict`; its shape is a :class:`HarnessShape`.
         stamp : int
             [ns], must not be older than the stamp of the last step.
         links : mapping of robot link to its Pose in the world, optional
@@ -215,10 +233,14 @@ class Cycle:
             )
         began = perf_counter()
         cables = {}
+        held = {name: self._harnesses[name] for name in grips if name in self._harnesses}
         for name in grips:
+            if name in held:
+                continue
             cable = self._cables.get(name)
             if cable is None:
-                raise ArgumentError.of("cable", name, "no such cable", f"Known: {', '.join(self._cables)}.")
+                known_ones = ", ".join((*self._cables, *self._harnesses))
+                raise ArgumentError.of("cable", name, "no such cable", f"Known: {known_ones}.")
             _check_ends(name, grips[name])
             cables[name] = cable
         moving = checks.mapping("acceleration", acceleration, grips, "Write {name of the cable: (ax, ay, az)}.")
@@ -227,10 +249,16 @@ class Cycle:
                 _accelerate(name, cable.predictor, moving.get(name))
         placed = (links() if self._pushed else None) if callable(links) else links
         together = self._together(grips, placed) if self._solves_crossing else {}
-        shapes = {
+        shapes: dict[str, Any] = {
             name: cable.predict(grips[name], placed, together.get(name), moving.get(name))
             for name, cable in cables.items()
         }
+        single = dict(shapes)
+        parts: dict[str, dict[str, CableShape]] = {}
+        for name, harness in held.items():
+            shapes[name] = harness.predict(grips[name], moving.get(name))  # type: ignore[arg-type]
+            parts[name] = harness.parts(shapes[name])
+            single.update(parts[name])
         predicted = perf_counter()
         if early is not None:
             early(shapes)
@@ -241,26 +269,32 @@ class Cycle:
         known = {name: tube for name, tube in tubes.items() if tube is not None}
         swell = {name: float(tube.radius.max()) for name, tube in known.items()}
         clearance = {name: cable.check(shapes[name], placed) for name, cable in cables.items()}
+        for name, harness in held.items():
+            clearance.update(harness.check(parts[name], placed))
         if self.scene.contact != "off":
-            clearance = self._near.added(shapes, clearance, swell)
+            clearance = self._near.added(single, clearance, swell)
         for name, tube in known.items():
             clearance[name] = dataclasses.replace(clearance[name], confidence=tube.confidence, holds=tube.holds)
         checked = perf_counter()
         margins = {
             name: cable.margins(shapes[name], clearance[name], grips[name], stamp) for name, cable in cables.items()
         }
+        for name, harness in held.items():
+            margins.update(harness.margins(parts[name], clearance, stamp))
         measured = perf_counter()
         warnings = tuple(
             warning
             for name, cable in cables.items()
             for warning in cable.warnings(shapes[name], clearance[name], margins[name])
         )
+        for name, harness in held.items():
+            warnings = (*warnings, *harness.warnings(parts[name], clearance, margins))
         plugs = {name: cable.plug_error(shapes[name]) for name, cable in cables.items()}
         ended = perf_counter()
         self.last_stamp = stamp
         return CycleReport(
             stamp=stamp,
-            grips={name: (start, end) for name, (start, end) in grips.items()},
+            grips={name: ends if name in held else tuple(ends) for name, ends in grips.items()},  # type: ignore[misc]
             links=placed,
             shapes=shapes,
             clearance=clearance,
@@ -325,20 +359,27 @@ class Cycle:
             self._crossing[1].reset()
         for cable in self._cables.values():
             cable.reset()
+        for harness in self._harnesses.values():
+            harness.reset()
 
 
-def _named(cables: Cable | Mapping[str, Cable]) -> dict[str, Cable]:
-    """The cables by name; one that is alone is named "cable"."""
+def _named(cables: Cable | Mapping[str, Cable | Harness]) -> tuple[dict[str, Cable], dict[str, Harness]]:
+    """The cables and the harnesses by name; a cable that is alone is named "cable"."""
     if isinstance(cables, Cable):
-        return {"cable": cables}
+        return {"cable": cables}, {}
+    if isinstance(cables, Harness):  # type: ignore[unreachable]
+        raise ArgumentError.of("cables", cables, "a harness needs a name", "Write Cycle({'h': harness}).")
     if not isinstance(cables, Mapping):
         raise ArgumentError.of("cables", cables, "it must be a Cable or a mapping", "Write {name: Cable(...)}.")
     if not cables:
         raise ArgumentError("cables = {} is not allowed: there must be at least one. Give a Cable.")
     for name, cable in cables.items():
         checks.word("cables", name)
-        checks.instance(f"cables[{name!r}]", cable, (Cable,), "Write Cable(length=..., ...).")
-    return dict(cables)
+        checks.instance(f"cables[{name!r}]", cable, (Cable, Harness), "Write Cable(length=..., ...).")
+    return (
+        {name: cable for name, cable in cables.items() if isinstance(cable, Cable)},
+        {name: cable for name, cable in cables.items() if isinstance(cable, Harness)},
+    )
 
 
 def _accelerate(name: str, predictor: Predictor, acceleration: ArrayLike | None) -> None:

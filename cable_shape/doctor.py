@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import importlib
+import importlib.util
 import os
 import sys
 from collections.abc import Callable
@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import final
 
 from cable_shape.errors import CableShapeError
+from cable_shape.extras import ROS, how_to_get
 
 #: distribution on PyPI -> module
 LIBRARIES = {
@@ -21,7 +22,6 @@ LIBRARIES = {
     "pin": "pinocchio",
     "mink": "mink",
     "mujoco": "mujoco",
-    "python-fcl": "fcl",
     "rerun-sdk": "rerun",
     "rosbags": "rosbags",
     "matplotlib": "matplotlib",
@@ -56,6 +56,11 @@ def _python() -> list[Finding]:
     return [Finding("Python", f"{version}, {sys.executable}", "" if fine else "Use Python 3.11 to 3.13.")]
 
 
+def _in_sources() -> bool:
+    """Whether this is a clone of the repository, whose set-up brings everything, and not an installed wheel."""
+    return (Path(__file__).resolve().parents[1] / "scripts" / "_setup").is_file()
+
+
 def _venv() -> list[Finding]:
     """Sources that have a .venv of their own are meant to run in it."""
     own = Path(__file__).resolve().parents[1] / ".venv"
@@ -80,10 +85,13 @@ def _libraries() -> list[Finding]:
 
 def _library(distribution: str, module: str) -> Finding:
     """Whether it can be imported, and from this environment."""
-    install = "scripts/test once, or pip install -r requirements.txt"
+    get = how_to_get(module)
+    install = "scripts/test once" if _in_sources() else get or f"pip install {distribution}"
     try:
         version = metadata.version(distribution)
     except metadata.PackageNotFoundError:
+        if get and not _in_sources():
+            return Finding(distribution, f"not installed; what needs it: {get}")
         return Finding(distribution, "not installed", f"Run {install}.")
     try:
         found = importlib.import_module(module)
@@ -107,15 +115,14 @@ def _library(distribution: str, module: str) -> Finding:
 
 
 def _ros() -> list[Finding]:
+    if not _in_sources() and importlib.util.find_spec("rclpy") is None:
+        return [Finding("rclpy", "not installed; the node needs a ROS 2 Jazzy, nothing else does")]
     findings = []
-    for module, remedy in (
-        ("rclpy", "Run scripts/test once (ROS 2 Jazzy from PyPI), or source a ROS 2 Jazzy. Only the node needs it."),
-        ("cable_shape_msgs.msg", "Run scripts/test once, or source the workspace in which colcon built msg_defs."),
-    ):
+    for module in ("rclpy", "cable_shape_msgs.msg"):
         try:
             found = importlib.import_module(module)
         except (ImportError, OSError) as error:
-            findings.append(Finding(module, f"cannot be imported: {error}", remedy))
+            findings.append(Finding(module, f"cannot be imported: {error}", f"{ROS} Only the node needs it."))
         else:
             findings.append(Finding(module, str(found.__file__)))
     try:

@@ -5,6 +5,7 @@ A flat array is a contiguous float64 numpy array; whoever fills a message turns 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,15 @@ from cable_shape.shape import NUMBERS_PER_POINT, CableShape, Status
 
 #: the arrays of cable_shape_msgs/CableShape in the order of a shape's buffer, with their numbers per point
 ARRAYS = (("arc_length", 1), ("positions", 3), ("quaternions", 4), ("curvature", 3), ("force", 3), ("moment", 3))
+
+#: what cable/points holds for each point, as little-endian float32: place [m], arc length [m], tension [N]
+POINT_FIELDS = ("x", "y", "z", "arc_length", "tension")
+POINT_BYTES = 4 * len(POINT_FIELDS)
+
+
+def point_rows(shapes: Mapping[str, CableShape]) -> Any:
+    """(points of all shapes, 5) little-endian float32, see `POINT_FIELDS`."""
+    return np.vstack([np.column_stack((s.positions, s.arc_length, s.tension)) for s in shapes.values()]).astype("<f4")
 
 
 def shape_fields(cable_id: str, shape: CableShape) -> dict[str, Any]:

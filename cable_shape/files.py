@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import os
 import stat
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -45,6 +46,30 @@ def path_of(path: str | Path, what: str = "file") -> Path:
         raise FileError(
             f"{what}: {shown(os.fspath(path))}: there is no such user's home. Write the path out."
         ) from None
+
+
+def find_file(path: str | Path) -> Path:
+    """`path` as it is if it exists or is absolute, else below the config folder of the sources or the installation.
+
+    Raises
+    ------
+    ArgumentError
+        If it cannot be a path.
+    """
+    file = path_of(path)
+    if file.is_absolute() or os.path.exists(file):
+        return file
+    for folder in config_folders():
+        if os.path.exists(folder / file):
+            return folder / file
+    return file
+
+
+def config_folders() -> list[Path]:
+    """Where this package's configuration lies: beside the sources, or in share/ of a ROS prefix."""
+    prefixes = [p for p in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if p] + [sys.prefix]
+    source = Path(__file__).resolve().parents[1] / "config"
+    return [source, *(Path(prefix, "share", "cable_shape", "config") for prefix in prefixes)]
 
 
 def read_bounded(path: str | Path, most_bytes: int, what: str = "file") -> bytes:

@@ -45,6 +45,7 @@ from cable_shape.problem import GRAVITY
 from cable_shape.quasistatic import bending_rate, swing_state
 from cable_shape.report import LOAD_MARGINS, Clearance, Margin, WarningKind
 from cable_shape.scene import Scene
+from cable_shape.section import refuse
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve.network import Network
 from cable_shape.solve.outcome import MODEL
@@ -103,6 +104,7 @@ class MarginWatch:
         gravity: ArrayLike = GRAVITY,
         quasistatic_limit: float | None = None,
     ) -> None:
+        refuse(cable, "a cycle, a trajectory or a margin")
         self._cable = cable
         self._weightless = cable.linear_density == 0.0 and not scene.masses
         self._swing = swing_state(cable, gravity, quasistatic_limit)

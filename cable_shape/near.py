@@ -8,7 +8,7 @@ circle: a straight or gently bent cable is not near itself, a loop, a hairpin an
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import final
 
 import numpy as np
@@ -38,6 +38,8 @@ class CableNear:
     cables : mapping of name to Cable
     scene, robot_links
         As for :class:`~cable_shape.clearance.ClearanceChecker`; the scene's warning distances give the horizon.
+    joined : collection of pairs of names
+        Cables that meet, as segments of a harness in a junction: they are not checked against each other.
     cull : bool
         False solves every pair of pieces, to test that the bounds never change the answer.
 
@@ -48,9 +50,16 @@ class CableNear:
     """
 
     def __init__(
-        self, cables: Mapping[str, Cable], scene: Scene, robot_links: Sequence[Obstacle] = (), *, cull: bool = True
+        self,
+        cables: Mapping[str, Cable],
+        scene: Scene,
+        robot_links: Sequence[Obstacle] = (),
+        *,
+        cull: bool = True,
+        joined: Collection[frozenset[str]] = (),
     ) -> None:
         self.cull = cull
+        self._joined_ones = joined
         self._diameters = {name: cable.diameter for name, cable in cables.items()}
         self._bodies_before = len(scene.obstacles) + len(robot_links)
         self._nothing = np.full((max(self._bodies_before, len(cables)), RESULT_COLUMNS), math.inf)
@@ -91,6 +100,8 @@ class CableNear:
         counts = {name: np.zeros(2, dtype=np.int64) for name in judged}
         for i, a in enumerate(judged):
             for b in judged[i:]:
+                if self._joined_ones and frozenset((a, b)) in self._joined_ones:
+                    continue
                 self._between(a, b, shapes, found, counts)
         out = dict(clearance)
         for name, rows in found.items():

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import functools
+import inspect
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import final
+from typing import Any, final, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,22 +15,31 @@ from cable_shape import checks
 from cable_shape.cable import Cable
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
+from cable_shape.harness import Harness
+from cable_shape.harness_shape import HarnessShape
 from cable_shape.meshes.convex import is_convex
 from cable_shape.models.crossing import Crossing
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.problem import GRAVITY, Problem
 from cable_shape.reuse import Ends, unmoved
 from cable_shape.scene import Mesh, Obstacle, Scene
+from cable_shape.section import refuse
 from cable_shape.shape import CableShape
 from cable_shape.solve import cosserat
 from cable_shape.solve.answers import ENDS
 from cable_shape.solve.network import Network
 from cable_shape.solvers import MODELS, ClosedForm, solver_of
 
+_NOT_GIVEN = object()
+#: Keywords that say who is not to be touched.
+_ABOUT_CONTACT = ("robot_links", "gripping_links")
+
 
 @final
 class Predictor:
     """Predicts one cable's shape again and again, each time starting from the last solution.
+
+    Of a :class:`Harness` it makes a :class:`cable_shape.harness_predictor.HarnessPredictor`.
 
     Parameters
     ----------
@@ -60,9 +70,17 @@ class Predictor:
         Naming the value, the bound and the remedy.
     """
 
+    def __new__(cls, cable: Any, **keywords: Any) -> Any:
+        """A :class:`HarnessPredictor` for a harness."""
+        if not isinstance(cable, Harness):
+            return super().__new__(cls)
+        from cable_shape.harness_predictor import HarnessPredictor
+
+        return HarnessPredictor(cable, **_of_harness(keywords))
+
     def __init__(
         self,
-        cable: Cable,
+        cable: Cable | Harness,
         *,
         model: str = "auto",
         gravity: ArrayLike = GRAVITY,
@@ -74,6 +92,8 @@ class Predictor:
         robot_links: Iterable[Obstacle] = (),
         gripping_links: Iterable[str] = (),
     ) -> None:
+        if not isinstance(cable, Cable):
+            raise ArgumentError.of("cable", cable, "it must be a Cable or a Harness", "Write Cable(length=..., ...).")
         self.model = checks.one_of("model", model, MODELS)
         self._problem_in = functools.partial(
             Problem,
@@ -270,6 +290,8 @@ class Predictor:
         kept out of bodies, of itself and of others, they are linear, too.
         """
         touches = bool(problem.bodies) or problem.solves_crossing
+        if touches:
+            refuse(problem.cable, "contact='solve'", "Write contact='warn', or leave them out.")
         if problem.swing is not None and (touches or not self.is_rod):
             if self.is_rod:
                 reason, remedy = "contact='solve'", "write contact='warn'."
@@ -305,10 +327,28 @@ class Predictor:
         return problem
 
 
-def predict(
-    cable: Cable,
-    start: Pose | Grip,
-    end: Pose | Grip | FreeEnd | None,
+_MADE_FROM = inspect.signature(Predictor.__init__)
+_MADE_FROM = _MADE_FROM.replace(parameters=list(_MADE_FROM.parameters.values())[1:])
+Predictor.__signature__ = _MADE_FROM  # type: ignore[attr-defined]  # not that of __new__
+
+
+def _of_harness(keywords: dict[str, Any]) -> dict[str, Any]:
+    """Keywords of a predictor without those about contact, which is not solved for of a harness."""
+    for name in _ABOUT_CONTACT:
+        if name in keywords and keywords[name] not in ((), []):
+            bound = "contact of a harness is not solved for"
+            raise ArgumentError.of(name, keywords[name], bound, "Leave it out.")
+    return {key: value for key, value in keywords.items() if key not in _ABOUT_CONTACT}
+
+
+@overload
+def predict(cable: Cable, start: Pose | Grip, end: Pose | Grip | FreeEnd | None, **_: Any) -> CableShape: ...
+@overload
+def predict(cable: Harness, start: Mapping[str, Pose | Grip | FreeEnd | None], **_: Any) -> HarnessShape: ...
+def predict(  # type: ignore[misc]
+    cable: Cable | Harness,
+    start: Any,
+    end: Any = _NOT_GIVEN,
     *,
     model: str = "auto",
     gravity: ArrayLike = GRAVITY,
@@ -317,10 +357,22 @@ def predict(
     scene: Scene | None = None,
     distributed_load: ArrayLike | None = None,
     acceleration: ArrayLike | None = None,
-) -> CableShape:
-    """The shape of a cable between two ends, solved once from nothing.
+) -> Any:
+    """The shape of a cable between two ends, solved once from nothing; of a harness, between ends by their names.
 
     The keywords are those of :class:`Predictor` and of :meth:`Predictor.predict`.
+
+    Parameters
+    ----------
+    cable : Cable or Harness
+    start, end
+        Of a cable: Pose or Grip; `end` may be a FreeEnd or None. Of a harness `start` alone, the mapping of ends to
+        Pose, Grip or FreeEnd; the shape is a :class:`HarnessShape`.
+
+    Raises
+    ------
+    ArgumentError
+        For wrong arguments.
     """
     predictor = Predictor(
         cable,
@@ -331,4 +383,11 @@ def predict(
         scene=scene,
         distributed_load=distributed_load,
     )
+    if isinstance(cable, Harness):
+        if end is not _NOT_GIVEN:
+            raise ArgumentError.of("end", end, "the ends of a harness are one mapping", "Write {'a.start': Pose(...)}.")
+        of_harness: Any = predictor
+        return of_harness.predict(start, acceleration=acceleration)
+    if end is _NOT_GIVEN:
+        raise ArgumentError("end is missing. Write predict(cable, start, end); None is a free end.")
     return predictor.predict(start, end, acceleration=acceleration)

@@ -120,6 +120,12 @@ class Problem:
         self.load_force = _NO_FORCES
         self.clips: tuple[Clip, ...] = ()
         if scene is not None and (scene.masses or scene.clips):
+            parts: tuple[Clip | PointMass, ...] = (*scene.clips, *scene.masses)
+            for part in parts:
+                if part.segment is not None:
+                    raise ArgumentError.of(
+                        f"{type(part).__name__}.segment", part.segment, "a cable has no segments", "Leave it out."
+                    )
             self._load_masses(scene)
             self._check_clips(scene)
             self.clips = tuple(scene.clips)

@@ -132,6 +132,7 @@ class CableWarning:
 class CycleReport:
     """Everything that one :meth:`cable_shape.Cycle.step` found.
 
+    shapes : by cable; of a harness "h" a HarnessShape, of whose segments the rest tells under "h/a".
     stamp : int [ns], as given to the step: the older of the two gripper stamps.
     times : phase -> [s]: "predict", "clearance", "margins", "warnings", "total".
     skipped : what was not done -> count: "reused" shapes, "pairs_culled" by bounds, "snap_checks" that were not needed,

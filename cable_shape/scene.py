@@ -77,14 +77,16 @@ class Scene:
         if self.plug is not None:
             checks.instance("plug", self.plug, (Plug,), "Write Plug(socket).")
             checks.one_of("plug.socket", self.plug.socket, self.sockets)
-        for i, (clip, following) in enumerate(pairwise(self.clips)):
-            if not clip.arc_length < following.arc_length:
-                raise ArgumentError.of(
-                    f"clips[{i + 1}].arc_length",
-                    following.arc_length,
-                    f"it must be above that of clips[{i}], {clip.arc_length:g} m",
-                    "List the clips in the order in which the cable runs through them, no two at one arc length.",
-                )
+        for segment in dict.fromkeys(clip.segment for clip in self.clips):
+            of_one = [(i, clip) for i, clip in enumerate(self.clips) if clip.segment == segment]
+            for (i, clip), (k, following) in pairwise(of_one):
+                if not clip.arc_length < following.arc_length:
+                    raise ArgumentError.of(
+                        f"clips[{k}].arc_length",
+                        following.arc_length,
+                        f"it must be above that of clips[{i}], {clip.arc_length:g} m",
+                        "List the clips in the order in which the cable runs through them, no two at one arc length.",
+                    )
         _unique_names("clips", clip_names(self.clips))
 
     @classmethod

@@ -16,7 +16,7 @@ One entry a list item; exactly one of the solids in an obstacle::
     clips:
       - {arc_length: 0.5, position: [0.5, 0, 0.3], quaternion: [0, 0, 0, 1], kind: ball, name: guide}
     masses:
-      - {arc_length: 0.5, mass: 0.02}
+      - {arc_length: 0.5, mass: 0.02}         # segment: a, too, of a harness; likewise in clips
     sockets:
       port_a: {position: [0.9, 0, 0.3], quaternion: [0, 0.7071, 0, 0.7071]}
     plug: {socket: port_a, position: [0, 0, 0.02]}   # of the plug's frame in the cable frame at the end
@@ -117,13 +117,14 @@ def _solid(kind: str, value: Any, where: str, folder: Path, scale: Any) -> Solid
 
 
 def _clip(values: Mapping[str, Any], where: str) -> Clip:
-    _required(values, where, ("arc_length", "position"), ("quaternion", "kind", "name"))
-    return Clip(values["arc_length"], _pose(values), values.get("kind", "ball"), values.get("name"))
+    _required(values, where, ("arc_length", "position"), ("quaternion", "kind", "name", "segment"))
+    kind, name, segment = values.get("kind", "ball"), values.get("name"), values.get("segment")
+    return Clip(values["arc_length"], _pose(values), kind, name, segment)
 
 
 def _mass(values: Mapping[str, Any], where: str) -> PointMass:
-    _required(values, where, ("arc_length", "mass"), ())
-    return PointMass(values["arc_length"], values["mass"])
+    _required(values, where, ("arc_length", "mass"), ("segment",))
+    return PointMass(values["arc_length"], values["mass"], values.get("segment"))
 
 
 def _sockets(values: Mapping[str, Any] | None, where: str) -> dict[str, Pose]:
@@ -164,12 +165,16 @@ def obstacle_entry(obstacle: Obstacle) -> dict[str, Any]:
 def clip_entry(clip: Clip) -> dict[str, Any]:
     """An item of `clips`."""
     name = {} if clip.name is None else {"name": clip.name}
-    return {"arc_length": clip.arc_length, **pose_entry(clip.pose), "kind": clip.kind, **name}
+    return {"arc_length": clip.arc_length, **pose_entry(clip.pose), "kind": clip.kind, **name, **_segment_entry(clip)}
 
 
 def mass_entry(mass: PointMass) -> dict[str, Any]:
     """An item of `masses`."""
-    return {"arc_length": mass.arc_length, "mass": mass.mass}
+    return {"arc_length": mass.arc_length, "mass": mass.mass, **_segment_entry(mass)}
+
+
+def _segment_entry(part: Clip | PointMass) -> dict[str, Any]:
+    return {} if part.segment is None else {"segment": part.segment}
 
 
 def plug_entry(plug: Plug) -> dict[str, Any]:

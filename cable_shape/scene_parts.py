@@ -44,16 +44,19 @@ class Clip:
     "ball" holds the place of the material point, "fixed" its frame, "hinge" its place and d3: the cable may roll.
     "slide" is an eyelet without friction through which the cable runs: it holds a place, `arc_length` is about which
     point is in it, and what is found is in the shape's `clips`. Of a scene's clips those without a `name` are "clip0",
-    "clip1" and so on, in order of arc length.
+    "clip1" and so on, in order of arc length. `segment`: of a harness, whose arc length is meant.
     """
 
     arc_length: float
     pose: Pose
     kind: str = "ball"
     name: str | None = None
+    segment: str | None = None
 
     def __post_init__(self) -> None:
         _number(self, "arc_length", "m")
+        if self.segment is not None:
+            checks.word("Clip.segment", self.segment)
         checks.instance("Clip.pose", self.pose, (Pose,), "Write Pose(position, quaternion).")
         checks.one_of("Clip.kind", self.kind, CLIP_KINDS)
         if self.name is not None:
@@ -76,12 +79,15 @@ def clip_names(clips: Iterable[Clip]) -> tuple[str, ...]:
 @final
 @dataclass(frozen=True, slots=True)
 class PointMass:
-    """A connector of `mass` [kg] at `arc_length` [m] from the start grip."""
+    """A connector of `mass` [kg] at `arc_length` [m] from the start grip, or the start of `segment` of a harness."""
 
     arc_length: float
     mass: float
+    segment: str | None = None
 
     def __post_init__(self) -> None:
+        if self.segment is not None:
+            checks.word("PointMass.segment", self.segment)
         _number(self, "arc_length", "m")
         _number(self, "mass", "kg")
 

@@ -16,6 +16,7 @@ from cable_shape.errors import ArgumentError
 from cable_shape.models import catenary, gradient, touching
 from cable_shape.models.touch_state import TouchState
 from cable_shape.problem import Problem
+from cable_shape.section import refuse
 from cable_shape.shape import CableShape
 from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
@@ -120,6 +121,8 @@ def solver_of(model: str, cable: Cable, time_budget: float | None) -> Solver:
             f"model {model!r} needs it above 0 N m^2",
             "Give EI in N m^2, or choose model='catenary'.",
         )
+    if model not in ("cosserat", "auto"):
+        refuse(cable, f"model {model!r}", "Choose model='cosserat', or leave them out.")
     if model == "catenary" or limp:
         return ClosedForm(catenary.solve, np.empty(0))
     if model == "gradient4":

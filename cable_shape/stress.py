@@ -18,6 +18,7 @@ from cable_shape import checks
 from cable_shape.cable import Cable
 from cable_shape.checks import Array
 from cable_shape.kernels import stress as kernels
+from cable_shape.section import pieces_of
 from cable_shape.shape import CableShape
 
 
@@ -54,8 +55,11 @@ def stress_of(cable: Cable, shape: CableShape) -> Stress:
     """
     checks.instance("cable", cable, (Cable,), "Write Cable(length=..., ...).")
     checks.instance("shape", shape, (CableShape,), "Give what predict returns.")
-    von_mises = np.empty(shape.points)
-    kernels.von_mises(shape.buffer, shape.points, section_of(cable), von_mises)
+    von_mises, own = np.empty(shape.points), np.empty(shape.points)
+    for first, last, one in pieces_of(cable):
+        kernels.von_mises(shape.buffer, shape.points, section_of(one), own)
+        here = (shape.arc_length >= first) & (shape.arc_length <= last)
+        von_mises[here] = own[here]
     greatest = float(von_mises.max())
     if cable.allowable_stress is None:
         return Stress(von_mises, math.nan)

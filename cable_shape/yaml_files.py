@@ -34,7 +34,8 @@ WORDS = frozenset((
     "vertices", "faces", "arc_length", "kind", "mass", "socket", "urdf", "grippers", "home", "left", "right",
     "frame", "offset", "gripping_links", "confidence", "misses", "start", "end", "cable", "covariance", "angle",
     "names", "matrix", "scene", "model", "gravity", "points", "tolerance", "distributed_load", "turns", "curvature",
-    "force", "moment", "solution", "quantity", "grips", "correction",
+    "force", "moment", "solution", "quantity", "grips", "correction", "harness", "segments", "junctions", "segment",
+    "ends", "frames", "sections", "stiffness_interval",
 ))  # fmt: skip
 
 _INT = re.compile(r"[-+]?[0-9][0-9_]*")

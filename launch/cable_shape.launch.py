@@ -22,8 +22,8 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument(
                 "params",
                 default_value=str(CONFIG / "node.yaml"),
-                description="Parameter file: config/node.yaml (poses), node_joints.yaml (joints), node_live.yaml, "
-                "node_simulation.yaml or node_replay.yaml.",
+                description="Parameter file: config/node.yaml (poses), node_joints.yaml (joints), node_tf.yaml (tf), "
+                "node_live.yaml, node_simulation.yaml or node_replay.yaml.",
             ),
             DeclareLaunchArgument(
                 "use_sim_time", default_value="false", description="Follow /clock; the file goes first."

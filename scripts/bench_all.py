@@ -44,6 +44,7 @@ PARTS = (
     Part("cosserat"),
     Part("network"),
     Part("scene"),
+    Part("harness"),
     Part("planner"),
     Part("cell", ("--seconds", "5"), ("--seconds", "2", "--rates", "250", "--rounds", "1"), figures=False),
     Part("evidence"),

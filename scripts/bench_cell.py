@@ -4,6 +4,7 @@
     scripts/bench cell [--rates 125 250 500] [--seconds 20] [--view FILE.rrd]
     scripts/bench cell --viewer       # what a viewer costs that is attached, blocked or killed
     scripts/bench cell --cables 10    # that many cables on one node, beside one
+    scripts/bench cell --priority     # what a real-time priority does on a busy machine; needs the right to it
     scripts/bench cell --calibration  # what a calibration costs that goes on beside; part of the whole, too
 
 Four processes: a publisher (two gripper poses and joint states), the node (20 obstacles, the links of two arms, viewer
@@ -256,6 +257,7 @@ def main() -> int:
     parser.add_argument("--calibration", action="store_true", help="only cycles beside a calibration and without")
     parser.add_argument("--rounds", type=int, default=3, help="of --viewer and --calibration")
     parser.add_argument("--cables", type=int, help="on one node; --rates then are 25 50 100 unless given")
+    parser.add_argument("--priority", action="store_true", help="compare with a real-time priority and without")
     parser.add_argument("--role", choices=("echo", "receive", "publish"), help=argparse.SUPPRESS)
     parser.add_argument("--out", type=Path, help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -268,6 +270,10 @@ def main() -> int:
         import cell_cables
 
         return 0 if cell_cables.run(options.cables, options.rates or [25.0, 50.0, 100.0]) else 1
+    if options.priority:
+        import cell_priority
+
+        return 0 if cell_priority.run(options.rates or [125.0]) else 1
     if options.calibration:
         return 0 if cell_calibration.run(options.rounds) else 1
     options.rates = options.rates or [125.0, 250.0, 500.0]

@@ -169,7 +169,7 @@ def publish(motion: Plan, rate: float, namespace: str, wait: float) -> bool:
         if stop.is_set():
             print("demo_cell: interrupted", file=sys.stderr)
             return False
-        publisher.wait_for_all_acked(Duration(seconds=2.0))
+        publisher.wait_for_all_acked(Duration(seconds=10.0))
         print(f"demo_cell: {motion.duration:.1f} s published at {rate:g} Hz, longest gap {worst_gap * 1e3:.1f} ms")
         return True
     finally:

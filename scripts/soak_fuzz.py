@@ -30,7 +30,7 @@ from sensor_msgs.msg import JointState
 from cable_shape.robot import Robot
 
 AWAKE_EVERY = 2000  # messages, between looks whether good ones are answered
-ANSWER_S = 60.0
+ANSWER_S = 120.0
 PAUSE = 3e-4  # s, after each message, so that most are read and not overtaken
 BATCH = 20  # messages between looks at what the node says
 FRAMES = ("world", "world", "world", "world", "", "map", "ü" * 40, "/world", "world\n")
@@ -149,7 +149,7 @@ def fuzz(count: int, seed: int) -> list[str]:
             return wrong + ([f"the node refused nothing: {values}"] if not refused else [])
         finally:
             child.send_signal(signal.SIGINT)
-            if child.wait(30):
+            if child.wait(STARTUP_S):
                 print(f"the node ended with exit code {child.returncode}", file=sys.stderr)
 
 

@@ -128,7 +128,7 @@ def soak(seconds: float, rate: float, settle: float, timed: bool) -> list[str]:
             return judged(first, last, sent, came[0], timed)
         finally:
             child.send_signal(signal.SIGINT)
-            child.wait(30)
+            child.wait(STARTUP_S)
 
 
 def judged(first: tuple[Held, float], last: tuple[Held, float], sent: int, came: int, timed: bool) -> list[str]:

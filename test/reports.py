@@ -139,7 +139,15 @@ def last_stamp(path: Path) -> object:
     return columns(path)["/plots/tension/cable:Scalars:scalars"][-1][0]
 
 
-def wait_until(true: object, within: float = 60.0) -> bool:
+def gone(pid: int) -> bool:
+    """Whether a process has ended, be it a zombie still."""
+    try:
+        return "\nState:\tZ" in Path(f"/proc/{pid}/status").read_text()
+    except OSError:
+        return True
+
+
+def wait_until(true: object, within: float = 120.0) -> bool:
     until = time.monotonic() + within
     while not true():  # type: ignore[operator]
         if time.monotonic() > until:

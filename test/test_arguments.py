@@ -33,6 +33,8 @@ SCENE = cs.Scene(
     sockets={"port": cs.Pose()},
     plug=cs.Plug("port"),
 )
+WIRE, OPEN = cs.Wire(0.002, 0.01, youngs_modulus=1e9, count=3), cs.Pose(quaternion=(0.6, 0, 0, 0.8))
+HARNESS = cs.Harness({"a": CABLE, "b": CABLE}, [cs.Junction("j", ("a.end", "b.end"), frames={"b.end": OPEN})])
 GOOD = {"length": 1.2, "linear_density": 0.1, "bending_stiffness": 0.01}
 SPREAD = cs.Uncertainty({"length": 1e-3}, (1e-3, 1e-2))
 PIXELS = {
@@ -73,6 +75,13 @@ def held(**given: Any) -> object:
     return predictor.sensitivity(at=at) if predictor.is_rod else None
 
 
+def gripped(**given: Any) -> object:
+    names = ("ends", "acceleration", "at")
+    predictor = cs.Predictor(given["harness"], **{n: x for n, x in given.items() if n not in (*names, "harness")})
+    predictor.predict(given["ends"], acceleration=given["acceleration"])
+    return predictor.sensitivity(at=given["at"])
+
+
 def pose_methods(position: Any, quaternion: Any, turns: Any, other: Any) -> object:
     pose = cs.Pose(position, quaternion, turns)
     return pose.distance(other), pose.inverse().matrix(), hash(pose), pose == other, repr(pose)
@@ -86,6 +95,7 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, Any]]] = {
             **GOOD, "twisting_stiffness": 0.01, "axial_stiffness": 1e3, "shear_stiffness": 1e3, "diameter": 0.01,
             "rest_curvature": (0.0, 0.1, 0.0), "gradient_length": 0.01, "min_bend_radius": 0.01, "max_tension": 1.0,
             "max_twist_rate": 1.0, "inner_diameter": 0.0, "allowable_stress": 1e6, "tails": {"end": 0.1},
+            "sections": [cs.Section(0.1, 0.2, diameter=0.02)], "stiffness_interval": (0.1, 0.2),
         },
     ),
     "Cable.from_material": (
@@ -105,6 +115,24 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, Any]]] = {
     "Held": (cs.Held, {"kind": "swivel", "offset": START, "correction": START}),
     "Held.grip": (cs.Held("swivel").grip, {"end": START}),
     "Held.from_mapping": (cs.Held.from_mapping, {"values": {"correction": {"position": (0, 0, 0)}}}),
+    "Section": (cs.Section, {"start": 0.1, "end": 0.2, "bending_stiffness": 0.1, "rest_curvature": (0, 0, 1)}),
+    "Wire": (cs.Wire, {"outside_diameter": 0.01, "linear_density": 0.01, "bending_stiffness": 0.01, "count": 2}),
+    "Cable.from_wires": (cs.Cable.from_wires, {"wires": [WIRE], "length": 1.0, "covering": cs.Wire(0.01, 0.1, 0.1)}),
+    "Junction": (
+        cs.Junction, {"name": "j", "ends": ("a.end", "b.end"), "kind": "ball", "frames": {"a.end": OPEN}, "mass": 0.1}
+    ),
+    "Harness": (cs.Harness, {"segments": {"a": CABLE, "b": CABLE}, "junctions": HARNESS.junctions}),
+    "Harness.from_mapping": (cs.Harness.from_mapping, {"values": HARNESS.as_dict()}),
+    "Harness.from_mapping, values": (lambda **values: cs.Harness.from_mapping(values), HARNESS.as_dict()),
+    "Harness.from_yaml": (cs.Harness.from_yaml, {"path": "nowhere.yaml"}),
+    "Predictor, of a harness": (
+        gripped,
+        {
+            "harness": HARNESS, "model": "auto", "gravity": (0, 0, -9.81), "points": 12, "tolerance": 1e-3,
+            "scene": None, "distributed_load": {"a": np.zeros((2, 3))}, "time_budget": 1.0,
+            "ends": {"a.start": START, "b.start": cs.FreeEnd(0.1)}, "acceleration": {"b": (0, 0, 1)}, "at": "gripper",
+        },
+    ),
     "Pose": (pose_methods, {"position": (0, 0, 1), "quaternion": (0, 0, 0, 1), "turns": 1, "other": END}),
     "Grip": (cs.Grip, {"pose": START, "kind": "swivel", "offset": cs.Pose(), "curvature": (0, 0, 0)}),
     "Grip.at": (cs.Grip(START).at, {"pose": START}),
@@ -227,7 +255,8 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, Any]]] = {
 #: What a call returns, errors, and what takes nothing.
 NOT_CALLED = {
     "BodyDistance", "CableShape", "CableWarning", "Calibration", "Clearance", "ClipLoad", "Contact", "CycleReport",
-    "Estimate", "Margin", "PlugError", "Reason", "Severity", "ShapeBatch", "Status", "Stress", "TrajectoryCheck",
+    "Estimate", "HarnessShape", "Margin", "PlugError", "Reason", "Severity", "ShapeBatch", "Status", "Stress",
+    "TrajectoryCheck",
     "Tube", "Violation", "WarningKind", "warm_up",
 }  # fmt: skip
 
@@ -240,7 +269,7 @@ odd = st.sampled_from(
      [[]], [None], ["a"], [BIG], [math.nan] * 3, [[1], [1, 2]], {1, 2}, object(), _Odd(), iter(()), range(3), ...,
      np.zeros(0), np.zeros(3), np.zeros((2, 3)), np.full((2, 7), math.nan), np.zeros((1, 7)), np.zeros((2, 2, 2)),
      np.array(None), np.array(["a"]), np.array([1j]), np.ones(3, bool), np.full(3, 1e300), [1e300] * 7, [1e19] * 3,
-     START, cs.Pose((1e19, 0, 0)), cs.Grip(START, "pinned"), cs.FreeEnd(1.0), CABLE, SHAPE, SCENE,
+     START, cs.Pose((1e19, 0, 0)), cs.Grip(START, "pinned"), cs.FreeEnd(1.0), CABLE, SHAPE, SCENE, HARNESS, WIRE,
      cs.Scene(contact="solve"), cs.Sphere(1.0), LINKED, FOUND, SPREAD, TWO, cs.Plug("a"), SEEN, [LINKED],
      [cs.Clip(0.1, START)], [START], {"cable": (START, END)}, {"cable": START}, {"cable": (END, START, END)},
      {"cable": (START, "b")}, {"cable": {"end": 1}}, {"cable": 3}, {"tool": 3}, {"cable": {}})

@@ -30,6 +30,7 @@ from rosbags.rosbag2 import CompressionMode, Reader, StoragePlugin
 import cable_shape as cs
 from cable_shape.replay.bag_writer import (
     MARGINS_TYPE,
+    POINTS_TYPE,
     SHAPE_TYPE,
     WARNINGS_TYPE,
     BagWriter,
@@ -254,15 +255,24 @@ def test_what_was_written_is_read_back(tmp_path: Path) -> None:
         writer.write(report(stamp), "cell")
     store = cable_shape_store()
     with Reader(tmp_path / "replay") as reader:
-        (first, first_time, raw), (second, second_time, raw2), (third, third_time, raw3) = reader.messages()
+        (first, first_time, raw), (second, second_time, raw2), (third, third_time, raw3), last = reader.messages()
         shape, warnings = store.deserialize_cdr(raw, SHAPE_TYPE), store.deserialize_cdr(raw2, WARNINGS_TYPE)
         margins = store.deserialize_cdr(raw3, MARGINS_TYPE)
+        points = store.deserialize_cdr(last[2], POINTS_TYPE)
         durability = [c.ext.offered_qos_profiles[0].durability.name for c in reader.connections]
     assert (first.topic, first.msgtype, first_time) == ("/cable/shape", SHAPE_TYPE, stamp)
     assert (second.topic, second.msgtype, second_time) == ("/cable/warnings", WARNINGS_TYPE, stamp)
     assert (third.topic, third.msgtype, third_time) == ("/cable/margins", MARGINS_TYPE, stamp)
-    assert durability == ["VOLATILE", "TRANSIENT_LOCAL", "VOLATILE"]
+    assert durability == ["VOLATILE", "TRANSIENT_LOCAL", "VOLATILE", "VOLATILE"]
     n = 5
+    assert (last[0].topic, last[0].msgtype, last[1]) == ("/cable/points", POINTS_TYPE, stamp)
+    assert [(field.name, field.offset, field.datatype) for field in points.fields] == [
+        (name, 4 * i, 7) for i, name in enumerate(("x", "y", "z", "arc_length", "tension"))
+    ]
+    rows = np.frombuffer(points.data.tobytes(), "<f4").reshape(n, 5)
+    assert (points.width, points.point_step, points.row_step) == (n, 20, 20 * n)
+    np.testing.assert_array_equal(rows[:, :3].ravel(), shape.positions.astype("<f4"))
+    np.testing.assert_array_equal(rows[:, 3], shape.arc_length.astype("<f4"))
     for name, begin, width in (
         ("arc_length", 0, 1),
         ("positions", 1, 3),

@@ -33,7 +33,7 @@ def robot() -> Robot:
 
 @pytest.fixture(scope="module")
 def found(scripts: tuple[ModuleType, ModuleType], robot: Robot):
-    plan = scripts[0].plan(robot, seed=1, seconds=60.0)
+    plan = scripts[0].plan(robot, seed=1, seconds=600.0)
     assert plan is not None
     return plan
 

@@ -353,7 +353,7 @@ def test_another_pinocchio_is_refused_before_it_is_imported(tmp_path: Path) -> N
     fake.write_text("raise SystemExit('the wrong Pinocchio was imported')")
     code = "from cable_shape.robot import Robot; Robot('<robot/>', {'left': None, 'right': None})"
     environment = {**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"}
-    run = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=60)
+    run = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=300)
     assert run.returncode == 1
     last = run.stderr.strip().splitlines()[-1]
     assert last.startswith("cable_shape.errors.DependencyError: The wrong Pinocchio")

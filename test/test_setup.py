@@ -56,7 +56,7 @@ def run_setup(checkout: Path, **environment: str) -> subprocess.CompletedProcess
         env={"HOME": os.environ.get("HOME", "/"), **environment},
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=300,
         check=False,
     )
 
@@ -94,7 +94,7 @@ def test_it_runs_again_in_seconds_and_drops_a_sourced_ros() -> None:
         },
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=300,
         check=True,
     )
     assert result.stdout.strip() == f"[][][][{ROOT}/.venv/bin/python]"

@@ -86,15 +86,15 @@ def test_view_listens_where_it_is_told_and_else_on_this_machine_only(
         view = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, cwd=ROOT)
     viewers: list[tuple[int, str]] = []
     try:
-        assert wait_until(lambda: bool(viewers.extend(commands_of(view.pid)) or viewers), within=60.0)
+        assert wait_until(lambda: bool(viewers.extend(commands_of(view.pid)) or viewers))
         pid = viewers[0][0]
-        assert wait_until(lambda: len(listening(pid)) == 2, within=60.0), (tmp_path / "log").read_text()
+        assert wait_until(lambda: len(listening(pid)) == 2), (tmp_path / "log").read_text()
         assert {place for place, _ in listening(pid)} == {address}
     finally:
         for pid, _ in viewers[:1]:
             os.kill(pid, signal.SIGTERM)
         view.send_signal(signal.SIGINT)
-        view.wait(30.0)
+        view.wait(120.0)
 
 
 @pytest.mark.skipif(
@@ -116,12 +116,12 @@ def test_window_opens_under_a_memory_limit(monkeypatch: pytest.MonkeyPatch) -> N
         monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
         viewer = ViewerProcess("window", {"cable": CABLE}, SCENE, memory_limit="64MB")
         assert viewer.send(report(0))
-        assert wait_until(lambda: viewer.shown == 1, within=60.0)
+        assert wait_until(lambda: viewer.shown == 1)
         ((window, command),) = commands_of(viewer.pid)
         assert "--memory-limit 64MB --server-memory-limit 64MB" in command
         assert "--bind 127.0.0.1" in command
         assert viewer.send(report(5))
-        assert wait_until(lambda: shown_time(command) == T0 + 5 * PERIOD, within=60.0)
+        assert wait_until(lambda: shown_time(command) == T0 + 5 * PERIOD)
         os.kill(window, signal.SIGKILL)  # someone closes the window
         assert wait_until(lambda: not viewer.send(report(1)))
         viewer.close(timeout=20.0)
@@ -130,7 +130,7 @@ def test_window_opens_under_a_memory_limit(monkeypatch: pytest.MonkeyPatch) -> N
         if window is not None:
             os.kill(window, signal.SIGKILL)
         screen.terminate()
-        screen.wait(10.0)
+        screen.wait(120.0)
 
 
 @pytest.mark.skipif(not vulkan(), reason="needs a Vulkan driver: apt-get install mesa-vulkan-drivers libvulkan1")
@@ -140,11 +140,14 @@ def test_screenshot_shows_the_cable(tmp_path: Path) -> None:
     from cable_shape.viewer.screenshot import screenshot
 
     write(tmp_path / "out.rrd", [report(k) for k in range(3)])
-    (tmp_path / "out.png").write_bytes(screenshot(tmp_path / "out.rrd", 0.02, (800, 500), settle=2.0))
-    pixels = imread(tmp_path / "out.png")[..., :3] * 255.0
-    assert pixels.shape == (500, 800, 3)
-    scene = pixels[60:400, :500]
-    yellow = np.abs(scene - (255.0, 213.0, 79.0)).max(axis=2) < 40.0  # the arc is at the middle of the scale
+    for settle in (2.0, 10.0, 60.0):  # s, as long as this machine needs
+        (tmp_path / "out.png").write_bytes(screenshot(tmp_path / "out.rrd", 0.02, (800, 500), settle=settle))
+        pixels = imread(tmp_path / "out.png")[..., :3] * 255.0
+        assert pixels.shape == (500, 800, 3)
+        scene = pixels[60:400, :500]
+        yellow = np.abs(scene - (255.0, 213.0, 79.0)).max(axis=2) < 40.0  # the arc is at the middle of the scale
+        if yellow.sum() > 300:
+            break
     assert yellow.sum() > 300
     with pytest.raises(ArgumentError, match=r"at = 9.0 is not allowed: the recording is 0.040 s long"):
         screenshot(tmp_path / "out.rrd", 9.0)

@@ -21,6 +21,7 @@ from typing import Any, TypeVar
 from cable_shape import checks
 from cable_shape.cable_file import CableFile
 from cable_shape.cases.case import Case
+from cable_shape.cases.harness import HarnessCase, harness_case_of
 from cable_shape.cases.reference import reference_case
 from cable_shape.errors import ArgumentError, shown
 from cable_shape.files import path_of
@@ -37,8 +38,8 @@ OPTION_KEYS = ("model", "gravity", "points", "tolerance", "distributed_load")
 CASE_KEYS = ("name", "cable", "start", "end", "scene", *OPTION_KEYS)
 
 
-def load_case(path: str | Path) -> Case:
-    """The case in a YAML or JSON file.
+def load_case(path: str | Path) -> Case | HarnessCase:
+    """The case in a YAML or JSON file; one with the key `harness` is read by :mod:`cable_shape.cases.harness`.
 
     Raises
     ------
@@ -51,6 +52,8 @@ def load_case(path: str | Path) -> Case:
     try:
         if values.get("kind") == "critical_value" or (isinstance(cable, Mapping) and "EI1" in cable):
             return reference_case(values)
+        if "harness" in values:
+            return harness_case_of(values, file.parent, file.stem)
         return case_of(values, file.parent, file.stem)
     except ArgumentError as error:
         raise type(error)(f"{file}: {error}") from None
@@ -70,7 +73,7 @@ def case_of(values: Mapping[str, Any], folder: Path, name: str) -> Case:
         cable=file.cable,
         start=file.start.told(values["start"].get("kind")).grip(start),
         end=end if isinstance(end, FreeEnd) else file.end.told(values["end"].get("kind")).grip(end),
-        scene=_scene(values.get("scene"), folder),
+        scene=scene_of(values.get("scene"), folder),
         options=options,
     )
 
@@ -112,7 +115,8 @@ def _cable(value: Any, folder: Path) -> CableFile:
     return CableFile.from_mapping(value)
 
 
-def _scene(value: Any, folder: Path) -> Scene | None:
+def scene_of(value: Any, folder: Path) -> Scene | None:
+    """A scene from its keywords, or from the path of its file."""
     if value is None:
         return None
     if isinstance(value, str):

@@ -226,18 +226,18 @@ def inverse(A: Matrix) -> tuple[Matrix, float]:
 
 @inlined
 def inverse_by_pivots(A: Matrix) -> tuple[Matrix, int]:
-    """A^-1 of the symmetric A, and how many of its eigenvalues are negative, by L D L^T.
+    """A^-1 by L U without exchanges, and, of a symmetric A, how many of its eigenvalues are negative.
 
     Where A is definite this is accurate however far its eigenvalues are apart; cofactors are not beyond 1e7.
     """
-    a, b, c = A[0], 0.5 * (A[1] + A[3]), 0.5 * (A[2] + A[6])
-    x, y = b / a, c / a
-    d = A[4] - x * b
-    t = 0.5 * (A[5] + A[7]) - x * c
-    z = t / d
-    e = A[8] - y * c - z * t
-    w = x * z - y
-    f, g, h = 1.0 / a, 1.0 / d, 1.0 / e
+    a, b, c = A[0], A[1], A[2]
+    f = 1.0 / a
+    x, y = f * A[3], f * A[6]
+    d, u = A[4] - x * b, A[5] - x * c
+    g = 1.0 / d
+    z = g * (A[7] - y * b)
+    e = A[8] - y * c - z * u
+    h = 1.0 / e
     negative = 0
     if a < 0.0:
         negative += 1
@@ -245,8 +245,13 @@ def inverse_by_pivots(A: Matrix) -> tuple[Matrix, int]:
         negative += 1
     if e < 0.0:
         negative += 1
-    p, q, r = w * h, -z * h, -x * g + w * (-z * h)
-    return (f + x * x * g + w * p, r, p, r, g + z * z * h, q, p, q, h), negative
+    w = x * z - y
+    m, p, q = -u * g * h, -b * f * g, (b * u * g - c) * f * h
+    return (
+        f - x * p + q * w, p - q * z, q,
+        -x * g + m * w, g - m * z, m,
+        h * w, -h * z, h,
+    ), negative  # fmt: skip
 
 
 @inlined

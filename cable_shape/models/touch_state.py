@@ -158,7 +158,7 @@ class TouchState:
         self.cable.hold((start, end), tip, moment)
         self.forces = self.cable.forces
         structure = self.cable.structure
-        masks = [FREE_ROTATIONS[kind] for kind in kinds]
+        masks: list[tuple[float, ...]] = [FREE_ROTATIONS[kind] for kind in kinds]
         masks[0] = masks[0] if structure.knots[0].turns else structure.free[0][0]
         self.held_mask: Array = np.array(masks)
         self._tell()

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any, final
 
+import numpy as np
 from rosbags.interfaces import (
     Connection,
     Qos,
@@ -22,7 +23,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from cable_shape.errors import BagError, DependencyError
-from cable_shape.fields import margin_fields, shape_fields, warning_fields
+from cable_shape.fields import POINT_BYTES, POINT_FIELDS, margin_fields, point_rows, shape_fields, warning_fields
 from cable_shape.pairing import SECOND
 from cable_shape.report import CableWarning, CycleReport
 
@@ -33,11 +34,13 @@ WARNING_TYPE = f"{PACKAGE}/msg/CableWarning"
 WARNINGS_TYPE = f"{PACKAGE}/msg/CableWarnings"
 MARGIN_TYPE = f"{PACKAGE}/msg/CableMargin"
 MARGINS_TYPE = f"{PACKAGE}/msg/CableMargins"
+POINTS_TYPE = "sensor_msgs/msg/PointCloud2"
 
 
 @final
 class BagWriter:
-    """A new rosbag2 folder (mcap) with /cable/shape, /cable/warnings and /cable/margins; a context manager.
+    """A new rosbag2 folder (mcap) with /cable/shape, /cable/warnings, /cable/margins and, to be drawn by others,
+    /cable/points; a context manager.
 
     An earlier folder made by this class is replaced, anything else is left alone.
 
@@ -55,6 +58,7 @@ class BagWriter:
         shape_topic: str = "/cable/shape",
         warnings_topic: str = "/cable/warnings",
         margins_topic: str = "/cable/margins",
+        points_topic: str = "/cable/points",
     ) -> None:
         self.store = cable_shape_store()
         self._broken = False  # a write failed, so that another one would come after half a record
@@ -64,6 +68,9 @@ class BagWriter:
         self._shape = self._connect(shape_topic, SHAPE_TYPE, QosDurability.VOLATILE)
         self._warnings = self._connect(warnings_topic, WARNINGS_TYPE, QosDurability.TRANSIENT_LOCAL)
         self._margins = self._connect(margins_topic, MARGINS_TYPE, QosDurability.VOLATILE)
+        self._points = self._connect(points_topic, POINTS_TYPE, QosDurability.VOLATILE)
+        field: Any = self.store.types["sensor_msgs/msg/PointField"]
+        self._point_fields = [field(n, 4 * i, field.FLOAT32, 1) for i, n in enumerate(POINT_FIELDS)]
 
     def _connect(self, topic: str, kind: str, durability: QosDurability) -> Connection:
         """A topic with the quality of service that the node offers."""
@@ -91,6 +98,10 @@ class BagWriter:
         kind = self.store.types[MARGIN_TYPE]
         margins = [kind(**margin_fields(name, m)) for name, found in report.margins.items() for m in found]
         self._write(self._margins, MARGINS_TYPE, report.stamp, frame_id, {"margins": margins})
+        rows = point_rows(report.shapes)
+        cloud = {"height": 1, "width": len(rows), "fields": self._point_fields, "is_bigendian": False, "is_dense": True}
+        cloud |= {"point_step": POINT_BYTES, "row_step": rows.nbytes, "data": rows.view(np.uint8).ravel()}
+        self._write(self._points, POINTS_TYPE, report.stamp, frame_id, cloud)
 
     def _write(self, connection: Connection, kind: str, stamp: int, frame_id: str, fields: dict[str, Any]) -> None:
         types = self.store.types
@@ -146,11 +157,16 @@ def cable_shape_store() -> Typestore:
 
 
 def message_folder() -> Path:
-    """Where the .msg files are: in the source tree, else in a prefix of AMENT_PREFIX_PATH or that of this Python."""
+    """Where the .msg files are: in the source tree, else in a prefix of AMENT_PREFIX_PATH or that of this Python.
+
+    There they are those of the built messages, or the copies that the wheel of this package brings.
+    """
     prefixes = [Path(prefix) for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix]
+    prefixes.append(Path(sys.prefix))
     candidates = [
         Path(__file__).resolve().parents[2] / "msg_defs" / "msg",
-        *(prefix / "share" / PACKAGE / "msg" for prefix in (*prefixes, Path(sys.prefix))),
+        *(prefix / "share" / PACKAGE / "msg" for prefix in prefixes),
+        *(prefix / "share" / "cable_shape" / "msg" for prefix in prefixes),
     ]
     for folder in candidates:
         if all((folder / f"{name}.msg").is_file() for name in MESSAGES):

@@ -1,1 +1,1 @@
-"""The ROS 2 side: parameters, conversions, inputs, diagnostics and the node. `fields` and `inputs` import no ROS."""
+"""The ROS 2 side: parameters, conversions, inputs, diagnostics and the node."""

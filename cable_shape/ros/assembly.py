@@ -10,9 +10,10 @@ from typing import final
 from cable_shape.cable_file import CableFile
 from cable_shape.cycle import Cycle
 from cable_shape.errors import ArgumentError
+from cable_shape.files import find_file
 from cable_shape.robot import Robot
 from cable_shape.ros.interrupt import ends_when_told
-from cable_shape.ros.parameters import VIEW_OFF, Settings, find_file
+from cable_shape.ros.parameters import VIEW_OFF, Settings
 from cable_shape.ros.stand_in import StandIn
 from cable_shape.ros.worker import WorkerProcess
 from cable_shape.scene import Scene
@@ -77,7 +78,9 @@ class Assembly:
         self.held = {name: file.held for name, file in files.items()}  # what is known of the grips of each cable
         if len(cables) > 1 and settings.input == "joints":
             bound = "input = 'joints' moves one cable, between the robot's two grippers"
-            raise ArgumentError.of("cable_file", settings.cable_file, bound, "Set input to 'poses', or name one cable.")
+            raise ArgumentError.of(
+                "cable_file", settings.cable_file, bound, "Set input to 'poses' or 'tf', or name one cable."
+            )
         scene = Scene.from_yaml(find_file(settings.scene_file)) if settings.scene_file else Scene()
         robot_file = find_file(settings.robot_file) if settings.robot_file else None
         self.robot = None if robot_file is None else Robot.from_yaml(robot_file)
@@ -116,7 +119,7 @@ class Assembly:
     def remarks(self, settings: Settings) -> list[str]:
         """Grips that are told to hold a cable in another way than while it was calibrated."""
         said = zip(("left", "right"), settings.kinds, strict=True)
-        kinds = {side: kind for side, kind in said if kind is not None and settings.input == "poses"}
+        kinds = {side: kind for side, kind in said if kind is not None and settings.input != "joints"}
         return [
             f"grip_kind_{side} is {kinds[side]}, but {name} was calibrated {known.kind} there: set it to auto."
             for name, held in self.held.items()

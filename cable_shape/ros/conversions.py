@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from builtin_interfaces.msg import Duration, Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from geometry_msgs.msg import Point, PoseStamped
+from geometry_msgs.msg import Point, PoseStamped, Quaternion, TransformStamped, Vector3
 from nav_msgs.msg import Path
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import ColorRGBA, Header
@@ -19,7 +19,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from cable_shape.cable import TAIL_SIDES
 from cable_shape.checks import QUATERNION_TOLERANCE
 from cable_shape.errors import ArgumentError
-from cable_shape.fields import margin_fields, shape_fields, warning_fields
+from cable_shape.fields import POINT_BYTES, POINT_FIELDS, margin_fields, point_rows, shape_fields, warning_fields
 from cable_shape.pairing import SECOND
 from cable_shape.pose import Pose
 from cable_shape.report import CableWarning, CycleReport, Severity, WarningKind
@@ -37,9 +37,6 @@ FARTHEST = 1e6
 
 #: opacity of the shape after a snap
 GHOST = 0.35
-
-#: what cable/points holds for each point, as little-endian float32: place [m], arc length [m], tension [N]
-POINT_FIELDS = ("x", "y", "z", "arc_length", "tension")
 
 
 def nanoseconds(time: Time) -> int:
@@ -66,7 +63,22 @@ def pose_of(message: PoseStamped) -> Pose:
     ArgumentError
         For entries that are not finite, a position out of all reach, and a quaternion that is not of unit length.
     """
-    p, q = message.pose.position, message.pose.orientation
+    return _pose(message.pose.position, message.pose.orientation)
+
+
+def transform_of(message: TransformStamped) -> Pose:
+    """Where the child frame of a TransformStamped is in its parent.
+
+    Raises
+    ------
+    ArgumentError
+        As `pose_of`.
+    """
+    return _pose(message.transform.translation, message.transform.rotation)
+
+
+def _pose(p: Point | Vector3, q: Quaternion) -> Pose:
+    """Position and quaternion of a message, checked."""
     row = np.array((p.x, p.y, p.z, q.x, q.y, q.z, q.w))
     if not (abs(q.x) < 2.0 and abs(q.y) < 2.0 and abs(q.z) < 2.0 and abs(q.w) < 2.0):
         return Pose(row[:3], row[3:])  # says what is wrong, here and below
@@ -138,9 +150,8 @@ def path_message(shape: CableShape, header: Header) -> Path:
 
 def points_message(shapes: Mapping[str, CableShape], header: Header) -> PointCloud2:
     """The centrelines of all cables, see `POINT_FIELDS`."""
-    rows = [np.column_stack((s.positions, s.arc_length, s.tension)) for s in shapes.values()]
-    values = np.vstack(rows).astype("<f4")
-    width, row = len(values), 4 * len(POINT_FIELDS)
+    values = point_rows(shapes)
+    width, row = len(values), POINT_BYTES
     cloud = PointCloud2(header=header, height=1, width=width, point_step=row, row_step=row * width, is_dense=True)
     cloud.fields = [
         PointField(name=name, offset=4 * i, datatype=PointField.FLOAT32, count=1) for i, name in enumerate(POINT_FIELDS)

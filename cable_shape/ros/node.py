@@ -37,7 +37,7 @@ from cable_shape.ros.outputs import Outputs
 from cable_shape.ros.parameters import BY_NAME, SPECS, Settings, unknown_overrides, widened
 from cable_shape.ros.planning_scene import PlanningScene
 from cable_shape.ros.pose_source import PoseSource
-from cable_shape.ros.sources import JointSource, Ready, Sink
+from cable_shape.ros.sources import JointSource, Ready, Sink, Source
 from cable_shape.ros.surroundings import Surroundings
 from cable_shape.ros.transitions import guard_transitions
 from cable_shape.ros.workers import start_workers
@@ -61,7 +61,7 @@ class CableShapeNode(LifecycleNode):
         self._assembly: Assembly | None = None
         self._outputs: Outputs | None = None
         self._scene: PlanningScene | None = None
-        self._source: PoseSource | JointSource | None = None
+        self._source: Source | None = None
         self._rate_timer: Any = None
         self._waiting: Ready | None = None  # the newest input, when cycles run at a set rate
         self._superseded = 0
@@ -218,6 +218,10 @@ class CableShapeNode(LifecycleNode):
         if settings.input == "joints":
             assert assembly.robot is not None
             self._source = JointSource(self, settings, sink, assembly.robot, assembly.held)
+        elif settings.input == "tf":
+            from cable_shape.ros.transform_source import TransformSource  # not everybody has tf2_msgs
+
+            self._source = TransformSource(self, settings, sink, assembly.robot, assembly.held)
         else:
             self._source = PoseSource(self, settings, sink, assembly.robot, assembly.held)
         self._health.robot_expected = assembly.robot is not None

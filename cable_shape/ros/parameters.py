@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -16,12 +15,14 @@ from cable_shape.cable_file import AS_GIVEN, Held
 from cable_shape.calibration.parameters import KNOWN
 from cable_shape.capsules import MAX_CAPSULES
 from cable_shape.errors import ArgumentError, UnknownKeyError
-from cable_shape.files import path_of, safe_output
+from cable_shape.files import config_folders, find_file, safe_output
 from cable_shape.pose import GRIP_KINDS, IDENTITY, Grip, Pose
 from cable_shape.problem import MAX_POINTS, MIN_POINTS
 from cable_shape.solvers import MODELS
 
-INPUTS = ("poses", "joints")
+__all__ = ["BY_NAME", "SPECS", "Settings", "Spec", "config_folders", "find_file", "unknown_overrides", "widened"]
+
+INPUTS = ("poses", "joints", "tf")
 VIEW_OFF, VIEW_WINDOW = "off", "window"
 AUTO = "auto"  # of the kind of a grip
 ENDINGS = {"view": ".rrd", "calibration_file": ".yaml"}  # of what parameters name for writing
@@ -95,8 +96,8 @@ class Spec:
 
 
 NO_OFFSET = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
-_OFFSET = "Cable frame in the tool frame: x y z [m], qx qy qz qw. For input poses; with joints, robot_file says it."
-_KIND = "How this gripper holds the cable; auto: as cable_file says, else clamped. For input poses; with joints: auto."
+_OFFSET = "Cable frame in the tool frame: x y z [m], qx qy qz qw. Not for joints: robot_file says it."
+_KIND = "How this gripper holds the cable; auto: as cable_file says, else clamped. With input joints: auto."
 
 SPECS = (
     Spec("cable_file", "", "YAML file of the cable, or of several; relative to the working directory or to config/."),
@@ -110,8 +111,15 @@ SPECS = (
     Spec("snap_horizon", 1.0, "A snap nearer than this is predicted; 0: never.", "s", 0.0, 60.0),
     Spec("quasistatic_limit", 0.25, "Inertial load / weight beyond which it is warned; 0: never.", "1", 0.0, 10.0),
     Spec("uncertainty_file", "", "YAML file of how well cable and grips are known: a tube; empty: none."),
-    Spec("input", "poses", "Where the grips come from: two PoseStamped topics or JointState.", options=INPUTS),
-    Spec("frame_id", "", "Frame of all input; empty: that of the first message, or 'world' for joints."),
+    Spec(
+        "input",
+        "poses",
+        "Where the grips come from: two PoseStamped topics, JointState, or /tf.",
+        options=INPUTS,
+    ),
+    Spec("left_gripper.frame", "", "Frame of the left gripper, for input tf; of several cables: NAME/ and this."),
+    Spec("right_gripper.frame", "", "Frame of the right gripper, for input tf."),
+    Spec("frame_id", "", "Frame of all input; empty: that of the first message, or 'world' for joints and tf."),
     Spec("view", VIEW_OFF, "Viewer: off, window, or the path of an .rrd file to write, below output_folder."),
     Spec("planner", False, "Serve planners in a process of its own: cable/predict_shapes, cable/check_trajectory."),
     Spec("planner_rows", 10_000, "Grasps or waypoints in one request at most.", low=1, high=100_000),
@@ -160,6 +168,8 @@ class Settings:
     quasistatic_limit: float
     uncertainty_file: str
     input: str
+    left_gripper_frame: str
+    right_gripper_frame: str
     frame_id: str
     view: str
     planner: bool
@@ -238,14 +248,26 @@ class Settings:
         for name in self.fitted:
             if name not in KNOWN:
                 raise UnknownKeyError.among("calibration_fit", name, KNOWN)
-        if self.calibration_points and self.input == "joints":
-            bound = "points are compared with poses of the grips, input is 'joints'"
+        if self.input == "tf":
+            self._check_frames()
+        if self.calibration_points and self.input != "poses":
+            bound = f"points are compared with poses of the grips, input is {self.input!r}"
             raise ArgumentError.of("calibration_points", self.calibration_points, bound, "Use the action, or poses.")
         if self.calibration_file and not self.calibration_points:
             bound = "it is written by what calibration_points brings"
             raise ArgumentError.of("calibration_file", self.calibration_file, bound, "Name that topic, or no file.")
         for name in ("view", "calibration_file"):
             self.output(name)
+
+    def _check_frames(self) -> None:
+        """Two frames, for input tf."""
+        for side in ("left", "right"):
+            if not getattr(self, f"{side}_gripper_frame"):
+                bound = "input = 'tf' needs the gripper's frame"
+                raise ArgumentError.of(f"{side}_gripper.frame", "", bound, f"For example {side}_tool0.")
+        if self.left_gripper_frame.lstrip("/") == self.right_gripper_frame.lstrip("/"):
+            bound = "it must be another one than left_gripper.frame"
+            raise ArgumentError.of("right_gripper.frame", self.right_gripper_frame, bound, "Name one of each gripper.")
 
     def output(self, name: str) -> Path | None:
         """Where the file goes that the parameter `name` names; None if it names none.
@@ -300,31 +322,3 @@ def widened(parameters: Sequence[Parameter]) -> list[Parameter]:
             parameter = Parameter(parameter.name, Parameter.Type.STRING, VIEW_OFF)
         out.append(parameter)
     return out
-
-
-def find_file(path: str) -> Path:
-    """`path` as it is if it exists or is absolute, else below the config folder of the sources or the installation.
-
-    Raises
-    ------
-    ArgumentError
-        If it cannot be a path.
-    """
-    file = path_of(path)
-    if file.is_absolute() or os.path.exists(file):
-        return file
-    for folder in config_folders():
-        if os.path.exists(folder / file):
-            return folder / file
-    return file
-
-
-def config_folders() -> list[Path]:
-    """Where this package's configuration lies: beside the sources, or in share/ of a ROS prefix."""
-    import sys
-
-    import cable_shape
-
-    prefixes = [p for p in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if p] + [sys.prefix]
-    source = Path(cable_shape.__file__).resolve().parents[1] / "config"
-    return [source, *(Path(prefix, "share", "cable_shape", "config") for prefix in prefixes)]

@@ -59,6 +59,12 @@ class PublisherWatch:
         if " and " in names and time.monotonic() - self._mixed >= MIXED:
             text = f"{self._topic} has several publishers, {names}: used as long as only one sends. End the others."
             found.append(Complaint(f"publishers {self._topic}", Level.WARN, text))
+        return found + self.wrong_types(known)
+
+    def wrong_types(self, known: list[tuple[str, str]] | None = None) -> list[Complaint]:
+        """Publishers whose messages do not come since they are of another type."""
+        known = self._known() if known is None else known
+        found = []
         for name, kind in sorted({(name, kind) for name, kind in known if kind != self._type}):
             text = (
                 f"{self._topic}: {name} publishes {kind} there, it must be {self._type}: its messages do not come. "

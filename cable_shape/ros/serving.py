@@ -20,6 +20,7 @@ from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
 from rclpy.node import Node
 from rclpy.utilities import ok, try_shutdown
 
+from cable_shape.children import be_ordinary
 from cable_shape.errors import InputError
 from cable_shape.ros.goals import MOST_GOALS
 from cable_shape.ros.workers import CalibratorSetup, PlannerSetup, clients
@@ -73,6 +74,7 @@ def serve(setup: PlannerSetup | CalibratorSetup, make: Callable[[Node, Gate], st
 
     make: puts services and topics on the node, which ask the gate first, and says what it has put there.
     """
+    be_ordinary()
     if setup.make_way:
         make_way()
     asking = int(sys.argv[3])

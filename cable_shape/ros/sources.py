@@ -1,4 +1,5 @@
-"""Where the node's grips come from: joint states by :class:`JointSource`, or poses (see ros/pose_source.py).
+"""Where the node's grips come from: joint states by :class:`JointSource`, poses (ros/pose_source.py), or transforms
+(ros/transform_source.py).
 
 A source turns messages into :class:`Ready` input and hands each to the node. Bad messages are refused with a text that
 names the value, the bound and the remedy; they never reach a cycle.
@@ -9,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, final
+from typing import Any, Protocol, final
 
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -65,11 +66,25 @@ class Sink:
         self.restart()
 
 
+class Source(Protocol):
+    """What the node asks of where its grips come from."""
+
+    topics: tuple[str, ...]  # waited for, as the diagnostics call them
+    subscriptions: list[Any]
+
+    def apply(self, settings: Settings) -> None: ...
+    def clear(self) -> None: ...
+    def counts(self) -> dict[str, int]: ...
+    def hint(self) -> str: ...
+    def publishers(self) -> list[Complaint]: ...
+    def destroy(self) -> None: ...
+
+
 @final
 class JointSource:
     """Joint states through the robot's kinematics; `held`: the cable's name, and what its file knows of the grips."""
 
-    topics = (JOINT_TOPIC,)
+    topics: tuple[str, ...] = (JOINT_TOPIC,)
 
     def __init__(
         self, node: Node, settings: Settings, sink: Sink, robot: Robot, held: Mapping[str, tuple[Held, Held]]
@@ -84,7 +99,7 @@ class JointSource:
         self._missed = MissedCount()
         self._used = 0
         take: Callable[..., None] = self._take
-        self.subscriptions = [node.create_subscription(JointState, JOINT_TOPIC, take, SENSOR)]
+        self.subscriptions: list[Any] = [node.create_subscription(JointState, JOINT_TOPIC, take, SENSOR)]
 
     def apply(self, settings: Settings) -> None:
         """No parameter of this source may change while running."""

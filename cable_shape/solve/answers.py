@@ -14,6 +14,7 @@ from cable_shape.kernels.network import respond
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.problem import Problem
 from cable_shape.scene_parts import clip_names
+from cable_shape.section import Section
 
 ENDS = ("start", "end")
 #: Numbers of a cable that a shape's derivative may be by.
@@ -29,11 +30,23 @@ class Solved(Protocol):
 
     problem: Problem
     history: int
-    ints: Any
-    floats: Array
-    sols: Array
-    work: Array
-    rings: Sequence[int] | Any
+    rings: Any  # its eyelets
+
+    @property
+    def ints(self) -> Any:
+        """The network's plan; `floats`, `sols` and `work` are its other arrays."""
+
+    @property
+    def floats(self) -> Array:
+        """See `kernels.network.tables`."""
+
+    @property
+    def sols(self) -> Array:
+        """The same."""
+
+    @property
+    def work(self) -> Array:
+        """The same."""
 
     def refresh(self) -> None:
         """Factors the matrix of the last solution."""
@@ -188,7 +201,16 @@ def _pair(cable: Cable, name: str) -> tuple[tuple[Cable, Cable], float]:
         pair = [[(1.0 + sign * _NEAR) * x for x in cable.bending_stiffness] for sign in (1.0, -1.0)]
         return (cable.replace(bending_stiffness=pair[0]), cable.replace(bending_stiffness=pair[1])), _NEAR * mean
     value = getattr(cable, name)
+    if name == "length" and cable.sections:
+        step = _NEAR * value
+        return (_longer(cable, 1.0 + _NEAR), _longer(cable, 1.0 - _NEAR)), step
     step = _LIGHT if value == 0.0 else _NEAR * value
     low = max(value - step, 0.0)
     high = value + step
     return (cable.replace(**{name: high}), cable.replace(**{name: low})), 0.5 * (high - low)
+
+
+def _longer(cable: Cable, factor: float) -> Cable:
+    """A cable so many times as long, its sections with it."""
+    sections = [Section(factor * one.start, factor * one.end, **one.properties) for one in cable.sections]
+    return cable.replace(sections=None).replace(length=factor * cable.length, sections=sections)

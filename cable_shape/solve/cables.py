@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple, final
 
 import numpy as np
@@ -10,6 +11,7 @@ from cable_shape.cable import Cable as CableProperties
 from cable_shape.checks import Array
 from cable_shape.kernels.network import material
 from cable_shape.problem import Problem
+from cable_shape.section import pieces_of
 from cable_shape.solve.plan import Cable, Knot, Span
 
 #: Rotations of the cable frame that a grip or a clip leaves free: about d1, d2, d3.
@@ -58,6 +60,8 @@ def _material_of(problem: Problem) -> Material:
     length = cable.length
     rest = np.atleast_2d(cable.rest_curvature)
     swing = problem.swing
+    if cable.sections:
+        return _in_sections(problem)
     if len(rest) == 1 and swing is None:
         return Material(
             np.array((0.0, length)), _piece(cable, rest[0], rest[0], problem.load), _NOWHERE, not rest.any()
@@ -81,6 +85,44 @@ def _material_of(problem: Problem) -> Material:
     return Material(breaks, pieces, stops, not rest.any())
 
 
+def _in_sections(problem: Problem) -> Material:
+    """The same of a cable with sections: what it is made of, and its weight, may jump where they begin and end."""
+    cable = problem.cable
+    length = cable.length
+    parts = pieces_of(cable)
+    bounds = [x for a, b, _ in parts for x in (a, b)]
+    rest = np.atleast_2d(cable.rest_curvature)
+    felt = _felt(problem, rest)
+    kinks = [np.array(bounds)]
+    if len(rest) > 1:
+        kinks.append(np.linspace(0.0, length, len(rest)))
+    if problem.acceleration is not None:
+        places = np.linspace(0.0, length, len(problem.acceleration))
+        kinks.append(places)
+        felt = np.concatenate((felt, places[1:-1] if problem.swing is not None else places[:0]))
+    breaks = _distinct(np.concatenate(kinks), AT * length)
+    breaks[np.abs(breaks - length) <= AT * length] = length
+    out = substance(cable, breaks / length)
+    middles = 0.5 * (breaks[1:] + breaks[:-1])
+    falls = np.array([problem.fall(s) for s in breaks])
+    load = problem.load[0] + (breaks / length)[:, None] * (problem.load[1] - problem.load[0])
+    if problem.swing is not None:
+        at = np.linspace(0.0, length, len(problem.swing))
+        load = load - cable.linear_density * np.stack([np.interp(breaks, at, x) for x in problem.swing.T], axis=1)
+    for row, s, left, right, a, b in zip(out, middles, load[:-1], load[1:], falls[:-1], falls[1:], strict=True):
+        heavier = _made_of(parts, s).linear_density - cable.linear_density
+        row[LOADS] = np.concatenate((left + heavier * a, right + heavier * b))
+    inner = np.array(bounds)
+    stops = _distinct(np.concatenate((felt, inner[(inner > AT * length) & (inner < (1.0 - AT) * length)])), AT * length)
+    straight = not any(one.rest_curvature.any() for _, _, one in parts)
+    return Material(breaks, out, stops, straight)
+
+
+def _made_of(parts: list[tuple[float, float, CableProperties]], arc_length: float) -> CableProperties:
+    """What a cable is made of at an arc length that is no bound of a section."""
+    return next((one for _, end, one in parts if arc_length < end), parts[-1][2])
+
+
 def kinks_of(problem: Problem) -> tuple[Array, Array]:
     """Arc lengths (k,) [m] of the kinks of the problem's load, and by how much its slope changes there (k,) [N/m^2]."""
     swing, cable = problem.swing, problem.cable
@@ -93,6 +135,13 @@ def kinks_of(problem: Problem) -> tuple[Array, Array]:
 
 def substance(cable: CableProperties, shares: Array) -> Array:
     """(p, PIECE): pieces of a cable between these shares (p + 1,) of its length, without loads."""
+    if cable.sections:
+        parts = pieces_of(cable)
+        own = [
+            substance(_made_of(parts, 0.5 * (a + b) * cable.length), np.array((a, b)))
+            for a, b in pairwise(shares.tolist())
+        ]
+        return np.concatenate(own)
     rest = np.atleast_2d(cable.rest_curvature)
     places = np.linspace(0.0, 1.0, len(rest)) if len(rest) > 1 else np.zeros(1)
     bent = np.stack([np.interp(shares, places, x) for x in rest.T], axis=1)

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from itertools import pairwise
-from typing import Any, final
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from cable_shape.kernels.network.drive import I_DOUBT, I_ESTIMATE, I_TURN, INFO,
 from cable_shape.kernels.network.tables import BEFORE, NOW, TRIAL
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.problem import NAMED_TOLERANCE, Problem
+from cable_shape.section import pieces_of
 from cable_shape.shape import CableShape
 from cable_shape.solve.bare import IDENTITY, Bare, bare_of
 from cable_shape.solve.cables import (
@@ -55,7 +56,6 @@ _LENGTHENED = 0.02
 _structure = lru_cache(maxsize=256)(structure_of)
 
 
-@final
 class Network:
     """The solver's memory for one cable, in clips or not; one object a predictor, not shared between threads.
 
@@ -118,11 +118,15 @@ class Network:
         self.arcs = arcs  # (m+1,) [m], of the supports, as they are held
         self.material, self._stiff = material_of(problem), 1.0
         self.bend = cable.mean_bending_stiffness
-        stiffness = (*cable.bending_stiffness, cable.twisting_stiffness)
+        parts = [one for _, _, one in pieces_of(cable)]
+        stiffness = [x for one in parts for x in (*one.bending_stiffness, one.twisting_stiffness)]
         self.softest, self.stiffest = min(stiffness) / length**2, max(stiffness)
-        self.stretch = 0.0 if cable.axial_stiffness is None else 1.0 / cable.axial_stiffness
-        self.elastic = cable.axial_stiffness is not None or cable.shear_stiffness is not None
-        self.round_straight = stiffness[0] == stiffness[1] and self.material.straight
+        stretches = [1.0 / one.axial_stiffness for one in parts if one.axial_stiffness is not None]
+        self.stretch = max(stretches, default=0.0)
+        self.elastic = bool(stretches) or any(one.shear_stiffness is not None for one in parts)
+        self.round_straight = self.material.straight and all(
+            one.bending_stiffness[0] == one.bending_stiffness[1] for one in parts
+        )
         self._own, self.points, self.weights = shared_loads(problem, arcs)
         self.mean_load: Array = 0.5 * (problem.load[0] + problem.load[1])
         if self.points.size:
@@ -372,7 +376,7 @@ class Network:
         nodes = self.elements + self.spans
         self.nodes = floats[tables.PAR : tables.PAR + nodes]
         first = 2 * (sols.size // 3) + 4 * nodes + 3 * self.spans
-        self.target = sols[first : first + 7 * (self.spans + 1)].reshape(-1, 7)
+        self.target = sols[first : first + 7 * int(ints[tables.N_KNOTS])].reshape(-1, 7)
         self._model = self._spans = None
 
     @property

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from time import perf_counter
-from typing import final
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from cable_shape.kernels.network.drive import I_ENERGY, I_ESTIMATE, I_FORCE, I_M
 from cable_shape.kernels.network.newton import CONVERGED, I_EXCESS, I_ITERATIONS
 from cable_shape.pose import Grip, multiply
 from cable_shape.problem import Problem
+from cable_shape.section import energy_of_sections
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve.eyelets import Eyelets
 from cable_shape.solve.network import Network
@@ -37,7 +37,6 @@ _SAME = 0.02
 _NO_LOADS: Array = np.empty((0, 7))
 
 
-@final
 class Search:
     """One solve. Methods that return True leave an equilibrium as the network's last solution.
 
@@ -62,10 +61,14 @@ class Search:
         self.iterations = 0
         self.late = self.snapped = self.softened = False
         self.before: CableShape | None = None  # the last shape of a branch that ended
-        self.buffer = CableShape.new_buffer(problem.points)
-        self.loads = np.empty((state.spans + 1, 7)) if state.spans > 1 else _NO_LOADS
+        self.buffer, self.loads = self.room()
         self.info: list[float] = []
         self.eyelets = Eyelets(state, self.inner, self.out_of_time) if state.rings else None
+
+    def room(self) -> tuple[Array, Array]:
+        """For a shape, and for what it does to its supports."""
+        loads = np.empty((self.state.spans + 1, 7)) if self.state.spans > 1 else _NO_LOADS
+        return CableShape.new_buffer(self.problem.points), loads
 
     # -- one compiled solve
 
@@ -133,6 +136,8 @@ class Search:
         )
         if state.spans > 1:
             found.supports = self.loads[1:-1]
+        if problem.cable.sections:
+            found.energy += energy_of_sections(problem.cable, found, problem.gravity)
         state.last = found
         return found
 
@@ -144,6 +149,10 @@ class Search:
         shape.missing_length = missing
         return shape
 
+    def hopeless(self, poses: Array) -> tuple[Status, Array, str, float] | None:
+        """Why there is no equilibrium between `poses`, see `outcome.no_room`; None if there may be one."""
+        return no_room(self.problem, self.state, poses)
+
     # -- what a call does where one warm solve is not enough
 
     def run(self, poses: Array, followed: bool) -> CableShape:
@@ -153,7 +162,7 @@ class Search:
             return self._finish(Status.OK)
         if state.history > 0:
             poses = poses.copy()
-        unheld = no_room(self.problem, state, poses)
+        unheld = self.hopeless(poses)
         if unheld is not None:
             return self.no_shape(*unheld)
         if not self.problem.loaded_otherwise(self.last):
@@ -208,7 +217,7 @@ class Search:
             least = state.smallest_eigenvalue()
             if least >= -state.neutral:  # the inertia was that of the last but one iterate, and a mode is neutral
                 status = Status.OK
-        unheld = unheld_roll(problem, state, self.buffer, info[I_MOMENT])
+        unheld = unheld_roll(problem, state, self.buffer, info[I_MOMENT]) if state.rolls else ""
         if self.late:
             status = Status.BUDGET if within else Status.BUDGET_EXCEEDED
         elif not within or unheld:
@@ -219,7 +228,7 @@ class Search:
         if not within:
             detail = f"error estimate {info[I_ESTIMATE]:.2g} m, tolerance {problem.tolerance:.2g} m. "
         elif status is Status.UNSTABLE:
-            of_bending = least * problem.cable.length**2 / state.bend
+            of_bending = least * state.length**2 / state.bend
             detail = f"smallest eigenvalue of the second variation {of_bending:.3g} EI/L^2. "
         return self.shape(status, detail + status.remedy)
 
@@ -233,15 +242,19 @@ class Search:
             if self.out_of_time() or not state.next_mesh():
                 break
             guard = status is not Status.UNSTABLE
-            if not self.call(0, COLD_ITERATIONS, guard=guard, near=True) and not self._find_again(coarse.positions):
+            if not self.call(0, COLD_ITERATIONS, guard=guard, near=True) and not self._find_again(coarse):
                 return None
-            if keep > 0 and status is Status.OK and self._elsewhere(coarse.arc_length, coarse.positions):
+            if keep > 0 and status is Status.OK and self._elsewhere(*self.along(coarse)):
                 status = Status.SNAPPED  # at a fold, which a coarse mesh puts a little further on
                 self.before = coarse
             if not state.too_coarse(self.info):
                 break
         state.history = min(keep, 1)
         return status
+
+    def along(self, shape: CableShape) -> tuple[Array, Array]:
+        """Arc lengths (k,) and positions (k, 3) of a shape."""
+        return shape.arc_length, shape.positions
 
     def _elsewhere(self, s: Array, coarse: Array) -> bool:
         """Whether the finer mesh has led to another shape than that with positions (k, 3) at arc lengths s (k,).
@@ -252,10 +265,10 @@ class Search:
             return False
         nodes, fine = self.state.node_positions()
         apart = np.stack([np.interp(nodes, s, x) for x in coarse.T], axis=1) - fine
-        return float((apart * apart).sum(axis=1).max()) > (_SAME * self.problem.cable.length) ** 2
+        return float((apart * apart).sum(axis=1).max()) > (_SAME * self.state.length) ** 2
 
-    def _find_again(self, coarse: Array) -> bool:
-        """From the guesses to the shape whose positions (n, 3) a coarse mesh gave, on a mesh of its own."""
+    def _find_again(self, coarse: CableShape) -> bool:
+        """From the guesses to the shape that a coarse mesh gave, on a mesh of its own."""
         state, points = self.state, self.problem.points
         if state.spans > 1:
             return False
@@ -264,8 +277,8 @@ class Search:
             state.first_mesh(poses, 2.0)
             state.start_from(poses, kind, sag, turns)
             if self.call(0, COLD_ITERATIONS):
-                apart = self.buffer[points : 4 * points].reshape(points, 3) - coarse
-                if float((apart * apart).sum(axis=1).max()) < (_SAME * self.problem.cable.length) ** 2:
+                apart = self.buffer[points : 4 * points].reshape(points, 3) - coarse.positions
+                if float((apart * apart).sum(axis=1).max()) < (_SAME * self.state.length) ** 2:
                     return True
         return False
 
@@ -283,7 +296,7 @@ class Search:
         state, buffer, loads, info = self.state, self.buffer, self.loads, self.info
         kept = state.put_aside()
         state.next_mesh()
-        self.buffer, self.loads = CableShape.new_buffer(self.problem.points), np.empty_like(loads)
+        self.buffer, self.loads = self.room()
         if self.call(0, WARM_ITERATIONS, far=_FAR_STEP, near=True) and not state.too_coarse(self.info):
             state.history = 1
             return
@@ -302,7 +315,7 @@ class Search:
         state, buffer, loads, info = self.state, self.buffer, self.loads, self.info
         if state.history == 0:
             return None
-        self.buffer, self.loads = CableShape.new_buffer(self.problem.points), np.empty_like(loads)
+        self.buffer, self.loads = self.room()
         self._load(self.reached)
         state.target[...] = state.poses
         shape = self.shape(Status.OK, "") if self.call(1, STEP_ITERATIONS, guard=False) else None

@@ -20,6 +20,7 @@ from typing import Any
 import rerun as rr
 
 from cable_shape.cable import Cable
+from cable_shape.children import be_ordinary
 from cable_shape.scene import Obstacle, Scene
 from cable_shape.viewer.entities import ReportLogger
 from cable_shape.viewer.letters import decode
@@ -38,6 +39,7 @@ def main() -> int:
     """Shows reports until the parent closes the pipe or the window is closed."""
     papers, file = (int(argument) for argument in sys.argv[1:])
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # what was taken is still written
+    be_ordinary()
     os.nice(_NICENESS)
     with open(papers, encoding="utf-8") as setup_file:
         setup_file.seek(0)

@@ -18,6 +18,7 @@ from cable_shape import checks
 from cable_shape.cable import Cable
 from cable_shape.children import ended, left
 from cable_shape.errors import ArgumentError, DependencyError
+from cable_shape.extras import how_to_get
 from cable_shape.report import CycleReport
 from cable_shape.scene import Obstacle, Scene
 from cable_shape.viewer.colour import check_colouring
@@ -192,7 +193,7 @@ def viewer_executable() -> str:
     spec = find_spec("rerun_cli")
     file = Path(spec.origin).with_name("rerun") if spec is not None and spec.origin else None
     if file is None or not file.exists():
-        raise DependencyError("The rerun viewer is not installed. Run: pip install -r requirements.txt")
+        raise DependencyError(f"The rerun viewer is not installed. Run: {how_to_get('rerun')}")
     return str(file)
 
 

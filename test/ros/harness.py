@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import signal
 import subprocess
@@ -39,7 +38,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
 TIMEOUT = 120.0  # s, bound of every wait; the kernels may have to be compiled within it
-FIRST_PATIENCE = 0.1  # s, for the answer to a pair, which may be lost; each time longer
+FIRST_PATIENCE, LONGEST_PATIENCE = 0.1, 10.0  # s, for what a message leads to, which may be lost; each time longer
 ALONG_X = (0.5, 0.5, 0.5, 0.5)  # d3 = x
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -94,6 +93,8 @@ class Cell:
         )
         self.joints = self.node.create_publisher(JointState, "joint_states", sensor)
         self.pairs = 0  # published
+        self.repeats = 0  # requests that were asked again
+        self.clients: dict[str, Any] = {}  # of the node's services
         self.shapes: list[Any] = []
         self.diagnostics: list[Any] = []
         self.node.create_subscription(CableShape, "cable/shape", self.shapes.append, 100)
@@ -132,8 +133,24 @@ class Cell:
         while time.monotonic() < end:
             self.executor.spin_once(timeout_sec=0.02)
 
-    def ask(self, client: Any, request: Any, what: str, again: float = 30.0) -> Any:
-        """The answer of a service that may be asked twice, as after `again` [s] without an answer it is.
+    def send_until(self, publish: Callable[[], Any], done: Callable[[], Any], what: str) -> Any:
+        """Publishes until `done` returns something true, ever more rarely, and returns it.
+
+        A message may be lost, be overtaken, or come before the topics have met.
+        """
+        due, patience = 0.0, FIRST_PATIENCE
+
+        def came() -> Any:
+            nonlocal due, patience
+            if time.monotonic() >= due:
+                publish()
+                due, patience = time.monotonic() + patience, min(1.5 * patience, LONGEST_PATIENCE)
+            return done()
+
+        return self.until(came, what)
+
+    def answer_to(self, ask: Callable[[], Any], what: str, again: float = 30.0) -> Any:
+        """The answer to a request that may be made twice, as after `again` [s] without an answer it is.
 
         A service may be known before it has found the client, and its answer is lost then; the middleware says so.
         """
@@ -143,27 +160,34 @@ class Cell:
         def answered() -> Any:
             nonlocal due
             if time.monotonic() >= due:
-                futures.append(client.call_async(request))
+                self.repeats += bool(futures)
+                futures.append(ask())
                 due = time.monotonic() + again
             return next((future for future in futures if future.done()), None)
 
         return self.until(answered, what).result()
 
+    def ask(self, client: Any, request: Any, what: str, again: float = 30.0) -> Any:
+        """The answer of a service, see `answer_to`."""
+        return self.answer_to(lambda: client.call_async(request), what, again)
+
     def call(self, kind: type, name: str, request: Any, again: float = 10.0) -> Any:
-        """The answer of one of the node's services, see `ask`."""
-        client = self.node.create_client(kind, f"cable_shape_node/{name}")
-        self.until(client.service_is_ready, f"service {name}")
-        answer = self.ask(client, request, f"answer of {name}", again)
-        self.node.destroy_client(client)
-        return answer
+        """The answer of one of the node's services, see `answer_to`."""
+        if name not in self.clients:
+            self.clients[name] = self.node.create_client(kind, f"cable_shape_node/{name}")
+        self.until(self.clients[name].service_is_ready, f"service {name}")
+        return self.ask(self.clients[name], request, f"answer of {name}", again)
 
     def state(self) -> str:
         return str(self.call(GetState, "get_state", GetState.Request()).current_state.label)
 
     def transition(self, number: int) -> bool:
+        """Whether it was made: as answered or, where an answer was lost, by the state, which each of them changes."""
         request = ChangeState.Request()
         request.transition.id = number
-        return bool(self.call(ChangeState, "change_state", request, again=math.inf).success)
+        before, repeats = self.state(), self.repeats
+        made = bool(self.call(ChangeState, "change_state", request, again=30.0).success)
+        return made or (self.repeats > repeats and self.state() != before)
 
     def active(self) -> None:
         """Waits until the node is active and all topics are matched."""
@@ -223,19 +247,28 @@ class Cell:
 
     def predicted(self) -> Any:
         """The shape of a pair, which is published again until it is answered; none of those before it is under way."""
-        stamp, due, patience = self.pair(), time.monotonic() + FIRST_PATIENCE, FIRST_PATIENCE
+        stamp = 0
 
-        def answered() -> Any:
-            nonlocal stamp, due, patience
-            if time.monotonic() >= due:  # lost, or the topics had not met
-                patience *= 1.5
-                stamp, due = self.pair(), time.monotonic() + patience
-            return self.shape_of(stamp)
+        def publish() -> None:
+            nonlocal stamp
+            stamp = self.pair()
 
-        return self.until(answered, "shape")
+        return self.send_until(publish, lambda: self.shape_of(stamp), "shape")
 
-    def diagnosis(self, name: str, text: str, level: bytes | None = None) -> Any:
-        """Waits for a fresh diagnostics line `name` whose message holds `text`."""
+    def shape_at(self, stamp: int, *places: Sequence[float] | None, late: int = 0) -> Any:
+        """The shape of one pair, of which only the first that the node hears is used; left comes `late` [ns] after."""
+        left, right = places or (None, None)
+
+        def publish() -> None:
+            self.pose(0, stamp + late, left)
+            self.pose(1, stamp, right)
+
+        return self.send_until(publish, lambda: self.shape_of(stamp), "shape")
+
+    def diagnosis(
+        self, name: str, text: str, level: bytes | None = None, provoke: Callable[[], Any] = lambda: None
+    ) -> Any:
+        """A fresh diagnostics line `name` whose message holds `text`; `provoke`, see `send_until`, leads to it."""
         self.diagnostics.clear()
 
         def found() -> Any:
@@ -245,7 +278,7 @@ class Cell:
                         return status
             return None
 
-        return self.until(found, f"diagnostics {name!r} with {text!r}")
+        return self.send_until(provoke, found, f"diagnostics {name!r} with {text!r}")
 
 
 class Goals:
@@ -256,6 +289,17 @@ class Goals:
         self.feedback: list[Any] = []
         self.client = ActionClient(cell.node, kind, name)
         cell.until(self.client.server_is_ready, name)
+        self._meet()
+
+    def _meet(self) -> None:
+        """Has a goal that asks for nothing refused, each request being repeated until it is answered.
+
+        A server that has not found the client yet loses its answers; from then on it has.
+        """
+        wait = 2.0  # s
+        handle = self.cell.answer_to(lambda: self.client.send_goal_async(self.kind.Goal()), "answer to a goal", wait)
+        self.cell.answer_to(handle.get_result_async, "result", wait)
+        self.cell.answer_to(handle.cancel_goal_async, "answer to a cancellation", wait)
 
     def send(self, **fields: Any) -> Any:
         """The handle of an accepted goal."""
@@ -289,6 +333,27 @@ def child_of(cell: Cell, module: str) -> int | None:
         if parent == cell.process.process.pid and module in words:
             return int(entry)
     return None
+
+
+def viewer_of(cell: Cell) -> int:
+    """The process of the node's viewer."""
+    return int(cell.until(lambda: child_of(cell, "cable_shape.viewer.child"), "viewer"))
+
+
+def alive(pid: int) -> bool:
+    """Whether a process still runs; a zombie does not."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def wait_until_gone(*pids: int) -> None:
+    """Of processes that nobody may wait for."""
+    end = time.monotonic() + TIMEOUT
+    while any(map(alive, pids)):
+        assert time.monotonic() < end, pids
+        time.sleep(0.05)
 
 
 def nanoseconds(stamp: Any) -> int:

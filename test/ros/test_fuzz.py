@@ -12,11 +12,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
+from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Transform, TransformStamped, Vector3
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
+from tf2_msgs.msg import TFMessage
 
 from cable_shape.cable import Cable
 from cable_shape.cable_file import AS_GIVEN
@@ -28,6 +29,7 @@ from cable_shape.ros.diagnostics import Health
 from cable_shape.ros.parameters import SPECS, Settings, find_file
 from cable_shape.ros.pose_source import PoseSource
 from cable_shape.ros.sources import JointSource, Sink
+from cable_shape.ros.transform_source import TransformSource
 from cable_shape.scene import Scene
 
 EXAMPLES = int(os.environ.get("CABLE_SHAPE_FUZZ", "300"))
@@ -80,17 +82,21 @@ class Node:
 
     def create_subscription(self, kind, topic, callback, qos):
         self.take.append(callback)
-        return SimpleNamespace(topic=topic, handle=SimpleNamespace(get_publisher_count=lambda: 1))
+        handle = SimpleNamespace(get_publisher_count=lambda: 1, take_message=lambda kind, raw: None)
+        return SimpleNamespace(topic=topic, handle=handle)
 
 
 class Fed:
     """A source, a cycle behind it, and whether every shape that came out is made of numbers."""
 
-    def __init__(self, make):
+    def __init__(self, make, **values):
         self.node, self.health = Node(), Health(0.5)
         self.health.state = "active"
         self.cycle = Cycle(Cable(length=1.2, linear_density=0.1, bending_stiffness=0.01), points=20)
-        self.source = make(self.node, Settings.of(VALUES), Sink(self.health, lambda: 1, self.run, self.cycle.reset))
+        self.source = make(self.node, Settings.of({**VALUES, **values}), self.sink())
+
+    def sink(self):
+        return Sink(self.health, lambda: 1, self.run, self.cycle.reset)
 
     def run(self, ready):
         try:
@@ -131,6 +137,38 @@ def test_random_poses(poses, messages):
 def test_random_joint_states(joints, messages):
     for message in messages:
         joints.put(0, message)
+
+
+NAMED = ("world", "left", "right", "arm", "/left", "")
+FRAMES = st.sampled_from(NAMED) | st.text(st.characters(codec="utf-8"), max_size=4)
+TRANSFORMS = st.builds(
+    lambda header, child, p, q: TransformStamped(
+        header=header,
+        child_frame_id=child,
+        transform=Transform(
+            translation=Vector3(x=p[0], y=p[1], z=p[2]), rotation=Quaternion(x=q[0], y=q[1], z=q[2], w=q[3])
+        ),
+    ),
+    st.builds(lambda header, frame: Header(stamp=header.stamp, frame_id=frame), HEADERS, FRAMES),
+    FRAMES,
+    st.tuples(NUMBERS, NUMBERS, NUMBERS),
+    UNIT | st.tuples(NUMBERS, NUMBERS, NUMBERS, NUMBERS),
+)
+
+
+@pytest.fixture(scope="module")
+def transforms():
+    make = partial(TransformSource, robot=None, held={"cable": (AS_GIVEN, AS_GIVEN)})
+    return Fed(make, **{"left_gripper.frame": "left", "right_gripper.frame": "right", "max_skew": 1.0})
+
+
+@fuzzed
+@given(st.lists(st.tuples(st.integers(0, 1), st.lists(TRANSFORMS, max_size=2)), max_size=4))
+def test_random_transforms(transforms, messages):
+    for topic, entries in messages:
+        transforms.put(topic, TFMessage(transforms=entries))
+        assert len(transforms.health.refused) < 50  # whatever names peers make up
+        assert all(isinstance(transforms.source._tree.missing(frame), str) for frame in ("left", "right"))
 
 
 ATOMS = st.none() | st.booleans() | st.integers() | NUMBERS | st.text(max_size=5)

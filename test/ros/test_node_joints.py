@@ -1,13 +1,12 @@
 """The node over DDS, fed with joint states of the dual-arm robot."""
 
 import math
-import time
 
 import pytest
 from builtin_interfaces.msg import Time
 from cable_shape_msgs.msg import CableWarnings
 from diagnostic_msgs.msg import DiagnosticStatus
-from harness import FIRST_PATIENCE, LATCHED, nanoseconds
+from harness import LATCHED, nanoseconds
 from sensor_msgs.msg import JointState
 
 from cable_shape.fields import shape_from
@@ -40,16 +39,13 @@ def publish(cell, robot, stamp=None, drop=(), **changes):
 
 def answered(cell, robot, **changes):
     """The shape for a joint state that is published until it is answered; none before it is under way."""
-    stamp, due, patience = publish(cell, robot, **changes), time.monotonic() + FIRST_PATIENCE, FIRST_PATIENCE
+    stamp = 0
 
-    def came():
-        nonlocal stamp, due, patience
-        if time.monotonic() >= due:
-            patience *= 1.5
-            stamp, due = publish(cell, robot, **changes), time.monotonic() + patience
-        return cell.shape_of(stamp)
+    def send():
+        nonlocal stamp
+        stamp = publish(cell, robot, **changes)
 
-    return cell.until(came, "shape")
+    return cell.send_until(send, lambda: cell.shape_of(stamp), "shape")
 
 
 def test_joint_states_become_a_shape_between_the_grippers(arms, robot):
@@ -81,8 +77,7 @@ def test_clearance_to_the_robot_is_checked(arms, robot):
 def test_bad_joint_states_are_refused(arms, robot, changes, text):
     answered(arms, robot)
     arms.shapes.clear()
-    publish(arms, robot, **changes)
-    arms.diagnosis("input", text, ERROR)
+    arms.diagnosis("input", text, ERROR, lambda: publish(arms, robot, **changes))
     assert arms.shapes == []
     assert arms.process.alive
     answered(arms, robot)
@@ -90,8 +85,8 @@ def test_bad_joint_states_are_refused(arms, robot, changes, text):
 
 def test_a_repeated_stamp_is_refused(arms, robot):
     last = nanoseconds(answered(arms, robot).header.stamp)
-    publish(arms, robot, last)
-    arms.diagnosis("input", f"joint_states: header.stamp = {last} ns is repeated", ERROR)
+    text = f"joint_states: header.stamp = {last} ns is repeated"
+    arms.diagnosis("input", text, ERROR, lambda: publish(arms, robot, last))
     answered(arms, robot)
 
 

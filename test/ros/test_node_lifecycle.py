@@ -4,7 +4,7 @@ import signal
 
 import pytest
 from builtin_interfaces.msg import Time
-from harness import nanoseconds
+from harness import nanoseconds, viewer_of, wait_until_gone
 from rosgraph_msgs.msg import Clock
 
 CONFIGURE, CLEANUP, ACTIVATE, DEACTIVATE, INACTIVE_SHUTDOWN = 1, 2, 3, 4, 6
@@ -16,6 +16,7 @@ def test_every_transition_by_service(start):
     assert node.transition(CONFIGURE)
     assert node.state() == "inactive"
     node.until(lambda: node.node.count_publishers("cable/shape"), "topics after configure")
+    node.until(lambda: all(p.get_subscription_count() for p in node.grippers), "the node on both topics")
     for _ in range(3):
         node.pair()
         node.spin(0.05)
@@ -84,5 +85,7 @@ def test_a_viewer_file_is_written_and_closed(start, tmp_path):
     node = start(output_folder=tmp_path, view=file)
     node.predicted()
     node.until(file.exists, "recording")
+    viewer = viewer_of(node)
     assert node.process.stop() == 0
+    wait_until_gone(viewer)  # it is left to write on
     assert file.read_bytes()[:4] == b"RRF2"

@@ -61,21 +61,20 @@ def test_of_two_publishers_nothing_is_used_and_both_are_named(node):
             o = message.pose.orientation
             o.x = o.y = o.z = o.w = 0.5
             peer.publisher.publish(message)
-            node.spin(0.01)
+            node.spin(0.02)
 
         def told():
             node.pair()
-            node.spin(0.01)
-            wrong()
+            wrong()  # at once, so that it is the newest while this process sleeps
             lines = [s for m in node.diagnostics for s in m.status if s.name.endswith(": input")]
-            return next((line for line in lines if names in line.message), None)
+            return next((line for line in lines if line.level == ERROR and names in line.message), None)
 
         status = node.until(told, "diagnostics about a mixture")
-        node.shapes.clear()
+        began = node.now()
         for _ in range(100):
             told()
-        assert node.shapes == []
-        assert status.level == ERROR
+        node.spin(0.5)
+        assert not [m for m in node.shapes if nanoseconds(m.header.stamp) >= began]
         assert int(values_of(status)["refused: left_gripper/pose publishers"]) > 0
     finally:
         peer.close()
@@ -99,23 +98,27 @@ def test_one_that_is_killed_and_started_again_is_used_before_the_first_is_forgot
     command = [sys.executable, HERE / "mover.py", f"/{node.process.namespace}"]
     for publisher in node.grippers:
         node.node.destroy_publisher(publisher)
-    for known in (1, 2):
+
+    def known():
+        """How many publishers are, once the shapes of a new one come; it is killed then."""
         node.shapes.clear()
         process = subprocess.Popen(command, env=os.environ)
         try:
             node.until(lambda: len(node.shapes) > 30, "shapes of a motion")
-            node.until(lambda known=known: node.node.count_publishers("left_gripper/pose") == known, "both")
+            return node.node.count_publishers("left_gripper/pose")
         finally:
             process.send_signal(signal.SIGKILL)
             process.wait()
+
+    known()
+    node.until(lambda: known() > 1, "shapes of one while that before it is known")
 
 
 def test_a_publisher_of_another_type_is_named(node):
     peer = intruded(node, "right", String)
     try:
-        status = node.diagnosis("input", "publishes std_msgs/msg/String there", ERROR)
         told = f"right_gripper/pose: /{node.process.namespace}/intruder publishes std_msgs/msg/String there, it must be"
-        assert f"{told} geometry_msgs/msg/PoseStamped" in status.message
+        node.diagnosis("input", f"{told} geometry_msgs/msg/PoseStamped", ERROR)  # its name may come after its type
         assert node.predicted().usable
     finally:
         peer.close()

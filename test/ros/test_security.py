@@ -10,8 +10,8 @@ from cable_shape.ros.parameters import config_folders
 POLICIES = config_folders()[0] / "security" / "policies.xml"
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "security.md"
 KINDS = {"topics": {"publish", "subscribe"}, "services": {"reply", "request"}, "actions": {"execute", "call"}}
-#: Only with use_sim_time, or where moveit_msgs is installed and moveit_rate set.
-NOT_ALWAYS = {"/clock", "collision_object"}
+#: Only with use_sim_time, with input tf, or where moveit_msgs is installed and moveit_rate set.
+NOT_ALWAYS = {"/clock", "/tf", "/tf_static", "collision_object"}
 
 
 def enclaves():

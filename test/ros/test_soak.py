@@ -12,7 +12,7 @@ def said_by(*options):
     """What it prints; it must end well."""
     environment = {**os.environ, "ROS_DOMAIN_ID": str(102 + os.getpid() % 100)}
     command = [sys.executable, str(SCRIPT), *options]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=400, env=environment)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=1200, env=environment)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 

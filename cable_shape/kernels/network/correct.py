@@ -44,6 +44,10 @@ from cable_shape.kernels.rod_defect import defects, left_over, take_off
 #: moment [N m].
 OFF, LEFT, OFF_FORCE, LEFT_FORCE, OFF_MOMENT, LEFT_MOMENT = 0, 1, 2, 3, 4, 5
 ERRORS = 6
+#: Forces at knots that nothing holds are balanced so many times at most, or until they change by this fraction.
+BALANCINGS, BALANCED = 4, 1e-10
+#: So many times the last change may be what is left where it is no smaller than the one before.
+REMAINING = 10.0
 
 
 @viewing(fastmath=FAST)
@@ -147,11 +151,54 @@ def correct(ints: Whole, floats: Floats, sols: Floats, space: Floats, run: Float
         math.sqrt(force),
         math.sqrt(moment),
     )
+    told[LEFT_FORCE] += balance(ints, floats, space)
     total = 0.0
     for i in range(ERRORS):
         total += told[i]
     if not math.isfinite(total):
         told[:] = math.inf
+
+
+@viewing
+def balance(ints: Whole, floats: Floats, space: Floats) -> float:
+    """Balances the forces of the spans at knots that nothing holds; returns how uncertain they were, and are [N].
+
+    Next to straight, spans that do not stretch are so stiff that rounding of places makes forces: of what the gaps
+    between places leave of a balance only this is asked, how the forces share it.
+    """
+    plan, model, work = plan_of(ints), model_of(ints, floats), work_of(ints, space)
+    moves = False
+    for k in range(plan.vertices.shape[0]):
+        moves = moves or plan.vertices[k, 1] >= 0
+    if not moves:
+        return 0.0
+    first = last = math.inf
+    largest = 0.0
+    for _ in range(BALANCINGS):
+        for k in range(plan.vertices.shape[0]):
+            put3(work.pull, k, 0, scale(-1.0, get3(model.force, k)))
+        work.G[:, :] = 0.0
+        work.sums[:, :3] = 0.0
+        for j in range(plan.ends.shape[0]):
+            a, b = plan.ends[j, 0], plan.ends[j, 1]
+            n = get3(work.pulled, j)
+            put3(work.pull, a, 0, subtract(get3(work.pull, a), add(n, get3(model.weight, j))))
+            put3(work.pull, b, 0, add(get3(work.pull, b), n))
+        solve(ints, floats, space)
+        largest, strongest = 0.0, 0.0
+        for j in range(plan.ends.shape[0]):
+            dl, n = step_of_force(work, j), get3(work.pulled, j)
+            largest, strongest = max(largest, dot(dl, dl)), max(strongest, dot(n, n))
+        if not largest < last:  # nothing more is to be had
+            break
+        for j in range(plan.ends.shape[0]):
+            put3(work.pulled, j, 0, add(get3(work.pulled, j), step_of_force(work, j)))
+        if not first < math.inf:
+            first = math.sqrt(largest)
+        last = largest
+        if not largest > BALANCED * BALANCED * strongest:
+            break
+    return first + REMAINING * math.sqrt(largest)
 
 
 @viewing(fastmath=FAST, forceinline=True)

@@ -76,7 +76,7 @@ STRAIGHT = 1.0 - 1e-9  # chord / length from which it is
 # much the error may be above its estimate where a correction is large [m].
 I_ESTIMATE, I_ENERGY, I_INTERPOLATION, I_RESIDUAL, I_TURNED, I_TURN = 7, 8, 10, 11, 12, 13
 I_OFF, I_LEFT, I_FORCE, I_MOMENT, I_DOUBT = 15, 16, 17, 18, 19
-#: then two numbers of each cable: its twist [rad] and turns
+#: then two numbers of each cable: its twist [rad] and turns; and, where there is room, one of each: its energy [J]
 INFO = 20
 LARGEST_TURN = 0.7  # rad, of an element: coarser ones misjudge stability
 # The estimated error is so many times what the correction leaves and what the interpolation misses: both are judged by
@@ -281,11 +281,12 @@ def sample(ints: Whole, floats: Floats, sols: Floats, space: Floats, points: int
     elastic = model.par[ELASTIC] != 0.0
     still = (0.0, 0.0, 0.0)
     full = work.full
+    cables = plan.cables.shape[0] - 1
     for j in range(work.pulled.shape[0]):
         for e in range(plan.first[j], plan.first[j + 1]):
             for c in range(9):
                 full[e, c] = model.load[e, c] + work.pulled[j, c % 3]
-    for c in range(plan.cables.shape[0] - 1):
+    for c in range(cables):
         sums = work.sums_of[:SUMS]
         sums[:] = 0.0
         first, last = plan.cables[c], plan.cables[c + 1] - 1
@@ -319,6 +320,8 @@ def sample(ints: Whole, floats: Floats, sols: Floats, space: Floats, points: int
         residual = max(2.0 * math.sqrt(sums[S_TURN]), math.sqrt(sums[S_MOMENT] / bent), math.sqrt(sums[S_GAP]) / length)
         info[I_RESIDUAL] = max(info[I_RESIDUAL], residual)
         info[INFO + 2 * c] = sums[S_TWIST]
+        if info.shape[0] > INFO + 2 * cables:
+            info[INFO + 2 * cables + c] = sums[S_WORK]
 
 
 @viewing

@@ -41,6 +41,8 @@ from cable_shape.kernels.rod_mesh import equidistribute, indicated, layered
 ABSCISSAE = 65
 #: Elements of a cable between two grips, of a span between knots, and of a whole network.
 FEWEST, FEWEST_OF_SPAN, MOST = 8, 4, 1200
+#: A network of many spans may have so many elements a span.
+MOST_OF_SPAN = 24
 #: A new mesh aims at this fraction of the tolerance, and at elements that turn by so much [rad].
 AIM, TURN_AIM = 0.9, 0.55
 #: A mesh is changed at most as for an error so many times off.
@@ -180,14 +182,15 @@ def counts_of(ints: Whole, floats: Floats, share: Floats, stops: Floats) -> Whol
 def next_counts(ints: Whole, floats: Floats, share: Floats, stops: Floats, finer: bool) -> Whole:
     """Elements of each span for what `wish_next` asks; none at all if they should be finer and there are too many."""
     n = ints[0]
+    most = max(MOST, MOST_OF_SPAN * share.shape[0])
     out = counts_of(ints, floats, share, stops)
     if finer:
-        if n >= MOST:
+        if n >= most:
             return out[:0]
         if out.sum() < n + max(1, n // 20):
             out = counts_of(ints, floats, (n + max(1.0, 0.05 * n)) / share.sum() * share, stops)
-    if out.sum() > MOST:
-        out = counts_of(ints, floats, (MOST - share.shape[0]) / share.sum() * share, stops)
+    if out.sum() > most:
+        out = counts_of(ints, floats, (most - share.shape[0]) / share.sum() * share, stops)
     return out
 
 

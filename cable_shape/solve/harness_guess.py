@@ -1,0 +1,168 @@
+"""Where a search for a harness from nothing starts: places of its knots, and frames of its junctions.
+
+Knots are laid out as if the spans were stiff: every span leads straight on from the frames of its ends, to which it is
+held by a spring as stiff as its bending, loads pull, and none is longer than it is. Places and frames take turns: the
+former solve a linear system, the latter turn to where their spans lead.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from cable_shape.checks import Array
+from cable_shape.kernels.network import tables
+from cable_shape.solve.harness_network import HarnessNetwork
+
+#: Turns that places and frames take.
+_ROUNDS = 14
+#: A span is so many times as stiff along itself as it bends, while it is slack.
+_SLACK = 10.0
+#: Fraction of a span's length from which it holds, and so many times as stiff as its loads and bending ask for.
+_TAUT, _HOLDS = 0.96, 1e3
+#: Weight of a frame's first two axes where it turns to its neighbours', beside the tangent's.
+_ROLL = 0.1
+
+
+def laid(state: HarnessNetwork, poses: Array, load: float) -> Array:
+    """`poses` (k, 7) with places and frames for what nothing holds; load: share of the loads that pull."""
+    plan = tables.plan_of.py_func(state.bare)
+    model = tables.model_of.py_func(state.bare, state.held)
+    a, b = plan.ends.T
+    length = model.s[1::2] - model.s[::2]
+    bend = 0.5 * (model.section[:, 0] + model.section[:, 1])
+    stiff = _SLACK * bend / length**3
+    moves: Any = np.array([knot.moves for knot in state.structure.knots])
+    turns: Any = np.array([knot.turns for knot in state.structure.knots])
+    ball = moves & ~turns
+    force = load * model.force.copy()
+    for end in (a, b):
+        np.add.at(force, end, 0.5 * load * model.weight)
+    # of a span that turns for itself at an end nothing is known of its way there
+    known: Any = (plan.tied != 0) | (model.free[:, :, 0] == 0.0)
+    known &= ~np.stack((ball[a], ball[b]), axis=1)
+    frames = _matrices(poses[:, 3:])
+    own = _matrices(model.frame.reshape(-1, 4)).reshape(-1, 2, 3, 3)
+    y = _along_the_tree(poses[:, :3].copy(), moves, a, b, length, frames, own, known)
+    frames = _turned(frames, turns, own, y, a, b, length, stiff, known)
+    n = len(poses)
+    for _ in range(_ROUNDS):
+        d = y[b] - y[a]
+        size = np.linalg.norm(d, axis=1)
+        ahead = np.einsum(
+            "mxyz,mx->my", np.stack([frames[a] @ own[:, 0], frames[b] @ own[:, 1]], axis=1)[..., 2:], known
+        )
+        way = np.where(known.any(axis=1)[:, None], ahead, d)
+        norm = np.linalg.norm(way, axis=1)
+        way = np.where(
+            norm[:, None] > 1e-9, way / np.maximum(norm, 1e-9)[:, None], d / np.maximum(size, 1e-12)[:, None]
+        )
+        pull = np.linalg.norm(model.weight, axis=1) + np.linalg.norm(force, axis=1).max(initial=0.0)
+        taut = size > _TAUT * length
+        k = np.where(taut, _HOLDS * (stiff + pull / length), stiff)
+        goal = np.where(taut[:, None], _TAUT * d / np.maximum(size, 1e-12)[:, None], _TAUT * way) * length[:, None]
+        K = np.zeros((n, n))
+        right = force.copy()
+        np.add.at(K, (a, a), k)
+        np.add.at(K, (b, b), k)
+        np.add.at(K, (a, b), -k)
+        np.add.at(K, (b, a), -k)
+        np.add.at(right, a, -k[:, None] * goal)
+        np.add.at(right, b, k[:, None] * goal)
+        right = right[moves] - K[np.ix_(moves, ~moves)] @ y[~moves]
+        y[moves] = np.linalg.solve(K[np.ix_(moves, moves)], right)
+        frames = _turned(frames, turns, own, y, a, b, length, stiff, known)
+    out = poses.copy()
+    out[moves, :3] = y[moves]
+    rigid = turns & (state.layout.placed != 0)
+    out[rigid, 3:] = _quaternions(frames[rigid])
+    return out
+
+
+def _along_the_tree(
+    y: Array, moves: Any, a: Any, b: Any, length: Array, frames: Array, own: Array, known: Array
+) -> Array:
+    """Places from those that are given, each span straight on from its frame, or away from the last one."""
+    found = ~moves
+    todo = list(range(len(a)))
+    while todo:
+        left = []
+        for j in todo:
+            for here, there, end, sign in ((a[j], b[j], 0, 1.0), (b[j], a[j], 1, -1.0)):
+                if found[here] and not found[there]:
+                    t = frames[here] @ own[j, end, :, 2] if known[j, end] else np.array((0.0, 0.0, -sign))
+                    y[there] = y[here] + 0.9 * sign * length[j] * t
+                    found[there] = True
+            if not (found[a[j]] and found[b[j]]):
+                left.append(j)
+        if len(left) == len(todo):
+            break
+        todo = left
+    return y
+
+
+def _turned(
+    frames: Array, turns: Any, own: Array, y: Array, a: Any, b: Any, length: Array, stiff: Array, known: Array
+) -> Array:
+    """Frames (k, 3, 3) of the knots that turn, to where their spans and their neighbours' frames lead."""
+    d = y[b] - y[a]
+    t = d / np.maximum(np.linalg.norm(d, axis=1), 1e-12)[:, None]
+    B = np.zeros_like(frames)
+    weight = (stiff * length**2)[:, None, None]
+    for here, there, i, other in ((a, b, 0, 1), (b, a, 1, 0)):
+        far = _aligned(frames[there] @ own[:, other], t)
+        aim = far.copy()
+        aim[:, :, :2] *= np.where(known[:, other], _ROLL, 1e-3 * _ROLL)[:, None, None]
+        np.add.at(B, here, weight * np.einsum("mij,mkj->mik", aim, own[:, i]))
+    out = frames.copy()
+    rows = np.flatnonzero(turns)
+    B[rows] += 1e-6 * np.abs(B[rows]).max(axis=(1, 2), initial=1e-12)[:, None, None] * frames[rows]
+    U, _, V = np.linalg.svd(B[rows])
+    U[:, :, 2] *= np.linalg.det(U @ V)[:, None]
+    out[rows] = U @ V
+    return out
+
+
+def _aligned(R: Array, t: Array) -> Array:
+    """Frames (m, 3, 3) turned by the smallest rotation that brings d3 onto t (m, 3)."""
+    d = R[:, :, 2]
+    v, c = np.cross(d, t), np.maximum((d * t).sum(axis=1), -0.999)
+    hat = np.zeros((len(t), 3, 3))
+    hat[:, 0, 1], hat[:, 0, 2], hat[:, 1, 2] = -v[:, 2], v[:, 1], -v[:, 0]
+    hat -= hat.transpose(0, 2, 1)
+    Q = np.eye(3) + hat + hat @ hat / (1.0 + c)[:, None, None]
+    out = Q @ R
+    out[:, :, 2] = t
+    return np.asarray(out)
+
+
+def _matrices(q: Array) -> Array:
+    """Rotation matrices (k, 3, 3) of quaternions (k, 4)."""
+    x, y, z, w = q.T
+    return np.stack(
+        (
+            1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y),
+            2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x),
+            2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y),
+        ), axis=1,
+    ).reshape(-1, 3, 3)  # fmt: skip
+
+
+def _quaternions(R: Array) -> Array:
+    """Quaternions (k, 4) of rotation matrices (k, 3, 3)."""
+    # the largest of the four numbers tells the others
+    trace = np.trace(R, axis1=1, axis2=2)
+    D = np.concatenate((np.diagonal(R, axis1=1, axis2=2), trace[:, None]), axis=1)
+    out = np.empty((len(R), 4))
+    for row, (M, diagonal) in enumerate(zip(R, D, strict=True)):
+        i = int(diagonal.argmax())
+        if i == 3:
+            q = np.array((M[2, 1] - M[1, 2], M[0, 2] - M[2, 0], M[1, 0] - M[0, 1], 1.0 + diagonal[3]))
+        else:
+            j, k = (i + 1) % 3, (i + 2) % 3
+            q = np.empty(4)
+            q[i] = 1.0 + 2.0 * M[i, i] - diagonal[3]
+            q[j], q[k], q[3] = M[j, i] + M[i, j], M[k, i] + M[i, k], M[k, j] - M[j, k]
+        out[row] = q / np.linalg.norm(q)
+    return out

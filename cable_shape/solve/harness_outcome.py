@@ -1,0 +1,141 @@
+"""What is told of a harness where there is no shape: straight lines between its knots, and what is too far apart."""
+
+from __future__ import annotations
+
+import heapq
+import math
+
+import numpy as np
+
+from cable_shape.cable import Cable
+from cable_shape.checks import Array
+from cable_shape.harness_problem import HarnessProblem
+from cable_shape.kernels.frames import align
+from cable_shape.kernels.network.drive import STRAIGHT
+from cable_shape.section import pieces_of
+from cable_shape.shape import NUMBERS_PER_POINT, Status
+from cable_shape.solve.harness_layout import Name
+from cable_shape.solve.harness_network import HarnessNetwork
+
+#: Steps in which strings are laid out, and what they lack [longest segments] that is no rounding of that.
+_STRINGS, _SHORT = 300, 1e-3
+
+
+def out_of_reach(task: HarnessProblem, state: HarnessNetwork, poses: Array) -> tuple[Status, Array, str, float] | None:
+    """Two supports further apart than the segments between them are long: status, poses, what to say, what is missing
+    [m]; None where there are none, or segments stretch."""
+    knots = state.structure.knots
+    beside: dict[int, list[tuple[int, float]]] = {}
+    cables = list(task.harness.segments.values())
+    for cable, spans in zip(cables, state.layout.spans.values(), strict=True):
+        for j in spans:
+            a, b = state.structure.spans[j][:2]
+            low, high = state.layout.arcs[j]
+            reach = float(high - low) if _holds(cable) else math.inf
+            beside.setdefault(a, []).append((b, reach))
+            beside.setdefault(b, []).append((a, reach))
+    for j, size in state.layout.levers:
+        a, b = state.structure.spans[j][:2]
+        beside.setdefault(a, []).append((b, size))
+        beside.setdefault(b, []).append((a, size))
+    names = list(state.layout.knots)
+    worst: tuple[float, int, int, float, float] = (0.0, -1, -1, 0.0, 0.0)
+    held = [k for k, knot in enumerate(knots) if not knot.moves]
+    for k in held:
+        for other, length in _distances(beside, k, held).items():
+            apart = math.dist(poses[k, :3].tolist(), poses[other, :3].tolist())
+            if apart >= STRAIGHT * length and (worst[1] < 0 or apart - length > worst[0]):
+                worst = (apart - length, k, other, apart, length)
+    missing, a, b, apart, length = worst
+    if a < 0:
+        return None
+    detail = (
+        f"{_told(task, names[a])} and {_told(task, names[b])} are {apart:.4g} m apart, {missing:.3g} m more than the "
+        f"segments between them are long ({length:.4g} m). Bring them closer, or give the segments an axial_stiffness; "
+        "the shape is straight lines."
+    )
+    return Status.OVERSTRETCHED, poses, detail, max(missing, 0.0)
+
+
+def _holds(cable: Cable) -> bool:
+    """Whether no part of a cable stretches."""
+    return all(one.axial_stiffness is None for _, _, one in pieces_of(cable))
+
+
+def _distances(beside: dict[int, list[tuple[int, float]]], start: int, held: list[int]) -> dict[int, float]:
+    """[m], the shortest ways along segments from one support to others, without passing any."""
+    best = {start: 0.0}
+    queue = [(0.0, start)]
+    stop = set(held) - {start}
+    while queue:
+        way, k = heapq.heappop(queue)
+        if way > best[k] or k in stop:
+            continue
+        for other, length in beside.get(k, ()):
+            if way + length < best.get(other, math.inf):
+                best[other] = way + length
+                heapq.heappush(queue, (way + length, other))
+    return {k: way for k, way in best.items() if k in stop}
+
+
+def _told(task: HarnessProblem, name: Name) -> str:
+    """What a support is called."""
+    return f"clip {task.clip_names[int(name[1])]!r}" if name[0] == "clip" else f"the grip at {name[1]!r}"
+
+
+def laid_straight(task: HarnessProblem, state: HarnessNetwork, poses: Array, buffer: Array) -> None:
+    """Fills a buffer of all segments with straight lines between the knots; no forces."""
+    n = task.points
+    buffer[:] = 0.0
+    spans = state.structure.spans
+    for i, (name, cable) in enumerate(task.harness.segments.items()):
+        own = buffer[NUMBERS_PER_POINT * n * i : NUMBERS_PER_POINT * n * (i + 1)]
+        s = np.linspace(0.0, cable.length, n)
+        own[:n] = s
+        positions, quaternions = own[n : 4 * n].reshape(n, 3), own[4 * n : 8 * n].reshape(n, 4)
+        q = np.array((0.0, 0.0, 0.0, 1.0))
+        for j in state.layout.spans[name]:
+            low, high = state.layout.arcs[j]
+            inside = (s >= low) & (s <= high)
+            a, b = poses[spans[j].start, :3], poses[spans[j].end, :3]
+            size = float(np.linalg.norm(b - a))
+            if size > 0.0:
+                align(q, *((b - a) / size))
+            positions[inside] = a + np.outer((s[inside] - low) / (high - low), b - a)
+            quaternions[inside] = q
+
+
+def lacking(task: HarnessProblem, state: HarnessNetwork, poses: Array) -> tuple[float, str]:
+    """[m], what segments that do not stretch lack together to reach all supports at once, by how much they could not be
+    laid out as strings; and the segment that lacks most. 0: nothing, or it cannot be told."""
+    spans = state.structure.spans
+    a, b = (np.array([span[i] for span in spans]) for i in (0, 1))
+    length = state.layout.arcs[:, 1] - state.layout.arcs[:, 0]
+    cables = list(task.harness.segments.values())
+    holds = np.ones(len(spans), dtype=bool)
+    for cable, rows in zip(cables, state.layout.spans.values(), strict=True):
+        holds[rows.start : rows.stop] = _holds(cable)
+    moves = np.array([knot.moves for knot in state.structure.knots])
+    y = poses[:, :3].copy()
+    n = len(y)
+    for _ in range(_STRINGS):
+        d = y[b] - y[a]
+        size = np.maximum(np.linalg.norm(d, axis=1), 1e-12)
+        tight = holds & (size > length)
+        if not tight.any():
+            return 0.0, ""
+        k = np.where(tight, 1.0, 1e-4) / length
+        goal = d * np.where(tight, length / size, 1.0)[:, None]
+        K, right = np.zeros((n, n)), np.zeros((n, 3))
+        for i, j, sign in ((a, a, 1.0), (b, b, 1.0), (a, b, -1.0), (b, a, -1.0)):
+            np.add.at(K, (i, j), sign * k)
+        np.add.at(right, a, -k[:, None] * goal)
+        np.add.at(right, b, k[:, None] * goal)
+        y[moves] = np.linalg.solve(K[np.ix_(moves, moves)], right[moves] - K[np.ix_(moves, ~moves)] @ y[~moves])
+    d = np.linalg.norm(y[b] - y[a], axis=1)
+    over = np.where(holds, np.maximum(d - length, 0.0), 0.0)
+    if over.sum() <= _SHORT * state.length:
+        return 0.0, ""
+    worst = int(over.argmax())
+    names = [name for name, rows in state.layout.spans.items() if worst in rows]
+    return float(over.sum()), names[0] if names else "a junction"
