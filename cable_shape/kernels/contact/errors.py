@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from cable_shape.checks import Array
-from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.contact.near import BARE, NORMAL, PRESS, STEP, parting, tangent_of
 from cable_shape.kernels.contact.press import moves
 from cable_shape.kernels.contact.tables import Net
+from cable_shape.kernels.network.compiled import viewing
 from cable_shape.kernels.network.graph import solve, step_of_force
 from cable_shape.kernels.network.respond import still
 from cable_shape.kernels.network.sliding import carried, slide_step, slides_of
@@ -23,7 +23,7 @@ SAFETY = 1.5
 AMISS = 2.5  # of `contact_error`
 
 
-@kernel
+@viewing
 def position_error(net: Net, errors: Array) -> float:
     """Estimated largest position error of the network's solution at hand [m]; infinite if it cannot be judged.
 
@@ -70,7 +70,7 @@ def position_error(net: Net, errors: Array) -> float:
     return math.sqrt(largest) if math.isfinite(largest) else math.inf
 
 
-@kernel
+@viewing
 def shift_of(q: Array, near: Array, on: Array, h: Array, k: int, least: float, flex: float) -> tuple[float, float]:
     """How far along the cable from node k its contact's force should act, and how far the node should be off [m].
 
@@ -87,7 +87,7 @@ def shift_of(q: Array, near: Array, on: Array, h: Array, k: int, least: float, f
     return way, -way * (slope + 0.5 * second * way)
 
 
-@kernel
+@viewing
 def contact_error(net: Net, q: Array, near: Array, on: Array, h: Array, least: float, flex: float) -> float:
     """Estimated error [m] from contacts at nodes, whose forces should act elsewhere, with the factors at hand.
 

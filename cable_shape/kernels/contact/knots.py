@@ -88,7 +88,7 @@ def room_for(bare: Whole, elements: int) -> tuple[int, int, int, int, int]:
     return own, model_size(head), solution_size(head), work_size(head), run
 
 
-@kernel
+@viewing
 def same_knots(held: Whole, on: Array, where: Whole, knots: int) -> bool:
     """Whether these are the knots of the network as it is laid."""
     if knots == 0:
@@ -107,7 +107,7 @@ def same_knots(held: Whole, on: Array, where: Whole, knots: int) -> bool:
     return i == knots
 
 
-@kernel
+@viewing
 def find_knots(held: Whole, on: Array, where: Whole, base: Whole) -> int:
     """Fills where and base; returns the number of knots."""
     count = 0
@@ -278,7 +278,7 @@ def mesh(ints: Whole, floats: Floats, s: Array) -> None:
     fill(ints, floats)
 
 
-@kernel
+@viewing
 def place_nodes(net: Net, s: Array) -> None:
     """The same, if they are elsewhere."""
     plan, model = plan_of(net.ints), model_of(net.ints, net.floats)
@@ -334,7 +334,7 @@ def close(ints: Whole, sols: Floats, space: Floats, near: Array, where: Whole, b
             put3(work.sums, j, 0, subtract(take3(sol.pose, j + 1, 0), spot))
 
 
-@kernel
+@viewing
 def on_surface(t: Vector, n: Vector) -> Matrix:
     """Two directions at right angles to n as columns, the first next to t, and zeros.
 
@@ -350,7 +350,7 @@ def on_surface(t: Vector, n: Vector) -> Matrix:
     return (a[0], b[0], 0.0, a[1], b[1], 0.0, a[2], b[2], 0.0)
 
 
-@kernel
+@viewing
 def press_on(
     ints: Whole, floats: Floats, space: Floats, q: Array, h: Array, near: Array, on: Array, where: Whole, base: Whole,
     least: float, flex: float, drag: float, factored: bool,
@@ -398,7 +398,7 @@ def press_on(
     return largest
 
 
-@kernel
+@viewing
 def step_out(ints: Whole, floats: Floats, near: Array, where: Whole, base: Whole, share: float) -> None:
     """Gives contacts the steps that close their gaps, or none: share 1 or 0."""
     model = model_of(ints, floats)
@@ -408,7 +408,7 @@ def step_out(ints: Whole, floats: Floats, near: Array, where: Whole, base: Whole
         put3(model.given, i, 0, scale(-share * gap, take3(near, k, NORMAL)))
 
 
-@kernel
+@viewing
 def laid(net: Net, lying: Lying, on: Array) -> bool:
     """Makes the network that of the contacts on (N+1, 2) and of the mesh as it is; False if its knots are the same."""
     if same_knots(lying.held, on, net.where, net.ints[N_KNOTS]) and net.ints[N_CABLES] > 0:
@@ -419,7 +419,7 @@ def laid(net: Net, lying: Lying, on: Array) -> bool:
     return True
 
 
-@kernel
+@viewing
 def from_model(ints: Whole, floats: Floats, s: Array, h: Array) -> None:
     """Takes the arc lengths of the nodes back, after the cable has run through its eyelets."""
     plan, model = plan_of(ints), model_of(ints, floats)

@@ -15,6 +15,7 @@ import math
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.distance import HALF_SPACE
+from cable_shape.kernels.network.compiled import viewing
 from cable_shape.kernels.rod_algebra import (
     Vector,
     add,
@@ -44,7 +45,7 @@ NONE = (0.0, 0.0, 0.0)
 SHARP, ROUND = 0.6, 0.05
 
 
-@kernel
+@viewing
 def walk(first: Array, held: Array, places: Array, near: Array) -> None:
     """Places of the nodes, from each held support on. first (N, 9): minus the steps in position first.
 
@@ -105,14 +106,14 @@ def look(
             near[k, PRESS] = 0.0
 
 
-@kernel
+@viewing
 def tangent_of(q: Array, k: int) -> Vector:
     """Third axis of the frame of node k."""
     x, y, z, w = q[k, 0], q[k, 1], q[k, 2], q[k, 3]
     return (2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y))
 
 
-@kernel
+@viewing
 def turning(q: Array, h: Array, near: Array, k: int, flex: float) -> Vector:
     """Darboux vector at node k [1/m].
 
@@ -127,14 +128,14 @@ def turning(q: Array, h: Array, near: Array, k: int, flex: float) -> Vector:
     return add(u, (-bend * N[1], bend * N[0], 0.0))
 
 
-@kernel
+@viewing
 def sharpness(q: Array, near: Array, k: int) -> float:
     """Curvature of the body along the cable at a contact [1/m]."""
     t = tangent_of(q, k)
     return dot(t, apply(get9(near, k, CURVED), t))
 
 
-@kernel
+@viewing
 def parting(q: Array, h: Array, near: Array, k: int, flex: float) -> tuple[float, float]:
     """Second derivative of the distance along the cable at a contact [1/m], and the body's part of it."""
     sharp = sharpness(q, near, k)
@@ -142,7 +143,7 @@ def parting(q: Array, h: Array, near: Array, k: int, flex: float) -> tuple[float
     return sharp + dot(take3(near, k, NORMAL), apply(rotation(get4(q, k)), (u[1], -u[0], 0.0))), sharp
 
 
-@kernel
+@viewing
 def along_cable(q: Array, h: Array, near: Array, on: Array, k: int, least: float, flex: float) -> float:
     """Second derivative of the distance along the cable at a contact that runs along it [1/m]; 0 if it does not.
 
@@ -157,7 +158,7 @@ def along_cable(q: Array, h: Array, near: Array, on: Array, k: int, least: float
     return second if second > least else 0.0
 
 
-@kernel
+@viewing
 def allowed(near: Array, on: Array, bodies: Array, radius: float) -> float:
     """The fraction of the last step that carries no node further than its gap and 0.6 of a body's thickness."""
     fraction = 1.0
@@ -180,7 +181,7 @@ def allowed(near: Array, on: Array, bodies: Array, radius: float) -> float:
     return fraction
 
 
-@kernel
+@viewing
 def lean(near: Array, k: int, fraction: float) -> None:
     """Turns the normal at node k with the surface under the step, to first order."""
     H = get9(near, k, CURVED)

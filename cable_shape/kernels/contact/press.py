@@ -21,6 +21,7 @@ from cable_shape.kernels.contact.near import EXACT, NORMAL, PRESS, ROUND, STEP, 
 from cable_shape.kernels.contact.run import slide
 from cable_shape.kernels.contact.sets import drop, grow, misplaced, spare_clips
 from cable_shape.kernels.contact.tables import Bodies, Lying, Net
+from cable_shape.kernels.network.compiled import viewing
 from cable_shape.kernels.network.graph import factor, solve, step_of_force
 from cable_shape.kernels.network.newton import (
     CHORD_FROM,
@@ -250,13 +251,13 @@ def press(
     return STALLED
 
 
-@kernel
+@viewing
 def lies(on: Array, k: int) -> bool:
     """Whether node k is pressed on a body."""
     return bool(on[k, 0] >= 0)
 
 
-@kernel
+@viewing
 def moves(net: Net, near: Array) -> None:
     """Change of the nodes' places under the step, to first order, into `near`."""
     plan = plan_of(net.ints)
@@ -282,7 +283,7 @@ def moves(net: Net, near: Array) -> None:
             put3(near, e + 1, STEP, r)
 
 
-@kernel
+@viewing
 def pushed(net: Net, near: Array, i: int, fraction: float) -> float:
     """[N], the push on contact i with a fraction of the step."""
     sol, work = solution_of(net.ints, net.sols, TRIAL), work_of(net.ints, net.space)
@@ -293,7 +294,7 @@ def pushed(net: Net, near: Array, i: int, fraction: float) -> float:
     return float(p + fraction * (dot(jump, take3(near, net.where[i], NORMAL)) - p))
 
 
-@kernel
+@viewing
 def pulls(net: Net, near: Array, least: float) -> bool:
     """Whether a contact would pull by more than `least` [N] after the step."""
     count = 0
@@ -303,7 +304,7 @@ def pulls(net: Net, near: Array, least: float) -> bool:
     return count > 0
 
 
-@kernel
+@viewing
 def forces_on(net: Net, near: Array, ends: Array, fraction: float) -> None:
     """Takes a fraction of the step of the forces: those of contacts, and those before held nodes."""
     plan, work = plan_of(net.ints), work_of(net.ints, net.space)
@@ -316,7 +317,7 @@ def forces_on(net: Net, near: Array, ends: Array, fraction: float) -> None:
             put3(ends, held - 1, 0, add(get3(ends, held - 1), scale(fraction, step)))
 
 
-@kernel
+@viewing
 def turn(net: Net, q: Array, fraction: float) -> None:
     """Takes a fraction of the step of the rotations."""
     plan, work = plan_of(net.ints), work_of(net.ints, net.space)
@@ -326,7 +327,7 @@ def turn(net: Net, q: Array, fraction: float) -> None:
             q[k, 0], q[k, 1], q[k, 2], q[k, 3] = qnormal(qmul(get4(q, k), qexp(scale(fraction, d))))
 
 
-@kernel
+@viewing
 def hold_back(ints: Whole, floats: Array, space: Array, q: Array, start: Array, drag: float) -> None:
     """Adds to the gradient what drags the rotations back to `start`: drag [N] times angle and length."""
     plan, model, work = plan_of(ints), model_of(ints, floats), work_of(ints, space)
@@ -338,7 +339,7 @@ def hold_back(ints: Whole, floats: Array, space: Array, q: Array, start: Array, 
     release(plan, model, work.G)
 
 
-@kernel
+@viewing
 def tell_pushes(net: Net, near: Array) -> None:
     """Fills in the contacts' forces after the correction of the discretisation error."""
     model, work = model_of(net.ints, net.floats), work_of(net.ints, net.space)
