@@ -220,11 +220,7 @@ def nobody(only: str, others: list[str], timeout: float) -> str:
 
 
 def follow(
-    listener: Listener,
-    timeout: float,
-    tell: Callable[[str], None],
-    values: bool = False,
-    ends: Callable[[], bool] = bool,
+    listener: Listener, timeout: float, tell: Callable[[str], None], values: bool, ends: Callable[[], bool]
 ) -> None:
     """Tells the state of each node, and again each time when something but a number has changed, until it `ends`."""
     told: dict[str, str] = {}
