@@ -17,6 +17,7 @@ from cable_shape.harness_problem import End, HarnessProblem
 from cable_shape.harness_shape import HarnessShape
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.problem import GRAVITY
+from cable_shape.reuse import same_end
 from cable_shape.scene import Scene
 from cable_shape.solve import harness_search
 from cable_shape.solve.answers import about_gripper
@@ -119,26 +120,13 @@ class HarnessPredictor:
             self._still.ends, self._still._given = self.problem.ends, self.problem._given
             self._load(self._still)
         problem = self.problem.move(ends)
-        if self._last is not None and self._unmoved(problem):
+        last = self._last_ends
+        if self._last is not None and all(same_end(last[name], end) for name, end in problem.ends.items()):
             return self._last.again()
         deadline = math.inf if self.time_budget == math.inf else perf_counter() + self.time_budget
         shape, self._state = harness_search.solve(problem, self._state, deadline=deadline)
         self._last, self._last_ends = shape, dict(problem.ends)
         return shape
-
-    def _unmoved(self, problem: HarnessProblem) -> bool:
-        """Whether all ends are held as they were for the last shape, at the same places, to the bit."""
-        last = self._last_ends
-        for name, end in problem.ends.items():
-            before = last[name]
-            if before is end:
-                continue
-            if type(before) is not Grip or type(end) is not Grip or before.kind != end.kind:
-                return False
-            a, b = before.cable_frame.array, end.cable_frame.array
-            if a[0] != b[0] or not (a == b).all():
-                return False
-        return True
 
     def reset(self) -> None:
         """Forgets the last solution: the next one starts cold."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any, final
 
@@ -12,7 +11,7 @@ from numpy.typing import ArrayLike
 from cable_shape import checks
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError, UnknownKeyError
-from cable_shape.pose import Grip, Pose
+from cable_shape.pose import Grip, Pose, between
 from cable_shape.robot import Robot
 
 MOST_WAYPOINTS = 100_000
@@ -114,7 +113,7 @@ class Motion:
         if self._path is not None:
             i, j, x = self._segment(place)
             poses = self._path.starts, self._path.ends
-            start, end = (Pose.trusted(_between(p[i], p[j], x)) for p in poses)
+            start, end = (Pose.trusted(between(p[i], p[j], x)) for p in poses)
             return start, end, None
         assert self.robot is not None
         start_grip, end_grip = self.robot.grips(self.joint_positions(place))
@@ -140,18 +139,6 @@ class Motion:
             return 0.0
         i, _, _ = self._segment(a)
         return (b - a) * float(np.abs(self.joints[i + 1] - self.joints[i]).sum())
-
-
-def _between(p: Array, q: Array, x: float) -> Array:
-    """The pose (7,) at a fraction x of the way from p to q, whose quaternions have one sign."""
-    if x == 0.0 or x == 1.0:
-        return p if x == 0.0 else q
-    out = (1.0 - x) * p + x * q
-    angle = math.acos(min(1.0, float(p[3:] @ q[3:])))
-    if angle > 1e-6:
-        out[3:] = (math.sin((1.0 - x) * angle) * p[3:] + math.sin(x * angle) * q[3:]) / math.sin(angle)
-    out[3:] /= math.sqrt(float(out[3:] @ out[3:]))
-    return out
 
 
 def _waypoints(name: str, value: ArrayLike, width: int) -> Array:

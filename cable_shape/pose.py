@@ -6,6 +6,7 @@ increasing arc length, so at both ends it points along the cable from start to e
 
 from __future__ import annotations
 
+import math
 from typing import final
 
 import numpy as np
@@ -27,6 +28,22 @@ def rotate(q: Array, v: Array) -> Array:
     return np.array(
         (a + w * tx + y * tz - z * ty, b + w * ty + z * tx - x * tz, c + w * tz + x * ty - y * tx), dtype=np.float64
     )
+
+
+def between(p: Array, q: Array, x: float) -> Array:
+    """The pose (7,) at the fraction x of the straight way and the shortest turn from p (7,) to q."""
+    if x == 0.0 or x == 1.0:
+        return p if x == 0.0 else q
+    cosine = float(p[3:] @ q[3:])
+    if cosine < 0.0:
+        q = np.concatenate((q[:3], -q[3:]))
+    out = (1.0 - x) * p + x * q
+    angle = math.acos(min(1.0, abs(cosine)))
+    if angle > 1e-6:  # below, straight within angle^3 / 6
+        out[3:] = (math.sin((1.0 - x) * angle) * p[3:] + math.sin(x * angle) * q[3:]) / math.sin(angle)
+    out[3:] /= math.sqrt(float(out[3:] @ out[3:]))
+    out.flags.writeable = False
+    return out
 
 
 def multiply(p: Array, q: Array) -> Array:

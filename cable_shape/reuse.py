@@ -16,10 +16,10 @@ def unmoved(ends: Ends | None, links: Links, problem: Problem) -> bool:
     if ends is None:
         return False
     start, end = ends
-    return _same(end, problem.end) and _same(start, problem.start) and _links_same(links, problem)
+    return same_end(end, problem.end) and same_end(start, problem.start) and _links_same(links, problem)
 
 
-def _same(before: Grip | FreeEnd, now: Grip | FreeEnd) -> bool:
+def same_end(before: Grip | FreeEnd, now: Grip | FreeEnd) -> bool:
     """Whether an end is held in the same way at the same place."""
     if before is now:
         return True

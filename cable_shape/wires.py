@@ -4,8 +4,8 @@ Wires that slip on each other bend each about its own middle, EI = sum of E I_i 
 that of the bundle, EI = sum of E (I_i + A_i y_i^2) with y_i from the middle of the bundle, the mean of all directions
 (full stick). In between friction decides: a bundle is stiff at first and tends to full slip as it is bent further,
 which is what a cable in hands or grippers is (K. O. Papailiou, On the bending stiffness of transmission line
-conductors, IEEE Transactions on Power Delivery 12 (1997) 1576-1588). So full slip is the default; lay, tape and
-tension make it stiffer.
+conductors, IEEE Transactions on Power Delivery, 1997). So full slip is the default; lay, tape and tension make it
+stiffer.
 
 The bundle is packed round: the thickest wire in the middle, each next one where it touches two others nearest to it.
 """

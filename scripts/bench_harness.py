@@ -97,7 +97,7 @@ def certificates(figures: Figures, count: int) -> None:
     heading(f"{count} random harnesses of 2 to 20 segments")
     told: dict[str, int] = {}
     out_of_balance, times = 0, []
-    for seed in tqdm(range(count), leave=False):
+    for seed in tqdm(range(count), leave=False, disable=None):
         harness, ends, scene = random_harness(np.random.default_rng(seed))
         before = time.perf_counter()
         shape = cs.predict(harness, ends, scene=scene)

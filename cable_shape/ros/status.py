@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import signal
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -218,11 +219,13 @@ def nobody(only: str, others: list[str], timeout: float) -> str:
     )
 
 
-def follow(listener: Listener, timeout: float, tell: Callable[[str], None], values: bool = False) -> None:
-    """Tells the state of each node, and again each time when something but a number has changed, until interrupted."""
+def follow(
+    listener: Listener, timeout: float, tell: Callable[[str], None], values: bool, ends: Callable[[], bool]
+) -> None:
+    """Tells the state of each node, and again each time when something but a number has changed, until it `ends`."""
     told: dict[str, str] = {}
     silent_since: float | None = time.monotonic()
-    while True:
+    while not ends():
         listener.spin(0.2)
         clock = time.strftime("%H:%M:%S")
         for name in sorted({*told} - {*listener.seen}):
@@ -243,7 +246,11 @@ def run(only: str, timeout: float, going_on: bool, values: bool, as_json: bool) 
     """The command: prints what nodes say; whether all of them are well."""
     with Listener(only) as listener:
         if going_on:
-            follow(listener, timeout, lambda text: print(text, flush=True), values)
+            interrupts: list[int] = []  # raised where rclpy cleans up, a KeyboardInterrupt would be lost
+            signal.signal(signal.SIGINT, lambda number, _: interrupts.append(number))
+            follow(listener, timeout, lambda text: print(text, flush=True), values, lambda: bool(interrupts))
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+            raise KeyboardInterrupt
         nodes = look(listener, timeout)
     if as_json:
         print(json.dumps([seen.mapping() for seen in nodes], indent=2))

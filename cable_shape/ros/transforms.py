@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable, Iterable
@@ -10,11 +9,9 @@ from dataclasses import dataclass, field
 from itertools import islice
 from typing import final
 
-import numpy as np
-
 from cable_shape.errors import InputError, StaleInputError, shown
 from cable_shape.pairing import SECOND, StampGuard
-from cable_shape.pose import IDENTITY, Pose
+from cable_shape.pose import IDENTITY, Pose, between
 
 #: Frames that are known at most; what a /tf of a whole factory has is below.
 MAX_FRAMES = 2000
@@ -232,20 +229,4 @@ class TransformTree:
         if len(near) == 1 or near[-1][0] == stamp:
             return near[-1][1]
         (before, first), (behind, second) = near
-        return blend(first, second, (stamp - before) / (behind - before))
-
-
-def blend(first: Pose, second: Pose, part: float) -> Pose:
-    """The pose at `part`, 0 to 1, of the straight way and the shortest turn from `first` to `second`."""
-    a, b = first.array, second.array
-    cosine = float(a[3:] @ b[3:])
-    if cosine < 0.0:
-        b, cosine = np.concatenate((b[:3], -b[3:])), -cosine
-    half = math.acos(min(cosine, 1.0))
-    if half < 1e-6:  # straight, within half³ / 6
-        turned = a[3:] + part * (b[3:] - a[3:])
-    else:
-        turned = (math.sin((1.0 - part) * half) * a[3:] + math.sin(part * half) * b[3:]) / math.sin(half)
-    row = np.concatenate((a[:3] + part * (b[:3] - a[:3]), turned / math.sqrt(float(turned @ turned))))
-    row.flags.writeable = False
-    return Pose.trusted(row)
+        return Pose.trusted(between(first.array, second.array, (stamp - before) / (behind - before)))

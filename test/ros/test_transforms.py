@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from cable_shape.errors import ArgumentError, InputError, StaleInputError
 from cable_shape.pairing import SECOND
-from cable_shape.pose import IDENTITY, Pose
-from cable_shape.ros.transforms import MAX_FRAMES, TransformTree, blend
+from cable_shape.pose import IDENTITY, Pose, between
+from cable_shape.ros.transforms import MAX_FRAMES, TransformTree
 
 T0 = 1000 * SECOND
 GAP = SECOND // 50
@@ -53,7 +53,7 @@ def test_a_frame_is_where_the_transforms_on_the_way_put_it(step, moving):
 
 @given(poses, poses, st.floats(0.0, 1.0))
 def test_between_two_transforms_the_way_is_straight_and_the_turn_even(first, second, part):
-    middle = blend(first, second, part)
+    middle = Pose.trusted(between(first.array, second.array, part))
     assert middle.position == pytest.approx(first.position + part * (second.position - first.position), abs=1e-12)
     assert np.linalg.norm(middle.quaternion) == pytest.approx(1.0, abs=1e-12)
     whole = first.distance(second)[1]
