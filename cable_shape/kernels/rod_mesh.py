@@ -126,6 +126,16 @@ def indicated(s: Array, q: Array, errors: Array, excess: float, turn: float, x: 
 
 
 @inlined
+def forces(load: Array, e: int, lam: Vector) -> tuple[Vector, Vector, Vector]:
+    """The internal force at the left, middle and right of element e."""
+    return (
+        (load[e, 0] + lam[0], load[e, 1] + lam[1], load[e, 2] + lam[2]),
+        (load[e, 3] + lam[0], load[e, 4] + lam[1], load[e, 5] + lam[2]),
+        (load[e, 6] + lam[0], load[e, 7] + lam[1], load[e, 8] + lam[2]),
+    )
+
+
+@inlined
 def jumps(load: Array, e: int) -> bool:
     """Whether the internal force jumps where element e > 0 begins."""
     miss = size = 0.0

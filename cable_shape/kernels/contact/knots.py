@@ -22,7 +22,7 @@ from cable_shape.kernels.contact.near import (
     tangent_of,
 )
 from cable_shape.kernels.contact.tables import Lying, Net
-from cable_shape.kernels.network.compiled import viewing
+from cable_shape.kernels.network.compiled import inline, viewing
 from cable_shape.kernels.network.material import add_up, fill
 from cable_shape.kernels.network.tables import (
     HEAD,
@@ -79,11 +79,11 @@ def room_for(bare: Whole, elements: int) -> tuple[int, int, int, int, int]:
     """Numbers of plan, model, one solution, work space and eyelets where every node of a mesh may be a knot."""
     head = bare[:HEAD].copy()
     n, m, k = elements, elements, elements + 1
-    v = 2 * k
+    v = 3 * k
     head[N_ELEMENTS], head[N_SPANS], head[N_KNOTS], head[N_VERTICES], head[N_PRESSED] = n, m, k, v, k
-    head[N_BLOCKS], head[N_TARGETS] = 3 * v, 6 * v
+    head[N_BLOCKS], head[N_TARGETS] = 2 * v, 3 * v
     e = head[N_RINGS]
-    own = HEAD + n + 18 * m + 2 * k + 11 * v + 2 * head[N_STRIPPED] + 5 * head[N_CABLES] + 2 * e + 6
+    own = HEAD + n + 23 * m + 2 * k + 8 * v + 2 * head[N_STRIPPED] + 5 * head[N_CABLES] + 2 * e + 6
     run = e * (12 * n + 9 * m + 6 * k + 2 * e + 2) + 4 * n + 14 * m + 3 * k if e > 0 else 0
     return own, model_size(head), solution_size(head), work_size(head), run
 
@@ -122,6 +122,51 @@ def find_knots(held: Whole, on: Array, where: Whole, base: Whole) -> int:
     return count
 
 
+@inline
+def unknowns(old: Plan, base: Whole, i: int, forces: int) -> tuple[int, int, int]:
+    """Of knot i, 1 or 0: whether its place and its rotation are vertices, and the force of the span behind it.
+
+    forces: how many spans have an unknown force. That of a span between held places is condensed.
+    """
+    pressed = base[i] < 0
+    turn = pressed or old.vertices[max(base[i], 0), 0] >= 0
+    force = i < forces and (pressed or base[i + 1] < 0)
+    return int(pressed), int(turn), int(force)
+
+
+@viewing
+def join(plan: Plan) -> None:
+    """Fills in which vertices have a block with which later ones, and where pairs of these are updated.
+
+    The order is that along the cable: place, rotation, force of the span behind, with the two next of these.
+    """
+    at = goals = v = 0
+    for i in range(plan.vertices.shape[0]):
+        place, turn = plan.vertices[i, 1], plan.vertices[i, 0]
+        force = after_place = after_turn = -1
+        if i + 1 < plan.vertices.shape[0]:
+            force, after_place, after_turn = plan.forces[i, 0], plan.vertices[i + 1, 1], plan.vertices[i + 1, 0]
+        for own, first, second in ((place, turn, force), (turn, force, after_turn), (force, after_place, after_turn)):
+            if own < 0:
+                continue
+            plan.pointer[v], plan.goal[v] = at, goals
+            v += 1
+            for beside in (first, second):
+                if beside >= 0:
+                    plan.neighbour[at] = beside
+                    at += 1
+            count = at - plan.pointer[own]
+            goals += count * (count + 1) // 2
+    plan.pointer[v], plan.goal[v] = at, goals
+    t = 0
+    for v in range(plan.pointer.shape[0] - 1):
+        for a in range(plan.pointer[v], plan.pointer[v + 1]):
+            for b in range(a, plan.pointer[v + 1]):
+                x, y = plan.neighbour[a], plan.neighbour[b]
+                plan.target[t] = -1 - x if x == y else block_of(plan, x, y)
+                t += 1
+
+
 @viewing
 def block_of(plan: Plan, a: int, b: int) -> int:
     """Where the block of vertices a < b is; 0 if either is not there."""
@@ -144,50 +189,25 @@ def lay(
     ints[N_ELEMENTS], ints[N_SPANS], ints[N_KNOTS], ints[N_PRESSED] = elements, spans, knots, knots
     stripped = bare[N_STRIPPED]
     ints[UNKNOWN] = 3 * (spans - stripped)
-    vertices = blocks = targets = before = 0
-    for i in range(knots - 1, -1, -1):  # sizes: each vertex is beside the later ones of its knot and those of the next
-        own = 2 if base[i] < 0 else (1 if old.vertices[base[i], 0] >= 0 else 0)
-        for v in range(own):
-            beside = own - 1 - v + before
-            blocks += beside
-            targets += beside * (beside + 1) // 2
-        vertices += own
-        before = own
+    vertices = blocks = targets = 0
+    for i in range(knots):  # sizes: see `join`
+        place, turn, force = unknowns(old, base, i, spans - stripped)
+        after_place, after_turn, _ = unknowns(old, base, i + 1, spans - stripped) if i < spans else (0, 0, 0)
+        for own, beside in ((place, turn + force), (turn, force + after_turn), (force, after_place + after_turn)):
+            vertices += own
+            blocks += own * beside
+            targets += own * (beside * (beside + 1) // 2)
     ints[N_VERTICES], ints[N_BLOCKS], ints[N_TARGETS] = vertices, blocks, targets
     plan = plan_of(ints)
     v = 0
     for i in range(knots):
-        plan.vertices[i, 0] = plan.vertices[i, 1] = -1
-        if base[i] < 0 or old.vertices[base[i], 0] >= 0:
-            plan.vertices[i, 0] = v
-            v += 1
-        if base[i] < 0:
-            plan.vertices[i, 1] = v
-            v += 1
-    at = goals = 0
-    for i in range(knots):
-        for side in range(2):
-            v = plan.vertices[i, side]
-            if v < 0:
-                continue
-            plan.pointer[v], plan.goal[v] = at, goals
-            beside = 0
-            for k in range(i, min(i + 2, knots)):
-                for other in range(2):
-                    w = plan.vertices[k, other]
-                    if w > v:
-                        plan.neighbour[at] = w
-                        at += 1
-                        beside += 1
-            goals += beside * (beside + 1) // 2
-    plan.pointer[vertices], plan.goal[vertices] = at, goals
-    t = 0
-    for v in range(vertices):
-        for a in range(plan.pointer[v], plan.pointer[v + 1]):
-            for b in range(a, plan.pointer[v + 1]):
-                x, y = plan.neighbour[a], plan.neighbour[b]
-                plan.target[t] = -1 - x if x == y else block_of(plan, x, y)
-                t += 1
+        place, turn, force = unknowns(old, base, i, spans - stripped)
+        plan.vertices[i, 1] = v if place == 1 else -1
+        plan.vertices[i, 0] = v + place if turn == 1 else -1
+        if i < spans:
+            plan.forces[i, 0] = v + place + turn if force == 1 else -1
+        v += place + turn + force
+    join(plan)
     plan.first[0] = 0
     for j in range(spans):
         plan.first[j + 1] = where[j + 1]
@@ -203,9 +223,10 @@ def lay(
             plan.corners[j, 2 * end] = plan.vertices[i, 0]
             plan.corners[j, 2 * end + 1] = plan.vertices[i, 1] if known == 0 else -1
         ta, ya, tb, yb = plan.corners[j, 0], plan.corners[j, 1], plan.corners[j, 2], plan.corners[j, 3]
-        plan.blocks[j, 0], plan.blocks[j, 1] = block_of(plan, ta, ya), block_of(plan, ta, tb)
-        plan.blocks[j, 2], plan.blocks[j, 3] = block_of(plan, ta, yb), block_of(plan, ya, tb)
-        plan.blocks[j, 4], plan.blocks[j, 5] = block_of(plan, ya, yb), block_of(plan, tb, yb)
+        plan.blocks[j, 1], plan.blocks[j, 5] = block_of(plan, ta, tb), block_of(plan, yb, tb)
+        force = plan.forces[j, 0]
+        plan.forces[j, 1], plan.forces[j, 2] = block_of(plan, ta, force), block_of(plan, ya, force)
+        plan.forces[j, 3], plan.forces[j, 4] = block_of(plan, force, tb), block_of(plan, force, yb)
     if stripped > 0:
         plan.stripped[0, 0], plan.stripped[0, 1] = spans - 1, 1
     plan.cables[0], plan.cables[1] = 0, spans

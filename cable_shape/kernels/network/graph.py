@@ -21,6 +21,7 @@ from cable_shape.kernels.network.condense import (
     ZERO,
     condense,
     expand,
+    joined,
     reduce,
 )
 from cable_shape.kernels.network.system import FORCE, NONE
@@ -95,12 +96,12 @@ def add_block(block: Floats, place: int, A: Matrix) -> None:
 @viewing(fastmath=FAST, forceinline=True)
 def scatter(plan: Plan, model: Model, work: Work, j: int) -> None:
     """Adds the condensed span j to the graph."""
+    if joined(plan, j):
+        scatter_force(plan, model, work, j)
+        return
     spans, size, block = work.spans, work.size, work.block
     ta, ya, tb, yb = plan.corners[j, 0], plan.corners[j, 1], plan.corners[j, 2], plan.corners[j, 3]
     S = get9(spans, j, SI) if plan.known[j] == 0 else ZERO
-    pressed = model.along.shape[0] > 0
-    Za = get9(model.along, plan.ends[j, 0], 0) if pressed else ZERO
-    Zb = get9(model.along, plan.ends[j, 1], 0) if pressed else ZERO
     Ta, Tb, A, B = ZERO, ZERO, ZERO, ZERO
     if ta >= 0:
         Ta = to_knot(plan, model, j, 0)
@@ -118,26 +119,53 @@ def scatter(plan: Plan, model: Model, work: Work, j: int) -> None:
         between = msub(get9(spans, j, KBA), mul(get9(spans, j, BB), mul(S, transpose(get9(spans, j, BA)))))
         add_block(block, plan.blocks[j, 1], transpose(mul(Tb, mul(between, transpose(Ta)))))
     if ya >= 0:
-        add9(size, ya, mscale(-1.0, tmul(Za, mul(S, Za)) if pressed else S))
+        add9(size, ya, mscale(-1.0, S))
         if ta >= 0:
-            add_block(block, plan.blocks[j, 0], mul(A, Za) if pressed else A)
+            add_block(block, plan.blocks[j, 0], A)
         if tb >= 0:
-            add_block(block, plan.blocks[j, 3], transpose(mul(B, Za) if pressed else B))
+            add_block(block, plan.blocks[j, 3], transpose(B))
     if yb >= 0:
-        add9(size, yb, mscale(-1.0, tmul(Zb, mul(S, Zb)) if pressed else S))
+        add9(size, yb, mscale(-1.0, S))
         if ta >= 0:
-            add_block(block, plan.blocks[j, 2], mscale(-1.0, mul(A, Zb) if pressed else A))
+            add_block(block, plan.blocks[j, 2], mscale(-1.0, A))
         if tb >= 0:
-            add_block(block, plan.blocks[j, 5], mscale(-1.0, mul(B, Zb) if pressed else B))
+            add_block(block, plan.blocks[j, 5], mscale(-1.0, B))
         if ya >= 0:
-            add_block(block, plan.blocks[j, 4], tmul(Za, mul(S, Zb)) if pressed else S)
-    if pressed and tb >= 0 and yb >= 0:
+            add_block(block, plan.blocks[j, 4], S)
+
+
+@inline
+def scatter_force(plan: Plan, model: Model, work: Work, j: int) -> None:
+    """The same beside a knot that is pressed on: the force stays, a vertex before the place where the span ends.
+
+    Condensed, short spans would be springs of 1e8 N/m on both sides of such a place, whose difference is lost in
+    rounding where the cable is limp; one after the other, their compliances add up.
+    """
+    spans, size, block = work.spans, work.size, work.block
+    ta, ya, tb, yb = plan.corners[j, 0], plan.corners[j, 1], plan.corners[j, 2], plan.corners[j, 3]
+    v = plan.forces[j, 0]
+    add9(size, v, get9(spans, j, SI))
+    Ta, Tb = ZERO, ZERO
+    if ta >= 0:
+        Ta = to_knot(plan, model, j, 0)
+        add9(size, ta, mul(Ta, mul(get9(spans, j, KAA), transpose(Ta))))
+        add_block(block, plan.forces[j, 1], mul(Ta, get9(spans, j, BA)))
+    if tb >= 0:
+        Tb = to_knot(plan, model, j, 1)
+        add9(size, tb, mul(Tb, mul(get9(spans, j, KBB), transpose(Tb))))
+        add_block(block, plan.forces[j, 3], transpose(mul(Tb, get9(spans, j, BB))))
+    if ta >= 0 and tb >= 0:
+        add_block(block, plan.blocks[j, 1], transpose(mul(Tb, mul(get9(spans, j, KBA), transpose(Ta)))))
+    if ya >= 0:
+        add_block(block, plan.forces[j, 2], mscale(-1.0, transpose(get9(model.along, plan.ends[j, 0], 0))))
+    if yb >= 0:
+        add_block(block, plan.forces[j, 4], get9(model.along, plan.ends[j, 1], 0))
         press(plan, model, work, j)
 
 
 @inline
 def press(plan: Plan, model: Model, work: Work, j: int) -> None:
-    """Adds to the graph what presses on the knot where span j ends."""
+    """Adds to the graph what presses on the knot where span j ends; its rotation comes after its place."""
     knot, v = plan.ends[j, 1], plan.corners[j, 3]
     Z = get9(model.along, knot, 0)
     own = tmul(Z, mul(get9(model.bent, knot, 0), Z))
@@ -146,7 +174,7 @@ def press(plan: Plan, model: Model, work: Work, j: int) -> None:
     if a != NONE or b != NONE:
         add9(work.size, plan.corners[j, 2], outer(a, a))
         add9(work.size, v, outer(b, b))
-        add_block(work.block, plan.blocks[j, 5], outer(a, b))
+        add_block(work.block, plan.blocks[j, 5], outer(b, a))
 
 
 @viewing(fastmath=FAST)
@@ -299,6 +327,9 @@ def collect(plan: Plan, model: Model, work: Work) -> None:
     for j in range(plan.ends.shape[0]):
         press = take3(spans, j, PRESS)
         ta, ya, tb, yb = plan.corners[j, 0], plan.corners[j, 1], plan.corners[j, 2], plan.corners[j, 3]
+        if joined(plan, j):
+            put3(gap, plan.forces[j, 0], 0, press)
+            ya = yb = -1
         if ta >= 0:
             put3(gap, ta, 0, add(get3(gap, ta), apply(to_knot(plan, model, j, 0), take3(spans, j, GA))))
         if tb >= 0:

@@ -68,6 +68,8 @@ class Plan(NamedTuple):
     pieces: Whole  # (c+1,) first piece of each cable
     points: Whole  # (c+1,) first point load of each cable
     rings: Whole  # (e, 2) eyelets: knot, and the span before it
+    forces: Whole  # (m, 5) where knots can be pressed on, else none: vertex of the span's force, -1 where the span is
+    #                condensed; its blocks with those of `corners`
 
 
 class Model(NamedTuple):
@@ -183,6 +185,7 @@ def plan_of(ints: Whole) -> Plan:
     o17 = o16 + c * 2
     o18 = o17 + (c + 1)
     o19 = o18 + (c + 1)
+    o20 = o19 + e * 2
     return Plan(
         part(ints, o0, (o1 - o0,)),
         part(ints, o1, (o2 - o1,)),
@@ -204,6 +207,7 @@ def plan_of(ints: Whole) -> Plan:
         part(ints, o17, (o18 - o17,)),
         part(ints, o18, (o19 - o18,)),
         part(ints, o19, (e, 2)),
+        part(ints, o20, (m if ints[N_PRESSED] > 0 else 0, 5)),
     )  # fmt: skip
 
 
