@@ -127,7 +127,7 @@ def press(
         iterations += 1
         one = iterations > BLOCK
         if iterations > 1 and largest < (LARGEST_STEP if one else CALM):
-            changed += drop(near, on, least, one)
+            changed += drop(near, on, s, least, one)
         runs = ROUND / length if iterations <= RUNNING else math.inf
         slid = slide(q, start, near, on, s, h, masses, runs, flex, iterations <= MERGING)
         reuse = reuse and changed == 0 and slid < RESTLESS * length
