@@ -23,7 +23,7 @@ from cable_shape import checks
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels import bounds, distance, swollen, triangles
-from cable_shape.kernels.contact_near import GRIP_EXCLUSION
+from cable_shape.kernels.contact.near import GRIP_EXCLUSION
 from cable_shape.meshes.tree import mesh_tables
 from cable_shape.pose import Pose
 from cable_shape.report import BodyDistance, Clearance

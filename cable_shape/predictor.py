@@ -18,18 +18,15 @@ from cable_shape.errors import ArgumentError
 from cable_shape.harness import Harness
 from cable_shape.harness_shape import HarnessShape
 from cable_shape.meshes.convex import is_convex
-from cable_shape.models import touching
 from cable_shape.models.crossing import Crossing
-from cable_shape.models.touch_state import TouchState
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.problem import GRAVITY, Problem
 from cable_shape.reuse import Ends, unmoved
 from cable_shape.scene import Mesh, Obstacle, Scene
-from cable_shape.scene_parts import clip_names
 from cable_shape.section import refuse
 from cable_shape.shape import CableShape
 from cable_shape.solve import cosserat
-from cable_shape.solve.answers import ENDS, NUMBERS, check_names
+from cable_shape.solve.answers import ENDS
 from cable_shape.solve.network import Network
 from cable_shape.solvers import MODELS, ClosedForm, solver_of
 
@@ -235,7 +232,7 @@ class Predictor:
         ------
         ArgumentError
             If the model is a closed form by choice, nothing was predicted yet, or the cable touches itself or another;
-            for a name that does not exist; in contact with a body for all but the ends.
+            for a name that does not exist.
         """
         checks.one_of("at", at, ("cable", "gripper"))
         if isinstance(by, str):
@@ -253,8 +250,6 @@ class Predictor:
         state = self._solver.rod_state()
         if state is None:
             raise ArgumentError("sensitivity() needs a solution, and there is none yet. Call predict first.")
-        if isinstance(state, TouchState):
-            return _in_contact(state, by, at)
         return cosserat.sensitivity(state, by, at=at)
 
     @property
@@ -344,17 +339,6 @@ def _of_harness(keywords: dict[str, Any]) -> dict[str, Any]:
             bound = "contact of a harness is not solved for"
             raise ArgumentError.of(name, keywords[name], bound, "Leave it out.")
     return {key: value for key, value in keywords.items() if key not in _ABOUT_CONTACT}
-
-
-def _in_contact(state: TouchState, by: tuple[str, ...], at: str) -> Array:
-    """`Predictor.sensitivity` of a cable that touches bodies."""
-    check_names(state.problem, by, (*ENDS, *(f"clip:{name}" for name in clip_names(state.problem.clips)), *NUMBERS))
-    for name in by:
-        if name not in ENDS:
-            bound = "while the cable touches a body only 'start' and 'end' are known"
-            raise ArgumentError.of("by", name, bound, "Leave it out, or take differences of predict.")
-    columns = touching.sensitivity(state, at=at)
-    return np.concatenate([columns[:, :, 6 * ENDS.index(name) :][:, :, :6] for name in by], axis=2)
 
 
 @overload

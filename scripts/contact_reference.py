@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 import cable_shape as cs
-from cable_shape.kernels.span_work import NOW
+from cable_shape.kernels.network.tables import NOW
 from cable_shape.models import touching
 from cable_shape.models.touch_state import TouchState
 from cable_shape.solve.network import Network

@@ -189,20 +189,6 @@ def test_meshes_have_nodes_at_loads_and_equal_shares_of_their_density():
     assert shares.max() < 2.0 * shares.min()
 
 
-def test_rest_curvature_of_an_element_is_the_least_squares_line():
-    table = np.array(((0.0, 1.0, 2.0), (3.0, 0.0, 1.0), (1.0, 1.0, 1.0), (5.0, -2.0, 0.0)))
-    s = np.array((0.0, 0.3, 1.1, 2.4, 3.0))
-    rest = np.empty((4, 6))
-    rod_mesh.element_rest(s, table, rest)
-    for e in range(4):
-        a, b = s[e], s[e + 1]
-        t = np.linspace(a, b, 200001)
-        y = np.array([np.interp(t, np.linspace(0, 3, 4), table[:, i]) for i in range(3)])
-        mean = np.trapezoid(y, t) / (b - a)
-        slope = np.trapezoid(y * (t - 0.5 * (a + b)), t) * 12 / (b - a) ** 3
-        assert rest[e] == pytest.approx(np.concatenate((mean, slope)), abs=1e-6)
-
-
 @pytest.mark.parametrize("seed", range(5))
 def test_negative_eigenvalues_by_the_rule_of_signs(seed):
     rng = np.random.default_rng(seed)

@@ -113,16 +113,21 @@ def test_what_crosses_in_a_clip_is_the_clipped_cable_under_a_point_mass():
 
 
 @pytest.mark.parametrize(
-    ("solid", "low"),
+    ("solid", "low", "angle", "aside"),
     [
-        (cs.Obstacle("box", cs.Box((0.3, 0.5, 0.2))), 0.1),
-        (cs.Obstacle("post", cs.Capsule(0.03, 0.8), cs.Pose((0, 0, -0.08), (0.70710678, 0, 0, 0.70710678))), 0.1),
+        (cs.Obstacle("box", cs.Box((0.3, 0.5, 0.2))), 0.1, 91.0, (0.018, 0.018)),
+        (
+            cs.Obstacle("post", cs.Capsule(0.03, 0.8), cs.Pose((0, 0, -0.08), (0.70710678, 0, 0, 0.70710678))),
+            0.1,
+            70.0,
+            (0.01, 0.02),
+        ),
     ],
     ids=["box", "post"],
 )
-def test_neither_cable_goes_into_a_body_or_the_other(solid, low):
+def test_neither_cable_goes_into_a_body_or_the_other(solid, low, angle, aside):
     scene = cs.Scene(obstacles=[solid], contact="solve")
-    reports, _ = lowered(np.linspace(0.32, 0.12, 101), scene, low, aside=(0.01, 0.02))
+    reports, _ = lowered(np.linspace(0.32, 0.12, 101), scene, low, angle, aside)
     touched = set()
     for report in reports:
         for clearance in report.clearance.values():

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import cable_shape as cs
-from cable_shape.kernels import contact_near
+from cable_shape.kernels.contact import near as contact_near
 from cable_shape.models import touch_mesh
 from cable_shape.models.touching import DEEPEST
 

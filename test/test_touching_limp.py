@@ -11,8 +11,9 @@ import pytest
 from scipy.optimize import brentq
 
 import cable_shape as cs
-from cable_shape.kernels import contact_near, contact_set
-from cable_shape.kernels.contact_near import BARE, GAP, PRESS
+from cable_shape.kernels.contact import near as contact_near
+from cable_shape.kernels.contact import sets as contact_set
+from cable_shape.kernels.contact.near import BARE, GAP, PRESS
 from cable_shape.models import touch_mesh, touch_state
 from cable_shape.models.touching import ACCURACY, DEEPEST
 

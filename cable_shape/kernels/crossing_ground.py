@@ -6,7 +6,7 @@ import math
 
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.contact_near import GRIP_EXCLUSION, MARGIN
+from cable_shape.kernels.contact.near import GRIP_EXCLUSION, MARGIN
 from cable_shape.kernels.rod_algebra import get3, put3, put9
 from cable_shape.kernels.surface import touch
 

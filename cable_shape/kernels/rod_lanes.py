@@ -93,16 +93,6 @@ def gather_section(begin: int, section: Array, lanes: Array) -> None:
             lanes[(STIFF + i) * LANES + k] = section[e, i]
 
 
-@inlined
-def one_section(stiff: Array, lanes: Array) -> None:
-    """The section of a cable that is the same all along, stiff (6,): stiffness and compliance."""
-    for k in range(LANES):
-        for i in range(6):
-            lanes[(STIFF + i) * LANES + k] = stiff[i]
-        for i in range(6, SECTION):
-            lanes[(STIFF + i) * LANES + k] = 0.0
-
-
 @kernel
 def sections(stiff: Array, elements: int) -> Array:
     """(N, 9): the same for each element."""

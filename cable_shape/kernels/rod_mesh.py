@@ -125,69 +125,6 @@ def indicated(s: Array, q: Array, errors: Array, excess: float, turn: float, x: 
     return float(spread(s, raw, x, density))
 
 
-@kernel
-def element_loads(s: Array, ends: Array, points: Array, weights: Array, tip: Array, h: Array, load: Array) -> None:
-    """Lengths h (N,) and internal force without lambda, load (N, 9), at the left, middle and right of each element.
-
-    ends (2, 3) [N/m]: distributed load at both ends, linear between; points (k,), weights (k, 3): concentrated loads
-    at nodes; tip (3,) [N]: load on a free end.
-    """
-    elements = h.shape[0]
-    length = s[elements]
-    for e in range(elements):
-        h[e] = s[e + 1] - s[e]
-        for j in range(3):
-            x = s[e] + 0.5 * j * h[e]
-            y = length - x
-            for i in range(3):
-                # integral of the load from x to the end
-                at_x = ends[0, i] + (ends[1, i] - ends[0, i]) * x / length
-                load[e, 3 * j + i] = 0.5 * (at_x + ends[1, i]) * y + tip[i]
-        middle = 0.5 * (s[e] + s[e + 1])
-        for p in range(points.shape[0]):
-            if points[p] > middle:
-                for j in range(3):
-                    for i in range(3):
-                        load[e, 3 * j + i] += weights[p, i]
-
-
-@kernel
-def element_rest(s: Array, table: Array, rest: Array) -> None:
-    """Mean and slope of the rest curvature over each element, rest (N, 6), from a table (n, 3) uniform in arc length.
-
-    The least-squares line over the element, exact for the piecewise linear table.
-    """
-    elements = rest.shape[0]
-    length = s[elements]
-    rows = table.shape[0]
-    for e in range(elements):
-        for i in range(6):
-            rest[e, i] = 0.0
-        if rows == 1:
-            for i in range(3):
-                rest[e, i] = table[0, i]
-            continue
-        a, b = s[e], s[e + 1]
-        h, middle = b - a, 0.5 * (a + b)
-        cell = length / (rows - 1)
-        j = min(int(a / cell), rows - 2)
-        left = a
-        while left < b:
-            right = b if j >= rows - 2 else min(b, (j + 1) * cell)
-            if right > left:
-                for i in range(3):
-                    slope = (table[j + 1, i] - table[j, i]) / cell
-                    ya = table[j, i] + slope * (left - j * cell)
-                    yb = table[j, i] + slope * (right - j * cell)
-                    d = right - left
-                    rest[e, i] += 0.5 * (ya + yb) * d / h
-                    # first moment about the middle
-                    c = 0.5 * (left + right) - middle
-                    rest[e, 3 + i] += 12.0 / h**3 * (0.5 * (ya + yb) * d * c + slope * d**3 / 12.0)
-            left = right
-            j += 1
-
-
 @inlined
 def forces(load: Array, e: int, lam: Vector) -> tuple[Vector, Vector, Vector]:
     """The internal force at the left, middle and right of element e."""

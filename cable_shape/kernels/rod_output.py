@@ -45,7 +45,6 @@ from cable_shape.kernels.rod_lanes import (
     gather_section,
     lane3,
     lane4,
-    sections,
 )
 from cable_shape.kernels.rod_mesh import forces
 
@@ -117,34 +116,6 @@ def sample_span(
     sums[S_GAP], sums[S_TURN] = max(sums[S_GAP], gap), max(sums[S_TURN], off_q)
     sums[S_MOMENT], sums[S_BENT] = max(sums[S_MOMENT], off_M), max(sums[S_BENT], bent)
     return i, r, sign
-
-
-@kernel(fastmath=FAST)
-def sample(
-    q: Array, lam: Array, moments: Array, s: Array, h: Array, load: Array, rest: Array, stiff: Array, origin: Array,
-    weight: Array, first: Array, points: int, out: Array, totals: Array,
-) -> None:  # fmt: skip
-    """`sample_span` of a whole cable of one section, stiff (6,).
-
-    origin (3,) [m]: start; weight (3,) [N/m]. totals: 0 elastic energy - weight . r [J], 1 integral of u3 [rad],
-    2 error of the interpolation [m], judged by how far r' and R V, interpolated apart, differ in mid-element; 3 the
-    largest such difference over an element, of rotation [rad], moment / largest moment and position / length; 4
-    integral of n . r' - weight . r [J], which with the functional's value makes the energy, too.
-    """
-    elements = h.shape[0]
-    length = s[elements]
-    sums = np.zeros(SUMS)
-    elastic = stiff[3] != 0.0 or stiff[5] != 0.0
-    sample_span(
-        q, (lam[0], lam[1], lam[2]), moments, s, h, load, rest, sections(stiff, elements),
-        (origin[0], origin[1], origin[2]), 1.0, (weight[0], weight[1], weight[2]), elastic, first, 0,
-        length / (points - 1), points, True, out, sums,
-    )  # fmt: skip
-    bent = max(sums[S_BENT], (1e-3 * min(stiff[0], stiff[1]) / length) ** 2)
-    totals[0], totals[1], totals[2] = sums[S_WORK], sums[S_TWIST], INTERPOLATION * math.sqrt(sums[S_GAP])
-    totals[4] = sums[S_PULL]
-    turn, moment, gap = 2.0 * math.sqrt(sums[S_TURN]), math.sqrt(sums[S_MOMENT] / bent), math.sqrt(sums[S_GAP])
-    totals[3] = max(turn, moment, gap / float(length))
 
 
 @kernel(fastmath=FAST)

@@ -13,9 +13,9 @@ from cable_shape.checks import Array
 from cable_shape.models.crossing_state import Held, twists
 from cable_shape.models.crossing_step import Ground, Spot, Step, Way, crossing_step
 from cable_shape.models.crossing_touch import HeldAmong
-from cable_shape.models.span_search import FAR
 from cable_shape.problem import Problem
 from cable_shape.shape import CableShape, Status
+from cable_shape.solve.search import FAR
 
 ITSELF = "itself"  #: the body's name, where a cable touches itself
 FARTHEST = 0.6  #: of the distance to be kept, that two points come nearer in one iteration

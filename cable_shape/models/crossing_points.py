@@ -8,16 +8,16 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 
 from cable_shape.checks import Array
-from cable_shape.models.span_state import SpanState
 from cable_shape.models.touch_state import TouchState
 from cable_shape.pose import Pose
 from cable_shape.problem import Problem
 from cable_shape.scene import Clip
 from cable_shape.shape import CableShape
+from cable_shape.solve.network import Network
 
 _REACH = 0.4  #: of the way from a held point to the next one, a mass or an end, that it may go in one step
 
-State = TypeVar("State", SpanState, TouchState)
+State = TypeVar("State", Network, TouchState)
 
 
 class HeldPoints(Generic[State]):
@@ -30,11 +30,11 @@ class HeldPoints(Generic[State]):
 
     state: State
 
-    def __init__(self, problem: Problem, arcs: Array) -> None:
-        """arcs (k,) [m], ascending."""
+    def __init__(self, problem: Problem, arcs: Array, kind: str) -> None:
+        """arcs (k,) [m], ascending; kind: of the clips that hold them."""
         self.problem = copy.copy(problem)
         self.problem.cache = {}
-        self.problem.clips, self._at = with_points(problem.clips, arcs)
+        self.problem.clips, self._at = with_points(problem.clips, arcs, kind)
         self._clips = np.setdiff1d(np.arange(len(self.problem.clips)), self._at - 1)
         self._supports: Array = np.empty((0, 7))
         k = len(arcs)
@@ -44,7 +44,12 @@ class HeldPoints(Generic[State]):
     @property
     def arcs(self) -> Array:
         """(k,) [m], of the points."""
-        return np.asarray(self.state.arcs[self._at])
+        return np.asarray(self._held_arcs[self._at])
+
+    @property
+    def _held_arcs(self) -> Array:
+        """(m+1,) [m], of all the supports."""
+        return self.state.bounds()
 
     @property
     def weight(self) -> float:
@@ -61,7 +66,7 @@ class HeldPoints(Generic[State]):
 
     def room(self, change: Array) -> float:
         """The fraction of a change of the points' arc lengths that keeps them in order, and between their stops."""
-        return room(np.concatenate((self.state.stops, self.state.arcs)), self.arcs, change)
+        return room(np.concatenate((self.state.stops, self._held_arcs)), self.arcs, change)
 
     def _placed(self, frames: Array, places: Array) -> Array:
         """(m+1, 7), of all the supports: the ends in `frames` (2, 7), the points in `places` (k, 3)."""
@@ -71,9 +76,9 @@ class HeldPoints(Generic[State]):
         return out
 
 
-def with_points(clips: tuple[Clip, ...], arcs: Array) -> tuple[tuple[Clip, ...], Any]:
-    """The clips, and points held like ball clips at `arcs` (k,) [m], in order; and which supports the points are."""
-    points = [Clip(arc, Pose()) for arc in arcs.tolist()]
+def with_points(clips: tuple[Clip, ...], arcs: Array, kind: str) -> tuple[tuple[Clip, ...], Any]:
+    """The clips, and points held by clips of a kind at `arcs` (k,) [m], in order; which supports the points are."""
+    points = [Clip(arc, Pose(), kind) for arc in arcs.tolist()]
     every = sorted((*clips, *points), key=lambda clip: clip.arc_length)
     numbers = [1 + i for i, clip in enumerate(every) if any(clip is point for point in points)]
     return tuple(every), np.array(numbers, dtype=np.int64)
@@ -94,3 +99,9 @@ def room(stops: Array, arcs: Array, change: Array) -> float:
 def positions_at(shape: CableShape, arcs: Array) -> Array:
     """(k, 3) [m], of the material points at arc lengths (k,)."""
     return np.stack([np.interp(arcs, shape.arc_length, column) for column in shape.positions.T], axis=1)
+
+
+def directions(quaternions: Array) -> Array:
+    """(k, 3), d3 of frames (k, 4)."""
+    x, y, z, w = quaternions.T
+    return np.stack((2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)), axis=1)

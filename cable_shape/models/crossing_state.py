@@ -10,24 +10,25 @@ import numpy as np
 
 from cable_shape.checks import Array
 from cable_shape.clearance import carried_by, link_rows
-from cable_shape.kernels import crossing_response, span_work
-from cable_shape.kernels.span_work import NOW
-from cable_shape.models.crossing_points import HeldPoints, positions_at
-from cable_shape.models.rod_common import MODEL
-from cable_shape.models.span_search import COLD_ITERATIONS, FAR, STEP_ITERATIONS, Search
-from cable_shape.models.span_state import SpanState
+from cable_shape.kernels.network import points, tables
+from cable_shape.kernels.network.drive import I_ESTIMATE
+from cable_shape.models.crossing_points import HeldPoints, directions, positions_at
 from cable_shape.pose import FreeEnd, Grip, multiply
 from cable_shape.problem import NAMED_TOLERANCE, Problem
 from cable_shape.shape import CableShape, Status
+from cable_shape.solve.network import Network
+from cable_shape.solve.search import FAR, STEP_ITERATIONS, Search
+from cable_shape.solve.starts import COLD_ITERATIONS
 
 #: Of the shape's tolerance, what the mesh is made for: forces at the points have to settle, which the correction of a
 #: large discretisation error with factors that are not quite fresh would disturb.
 FINER = 0.01
+_MESHES = 12  #: so many are tried for one shape
 SETTLED = 0.02  #: of the tolerance: a smaller step of the points is the last one
 
 
 @final
-class Held(HeldPoints[SpanState]):
+class Held(HeldPoints[Network]):
     """A rod between its ends and k points, each held at a place and an arc length that are given with every solve.
 
     `dforce` and `dtangent` are those before the correction of the discretisation error.
@@ -35,15 +36,15 @@ class Held(HeldPoints[SpanState]):
 
     def __init__(self, problem: Problem, shape: CableShape, arcs: Array, frames: Array) -> None:
         """From a shape of the cable with its ends in `frames` (2, 7); arcs (k,) [m], ascending."""
-        super().__init__(problem, arcs)
+        super().__init__(problem, arcs, "slide")  # eyelets, through which it runs only where it is told to
         self.tolerance = min(problem.tolerance, NAMED_TOLERANCE * problem.cable.length)  # m, asked of the shape
         self.problem.tolerance = FINER * self.tolerance
         self.settled = SETTLED * self.tolerance
-        self.state = SpanState(self.problem, shape)
+        self.state = Network(self.problem, shape)
         self._supports = self.state.aim(problem.start, problem.end)
         if not self.state.resume(self._placed(frames, positions_at(shape, arcs))):
             self.state.history = 0
-        self.search = Search(self.problem, self.state, math.inf)
+        self.search = Search(self.problem, self.state, math.inf, 0.0)
         self._corrected = self.force, self.tangent
 
     @property
@@ -56,16 +57,16 @@ class Held(HeldPoints[SpanState]):
         """Newton steps since this was made."""
         return self.search.iterations
 
-    def keep(self) -> tuple[Array, Array, int]:
+    def keep(self) -> tuple[Array, Array, int, tuple[Array, Array]]:
         """What :meth:`restore` takes; valid until the mesh changes."""
-        return self.state.sol.copy(), self.state.arcs.copy(), self.state.history
+        return self.state.sols.copy(), self.state.bounds().copy(), self.state.history, self._corrected
 
-    def restore(self, kept: tuple[Array, Array, int]) -> None:
+    def restore(self, kept: tuple[Array, Array, int, tuple[Array, Array]]) -> None:
         """Back to where `keep` was called."""
-        sol, arcs, self.state.history = kept
-        if not np.array_equal(arcs, self.state.arcs):
+        sols, arcs, self.state.history, self._corrected = kept
+        if not np.array_equal(arcs, self.state.bounds()):
             self.state.slide_to(arcs)
-        self.state.sol[:] = sol
+        self.state.sols[:] = sols
 
     def solve(
         self, frames: Array, arcs: Array, places: Array, *, again: bool, far: float = FAR, links: Array | None = None
@@ -76,7 +77,7 @@ class Held(HeldPoints[SpanState]):
         far [rad]: largest turn of a frame from its prediction. links: no matter without bodies.
         """
         state = self.state
-        kept = state.arcs
+        kept = state.bounds().copy()
         full = kept.copy()
         full[self._at] = arcs
         if not np.array_equal(full, kept):
@@ -84,23 +85,27 @@ class Held(HeldPoints[SpanState]):
         state.target[:] = self._placed(frames, places)
         history = 1 if again else state.history
         most = STEP_ITERATIONS if history else COLD_ITERATIONS
-        if not self.search.call(history, most, far=far if history else math.inf, again=again):
+        if not self._call(history, most, far if history else math.inf, again):
             if not np.array_equal(full, kept):
                 state.slide_to(kept)
             return False
         state.history = max(state.history, 1) if again else min(2, state.history + 1)
-        frames = span_work.vectors(state.work, state.elements)[5]  # of the nodes, corrected
-        self._corrected = -self.search.loads[self._at - 1, 1:4], directions(frames[state.where[self._at]])
+        frames = tables.work_of.py_func(state.ints, state.work).start  # of the nodes, corrected
+        nodes = np.array([state.runs[at][0] for at in self._at])
+        self._corrected = -self.search.loads[self._at, 1:4], directions(frames[nodes])
         return True
+
+    def _call(self, history: int, most: int, far: float, again: bool) -> bool:
+        """One compiled solve, the points staying where they are on the cable."""
+        return self.search.inner(history, most, True, True, far, again, False)
 
     def respond(self) -> None:
         """Fills forces, tangents and their derivatives."""
         state = self.state
         state.refresh()
-        q, lam, *_ = span_work.slot(state.sol, state.elements, state.spans, NOW)
-        crossing_response.held_points(
-            state.par, state.mesh, q, lam, state.work, state.where, state.mask, state.place, state.elements,
-            state.forces, self._at, self.force, self.tangent, self.dforce, self.dtangent,
+        points.held_points(
+            state.ints, state.floats, state.sols, state.work, self._at, self.force, self.tangent, self.dforce,
+            self.dtangent,
         )  # fmt: skip
         self.force, self.tangent = self._corrected
 
@@ -113,56 +118,41 @@ class Held(HeldPoints[SpanState]):
         """(k, 3) each, change of `force` and `tangent` as the ends move by `motion` (2, 6) from where `respond` was."""
         state = self.state
         out = np.empty_like(self.force), np.empty_like(self.force)
-        q = span_work.slot(state.sol, state.elements, state.spans, NOW)[0]
-        crossing_response.points_under_motion(
-            state.par, state.mesh, q, state.work, state.where, state.mask, state.place, state.elements, state.forces,
-            self._at, motion, *out,
-        )  # fmt: skip
+        points.points_under_motion(state.ints, state.floats, state.sols, state.work, self._at, motion, *out)
         return out
 
     def refined(self) -> bool | None:
         """Whether a new mesh was needed (None), and the last solution was found again on it."""
-        state = self.state
-        if not (state.too_coarse(self.search.info) or state.too_fine(self.search.info)):
+        state, search = self.state, self.search
+        if not (state.too_coarse(search.info) or state.too_fine(search.info)):
             return None
-        found = self.search.refine()
+        found = True
+        for _ in range(_MESHES):
+            if not state.next_mesh():
+                break
+            found = self._call(0, COLD_ITERATIONS, math.inf, False)
+            if not found or not state.too_coarse(search.info):
+                break
         state.history = min(state.history, 1)
         return found
 
     def shape(self, status: Status, detail: str, touches: Array, bodies: tuple[str, ...], began: float) -> CableShape:
         """The solution in the buffer, reported."""
-        problem, state, info = self.problem, self.state, self.state.info
-        buffer, n = self.search.buffer, problem.points
-        self.search.buffer = CableShape.new_buffer(n)
+        problem, search = self.problem, self.search
+        found = search.shape(status, detail)
+        search.buffer = CableShape.new_buffer(problem.points)
+        if status and not search.info[I_ESTIMATE] <= self.tolerance:
+            found.status = Status.NOT_CONVERGED
+            found.detail = (
+                f"error estimate {search.info[I_ESTIMATE]:.2g} m, tolerance {self.tolerance:.2g} m. "
+                f"{found.status.remedy}"
+            )
         if type(problem.end) is Grip:
-            buffer[4 * n - 3 : 4 * n] = problem.end.cable_frame.position
-        if status and not info[7] <= self.tolerance:
-            status = Status.NOT_CONVERGED
-            detail = f"error estimate {info[7]:.2g} m, tolerance {self.tolerance:.2g} m. {status.remedy}"
-        return CableShape(
-            buffer,
-            n,
-            length=problem.cable.length,
-            model=MODEL,
-            status=status,
-            detail=detail,
-            energy=float(info[8]) + state.energy_of_masses(),
-            error_estimate=float(info[7]),
-            residual=float(info[5]),
-            iterations=self.iterations,
-            turns=int(state.turns[0]),
-            twist=float(info[9]),
-            solve_time=perf_counter() - began,
-            supports=self.search.loads[self._clips],
-            touches=touches,
-            bodies=bodies,
-        )
-
-
-def directions(quaternions: Array) -> Array:
-    """(k, 3), d3 of frames (k, 4)."""
-    x, y, z, w = quaternions.T
-    return np.stack((2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)), axis=1)
+            found.buffer[4 * problem.points - 3 : 4 * problem.points] = problem.end.cable_frame.position
+        found.solve_time = perf_counter() - began
+        found.supports = search.loads[1 + self._clips].copy()
+        found.touches, found.bodies = touches, bodies
+        return found
 
 
 def end_frames(problem: Problem) -> Array:

@@ -9,13 +9,13 @@ from typing import Any, final
 import numpy as np
 
 from cable_shape.checks import Array
-from cable_shape.kernels import crossing_ground, crossing_response, surface
-from cable_shape.kernels.contact_near import MARGIN
-from cable_shape.kernels.span_work import NOW
+from cable_shape.kernels import crossing_ground, surface
+from cable_shape.kernels.contact.near import MARGIN
+from cable_shape.kernels.network import points as held_points
+from cable_shape.kernels.network.tables import NOW
 from cable_shape.models.crossing_points import HeldPoints, positions_at
 from cable_shape.models.crossing_step import Ground
 from cable_shape.models.rod_common import MODEL
-from cable_shape.models.touch_factors import factored
 from cable_shape.models.touch_state import TouchState
 from cable_shape.models.touch_step import DEEPEST, WARM_ITERATIONS, Steps
 from cable_shape.models.touching import ACCURACY, BURIED, inexact
@@ -39,7 +39,7 @@ class HeldAmong(HeldPoints[TouchState]):
 
     def __init__(self, problem: Problem, shape: CableShape, arcs: Array, frames: Array, links: Array) -> None:
         """From a shape of the cable with its ends in `frames` (2, 7), the bodies' links in `links` (m, 7)."""
-        super().__init__(problem, arcs)
+        super().__init__(problem, arcs, "ball")
         self.tolerance = max(problem.tolerance, ACCURACY * problem.cable.length)
         self.settled = _SETTLED * problem.cable.length
         self.state = TouchState(self.problem)
@@ -153,23 +153,18 @@ class HeldAmong(HeldPoints[TouchState]):
 
     def respond(self) -> None:
         """Fills forces, tangents and their derivatives, the same nodes staying in contact."""
-        state = self.state
-        spans, unknown = factored(state)
-        cut = slice(spans + 1)
-        numbers = np.array([int(np.flatnonzero(state.base[cut] == at)[0]) for at in self._at])
-        self._system = state.where[cut], state.mask[cut], state.place[cut], state.elements, unknown, numbers
-        crossing_response.held_points(
-            state.par, state.mesh, state.q[NOW], state.lam[:spans], state.work, *self._system,
-            self.force, self.tangent, self.dforce, self.dtangent,
-        )  # fmt: skip
+        state, net = self.state, self.state.net
+        state.refresh()
+        self._knots = state.knots_of(self._at.tolist())
+        held_points.held_points(
+            net.ints, net.floats, net.sols, net.space, self._knots, self.force, self.tangent, self.dforce, self.dtangent
+        )
 
     def under_motion(self, motion: Array) -> tuple[Array, Array]:
         """(k, 3) each, change of `force` and `tangent` as the ends move by `motion` (2, 6) from where `respond` was."""
-        state = self.state
+        net = self.state.net
         out = np.empty_like(self.force), np.empty_like(self.force)
-        crossing_response.points_under_motion(
-            state.par, state.mesh, state.q[NOW], state.work, *self._system, motion, *out
-        )  # fmt: skip
+        held_points.points_under_motion(net.ints, net.floats, net.sols, net.space, self._knots, motion, *out)
         return out
 
     def grounds(self, arc: float, place: Array, before: list[Ground]) -> list[Ground]:

@@ -7,12 +7,9 @@ from time import perf_counter
 from typing import final
 
 from cable_shape.checks import Array
-from cable_shape.errors import ArgumentError
 from cable_shape.kernels.frames import straight
-from cable_shape.pose import Grip
 from cable_shape.problem import Problem
 from cable_shape.shape import CableShape, Status
-from cable_shape.solve.answers import about_gripper
 
 MODEL = "cosserat"
 _LONGEST_WAIT = 16
@@ -43,17 +40,6 @@ def straight_line(
         solve_time=perf_counter() - began,
         roll_error=float(roll),
     )
-
-
-def turn_about(at: str, problem: Problem, out: Array) -> None:
-    """Changes sensitivities (n, 3, 12) about the cable's ends into those about the grippers' origins, if asked."""
-    if at == "cable":
-        return
-    if at != "gripper":
-        raise ArgumentError.of("at", at, "it must be 'cable' or 'gripper'", "Choose one of these.")
-    for column, end in ((0, problem.start), (6, problem.end)):
-        if isinstance(end, Grip):
-            about_gripper(end, out[:, :, column : column + 6])
 
 
 @final

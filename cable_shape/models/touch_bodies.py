@@ -11,6 +11,7 @@ import numpy as np
 from cable_shape.checks import Array
 from cable_shape.clearance import body_tables, carried_by, link_rows
 from cable_shape.kernels import bounds, surface
+from cable_shape.kernels.contact.tables import Bodies
 from cable_shape.kernels.triangles import STACK_SIZE
 from cable_shape.meshes.convex import half_thickness
 from cable_shape.pose import Pose
@@ -91,6 +92,14 @@ class TouchBodies:
         self.moved_links = self.links.copy()
         self.moved_links[:, :3] += by
         surface.place_bodies(self.table, self.moved_links, self.frames)
+
+    @property
+    def kernel(self) -> Bodies:
+        """As the compiled solver takes them."""
+        return Bodies(
+            self.table, self.frames, self.frames_then, self.triangles, self.tree, self.stack, self.moved_links,
+            self.measured, self.counts,
+        )  # fmt: skip
 
     def remember(self) -> None:
         """Where they are is where they were at the last solution."""

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from cable_shape.checks import Array
-from cable_shape.kernels import contact_slide, rod_mesh
-from cable_shape.kernels.contact_near import BARE, GAP, NORMAL, PRESS
+from cable_shape.kernels import rod_mesh
+from cable_shape.kernels.contact import run
+from cable_shape.kernels.contact.near import BARE, GAP, NORMAL, PRESS
 from cable_shape.shape import CableShape
 
 ELEMENTS = 48  #: of a mesh before nodes are added, at least
@@ -89,12 +90,12 @@ def tidied(nodes: Array, h: Array, q: Array, near: Array, on: Any, bend: float, 
 
     None: nowhere.
     """
-    if not contact_slide.any_crowded(near, on, q, h, 1.0 / bend):
+    if not run.any_crowded(near, on, q, h, 1.0 / bend):
         return None
     away: list[int] = []
     new: list[float] = []
     for k in np.flatnonzero(on[1:-1, 0] != BARE) + 1:
-        side = contact_slide.crowded(near, on, q, h, k, 1.0 / bend)
+        side = run.crowded(near, on, q, h, k, 1.0 / bend)
         j = k + side
         if side == 0 or j in (0, nodes.size - 1) or on[j, 0] != BARE or nodes[j] in stops:
             continue

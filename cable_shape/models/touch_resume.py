@@ -7,12 +7,11 @@ from typing import Any
 import numpy as np
 
 from cable_shape.checks import Array
-from cable_shape.kernels.contact_near import NORMAL, PRESS
+from cable_shape.kernels.contact.near import NORMAL, PRESS
 from cable_shape.shape import CableShape
 
 _ALONE = 1.5  #: of an element: contacts that are further than this from the next one of their body are no row
 _NEAR = 0.1  #: of an element: a node nearer to a contact is its node
-_AT = 1e-6  #: of the length: a support nearer to a force is what exerts it
 
 
 def pressed_rows(shape: CableShape, names: tuple[str, ...]) -> Array:
@@ -50,19 +49,3 @@ def press_nodes(rows: Array, nodes: Array, held: Any, near: Array, on: Array) ->
                 on[k, :] = row[1]
                 near[k, PRESS] += part * row[8]
                 near[k, NORMAL : NORMAL + 3] = row[5:8]
-
-
-def support_forces(shape: CableShape, arcs: Array) -> Array:
-    """(b+1, 3) [N], what acts on the cable at the supports `arcs` (b+1,): clips, other cables, bodies there."""
-    out = np.zeros((arcs.size, 3))
-
-    def add(at: float, force: Array) -> None:
-        j = int(np.abs(arcs - at).argmin())
-        if abs(arcs[j] - at) < _AT * shape.length:
-            out[j] += force
-
-    for row in shape.supports:
-        add(row[0], -row[1:4])
-    for row in shape.touches:
-        add(row[0], row[8] * row[5:8])
-    return out

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from cable_shape.checks import Array
-from cable_shape.kernels.span_work import NOW
+from cable_shape.kernels.network.tables import NOW
 from cable_shape.models.touch_step import DEEPEST, FAR, STEP_ITERATIONS, WARM_ITERATIONS, Steps
 from cable_shape.shape import CableShape
 from cable_shape.solve.search import between
@@ -43,7 +43,7 @@ def relax(steps: Steps, frames: Array) -> bool:
     """Lets the cable slide, as in a thick liquid, from the last solution to where it comes to rest at `frames`."""
     state = steps.state
     origin, links = state.grips[NOW].copy(), state.bodies.links_then
-    softest = float(min(state.par[:3])) / steps.problem.cable.length**2
+    softest = state.cable.softest
     done, step, drag = 0.0, 1.0, _FIRST_DRAG * softest
     for _ in range(_SLIDES):
         if steps.out_of_time() or step < _SMALLEST_STEP:

@@ -20,19 +20,14 @@ _ITERATIONS = 60  #: many, for contacts begin and end one at a time
 def soften(steps: Steps, frames: Array, lay: Callable[[Problem], bool]) -> bool:
     """From the equilibrium of a stiffer cable at `frames`, which `lay` finds for its problem, to that of the cable."""
     state = steps.state
-    stiffness, bend = state.par[:3].copy(), state.bend
     factor, softening = _STIFF / state.limpness, _SOFTENING
 
-    def be(stiffer: float) -> None:
-        state.par[:3], state.bend = stiffer * stiffness, stiffer * bend
-        state.unfactored()
-
     try:
-        be(factor)
+        state.stiffen(factor)
         found = lay(_as_stiff(steps.problem, factor))
         while found and factor > 1.0 and not steps.out_of_time():
             to = max(factor / softening, 1.0)
-            be(to)
+            state.stiffen(to)
             if steps.go(frames, 1, _ITERATIONS, math.inf, jump=True):
                 factor, softening = to, min(softening**_EAGER, _SOFTENING**2)
             else:
@@ -40,7 +35,7 @@ def soften(steps: Steps, frames: Array, lay: Callable[[Problem], bool]) -> bool:
                 found = softening > _LEAST_SOFTENING
         return found and factor == 1.0
     finally:
-        be(1.0)
+        state.stiffen(1.0)
 
 
 def _as_stiff(problem: Problem, factor: float) -> Problem:

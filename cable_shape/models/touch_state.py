@@ -3,38 +3,35 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple, final
 
 import numpy as np
 
+from cable_shape.cable import Cable
 from cable_shape.checks import Array
-from cable_shape.kernels import contact_check, contact_drive, span_slide, span_work
-from cable_shape.kernels.contact_near import BARE, NEAR, NORMAL, PRESS, SPOT
-from cable_shape.kernels.span_factor import PLACE
-from cable_shape.kernels.span_work import BEFORE, NOW, TRIAL
+from cable_shape.kernels.contact import check, drive, respond
+from cable_shape.kernels.contact.knots import room_for
+from cable_shape.kernels.contact.near import BARE, NEAR, SPOT
+from cable_shape.kernels.contact.tables import Lying, Net
+from cable_shape.kernels.network import material, tables
+from cable_shape.kernels.network import respond as network_respond
+from cable_shape.kernels.network.tables import BEFORE, NOW, TRIAL
 from cable_shape.models import touch_mesh, touch_resume
 from cable_shape.models.rod_common import Patience
 from cable_shape.models.touch_bodies import TouchBodies
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.problem import Problem
 from cable_shape.shape import CableShape
+from cable_shape.solve.cables import FREE_ROTATIONS
 from cable_shape.solve.mesh import interpolated
+from cable_shape.solve.network import Network
 
 MOST_ELEMENTS = 600
 #: Times as many elements as at first, from which on nodes are taken away again, if contacts make a smaller error [L];
 #: and from which on inside of rows whatever the error is.
 MANY, COARSE, FULL = 1.15, 1e-4, 1.3
 LEAST_LENGTH = 5e-4  #: of the cable's length: shorter elements are not divided
-_FREE_ROTATIONS = {
-    "clamped": (0.0, 0.0, 0.0),
-    "fixed": (0.0, 0.0, 0.0),
-    "swivel": (0.0, 0.0, 1.0),
-    "hinge": (0.0, 0.0, 1.0),
-    "pinned": (1.0, 1.0, 1.0),
-    "ball": (1.0, 1.0, 1.0),
-    "slide": (1.0, 1.0, 1.0),
-    "free": (1.0, 1.0, 1.0),
-}
 _NEUTRAL = 1e-6  #: modes softer than this fraction of the stiffness / length^2 count as neutral, and neutral as stable
 #: Least stretch of a cable under weight + 10 EI / L^2 + the force on a free end: between two contacts nothing else lets
 #: a straight piece give.
@@ -49,7 +46,7 @@ class Kept(NamedTuple):
     """What `TouchState.copy` keeps."""
 
     arrays: list[Array]
-    mesh: Array
+    nodes: Array
     elements: int
     spacing: Array
     middles: Array
@@ -74,13 +71,13 @@ class TouchState:
         self._arcs: Array = np.zeros(2)  # (b+1,) [m], of the supports; of eyelets, where they were laid out
         self.rings: Any = np.empty(0, np.int64)  # supports that are eyelets
         self.slid: Array = np.zeros((3, 2))  # (3, b+1) [m], arc lengths of the supports
-        self.info: Array = np.zeros(contact_drive.INFO)
-        self.par: Array = np.zeros(14)
+        self.info: Array = np.zeros(drive.INFO)
+        self.length = 0.0
         self._grips: Array = np.zeros((3, 2, 7))
         self.turns: Array = np.zeros(3)
         self._kinds: tuple[str, ...] = ()
         self._held_as: tuple[str, ...] = ()  # the kinds of the last solution
-        self._tip = _NOTHING
+        self._tip = self._moment = _NOTHING
         self.take(problem)
 
     def take(self, problem: Problem) -> None:
@@ -88,15 +85,17 @@ class TouchState:
 
         Bodies and clips may have moved.
         """
-        cable, par = problem.cable, self.par
-        length = cable.length
+        cable, length = problem.cable, problem.cable.length
         arcs = np.array((0.0, *(clip.arc_length for clip in problem.clips), length))
         rings = np.array([1 + i for i, clip in enumerate(problem.clips) if clip.kind == "slide"], dtype=np.int64)
         same_rings = arcs.size == self._arcs.size and np.array_equal(rings, self.rings)
         if same_rings:
             arcs[rings] = self._arcs[rings]  # what is in an eyelet is found
         if not (
-            self.bodies.are(problem.bodies) and same_rings and par[13] == length and np.array_equal(arcs, self._arcs)
+            self.bodies.are(problem.bodies)
+            and same_rings
+            and self.length == length
+            and np.array_equal(arcs, self._arcs)
         ):
             self.forget()
             self.elements = 0
@@ -105,26 +104,18 @@ class TouchState:
         self._arcs, self.rings = arcs, rings
         self.problem = problem
         self.unfactored()
-        weight = float(np.linalg.norm(problem.load.mean(axis=0))) * length
+        self.length = length
+        self.cable = Network(problem)  # what the cable is made of, and how it is held
+        self.weight = float(np.linalg.norm(self.cable.mean_load)) * length
         self.bend = cable.mean_bending_stiffness
-        self.limpness = math.inf if weight == 0.0 else self.bend / (weight * length**2)
-        self._count = touch_mesh.first_count(length, self.bend, weight / length)
-        par[0:2] = cable.bending_stiffness
-        par[2] = cable.twisting_stiffness
-        par[3:5] = 0.0 if cable.shear_stiffness is None else 1.0 / cable.shear_stiffness
+        self.limpness = math.inf if self.weight == 0.0 else self.bend / (self.weight * length**2)
+        self._count = touch_mesh.first_count(length, self.bend, self.weight / length)
         self._stretch = 0.0 if cable.axial_stiffness is None else 1.0 / cable.axial_stiffness
-        self._load_scale = weight + 10.0 * self.bend / length**2
-        par[9:12] = cable.linear_density * problem.gravity
-        par[12] = _NEUTRAL * min(par[:3]) / length**2
-        par[13] = length
-        self.table: Array = np.atleast_2d(cable.rest_curvature)
         at = problem.load_arc_length.copy()
         for arc in arcs:
             at[np.abs(at - arc) < _AT * length] = arc
         inside = (at > _AT * length) & (at < (1.0 - _AT) * length)
         self.points: Array = at[inside]
-        self.weights: Array = np.ascontiguousarray(problem.load_force[inside])
-        self.end_weight: Array = problem.load_force[at >= (1.0 - _AT) * length].sum(axis=0)
         self._stops: Array = np.union1d(self.points, arcs[1:-1])
         self.radius = 0.5 * cable.diameter
         if self.bodies.take(problem):
@@ -152,36 +143,52 @@ class TouchState:
             self._hold(start.kind, end.kind, _NOTHING, _NOTHING)
         else:
             frames[-1] = frames[0]
-            self._hold(start.kind, "free", end.mass * self.problem.end_fall + end.force + self.end_weight, end.moment)
+            self._hold(start.kind, "free", end.mass * self.problem.end_fall + end.force, end.moment)
         return frames
 
     def _hold(self, start: str, end: str, tip: Array, moment: Array) -> None:
         """Takes over how the ends are held, and the load on a free end."""
         kinds = (start, *[clip.kind for clip in self.problem.clips], end)
-        if kinds == self._kinds and tip is moment is self._tip:  # two grips still
-            return
-        self.unfactored()
-        self.par[6:9] = moment
-        if kinds == self._kinds and (tip == self._tip).all():
+        if kinds == self._kinds and np.array_equal(tip, self._tip) and np.array_equal(moment, self._moment):
             return
         if self.elements and kinds != self._held_as:
             self.history = min(self.history, 1)
             self._grips[NOW, :, 3:] = self.q[NOW, self.held]
-        self._kinds, self._held_as, self._tip = kinds, kinds, tip
-        self.par[5] = max(self._stretch, _LEAST_STRETCH / (self._load_scale + float(np.linalg.norm(tip))))
-        self.forces = len(kinds) - 1 - (end == "free")
-        self.held_mask: Array = np.array([_FREE_ROTATIONS[kind] for kind in kinds])
-        if self.held_mask[:, 2].all() and self.par[0] == self.par[1] and not self.table.any():
-            self.held_mask[0, 2] = 0.0  # nothing holds the roll of a round straight cable: it would be a zero mode
+        self._kinds, self._held_as, self._tip, self._moment = kinds, kinds, tip, moment
+        self.cable.hold((start, end), tip, moment)
+        self.forces = self.cable.forces
+        structure = self.cable.structure
+        masks: list[tuple[float, ...]] = [FREE_ROTATIONS[kind] for kind in kinds]
+        masks[0] = masks[0] if structure.knots[0].turns else structure.free[0][0]
+        self.held_mask: Array = np.array(masks)
+        self._tell()
+
+    def _tell(self) -> None:
+        """Tells the network what the cable is made of: it stretches a little, whatever it is."""
+        cable, made = self.cable, self.cable.held.copy()
+        pull = self.weight + 10.0 * self.problem.cable.mean_bending_stiffness / self.length**2
+        self.stretch = max(self._stretch, _LEAST_STRETCH / (pull + float(np.linalg.norm(self._tip))))
+        pieces = made[cable.place_of_pieces].reshape(-1, tables.PIECE)
+        pieces[:, material.COMPLIANCE + 2] = self.stretch
+        made[tables.ELASTIC], made[tables.RIGID] = 1.0, 0.0
+        made[tables.BASE_SHIFT] = _NEUTRAL * made[tables.SOFTEST]
+        self.made: Array = made
+        self.unfactored()
         if self.elements:
             self._load(self.nodes)
+
+    def stiffen(self, factor: float) -> None:
+        """Makes the cable so many times as stiff as it is."""
+        self.cable.stiffen(factor)
+        self.bend = factor * self.problem.cable.mean_bending_stiffness
+        self._tell()
 
     # -- the mesh
 
     @property
     def nodes(self) -> Array:
         """(N+1,) [m], arc lengths."""
-        return self.mesh[: self.elements + 1]
+        return self.s
 
     @property
     def arcs(self) -> Array:
@@ -191,6 +198,10 @@ class TouchState:
         arcs = self._arcs.copy()
         arcs[self.rings] = self.nodes[self.held[self.rings]]
         return arcs
+
+    def bounds(self) -> Array:
+        """`arcs`."""
+        return self.arcs
 
     @property
     def stops(self) -> Array:
@@ -205,33 +216,24 @@ class TouchState:
         if n_old:
             old = (self.q, self.near, self.on, self.ends)
         self.elements = n
-        self.mesh: Array = np.zeros(span_work.mesh_size(n))
-        self.work: Array = np.zeros(span_work.work_size(n, n))
+        self.s: Array = nodes.copy()
+        self.h: Array = np.diff(nodes)
+        self.errors: Array = np.zeros(n)
+        self.start: Array = np.zeros((n + 1, 4))
         self.q: Array = np.zeros((3, n + 1, 4))
         self.near: Array = np.zeros((3, n + 1, NEAR))
         self.on: Any = np.full((3, n + 1, 2), BARE)
         self.ends: Array = np.zeros((3, self._arcs.size - 1, 3))
         self.held: Any = np.abs(nodes[:, None] - self._arcs).argmin(axis=0)
-        self.knots: Any = self.held  # between them eyelets spread the nodes
-        k = self.rings.size
-        if k and self.points.size:
-            self.knots = np.union1d(self.held, np.abs(nodes[:, None] - self.points).argmin(axis=0))
-        self.slides = (
-            np.zeros((k * (n + 1), 3)), np.zeros((k * n, 6)), np.zeros((k * n, 9)), np.zeros((k, k)), np.zeros(k),
-        )  # fmt: skip
-        self.where: Any = np.zeros(n + 1, dtype=np.int64)
-        self.base: Any = np.zeros(n + 1, dtype=np.int64)
-        self.mask: Array = np.zeros((n + 1, 3))
-        self.place: Array = np.zeros((n + 1, PLACE))
-        self.lam: Array = np.zeros((n, 3))
-        self.mesh_then: Array = np.empty(self.mesh.size)  # before the last step
+        self.loads: Array = np.zeros((n + 1, 7))
+        self.s_then: Array = nodes.copy()  # before the last step
         self.unfactored()
         self._load(nodes)
         if not n_old:
             return
         q, near, on, self.ends = old
         match = np.abs(old_nodes[:, None] - nodes).argmin(axis=0)
-        same = np.abs(old_nodes[match] - nodes) < _AT * self.par[13]
+        same = np.abs(old_nodes[match] - nodes) < _AT * self.length
         for which in (NOW, BEFORE):
             self.q[which] = interpolated(nodes, old_nodes, q[which])
             self.near[which, same] = near[which, match[same]]
@@ -240,11 +242,24 @@ class TouchState:
                 touch_mesh.share_out(self.nodes, self.near[which], self.on[which], old_nodes, near[which], on[which])
 
     def _load(self, nodes: Array) -> None:
-        """Puts the nodes there, and what acts on the elements between them."""
-        s, h, load, rest, _ = span_work.mesh_parts(self.mesh, self.elements)
-        s[:] = nodes
-        self.acts: Array = np.vstack((self.problem.load, self._tip, self.weights))
-        span_slide.load_elements(s, self.acts, self.points, self.table, h, load, rest)
+        """Puts the nodes there, and makes room for the network."""
+        self.s[:] = nodes
+        self.h[:] = np.diff(nodes)
+        bare = self.cable.bare
+        plan, model, solutions, work, run = room_for(bare, self.elements)
+        self.net = Net(
+            bare, self.made, np.zeros(plan, np.int64), np.empty(model), np.zeros(3 * solutions), np.zeros(work),
+            np.zeros(run), np.zeros(self.elements + 1, np.int64), np.zeros(self.elements + 1, np.int64),
+        )  # fmt: skip
+        self.unfactored()
+
+    @property
+    def lying(self) -> Lying:
+        """What the solver is told of the cable."""
+        return Lying(
+            self.held, self.held_mask, self.s, self.h, self.errors, self.start, self.q, self.near, self.on, self.ends,
+            self._grips, self.turns, self.slid,
+        )  # fmt: skip
 
     def insert(self, arcs: Array) -> bool:
         """Adds nodes at these arc lengths; False if there is one at each already."""
@@ -252,7 +267,7 @@ class TouchState:
         for arc in arcs:
             j = min(max(int(np.searchsorted(nodes, arc)), 1), nodes.size - 1)
             h = nodes[j] - nodes[j - 1]
-            if h < LEAST_LENGTH * self.par[13]:
+            if h < LEAST_LENGTH * self.length:
                 continue
             at = min(max(arc, nodes[j - 1] + 0.2 * h), nodes[j] - 0.2 * h)
             nodes = np.insert(nodes, j, at)
@@ -263,18 +278,16 @@ class TouchState:
 
     def ends_of_rows(self) -> Array:
         """Arc lengths that `touch_mesh.ends_of_rows` has for the last solution."""
-        least = LEAST_LENGTH * self.par[13]
+        least = LEAST_LENGTH * self.length
         return touch_mesh.ends_of_rows(self.nodes, self.q[NOW], self.near[NOW], self.on[NOW], least)
 
     def too_coarse(self) -> Array:
         """Arc lengths in the middle of the elements that most of the error of the last solution comes from."""
-        errors = span_work.mesh_parts(self.mesh, self.elements)[4]
-        return touch_mesh.worst(self.nodes, errors)
+        return touch_mesh.worst(self.nodes, self.errors)
 
     def tidy(self) -> bool:
         """Moves the nodes that contacts have run up to; whether there are any."""
-        h = span_work.mesh_parts(self.mesh, self.elements)[1]
-        nodes = touch_mesh.tidied(self.nodes, h, self.q[NOW], self.near[NOW], self.on[NOW], self.bend, self.stops)
+        nodes = touch_mesh.tidied(self.nodes, self.h, self.q[NOW], self.near[NOW], self.on[NOW], self.bend, self.stops)
         if nodes is not None:
             self.lay_out(nodes)
         return nodes is not None
@@ -286,7 +299,7 @@ class TouchState:
         """
         if self.rings.size and self.elements < MOST_ELEMENTS:
             self.insert(touch_mesh.stretched(self.nodes, self._spacing, self._middles))
-        coarse = bool(self.info[16] > COARSE * self.par[13])
+        coarse = bool(self.info[16] > COARSE * self.length)
         full = self.elements > FULL * self._spacing.size
         if self.elements <= MANY * self._spacing.size or (coarse and not full):
             return
@@ -320,14 +333,10 @@ class TouchState:
         last = self._arcs.size - 2
         if self.forces == last:
             self._grips[NOW, -1, 3:] = self.q[NOW, -1]
-        load = span_work.mesh_parts(self.mesh, self.elements)[2]
-        self.ends[NOW, last] = (shape.force[-1] - load[-1, 6:9]) if self.forces > last else 0.0
         touch_resume.press_nodes(rows, nodes, self.held, self.near[NOW], self.on[NOW])
-        pushed = self.near[NOW, :, PRESS : PRESS + 1] * self.near[NOW, :, NORMAL : NORMAL + 3]
-        reactions = touch_resume.support_forces(shape, self._arcs)
-        for j in range(last - 1, -1, -1):
-            between = pushed[self.held[j + 1] : self.held[j + 2]].sum(axis=0)
-            self.ends[NOW, j] = self.ends[NOW, j + 1] + between + reactions[j + 1]
+        for j, arc in enumerate(self._arcs[1:]):
+            before = max(int(np.searchsorted(shape.arc_length, arc)) - 1, 0) if j < last else -1
+            self.ends[NOW, j] = shape.force[before]
         self.turns[NOW] = shape.turns
         self.history = 1
         for array in (self.q, self.near, self.on, self.ends, self._grips, self.turns, self.slid):
@@ -355,10 +364,10 @@ class TouchState:
         self._load(nodes)
 
     def buried(self, frames: Array, deepest: float) -> tuple[int, int, float]:
-        """Which support is deeper in which body, and the gap, as `contact_check.buried` has it."""
+        """Which support is deeper in which body, and the gap, as `check.buried` has it."""
         bodies, held = self.bodies, len(frames) - (type(self.problem.end) is not Grip)
         length = self.problem.cable.length
-        found: tuple[int, int, float] = contact_check.buried(
+        found: tuple[int, int, float] = check.buried(
             frames, self.arcs, held, deepest, length, bodies.table, bodies.frames, bodies.triangles, bodies.tree,
             self.radius, bodies.stack,
         )  # fmt: skip
@@ -372,35 +381,94 @@ class TouchState:
         self.remember(shape.positions)
 
     def touches(self) -> Array:
-        """(k, 9), the contacts of the last solution as `contact_check.touches` has them."""
-        out = np.empty((self.elements, contact_check.TOUCH))
-        return out[: contact_check.touches(self.nodes, self.near[NOW], self.on[NOW], self.radius, out)]
+        """(k, 9), the contacts of the last solution as `check.touches` has them."""
+        out = np.empty((self.elements, check.TOUCH))
+        return out[: check.touches(self.nodes, self.near[NOW], self.on[NOW], self.radius, out)]
 
     def copy(self, *, then: bool = False) -> Kept:
         """All that a solve changes; `then`: with the mesh from before the last step."""
         solutions = (self.q, self.near, self.on, self.ends, self._grips, self.turns, self.slid)
-        mesh = (self.mesh_then if then else self.mesh).copy()
-        return Kept([a.copy() for a in solutions], mesh, self.elements, self._spacing, self._middles)
+        nodes = (self.s_then if then else self.s).copy()
+        return Kept([a.copy() for a in solutions], nodes, self.elements, self._spacing, self._middles)
 
     def restore(self, kept: Kept) -> None:
         """Puts back a `copy`, which stays as it is."""
-        arrays, mesh, elements, self._spacing, self._middles = kept
-        nodes = mesh[: elements + 1].copy()
+        arrays, nodes, elements, self._spacing, self._middles = kept
         if self.elements != elements or self.rings.size:
             self._arcs[self.rings] = arrays[-1][NOW, self.rings]
             self.elements = 0
-            self.lay_out(nodes)
+            self.lay_out(nodes.copy())
         self.q, self.near, self.on, self.ends, self._grips, self.turns, self.slid = (a.copy() for a in arrays)
-        self.mesh[:] = mesh
+        self.s[:], self.h[:] = nodes, np.diff(nodes)
         self.unfactored()
 
     def accept(self, *, again: bool = False) -> None:
         """Makes the trial the last solution; `again`: it is the same one, solved again."""
-        contact_drive.accept(self.q, self.near, self.on, self.ends, self._grips, self.turns, self.slid, again)
+        drive.accept(self.lying, again)
+
+    # -- answers
+
+    @property
+    def ints(self) -> Any:
+        """The network's plan; the next four are its arrays, too."""
+        return self.net.ints
+
+    @property
+    def floats(self) -> Array:
+        return self.net.floats
+
+    @property
+    def sols(self) -> Array:
+        return self.net.sols
+
+    @property
+    def work(self) -> Array:
+        return self.net.space
+
+    def refresh(self) -> None:
+        """Factors the matrix of the last solution, for `kernels.network.respond`."""
+        drive.refresh(self.lying, self.net, 1.0 / self.bend)
+        self.unfactored()
+
+    def knots_of(self, supports: Sequence[int]) -> Array:
+        """Which knots these supports are."""
+        base = self.net.base[: self.net.ints[tables.N_KNOTS]]
+        return np.array([int(np.flatnonzero(base == at)[0]) for at in supports], dtype=np.int64)
+
+    def pulls(self, points: int = 0) -> tuple[Array, Array, Array]:
+        """F . d3 of the eyelets (e,) [N], its derivative in the arc lengths there (e, e), and that of the positions
+        (points, 3, e). Needs `refresh`."""
+        net, e = self.net, self.rings.size
+        f, J, out = np.empty(e), np.empty((e, e)), np.empty((points, 3, e))
+        jumps = np.empty((int(net.ints[tables.N_SPANS]), 3))
+        network_respond.eyelets(net.ints, net.floats, net.sols, net.space, f, J, points, out, jumps)
+        return f, J, out
+
+    def models_beside(self, cables: Sequence[Cable], kept: dict[bytes, Array] | None = None) -> Array:
+        """(c, size): models of other cables held in the same way, on the mesh as it is."""
+        self.cable.arcs = self.arcs
+        made, before, after = self.cable.beside(cables, kept)
+        for model in made:
+            pieces = model[self.cable.place_of_pieces].reshape(-1, tables.PIECE)
+            pieces[:, material.COMPLIANCE + 2] = self.stretch
+        models: Array = respond.neighbours(self.net, self.s, made, before, after)
+        return models
+
+    def body_columns(self, name: str) -> tuple[Array, Array]:
+        """(points, 3, 6), (e, 6): how positions and the eyelets' pulls change as a body moves. Needs no `refresh`."""
+        points, bodies = self.problem.points, self.bodies
+        out, df = np.zeros((points, 3, 6)), np.zeros((self.rings.size, 6))
+        if name in bodies.names:
+            self.refresh()
+            at = bodies.names.index(name)
+            respond.body_columns(
+                self.net, self.q[NOW], self.near[NOW], self.on[NOW], at, bodies.frames[at, 3:], points, out, df
+            )
+        return out, df
 
     def unfactored(self) -> None:
         """The next solve starts without the factors at hand."""
-        self.info[contact_drive.AGE] = math.inf
+        self.info[drive.AGE] = math.inf
 
     def put_aside(self) -> tuple[Any, ...]:
         """The last solution and how the cable and the bodies were then, for `put_back`."""
@@ -413,6 +481,12 @@ class TouchState:
         kept, self.history, self.touching, self.free, self.free_frames, self._positions, then = aside
         self.restore(kept)
         self.bodies.frames_then, self.bodies.links_then = then
+
+    def put_nodes_back(self) -> None:
+        """Puts the nodes where they were before the last step."""
+        if not np.array_equal(self.s, self.s_then):
+            self.s[:], self.h[:] = self.s_then, np.diff(self.s_then)
+        self.unfactored()
 
     def came_from(self, kept: Kept) -> None:
         """Makes the last solution of a `copy` the one before the last, if they have the same elements."""

@@ -9,14 +9,13 @@ from typing import final
 import numpy as np
 
 from cable_shape.checks import Array
-from cable_shape.kernels import bounds, contact_check, contact_drive, span_work, surface
-from cable_shape.kernels.contact_drive import UNSETTLED
-from cable_shape.kernels.contact_error import AMISS
-from cable_shape.kernels.contact_near import GRIP_EXCLUSION
-from cable_shape.kernels.contact_newton import RUNNING
-from cable_shape.kernels.span_defect import support_loads
-from cable_shape.kernels.span_newton import CONVERGED
-from cable_shape.kernels.span_work import TRIAL
+from cable_shape.kernels import bounds, surface
+from cable_shape.kernels.contact import check, drive
+from cable_shape.kernels.contact.drive import UNSETTLED
+from cable_shape.kernels.contact.errors import AMISS
+from cable_shape.kernels.contact.near import GRIP_EXCLUSION
+from cable_shape.kernels.contact.press import RUNNING
+from cable_shape.kernels.network.newton import CONVERGED
 from cable_shape.models.touch_state import MOST_ELEMENTS, TouchState
 from cable_shape.problem import Problem
 from cable_shape.shape import CableShape
@@ -110,17 +109,16 @@ class Steps:
     ) -> int:
         """One compiled solve."""
         state, bodies = self.state, self.state.bodies
-        code: int = contact_drive.solve(
-            state.par, state.mesh, state.elements, state.q, state.near, state.on, state.ends, state.grips, state.turns,
-            state.held, state.held_mask, state.forces, state.where, state.mask, state.place, state.lam, state.base,
-            bodies.table, bodies.frames, bodies.triangles, bodies.tree, state.radius, sunk, bodies.stack,
-            state.acts, state.points, state.table, state.slid, state.rings, state.knots, state.slides, state.work,
-            self.buffer, state.info, self.problem.points, history, most, far, drag, state.mesh_then, before,
-            bodies.frames_then, bodies.moved_links, bodies.horizon, bodies.measured, bodies.counts, deepest, fine,
+        state.s_then[:] = state.s
+        code: int = drive.solve(
+            state.lying, bodies.kernel, state.net, before, self.buffer, state.loads, state.info, self.problem.points,
+            history, most, far, 1.0 / state.bend, state.weight, state.radius, sunk, drag, bodies.horizon, deepest, fine,
         )  # fmt: skip
         self.iterations += int(state.info[0])
-        if state.held.size > 2 and code in (CONVERGED, UNSETTLED):
-            self._load_clips()
+        if code not in (CONVERGED, UNSETTLED):
+            state.put_nodes_back()
+        elif state.held.size > 2:
+            self.loads = state.loads[1 : state.held.size - 1].copy()
         return code
 
     def settle(self, frames: Array, sunk: float = 0.0, drag: float = 0.0, *, refine: bool = True) -> bool:
@@ -156,7 +154,7 @@ class Steps:
         state, bodies, n = self.state, self.state.bodies, self.problem.points
         after = buffer[n : 4 * n].reshape(n, 3)
         return bool(
-            contact_check.passes(
+            check.passes(
                 buffer[:n], before, after, bodies.table, bodies.frames, bodies.frames_then,
                 bodies.triangles, bodies.tree, state.radius, bodies.stack,
             )
@@ -172,7 +170,7 @@ class Steps:
         after = buffer[n : 4 * n].reshape(n, 3)
         for b, body in enumerate(bodies.table):
             middle = _MIDDLE * (surface.reach_of(body) + self.state.radius)
-            start = np.array([contact_check.carried(tuple(p), then[b], bodies.frames[b]) for p in before])
+            start = np.array([check.carried(tuple(p), then[b], bodies.frames[b]) for p in before])
             far = float(np.linalg.norm(after - start, axis=1).max())
             if far <= middle or self._least_gap(start, buffer[:n], b) > far:
                 continue
@@ -189,7 +187,7 @@ class Steps:
         state, bodies, length = self.state, self.state.bodies, self.problem.cable.length
         one = bodies.table[b : b + 1], bodies.frames[b : b + 1], bodies.triangles, bodies.tree
         gaps = [
-            contact_check.depth_of(p, arc, length, *one, state.radius, bodies.stack)[0]
+            check.depth_of(p, arc, length, *one, state.radius, bodies.stack)[0]
             for p, arc in zip(line, arcs, strict=True)
         ]
         return float(min(gaps))
@@ -212,14 +210,3 @@ class Steps:
         """Arc lengths where the shape in the buffer is too deep in a body."""
         found = self._measured(self.buffer)
         return np.unique(found[found[:, 0] + sunk < -deepest, 1])
-
-    def _load_clips(self) -> None:
-        """Fills `loads` with what the cable does to its clips, as `support_loads` has it."""
-        state = self.state
-        spans = int(state.info[3])
-        loads = np.empty((spans - 1, 7))
-        s = span_work.mesh_parts(state.mesh, state.elements)[0]
-        first = span_work.vectors(state.work, state.elements)[0]
-        moments = np.hstack((-first[:, 3:6], first[:, 6:9]))
-        support_loads(state.q[TRIAL], state.lam[:spans], moments, s, state.where[: spans + 1], loads)
-        self.loads = np.asarray(loads[state.base[1:spans] >= 0])

@@ -14,11 +14,8 @@ from typing import final
 import numpy as np
 
 from cable_shape.checks import Array
-from cable_shape.kernels import contact_step, span_stability, span_work
-from cable_shape.kernels.contact_near import SPOT
-from cable_shape.kernels.span_work import NOW
-from cable_shape.models.rod_common import MODEL, straight_line, turn_about
-from cable_shape.models.touch_factors import factored
+from cable_shape.kernels.network.tables import NOW
+from cable_shape.models.rod_common import MODEL, straight_line
 from cable_shape.models.touch_search import approach, follow, grow, relax
 from cable_shape.models.touch_soften import LIMP, soften
 from cable_shape.models.touch_state import TouchState
@@ -65,33 +62,6 @@ def inexact(estimate: float, allowed: float) -> str:
         f"an equilibrium in contact, but its error estimate, {estimate:.3g} m, is above {allowed:.3g} m, the larger of "
         f"`tolerance` and {ACCURACY:g} of the length. Raise `tolerance` above the estimate to accept it."
     )
-
-
-def sensitivity(state: TouchState, *, at: str = "cable") -> Array:
-    """(n, 3, 12): change of the last solution's positions at fixed arc length with the poses of the two ends.
-
-    As :func:`cable_shape.solve.cosserat.sensitivity`, as long as the same points stay in contact.
-    """
-    problem, n = state.problem, state.elements
-    spans, unknown = factored(state)
-    out = np.empty((problem.points, 3, 12))
-    sol = np.zeros(3 * span_work.slot_size(n, spans))
-    q, lam, frames, _, _ = span_work.slot(sol, n, spans, NOW)
-    where, mask, place = state.where[: spans + 1], state.mask[: spans + 1], state.place[: spans + 1]
-    q[:], lam[:] = state.q[NOW], state.lam[:spans]
-    frames[:, :3] = state.near[NOW][where, SPOT : SPOT + 3]
-    frames[:, 3:] = q[where]
-    arguments = (state.par, state.mesh, sol, state.work, where, mask, place, n, unknown)
-    rings, k = state.rings.copy(), state.rings.size
-    contact_step.eyelets_at(state.base, spans, state.rings, rings)
-    df = np.empty((k, 12))
-    span_stability.sensitivity(*arguments, rings, problem.points, out, df)
-    if k:
-        f, J, slid = np.empty(k), np.empty((k, k)), np.empty((problem.points, 3, k))
-        span_stability.eyelets(*arguments, rings, f, J, problem.points, slid)
-        out -= np.einsum("pik,kc->pic", slid, np.linalg.solve(J, df))
-    turn_about(at, problem, out)
-    return out
 
 
 def _free(problem: Problem, deadline: float) -> CableShape:
@@ -294,7 +264,7 @@ class _Solve:
         state, s = self.state, shape.arc_length
         if self.problem.cable.axial_stiffness is not None:
             return 0.0
-        stretch = state.par[5] * shape.tension
+        stretch = state.stretch * shape.tension
         shape.error_estimate += max(0.0, float(np.trapezoid(stretch, s)))
         held = s <= state.arcs[state.forces]
         missing = float(np.trapezoid(stretch[held], s[held]))

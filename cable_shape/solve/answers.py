@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import final
+from typing import Any, Protocol, final
 
 import numpy as np
 
 from cable_shape.cable import Cable
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
-from cable_shape.kernels.network import mesh, respond
+from cable_shape.kernels.network import respond
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.problem import Problem
 from cable_shape.scene_parts import clip_names
 from cable_shape.section import Section
-from cable_shape.solve.network import Network
 
 ENDS = ("start", "end")
 #: Numbers of a cable that a shape's derivative may be by.
@@ -24,6 +23,45 @@ NUMBERS = ("length", "linear_density", "bending_stiffness", "twisting_stiffness"
 _NEAR = 1e-6
 #: kg/m, of a cable without weight.
 _LIGHT = 1e-6
+
+
+class Solved(Protocol):
+    """What has solved for a cable: the memory of the rod, in contact or not."""
+
+    problem: Problem
+    history: int
+    rings: Any  # its eyelets
+
+    @property
+    def ints(self) -> Any:
+        """The network's plan; `floats`, `sols` and `work` are its other arrays."""
+
+    @property
+    def floats(self) -> Array:
+        """See `kernels.network.tables`."""
+
+    @property
+    def sols(self) -> Array:
+        """The same."""
+
+    @property
+    def work(self) -> Array:
+        """The same."""
+
+    def refresh(self) -> None:
+        """Factors the matrix of the last solution."""
+
+    def models_beside(self, cables: Sequence[Cable], kept: dict[bytes, Array] | None = None) -> Array:
+        """(c, size): models of other cables held in the same way, on the mesh as it is."""
+
+    def knots_of(self, supports: Sequence[int]) -> Array:
+        """Which knots these supports are: the start, the clips, the end."""
+
+    def pulls(self, points: int = 0) -> tuple[Array, Array, Array]:
+        """Of the eyelets, see `Network.pulls`. Needs `refresh`."""
+
+    def body_columns(self, name: str) -> tuple[Array, Array]:
+        """(points, 3, 6), (e, 6): how positions and the eyelets' pulls change as a body moves."""
 
 
 @final
@@ -47,7 +85,7 @@ class Changes:
         return np.asarray(0.5 * (self.lengths[0::2] - self.lengths[1::2]) / self.steps)
 
 
-def answers(state: Network, changes: Changes) -> Array:
+def answers(state: Solved, changes: Changes) -> Array:
     """(n, 3, k): change of the last solution's positions, a unit of each direction, all that holds it standing still.
 
     Points keep their share of the length; clips and masses their arc length, and the cable runs on through eyelets.
@@ -55,18 +93,17 @@ def answers(state: Network, changes: Changes) -> Array:
     points, count = state.problem.points, len(changes.steps)
     out, df = np.empty((points, 3, count)), np.empty((len(state.rings), count))
     slides = _refreshed(state)
-    held, before, after = state.beside(changes.cables, changes.kept)
-    models = mesh.neighbours(state.bare, held, state.ints, state.floats, before, after)
+    models = state.models_beside(changes.cables, changes.kept)
     respond.answers(state.ints, state.floats, models, changes.steps, state.sols, state.work, points, out, df)
     return _run_on(out, df, slides)
 
 
-def sensitivity(state: Network, by: Sequence[str] = ENDS, *, at: str = "cable") -> Array:
+def sensitivity(state: Solved, by: Sequence[str] = ENDS, *, at: str = "cable") -> Array:
     """(n, 3, m): change of the last solution's positions, by the poses of what holds the cable, and by its numbers.
 
     `by` names the columns in their order: "start", "end" and "clip:NAME" have six, velocity [m/s] and angular velocity
     [rad/s], world axes, about that cable end (with ``at="gripper"`` about the gripper's own origin) or the origin of
-    the clip's pose; "body:NAME" six zeros, as nothing touches the cable; "length", "linear_density",
+    the clip's pose; "body:NAME" too, zeros where it touches nothing; "length", "linear_density",
     "bending_stiffness" (the mean of EI1 and EI2, which keep their ratio) and "twisting_stiffness" one. Points stay at
     their arc length, by "length" at their share of it. Columns of a free end, and of what a grip or a clip leaves free,
     are zero; the cable runs on through its eyelets.
@@ -81,7 +118,7 @@ def sensitivity(state: Network, by: Sequence[str] = ENDS, *, at: str = "cable") 
     if at not in ("cable", "gripper"):
         raise ArgumentError.of("at", at, "it must be 'cable' or 'gripper'", "Choose one of these.")
     problem = state.problem
-    places = {"start": 0, "end": state.spans}
+    places = {"start": 0, "end": 1 + len(problem.clips)}
     places.update((f"clip:{name}", knot) for knot, name in enumerate(clip_names(problem.clips), 1))
     check_names(problem, by, (*places, *NUMBERS))
     held = [name for name in by if name in places]
@@ -100,8 +137,10 @@ def sensitivity(state: Network, by: Sequence[str] = ENDS, *, at: str = "cable") 
         pairs, steps = zip(*[_pair(problem.cable, name) for name in numbers], strict=True)
         columns = answers(state, Changes(pairs, np.array(steps)))
         blocks.update((name, columns[:, :, i : i + 1]) for i, name in enumerate(numbers))
-    still = np.zeros((problem.points, 3, 6))
-    return np.concatenate([blocks.get(name, still) for name in by], axis=2)
+    for name in by:
+        if name.startswith("body:"):
+            blocks[name] = _run_on(*state.body_columns(name.removeprefix("body:")), _refreshed(state))
+    return np.concatenate([blocks[name] for name in by], axis=2)
 
 
 def check_names(problem: Problem, by: Sequence[str], known: Sequence[str]) -> None:
@@ -126,22 +165,22 @@ def about_gripper(end: Grip, block: Array) -> None:
     block[:, :, 3:] += block[:, :, :3] @ np.array(((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0)))
 
 
-def _moved(state: Network, knots: list[int]) -> Array:
+def _moved(state: Solved, knots: list[int]) -> Array:
     """(n, 3, 6 g): change of the positions with the poses of knots."""
     points, columns = state.problem.points, 6 * len(knots)
     out, df = np.empty((points, 3, columns)), np.empty((len(state.rings), columns))
     if knots:
         slides = _refreshed(state)
-        which = np.array(knots, dtype=np.int64)
+        which = state.knots_of(knots)
         respond.sensitivities(state.ints, state.floats, state.sols, state.work, points, which, out, df)
         _run_on(out, df, slides)
     return out
 
 
-def _refreshed(state: Network) -> tuple[Array, Array] | None:
+def _refreshed(state: Solved) -> tuple[Array, Array] | None:
     """Factors the matrix; of a cable in eyelets also what moves their arc lengths, see `Network.pulls`."""
     state.refresh()
-    if not state.rings:
+    if len(state.rings) == 0:
         return None
     _, J, slid = state.pulls(state.problem.points)
     return J, slid

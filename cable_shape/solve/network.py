@@ -547,6 +547,20 @@ class Network:
                 there[:] = np.concatenate((stays, kinks * (cable.length / self.length)))[order]
         return models, places[order], after
 
+    def models_beside(self, cables: Sequence[Cable], kept: dict[bytes, Array] | None = None) -> Array:
+        """(c, size): models of other cables held in the same way, on the mesh as it is."""
+        held, before, after = self.beside(cables, kept)
+        models: Array = mesh.neighbours(self.bare, held, self.ints, self.floats, before, after)
+        return models
+
+    def knots_of(self, supports: Sequence[int]) -> Array:
+        """Which knots these supports are."""
+        return np.array(supports, dtype=np.int64)
+
+    def body_columns(self, name: str) -> tuple[Array, Array]:
+        """Nothing is touched: zeros (points, 3, 6), and of the eyelets' pulls (e, 6)."""
+        return np.zeros((self.problem.points, 3, 6)), np.zeros((len(self.rings), 6))
+
     def _substances(self, cables: Sequence[Cable], kept: dict[bytes, Array]) -> Array:
         """(c, pieces * columns): pieces of these cables under the loads of this one."""
         shares = self.material.breaks / self.length
@@ -561,6 +575,11 @@ class Network:
     def knots(self) -> Array:
         """(k, 7): poses of the supports, without those of the ends."""
         return self._frames
+
+    @property
+    def place_of_pieces(self) -> slice:
+        """Where the pieces of the cable are in `held`."""
+        return self._bare.piece
 
     @property
     def bare(self) -> Whole:

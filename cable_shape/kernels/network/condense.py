@@ -9,6 +9,7 @@ with K = (Kaa, Kab; Kba, Kbb), the stiffness matrix of a finite beam. A row of `
 
     Kaa 9, Kba 9, Kbb 9, Ba 9, Bb 9, S^-1 9, step of lambda 3, c 3, ga 3, gb 3, S^-1 c 3
 
+(where the force is left to the graph, see `joined`, S and c in the place of S^-1 and S^-1 c)
 and a row of `Work.W` the nine numbers of theta_a's column, nine of lambda's and three of the right-hand side's.
 
 This is the one elimination of a span at rest; who joins spans (see `graph`) sees only these rows. A span whose elements
@@ -94,10 +95,19 @@ def finish(plan: Plan, model: Model, work: Work, j: int, pivot: Matrix, wl: Matr
     put9(work.W, node, LAMBDA, wl)
     if plan.known[j] == 0:
         S = msub(get9(work.sums, j, 3), gram)
-        inv, det = inverse(S)
-        negative += negative_eigenvalues(S, det)
-        put9(spans, j, SI, inv)
+        if joined(plan, j):
+            put9(spans, j, SI, S)
+        else:
+            inv, det = inverse(S)
+            negative += negative_eigenvalues(S, det)
+            put9(spans, j, SI, inv)
     return negative
+
+
+@inline
+def joined(plan: Plan, j: int) -> bool:
+    """Whether the force of span j is a vertex of the graph."""
+    return bool(plan.forces.shape[0] > 0 and plan.forces[j, 0] >= 0)
 
 
 @viewing(fastmath=FAST, forceinline=True)
@@ -206,7 +216,7 @@ def condense_between(plan: Plan, model: Model, work: Work, j: int, shift: float)
 
 
 @viewing(fastmath=FAST, forceinline=True)
-def reduce(plan: Plan, work: Work, j: int) -> None:
+def reduce(plan: Plan, model: Model, work: Work, j: int) -> None:
     """Eliminates the right-hand side of span j, G and the first three of sums, with the factors at hand."""
     P, Y, W, G, spans = work.P, work.Y, work.W, work.G, work.spans
     first, last = plan.first[j], plan.first[j + 1]
@@ -233,8 +243,14 @@ def reduce(plan: Plan, work: Work, j: int) -> None:
         if e < last:
             x = subtract(get3(G, node + 1), tapply(get9(Y, e, 0), x))
     put3(spans, j, CLOSURE, c)
-    press = apply(get9(spans, j, SI), c) if unknown else NONE
-    put3(spans, j, PRESS, press)
+    if model.given.shape[0] > 0:
+        c = add(c, subtract(get3(model.given, plan.ends[j, 1]), get3(model.given, plan.ends[j, 0])))
+    press = NONE
+    if joined(plan, j):
+        put3(spans, j, PRESS, c)
+    else:
+        press = apply(get9(spans, j, SI), c) if unknown else NONE
+        put3(spans, j, PRESS, press)
     if tied:
         put3(spans, j, GA, subtract(ga, apply(get9(spans, j, BA), press)))
     if plan.tied[j, 1] != 0:
@@ -251,7 +267,9 @@ def expand(plan: Plan, work: Work, j: int, ta: Vector, ya: Vector, tb: Vector, y
     first, last = plan.first[j], plan.first[j + 1]
     tied = plan.tied[j, 0] != 0
     force = NONE
-    if plan.known[j] == 0:
+    if joined(plan, j):
+        force = get3(work.gap, plan.forces[j, 0])
+    elif plan.known[j] == 0:
         z = add(take3(spans, j, CLOSURE), subtract(yb, ya))
         if tied:
             z = add(z, tapply(get9(spans, j, BA), ta))

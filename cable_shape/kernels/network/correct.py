@@ -110,6 +110,7 @@ def correct(ints: Whole, floats: Floats, sols: Floats, space: Floats, run: Float
     told[OFF], told[OFF_FORCE], told[OFF_MOMENT] = math.sqrt(largest), math.sqrt(force), math.sqrt(moment)
     # what the rule itself misses
     work.pull[:, :] = 0.0
+    model.given[:, :] = 0.0
     release(plan, model, G)
     solve(ints, floats, space)
     along = 0.0

@@ -21,6 +21,7 @@ from cable_shape.kernels.network.condense import (
     ZERO,
     condense,
     expand,
+    joined,
     reduce,
 )
 from cable_shape.kernels.network.system import FORCE, NONE
@@ -41,13 +42,16 @@ from cable_shape.kernels.rod_algebra import (
     Vector,
     add,
     apply,
+    dot,
     get3,
     get9,
     inverse_by_pivots,
+    madd,
     mscale,
     mshift,
     msub,
     mul,
+    outer,
     put3,
     put9,
     rotation,
@@ -58,6 +62,7 @@ from cable_shape.kernels.rod_algebra import (
     tmul,
     transpose,
 )
+from cable_shape.kernels.rod_element import IDENTITY
 
 
 @inline
@@ -91,6 +96,9 @@ def add_block(block: Floats, place: int, A: Matrix) -> None:
 @viewing(fastmath=FAST, forceinline=True)
 def scatter(plan: Plan, model: Model, work: Work, j: int) -> None:
     """Adds the condensed span j to the graph."""
+    if joined(plan, j):
+        scatter_force(plan, model, work, j)
+        return
     spans, size, block = work.spans, work.size, work.block
     ta, ya, tb, yb = plan.corners[j, 0], plan.corners[j, 1], plan.corners[j, 2], plan.corners[j, 3]
     S = get9(spans, j, SI) if plan.known[j] == 0 else ZERO
@@ -126,6 +134,49 @@ def scatter(plan: Plan, model: Model, work: Work, j: int) -> None:
             add_block(block, plan.blocks[j, 4], S)
 
 
+@inline
+def scatter_force(plan: Plan, model: Model, work: Work, j: int) -> None:
+    """The same beside a knot that is pressed on: the force stays, a vertex before the place where the span ends.
+
+    Condensed, short spans would be springs of 1e8 N/m on both sides of such a place, whose difference is lost in
+    rounding where the cable is limp; one after the other, their compliances add up.
+    """
+    spans, size, block = work.spans, work.size, work.block
+    ta, ya, tb, yb = plan.corners[j, 0], plan.corners[j, 1], plan.corners[j, 2], plan.corners[j, 3]
+    v = plan.forces[j, 0]
+    add9(size, v, get9(spans, j, SI))
+    Ta, Tb = ZERO, ZERO
+    if ta >= 0:
+        Ta = to_knot(plan, model, j, 0)
+        add9(size, ta, mul(Ta, mul(get9(spans, j, KAA), transpose(Ta))))
+        add_block(block, plan.forces[j, 1], mul(Ta, get9(spans, j, BA)))
+    if tb >= 0:
+        Tb = to_knot(plan, model, j, 1)
+        add9(size, tb, mul(Tb, mul(get9(spans, j, KBB), transpose(Tb))))
+        add_block(block, plan.forces[j, 3], transpose(mul(Tb, get9(spans, j, BB))))
+    if ta >= 0 and tb >= 0:
+        add_block(block, plan.blocks[j, 1], transpose(mul(Tb, mul(get9(spans, j, KBA), transpose(Ta)))))
+    if ya >= 0:
+        add_block(block, plan.forces[j, 2], mscale(-1.0, transpose(get9(model.along, plan.ends[j, 0], 0))))
+    if yb >= 0:
+        add_block(block, plan.forces[j, 4], get9(model.along, plan.ends[j, 1], 0))
+        press(plan, model, work, j)
+
+
+@inline
+def press(plan: Plan, model: Model, work: Work, j: int) -> None:
+    """Adds to the graph what presses on the knot where span j ends; its rotation comes after its place."""
+    knot, v = plan.ends[j, 1], plan.corners[j, 3]
+    Z = get9(model.along, knot, 0)
+    own = tmul(Z, mul(get9(model.bent, knot, 0), Z))
+    add9(work.size, v, msub(madd(own, IDENTITY), tmul(Z, Z)))
+    a, b = take3(model.lean, knot, 0), tapply(Z, take3(model.lean, knot, 3))
+    if a != NONE or b != NONE:
+        add9(work.size, plan.corners[j, 2], outer(a, a))
+        add9(work.size, v, outer(b, b))
+        add_block(work.block, plan.blocks[j, 5], outer(b, a))
+
+
 @viewing(fastmath=FAST)
 def factor(ints: Whole, floats: Floats, space: Floats, shift: float) -> int:
     """Factors the whole matrix, `shift` times the lengths between nodes added; returns the number of negative
@@ -157,7 +208,12 @@ def hold_knots(plan: Plan, model: Model, work: Work, shift: float) -> None:
                     work.size[v, 4 * i] += 1.0
         v = plan.vertices[k, 1]
         if v >= 0:
-            put9(work.size, v, 0, mshift(get9(work.size, v, 0), shift / model.par[LENGTH]))
+            f = shift / model.par[LENGTH]
+            if model.along.shape[0] > 0:
+                Z = get9(model.along, k, 0)
+                add9(work.size, v, mscale(f, tmul(Z, Z)))
+            else:
+                put9(work.size, v, 0, mshift(get9(work.size, v, 0), f))
 
 
 @viewing(fastmath=FAST, forceinline=True)
@@ -196,13 +252,13 @@ def solve(ints: Whole, floats: Floats, space: Floats) -> float:
     plan, model, work = plan_of(ints), model_of(ints, floats), work_of(ints, space)
     vertices = plan.pointer.shape[0] - 1
     for j in range(plan.ends.shape[0]):
-        reduce(plan, work, j)
+        reduce(plan, model, work, j)
     if vertices == 0:
         work.move[:, :] = 0.0
     else:
         collect(plan, model, work)
         substitute(plan, work)
-    farthest = spread(plan, work)
+    farthest = spread(plan, model, work)
     largest = 0.0
     for j in range(plan.ends.shape[0]):
         ta, ya, tb, yb = steps_of_ends(plan, model, work, j, vertices > 0)
@@ -229,13 +285,15 @@ def substitute(plan: Plan, work: Work) -> None:
 
 
 @viewing(fastmath=FAST, forceinline=True)
-def spread(plan: Plan, work: Work) -> float:
+def spread(plan: Plan, model: Model, work: Work) -> float:
     """Fills `move`, the steps of the knots; returns the square of the longest of a place."""
     farthest = 0.0
     for k in range(plan.vertices.shape[0]):
         turn, way = plan.vertices[k, 0], plan.vertices[k, 1]
         put3(work.move, k, 0, get3(work.gap, turn) if turn >= 0 else NONE)
         y = get3(work.gap, way) if way >= 0 else NONE
+        if model.given.shape[0] > 0:
+            y = add(apply(get9(model.along, k, 0), y), get3(model.given, k))
         put3(work.move, k, 3, y)
         farthest = max(farthest, y[0] * y[0] + y[1] * y[1] + y[2] * y[2])
     return farthest
@@ -269,6 +327,9 @@ def collect(plan: Plan, model: Model, work: Work) -> None:
     for j in range(plan.ends.shape[0]):
         press = take3(spans, j, PRESS)
         ta, ya, tb, yb = plan.corners[j, 0], plan.corners[j, 1], plan.corners[j, 2], plan.corners[j, 3]
+        if joined(plan, j):
+            put3(gap, plan.forces[j, 0], 0, press)
+            ya = yb = -1
         if ta >= 0:
             put3(gap, ta, 0, add(get3(gap, ta), apply(to_knot(plan, model, j, 0), take3(spans, j, GA))))
         if tb >= 0:
@@ -277,6 +338,16 @@ def collect(plan: Plan, model: Model, work: Work) -> None:
             put3(gap, ya, 0, add(get3(gap, ya), press))
         if yb >= 0:
             put3(gap, yb, 0, subtract(get3(gap, yb), press))
+    for k in range(model.along.shape[0]):
+        turn, way = plan.vertices[k, 0], plan.vertices[k, 1]
+        if way < 0:
+            continue
+        given, b = get3(model.given, k), take3(model.lean, k, 3)
+        f = dot(b, given)
+        pull = add(get3(gap, way), add(apply(get9(model.bent, k, 0), given), scale(f, b)))
+        put3(gap, way, 0, tapply(get9(model.along, k, 0), pull))
+        if turn >= 0:
+            put3(gap, turn, 0, add(get3(gap, turn), scale(f, take3(model.lean, k, 0))))
 
 
 @inline

@@ -336,8 +336,14 @@ def one_neighbour(
     """Fills one row of `neighbours`."""
     copy(out, floats)
     copy_model(bare, held, ints, out)
+    copy(model_of(ints, out).par, model_of(ints, floats).par)
+    move_nodes(ints, floats, before, after, out)
+
+
+@viewing
+def move_nodes(ints: Whole, floats: Floats, before: Floats, after: Floats, out: Floats) -> None:
+    """Puts the nodes of another model of the network where those of `floats` go as `before` (a,) goes to `after`."""
     own, s = model_of(ints, out), model_of(ints, floats).s
-    copy(own.par, model_of(ints, floats).par)
     for k in range(s.shape[0]):
         i = 0
         while i < before.shape[0] - 2 and s[k] > before[i + 1]:

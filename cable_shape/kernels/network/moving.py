@@ -73,7 +73,7 @@ def solve(ints: Whole, floats: Floats, space: Floats, moving: Floats) -> float:
     for j in range(plan.ends.shape[0]):
         collect(plan, work, motion, j)
     substitute(plan, work)
-    farthest, largest = spread(plan, work), 0.0
+    farthest, largest = spread(plan, model, work), 0.0
     for j in range(plan.ends.shape[0]):
         ta, ya, tb, yb = steps_of_ends(plan, model, work, j, True)
         size = expand(plan, work, motion, j, ta, ya, tb, yb)

@@ -116,16 +116,36 @@ def cable_of(plan: Plan, j: int) -> int:
 
 @viewing(forceinline=True)
 def stop_beside(plan: Plan, model: Model, j: int, near_end: bool) -> int:
-    """The node of span j nearest to its end, or to its start, that carries a point load; else the node far from it."""
+    """The node nearest to the end of span j, or to its start, that carries a point load or is held by a knot.
+
+    The nodes up to there, and knots that bodies press on with them, keep their shares of that stretch of the cable.
+    """
     c = cable_of(plan, j)
-    first, last = plan.first[j] + j, plan.first[j + 1] + j
     least = 1e-9 * model.par[LENGTH]
-    found = first if near_end else last
-    for k in range(plan.points[c], plan.points[c + 1]):
-        for node in range(first + 1, last):
-            if abs(model.s[node] - model.at[k]) < least:
-                found = max(found, node) if near_end else min(found, node)
-    return found
+    while True:
+        first, last = plan.first[j] + j, plan.first[j + 1] + j
+        found = first if near_end else last
+        far = found
+        for k in range(plan.points[c], plan.points[c + 1]):
+            for node in range(first + 1, last):
+                if abs(model.s[node] - model.at[k]) < least:
+                    found = max(found, node) if near_end else min(found, node)
+        knot = plan.ends[j, 0 if near_end else 1]
+        if found != far or model.along.shape[0] == 0 or plan.vertices[knot, 1] < 0:
+            return found
+        j += -1 if near_end else 1
+
+
+@viewing(forceinline=True)
+def stretch(plan: Plan, model: Model, c: int) -> tuple[int, int]:
+    """First and last of the spans that change as the cable moves through eyelet c."""
+    low, high = plan.rings[c, 1], plan.rings[c, 1] + 1
+    a, b = stop_beside(plan, model, low, True), stop_beside(plan, model, high, False)
+    while plan.first[low] + low > a:
+        low -= 1
+    while plan.first[high + 1] + high < b:
+        high += 1
+    return low, high
 
 
 @viewing
@@ -153,9 +173,9 @@ def move_along(ints: Whole, floats: Floats, run: Floats, fraction: float) -> Non
     for c in range(slides.way.shape[0]):
         if slides.way[c] != 0.0:
             respace(ints, floats, c, fraction * slides.way[c])
-            j = plan.rings[c, 1]
-            fill_span(ints, floats, cable_of(plan, j), j)
-            fill_span(ints, floats, cable_of(plan, j), j + 1)
+            low, high = stretch(plan, model_of(ints, floats), c)
+            for j in range(low, high + 1):
+                fill_span(ints, floats, cable_of(plan, j), j)
 
 
 @viewing(forceinline=True)
@@ -193,25 +213,25 @@ def columns(ints: Whole, floats: Floats, sols: Floats, space: Floats, run: Float
     copy_rows(slides.closure, work.sums, 3)
     copy_rows(slides.places, work.pull, 3)
     for c in range(given):
-        j = plan.rings[c, 1]
-        cable = cable_of(plan, j)
+        low, high = stretch(plan, model, c)
+        cable = cable_of(plan, low)
         delta = DIFFERENCE * model.par[LENGTH]
         respace(ints, floats, c, delta)
-        fill_span(ints, floats, cable, j)
-        fill_span(ints, floats, cable, j + 1)
+        for i in range(low, high + 1):
+            fill_span(ints, floats, cable, i)
         f = 1.0 / delta
         work.G[:, :] = 0.0
         work.sums[:, :3] = 0.0
         work.pull[:, :] = 0.0
-        for i in (j, j + 1):
+        for i in range(low, high + 1):
             for x in range(3):
                 slides.heavy[c, i, x] = f * (model.weight[i, x] - weight[i, x])
                 work.pull[plan.ends[i, 0], x] -= slides.heavy[c, i, x]
             for e in range(plan.first[i], plan.first[i + 1]):
                 differ(model, sol, work, slides, c, i, e, f)
         copy(model.s, slides.s)
-        fill_span(ints, floats, cable, j)
-        fill_span(ints, floats, cable, j + 1)
+        for i in range(low, high + 1):
+            fill_span(ints, floats, cable, i)
         release(plan, model, work.G)
         solve(ints, floats, space)
         copy_rows(slides.turn[c], work.d, 3)

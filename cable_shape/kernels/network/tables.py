@@ -30,6 +30,8 @@ Whole = NDArray[np.int64]
 HEAD = 16
 N_ELEMENTS, N_SPANS, N_KNOTS, N_VERTICES, N_BLOCKS, N_TARGETS, N_CABLES, N_STRIPPED = 0, 1, 2, 3, 4, 5, 6, 7
 N_PIECES, N_POINTS, N_RINGS, UNKNOWN = 8, 9, 10, 11
+#: Knots whose places bodies press on: all of them, or 0 where none can be, and nothing is kept of it.
+N_PRESSED = 13
 #: Columns of a piece of a cable: stiffness, rest curvature and distributed load at its left and right, compliance.
 PIECE = 21
 #: Numbers that belong to the whole network, see `Model.par`.
@@ -66,6 +68,8 @@ class Plan(NamedTuple):
     pieces: Whole  # (c+1,) first piece of each cable
     points: Whole  # (c+1,) first point load of each cable
     rings: Whole  # (e, 2) eyelets: knot, and the span before it
+    forces: Whole  # (m, 5) where knots can be pressed on, else none: vertex of the span's force, -1 where the span is
+    #                condensed; its blocks with those of `corners`
 
 
 class Model(NamedTuple):
@@ -94,6 +98,10 @@ class Model(NamedTuple):
     at: Floats  # (p,) arc length of point loads
     act: Floats  # (p, 3)
     carried: Floats  # (k, 3) scratch
+    along: Floats  # (l, 9) l = `N_PRESSED`: columns are the directions in which a knot's place is free, or zero
+    bent: Floats  # (l, 9) second derivative of what presses on it, in the place [N/m]
+    lean: Floats  # (l, 6) a (rotation), b (place): what else it adds is half the square of a . theta + b . y
+    given: Floats  # (l, 3) [m] the step in its place that is not left to it
 
 
 class Solution(NamedTuple):
@@ -177,6 +185,7 @@ def plan_of(ints: Whole) -> Plan:
     o17 = o16 + c * 2
     o18 = o17 + (c + 1)
     o19 = o18 + (c + 1)
+    o20 = o19 + e * 2
     return Plan(
         part(ints, o0, (o1 - o0,)),
         part(ints, o1, (o2 - o1,)),
@@ -198,6 +207,7 @@ def plan_of(ints: Whole) -> Plan:
         part(ints, o17, (o18 - o17,)),
         part(ints, o18, (o19 - o18,)),
         part(ints, o19, (e, 2)),
+        part(ints, o20, (m if ints[N_PRESSED] > 0 else 0, 5)),
     )  # fmt: skip
 
 
@@ -226,6 +236,11 @@ def model_of(ints: Whole, floats: Floats) -> Model:
     o17 = o16 + (p + c) * 3
     o18 = o17 + a
     o19 = o18 + a * 3
+    l = ints[N_PRESSED]  # noqa: E741
+    o20 = o19 + k * 3
+    o21 = o20 + l * 9
+    o22 = o21 + l * 9
+    o23 = o22 + l * 6
     return Model(
         part(floats, o0, (o1 - o0,)),
         part(floats, o1, (o2 - o1,)),
@@ -248,6 +263,10 @@ def model_of(ints: Whole, floats: Floats) -> Model:
         part(floats, o17, (o18 - o17,)),
         part(floats, o18, (a, 3)),
         part(floats, o19, (k, 3)),
+        part(floats, o20, (l, 9)),
+        part(floats, o21, (l, 9)),
+        part(floats, o22, (l, 6)),
+        part(floats, o23, (l, 3)),
     )  # fmt: skip
 
 
@@ -340,7 +359,7 @@ def work_of(ints: Whole, work: Floats) -> Work:
 def model_size(ints: Whole) -> int:
     """Numbers of a model with this head."""
     n, m, k, c, p, a = ints[0], ints[1], ints[2], ints[N_CABLES], ints[N_PIECES], ints[N_POINTS]
-    return PAR + 28 * n + 18 * m + 12 * k + 3 * c + 4 * (p + c) + PIECE * p + 4 * a
+    return PAR + 28 * n + 18 * m + 12 * k + 3 * c + 4 * (p + c) + PIECE * p + 4 * a + 27 * ints[N_PRESSED]
 
 
 @viewing

@@ -8,7 +8,7 @@ import numpy as np
 
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.contact_near import BARE, GRIP_EXCLUSION, NONE, NORMAL, PRESS, SPOT
+from cable_shape.kernels.contact.near import BARE, EXACT, GRIP_EXCLUSION, NONE, NORMAL, SPOT
 from cable_shape.kernels.rod_algebra import (
     Vector,
     add,
@@ -116,13 +116,13 @@ def touches(s: Array, near: Array, on: Array, radius: float, out: Array) -> int:
     """Fills out (N, 9) with the contacts of a solution, see TOUCH; returns how many there are."""
     count = 0
     for k in range(s.shape[0]):
-        if on[k, 0] == BARE or not near[k, PRESS] > 0.0:
+        if on[k, 0] == BARE or not near[k, EXACT] > 0.0:
             continue
         n = take3(near, k, NORMAL)
         out[count, 0] = s[k]
         out[count, 1] = on[k, 0]
         put3(out, count, 2, subtract(take3(near, k, SPOT), scale(radius, n)))
         put3(out, count, 5, n)
-        out[count, 8] = near[k, PRESS]
+        out[count, 8] = near[k, EXACT]
         count += 1
     return count

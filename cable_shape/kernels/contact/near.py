@@ -1,7 +1,7 @@
-"""Which nodes of a cable touch which bodies: gaps, normals and curvatures at the nodes, and the supports they make.
+"""Which nodes of a cable touch which bodies: gaps, normals and curvatures at the nodes.
 
-    near  (N+1, 20) of a node: contact force p [N] | gap to the nearest body [m] | its outward normal 3 | curvature of
-                    its surface 9 | place 3 | change of place in the last step 3
+    near  (N+1, 21) of a node: contact force p [N] | gap to the nearest body [m] | its outward normal 3 | curvature of
+                    its surface 9 | place 3 | change of place in the last step 3 | contact force corrected [N]
     on    (N+1, 2)  row of the body that the node is pressed on, -1: none | row of the nearest body, -1: none near
 
 A cable cannot come nearer to a body faster than along its arc length, so that a node at the distance d rules out all
@@ -15,6 +15,7 @@ import math
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.distance import HALF_SPACE
+from cable_shape.kernels.network.compiled import viewing
 from cable_shape.kernels.rod_algebra import (
     Vector,
     add,
@@ -23,9 +24,6 @@ from cable_shape.kernels.rod_algebra import (
     get3,
     get4,
     get9,
-    madd,
-    mscale,
-    outer,
     put3,
     put9,
     rotation,
@@ -37,8 +35,8 @@ from cable_shape.kernels.rod_algebra import (
 from cable_shape.kernels.rod_element import relative
 from cable_shape.kernels.surface import FLAT, reach_of, touch
 
-NEAR = 20  # columns of `near`
-PRESS, GAP, NORMAL, CURVED, SPOT, STEP = 0, 1, 2, 5, 14, 17
+NEAR = 21  # columns of `near`
+PRESS, GAP, NORMAL, CURVED, SPOT, STEP, EXACT = 0, 1, 2, 5, 14, 17, 20
 BARE = -1
 MARGIN = 0.03  # [m] bodies further from a node than this are not looked at
 GRIP_EXCLUSION = 0.05  # [m] of arc length at either end, within which what grips the cable is no body to it
@@ -47,7 +45,7 @@ NONE = (0.0, 0.0, 0.0)
 SHARP, ROUND = 0.6, 0.05
 
 
-@kernel
+@viewing
 def walk(first: Array, held: Array, places: Array, near: Array) -> None:
     """Places of the nodes, from each held support on. first (N, 9): minus the steps in position first.
 
@@ -108,93 +106,14 @@ def look(
             near[k, PRESS] = 0.0
 
 
-@kernel
-def supports(
-    q: Array, h: Array, near: Array, on: Array, held: Array, held_mask: Array, where: Array, mask: Array, place: Array,
-    base: Array, least: float, flex: float, filled: bool,
-) -> int:  # fmt: skip
-    """Fills where, mask and place for the held supports and the contacts; returns the number of spans.
-
-    held (b+1,): nodes of the held supports. base[j]: the held support that support j is, -1 for a contact.
-    filled: with what acts on the contacts' places. flex [1/(N m^2)]: 1 / EI.
-    """
-    spans = 0
-    where[0] = held[0]
-    base[0] = 0
-    mask[0, :] = held_mask[0]
-    place[0, 0] = 0.0
-    for i in range(held.shape[0] - 1):
-        for k in range(held[i] + 1, held[i + 1]):
-            if on[k, 0] != BARE:
-                spans += 1
-                where[spans] = k
-                base[spans] = -1
-                mask[spans, :] = 1.0
-                if filled:
-                    fill(q, h, near, on, k, place, spans, least, flex)
-        spans += 1
-        where[spans] = held[i + 1]
-        base[spans] = i + 1
-        mask[spans, :] = held_mask[i + 1]
-        place[spans, 0] = 0.0
-    return spans
-
-
-@kernel
-def forces_of(near: Array, normal: int, ends: Array, where: Array, base: Array, spans: int, lam: Array) -> None:
-    """Fills lam (spans, 3), the spans' forces. ends (b, 3): those before held supports; normal: column of `near`."""
-    force = NONE
-    for j in range(spans - 1, -1, -1):
-        if base[j + 1] >= 0:
-            force = get3(ends, base[j + 1] - 1)
-        else:
-            k = where[j + 1]
-            force = add(force, scale(near[k, PRESS], take3(near, k, normal)))
-        put3(lam, j, 0, force)
-
-
-@kernel
-def fill(q: Array, h: Array, near: Array, on: Array, k: int, place: Array, j: int, least: float, flex: float) -> None:
-    """What acts on the place of contact j at node k: free along the two tangents, curved as the surface is.
-
-    A contact that runs along the cable is nowhere nearer than at its node: the least distance has the second derivative
-    y . H y - (b . y + a . theta)^2 / g'', b = H t and a . theta the turn of the tangent into the normal.
-    """
-    n = take3(near, k, NORMAL)
-    x, y, z = n
-    if abs(x) < 0.6:
-        size = 1.0 / math.sqrt(y * y + z * z)
-        t = (0.0, -size * z, size * y)
-    else:
-        size = 1.0 / math.sqrt(x * x + y * y)
-        t = (-size * y, size * x, 0.0)
-    place[j, 0] = 2.0
-    put3(place, j, 13, t)
-    put3(place, j, 16, (y * t[2] - z * t[1], z * t[0] - x * t[2], x * t[1] - y * t[0]))
-    put3(place, j, 19, n)
-    force = max(near[k, PRESS], 0.0)
-    A = mscale(-force, get9(near, k, CURVED))
-    a = b = NONE
-    second = along_cable(q, h, near, on, k, least, flex)
-    if second > 0.0:
-        f = math.sqrt(force / second)
-        N = tapply(rotation(get4(q, k)), n)
-        a = (-f * N[1], f * N[0], 0.0)
-        b = scale(f, apply(get9(near, k, CURVED), tangent_of(q, k)))
-        A = madd(A, outer(b, b))
-    put9(place, j, 1, A)
-    put3(place, j, 25, a)
-    put3(place, j, 28, b)
-
-
-@kernel
+@viewing
 def tangent_of(q: Array, k: int) -> Vector:
     """Third axis of the frame of node k."""
     x, y, z, w = q[k, 0], q[k, 1], q[k, 2], q[k, 3]
     return (2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y))
 
 
-@kernel
+@viewing
 def turning(q: Array, h: Array, near: Array, k: int, flex: float) -> Vector:
     """Darboux vector at node k [1/m].
 
@@ -209,14 +128,14 @@ def turning(q: Array, h: Array, near: Array, k: int, flex: float) -> Vector:
     return add(u, (-bend * N[1], bend * N[0], 0.0))
 
 
-@kernel
+@viewing
 def sharpness(q: Array, near: Array, k: int) -> float:
     """Curvature of the body along the cable at a contact [1/m]."""
     t = tangent_of(q, k)
     return dot(t, apply(get9(near, k, CURVED), t))
 
 
-@kernel
+@viewing
 def parting(q: Array, h: Array, near: Array, k: int, flex: float) -> tuple[float, float]:
     """Second derivative of the distance along the cable at a contact [1/m], and the body's part of it."""
     sharp = sharpness(q, near, k)
@@ -224,7 +143,7 @@ def parting(q: Array, h: Array, near: Array, k: int, flex: float) -> tuple[float
     return sharp + dot(take3(near, k, NORMAL), apply(rotation(get4(q, k)), (u[1], -u[0], 0.0))), sharp
 
 
-@kernel
+@viewing
 def along_cable(q: Array, h: Array, near: Array, on: Array, k: int, least: float, flex: float) -> float:
     """Second derivative of the distance along the cable at a contact that runs along it [1/m]; 0 if it does not.
 
@@ -239,33 +158,7 @@ def along_cable(q: Array, h: Array, near: Array, on: Array, k: int, least: float
     return second if second > least else 0.0
 
 
-@kernel
-def couple(place: Array, where: Array, base: Array, spans: int, D: Array) -> bool:
-    """Adds the part of contacts that run along the cable to the diagonal blocks; whether there are any."""
-    found = False
-    for j in range(1, spans):
-        if base[j] < 0:
-            a = take3(place, j, 25)
-            if a != NONE:
-                found = True
-                put9(D, where[j], 0, madd(get9(D, where[j], 0), outer(a, a)))
-    return found
-
-
-@kernel
-def totals(first: Array, parts: Array, where: Array, spans: int, sums: Array) -> None:
-    """sums (m, 12) of the spans, from their elements."""
-    for j in range(spans):
-        for c in range(12):
-            sums[j, c] = 0.0
-        for e in range(where[j], where[j + 1]):
-            for c in range(3):
-                sums[j, c] += first[e, c]
-            for c in range(9):
-                sums[j, 3 + c] += parts[e, 27 + c]
-
-
-@kernel
+@viewing
 def allowed(near: Array, on: Array, bodies: Array, radius: float) -> float:
     """The fraction of the last step that carries no node further than its gap and 0.6 of a body's thickness."""
     fraction = 1.0
@@ -288,7 +181,7 @@ def allowed(near: Array, on: Array, bodies: Array, radius: float) -> float:
     return fraction
 
 
-@kernel
+@viewing
 def lean(near: Array, k: int, fraction: float) -> None:
     """Turns the normal at node k with the surface under the step, to first order."""
     H = get9(near, k, CURVED)

@@ -11,7 +11,7 @@ import math
 
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.contact_near import (
+from cable_shape.kernels.contact.near import (
     BARE,
     CURVED,
     NORMAL,
@@ -23,7 +23,6 @@ from cable_shape.kernels.contact_near import (
     turning,
 )
 from cable_shape.kernels.rod_algebra import (
-    Vector,
     add,
     apply,
     dot,
@@ -36,23 +35,11 @@ from cable_shape.kernels.rod_algebra import (
     scale,
     take3,
 )
-from cable_shape.kernels.rod_mesh import element_rest
 
 STILL = 1e-13  # of the length: shorter ways are not gone
 FARTHEST = 0.3  # of the shorter neighbouring element, at a time
 DIP = 1e-5  # m, four times as far as the cable may dip into a body between two contacts that stay two
 NARROWEST = 0.12  # of both neighbouring elements: how short one of them may become
-
-
-@kernel
-def along(ends: Array, length: float, a: float, b: float) -> Vector:
-    """Integral from a to b of a load that is linear between `ends` (2, 3) [N/m]."""
-    f, m = b - a, 0.5 * (a + b) / length
-    return (
-        f * (ends[0, 0] + (ends[1, 0] - ends[0, 0]) * m),
-        f * (ends[0, 1] + (ends[1, 1] - ends[0, 1]) * m),
-        f * (ends[0, 2] + (ends[1, 2] - ends[0, 2]) * m),
-    )
 
 
 @kernel
@@ -63,21 +50,20 @@ def slide(
     on: Array,
     s: Array,
     h: Array,
-    load: Array,
-    rest: Array,
-    ends: Array,
-    table: Array,
+    masses: Array,
     least: float,
     flex: float,
+    merging: bool,
 ) -> float:
     """Moves the nodes of contacts that run to where the cable is nearest; returns the longest way gone [m].
 
-    start (N+1, 4): other rotations of the nodes, which go along. flex [1/(N m^2)]: 1 / EI.
+    start (N+1, 4): other rotations of the nodes, which go along. masses (p,) [m]: where nodes stay.
+    flex [1/(N m^2)]: 1 / EI. merging: see `merge`.
     """
     last = h.shape[0]
     longest = 0.0
     for k in range(1, last - 1):
-        if on[k, 0] != BARE and on[k + 1, 0] == on[k, 0]:
+        if merging and on[k, 0] != BARE and on[k + 1, 0] == on[k, 0]:
             merge(q, near, on, h, k, least, flex)
     for k in range(1, last):
         if on[k, 0] == BARE:
@@ -86,8 +72,8 @@ def slide(
         both = h[k - 1] + h[k]
         if second == 0.0:
             continue
-        if load[k - 1, 6] != load[k, 0] or load[k - 1, 7] != load[k, 1] or load[k - 1, 8] != load[k, 2]:
-            continue  # a mass sits there
+        if is_any(masses, s[k], 1e-9 * s[last]):
+            continue
         u = turning(q, h, near, k, flex)
         way = -dot(tangent_of(q, k), take3(near, k, NORMAL)) / second
         limit = FARTHEST * min(h[k - 1], h[k])
@@ -104,16 +90,16 @@ def slide(
         s[k] += way
         h[k - 1] = s[k] - s[k - 1]
         h[k] = s[k + 1] - s[k]
-        length = s[last]
-        middle, right = 0.5 * (s[k] + s[k + 1]), take3(load, k, 6)
-        put3(load, k, 3, add(right, along(ends, length, middle, s[k + 1])))
-        put3(load, k, 0, add(right, along(ends, length, s[k], s[k + 1])))
-        put3(load, k - 1, 6, take3(load, k, 0))
-        middle, right = 0.5 * (s[k - 1] + s[k]), take3(load, k, 0)
-        put3(load, k - 1, 3, add(right, along(ends, length, middle, s[k])))
-    if longest > 0.0 and table.shape[0] > 1:
-        element_rest(s, table, rest)
     return longest
+
+
+@kernel
+def is_any(values: Array, x: float, within: float) -> bool:
+    """Whether one of the values is next to x."""
+    count = 0
+    for value in values:
+        count += abs(value - x) < within
+    return count > 0
 
 
 @kernel

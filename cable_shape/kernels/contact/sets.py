@@ -6,12 +6,15 @@ import math
 
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.contact_near import BARE, GAP, PRESS
+from cable_shape.kernels.contact.near import BARE, GAP, PRESS
 
 
 @kernel
-def drop(near: Array, on: Array, least: float, one: bool) -> int:
-    """Ends contacts that pull by more than `least` [N], all or the worst; returns how many."""
+def drop(near: Array, on: Array, s: Array, least: float, one: bool) -> int:
+    """Ends contacts that pull by more than `least` [N], all or the worst; returns how many.
+
+    What they pulled by goes to the contacts beside them, see `hand_on`.
+    """
     count = 0
     worst, at = -least, -1
     for k in range(near.shape[0]):
@@ -20,13 +23,38 @@ def drop(near: Array, on: Array, least: float, one: bool) -> int:
                 worst, at = near[k, PRESS], k
             else:
                 on[k, 0] = BARE
-                near[k, PRESS] = 0.0
                 count += 1
     if at >= 0:
         on[at, 0] = BARE
-        near[at, PRESS] = 0.0
         count = 1
+    if count > 0:
+        hand_on(near, on, s)
     return count
+
+
+@kernel
+def hand_on(near: Array, on: Array, s: Array) -> None:
+    """Gives forces at nodes that touch nothing to the contacts before and behind, by the law of the lever.
+
+    The force that the cable carries on either side, and with it the legs' shape, stays as it is; but none of them pulls
+    thereby.
+    """
+    before = -1
+    for k in range(near.shape[0]):
+        force = near[k, PRESS]
+        if on[k, 0] != BARE:
+            before = k
+        elif force != 0.0:
+            behind = k + 1
+            while behind < near.shape[0] and on[behind, 0] == BARE:
+                behind += 1
+            near[k, PRESS] = 0.0
+            if behind < near.shape[0]:
+                share = (s[k] - s[before]) / (s[behind] - s[before]) if before >= 0 else 1.0
+                near[behind, PRESS] = max(near[behind, PRESS] + share * force, 0.0)
+                force -= share * force
+            if before >= 0:
+                near[before, PRESS] = max(near[before, PRESS] + force, 0.0)
 
 
 @kernel

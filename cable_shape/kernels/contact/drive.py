@@ -1,0 +1,222 @@
+"""One solve of a cable pressed on bodies, in one compiled call: predict, Newton, judge, sample, look, accept."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cable_shape.checks import Array
+from cable_shape.kernels._jit import kernel
+from cable_shape.kernels.bounds import closest_points
+from cable_shape.kernels.contact.ahead import predict, turn_supports
+from cable_shape.kernels.contact.check import passes
+from cable_shape.kernels.contact.errors import AMISS, SAFETY, contact_error, position_error
+from cable_shape.kernels.contact.knots import close, from_model, laid, place_nodes, press_on, put
+from cable_shape.kernels.contact.near import GRIP_EXCLUSION, NORMAL, ROUND, walk
+from cable_shape.kernels.contact.press import I_ASSEMBLIES, I_EXCESS, I_ITERATIONS, RUNNING, press, tell_pushes
+from cable_shape.kernels.contact.run import any_crowded
+from cable_shape.kernels.contact.tables import Bodies, Lying, Net
+from cable_shape.kernels.network import drive as network
+from cable_shape.kernels.network.drive import BROKEN, FAR, knot_loads, sample
+from cable_shape.kernels.network.graph import factor
+from cable_shape.kernels.network.newton import CONVERGED
+from cable_shape.kernels.network.respond import SLIGHT
+from cable_shape.kernels.network.sliding import cut_short, move_along, slides_of
+from cable_shape.kernels.network.system import assemble, gradient
+from cable_shape.kernels.network.tables import (
+    BASE_SHIFT,
+    BEFORE,
+    NOW,
+    TRIAL,
+    copy,
+    copy_rows,
+    model_of,
+    plan_of,
+    solution_of,
+    solution_size,
+    work_of,
+)
+from cable_shape.kernels.rod_algebra import get4, qconj, qmul
+from cable_shape.kernels.rod_output import all_finite
+
+#: What `solve` tells in `info` besides `press`: residual, estimated error [m], energy [J], twist [rad], error of the
+#: interpolation [m], largest turn of a frame against its prediction and of an element [rad], the part of the estimate
+#: that is the contacts' [m], how far frames have turned since the factors at hand [rad], infinite: none to start from.
+I_RESIDUAL, I_ESTIMATE, I_ENERGY, I_TWIST, I_INTERPOLATION, I_TURNED, I_TURN, I_CONTACTS, AGE = (
+    5, 7, 8, 9, 10, 12, 13, 16, 18,
+)  # fmt: skip
+INFO = 20
+OLDEST = 0.03  # rad: factors from further away serve no more
+QUICK = 3  # iterations: after more of them the factors are too old
+UNSETTLED = 8  # an equilibrium, but something is left to be done about it
+
+
+@kernel
+def turned(p: Array, q: Array) -> float:
+    """Largest angle between the frames p and q (N+1, 4) of a node [rad]."""
+    largest = 0.0
+    for k in range(q.shape[0]):
+        miss = qmul(qconj(get4(p, k)), get4(q, k))
+        largest = max(largest, miss[0] * miss[0] + miss[1] * miss[1] + miss[2] * miss[2])
+    return 2.0 * math.asin(min(1.0, math.sqrt(largest)))
+
+
+@kernel
+def begin(lying: Lying, net: Net, a: float) -> None:
+    """Lets the cable run on through its eyelets by `a` times its last step, and turns what is held with its grips."""
+    q, near, on, grips = lying.q[TRIAL], lying.near[TRIAL], lying.on[TRIAL], lying.grips[TRIAL]
+    ints, floats, sols = net.ints, net.floats, net.sols
+    if not laid(net, lying, on):
+        place_nodes(net, lying.s)
+    if net.run.shape[0] > 0 and a != 0.0:
+        put(ints, floats, sols, q, near, NORMAL, lying.ends[TRIAL], grips, net.where, net.base)
+        slides, plan = slides_of(ints, net.run), plan_of(ints)
+        for c in range(slides.way.shape[0]):
+            held = net.base[plan.rings[c, 0]]
+            slides.way[c] = a * (lying.slid[NOW, held] - lying.slid[BEFORE, held])
+        move_along(ints, floats, net.run, cut_short(ints, floats, sols, net.run))
+        from_model(ints, floats, lying.s, lying.h)
+    turn_supports(q, lying.s, grips, lying.held, lying.mask)
+
+
+@kernel
+def solve(
+    lying: Lying, bodies: Bodies, net: Net, before: Array, out: Array, loads: Array, info: Array, points: int,
+    history: int, most: int, far: float, flex: float, weight: float, radius: float, sunk: float, drag: float,
+    horizon: float, deepest: float, fine: float,
+) -> int:  # fmt: skip
+    """Solves for what holds the cable in the trial of `lying`, to an equilibrium there: CONVERGED or UNSETTLED.
+
+    Else STALLED, NOT_FINITE, BROKEN or FAR. history: so many solutions, 1 or 2, to start from. far [rad]: largest turn
+    of a frame from its prediction that is accepted. flex to drag: see `press`. out: 17 points, as CableShape.buffer;
+    loads (k, 7): what held nodes carry, as `network.drive.knot_loads` has it. before to fine: see `look_over`;
+    UNSETTLED is what it says, and if it finds nothing the trial has become the solution now. A failure leaves the mesh
+    to be put back.
+    """
+    a = predict(
+        lying.q, lying.near, lying.on, lying.ends, lying.grips, lying.turns, lying.s[lying.s.shape[0] - 1], history
+    )
+    begin(lying, net, a)
+    q, near, on, h = lying.q[TRIAL], lying.near[TRIAL], lying.on[TRIAL], lying.h
+    lying.start[:, :] = q
+    age = info[AGE] + turned(lying.q[NOW], q)
+    factored = history > 1 and drag == 0.0 and info[I_EXCESS] == 0.0 and age < OLDEST
+    info[:] = 0.0
+    info[AGE] = math.inf
+    status = press(lying, bodies, net, flex, weight, radius, sunk, most, drag, factored, info)
+    if status != CONVERGED:
+        return status
+    info[I_TURNED] = turned(lying.start, q)
+    if not info[I_TURNED] <= far:
+        return FAR
+    ints, floats, sols, space = net.ints, net.floats, net.sols, net.space
+    for j in range(lying.held.shape[0]):
+        lying.slid[TRIAL, j] = lying.s[lying.held[j]]
+    off = position_error(net, lying.errors)
+    uncorrected(lying, net)
+    seen = np.zeros(network.INFO + 2)
+    sample(ints, floats, sols, space, points, out, seen)
+    knot_loads(ints, floats, space, loads[: ints[2]])
+    tell_pushes(net, near)
+    for i in range(ints[2]):
+        if net.base[i] >= 0:
+            for c in range(7):
+                loads[net.base[i], c] = loads[i, c]
+    info[I_ENERGY], info[I_TWIST] = seen[network.I_ENERGY], seen[network.INFO]
+    info[I_INTERPOLATION], info[I_RESIDUAL] = seen[network.I_INTERPOLATION], seen[network.I_RESIDUAL]
+    info[I_ESTIMATE] = SAFETY * (off + info[I_INTERPOLATION])
+    info[I_CONTACTS] = contact_error(net, q, near, on, h, ROUND / lying.s[h.shape[0]], flex)
+    info[I_ESTIMATE] += AMISS * info[I_CONTACTS]
+    for k in range(h.shape[0]):
+        cosine = abs(qmul(qconj(get4(q, k)), get4(q, k + 1))[3])
+        info[I_TURN] = max(info[I_TURN], 2.0 * math.acos(min(1.0, cosine)))
+    if not all_finite(out) or not all_finite(info[0:5]) or not all_finite(info[8:14]):
+        return BROKEN
+    if drag == 0.0:
+        info[AGE] = 0.0 if info[I_ASSEMBLIES] > 0.0 else (age if info[I_ITERATIONS] <= QUICK else math.inf)
+    if look_over(q, near, on, h, flex, out, points, info, bodies, radius, sunk, before, horizon, deepest, fine):
+        return UNSETTLED
+    accept(lying, False)
+    return CONVERGED
+
+
+@kernel
+def uncorrected(lying: Lying, net: Net) -> None:
+    """Makes the last solution what `network.drive.sample` takes for one without its discretisation error."""
+    ints, floats, sols, space = net.ints, net.floats, net.sols, net.space
+    near = lying.near[TRIAL]
+    place_nodes(net, lying.s)
+    put(ints, floats, sols, lying.q[TRIAL], near, NORMAL, lying.ends[TRIAL], lying.grips[TRIAL], net.where, net.base)
+    gradient(ints, floats, sols, space)
+    sol, work = solution_of(ints, sols, TRIAL), work_of(ints, space)
+    walk(work.first, lying.held, lying.grips[TRIAL], near)
+    close(ints, sols, space, near, net.where, net.base)
+    copy_rows(work.start, sol.q, 4)
+    copy_rows(work.pulled, sol.lam, 3)
+    copy_rows(work.place, sol.pose, 3)
+    for e in range(lying.h.shape[0]):
+        for c in range(3):
+            work.moments[e, c], work.moments[e, 3 + c] = -work.first[e, 3 + c], work.first[e, 6 + c]
+
+
+@kernel
+def look_over(
+    q: Array, near: Array, on: Array, h: Array, flex: float, out: Array, points: int, info: Array, bodies: Bodies,
+    radius: float, sunk: float, before: Array, horizon: float, deepest: float, fine: float,
+) -> bool:  # fmt: skip
+    """Whether anything is left to be done about a solution.
+
+    That is the cable deeper in a body than `deepest` [m], see `closest_points` for horizon; a body that it may have
+    passed since it was at `before` (n, 3; n = 0: anywhere) and the bodies in `Bodies.then`; contacts whose part of the
+    error [m] is above `fine` (infinite: may be), or AMISS times that in all; contacts that were stopped while they ran,
+    or that have come up to a node. A negative `deepest`: who calls will see.
+    """
+    if deepest < 0.0:
+        return True
+    if fine < math.inf and (info[I_ITERATIONS] > RUNNING or info[I_CONTACTS] > fine or info[I_ESTIMATE] > AMISS * fine):
+        return True
+    s, positions = out[:points], out[points : 4 * points].reshape(points, 3)
+    closest_points(
+        positions, s, radius, horizon, GRIP_EXCLUSION, True, bodies.table, bodies.links, bodies.triangles, bodies.tree,
+        bodies.measured, bodies.counts,
+    )  # fmt: skip
+    for m in range(bodies.measured.shape[0]):
+        if bodies.measured[m, 0] + sunk < -deepest:
+            return True
+    if before.shape[0] > 0 and passes(
+        s, before, positions, bodies.table, bodies.frames, bodies.then, bodies.triangles, bodies.tree, radius,
+        bodies.stack,
+    ):  # fmt: skip
+        return True
+    return bool(any_crowded(near, on, q, h, flex))
+
+
+@kernel
+def accept(lying: Lying, again: bool) -> None:
+    """Makes the trial the solution now, and what was now the one before; `again`: it is the same one, solved again."""
+    if not again:
+        lying.q[BEFORE], lying.near[BEFORE], lying.on[BEFORE] = lying.q[NOW], lying.near[NOW], lying.on[NOW]
+        lying.ends[BEFORE], lying.grips[BEFORE] = lying.ends[NOW], lying.grips[NOW]
+        lying.turns[BEFORE], lying.slid[BEFORE] = lying.turns[NOW], lying.slid[NOW]
+    lying.q[NOW], lying.near[NOW], lying.on[NOW] = lying.q[TRIAL], lying.near[TRIAL], lying.on[TRIAL]
+    lying.ends[NOW], lying.grips[NOW] = lying.ends[TRIAL], lying.grips[TRIAL]
+    lying.turns[NOW], lying.slid[NOW] = lying.turns[TRIAL], lying.slid[TRIAL]
+
+
+@kernel
+def refresh(lying: Lying, net: Net, flex: float) -> None:
+    """Assembles and factors the matrix of the solution now with its contacts; the network's solution is that one."""
+    q, near, on = lying.q[NOW], lying.near[NOW], lying.on[NOW]
+    ints, floats, sols, space = net.ints, net.floats, net.sols, net.space
+    if not laid(net, lying, on):
+        place_nodes(net, lying.s)
+    put(ints, floats, sols, q, near, NORMAL, lying.ends[NOW], lying.grips[NOW], net.where, net.base)
+    assemble(ints, floats, sols, space)
+    close(ints, sols, space, near, net.where, net.base)
+    least = ROUND / lying.s[lying.h.shape[0]]
+    press_on(ints, floats, space, q, lying.h, near, on, net.where, net.base, least, flex, 0.0, False)
+    model_of(ints, floats).given[:, :] = 0.0
+    factor(ints, floats, space, SLIGHT * model_of(ints, floats).par[BASE_SHIFT])
+    size = solution_size(ints)
+    copy(sols[0:size], sols[2 * size : 3 * size])

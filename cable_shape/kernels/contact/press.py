@@ -1,0 +1,351 @@
+"""Newton's method for a cable pressed on bodies: which nodes touch is found along with the shape.
+
+Contacts are knots of the network, see `knots`. Their pushes p n are what the forces of the spans on both sides differ
+by; their places are those to which the cable leads. An iteration
+
+1. drops contacts that pull, adds nodes that are inside a body, takes gaps, normals and curvatures where they are now,
+2. solves the network's linear system for rotations, forces, and places that close the gaps along the normals,
+3. goes at most 0.6 rad, and carries no node further than its gap and 0.6 of a body's thickness.
+
+If the set of contacts does not settle, one contact is changed at a time.
+"""
+
+from __future__ import annotations
+
+import math
+
+from cable_shape.checks import Array
+from cable_shape.kernels._jit import kernel
+from cable_shape.kernels.contact.knots import close, from_model, laid, mesh, press_on, put, step_out
+from cable_shape.kernels.contact.near import EXACT, NORMAL, PRESS, ROUND, STEP, allowed, lean, look, walk
+from cable_shape.kernels.contact.run import slide
+from cable_shape.kernels.contact.sets import drop, grow, misplaced, spare_clips
+from cable_shape.kernels.contact.tables import Bodies, Lying, Net
+from cable_shape.kernels.network.compiled import viewing
+from cable_shape.kernels.network.graph import factor, solve, step_of_force
+from cable_shape.kernels.network.newton import (
+    CHORD_FROM,
+    CONVERGED,
+    FIRST_SHIFT,
+    KICK,
+    LARGEST_STEP,
+    MOST_KICKS,
+    MOST_SHIFTS,
+    NOT_FINITE,
+    SADDLE,
+    SHIFT_GROWTH,
+    STALLED,
+    kick,
+    size_at,
+)
+from cable_shape.kernels.network.sliding import (
+    carried,
+    columns,
+    cut_short,
+    move_along,
+    run_through,
+    slide_step,
+    slides_of,
+)
+from cable_shape.kernels.network.system import assemble, gradient, release
+from cable_shape.kernels.network.tables import (
+    BASE_SHIFT,
+    SOFTEST,
+    TRIAL,
+    UNKNOWN,
+    Whole,
+    model_of,
+    plan_of,
+    solution_of,
+    work_of,
+)
+from cable_shape.kernels.rod_algebra import (
+    add,
+    apply,
+    dot,
+    get3,
+    get4,
+    get9,
+    put3,
+    qconj,
+    qexp,
+    qmul,
+    qnormal,
+    scale,
+    subtract,
+    take3,
+    tapply,
+)
+
+# [m] a node deeper inside becomes a contact: far from and at the solution, for a step misses by its square
+MOST, ADD = 2e-5, 1e-6
+PULL = 1e-5  # of weight + EI / L^2: a contact that pulls by more is dropped
+STEP_TOLERANCE = 3e-7  # rad
+NEUTRAL_TOLERANCE = 1e-6
+RUNNING = 14  # iterations in which contacts on bodies that are not sharp run along the cable
+MERGING = 3  # iterations in which two contacts with a dip between them become one: it may come apart again
+BLOCK = 8  # iterations in which all contacts that are wrong change at once
+RESTLESS = 1e-4  # of the length: contacts that run further along the cable have changed the system
+CHORD_TOLERANCE, SURE = 2e-6, 0.05  # rad, of a step with old factors that is so much shorter than the one before
+LIMP = 2e-3  # EI / (w L^3): in softer cables errors of rotation carry nodes of steep legs far off their places
+CALM = 0.1  # rad: contacts are dropped after steps below this only
+#: What `press` tells in `info`: iterations, last step [rad], negative eigenvalues beyond those of the forces (0:
+#: stable), knots, assemblies, kicks off a saddle, changes of the set of contacts, the largest gap at a contact [m], how
+#: far the node that slid furthest slid last [m].
+I_ITERATIONS, I_STEP, I_EXCESS, I_KNOTS, I_ASSEMBLIES, I_KICKS, I_CHANGES, I_GAP, I_SLID = 0, 1, 2, 3, 4, 11, 14, 15, 17
+
+
+@kernel
+def press(
+    lying: Lying, bodies: Bodies, net: Net, flex: float, weight: float, radius: float, sunk: float, most: int,
+    drag: float, factored: bool, info: Array,
+) -> int:  # fmt: skip
+    """Solves for the trial; CONVERGED, STALLED or NOT_FINITE.
+
+    `lying` takes the last step, the network's solution does not: it is left in the right-hand sides, to be corrected.
+
+    flex [1/(N m^2)]: 1 / EI; weight [N]: of the cable. radius, sunk [m]: see `near.look`. drag [N]: moment per length
+    and angle that holds the rotations back from `Lying.start`. factored: the factors in `net` are a nearby solution's,
+    and serve while steps are short. info: see I_ITERATIONS and the rest.
+    """
+    ints, floats, sols, space, where, base = net.ints, net.floats, net.sols, net.space, net.where, net.base
+    q, near, on, ends, grips = lying.q[TRIAL], lying.near[TRIAL], lying.on[TRIAL], lying.ends[TRIAL], lying.grips[TRIAL]
+    s, h, start = lying.s, lying.h, lying.start
+    elements = h.shape[0]
+    length = s[elements]
+    par = model_of(net.bare, net.made).par
+    masses = model_of(net.bare, net.made).at
+    softest, base_shift = par[SOFTEST], par[BASE_SHIFT]
+    least = PULL * (weight + softest)
+    limp = flex * LIMP * weight * length * length > 1.0
+    runs_through = net.run.shape[0] > 0
+    shift = largest = before = 0.0
+    iterations = changed = 0
+    reuse = factored
+    gone = 0.0 if reuse else math.inf  # rad, since the matrix was assembled
+    while iterations < most:
+        iterations += 1
+        one = iterations > BLOCK
+        if iterations > 1 and largest < (LARGEST_STEP if one else CALM):
+            changed += drop(near, on, s, least, one)
+        runs = ROUND / length if iterations <= RUNNING else math.inf
+        slid = slide(q, start, near, on, s, h, masses, runs, flex, iterations <= MERGING)
+        reuse = reuse and changed == 0 and slid < RESTLESS * length
+        if laid(net, lying, on):
+            reuse = False
+        elif slid > 0.0:
+            mesh(ints, floats, s)
+        put(ints, floats, sols, q, near, NORMAL, ends, grips, where, base)
+        if reuse:
+            gradient(ints, floats, sols, space)
+        else:
+            info[I_ASSEMBLIES] += 1.0
+            gone = 0.0
+            assemble(ints, floats, sols, space)
+        walk(work_of(ints, space).first, lying.held, grips, near)
+        look(
+            s, near, on, 1, elements - 1, bodies.table, bodies.frames, bodies.triangles, bodies.tree, radius, sunk,
+            bodies.stack,
+        )  # fmt: skip
+        spare_clips(near, on, lying.held)
+        off = misplaced(near, on) if limp else 0.0
+        changed += grow(near, on, min(ADD + length * largest * largest, MOST), off, one)
+        if laid(net, lying, on):
+            changed += 1
+            reuse = False
+            put(ints, floats, sols, q, near, STEP, ends, grips, where, base)
+            info[I_ASSEMBLIES] += 1.0
+            gone = 0.0
+            assemble(ints, floats, sols, space)
+        info[I_CHANGES] += changed
+        info[I_KNOTS] = where[ints[2] - 1]
+        close(ints, sols, space, near, where, base)
+        info[I_GAP] = press_on(ints, floats, space, q, h, near, on, where, base, runs, flex, drag, reuse)
+        if drag > 0.0:
+            hold_back(ints, floats, space, q, start, drag)
+        wanted = ints[UNKNOWN]
+        untested = False
+        if not reuse:
+            step_out(ints, floats, near, where, base, 0.0)
+            trial = shift / SHIFT_GROWTH if largest > CHORD_FROM and shift > FIRST_SHIFT * softest else 0.0
+            untested = trial > 0.0
+            negative = 0
+            for _ in range(MOST_SHIFTS):
+                negative = factor(ints, floats, space, trial + drag + base_shift)
+                if trial == 0.0 or negative == wanted:
+                    info[I_EXCESS] = negative - wanted
+                if negative == wanted:
+                    break
+                trial = max(SHIFT_GROWTH * trial, FIRST_SHIFT * softest)
+            if negative != wanted:
+                return STALLED
+            shift = trial
+            if runs_through:
+                columns(ints, floats, sols, space, net.run)
+        step_out(ints, floats, near, where, base, 1.0)
+        before = largest
+        largest = solve(ints, floats, space)
+        if runs_through:
+            falling = slide_step(ints, floats, sols, space, net.run, 1.0)
+            largest = run_through(ints, floats, space, net.run)
+            if not reuse:
+                info[I_EXCESS] += falling
+                if falling > 0:
+                    return STALLED
+        moves(net, near)
+        info[I_ITERATIONS], info[I_STEP] = iterations, largest
+        if iterations == 1 and reuse and not largest < CHORD_FROM:
+            reuse = False
+            gone, largest, changed = math.inf, 0.0, 0
+            continue
+        gone += largest
+        if not math.isfinite(largest):
+            return NOT_FINITE
+        if shift > 0.0 and largest < SADDLE and not untested and changed == 0:
+            if info[I_KICKS] >= MOST_KICKS:
+                return STALLED
+            info[I_KICKS] += 1.0
+            step_out(ints, floats, near, where, base, 0.0)
+            kick(ints, floats, space)
+            if runs_through:
+                slides_of(ints, net.run).way[:] = 0.0
+            largest = KICK
+            moves(net, near)
+        fraction = min(1.0, LARGEST_STEP / largest) if largest > 0.0 else 1.0
+        fraction = min(fraction, allowed(near, on, bodies.table, radius))
+        if runs_through:
+            fraction = min(fraction, cut_short(ints, floats, sols, net.run))
+            if fraction == 0.0:
+                return STALLED
+        info[I_SLID] = slid
+        calm = fraction == 1.0 and shift == 0.0 and changed == 0 and slid < RESTLESS * length
+        again = reuse and iterations > 1
+        done = False
+        if calm:
+            small = slid < STEP_TOLERANCE * length and (
+                largest < STEP_TOLERANCE
+                or (again and max(largest, before) < NEUTRAL_TOLERANCE)
+                or (again and largest < CHORD_TOLERANCE and largest < SURE * before)
+            )
+            done = small and not pulls(net, near, least)
+        forces_on(net, near, ends, fraction)
+        for k in range(near.shape[0]):
+            if lies(on, k):
+                lean(near, k, fraction)
+        turn(net, q, fraction)
+        if done:
+            return CONVERGED
+        if runs_through:
+            move_along(ints, floats, net.run, fraction)
+            from_model(ints, floats, s, h)
+        if calm:
+            pulling = False
+            for k in range(near.shape[0]):
+                pulling = pulling or (lies(on, k) and near[k, PRESS] < -least)
+            if again and largest > 0.3 * before:
+                gone = math.inf
+            reuse = largest < CHORD_FROM and not pulling and gone < math.inf
+        else:
+            reuse = False
+        changed = 0
+    return STALLED
+
+
+@viewing
+def lies(on: Array, k: int) -> bool:
+    """Whether node k is pressed on a body."""
+    return bool(on[k, 0] >= 0)
+
+
+@viewing
+def moves(net: Net, near: Array) -> None:
+    """Change of the nodes' places under the step, to first order, into `near`."""
+    plan = plan_of(net.ints)
+    work, slides = work_of(net.ints, net.space), slides_of(net.ints, net.run)
+    runs = slides.way.shape[0] > 0
+    r = take3(work.move, 0, 3)
+    put3(near, net.where[0], STEP, r)
+    for j in range(plan.ends.shape[0]):
+        if net.base[j] >= 0:
+            r = take3(work.move, j, 3)
+        dl = step_of_force(work, j)
+        for e in range(plan.first[j], plan.first[j + 1]):
+            change = add(
+                add(
+                    tapply(get9(work.parts, e, 9), get3(work.d, e + j)),
+                    tapply(get9(work.parts, e, 18), get3(work.d, e + j + 1)),
+                ),
+                apply(get9(work.parts, e, 27), dl),
+            )
+            r = subtract(r, change)
+            if runs:
+                r = subtract(r, carried(slides, e, 0))
+            put3(near, e + 1, STEP, r)
+
+
+@viewing
+def pushed(net: Net, near: Array, i: int, fraction: float) -> float:
+    """[N], the push on contact i with a fraction of the step."""
+    sol, work = solution_of(net.ints, net.sols, TRIAL), work_of(net.ints, net.space)
+    model = model_of(net.ints, net.floats)
+    jump = subtract(get3(sol.lam, i - 1), add(get3(sol.lam, i), add(get3(model.weight, i), get3(model.force, i))))
+    jump = add(jump, subtract(step_of_force(work, i - 1), step_of_force(work, i)))
+    p = near[net.where[i], PRESS]
+    return float(p + fraction * (dot(jump, take3(near, net.where[i], NORMAL)) - p))
+
+
+@viewing
+def pulls(net: Net, near: Array, least: float) -> bool:
+    """Whether a contact would pull by more than `least` [N] after the step."""
+    count = 0
+    for i in range(1, net.ints[2] - 1):
+        if net.base[i] < 0:
+            count += pushed(net, near, i, 1.0) < -least
+    return count > 0
+
+
+@viewing
+def forces_on(net: Net, near: Array, ends: Array, fraction: float) -> None:
+    """Takes a fraction of the step of the forces: those of contacts, and those before held nodes."""
+    plan, work = plan_of(net.ints), work_of(net.ints, net.space)
+    for j in range(plan.ends.shape[0]):
+        held = net.base[j + 1]
+        if held < 0:
+            near[net.where[j + 1], PRESS] = pushed(net, near, j + 1, fraction)
+        elif plan.known[j] == 0:
+            step = step_of_force(work, j)
+            put3(ends, held - 1, 0, add(get3(ends, held - 1), scale(fraction, step)))
+
+
+@viewing
+def turn(net: Net, q: Array, fraction: float) -> None:
+    """Takes a fraction of the step of the rotations."""
+    plan, work = plan_of(net.ints), work_of(net.ints, net.space)
+    for j in range(plan.ends.shape[0]):
+        for k in range(plan.first[j] + (1 if j > 0 else 0), plan.first[j + 1] + 1):
+            d = get3(work.d, k + j)
+            q[k, 0], q[k, 1], q[k, 2], q[k, 3] = qnormal(qmul(get4(q, k), qexp(scale(fraction, d))))
+
+
+@viewing
+def hold_back(ints: Whole, floats: Array, space: Array, q: Array, start: Array, drag: float) -> None:
+    """Adds to the gradient what drags the rotations back to `start`: drag [N] times angle and length."""
+    plan, model, work = plan_of(ints), model_of(ints, floats), work_of(ints, space)
+    for j in range(plan.ends.shape[0]):
+        for e in range(plan.first[j], plan.first[j + 1] + 1):
+            miss = qmul(qconj(get4(start, e)), get4(q, e))
+            f = math.copysign(2.0 * drag * size_at(plan, model, j, e), miss[3])
+            put3(work.G, e + j, 0, add(get3(work.G, e + j), (f * miss[0], f * miss[1], f * miss[2])))
+    release(plan, model, work.G)
+
+
+@viewing
+def tell_pushes(net: Net, near: Array) -> None:
+    """Fills in the contacts' forces after the correction of the discretisation error."""
+    model, work = model_of(net.ints, net.floats), work_of(net.ints, net.space)
+    for i in range(1, net.ints[2] - 1):
+        if net.base[i] < 0:
+            k = net.where[i]
+            loads = add(get3(model.weight, i), get3(model.force, i))
+            jump = subtract(get3(work.pulled, i - 1), add(get3(work.pulled, i), loads))
+            near[k, EXACT] = dot(jump, take3(near, k, NORMAL))
