@@ -99,5 +99,9 @@ def test_the_site_is_built_without_a_warning(tmp_path):
     index = (tmp_path / "site" / "index.html").read_text(encoding="utf-8")
     assert "docs/node.md" not in re.findall(r'href="([^"]*)"', index)
     assert not re.findall(r'(?:src|href)="https?://(?:fonts|cdn|unpkg)[^"]*"', index)
-    assert "predict_batch" in (tmp_path / "site" / "reference.html").read_text(encoding="utf-8")
+    reference = (tmp_path / "site" / "reference.html").read_text(encoding="utf-8")
+    assert "predict_batch" in reference
+    assert not re.findall(r":[a-z]+:<code>", reference), "roles of docstrings are links"
+    everything = [file.read_text(encoding="utf-8") for file in (tmp_path / "site").glob("*.html")]
+    assert not [hit for text in everything for hit in re.findall(r'<(?:script|link|img)[^>]*="https?://[^"]*"', text)]
     assert (tmp_path / "site" / "search" / "search_index.json").is_file()
