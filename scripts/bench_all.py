@@ -104,6 +104,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--draw", type=Path, metavar="FILE", help="write docs/numbers.md of the figures kept in FILE")
     options = bench_options(parser, arguments)
     if options.draw is not None:
+        if not options.draw.is_file():
+            parser.error(f"--draw {options.draw}: no such file. Make one by --save.")
         numbers_page.PAGE.write_text(drawn(json.loads(options.draw.read_text(encoding="utf-8"))), encoding="utf-8")
         return 0
     options.logs.mkdir(parents=True, exist_ok=True)
