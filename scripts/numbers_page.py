@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import textwrap
 from collections.abc import Callable, Mapping
 from importlib import metadata
 from pathlib import Path
@@ -95,7 +96,7 @@ PEERS = (
         _named("PyElastica"),
         "settling on the grasps A to D",
         r"^evidence: rod : PyElastica",
-        "motion with inertia, friction, drag, muscles, rods that rub on themselves",
+        "motion with inertia, drag, friction on a plane, muscles, joints between many rods",
     ),
     Peer(
         "the gradient cable of its paper",
@@ -152,7 +153,8 @@ def page(kept: Mapping[str, Any], benches: list[str]) -> str:
     """The page as markdown; `kept` is what `scripts/bench --save` writes, `benches` the names that there are."""
     found: Mapping[str, Any] = kept["figures"]
     names = ", ".join(f"`{name}`" for name in benches)
-    parts = ["# Numbers", INTRODUCTION.format(names=names), f"Written by `scripts/bench` on {kept['machine']}."]
+    introduction = textwrap.fill(INTRODUCTION.format(names=names), 120, break_on_hyphens=False)
+    parts = ["# Numbers", introduction, f"Written by `scripts/bench` on {kept['machine']}."]
     parts.append(MACHINE.format(load=kept["load"]))
     if kept["quick"]:
         parts.append("A quick run: few points and repetitions.")
