@@ -101,8 +101,8 @@ def _add_replay(commands: Commands) -> None:
     replay = commands.add_parser(
         "replay",
         help="predict the cable in a recording; no middleware",
-        description="Reads a rosbag2 (mcap or sqlite3) with gripper poses or joint states and writes OUT/replay/ "
-        "(a rosbag2 with the node's messages), OUT/replay.rrd and OUT/report.md, .json and .png.",
+        description="Reads a rosbag2 (mcap or sqlite3) with gripper poses, joint states or transforms and writes "
+        "OUT/replay/ (a rosbag2 with the node's messages), OUT/replay.rrd and OUT/report.md, .json and .png.",
     )
     replay.add_argument("bag", type=Path, metavar="BAG", help="rosbag2 folder, or one .mcap or .db3 file")
     replay.add_argument("-o", "--out", type=Path, required=True, metavar="OUT", help="folder for the results")
@@ -124,10 +124,18 @@ def _add_replay(commands: Commands) -> None:
             help=f"the cable frame in the {end} tool frame; the default is the tool frame itself",
         )
     replay.add_argument("--max-skew", type=float, default=0.02, metavar="S", help="pair poses within S seconds (0.02)")
-    replay.add_argument("--input", choices=("auto", "poses", "joints"), default="auto", help="what to compute from")
+    replay.add_argument(
+        "--input", choices=("auto", "poses", "joints", "tf"), default="auto", help="what to compute from"
+    )
     replay.add_argument("--left-topic", default="/left_gripper/pose", metavar="TOPIC")
     replay.add_argument("--right-topic", default="/right_gripper/pose", metavar="TOPIC")
     replay.add_argument("--joints-topic", default="/joint_states", metavar="TOPIC")
+    replay.add_argument("--tf-topic", default="/tf", metavar="TOPIC", help="and TOPIC_static")
+    replay.add_argument("--left-frame", default="", metavar="FRAME", help="of the left gripper on /tf: --input tf")
+    replay.add_argument("--right-frame", default="", metavar="FRAME", help="the same for the right gripper")
+    replay.add_argument(
+        "--frame-id", default="world", metavar="FRAME", help="frame of the shapes, for --input tf (world)"
+    )
     replay.add_argument("--markers-topic", default="/cable/markers", metavar="TOPIC", help="PoseArray to compare with")
     replay.add_argument("--inertia", action="store_true", help="the markers' accelerations load the cable")
     replay.add_argument("--no-rrd", action="store_true", help="do not write replay.rrd")
@@ -244,6 +252,10 @@ def _replay(arguments: argparse.Namespace) -> int:
         left_topic=arguments.left_topic,
         right_topic=arguments.right_topic,
         joints_topic=arguments.joints_topic,
+        tf_topic=arguments.tf_topic,
+        left_frame=arguments.left_frame,
+        right_frame=arguments.right_frame,
+        frame_id=arguments.frame_id,
         markers_topic=arguments.markers_topic,
         inertia=arguments.inertia,
         rrd=not arguments.no_rrd,

@@ -1,13 +1,15 @@
 #!/usr/bin/env python
 """Every bench, one after the other, and all their figures in one table.
 
-    scripts/bench [all] [--quick] [--only PART ...] [--save FILE] [--compare FILE] [--logs FOLDER]
+    scripts/bench [all] [--quick] [--only PART ...] [--save FILE] [--compare FILE] [--logs FOLDER] [--draw FILE]
 
 Each part runs in a process of its own; what it prints goes to FOLDER/PART.log (out/bench), its figures, with what was
-asked of them, into the table at the end, which also tells the wall and processor time of each part. The exit status is
-1 if a part fails, a figure does not hold, or, beside FILE, a ratio has fallen by more than 1.3 times. About ten
+asked of them, into the table at the end, which also tells the wall and processor time of each part. The exit status
+is 1 if a part fails, a figure does not hold, or, beside FILE, a ratio has fallen by more than 1.3 times. About ten
 minutes on a quiet machine, the first time some more for kernels that valgrind can run; parts that other load does not
-change run side by side. The rivals of `scripts/bench rivals` take part where they are installed.
+change run side by side. The rivals of `scripts/bench rivals` take part where they are installed. A full run of all
+parts writes docs/numbers.md, any other FOLDER/numbers.md; --draw writes docs/numbers.md of a FILE that --save kept,
+and runs nothing.
 """
 
 from __future__ import annotations
@@ -20,8 +22,9 @@ import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from time import perf_counter
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import numbers_page
 from cosserat_figures import Figures, bench_options, bench_parser, finish, heading
 from tqdm import tqdm
 
@@ -46,7 +49,7 @@ PARTS = (
     Part("scene"),
     Part("harness"),
     Part("planner"),
-    Part("cell", ("--seconds", "5"), ("--seconds", "2", "--rates", "250", "--rounds", "1"), figures=False),
+    Part("cell", ("--seconds", "5")),
     Part("evidence"),
     Part("truth", steady=True),
     Part("instructions", steady=True),
@@ -75,15 +78,39 @@ def run(part: Part, quick: bool, kept: Path, log: Path) -> Spent:
     return Spent(perf_counter() - began, used.ru_utime + used.ru_stime, process.returncode)
 
 
+def shows(name: str) -> bool:
+    """Whether the page shows what a bench prints."""
+    told = numbers_page.BENCHES.get(name)
+    return told is not None and told.prints
+
+
+def read(logs: Path, name: str) -> str:
+    """What a part printed."""
+    return (logs / f"{name}.log").read_text(encoding="utf-8", errors="replace")
+
+
+def drawn(kept: dict[str, Any]) -> str:
+    """The page of numbers."""
+    names = {file.stem.removeprefix("bench_") for file in HERE.glob("bench_*.py")}
+    return numbers_page.page(kept, sorted(names - {"all"}))
+
+
 def main(arguments: list[str] | None = None) -> int:
     """All parts, then one table."""
     parser = bench_parser(__doc__, "each part with its own --quick: to see that it works")
     names = [part.name for part in PARTS]
     parser.add_argument("--only", choices=names, nargs="+", default=names, metavar="PART", help="these parts alone")
     parser.add_argument("--logs", type=Path, default=LOGS, metavar="FOLDER", help="where the parts print to")
+    parser.add_argument("--draw", type=Path, metavar="FILE", help="write docs/numbers.md of the figures kept in FILE")
     options = bench_options(parser, arguments)
+    if options.draw is not None:
+        if not options.draw.is_file():
+            parser.error(f"--draw {options.draw}: no such file. Make one by --save.")
+        numbers_page.PAGE.write_text(drawn(json.loads(options.draw.read_text(encoding="utf-8"))), encoding="utf-8")
+        return 0
     options.logs.mkdir(parents=True, exist_ok=True)
-    figures, spent, began = Figures(), {}, perf_counter()
+    load = f"{os.getloadavg()[0]:.1f}"
+    figures, spent, began, front = Figures(), {}, perf_counter(), ""
     parts = [part for part in PARTS if part.name in options.only]
     turns = [[part] for part in parts if not part.steady] + [[part for part in parts if part.steady]]
     with (
@@ -103,12 +130,23 @@ def main(arguments: list[str] | None = None) -> int:
         for name, file in kept.items():
             own = Figures()
             if file.exists():
-                own.add_json(json.loads(file.read_text(encoding="utf-8")), f"{name}: ")
+                saved = json.loads(file.read_text(encoding="utf-8"))
+                own.add_json(saved, f"{name}: ")
+                front = saved.get("front", front)
             if not file.exists() or (spent[name].code and own.hold):
                 own.check(f"{name}: ran to its end and holds", spent[name].code == 0)
             figures.rows += own.rows
     whole = perf_counter() - began
-    code = finish(figures, options, seconds={name: round(part.wall, 1) for name, part in spent.items()})
+    more = {
+        "seconds": {name: round(part.wall, 1) for name, part in spent.items()},
+        "load": load,
+        "front": front,
+        "printed": {name: numbers_page.shown(read(options.logs, name)) for name in spent if shows(name)},
+    }
+    code = finish(figures, options, **more)
+    whole_run = set(options.only) == set(names) and not options.quick
+    page = numbers_page.PAGE if whole_run else options.logs / "numbers.md"
+    page.write_text(drawn(figures.as_json(quick=options.quick, **more)), encoding="utf-8")
     heading(f"Time of each part; what they print is in {options.logs}")
     for name, (wall, processor, status) in spent.items():
         print(f"{name:14} {wall:7.0f} s, processor {processor:7.0f} s{f'   exit status {status}' if status else ''}")

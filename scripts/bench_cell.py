@@ -1,7 +1,7 @@
 #!/usr/bin/env python
 """How long after the second gripper pose was published the centreline arrives, over DDS, beside an empty echo node.
 
-    scripts/bench cell [--rates 125 250 500] [--seconds 20] [--view FILE.rrd]
+    scripts/bench cell [--quick] [--rates 125 250 500] [--seconds 20] [--view FILE.rrd] [--save FILE] [--compare FILE]
     scripts/bench cell --viewer       # what a viewer costs that is attached, blocked or killed
     scripts/bench cell --cables 10    # that many cables on one node, beside one
     scripts/bench cell --priority     # what a real-time priority does on a busy machine; needs the right to it
@@ -33,6 +33,7 @@ import rclpy
 import yaml
 from builtin_interfaces.msg import Time
 from cable_shape_msgs.msg import CableShape, CableWarnings
+from cosserat_figures import Figures, bench_options, bench_parser, finish
 from geometry_msgs.msg import PoseStamped
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
@@ -219,10 +220,10 @@ def measured(folder: Path, rates: list[float], seconds: float, view: str) -> tup
     return np.load(folder / "sent.npy"), np.load(folder / "came.npy")
 
 
-def report(sent: np.ndarray, came: np.ndarray) -> bool:
-    """A table of latencies; whether the bounds hold."""
+def report(sent: np.ndarray, came: np.ndarray, collected: Figures) -> None:
+    """A table of latencies; keeps whether the bounds hold."""
     arrivals = {(int(side), int(stamp)): int(at) for side, stamp, at in came}
-    holds = True
+    beside: list[tuple[int, float, float]] = []
     print("| rate | node | answered | p50 | p90 | p99 | max ms | p50 / echo | p99 / echo |")
     print("| --- | --- | --- | --- | --- | --- | --- | --- | --- |")
     for rate in dict.fromkeys(sent[:, 0].tolist()):
@@ -232,35 +233,38 @@ def report(sent: np.ndarray, came: np.ndarray) -> bool:
             late = [arrivals[side, stamp] - began for _, _, stamp, began in rows if (side, stamp) in arrivals]
             if not late:
                 print(f"| {rate} Hz | {name} | 0 % |")
-                holds = False
+                collected.check(f"{rate} Hz: the {name} answers", False)
                 continue
             figures = np.percentile(1e-6 * np.array(late), (50, 90, 99, 100))
             ratios = "|  |  |"
             if echoed is not None:
                 p50, p99 = figures[0] / echoed[0], figures[2] / echoed[2]
-                holds &= bool(p50 <= P50_ALLOWED and p99 <= P99_ALLOWED)
+                beside.append((rate, p50, p99))
                 ratios = f"| {p50:.2f} | {p99:.2f} |"
             echoed = figures if side == 0 else echoed
             numbers = " | ".join(f"{figure:.2f}" for figure in figures)
             print(f"| {rate} Hz | {name} | {len(late) / len(rows):.1%} | {numbers} {ratios}")
-    print(f"p50 at most {P50_ALLOWED:g}, p99 at most {P99_ALLOWED:g} times the echo's: {'yes' if holds else 'NO'}")
-    return holds
+    for rate, p50, p99 in beside:
+        collected.at_most(f"{rate} Hz: p50 of the node / of the echo", p50, P50_ALLOWED, "{:.2f}")
+        collected.at_most(f"{rate} Hz: p99 of the node / of the echo", p99, P99_ALLOWED, "{:.2f}")
 
 
 def main() -> int:
     """Runs all processes, or one of them."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = bench_parser(__doc__, "two seconds at 250 Hz, one round")
     parser.add_argument("--rates", type=float, nargs="+", help="[Hz] (125 250 500)")
-    parser.add_argument("--seconds", type=float, default=20.0, help="[s] at each rate, of node and of echo")
+    parser.add_argument("--seconds", type=float, help="[s] at each rate, of node and of echo (20)")
     parser.add_argument("--view", default="off", help="the node's parameter view")
     parser.add_argument("--viewer", action="store_true", help="compare cycle times with a viewer and without")
     parser.add_argument("--calibration", action="store_true", help="only cycles beside a calibration and without")
-    parser.add_argument("--rounds", type=int, default=3, help="of --viewer and --calibration")
+    parser.add_argument("--rounds", type=int, help="of --viewer and --calibration (3)")
     parser.add_argument("--cables", type=int, help="on one node; --rates then are 25 50 100 unless given")
     parser.add_argument("--priority", action="store_true", help="compare with a real-time priority and without")
     parser.add_argument("--role", choices=("echo", "receive", "publish"), help=argparse.SUPPRESS)
     parser.add_argument("--out", type=Path, help=argparse.SUPPRESS)
-    options = parser.parse_args()
+    options = bench_options(parser)
+    options.seconds = options.seconds or (2.0 if options.quick else 20.0)
+    options.rounds = options.rounds or (1 if options.quick else 3)
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     if options.viewer:
         import cell_viewer
@@ -276,11 +280,13 @@ def main() -> int:
         return 0 if cell_priority.run(options.rates or [125.0]) else 1
     if options.calibration:
         return 0 if cell_calibration.run(options.rounds) else 1
-    options.rates = options.rates or [125.0, 250.0, 500.0]
+    options.rates = options.rates or ([250.0] if options.quick else [125.0, 250.0, 500.0])
     if options.role is None:
+        collected = Figures()
         with tempfile.TemporaryDirectory(prefix="bench_cell_") as folder:
-            holds = report(*measured(Path(folder), options.rates, options.seconds, options.view))
-        return 0 if cell_calibration.run(options.rounds) and holds else 1
+            report(*measured(Path(folder), options.rates, options.seconds, options.view), collected)
+        collected.check("cycles beside a calibration keep their p99", cell_calibration.run(options.rounds))
+        return finish(collected, options)
     rclpy.init()
     roles = {
         "echo": echo,

@@ -1,4 +1,4 @@
-"""The table of the README: time and error of every model, solve_bvp and simulators, and what the paper prints."""
+"""The first table of docs/numbers.md: of every model, solve_bvp, simulators and the paper, time and error."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from cosserat_figures import machine
 from evidence_pages import END, figures, table
 from evidence_points import Point, Series
 
-README = Path(__file__).resolve().parents[1] / "README.md"
+NUMBERS = Path(__file__).resolve().parents[1] / "docs" / "numbers.md"
 BEGIN = "<!-- written by scripts/bench evidence -->"
 WARM = "M, warm"
 #: Of the paper's, for a shape of 150 points in space, section 4.
@@ -42,7 +42,7 @@ def cell(points: Sequence[Point], setting: str | None = None) -> str:
     return f"{figures(1e3 * found[0].time)} ms, {found[0].error:.0e}"
 
 
-def put(text: str, page: Path = README, begin: str = BEGIN) -> None:
+def put(text: str, page: Path = NUMBERS, begin: str = BEGIN) -> None:
     """Replaces what is between the marks of a page."""
     before, rest = page.read_text(encoding="utf-8").split(begin)
     after = rest.partition(END)[2]

@@ -71,6 +71,10 @@ def test_the_pins_of_its_tools_are_those_of_the_extra():
         assert wanted[name].specifier.contains(exact.version)
 
 
+def test_the_command_of_the_tests_brings_its_tools():
+    assert '"$root/scripts/docs" --tools' in (ROOT / "scripts" / "test").read_text(encoding="utf-8")
+
+
 def builder():
     """mkdocs of this environment or of scripts/docs; None where neither has been installed."""
     for folder in (Path(sys.executable).parent, ROOT / ".venv-docs" / "bin"):
@@ -83,7 +87,8 @@ def builder():
 def test_the_site_is_built_without_a_warning(tmp_path):
     mkdocs = builder()
     if mkdocs is None:
-        pytest.skip("mkdocs is not installed: run scripts/docs once")
+        assert "CI" not in os.environ, "scripts/test installs what builds the site: scripts/docs --tools"
+        pytest.skip("mkdocs is not installed: run scripts/docs --tools once")
     command = [mkdocs, "build", "--strict", "--quiet", "--site-dir", tmp_path / "site"]
     environment = {**os.environ, "NO_MKDOCS_2_WARNING": "1"}
     done = subprocess.run(
@@ -94,5 +99,9 @@ def test_the_site_is_built_without_a_warning(tmp_path):
     index = (tmp_path / "site" / "index.html").read_text(encoding="utf-8")
     assert "docs/node.md" not in re.findall(r'href="([^"]*)"', index)
     assert not re.findall(r'(?:src|href)="https?://(?:fonts|cdn|unpkg)[^"]*"', index)
-    assert "predict_batch" in (tmp_path / "site" / "reference.html").read_text(encoding="utf-8")
+    reference = (tmp_path / "site" / "reference.html").read_text(encoding="utf-8")
+    assert "predict_batch" in reference
+    assert not re.findall(r":[a-z]+:<code>", reference), "roles of docstrings are links"
+    everything = [file.read_text(encoding="utf-8") for file in (tmp_path / "site").glob("*.html")]
+    assert not [hit for text in everything for hit in re.findall(r'<(?:script|link|img)[^>]*="https?://[^"]*"', text)]
     assert (tmp_path / "site" / "search" / "search_index.json").is_file()

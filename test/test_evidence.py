@@ -81,7 +81,7 @@ def test_the_front_page_gets_time_and_error_between_its_marks(tmp_path: Path) ->
     assert "| `catenary` | - |" in text
     assert "| PyElastica 1.0.0, 20 links | 300 ms, 2e-03 |" in text
     assert text.count(evidence_front.PAPER) == 1
-    assert evidence_front.README.read_text().count(evidence_front.BEGIN) == 1
+    assert evidence_front.NUMBERS.read_text().count(evidence_front.BEGIN) == 1
 
 
 def test_published_problems_are_drawn_where_they_are_at_hand(tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ from cable_shape.uncertainty import Uncertainty
 if TYPE_CHECKING:
     from cable_shape.robot import Robot
 
-INPUTS = ("auto", "poses", "joints")
+INPUTS = ("auto", "poses", "joints", "tf")
 #: [m/s^2], an acceleration that is not linear along the cable, as that of markers is not.
 _UNEVEN = ((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
 
@@ -32,8 +32,10 @@ _UNEVEN = ((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
 class Settings:
     """What a replay computes with.
 
-    input : "poses", "joints", or "auto": joint states if a robot is given and they were recorded, else poses.
-    max_skew : [s], gripper poses further apart are not paired; markers likewise.
+    input : "poses", "joints", "tf", or "auto": transforms if frames of the grippers are given, joint states if a robot
+        is given and they were recorded, else poses.
+    left_frame, right_frame : of the grippers on tf_topic and tf_topic + "_static", in frame_id.
+    max_skew : [s], gripper poses further apart are not paired; markers and transforms likewise.
     start, end : how the grippers hold the cable, where that is not left to the robot's file or to the defaults of Grip.
     uncertainty : makes a tube about every shape; clearance and warnings are those of the tube then.
     inertia : whether the markers' accelerations load the cable; else it is predicted as if it were at rest.
@@ -55,6 +57,10 @@ class Settings:
     left_topic: str = "/left_gripper/pose"
     right_topic: str = "/right_gripper/pose"
     joints_topic: str = "/joint_states"
+    tf_topic: str = "/tf"
+    left_frame: str = ""
+    right_frame: str = ""
+    frame_id: str = "world"
     markers_topic: str = "/cable/markers"
     inertia: bool = False
     rrd: bool = True
@@ -63,6 +69,12 @@ class Settings:
     def __post_init__(self) -> None:
         checks.number("max_skew", self.max_skew, above=0.0, unit="s")
         checks.one_of("input", self.input, INPUTS)
+        frames = bool(self.left_frame), bool(self.right_frame)
+        if (self.input == "tf" and not all(frames)) or frames[0] != frames[1]:
+            raise ArgumentError(
+                f"left_frame = {self.left_frame!r}, right_frame = {self.right_frame!r} are not allowed: transforms "
+                "need the frames of both grippers. Give --left-frame and --right-frame."
+            )
         if self.inertia:
             try:
                 Predictor(self.cable, model=self.model, scene=self.scene).accelerate(_UNEVEN)
@@ -80,7 +92,7 @@ class Outcome:
 
     settings: Settings
     bag: Path
-    source: str  # "poses" or "joints"
+    source: str  # "poses", "joints" or "tf"
     frame_id: str
     topics: dict[str, tuple[int, int | None]]  # topic -> messages read, messages that should be there
     tally: Tally

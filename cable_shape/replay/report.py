@@ -32,7 +32,7 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
     """Everything the report says, as plain values in SI units; lengths of markers as a fraction of the cable."""
     settings = outcome.settings
     cable = settings.cable
-    kind = "clamped" if outcome.source == "poses" else "as the robot's file says"
+    kind = "clamped" if outcome.source != "joints" else "as the robot's file says"
     return {
         "recording": {
             "path": str(outcome.bag),

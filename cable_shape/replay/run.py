@@ -37,6 +37,7 @@ from cable_shape.replay.markers import MarkerComparison
 from cable_shape.replay.outcome import Outcome, Settings
 from cable_shape.replay.report import write_report
 from cable_shape.replay.tally import Tally
+from cable_shape.replay.transform_input import TRANSFORM_TYPE, TransformSource
 from cable_shape.report import CycleReport
 
 if TYPE_CHECKING:
@@ -217,11 +218,18 @@ class _Run:
         chosen = settings.input
         if chosen == "auto":
             use_joints = joints and (settings.robot is not None or not any(topic in types for topic in both))
-            chosen = "joints" if use_joints else "poses"
+            chosen = "tf" if settings.left_frame else "joints" if use_joints else "poses"
         if chosen == "poses":
             for topic in both:
                 self._require(topic, POSE_TYPE)
             return PoseSource(*both, settings.start, settings.end, settings.max_skew, self.refusals), chosen
+        if chosen == "tf":
+            static = f"{settings.tf_topic}_static"
+            for topic in (settings.tf_topic, *((static,) if static in types else ())):
+                self._require(topic, TRANSFORM_TYPE)
+            frames, held = (settings.left_frame, settings.right_frame), (settings.start, settings.end)
+            more = (settings.frame_id, *held, settings.max_skew, self.refusals)
+            return TransformSource(settings.tf_topic, frames, *more), chosen
         self._require(settings.joints_topic, JOINTS_TYPE)
         if settings.robot is None:
             raise BagError(
@@ -236,8 +244,9 @@ class _Run:
         found = ", ".join(f"{name} ({types[name]})" for name in sorted(types)) or "none"
         options = (
             f"Needed: {self.settings.left_topic} and {self.settings.right_topic} ({POSE_TYPE}), or "
-            f"{self.settings.joints_topic} ({JOINTS_TYPE}) with --robot. "
-            "Name other topics with --left-topic, --right-topic or --joints-topic."
+            f"{self.settings.joints_topic} ({JOINTS_TYPE}) with --robot, or {self.settings.tf_topic} "
+            f"({TRANSFORM_TYPE}) with --left-frame and --right-frame. "
+            "Name other topics with --left-topic, --right-topic or --joints-topic, or --tf-topic."
         )
         if topic not in types:
             pair = (self.settings.left_topic, self.settings.right_topic)

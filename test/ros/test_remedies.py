@@ -1,4 +1,4 @@
-"""What the tables of README and docs/node.md say that diagnostics say stands in the code."""
+"""What the tables of docs/trouble.md and docs/node.md say that diagnostics say stands in the code."""
 
 import ast
 import re
@@ -36,8 +36,8 @@ def rows(file, heading):
         yield [cell.strip() for cell in line.strip("|").split("|")]
 
 
-@pytest.mark.parametrize(("line", "says", "do"), list(rows(ROOT / "README.md", "### When something is wrong")))
-def test_what_readme_says_the_diagnostics_say_is_what_they_say(line, says, do):
+@pytest.mark.parametrize(("line", "says", "do"), list(rows(ROOT / "docs" / "trouble.md", "# When something is wrong")))
+def test_what_the_table_says_the_diagnostics_say_is_what_they_say(line, says, do):
     assert line.strip("`") in ("lifecycle", "input", "prediction", "cable", "any")
     assert do
     quoted = re.findall(r"`([^`]+)`", says)
