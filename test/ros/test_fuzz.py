@@ -20,12 +20,12 @@ from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
 from cable_shape.cable import Cable
-from cable_shape.cable_file import AS_GIVEN
 from cable_shape.cycle import Cycle
 from cable_shape.errors import CableShapeError
 from cable_shape.robot import Robot
 from cable_shape.ros.assembly import load_cables
 from cable_shape.ros.diagnostics import Health
+from cable_shape.ros.holding import Holding
 from cable_shape.ros.parameters import SPECS, Settings, find_file
 from cable_shape.ros.pose_source import PoseSource
 from cable_shape.ros.sources import JointSource, Sink
@@ -117,12 +117,12 @@ class Fed:
 
 @pytest.fixture(scope="module")
 def poses():
-    return Fed(partial(PoseSource, robot=None, held={"cable": (AS_GIVEN, AS_GIVEN)}))
+    return Fed(partial(PoseSource, robot=None, holdings=[Holding("cable")]))
 
 
 @pytest.fixture(scope="module")
 def joints():
-    return Fed(partial(JointSource, robot=ROBOT, held={"cable": (AS_GIVEN, AS_GIVEN)}))
+    return Fed(partial(JointSource, robot=ROBOT, holding=Holding("cable")))
 
 
 @fuzzed
@@ -158,7 +158,7 @@ TRANSFORMS = st.builds(
 
 @pytest.fixture(scope="module")
 def transforms():
-    make = partial(TransformSource, robot=None, held={"cable": (AS_GIVEN, AS_GIVEN)})
+    make = partial(TransformSource, robot=None, holdings=[Holding("cable")])
     return Fed(make, **{"left_gripper.frame": "left", "right_gripper.frame": "right", "max_skew": 1.0})
 
 
