@@ -11,7 +11,7 @@
 /world/cables/NAME/closest     the closest pair of points and their distance, of bodies that it does not rest on
 /world/cables/NAME/forces      of clips and of bodies that it rests on, on the cable
 /world/cables/NAME/clips/K     clips of the scene; point masses likewise in masses/K
-/world/harnesses/NAME/J        its junctions; its segments are cables called NAME/SEGMENT
+/world/harnesses/NAME/J        its junctions; its segments are cables, in cables/NAME/SEGMENT
 /world/markers                 markers that were measured on the real cable
 /world/sockets/NAME            frames of the sockets, once
 /margins/KIND                  how much of each limit is used now, as bars
@@ -44,7 +44,7 @@ from cable_shape.viewer import text
 from cable_shape.viewer.bars import Bars
 from cable_shape.viewer.blueprint import blueprint, eye
 from cable_shape.viewer.forces import Forces
-from cable_shape.viewer.plots import Plots, part
+from cable_shape.viewer.plots import Plots, part, path
 from cable_shape.viewer.tubes import capsules
 
 TIMELINE = "stamp"
@@ -105,7 +105,7 @@ class ReportLogger:
         self._plots = Plots(recording, self.cables, scene, times)
         self._bars = Bars(recording, self.cables)
         self._forces = {
-            name: Forces(f"/world/cables/{part(name)}/forces", cable) for name, cable in self.cables.items()
+            name: Forces(f"/world/cables/{path(name)}/forces", cable) for name, cable in self.cables.items()
         }
         self._warnings = text.WarningLog()
         self._logged: dict[str, object] = {}  # entity -> what was written there last
@@ -124,11 +124,11 @@ class ReportLogger:
         for link, pose in (report.links or {}).items():
             self._move(f"/world/robot/{part(link)}", pose)
         for name, shape in report.shapes.items():
-            base = f"/world/cables/{part(name)}"
+            base = f"/world/cables/{path(name)}"
             self._log_line(base, name, shape, report)
             start, end = report.grips.get(name, (None, None))
-            self._log_grip(f"{base}/start", start, shape, 0)
-            self._log_grip(f"{base}/end", end, shape, -1)
+            self._log_grip(f"{base}/start", start, shape, 0, self.cables[name].diameter)
+            self._log_grip(f"{base}/end", end, shape, -1, self.cables[name].diameter)
             for side in TAIL_SIDES:
                 self._log_strip(f"{base}/tails/{side}", name, report.tails.get((name, side)), colours.TAIL)
                 self._log_tube(f"{base}/tails/{side}/tube", name, report.tail_tubes.get((name, side)))
@@ -200,7 +200,7 @@ class ReportLogger:
             axes = rr.Arrows3D(vectors=0.04 * np.eye(3), colors=colours.AXES, radii=0.0015)
             self._write(f"/world/sockets/{part(name)}", _transform(pose), axes, static=True)
         for name, cable in self.cables.items():
-            self._log_held(f"/world/cables/{part(name)}", name, cable)
+            self._log_held(f"/world/cables/{path(name)}", name, cable)
         for name, harness in self.harnesses.items():
             for junction in harness.junctions:
                 widest = max(harness.segments[split_end(end)[0]].diameter for end in junction.ends)
@@ -295,7 +295,9 @@ class ReportLogger:
         self._logged[entity] = tube
         self._write(entity, capsules(tube, self.cables[name].diameter))
 
-    def _log_grip(self, entity: str, end: Pose | Grip | FreeEnd | None, shape: CableShape, index: int) -> None:
+    def _log_grip(
+        self, entity: str, end: Pose | Grip | FreeEnd | None, shape: CableShape, index: int, diameter: float
+    ) -> None:
         """The cable frame at a grip: three axes if clamped, the tangent if swivelling, a ball if pinned, or a plug."""
         loaded = isinstance(end, FreeEnd) and end.mass > 0.0
         kind = end.kind if isinstance(end, Grip) else "clamped" if isinstance(end, Pose) else f"free {loaded}"
@@ -308,7 +310,8 @@ class ReportLogger:
                 colors=[colours.AXES[i] for i in shown],
                 radii=0.045 * reach,
             )
-            ball = rr.Points3D([(0.0, 0.0, 0.0)], radii=0.12 * reach, colors=colours.ROBOT)
+            size = 1.2 * diameter if loaded else 0.12 * reach
+            ball = rr.Points3D([(0.0, 0.0, 0.0)], radii=size, colors=colours.ROBOT)
             self._write(f"{entity}/axes", axes)
             held = loaded or not kind.startswith("free")
             self._write(f"{entity}/ball", ball if held else rr.Clear(recursive=False))
