@@ -31,13 +31,19 @@ GRIP_KEYS, FREE_KEYS = ("kind", "offset"), ("mass", "force", "moment")
 _CLAMPED = Grip(IDENTITY)
 
 
+def grip_name(harness: str, end: str) -> str:
+    """What the grip of an end is called in topics and frames: "harness/segment_start"."""
+    return f"{harness}/{end.replace('.', '_')}"
+
+
 @final
 @dataclass(frozen=True, slots=True)
 class HarnessFile:
-    """A harness, and what its file says of its ends: grips at the origin, or loads of free ends."""
+    """A harness, and what its file says of its ends: grips at the origin, or loads of free ends; called as the file."""
 
     harness: Harness
     ends: Mapping[str, Grip | FreeEnd] = field(default_factory=dict, hash=False)
+    name: str = "harness"
 
     @classmethod
     def from_yaml(cls, path: str | Path) -> HarnessFile:
@@ -48,10 +54,11 @@ class HarnessFile:
         ArgumentError
             Naming the key, the bound and the remedy.
         """
-        values, where = load_yaml(path), str(path)
-        harness = harness_of(values, where, path_of(path).parent)
+        values, where, file = load_yaml(path), str(path), path_of(path)
+        harness = harness_of(values, where, file.parent)
         ends = checks.mapping(f"{where}: {ENDS}", values.get(ENDS), harness.open_ends, "Write {trunk.start: {}}.")
-        return cls(harness, {end: _end(f"{where}: {ENDS}.{end}", given) for end, given in ends.items()})
+        held = {end: _end(f"{where}: {ENDS}.{end}", given) for end, given in ends.items()}
+        return cls(harness, held, file.stem)
 
     def held(self, named: Iterable[str] = (), scene: Scene | None = None) -> dict[str, Grip | FreeEnd]:
         """The ends for :meth:`cable_shape.Cycle.step`, grips at the origin: those `named`, else those of the file.

@@ -120,18 +120,17 @@ class Assembly:
 
     def _load_harness(self, settings: Settings, scene: Scene) -> dict[str, Cable | Harness]:
         """The harness, called as its file is."""
-        path = find_file(settings.harness_file)
-        file = HarnessFile.from_yaml(path)
+        file = HarnessFile.from_yaml(find_file(settings.harness_file))
         try:
             ends = file.held(settings.held, scene)
         except ArgumentError as error:
             raise type(error)(f"held_ends: {error}") from None
-        holding = Holding.of_harness(path.stem, ends)
+        holding = Holding.of_harness(file.name, ends)
         if settings.input == "joints" and len(holding.topics) != 2:
             bound = f"input = 'joints' moves two ends, the robot's two grippers; held are {len(holding.topics)}"
             raise ArgumentError.of("held_ends", settings.held_ends, bound, "Name two: left, right.")
         self.holdings = [holding]
-        return {path.stem: file.harness}
+        return {file.name: file.harness}
 
     def describe(self) -> str:
         """What was loaded, in words."""

@@ -10,6 +10,7 @@ from typing import Any, final
 from cable_shape.cable_file import AS_GIVEN, Held
 from cable_shape.errors import ArgumentError
 from cable_shape.harness import split_end
+from cable_shape.harness_ends import grip_name
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.ros.parameters import Settings
 from cable_shape.ros.qos import POSE_TOPICS
@@ -77,7 +78,7 @@ class Holding:
     @property
     def _names(self) -> tuple[str, ...]:
         """Of a harness's grips: "harness/segment_end"."""
-        return tuple(f"{self.cable_id}/{end.replace('.', '_')}" for end in self.grips or ())
+        return tuple(grip_name(self.cable_id, end) for end in self.grips or ())
 
     def told(self, settings: Settings) -> tuple[Grip, ...]:
         """The grips at the origin, with kind and offset."""
