@@ -34,6 +34,7 @@ if TYPE_CHECKING:
         UnknownKeyError,
     )
     from cable_shape.harness import Harness, Junction
+    from cable_shape.harness_batch import HarnessBatch
     from cable_shape.harness_shape import HarnessShape
     from cable_shape.paths import GripPath, JointPath
     from cable_shape.plug import Plug, PlugError
@@ -91,6 +92,7 @@ __all__ = [
     "GripPath",
     "HalfSpace",
     "Harness",
+    "HarnessBatch",
     "HarnessShape",
     "Held",
     "InputError",
@@ -162,6 +164,7 @@ _HOMES = {
         "UnknownKeyError",
     ),
     "harness": ("Harness", "Junction"),
+    "harness_batch": ("HarnessBatch",),
     "harness_shape": ("HarnessShape",),
     "paths": ("GripPath", "JointPath"),
     "plug": ("Plug", "PlugError"),
