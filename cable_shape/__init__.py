@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from cable_shape.harness import Harness, Junction
     from cable_shape.harness_batch import HarnessBatch
     from cable_shape.harness_shape import HarnessShape
-    from cable_shape.paths import GripPath, JointPath
+    from cable_shape.paths import EndsPath, GripPath, JointPath
     from cable_shape.plug import Plug, PlugError
     from cable_shape.pose import FreeEnd, Grip, Pose
     from cable_shape.predictor import Predictor, predict
@@ -85,6 +85,7 @@ __all__ = [
     "CycleReport",
     "Cylinder",
     "DependencyError",
+    "EndsPath",
     "Estimate",
     "FileError",
     "FreeEnd",
@@ -166,7 +167,7 @@ _HOMES = {
     "harness": ("Harness", "Junction"),
     "harness_batch": ("HarnessBatch",),
     "harness_shape": ("HarnessShape",),
-    "paths": ("GripPath", "JointPath"),
+    "paths": ("EndsPath", "GripPath", "JointPath"),
     "plug": ("Plug", "PlugError"),
     "pose": ("FreeEnd", "Grip", "Pose"),
     "predictor": ("Predictor", "predict"),

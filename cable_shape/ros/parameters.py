@@ -213,7 +213,23 @@ class Settings:
         """
         settings = cls(**{spec.field: spec.check(values[spec.name]) for spec in SPECS})
         settings.grips()
+        settings.check_sides()
         return settings
+
+    def check_sides(self) -> None:
+        """What is said of the left and the right gripper is of cables.
+
+        Raises
+        ------
+        ArgumentError
+        """
+        for side in ("left", "right") if self.harness_file else ():
+            for name in (f"grip_kind_{side}", f"{side}_gripper.offset", f"{side}_gripper.frame"):
+                spec = BY_NAME[name]
+                value = getattr(self, spec.field)
+                if value != spec.check(spec.default):
+                    remedy = "Leave it out; the key `ends` of harness_file has kinds and offsets."
+                    raise ArgumentError.of(name, value, "a harness has no left and right", remedy)
 
     def grips(self, held: tuple[Held, Held] = (AS_GIVEN, AS_GIVEN)) -> tuple[Grip, Grip]:
         """The start and end grip at the origin, with kind and offset; `held`: what the cable's file knows of them."""

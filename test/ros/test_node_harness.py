@@ -314,6 +314,11 @@ def settings(**changes):
         ({"cable_file": "c.yaml"}, "cable_file = 'c.yaml' is not allowed: a node has cables or a harness"),
         ({"uncertainty_file": "u.yaml"}, "uncertainty_file = 'u.yaml' is not allowed: a harness has no tube"),
         ({"planner": True}, "planner = True is not allowed: planners are served for cables"),
+        ({"grip_kind_left": "swivel"}, "grip_kind_left = 'swivel' is not allowed: a harness has no left and right"),
+        (
+            {"right_gripper.offset": [0.1, 0, 0, 0, 0, 0, 1]},
+            "right_gripper.offset = .* a harness has no left and right",
+        ),
         ({"calibration": True}, "calibration = True is not allowed: cables are calibrated one by one"),
         ({"harness_file": "", "held_ends": "a.start", "cable_file": "c.yaml"}, "held_ends = 'a.start' .* harness_file"),
     ],
