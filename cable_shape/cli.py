@@ -91,7 +91,7 @@ def build_parser() -> argparse.ArgumentParser:
     _add_status(commands)
     _add_bench(commands)
     doctor = commands.add_parser("doctor", help="check libraries, messages, compiled kernels, and your files")
-    for name in ("cable", "scene", "robot"):
+    for name in ("cable", "harness", "scene", "robot"):
         doctor.add_argument(f"--{name}", type=Path, metavar=f"{name.upper()}.yaml", help=f"also look at this {name}")
     doctor.set_defaults(run=_doctor)
     return parser
@@ -423,7 +423,7 @@ def _doctor(arguments: argparse.Namespace) -> int:
     from cable_shape.doctor import examine
     from cable_shape.doctor_files import examine_files
 
-    findings = [*examine(), *examine_files(arguments.cable, arguments.scene, arguments.robot)]
+    findings = [*examine(), *examine_files(arguments.cable, arguments.scene, arguments.robot, arguments.harness)]
     for finding in findings:
         print(f"{'ok  ' if not finding.remedy else 'FAIL'}  {finding.subject}: {finding.found}")
         if finding.remedy:
