@@ -25,7 +25,7 @@ from cable_shape.checks import Array
 from cable_shape.clearance import ClearanceChecker
 from cable_shape.errors import ArgumentError
 from cable_shape.harness import Harness
-from cable_shape.harness_batch import HarnessBatch, Tables, predict_rows
+from cable_shape.harness_batch import MOST_NUMBERS, HarnessBatch, Tables, pose_table, predict_rows
 from cable_shape.kernels import batch_cells, batch_rows, margins
 from cable_shape.kernels.network import beside, drive
 from cable_shape.kernels.network.newton import CONVERGED, I_ITERATIONS
@@ -41,8 +41,6 @@ from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
 from cable_shape.uncertainty import Uncertainty
 
-#: More numbers than this are not kept: 8 GB of shapes.
-MOST_NUMBERS = 1_000_000_000
 MOST_THREADS = 1024
 #: Units of the lattice of cells: this fraction of the cable's length, and radians.
 CELL_REACH, CELL_TURN = 0.25, 0.3
@@ -149,10 +147,10 @@ def predict_batch(  # type: ignore[misc]
         predictor.accelerate(acceleration)
     checks.one_of("start_kind", start_kind, GRIP_KINDS)
     checks.one_of("end_kind", end_kind, GRIP_KINDS)
-    poses = _table("starts", starts)
+    poses = pose_table("starts", starts)
     free = FreeEnd() if ends is None else ends if isinstance(ends, FreeEnd) else None
     how = start_kind, end_kind if free is None else free
-    others = poses.copy() if isinstance(ends, FreeEnd) or ends is None else _table("ends", ends)
+    others = poses.copy() if isinstance(ends, FreeEnd) or ends is None else pose_table("ends", ends)
     work = _Work(predictor, poses, others, how, acceleration, deadline, uncertainty)
     if work.network is not None:
         work.solve_cells(threads)
@@ -382,12 +380,3 @@ def _several(told: beside.Told, keys: Rows) -> NDArray[np.bool_]:
     found = np.zeros(len(keys), np.int64)
     beside.others(told, keys, np.zeros(drive.INFO + 2), found)
     return found.astype(np.bool_)
-
-
-def _table(name: str, value: ArrayLike) -> Array:
-    """Poses as a new array (k, 7)."""
-    remedy = "A row is a position in m and a quaternion x, y, z, w."
-    table = checks.numbers(name, value, remedy)
-    if table.ndim != 2 or table.shape[1] != 7:
-        raise ArgumentError.of(name, f"array of shape {table.shape}", "it must have shape (k, 7)", remedy)
-    return table

@@ -170,7 +170,7 @@ def _told(
     remedy = "Write {'a.start': table of (k, 7), ...}; ends that are not named are free."
     told = checks.mapping("ends", ends, harness.ends, remedy)
     free = {end: FreeEnd() if held is None else held for end, held in told.items() if _is_free(held)}
-    tables = {end: _table(end, held) for end, held in told.items() if not _is_free(held)}
+    tables = {end: pose_table(end, held) for end, held in told.items() if not _is_free(held)}
     if not tables:
         raise ArgumentError.of("ends", list(told), "no end is held", remedy)
     lengths = {end: len(table) for end, table in tables.items()}
@@ -186,12 +186,12 @@ def _is_free(held: object) -> bool:
     return held is None or isinstance(held, FreeEnd)
 
 
-def _table(end: str, value: Any) -> Array:
+def pose_table(name: str, value: Any) -> Array:
     """Poses as a new array (k, 7)."""
     remedy = "A row is a position in m and a quaternion x, y, z, w."
-    table = checks.numbers(end, value, remedy)
+    table = checks.numbers(name, value, remedy)
     if table.ndim != 2 or table.shape[1] != 7:
-        raise ArgumentError.of(end, f"array of shape {table.shape}", "it must have shape (k, 7)", remedy)
+        raise ArgumentError.of(name, f"array of shape {table.shape}", "it must have shape (k, 7)", remedy)
     return table
 
 
