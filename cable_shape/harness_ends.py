@@ -13,7 +13,7 @@ Open ends that it does not name are free. Where there is no such key, every open
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, final
 
@@ -46,19 +46,23 @@ class HarnessFile:
     name: str = "harness"
 
     @classmethod
-    def from_yaml(cls, path: str | Path) -> HarnessFile:
-        """From a harness's file, with or without `ends`.
+    def from_mapping(cls, values: Mapping[str, Any], where: str = "harness", folder: str | Path = ".") -> HarnessFile:
+        """From a mapping with the keys of a harness, with or without `ends`; paths of cables are taken from `folder`.
 
         Raises
         ------
         ArgumentError
             Naming the key, the bound and the remedy.
         """
-        values, where, file = load_yaml(path), str(path), path_of(path)
-        harness = harness_of(values, where, file.parent)
+        harness = harness_of(values, where, folder)
         ends = checks.mapping(f"{where}: {ENDS}", values.get(ENDS), harness.open_ends, "Write {trunk.start: {}}.")
-        held = {end: _end(f"{where}: {ENDS}.{end}", given) for end, given in ends.items()}
-        return cls(harness, held, file.stem)
+        return cls(harness, {end: _end(f"{where}: {ENDS}.{end}", given) for end, given in ends.items()})
+
+    @classmethod
+    def from_yaml(cls, path: str | Path) -> HarnessFile:
+        """From a harness's file, whose name is the harness's."""
+        file = path_of(path)
+        return replace(cls.from_mapping(load_yaml(path), str(path), file.parent), name=file.stem)
 
     def held(self, named: Iterable[str] = (), scene: Scene | None = None) -> dict[str, Grip | FreeEnd]:
         """The ends for :meth:`cable_shape.Cycle.step`, grips at the origin: those `named`, else those of the file.
