@@ -34,8 +34,9 @@ if TYPE_CHECKING:
         UnknownKeyError,
     )
     from cable_shape.harness import Harness, Junction
+    from cable_shape.harness_batch import HarnessBatch
     from cable_shape.harness_shape import HarnessShape
-    from cable_shape.paths import GripPath, JointPath
+    from cable_shape.paths import EndsPath, GripPath, JointPath
     from cable_shape.plug import Plug, PlugError
     from cable_shape.pose import FreeEnd, Grip, Pose
     from cable_shape.predictor import Predictor, predict
@@ -84,6 +85,7 @@ __all__ = [
     "CycleReport",
     "Cylinder",
     "DependencyError",
+    "EndsPath",
     "Estimate",
     "FileError",
     "FreeEnd",
@@ -91,6 +93,7 @@ __all__ = [
     "GripPath",
     "HalfSpace",
     "Harness",
+    "HarnessBatch",
     "HarnessShape",
     "Held",
     "InputError",
@@ -162,8 +165,9 @@ _HOMES = {
         "UnknownKeyError",
     ),
     "harness": ("Harness", "Junction"),
+    "harness_batch": ("HarnessBatch",),
     "harness_shape": ("HarnessShape",),
-    "paths": ("GripPath", "JointPath"),
+    "paths": ("EndsPath", "GripPath", "JointPath"),
     "plug": ("Plug", "PlugError"),
     "pose": ("FreeEnd", "Grip", "Pose"),
     "predictor": ("Predictor", "predict"),

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from time import perf_counter
-from typing import final
+from typing import Any, final, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,12 +24,14 @@ from cable_shape.cable import Cable
 from cable_shape.checks import Array
 from cable_shape.clearance import ClearanceChecker
 from cable_shape.errors import ArgumentError
+from cable_shape.harness import Harness
+from cable_shape.harness_batch import MOST_NUMBERS, HarnessBatch, Tables, pose_table, predict_rows
 from cable_shape.kernels import batch_cells, batch_rows, margins
 from cable_shape.kernels.network import beside, drive
 from cable_shape.kernels.network.newton import CONVERGED, I_ITERATIONS
 from cable_shape.margins import MarginWatch
 from cable_shape.pose import GRIP_KINDS, FreeEnd, Grip, Pose
-from cable_shape.predictor import Predictor
+from cable_shape.predictor import _NOT_GIVEN, Predictor
 from cable_shape.problem import GRAVITY
 from cable_shape.report import LOAD_MARGINS
 from cable_shape.scene import Scene
@@ -39,8 +41,6 @@ from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
 from cable_shape.uncertainty import Uncertainty
 
-#: More numbers than this are not kept: 8 GB of shapes.
-MOST_NUMBERS = 1_000_000_000
 MOST_THREADS = 1024
 #: Units of the lattice of cells: this fraction of the cable's length, and radians.
 CELL_REACH, CELL_TURN = 0.25, 0.3
@@ -57,10 +57,14 @@ _ALONE = (CONVERGED, batch_rows.COARSE, batch_rows.LOST, drive.TAUT)
 Rows = NDArray[np.int64]
 
 
-def predict_batch(
-    cable: Cable,
-    starts: ArrayLike,
-    ends: ArrayLike | FreeEnd | None,
+@overload
+def predict_batch(cable: Cable, starts: ArrayLike, ends: ArrayLike | FreeEnd | None, **_: Any) -> ShapeBatch: ...
+@overload
+def predict_batch(cable: Harness, starts: Tables, **_: Any) -> HarnessBatch: ...
+def predict_batch(  # type: ignore[misc]
+    cable: Cable | Harness,
+    starts: Any,
+    ends: Any = _NOT_GIVEN,
     *,
     start_kind: str = "clamped",
     end_kind: str = "clamped",
@@ -69,13 +73,14 @@ def predict_batch(
     scene: Scene | None = None,
     points: int = 150,
     tolerance: float | None = None,
-    distributed_load: ArrayLike | None = None,
-    acceleration: ArrayLike | None = None,
+    distributed_load: Any = None,
+    acceleration: Any = None,
     threads: int | None = None,
     time_limit: float | None = None,
     uncertainty: Uncertainty | None = None,
-) -> ShapeBatch:
-    """The shapes of one cable for many pairs of ends, with clearance and margins.
+    kinds: Mapping[str, str] | None = None,
+) -> Any:
+    """The shapes of one cable for many pairs of ends, or of one harness for many rows, with clearance and margins.
 
     The order of the rows, the other rows and the number of threads change no bit of a row.
 
@@ -83,12 +88,15 @@ def predict_batch(
     ----------
     starts, ends : (k, 7) array_like
         Position [m] and quaternion x y z w of the cable frame at each end, in the world. `ends` may be a FreeEnd, which
-        is that of all rows, or None: free without load.
+        is that of all rows, or None: free without load. Of a harness `starts` alone: a mapping of held ends to such
+        tables, and of free ones to FreeEnd; the answer is a :class:`cable_shape.harness_batch.HarnessBatch`.
     start_kind, end_kind : str
         How grips hold the ends: "clamped", "swivel" or "pinned", as of :class:`Grip`.
+    kinds : mapping of end to str, optional
+        The same of a harness.
     model, gravity, points, tolerance, scene, distributed_load, acceleration
         As for :func:`predict`, the same for all rows. Other models than the rod, clips of kind "slide" and contact are
-        solved row by row and far more slowly. Obstacles on robot links are left out.
+        solved row by row and far more slowly, and so are harnesses. Obstacles on robot links are left out.
     threads : int, optional
         Default: as many as there are cores to run on.
     time_limit : float, optional
@@ -104,6 +112,23 @@ def predict_batch(
         Naming the value, the bound and the remedy; not for the numbers in a row, see `errors`.
     """
     began = perf_counter()
+    if threads is not None:
+        checks.integer("threads", threads, at_least=1, at_most=MOST_THREADS)
+    if isinstance(cable, Harness):
+        of_cables = {"start_kind": start_kind, "end_kind": end_kind, "uncertainty": uncertainty, "ends": ends}
+        for name, value in of_cables.items():
+            given = value is not None and value is not _NOT_GIVEN
+            if given and not (isinstance(value, str) and value == "clamped"):
+                remedy = "Write predict_batch(harness, {'a.start': table, ...}, kinds={...})."
+                raise ArgumentError.of(name, value, "it is known of cables only", remedy)
+        return predict_rows(
+            cable, starts, kinds=kinds, scene=scene, acceleration=acceleration, time_limit=time_limit, model=model,
+            gravity=gravity, points=points, tolerance=tolerance, distributed_load=distributed_load,
+        )  # fmt: skip
+    if ends is _NOT_GIVEN:
+        raise ArgumentError("ends is missing. Write predict_batch(cable, starts, ends); None is a free end.")
+    if kinds is not None:
+        raise ArgumentError.of("kinds", kinds, "a cable has two ends", "Write start_kind=.., end_kind=...")
     predictor = Predictor(
         cable,
         model=model,
@@ -115,7 +140,6 @@ def predict_batch(
     )
     if threads is None:
         threads = len(os.sched_getaffinity(0))
-    threads = checks.integer("threads", threads, at_least=1, at_most=MOST_THREADS)
     deadline = math.inf
     if time_limit is not None:
         deadline = began + checks.number("time_limit", time_limit, above=0.0, unit="s")
@@ -123,10 +147,10 @@ def predict_batch(
         predictor.accelerate(acceleration)
     checks.one_of("start_kind", start_kind, GRIP_KINDS)
     checks.one_of("end_kind", end_kind, GRIP_KINDS)
-    poses = _table("starts", starts)
+    poses = pose_table("starts", starts)
     free = FreeEnd() if ends is None else ends if isinstance(ends, FreeEnd) else None
     how = start_kind, end_kind if free is None else free
-    others = poses.copy() if isinstance(ends, FreeEnd) or ends is None else _table("ends", ends)
+    others = poses.copy() if isinstance(ends, FreeEnd) or ends is None else pose_table("ends", ends)
     work = _Work(predictor, poses, others, how, acceleration, deadline, uncertainty)
     if work.network is not None:
         work.solve_cells(threads)
@@ -356,12 +380,3 @@ def _several(told: beside.Told, keys: Rows) -> NDArray[np.bool_]:
     found = np.zeros(len(keys), np.int64)
     beside.others(told, keys, np.zeros(drive.INFO + 2), found)
     return found.astype(np.bool_)
-
-
-def _table(name: str, value: ArrayLike) -> Array:
-    """Poses as a new array (k, 7)."""
-    remedy = "A row is a position in m and a quaternion x, y, z, w."
-    table = checks.numbers(name, value, remedy)
-    if table.ndim != 2 or table.shape[1] != 7:
-        raise ArgumentError.of(name, f"array of shape {table.shape}", "it must have shape (k, 7)", remedy)
-    return table

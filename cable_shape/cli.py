@@ -91,7 +91,7 @@ def build_parser() -> argparse.ArgumentParser:
     _add_status(commands)
     _add_bench(commands)
     doctor = commands.add_parser("doctor", help="check libraries, messages, compiled kernels, and your files")
-    for name in ("cable", "scene", "robot"):
+    for name in ("cable", "harness", "scene", "robot"):
         doctor.add_argument(f"--{name}", type=Path, metavar=f"{name.upper()}.yaml", help=f"also look at this {name}")
     doctor.set_defaults(run=_doctor)
     return parser
@@ -106,7 +106,16 @@ def _add_replay(commands: Commands) -> None:
     )
     replay.add_argument("bag", type=Path, metavar="BAG", help="rosbag2 folder, or one .mcap or .db3 file")
     replay.add_argument("-o", "--out", type=Path, required=True, metavar="OUT", help="folder for the results")
-    replay.add_argument("--cable", type=Path, metavar="CABLE.yaml", help="a cable's file (required)")
+    replay.add_argument("--cable", type=Path, metavar="CABLE.yaml", help="a cable's file")
+    replay.add_argument("--harness", type=Path, metavar="HARNESS.yaml", help="a harness's file, in place of --cable")
+    replay.add_argument("--held-ends", metavar="ENDS", help="of the harness: a.start,b.end; else as its file says")
+    replay.add_argument(
+        "--end-topic",
+        action="append",
+        default=[],
+        metavar="END=TOPIC",
+        help="of one of them, repeatable; /NAME/a_start/pose",
+    )
     replay.add_argument("--scene", type=Path, metavar="SCENE.yaml", help="keys: the keywords of Scene")
     replay.add_argument("--robot", type=Path, metavar="ROBOT.yaml", help="needed for joint states")
     replay.add_argument("--uncertainty", type=Path, metavar="FILE.yaml", help="keys: those of Uncertainty; a tube")
@@ -214,7 +223,6 @@ def _add_bench(commands: Commands) -> None:
 
 
 def _replay(arguments: argparse.Namespace) -> int:
-    from cable_shape.cable_file import CableFile
     from cable_shape.files import find_file
     from cable_shape.replay.interrupt import Interruptible
     from cable_shape.replay.outcome import Settings
@@ -223,30 +231,19 @@ def _replay(arguments: argparse.Namespace) -> int:
     from cable_shape.scene import Scene
     from cable_shape.uncertainty import Uncertainty
 
-    if arguments.cable is None:
-        raise ArgumentError(
-            "--cable CABLE.yaml is missing: its length, weight and stiffness decide the shape. "
-            "Write at least length [m], linear_density [kg/m] and bending_stiffness [N m^2]; "
-            "config/cables holds examples."
-        )
     robot = None
     if arguments.robot is not None:
         from cable_shape.robot import Robot
 
         robot = Robot.from_yaml(find_file(arguments.robot))
-    file = CableFile.from_yaml(find_file(arguments.cable))
-    cable = file.cable
     scene = None if arguments.scene is None else Scene.from_yaml(find_file(arguments.scene))
-    note_slips(cable, scene)
     settings = Settings(
-        cable=cable,
+        **_carried(arguments, scene),
         scene=scene,
         robot=robot,
         uncertainty=None if arguments.uncertainty is None else Uncertainty.from_yaml(find_file(arguments.uncertainty)),
         **_model_options(arguments),
         gravity=tuple(arguments.gravity),
-        start=_held("start", file.start, arguments.start_kind, arguments.start_offset),
-        end=_held("end", file.end, arguments.end_kind, arguments.end_offset),
         max_skew=arguments.max_skew,
         input=arguments.input,
         left_topic=arguments.left_topic,
@@ -278,6 +275,48 @@ def _replay(arguments: argparse.Namespace) -> int:
     for problem in outcome.problems:
         print(f"cable-shape: error: not read: {problem}", file=sys.stderr)
     return EXIT_PARTIAL if outcome.problems else 0
+
+
+def _carried(arguments: argparse.Namespace, scene: Scene | None) -> dict[str, Any]:
+    """The cable or the harness of a replay, and how its ends are held."""
+    from cable_shape.cable_file import CableFile
+    from cable_shape.files import find_file
+    from cable_shape.harness_ends import HarnessFile
+
+    if arguments.harness is None:
+        if arguments.cable is None:
+            raise ArgumentError(
+                "--cable CABLE.yaml is missing: its length, weight and stiffness decide the shape. "
+                "Write at least length [m], linear_density [kg/m] and bending_stiffness [N m^2]; "
+                "config/cables holds examples. A harness is given by --harness."
+            )
+        for option in ("held_ends", "end_topic"):
+            if getattr(arguments, option):
+                raise ArgumentError(f"--{option.replace('_', '-')}: ends of this name has a harness. Give --harness.")
+        file = CableFile.from_yaml(find_file(arguments.cable))
+        note_slips(file.cable, scene)
+        return {
+            "cable": file.cable,
+            "start": _held("start", file.start, arguments.start_kind, arguments.start_offset),
+            "end": _held("end", file.end, arguments.end_kind, arguments.end_offset),
+        }
+    for option in ("cable", "start_kind", "end_kind", "start_offset", "end_offset"):
+        if getattr(arguments, option) is not None:
+            remedy = "Leave it out; the key `ends` of the harness's file has kinds and offsets."
+            raise ArgumentError(f"--{option.replace('_', '-')}: it is not for a harness. {remedy}")
+    harness = HarnessFile.from_yaml(find_file(arguments.harness))
+    for segment in harness.harness.segments.values():
+        note_slips(segment, scene)
+    ends = (arguments.held_ends or "").split(",")
+    topics = [text.partition("=") for text in arguments.end_topic]
+    for end, _, topic in topics:
+        if not topic:
+            raise ArgumentError.of("--end-topic", end, "it must be END=TOPIC", "Write a.start=/tracker/pose.")
+    return {
+        "harness": harness,
+        "held_ends": tuple(end.strip() for end in ends if end.strip()),
+        "end_topics": {end: topic for end, _, topic in topics},
+    }
 
 
 def _held(side: str, known: Held, kind: str | None, offset: Sequence[float] | None) -> Held:
@@ -396,7 +435,7 @@ def _doctor(arguments: argparse.Namespace) -> int:
     from cable_shape.doctor import examine
     from cable_shape.doctor_files import examine_files
 
-    findings = [*examine(), *examine_files(arguments.cable, arguments.scene, arguments.robot)]
+    findings = [*examine(), *examine_files(arguments.cable, arguments.scene, arguments.robot, arguments.harness)]
     for finding in findings:
         print(f"{'ok  ' if not finding.remedy else 'FAIL'}  {finding.subject}: {finding.found}")
         if finding.remedy:

@@ -157,7 +157,8 @@ class Cycle:
             made = self._harnesses[name] = HarnessCycle(name, harness, own, robot_links, gripping_links, keywords)
             segments.update(made.cables)
             joined |= beside_each_other(name, harness)
-        self._near = CableNear({**named, **segments}, self.scene, robot_links, joined=joined)
+        self._parts = {**named, **segments}
+        self._near = CableNear(self._parts, self.scene, robot_links, joined=joined)
         self._crossing: tuple[tuple[str, ...], Crossing] | None = None
         bodies = [body for cable in self._cables.values() for body in cable.predictor.problem.bodies]
         self._pushed = any(body.link is not None for body in bodies)
@@ -172,6 +173,11 @@ class Cycle:
     def cables(self) -> dict[str, Cable]:
         """By name; of a Cycle they are fixed."""
         return self._named
+
+    @property
+    def parts(self) -> dict[str, Cable]:
+        """The cables, and the segments of harnesses, by what clearance, margins and warnings call them."""
+        return self._parts
 
     @property
     def scene(self) -> Scene:

@@ -1,4 +1,4 @@
-"""What `cable-shape doctor` says of a cable, a scene and a robot: slips of units, and files that cannot be used."""
+"""What `cable-shape doctor` says of cable, harness, scene and robot: slips of units, and files that cannot be used."""
 
 from __future__ import annotations
 
@@ -8,15 +8,20 @@ from pathlib import Path
 from cable_shape.cable_file import CableFile
 from cable_shape.doctor import Finding
 from cable_shape.errors import CableShapeError
+from cable_shape.harness_ends import HarnessFile
+from cable_shape.pose import Grip
 from cable_shape.robot import Robot
 from cable_shape.scene import Scene
 from cable_shape.units import slips_in, slips_of
 
 
-def examine_files(cable: Path | None, scene: Path | None, robot: Path | None) -> list[Finding]:
+def examine_files(
+    cable: Path | None, scene: Path | None, robot: Path | None, harness: Path | None = None
+) -> list[Finding]:
     """Findings for the files that are given."""
     checks: tuple[tuple[Path | None, Callable[[Path], list[Finding]]], ...] = (
         (cable, _cable),
+        (harness, _harness),
         (scene, _scene),
         (robot, _robot),
     )
@@ -38,6 +43,18 @@ def _cable(file: Path) -> list[Finding]:
     grips = read.describe()
     told = [Finding(file.name, f"grips when it was calibrated: {grips}")] if grips else []
     return [Finding(file.name, read.cable.describe()), *told, *slips]
+
+
+def _harness(file: Path) -> list[Finding]:
+    """Its segments in plain words, and which ends grippers are to hold."""
+    read = HarnessFile.from_yaml(file)
+    held = [f"{end} {grip.kind}" for end, grip in read.ends.items() if isinstance(grip, Grip)]
+    grips = ", ".join(held) if read.ends else "all open ends"
+    findings = [Finding(file.name, f"{len(read.harness.segments)} segments, held: {grips or 'none'}")]
+    for name, cable in read.harness.segments.items():
+        findings.append(Finding(f"{file.name}: {name}", cable.describe()))
+        findings += [Finding(f"{file.name}: {name}", slip.found, slip.remedy) for slip in slips_of(cable)]
+    return findings
 
 
 def _scene(file: Path) -> list[Finding]:

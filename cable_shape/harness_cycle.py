@@ -8,7 +8,7 @@ from typing import Any, final
 from numpy.typing import ArrayLike
 
 from cable_shape.clearance import ClearanceChecker
-from cable_shape.harness import Harness
+from cable_shape.harness import Harness, split_end
 from cable_shape.harness_predictor import HarnessPredictor
 from cable_shape.harness_problem import End
 from cable_shape.harness_shape import HarnessShape
@@ -52,9 +52,13 @@ class HarnessCycle:
         self.name, self.scene = name, scene
         self.predictor = HarnessPredictor(harness, scene=scene, **options)
         self.cables = {cable_id(name, segment): cable for segment, cable in harness.segments.items()}
+        may_be_held = {cable_id(name, split_end(end)[0]) for end in harness.open_ends}
         self._checkers = {
             one: ClearanceChecker(
-                scene, radius=0.5 * cable.diameter, robot_links=robot_links, gripping_links=gripping_links
+                scene,
+                radius=0.5 * cable.diameter,
+                robot_links=robot_links,
+                gripping_links=gripping_links if one in may_be_held else (),
             )
             for one, cable in self.cables.items()
         }

@@ -14,6 +14,8 @@ Segments are cables by their name, or the path of a cable's file; junctions name
         frames:                                                      # of the ends in the junction; absent: identity
           left.start: {quaternion: [0.3827, 0, 0, 0.9239]}
           right.start: {quaternion: [-0.3827, 0, 0, 0.9239]}
+
+A key `ends` says which ends are held, see :mod:`cable_shape.harness_ends`; it is no part of the harness.
 """
 
 from __future__ import annotations
@@ -30,7 +32,8 @@ from cable_shape.harness import Harness, Junction
 from cable_shape.pose import Pose
 from cable_shape.scene_files import pose_entry
 
-HARNESS_KEYS = ("segments", "junctions")
+ENDS = "ends"
+HARNESS_KEYS = ("segments", "junctions", ENDS)
 JUNCTION_KEYS = ("name", "ends", "kind", "frames", "mass")
 
 
@@ -104,11 +107,12 @@ def _junction(values: Any, i: int) -> Junction:
         values["name"],
         values["ends"],
         values.get("kind", "rigid"),
-        {end: _pose(f"{where}: frames[{shown(end)}]", pose) for end, pose in frames.items()},
+        {end: pose_of(f"{where}: frames[{shown(end)}]", pose) for end, pose in frames.items()},
         values.get("mass", 0.0),
     )
 
 
-def _pose(where: str, values: Any) -> Pose:
+def pose_of(where: str, values: Any) -> Pose:
+    """A frame from its keywords, by default the identity."""
     checks.known_keys(where, values, ("position", "quaternion"))
     return Pose(values.get("position", (0.0, 0.0, 0.0)), values.get("quaternion", (0.0, 0.0, 0.0, 1.0)))

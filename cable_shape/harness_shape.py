@@ -15,6 +15,18 @@ from cable_shape.pose import Pose
 from cable_shape.shape import NUMBERS_PER_POINT, CableShape, ClipLoad, Status
 
 
+def junctions_of(harness: Harness, segments: Mapping[str, CableShape]) -> dict[str, Pose]:
+    """The frame of each junction in the world, by its name: that of its first end, its entry undone."""
+    out = {}
+    for junction in harness.junctions:
+        end = junction.ends[0]
+        name, side = split_end(end)
+        shape, i = segments[name], 0 if side == "start" else -1
+        at = Pose(shape.positions[i], shape.quaternions[i])
+        out[junction.name] = at * junction.frame(end).inverse()
+    return out
+
+
 @final
 class HarnessShape:
     """The predicted shape of one harness: a :class:`CableShape` a segment, and where its junctions are.
@@ -117,15 +129,8 @@ class HarnessShape:
 
     @cached_property
     def junctions(self) -> dict[str, Pose]:
-        """The frame of each junction in the world, by its name: that of its first end, its entry undone."""
-        out = {}
-        for junction in self.harness.junctions:
-            end = junction.ends[0]
-            name, side = split_end(end)
-            shape, i = self.segments[name], 0 if side == "start" else -1
-            at = Pose(shape.positions[i], shape.quaternions[i])
-            out[junction.name] = at * junction.frame(end).inverse()
-        return out
+        """The frame of each junction in the world, by its name."""
+        return junctions_of(self.harness, self.segments)
 
     def again(self) -> HarnessShape:
         """The same shape, marked as reused: arrays are shared, the time is 0."""

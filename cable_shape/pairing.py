@@ -1,4 +1,4 @@
-"""Which input messages may be used together: stamps that increase, one publisher, pairs of the two grippers.
+"""Which input messages may be used together: stamps that increase, one publisher, those of all grippers at one time.
 
 All stamps are integers in nanoseconds.
 """
@@ -145,17 +145,26 @@ class SpeakerGuard:
 @final
 @dataclass(frozen=True, slots=True)
 class Pair(Generic[T]):
-    """What the two grippers said at nearly the same time; `stamp` is the older of the two, `skew` their distance."""
+    """What all grippers said at nearly the same time; `stamp` is the oldest of theirs, `skew` their distance."""
 
     stamp: int
-    start: T
-    end: T
+    values: tuple[T, ...]
     skew: int
+
+    @property
+    def start(self) -> T:
+        """Of two grippers the first."""
+        return self.values[0]
+
+    @property
+    def end(self) -> T:
+        """Of two grippers the second."""
+        return self.values[-1]
 
 
 @final
 class Pairing(Generic[T]):
-    """Puts together the messages of the two grippers: closest stamps first, latest wins, each message used once.
+    """Puts together the messages of all grippers: closest stamps first, latest wins, each message used once.
 
     Streams of equal rate keep their smallest possible skew, also after a lost message: a partner further away than
     about half a period is passed over once in favour of the next message. Never twice in a row, so pairs keep coming
@@ -165,57 +174,60 @@ class Pairing(Generic[T]):
     ----------
     max_skew : int
         [ns], stamps further apart are never paired.
+    sides : int
+        How many grippers there are, at least 1.
     """
 
-    def __init__(self, max_skew: int) -> None:
+    def __init__(self, max_skew: int, sides: int = 2) -> None:
         self.max_skew = max_skew
         self.pairs = 0
         self.unpaired = 0  # messages that were given up without a partner
-        self._waiting: tuple[deque[tuple[int, T]], deque[tuple[int, T]]] = (deque(), deque())
-        self._newest: list[int | None] = [None, None]
-        self._period: list[int | None] = [None, None]
+        self._waiting: tuple[deque[tuple[int, T]], ...] = tuple(deque() for _ in range(sides))
+        self._newest: list[int | None] = [None] * sides
+        self._period: list[int | None] = [None] * sides
         self._passed_over = False
 
     def put(self, side: int, stamp: int, value: T) -> Pair[T] | None:
-        """Takes a message of `side` (0: start, 1: end), newer than all of that side, and returns the pair it makes."""
+        """Takes a message of `side` (from 0 on), newer than all of that side, and returns the pair it makes."""
         newest = self._newest[side]
         if newest is not None:
             self._period[side] = stamp - newest
         self._newest[side] = stamp
-        own, others = self._waiting[side], self._waiting[1 - side]
+        own = self._waiting[side]
         own.append((stamp, value))
         if len(own) > HISTORY:
             own.popleft()
             self.unpaired += 1
-        if not others:
+        if not all(self._waiting):
             return None
-        partner, partner_value = min(others, key=lambda entry: abs(entry[0] - stamp))
-        skew = abs(partner - stamp)
+        chosen = [min(waiting, key=lambda entry: abs(entry[0] - stamp)) for waiting in self._waiting]
+        chosen[side] = own[-1]
+        stamps = [entry[0] for entry in chosen]
+        oldest = min(stamps)
+        skew = max(stamps) - oldest
         if skew > self.max_skew:
             return None
-        if stamp > partner and not self._passed_over and self._closer_may_come(skew):
+        if stamp - oldest == skew > 0 and not self._passed_over and self._closer_may_come(skew):
             self._passed_over = True
             return None
         self._passed_over = False
         self.pairs += 1
-        self.unpaired += len(own) - 1
-        own.clear()
-        while others and others[0][0] <= partner:
-            others.popleft()
-            self.unpaired += 1
-        self.unpaired -= 1  # the partner itself
-        first, second = (value, partner_value) if side == 0 else (partner_value, value)
-        return Pair(min(stamp, partner), first, second, skew)
+        for waiting, used in zip(self._waiting, stamps, strict=True):
+            while waiting and waiting[0][0] <= used:
+                waiting.popleft()
+                self.unpaired += 1
+        self.unpaired -= len(chosen)  # those of the pair itself
+        return Pair(oldest, tuple(entry[1] for entry in chosen), skew)
 
     def _closer_may_come(self, skew: int) -> bool:
-        """Whether the next message of the other side is likely to be closer than `skew`."""
-        left, right = self._period
-        return left is not None and right is not None and skew > CLOSE_ENOUGH * min(left, right)
+        """Whether the next message of another side is likely to be closer than `skew`."""
+        periods = [period for period in self._period if period is not None]
+        return len(periods) == len(self._period) and skew > CLOSE_ENOUGH * min(periods)
 
     def nearest_miss(self) -> int | None:
-        """[ns], how far apart the newest stamps of the two sides are; None until both were seen."""
-        left, right = self._newest
-        return None if left is None or right is None else abs(left - right)
+        """[ns], how far apart the newest stamps of the sides are; None until all were seen."""
+        seen = [stamp for stamp in self._newest if stamp is not None]
+        return max(seen) - min(seen) if len(seen) == len(self._newest) else None
 
     def seen(self, side: int) -> bool:
         """Whether a message of this side has come."""
@@ -226,8 +238,8 @@ class Pairing(Generic[T]):
         for waiting in self._waiting:
             self.unpaired += len(waiting)
             waiting.clear()
-        self._newest = [None, None]
-        self._period = [None, None]
+        self._newest = [None] * len(self._waiting)
+        self._period = [None] * len(self._waiting)
         self._passed_over = False
 
 

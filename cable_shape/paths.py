@@ -1,4 +1,4 @@
-"""Motions of both grips through waypoints: :class:`JointPath`, :class:`GripPath`."""
+"""Motions of the grips through waypoints: :class:`JointPath`, :class:`GripPath`, :class:`EndsPath`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from cable_shape import checks
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError, UnknownKeyError
-from cable_shape.pose import Grip, Pose, between
+from cable_shape.pose import FreeEnd, Grip, Pose, between
 from cable_shape.robot import Robot
 
 MOST_WAYPOINTS = 100_000
@@ -68,17 +68,33 @@ class GripPath:
     """
 
     def __init__(self, starts: ArrayLike, ends: ArrayLike, times: ArrayLike | None = None) -> None:
-        self.starts, self.ends = _waypoints("starts", starts, 7), _waypoints("ends", ends, 7)
-        if len(self.starts) != len(self.ends):
-            raise ArgumentError.of(
-                "ends", f"{len(self.ends)} waypoints", f"starts has {len(self.starts)}", "Give as many of both."
-            )
-        for name, poses in (("starts", self.starts), ("ends", self.ends)):
-            for i, row in enumerate(poses):
-                row[3:] = checks.quaternion(f"{name}[{i}]", row[3:])
-                if i > 0 and float(row[3:] @ poses[i - 1, 3:]) < 0.0:
-                    row[3:] *= -1.0
+        self.tables = _poses({"starts": starts, "ends": ends})
+        self.starts, self.ends = self.tables
         self.times = _times(times, len(self.starts))
+
+
+@final
+class EndsPath:
+    """Waypoints of the clamped ends of a harness: between them positions are linear, frames turn the shortest way.
+
+    Parameters
+    ----------
+    ends : mapping of end to (k, 7) array_like, or to FreeEnd or None
+        Position [m] and quaternion x y z w of the cable frame at each held end, in the world; ends that are not named
+        are free.
+    times : (k,) array_like, optional
+        [s], rising.
+    """
+
+    def __init__(self, ends: Mapping[str, ArrayLike | FreeEnd | None], times: ArrayLike | None = None) -> None:
+        remedy = "Write {'a.start': table of (k, 7), ...}."
+        checks.instance("ends", ends, (Mapping,), remedy)
+        self.free = {end: held for end, held in ends.items() if isinstance(held, FreeEnd)}
+        given: Any = {end: held for end, held in ends.items() if held is not None and end not in self.free}
+        if not given:
+            raise ArgumentError.of("ends", list(ends), "no end is held", remedy)
+        self.tables, self.held = _poses(given), tuple(given)
+        self.times = _times(times, len(self.tables[0]))
 
 
 Path = JointPath | GripPath
@@ -91,13 +107,13 @@ class Motion:
     A place is a number from 0 to k - 1, whole at the waypoints.
     """
 
-    def __init__(self, path: Path, robot: Robot | None) -> None:
+    def __init__(self, path: Path | EndsPath, robot: Robot | None) -> None:
         self.times = path.times
         self.robot: Robot | None = None
         self.reach = 0.0  # m, no tool of the robot is further from a joint that moves it
-        self._path: GripPath | None = None
-        if isinstance(path, GripPath):
-            self._path, self.waypoints = path, len(path.starts)
+        self._tables: tuple[Array, ...] | None = None
+        if isinstance(path, (GripPath, EndsPath)):
+            self._tables, self.waypoints = path.tables, len(path.tables[0])
             self.joints: Array = np.empty((self.waypoints, 0))
             return
         if robot is None:
@@ -108,16 +124,14 @@ class Motion:
         self.robot, self.waypoints, self.reach = robot, len(path.positions), robot.reach
         self.joints = np.array([robot.positions(path.joint_names, row) for row in path.positions])
 
-    def at(self, place: float) -> tuple[Pose | Grip, Pose | Grip, Mapping[str, Pose] | None]:
-        """Start, end and links; None: they are not known."""
-        if self._path is not None:
+    def at(self, place: float) -> tuple[tuple[Pose | Grip, ...], Mapping[str, Pose] | None]:
+        """The grips, of a cable start and end, and links; None: they are not known."""
+        if self._tables is not None:
             i, j, x = self._segment(place)
-            poses = self._path.starts, self._path.ends
-            start, end = (Pose.trusted(between(p[i], p[j], x)) for p in poses)
-            return start, end, None
+            return tuple(Pose.trusted(between(poses[i], poses[j], x)) for poses in self._tables), None
         assert self.robot is not None
-        start_grip, end_grip = self.robot.grips(self.joint_positions(place))
-        return start_grip, end_grip, self.robot.link_poses()
+        grips = self.robot.grips(self.joint_positions(place))
+        return grips, self.robot.link_poses()
 
     def joint_positions(self, place: float) -> Array:
         """(n,) [rad] or [m], in the order of the robot's `joint_names`."""
@@ -156,6 +170,21 @@ def _waypoints(name: str, value: ArrayLike, width: int) -> Array:
         bound = f"it must be finite, at most {checks.MOST:g}"
         raise ArgumentError.of(f"{name}[{row}]", table[row].tolist(), bound, "Correct the waypoint.")
     return table
+
+
+def _poses(given: Mapping[str, ArrayLike]) -> tuple[Array, ...]:
+    """Tables (k, 7) of as many waypoints each, their quaternions normalised, the shortest way from one to the next."""
+    tables = {name: _waypoints(name, value, 7) for name, value in given.items()}
+    first = next(iter(tables))
+    for name, poses in tables.items():
+        if len(poses) != len(tables[first]):
+            bound = f"{first} has {len(tables[first])}"
+            raise ArgumentError.of(name, f"{len(poses)} waypoints", bound, "Give as many of both.")
+        for i, row in enumerate(poses):
+            row[3:] = checks.quaternion(f"{name}[{i}]", row[3:])
+            if i > 0 and float(row[3:] @ poses[i - 1, 3:]) < 0.0:
+                row[3:] *= -1.0
+    return tuple(tables.values())
 
 
 def _times(value: ArrayLike | None, count: int) -> Array | None:

@@ -19,65 +19,49 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from time import perf_counter
-from typing import NamedTuple, final
+from typing import Any, NamedTuple, final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cable_shape import checks
 from cable_shape.cable import Cable
 from cable_shape.checks import Array
-from cable_shape.clearance import DEEPEST_REST, ClearanceChecker
 from cable_shape.errors import ArgumentError
+from cable_shape.harness import Harness
+from cable_shape.harness_trajectory import check_harness
 from cable_shape.kernels import advance
 from cable_shape.kernels.rod_algebra import qexp, qmul
-from cable_shape.margins import MarginWatch
-from cable_shape.paths import GripPath, JointPath, Motion, Path
-from cable_shape.pose import Grip, Pose, as_grip
+from cable_shape.paths import EndsPath, GripPath, JointPath, Motion, Path
+from cable_shape.pose import FreeEnd, Grip, Pose, as_grip
 from cable_shape.predictor import Predictor
 from cable_shape.problem import GRAVITY, swing_of
-from cable_shape.report import LOAD_MARGINS, Margin, WarningKind
 from cable_shape.robot import Robot
 from cable_shape.scene import Scene
 from cable_shape.shape import CableShape, Status
-from cable_shape.trajectory_report import Reason, TrajectoryCheck, Violation
-from cable_shape.warn import metres
+from cable_shape.trajectory_report import TrajectoryCheck, Violation
+from cable_shape.trajectory_walk import JUMP, Judge, Look, Walk
 
-#: [m]: what may hide between two places is smaller than this, ...
-RESOLUTION = 1e-4
-#: ... for margins this, ...
-MARGIN_RESOLUTION = 1e-3
-#: ... and places nearer to each other than this fraction of a segment are one.
-MOST_HALVINGS = 12
-#: A deviation above this fraction of the length is a jump, where it does not shrink with the step.
-_JUMP = 0.02
-#: Loads below this part of their limit do not reach it within a step that the cable's points are sure of.
-_CALM = 0.3
-#: This part of a load's change, and twice what the points deviate beside their way, it may rise above both ends.
-_CROOKED = 0.25
-#: The first violation is told to this fraction of a segment.
-_PLACE = 1e-3
 #: Of the length, and [rad]: by which ends are moved for differences.
 _STEP = 1e-3
-#: Joints are not beyond their limits by less than this [rad] or [m].
-_ROUNDING = 1e-9
 
 
 def check_trajectory(
-    cable: Cable,
+    cable: Cable | Harness,
     scene: Scene | None,
     robot: Robot | None,
-    trajectory: Path | object,
+    trajectory: Path | EndsPath | Mapping[str, Any] | object,
     *,
     gravity: ArrayLike = GRAVITY,
     points: int = 150,
     tolerance: float | None = None,
-    distributed_load: ArrayLike | None = None,
+    distributed_load: Any = None,
     acceleration: ArrayLike | None = None,
     time_limit: float | None = None,
     proceed: Callable[[TrajectoryCheck], bool] | None = None,
+    ends: Mapping[str, str | FreeEnd] | None = None,
 ) -> TrajectoryCheck:
-    """Whether the cable and its loads stay within their limits along a trajectory, waypoints and all between.
+    """Whether a cable or harness and its loads stay within their limits along a trajectory, waypoints and all between.
 
     A place is not valid where a body is nearer than the scene's `error_distance`, a margin is at its limit, the cable
     is unstable, snaps or has no shape, or a joint is beyond its limit.
@@ -87,18 +71,21 @@ def check_trajectory(
     robot : Robot, optional
         Needed for paths of joints. Its links are bodies around the cable.
     trajectory : JointPath, GripPath or trajectory_msgs/JointTrajectory
+        Of a harness an EndsPath, or the mapping that makes one, in place of a GripPath.
     tolerance : float, optional
         [m], of the shapes. Default: 1e-4 of the length.
     distributed_load : (2, 3) array_like, optional
-        [N/m], world, at s = 0 and s = length, linear between, added to the weight.
+        [N/m], world, at s = 0 and s = length, linear between, added to the weight. Of a harness one by segment.
     acceleration : (k, 3) or (k, m, 3) array_like, optional
         [m/s^2], world, of the cable at each of the k waypoints, linear between them; with m rows uniform in arc length
         and linear between them, see :meth:`cable_shape.Predictor.predict`. With two, those of start and end. Default:
-        the cable is at rest everywhere, whatever the path's times.
+        the cable is at rest everywhere, whatever the path's times. Not of a harness.
     time_limit : float, optional
         [s]; after it what is done is returned, marked partial.
     proceed : callable, optional
         Asked before every shape, with `done` and `first` of what is found so far; False ends the check, marked partial.
+    ends : mapping of end to "left", "right" or FreeEnd, optional
+        Of a harness on a path of joints: what the robot's grippers hold.
 
     Raises
     ------
@@ -107,15 +94,25 @@ def check_trajectory(
         an acceleration that is not of the path's waypoints, or that is not linear along the cable in contact.
     """
     began = perf_counter()
-    if not isinstance(cable, Cable):
-        raise ArgumentError.of("cable", cable, "it must be a Cable", "Write Cable(length=..., ...).")
+    if not isinstance(cable, (Cable, Harness)):
+        raise ArgumentError.of("cable", cable, "it must be a Cable or a Harness", "Write Cable(length=..., ...).")
     if robot is not None:
         checks.instance("robot", robot, (Robot,), "Write Robot.from_yaml(path).")
     _callable("proceed", proceed)
-    path = trajectory if isinstance(trajectory, (JointPath, GripPath)) else JointPath.from_message(trajectory)
     deadline = math.inf
     if time_limit is not None:
         deadline = began + checks.number("time_limit", time_limit, above=0.0, unit="s")
+    if isinstance(cable, Harness):
+        if acceleration is not None:
+            bound = "the inertia of a harness is not followed along a trajectory"
+            raise ArgumentError.of("acceleration", acceleration, bound, "Leave it out.")
+        return check_harness(
+            cable, scene, robot, trajectory, ends, deadline, proceed, gravity=gravity, points=points,
+            tolerance=tolerance, distributed_load=distributed_load,
+        )  # fmt: skip
+    if ends is not None:
+        raise ArgumentError.of("ends", ends, "a cable has a start and an end", "Leave them out, or give a Harness.")
+    path = trajectory if isinstance(trajectory, (JointPath, GripPath)) else JointPath.from_message(trajectory)
     predictor = Predictor(
         cable,
         model="cosserat",
@@ -175,24 +172,16 @@ class _Sample(NamedTuple):
     """One place that was solved for."""
 
     place: float
-    shape: CableShape
+    look: Look
     ends: Array  # (2, 7), of the cable
     links: Array  # (l, 7)
     sensitivity: Array  # (n, 3, 12)
-    distances: Array  # (m,) [m], at most the horizon
-    used: Array  # of the loads, by _LOADS
     violation: Violation | None
-    margins: tuple[Margin, ...]
-
-
-_CLEARANCE = WarningKind.CLEARANCE
-#: Where each margin but those of bodies stands in a sample, by the value of its kind.
-_LOADS = {kind.value: i for i, kind in enumerate(LOAD_MARGINS)}
 
 
 @final
-class _Check:
-    """One call of :func:`check_trajectory`."""
+class _Check(Walk[_Sample]):
+    """One call of :func:`check_trajectory` with a cable."""
 
     def __init__(
         self,
@@ -203,106 +192,30 @@ class _Check:
         deadline: float,
         proceed: Callable[[TrajectoryCheck], bool] | None,
     ) -> None:
-        cable = predictor.cable
-        self.predictor, self.scene, self.motion = predictor, scene, motion
-        self.accelerations = accelerations
-        self.deadline, self.proceed = deadline, proceed
-        robot = motion.robot
-        self.checker = ClearanceChecker(
-            Scene(obstacles=() if scene.contact == "off" else scene.obstacles, error_distance=scene.error_distance),
-            radius=0.5 * cable.diameter,
-            robot_links=() if robot is None or scene.contact == "off" else robot.link_geometry,
-            gripping_links=() if robot is None else robot.gripping_links,
-        )
-        self.watch = MarginWatch(cable, scene, self.checker.moving)
-        #: (m,), row in a sample's links of each body, -1: it stands still
-        self.on_link = self.checker.tables[0][:, 11].astype(np.int64)
-        resting = np.full(len(self.on_link), scene.contact == "solve") & (self.on_link < 0)
-        self.limits: Array = np.where(resting, -DEEPEST_REST, scene.error_distance)
-        self.outside: NDArray[np.bool_] = np.zeros(motion.waypoints, np.bool_)
-        if robot is not None:
-            joints = motion.joints
-            self.outside[:] = ((joints > robot.upper + _ROUNDING) | (joints < robot.lower - _ROUNDING)).any(axis=1)
-        self.found = TrajectoryCheck(motion.waypoints)
-        self.late = False
+        super().__init__(motion, deadline, proceed)
+        self.predictor, self.accelerations = predictor, accelerations
+        self.judge = Judge(predictor.cable, scene, motion.robot)
 
-    def run(self) -> None:
-        """Waypoint by waypoint."""
-        found, waypoints, margins = self.found, [], []
-        before: _Sample | None = None
-        for i in range(self.motion.waypoints):
-            if self._out_of_time():
-                break
-            now = self._sample(float(i))
-            waypoints.append(now.violation)
-            margins.append(now.margins)
-            found.done[i] = True
-            found.clearance[i] = self._clearance(now)
-            if before is None:
-                found.first = now.violation
-            elif before.violation is None:
-                between = self._first(before, now, 0)
-                found.segments[i - 1] = between is None and not self.late
-                found.first = found.first or between
-            before = now
-        rest = self.motion.waypoints - len(waypoints)
-        found.partial = self.late
-        found.waypoints = (*waypoints, *(None,) * rest)
-        found.margins = (*margins, *((),) * rest)
-        found.robot_checked = self.motion.robot is not None
+    def tell(self, samples: list[_Sample]) -> None:
+        """See the base."""
+        for i, sample in enumerate(samples):
+            self.found.clearance[i] = self.judge.nearest(sample.look)
+        rest = self.motion.waypoints - len(samples)
+        self.found.margins = (*(sample.look.margins for sample in samples), *((),) * rest)
 
-    def _out_of_time(self) -> bool:
-        self.late = self.late or perf_counter() > self.deadline
-        self.late = self.late or (self.proceed is not None and not self.proceed(self.found))
-        return self.late
+    def jump(self, a: _Sample, b: _Sample) -> float:
+        """See the base."""
+        far = float(np.linalg.norm(b.look.shape.positions - a.look.shape.positions, axis=1).max())
+        return 0.0 if far < JUMP * a.look.shape.length else far
 
-    def _clearance(self, sample: _Sample) -> float:
-        """[m], infinite beyond the horizon."""
-        if not sample.distances.size:
-            return math.inf
-        least = float(sample.distances.min())
-        return math.inf if least >= self.checker.horizon else least
-
-    def _first(self, a: _Sample, b: _Sample, halvings: int) -> Violation | None:
-        """The first violation after the valid place a, up to b; None if there is none."""
-        if b.violation is None:
-            if self._sure(a, b):
-                return None
-            if halvings == MOST_HALVINGS:
-                return self._jump(a, b)
-        elif b.place - a.place <= _PLACE or halvings == MOST_HALVINGS:
-            return b.violation
-        if self._out_of_time():
-            return b.violation
-        middle = self._sample(0.5 * (a.place + b.place))
-        return self._first(a, middle, halvings + 1) or (middle.violation or self._first(middle, b, halvings + 1))
-
-    def _jump(self, a: _Sample, b: _Sample) -> Violation | None:
-        """Two places as good as one: the cable has snapped between them, or nothing is wrong."""
-        far = float(np.linalg.norm(b.shape.positions - a.shape.positions, axis=1).max())
-        if far < _JUMP * a.shape.length:
-            return None
-        return self._violation(Reason.SNAP, b.place, f"the cable snaps to another shape {metres(far)} away", value=far)
-
-    # -- one place
-
-    def _sample(self, place: float) -> _Sample:
+    def sample(self, place: float) -> _Sample:
         """The shape there and all that is told of it."""
-        start, end, links = self.motion.at(place)
+        (start, end), links = self.motion.at(place)
         moving = None if self.accelerations is None else self.motion.between(self.accelerations, place)
         shape = self.predictor.predict(start, end, acceleration=moving)
-        clearance = self.checker.check(shape, links)
-        margins = self.watch.margins(shape, clearance, 0, state=self.predictor.rod_state, held=True)
-        used = [math.nan] * len(_LOADS)
-        for margin in margins:
-            if margin.kind is _CLEARANCE:
-                break  # those of bodies come last
-            used[_LOADS[margin.kind.value]] = margin.used
-        table = clearance.table
-        distances = np.empty(0) if table is None else np.minimum(table[:, 0], self.checker.horizon)
+        look = self.judge.look(shape, links, self.predictor.rod_state, held=True)
         self.found.solved += 1
         frames = [(grip.cable_frame if isinstance(grip, Grip) else grip).array for grip in (start, end)]
-        poses = [] if links is None else [links[name].array for name in self.checker.links]
         good = bool(shape.status) and shape.status is not Status.UNSTABLE
         slopes = np.empty(0)
         if good:
@@ -311,17 +224,8 @@ class _Check:
                 if self.predictor.touching
                 else (self.predictor.sensitivity())
             )
-        return _Sample(
-            place,
-            shape,
-            np.array(frames),
-            np.array(poses).reshape(-1, 7),
-            slopes,
-            distances,
-            np.array(used),
-            self._judge(place, shape, distances, margins),
-            margins,
-        )
+        wrong = self.no_shape(place, shape.status, shape.detail) or self.judge.wrong(look, place, self)
+        return _Sample(place, look, np.array(frames), self.judge.frames(links), slopes, wrong)
 
     def _differences(
         self,
@@ -341,94 +245,11 @@ class _Check:
         self.predictor.predict(start, end, links, acceleration=moving)
         return out
 
-    def _judge(
-        self, place: float, shape: CableShape, distances: Array, margins: tuple[Margin, ...]
-    ) -> Violation | None:
-        """What is wrong there; the gravest first."""
-        beyond = self._beyond_limits(place)
-        if beyond is not None:
-            return beyond
-        status = shape.status
-        if status is not Status.OK and status is not Status.BUDGET:
-            reason = {Status.SNAPPED: Reason.SNAP, Status.OVERSTRETCHED: Reason.OVERSTRETCHED}.get(
-                status, Reason.STATUS
-            )
-            return self._violation(reason, place, f"{status.name}: {shape.detail or status.remedy}")
-        near = distances - self.limits[: len(distances)]
-        body = int(near.argmin()) if near.size else -1
-        if body >= 0 and near[body] < 0.0:
-            name = self.checker.names[body]
-            at = next((m.arc_length for m in margins if m.other == name), math.nan)
-            text = f"{metres(float(distances[body]))} from {name!r}, at least {metres(float(self.limits[body]))} asked"
-            return self._violation(
-                Reason.CLEARANCE, place, text, float(distances[body]), float(self.limits[body]), name, at
-            )
-        for margin in margins:
-            if margin.used >= 1.0 and margin.kind is not _CLEARANCE:
-                reason = Reason[margin.kind.name]
-                text = f"{reason.value} {margin.value:.4g}, limit {margin.limit:.4g}"
-                return self._violation(reason, place, text, margin.value, margin.limit, "", margin.arc_length)
-        return None
-
-    def _beyond_limits(self, place: float) -> Violation | None:
-        """A joint beyond its limits: between two waypoints it is no further out than at them."""
-        robot, i = self.motion.robot, min(math.ceil(place), self.motion.waypoints - 1)
-        if robot is None or not (self.outside[i] or self.outside[max(i - 1, 0)]):
-            return None
-        q = self.motion.joint_positions(place)
-        out = np.maximum(q - robot.upper, robot.lower - q)
-        worst = int(out.argmax())
-        if not out[worst] > _ROUNDING:
-            return None
-        limit = float(robot.upper[worst] if q[worst] > robot.upper[worst] else robot.lower[worst])
-        name = robot.joint_names[worst]
-        text = f"joint {name!r} at {q[worst]:.4g}, limit {limit:.4g}"
-        return self._violation(Reason.JOINT_LIMIT, place, text, float(q[worst]), limit, name)
-
-    def _violation(
-        self,
-        reason: Reason,
-        place: float,
-        text: str,
-        value: float = math.nan,
-        limit: float = math.nan,
-        other: str = "",
-        arc_length: float = math.nan,
-    ) -> Violation:
-        times = self.motion.times
-        time = math.nan if times is None else float(np.interp(place, np.arange(len(times)), times))
-        return Violation(reason, place, time, f"waypoint {place:.4g}: {text}", value, limit, other, arc_length)
-
-    # -- between two places
-
-    def _sure(self, a: _Sample, b: _Sample) -> bool:
-        """Whether nothing can be wrong between two valid places."""
-        turned = self.motion.turned(a.place, b.place)
+    def sure(self, a: _Sample, b: _Sample) -> bool:
+        """See the base."""
+        turned, reach = self.motion.turned(a.place, b.place), self.motion.reach
         way, off = advance.motion(
-            a.shape.positions, b.shape.positions, a.sensitivity, b.sensitivity, a.ends, b.ends,
-            0.125 * turned * turned, self.motion.reach,
+            a.look.shape.positions, b.look.shape.positions, a.sensitivity, b.sensitivity, a.ends, b.ends,
+            0.125 * turned * turned, reach,
         )  # fmt: skip
-        if not off <= _JUMP * a.shape.length or not self._loads_sure(a, b, off / way if way > 0.0 else 0.0):
-            return False
-        if not a.distances.size:
-            return True
-        left = advance.least_left(
-            a.shape.positions, b.shape.positions, a.distances, b.distances, self.limits, self.on_link, a.links,
-            b.links, way, off, 0.25 * turned * turned * self.motion.reach, RESOLUTION,
-        )  # fmt: skip
-        return bool(left >= 0.0)
-
-    def _loads_sure(self, a: _Sample, b: _Sample, off: float) -> bool:
-        """Whether no load reaches its limit between; off: deviation from the chord / chord.
-
-        A vector that changes in a straight line is nowhere longer than at both ends, so what counts is how far it
-        changes and how crooked.
-        """
-        most = np.fmax(a.used, b.used)
-        if not np.fmax.reduce(most, initial=0.0) > _CALM:
-            return True
-        force, bend, twist = advance.load_changes(a.shape.buffer, b.shape.buffer, a.shape.points)
-        changes = np.array((0.0, force, bend, twist, max(force, bend), bend))
-        step = np.fmax(np.abs(b.used - a.used), most * changes)
-        near = (step > MARGIN_RESOLUTION) & (most + (_CROOKED + 2.0 * off) * step >= 1.0)
-        return not bool(near.any())
+        return self.judge.sure(a.look, b.look, (a.links, b.links), way, off, 0.25 * turned * turned * reach)

@@ -38,7 +38,7 @@ class Violation:
     place : float, counted in waypoints: 3.25 is a quarter of the way from waypoint 3 to 4.
     time : float [s], NaN where the trajectory has no times.
     value, limit : in the unit of the margin (m, N, rad/m, Pa), or rad or m of a joint; NaN where there is none.
-    other : body or joint. arc_length : [m] of the worst point.
+    other : body or joint. arc_length : [m] of the worst point. segment : of a harness; empty: it is not of one.
     """
 
     reason: Reason
@@ -49,6 +49,7 @@ class Violation:
     limit: float = math.nan
     other: str = ""
     arc_length: float = math.nan
+    segment: str = ""
 
 
 @final
@@ -68,7 +69,8 @@ class TrajectoryCheck:
     first : Violation or None
     clearance : (k,) [m]
         To the nearest body, infinite beyond the horizon; NaN where not told.
-    margins : tuple of the margins at each waypoint, see :mod:`cable_shape.margins`
+    margins : tuple of the margins at each waypoint, see :mod:`cable_shape.margins`; of a harness those of all segments
+    margins_of : mapping of segment to the same, of a harness
     solved : int, shapes solved for
     robot_checked : bool
         Whether clearance to the robot's links was checked: of paths of joints only.
@@ -81,6 +83,7 @@ class TrajectoryCheck:
         self.clearance: Array = np.full(waypoints, math.nan)
         self.waypoints: tuple[Violation | None, ...] = ()
         self.margins: tuple[tuple[Margin, ...], ...] = ()
+        self.margins_of: dict[str, tuple[tuple[Margin, ...], ...]] = {}
         self.first: Violation | None = None
         self.solved = 0
         self.partial = self.robot_checked = False

@@ -23,6 +23,7 @@ def warm_up() -> None:
     from cable_shape.trajectory import check_trajectory
 
     warm_up_cycles()
+    warm_up_harnesses()
     cable = Cable(length=1.0, linear_density=0.1, bending_stiffness=0.01, max_tension=1e3, allowable_stress=1e9)
     scene = Scene(
         obstacles=(Obstacle("capsule", Capsule(0.05, 0.1), IDENTITY, link="tool"), Obstacle("floor", HalfSpace()))
@@ -90,3 +91,26 @@ def warm_up_cycles() -> None:
     for k in range(3):
         across = (Pose((0.4, -0.4, 0.515 - 0.001 * k), over), Pose((0.4, 0.4, 0.515 - 0.001 * k), over))
         crossed.step({"a": (start, end), "b": across}, stamp=k * 10_000_000)
+
+
+def warm_up_harnesses() -> None:
+    """Runs the kernels of harnesses: what a cycle with one needs beside those of `warm_up_cycles`."""
+    from cable_shape.cable import Cable
+    from cable_shape.cycle import Cycle
+    from cable_shape.harness import Harness, Junction
+    from cable_shape.pose import FreeEnd, Pose
+    from cable_shape.scene import Clip, HalfSpace, Obstacle, PointMass, Scene
+
+    along = (0.5, 0.5, 0.5, 0.5)
+    cable = Cable(length=0.6, linear_density=0.1, bending_stiffness=0.01)
+    scene = Scene(
+        obstacles=[Obstacle("floor", HalfSpace(), Pose((0.0, 0.0, -1.0)))],
+        clips=[Clip(0.3, Pose((0.28, 0.0, 0.4), along), "hinge", segment="a")],
+        masses=[PointMass(0.3, 0.01, segment="b")],
+    )
+    for kind in ("rigid", "ball"):
+        harness = Harness(dict.fromkeys("abc", cable), [Junction("fork", ("a.end", "b.start", "c.start"), kind)])
+        cycle = Cycle({"h": harness}, scene=scene)
+        for k in range(3):
+            ends = {"a.start": Pose((0.0, 0.0, 0.5), along), "b.end": Pose((0.8, 0.0, 0.5 + 0.001 * k), along)}
+            cycle.step({"h": {**ends, "c.end": FreeEnd(mass=0.01)}}, stamp=k * 10_000_000)  # type: ignore[dict-item]

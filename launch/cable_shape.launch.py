@@ -23,7 +23,7 @@ def generate_launch_description() -> LaunchDescription:
                 "params",
                 default_value=str(CONFIG / "node.yaml"),
                 description="Parameter file: config/node.yaml (poses), node_joints.yaml (joints), node_tf.yaml (tf), "
-                "node_live.yaml, node_simulation.yaml or node_replay.yaml.",
+                "node_harness.yaml (poses of a harness), node_live.yaml, node_simulation.yaml or node_replay.yaml.",
             ),
             DeclareLaunchArgument(
                 "use_sim_time", default_value="false", description="Follow /clock; the file goes first."

@@ -3,8 +3,8 @@
 
 Plans one motion (lower the cable onto the table beside the clip that holds its middle, lift, twist the end by a quarter
 turn, lower past a post, draw back), by inverse kinematics step by step, then publishes it in real time with stamps of
-the system clock, and ends by itself. Exit code 0: all published; 1: the motion cannot be done, nobody listened or it
-was interrupted; 2: wrong arguments.
+the system clock, and ends by itself. With --lift it does all that higher. Exit code 0: all published; 1: the motion
+cannot be done, nobody listened or it was interrupted; 2: wrong arguments.
 """
 
 from __future__ import annotations
@@ -95,8 +95,8 @@ def cable_ends(key: Key) -> tuple[Pose, Pose]:
     return start, end
 
 
-def plan(robot: Robot, duration: float = NOMINAL_DURATION) -> Plan:
-    """The joint path of the demo, stretched to `duration` [s].
+def plan(robot: Robot, duration: float = NOMINAL_DURATION, lift: float = 0.0) -> Plan:
+    """The joint path of the demo, stretched to `duration` [s] and raised by `lift` [m].
 
     Raises
     ------
@@ -109,7 +109,8 @@ def plan(robot: Robot, duration: float = NOMINAL_DURATION) -> Plan:
     joints = np.empty((count, len(robot.joint_names)))
     q = robot.home
     for i, t in enumerate(nominal):
-        result = ik.solve(*cable_ends(minimum_jerk(float(t))), q)
+        key = minimum_jerk(float(t))
+        result = ik.solve(*cable_ends(key._replace(height=key.height + lift)), q)
         if not result.converged:
             raise RobotError(
                 f"the grips at {t:.2f} s are out of reach: {result.position_error * 1e3:.3g} mm and "
@@ -189,6 +190,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Plans, then publishes or, with --dry-run, writes the path."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--duration", type=positive, default=NOMINAL_DURATION, help="of the motion [s]")
+    parser.add_argument("--lift", type=float, default=0.0, help="of all heights [m]")
     parser.add_argument("--rate", type=positive, default=200.0, help="of the joint states [Hz]")
     parser.add_argument("--namespace", default="", help="of the node, and so of joint_states")
     parser.add_argument("--wait", type=float, default=60.0, help="for a first subscriber [s]; 0: do not wait")
@@ -198,7 +200,7 @@ def main(arguments: list[str] | None = None) -> int:
     )
     options = parser.parse_args(arguments)
     try:
-        motion = plan(Robot.from_yaml(options.robot), options.duration)
+        motion = plan(Robot.from_yaml(options.robot), options.duration, options.lift)
     except CableShapeError as error:
         print(f"demo_cell: {error}", file=sys.stderr)
         return 1

@@ -29,6 +29,9 @@ from cable_shape.shape import Status
 
 ROOT = Path(__file__).resolve().parent.parent
 CONFIG = ROOT / "config"
+CABLE = {"cable_file": CONFIG / "cables" / "demo.yaml", "scene_file": CONFIG / "scenes" / "demo.yaml"}
+HARNESS = {"harness_file": CONFIG / "harnesses" / "demo.yaml", "scene_file": CONFIG / "scenes" / "harness.yaml"}
+LIFT = 0.21  # m, by which the harness is carried higher than the cable: its connector hangs above the table
 STARTUP_S = 120.0  # the node compiles its kernels if set-up could not cache them
 SHUTDOWN_S = 20.0
 RESTING = 2e-4  # m, of a cable that rests on a body, from it
@@ -228,6 +231,7 @@ def summary(seen: Seen, rrd: Path | None) -> str:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--view", action="store_true", help="open the viewer instead of writing an .rrd file")
+    parser.add_argument("--harness", action="store_true", help="carry a harness: a trunk in a clip, two branches")
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "demo", help="folder for logs and the recording")
     parser.add_argument("--duration", type=float, default=20.0, help="[s] of motion")
     args = parser.parse_args()
@@ -238,8 +242,7 @@ def main() -> int:
         rrd.unlink(missing_ok=True)
     parameters = {
         "input": "joints",
-        "cable_file": CONFIG / "cables" / "demo.yaml",
-        "scene_file": CONFIG / "scenes" / "demo.yaml",
+        **(HARNESS if args.harness else CABLE),
         "robot_file": CONFIG / "robots" / "dual_arm.yaml",
         "view": "window" if rrd is None else rrd,
         "output_folder": out,
@@ -248,6 +251,7 @@ def main() -> int:
     for name, value in parameters.items():
         node_command += ["-p", f"{name}:={value}"]
     cell_command = [sys.executable, str(ROOT / "scripts" / "demo_cell.py"), "--duration", str(args.duration)]
+    cell_command += ["--lift", str(LIFT)] if args.harness else []
 
     seen = Seen()
     rclpy.init()

@@ -21,6 +21,8 @@ from cable_shape.scene import SCENE_KEYS
 BIG = 10**400
 START, END = cs.Pose((0, 0, 1), (0.5,) * 4), cs.Pose((0.8, 0, 1), (0.5,) * 4)
 CABLE = cs.Cable(length=1.2, linear_density=0.1, bending_stiffness=0.01)
+FORK = cs.Harness({"a": CABLE, "b": CABLE}, [cs.Junction("j", ("a.end", "b.start"))])
+ROWS = {end: np.tile((x, 0.0, 0.0, 0.5, 0.5, 0.5, 0.5), (2, 1)) for end, x in (("a.start", 0.0), ("b.end", 1.8))}
 TWO = cs.GripPath(np.tile(START.array, (2, 1)), np.tile(END.array, (2, 1)))
 SHAPE = cs.predict(CABLE, START, END, model="cosserat", points=12)
 SEEN = [cs.Observation(START, END, SHAPE.positions[2:-2])]
@@ -189,6 +191,15 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, Any]]] = {
     ),
     "JointPath": (cs.JointPath, {"joint_names": ["a"], "positions": [[0.0], [1.0]], "times": [0.0, 1.0]}),
     "JointPath.from_message": (cs.JointPath.from_message, {"message": SimpleNamespace(joint_names=["a"], points=[])}),
+    "predict_batch, harness": (
+        cs.predict_batch,
+        {
+            "cable": FORK, "starts": ROWS, "model": "auto", "points": 12, "gravity": (0, 0, -9.81), "scene": None,
+            "tolerance": 1e-3, "distributed_load": {"a": np.zeros((2, 3))}, "acceleration": {"b": (0, 0, 1)},
+            "threads": 1, "time_limit": 10.0, "kinds": {"b.end": "swivel"},
+        },
+    ),
+    "EndsPath": (cs.EndsPath, {"ends": ROWS, "times": [0.0, 1.0]}),
     "GripPath": (cs.GripPath, {"starts": TWO.starts, "ends": TWO.ends, "times": [0.0, 1.0]}),
     "check_trajectory": (
         cs.check_trajectory,
@@ -196,6 +207,13 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, Any]]] = {
             "cable": CABLE, "scene": None, "robot": None, "trajectory": TWO, "gravity": (0, 0, -9.81), "points": 12,
             "tolerance": 1e-3, "distributed_load": np.zeros((2, 3)), "acceleration": np.zeros((2, 3)),
             "time_limit": 10.0, "proceed": None,
+        },
+    ),
+    "check_trajectory, harness": (
+        cs.check_trajectory,
+        {
+            "cable": FORK, "scene": None, "robot": None, "trajectory": ROWS, "gravity": (0, 0, -9.81), "points": 12,
+            "tolerance": 1e-3, "distributed_load": {"a": np.zeros((2, 3))}, "time_limit": 10.0, "proceed": None,
         },
     ),
     "Observation": (
@@ -255,8 +273,8 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, Any]]] = {
 #: What a call returns, errors, and what takes nothing.
 NOT_CALLED = {
     "BodyDistance", "CableShape", "CableWarning", "Calibration", "Clearance", "ClipLoad", "Contact", "CycleReport",
-    "Estimate", "HarnessShape", "Margin", "PlugError", "Reason", "Severity", "ShapeBatch", "Status", "Stress",
-    "TrajectoryCheck",
+    "Estimate", "HarnessBatch", "HarnessShape", "Margin", "PlugError", "Reason", "Severity", "ShapeBatch", "Status",
+    "Stress", "TrajectoryCheck",
     "Tube", "Violation", "WarningKind", "warm_up",
 }  # fmt: skip
 

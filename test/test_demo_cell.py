@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import itertools
 import os
+import re
 import subprocess
 import sys
 import threading
@@ -17,8 +18,11 @@ import pinocchio as pin
 import pytest
 
 from cable_shape.cable import Cable
+from cable_shape.cycle import Cycle
+from cable_shape.harness_ends import HarnessFile
 from cable_shape.robot import Robot
 from cable_shape.scene import Scene
+from cable_shape.shape import Status
 
 ROOT = Path(__file__).resolve().parent.parent
 SCRIPT = ROOT / "scripts/demo_cell.py"
@@ -42,6 +46,18 @@ def robot() -> Robot:
 @pytest.fixture(scope="module")
 def motion(demo: ModuleType, robot: Robot):
     return demo.plan(robot)
+
+
+@pytest.fixture(scope="module")
+def lift() -> float:
+    """By how much the demo carries its harness higher than its cable."""
+    source = (ROOT / "scripts/demo_run.py").read_text()
+    return float(re.search(r"^LIFT = (\S+)", source, flags=re.MULTILINE)[1])
+
+
+@pytest.fixture(scope="module")
+def lifted(demo: ModuleType, robot: Robot, lift: float):
+    return demo.plan(robot, lift=lift)
 
 
 def test_the_grips_follow_the_keys(demo: ModuleType, robot: Robot, motion) -> None:
@@ -81,6 +97,22 @@ def test_the_cable_is_never_stretched(robot: Robot, motion) -> None:
         assert np.linalg.norm(end.cable_frame.position - start.cable_frame.position) < 0.95 * CABLE.length
 
 
+def test_the_harness_hangs_above_the_table_all_the_time(robot: Robot, lifted) -> None:
+    scene = Scene.from_yaml(ROOT / "config/scenes/harness.yaml")
+    file = HarnessFile.from_yaml(ROOT / "config/harnesses/demo.yaml")
+    held = file.held((), scene)
+    cycle = Cycle({"demo": file.harness}, scene=scene)
+    nearest = []
+    for k, t in enumerate(np.linspace(0.0, lifted.duration, 101)):
+        start, end = robot.grips(lifted.path(t))
+        report = cycle.step({"demo": {**held, "trunk.start": start, "branch.end": end}}, stamp=k * 200_000_000)
+        assert report.shapes["demo"].status is Status.OK, f"{t:.2f} s: {report.shapes['demo']}"
+        nearest.append({part: clearance.closest for part, clearance in report.clearance.items()})
+    bodies = [{part: b.distance for part, b in one.items() if b is not None} for one in nearest]
+    assert scene.error_distance < min(one.get("demo/connector", 1.0) for one in bodies) < scene.warn_distance
+    assert min(one.get(part, 1.0) for one in bodies for part in ("demo/trunk", "demo/branch")) > 0.0
+
+
 def adjacent(a: str, b: str) -> bool:
     """Links that are joined, or hold a gripper together, touch on purpose."""
     if a.split("_")[0] != b.split("_")[0]:
@@ -89,13 +121,15 @@ def adjacent(a: str, b: str) -> bool:
     return abs(i - j) <= 1 or min(i, j) >= 6
 
 
-def test_the_arms_touch_neither_each_other_nor_the_cell(robot: Robot, motion) -> None:
+@pytest.mark.parametrize(("carried", "scene"), [("motion", "demo"), ("lifted", "harness")])
+def test_the_arms_touch_neither_each_other_nor_the_cell(robot: Robot, carried: str, scene: str, request) -> None:
     """By Coal, with Pinocchio's geometry and the scene's table and post."""
+    motion = request.getfixturevalue(carried)
     model = pin.buildModelFromXML(robot.urdf)
     geometry = pin.buildGeomFromUrdfString(model, robot.urdf, pin.GeometryType.COLLISION)
     of_robot = len(geometry.geometryObjects)
     names = [model.frames[item.parentFrame].name for item in geometry.geometryObjects]
-    for obstacle in Scene.from_yaml(ROOT / "config/scenes/demo.yaml").obstacles:
+    for obstacle in Scene.from_yaml(ROOT / f"config/scenes/{scene}.yaml").obstacles:
         solid = obstacle.solid
         shape = pin.coal.Box(*solid.size) if hasattr(solid, "size") else pin.coal.Cylinder(solid.radius, solid.length)
         placed = pin.XYZQUATToSE3(obstacle.pose.array)

@@ -27,6 +27,19 @@ def test_all_files_that_come_along_are_well() -> None:
         assert [f for f in examine_files(None, scene, robot) if f.remedy] == []
 
 
+def test_a_harness_is_told_segment_by_segment(tmp_path: Path) -> None:
+    held, *segments = examine_files(None, None, None, CONFIG / "harnesses" / "demo.yaml")
+    assert held.found == "3 segments, held: trunk.start clamped, branch.end clamped"
+    assert [finding.subject for finding in segments] == [f"demo.yaml: {n}" for n in ("trunk", "branch", "connector")]
+    assert not any(finding.remedy for finding in segments)
+    file = tmp_path / "h.yaml"
+    file.write_text("segments: {a: {length: 600.0, linear_density: 0.1, bending_stiffness: 0.01}}\nends: {b.end: {}}\n")
+    (finding,) = examine_files(None, None, None, file)
+    assert "unknown key 'b.end'" in finding.remedy
+    file.write_text("segments: {a: {length: 600.0, linear_density: 0.1, bending_stiffness: 0.01}}\n")
+    assert ["in mm?" in finding.remedy for finding in examine_files(None, None, None, file)] == [False, False, True]
+
+
 def test_a_cable_is_told_in_plain_words(tmp_path: Path) -> None:
     (tmp_path / "cable.yaml").write_text("length: 1.0\nlinear_density: 0.1\nbending_stiffness: 3.6\ndiameter: 0.02\n")
     (finding,) = examine_files(tmp_path / "cable.yaml", None, None)

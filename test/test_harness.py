@@ -274,6 +274,20 @@ def test_a_cycle_checks_every_segment_of_a_harness():
     assert cycle.step({"h": path(0)}, stamp=0).shapes["h"].usable
 
 
+def test_a_gripping_link_is_a_body_to_a_segment_that_no_gripper_can_hold():
+    """As near to a junction as a gripper is to the end that it holds."""
+    joints = [cs.Junction("j", ("a.end", "b.start")), cs.Junction("k", ("b.end", "c.start"))]
+    short = CABLE.replace(length=0.3)
+    harness = cs.Harness({"a": short, "b": short, "c": short}, joints)
+    ends = {"a.start": START, "c.end": cs.Pose((0.8, 0.0, 0.0), ALONG)}
+    joint = cs.predict(harness, ends).junctions["j"].position
+    finger = cs.Obstacle("finger", cs.Sphere(0.01), link="finger")
+    cycle = cs.Cycle({"h": harness}, robot_links=[finger], gripping_links=["finger"])
+    report = cycle.step({"h": ends}, stamp=0, links={"finger": cs.Pose(joint + np.array((0.0, 0.0, 0.03)))})
+    assert report.clearance["h/b"].closest.distance < 0.02
+    assert report.clearance["h/a"].closest.distance > 0.02, "as near to the end that may be held it is no body"
+
+
 def test_segments_that_do_not_meet_are_checked_against_each_other():
     """Two branches of one trunk, their ends held next to each other."""
     joints = [

@@ -70,38 +70,50 @@ def test_a_side_that_travels_longer_still_finds_its_partners():
     assert {p.skew for p in pairs} == {0}
 
 
-@settings(derandomize=True, deadline=None, max_examples=200)
+@settings(derandomize=True, deadline=None, max_examples=400)
 @given(
-    st.lists(st.tuples(st.integers(0, 1), st.integers(1, 30)), min_size=1, max_size=80),
+    st.integers(1, 4),
+    st.lists(st.tuples(st.integers(0, 3), st.integers(1, 30)), min_size=1, max_size=80),
     st.integers(0, 40),
 )
-def test_pairs_are_within_skew_use_each_message_once_and_go_forward(steps, max_skew):
-    clock = [0, 0]
+def test_pairs_are_within_skew_use_each_message_once_and_go_forward(sides, steps, max_skew):
+    clock = [0] * sides
     messages = []
     for side, step in steps:
-        clock[side] += step
-        messages.append((side, clock[side]))
-    pairing = Pairing(max_skew)
+        clock[side % sides] += step
+        messages.append((side % sides, clock[side % sides]))
+    pairing = Pairing(max_skew, sides)
     pairs = fed(pairing, messages)
-    assert all(abs(p.start - p.end) == p.skew <= max_skew for p in pairs)
-    assert all(p.stamp == min(p.start, p.end) for p in pairs)
+    assert all(max(p.values) - min(p.values) == p.skew <= max_skew for p in pairs)
+    assert all(p.stamp == min(p.values) and len(p.values) == sides for p in pairs)
     for earlier, later in itertools.pairwise(pairs):
-        assert later.start > earlier.start
-        assert later.end > earlier.end
+        assert all(new > old for new, old in zip(later.values, earlier.values, strict=True))
         assert later.stamp > earlier.stamp
     waiting = sum(len(w) for w in pairing._waiting)
-    assert pairing.unpaired + 2 * len(pairs) + waiting == len(messages)
+    assert pairing.unpaired + sides * len(pairs) + waiting == len(messages)
 
 
-@settings(derandomize=True, deadline=None, max_examples=100)
-@given(st.lists(st.integers(-4, 4), min_size=20, max_size=60), st.integers(0, 9))
-def test_jitter_never_starves_the_output(jitter, phase):
-    """Both at 100 Hz with jitter and any phase: at least every second message makes a pair."""
+@settings(derandomize=True, deadline=None, max_examples=200)
+@given(st.integers(2, 4), st.lists(st.integers(-4, 4), min_size=20, max_size=60), st.integers(0, 9))
+def test_jitter_never_starves_the_output(sides, jitter, phase):
+    """All at 100 Hz with jitter and any phase: at least every second message makes a pair."""
     messages = []
     for i, j in enumerate(jitter):
-        messages += [(0, 100 * (10 * i + 10)), (1, 100 * (10 * i + 10 + phase) + 10 * j)]
-    pairs = fed(Pairing(2000), sorted(messages, key=lambda m: m[1]))
+        messages.append((0, 100 * (10 * i + 10)))
+        messages += [(side, 100 * (10 * i + 10 + side * phase % 10) + 10 * j) for side in range(1, sides)]
+    pairs = fed(Pairing(2000, sides), sorted(messages, key=lambda m: m[1]))
     assert len(pairs) >= len(jitter) // 2 - 1
+
+
+def test_grippers_of_any_number_are_paired_at_one_time():
+    pairs = fed(Pairing(20 * MS, 3), [(0, 100 * MS), (2, 101 * MS), (1, 102 * MS), (0, 110 * MS), (1, 140 * MS)])
+    assert [(p.stamp, p.values, p.skew) for p in pairs] == [
+        (100 * MS, (100 * MS, 102 * MS, 101 * MS), 2 * MS),
+    ]
+    assert [p.values for p in fed(Pairing(0, 1), [(0, 5), (0, 9)])] == [(5,), (9,)]
+    far = Pairing(20 * MS, 3)
+    assert fed(far, [(0, 100 * MS), (1, 119 * MS), (2, 121 * MS)]) == []
+    assert far.nearest_miss() == 21 * MS
 
 
 def test_clear_forgets_messages_but_keeps_counts():

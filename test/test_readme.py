@@ -156,4 +156,5 @@ def test_topics_and_services_are_those_of_the_node() -> None:
     }
     sources = "".join(file.read_text(encoding="utf-8") for file in sorted((ROOT / "cable_shape" / "ros").glob("*.py")))
     used = set(re.findall(r"\"((?:cable/\w+)|/diagnostics|joint_states|/tf|/tf_static|collision_object)\"", sources))
-    assert listed == used | {"left_gripper/pose", "right_gripper/pose"}
+    poses = {"left_gripper/pose", "right_gripper/pose", "HARNESS/SEGMENT_start/pose", "HARNESS/SEGMENT_end/pose"}
+    assert listed == used | poses

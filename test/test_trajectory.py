@@ -108,7 +108,7 @@ def test_a_load_beyond_its_limit_between_waypoints_is_found(ends: tuple, limit: 
     rows = [row((x, y, 0.0)) for x, y in ends]
     path = cs.GripPath([row((0.0, 0.0, 0.0))] * 2, rows)
     predictor, motion = cs.Predictor(CABLE, model="cosserat"), Motion(path, None)
-    shapes = [predictor.predict(*motion.at(place)[:2]) for place in np.linspace(0.0, 1.0, 201)]
+    shapes = [predictor.predict(*motion.at(place)[0]) for place in np.linspace(0.0, 1.0, 201)]
     if reason is cs.Reason.TENSION:
         loads = np.array([shape.tension.max() for shape in shapes])
         bound = 0.5 * (loads[0] + loads[-1])
@@ -204,7 +204,7 @@ def test_verdicts_are_those_of_a_check_a_hundred_times_finer(robot: Robot) -> No
         )
         valid = True
         for k, place in enumerate(np.linspace(0.0, 3.0, 301)):
-            start, end, links = motion.at(place)
+            (start, end), links = motion.at(place)
             report = cycle.step({"cable": (start, end)}, k, links)
             valid &= not any(w.severity is cs.Severity.ERROR for w in report.warnings)
         assert found.valid == valid, seed
@@ -287,7 +287,7 @@ def test_the_deviation_bounds_what_the_cable_does_between() -> None:
     motion = Motion(path, None)
     found = []
     for place in np.linspace(0.0, 1.0, 41):
-        start, end, _ = motion.at(place)
+        (start, end), _ = motion.at(place)
         shape = predictor.predict(start, end)
         found.append((shape.positions, predictor.sensitivity(), np.array((start.array, end.array))))
     (p, a, ends_a), (q, b, ends_b) = found[0], found[-1]
@@ -377,7 +377,7 @@ def test_where_accelerations_change_the_deviation_still_bounds_what_the_cable_do
         for push in ((0.0, 3.0, 0.0), (2.0, -3.0, 4.0)):
             found = []
             for place in np.linspace(0.0, 1.0, 21):
-                start, end, _ = motion.at(place)
+                (start, end), _ = motion.at(place)
                 shape = predictor.predict(start, end, acceleration=place * np.array(push))
                 found.append((shape.positions, predictor.sensitivity(), np.array((start.array, end.array))))
             (p, a, ends_a), (q, b, ends_b) = found[0], found[-1]

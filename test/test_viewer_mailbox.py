@@ -70,7 +70,12 @@ def test_letters_come_out_as_they_went_in() -> None:
 
 def test_a_free_end_comes_out_as_one() -> None:
     sent = CycleReport(0, {"cable": (Pose(), FreeEnd(mass=0.1))}, None, {"cable": arc()}, {}, ())
-    assert decode(encode(sent)).grips["cable"] == (Pose(), None)
+    start, end = decode(encode(sent)).grips["cable"]
+    assert start == Pose()
+    assert isinstance(end, FreeEnd)
+    assert end.mass == 0.1
+    branch = CycleReport(0, {"h/a": (None, Pose()), "h/b": (None, None)}, None, {"h/a": arc(), "h/b": arc()}, {}, ())
+    assert decode(encode(branch)).grips == {"h/a": (None, Pose())}
 
 
 @contextlib.contextmanager

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import subprocess
@@ -24,7 +25,11 @@ from reports import (
     wait_until,
 )
 
+from cable_shape.cable import Cable
+from cable_shape.cycle import Cycle
 from cable_shape.errors import ArgumentError
+from cable_shape.harness import Harness, Junction
+from cable_shape.pose import Pose
 from cable_shape.report import CycleReport
 from cable_shape.scene import Scene
 from cable_shape.viewer.process import ViewerProcess
@@ -50,6 +55,21 @@ def test_every_report_is_shown_when_they_come_slowly(tmp_path: Path) -> None:
     held = columns(tmp_path / "out.rrd")
     assert len(held["/plots/tension/cable:Scalars:scalars"]) == 5
     assert any(name.startswith("/world/robot/left_forearm/") for name in held)
+
+
+def test_a_harness_is_handed_over_as_a_cycle_reports_it(tmp_path: Path) -> None:
+    along = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))
+    cable = Cable(length=0.5, linear_density=0.1, bending_stiffness=0.01)
+    harness = Harness({"a": cable, "b": cable}, [Junction("middle", ("a.end", "b.start"))])
+    ends = {"a.start": Pose((0.0, 0.0, 0.0), along), "b.end": Pose((0.9, 0.0, 0.0), along)}
+    seen = Cycle({"h": harness}).step({"h": ends}, stamp=T0)
+    with ViewerProcess(tmp_path / "out.rrd", {"h": harness}, Scene()) as viewer:
+        assert viewer.send(seen)
+        assert viewer.close(timeout=120.0)
+    held = columns(tmp_path / "out.rrd")
+    ((_, place),) = held["/world/harnesses/h/middle:Transform3D:translation"]
+    assert place == [pytest.approx(seen.shapes["h"].junctions["middle"].position, abs=1e-6)]
+    assert "/world/cables/h/b/line:LineStrips3D:strips" in held
 
 
 def test_killed_viewer_does_not_disturb_the_caller(tmp_path: Path) -> None:

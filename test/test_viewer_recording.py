@@ -27,12 +27,15 @@ from reports import (
 
 from cable_shape.cable import Cable
 from cable_shape.cycle import Cycle
-from cable_shape.pose import Pose
+from cable_shape.harness import Harness, Junction
+from cable_shape.parts import in_parts
+from cable_shape.pose import FreeEnd, Pose
 from cable_shape.predictor import predict
 from cable_shape.report import Clearance, CycleReport
-from cable_shape.scene import Clip, HalfSpace, Obstacle, Scene, Sphere
+from cable_shape.scene import Clip, HalfSpace, Obstacle, PointMass, Scene, Sphere
 from cable_shape.shape import Status
 from cable_shape.viewer.letters import decode, encode
+from cable_shape.viewer.recording import RecordingWriter
 
 
 @pytest.fixture(scope="module")
@@ -115,6 +118,36 @@ def test_what_stands_still_is_written_once(recorded: dict[str, list[tuple[object
     assert recorded["/world/obstacles/box:Boxes3D:half_sizes"][0][1] == [pytest.approx([0.05, 0.05, 0.05])]
     assert recorded["/world/robot/wrist/hand:Boxes3D:half_sizes"][0][0] is None
     assert recorded["/world/cables/cable/clips/0:Transform3D:translation"][0][1] == [pytest.approx([0.1, 0.0, 0.4])]
+
+
+def test_a_harness_is_shown_segment_by_segment_with_its_junctions(tmp_path: Path) -> None:
+    """Written by itself, and as it comes out of a letter to the viewer's process."""
+    along = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))
+    cable = Cable(length=0.5, linear_density=0.1, bending_stiffness=0.01)
+    fork = Junction("fork", ("a.end", "b.start", "c.start"), frames={"a.end": Pose((0.0, 0.0, -0.01))})
+    harness = Harness({"a": cable, "b": cable, "c": cable}, [fork])
+    scene = Scene(clips=[Clip(0.25, Pose((0.24, 0.0, 0.0)), segment="a")], masses=[PointMass(0.2, 0.01, segment="c")])
+    cycle = Cycle({"h": harness}, scene=scene)
+    ends = {"a.start": Pose((0.0, 0.0, 0.0), along), "b.end": Pose((0.9, 0.0, 0.0), along), "c.end": FreeEnd(mass=0.02)}
+    seen = cycle.step({"h": ends}, stamp=T0)
+    held = []
+    for name, one in (("own", seen), ("letter", decode(encode(in_parts(seen))))):
+        with RecordingWriter(tmp_path / f"{name}.rrd", {"h": harness}, scene) as writer:
+            writer.log(one)
+        held.append(columns(tmp_path / f"{name}.rrd"))
+    assert held[0] == held[1]
+    for segment, shape in seen.shapes["h"].segments.items():
+        strips = np.array(held[0][f"/world/cables/h/{segment}/line:LineStrips3D:strips"][0][1])
+        np.testing.assert_allclose(strips[:, 0], shape.positions[:-1], atol=1e-6)
+        assert (f"/world/cables/h/{segment}/clips/0:Points3D:radii" in held[0]) == (segment == "a")
+        assert (f"/world/cables/h/{segment}/masses:Points3D:radii" in held[0]) == (segment == "c")
+    ((stamp, place),) = held[0]["/world/harnesses/h/fork:Transform3D:translation"]
+    assert stamp == T0
+    assert place == [pytest.approx(seen.shapes["h"].junctions["fork"].position, abs=1e-6)]
+    assert len(held[0]["/world/cables/h/a/start/axes:Arrows3D:vectors"][0][1]) == 3
+    assert held[0]["/world/cables/h/c/end/ball:Points3D:positions"], "the connector at the free end"
+    assert "/world/cables/h/b/start/ball:Points3D:positions" not in held[0], "a junction is no grip"
+    assert "**h/b**" in held[0]["/state:TextDocument:text"][0][1][0]
 
 
 def test_warnings_are_told_when_they_begin_and_end(recorded: dict[str, list[tuple[object, object]]]) -> None:

@@ -1,4 +1,4 @@
-"""From the messages of a recording to grips: the two gripper poses, or joint states through a robot.
+"""From the messages of a recording to ends: the poses of the grippers, or joint states through a robot.
 
 Stamps and pairs follow the same rules as in the node (:mod:`cable_shape.pairing`). A message that cannot be used is
 refused and counted by reason; it never ends the replay.
@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any, Protocol, final
 
 import numpy as np
 
-from cable_shape.cable_file import Held
 from cable_shape.checks import MOST, Array
 from cable_shape.errors import ArgumentError, InputError, StaleInputError
 from cable_shape.pairing import SECOND, Pairing, StampGuard
-from cable_shape.pose import Grip, Pose
+from cable_shape.pose import Pose
+from cable_shape.replay.carried import Carried
 
 if TYPE_CHECKING:
     from cable_shape.robot import Robot
@@ -29,11 +29,10 @@ MARKERS_TYPE = "geometry_msgs/msg/PoseArray"
 @final
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """What one cycle is fed with; `stamp` [ns], `links` None where the robot is not known."""
+    """What one cycle is fed with; `stamp` [ns], `ends` as a cycle takes them, `links` None without a robot."""
 
     stamp: int
-    start: Grip
-    end: Grip
+    ends: Any
     links: Mapping[str, Pose] | None
 
 
@@ -86,16 +85,16 @@ class Source(Protocol):
 
 @final
 class PoseSource:
-    """The poses of two grippers, paired within `max_skew` [s]."""
+    """The poses of the grippers, paired within `max_skew` [s]."""
 
-    def __init__(self, left: str, right: str, start: Held, end: Held, max_skew: float, refusals: Refusals) -> None:
-        self.topics: tuple[str, ...] = (left, right)
+    def __init__(self, carried: Carried, max_skew: float, refusals: Refusals) -> None:
+        self.topics = carried.topics
         self.frame_id: str | None = None
         self.restarted = False
-        self._held = (start, end)
+        self._carried = carried
         self._refusals = refusals
-        self._guards = (StampGuard(left), StampGuard(right))
-        self._pairing: Pairing[Pose] = Pairing(round(max_skew * SECOND))
+        self._guards = tuple(StampGuard(topic) for topic in self.topics)
+        self._pairing: Pairing[Pose] = Pairing(round(max_skew * SECOND), len(self.topics))
 
     @property
     def unpaired(self) -> int:
@@ -120,13 +119,13 @@ class PoseSource:
             return None
         self.frame_id = frame
         if self.restarted:
-            self._guards[1 - side].forget()
+            for other in self._guards[:side] + self._guards[side + 1 :]:
+                other.forget()
             self._pairing.clear()
         pair = self._pairing.put(side, stamp, pose)
         if pair is None:
             return None
-        start, end = self._held
-        return Sample(pair.stamp, start.grip(Grip(pair.start)), end.grip(Grip(pair.end)), links=None)
+        return Sample(pair.stamp, self._carried.at(pair.values), links=None)
 
     def finish(self) -> None:
         """Counts the messages that still wait for a partner."""
@@ -149,12 +148,12 @@ class PoseSource:
 class JointSource:
     """Joint states, turned into grips by a robot's kinematics."""
 
-    def __init__(self, topic: str, robot: Robot, start: Held, end: Held, refusals: Refusals) -> None:
+    def __init__(self, topic: str, robot: Robot, carried: Carried, refusals: Refusals) -> None:
         self.topics: tuple[str, ...] = (topic,)
         self.frame_id: str | None = "world"
         self.restarted = False
         self._robot = robot
-        self._held = (start, end)
+        self._carried = carried
         self._refusals = refusals
         self._guard = StampGuard(topic)
 
@@ -175,9 +174,7 @@ class JointSource:
         except InputError as error:
             self._refusals.add(topic, "joint state not usable", error)
             return None
-        start, end = self._robot.grips(q)
-        first, second = self._held
-        return Sample(stamp_of(message), first.grip(start), second.grip(end), self._robot.link_poses())
+        return Sample(stamp_of(message), self._carried.held(self._robot.grips(q)), self._robot.link_poses())
 
     def finish(self) -> None:
         """Nothing waits."""

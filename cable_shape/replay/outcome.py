@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, final
 
@@ -10,6 +11,7 @@ from cable_shape import checks
 from cable_shape.cable import Cable
 from cable_shape.cable_file import AS_GIVEN, Held
 from cable_shape.errors import ArgumentError
+from cable_shape.harness_ends import HarnessFile
 from cable_shape.predictor import Predictor
 from cable_shape.problem import GRAVITY
 from cable_shape.replay.inertia import Inertia
@@ -30,8 +32,10 @@ _UNEVEN = ((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
 @final
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """What a replay computes with.
+    """What a replay computes with: a cable, or a harness with the ends that are held.
 
+    held_ends : of the harness; empty: as its file says.
+    end_topics : of poses, by held end, where they are not /NAME/SEGMENT_start/pose or /NAME/SEGMENT_end/pose.
     input : "poses", "joints", "tf", or "auto": transforms if frames of the grippers are given, joint states if a robot
         is given and they were recorded, else poses.
     left_frame, right_frame : of the grippers on tf_topic and tf_topic + "_static", in frame_id.
@@ -42,7 +46,7 @@ class Settings:
     rrd, picture : whether to write replay.rrd and report.png.
     """
 
-    cable: Cable
+    cable: Cable | None = None
     scene: Scene | None = None
     robot: Robot | None = None
     uncertainty: Uncertainty | None = None
@@ -63,6 +67,9 @@ class Settings:
     frame_id: str = "world"
     markers_topic: str = "/cable/markers"
     inertia: bool = False
+    harness: HarnessFile | None = None
+    held_ends: tuple[str, ...] = ()
+    end_topics: Mapping[str, str] = field(default_factory=dict, hash=False)
     rrd: bool = True
     picture: bool = True
 
@@ -75,7 +82,13 @@ class Settings:
                 f"left_frame = {self.left_frame!r}, right_frame = {self.right_frame!r} are not allowed: transforms "
                 "need the frames of both grippers. Give --left-frame and --right-frame."
             )
-        if self.inertia:
+        if (self.cable is None) == (self.harness is None):
+            raise ArgumentError("A replay has a cable or a harness. Give one of them.")
+        if self.cable is None:
+            for name in ("uncertainty", "inertia"):
+                if getattr(self, name):
+                    raise ArgumentError.of(name, getattr(self, name), "it is known of cables only", "Leave it out.")
+        elif self.inertia:
             try:
                 Predictor(self.cable, model=self.model, scene=self.scene).accelerate(_UNEVEN)
             except ArgumentError as error:
@@ -98,7 +111,7 @@ class Outcome:
     tally: Tally
     refusals: Refusals
     unpaired: int
-    markers: MarkerComparison
+    markers: MarkerComparison | None  # None: of a harness
     inertia: Inertia | None
     problems: tuple[str, ...]
     notes: tuple[str, ...]

@@ -50,8 +50,8 @@ def _clearance(axis: Any, outcome: Outcome) -> None:
 def _markers(axis: Any, outcome: Outcome) -> None:
     axis.set(title="markers to centreline", xlabel="time [s]", ylabel="[% of length]")
     markers = outcome.markers
-    figures = markers.figures()
-    if figures is None:
+    figures = None if markers is None else markers.figures()
+    if markers is None or figures is None:
         _say(axis, "no markers to compare with")
         return
     stamps = np.array([stamp for stamp, _ in markers.series])
@@ -74,7 +74,7 @@ def _loads(axis: Any, outcome: Outcome) -> None:
     axis.set(title="smallest bend radius and largest tension", xlabel="time [s]", ylabel="bend radius [mm]")
     axis.plot(time, 1e3 * drawable(tally.bend_radius), color=_BLUE, lw=1.2)
     axis.yaxis.label.set_color(_BLUE)
-    if cable.min_bend_radius is not None:
+    if cable is not None and cable.min_bend_radius is not None:
         axis.axhline(1e3 * cable.min_bend_radius, color=_RED, lw=0.8, ls="--")
     other = axis.twinx()
     other.plot(time, drawable(tally.tension), color=_AMBER, lw=1.2)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cable_shape.files import finite
+from cable_shape.pose import Grip
 
 if TYPE_CHECKING:
     from cable_shape.cable_file import Held
@@ -31,8 +32,6 @@ def write_report(outcome: Outcome, folder: Path) -> None:
 def summarise(outcome: Outcome) -> dict[str, Any]:
     """Everything the report says, as plain values in SI units; lengths of markers as a fraction of the cable."""
     settings = outcome.settings
-    cable = settings.cable
-    kind = "clamped" if outcome.source != "joints" else "as the robot's file says"
     return {
         "recording": {
             "path": str(outcome.bag),
@@ -54,18 +53,13 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
                 for r in outcome.refusals
             ],
         },
-        "cable": {name: _plain(value) for name, value in cable.as_dict().items()},
-        "cable_in_words": cable.describe(),
+        **_carried(settings),
         "settings": {
             "model": settings.model,
             "gravity": list(settings.gravity),
             "points": settings.points,
             "tolerance": settings.tolerance,
-            "start_kind": settings.start.kind or kind,
-            "end_kind": settings.end.kind or kind,
-            "start_correction": settings.start.as_dict().get("correction"),
-            "end_correction": settings.end.as_dict().get("correction"),
-            "grips_in_words": _grips(settings, kind),
+            **_grips(settings, outcome.source),
             "scene": settings.scene is not None,
             "robot": settings.robot is not None,
             "uncertainty": settings.uncertainty is not None,
@@ -77,13 +71,37 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
     }
 
 
-def _grips(settings: Settings, kind: str) -> str:
-    """How both grips hold the cable; `kind`: where nothing else is said."""
+def _carried(settings: Settings) -> dict[str, Any]:
+    """The cable, or the harness."""
+    cable, file = settings.cable, settings.harness
+    if file is not None:
+        words = "; ".join(f"{name}: {one.describe()}" for name, one in file.harness.segments.items())
+        return {"harness": {"name": file.name, **file.harness.as_dict()}, "cable_in_words": words}
+    assert cable is not None
+    return {
+        "cable": {name: _plain(value) for name, value in cable.as_dict().items()},
+        "cable_in_words": cable.describe(),
+    }
+
+
+def _grips(settings: Settings, source: str) -> dict[str, Any]:
+    """How the grips hold it."""
+    kind = "clamped" if source != "joints" else "as the robot's file says"
+    if settings.harness is not None:
+        held = settings.harness.held(settings.held_ends, settings.scene)
+        kinds = {end: grip.kind if source != "joints" else kind for end, grip in held.items() if isinstance(grip, Grip)}
+        return {"held_ends": kinds, "grips_in_words": "; ".join(f"{end} {how}" for end, how in kinds.items())}
 
     def words(held: Held) -> str:
         return ", ".join(part for part in ("" if held.kind else kind, held.describe()) if part)
 
-    return f"start {words(settings.start)}; end {words(settings.end)}"
+    return {
+        "start_kind": settings.start.kind or kind,
+        "end_kind": settings.end.kind or kind,
+        "start_correction": settings.start.as_dict().get("correction"),
+        "end_correction": settings.end.as_dict().get("correction"),
+        "grips_in_words": f"start {words(settings.start)}; end {words(settings.end)}",
+    }
 
 
 def _inertia(outcome: Outcome) -> dict[str, Any] | None:
@@ -97,6 +115,8 @@ def _inertia(outcome: Outcome) -> dict[str, Any] | None:
 def _markers(outcome: Outcome) -> dict[str, Any] | None:
     """Distances of the markers; None if none were recorded."""
     markers, known = outcome.markers, outcome.settings.uncertainty
+    if markers is None:
+        return None
     figures = markers.figures()
     seen = markers.frames + markers.unpaired + markers.unusable
     if figures is None and not seen:
@@ -126,13 +146,16 @@ def as_markdown(summary: dict[str, Any]) -> str:
         lines += [f"- {problem}" for problem in recording["problems"]] + [""]
     lines += [f"- {note}" for note in recording["notes"]] + ([""] if recording["notes"] else [])
     lines += _table(("", ""), headline(summary))
-    lines += ["", f"Cable: {summary['cable_in_words']}.", ""]
+    lines += ["", f"{'Harness' if 'harness' in summary else 'Cable'}: {summary['cable_in_words']}.", ""]
+    if "harness" in summary:
+        head = ("segment", "smallest bend radius", "largest tension", "closest approach")
+        lines += ["## Segments", "", *_table(head, list(_segments(replayed))), ""]
     lines += ["## Warnings", ""]
     if replayed["warnings"]:
         rows = [
             (
                 w["severity"],
-                w["kind"] + (f" ({w['other']})" if w["other"] else ""),
+                _about(w, "harness" in summary),
                 str(w["cycles"]),
                 f"{w['first_time']:.3f} s",
                 f"{w['worst_time']:.3f} s",
@@ -195,9 +218,10 @@ def _headline(summary: dict[str, Any]) -> Iterator[Row]:
         yield "smallest bend radius", f"{replayed['smallest_bend_radius'] * 1e3:.1f} mm"
     if replayed["largest_tension"] is not None:
         yield "largest tension", f"{replayed['largest_tension']:.3g} N"
-    chord = replayed["longest_chord"]
-    yield "longest chord", f"{chord:.4f} m, {100.0 * chord / summary['cable']['length']:.1f} % of the cable's length"
-    yield "warnings", "; ".join(map(_count, replayed["warnings"])) or "none"
+    if "cable" in summary:
+        chord, length = replayed["longest_chord"], summary["cable"]["length"]
+        yield "longest chord", f"{chord:.4f} m, {100.0 * chord / length:.1f} % of the cable's length"
+    yield "warnings", "; ".join(_count(w, "harness" in summary) for w in replayed["warnings"]) or "none"
     markers = summary["markers"]
     if markers is not None:
         yield "markers to centreline", _distances(markers)
@@ -206,23 +230,49 @@ def _headline(summary: dict[str, Any]) -> Iterator[Row]:
             yield "markers inside the tube", f"{share:.1f} % of {markers['distances_with_a_tube']}; it tells {told:g} %"
 
 
-def _count(warning: dict[str, Any]) -> str:
+def _segments(replayed: dict[str, Any]) -> Iterator[tuple[str, ...]]:
+    """A row for each segment of a harness."""
+    for name, part in replayed["parts"].items():
+        radius, tension, closest = (
+            part[key] for key in ("smallest_bend_radius", "largest_tension", "closest_approach")
+        )
+        yield (
+            name,
+            "" if radius is None else f"{radius * 1e3:.1f} mm",
+            "" if tension is None else f"{tension:.3g} N",
+            "nothing came near" if closest is None else _approach(closest),
+        )
+
+
+def _about(warning: dict[str, Any], named: bool) -> str:
+    """Its kind, what it is about and, if it is to be named, the segment."""
+    segment = f"{warning['cable_id']}: " if named else ""
+    other = f" ({warning['other']})" if warning["other"] else ""
+    return f"{segment}{warning['kind']}{other}"
+
+
+def _count(warning: dict[str, Any], named: bool) -> str:
     """How often one kind of warning was given."""
     about = f"{warning['kind']} {warning['severity']}" + (f" ({warning['other']})" if warning["other"] else "")
-    return f"{about} in {warning['cycles']} cycles"
+    segment = f"{warning['cable_id']} " if named else ""
+    return f"{segment}{about} in {warning['cycles']} cycles"
 
 
 def _closest(summary: dict[str, Any]) -> str:
     closest = summary["replay"]["closest_approach"]
     if closest is not None:
-        return (
-            f"{closest['distance'] * 1e3:.1f} mm to {closest['body']} at {closest['time']:.3f} s, "
-            f"{closest['arc_length']:.3f} m along the cable"
-        )
+        return f"{_approach(closest)} along {'the cable' if 'cable' in summary else closest['cable_id']}"
     settings = summary["settings"]
     if not settings["scene"] and not settings["robot"]:
         return "not checked: no scene and no robot were given"
     return "nothing came near"
+
+
+def _approach(closest: dict[str, Any]) -> str:
+    return (
+        f"{closest['distance'] * 1e3:.1f} mm to {closest['body']} at {closest['time']:.3f} s, "
+        f"{closest['arc_length']:.3f} m"
+    )
 
 
 def _distances(markers: dict[str, Any]) -> str:

@@ -17,8 +17,11 @@ from cable_shape.checks import Array
 from cable_shape.cycle import Cycle
 from cable_shape.errors import ArgumentError, BagError
 from cable_shape.pairing import SECOND
+from cable_shape.parts import in_parts
+from cable_shape.pose import Grip, Pose
 from cable_shape.replay.bag_writer import BagWriter
 from cable_shape.replay.bags import Bag
+from cable_shape.replay.carried import Carried, carried
 from cable_shape.replay.inertia import Inertia
 from cable_shape.replay.inputs import (
     JOINTS_TYPE,
@@ -39,6 +42,7 @@ from cable_shape.replay.report import write_report
 from cable_shape.replay.tally import Tally
 from cable_shape.replay.transform_input import TRANSFORM_TYPE, TransformSource
 from cable_shape.report import CycleReport
+from cable_shape.scene import Scene
 
 if TYPE_CHECKING:
     from cable_shape.viewer.recording import RecordingWriter
@@ -99,18 +103,20 @@ class _Run:
         self.out = out
         self.settings = settings
         self.refusals = Refusals()
+        self.carried = carried(settings)
         self.source, self.source_name = self._source()
         self.tally = Tally()
         skew = round(settings.max_skew * SECOND)
         self.inertia = Inertia(bag.path, settings.markers_topic, skew) if settings.inertia else None
         self.sinks: _Sinks | None = None
-        self.markers = MarkerComparison(settings.cable.length, skew, self._compared)
-        has_markers = bag.types.get(settings.markers_topic) == MARKERS_TYPE
+        cable = settings.cable
+        self.markers = None if cable is None else MarkerComparison(cable.length, skew, self._compared)
+        has_markers = cable is not None and bag.types.get(settings.markers_topic) == MARKERS_TYPE
         self.topics = (*self.source.topics, *((settings.markers_topic,) if has_markers else ()))
         robot = settings.robot if self.source_name == "joints" else None
         self.links = () if robot is None else robot.link_geometry
         self.cycle = Cycle(
-            settings.cable,
+            {self.carried.name: self.carried.what},
             scene=settings.scene,
             robot_links=self.links,
             gripping_links=() if robot is None else robot.gripping_links,
@@ -123,9 +129,11 @@ class _Run:
 
     def run(self, progress: Progress) -> Outcome:
         """All messages of the recording."""
-        from cable_shape.warm_up import warm_up_cycles
+        from cable_shape.warm_up import warm_up_cycles, warm_up_harnesses
 
         warm_up_cycles()
+        if self.settings.harness is not None:
+            warm_up_harnesses()
         total = sum(self.bag.counts.get(topic, 0) for topic in self.topics)
         with contextlib.ExitStack() as stack:
             for topic, _, message in progress(self.bag.messages(self.topics), total):
@@ -140,11 +148,12 @@ class _Run:
                 if self.sinks is None:
                     self._check_frames()
                     has_markers = self.settings.markers_topic in self.topics
-                    sinks = _Sinks(self.out, self.settings, self.cycle, self.links, has_markers)
+                    sinks = _Sinks(self.out, self.settings, self.carried, self.links, has_markers)
                     self.sinks = stack.enter_context(sinks)
                 self._take(sample, self.sinks)
             self.source.finish()
-            self.markers.finish()
+            if self.markers is not None:
+                self.markers.finish()
         if not self.tally.cycles:
             raise BagError(self._nothing())
         return self._outcome()
@@ -152,17 +161,18 @@ class _Run:
     def _take(self, sample: Sample, sinks: _Sinks) -> None:
         """One cycle."""
         moving = None if self.inertia is None else self.inertia.at(sample.stamp, self.tally.restarts)
-        ends = {"cable": (sample.start, sample.end)}
+        name = self.carried.name
         report = self.cycle.step(
-            ends, sample.stamp, sample.links, acceleration=None if moving is None else {"cable": moving}
+            {name: sample.ends}, sample.stamp, sample.links, acceleration=None if moving is None else {name: moving}
         )
-        shape = report.shapes["cable"]
-        self.tally.add(report, shape)
-        tube = report.tubes.get("cable")
-        self.markers.add_shape(
-            sample.stamp, shape.positions if shape.status else None, None if tube is None else tube.radius
-        )
-        sinks.write(report, self.source.frame_id or "")
+        parts = in_parts(report)
+        self.tally.add(parts)
+        if self.markers is not None:
+            shape, tube = report.shapes[name], report.tubes.get(name)
+            self.markers.add_shape(
+                sample.stamp, shape.positions if shape.status else None, None if tube is None else tube.radius
+            )
+        sinks.write(parts, self.source.frame_id or "")
 
     def _take_markers(self, topic: str, message: Any) -> None:
         frame, expected = message.header.frame_id, self.source.frame_id
@@ -170,6 +180,7 @@ class _Run:
             self.refusals.add(topic, "other frame", other_frame(topic, frame, expected))
             return
         stamp, points = stamp_of(message), positions_of(message.poses)
+        assert self.markers is not None
         self.markers.add_markers(stamp, points)
         if self.sinks is not None and self.sinks.recording is not None:
             self.sinks.recording.log_markers(points, stamp)
@@ -190,7 +201,8 @@ class _Run:
     def _restart(self) -> None:
         """The clock was set back: what follows has nothing to do with what was before."""
         self.cycle.reset()
-        self.markers.finish()
+        if self.markers is not None:
+            self.markers.finish()
         self.tally.restarts += 1
 
     def _outcome(self) -> Outcome:
@@ -213,48 +225,56 @@ class _Run:
     def _source(self) -> tuple[Source, str]:
         """Where the grips come from, by the settings and by what was recorded."""
         settings, types = self.settings, self.bag.types
-        both = (settings.left_topic, settings.right_topic)
+        grips = self.carried.topics
         joints = settings.joints_topic in types
         chosen = settings.input
         if chosen == "auto":
-            use_joints = joints and (settings.robot is not None or not any(topic in types for topic in both))
+            use_joints = joints and (settings.robot is not None or not any(topic in types for topic in grips))
             chosen = "tf" if settings.left_frame else "joints" if use_joints else "poses"
         if chosen == "poses":
-            for topic in both:
+            for topic in grips:
                 self._require(topic, POSE_TYPE)
-            return PoseSource(*both, settings.start, settings.end, settings.max_skew, self.refusals), chosen
+            return PoseSource(self.carried, settings.max_skew, self.refusals), chosen
         if chosen == "tf":
+            self.carried.held([Grip(Pose())] * 2)  # as many as there are frames
             static = f"{settings.tf_topic}_static"
             for topic in (settings.tf_topic, *((static,) if static in types else ())):
                 self._require(topic, TRANSFORM_TYPE)
-            frames, held = (settings.left_frame, settings.right_frame), (settings.start, settings.end)
-            more = (settings.frame_id, *held, settings.max_skew, self.refusals)
-            return TransformSource(settings.tf_topic, frames, *more), chosen
+            frames, more = (settings.left_frame, settings.right_frame), (settings.max_skew, self.refusals)
+            return TransformSource(settings.tf_topic, frames, settings.frame_id, self.carried, *more), chosen
         self._require(settings.joints_topic, JOINTS_TYPE)
         if settings.robot is None:
             raise BagError(
                 f"{self.bag.path} holds joint states on {settings.joints_topic}, which need a robot. "
                 "Give --robot ROBOT.yaml (urdf, grippers)."
             )
-        return JointSource(settings.joints_topic, settings.robot, settings.start, settings.end, self.refusals), chosen
+        self.carried.held(settings.robot.grips(settings.robot.home))  # as many as there are
+        return JointSource(settings.joints_topic, settings.robot, self.carried, self.refusals), chosen
 
     def _require(self, topic: str, kind: str) -> None:
         """The topic must have been recorded, as messages of this type."""
         types = self.bag.types
         found = ", ".join(f"{name} ({types[name]})" for name in sorted(types)) or "none"
         options = (
-            f"Needed: {self.settings.left_topic} and {self.settings.right_topic} ({POSE_TYPE}), or "
+            f"Needed: {' and '.join(self.carried.topics)} ({POSE_TYPE}), or "
             f"{self.settings.joints_topic} ({JOINTS_TYPE}) with --robot, or {self.settings.tf_topic} "
             f"({TRANSFORM_TYPE}) with --left-frame and --right-frame. "
-            "Name other topics with --left-topic, --right-topic or --joints-topic, or --tf-topic."
+            f"Name other topics with {self._naming}, --joints-topic or --tf-topic."
         )
         if topic not in types:
-            pair = (self.settings.left_topic, self.settings.right_topic)
-            others = [name for name in pair if name in types and topic in pair]
+            grips = self.carried.topics
+            others = [name for name in grips if name in types and topic in grips]
             one = f" Only one gripper was recorded: {others[0]}." if others else ""
+            if len(others) > 1:
+                one = f" Only these grippers were recorded: {', '.join(others)}."
             raise BagError(f"{self.bag.path} has no topic {topic}.{one} Topics found: {found}. {options}")
         if types[topic] != kind:
             raise BagError(f"{self.bag.path}: {topic} is of type {types[topic]}, it must be {kind}. {options}")
+
+    @property
+    def _naming(self) -> str:
+        """Options that name topics of poses."""
+        return "--left-topic, --right-topic" if self.settings.harness is None else "--end-topic"
 
     def _nothing(self) -> str:
         """Why no cycle could be run."""
@@ -275,14 +295,15 @@ class _Run:
 class _Sinks:
     """Where reports go: the recording of the node's messages and the .rrd."""
 
-    def __init__(self, out: Path, settings: Settings, cycle: Cycle, links: Any, markers: bool) -> None:
+    def __init__(self, out: Path, settings: Settings, what: Carried, links: Any, markers: bool) -> None:
         self.out = out
         self.bag = BagWriter(out / "replay")
         self.recording: RecordingWriter | None = None
         if settings.rrd:
             from cable_shape.viewer.recording import RecordingWriter
 
-            self.recording = RecordingWriter(out / "replay.rrd", cycle.cables, cycle.scene, links, markers=markers)
+            scene = settings.scene or Scene()
+            self.recording = RecordingWriter(out / "replay.rrd", {what.name: what.what}, scene, links, markers=markers)
 
     def write(self, report: CycleReport, frame_id: str) -> None:
         """One report, without what differs from run to run."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from array import array
-from collections import Counter
+from collections import Counter, defaultdict
 from dataclasses import dataclass
 from typing import Any, final
 
@@ -28,8 +28,29 @@ class WarningCount:
 
 
 @final
+@dataclass(slots=True)
+class Extremes:
+    """What one cable, or one segment of a harness, came to in all cycles."""
+
+    bend_radius: float = math.inf  # m
+    tension: float = -math.inf  # N
+    closest: tuple[BodyDistance, int] | None = None  # and its stamp
+
+    def add(self, shape: CableShape, closest: BodyDistance | None, stamp: int) -> None:
+        """Takes one cycle."""
+        if shape.status:
+            self.bend_radius = min(self.bend_radius, float(shape.bend_radius.min()))
+            self.tension = max(self.tension, float(shape.tension.max()))
+        if closest is not None and (self.closest is None or closest.distance < self.closest[0].distance):
+            self.closest = (closest, stamp)
+
+
+@final
 class Tally:
-    """Collects one report after another; series hold one entry a cycle, NaN where there was nothing."""
+    """Collects one report after another; series hold one entry a cycle, NaN where there was nothing.
+
+    Of a harness they are those of the segment that is worst in each cycle.
+    """
 
     def __init__(self) -> None:
         self.stamps = array("q")  # ns
@@ -43,41 +64,43 @@ class Tally:
         self.restarts = 0
         self.longest_chord = 0.0  # m
         self.worst_error_estimate = 0.0  # m
-        self.closest: tuple[BodyDistance, int] | None = None  # and its stamp
+        self.parts: defaultdict[str, Extremes] = defaultdict(Extremes)  # by cable or segment
         self.beyond = math.inf  # m, every body was at least this far where none is named
-        self.warnings: dict[tuple[str, str, str], WarningCount] = {}
+        self.warnings: dict[tuple[str, str, str, str], WarningCount] = {}
 
-    def add(self, report: CycleReport, shape: CableShape) -> None:
-        """Takes one cycle and the shape of its cable."""
+    def add(self, report: CycleReport) -> None:
+        """Takes one cycle with a cable, or with the segments of a harness."""
         self.stamps.append(report.stamp)
         self.cycle_time.append(report.times.get("total", math.nan))
-        self.statuses[shape.status.name] += 1
-        self.models[shape.model] += 1
-        self.reused += shape.reused
-        positions = shape.positions
-        self.longest_chord = max(self.longest_chord, math.dist(positions[0], positions[-1]))
-        usable = bool(shape.status)
-        self.bend_radius.append(float(shape.bend_radius.min()) if usable else math.nan)
-        self.tension.append(float(shape.tension.max()) if usable else math.nan)
+        shapes = report.shapes.values()
+        first = next(iter(shapes))  # of a harness all have the same status
+        self.statuses[first.status.name] += 1
+        self.models[first.model] += 1
+        self.reused += first.reused
+        ends = [(shape.positions[0], shape.positions[-1]) for shape in shapes]
+        self.longest_chord = max(self.longest_chord, *(math.dist(*both) for both in ends))
+        usable = bool(first.status)
+        self.bend_radius.append(min(float(s.bend_radius.min()) for s in shapes) if usable else math.nan)
+        self.tension.append(max(float(s.tension.max()) for s in shapes) if usable else math.nan)
         if usable:
-            self.worst_error_estimate = max(self.worst_error_estimate, shape.error_estimate)
-        self._add_clearance(report)
+            self.worst_error_estimate = max(self.worst_error_estimate, first.error_estimate)
+        self._add_parts(report)
         for warning in report.warnings:
             self._add_warning(warning, report.stamp)
 
-    def _add_clearance(self, report: CycleReport) -> None:
-        distance = math.nan
-        for clearance in report.clearance.values():
+    def _add_parts(self, report: CycleReport) -> None:
+        distances = []
+        for name, shape in report.shapes.items():
+            clearance = report.clearance[name]
             self.beyond = min(self.beyond, clearance.beyond)
             closest = clearance.closest
+            self.parts[name].add(shape, closest, report.stamp)
             if closest is not None:
-                distance = closest.distance
-                if self.closest is None or distance < self.closest[0].distance:
-                    self.closest = (closest, report.stamp)
-        self.clearance.append(distance)
+                distances.append(closest.distance)
+        self.clearance.append(min(distances, default=math.nan))
 
     def _add_warning(self, warning: CableWarning, stamp: int) -> None:
-        key = (warning.kind.name, warning.other, warning.severity.name)
+        key = (warning.kind.name, warning.other, warning.severity.name, warning.cable_id)
         entry = self.warnings.get(key)
         if entry is None:
             entry = self.warnings[key] = WarningCount(warning, stamp, stamp)
@@ -111,6 +134,7 @@ class Tally:
             "largest_error_estimate": self.worst_error_estimate,
             "cycle_time": self._cycle_time(),
             "closest_approach": self._closest(),
+            "parts": {name: self._extremes(part) for name, part in self.parts.items()},
             "warnings": [self._warning(entry) for _, entry in sorted(self.warnings.items(), key=_severe_first)],
         }
 
@@ -119,10 +143,21 @@ class Tally:
         p50, p99 = np.percentile(times, (50.0, 99.0))
         return {"mean": float(times.mean()), "p50": float(p50), "p99": float(p99), "max": float(times.max())}
 
+    def _extremes(self, part: Extremes) -> dict[str, Any]:
+        return {
+            "smallest_bend_radius": finite(part.bend_radius),
+            "largest_tension": finite(part.tension),
+            "closest_approach": None if part.closest is None else self._approach(*part.closest),
+        }
+
     def _closest(self) -> dict[str, Any] | None:
-        if self.closest is None:
+        found = [(part.closest, name) for name, part in self.parts.items() if part.closest is not None]
+        if not found:
             return None
-        body, stamp = self.closest
+        nearest, name = min(found, key=lambda one: one[0][0].distance)
+        return {"cable_id": name, **self._approach(*nearest)}
+
+    def _approach(self, body: BodyDistance, stamp: int) -> dict[str, Any]:
         return {
             "distance": body.distance,
             "body": body.body,
@@ -136,6 +171,7 @@ class Tally:
     def _warning(self, entry: WarningCount) -> dict[str, Any]:
         worst = entry.worst
         return {
+            "cable_id": worst.cable_id,
             "kind": worst.kind.name,
             "severity": worst.severity.name,
             "other": worst.other,
@@ -155,6 +191,6 @@ def extreme(choose: Any, values: Any) -> float | None:
     return float(choose(a)) if a.size else None
 
 
-def _severe_first(item: tuple[tuple[str, str, str], WarningCount]) -> tuple[int, str, str]:
-    (kind, other, severity), _ = item
-    return (-Severity[severity].value, kind, other)
+def _severe_first(item: tuple[tuple[str, str, str, str], WarningCount]) -> tuple[int, str, str, str]:
+    (kind, other, severity, cable_id), _ = item
+    return (-Severity[severity].value, kind, other, cable_id)

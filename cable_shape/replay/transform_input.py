@@ -5,10 +5,10 @@ from __future__ import annotations
 from functools import partial
 from typing import Any, final
 
-from cable_shape.cable_file import Held
 from cable_shape.errors import ArgumentError, InputError, StaleInputError
 from cable_shape.pairing import SECOND
-from cable_shape.pose import Grip, Pose
+from cable_shape.pose import Pose
+from cable_shape.replay.carried import Carried
 from cable_shape.replay.inputs import Refusals, Sample, stamp_of
 from cable_shape.ros.transforms import TransformTree
 
@@ -28,8 +28,7 @@ class TransformSource:
         topic: str,
         frames: tuple[str, str],
         frame_id: str,
-        start: Held,
-        end: Held,
+        carried: Carried,
         max_skew: float,
         refusals: Refusals,
     ) -> None:
@@ -37,7 +36,7 @@ class TransformSource:
         self.frame_id: str | None = frame_id.removeprefix("/") or WORLD
         self.restarted = False
         self._frames = tuple(frame.removeprefix("/") for frame in frames)
-        self._held = (start, end)
+        self._carried = carried
         self._gap = round(max_skew * SECOND)
         self._refusals = refusals
         self._tree = TransformTree(self.frame_id, self._frames)
@@ -66,13 +65,12 @@ class TransformSource:
             return None
         self._last = stamp
         try:
-            start, end = (self._tree.at(frame, stamp, self._gap) for frame in self._frames)
+            poses = tuple(self._tree.at(frame, stamp, self._gap) for frame in self._frames)
         except StaleInputError as error:
             self._refusals.add(topic, "transforms too far apart", error)
             return None
         self._tree.prune(stamp)
-        first, second = self._held
-        return Sample(stamp, first.grip(Grip(start)), second.grip(Grip(end)), links=None)
+        return Sample(stamp, self._carried.at(poses), links=None)
 
     def finish(self) -> None:
         """Says why there was no sample, if there was none."""

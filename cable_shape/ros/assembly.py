@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-import re
 import time
 from pathlib import Path
 from typing import final
 
-from cable_shape.cable_file import CableFile
+from cable_shape.cable import Cable
+from cable_shape.cable_file import CableFile, Held
 from cable_shape.cycle import Cycle
 from cable_shape.errors import ArgumentError
 from cable_shape.files import find_file
+from cable_shape.harness import Harness
+from cable_shape.harness_ends import HarnessFile
 from cable_shape.robot import Robot
+from cable_shape.ros.holding import NAME, Holding
 from cable_shape.ros.interrupt import ends_when_told
 from cable_shape.ros.parameters import VIEW_OFF, Settings
 from cable_shape.ros.stand_in import StandIn
@@ -19,14 +22,12 @@ from cable_shape.ros.worker import WorkerProcess
 from cable_shape.scene import Scene
 from cable_shape.uncertainty import Uncertainty
 from cable_shape.viewer.process import ViewerProcess
-from cable_shape.warm_up import warm_up_cycles
+from cable_shape.warm_up import warm_up_cycles, warm_up_harnesses
 from cable_shape.yaml_files import load_yaml
 
 #: name of a cable that is alone
 CABLE = "cable"
 
-#: names are parts of topics
-_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 MAX_CABLES = 100
 
 #: [s], that the end of the node waits for viewer and planner, which end by themselves all the same
@@ -49,7 +50,7 @@ def load_cables(path: Path) -> dict[str, CableFile]:
         raise ArgumentError.of(f"{path}: cables", type(several).__name__, bound, "For example {front: ethernet.yaml}.")
     cables = {}
     for name, cable in several.items():
-        if not isinstance(name, str) or not _NAME.fullmatch(name):
+        if not isinstance(name, str) or not NAME.fullmatch(name):
             bound = "a name must be letters, digits and _, beginning with a letter"
             raise ArgumentError.of(f"{path}: cables", name, bound, "It is a part of the cable's topics.")
         where = f"{path}: {name}"
@@ -64,7 +65,7 @@ def load_cables(path: Path) -> dict[str, CableFile]:
 
 @final
 class Assembly:
-    """Cables, scene, robot, cycle and viewer, ready to run, and the workers that are started.
+    """Cables or a harness, scene, robot, cycle and viewer, ready to run, and the workers that are started.
 
     Raises
     ------
@@ -73,15 +74,10 @@ class Assembly:
     """
 
     def __init__(self, settings: Settings) -> None:
-        files = load_cables(find_file(settings.cable_file))
-        cables = {name: file.cable for name, file in files.items()}
-        self.held = {name: file.held for name, file in files.items()}  # what is known of the grips of each cable
-        if len(cables) > 1 and settings.input == "joints":
-            bound = "input = 'joints' moves one cable, between the robot's two grippers"
-            raise ArgumentError.of(
-                "cable_file", settings.cable_file, bound, "Set input to 'poses' or 'tf', or name one cable."
-            )
         scene = Scene.from_yaml(find_file(settings.scene_file)) if settings.scene_file else Scene()
+        self.held: dict[str, tuple[Held, Held]] = {}  # what is known of the grips of each cable
+        self.holdings: list[Holding] = []
+        cables = self._load_harness(settings, scene) if settings.harness_file else self._load_cables(settings)
         robot_file = find_file(settings.robot_file) if settings.robot_file else None
         self.robot = None if robot_file is None else Robot.from_yaml(robot_file)
         known = Uncertainty.from_yaml(find_file(settings.uncertainty_file)) if settings.uncertainty_file else None
@@ -101,20 +97,51 @@ class Assembly:
         )
         with ends_when_told():
             warm_up_cycles()
+            if settings.harness_file:
+                warm_up_harnesses()
         self.workers: dict[str, WorkerProcess] = {}  # processes beside the node by what they are
         self.stand_ins: list[StandIn] = []  # that answer for those of them that have died
         self.viewer: ViewerProcess | None = None
         if settings.view != VIEW_OFF:
-            self.viewer = ViewerProcess(settings.output("view") or settings.view, self.cycle.cables, scene, robot_file)
+            self.viewer = ViewerProcess(settings.output("view") or settings.view, cables, scene, robot_file)
+
+    def _load_cables(self, settings: Settings) -> dict[str, Cable | Harness]:
+        """The cables, each held by two grippers."""
+        files = load_cables(find_file(settings.cable_file))
+        self.held = {name: file.held for name, file in files.items()}
+        if len(files) > 1 and settings.input == "joints":
+            bound = "input = 'joints' moves one cable, between the robot's two grippers"
+            raise ArgumentError.of(
+                "cable_file", settings.cable_file, bound, "Set input to 'poses' or 'tf', or name one cable."
+            )
+        several = len(files) > 1
+        self.holdings = [Holding(name, f"{name}/" if several else "", held) for name, held in self.held.items()]
+        return {name: file.cable for name, file in files.items()}
+
+    def _load_harness(self, settings: Settings, scene: Scene) -> dict[str, Cable | Harness]:
+        """The harness, called as its file is."""
+        file = HarnessFile.from_yaml(find_file(settings.harness_file))
+        try:
+            ends = file.held(settings.held, scene)
+        except ArgumentError as error:
+            raise type(error)(f"held_ends: {error}") from None
+        holding = Holding.of_harness(file.name, ends)
+        if settings.input == "joints" and len(holding.topics) != 2:
+            bound = f"input = 'joints' moves two ends, the robot's two grippers; held are {len(holding.topics)}"
+            raise ArgumentError.of("held_ends", settings.held_ends, bound, "Name two: left, right.")
+        self.holdings = [holding]
+        return {file.name: file.harness}
 
     def describe(self) -> str:
         """What was loaded, in words."""
         robot = "no robot" if self.robot is None else f"robot with {len(self.robot.joint_names)} joints"
         scene = f"{len(self.cycle.scene.obstacles)} obstacles"
-        cables = "; ".join(f"{name}: {cable.describe()}" for name, cable in self.cycle.cables.items())
+        cables = "; ".join(f"{name}: {cable.describe()}" for name, cable in self.cycle.parts.items())
         told = {name: CableFile(self.cycle.cables[name], *held).describe() for name, held in self.held.items()}
         grips = "".join(f"; grips of {name} as calibrated: {words}" for name, words in told.items() if words)
-        return f"{cables}{grips}; {scene}; {robot}"
+        ends = [f"{end} {grip.kind}" for holding in self.holdings for end, grip in (holding.grips or {}).items()]
+        held = f"; held: {', '.join(ends)}" if ends else ""
+        return f"{cables}{grips}{held}; {scene}; {robot}"
 
     def remarks(self, settings: Settings) -> list[str]:
         """Grips that are told to hold a cable in another way than while it was calibrated."""

@@ -27,6 +27,7 @@ from rclpy.parameter import Parameter
 from rclpy.utilities import ok, try_shutdown
 
 from cable_shape.errors import ArgumentError, CableShapeError, shown
+from cable_shape.parts import in_parts, parts_of
 from cable_shape.ros import conversions
 from cable_shape.ros.assembly import Assembly
 from cable_shape.ros.complaint_log import ComplaintLog
@@ -214,19 +215,19 @@ class CableShapeNode(LifecycleNode):
         began = time.perf_counter()
         assembly = self._assembly = Assembly(settings)
         sink = Sink(self._health, self._now, self._deliver, self._restart)
-        self._outputs = Outputs(self, assembly.cycle.cables)
+        self._outputs = Outputs(self, assembly.cycle.parts)
         if settings.input == "joints":
             assert assembly.robot is not None
-            self._source = JointSource(self, settings, sink, assembly.robot, assembly.held)
+            self._source = JointSource(self, settings, sink, assembly.robot, assembly.holdings[0])
         elif settings.input == "tf":
             from cable_shape.ros.transform_source import TransformSource  # not everybody has tf2_msgs
 
-            self._source = TransformSource(self, settings, sink, assembly.robot, assembly.held)
+            self._source = TransformSource(self, settings, sink, assembly.robot, assembly.holdings)
         else:
-            self._source = PoseSource(self, settings, sink, assembly.robot, assembly.held)
+            self._source = PoseSource(self, settings, sink, assembly.robot, assembly.holdings)
         self._health.robot_expected = assembly.robot is not None
         if settings.moveit_rate > 0.0:
-            self._scene = PlanningScene(self, settings, assembly.cycle.cables)
+            self._scene = PlanningScene(self, settings, assembly.cycle.parts)
         start_workers(self, settings, assembly)
         if settings.rate > 0.0:
             self._rate_timer = self.create_timer(1.0 / settings.rate, self._tick)
@@ -304,7 +305,7 @@ class CableShapeNode(LifecycleNode):
                 grips,
                 ready.stamp,
                 links,
-                lambda shapes: outputs.publish_shapes(shapes, ready.stamp, ready.frame_id),
+                lambda shapes: outputs.publish_shapes(parts_of(shapes), ready.stamp, ready.frame_id),
             )
         except CableShapeError as error:
             self._health.refuse("cycle", str(error), self._now())
@@ -320,11 +321,12 @@ class CableShapeNode(LifecycleNode):
             text += "the next cycle starts afresh. Report it with the traceback in the log."
             self._health.refuse("cycle defect", text, self._now())
             return
-        outputs.publish(report, ready.frame_id, self._settings.stale_after)
+        parts = in_parts(report)
+        outputs.publish(parts, ready.frame_id, self._settings.stale_after)
         if self._scene is not None:
-            self._scene.publish(report, ready.frame_id)
+            self._scene.publish(parts, ready.frame_id)
         if assembly.viewer is not None:
-            assembly.viewer.offer(report)
+            assembly.viewer.offer(parts)
         self._health.cycled(report, time.perf_counter() - began, self._now())
 
     # Health

@@ -101,6 +101,8 @@ _KIND = "How this gripper holds the cable; auto: as cable_file says, else clampe
 
 SPECS = (
     Spec("cable_file", "", "YAML file of the cable, or of several; relative to the working directory or to config/."),
+    Spec("harness_file", "", "YAML file of a harness, in place of cable_file; its topics are named after it."),
+    Spec("held_ends", "", "Ends of the harness that grippers hold, with commas; empty: as harness_file says, or all."),
     Spec("scene_file", "", "YAML file of obstacles, clips, masses and sockets; empty: nothing around the cable."),
     Spec("robot_file", "", "YAML file of the robot, for input joints; with poses its links follow joint_states."),
     Spec("model", "auto", "Model of the cable.", options=MODELS),
@@ -157,6 +159,8 @@ class Settings:
     """The value of every parameter, each valid by itself; :meth:`complete` checks them together."""
 
     cable_file: str
+    harness_file: str
+    held_ends: str
     scene_file: str
     robot_file: str
     model: str
@@ -209,7 +213,23 @@ class Settings:
         """
         settings = cls(**{spec.field: spec.check(values[spec.name]) for spec in SPECS})
         settings.grips()
+        settings.check_sides()
         return settings
+
+    def check_sides(self) -> None:
+        """What is said of the left and the right gripper is of cables.
+
+        Raises
+        ------
+        ArgumentError
+        """
+        for side in ("left", "right") if self.harness_file else ():
+            for name in (f"grip_kind_{side}", f"{side}_gripper.offset", f"{side}_gripper.frame"):
+                spec = BY_NAME[name]
+                value = getattr(self, spec.field)
+                if value != spec.check(spec.default):
+                    remedy = "Leave it out; the key `ends` of harness_file has kinds and offsets."
+                    raise ArgumentError.of(name, value, "a harness has no left and right", remedy)
 
     def grips(self, held: tuple[Held, Held] = (AS_GIVEN, AS_GIVEN)) -> tuple[Grip, Grip]:
         """The start and end grip at the origin, with kind and offset; `held`: what the cable's file knows of them."""
@@ -237,10 +257,7 @@ class Settings:
         ------
         ArgumentError
         """
-        if not self.cable_file:
-            raise ArgumentError.of(
-                "cable_file", "", "it must be the path of a cable's YAML file", "For example config/cables/demo.yaml."
-            )
+        self._check_what()
         if self.input == "joints" and not self.robot_file:
             raise ArgumentError.of(
                 "robot_file", "", "input = 'joints' needs a robot", "For example config/robots/dual_arm.yaml."
@@ -248,7 +265,7 @@ class Settings:
         for name in self.fitted:
             if name not in KNOWN:
                 raise UnknownKeyError.among("calibration_fit", name, KNOWN)
-        if self.input == "tf":
+        if self.input == "tf" and not self.harness_file:
             self._check_frames()
         if self.calibration_points and self.input != "poses":
             bound = f"points are compared with poses of the grips, input is {self.input!r}"
@@ -258,6 +275,29 @@ class Settings:
             raise ArgumentError.of("calibration_file", self.calibration_file, bound, "Name that topic, or no file.")
         for name in ("view", "calibration_file"):
             self.output(name)
+
+    def _check_what(self) -> None:
+        """One cable's file, or one harness's, of which less is known."""
+        if not self.cable_file and not self.harness_file:
+            raise ArgumentError.of(
+                "cable_file", "", "it must be the path of a cable's YAML file, or harness_file that of a harness",
+                "For example config/cables/demo.yaml.",
+            )  # fmt: skip
+        if self.held_ends and not self.harness_file:
+            raise ArgumentError.of("held_ends", self.held_ends, "they are ends of a harness", "Name its harness_file.")
+        if not self.harness_file:
+            return
+        refused = {
+            "cable_file": "a node has cables or a harness",
+            "uncertainty_file": "a harness has no tube",
+            "planner": "planners are served for cables",
+            "calibration": "cables are calibrated one by one",
+            "calibration_points": "cables are calibrated one by one",
+        }
+        for name, bound in refused.items():
+            if getattr(self, name):
+                remedy = f"Leave {name} out, or harness_file."
+                raise ArgumentError.of(name, getattr(self, name), bound, remedy)
 
     def _check_frames(self) -> None:
         """Two frames, for input tf."""
@@ -291,11 +331,21 @@ class Settings:
     @property
     def fitted(self) -> tuple[str, ...]:
         """What is to be calibrated."""
-        return tuple(name.strip() for name in self.calibration_fit.split(",") if name.strip())
+        return _words(self.calibration_fit)
+
+    @property
+    def held(self) -> tuple[str, ...]:
+        """Ends of the harness that grippers hold; empty: that is left to its file."""
+        return _words(self.held_ends)
 
     def echo(self) -> str:
         """All values on one line, for the log."""
         return ", ".join(f"{f.name} = {getattr(self, f.name)!r}" for f in fields(self))
+
+
+def _words(text: str) -> tuple[str, ...]:
+    """What commas separate."""
+    return tuple(word.strip() for word in text.split(",") if word.strip())
 
 
 def unknown_overrides(given: Iterable[str], declared: Iterable[str]) -> list[str]:

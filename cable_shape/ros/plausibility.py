@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import final
@@ -20,38 +21,40 @@ PLACE = 0.25
 
 @final
 class JumpWatch:
-    """Compares each pair of gripper poses with the one before.
+    """Compares the poses of the grippers of each cycle with those of the one before.
 
     Parameters
     ----------
     topics : sequence of str
-        Of the start and the end, named in the texts.
+        Of each gripper, named in the texts.
     """
 
     def __init__(self, topics: Sequence[str]) -> None:
         self._topics = topics
-        self._before: tuple[Pose, Pose, int] | None = None
+        self._before: tuple[Sequence[Pose], int] | None = None
 
     def forget(self) -> None:
-        """The next pair has none before it."""
+        """The next poses have none before them."""
         self._before = None
 
-    def look(self, start: Pose, end: Pose, stamp: int) -> tuple[str, str] | None:
-        """What is odd about this pair stamped `stamp` [ns]: a word for its kind, and a text; None if nothing is."""
-        before, self._before = self._before, (start, end, stamp)
-        if before is None or stamp <= before[2]:
+    def look(self, poses: Sequence[Pose], stamp: int) -> tuple[str, str] | None:
+        """What is odd about these poses stamped `stamp` [ns]: a word for its kind, and a text; None if nothing is."""
+        last, self._before = self._before, (poses, stamp)
+        if last is None or stamp <= last[1]:
             return None
-        seconds = 1e-9 * (stamp - before[2])
-        steps = (_distance(start, before[0]), _distance(end, before[1]))
+        before, seconds = last[0], 1e-9 * (stamp - last[1])
+        steps = [_distance(pose, was) for pose, was in zip(poses, before, strict=True)]
         least = max(SHORTEST_JUMP, FASTEST * seconds)
         if max(steps) < least:
             return None
-        chord = _distance(before[0], before[1])
-        if max(_distance(start, before[1]), _distance(end, before[0])) < PLACE * chord and min(steps) > least:
-            return "swap", (
-                f"{' and '.join(self._topics)} have changed places: each is where the other was {seconds:.3f} s ago. "
-                "The shape is that of a cable held the other way round. Look at the remappings of their publishers."
-            )
+        for i, j in itertools.combinations(range(len(poses)), 2):
+            off = max(_distance(poses[i], before[j]), _distance(poses[j], before[i]))
+            if off < PLACE * _distance(before[i], before[j]) and min(steps[i], steps[j]) > least:
+                return "swap", (
+                    f"{self._topics[i]} and {self._topics[j]} have changed places: each is where the other was "
+                    f"{seconds:.3f} s ago. The shape is that of a cable held the other way round. Look at the "
+                    "remappings of their publishers."
+                )
         side = steps.index(max(steps))
         return f"{self._topics[side]} jump", (
             f"{self._topics[side]} jumped by {steps[side]:.3f} m within {seconds:.3f} s, at most {FASTEST:g} m/s is "

@@ -1,15 +1,14 @@
-"""Grips from pose topics, two for each cable: :class:`PoseSource`."""
+"""Grips from pose topics, two for each cable, of a harness as many as it has: :class:`PoseSource`."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any, final
 
 from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 
-from cable_shape.cable_file import Held
 from cable_shape.errors import ArgumentError, InputError
 from cable_shape.pairing import SECOND, FrameGuard, MissedCount, Pair, Pairing, StampGuard
 from cable_shape.pose import Pose
@@ -17,25 +16,27 @@ from cable_shape.robot import Robot
 from cable_shape.ros import conversions
 from cable_shape.ros.diagnostics import Complaint
 from cable_shape.ros.gathering import Gathering
+from cable_shape.ros.holding import Holding
 from cable_shape.ros.links import LinkSource
 from cable_shape.ros.parameters import Settings
 from cable_shape.ros.plausibility import JumpWatch
 from cable_shape.ros.publishers import PublisherWatch
-from cable_shape.ros.qos import POSE_TOPICS, SENSOR
+from cable_shape.ros.qos import SENSOR
 from cable_shape.ros.sources import Ends, Ready, Sink
 
 
 @final
 class _Cable:
-    """The two topics of one cable; left is its start."""
+    """The topics of one cable, of which left is its start, or of one harness."""
 
-    def __init__(self, node: Node, prefix: str) -> None:
-        self.topics = tuple(prefix + topic for topic in POSE_TOPICS)
+    def __init__(self, node: Node, holding: Holding) -> None:
+        self.holding = holding
+        self.topics = holding.topics
         self.subscriptions: list[Any] = []
         self.publishers = tuple(PublisherWatch(node, topic, PoseStamped) for topic in self.topics)
         self.guards = tuple(StampGuard(topic) for topic in self.topics)
         self.missed = tuple(MissedCount() for _ in self.topics)
-        self.pairing: Pairing[Pose] = Pairing(0)
+        self.pairing: Pairing[Pose] = Pairing(0, len(self.topics))
         self.jumps = JumpWatch(self.topics)
 
     def clear(self) -> None:
@@ -53,8 +54,8 @@ class _Cable:
 class PoseSource:
     """PoseStamped topics, paired by stamp. With a robot its links follow joint states.
 
-    One cable listens to left_gripper/pose and right_gripper/pose, several to NAME/left_gripper/pose and so on. `held`:
-    what the file of each cable knows of its grips, by the cable's name.
+    One cable listens to left_gripper/pose and right_gripper/pose, several to NAME/left_gripper/pose and so on, a
+    harness to NAME/SEGMENT_start/pose or NAME/SEGMENT_end/pose of every end that is held.
     """
 
     def __init__(
@@ -63,16 +64,14 @@ class PoseSource:
         settings: Settings,
         sink: Sink,
         robot: Robot | None,
-        held: Mapping[str, tuple[Held, Held]],
+        holdings: Sequence[Holding],
     ) -> None:
-        cable_ids = tuple(held)
-        self._held = held
         self._node = node
         self._sink = sink
         self._frame_setting = settings.frame_id
         self._frame = FrameGuard(settings.frame_id)
-        self._cables = {name: _Cable(node, f"{name}/" if len(cable_ids) > 1 else "") for name in cable_ids}
-        self._gathering: Gathering[Pair[Pose]] = Gathering(cable_ids)
+        self._cables = {holding.cable_id: _Cable(node, holding) for holding in holdings}
+        self._gathering: Gathering[Pair[Pose]] = Gathering(self._cables)
         self._links = None if robot is None else LinkSource(node, sink, robot)
         self.apply(settings)
         self.topics = tuple(topic for cable in self._cables.values() for topic in cable.topics)
@@ -87,7 +86,7 @@ class PoseSource:
         """Takes over the parameters that may change while running."""
         for cable in self._cables.values():
             cable.pairing.max_skew = round(settings.max_skew * SECOND)
-        self._grips = {name: settings.grips(held) for name, held in self._held.items()}
+        self._grips = {name: cable.holding.told(settings) for name, cable in self._cables.items()}
         self._max_age = settings.stale_after
 
     def clear(self) -> None:
@@ -112,7 +111,7 @@ class PoseSource:
         }
 
     def hint(self) -> str:
-        """Why there are no pairs, if both topics of a cable bring messages."""
+        """Why there are no pairs, if all topics of a cable bring messages."""
         for cable in self._cables.values():
             miss = cable.pairing.nearest_miss()
             if miss is not None:
@@ -164,7 +163,8 @@ class PoseSource:
             return
         if restarted:
             cable.pairing.clear()
-            cable.guards[1 - side].forget()
+            for other in cable.guards[:side] + cable.guards[side + 1 :]:
+                other.forget()
             cable.jumps.forget()
             self._gathering.clear()
             sink.restarted(topic, stamp)
@@ -172,7 +172,7 @@ class PoseSource:
         pair = cable.pairing.put(side, stamp, pose)
         if pair is None:
             return
-        odd = cable.jumps.look(pair.start, pair.end, pair.stamp)
+        odd = cable.jumps.look(pair.values, pair.stamp)
         if odd is not None:
             sink.health.remark(*odd, sink.now())
         for oldest, pairs in self._gathering.put(name, pair.stamp, pair):
@@ -180,5 +180,5 @@ class PoseSource:
 
     def _ends(self, stamp: int, pairs: Mapping[str, Pair[Pose]]) -> Ends:
         links = None if self._links is None else partial(self._links.at, stamp, self._max_age)
-        grips = self._grips
-        return {name: (grips[name][0].at(p.start), grips[name][1].at(p.end)) for name, p in pairs.items()}, links
+        cables, grips = self._cables, self._grips
+        return {name: cables[name].holding.at(grips[name], pair.values) for name, pair in pairs.items()}, links

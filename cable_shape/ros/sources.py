@@ -15,14 +15,14 @@ from typing import Any, Protocol, final
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
-from cable_shape.cable_file import Held
 from cable_shape.checks import Array
 from cable_shape.errors import InputError, StaleInputError
 from cable_shape.pairing import MissedCount, StampGuard
-from cable_shape.pose import Grip, Pose
+from cable_shape.pose import Pose
 from cable_shape.robot import Robot
 from cable_shape.ros import conversions
 from cable_shape.ros.diagnostics import Complaint, Health
+from cable_shape.ros.holding import Holding
 from cable_shape.ros.parameters import Settings
 from cable_shape.ros.publishers import PublisherWatch
 from cable_shape.ros.qos import JOINT_TOPIC, SENSOR
@@ -31,7 +31,7 @@ from cable_shape.ros.qos import JOINT_TOPIC, SENSOR
 ROBOT_FRAME = "world"
 
 Links = Callable[[], Mapping[str, Pose] | None]
-Ends = tuple[Mapping[str, tuple[Grip, Grip]], Links | None]
+Ends = tuple[Mapping[str, Any], Links | None]
 
 
 @final
@@ -82,14 +82,12 @@ class Source(Protocol):
 
 @final
 class JointSource:
-    """Joint states through the robot's kinematics; `held`: the cable's name, and what its file knows of the grips."""
+    """Joint states through the robot's kinematics; of a harness two ends are held, the first by the left gripper."""
 
     topics: tuple[str, ...] = (JOINT_TOPIC,)
 
-    def __init__(
-        self, node: Node, settings: Settings, sink: Sink, robot: Robot, held: Mapping[str, tuple[Held, Held]]
-    ) -> None:
-        ((self._cable_id, self._held),) = held.items()
+    def __init__(self, node: Node, settings: Settings, sink: Sink, robot: Robot, holding: Holding) -> None:
+        self._holding = holding
         self._node = node
         self._sink = sink
         self._robot = robot
@@ -153,6 +151,5 @@ class JointSource:
         sink.deliver(Ready(stamp, self._frame_id, partial(self._ends, q)))
 
     def _ends(self, q: Array) -> Ends:
-        start, end = self._robot.grips(q)
-        near, far = self._held
-        return {self._cable_id: (near.grip(start), far.grip(end))}, self._robot.link_poses
+        grips = [known.grip(grip) for known, grip in zip(self._holding.known, self._robot.grips(q), strict=True)]
+        return {self._holding.cable_id: self._holding.ends(grips)}, self._robot.link_poses

@@ -1,14 +1,13 @@
-"""Grips from the transforms on /tf and /tf_static, two frames for each cable: :class:`TransformSource`."""
+"""Grips from the transforms on /tf and /tf_static, a frame for each: :class:`TransformSource`."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, final
 
 from rclpy.node import Node
 
-from cable_shape.cable_file import Held
 from cable_shape.errors import ArgumentError, DependencyError, InputError, StaleInputError, shown
 from cable_shape.extras import ROS
 from cable_shape.pairing import SECOND, Pair
@@ -17,6 +16,7 @@ from cable_shape.robot import Robot
 from cable_shape.ros import conversions
 from cable_shape.ros.diagnostics import Complaint, Level
 from cable_shape.ros.gathering import Gathering
+from cable_shape.ros.holding import Holding
 from cable_shape.ros.links import LinkSource
 from cable_shape.ros.parameters import Settings
 from cable_shape.ros.plausibility import JumpWatch
@@ -36,11 +36,12 @@ except ImportError as error:
 
 @final
 class _Cable:
-    """The two frames of one cable; left is its start."""
+    """The frames of one cable, of which left is its start, or of one harness."""
 
-    def __init__(self, frames: tuple[str, str]) -> None:
-        self.frames = frames
-        self.topics = tuple(f"{TF_TOPIC} to {frame}" for frame in frames)  # as the diagnostics call them
+    def __init__(self, holding: Holding, settings: Settings) -> None:
+        self.holding = holding
+        self.frames = holding.frames(settings)
+        self.topics = tuple(f"{TF_TOPIC} to {frame}" for frame in self.frames)  # as the diagnostics call them
         self.jumps = JumpWatch(self.topics)
         self.last = 0  # ns, of the last pair
         self.apart = ""  # why the last pair could not be had
@@ -48,10 +49,10 @@ class _Cable:
 
 @final
 class TransformSource:
-    """Transforms between `frame_id` and the frames of the grippers, both at the newest time at which all are known.
+    """Transforms between `frame_id` and the frames of the grippers, all at the newest time at which all are known.
 
-    One cable takes the frames of the parameters, several NAME/FRAME. With a robot its links follow joint states. Many
-    nodes send on /tf, so nothing here asks for one publisher. `held`: what the file of each cable knows of its grips.
+    One cable takes the frames of the parameters, several NAME/FRAME, a harness NAME/SEGMENT_start or NAME/SEGMENT_end.
+    With a robot its links follow joint states. Many nodes send on /tf, so nothing here asks for one publisher.
     """
 
     def __init__(
@@ -60,15 +61,13 @@ class TransformSource:
         settings: Settings,
         sink: Sink,
         robot: Robot | None,
-        held: Mapping[str, tuple[Held, Held]],
+        holdings: Sequence[Holding],
     ) -> None:
-        self._node, self._sink, self._held = node, sink, held
+        self._node, self._sink = node, sink
         self._base = settings.frame_id.lstrip("/") or ROBOT_FRAME
-        frames = (settings.left_gripper_frame.lstrip("/"), settings.right_gripper_frame.lstrip("/"))
-        prefixes = {name: f"{name}/" if len(held) > 1 else "" for name in held}
-        self._cables = {n: _Cable((prefix + frames[0], prefix + frames[1])) for n, prefix in prefixes.items()}
+        self._cables = {holding.cable_id: _Cable(holding, settings) for holding in holdings}
         self._tree = TransformTree(self._base, [frame for cable in self._cables.values() for frame in cable.frames])
-        self._gathering: Gathering[Pair[Pose]] = Gathering(held)
+        self._gathering: Gathering[Pair[Pose]] = Gathering(self._cables)
         self._links = None if robot is None else LinkSource(node, sink, robot)
         self._pairs = self._transforms = 0
         self.apply(settings)
@@ -84,7 +83,7 @@ class TransformSource:
     def apply(self, settings: Settings) -> None:
         """Takes over the parameters that may change while running."""
         self._gap = round(settings.max_skew * SECOND)
-        self._grips = {name: settings.grips(held) for name, held in self._held.items()}
+        self._grips = {name: cable.holding.told(settings) for name, cable in self._cables.items()}
         self._max_age = settings.stale_after
 
     def clear(self) -> None:
@@ -177,7 +176,7 @@ class TransformSource:
             yield from taken[0].transforms
 
     def _pair(self, name: str, cable: _Cable) -> None:
-        """Delivers both grippers of a cable if all transforms to them are newer than those of the last pair."""
+        """Delivers the grippers of a cable if all transforms to them are newer than those of the last pair."""
         sink, tree = self._sink, self._tree
         for frame, topic in zip(cable.frames, cable.topics, strict=True):
             newest = tree.newest([frame])
@@ -187,7 +186,7 @@ class TransformSource:
         if not stamp or stamp <= cable.last:
             return
         try:
-            start, end = (tree.at(frame, stamp, self._gap) for frame in cable.frames)
+            poses = tuple(tree.at(frame, stamp, self._gap) for frame in cable.frames)
         except StaleInputError as error:
             cable.apart = str(error)
             return
@@ -195,10 +194,10 @@ class TransformSource:
         self._pairs += 1
         if len(self._cables) == 1:
             tree.prune(stamp)
-        odd = cable.jumps.look(start, end, stamp)
+        odd = cable.jumps.look(poses, stamp)
         if odd is not None:
             sink.health.remark(*odd, sink.now())
-        for oldest, pairs in self._gathering.put(name, stamp, Pair(stamp, start, end, 0)):
+        for oldest, pairs in self._gathering.put(name, stamp, Pair(stamp, poses, 0)):
             sink.deliver(Ready(oldest, self._base, partial(self._ends, oldest, pairs)))
 
     def _refuse(self, topic: str, child: str, error: Exception) -> None:
@@ -210,8 +209,8 @@ class TransformSource:
 
     def _ends(self, stamp: int, pairs: Mapping[str, Pair[Pose]]) -> Ends:
         links = None if self._links is None else partial(self._links.at, stamp, self._max_age)
-        grips = self._grips
-        return {name: (grips[name][0].at(p.start), grips[name][1].at(p.end)) for name, p in pairs.items()}, links
+        cables, grips = self._cables, self._grips
+        return {name: cables[name].holding.at(grips[name], pair.values) for name, pair in pairs.items()}, links
 
 
 def _name(frame: str) -> str:

@@ -11,7 +11,7 @@ from cable_shape.cable import Cable
 from cable_shape.report import Margin, WarningKind
 from cable_shape.viewer import colour as colours
 from cable_shape.viewer import text
-from cable_shape.viewer.plots import MOST_USED, part, worst_used
+from cable_shape.viewer.plots import MOST_USED, path, worst_used
 
 _WIDTH = 0.8  # of all bars of one kind; kinds are 1 apart
 _LEGEND = 4.0  # kinds that the legend is wide
@@ -45,5 +45,5 @@ class Bars:
             at = place + width * (self._places[name] + 0.5) - 0.5 * _WIDTH
             bar = rr.BarChart([value], abscissa=[at], widths=[width], color=colours.KINDS[kind])
             label = text.kind_name(kind).replace(" ", "_")
-            entity = label if len(self._places) == 1 else f"{part(name)}/{label}"
+            entity = label if len(self._places) == 1 else f"{path(name)}/{label}"
             self._recording.log(f"/margins/{entity}", bar)

@@ -21,6 +21,7 @@ import rerun as rr
 
 from cable_shape.cable import Cable
 from cable_shape.children import be_ordinary
+from cable_shape.harness import Harness
 from cable_shape.scene import Obstacle, Scene
 from cable_shape.viewer.entities import ReportLogger
 from cable_shape.viewer.letters import decode
@@ -48,7 +49,7 @@ def main() -> int:
     window = None if setup["path"] else _open_window(recording, setup["memory_limit"])
     logger = ReportLogger(
         recording,
-        {name: Cable.from_mapping(values) for name, values in setup["cables"].items()},
+        {name: _cable(values) for name, values in setup["cables"].items()},
         Scene.from_mapping(setup["scene"]),
         _links(setup["robot"]),
         colour=setup["colour"],
@@ -95,6 +96,10 @@ def _show(
             written.flush(timeout_sec=_FLUSH_WITHIN)
         if not ended:
             time.sleep(max(0.0, period - (time.monotonic() - began)))
+
+
+def _cable(values: dict[str, Any]) -> Cable | Harness:
+    return Harness.from_mapping(values) if "segments" in values else Cable.from_mapping(values)
 
 
 def _links(robot: str | dict[str, Any]) -> Sequence[Obstacle]:

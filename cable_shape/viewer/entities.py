@@ -11,6 +11,7 @@
 /world/cables/NAME/closest     the closest pair of points and their distance, of bodies that it does not rest on
 /world/cables/NAME/forces      of clips and of bodies that it rests on, on the cable
 /world/cables/NAME/clips/K     clips of the scene; point masses likewise in masses/K
+/world/harnesses/NAME/J        its junctions; its segments are cables, in cables/NAME/SEGMENT
 /world/markers                 markers that were measured on the real cable
 /world/sockets/NAME            frames of the sockets, once
 /margins/KIND                  how much of each limit is used now, as bars
@@ -29,6 +30,10 @@ import rerun as rr
 
 from cable_shape.cable import TAIL_SIDES, Cable
 from cable_shape.checks import Array
+from cable_shape.harness import Harness, split_end
+from cable_shape.harness_cycle import cable_id
+from cable_shape.harness_shape import junctions_of
+from cable_shape.parts import cables_of, in_parts
 from cable_shape.pose import IDENTITY, FreeEnd, Grip, Pose
 from cable_shape.report import Clearance, CycleReport, Severity
 from cable_shape.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Obstacle, Scene, Solid, Sphere
@@ -39,7 +44,7 @@ from cable_shape.viewer import text
 from cable_shape.viewer.bars import Bars
 from cable_shape.viewer.blueprint import blueprint, eye
 from cable_shape.viewer.forces import Forces
-from cable_shape.viewer.plots import Plots, part
+from cable_shape.viewer.plots import Plots, part, path
 from cable_shape.viewer.tubes import capsules
 
 TIMELINE = "stamp"
@@ -79,7 +84,7 @@ class ReportLogger:
     def __init__(
         self,
         recording: rr.RecordingStream,
-        cables: Mapping[str, Cable],
+        cables: Mapping[str, Cable | Harness],
         scene: Scene,
         links: Sequence[Obstacle] = (),
         *,
@@ -89,7 +94,8 @@ class ReportLogger:
         live: bool = False,
     ) -> None:
         self.recording = recording
-        self.cables = dict(cables)
+        self.cables = cables_of(cables)
+        self.harnesses = {name: one for name, one in cables.items() if isinstance(one, Harness)}
         self.scene = scene
         self.links = tuple(links)
         self.colour = colours.check_colouring(colour)
@@ -99,7 +105,7 @@ class ReportLogger:
         self._plots = Plots(recording, self.cables, scene, times)
         self._bars = Bars(recording, self.cables)
         self._forces = {
-            name: Forces(f"/world/cables/{part(name)}/forces", cable) for name, cable in self.cables.items()
+            name: Forces(f"/world/cables/{path(name)}/forces", cable) for name, cable in self.cables.items()
         }
         self._warnings = text.WarningLog()
         self._logged: dict[str, object] = {}  # entity -> what was written there last
@@ -111,17 +117,18 @@ class ReportLogger:
 
     def log(self, report: CycleReport) -> None:
         """Writes one report at its stamp."""
+        report = in_parts(report)
         if not self._begun:
             self._begin(report)
         self._at(report.stamp)
         for link, pose in (report.links or {}).items():
             self._move(f"/world/robot/{part(link)}", pose)
         for name, shape in report.shapes.items():
-            base = f"/world/cables/{part(name)}"
+            base = f"/world/cables/{path(name)}"
             self._log_line(base, name, shape, report)
             start, end = report.grips.get(name, (None, None))
-            self._log_grip(f"{base}/start", start, shape, 0)
-            self._log_grip(f"{base}/end", end, shape, -1)
+            self._log_grip(f"{base}/start", start, shape, 0, self.cables[name].diameter)
+            self._log_grip(f"{base}/end", end, shape, -1, self.cables[name].diameter)
             for side in TAIL_SIDES:
                 self._log_strip(f"{base}/tails/{side}", name, report.tails.get((name, side)), colours.TAIL)
                 self._log_tube(f"{base}/tails/{side}/tube", name, report.tail_tubes.get((name, side)))
@@ -134,6 +141,12 @@ class ReportLogger:
             self._plots.shape(name, shape, report.clearance.get(name))
             self._plots.margins(name, report.margins.get(name, ()))
             self._bars.margins(name, report.margins.get(name, ()))
+        for name, harness in self.harnesses.items():
+            segments = {segment: report.shapes.get(cable_id(name, segment)) for segment in harness.segments}
+            shapes = {segment: shape for segment, shape in segments.items() if shape is not None}
+            if len(shapes) == len(segments):
+                for junction, pose in junctions_of(harness, shapes).items():
+                    self._move(_junction(name, junction), pose)
         self._log_words(report)
 
     def log_markers(self, points: Array, stamp: int | None = None) -> None:
@@ -187,7 +200,12 @@ class ReportLogger:
             axes = rr.Arrows3D(vectors=0.04 * np.eye(3), colors=colours.AXES, radii=0.0015)
             self._write(f"/world/sockets/{part(name)}", _transform(pose), axes, static=True)
         for name, cable in self.cables.items():
-            self._log_held(f"/world/cables/{part(name)}", cable)
+            self._log_held(f"/world/cables/{path(name)}", name, cable)
+        for name, harness in self.harnesses.items():
+            for junction in harness.junctions:
+                widest = max(harness.segments[split_end(end)[0]].diameter for end in junction.ends)
+                ball = rr.Points3D([(0.0, 0.0, 0.0)], radii=0.9 * widest, colors=colours.JUNCTION)
+                self._write(_junction(name, junction.name), ball, static=True)
         self._plots.begin(self.markers)
         self._bars.begin()
 
@@ -219,11 +237,17 @@ class ReportLogger:
             )
         self._write(entity, _transform(pose), shown, static=True)
 
-    def _log_held(self, base: str, cable: Cable) -> None:
+    def _log_held(self, base: str, name: str, cable: Cable) -> None:
         """Clips, which stand still; point masses move with the cable and are drawn as it is."""
         for k, clip in enumerate(self.scene.clips):
+            if not self._concerns(name, clip.segment):
+                continue
             ring = rr.Points3D([(0.0, 0.0, 0.0)], radii=1.2 * cable.diameter, colors=colours.CLIP)
             self._write(f"{base}/clips/{k}", _transform(clip.pose), ring, static=True)
+
+    def _concerns(self, name: str, segment: str | None) -> bool:
+        """Whether a clip or a mass of this segment is one of this cable's, or of every cable."""
+        return segment is None or any(name == cable_id(harness, segment) for harness in self.harnesses)
 
     def _move(self, entity: str, pose: Pose) -> None:
         if self._changed(entity, pose.array.tobytes()):
@@ -243,8 +267,9 @@ class ReportLogger:
         strips = np.stack((points[:-1], points[1:]), axis=1)
         radius = 0.5 * cable.diameter
         self._write(f"{base}/line", rr.LineStrips3D(strips, colors=rgba[shown[:-1]], radii=radius))
-        if self.scene.masses:
-            at = np.array([mass.arc_length for mass in self.scene.masses])
+        masses = [mass for mass in self.scene.masses if self._concerns(name, mass.segment)]
+        if masses:
+            at = np.array([mass.arc_length for mass in masses])
             places = np.stack([np.interp(at, shape.arc_length, shape.positions[:, i]) for i in range(3)], axis=1)
             self._write(f"{base}/masses", rr.Points3D(places, radii=1.6 * radius, colors=colours.UNUSABLE))
 
@@ -270,9 +295,12 @@ class ReportLogger:
         self._logged[entity] = tube
         self._write(entity, capsules(tube, self.cables[name].diameter))
 
-    def _log_grip(self, entity: str, end: Pose | Grip | FreeEnd | None, shape: CableShape, index: int) -> None:
-        """The cable frame at a grip: three axes if clamped, the tangent if swivelling, a ball if pinned."""
-        kind = end.kind if isinstance(end, Grip) else "clamped" if isinstance(end, Pose) else "free"
+    def _log_grip(
+        self, entity: str, end: Pose | Grip | FreeEnd | None, shape: CableShape, index: int, diameter: float
+    ) -> None:
+        """The cable frame at a grip: three axes if clamped, the tangent if swivelling, a ball if pinned, or a plug."""
+        loaded = isinstance(end, FreeEnd) and end.mass > 0.0
+        kind = end.kind if isinstance(end, Grip) else "clamped" if isinstance(end, Pose) else f"free {loaded}"
         if self._changed(f"{entity}/kind", kind):
             # The axes reach well out of the cable, yet not beyond what a hand would hold.
             reach = float(np.clip(0.07 * shape.length, 0.03, 0.12))
@@ -282,9 +310,11 @@ class ReportLogger:
                 colors=[colours.AXES[i] for i in shown],
                 radii=0.045 * reach,
             )
-            ball = rr.Points3D([(0.0, 0.0, 0.0)], radii=0.12 * reach, colors=colours.ROBOT)
+            size = 1.2 * diameter if loaded else 0.12 * reach
+            ball = rr.Points3D([(0.0, 0.0, 0.0)], radii=size, colors=colours.ROBOT)
             self._write(f"{entity}/axes", axes)
-            self._write(f"{entity}/ball", ball if kind != "free" else rr.Clear(recursive=False))
+            held = loaded or not kind.startswith("free")
+            self._write(f"{entity}/ball", ball if held else rr.Clear(recursive=False))
         frame = end.cable_frame if isinstance(end, Grip) else end if isinstance(end, Pose) else None
         if frame is None:
             frame = Pose(shape.positions[index], IDENTITY.quaternion)
@@ -320,6 +350,10 @@ _LEGENDS = {
     "curvature": "bending, from straight (blue) to the smallest bend radius (red).",
     "clearance": "clearance, from ample (blue) to the error distance (red).",
 }
+
+
+def _junction(harness: str, junction: str) -> str:
+    return f"/world/harnesses/{part(harness)}/{part(junction)}"
 
 
 def _transform(pose: Pose) -> rr.Transform3D:

@@ -51,7 +51,7 @@ def decode(letter: bytes) -> CycleReport:
     ends = {name: (_read_end(start), _read_end(end)) for name, start, end in grips}
     return CycleReport(
         stamp=stamp,
-        grips={name: (start, end) for name, (start, end) in ends.items() if start is not None},
+        grips={name: both for name, both in ends.items() if both != (None, None)},  # type: ignore[misc]
         links=None if links is None else dict(zip(links[0], map(Pose.trusted, _rows(links[1], 7)), strict=True)),
         shapes=made,
         clearance={name: _read_clearance(*rest) for name, *rest in clearance},
@@ -79,15 +79,17 @@ def _rows(data: bytes, width: int) -> Array:
 
 def _end(end: Pose | Grip | FreeEnd | None) -> Any:
     if end is None or isinstance(end, FreeEnd):
-        return None
+        return float(end.mass) if end is not None and end.mass else None
     if isinstance(end, Pose):
         return (np.ascontiguousarray(end.array), end.turns)
     return (_joined([end.pose.array, end.offset.array, end.curvature]), end.pose.turns, end.kind)
 
 
-def _read_end(fields: tuple[Any, ...] | None) -> Pose | Grip | None:
+def _read_end(fields: Any) -> Pose | Grip | FreeEnd | None:
     if fields is None:
         return None
+    if isinstance(fields, float):
+        return FreeEnd(fields)
     array = np.frombuffer(fields[0], dtype=np.float64)
     pose = Pose.trusted(array[:7], fields[1])
     return pose if len(fields) == 2 else Grip(pose, fields[2], Pose.trusted(array[7:14]), array[14:])

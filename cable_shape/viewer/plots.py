@@ -41,11 +41,11 @@ class Plots:
             for plot in ("clearance", "bend_radius", "tension"):
                 label = f"{name}" if several else plot.replace("_", " ")
                 style = rr.SeriesLines(colors=[colour], names=[label], widths=[2.0])
-                self._write(f"/plots/{plot}/{part(name)}", style, static=True)
+                self._write(f"/plots/{plot}/{path(name)}", style, static=True)
             for kind in text.MARGIN_KINDS:
                 label = f"{name} {text.kind_name(kind)}" if several else text.kind_name(kind)
                 style = rr.SeriesLines(colors=[colours.KINDS[kind]], names=[label], widths=[2.0])
-                self._write(f"/plots/margins/{part(name)}/{kind.name.lower()}", style, static=True)
+                self._write(f"/plots/margins/{path(name)}/{kind.name.lower()}", style, static=True)
         line = rr.SeriesLines(colors=[colours.RED], names=["limit"], widths=[1.0])
         self._write("/plots/margins/limit", line, static=True)
         limits = rr.SeriesLines(colors=[colours.AMBER, colours.RED], names=["warn", "error"], widths=[1.0])
@@ -67,20 +67,20 @@ class Plots:
             closest = clearance.closest
             distance = clearance.beyond if closest is None else closest.distance
             if np.isfinite(distance):
-                self._write(f"/plots/clearance/{part(name)}", rr.Scalars(1e3 * distance))
+                self._write(f"/plots/clearance/{path(name)}", rr.Scalars(1e3 * distance))
                 self._write(
                     "/plots/clearance/limits",
                     rr.Scalars((1e3 * self._scene.warn_distance, 1e3 * self._scene.error_distance)),
                 )
         radius = min(float(shape.bend_radius.min()), shape.length)
-        self._write(f"/plots/bend_radius/{part(name)}", rr.Scalars(1e3 * radius))
-        self._write(f"/plots/tension/{part(name)}", rr.Scalars(float(shape.tension.max())))
+        self._write(f"/plots/bend_radius/{path(name)}", rr.Scalars(1e3 * radius))
+        self._write(f"/plots/tension/{path(name)}", rr.Scalars(float(shape.tension.max())))
 
     def margins(self, name: str, margins: Sequence[Margin]) -> None:
         """How much of each limit is used over time; of all bodies the nearest, and nothing beyond twice the limit."""
         worst = worst_used(margins)
         for kind, used in worst.items():
-            entity = f"/plots/margins/{part(name)}/{kind.name.lower()}"
+            entity = f"/plots/margins/{path(name)}/{kind.name.lower()}"
             self._write(entity, rr.Scalars(min(used, MOST_USED)))
         if worst:
             self._write("/plots/margins/limit", rr.Scalars(1.0))
@@ -103,6 +103,11 @@ def worst_used(margins: Sequence[Margin]) -> dict[WarningKind, float]:
     for margin in margins:
         worst[margin.kind] = max(margin.used, worst.get(margin.kind, 0.0))
     return worst
+
+
+def path(name: str) -> str:
+    """A cable's name as an entity path: segments of a harness lie below it."""
+    return "/".join(map(part, name.split("/")))
 
 
 def part(name: str) -> str:

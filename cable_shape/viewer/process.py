@@ -19,6 +19,8 @@ from cable_shape.cable import Cable
 from cable_shape.children import ended, left
 from cable_shape.errors import ArgumentError, DependencyError
 from cable_shape.extras import how_to_get
+from cable_shape.harness import Harness
+from cable_shape.parts import in_parts
 from cable_shape.report import CycleReport
 from cable_shape.scene import Obstacle, Scene
 from cable_shape.viewer.colour import check_colouring
@@ -63,7 +65,7 @@ class ViewerProcess:
     def __init__(
         self,
         mode: str | Path,
-        cables: Mapping[str, Cable],
+        cables: Mapping[str, Cable | Harness],
         scene: Scene,
         robot: str | Path | Sequence[Obstacle] | None = None,
         memory_limit: str = "512MB",
@@ -130,7 +132,7 @@ class ViewerProcess:
 
     def send(self, report: CycleReport) -> bool:
         """Hands over a report without waiting; False if the process is gone or the report is too long."""
-        if not (self._connected and self._mailbox.put(encode(report))):
+        if not (self._connected and self._mailbox.put(encode(in_parts(report)))):
             self.dropped += 1
             return False
         try:

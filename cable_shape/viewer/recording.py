@@ -17,6 +17,7 @@ import rerun as rr
 
 from cable_shape.cable import Cable
 from cable_shape.checks import Array
+from cable_shape.harness import Harness
 from cable_shape.report import CycleReport
 from cable_shape.scene import Obstacle, Scene
 from cable_shape.viewer.entities import ReportLogger
@@ -39,7 +40,7 @@ class RecordingWriter:
     def __init__(
         self,
         path: str | Path,
-        cables: Mapping[str, Cable],
+        cables: Mapping[str, Cable | Harness],
         scene: Scene,
         links: Sequence[Obstacle] = (),
         *,

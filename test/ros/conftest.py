@@ -37,7 +37,8 @@ def _starter(folder: Path, cable_file: Path, cells: list[Cell]) -> Start:
     def start(*arguments: str, active: bool = True, **parameters: Any) -> Cell:
         # else a test of the planner takes as long as others keep the cores busy
         given = {"cable_file": cable_file, "workers_make_way": "false", **parameters}
-        flags = [flag for name, value in given.items() for flag in ("-p", f"{name.replace('__', '.')}:={value}")]
+        told = [f"{name.replace('__', '.')}:={value}" for name, value in given.items() if value is not None]
+        flags = [flag for one in told for flag in ("-p", one)]
         process = NodeProcess(f"n{os.getpid()}_{next(_count)}", folder, [*flags, *arguments])
         cell = Cell(process)
         cells.append(cell)

@@ -20,12 +20,15 @@ from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
 from cable_shape.cable import Cable
-from cable_shape.cable_file import AS_GIVEN
 from cable_shape.cycle import Cycle
 from cable_shape.errors import CableShapeError
+from cable_shape.harness import Harness, Junction
+from cable_shape.harness_ends import HarnessFile
+from cable_shape.pose import IDENTITY, Grip
 from cable_shape.robot import Robot
 from cable_shape.ros.assembly import load_cables
 from cable_shape.ros.diagnostics import Health
+from cable_shape.ros.holding import Holding
 from cable_shape.ros.parameters import SPECS, Settings, find_file
 from cable_shape.ros.pose_source import PoseSource
 from cable_shape.ros.sources import JointSource, Sink
@@ -86,13 +89,18 @@ class Node:
         return SimpleNamespace(topic=topic, handle=handle)
 
 
+CABLE = Cable(length=1.2, linear_density=0.1, bending_stiffness=0.01)
+ENDS = ("a.start", "b.end", "c.end")
+FORK = Harness(dict.fromkeys("abc", CABLE), [Junction("fork", ("a.end", "b.start", "c.start"))])
+
+
 class Fed:
     """A source, a cycle behind it, and whether every shape that came out is made of numbers."""
 
-    def __init__(self, make, **values):
+    def __init__(self, make, carried=CABLE, **values):
         self.node, self.health = Node(), Health(0.5)
         self.health.state = "active"
-        self.cycle = Cycle(Cable(length=1.2, linear_density=0.1, bending_stiffness=0.01), points=20)
+        self.cycle = Cycle(carried, points=20)
         self.source = make(self.node, Settings.of({**VALUES, **values}), self.sink())
 
     def sink(self):
@@ -117,12 +125,12 @@ class Fed:
 
 @pytest.fixture(scope="module")
 def poses():
-    return Fed(partial(PoseSource, robot=None, held={"cable": (AS_GIVEN, AS_GIVEN)}))
+    return Fed(partial(PoseSource, robot=None, holdings=[Holding("cable")]))
 
 
 @pytest.fixture(scope="module")
 def joints():
-    return Fed(partial(JointSource, robot=ROBOT, held={"cable": (AS_GIVEN, AS_GIVEN)}))
+    return Fed(partial(JointSource, robot=ROBOT, holding=Holding("cable")))
 
 
 @fuzzed
@@ -130,6 +138,19 @@ def joints():
 def test_random_poses(poses, messages):
     for side, message in messages:
         poses.put(side, message)
+
+
+@pytest.fixture(scope="module")
+def ends():
+    holding = Holding.of_harness("h", dict.fromkeys(ENDS, Grip(IDENTITY)))
+    return Fed(partial(PoseSource, robot=None, holdings=[holding]), {"h": FORK}, max_skew=10.0)
+
+
+@fuzzed
+@given(st.lists(st.tuples(st.integers(0, 2), POSES), max_size=8))
+def test_random_poses_of_a_harness(ends, messages):
+    for end, message in messages:
+        ends.put(end, message)
 
 
 @fuzzed
@@ -158,7 +179,7 @@ TRANSFORMS = st.builds(
 
 @pytest.fixture(scope="module")
 def transforms():
-    make = partial(TransformSource, robot=None, held={"cable": (AS_GIVEN, AS_GIVEN)})
+    make = partial(TransformSource, robot=None, holdings=[Holding("cable")])
     return Fed(make, **{"left_gripper.frame": "left", "right_gripper.frame": "right", "max_skew": 1.0})
 
 
@@ -174,7 +195,8 @@ def test_random_transforms(transforms, messages):
 ATOMS = st.none() | st.booleans() | st.integers() | NUMBERS | st.text(max_size=5)
 KEYS = st.sampled_from(
     ("length", "linear_density", "bending_stiffness", "diameter", "tails", "cables", "obstacles", "clips", "masses",
-     "name", "box", "sphere", "cylinder", "radius", "position", "quaternion", "sockets", "plug", "rest_curvature")
+     "name", "box", "sphere", "cylinder", "radius", "position", "quaternion", "sockets", "plug", "rest_curvature",
+     "segments", "junctions", "ends", "kind", "offset", "frames", "mass", "a", "a.start")
 )  # fmt: skip
 TREES = st.recursive(
     ATOMS, lambda inner: st.lists(inner, max_size=4) | st.dictionaries(KEYS | st.text(max_size=3), inner, max_size=5)
@@ -183,9 +205,15 @@ TREES = st.recursive(
 
 @fuzzed
 @given(st.dictionaries(KEYS | st.text(max_size=3), TREES, max_size=6))
-def test_random_trees_as_cable_and_scene(values):
-    for read in (Cable.from_mapping, Scene.from_mapping):
+def test_random_trees_as_cable_scene_and_harness(values):
+    for read in (Cable.from_mapping, Scene.from_mapping, HarnessFile.from_mapping):
         refused_or_read(read, values)
+
+
+@fuzzed
+@given(st.dictionaries(st.sampled_from((*ENDS, "a.end", "x")), TREES, max_size=3) | TREES)
+def test_random_trees_as_ends_of_a_harness(values):
+    refused_or_read(lambda ends: HarnessFile.from_mapping({**FORK.as_dict(), "ends": ends}).held(), values)
 
 
 @fuzzed
@@ -193,7 +221,7 @@ def test_random_trees_as_cable_and_scene(values):
 def test_random_bytes_as_yaml(tmp_path_factory, content):
     file = tmp_path_factory.getbasetemp() / "fuzz.yaml"
     file.write_bytes(content)
-    for read in (Cable.from_yaml, Scene.from_yaml, load_cables, Robot.from_yaml):
+    for read in (Cable.from_yaml, Scene.from_yaml, load_cables, Robot.from_yaml, HarnessFile.from_yaml):
         refused_or_read(read, file)
 
 

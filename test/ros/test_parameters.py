@@ -89,7 +89,7 @@ def test_the_parameter_files_that_come_along_are_valid(name):
     assert set(flat) <= set(BY_NAME)
     settings = Settings.of({**DEFAULTS, **flat})
     settings.complete()
-    for file in (settings.cable_file, settings.scene_file, settings.robot_file):
+    for file in (settings.cable_file, settings.harness_file, settings.scene_file, settings.robot_file):
         assert not file or find_file(file).is_file(), file
 
 

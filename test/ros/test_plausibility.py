@@ -12,8 +12,8 @@ START, END = Pose((0.0, 0.0, 0.5)), Pose((0.8, 0.0, 0.5))
 
 def looked(start, end, after=8 * MS):
     watch = JumpWatch(("left_gripper/pose", "right_gripper/pose"))
-    assert watch.look(START, END, 1000 * MS) is None  # nothing before it
-    return watch.look(start, end, 1000 * MS + after)
+    assert watch.look((START, END), 1000 * MS) is None  # nothing before it
+    return watch.look((start, end), 1000 * MS + after)
 
 
 def test_ordinary_motion_and_noise_are_not_remarked_on():
@@ -39,7 +39,7 @@ def test_changed_places_are_told_from_a_jump():
 
 def test_what_came_before_can_be_forgotten_and_a_stamp_that_does_not_advance_is_not_judged():
     watch = JumpWatch(("left_gripper/pose", "right_gripper/pose"))
-    watch.look(START, END, 1000 * MS)
+    watch.look((START, END), 1000 * MS)
     watch.forget()
-    assert watch.look(END, START, 1008 * MS) is None
-    assert watch.look(START, END, 1008 * MS) is None
+    assert watch.look((END, START), 1008 * MS) is None
+    assert watch.look((START, END), 1008 * MS) is None
