@@ -1,7 +1,8 @@
 """Which nodes of a cable touch which bodies: gaps, normals and curvatures at the nodes.
 
-    near  (N+1, 21) of a node: contact force p [N] | gap to the nearest body [m] | its outward normal 3 | curvature of
-                    its surface 9 | place 3 | change of place in the last step 3 | contact force corrected [N]
+    near  (N+1, 22) of a node: contact force p [N] | gap to the nearest body [m] | its outward normal 3 | curvature of
+                    its surface 9 | place 3 | change of place in the last step 3 | contact force corrected [N] | 1: its
+                    contact has just ended
     on    (N+1, 2)  row of the body that the node is pressed on, -1: none | row of the nearest body, -1: none near
 
 A cable cannot come nearer to a body faster than along its arc length, so that a node at the distance d rules out all
@@ -35,8 +36,8 @@ from cable_shape.kernels.rod_algebra import (
 from cable_shape.kernels.rod_element import relative
 from cable_shape.kernels.surface import FLAT, reach_of, touch
 
-NEAR = 21  # columns of `near`
-PRESS, GAP, NORMAL, CURVED, SPOT, STEP, EXACT = 0, 1, 2, 5, 14, 17, 20
+NEAR = 22  # columns of `near`
+PRESS, GAP, NORMAL, CURVED, SPOT, STEP, EXACT, ENDED = 0, 1, 2, 5, 14, 17, 20, 21
 BARE = -1
 MARGIN = 0.03  # [m] bodies further from a node than this are not looked at
 LYING = 2e-6  # [m] nodes nearer to a body than this lie on it, pressed or not
