@@ -238,7 +238,9 @@ def test_overstretch_and_back():
             assert "clips[0] and the end grip" in shape.detail
         else:
             assert shape.status is Status.OK, (chord, shape)
-            assert shape.positions == pytest.approx(seen.setdefault(chord, shape.positions), abs=5e-5)
+            mirrored = shape.positions * (1.0, -1.0, 1.0)  # from straight on it bows to either side
+            apart = min(abs(p - seen.setdefault(chord, p)).max() for p in (shape.positions, mirrored))
+            assert apart < 5e-5
 
 
 def test_an_elastic_cable_stretches_between_its_clips():

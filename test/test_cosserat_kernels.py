@@ -91,13 +91,12 @@ def test_elements_side_by_side_are_those_taken_one_by_one(compliance):
         q.append(q[-1] * Rotation.from_rotvec(turn))
     q = np.array([x.as_quat() for x in q]) * rng.choice((-1.0, 1.0), size=(elements + 1, 1))
     h, load, rest = rng.uniform(0.2, 0.6, elements), rng.normal(size=(elements, 9)), rng.normal(size=(elements, 6))
-    force = rng.normal(size=3)
+    force, left = rng.normal(size=3), np.arange(elements)
     lanes = np.empty(rod_lanes.ROWS * rod_lanes.LANES)
     table = lanes.reshape(rod_lanes.ROWS, rod_lanes.LANES)
     seen = 0
     for begin in range(0, elements, rod_lanes.LANES):
-        count = rod_lanes.gather(begin, q, numbers(*force), h, load, rest, lanes)
-        rod_lanes.gather_section(begin, section, lanes)
+        count = rod_lanes.gather(begin, left, q, h, load + np.tile(force, 3), rest, section, lanes)
         rod_lanes.gradients(lanes)
         gradients = table[rod_lanes.G1 : rod_lanes.VALUE + 1].copy()
         rod_lanes.hessians(lanes, compliance[0] != 0.0)

@@ -12,6 +12,7 @@ from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.rod_algebra import (
     FAST,
+    Quaternion,
     Vector,
     add,
     apply,
@@ -56,6 +57,7 @@ from cable_shape.kernels.rod_lanes import (
     H,
     lane3,
     lane4,
+    opens,
     put_lane3,
     put_lane4,
 )
@@ -100,8 +102,14 @@ def put_lane_curves(lanes: Array, row: int, k: int, c: tuple[Curve, Curve, Curve
 
 
 @inlined
+def turns_over(a: Quaternion, b: Quaternion) -> bool:
+    """Whether b has the other sign than the quaternion next to a."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] < 0.0
+
+
+@inlined
 def gather_course(
-    begin: int, q: Array, first: Array, moments: Array, r: Vector, sign: float, lanes: Array
+    begin: int, left: Array, q: Array, first: Array, moments: Array, r: Vector, sign: float, lanes: Array
 ) -> tuple[Vector, float]:
     """Fills moments, positions and layers, and makes the signs of the quaternions follow one another.
 
@@ -119,9 +127,12 @@ def gather_course(
         softest = min(lanes[STIFF * LANES + k], lanes[(STIFF + 1) * LANES + k], lanes[(STIFF + 2) * LANES + k])
         layer = layers(lanes[H * LANES + k] * math.sqrt(math.sqrt(dot(n, n)) / softest))
         put_lane4(lanes, LAYER, k, layer)
-        a, b = get4(q, e), get4(q, e + 1)
+        node = left[e]
+        a, b = get4(q, node), get4(q, node + 1)
+        if opens(left, e) and e > 0 and turns_over(get4(q, node - 1), a):
+            sign = -sign
         put_lane4(lanes, LEFT, k, (sign * a[0], sign * a[1], sign * a[2], sign * a[3]))
-        if a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] < 0.0:
+        if turns_over(a, b):
             sign = -sign
         put_lane4(lanes, RIGHT, k, (sign * b[0], sign * b[1], sign * b[2], sign * b[3]))
     return r, sign

@@ -11,8 +11,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.rod_algebra import (
@@ -43,8 +41,7 @@ from cable_shape.kernels.rod_algebra import (
 )
 from cable_shape.kernels.rod_between import quadratic, spin
 from cable_shape.kernels.rod_element import E3, element_hessian, relative
-from cable_shape.kernels.rod_lanes import LANES, gather, gather_section, lane3
-from cable_shape.kernels.rod_mesh import forces
+from cable_shape.kernels.rod_lanes import LANES, gather, lane3, opens
 from cable_shape.kernels.rod_rule import (
     M_LEFT,
     MISSED_MOMENT,
@@ -52,7 +49,6 @@ from cable_shape.kernels.rod_rule import (
     MISSED_TURN,
     MOMENT,
     PLACE,
-    ROWS,
     TURN,
     gather_moments,
     is_long,
@@ -97,35 +93,34 @@ def as_gradient(
 
 @kernel(fastmath=FAST)
 def defects(
-    q: Array, lam: Array, h: Array, load: Array, rest: Array, section: Array, U: Array, parts: Array,
-    first: Array, G: Array, slack: Array, moments: Array, total: Array,
-) -> Vector:  # fmt: skip
-    """Adds the defects of the gradient in the rotations and in lambda to G (N+1, 3) and total[:3]; slack (N, 3) takes
-    each element's of lambda. section (N, 9): see `rod_lanes`.
+    left: Array, q: Array, h: Array, full: Array, rest: Array, section: Array, U: Array, parts: Array, first: Array,
+    G: Array, slack: Array, moments: Array, sums: Array, missing: Array, lanes: Array,
+) -> None:  # fmt: skip
+    """Adds the defects of the gradient in the rotations and in the spans' forces to G (n, 3) and sums[:, :3].
 
-    moments (N, 6) [N m], cable frame, takes in columns 3 to 5 the moment at the right of each element and in the first
-    three that at the left of the first, with the defect. What the rule itself misses goes, likewise, into columns 3 to
-    5 (rotations) and 6 to 8 (lambda) of `first`; what it misses at the last node is returned.
+    left (N,), full (N, 9): see `rod_lanes.gather`; section (N, 9): see `rod_lanes`. slack (N, 3) takes each element's
+    of the force. moments (N, 6) [N m], cable frame, takes in columns 3 to 5 the moment at the right of each element and
+    in the first three that at the left of the first of each span, with the defect. What the rule itself misses goes,
+    likewise, into columns 3 to 5 (rotations) and 6 to 8 (force) of `first`; what it misses at the last node of each
+    span into `missing` (m, 3).
     """
     elements = h.shape[0]
-    l3 = (lam[0], lam[1], lam[2])
-    s0 = s1 = s2 = 0.0
-    left = missing = g2 = (0.0, 0.0, 0.0)
-    lanes = np.empty(ROWS * LANES)
+    j = -1
+    behind = short = g2 = (0.0, 0.0, 0.0)
     for begin in range(0, elements, LANES):
-        count = gather(begin, q, l3, h, load, rest, lanes)
-        gather_moments(begin, first, l3, h, load, rest, section, g2, lanes)
-        gather_section(begin, section, lanes)
+        count = gather(begin, left, q, h, full, rest, section, lanes)
+        gather_moments(begin, left, first, h, full, rest, section, g2, lanes)
         land(lanes)
         for k in range(count):
             e = begin + k
+            node = left[e]
             gl, g1 = (first[e, 0], first[e, 1], first[e, 2]), (first[e, 3], first[e, 4], first[e, 5])
             g2 = (first[e, 6], first[e, 7], first[e, 8])
-            if is_long(h, load, l3, e, section):
-                nL, nM, nR = forces(load, e, l3)
+            if is_long(h, full, e, section):
+                nL, nM, nR = get3(full, e), take3(full, e, 3), take3(full, e, 6)
                 k0, k1 = (rest[e, 0], rest[e, 1], rest[e, 2]), (rest[e, 3], rest[e, 4], rest[e, 5])
                 K, C, K1 = get3(section, e), take3(section, e, 3), take3(section, e, 6)
-                a1, a2, al = halves(h[e], get4(q, e), get4(q, e + 1), nL, nM, nR, k0, k1, K, C, K1)
+                a1, a2, al = halves(h[e], get4(q, node), get4(q, node + 1), nL, nM, nR, k0, k1, K, C, K1)
                 f = 16.0 / 15.0
                 d1, d2, dl = scale(f, subtract(a1, g1)), scale(f, subtract(a2, g2)), scale(f, subtract(al, gl))
                 e1, e2, el = scale(COARSE, d1), scale(COARSE, d2), scale(COARSE, dl)
@@ -135,20 +130,23 @@ def defects(
                 d1 = subtract(d1, add(lane3(lanes, M_LEFT, k), g1))  # what is missing to balance at the left node
                 turn, dM = lane3(lanes, MISSED_TURN, k), lane3(lanes, MISSED_MOMENT, k)
                 e1, e2, el = as_gradient(e, turn, dM, lane3(lanes, MISSED_PLACE, k), g2, U, parts)
-            put3(G, e, 0, add(get3(G, e), add(left, d1)))
+            if opens(left, e):
+                if j >= 0:
+                    put3(G, node - 1, 0, add(get3(G, node - 1), behind))
+                    put3(missing, j, 0, short)
+                j += 1
+                behind = short = (0.0, 0.0, 0.0)
+                put3(moments, e, 0, scale(-1.0, add(g1, d1)))
+            put3(G, node, 0, add(get3(G, node), add(behind, d1)))
             put3(slack, e, 0, dl)
-            if e == 0:
-                put3(moments, 0, 0, scale(-1.0, add(g1, d1)))
             put3(moments, e, 3, add(g2, d2))
-            put3(first, e, 3, add(missing, e1))
+            put3(first, e, 3, add(short, e1))
             put3(first, e, 6, el)
-            left, missing = d2, e2
-            s0 += dl[0]
-            s1 += dl[1]
-            s2 += dl[2]
-    put3(G, elements, 0, add(get3(G, elements), left))
-    total[0], total[1], total[2] = total[0] + s0, total[1] + s1, total[2] + s2
-    return missing
+            put3(sums, j, 0, add(get3(sums, j), dl))
+            behind, short = d2, e2
+    last = left[elements - 1] + 1
+    put3(G, last, 0, add(get3(G, last), behind))
+    put3(missing, j, 0, short)
 
 
 @inlined

@@ -65,32 +65,34 @@ def put_lane9(lanes: Array, row: int, k: int, A: Matrix) -> None:
 
 
 @inlined
-def gather(begin: int, q: Array, lam: Vector, h: Array, load: Array, rest: Array, lanes: Array) -> int:
-    """Fills length to rest curvature of the elements from `begin` on; returns how many there are, at most LANES.
+def gather(
+    begin: int, left: Array, q: Array, h: Array, full: Array, rest: Array, section: Array, lanes: Array
+) -> int:  # fmt: skip
+    """Fills length to section of the elements from `begin` on; returns how many there are, at most LANES.
 
-    Lanes beyond the last element repeat it.
+    left (N,): the node at the left of each element, whose right one is the next; full (N, 9): internal force. Lanes
+    beyond the last element repeat it.
     """
     elements = h.shape[0]
     for k in range(LANES):
         e = min(begin + k, elements - 1)
+        node = left[e]
         lanes[H * LANES + k] = h[e]
-        put_lane4(lanes, LEFT, k, get4(q, e))
-        put_lane4(lanes, RIGHT, k, get4(q, e + 1))
+        put_lane4(lanes, LEFT, k, get4(q, node))
+        put_lane4(lanes, RIGHT, k, get4(q, node + 1))
         for i in range(9):
-            lanes[(FORCE_LEFT + i) * LANES + k] = load[e, i] + lam[i % 3]
+            lanes[(FORCE_LEFT + i) * LANES + k] = full[e, i]
         for i in range(6):
             lanes[(REST + i) * LANES + k] = rest[e, i]
+        for i in range(SECTION):
+            lanes[(STIFF + i) * LANES + k] = section[e, i]
     return min(LANES, elements - begin)
 
 
 @inlined
-def gather_section(begin: int, section: Array, lanes: Array) -> None:
-    """Fills the sections (N, 9) of the elements from `begin` on."""
-    last = section.shape[0] - 1
-    for k in range(LANES):
-        e = min(begin + k, last)
-        for i in range(SECTION):
-            lanes[(STIFF + i) * LANES + k] = section[e, i]
+def opens(left: Array, e: int) -> bool:
+    """Whether element e is the first of a span: its left node is not the right one of the element before."""
+    return e == 0 or left[e] != left[e - 1] + 1
 
 
 @kernel

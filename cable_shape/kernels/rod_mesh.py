@@ -13,7 +13,7 @@ import numpy as np
 
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.rod_algebra import Vector, inlined
+from cable_shape.kernels.rod_algebra import inlined
 
 
 @kernel
@@ -123,16 +123,6 @@ def indicated(s: Array, q: Array, errors: Array, excess: float, turn: float, x: 
         share = grow * (errors[e] / worst) ** (1.0 / 7.0) if worst > 0.0 else 0.0
         raw[e] = max(share, 2.0 * math.acos(min(1.0, cosine)) / turn) / (s[e + 1] - s[e])
     return float(spread(s, raw, x, density))
-
-
-@inlined
-def forces(load: Array, e: int, lam: Vector) -> tuple[Vector, Vector, Vector]:
-    """The internal force at the left, middle and right of element e."""
-    return (
-        (load[e, 0] + lam[0], load[e, 1] + lam[1], load[e, 2] + lam[2]),
-        (load[e, 3] + lam[0], load[e, 4] + lam[1], load[e, 5] + lam[2]),
-        (load[e, 6] + lam[0], load[e, 7] + lam[1], load[e, 8] + lam[2]),
-    )
 
 
 @inlined

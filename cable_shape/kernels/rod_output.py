@@ -9,11 +9,9 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.rod_algebra import FAST, Vector, add, apply, qnear, rotation, scale
+from cable_shape.kernels.rod_algebra import FAST, Vector, add, apply, get3, qnear, rotation, scale, take3
 from cable_shape.kernels.rod_arcs import (
     BENT,
     COURSE,
@@ -24,7 +22,6 @@ from cable_shape.kernels.rod_arcs import (
     OFF_M,
     OFF_Q,
     PULL,
-    ROWS,
     TWIST,
     WEIGH,
     WORK,
@@ -42,46 +39,41 @@ from cable_shape.kernels.rod_lanes import (
     STIFF,
     TAPER,
     gather,
-    gather_section,
     lane3,
     lane4,
 )
-from cable_shape.kernels.rod_mesh import forces
 
 INTERPOLATION = 0.2
 
 
-#: Numbers that `sample_span` gathers: elastic energy - weight . r, twist, integral of n . r' - weight . r; then largest
-#: squares of how far rates are apart in mid-element (position, rotation, moment), and of a moment.
+#: Numbers that `sample_cable` gathers: elastic energy - weight . r, twist, integral of n . r' - weight . r; then the
+#: largest squares of how far rates are apart in mid-element (position, rotation, moment), and of a moment.
 S_WORK, S_TWIST, S_PULL, S_GAP, S_TURN, S_MOMENT, S_BENT = 0, 1, 2, 3, 4, 5, 6
 SUMS = 7
 
 
 @kernel(fastmath=FAST)
-def sample_span(
-    q: Array, lam: Vector, moments: Array, s: Array, h: Array, load: Array, rest: Array, section: Array,
-    origin: Vector, sign: float, weight: Vector, elastic: bool, first: Array, begin: int, apart: float, points: int,
-    last: bool, out: Array, sums: Array,
-) -> tuple[int, Vector, float]:  # fmt: skip
-    """Fills `out` (17 points, as CableShape.buffer) for the points of one span, from number `begin` on.
+def sample_cable(
+    left: Array, q: Array, moments: Array, s: Array, h: Array, full: Array, rest: Array, section: Array, origin: Vector,
+    weight: Vector, elastic: bool, first: Array, apart: float, points: int, out: Array, sums: Array, lanes: Array,
+) -> None:  # fmt: skip
+    """Fills `out` (17 points, as CableShape.buffer) for the points of one cable.
 
-    moments (N, 6) [N m], cable frame: at the left and right of each element; first (N, 9): minus the steps in position
-    first; section (N, 9): see `rod_lanes`; origin [m]: where the span starts; sign: of its first quaternion; weight
-    [N/m]; apart [m]: arc length between points; last: no span follows. sums (SUMS,) takes part. Returns the number of
-    the next point, where the span ends, and the sign there.
+    left (N,), full (N, 9): see `rod_lanes.gather`; moments (N, 6) [N m], cable frame: at the left and right of each
+    element; s (n,): of the nodes; first (N, 9): minus the steps in position first; section (N, 9): see `rod_lanes`;
+    origin [m]: where the cable starts; weight [N/m]; apart [m]: arc length between points. sums (SUMS,) takes part.
     """
     elements = h.shape[0]
     r = origin
+    sign = 1.0
     o1, o2, o3, o4, o5 = points, 4 * points, 8 * points, 11 * points, 14 * points
-    i = begin
+    i = 0
     work = pull = twist = gap = off_M = off_q = bent = 0.0
-    lanes = np.empty(ROWS * LANES)
     for e in range(elements):
         lane = e % LANES
         if lane == 0:
-            gather(e, q, lam, h, load, rest, lanes)
-            gather_section(e, section, lanes)
-            r, sign = gather_course(e, q, first, moments, r, sign, lanes)
+            gather(e, left, q, h, full, rest, section, lanes)
+            r, sign = gather_course(e, left, q, first, moments, r, sign, lanes)
             arcs(lanes, elastic, weight)
         gap, off_q = max(gap, lanes[GAP * LANES + lane]), max(off_q, lanes[OFF_Q * LANES + lane])
         off_M, bent = max(off_M, lanes[OFF_M * LANES + lane]), max(bent, lanes[BENT * LANES + lane])
@@ -89,15 +81,16 @@ def sample_span(
         pull += lanes[PULL * LANES + lane] - lanes[WEIGH * LANES + lane]
         twist += lanes[TWIST * LANES + lane]
         he, f = h[e], 1.0 / h[e]
-        nL, nM, nR = forces(load, e, lam)
+        nL, nM, nR = get3(full, e), take3(full, e, 3), take3(full, e, 6)
+        a = s[left[e]]
         k0, k1 = lane3(lanes, REST, lane), lane3(lanes, SLOPE, lane)
         K, K1 = lane3(lanes, STIFF, lane), lane3(lanes, TAPER, lane)
         layer = lane4(lanes, LAYER, lane)
         rs, Ms = lane_curves(lanes, COURSE, lane), lane_curves(lanes, MOMENT, lane)
         qs, q4 = lane_curves(lanes, FRAME, lane), lane_curve(lanes, FRAME + 18, lane)
-        next_i = points if last and e == elements - 1 else min(points, math.ceil(s[e + 1] / apart - 1e-9))
+        next_i = points if e == elements - 1 else min(points, math.ceil(s[left[e] + 1] / apart - 1e-9))
         for j in range(i, next_i):
-            x = (j * apart - s[e]) * f
+            x = (j * apart - a) * f
             out[j] = j * apart
             e1, e2 = functions(x, layer)
             out[o1 + 3 * j], out[o1 + 3 * j + 1], out[o1 + 3 * j + 2] = at3(rs, x, e1, e2)
@@ -115,7 +108,6 @@ def sample_span(
     sums[S_PULL] += pull
     sums[S_GAP], sums[S_TURN] = max(sums[S_GAP], gap), max(sums[S_TURN], off_q)
     sums[S_MOMENT], sums[S_BENT] = max(sums[S_MOMENT], off_M), max(sums[S_BENT], bent)
-    return i, r, sign
 
 
 @kernel(fastmath=FAST)

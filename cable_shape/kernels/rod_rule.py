@@ -18,6 +18,7 @@ from cable_shape.kernels.rod_algebra import (
     qnormal,
     scale,
     subtract,
+    take3,
 )
 from cable_shape.kernels.rod_between import (
     Node,
@@ -48,6 +49,7 @@ from cable_shape.kernels.rod_lanes import (
     H,
     lane3,
     lane4,
+    opens,
     put_lane3,
 )
 from cable_shape.kernels.rod_mesh import jumps
@@ -61,9 +63,9 @@ ROWS = GIVEN + 27
 
 
 @inlined
-def is_long(h: Array, load: Array, lam: Vector, e: int, section: Array) -> bool:
+def is_long(h: Array, full: Array, e: int, section: Array) -> bool:
     """Whether element e is so much longer than its boundary layer that the rule is none for it."""
-    n = (load[e, 3] + lam[0], load[e, 4] + lam[1], load[e, 5] + lam[2])
+    n = take3(full, e, 3)
     return h[e] * h[e] * math.sqrt(dot(n, n)) > MANY * min(section[e, 0], section[e, 1])
 
 
@@ -78,7 +80,7 @@ def other_section(section: Array, e: int) -> bool:
 
 @inlined
 def gather_moments(
-    begin: int, first: Array, lam: Vector, h: Array, load: Array, rest: Array, section: Array, before: Vector,
+    begin: int, left: Array, first: Array, h: Array, full: Array, rest: Array, section: Array, before: Vector,
     lanes: Array,
 ) -> None:  # fmt: skip
     """Fills moments and steps. A node's moment is that of the element before it, unless something holds the node.
@@ -92,7 +94,8 @@ def gather_moments(
         if k > 0:
             before = (first[e - 1, 6], first[e - 1, 7], first[e - 1, 8])
         bent = rest[e, 3] != 0.0 or rest[e, 4] != 0.0 or rest[e, 5] != 0.0 or other_section(section, e)
-        if not (e == 0 or bent or is_long(h, load, lam, e - 1, section) or jumps(load, e) or apart(before, M)):
+        held = opens(left, e)
+        if not (held or bent or is_long(h, full, e - 1, section) or jumps(full, e) or apart(before, M)):
             M = before
         put_lane3(lanes, M_LEFT, k, M)
         put_lane3(lanes, M_RIGHT, k, (first[e, 6], first[e, 7], first[e, 8]))

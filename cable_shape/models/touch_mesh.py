@@ -10,8 +10,8 @@ import numpy as np
 
 from cable_shape.checks import Array
 from cable_shape.kernels import rod_mesh
-from cable_shape.kernels.contact import run
-from cable_shape.kernels.contact.near import BARE, GAP, NORMAL, PRESS
+from cable_shape.kernels.contact import afterwards, run
+from cable_shape.kernels.contact.near import BARE, NORMAL, PRESS
 from cable_shape.shape import CableShape
 
 ELEMENTS = 48  #: of a mesh before nodes are added, at least
@@ -21,7 +21,6 @@ MOST_AT_FIRST = 320
 FEWEST_ELEMENTS = 16  #: of them between two clips
 SHARE_OF_WORST = 0.1  #: of the largest share in the error that an element has: those above are divided
 WORST = 0.5  #: of the contact that misses most: those above get nodes beside them
-LYING = 2e-6  #: [m] nodes nearer to a body than this lie on it, pressed or not
 STRETCHED = 1.6  #: times as long as at first: elements that an eyelet has stretched so far are divided
 TIP = 5e-5  #: [m] from a free end, which is no support itself, to the node that stands in for it
 _ABSCISSAE = 65
@@ -112,19 +111,9 @@ def thinned(
     full: what lies in a row without being pressed does not end it. coarse: only inside of rows. None: there is no
     such node.
     """
-    lies = (on[:, 1] != BARE) & (near[:, GAP] < LYING) & full
-    touched = np.cumsum((on[:, 0] != BARE) | lies)
-    k = np.arange(3, nodes.size - 3)
-    around = touched[k + 2] - touched[k - 3]  # of five nodes
-    close = nodes[k + 1] - nodes[k - 1] < 1.2 * np.interp(nodes[k], middles, spacing)
-    spare = close & ((around == 5) | ((around == 0) & (not coarse)))
-    if not spare.any():
-        return None
-    away: list[int] = []
-    for j in k[spare & ~np.isin(nodes[k], stops)]:
-        if not away or away[-1] < j - 1:
-            away.append(int(j))
-    return np.delete(nodes, away) if away else None
+    away = np.empty(nodes.size, np.int64)
+    count = afterwards.spare(nodes, near, on, spacing, middles, stops, full, coarse, away)
+    return np.delete(nodes, away[:count]) if count else None
 
 
 def share_out(nodes: Array, near: Array, on: Any, old_nodes: Array, old_near: Array, old_on: Any) -> None:

@@ -149,7 +149,7 @@ class TouchState:
     def _hold(self, start: str, end: str, tip: Array, moment: Array) -> None:
         """Takes over how the ends are held, and the load on a free end."""
         kinds = (start, *[clip.kind for clip in self.problem.clips], end)
-        if kinds == self._kinds and np.array_equal(tip, self._tip) and np.array_equal(moment, self._moment):
+        if kinds == self._kinds and _same(tip, self._tip) and _same(moment, self._moment):
             return
         if self.elements and kinds != self._held_as:
             self.history = min(self.history, 1)
@@ -533,3 +533,8 @@ class TouchState:
     def target(self, frames: Array) -> None:
         """Makes `frames` (b+1, 7) those of the trial."""
         self._grips[TRIAL] = frames
+
+
+def _same(a: Array, b: Array) -> bool:
+    """Whether two vectors are the same one, or equal."""
+    return a is b or bool(np.array_equal(a, b))

@@ -14,6 +14,7 @@ from typing import final
 import numpy as np
 
 from cable_shape.checks import Array
+from cable_shape.kernels.contact import afterwards
 from cable_shape.kernels.network.tables import NOW
 from cable_shape.models.rod_common import MODEL, straight_line
 from cable_shape.models.touch_search import approach, follow, grow, relax
@@ -261,13 +262,12 @@ class _Solve:
 
         A free end pulls it as long as it is: only up to the last support with a given place it can be too short.
         """
-        state, s = self.state, shape.arc_length
+        state = self.state
         if self.problem.cable.axial_stiffness is not None:
             return 0.0
-        stretch = state.stretch * shape.tension
-        shape.error_estimate += max(0.0, float(np.trapezoid(stretch, s)))
-        held = s <= state.arcs[state.forces]
-        missing = float(np.trapezoid(stretch[held], s[held]))
+        last = state.arcs[state.forces]
+        whole, missing = afterwards.stretched(self.steps.buffer, shape.points, state.stretch, last)
+        shape.error_estimate += max(0.0, whole)
         return missing if missing > TAUT * shape.length else 0.0
 
     def _no_shape(self, status: Status, detail: str) -> CableShape:

@@ -29,7 +29,8 @@ from cable_shape.warm_up import warm_up
 _AGAIN = 0.05  # s, between tries to shut down, and between looks for clients
 #: Sleeps of _AGAIN within which a client that this process knows knows this process, too; longer where cores are busy.
 _SETTLED = 100
-_LATEST = 10.0  # s, three of the middleware's announcements; a client that ended meanwhile is waited for so long
+#: s, three of the middleware's announcements: so long a client that ended meanwhile is waited for, or an end in order.
+_LATEST = 10.0
 
 
 def given() -> str:
@@ -135,6 +136,8 @@ def _end_with_parent(serving: threading.Event) -> None:
         pass
     if not serving.is_set():
         os._exit(0)
-    while True:  # it may just be starting
+    latest = time.monotonic() + _LATEST
+    while time.monotonic() < latest:  # it may just be starting
         try_shutdown()
         time.sleep(_AGAIN)
+    os._exit(1)  # shutting down hangs, and nobody is left to end this process

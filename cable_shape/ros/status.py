@@ -21,6 +21,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from cable_shape.errors import InputError
 from cable_shape.ros.log_folder import find_log_folder
+from cable_shape.ros.streams import middleware_to_stderr
 
 #: of /diagnostics, in this order
 LINES = ("lifecycle", "input", "prediction", "cable")
@@ -244,16 +245,17 @@ def follow(
 
 def run(only: str, timeout: float, going_on: bool, values: bool, as_json: bool) -> bool:
     """The command: prints what nodes say; whether all of them are well."""
-    with Listener(only) as listener:
-        if going_on:
-            interrupts: list[int] = []  # raised where rclpy cleans up, a KeyboardInterrupt would be lost
-            signal.signal(signal.SIGINT, lambda number, _: interrupts.append(number))
-            follow(listener, timeout, lambda text: print(text, flush=True), values, lambda: bool(interrupts))
-            signal.signal(signal.SIGINT, signal.default_int_handler)
-            raise KeyboardInterrupt
-        nodes = look(listener, timeout)
-    if as_json:
-        print(json.dumps([seen.mapping() for seen in nodes], indent=2))
-    else:
-        print("\n".join(seen.text(values) for seen in nodes))
-    return all(seen.well for seen in nodes)
+    with middleware_to_stderr():
+        with Listener(only) as listener:
+            if going_on:
+                interrupts: list[int] = []  # raised where rclpy cleans up, a KeyboardInterrupt would be lost
+                signal.signal(signal.SIGINT, lambda number, _: interrupts.append(number))
+                follow(listener, timeout, lambda text: print(text, flush=True), values, lambda: bool(interrupts))
+                signal.signal(signal.SIGINT, signal.default_int_handler)
+                raise KeyboardInterrupt
+            nodes = look(listener, timeout)
+        if as_json:
+            print(json.dumps([seen.mapping() for seen in nodes], indent=2))
+        else:
+            print("\n".join(seen.text(values) for seen in nodes))
+        return all(seen.well for seen in nodes)

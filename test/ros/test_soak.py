@@ -22,7 +22,8 @@ def test_a_minute_of_input_leaves_nothing_behind():
 
 
 def test_random_messages_and_hostile_peers_do_no_harm():
-    first, *others = said_by("--fuzz", "4000").splitlines()
+    # the middleware may write there, too
+    first, *others = [line for line in said_by("--fuzz", "4000").splitlines() if "RTPS" not in line]
     assert first.startswith("4000 random messages sent, ")
     told = "40 requests and publishers of hostile peers"
     assert others == [f"{told}: it predicts", f"{told}, the node locked: it predicts"]

@@ -35,18 +35,13 @@ def position_error(net: Net, errors: Array) -> float:
     sol, work = solution_of(net.ints, net.sols, TRIAL), work_of(net.ints, net.space)
     still(net.ints, net.space)
     model.given[:, :] = 0.0
-    none = work.sums_of[:3]
-    none[:] = 0.0
-    for j in range(plan.ends.shape[0]):
-        a, b = plan.first[j], plan.first[j + 1]
-        defects(
-            sol.q[a + j : b + j + 1], none, model.h[a:b], work.full[a:b], model.rest[a:b], model.section[a:b],
-            work.U[a:b], work.parts[a:b], work.first[a:b], work.G[a + j : b + j + 1], work.slack[a:b],
-            work.moments[a:b], work.sums[j],
-        )  # fmt: skip
-        for e in range(a, b):
-            t, g = get3(work.slack, e), get3(work.G, e + j)
-            errors[e] = math.sqrt(dot(t, t)) + model.h[e] ** 2 * math.sqrt(dot(g, g)) / model.par[STIFFEST]
+    defects(
+        plan.left, sol.q, model.h, work.full, model.rest, model.section, work.U, work.parts, work.first, work.G,
+        work.slack, work.moments, work.sums, work.missing, work.lanes,
+    )  # fmt: skip
+    for e in range(errors.shape[0]):
+        t, g = get3(work.slack, e), get3(work.G, plan.left[e])
+        errors[e] = math.sqrt(dot(t, t)) + model.h[e] ** 2 * math.sqrt(dot(g, g)) / model.par[STIFFEST]
     release(plan, model, work.G)
     solve(net.ints, net.floats, net.space)
     runs = net.run.shape[0] > 0

@@ -1,7 +1,8 @@
 """Which nodes of a cable touch which bodies: gaps, normals and curvatures at the nodes.
 
-    near  (N+1, 21) of a node: contact force p [N] | gap to the nearest body [m] | its outward normal 3 | curvature of
-                    its surface 9 | place 3 | change of place in the last step 3 | contact force corrected [N]
+    near  (N+1, 22) of a node: contact force p [N] | gap to the nearest body [m] | its outward normal 3 | curvature of
+                    its surface 9 | place 3 | change of place in the last step 3 | contact force corrected [N] | 1: its
+                    contact has just ended
     on    (N+1, 2)  row of the body that the node is pressed on, -1: none | row of the nearest body, -1: none near
 
 A cable cannot come nearer to a body faster than along its arc length, so that a node at the distance d rules out all
@@ -35,10 +36,11 @@ from cable_shape.kernels.rod_algebra import (
 from cable_shape.kernels.rod_element import relative
 from cable_shape.kernels.surface import FLAT, reach_of, touch
 
-NEAR = 21  # columns of `near`
-PRESS, GAP, NORMAL, CURVED, SPOT, STEP, EXACT = 0, 1, 2, 5, 14, 17, 20
+NEAR = 22  # columns of `near`
+PRESS, GAP, NORMAL, CURVED, SPOT, STEP, EXACT, ENDED = 0, 1, 2, 5, 14, 17, 20, 21
 BARE = -1
 MARGIN = 0.03  # [m] bodies further from a node than this are not looked at
+LYING = 2e-6  # [m] nodes nearer to a body than this lie on it, pressed or not
 GRIP_EXCLUSION = 0.05  # [m] of arc length at either end, within which what grips the cable is no body to it
 NONE = (0.0, 0.0, 0.0)
 # from which a contact runs: curvature of the body times the length of two elements, of the gap times that of the cable
@@ -144,13 +146,20 @@ def parting(q: Array, h: Array, near: Array, k: int, flex: float) -> tuple[float
 
 
 @viewing
+def lies(near: Array, on: Array, k: int) -> bool:
+    """Whether node k is pressed on a body, or touches it."""
+    return bool(on[k, 0] != BARE or (on[k, 1] != BARE and near[k, GAP] < LYING))
+
+
+@viewing
 def along_cable(q: Array, h: Array, near: Array, on: Array, k: int, least: float, flex: float) -> float:
     """Second derivative of the distance along the cable at a contact that runs along it [1/m]; 0 if it does not.
 
-    On a body that is not sharp a contact runs if it has no neighbour. least [1/m]: second derivative from which on.
+    On a body that is not sharp a contact runs if no node beside it lies there. least [1/m]: second derivative from
+    which on.
     """
     edge = sharpness(q, near, k) * (h[k - 1] + h[k]) > SHARP
-    if not edge and (on[k - 1, 0] != BARE or on[k + 1, 0] != BARE):
+    if not edge and (lies(near, on, k - 1) or lies(near, on, k + 1)):
         return 0.0
     second, sharp = parting(q, h, near, k, flex)
     if edge:

@@ -6,7 +6,7 @@ import math
 
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.contact.near import BARE, GAP, PRESS
+from cable_shape.kernels.contact.near import BARE, ENDED, GAP, PRESS
 
 
 @kernel
@@ -23,9 +23,11 @@ def drop(near: Array, on: Array, s: Array, least: float, one: bool) -> int:
                 worst, at = near[k, PRESS], k
             else:
                 on[k, 0] = BARE
+                near[k, ENDED] = 1.0
                 count += 1
     if at >= 0:
         on[at, 0] = BARE
+        near[at, ENDED] = 1.0
         count = 1
     if count > 0:
         hand_on(near, on, s)
@@ -74,12 +76,16 @@ def misplaced(near: Array, on: Array) -> float:
 def grow(near: Array, on: Array, deepest: float, off: float, one: bool) -> int:
     """Makes contacts of the nodes deeper in a body than `deepest` [m], all or the deepest; returns how many.
 
-    off [m]: how wrong places may be. A node less deep than this is added only between two contacts. The first and the
-    last node are held, or a free end, and are none.
+    off [m]: how wrong places may be. A node less deep than this is added only between two contacts. One where a contact
+    has just ended is still where it was, and waits for the step. The first and the last node are held, or a free end,
+    and are none.
     """
     count = 0
     worst, at = -deepest, -1
     for k in range(1, near.shape[0] - 1):
+        if near[k, ENDED] != 0.0:
+            near[k, ENDED] = 0.0
+            continue
         if on[k, 1] == BARE or on[k, 0] == on[k, 1]:
             continue
         between = on[k - 1, 0] == on[k, 1] and on[k + 1, 0] == on[k, 1]

@@ -69,15 +69,11 @@ def correct(ints: Whole, floats: Floats, sols: Floats, space: Floats, run: Float
     U, parts, first, G, slack = work.U, work.parts, work.first, work.G, work.slack
     sums, moments = work.sums, work.moments
     elements, spans = model.h.shape[0], sol.lam.shape[0]
-    missing, still = work.missing, work.sums_of[:3]
-    still[:] = 0.0
-    for j in range(spans):
-        a, b = plan.first[j], plan.first[j + 1]
-        short = defects(
-            sol.q[a + j : b + j + 1], still, model.h[a:b], work.full[a:b], model.rest[a:b], model.section[a:b], U[a:b],
-            parts[a:b], first[a:b], G[a + j : b + j + 1], slack[a:b], moments[a:b], sums[j],
-        )  # fmt: skip
-        put3(missing, j, 0, short)
+    missing = work.missing
+    defects(
+        plan.left, sol.q, model.h, work.full, model.rest, model.section, U, parts, first, G, slack, moments, sums,
+        missing, work.lanes,
+    )  # fmt: skip
     release(plan, model, G)
     solve(ints, floats, space)
     runs = slides.way.shape[0] > 0

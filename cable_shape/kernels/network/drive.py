@@ -63,7 +63,7 @@ from cable_shape.kernels.rod_output import (
     S_WORK,
     SUMS,
     all_finite,
-    sample_span,
+    sample_cable,
 )
 
 BROKEN = 3  # a number in the output is not finite
@@ -279,7 +279,6 @@ def sample(ints: Whole, floats: Floats, sols: Floats, space: Floats, points: int
     """Fills `out` from the corrected solution, and what `info` tells of it."""
     plan, model, work = plan_of(ints), model_of(ints, floats), work_of(ints, space)
     elastic = model.par[ELASTIC] != 0.0
-    still = (0.0, 0.0, 0.0)
     full = work.full
     cables = plan.cables.shape[0] - 1
     for j in range(work.pulled.shape[0]):
@@ -291,24 +290,13 @@ def sample(ints: Whole, floats: Floats, sols: Floats, space: Floats, points: int
         sums[:] = 0.0
         first, last = plan.cables[c], plan.cables[c + 1] - 1
         length = model.s[plan.first[last + 1] + last]
-        i = 0
-        r = get3(work.place, plan.ends[first, 0])
-        sign = 1.0
         own = out[17 * points * c : 17 * points * (c + 1)]
-        weight = get3(model.heavy, c)
-        for j in range(first, last + 1):
-            a, b = plan.first[j], plan.first[j + 1]
-            if j > first:
-                joint = plan.first[j] + j
-                p, q = get4(work.start, joint - 1), get4(work.start, joint)
-                if p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3] < 0.0:
-                    sign = -sign
-                r = get3(work.place, plan.ends[j, 0])
-            i, r, sign = sample_span(
-                work.start[a + j : b + j + 1], still, work.moments[a:b], model.s[a + j : b + j + 1], model.h[a:b],
-                full[a:b], model.rest[a:b], model.section[a:b], r, sign, weight, elastic, work.first[a:b], i,
-                length / (points - 1), points, j == last, own, sums,
-            )  # fmt: skip
+        a, b = plan.first[first], plan.first[last + 1]
+        sample_cable(
+            plan.left[a:b], work.start, work.moments[a:b], model.s, model.h[a:b], full[a:b], model.rest[a:b],
+            model.section[a:b], get3(work.place, plan.ends[first, 0]), get3(model.heavy, c), elastic, work.first[a:b],
+            length / (points - 1), points, own, sums, work.lanes,
+        )  # fmt: skip
         if plan.known[last] == 0:  # met to the closure's rounding, and exactly where the knot is
             end = get3(work.place, plan.ends[last, 1])
             own[4 * points - 3], own[4 * points - 2], own[4 * points - 1] = end

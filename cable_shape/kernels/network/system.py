@@ -41,7 +41,6 @@ from cable_shape.kernels.rod_lanes import (
     B1,
     B2,
     CC,
-    FORCE_LEFT,
     G1,
     G2,
     GL,
@@ -49,40 +48,14 @@ from cable_shape.kernels.rod_lanes import (
     H12,
     H22,
     LANES,
-    LEFT,
-    REST,
-    RIGHT,
     VALUE,
-    H,
-    gather_section,
+    gather,
     gradients,
     hessians,
     lane3,
-    put_lane4,
 )
 
 NONE = (0.0, 0.0, 0.0)
-
-
-@inline
-def gather(begin: int, plan: Plan, model: Model, q: Floats, full: Floats, lanes: Floats) -> int:
-    """Fills what is given of the elements from `begin` on; returns how many there are, at most LANES.
-
-    Lanes beyond the last element repeat it.
-    """
-    elements = model.h.shape[0]
-    for k in range(LANES):
-        e = min(begin + k, elements - 1)
-        node = plan.left[e]
-        lanes[H * LANES + k] = model.h[e]
-        put_lane4(lanes, LEFT, k, get4(q, node))
-        put_lane4(lanes, RIGHT, k, get4(q, node + 1))
-        for i in range(9):
-            lanes[(FORCE_LEFT + i) * LANES + k] = full[e, i]
-        for i in range(6):
-            lanes[(REST + i) * LANES + k] = model.rest[e, i]
-    gather_section(begin, model.section, lanes)
-    return min(LANES, elements - begin)
 
 
 @viewing(forceinline=True)
@@ -108,7 +81,7 @@ def assemble(ints: Whole, floats: Floats, sols: Floats, space: Floats) -> None:
     j = 0
     lanes = work.lanes
     for begin in range(0, elements, LANES):
-        count = gather(begin, plan, model, sol.q, work.full, lanes)
+        count = gather(begin, plan.left, sol.q, model.h, work.full, model.rest, model.section, lanes)
         hessians(lanes, elastic)
         for k in range(count):
             e = begin + k
@@ -156,7 +129,7 @@ def gradient(ints: Whole, floats: Floats, sols: Floats, space: Floats) -> float:
     j = 0
     lanes = work.lanes
     for begin in range(0, elements, LANES):
-        count = gather(begin, plan, model, sol.q, work.full, lanes)
+        count = gather(begin, plan.left, sol.q, model.h, work.full, model.rest, model.section, lanes)
         gradients(lanes)
         for k in range(count):
             e = begin + k

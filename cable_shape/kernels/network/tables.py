@@ -19,8 +19,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cable_shape.kernels import rod_arcs, rod_lanes
 from cable_shape.kernels.network.compiled import inline, part, viewing
-from cable_shape.kernels.rod_lanes import LANES, ROWS
 
 Floats = NDArray[np.float64]
 Whole = NDArray[np.int64]
@@ -38,7 +38,7 @@ PIECE = 21
 PAR = 8
 SOFTEST, BASE_SHIFT, LENGTH, ELASTIC, STIFFEST, TURN_AT_REST, RIGID, SOFT = 0, 1, 2, 3, 4, 5, 6, 7
 #: Numbers of scratch: rows of elements side by side, and a few more.
-LANES_SIZE, SCRATCH = ROWS * LANES, 16
+LANES_SIZE, SCRATCH = max(rod_lanes.ROWS, rod_arcs.ROWS) * rod_lanes.LANES, 16
 #: Solutions that are kept.
 NOW, BEFORE, TRIAL = 0, 1, 2
 #: Numbers of a span's condensed matrix, see `condense`.

@@ -1,0 +1,65 @@
+"""What is asked of every shape in contact: which nodes it could do without, and by how much it is stretched."""
+
+from __future__ import annotations
+
+from cable_shape.checks import Array
+from cable_shape.kernels._jit import kernel
+from cable_shape.kernels.contact.near import BARE, lies
+
+CLOSE = 1.2  # of the spacing: two elements that are no longer together can be one
+
+
+@kernel
+def spare(
+    nodes: Array, near: Array, on: Array, spacing: Array, middles: Array, stops: Array, full: bool, coarse: bool,
+    away: Array,
+) -> int:  # fmt: skip
+    """Fills `away` with every other node far from where a row ends that is closer to the next than it need be.
+
+    spacing (m,) [m] at `middles` (m,), linear between: what is close enough. stops (p,): stay. full: what lies in a row
+    without being pressed does not end it. coarse: only inside of rows. Returns how many there are.
+    """
+    count = 0
+    j = 0
+    for k in range(3, nodes.shape[0] - 3):
+        around = 0
+        for i in range(k - 2, k + 3):
+            around += lies(near, on, i) if full else on[i, 0] != BARE
+        if around != 5 and (around != 0 or coarse):
+            continue
+        x = nodes[k]
+        while j < middles.shape[0] and middles[j] < x:
+            j += 1
+        wide = spacing[min(j, middles.shape[0] - 1)]
+        if 0 < j < middles.shape[0]:
+            wide += (spacing[j - 1] - wide) * (middles[j] - x) / (middles[j] - middles[j - 1])
+        if not nodes[k + 1] - nodes[k - 1] < CLOSE * wide:
+            continue
+        stays = count > 0 and away[count - 1] == k - 1
+        for stop in stops:
+            stays = stays or stop == x
+        if not stays:
+            away[count] = k
+            count += 1
+    return count
+
+
+@kernel
+def stretched(out: Array, points: int, stretch: float, last: float) -> tuple[float, float]:
+    """[m] by how much a cable that gives by `stretch` [1/N] is longer, in all and up to the arc length `last`.
+
+    out: as CableShape.buffer; the integral of the tension by the trapezoidal rule.
+    """
+    whole = held = before = 0.0
+    for k in range(points):
+        i, f = 4 * points + 4 * k, 11 * points + 3 * k
+        x, y, z, w = out[i], out[i + 1], out[i + 2], out[i + 3]
+        along = out[f] * 2.0 * (x * z + w * y) + out[f + 1] * 2.0 * (y * z - w * x)
+        tension = along + out[f + 2] * (1.0 - 2.0 * (x * x + y * y))
+        if k > 0:
+            part = 0.5 * stretch * (before + tension) * (out[k] - out[k - 1])
+            whole += part
+            if out[k] <= last:
+                held += part
+        before = tension
+    return whole, held
