@@ -75,7 +75,7 @@ def test_a_mesh_from_a_file_on_a_link(tmp_path):
         assert shape.status is cs.Status.OK, (height, shape)
     fixed = lowered(over(BLOCK, cs.Pose((0.42, 0, height))), heights=[0.5])
     assert shape.contacts
-    assert apart(shape, fixed) < shape.error_estimate + fixed.error_estimate < 5e-4 * CABLE.length  # meshes of their own
+    assert apart(shape, fixed) < shape.error_estimate + fixed.error_estimate < 5e-4 * CABLE.length
     moving.reset()
     shape = moving.predict(*ends, {"tool": cs.Pose((0.42, 0, height))})
     assert apart(shape, fixed) < 2e-6
