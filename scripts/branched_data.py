@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -14,7 +15,7 @@ import cable_shape as cs
 
 BRANCHED = DATA / "branched"
 #: Rows of the tables of accelerations, of each segment.
-ROWS = 3
+ROWS = 2
 #: Arms by number: the parent, then its children.
 LETTERS = "pabcdefgh"
 
@@ -23,9 +24,10 @@ LETTERS = "pabcdefgh"
 class Branched:
     """Frames of one object, as observations `static` and `moving` (with inertial load), and what is known of each.
 
-    straight (n,): mean distances [m] of parent's and children's vertices to straight lines, (n, 2); counts: of these
-    vertices; runs: keys of the observations' points, the parent's first; branches: ends with which children begin;
-    angles (n, children) [rad]: between a child and the arm it hangs on, below 0 on the other side than the first.
+    straight (n, 2): mean distances [m] of parent's and children's vertices to straight lines; runs: keys of the
+    observations' points, the parent's first; branches: ends with which children begin; angles (n, children) [rad]:
+    between a child and the arm it hangs on, below 0 on the other side than the first; other_day (n,): whether it is a
+    frame of other days than most.
     """
 
     name: str
@@ -39,13 +41,33 @@ class Branched:
     length: float
     kind: np.ndarray
     traj: np.ndarray
-    take: np.ndarray
     other_day: np.ndarray
     part: np.ndarray
 
     def where(self, kinds: tuple[str, ...], part: int, inside: bool) -> np.ndarray:
-        """Indices of frames of these kinds, inside or outside of one part of the trajectories, all of the main days."""
+        """Indices of frames of these kinds, inside or outside of one part of the trajectories, without other days."""
         return np.flatnonzero(np.isin(self.kind, kinds) & ((self.part == part) == inside) & ~self.other_day)
+
+    def elsewhere(self, kinds: tuple[str, ...]) -> np.ndarray:
+        """Indices of frames of these kinds of other days."""
+        return np.flatnonzero(np.isin(self.kind, kinds) & self.other_day)
+
+    @property
+    def trunk(self) -> str:
+        """The parent's segments."""
+        return self.runs[0]
+
+    def measured(self, learn: np.ndarray) -> cs.Harness:
+        """The harness whose children leave their junctions as these frames show, all in one plane about the arms."""
+        turns = {
+            end: cs.Pose(quaternion=(np.sin(0.5 * a), 0.0, 0.0, np.cos(0.5 * a)))
+            for end, a in zip(self.branches, self.angles[learn].mean(axis=0), strict=True)
+        }
+        junctions = [
+            cs.Junction(one.name, one.ends, frames={end: turns[end] for end in one.ends if end in turns})
+            for one in self.harness.junctions
+        ]
+        return self.harness.replace(junctions=junctions)
 
 
 @dataclass(frozen=True)
@@ -66,58 +88,89 @@ def load(name: str, parts: int, folder: Path = BRANCHED) -> Branched:
     """Frames of one object; whole trajectories go into one of so many parts of about the same number of frames."""
     with np.load(folder / f"{name}_frames.npz", allow_pickle=False) as file:
         d = {key: file[key] for key in file.files}
-    x, a = (d[key].astype(np.float64) for key in ("frames", "acc"))
-    arc, take = d["arc"].astype(np.float64), d["take"]
+    x, arc = d["frames"].astype(np.float64), d["arc"].astype(np.float64)[d["take"]]
     arms = [np.flatnonzero(d["arm"] == k) for k in range(int(d["arm"].max()) + 1)]
-    held = {int(v) for v in d["grips"]}
-    first, last = int(arms[0][0]), int(arms[0][-1])
-    near, far = {first, first + 1} <= held, {last, last - 1} <= held
-    begin, end = first + near, last - far
-    clips = sorted(held - {first, first + 1, last, last - 1} | (held & {first + 1} if not near else set()))
-    pieces = pieces_of(arms, [int(v) for v in d["arm_start"]], begin, end)
-    trunk = [piece for piece in pieces if piece.arm == 0]
-    harness = joined(pieces, np.median(arc, axis=0))
-    tangents = carried(x[:, first + 1] - x[:, first]), carried(x[:, last] - x[:, last - 1])
+    how = holding(d, arms[0])
+    pieces = pieces_of(arms, [int(v) for v in d["arm_start"]], how)
+    free = [[v for v in arm.tolist() if v not in d["grips"]] for arm in arms]
     runs = tuple("+".join(piece.name for piece in pieces if piece.arm == k) for k in range(len(arms)))
-    free = [[v for v in arm if v not in held] for arm in arms]
+    ends = held(x, arms[0], how, [piece.name for piece in pieces if piece.arm == 0])
     static, moving = [], []
-    for i in range(len(x)):
-        own = arc[take[i]]
-        ends, where = {}, {piece.name: along(piece, own) for piece in pieces}
-        if near:
-            ends[f"{trunk[0].name}.start"] = cs.Grip(cs.Pose(x[i, begin], tangents[0][i]), "swivel")
-        if far:
-            ends[f"{[p for p in pieces if p.arm == 0][-1].name}.end"] = cs.Grip(
-                cs.Pose(x[i, end], tangents[1][i]), "swivel"
-            )
-        scene = cs.Scene(clips=[clip(v, pieces, own, x[i]) for v in clips]) if clips else None
+    for i, own in enumerate(arc):
         points = {run: x[i, vertices] for run, vertices in zip(runs, free, strict=True)}
-        lengths = {name: float(s[-1] - s[0]) for name, s in where.items()}
-        loads = {}
-        for arm, vertices in enumerate(arms):
-            begins = int(d["arm_start"][arm])
-            at = vertices if begins < 0 else np.concatenate(([begins], vertices))
-            spline = CubicSpline(np.where(at == begins, 0.0, own[at]), a[i, at])
-            for piece in (p for p in pieces if p.arm == arm):
-                loads[piece.name] = spline(np.linspace(where[piece.name][0], where[piece.name][-1], ROWS))
-        told = {"lengths": lengths, "scene": scene, "group": int(d["traj"][i])}
-        static.append(cs.HarnessObservation(ends, points, **told))
-        moving.append(cs.HarnessObservation(ends, points, acceleration=loads, **told))
-    other = d["split"] == "test"
-    start = clips[0] if clips and not near else begin
+        told = {
+            "lengths": {piece.name: float(np.ptp(along(piece, own))) for piece in pieces},
+            "scene": cs.Scene(clips=[clip(v, pieces, own, x[i]) for v in how.clips]) if how.clips else None,
+            "group": int(d["traj"][i]),
+        }
+        static.append(cs.HarnessObservation(ends[i], points, **told))
+        loads = accelerations(d["acc"][i].astype(np.float64), d, arms, pieces, own)
+        moving.append(cs.HarnessObservation(ends[i], points, acceleration=loads, **told))
+    start = how.clips[0] if how.clips and not how.near else how.begin
     return Branched(
-        name, harness, static, moving, straight_lines(x, arc[take], d, free, start, end), runs,
-        sides(d, arms) * directions(x, d, arms),
+        name, joined(pieces, np.median(arc, axis=0)), static, moving,
+        straight_lines(x, arc, d, free, start, how.end), runs, sides(d, arms) * directions(x, d, arms),
         tuple(f"{run.partition('+')[0]}.start" for run in runs[1:]), float(d["parent_length"]), d["kind"], d["traj"],
-        take, other, shares(d["traj"], parts),
+        d["split"] == "test", shares(d["traj"], parts),
     )  # fmt: skip
 
 
-def pieces_of(arms: list[np.ndarray], starts: list[int], begin: int, end: int) -> list[Piece]:
-    """Segments of every arm, cut where another one hangs on it; those of the parent from vertex `begin` to `end`."""
+class Holding(NamedTuple):
+    """How the parent is held: its first and last vertex that count, whether a grip with a known tangent is there, and
+    the vertices held as points."""
+
+    begin: int
+    end: int
+    near: bool
+    far: bool
+    clips: list[int]
+
+
+def holding(d: dict[str, np.ndarray], parent: np.ndarray) -> Holding:
+    """Two held vertices at an end are a grip at the second of them; the others are held as points."""
+    given = {int(v) for v in d["grips"]}
+    first, last = int(parent[0]), int(parent[-1])
+    near, far = {first, first + 1} <= given, {last, last - 1} <= given
+    gripped = ({first, first + 1} if near else set()) | ({last, last - 1} if far else set())
+    return Holding(first + near, last - far, near, far, sorted(given - gripped))
+
+
+def held(x: np.ndarray, parent: np.ndarray, how: Holding, trunk: list[str]) -> list[dict[str, cs.Grip]]:
+    """The grips of each frame: their roll was not measured."""
+    first, last = int(parent[0]), int(parent[-1])
+    near, far = carried(x[:, first + 1] - x[:, first]), carried(x[:, last] - x[:, last - 1])
+    out: list[dict[str, cs.Grip]] = []
+    for places, q, p in zip(x, near, far, strict=True):
+        ends = {}
+        if how.near:
+            ends[f"{trunk[0]}.start"] = cs.Grip(cs.Pose(places[how.begin], q), "swivel")
+        if how.far:
+            ends[f"{trunk[-1]}.end"] = cs.Grip(cs.Pose(places[how.end], p), "swivel")
+        out.append(ends)
+    return out
+
+
+def accelerations(
+    acc: np.ndarray, d: dict[str, np.ndarray], arms: list[np.ndarray], pieces: list[Piece], arc: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Of each segment (ROWS, 3) [m/s^2], by splines along the arms through those of the vertices (m, 3)."""
+    out = {}
+    for k, arm in enumerate(arms):
+        at, s = arm, arc[arm]
+        if k:
+            at, s = np.concatenate(([int(d["arm_start"][k])], arm)), np.concatenate(([0.0], s))
+        spline = CubicSpline(s, acc[at])
+        for piece in (piece for piece in pieces if piece.arm == k):
+            own = along(piece, arc)
+            out[piece.name] = spline(np.linspace(own[0], own[-1], ROWS))
+    return out
+
+
+def pieces_of(arms: list[np.ndarray], starts: list[int], how: Holding) -> list[Piece]:
+    """Segments of every arm, cut where another one hangs on it; those of the parent where it is held."""
     out = []
     for k, arm in enumerate(arms):
-        vertices = [v for v in arm.tolist() if begin <= v <= end] if k == 0 else [starts[k], *arm.tolist()]
+        vertices = [v for v in arm.tolist() if how.begin <= v <= how.end] if k == 0 else [starts[k], *arm.tolist()]
         cuts = [0, *(i for i, v in enumerate(vertices) if i and v in starts[1:]), len(vertices) - 1]
         for number, (low, high) in enumerate(pairwise(cuts)):
             out.append(Piece(f"{LETTERS[k]}{number}", k, tuple(vertices[low : high + 1])))

@@ -19,6 +19,9 @@ from cable_shape.errors import ArgumentError
 from cable_shape.harness import Harness
 from cable_shape.problem import GRAVITY
 
+#: A fit to many observations begins where one to about so many of them ends.
+_FIRST = 25
+
 
 def calibrate_harness(
     observations: Iterable[HarnessObservation],
@@ -77,7 +80,11 @@ def calibrate_harness(
                 "observations", f"{len(looks)} items", "none has a usable shape with the harness given",
                 "Are its lengths in metres, and does it reach its grips?",
             )  # fmt: skip
-        found = fitted(forward, told.step)
+        begin = None
+        if len(looks) >= 2 * _FIRST:
+            thin = HarnessForward(parameters, looks[:: len(looks) // _FIRST], gravity=gravity)
+            begin = fitted(thin, told.step).values
+        found = fitted(forward, told.step, begin)
     correlation = correlation_of(found.covariance)
     owners = owners_of(forward.observations)
     lost = len(np.unique(owners[np.isnan(found.misses[:, 0])]))
