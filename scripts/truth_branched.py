@@ -14,6 +14,8 @@ from truth_limits import mean_error
 import cable_shape as cs
 
 PARTS = 3
+#: A fit ends after so many iterations, converged or not: what is left then are combinations that the data hardly see.
+ITERATIONS = 15
 CALM, FASTER = ("still", "calm"), ("moderate",)
 STRAIGHT, ONE, ONE_MOVING = "straight lines", "EI/w, static", "EI/w, inertial load"
 ALL, ALL_MOVING = "calibrated, static", "calibrated, inertial load"
@@ -22,7 +24,9 @@ FAST_STRAIGHT, FAST, FAST_MOVING = (
     "moderate: calibrated, static",
     "moderate: calibrated, inertial",
 )
-DAY_ONE, DAY_ALL, DAY_OWN = "other days: EI/w of these days", "other days: calibrated", "other days: calibrated there"
+DAY_ONE, DAY_ALL, DAY_OWN = (
+    f"other days: {what}" for what in ("the same EI/w", "the same calibration", "calibrated there")
+)
 #: Figures that come with the data, of an independent rod tree on frames that do not: calibrated with inertial load on
 #: calm frames, of bdlo2 on moderate ones, and by how much on average they are to be bettered.
 TOLD = {"bdlo1": 1.7, "bdlo2": 2.9, "bdlo3": 2.0, "bdlo4": 1.9, "bdlo5": 1.4, "bdlo1_mid": 2.8, "bdlo3_mid": 5.2}
@@ -57,7 +61,7 @@ def calibrated(frames: Branched, learn: np.ndarray) -> tuple[cs.HarnessCalibrati
     seen = [frames.static[i] for i in learn]
     one = cs.calibrate(seen, frames.measured(learn))
     fit, priors = fit_of(frames)
-    return one, cs.calibrate(seen, one.harness, fit, priors=priors)
+    return one, cs.calibrate(seen, one.harness, fit, priors=priors, proceed=lambda i, _: i <= ITERATIONS)
 
 
 def off(found: cs.HarnessCalibration, seen: list[cs.HarnessObservation]) -> np.ndarray:
@@ -129,6 +133,8 @@ def branched(figures: Figures, quick: bool, folder: Path) -> dict[str, Any]:
     done = {}
     for name in tqdm(objects(folder), desc="objects"):
         done[name] = judge(load(name, PARTS, folder), quick)
+        told = {row: np.nanmean(values, axis=0) for row, values in done[name]["rows"].items()}
+        tqdm.write(f"{name}: " + "; ".join(f"{row} {_cell(mean)}" for row, mean in told.items()))
     table(done)
     for name, found in done.items():
         print(f"\n{name}, one part left out:\n{found['fits'][0][1].report()}")
@@ -156,7 +162,7 @@ def table(done: dict[str, dict[str, Any]]) -> None:
     line("---", ["---"] * len(done))
     for row in dict.fromkeys(row for found in done.values() for row in found["rows"]):
         means = [np.nanmean(found["rows"][row], axis=0) if row in found["rows"] else None for found in done.values()]
-        line(row, ["-" if m is None else f"{m[0]:.2f} ({m[1]:.2f}, {m[2]:.2f})" for m in means])
+        line(row, ["-" if mean is None else _cell(mean) for mean in means])
         if row in (ONE, ALL):
             both = [(found["rows"][row][:, 0], found["groups"]) for found in done.values()]
             kept = [(x[np.isfinite(x)], groups[np.isfinite(x)]) for x, groups in both]
@@ -178,3 +184,7 @@ def table(done: dict[str, dict[str, Any]]) -> None:
         stiff.append(" / ".join(f"{cable.mean_bending_stiffness / weight:.1e}" for cable in estimates))
     line("EI/w of the parent [m³], alone / calibrated", stiff)
     line("length of the parent [m]", [f"{found['frames'].length:.3f}" for found in done.values()])
+
+
+def _cell(mean: np.ndarray) -> str:
+    return f"{mean[0]:.2f} ({mean[1]:.2f}, {mean[2]:.2f})"
