@@ -271,8 +271,8 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, Any]]] = {
 #: What a call returns, errors, and what takes nothing.
 NOT_CALLED = {
     "BodyDistance", "CableShape", "CableWarning", "Calibration", "Clearance", "ClipLoad", "Contact", "CycleReport",
-    "Estimate", "HarnessCalibration", "HarnessShape", "Margin", "PlugError", "Reason", "Severity", "ShapeBatch", "Status",
-    "Stress", "TrajectoryCheck", "Tube", "Violation", "WarningKind", "warm_up",
+    "Estimate", "HarnessCalibration", "HarnessShape", "Margin", "PlugError", "Reason", "Severity", "ShapeBatch",
+    "Status", "Stress", "TrajectoryCheck", "Tube", "Violation", "WarningKind", "warm_up",
 }  # fmt: skip
 
 numbers = st.sampled_from(
