@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from cable_shape.cable import Cable
     from cable_shape.cable_file import CableFile, Held
     from cable_shape.calibration.fit import calibrate
+    from cable_shape.calibration.harness_observation import HarnessObservation
+    from cable_shape.calibration.harness_result import HarnessCalibration
     from cable_shape.calibration.memory import rest_curvature_from
     from cable_shape.calibration.observation import Observation
     from cable_shape.calibration.photo import calibrate_photo
@@ -94,6 +96,8 @@ __all__ = [
     "HalfSpace",
     "Harness",
     "HarnessBatch",
+    "HarnessCalibration",
+    "HarnessObservation",
     "HarnessShape",
     "Held",
     "InputError",
@@ -145,6 +149,8 @@ _HOMES = {
     "cable": ("Cable",),
     "cable_file": ("CableFile", "Held"),
     "calibration.fit": ("calibrate",),
+    "calibration.harness_observation": ("HarnessObservation",),
+    "calibration.harness_result": ("HarnessCalibration",),
     "calibration.memory": ("rest_curvature_from",),
     "calibration.observation": ("Observation",),
     "calibration.photo": ("calibrate_photo",),

@@ -35,10 +35,11 @@ class HarnessProblem:
     points : int, of each segment
     tolerance : float [m], largest position error allowed
     ends : mapping of open end to Grip or FreeEnd
+    laid_out : mapping of how the ends are held to the network that this makes, see `solve.harness_layout`
     """
 
     __slots__ = (
-        "_given", "_keywords", "_loads", "_scenes", "clip_names", "clips", "ends", "gravity", "harness",
+        "_given", "_keywords", "_loads", "_scenes", "clip_names", "clips", "ends", "gravity", "harness", "laid_out",
         "points", "scene", "segments", "tolerance",
     )  # fmt: skip
 
@@ -69,6 +70,7 @@ class HarnessProblem:
             self.segments[name] = self._segment(name, moves.get(name))
         first = next(iter(self.segments.values()))
         self.gravity, self.points = first.gravity, first.points
+        self.laid_out: dict[tuple[str, ...], Any] = {}
         self._given: dict[str, End] | None = None
         self.ends: dict[str, Grip | FreeEnd] = dict.fromkeys(harness.open_ends, _FREE)
 
@@ -92,6 +94,7 @@ class HarnessProblem:
         for name in self.__slots__:
             setattr(other, name, getattr(self, name))
         other.segments = {name: self._segment(name, moves.get(name)) for name in self.segments}
+        other.laid_out = {}
         return other
 
     @property

@@ -6,6 +6,7 @@ them only the synthetic part runs.
 
 from __future__ import annotations
 
+import argparse
 import csv
 import math
 import sys
@@ -14,8 +15,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from branched_data import BRANCHED, objects
 from cosserat_figures import Figures, bench_options, bench_parser, finish, heading
 from tqdm import tqdm
+from truth_branched import branched
 from truth_data import CABLES, DATA, Frames, load, recording
 from truth_limits import least, line, mean_error, read_off
 from truth_readings import readings
@@ -348,13 +351,19 @@ def synthetic(figures: Figures, count: int) -> dict[str, float]:
 def main() -> int:
     parser = bench_parser(__doc__, "one part of the frames, 40 synthetic cables")
     parser.add_argument("--picture", type=Path, metavar="FILE.png", help="draw predicted and measured cables")
-    parser.add_argument("--data", type=Path, default=DATA, metavar="FOLDER", help="recordings to judge (shared/data)")
+    parser.add_argument(
+        "--data", type=Path, metavar="FOLDER", help="recordings to judge (shared/data, or its branched)"
+    )
+    parser.add_argument("--branched", action="store_true", help="judge branched cables alone")
     parser.add_argument("--rest", type=Path, metavar="FILE.png", help="draw the rest shapes that were found")
     parser.add_argument("--frames", type=Path, metavar="FILE.csv", help="write the error of every judged frame")
     parser.add_argument("--readings", action="store_true", help="also read the frames in other ways")
     args = bench_options(parser)
     cs.warm_up()
     figures = Figures()
+    if args.branched:
+        return main_branched(parser, args, figures)
+    args.data = args.data or DATA
     out: dict[str, Any] = {"synthetic": synthetic(figures, 40 if args.quick else SYNTHETIC)}
     if args.data.is_dir():
         out |= real(figures, args.quick, args.data, args.picture, args.frames, args.rest)
@@ -367,6 +376,17 @@ def main() -> int:
     else:
         print(f"\nno recordings of real cables at {DATA.parent.name}/{DATA.name}: not judged")
     return finish(figures, args, tables=out)
+
+
+def main_branched(parser: argparse.ArgumentParser, args: argparse.Namespace, figures: Figures) -> int:
+    """Judges the branched cables in a folder."""
+    folder = args.data or BRANCHED
+    if folder.is_dir() and objects(folder):
+        return finish(figures, args, tables=branched(figures, args.quick, folder))
+    if args.data is not None:
+        parser.error(f"--data {folder}: no branched cables there. Name a folder with bdlo1_frames.npz and others.")
+    print(f"no recordings of branched cables at {'/'.join(BRANCHED.parts[-3:])}: not judged")
+    return 0
 
 
 if __name__ == "__main__":

@@ -37,6 +37,8 @@ SCENE = cs.Scene(
 )
 WIRE, OPEN = cs.Wire(0.002, 0.01, youngs_modulus=1e9, count=3), cs.Pose(quaternion=(0.6, 0, 0, 0.8))
 HARNESS = cs.Harness({"a": CABLE, "b": CABLE}, [cs.Junction("j", ("a.end", "b.end"), frames={"b.end": OPEN})])
+HELD = {"a.start": START}
+LOOKS = [cs.HarnessObservation(HELD, {"a": cs.predict(HARNESS, HELD, points=12).segments["a"].positions[2:-2]})]
 GOOD = {"length": 1.2, "linear_density": 0.1, "bending_stiffness": 0.01}
 SPREAD = cs.Uncertainty({"length": 1e-3}, (1e-3, 1e-2))
 PIXELS = {
@@ -230,6 +232,20 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, Any]]] = {
             "gravity": (0, 0, -9.81), "proceed": None,
         },
     ),
+    "HarnessObservation": (
+        cs.HarnessObservation,
+        {
+            "ends": HELD, "points": {"a": [[0.2, 0, 0.9]]}, "arc_length": {"a": [0.5]}, "lengths": {"b": 1.1},
+            "acceleration": {"a": (0, 0, 0)}, "scene": cs.Scene(), "group": 1,
+        },
+    ),
+    "calibrate, a harness": (
+        cs.calibrate,
+        {
+            "observations": LOOKS, "cable": HARNESS, "fit": ["tilt:b.end"], "priors": {"tilt": 0.1},
+            "gravity": (0, 0, -9.81), "proceed": None,
+        },
+    ),
     "calibrate_photo": (
         cs.calibrate_photo,
         {
@@ -273,9 +289,8 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, Any]]] = {
 #: What a call returns, errors, and what takes nothing.
 NOT_CALLED = {
     "BodyDistance", "CableShape", "CableWarning", "Calibration", "Clearance", "ClipLoad", "Contact", "CycleReport",
-    "Estimate", "HarnessBatch", "HarnessShape", "Margin", "PlugError", "Reason", "Severity", "ShapeBatch", "Status",
-    "Stress", "TrajectoryCheck",
-    "Tube", "Violation", "WarningKind", "warm_up",
+    "Estimate", "HarnessBatch", "HarnessCalibration", "HarnessShape", "Margin", "PlugError", "Reason", "Severity",
+    "ShapeBatch", "Status", "Stress", "TrajectoryCheck", "Tube", "Violation", "WarningKind", "warm_up",
 }  # fmt: skip
 
 numbers = st.sampled_from(

@@ -145,6 +145,26 @@ def test_clips_and_masses_hold_and_load_the_segment_that_they_name():
     np.testing.assert_allclose(total, (0.0, 0.0, -9.81 * weights), atol=1e-8)
 
 
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
+@pytest.mark.parametrize("what", ["mass", "section", "acceleration"])
+def test_what_changes_nothing_on_a_branch_that_hangs_free_moves_nothing(share, what):
+    """A mass of nothing, a section like the rest, a table of no acceleration: each makes a knot between two spans."""
+    arm = CABLE.replace(length=0.3, rest_curvature=(1.0, 0.5, 0.0))
+    plain, other, keywords = fork(arm=arm), fork(arm=arm), {}
+    if what == "mass":
+        keywords["scene"] = cs.Scene(masses=[cs.PointMass(0.3 * share, 1e-12, segment="c")])
+    elif what == "section":
+        part = cs.Section(0.3 * share, 0.3 * share + 0.02, linear_density=CABLE.linear_density)
+        other = fork(arm=arm.replace(sections=[part]))
+    else:
+        keywords["acceleration"] = {"c": ((0.0, 0.0, 0.0), (0.0, 0.0, share * 1e-9), (0.0, 0.0, 0.0))}
+    one = cs.predict(plain, ENDS, tolerance=1e-8)
+    two = cs.predict(other, ENDS, tolerance=1e-8, **keywords)
+    assert two.status is cs.Status.OK
+    for name, shape in one.segments.items():
+        assert np.abs(shape.positions - two.segments[name].positions).max() < 1e-8
+
+
 def test_an_accelerated_harness_feels_its_inertia():
     """Uniform: as if gravity were another. Of one segment alone: forces say so. Afterwards it is at rest again."""
     predictor = cs.Predictor(fork(mass=0.02))

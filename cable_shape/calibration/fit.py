@@ -4,35 +4,59 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from cable_shape import checks
 from cable_shape.cable import Cable
-from cable_shape.calibration.fitted import fitted, owners_of
+from cable_shape.calibration.fitted import elsewhere, fitted, owners_of
 from cable_shape.calibration.forward import Forward
+from cable_shape.calibration.harness_fit import calibrate_harness
+from cable_shape.calibration.harness_observation import HarnessObservation
+from cable_shape.calibration.harness_result import HarnessCalibration
 from cable_shape.calibration.observation import Observation
 from cable_shape.calibration.parameters import ROWS, Parameters
 from cable_shape.calibration.progress import Progress
 from cable_shape.calibration.result import Calibration, correlation_of, estimates_of, grips_of, remarks_of
-from cable_shape.calibration.robust import Fit
 from cable_shape.calibration.supports import Task, supports_of
-from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
+from cable_shape.harness import Harness
 from cable_shape.pose import Grip
 from cable_shape.problem import GRAVITY
 from cable_shape.quasistatic import inertia_of
 from cable_shape.scene import Scene
 from cable_shape.solve.cables import FREE_ROTATIONS
 
-#: Another shape is nearer with a median miss below this fraction.
-_NEARER = 0.8
 
-
+@overload
 def calibrate(
     observations: Iterable[Observation],
     cable: Cable,
+    fit: str | Sequence[str] = ...,
+    *,
+    priors: Mapping[str, float] | None = ...,
+    supports: int | str = ...,
+    gravity: ArrayLike = ...,
+    scene: Scene | None = ...,
+    proceed: Callable[[int, float], bool] | None = ...,
+    progress: bool = ...,
+) -> Calibration: ...
+@overload
+def calibrate(
+    observations: Iterable[HarnessObservation] | Harness,
+    cable: Harness | Iterable[HarnessObservation],
+    fit: str | Sequence[str] = ...,
+    *,
+    priors: Mapping[str, float] | None = ...,
+    gravity: ArrayLike = ...,
+    proceed: Callable[[int, float], bool] | None = ...,
+    progress: bool = ...,
+) -> HarnessCalibration: ...
+def calibrate(
+    observations: Iterable[Observation] | Iterable[HarnessObservation] | Harness,
+    cable: Cable | Harness | Iterable[HarnessObservation],
     fit: str | Sequence[str] = ("bending_stiffness",),
     *,
     priors: Mapping[str, float] | None = None,
@@ -41,7 +65,7 @@ def calibrate(
     scene: Scene | None = None,
     proceed: Callable[[int, float], bool] | None = None,
     progress: bool = True,
-) -> Calibration:
+) -> Calibration | HarnessCalibration:
     """The cable whose predicted shapes come nearest to the observed points, and how well it is known.
 
     Each observation is predicted by the Cosserat rod. Stray points are weighted down (see
@@ -53,8 +77,9 @@ def calibrate(
     Parameters
     ----------
     observations : iterable of Observation
-    cable : Cable
-        Where the fit begins, and all that is not fitted.
+    cable : Cable or Harness
+        Where the fit begins, and all that is not fitted. With a harness, before its observations or after them, this is
+        :func:`cable_shape.calibration.harness_fit.calibrate_harness`.
     fit : sequence of str
         "bending_stiffness" (its two values keep their ratio; GJ follows unless fitted), "twisting_stiffness",
         "axial_stiffness", "length", "rest_curvature" (constant, about d1 and d2), "rest_curvature_along" (of hat
@@ -81,10 +106,17 @@ def calibrate(
     ArgumentError
         For wrong arguments, or if no observation has a usable shape with the cable given.
     """
+    if isinstance(observations, Harness) or isinstance(cable, Harness):
+        harness, looks = (observations, cable) if isinstance(observations, Harness) else (cable, observations)
+        _refuse_of_cables(supports, scene)
+        return calibrate_harness(
+            looks, harness, fit, priors=priors, gravity=gravity, proceed=proceed, progress=progress,  # type: ignore[arg-type]
+        )  # fmt: skip
     seen = checks.entries("observations", observations, Observation)
     if not seen:
         raise ArgumentError.of("observations", "0 items", "it must be Observations, one at least", "Give some.")
-    checks.instance("cable", cable, (Cable,), "Write Cable(length=..., ...).")
+    checks.instance("cable", cable, (Cable, Harness), "Write Cable(length=..., ...).")
+    assert isinstance(cable, Cable)
     if proceed is not None and not callable(proceed):
         raise ArgumentError.of("proceed", proceed, "it must be a function", "Leave it out, or give one.")
     if any(o.group is not None and o.group < 0 for o in seen):
@@ -119,7 +151,7 @@ def calibrate(
             *remarks_of(each, found.covariance, correlation, found.blind, found.converged, lost),
             *parameters.by_prior(found.covariance),
             *_direction(names, seen),
-            *_elsewhere(found, owners),
+            *elsewhere(found, owners),
         ),
         points=tuple(o.points for o in seen),
         centrelines=tuple(forward.centrelines(found.values)),
@@ -132,6 +164,16 @@ def calibrate(
     )
 
 
+def _refuse_of_cables(supports: int | str, scene: Scene | None) -> None:
+    """Refuses what is not for a harness."""
+    if supports != ROWS:
+        bound = "a harness has no rest curvature along its segments to fit"
+        raise ArgumentError.of("supports", supports, bound, "Fit 'rest_curvature:each', or split the segments.")
+    if scene is not None:
+        bound = "clips of a harness belong to its observations"
+        raise ArgumentError.of("scene", scene, bound, "Write HarnessObservation(..., scene=Scene(clips=[...])).")
+
+
 def _direction(names: Sequence[str], seen: Sequence[Observation]) -> Iterator[str]:
     """What a rest curvature means where no grip holds the roll of the cable."""
     if not any(name.startswith("rest_curvature") for name in names):
@@ -142,15 +184,3 @@ def _direction(names: Sequence[str], seen: Sequence[Observation]) -> Iterator[st
         "no grip holds the cable's roll: of its rest curvature the size is known, and how it turns along the cable, "
         "but not its direction in the grips."
     )
-
-
-def _elsewhere(found: Fit, owners: Array) -> Iterator[str]:
-    """How many observations look like another stable shape than the one that is predicted from nothing."""
-    count = 0
-    for i in np.unique(owners):
-        fresh, followed = (
-            float(np.median(np.linalg.norm(misses[owners == i], axis=1))) for misses in (found.misses, found.followed)
-        )
-        count += followed < _NEARER * fresh
-    if count:
-        yield f"{count} observations are nearer to another stable shape than to the one predicted from nothing."

@@ -2,17 +2,72 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from typing import Protocol
 
 import numpy as np
 
-from cable_shape.calibration.forward import Forward
-from cable_shape.calibration.observation import Observation
+from cable_shape.calibration.parameters import Parameter
 from cable_shape.calibration.robust import Fit, Robust
 from cable_shape.checks import Array
 
+#: Another shape is nearer with a median miss below this fraction.
+_NEARER = 0.8
 
-def fitted(forward: Forward, proceed: Callable[[int, float], bool] | None = None, begin: Array | None = None) -> Fit:
+
+class Look(Protocol):
+    """The points of one observation."""
+
+    @property
+    def points(self) -> Array:
+        """(m, 3) [m]."""
+
+    @property
+    def arc_length(self) -> Array:
+        """(m,) [m], NaN where it is not known."""
+
+    @property
+    def planar(self) -> bool:
+        """Whether they were seen in a plane only."""
+
+    @property
+    def group(self) -> int | None:
+        """Number of the recording."""
+
+
+class Numbers(Protocol):
+    """What is fitted."""
+
+    each: list[Parameter]
+    start: Array
+
+    @property
+    def precision(self) -> Array:
+        """(k, k), of what is known before."""
+
+
+class Model(Protocol):
+    """What predicts observations, see :class:`cable_shape.calibration.forward.Forward`."""
+
+    @property
+    def observations(self) -> Sequence[Look]:
+        """In the order of the misses."""
+
+    @property
+    def parameters(self) -> Numbers:
+        """What is fitted."""
+
+    def misses(self, values: Array) -> Array:
+        """(n, 3) [m]."""
+
+    def afresh(self, values: Array) -> Array:
+        """The same of shapes predicted from nothing."""
+
+    def jacobian(self, values: Array, now: Array) -> Array:
+        """(n, 3, k)."""
+
+
+def fitted(forward: Model, proceed: Callable[[int, float], bool] | None = None, begin: Array | None = None) -> Fit:
     """The least loss over all observations of `forward`, from values `begin` (k,), by default where parameters start.
 
     What is known before is known about where the parameters start. proceed: see :class:`Robust`.
@@ -29,11 +84,23 @@ def fitted(forward: Forward, proceed: Callable[[int, float], bool] | None = None
     return robust.run(start if begin is None else begin, proceed, about=start)
 
 
-def owners_of(seen: Sequence[Observation]) -> Array:
+def owners_of(seen: Sequence[Look]) -> Array:
     """(n,): which observation each point is of."""
     return np.repeat(np.arange(len(seen)), [len(o.points) for o in seen])
 
 
-def groups_of(seen: Sequence[Observation]) -> Array:
+def groups_of(seen: Sequence[Look]) -> Array:
     """(observations,): a number for each group; those without one are groups of their own."""
     return np.array([-1 - i if o.group is None else o.group for i, o in enumerate(seen)])
+
+
+def elsewhere(found: Fit, owners: Array) -> Iterator[str]:
+    """How many observations look like another stable shape than the one that is predicted from nothing."""
+    count = 0
+    for i in np.unique(owners):
+        fresh, followed = (
+            float(np.median(np.linalg.norm(misses[owners == i], axis=1))) for misses in (found.misses, found.followed)
+        )
+        count += followed < _NEARER * fresh
+    if count:
+        yield f"{count} observations are nearer to another stable shape than to the one predicted from nothing."

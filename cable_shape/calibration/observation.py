@@ -63,12 +63,12 @@ class Observation:
     ) -> None:
         self.start = as_grip("start", start)
         self.end = FreeEnd() if end is None else end if isinstance(end, FreeEnd) else as_grip("end", end)
-        seen = _numbers("points", points)
+        seen = numbers_of("points", points)
         if seen.ndim != 2 or seen.shape[1] != 3:
             raise ArgumentError.of(
                 "points", f"shape {seen.shape}", "it must be (m, 3)", "Give one row x, y, z a point."
             )
-        arc = np.full(len(seen), math.nan) if arc_length is None else _numbers("arc_length", arc_length)
+        arc = np.full(len(seen), math.nan) if arc_length is None else numbers_of("arc_length", arc_length)
         if arc.shape != (len(seen),):
             remedy = "Give one number a point, NaN where it is not known."
             raise ArgumentError.of("arc_length", f"shape {arc.shape}", f"it must be ({len(seen)},)", remedy)
@@ -82,13 +82,13 @@ class Observation:
             )
         self.points = np.ascontiguousarray(seen[whole])
         self.arc_length = np.ascontiguousarray(arc[whole])
-        self.acceleration = None if acceleration is None else _numbers("acceleration", acceleration)
+        self.acceleration = None if acceleration is None else numbers_of("acceleration", acceleration)
         checks.instance("planar", planar, (bool, np.bool_), "Write True or False.")
         self.planar = bool(planar)
         self.group = None if group is None else checks.integer("group", group, at_least=-(2**62), at_most=2**62)
 
 
-def _numbers(name: str, value: ArrayLike) -> Array:
+def numbers_of(name: str, value: ArrayLike) -> Array:
     """`value` as float64, NaN allowed."""
     given = checks.numbers(name, value, f"Give {name} as an array.")
     if (np.abs(given) > checks.MOST).any():

@@ -214,12 +214,18 @@ class Parameters:
         place = [now.get(f"{side}_{axis}", 0.0) for axis in "xyz"]
         turn = [now.get(f"{side}_tilt_1", 0.0), now.get(f"{side}_tilt_2", 0.0)]
         roll = now.get("roll" if side == "end" else "start_roll", 0.0)
-        if not any(place) and not any(turn) and roll == 0.0:
-            return None
-        angle = math.hypot(*turn)
-        f = 0.5 if angle == 0.0 else math.sin(0.5 * angle) / angle
-        tilt = Pose(place, (f * turn[0], f * turn[1], 0.0, math.cos(0.5 * angle)))
-        return tilt * Pose((0.0, 0.0, 0.0), (0.0, 0.0, math.sin(0.5 * roll), math.cos(0.5 * roll)))
+        return displacement(place, turn, roll)
+
+
+def displacement(place: Sequence[float], turn: Sequence[float], roll: float) -> Pose | None:
+    """Where a cable frame lies beside another: moved [m] and tilted [rad, about d1 and d2] in it, then rolled about its
+    own d3 [rad]; None: it is the same."""
+    if not any(place) and not any(turn) and roll == 0.0:
+        return None
+    angle = math.hypot(*turn)
+    f = 0.5 if angle == 0.0 else math.sin(0.5 * angle) / angle
+    tilt = Pose(place, (f * turn[0], f * turn[1], 0.0, math.cos(0.5 * angle)))
+    return tilt * Pose((0.0, 0.0, 0.0), (0.0, 0.0, math.sin(0.5 * roll), math.cos(0.5 * roll)))
 
 
 def supports_in(names: Sequence[str], size: int) -> int:

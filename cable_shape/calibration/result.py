@@ -102,17 +102,7 @@ class Calibration:
         It is none where the fit did not converge, or where the usual point is missed by more than a tenth of the
         length: whatever was seen, it was not this cable between these grips.
         """
-        if not self.converged:
-            return "the fit did not converge: start nearer, fit less, or give priors."
-        kept = self.distances[(self.weights > STRAY) & np.isfinite(self.distances)]
-        usual = float(np.median(kept)) if len(kept) else 0.0
-        if usual > EXPLAINED * self.cable.length:
-            part = 100.0 * usual / self.cable.length
-            return (
-                f"the fit explains nothing: the usual point is missed by {part:.0f} % of the length. Are points and "
-                "grips in one frame and in metres, the grips' kinds and the length right?"
-            )
-        return ""
+        return trouble_of(self.converged, self.distances[self.weights > STRAY], self.cable.length)
 
     @property
     def file(self) -> CableFile:
@@ -127,20 +117,13 @@ class Calibration:
 
     def report(self) -> str:
         """In words, one line each."""
-        seen = self.distances[np.isfinite(self.distances)]
         weight = self.cable.linear_density * STANDARD_GRAVITY
         lines = [f"{e.name:<22} {e}" for e in self.estimates]
         if weight > 0.0:
             lines.append(f"{'EI / weight':<22} {self.cable.mean_bending_stiffness / weight:.4g} m^3")
-        if not len(seen):
+        if not np.isfinite(self.distances).any():
             return "\n".join([*lines, *(f"note: {remark}" for remark in self.remarks)])
-        length = self.cable.length
-        lines.append(
-            f"{'misses':<22} mean {1e3 * seen.mean():.3g} mm ({100.0 * seen.mean() / length:.2f} % of the length), "
-            f"90 % below {1e3 * np.percentile(seen, 90.0):.3g} mm, {len(seen)} points"
-        )
-        stray = int((self.weights[np.isfinite(self.distances)] <= STRAY).sum())
-        lines.append(f"{'stray points':<22} {stray}, hardly counted")
+        lines += misses_in_words(self.distances, self.weights, self.cable.length, 22)
         lines.append(f"{'iterations':<22} {self.iterations}{'' if self.converged else ', not converged'}")
         return "\n".join([*lines, *(f"note: {remark}" for remark in self.remarks)])
 
@@ -148,18 +131,7 @@ class Calibration:
         """As plain numbers, for JSON; None for what is not finite."""
         return {
             "cable": self.cable.as_dict(),
-            "estimates": {
-                e.name: {
-                    "unit": e.unit,
-                    "value": e.value,
-                    "standard_error": _finite(e.standard_error),
-                    "interval_95": [_finite(e.low), _finite(e.high)],
-                }
-                for e in self.estimates
-            },
-            "correlation": [[_finite(x) for x in row] for row in self.correlation.tolist()],
-            "scale": self.scale,
-            "mean_miss": float(np.nanmean(self.distances)) if len(self.distances) else None,
+            **told_of(self.estimates, self.correlation, self.scale, self.distances),
             "converged": self.converged,
             "trouble": self.trouble,
             "remarks": list(self.remarks),
@@ -203,6 +175,50 @@ class Calibration:
         file = path_of(path)
         file.write_text(self.yaml(), encoding="utf-8")
         return file
+
+
+def trouble_of(converged: bool, kept: Array, length: float) -> str:
+    """Why a fit that left these misses [m] on a cable of this length is no calibration; empty if it is one."""
+    if not converged:
+        return "the fit did not converge: start nearer, fit less, or give priors."
+    seen = kept[np.isfinite(kept)]
+    usual = float(np.median(seen)) if len(seen) else 0.0
+    if usual > EXPLAINED * length:
+        part = 100.0 * usual / length
+        return (
+            f"the fit explains nothing: the usual point is missed by {part:.0f} % of the length. Are points and "
+            "grips in one frame and in metres, the grips' kinds and the length right?"
+        )
+    return ""
+
+
+def misses_in_words(distances: Array, weights: Array, length: float, width: int) -> list[str]:
+    """Lines of a report on what a fit left, for a cable of this length [m]."""
+    seen = distances[np.isfinite(distances)]
+    stray = int((weights[np.isfinite(distances)] <= STRAY).sum())
+    return [
+        f"{'misses':<{width}} mean {1e3 * seen.mean():.3g} mm ({100.0 * seen.mean() / length:.2f} % of the length), "
+        f"90 % below {1e3 * np.percentile(seen, 90.0):.3g} mm, {len(seen)} points",
+        f"{'stray points':<{width}} {stray}, hardly counted",
+    ]
+
+
+def told_of(estimates: Sequence[Estimate], correlation: Array, scale: float, distances: Array) -> dict[str, Any]:
+    """Entries of a calibration's mapping for JSON."""
+    return {
+        "estimates": {
+            e.name: {
+                "unit": e.unit,
+                "value": e.value,
+                "standard_error": _finite(e.standard_error),
+                "interval_95": [_finite(e.low), _finite(e.high)],
+            }
+            for e in estimates
+        },
+        "correlation": [[_finite(x) for x in row] for row in correlation.tolist()],
+        "scale": scale,
+        "mean_miss": float(np.nanmean(distances)) if len(distances) else None,
+    }
 
 
 def grips_of(observations: Sequence[Observation], parameters: Parameters, values: Array) -> tuple[Held, Held]:

@@ -30,6 +30,8 @@ LEVER = 1e6
 Name = tuple[str | int | float, ...]
 Mask = tuple[float, ...]
 _ALL, _NONE = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
+#: Knots of whose rotation a guess is to be made: ends that are tied to one begin with the same frame, and keep to it.
+_GUESSED = ("junction", "lever", "station")
 
 
 @final
@@ -44,7 +46,7 @@ class Layout(NamedTuple):
     own: Array  # (k, 3) [N], loads of segments at knots: point masses
     at_masses: tuple[tuple[int, float, Array], ...]  # knot, mass [kg], what weighs on it [m/s^2]
     levers: tuple[tuple[int, float], ...]  # span and length [m] of each, in the order of their cables, the last ones
-    placed: Array  # (k,) whole numbers, 1: the rotation of a rigid junction, of which a guess is to be made
+    placed: Array  # (k,) whole numbers, 1: a rotation of which a guess is to be made
 
 
 @final
@@ -119,12 +121,11 @@ def layout_of(problem: HarnessProblem, kinds: Mapping[str, str]) -> Layout:
     structure = Structure(
         tuple(build.knots), tuple(build.spans), tuple(cables), (), tuple(build.free), tuple(build.loose)
     )
-    placed = np.array(
-        [int(name[0] in ("junction", "lever") and build.knots[row].turns) for name, row in build.rows.items()]
-    )
+    placed = [name[0] in _GUESSED and build.knots[row].turns for name, row in build.rows.items()]
     return Layout(
         structure, np.array(build.frames), build.rows, spans, np.array(build.arcs), own_loads,
-        tuple(row for row in masses if row[1] > 0.0), tuple(levers), placed,
+        tuple(row for row in masses if row[1] > 0.0), tuple(levers),
+        np.array(placed, dtype=np.int64),
     )  # fmt: skip
 
 

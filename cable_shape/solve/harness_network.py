@@ -104,8 +104,12 @@ class HarnessNetwork(Network):
         """Takes over how the ends are held, and what the segments are made of."""
         problem = self.problem
         before = self._layout
+        bare = None if before is None else self._bare
         self._kinds = kinds
-        layout = self._layout = layout_of(problem, dict(zip(problem.ends, kinds, strict=True)))
+        if kinds not in problem.laid_out:
+            problem.laid_out[kinds] = layout_of(problem, dict(zip(problem.ends, kinds, strict=True)))
+        layout: Layout = problem.laid_out[kinds]
+        self._layout = layout
         self.structure, self._bare = layout.structure, bare_of(layout.structure)
         self.spans = len(layout.structure.spans)
         self.cables = len(layout.structure.cables)
@@ -146,8 +150,12 @@ class HarnessNetwork(Network):
             self.history = self.elements = 0
             return
         counts = np.diff(self.ints[tables.HEAD : tables.HEAD + self.spans + 1])
-        pieces = [self._as_dense(self.nodes[a : b + 1]) for a, b in self.runs]
-        self.lay_out(pieces, counts.tolist())
+        assert before is not None
+        if self._bare is bare and np.array_equal(layout.arcs, before.arcs):
+            self.take_over(self.held)
+        else:
+            pieces = [self._as_dense(self.nodes[a : b + 1]) for a, b in self.runs]
+            self.lay_out(pieces, counts.tolist())
         self.history = min(self.history, 1)
 
     def _clipped(self) -> list[str]:

@@ -128,7 +128,10 @@ class HarnessSearch(Search):
         """Makes the loads those at this share of the way from the last ones, if they differ."""
         if self.told is not None:
             state = self.state
-            state.take_over(state.held if at == 1.0 else (1.0 - at) * self.told + at * state.held)
+            if at in (0.0, 1.0):  # some of its numbers may be infinite
+                state.take_over(state.held if at else self.told)
+            else:
+                state.take_over((1.0 - at) * self.told + at * state.held)
 
     def _give_up(self, goal: Array) -> HarnessShape:  # type: ignore[override]
         """Out of time away from the goal: the shape for the supports that were reached, if any."""
