@@ -57,7 +57,7 @@ def test_a_recording_without_the_topics_names_those_found(tmp_path: Path) -> Non
     text = str(caught.value)
     assert f"has no topic {LEFT}" in text
     assert "Topics found: /arm/tool (geometry_msgs/msg/PoseStamped)" in text
-    assert "--left-topic, --right-topic or --joints-topic" in text
+    assert "--left-topic, --right-topic, --joints-topic or --tf-topic" in text
 
 
 def test_topics_can_be_named(tmp_path: Path) -> None:

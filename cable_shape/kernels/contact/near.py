@@ -155,11 +155,10 @@ def lies(near: Array, on: Array, k: int) -> bool:
 def along_cable(q: Array, h: Array, near: Array, on: Array, k: int, least: float, flex: float) -> float:
     """Second derivative of the distance along the cable at a contact that runs along it [1/m]; 0 if it does not.
 
-    On a body that is not sharp a contact runs if no node beside it lies there. least [1/m]: second derivative from
-    which on.
+    On a body that is not sharp a contact runs if it has no neighbour. least [1/m]: second derivative from which on.
     """
     edge = sharpness(q, near, k) * (h[k - 1] + h[k]) > SHARP
-    if not edge and (lies(near, on, k - 1) or lies(near, on, k + 1)):
+    if not edge and (on[k - 1, 0] != BARE or on[k + 1, 0] != BARE):
         return 0.0
     second, sharp = parting(q, h, near, k, flex)
     if edge:
