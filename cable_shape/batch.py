@@ -197,7 +197,7 @@ class _Work:
         self.starts, self.ends, self.how, self.acceleration = starts, ends, how, acceleration
         rod = cable.mean_bending_stiffness > 0.0 and predictor.model in ("cosserat", "auto")
         #: What all rows share, if they are solved together.
-        alone = scene.contact == "solve" or any(clip.kind == "slide" for clip in problem.clips)
+        alone = scene.contact == "solve" or any(clip.kind == "slide" for clip in problem.clips) or bool(cable.sections)
         self.network = None if alone or not rod else self._shared()
         if uncertainty is not None:
             check_tube(uncertainty, predictor, self.network)
@@ -205,7 +205,7 @@ class _Work:
         judged = [] if scene.contact == "off" else [body for body in scene.obstacles if body.link is None]
         self.checker = ClearanceChecker(
             Scene(obstacles=judged, warn_distance=scene.warn_distance, error_distance=scene.error_distance),
-            radius=0.5 * cable.diameter,
+            cable=cable,
         )
         self.watch = MarginWatch(cable, scene)
         self.batch = ShapeBatch(
@@ -290,7 +290,7 @@ class _Work:
         end = self._grips(Pose(), Pose())[1]
         masses, held = self.network.masses(end), isinstance(end, Grip)
         return batch_rows.Judged(
-            watch.section, watch.limits, watch.soft, held, masses, checker.radius, checker.horizon, *checker.tables
+            watch.pieces, watch.warn, watch.soft, held, masses, checker.radius, checker.horizon, *checker.tables
         )
 
     def _found(self) -> batch_rows.Found:

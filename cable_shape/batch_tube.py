@@ -71,8 +71,8 @@ def check_tube(uncertainty: Uncertainty, predictor: Predictor, network: Network 
         remedy = "Choose 'cosserat' or 'auto' and a bending stiffness above 0 N m^2, or leave the uncertainty out."
         raise ArgumentError.of("uncertainty", "given", bound, remedy)
     if network is None:
-        bound = "in a batch it is not known in clips of kind 'slide', nor with contact='solve'"
-        remedy = "Take Cycle(..., uncertainty=...) row by row, or leave these clips and contact out."
+        bound = "in a batch it is not known in clips of kind 'slide', of sections, nor with contact='solve'"
+        remedy = "Take Cycle(..., uncertainty=...) row by row, or leave these clips, sections and contact out."
         raise ArgumentError.of("uncertainty", "given", bound, remedy)
 
 

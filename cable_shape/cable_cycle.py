@@ -76,9 +76,7 @@ class CableCycle:
             side: Tail(cable, side, length, gravity=problem.gravity, points=problem.points)
             for side, length in cable.tails.items()
         }
-        checker = ClearanceChecker(
-            scene, radius=0.5 * cable.diameter, robot_links=robot_links, gripping_links=gripping_links
-        )
+        checker = ClearanceChecker(scene, cable=cable, robot_links=robot_links, gripping_links=gripping_links)
         self._checker = checker
         self._plug = plug
         self._snap_horizon = snap_horizon

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cable_shape import checks
+from cable_shape.cable import Cable
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels import bounds, distance, swollen, triangles
@@ -28,6 +29,7 @@ from cable_shape.meshes.tree import mesh_tables
 from cable_shape.pose import Pose
 from cable_shape.report import BodyDistance, Clearance
 from cable_shape.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Obstacle, Scene, Solid, Sphere
+from cable_shape.section import radius_of, thicker
 from cable_shape.shape import CableShape, Status
 
 #: Of these shapes no clearance is told: they are not where the cable is.
@@ -48,8 +50,10 @@ class ClearanceChecker:
     ----------
     scene : Scene
         Its obstacles are checked; those with a `link` move with the robot.
-    radius : float
-        [m], of the cable, at least 0.
+    radius : float, optional
+        [m], of the cable, at least 0. Default: that of `cable`.
+    cable : Cable, optional
+        Whose sections are as thick as they are.
     robot_links : sequence of Obstacle
         Collision geometry of the robot, each with its `link`.
     gripping_links : sequence of str
@@ -72,14 +76,18 @@ class ClearanceChecker:
         self,
         scene: Scene,
         *,
-        radius: float,
+        radius: float | None = None,
+        cable: Cable | None = None,
         robot_links: Sequence[Obstacle] = (),
         gripping_links: Sequence[str] = (),
         grip_exclusion: float = GRIP_EXCLUSION,
         horizon: float | None = None,
         cull: bool = True,
     ) -> None:
+        if radius is None:
+            radius = 0.0 if cable is None else radius_of(cable)
         self.radius = checks.number("radius", radius, at_least=0.0, unit="m")
+        self._cable = cable
         self.grip_exclusion = checks.number("grip_exclusion", grip_exclusion, at_least=0.0, unit="m")
         least = max(scene.warn_distance, scene.error_distance)
         if horizon is None:
@@ -127,6 +135,9 @@ class ClearanceChecker:
         checked = len(self.names) if links is not None else self._fixed
         if not checked:
             return Clearance(robot_checked=links is not None)
+        if self._cable is not None and self._cable.sections:
+            more = thicker(self._cable, shape.arc_length)
+            swell = more if swell is None else swell if more is None else swell + more
         result = np.empty((len(self.names), bounds.RESULT_COLUMNS))
         counts = np.empty(2, np.int64)
         rows = _NO_LINKS if links is None else link_rows(links, self._carried)

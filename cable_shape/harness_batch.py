@@ -210,7 +210,7 @@ class _Judged:
         bodies = [] if scene.contact == "off" else [body for body in scene.obstacles if body.link is None]
         around = Scene(obstacles=bodies, warn_distance=scene.warn_distance, error_distance=scene.error_distance)
         cables = harness.segments.items()
-        self._checkers = {name: ClearanceChecker(around, radius=0.5 * cable.diameter) for name, cable in cables}
+        self._checkers = {name: ClearanceChecker(around, cable=cable) for name, cable in cables}
         self._watches = {name: MarginWatch(cable, scene) for name, cable in cables}
         first = next(iter(self._checkers.values()))
         self.names, self.horizon = first.names, first.horizon

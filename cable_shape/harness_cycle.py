@@ -56,7 +56,7 @@ class HarnessCycle:
         self._checkers = {
             one: ClearanceChecker(
                 scene,
-                radius=0.5 * cable.diameter,
+                cable=cable,
                 robot_links=robot_links,
                 gripping_links=gripping_links if one in may_be_held else (),
             )

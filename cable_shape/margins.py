@@ -45,7 +45,7 @@ from cable_shape.problem import GRAVITY
 from cable_shape.quasistatic import bending_rate, swing_state
 from cable_shape.report import LOAD_MARGINS, Clearance, Margin, WarningKind
 from cable_shape.scene import Scene
-from cable_shape.section import refuse
+from cable_shape.section import pieces_of, slowest
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve.network import Network
 from cable_shape.solve.outcome import MODEL
@@ -87,6 +87,22 @@ def margins_of(
     return MarginWatch(cable, scene).margins(shape, clearance, 0, held=held)
 
 
+def _pieces(cable: Cable) -> Array:
+    """(p, PIECE), what a cable is made of and its limits, as `kernels.margins.measure_loads` takes them."""
+    rows = []
+    pieces = pieces_of(cable)
+    pulls = [one.max_tension for _, _, one in pieces if one.max_tension is not None]
+    longest = cable.length
+    for start, end, one in pieces:
+        if one.axial_stiffness is not None and pulls:
+            longest += (end - start) * min(pulls) / one.axial_stiffness
+    for start, end, one in pieces:
+        limits = (longest, one.max_tension, one.min_bend_radius, one.max_twist_rate, one.allowable_stress)
+        section = np.zeros(5) if one.allowable_stress is None else section_of(one)
+        rows.append((start, end, *section, *(math.nan if limit is None else limit for limit in limits)))
+    return np.array(rows)
+
+
 @final
 class MarginWatch:
     """The margins of one cable cycle by cycle; it remembers the last cycle for the times and for the softest mode.
@@ -104,18 +120,13 @@ class MarginWatch:
         gravity: ArrayLike = GRAVITY,
         quasistatic_limit: float | None = None,
     ) -> None:
-        refuse(cable, "a cycle, a trajectory or a margin")
-        self._cable = cable
-        self._weightless = cable.linear_density == 0.0 and not scene.masses
-        self._swing = swing_state(cable, gravity, quasistatic_limit)
-        longest = cable.length
-        if cable.axial_stiffness is not None and cable.max_tension is not None:
-            longest *= 1.0 + cable.max_tension / cable.axial_stiffness
-        limits = (longest, cable.max_tension, cable.min_bend_radius, cable.max_twist_rate, cable.allowable_stress)
-        warn = max(scene.warn_distance, scene.error_distance)
-        self.limits = np.array([math.nan if limit is None else limit for limit in (*limits, warn)])
-        self.section = np.zeros(5) if cable.allowable_stress is None else section_of(cable)
-        self.soft = min(*cable.bending_stiffness, cable.twisting_stiffness) / cable.length**2
+        self._slowest = slowest(cable)
+        made = [one for _, _, one in pieces_of(cable)]
+        self._weightless = not any(one.linear_density for one in made) and not scene.masses
+        self._swing = swing_state(self._slowest, gravity, quasistatic_limit)
+        self.warn = max(scene.warn_distance, scene.error_distance)
+        self.pieces = _pieces(cable)
+        self.soft = min(min(*one.bending_stiffness, one.twisting_stiffness) for one in made) / cable.length**2
         self._moving = np.empty(0, np.bool_) if moving is None else moving
         self.reset()
 
@@ -127,14 +138,15 @@ class MarginWatch:
         self._mu = math.nan
         unknown = np.full(kernels.SWING - kernels.EIGEN, math.nan)
         self._near, self._far, self._held = "", "", False  # kinds of the ends, and whether the second is held
-        self._lay_out(np.concatenate((self.limits, self.section, (self.soft,), unknown, self._swing, (0.0,))), 0)
+        self._lay_out(np.concatenate(((self.warn, self.soft), unknown, self._swing, (0.0,))), 0)
 
     def _lay_out(self, head: Array, bodies: int) -> None:
         """Makes the kernel's memory one for so many bodies; times to loads and bodies are not known then."""
         k, head_size = BODIES + bodies + 1, int(kernels.HEAD)
-        memory = np.full(head_size + 2 * (COLUMNS + 1) * k + bodies, math.nan)
+        until = head_size + 2 * (COLUMNS + 1) * k + bodies
+        memory = np.concatenate((np.full(until, math.nan), self.pieces.ravel()))
         memory[:head_size] = head[:head_size]
-        moving = memory[memory.size - bodies :]
+        moving = memory[until - bodies : until]
         known = min(bodies, len(self._moving))
         moving[:known], moving[known:] = self._moving[:known], False
         self._memory = memory
@@ -196,7 +208,7 @@ class MarginWatch:
             self._end[...] = end.array  # type: ignore[union-attr]
         if near != self._near or far != self._far or held != self._held:
             self._near, self._far, self._held = near, far, held
-            self._memory[kernels.SWING + swing.RATE] = bending_rate(self._cable, *ends)
+            self._memory[kernels.SWING + swing.RATE] = bending_rate(self._slowest, *ends)
         return held
 
     def margins(

@@ -23,6 +23,7 @@ from cable_shape.models.crossing_group import ITSELF
 from cable_shape.models.crossing_places import SHORTEST
 from cable_shape.report import BodyDistance, Clearance
 from cable_shape.scene import Obstacle, Scene
+from cable_shape.section import widest
 from cable_shape.shape import CableShape
 
 Counts = NDArray[np.int64]
@@ -60,7 +61,7 @@ class CableNear:
     ) -> None:
         self.cull = cull
         self._joined_ones = joined
-        self._diameters = {name: cable.diameter for name, cable in cables.items()}
+        self._diameters = {name: widest(cable) for name, cable in cables.items()}
         self._bodies_before = len(scene.obstacles) + len(robot_links)
         self._nothing = np.full((max(self._bodies_before, len(cables)), RESULT_COLUMNS), math.inf)
         self._spot = np.empty(cable_near.SPOT)

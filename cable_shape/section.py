@@ -133,6 +133,37 @@ def cable_at(cable: Cable, arc_length: float) -> Cable:
     return next((one for _, end, one in pieces_of(cable) if arc_length < end), pieces_of(cable)[-1][2])
 
 
+def radius_of(cable: Cable) -> float:
+    """[m], of the thinnest piece of a cable; what others are thicker by is `thicker`."""
+    return 0.5 * min(one.diameter for _, _, one in pieces_of(cable))
+
+
+def widest(cable: Cable) -> float:
+    """[m], diameter of the thickest piece of a cable."""
+    return max(one.diameter for _, _, one in pieces_of(cable))
+
+
+def slowest(cable: Cable) -> Cable:
+    """A cable without sections that swings at most as fast: as soft as the softest piece, as heavy as the heaviest."""
+    if not cable.sections:
+        return cable
+    made = [one for _, _, one in pieces_of(cable)]
+    softest = min(made, key=lambda one: one.mean_bending_stiffness)
+    return softest.replace(linear_density=max(one.linear_density for one in made))
+
+
+def thicker(cable: Cable, arc_length: Array) -> Array | None:
+    """(n,) [m], by how much a cable is thicker than `radius_of` at arc lengths; None: nowhere."""
+    if not cable.sections:
+        return None
+    least = radius_of(cable)
+    more = np.zeros(len(arc_length))
+    for start, end, one in pieces_of(cable):
+        here = (arc_length >= start) & (arc_length <= end)
+        more[here] = np.maximum(more[here], 0.5 * one.diameter - least)
+    return more if more.any() else None
+
+
 def refuse(cable: Cable, who: str, remedy: str = "Leave them out, or predict single shapes.") -> None:
     """Refuses a cable with sections where they are not known."""
     if cable.sections:

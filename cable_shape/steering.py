@@ -26,6 +26,7 @@ from cable_shape.errors import ArgumentError
 from cable_shape.held_cable import Held, HeldCable
 from cable_shape.report import BodyDistance
 from cable_shape.scene import Scene
+from cable_shape.section import widest
 
 __all__ = ["CableChordLimit", "CableClearanceLimit", "CablePointTask", "Held", "HeldCable"]
 
@@ -137,7 +138,7 @@ class CableClearanceLimit(mink.Limit):
         robot = held.robot
         self._checker = ClearanceChecker(
             Scene(obstacles=scene.obstacles, warn_distance=max(self.minimum, 0.0), error_distance=0.0),
-            radius=0.5 * held.predictor.cable.diameter,
+            radius=0.5 * widest(held.predictor.cable),
             robot_links=robot.link_geometry,
             gripping_links=robot.gripping_links,
             horizon=horizon,

@@ -19,6 +19,7 @@ from cable_shape.errors import ArgumentError
 from cable_shape.pose import Grip, Pose, as_grip
 from cable_shape.predictor import Predictor
 from cable_shape.problem import GRAVITY, MAX_POINTS, MIN_POINTS, TAIL_TOLERANCE
+from cable_shape.section import cable_at
 from cable_shape.shape import CableShape
 
 _BACKWARDS = Pose(quaternion=(1.0, 0.0, 0.0, 0.0))  # half a turn about d1
@@ -84,6 +85,7 @@ class Tail:
 
 def tail_cable(cable: Cable, side: str, length: float) -> Cable:
     """The tail as a cable of its own: the same material, its rest curvature as at that end of the cable."""
+    cable = cable_at(cable, 0.0 if side == "start" else cable.length)
     table = cable.rest_curvature.reshape(-1, 3)
     if side == "start":
         u1, u2, u3 = table[0]

@@ -201,7 +201,7 @@ class Judge:
         self.segment = segment
         self.checker = ClearanceChecker(
             Scene(obstacles=() if scene.contact == "off" else scene.obstacles, error_distance=scene.error_distance),
-            radius=0.5 * cable.diameter,
+            cable=cable,
             robot_links=() if robot is None or scene.contact == "off" else robot.link_geometry,
             gripping_links=robot.gripping_links if robot is not None and gripped else (),
         )

@@ -19,6 +19,7 @@ from cable_shape.kernels import tube
 from cable_shape.pose import Ends, FreeEnd, Grip, Pose, as_grip
 from cable_shape.predictor import Predictor
 from cable_shape.problem import GRAVITY
+from cable_shape.section import refuse
 from cable_shape.shape import CableShape
 from cable_shape.solve.outcome import MODEL
 from cable_shape.tails import Tail, held_frame
@@ -84,6 +85,7 @@ class TubeWatch:
                 "it is told by the Cosserat rod",
                 "Give a bending stiffness above 0 N m^2, or leave the uncertainty out.",
             )
+        refuse(cable, "an uncertainty", "Leave them out, or the uncertainty.")
         self.uncertainty = uncertainty
         self.trouble = ""  # why the last shape has no tube
         self._poses = uncertainty.poses

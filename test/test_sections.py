@@ -133,14 +133,13 @@ def test_a_cable_with_sections_is_read_as_it_is_written(tmp_path):
             lambda: CABLE.replace(sections=[cs.Section(0.1, 0.5, bending_stiffness=0.0, twisting_stiffness=0.0)]),
             r"needs it above 0 N m\^2",
         ),
-        (
-            lambda: cs.predict_batch(CABLE, np.array([START.array]), np.array([END.array])),
-            r"cable.sections = 2 .* knows no sections",
-        ),
         (lambda: CABLE.replace(sections="stiff"), r"sections = 'stiff' .* a list"),
         (lambda: cs.predict(CABLE, START, END, model="gradient4"), r"cable.sections = 2 .* model 'gradient4'"),
         (lambda: cs.predict(CABLE, START, END, scene=cs.Scene(contact="solve")), r"contact='solve' knows no sections"),
-        (lambda: cs.Cycle(CABLE), r"cable.sections = 2 .* knows no sections"),
+        (
+            lambda: cs.Cycle(CABLE, uncertainty=cs.Uncertainty({"length": 0.01})),
+            r"cable.sections = 2 .* an uncertainty knows no sections",
+        ),
         (lambda: cs.Wire(0.001, 0.01), r"one of the two is needed"),
         (lambda: cs.Wire(0.001, 0.01, youngs_modulus=1e9, count=0), r"Wire.count = 0"),
         (lambda: cs.Cable.from_wires([], 1.0), r"1 to 400 wires"),
@@ -154,6 +153,85 @@ def test_a_cable_with_sections_is_read_as_it_is_written(tmp_path):
 def test_bad_input_names_the_part(make, told):
     with pytest.raises(cs.ArgumentError, match=told):
         make()
+
+
+# -- what is judged by local values
+
+LIMITED = cs.Cable(
+    1.2, 0.1, 0.01, 0.008, diameter=0.01, min_bend_radius=0.05, max_tension=30.0, max_twist_rate=9.0,
+    allowable_stress=5e6,
+    sections=[
+        cs.Section(0.3, 0.5, bending_stiffness=0.05, diameter=0.03, min_bend_radius=0.3, max_tension=3.0),
+        cs.Section(0.9, 1.0, diameter=0.006, allowable_stress=1e5, max_twist_rate=1e-3),
+    ],
+)  # fmt: skip
+TURNED = cs.Pose((0.7, 0.1, 0.0), (0.0, 0.6, 0.0, 0.8))
+
+
+def local(values: dict[tuple[float, float], float], arc_length: np.ndarray, base: float) -> np.ndarray:
+    """A property at arc lengths: that of the stretches named, else the base."""
+    out = np.full(len(arc_length), base)
+    for (start, end), value in values.items():
+        out[(arc_length >= start) & (arc_length <= end)] = value
+    return out
+
+
+def test_margins_are_those_of_the_piece_that_uses_most_of_its_limit():
+    cycle = cs.Cycle(LIMITED, points=241)
+    report = cycle.step({"cable": (START, TURNED)}, stamp=0)
+    shape = report.shapes["cable"]
+    assert shape.status is cs.Status.OK
+    s, found = shape.arc_length, {margin.kind.name: margin for margin in report.margins["cable"]}
+    bend = np.hypot(shape.curvature[:, 0], shape.curvature[:, 1])
+    inside = local({(0.3, 0.5): 1.0}, s, 0.0) > 0.0
+    used = {
+        "BEND_RADIUS": np.where(inside, 0.3, 0.05) * bend,
+        "TENSION": shape.tension / np.where(inside, 3.0, 30.0),
+        "TWIST_RATE": np.abs(shape.curvature[:, 2]) / local({(0.9, 1.0): 1e-3}, s, 9.0),
+    }
+    for name, along in used.items():
+        i = int(along.argmax())
+        assert found[name].used == pytest.approx(along[i], rel=1e-12), name
+        assert found[name].arc_length == pytest.approx(s[i])
+    stress = cs.stress_of(LIMITED, shape).von_mises / local({(0.9, 1.0): 1e5}, s, 5e6)
+    assert found["STRESS"].used == pytest.approx(stress.max(), rel=0.05)  # at borders both pieces are judged
+    assert found["STRESS"].used >= stress.max() * (1.0 - 1e-12)
+    assert math.isfinite(found["STABILITY"].value)
+
+
+def test_a_thick_section_is_as_near_as_it_is_thick():
+    floor = cs.Scene(obstacles=[cs.Obstacle("floor", cs.HalfSpace(), cs.Pose((0.0, 0.0, -0.6)))], warn_distance=2.0)
+    report = cs.Cycle(LIMITED, scene=floor, points=241).step({"cable": (START, TURNED)}, stamp=0)
+    shape, near = report.shapes["cable"], report.clearance["cable"].closest
+    radius = 0.5 * local({(0.3, 0.5): 0.03, (0.9, 1.0): 0.006}, shape.arc_length, 0.01)
+    heights = shape.positions[:, 2] + 0.6 - radius
+    assert near.distance == pytest.approx(heights.min(), abs=1e-4)
+    thin = cs.Cycle(LIMITED.replace(sections=[]), scene=floor, points=241).step({"cable": (START, TURNED)}, stamp=0)
+    assert near.distance < thin.clearance["cable"].closest.distance
+
+
+def test_batches_and_motions_of_sections_are_those_of_single_shapes():
+    ends = np.array([TURNED.array, END.array])
+    batch = cs.predict_batch(LIMITED, np.array([START.array] * 2), ends)
+    for row, end in enumerate((TURNED, END)):
+        assert batch.status[row] == cs.Status.OK.value
+        shape = cs.predict(LIMITED, START, end)
+        np.testing.assert_allclose(batch.positions[row], shape.positions, atol=1e-9)
+    path = cs.GripPath(np.array([START.array] * 2), ends)
+    found = cs.check_trajectory(LIMITED.replace(sections=[cs.Section(0.3, 0.5, min_bend_radius=0.9)]), None, None, path)
+    assert found.first is not None
+    assert found.first.reason.name == "BEND_RADIUS"
+    assert cs.check_trajectory(CABLE, None, None, path).valid
+
+
+def test_a_harness_with_a_protection_and_a_tail_of_sections_go_through_cycles():
+    harness = cs.Harness({"x": LIMITED, "y": CABLE.replace(length=0.9)}, [cs.Junction("j", ends=("x.end", "y.start"))])
+    report = cs.Cycle({"h": harness}).step({"h": {"x.start": START, "y.end": cs.Pose((1.4, 0.0, 0.0), ALONG)}}, stamp=0)
+    assert report.shapes["h"].usable
+    assert {margin.kind.name for margin in report.margins["h/x"]} >= {"BEND_RADIUS", "TENSION", "STRESS"}
+    tailed = LIMITED.replace(tails={"end": 0.2})
+    report = cs.Cycle(tailed).step({"cable": (START, TURNED)}, stamp=0)
+    assert [tail.length for tail in report.tails.values()] == [0.2]
 
 
 # -- bundles

@@ -100,7 +100,7 @@ def test_the_section_found_without_searching_all_fibres_is_the_most_stressed():
             rng.normal(size=(40, 3)) * 100.0, rng.normal(size=(40, 3)), Rotation.random(40, random_state=7).as_quat()
         )
         stresses = cs.stress_of(TUBE, shape)
-        *_, at, worst = most_loaded(shape.buffer, shape.points, section_of(TUBE))
+        *_, at, worst = most_loaded(shape.buffer, shape.points, 0, shape.points, section_of(TUBE))
         assert at == stresses.worst
         assert worst == stresses.von_mises.max()
 

@@ -50,8 +50,8 @@ class Rows(NamedTuple):
 class Judged(NamedTuple):
     """What a shape is judged by."""
 
-    section: Floats  # see `margins`
-    limits: Floats
+    pieces: Floats  # see `margins`
+    warn: float  # [m]
     soft: float  # [N], unit of eigenvalues
     held: bool  # grips hold both ends
     masses: Floats  # (j, 4) arc length [m] and weight [N] of each
@@ -124,7 +124,7 @@ def solve_rows(asked: Rows, told: Told, judged: Judged, known: Known, points: in
             continue
         told_of[I_ENERGY] += energy_of_masses(own_ints, own_floats, row_space, judged.masses)
         rows = found.margins[row]
-        margins.measure_loads(buffer, points, judged.section, judged.limits, judged.held, True, rows)
+        margins.measure_loads(buffer, points, judged.pieces, judged.held, True, rows)
         rows[margins.STABILITY, :] = np.nan
         mode[:, :] = own_mode
         memory[0], memory[1], memory[2] = np.nan, 0.0, 0.0
@@ -136,7 +136,7 @@ def solve_rows(asked: Rows, told: Told, judged: Judged, known: Known, points: in
                  found.radii[row])  # fmt: skip
         if judged.bodies.shape[0] > 0:
             measure_clearance(judged, buffer, points, found.radii[row], found.tables[row])
-        margins.measure_bodies(found.tables[row], judged.limits[5], rows)
+        margins.measure_bodies(found.tables[row], judged.warn, rows)
 
 
 @kernel

@@ -8,23 +8,29 @@ from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.stress import most_stressed
 
-Extremes = tuple[float, int, float, int, float, int, float, int, float]
+Extremes = tuple[int, float, int, float, int, float, int, float]
 
 
 @kernel
-def most_loaded(buffer: Array, points: int, section: Array) -> Extremes:
-    """Chord [m], then index and value of the greatest tension [N], bending curvature [1/m], |twist rate| [rad/m] and
-    von Mises stress [Pa] in a shape's buffer. An area of 0 in `section` (see `stress`) leaves the stress out.
-    """
+def chord_of(buffer: Array, points: int) -> float:
+    """[m], distance of the ends of a shape's buffer."""
     first, last = points, 4 * points - 3
-    chord = math.sqrt(
+    return math.sqrt(
         (buffer[last] - buffer[first]) ** 2
         + (buffer[last + 1] - buffer[first + 1]) ** 2
         + (buffer[last + 2] - buffer[first + 2]) ** 2
     )
-    i = j = k = m = 0
+
+
+@kernel
+def most_loaded(buffer: Array, points: int, begin: int, end: int, section: Array) -> Extremes:
+    """Index and value of the greatest tension [N], bending curvature [1/m], |twist rate| [rad/m] and von Mises stress
+    [Pa] of the points from begin to end - 1 of a shape's buffer. An area of 0 in `section` (see `stress`) leaves the
+    stress out.
+    """
+    i = j = k = m = begin
     tension, square, twist, stress = -math.inf, -math.inf, -math.inf, 0.0
-    for p in range(points):
+    for p in range(begin, end):
         q, u, n = 4 * points + 4 * p, 8 * points + 3 * p, 11 * points + 3 * p
         x, y, z, w = buffer[q], buffer[q + 1], buffer[q + 2], buffer[q + 3]
         along = (
@@ -41,5 +47,5 @@ def most_loaded(buffer: Array, points: int, section: Array) -> Extremes:
         if twisted > twist:
             k, twist = p, twisted
     if section[0] > 0.0:
-        m, stress = most_stressed(buffer, points, section)
-    return chord, i, tension, j, math.sqrt(square), k, twist, m, stress
+        m, stress = most_stressed(buffer, points, begin, end, section)
+    return i, tension, j, math.sqrt(square), k, twist, m, stress

@@ -3,9 +3,7 @@
 An array costs more to hand over than most of what is done here, so that all that is remembered from cycle to cycle is
 one flat array, for m bodies with k = 7 + m:
 
-    limits   (6,)      of the loads, in the order of the rows of :mod:`cable_shape.kernels.margins`, and the warning
-                       distance; NaN for none
-    section  (5,)      see :mod:`cable_shape.kernels.stress`
+    warn               distance [m]
     soft               unit of the eigenvalue [N]
     eigen    (3,)      see `margins.MEMORY`
     twists   (12,)     how fast the ends move; before, now (14,): their frames, see :mod:`cable_shape.kernels.speed`
@@ -16,6 +14,7 @@ one flat array, for m bodies with k = 7 + m:
     history  (2, k)    distance of a body, mu of stability, USED of all else, in this cycle and in the one before; NaN
                        where there is none
     moving   (m,)      1 if that body may move by itself, else 0
+    pieces   (p, 12)   what the cable is made of and its limits, see `margins.measure_loads`
 """
 
 from __future__ import annotations
@@ -32,6 +31,7 @@ from cable_shape.kernels.margins import (
     BODIES,
     COLUMNS,
     LIMIT,
+    PIECE,
     STABILITY,
     TIME,
     USED,
@@ -47,7 +47,7 @@ from cable_shape.kernels.network.tables import LENGTH, N_KNOTS, N_RINGS
 from cable_shape.kernels.rod_algebra import inlined
 from cable_shape.kernels.speed import follow
 
-LIMITS, SECTION, SOFT, EIGEN, TWISTS, BEFORE, NOW, SWING = 0, 6, 11, 12, 15, 27, 41, 55
+WARN, SOFT, EIGEN, TWISTS, BEFORE, NOW, SWING = 0, 1, 2, 5, 17, 31, 45
 TURN = SWING + swing.SIZE
 HEAD = TURN + 1
 #: What is said of the cycle, to be added: grips hold both ends; the loads are known, which they are not on the line of
@@ -61,8 +61,8 @@ TOUCHING = 1e-9
 
 
 @inlined
-def parts(memory: Array, bodies: int) -> tuple[Array, Array, Array, Array]:
-    """Rows, told, history, moving."""
+def parts(memory: Array, bodies: int) -> tuple[Array, Array, Array, Array, Array]:
+    """Rows, told, history, moving, pieces."""
     k = BODIES + bodies + 1
     a, b, c = HEAD + COLUMNS * k, HEAD + 2 * COLUMNS * k, HEAD + 2 * (COLUMNS + 1) * k
     return (
@@ -70,6 +70,7 @@ def parts(memory: Array, bodies: int) -> tuple[Array, Array, Array, Array]:
         memory[a:b].reshape(COLUMNS, k),
         memory[b:c].reshape(2, k),
         memory[c : c + bodies],
+        memory[c + bodies :].reshape(-1, PIECE),
     )
 
 
@@ -196,13 +197,13 @@ def measure(
     mode, steps: see `respond.softest_mode`. seconds: since the last cycle, NaN where it is none to compare with.
     """
     turn = begin(memory, bodies.shape[0], flags, seconds)
-    rows, told, history, moving = parts(memory, bodies.shape[0])
-    limits, twists, eigen = memory[LIMITS:SECTION], memory[TWISTS:BEFORE], memory[EIGEN:TWISTS]
-    measure_loads(buffer, points, memory[SECTION:SOFT], limits, flags & HELD != 0, flags & LOADED != 0, rows)
+    rows, told, history, moving, pieces = parts(memory, bodies.shape[0])
+    twists, eigen = memory[TWISTS:BEFORE], memory[EIGEN:TWISTS]
+    measure_loads(buffer, points, pieces, flags & HELD != 0, flags & LOADED != 0, rows)
     rows[STABILITY, :] = rows[-1, :] = math.nan
     if flags & LOADED:
         tell_inertia(memory[SWING:TURN], twists, flags, seconds, buffer, points, rows[-1])
-    measure_bodies(bodies, limits[5], rows)
+    measure_bodies(bodies, memory[WARN], rows)
     if ints.shape[0] > 0:
         if not flags & AGAIN:
             found = np.empty(2)

@@ -10,10 +10,12 @@ import math
 
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.loads import most_loaded
+from cable_shape.kernels.loads import chord_of, most_loaded
 
 STRETCH, TENSION, BEND, TWIST, STRESS, STABILITY, BODIES = 0, 1, 2, 3, 4, 5, 6
 USED, LIMIT, VALUE, ARC_LENGTH, TIME, COLUMNS = 0, 1, 2, 3, 4, 5
+#: Numbers of a piece of a cable: arc lengths from and to, section as in :mod:`cable_shape.kernels.stress`, limits.
+P_FROM, P_TO, P_SECTION, P_LIMITS, PIECE = 0, 1, 2, 7, 12
 #: Numbers that the stability of the next shape depends on: the eigenvalue in units of `soft` (NaN: none yet), its arc
 #: length, and whether the mode has been neutral from the beginning (1) or not (0).
 MEMORY = 3
@@ -23,29 +25,41 @@ NEUTRAL = 1e-4
 
 
 @kernel
-def measure_loads(
-    buffer: Array, points: int, section: Array, limits: Array, held: bool, slack: bool, rows: Array
-) -> None:
-    """Fills the rows from STRETCH to STRESS; `limits` (5,) in that order, NaN for none.
+def measure_loads(buffer: Array, points: int, pieces: Array, held: bool, slack: bool, rows: Array) -> None:
+    """Fills the rows from STRETCH to STRESS, each from the piece of the cable that uses most of its limit.
 
-    held: grips hold both ends. slack: the loads are known; they are not on the line of an overstretched cable.
+    pieces (p, PIECE): arc lengths from and to [m], section, and limits in the order of the rows, NaN for none; the
+    whole cable's stretch is judged by the first. held: grips hold both ends. slack: the loads are known; they are not
+    on the line of an overstretched cable.
     """
-    chord, i, tension, j, bending, k, twist, m, stress = most_loaded(buffer, points, section)
-    for row in range(STABILITY):
-        rows[row, USED], rows[row, LIMIT], rows[row, TIME] = math.nan, limits[row], math.nan
     step = buffer[points - 1] / (points - 1)
+    for row in range(STABILITY):
+        rows[row, USED], rows[row, LIMIT], rows[row, TIME] = math.nan, pieces[0, P_LIMITS + row], math.nan
     if held:
-        rows[STRETCH, USED], rows[STRETCH, VALUE] = chord / limits[STRETCH], chord
+        chord = chord_of(buffer, points)
+        rows[STRETCH, USED], rows[STRETCH, VALUE] = chord / pieces[0, P_LIMITS + STRETCH], chord
         rows[STRETCH, ARC_LENGTH] = buffer[points - 1]
-    if slack:
-        rows[TENSION, USED], rows[TENSION, VALUE] = tension / limits[TENSION], tension
-        rows[BEND, USED], rows[BEND, VALUE] = bending * limits[BEND], 1.0 / bending
-        rows[TWIST, USED], rows[TWIST, VALUE] = twist / limits[TWIST], twist
-        rows[STRESS, USED], rows[STRESS, VALUE] = stress / limits[STRESS], stress
-        rows[TENSION, ARC_LENGTH], rows[BEND, ARC_LENGTH] = i * step, j * step
-        rows[TWIST, ARC_LENGTH], rows[STRESS, ARC_LENGTH] = k * step, m * step
-        if tension < 0.0 and not math.isnan(limits[TENSION]):
-            rows[TENSION, USED] = 0.0
+    if not slack:
+        return
+    for p in range(pieces.shape[0]):
+        begin = max(0, math.ceil(pieces[p, P_FROM] / step - 1e-9))
+        end = points if p == pieces.shape[0] - 1 else min(points, math.floor(pieces[p, P_TO] / step + 1e-9) + 1)
+        if end <= begin:
+            continue
+        limits = pieces[p, P_LIMITS:]
+        i, tension, j, bending, k, twist, m, stress = most_loaded(buffer, points, begin, end, pieces[p, P_SECTION:])
+        used = 0.0 if tension < 0.0 and not math.isnan(limits[TENSION]) else tension / limits[TENSION]
+        take(rows, TENSION, used, limits[TENSION], tension, i * step)
+        take(rows, BEND, bending * limits[BEND], limits[BEND], 1.0 / bending, j * step)
+        take(rows, TWIST, twist / limits[TWIST], limits[TWIST], twist, k * step)
+        take(rows, STRESS, stress / limits[STRESS], limits[STRESS], stress, m * step)
+
+
+@kernel
+def take(rows: Array, row: int, used: float, limit: float, value: float, at: float) -> None:
+    """Makes this the row if nothing is there yet, or less is used."""
+    if math.isnan(rows[row, USED]) or used > rows[row, USED]:
+        rows[row, USED], rows[row, LIMIT], rows[row, VALUE], rows[row, ARC_LENGTH] = used, limit, value, at
 
 
 @kernel

@@ -97,8 +97,8 @@ def von_mises(buffer: Array, points: int, section: Array, out: Array) -> None:
 
 
 @kernel
-def most_stressed(buffer: Array, points: int, section: Array) -> tuple[int, float]:
-    """Index and stress [Pa] of the most stressed section.
+def most_stressed(buffer: Array, points: int, begin: int, end: int, section: Array) -> tuple[int, float]:
+    """Index and stress [Pa] of the most stressed section of the points from begin to end - 1.
 
     Sections are passed over by an upper bound from the size of force and moment alone, then by one from their parts;
     only what is left is searched fibre by fibre.
@@ -109,8 +109,8 @@ def most_stressed(buffer: Array, points: int, section: Array) -> tuple[int, floa
     of_force, of_moment = max(1.0, 3.0 * factor * factor) * p * p, max(1.0, 3.0 * ratio * ratio) * q * q
     of_both = 2.0 * max(1.0, 3.0 * factor * ratio) * p * q
     bounds = np.empty(points)
-    worst, highest = 0, -1.0
-    for i in range(points):
+    worst, highest = begin, -1.0
+    for i in range(begin, end):
         n, m = 11 * points + 3 * i, 14 * points + 3 * i
         force = buffer[n] * buffer[n] + buffer[n + 1] * buffer[n + 1] + buffer[n + 2] * buffer[n + 2]  # squared
         moment = buffer[m] * buffer[m] + buffer[m + 1] * buffer[m + 1] + buffer[m + 2] * buffer[m + 2]
@@ -118,7 +118,7 @@ def most_stressed(buffer: Array, points: int, section: Array) -> tuple[int, floa
         if bounds[i] > highest:
             worst, highest = i, bounds[i]
     best = worst_fibre(section_loads(buffer, points, worst, section))
-    for i in range(points):
+    for i in range(begin, end):
         if bounds[i] > best and i != worst:
             loads = section_loads(buffer, points, i, section)
             sigma, tau = abs(loads[0]) + loads[1], abs(loads[2]) + loads[3]

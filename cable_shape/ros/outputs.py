@@ -15,6 +15,7 @@ from visualization_msgs.msg import MarkerArray
 from cable_shape.cable import Cable
 from cable_shape.report import CycleReport
 from cable_shape.ros import conversions, messages
+from cable_shape.section import widest
 from cable_shape.shape import CableShape
 
 #: [s], least time between the messages for drawing: a Path of 150 poses takes rclpy longer to build than a whole cycle
@@ -34,7 +35,7 @@ class Outputs:
 
     def __init__(self, node: LifecycleNode, cables: Mapping[str, Cable]) -> None:
         self._node = node
-        self._diameters = {name: cable.diameter for name, cable in cables.items()}
+        self._diameters = {name: widest(cable) for name, cable in cables.items()}
         self._drawn = -DRAWING_PERIOD
         make = node.create_lifecycle_publisher
         each = QoSProfile(depth=len(cables), reliability=ReliabilityPolicy.RELIABLE)  # a message for each cable

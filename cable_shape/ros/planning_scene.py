@@ -21,6 +21,7 @@ from cable_shape.pairing import SECOND
 from cable_shape.report import CycleReport
 from cable_shape.ros import conversions
 from cable_shape.ros.parameters import Settings
+from cable_shape.section import widest
 
 TOPIC = "collision_object"
 
@@ -54,7 +55,7 @@ class PlanningScene:
         self._node = node
         self._period = SECOND / settings.moveit_rate
         self._count, self._padding = settings.moveit_capsules, settings.moveit_padding
-        self._diameters = {name: cable.diameter for name, cable in cables.items()}
+        self._diameters = {name: widest(cable) for name, cable in cables.items()}
         self._sent: dict[str, tuple[Capsules, int, str]] = {}  # with stamp [ns] and frame
         qos = QoSProfile(depth=2 * len(cables), reliability=ReliabilityPolicy.RELIABLE)
         self._publisher: LifecyclePublisher = node.create_lifecycle_publisher(

@@ -37,6 +37,7 @@ from cable_shape.parts import cables_of, in_parts
 from cable_shape.pose import IDENTITY, FreeEnd, Grip, Pose
 from cable_shape.report import Clearance, CycleReport, Severity
 from cable_shape.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Obstacle, Scene, Solid, Sphere
+from cable_shape.section import radius_of, thicker
 from cable_shape.shape import CableShape
 from cable_shape.uncertainty import Tube
 from cable_shape.viewer import colour as colours
@@ -265,8 +266,10 @@ class ReportLogger:
         shown = np.unique(np.linspace(0, shape.points - 1, min(shape.points, MAX_SEGMENTS + 1)).round().astype(int))
         points = shape.positions[shown].astype(np.float32)
         strips = np.stack((points[:-1], points[1:]), axis=1)
-        radius = 0.5 * cable.diameter
-        self._write(f"{base}/line", rr.LineStrips3D(strips, colors=rgba[shown[:-1]], radii=radius))
+        arc, radius = shape.arc_length, 0.5 * cable.diameter
+        more = thicker(cable, 0.5 * (arc[shown[:-1]] + arc[shown[1:]]))
+        radii = radius if more is None else radius_of(cable) + more
+        self._write(f"{base}/line", rr.LineStrips3D(strips, colors=rgba[shown[:-1]], radii=radii))
         masses = [mass for mass in self.scene.masses if self._concerns(name, mass.segment)]
         if masses:
             at = np.array([mass.arc_length for mass in masses])
