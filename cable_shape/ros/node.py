@@ -20,6 +20,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
+from rclpy.exceptions import NotInitializedException
 from rclpy.executors import ExternalShutdownException
 from rclpy.lifecycle import LifecycleNode, LifecycleState
 from rclpy.lifecycle import TransitionCallbackReturn as Return
@@ -362,7 +363,15 @@ def main(args: list[str] | None = None) -> int:
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # rclpy's own handler passes it on: ends configure, too
     find_log_folder()
     rclpy.init(args=args)
-    node = CableShapeNode()
+    try:
+        node = CableShapeNode()
+    except KeyboardInterrupt:
+        try_shutdown()
+        return 0
+    except (NotInitializedException, RuntimeError):  # rclpy's own, when the signal comes while the node is made
+        if ok():
+            raise
+        return 0
     executor = InputFirstExecutor(node, lambda: node.inputs)
     try:
         if node.autostart and node.trigger_configure() == Return.SUCCESS and ok():

@@ -16,6 +16,7 @@ from functools import partial
 from typing import NoReturn, final
 
 import rclpy
+from rclpy.exceptions import NotInitializedException
 from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
 from rclpy.node import Node
 from rclpy.utilities import ok, try_shutdown
@@ -84,7 +85,12 @@ def serve(setup: PlannerSetup | CalibratorSetup, make: Callable[[Node, Gate], st
     warm_up()
     serving.set()
     rclpy.init()
-    node = Node(setup.name, namespace=setup.namespace, use_global_arguments=False, start_parameter_services=False)
+    try:
+        node = Node(setup.name, namespace=setup.namespace, use_global_arguments=False, start_parameter_services=False)
+    except (NotInitializedException, RuntimeError):  # rclpy's own, when the end comes while the node is made
+        if ok():
+            raise
+        return 0
     try:
         executor = MultiThreadedExecutor(num_threads=MOST_GOALS + 4)
         executor.add_node(node)

@@ -1,6 +1,9 @@
 """Lifecycle by service, signals, and the clock of a simulator."""
 
+import os
 import signal
+import subprocess
+import sys
 
 import pytest
 from builtin_interfaces.msg import Time
@@ -89,3 +92,24 @@ def test_a_viewer_file_is_written_and_closed(start, tmp_path):
     assert node.process.stop() == 0
     wait_until_gone(viewer)  # it is left to write on
     assert file.read_bytes()[:4] == b"RRF2"
+
+
+INTERRUPTED = """
+import sys
+import rclpy
+from cable_shape.ros import node
+create = node.CableShapeNode.__init__
+def interrupted(self):
+    {}
+    create(self)
+node.CableShapeNode.__init__ = interrupted
+sys.exit(node.main())
+"""
+
+
+@pytest.mark.parametrize("signalled", ["rclpy.shutdown()", "raise KeyboardInterrupt"])
+def test_a_signal_while_the_node_is_made_ends_it_well(signalled):
+    program = INTERRUPTED.format(signalled)
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=300, env=os.environ)
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
