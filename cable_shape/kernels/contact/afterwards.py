@@ -4,9 +4,16 @@ from __future__ import annotations
 
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.contact.near import BARE, lies
+from cable_shape.kernels.contact.near import BARE, GAP
 
 CLOSE = 1.2  # of the spacing: two elements that are no longer together can be one
+LYING = 2e-6  # [m] nodes nearer to a body than this lie on it, pressed or not
+
+
+@kernel
+def touches(near: Array, on: Array, k: int, full: bool) -> bool:
+    """Whether node k is pressed on a body or, where that counts, lies on one."""
+    return on[k, 0] != BARE or (full and on[k, 1] != BARE and near[k, GAP] < LYING)
 
 
 @kernel
@@ -24,7 +31,7 @@ def spare(
     for k in range(3, nodes.shape[0] - 3):
         around = 0
         for i in range(k - 2, k + 3):
-            around += lies(near, on, i) if full else on[i, 0] != BARE
+            around += touches(near, on, i, full)
         if around != 5 and (around != 0 or coarse):
             continue
         x = nodes[k]

@@ -40,7 +40,6 @@ NEAR = 22  # columns of `near`
 PRESS, GAP, NORMAL, CURVED, SPOT, STEP, EXACT, ENDED = 0, 1, 2, 5, 14, 17, 20, 21
 BARE = -1
 MARGIN = 0.03  # [m] bodies further from a node than this are not looked at
-LYING = 2e-6  # [m] nodes nearer to a body than this lie on it, pressed or not
 GRIP_EXCLUSION = 0.05  # [m] of arc length at either end, within which what grips the cable is no body to it
 NONE = (0.0, 0.0, 0.0)
 # from which a contact runs: curvature of the body times the length of two elements, of the gap times that of the cable
@@ -143,12 +142,6 @@ def parting(q: Array, h: Array, near: Array, k: int, flex: float) -> tuple[float
     sharp = sharpness(q, near, k)
     u = turning(q, h, near, k, flex)
     return sharp + dot(take3(near, k, NORMAL), apply(rotation(get4(q, k)), (u[1], -u[0], 0.0))), sharp
-
-
-@viewing
-def lies(near: Array, on: Array, k: int) -> bool:
-    """Whether node k is pressed on a body, or touches it."""
-    return bool(on[k, 0] != BARE or (on[k, 1] != BARE and near[k, GAP] < LYING))
 
 
 @viewing
