@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, final
+from typing import TYPE_CHECKING, Any, TypeAlias, final
 
 import numpy as np
 
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
     from cable_shape.cable import Cable
     from cable_shape.shape import CableShape
 
+#: From arc length [m], to arc length, and a cable of what lies there.
+Pieces: TypeAlias = "tuple[tuple[float, float, Cable], ...]"
 #: Keywords of a cable that are of the whole of it.
 _OF_THE_WHOLE = ("length", "tails", "sections", "stiffness_interval")
 
@@ -109,10 +112,13 @@ def sections_of(values: Any, length: float) -> tuple[Section, ...]:
     return tuple(found)
 
 
-def pieces_of(cable: Cable) -> list[tuple[float, float, Cable]]:
+def pieces_of(cable: Cable) -> Pieces:
     """Where a cable is made of what: from arc length [m], to arc length, and a cable of the whole length of it."""
-    if not cable.sections:
-        return [(0.0, cable.length, cable)]
+    return _pieces(cable) if cable.sections else ((0.0, cable.length, cable),)
+
+
+@lru_cache(maxsize=256)  # asked for in every cycle, and cables are fixed
+def _pieces(cable: Cable) -> Pieces:
     base = cable.replace(sections=None)
     out, at = [], 0.0
     for section in cable.sections:
@@ -125,12 +131,13 @@ def pieces_of(cable: Cable) -> list[tuple[float, float, Cable]]:
         at = section.end
     if at < cable.length:
         out.append((at, cable.length, base))
-    return out
+    return tuple(out)
 
 
 def cable_at(cable: Cable, arc_length: float) -> Cable:
     """What a cable is made of at an arc length [m]: the cable itself where it has no sections."""
-    return next((one for _, end, one in pieces_of(cable) if arc_length < end), pieces_of(cable)[-1][2])
+    pieces = pieces_of(cable)
+    return next((one for _, end, one in pieces if arc_length < end), pieces[-1][2])
 
 
 def radius_of(cable: Cable) -> float:

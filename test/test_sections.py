@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import cable_shape as cs
+from cable_shape.section import pieces_of
 from cable_shape.wires import packed
 
 ALONG = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))
@@ -232,6 +233,12 @@ def test_a_harness_with_a_protection_and_a_tail_of_sections_go_through_cycles():
     tailed = LIMITED.replace(tails={"end": 0.2})
     report = cs.Cycle(tailed).step({"cable": (START, TURNED)}, stamp=0)
     assert [tail.length for tail in report.tails.values()] == [0.2]
+
+
+def test_what_a_cable_is_made_of_is_found_once():
+    """Every cycle asks for it."""
+    assert pieces_of(CABLE) is pieces_of(CABLE)
+    assert pieces_of(CABLE.replace(sections=PARTS[:1])) != pieces_of(CABLE)
 
 
 # -- bundles

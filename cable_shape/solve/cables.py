@@ -11,7 +11,7 @@ from cable_shape.cable import Cable as CableProperties
 from cable_shape.checks import Array
 from cable_shape.kernels.network import material
 from cable_shape.problem import Problem
-from cable_shape.section import pieces_of
+from cable_shape.section import cable_at, pieces_of
 from cable_shape.solve.plan import Cable, Knot, Span
 
 #: Rotations of the cable frame that a grip or a clip leaves free: about d1, d2, d3.
@@ -110,17 +110,12 @@ def _in_sections(problem: Problem) -> Material:
         at = np.linspace(0.0, length, len(problem.swing))
         load = load - cable.linear_density * np.stack([np.interp(breaks, at, x) for x in problem.swing.T], axis=1)
     for row, s, left, right, a, b in zip(out, middles, load[:-1], load[1:], falls[:-1], falls[1:], strict=True):
-        heavier = _made_of(parts, s).linear_density - cable.linear_density
+        heavier = cable_at(cable, s).linear_density - cable.linear_density
         row[LOADS] = np.concatenate((left + heavier * a, right + heavier * b))
     inner = np.array(bounds)
     stops = _distinct(np.concatenate((felt, inner[(inner > AT * length) & (inner < (1.0 - AT) * length)])), AT * length)
     straight = not any(one.rest_curvature.any() for _, _, one in parts)
     return Material(breaks, out, stops, straight)
-
-
-def _made_of(parts: list[tuple[float, float, CableProperties]], arc_length: float) -> CableProperties:
-    """What a cable is made of at an arc length that is no bound of a section."""
-    return next((one for _, end, one in parts if arc_length < end), parts[-1][2])
 
 
 def kinks_of(problem: Problem) -> tuple[Array, Array]:
@@ -136,9 +131,8 @@ def kinks_of(problem: Problem) -> tuple[Array, Array]:
 def substance(cable: CableProperties, shares: Array) -> Array:
     """(p, PIECE): pieces of a cable between these shares (p + 1,) of its length, without loads."""
     if cable.sections:
-        parts = pieces_of(cable)
         own = [
-            substance(_made_of(parts, 0.5 * (a + b) * cable.length), np.array((a, b)))
+            substance(cable_at(cable, 0.5 * (a + b) * cable.length), np.array((a, b)))
             for a, b in pairwise(shares.tolist())
         ]
         return np.concatenate(own)
