@@ -155,16 +155,16 @@ class HeldAmong(HeldPoints[TouchState]):
         """Fills forces, tangents and their derivatives, the same nodes staying in contact."""
         state, net = self.state, self.state.net
         state.refresh()
-        self._knots = state.knots_of(self._at.tolist())
+        self._behind = np.asarray(net.piece[self._at])
         held_points.held_points(
-            net.ints, net.floats, net.sols, net.space, self._knots, self.force, self.tangent, self.dforce, self.dtangent
+            net.ints, net.floats, net.sols, net.space, self._behind, self.force, self.tangent, self.dforce, self.dtangent
         )
 
     def under_motion(self, motion: Array) -> tuple[Array, Array]:
         """(k, 3) each, change of `force` and `tangent` as the ends move by `motion` (2, 6) from where `respond` was."""
         net = self.state.net
         out = np.empty_like(self.force), np.empty_like(self.force)
-        held_points.points_under_motion(net.ints, net.floats, net.sols, net.space, self._knots, motion, *out)
+        held_points.points_under_motion(net.ints, net.floats, net.sols, net.space, self._behind, motion, *out)
         return out
 
     def grounds(self, arc: float, place: Array, before: list[Ground]) -> list[Ground]:
@@ -230,7 +230,7 @@ class HeldAmong(HeldPoints[TouchState]):
             error_estimate=float(info[7]),
             residual=float(info[5]),
             iterations=self.iterations,
-            turns=int(self.state.turns[NOW]),
+            turns=int(self.state.turns[NOW, 0]),
             twist=float(info[9]),
             solve_time=perf_counter() - began,
             supports=steps.loads[self._clips],

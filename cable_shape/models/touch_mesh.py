@@ -84,17 +84,17 @@ def worst(nodes: Array, errors: Array) -> Array:
     return np.asarray(0.5 * (nodes[1:] + nodes[:-1])[errors >= SHARE_OF_WORST * errors.max()])
 
 
-def tidied(nodes: Array, h: Array, q: Array, near: Array, on: Any, bend: float, stops: Array) -> Array | None:
+def tidied(nodes: Array, h: Array, q: Array, near: Array, on: Any, flex: Array, stops: Array) -> Array | None:
     """Where a contact has run up to the next node, takes that away and divides the element on the other side.
 
     None: nowhere.
     """
-    if not run.any_crowded(near, on, q, h, 1.0 / bend):
+    if not run.any_crowded(near, on, q, h, flex):
         return None
     away: list[int] = []
     new: list[float] = []
     for k in np.flatnonzero(on[1:-1, 0] != BARE) + 1:
-        side = run.crowded(near, on, q, h, k, 1.0 / bend)
+        side = run.crowded(near, on, q, h, k, flex)
         j = k + side
         if side == 0 or j in (0, nodes.size - 1) or on[j, 0] != BARE or nodes[j] in stops:
             continue

@@ -10,8 +10,8 @@ import numpy as np
 
 from cable_shape.cable import Cable
 from cable_shape.checks import Array
-from cable_shape.kernels.contact import check, drive, respond
-from cable_shape.kernels.contact.knots import room_for
+from cable_shape.kernels.contact import check, drive, press, respond
+from cable_shape.kernels.contact.lay import room_for
 from cable_shape.kernels.contact.near import BARE, NEAR, SPOT
 from cable_shape.kernels.contact.tables import Lying, Net
 from cable_shape.kernels.network import material, tables
@@ -71,10 +71,10 @@ class TouchState:
         self._arcs: Array = np.zeros(2)  # (b+1,) [m], of the supports; of eyelets, where they were laid out
         self.rings: Any = np.empty(0, np.int64)  # supports that are eyelets
         self.slid: Array = np.zeros((3, 2))  # (3, b+1) [m], arc lengths of the supports
-        self.info: Array = np.zeros(drive.INFO)
+        self.info: Array = np.zeros(drive.INFO + 3)
         self.length = 0.0
         self._grips: Array = np.zeros((3, 2, 7))
-        self.turns: Array = np.zeros(3)
+        self.turns: Array = np.zeros((3, 1))
         self._kinds: tuple[str, ...] = ()
         self._held_as: tuple[str, ...] = ()  # the kinds of the last solution
         self._tip = self._moment = _NOTHING
@@ -246,19 +246,31 @@ class TouchState:
         self.s[:] = nodes
         self.h[:] = np.diff(nodes)
         bare = self.cable.bare
-        plan, model, solutions, work, run = room_for(bare, self.elements)
+        knots, spans, n = int(bare[tables.N_KNOTS]), int(bare[tables.N_SPANS]), self.elements
+        plan, model, solutions, work, run, room = room_for(bare, n, 0)
+        where, span = np.zeros(knots + n, np.int64), np.zeros(knots + n, np.int64)
+        order = np.arange(knots)
+        moves = np.array([knot.moves for knot in self.cable.structure.knots], dtype=np.int64)
         self.net = Net(
-            bare, self.made, np.zeros(plan, np.int64), np.empty(model), np.zeros(3 * solutions), np.zeros(work),
-            np.zeros(run), np.zeros(self.elements + 1, np.int64), np.zeros(self.elements + 1, np.int64),
+            bare, self.made, order, order, moves, 0, np.zeros(plan, np.int64), np.empty(model),
+            np.zeros(3 * solutions), np.zeros(work), np.zeros(run), where, span, np.zeros(n, np.int64),
+            np.zeros(n, np.int64), np.zeros(spans + 1, np.int64), np.zeros(spans, np.int64), np.zeros(room, np.int64),
         )  # fmt: skip
         self.unfactored()
 
     @property
+    def limp(self) -> bool:
+        """Whether the cable is as soft as `press.LIMP` says."""
+        return self.bend < press.LIMP * self.weight * self.length**2
+
+    @property
     def lying(self) -> Lying:
         """What the solver is told of the cable."""
+        nodes = self.s.size
         return Lying(
-            self.held, self.held_mask, self.s, self.h, self.errors, self.start, self.q, self.near, self.on, self.ends,
-            self._grips, self.turns, self.slid,
+            self.held, self.held_mask, self.s, self.h, np.full(nodes, 1.0 / self.bend), np.full(nodes, self.radius),
+            self.errors, self.start, self.q, self.near, self.on, self.ends, self._grips, self.turns, self.slid,
+            np.zeros((self.held.size, 7)),
         )  # fmt: skip
 
     def insert(self, arcs: Array) -> bool:
@@ -287,7 +299,7 @@ class TouchState:
 
     def tidy(self) -> bool:
         """Moves the nodes that contacts have run up to; whether there are any."""
-        nodes = touch_mesh.tidied(self.nodes, self.h, self.q[NOW], self.near[NOW], self.on[NOW], self.bend, self.stops)
+        nodes = touch_mesh.tidied(self.nodes, self.h, self.q[NOW], self.near[NOW], self.on[NOW], self.lying.flex, self.stops)
         if nodes is not None:
             self.lay_out(nodes)
         return nodes is not None
@@ -383,7 +395,7 @@ class TouchState:
     def touches(self) -> Array:
         """(k, 9), the contacts of the last solution as `check.touches` has them."""
         out = np.empty((self.elements, check.TOUCH))
-        return out[: check.touches(self.nodes, self.near[NOW], self.on[NOW], self.radius, out)]
+        return out[: check.touches(self.nodes, self.near[NOW], self.on[NOW], self.lying.thick, out)]
 
     def copy(self, *, then: bool = False) -> Kept:
         """All that a solve changes; `then`: with the mesh from before the last step."""
@@ -427,13 +439,12 @@ class TouchState:
 
     def refresh(self) -> None:
         """Factors the matrix of the last solution, for `kernels.network.respond`."""
-        drive.refresh(self.lying, self.net, 1.0 / self.bend)
+        drive.refresh(self.lying, self.net)
         self.unfactored()
 
     def knots_of(self, supports: Sequence[int]) -> Array:
         """Which knots these supports are."""
-        base = self.net.base[: self.net.ints[tables.N_KNOTS]]
-        return np.array([int(np.flatnonzero(base == at)[0]) for at in supports], dtype=np.int64)
+        return np.array(supports, dtype=np.int64)
 
     def pulls(self, points: int = 0) -> tuple[Array, Array, Array]:
         """F . d3 of the eyelets (e,) [N], its derivative in the arc lengths there (e, e), and that of the positions

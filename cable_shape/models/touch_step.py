@@ -112,7 +112,7 @@ class Steps:
         state.s_then[:] = state.s
         code: int = drive.solve(
             state.lying, bodies.kernel, state.net, before, self.buffer, state.loads, state.info, self.problem.points,
-            history, most, far, 1.0 / state.bend, state.weight, state.radius, sunk, drag, bodies.horizon, deepest, fine,
+            1, history, most, far, state.weight, state.limp, sunk, drag, bodies.horizon, deepest, fine,
         )  # fmt: skip
         self.iterations += int(state.info[0])
         if code not in (CONVERGED, UNSETTLED):

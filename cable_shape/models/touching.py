@@ -222,7 +222,7 @@ class _Solve:
             error_estimate=info[7],
             residual=info[5],
             iterations=steps.iterations,
-            turns=int(state.turns[NOW]),
+            turns=int(state.turns[NOW, 0]),
             twist=info[9],
             solve_time=perf_counter() - self.began,
             supports=steps.loads,

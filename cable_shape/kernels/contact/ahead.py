@@ -5,7 +5,8 @@ from __future__ import annotations
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.contact.near import BARE, PRESS
-from cable_shape.kernels.network.tables import BEFORE, NOW, TRIAL
+from cable_shape.kernels.contact.tables import Lying, Net
+from cable_shape.kernels.network.tables import BEFORE, LENGTH, NOW, TRIAL, model_of, plan_of
 from cable_shape.kernels.rod_algebra import add, get4, qconj, qexp, qlog, qmul, qnormal, scale
 from cable_shape.kernels.rod_guess import angle_axis, tangent
 
@@ -17,10 +18,15 @@ def pose_of(grips: Array, j: int) -> tuple[float, float, float, float]:
 
 
 @kernel
-def pace(grips: Array, length: float) -> float:
-    """How far the held supports have moved on from the solution now, as a fraction 0 to 2 of the step before."""
+def pace(grips: Array, moves: Array, length: float) -> float:
+    """How far what holds the cables has moved on from the solution now, as a fraction 0 to 2 of the step before.
+
+    moves (k,): 1 where nothing holds a place.
+    """
     up = down = 0.0
     for j in range(grips.shape[1]):
+        if moves[j] != 0:
+            continue
         for i in range(7):
             f = 1.0 / (length * length) if i < 3 else 1.0
             old = grips[NOW, j, i] - grips[BEFORE, j, i]
@@ -37,28 +43,42 @@ def same_around(on: Array, k: int) -> bool:
 
 
 @kernel
-def predict(
-    q: Array, near: Array, on: Array, ends: Array, grips: Array, turns: Array, length: float, history: int
-) -> float:
+def predict(lying: Lying, net: Net, history: int) -> float:
     """Fills the trial from the solution now, extrapolated if there is one before; quaternions' signs by continuity.
 
     A contact whose force has run out by then, and between the same neighbours, is left out. Returns `pace`.
     """
-    last = grips.shape[1] - 1
-    for j in range(last + 1):
+    q, near, on, ends, grips, turns = lying.q, lying.near, lying.on, lying.ends, lying.grips, lying.turns
+    plan, length = plan_of(net.bare), model_of(net.bare, net.made).par[LENGTH]
+    for j in range(grips.shape[1]):
         product = 0.0
         for i in range(3, 7):
             product += grips[NOW, j, i] * grips[TRIAL, j, i]
         if product < 0.0:
             for i in range(3, 7):
                 grips[TRIAL, j, i] = -grips[TRIAL, j, i]
-    old = qmul(qconj(pose_of(grips[NOW], 0)), pose_of(grips[NOW], last))
-    new = qmul(qconj(pose_of(grips[TRIAL], 0)), pose_of(grips[TRIAL], last))
-    turns[TRIAL] = turns[NOW]
-    if (old[3] < 0.0) != (new[3] < 0.0):
-        turns[TRIAL] += 1.0 if (new[2] > 0.0) == (old[3] >= 0.0) else -1.0
-    a = pace(grips, length) if history > 1 else 0.0
+    for c in range(plan.roll.shape[0]):
+        first, last = plan.cables[c], plan.cables[c + 1] - 1
+        start, end = plan.ends[first, 0], plan.ends[last, 1]
+        old = qmul(qconj(pose_of(grips[NOW], start)), pose_of(grips[NOW], end))
+        new = qmul(qconj(pose_of(grips[TRIAL], start)), pose_of(grips[TRIAL], end))
+        turns[TRIAL, c] = turns[NOW, c]
+        if (old[3] < 0.0) != (new[3] < 0.0):
+            turns[TRIAL, c] += 1.0 if (new[2] > 0.0) == (old[3] >= 0.0) else -1.0
+    a = pace(grips, net.moves, length) if history > 1 else 0.0
     f = 1.0 + a
+    for j in range(grips.shape[1]):
+        if net.moves[j] == 0:
+            continue
+        for i in range(3):
+            grips[TRIAL, j, i] = f * grips[NOW, j, i] - a * grips[BEFORE, j, i]
+        turn = qnormal((
+            f * grips[NOW, j, 3] - a * grips[BEFORE, j, 3],
+            f * grips[NOW, j, 4] - a * grips[BEFORE, j, 4],
+            f * grips[NOW, j, 5] - a * grips[BEFORE, j, 5],
+            f * grips[NOW, j, 6] - a * grips[BEFORE, j, 6],
+        ))  # fmt: skip
+        grips[TRIAL, j, 3], grips[TRIAL, j, 4], grips[TRIAL, j, 5], grips[TRIAL, j, 6] = turn
     for k in range(q.shape[1]):
         q[TRIAL, k, 0], q[TRIAL, k, 1], q[TRIAL, k, 2], q[TRIAL, k, 3] = qnormal((
             f * q[NOW, k, 0] - a * q[BEFORE, k, 0],
@@ -73,10 +93,27 @@ def predict(
             if near[TRIAL, k, PRESS] < 0.0:
                 near[TRIAL, k, PRESS] = 0.0
                 on[TRIAL, k, 0] = BARE
-    for j in range(last):
+    for j in range(ends.shape[1]):
         for i in range(3):
             ends[TRIAL, j, i] = f * ends[NOW, j, i] - a * ends[BEFORE, j, i]
     return a
+
+
+@kernel
+def meet_supports(lying: Lying, net: Net) -> None:
+    """Turns the trial's rotations so that those held at supports are met; fills `frames` with what these are."""
+    plan, model, grips, frames = plan_of(net.bare), model_of(net.bare, net.made), lying.grips[TRIAL], lying.frames
+    for c in range(plan.cables.shape[0] - 1):
+        for j in range(plan.cables[c], plan.cables[c + 1]):
+            for end in range(2):
+                knot, i = plan.ends[j, end], j + c + end
+                for x in range(7):
+                    frames[i, x] = grips[knot, x]
+                if plan.turned[j, end] != 0:
+                    turn = qmul(pose_of(grips, knot), get4(model.frame[j], end))
+                    frames[i, 3], frames[i, 4], frames[i, 5], frames[i, 6] = turn
+        a, b = plan.cables[c] + c, plan.cables[c + 1] + c + 1
+        turn_supports(lying.q[TRIAL], lying.s, frames[a:b], lying.held[a:b], lying.mask[a:b])
 
 
 @kernel

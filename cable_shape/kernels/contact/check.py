@@ -112,7 +112,7 @@ def passes(
 
 
 @kernel
-def touches(s: Array, near: Array, on: Array, radius: float, out: Array) -> int:
+def touches(s: Array, near: Array, on: Array, thick: Array, out: Array) -> int:
     """Fills out (N, 9) with the contacts of a solution, see TOUCH; returns how many there are."""
     count = 0
     for k in range(s.shape[0]):
@@ -121,7 +121,7 @@ def touches(s: Array, near: Array, on: Array, radius: float, out: Array) -> int:
         n = take3(near, k, NORMAL)
         out[count, 0] = s[k]
         out[count, 1] = on[k, 0]
-        put3(out, count, 2, subtract(take3(near, k, SPOT), scale(radius, n)))
+        put3(out, count, 2, subtract(take3(near, k, SPOT), scale(thick[k], n)))
         put3(out, count, 5, n)
         out[count, 8] = near[k, EXACT]
         count += 1

@@ -9,24 +9,28 @@ import numpy as np
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.bounds import closest_points
-from cable_shape.kernels.contact.ahead import predict, turn_supports
+from cable_shape.kernels.contact.ahead import meet_supports, predict
 from cable_shape.kernels.contact.check import passes
 from cable_shape.kernels.contact.errors import AMISS, SAFETY, contact_error, position_error
-from cable_shape.kernels.contact.knots import close, from_model, laid, place_nodes, press_on, put
-from cable_shape.kernels.contact.near import GRIP_EXCLUSION, NORMAL, ROUND, walk
+from cable_shape.kernels.contact.knots import close, from_model, place_nodes, press_on, put, walk
+from cable_shape.kernels.contact.lay import laid
+from cable_shape.kernels.contact.near import GRIP_EXCLUSION, NORMAL, ROUND
 from cable_shape.kernels.contact.press import I_ASSEMBLIES, I_EXCESS, I_ITERATIONS, RUNNING, press, tell_pushes
 from cable_shape.kernels.contact.run import any_crowded
 from cable_shape.kernels.contact.tables import Bodies, Lying, Net
 from cable_shape.kernels.network import drive as network
 from cable_shape.kernels.network.drive import BROKEN, FAR, knot_loads, sample
 from cable_shape.kernels.network.graph import factor
-from cable_shape.kernels.network.newton import CONVERGED
+from cable_shape.kernels.network.newton import CONVERGED, STALLED
 from cable_shape.kernels.network.respond import SLIGHT
 from cable_shape.kernels.network.sliding import cut_short, move_along, slides_of
 from cable_shape.kernels.network.system import assemble, gradient
 from cable_shape.kernels.network.tables import (
     BASE_SHIFT,
     BEFORE,
+    LENGTH,
+    N_CABLES,
+    N_KNOTS,
     NOW,
     TRIAL,
     copy,
@@ -63,48 +67,56 @@ def turned(p: Array, q: Array) -> float:
 
 
 @kernel
-def begin(lying: Lying, net: Net, a: float) -> None:
-    """Lets the cable run on through its eyelets by `a` times its last step, and turns what is held with its grips."""
-    q, near, on, grips = lying.q[TRIAL], lying.near[TRIAL], lying.on[TRIAL], lying.grips[TRIAL]
+def begin(lying: Lying, net: Net, a: float) -> bool:
+    """Lets cables run on through their eyelets by `a` times the last step, and turns what is held with its grips.
+
+    False: there is no room for the network.
+    """
     ints, floats, sols = net.ints, net.floats, net.sols
-    if not laid(net, lying, on):
+    near = lying.near[TRIAL]
+    if not laid(net, lying, lying.on[TRIAL]):
         place_nodes(net, lying.s)
+    if ints[N_CABLES] == 0:
+        return False
     if net.run.shape[0] > 0 and a != 0.0:
-        put(ints, floats, sols, q, near, NORMAL, lying.ends[TRIAL], grips, net.where, net.base)
-        slides, plan = slides_of(ints, net.run), plan_of(ints)
+        put(net, lying, TRIAL, near, NORMAL)
+        slides, plan = slides_of(ints, net.run), plan_of(net.bare)
         for c in range(slides.way.shape[0]):
-            held = net.base[plan.rings[c, 0]]
+            j = plan.rings[c, 1]
+            held = j + net.cable[net.piece[j]] + 1
             slides.way[c] = a * (lying.slid[NOW, held] - lying.slid[BEFORE, held])
         move_along(ints, floats, net.run, cut_short(ints, floats, sols, net.run))
-        from_model(ints, floats, lying.s, lying.h)
-    turn_supports(q, lying.s, grips, lying.held, lying.mask)
+        from_model(net, lying.s, lying.h)
+    meet_supports(lying, net)
+    return True
 
 
 @kernel
 def solve(
     lying: Lying, bodies: Bodies, net: Net, before: Array, out: Array, loads: Array, info: Array, points: int,
-    history: int, most: int, far: float, flex: float, weight: float, radius: float, sunk: float, drag: float,
+    cables: int, history: int, most: int, far: float, weight: float, limp: bool, sunk: float, drag: float,
     horizon: float, deepest: float, fine: float,
 ) -> int:  # fmt: skip
     """Solves for what holds the cable in the trial of `lying`, to an equilibrium there: CONVERGED or UNSETTLED.
 
     Else STALLED, NOT_FINITE, BROKEN or FAR. history: so many solutions, 1 or 2, to start from. far [rad]: largest turn
-    of a frame from its prediction that is accepted. flex to drag: see `press`. out: 17 points, as CableShape.buffer;
-    loads (k, 7): what held nodes carry, as `network.drive.knot_loads` has it. before to fine: see `look_over`;
-    UNSETTLED is what it says, and if it finds nothing the trial has become the solution now. A failure leaves the mesh
+    of a frame from its prediction that is accepted. weight to drag: see `press`. out: 17 points a cable, as
+    CableShape.buffer; loads (k, 7): what knots carry, as `network.drive.knot_loads` has it. cables: so many of the first
+    ones touch bodies. info takes two or three numbers of each cable, too. before to fine: see `look_over`; UNSETTLED is
+    what it says, and if it finds nothing the trial has become the solution now. A failure leaves the mesh
     to be put back.
     """
-    a = predict(
-        lying.q, lying.near, lying.on, lying.ends, lying.grips, lying.turns, lying.s[lying.s.shape[0] - 1], history
-    )
-    begin(lying, net, a)
+    a = predict(lying, net, history)
+    there = begin(lying, net, a)
     q, near, on, h = lying.q[TRIAL], lying.near[TRIAL], lying.on[TRIAL], lying.h
     lying.start[:, :] = q
     age = info[AGE] + turned(lying.q[NOW], q)
     factored = history > 1 and drag == 0.0 and info[I_EXCESS] == 0.0 and age < OLDEST
     info[:] = 0.0
     info[AGE] = math.inf
-    status = press(lying, bodies, net, flex, weight, radius, sunk, most, drag, factored, info)
+    if not there:
+        return STALLED
+    status = press(lying, bodies, net, weight, limp, sunk, most, drag, factored, info)
     if status != CONVERGED:
         return status
     info[I_TURNED] = turned(lying.start, q)
@@ -115,27 +127,28 @@ def solve(
         lying.slid[TRIAL, j] = lying.s[lying.held[j]]
     off = position_error(net, lying.errors)
     uncorrected(lying, net)
-    seen = np.zeros(network.INFO + 2)
+    seen = np.zeros(network.INFO + 3 * lying.turns.shape[1])
     sample(ints, floats, sols, space, points, out, seen)
-    knot_loads(ints, floats, space, loads[: ints[2]])
+    knot_loads(ints, floats, space, loads[: ints[N_KNOTS]])
     tell_pushes(net, near)
-    for i in range(ints[2]):
-        if net.base[i] >= 0:
-            for c in range(7):
-                loads[net.base[i], c] = loads[i, c]
     info[I_ENERGY], info[I_TWIST] = seen[network.I_ENERGY], seen[network.INFO]
+    info[INFO:] = seen[network.INFO :]
+    for c in range(lying.turns.shape[1]):
+        info[INFO + 2 * c + 1] = lying.turns[TRIAL, c]
     info[I_INTERPOLATION], info[I_RESIDUAL] = seen[network.I_INTERPOLATION], seen[network.I_RESIDUAL]
     info[I_ESTIMATE] = SAFETY * (off + info[I_INTERPOLATION])
-    info[I_CONTACTS] = contact_error(net, q, near, on, h, ROUND / lying.s[h.shape[0]], flex)
+    info[I_CONTACTS] = contact_error(net, q, near, on, h, ROUND / model_of(ints, floats).par[LENGTH], lying.flex)
     info[I_ESTIMATE] += AMISS * info[I_CONTACTS]
     for k in range(h.shape[0]):
+        if h[k] == 0.0:
+            continue
         cosine = abs(qmul(qconj(get4(q, k)), get4(q, k + 1))[3])
         info[I_TURN] = max(info[I_TURN], 2.0 * math.acos(min(1.0, cosine)))
     if not all_finite(out) or not all_finite(info[0:5]) or not all_finite(info[8:14]):
         return BROKEN
     if drag == 0.0:
         info[AGE] = 0.0 if info[I_ASSEMBLIES] > 0.0 else (age if info[I_ITERATIONS] <= QUICK else math.inf)
-    if look_over(q, near, on, h, flex, out, points, info, bodies, radius, sunk, before, horizon, deepest, fine):
+    if look_over(lying, bodies, cables, out, points, info, sunk, before, horizon, deepest, fine):
         return UNSETTLED
     accept(lying, False)
     return CONVERGED
@@ -147,49 +160,60 @@ def uncorrected(lying: Lying, net: Net) -> None:
     ints, floats, sols, space = net.ints, net.floats, net.sols, net.space
     near = lying.near[TRIAL]
     place_nodes(net, lying.s)
-    put(ints, floats, sols, lying.q[TRIAL], near, NORMAL, lying.ends[TRIAL], lying.grips[TRIAL], net.where, net.base)
+    put(net, lying, TRIAL, near, NORMAL)
     gradient(ints, floats, sols, space)
     sol, work = solution_of(ints, sols, TRIAL), work_of(ints, space)
-    walk(work.first, lying.held, lying.grips[TRIAL], near)
-    close(ints, sols, space, near, net.where, net.base)
+    walk(net, near)
+    close(net, near)
+    for i in range(net.moves.shape[0]):
+        if net.moves[i] != 0:
+            for c in range(3):
+                lying.grips[TRIAL, i, c] = sol.pose[i, c]
     copy_rows(work.start, sol.q, 4)
     copy_rows(work.pulled, sol.lam, 3)
     copy_rows(work.place, sol.pose, 3)
-    for e in range(lying.h.shape[0]):
+    for e in range(work.moments.shape[0]):
         for c in range(3):
             work.moments[e, c], work.moments[e, 3 + c] = -work.first[e, 3 + c], work.first[e, 6 + c]
 
 
 @kernel
 def look_over(
-    q: Array, near: Array, on: Array, h: Array, flex: float, out: Array, points: int, info: Array, bodies: Bodies,
-    radius: float, sunk: float, before: Array, horizon: float, deepest: float, fine: float,
+    lying: Lying, bodies: Bodies, cables: int, out: Array, points: int, info: Array, sunk: float, before: Array,
+    horizon: float, deepest: float, fine: float,
 ) -> bool:  # fmt: skip
-    """Whether anything is left to be done about a solution.
+    """Whether anything is left to be done about the trial, whose shape is `out`.
 
-    That is the cable deeper in a body than `deepest` [m], see `closest_points` for horizon; a body that it may have
-    passed since it was at `before` (n, 3; n = 0: anywhere) and the bodies in `Bodies.then`; contacts whose part of the
-    error [m] is above `fine` (infinite: may be), or AMISS times that in all; contacts that were stopped while they ran,
-    or that have come up to a node. A negative `deepest`: who calls will see.
+    That is a cable deeper in a body than `deepest` [m], see `closest_points` for horizon; a body that it may have
+    passed since it was at `before` (cables n, 3; n = 0: anywhere) and the bodies in `Bodies.then`; contacts whose part
+    of the error [m] is above `fine` (infinite: may be), or AMISS times that in all; contacts that were stopped while
+    they ran, or that have come up to a node. A negative `deepest`: who calls will see.
     """
     if deepest < 0.0:
         return True
     if fine < math.inf and (info[I_ITERATIONS] > RUNNING or info[I_CONTACTS] > fine or info[I_ESTIMATE] > AMISS * fine):
         return True
-    s, positions = out[:points], out[points : 4 * points].reshape(points, 3)
-    closest_points(
-        positions, s, radius, horizon, GRIP_EXCLUSION, True, bodies.table, bodies.links, bodies.triangles, bodies.tree,
-        bodies.measured, bodies.counts,
-    )  # fmt: skip
-    for m in range(bodies.measured.shape[0]):
-        if bodies.measured[m, 0] + sunk < -deepest:
+    node = 0
+    for c in range(cables):
+        own = out[17 * points * c : 17 * points * (c + 1)]
+        s, positions = own[:points], own[points : 4 * points].reshape(points, 3)
+        radius = lying.thick[node]
+        closest_points(
+            positions, s, radius, horizon, GRIP_EXCLUSION, True, bodies.table, bodies.links, bodies.triangles,
+            bodies.tree, bodies.measured, bodies.counts,
+        )  # fmt: skip
+        for m in range(bodies.measured.shape[0]):
+            if bodies.measured[m, 0] + sunk < -deepest:
+                return True
+        if before.shape[0] > 0 and passes(
+            s, before[points * c : points * (c + 1)], positions, bodies.table, bodies.frames, bodies.then,
+            bodies.triangles, bodies.tree, radius, bodies.stack,
+        ):  # fmt: skip
             return True
-    if before.shape[0] > 0 and passes(
-        s, before, positions, bodies.table, bodies.frames, bodies.then, bodies.triangles, bodies.tree, radius,
-        bodies.stack,
-    ):  # fmt: skip
-        return True
-    return bool(any_crowded(near, on, q, h, flex))
+        node += 1
+        while node < lying.h.shape[0] and lying.h[node - 1] != 0.0:
+            node += 1
+    return bool(any_crowded(lying.near[TRIAL], lying.on[TRIAL], lying.q[TRIAL], lying.h, lying.flex))
 
 
 @kernel
@@ -205,18 +229,19 @@ def accept(lying: Lying, again: bool) -> None:
 
 
 @kernel
-def refresh(lying: Lying, net: Net, flex: float) -> None:
+def refresh(lying: Lying, net: Net) -> None:
     """Assembles and factors the matrix of the solution now with its contacts; the network's solution is that one."""
     q, near, on = lying.q[NOW], lying.near[NOW], lying.on[NOW]
     ints, floats, sols, space = net.ints, net.floats, net.sols, net.space
     if not laid(net, lying, on):
         place_nodes(net, lying.s)
-    put(ints, floats, sols, q, near, NORMAL, lying.ends[NOW], lying.grips[NOW], net.where, net.base)
+    put(net, lying, NOW, near, NORMAL)
     assemble(ints, floats, sols, space)
-    close(ints, sols, space, near, net.where, net.base)
-    least = ROUND / lying.s[lying.h.shape[0]]
-    press_on(ints, floats, space, q, lying.h, near, on, net.where, net.base, least, flex, 0.0, False)
+    walk(net, near)
+    close(net, near)
+    par = model_of(ints, floats).par
+    press_on(net, q, lying.h, near, on, ROUND / par[LENGTH], lying.flex, 0.0, False)
     model_of(ints, floats).given[:, :] = 0.0
-    factor(ints, floats, space, SLIGHT * model_of(ints, floats).par[BASE_SHIFT])
+    factor(ints, floats, space, SLIGHT * par[BASE_SHIFT])
     size = solution_size(ints)
     copy(sols[0:size], sols[2 * size : 3 * size])

@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 
 from cable_shape.checks import Array
+from cable_shape.kernels.contact.knots import slot_of
 from cable_shape.kernels.contact.near import BARE, NORMAL, PRESS, STEP, parting, tangent_of
 from cable_shape.kernels.contact.press import moves
 from cable_shape.kernels.contact.tables import Net
 from cable_shape.kernels.network.compiled import viewing
-from cable_shape.kernels.network.graph import solve, step_of_force
+from cable_shape.kernels.network.graph import lead, solve, step_of_force
 from cable_shape.kernels.network.respond import still
 from cable_shape.kernels.network.sliding import carried, slide_step, slides_of
 from cable_shape.kernels.network.system import release
-from cable_shape.kernels.network.tables import STIFFEST, TRIAL, model_of, plan_of, solution_of, work_of
+from cable_shape.kernels.network.tables import N_KNOTS, STIFFEST, TRIAL, model_of, plan_of, solution_of, work_of
 from cable_shape.kernels.rod_algebra import add, dot, get3, get4, put3, rotation, scale, subtract, take3, tapply
 from cable_shape.kernels.rod_defect import change_of_step, defects
 
@@ -44,6 +45,7 @@ def position_error(net: Net, errors: Array) -> float:
         errors[e] = math.sqrt(dot(t, t)) + model.h[e] ** 2 * math.sqrt(dot(g, g)) / model.par[STIFFEST]
     release(plan, model, work.G)
     solve(net.ints, net.floats, net.space)
+    lead(plan, work)
     runs = net.run.shape[0] > 0
     slides = slides_of(net.ints, net.run)
     if runs:
@@ -66,7 +68,7 @@ def position_error(net: Net, errors: Array) -> float:
 
 
 @viewing
-def shift_of(q: Array, near: Array, on: Array, h: Array, k: int, least: float, flex: float) -> tuple[float, float]:
+def shift_of(q: Array, near: Array, on: Array, h: Array, k: int, least: float, flex: Array) -> tuple[float, float]:
     """How far along the cable from node k its contact's force should act, and how far the node should be off [m].
 
     A contact alone, or the last of a row, belongs where the cable is nearest to the body; inside a row, nothing is
@@ -83,7 +85,7 @@ def shift_of(q: Array, near: Array, on: Array, h: Array, k: int, least: float, f
 
 
 @viewing
-def contact_error(net: Net, q: Array, near: Array, on: Array, h: Array, least: float, flex: float) -> float:
+def contact_error(net: Net, q: Array, near: Array, on: Array, h: Array, least: float, flex: Array) -> float:
     """Estimated error [m] from contacts at nodes, whose forces should act elsewhere, with the factors at hand.
 
     Leaves the change of the nodes' places in `near`, and nothing of the right-hand side.
@@ -92,10 +94,8 @@ def contact_error(net: Net, q: Array, near: Array, on: Array, h: Array, least: f
     still(net.ints, net.space)
     model.given[:, :] = 0.0
     amiss = False
-    for i in range(1, net.ints[2] - 1):
+    for i in range(net.bare[N_KNOTS], net.ints[N_KNOTS]):
         k = net.where[i]
-        if net.base[i] >= 0:
-            continue
         way, off = shift_of(q, near, on, h, k, least, flex)
         if way == 0.0:
             continue
@@ -103,7 +103,7 @@ def contact_error(net: Net, q: Array, near: Array, on: Array, h: Array, least: f
         n = take3(near, k, NORMAL)
         N = tapply(rotation(get4(q, k)), n)
         f = near[k, PRESS] * way
-        put3(work.G, k + i - 1, 0, (f * N[1], -f * N[0], 0.0))
+        put3(work.G, slot_of(net, i), 0, (f * N[1], -f * N[0], 0.0))
         put3(model.given, i, 0, scale(off, n))
     if not amiss:
         return 0.0

@@ -46,47 +46,33 @@ NONE = (0.0, 0.0, 0.0)
 SHARP, ROUND = 0.6, 0.05
 
 
-@viewing
-def walk(first: Array, held: Array, places: Array, near: Array) -> None:
-    """Places of the nodes, from each held support on. first (N, 9): minus the steps in position first.
-
-    At a held support that is where the cable before it ends.
-    """
-    put3(near, held[0], SPOT, get3(places, 0))
-    for i in range(held.shape[0] - 1):
-        r = get3(places, i)
-        for e in range(held[i], held[i + 1]):
-            r = subtract(r, take3(first, e, 0))
-            put3(near, e + 1, SPOT, r)
-
-
 @kernel
 def look(
-    s: Array, near: Array, on: Array, first_node: int, last_node: int, bodies: Array, frames: Array, triangles: Array,
-    nodes: Array, radius: float, sunk: float, stack: Array,
+    s: Array, near: Array, on: Array, thick: Array, first_node: int, last_node: int, bodies: Array, frames: Array,
+    triangles: Array, nodes: Array, sunk: float, stack: Array,
 ) -> None:  # fmt: skip
-    """Gaps of the nodes first_node to last_node, with normal and curvature where a body is near or pressed on.
+    """Gaps of a cable's nodes between first_node and last_node, its ends, with normal and curvature where a body is near
+    or pressed on.
 
-    radius [m]: of the cable; sunk [m]: how much smaller than they are bodies are taken to be. The normals from before
-    go where the change of place was.
+    sunk [m]: how much smaller than they are bodies are taken to be. The normals from before go where the change of place
+    was.
     """
-    count = s.shape[0]
-    for k in range(count):
+    for k in range(first_node, last_node + 1):
         near[k, GAP] = math.inf
         on[k, 1] = BARE
         put3(near, k, STEP, take3(near, k, NORMAL))
     for b in range(bodies.shape[0]):
         endless = int(bodies[b, 0]) == HALF_SPACE
         exclusion = GRIP_EXCLUSION if bodies[b, 12] != 0.0 else 0.0
-        k = first_node
-        while k <= last_node:
-            if s[k] < exclusion or s[k] > s[count - 1] - exclusion:
+        k = first_node + 1
+        while k < last_node:
+            if s[k] < exclusion or s[k] > s[last_node] - exclusion:
                 k += 1
                 continue
             held = on[k, 0] == b
             side = take3(near, k, STEP) if held else NONE
             d, n, H = touch(bodies[b], frames[b], triangles, nodes, take3(near, k, SPOT), side, held, stack)
-            gap = d - radius + sunk
+            gap = d - thick[k] + sunk
             if gap < near[k, GAP] and (held or (gap < MARGIN and (on[k, 0] == BARE or gap < -1e-5))):
                 near[k, GAP] = gap
                 on[k, 1] = b
@@ -97,11 +83,11 @@ def look(
             k += 1
             if gap > MARGIN:
                 at = s[k - 1]
-                while k <= last_node and s[k] < at + gap - MARGIN and on[k, 0] != b:
+                while k < last_node and s[k] < at + gap - MARGIN and on[k, 0] != b:
                     if not endless and on[k, 1] == BARE:
                         near[k, GAP] = min(near[k, GAP], gap - s[k] + at)
                     k += 1
-    for k in range(first_node, last_node + 1):
+    for k in range(first_node + 1, last_node):
         if on[k, 1] == BARE:
             on[k, 0] = BARE
             near[k, PRESS] = 0.0
@@ -115,7 +101,7 @@ def tangent_of(q: Array, k: int) -> Vector:
 
 
 @viewing
-def turning(q: Array, h: Array, near: Array, k: int, flex: float) -> Vector:
+def turning(q: Array, h: Array, near: Array, k: int, flex: Array) -> Vector:
     """Darboux vector at node k [1/m].
 
     Between the middles of both elements it is linear but for the bend that the contact's force makes.
@@ -125,7 +111,7 @@ def turning(q: Array, h: Array, near: Array, k: int, flex: float) -> Vector:
     f = 1.0 / (a + b)
     u = add(scale(2.0 * f * b / a, left), scale(2.0 * f * a / b, right))
     N = tapply(rotation(get4(q, k)), take3(near, k, NORMAL))
-    bend = -0.5 * f * a * b * flex * near[k, PRESS]
+    bend = -0.5 * f * a * b * flex[k] * near[k, PRESS]
     return add(u, (-bend * N[1], bend * N[0], 0.0))
 
 
@@ -137,7 +123,7 @@ def sharpness(q: Array, near: Array, k: int) -> float:
 
 
 @viewing
-def parting(q: Array, h: Array, near: Array, k: int, flex: float) -> tuple[float, float]:
+def parting(q: Array, h: Array, near: Array, k: int, flex: Array) -> tuple[float, float]:
     """Second derivative of the distance along the cable at a contact [1/m], and the body's part of it."""
     sharp = sharpness(q, near, k)
     u = turning(q, h, near, k, flex)
@@ -145,7 +131,7 @@ def parting(q: Array, h: Array, near: Array, k: int, flex: float) -> tuple[float
 
 
 @viewing
-def along_cable(q: Array, h: Array, near: Array, on: Array, k: int, least: float, flex: float) -> float:
+def along_cable(q: Array, h: Array, near: Array, on: Array, k: int, least: float, flex: Array) -> float:
     """Second derivative of the distance along the cable at a contact that runs along it [1/m]; 0 if it does not.
 
     On a body that is not sharp a contact runs if it has no neighbour. least [1/m]: second derivative from which on.
@@ -160,7 +146,7 @@ def along_cable(q: Array, h: Array, near: Array, on: Array, k: int, least: float
 
 
 @viewing
-def allowed(near: Array, on: Array, bodies: Array, radius: float) -> float:
+def allowed(near: Array, on: Array, bodies: Array, thick: Array) -> float:
     """The fraction of the last step that carries no node further than its gap and 0.6 of a body's thickness."""
     fraction = 1.0
     for k in range(near.shape[0]):
@@ -168,12 +154,12 @@ def allowed(near: Array, on: Array, bodies: Array, radius: float) -> float:
         move = take3(near, k, STEP)
         if b == BARE:
             size = math.sqrt(dot(move, move))
-            if size > near[k, GAP] + 0.6 * radius:
-                fraction = min(fraction, (near[k, GAP] + 0.6 * radius) / size)
+            if size > near[k, GAP] + 0.6 * thick[k]:
+                fraction = min(fraction, (near[k, GAP] + 0.6 * thick[k]) / size)
             continue
         n = take3(near, k, NORMAL)
         way = -dot(move, n)
-        limit = max(near[k, GAP], 0.0) + 0.6 * (radius + reach_of(bodies[b]))
+        limit = max(near[k, GAP], 0.0) + 0.6 * (thick[k] + reach_of(bodies[b]))
         if way > limit:
             fraction = min(fraction, limit / way)
         size = math.sqrt(dot(move, move))

@@ -16,12 +16,13 @@ import math
 
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.contact.knots import close, from_model, laid, mesh, press_on, put, step_out
-from cable_shape.kernels.contact.near import EXACT, NORMAL, PRESS, ROUND, STEP, allowed, lean, look, walk
+from cable_shape.kernels.contact.knots import close, from_model, mesh, press_on, put, step_out, walk
+from cable_shape.kernels.contact.lay import laid
+from cable_shape.kernels.contact.near import EXACT, NORMAL, PRESS, ROUND, STEP, allowed, lean, look
 from cable_shape.kernels.contact.run import slide
 from cable_shape.kernels.contact.sets import drop, grow, misplaced, spare_clips
 from cable_shape.kernels.contact.tables import Bodies, Lying, Net
-from cable_shape.kernels.network.compiled import viewing
+from cable_shape.kernels.network.compiled import inline, viewing
 from cable_shape.kernels.network.graph import factor, solve, step_of_force
 from cable_shape.kernels.network.newton import (
     CHORD_FROM,
@@ -39,6 +40,7 @@ from cable_shape.kernels.network.newton import (
     size_at,
 )
 from cable_shape.kernels.network.sliding import (
+    Slides,
     carried,
     columns,
     cut_short,
@@ -50,16 +52,20 @@ from cable_shape.kernels.network.sliding import (
 from cable_shape.kernels.network.system import assemble, gradient, release
 from cable_shape.kernels.network.tables import (
     BASE_SHIFT,
+    LENGTH,
+    N_CABLES,
+    N_KNOTS,
     SOFTEST,
     TRIAL,
     UNKNOWN,
-    Whole,
+    Work,
     model_of,
     plan_of,
     solution_of,
     work_of,
 )
 from cable_shape.kernels.rod_algebra import (
+    Vector,
     add,
     apply,
     dot,
@@ -97,27 +103,25 @@ I_ITERATIONS, I_STEP, I_EXCESS, I_KNOTS, I_ASSEMBLIES, I_KICKS, I_CHANGES, I_GAP
 
 @kernel
 def press(
-    lying: Lying, bodies: Bodies, net: Net, flex: float, weight: float, radius: float, sunk: float, most: int,
-    drag: float, factored: bool, info: Array,
+    lying: Lying, bodies: Bodies, net: Net, weight: float, limp: bool, sunk: float, most: int, drag: float,
+    factored: bool, info: Array,
 ) -> int:  # fmt: skip
     """Solves for the trial; CONVERGED, STALLED or NOT_FINITE.
 
     `lying` takes the last step, the network's solution does not: it is left in the right-hand sides, to be corrected.
 
-    flex [1/(N m^2)]: 1 / EI; weight [N]: of the cable. radius, sunk [m]: see `near.look`. drag [N]: moment per length
-    and angle that holds the rotations back from `Lying.start`. factored: the factors in `net` are a nearby solution's,
+    weight [N]: of all cables; limp: whether one of them is, see LIMP. sunk [m]: see `near.look`. drag [N]: moment per
+    length and angle that holds the rotations back from `Lying.start`. factored: the factors in `net` are a nearby solution's,
     and serve while steps are short. info: see I_ITERATIONS and the rest.
     """
-    ints, floats, sols, space, where, base = net.ints, net.floats, net.sols, net.space, net.where, net.base
-    q, near, on, ends, grips = lying.q[TRIAL], lying.near[TRIAL], lying.on[TRIAL], lying.ends[TRIAL], lying.grips[TRIAL]
-    s, h, start = lying.s, lying.h, lying.start
-    elements = h.shape[0]
-    length = s[elements]
+    ints, floats, sols, space = net.ints, net.floats, net.sols, net.space
+    q, near, on = lying.q[TRIAL], lying.near[TRIAL], lying.on[TRIAL]
+    s, h, start, flex = lying.s, lying.h, lying.start, lying.flex
     par = model_of(net.bare, net.made).par
+    length = par[LENGTH]
     masses = model_of(net.bare, net.made).at
     softest, base_shift = par[SOFTEST], par[BASE_SHIFT]
     least = PULL * (weight + softest)
-    limp = flex * LIMP * weight * length * length > 1.0
     runs_through = net.run.shape[0] > 0
     shift = largest = before = 0.0
     iterations = changed = 0
@@ -134,39 +138,40 @@ def press(
         if laid(net, lying, on):
             reuse = False
         elif slid > 0.0:
-            mesh(ints, floats, s)
-        put(ints, floats, sols, q, near, NORMAL, ends, grips, where, base)
+            mesh(net, s)
+        if ints[N_CABLES] == 0:
+            return STALLED
+        put(net, lying, TRIAL, near, NORMAL)
         if reuse:
             gradient(ints, floats, sols, space)
         else:
             info[I_ASSEMBLIES] += 1.0
             gone = 0.0
             assemble(ints, floats, sols, space)
-        walk(work_of(ints, space).first, lying.held, grips, near)
-        look(
-            s, near, on, 1, elements - 1, bodies.table, bodies.frames, bodies.triangles, bodies.tree, radius, sunk,
-            bodies.stack,
-        )  # fmt: skip
+        walk(net, near)
+        look_around(net, lying, near, on, bodies, sunk)
         spare_clips(near, on, lying.held)
         off = misplaced(near, on) if limp else 0.0
         changed += grow(near, on, min(ADD + length * largest * largest, MOST), off, one)
         if laid(net, lying, on):
             changed += 1
             reuse = False
-            put(ints, floats, sols, q, near, STEP, ends, grips, where, base)
+            if ints[N_CABLES] == 0:
+                return STALLED
+            put(net, lying, TRIAL, near, STEP)
             info[I_ASSEMBLIES] += 1.0
             gone = 0.0
             assemble(ints, floats, sols, space)
         info[I_CHANGES] += changed
-        info[I_KNOTS] = where[ints[2] - 1]
-        close(ints, sols, space, near, where, base)
-        info[I_GAP] = press_on(ints, floats, space, q, h, near, on, where, base, runs, flex, drag, reuse)
+        info[I_KNOTS] = ints[N_KNOTS]
+        close(net, near)
+        info[I_GAP] = press_on(net, q, h, near, on, runs, flex, drag, reuse)
         if drag > 0.0:
-            hold_back(ints, floats, space, q, start, drag)
+            hold_back(net, q, start, drag)
         wanted = ints[UNKNOWN]
         untested = False
         if not reuse:
-            step_out(ints, floats, near, where, base, 0.0)
+            step_out(net, near, 0.0)
             trial = shift / SHIFT_GROWTH if largest > CHORD_FROM and shift > FIRST_SHIFT * softest else 0.0
             untested = trial > 0.0
             negative = 0
@@ -182,7 +187,7 @@ def press(
             shift = trial
             if runs_through:
                 columns(ints, floats, sols, space, net.run)
-        step_out(ints, floats, near, where, base, 1.0)
+        step_out(net, near, 1.0)
         before = largest
         largest = solve(ints, floats, space)
         if runs_through:
@@ -205,14 +210,14 @@ def press(
             if info[I_KICKS] >= MOST_KICKS:
                 return STALLED
             info[I_KICKS] += 1.0
-            step_out(ints, floats, near, where, base, 0.0)
+            step_out(net, near, 0.0)
             kick(ints, floats, space)
             if runs_through:
                 slides_of(ints, net.run).way[:] = 0.0
             largest = KICK
             moves(net, near)
         fraction = min(1.0, LARGEST_STEP / largest) if largest > 0.0 else 1.0
-        fraction = min(fraction, allowed(near, on, bodies.table, radius))
+        fraction = min(fraction, allowed(near, on, bodies.table, lying.thick))
         if runs_through:
             fraction = min(fraction, cut_short(ints, floats, sols, net.run))
             if fraction == 0.0:
@@ -228,16 +233,16 @@ def press(
                 or (again and largest < CHORD_TOLERANCE and largest < SURE * before)
             )
             done = small and not pulls(net, near, least)
-        forces_on(net, near, ends, fraction)
+        forces_on(net, near, lying.ends[TRIAL], fraction)
         for k in range(near.shape[0]):
             if lies(on, k):
                 lean(near, k, fraction)
-        turn(net, q, fraction)
+        turn(net, q, lying.grips[TRIAL], fraction)
         if done:
             return CONVERGED
         if runs_through:
             move_along(ints, floats, net.run, fraction)
-            from_model(ints, floats, s, h)
+            from_model(net, s, h)
         if calm:
             pulling = False
             for k in range(near.shape[0]):
@@ -258,29 +263,53 @@ def lies(on: Array, k: int) -> bool:
 
 
 @viewing
+def look_around(net: Net, lying: Lying, near: Array, on: Array, bodies: Bodies, sunk: float) -> None:
+    """`near.look` for every cable."""
+    plan = plan_of(net.bare)
+    for c in range(plan.cables.shape[0] - 1):
+        look(
+            lying.s, near, on, lying.thick, lying.held[plan.cables[c] + c], lying.held[plan.cables[c + 1] + c],
+            bodies.table, bodies.frames, bodies.triangles, bodies.tree, sunk, bodies.stack,
+        )  # fmt: skip
+
+
+@viewing
 def moves(net: Net, near: Array) -> None:
-    """Change of the nodes' places under the step, to first order, into `near`."""
+    """Change of the nodes' places under the step, to first order, into `near`; and of knots that nothing holds."""
     plan = plan_of(net.ints)
     work, slides = work_of(net.ints, net.space), slides_of(net.ints, net.run)
-    runs = slides.way.shape[0] > 0
-    r = take3(work.move, 0, 3)
-    put3(near, net.where[0], STEP, r)
-    for j in range(plan.ends.shape[0]):
-        if net.base[j] >= 0:
-            r = take3(work.move, j, 3)
-        dl = step_of_force(work, j)
-        for e in range(plan.first[j], plan.first[j + 1]):
-            change = add(
-                add(
-                    tapply(get9(work.parts, e, 9), get3(work.d, e + j)),
-                    tapply(get9(work.parts, e, 18), get3(work.d, e + j + 1)),
-                ),
-                apply(get9(work.parts, e, 27), dl),
-            )
-            r = subtract(r, change)
-            if runs:
-                r = subtract(r, carried(slides, e, 0))
-            put3(near, e + 1, STEP, r)
+    for way in net.tour:
+        j = abs(way) - 1
+        a, b = net.piece[j], net.piece[j + 1]
+        c = net.cable[a]
+        if way > 0:
+            r = take3(work.move, plan.ends[a, 0], 3)
+            if a == plan.cables[c]:
+                put3(near, plan.first[a] + c, STEP, r)
+            for x in range(a, b):
+                for e in range(plan.first[x], plan.first[x + 1]):
+                    r = subtract(r, change_of(work, slides, x, e))
+                    put3(near, e + c + 1, STEP, r)
+            if plan.known[b - 1] != 0:
+                put3(work.move, plan.ends[b - 1, 1], 3, r)
+        else:
+            r = take3(work.move, plan.ends[b - 1, 1], 3)
+            put3(near, plan.first[b] + c, STEP, r)
+            for x in range(b - 1, a - 1, -1):
+                for e in range(plan.first[x + 1] - 1, plan.first[x] - 1, -1):
+                    r = add(r, change_of(work, slides, x, e))
+                    put3(near, e + c, STEP, r)
+            put3(work.move, plan.ends[a, 0], 3, r)
+
+
+@viewing
+def change_of(work: Work, slides: Slides, x: int, e: int) -> Vector:
+    """Change of minus the step in position along element e, of span x."""
+    change = add(
+        add(tapply(get9(work.parts, e, 9), get3(work.d, e + x)), tapply(get9(work.parts, e, 18), get3(work.d, e + x + 1))),
+        apply(get9(work.parts, e, 27), step_of_force(work, x)),
+    )
+    return add(change, carried(slides, e, 0)) if slides.way.shape[0] > 0 else change
 
 
 @viewing
@@ -288,8 +317,9 @@ def pushed(net: Net, near: Array, i: int, fraction: float) -> float:
     """[N], the push on contact i with a fraction of the step."""
     sol, work = solution_of(net.ints, net.sols, TRIAL), work_of(net.ints, net.space)
     model = model_of(net.ints, net.floats)
-    jump = subtract(get3(sol.lam, i - 1), add(get3(sol.lam, i), add(get3(model.weight, i), get3(model.force, i))))
-    jump = add(jump, subtract(step_of_force(work, i - 1), step_of_force(work, i)))
+    x = net.span[i]
+    jump = subtract(get3(sol.lam, x), add(get3(sol.lam, x + 1), add(get3(model.weight, x + 1), get3(model.force, i))))
+    jump = add(jump, subtract(step_of_force(work, x), step_of_force(work, x + 1)))
     p = near[net.where[i], PRESS]
     return float(p + fraction * (dot(jump, take3(near, net.where[i], NORMAL)) - p))
 
@@ -298,44 +328,57 @@ def pushed(net: Net, near: Array, i: int, fraction: float) -> float:
 def pulls(net: Net, near: Array, least: float) -> bool:
     """Whether a contact would pull by more than `least` [N] after the step."""
     count = 0
-    for i in range(1, net.ints[2] - 1):
-        if net.base[i] < 0:
-            count += pushed(net, near, i, 1.0) < -least
+    for i in range(net.bare[N_KNOTS], net.ints[N_KNOTS]):
+        count += pushed(net, near, i, 1.0) < -least
     return count > 0
 
 
 @viewing
 def forces_on(net: Net, near: Array, ends: Array, fraction: float) -> None:
-    """Takes a fraction of the step of the forces: those of contacts, and those before held nodes."""
-    plan, work = plan_of(net.ints), work_of(net.ints, net.space)
-    for j in range(plan.ends.shape[0]):
-        held = net.base[j + 1]
-        if held < 0:
-            near[net.where[j + 1], PRESS] = pushed(net, near, j + 1, fraction)
-        elif plan.known[j] == 0:
-            step = step_of_force(work, j)
-            put3(ends, held - 1, 0, add(get3(ends, held - 1), scale(fraction, step)))
+    """Takes a fraction of the step of the forces: those of contacts, and those at the ends of stretches."""
+    plan, sol, work = plan_of(net.ints), solution_of(net.ints, net.sols, TRIAL), work_of(net.ints, net.space)
+    for x in range(plan.ends.shape[0]):
+        knot = plan.ends[x, 1]
+        if knot >= net.bare[N_KNOTS]:
+            near[net.where[knot], PRESS] = pushed(net, near, knot, fraction)
+        elif plan.known[x] != 0:
+            put3(ends, net.stretch[x], 0, get3(sol.lam, x))
+        else:
+            put3(ends, net.stretch[x], 0, add(get3(ends, net.stretch[x]), scale(fraction, step_of_force(work, x))))
 
 
 @viewing
-def turn(net: Net, q: Array, fraction: float) -> None:
-    """Takes a fraction of the step of the rotations."""
+def turn(net: Net, q: Array, grips: Array, fraction: float) -> None:
+    """Takes a fraction of the step of the rotations, and of the knots that are free."""
     plan, work = plan_of(net.ints), work_of(net.ints, net.space)
-    for j in range(plan.ends.shape[0]):
-        for k in range(plan.first[j] + (1 if j > 0 else 0), plan.first[j + 1] + 1):
-            d = get3(work.d, k + j)
-            q[k, 0], q[k, 1], q[k, 2], q[k, 3] = qnormal(qmul(get4(q, k), qexp(scale(fraction, d))))
+    for x in range(plan.ends.shape[0]):
+        c = net.cable[x]
+        for e in range(plan.first[x] + (1 if x > plan.cables[c] else 0), plan.first[x + 1] + 1):
+            turn_by(q, e + c, 0, get3(work.d, e + x), fraction)
+    for i in range(net.bare[N_KNOTS]):
+        if plan.vertices[i, 0] >= 0 and net.where[i] < 0:
+            turn_by(grips, i, 3, get3(work.move, i), fraction)
+        if plan.vertices[i, 1] >= 0:
+            put3(grips, i, 0, add(get3(grips, i), scale(fraction, take3(work.move, i, 3))))
+
+
+@inline
+def turn_by(q: Array, k: int, at: int, d: Vector, fraction: float) -> None:
+    """Turns the rotation in row k, from column `at` on, by a fraction of d in its own frame."""
+    own = (q[k, at], q[k, at + 1], q[k, at + 2], q[k, at + 3])
+    q[k, at], q[k, at + 1], q[k, at + 2], q[k, at + 3] = qnormal(qmul(own, qexp(scale(fraction, d))))
 
 
 @viewing
-def hold_back(ints: Whole, floats: Array, space: Array, q: Array, start: Array, drag: float) -> None:
+def hold_back(net: Net, q: Array, start: Array, drag: float) -> None:
     """Adds to the gradient what drags the rotations back to `start`: drag [N] times angle and length."""
-    plan, model, work = plan_of(ints), model_of(ints, floats), work_of(ints, space)
-    for j in range(plan.ends.shape[0]):
-        for e in range(plan.first[j], plan.first[j + 1] + 1):
-            miss = qmul(qconj(get4(start, e)), get4(q, e))
-            f = math.copysign(2.0 * drag * size_at(plan, model, j, e), miss[3])
-            put3(work.G, e + j, 0, add(get3(work.G, e + j), (f * miss[0], f * miss[1], f * miss[2])))
+    plan, model, work = plan_of(net.ints), model_of(net.ints, net.floats), work_of(net.ints, net.space)
+    for x in range(plan.ends.shape[0]):
+        c = net.cable[x]
+        for e in range(plan.first[x], plan.first[x + 1] + 1):
+            miss = qmul(qconj(get4(start, e + c)), get4(q, e + c))
+            f = math.copysign(2.0 * drag * size_at(plan, model, x, e), miss[3])
+            put3(work.G, e + x, 0, add(get3(work.G, e + x), (f * miss[0], f * miss[1], f * miss[2])))
     release(plan, model, work.G)
 
 
@@ -343,9 +386,8 @@ def hold_back(ints: Whole, floats: Array, space: Array, q: Array, start: Array, 
 def tell_pushes(net: Net, near: Array) -> None:
     """Fills in the contacts' forces after the correction of the discretisation error."""
     model, work = model_of(net.ints, net.floats), work_of(net.ints, net.space)
-    for i in range(1, net.ints[2] - 1):
-        if net.base[i] < 0:
-            k = net.where[i]
-            loads = add(get3(model.weight, i), get3(model.force, i))
-            jump = subtract(get3(work.pulled, i - 1), add(get3(work.pulled, i), loads))
-            near[k, EXACT] = dot(jump, take3(near, k, NORMAL))
+    for i in range(net.bare[N_KNOTS], net.ints[N_KNOTS]):
+        x, k = net.span[i], net.where[i]
+        loads = add(get3(model.weight, x + 1), get3(model.force, i))
+        jump = subtract(get3(work.pulled, x), add(get3(work.pulled, x + 1), loads))
+        near[k, EXACT] = dot(jump, take3(near, k, NORMAL))

@@ -8,7 +8,8 @@ import numpy as np
 
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.contact.knots import copy_cable
+from cable_shape.kernels.contact.knots import slot_of
+from cable_shape.kernels.contact.lay import copy_cable
 from cable_shape.kernels.contact.near import CURVED, NONE, NORMAL, PRESS, SPOT, tangent_of
 from cable_shape.kernels.contact.tables import Net
 from cable_shape.kernels.network.compiled import part
@@ -16,6 +17,7 @@ from cable_shape.kernels.network.graph import lead, solve
 from cable_shape.kernels.network.mesh import move_nodes
 from cable_shape.kernels.network.respond import pull_change, spread, still
 from cable_shape.kernels.network.tables import (
+    N_KNOTS,
     N_SPANS,
     TRIAL,
     copy,
@@ -34,7 +36,7 @@ def neighbours(net: Net, s: Array, made: Array, before: Array, after: Array) -> 
     out = np.empty((made.shape[0], model_size(net.ints)))
     for c in range(made.shape[0]):
         copy(out[c], net.floats)
-        copy_cable(net.bare, made[c], s, net.where, net.base, net.ints, out[c])
+        copy_cable(net, made[c], s, out[c])
         move_nodes(net.ints, net.floats, before, after[c], out[c])
     return out
 
@@ -50,9 +52,9 @@ def follow_body(net: Net, q: Array, near: Array, on: Array, body: int, origin: A
     still(net.ints, net.space)
     model.given[:, :] = 0.0
     unit = (1.0 if axis % 3 == 0 else 0.0, 1.0 if axis % 3 == 1 else 0.0, 1.0 if axis % 3 == 2 else 0.0)
-    for i in range(model.given.shape[0]):
+    for i in range(net.bare[N_KNOTS], model.given.shape[0]):
         k = net.where[i]
-        if net.base[i] >= 0 or on[k, 0] != body:
+        if on[k, 0] != body:
             continue
         n = take3(near, k, NORMAL)
         way = unit
@@ -64,7 +66,7 @@ def follow_body(net: Net, q: Array, near: Array, on: Array, body: int, origin: A
         a, b = take3(model.lean, i, 0), take3(model.lean, i, 3)
         c = math.sqrt(dot(a, a)) * dot(tangent_of(q, k), turn) - dot(b, way)  # by how much it runs on
         put3(work.pull, i, 0, add(scale(-near[k, PRESS], bend), scale(c, b)))
-        put3(work.G, k + i - 1, 0, scale(c, a))
+        put3(work.G, slot_of(net, i), 0, scale(c, a))
 
 
 @kernel

@@ -52,13 +52,13 @@ def slide(
     h: Array,
     masses: Array,
     least: float,
-    flex: float,
+    flex: Array,
     merging: bool,
 ) -> float:
     """Moves the nodes of contacts that run to where the cable is nearest; returns the longest way gone [m].
 
     start (N+1, 4): other rotations of the nodes, which go along. masses (p,) [m]: where nodes stay.
-    flex [1/(N m^2)]: 1 / EI. merging: see `merge`.
+    flex (n,) [1/(N m^2)]: 1 / EI. merging: see `merge`.
     """
     last = h.shape[0]
     longest = 0.0
@@ -103,7 +103,7 @@ def is_any(values: Array, x: float, within: float) -> bool:
 
 
 @kernel
-def merge(q: Array, near: Array, on: Array, h: Array, k: int, least: float, flex: float) -> None:
+def merge(q: Array, near: Array, on: Array, h: Array, k: int, least: float, flex: Array) -> None:
     """Makes one of the contacts at nodes k and k + 1 if the cable dips into the body between them."""
     down, up = dot(tangent_of(q, k), take3(near, k, NORMAL)), dot(tangent_of(q, k + 1), take3(near, k + 1, NORMAL))
     if not down < 0.0 < up or min(-down, up) * h[k] <= DIP:
@@ -119,7 +119,7 @@ def merge(q: Array, near: Array, on: Array, h: Array, k: int, least: float, flex
 
 
 @kernel
-def crowded(near: Array, on: Array, q: Array, h: Array, k: int, flex: float) -> int:
+def crowded(near: Array, on: Array, q: Array, h: Array, k: int, flex: Array) -> int:
     """Of a contact that runs, at node k: -1 or 1 if the element before or behind it has become too short, else 0."""
     if on[k, 0] == BARE:
         return 0
@@ -132,7 +132,7 @@ def crowded(near: Array, on: Array, q: Array, h: Array, k: int, flex: float) -> 
 
 
 @kernel
-def any_crowded(near: Array, on: Array, q: Array, h: Array, flex: float) -> bool:
+def any_crowded(near: Array, on: Array, q: Array, h: Array, flex: Array) -> bool:
     """Whether any contact has come too close to a neighbouring node."""
     count = 0
     for k in range(1, h.shape[0]):

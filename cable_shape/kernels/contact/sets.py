@@ -43,15 +43,17 @@ def hand_on(near: Array, on: Array, s: Array) -> None:
     """
     before = -1
     for k in range(near.shape[0]):
+        if k > 0 and s[k] < s[k - 1]:  # another cable
+            before = -1
         force = near[k, PRESS]
         if on[k, 0] != BARE:
             before = k
         elif force != 0.0:
             behind = k + 1
-            while behind < near.shape[0] and on[behind, 0] == BARE:
+            while behind < near.shape[0] and on[behind, 0] == BARE and s[behind] > s[behind - 1]:
                 behind += 1
             near[k, PRESS] = 0.0
-            if behind < near.shape[0]:
+            if behind < near.shape[0] and on[behind, 0] != BARE and s[behind] > s[k]:
                 share = (s[k] - s[before]) / (s[behind] - s[before]) if before >= 0 else 1.0
                 near[behind, PRESS] = max(near[behind, PRESS] + share * force, 0.0)
                 force -= share * force
@@ -106,7 +108,7 @@ def grow(near: Array, on: Array, deepest: float, off: float, one: bool) -> int:
 @kernel
 def spare_clips(near: Array, on: Array, held: Array) -> None:
     """Takes the held supports out of what `look` has found: what holds a node says where it is."""
-    for i in range(1, held.shape[0] - 1):
+    for i in range(held.shape[0]):
         on[held[i], :] = BARE
         near[held[i], PRESS] = 0.0
         near[held[i], GAP] = math.inf

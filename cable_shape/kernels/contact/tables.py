@@ -1,7 +1,9 @@
-"""What the solver of a cable pressed on bodies is told: :class:`Lying`, :class:`Bodies`, :class:`Net`.
+"""What the solver of cables pressed on bodies is told: :class:`Lying`, :class:`Bodies`, :class:`Net`.
 
-The cable has N elements between N + 1 nodes; b + 1 of them are held, by grips and clips. Three solutions are kept:
-NOW and BEFORE, and TRIAL, which is solved for.
+There are C cables, one behind the other, with n nodes in all and a gap between the last node of one and the first of the
+next; b of the nodes are supports: the ends of cables, and what a clip or another knot of theirs holds. What lies between
+two supports is a stretch; a network without contacts has a span of each. Three solutions are kept: NOW and BEFORE, and
+TRIAL, which is solved for.
 """
 
 from __future__ import annotations
@@ -12,21 +14,24 @@ from cable_shape.checks import Array
 
 
 class Lying(NamedTuple):
-    """A cable and its solutions."""
+    """Cables and their solutions."""
 
-    held: Any  # (b+1,) nodes that are held
-    mask: Array  # (b+1, 3) rotations that are free there, 1, or held, 0
-    s: Array  # (N+1,) arc length of the nodes [m]
-    h: Array  # (N,) lengths between them
+    held: Any  # (b,) nodes that are supports
+    mask: Array  # (b, 3) rotations that are free there, 1, or held, 0
+    s: Array  # (n,) arc length of the nodes on their cables [m]
+    h: Array  # (n-1,) lengths between them; 0 for a gap
+    flex: Array  # (n,) 1 / EI there [1/(N m^2)]
+    thick: Array  # (n,) radius there [m]
     errors: Array  # (N,) each element's share of the last solution's error
-    start: Array  # (N+1, 4) rotations that Newton's method starts from
-    q: Array  # (3, N+1, 4) rotations
-    near: Array  # (3, N+1, 21) see `near`
-    on: Any  # (3, N+1, 2) see `near`
-    ends: Array  # (3, b, 3) internal force just before each held node but the first [N]
-    grips: Array  # (3, b+1, 7) poses of what holds them
-    turns: Array  # (3,)
-    slid: Array  # (3, b+1) arc lengths there
+    start: Array  # (n, 4) rotations that Newton's method starts from
+    q: Array  # (3, n, 4) rotations
+    near: Array  # (3, n, 22) see `near`
+    on: Any  # (3, n, 2) see `near`
+    ends: Array  # (3, m, 3) internal force at the end of each stretch, the loads there included [N]
+    grips: Array  # (3, k, 7) poses of the knots of the network without contacts
+    turns: Array  # (3, C)
+    slid: Array  # (3, b) arc lengths at the supports
+    frames: Array  # (b, 7) scratch: frames of the supports
 
 
 class Bodies(NamedTuple):
@@ -44,14 +49,23 @@ class Bodies(NamedTuple):
 
 
 class Net(NamedTuple):
-    """The network that the cable is, held nodes and contacts its knots, and room for the largest there can be."""
+    """The network that the cables are, contacts its last knots, and room for the largest there can be."""
 
-    bare: Any  # the plan of the cable without contacts, one element a span
-    made: Array  # the model of that: what the cable is made of and how it is held
+    bare: Any  # the plan of the cables without contacts, one element a span
+    made: Array  # the model of that: what the cables are made of and how they are held
+    order: Any  # (k,) its knots in the order in which they are eliminated
+    rank: Any  # (k,) of each knot, where it is in that order
+    moves: Any  # (k,) 1: nothing holds its place
+    wide: int  # how many vertices beyond the two next ones an elimination may join with one
     ints: Any  # plan, see `kernels.network.tables`
     floats: Array  # model
     sols: Array  # solutions
     space: Array  # work space
     run: Array  # of eyelets, none without
-    where: Any  # (N+1,) nodes of the knots
-    base: Any  # (N+1,) of each the held node that it is, -1: a contact
+    where: Any  # (n,) node of each knot; -1: one whose rotation is that of none
+    span: Any  # (n,) of each contact, by its knot, the span that ends there
+    cable: Any  # (N,) of each span its cable
+    stretch: Any  # (N,) of each span its stretch
+    piece: Any  # (m+1,) first span of each stretch
+    tour: Any  # (m,) the stretches in an order in which places follow from each other, 1 + number; negative: from its end
+    room: Any  # scratch

@@ -31,25 +31,25 @@ from cable_shape.kernels.rod_element import E3
 
 @kernel
 def held_points(
-    ints: Whole, floats: Floats, sols: Floats, space: Floats, knots: Whole, force: Array, tangent: Array,
+    ints: Whole, floats: Floats, sols: Floats, space: Floats, behind: Whole, force: Array, tangent: Array,
     dforce: Array, dtangent: Array,
 ) -> None:  # fmt: skip
-    """Of `knots` (k,) inside a cable, whose places are given: `force` on the cable (k, 3) [N], `tangent` (k, 3), world.
+    """Of points inside a cable, whose places are given, with the spans `behind` (k,) them: `force` on the cable (k, 3) [N], `tangent` (k, 3), world.
 
-    dforce, dtangent (k, 3, k, 4): their derivatives in each knot's place and in the arc length that it holds there;
+    dforce, dtangent (k, 3, k, 4): their derivatives in each point's place and in the arc length that it holds there;
     other knots stay, those free to move along a surface do. Of the trial, for which the matrix must be factored. A
     point held further on is, for the material, a point moved back by r'.
     """
     plan, model = plan_of(ints), model_of(ints, floats)
     sol, work = solution_of(ints, sols, TRIAL), work_of(ints, space)
-    count = knots.shape[0]
+    count = behind.shape[0]
     for i in range(count):
-        j = knots[i]
+        j = behind[i]
         node = plan.first[j] + j
         put3(force, i, 0, subtract(get3(sol.lam, j - 1), add(get3(sol.lam, j), get3(model.weight, j))))
         put3(tangent, i, 0, apply(rotation(get4(sol.q, node)), E3))
     for c in range(count):
-        j = knots[c]
+        j = behind[c]
         e = plan.first[j]
         for axis in range(4):
             still(ints, space)
@@ -63,7 +63,7 @@ def held_points(
                 put3(work.sums, j, 0, after)
             solve(ints, floats, space)
             for i in range(count):
-                other = knots[i]
+                other = behind[i]
                 node = plan.first[other] + other
                 change = subtract(step_of_force(work, other - 1), step_of_force(work, other))
                 turn = get3(work.d, node)
@@ -79,24 +79,24 @@ def held_points(
 
 @kernel
 def points_under_motion(
-    ints: Whole, floats: Floats, sols: Floats, space: Floats, knots: Whole, motion: Array, dforce: Array,
+    ints: Whole, floats: Floats, sols: Floats, space: Floats, behind: Whole, motion: Array, dforce: Array,
     dtangent: Array,
 ) -> None:  # fmt: skip
-    """Fills dforce, dtangent (k, 3): change at the held `knots` (k,) as first and last knot move by `motion` (2, 6).
+    """Fills dforce, dtangent (k, 3): change at points, with spans `behind` (k,) them, as both ends move by `motion` (2, 6).
 
     That is displacement [m] and rotation [rad] of each, world. The matrix must be factored.
     """
     plan, sol, work = plan_of(ints), solution_of(ints, sols, TRIAL), work_of(ints, space)
-    last = ints[2] - 1
-    for k in range(last + 1):
+    last = plan.ends[plan.ends.shape[0] - 1, 1]
+    for k in range(ints[2]):
         for x in range(6):
             work.move[k, x] = motion[0, x] if k == 0 else (motion[1, x] if k == last else 0.0)
     twists = work.move.copy()
     still(ints, space)
     move_knots(ints, floats, sols, space, twists)
     answer(ints, floats, sols, space, twists)
-    for i in range(knots.shape[0]):
-        j = knots[i]
+    for i in range(behind.shape[0]):
+        j = behind[i]
         node = plan.first[j] + j
         put3(dforce, i, 0, subtract(step_of_force(work, j - 1), step_of_force(work, j)))
         put3(dtangent, i, 0, apply(rotation(get4(sol.q, node)), cross(get3(work.d, node), E3)))
