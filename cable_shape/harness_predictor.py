@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from time import perf_counter
 from typing import Any, final
 
@@ -15,10 +15,16 @@ from cable_shape.errors import ArgumentError
 from cable_shape.harness import Harness
 from cable_shape.harness_problem import End, HarnessProblem
 from cable_shape.harness_shape import HarnessShape
+from cable_shape.meshes.convex import check_convex
+from cable_shape.models import touching_harness
+from cable_shape.models.touch_harness import HarnessTouchState
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.problem import GRAVITY
-from cable_shape.reuse import same_end
+from cable_shape.pose import Pose
+from cable_shape.reuse import links_same, same_end
 from cable_shape.scene import Scene
+from cable_shape.scene_parts import Obstacle
+from cable_shape.section import refuse
 from cable_shape.solve import harness_search
 from cable_shape.solve.answers import about_gripper
 from cable_shape.solve.harness_network import HarnessNetwork
@@ -40,7 +46,8 @@ class HarnessPredictor:
     tolerance : float, optional
         [m]; default 1e-5 of the longest segment.
     scene : Scene, optional
-        Clips and masses name their `segment`. Contact is not solved for.
+        Clips and masses name their `segment`. With ``contact="solve"`` bodies keep all segments out; that segments touch
+        each other or themselves is not solved for.
     distributed_load : mapping of segment to (2, 3) array_like, optional
         [N/m], world, added to the weight.
 
@@ -61,15 +68,21 @@ class HarnessPredictor:
         scene: Scene | None = None,
         distributed_load: Mapping[str, ArrayLike] | None = None,
         time_budget: float | None = None,
+        robot_links: Iterable[Obstacle] = (),
+        gripping_links: Iterable[str] = (),
     ) -> None:
         self.model = checks.one_of("model", model, MODELS)
         checks.optional_number("time_budget", time_budget, above=0.0, unit="s")
         self.time_budget = math.inf if time_budget is None else float(time_budget)
         self._keywords: dict[str, Any] = {
             "gravity": gravity, "points": points, "tolerance": tolerance, "distributed_load": distributed_load,
+            "robot_links": checks.entries("robot_links", robot_links, Obstacle),
+            "gripping_links": checks.entries("gripping_links", gripping_links, str, "Give a list of link names."),
         }  # fmt: skip
-        self.problem = self._still = HarnessProblem(harness, scene=scene, **self._keywords)
+        self.problem = self._still = _checked(HarnessProblem(harness, scene=scene, **self._keywords))
         self._state: HarnessNetwork | None = None
+        self._touch: HarnessTouchState | None = None
+        self._last_links: Mapping[str, Pose] | None = None
         self._last: HarnessShape | None = None
         self._last_ends: dict[str, Grip | FreeEnd] = {}
 
@@ -86,7 +99,7 @@ class HarnessPredictor:
     @scene.setter
     def scene(self, scene: Scene | None) -> None:
         before = self.problem
-        self._still = HarnessProblem(before.harness, scene=scene, **self._keywords)
+        self._still = _checked(HarnessProblem(before.harness, scene=scene, **self._keywords))
         self._still.ends = before.ends
         self._load(self._still)
 
@@ -95,13 +108,21 @@ class HarnessPredictor:
         """Names of the ends held at the last prediction, in the order of the segments: those of `sensitivity`."""
         return self.problem.grips
 
-    def predict(self, ends: Mapping[str, End], *, acceleration: Mapping[str, ArrayLike] | None = None) -> HarnessShape:
+    def predict(
+        self,
+        ends: Mapping[str, End],
+        *,
+        links: Mapping[str, Pose] | None = None,
+        acceleration: Mapping[str, ArrayLike] | None = None,
+    ) -> HarnessShape:
         """The shape between these ends; never raises for a physical reason: look at `status`.
 
         Parameters
         ----------
         ends : mapping of open end to Pose, Grip or FreeEnd
             "a.start" or "a.end"; a bare Pose is clamped, ends not named are free.
+        links : mapping of robot link to its Pose in the world, optional
+            Where the bodies are that are attached to links, if contact is solved for; without it they are left out.
         acceleration : mapping of segment to (3,) or (m, 3) array_like, optional
             [m/s^2], world, of the segment, uniform in arc length, linear between the rows; segments not named are at
             rest. For this prediction only; `energy` leaves it out.
@@ -119,18 +140,24 @@ class HarnessPredictor:
         elif self.problem is not self._still:
             self._still.ends, self._still._given = self.problem.ends, self.problem._given
             self._load(self._still)
-        problem = self.problem.move(ends)
+        problem = self.problem.move(ends, links)
         last = self._last_ends
         if self._last is not None and all(same_end(last[name], end) for name, end in problem.ends.items()):
-            return self._last.again()
+            if links_same(self._last_links, problem):
+                return self._last.again()
         deadline = math.inf if self.time_budget == math.inf else perf_counter() + self.time_budget
-        shape, self._state = harness_search.solve(problem, self._state, deadline=deadline)
-        self._last, self._last_ends = shape, dict(problem.ends)
+        if problem.bodies:
+            if self._touch is None:
+                self._touch = HarnessTouchState(problem)  # type: ignore[arg-type]
+            shape, self._state = touching_harness.solve(problem, self._touch, self._state, deadline=deadline)
+        else:
+            shape, self._state = harness_search.solve(problem, self._state, deadline=deadline)
+        self._last, self._last_ends, self._last_links = shape, dict(problem.ends), problem.links
         return shape
 
     def reset(self) -> None:
         """Forgets the last solution: the next one starts cold."""
-        self._state = self._last = None
+        self._state = self._last = self._touch = None
 
     def sensitivity(self, *, at: str = "cable") -> dict[str, Array]:
         """{segment: (points, 3, 6 g)}: how the centrelines move with the g held ends, in the order of `grips`.
@@ -144,7 +171,8 @@ class HarnessPredictor:
             If nothing was predicted yet.
         """
         checks.one_of("at", at, ("cable", "gripper"))
-        state = self._state
+        touch = self._touch
+        state = touch if touch is not None and touch.touching else self._state
         if state is None or state.history == 0:
             raise ArgumentError("sensitivity() needs a solution, and there is none yet. Call predict first.")
         grips = self.grips
@@ -161,3 +189,14 @@ class HarnessPredictor:
         """Makes this the problem, whose loads may be others."""
         self.problem = problem
         self._last = None
+        if not problem.bodies:
+            self._touch = None
+
+
+def _checked(problem: HarnessProblem) -> HarnessProblem:
+    """The problem, if its contacts can be solved for."""
+    if problem.bodies:
+        check_convex(problem.bodies)
+        for name, cable in problem.harness.segments.items():
+            refuse(cable, f"contact='solve', as segment {name!r} has them,", "Write contact='warn', or leave them out.")
+    return problem

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, final
 
@@ -15,7 +15,7 @@ from cable_shape.harness import Harness
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.problem import GRAVITY, NAMED_TOLERANCE, Problem
 from cable_shape.scene import Scene
-from cable_shape.scene_parts import Clip, PointMass, clip_names
+from cable_shape.scene_parts import Clip, Obstacle, PointMass, clip_names
 
 End = Pose | Grip | FreeEnd | None
 _FREE = FreeEnd()
@@ -39,8 +39,8 @@ class HarnessProblem:
     """
 
     __slots__ = (
-        "_given", "_keywords", "_loads", "_scenes", "clip_names", "clips", "ends", "gravity", "harness", "laid_out",
-        "points", "scene", "segments", "tolerance",
+        "_given", "_keywords", "_loads", "_scenes", "bodies", "clip_names", "clips", "ends", "gravity", "gripping",
+        "harness", "laid_out", "links", "points", "scene", "segments", "tolerance",
     )  # fmt: skip
 
     def __init__(
@@ -53,6 +53,8 @@ class HarnessProblem:
         scene: Scene | None = None,
         distributed_load: Mapping[str, ArrayLike] | None = None,
         acceleration: Mapping[str, ArrayLike] | None = None,
+        robot_links: Iterable[Obstacle] = (),
+        gripping_links: Iterable[str] = (),
     ) -> None:
         checks.instance("harness", harness, (Harness,), "Write Harness(segments={...}, junctions=[...]).")
         self.harness = harness
@@ -71,6 +73,12 @@ class HarnessProblem:
         first = next(iter(self.segments.values()))
         self.gravity, self.points = first.gravity, first.points
         self.laid_out: dict[tuple[str, ...], Any] = {}
+        self.bodies: tuple[Obstacle, ...] = ()
+        if scene is not None and scene.contact == "solve":
+            links = checks.entries("robot_links", robot_links, Obstacle)
+            self.bodies = tuple(sorted((*scene.obstacles, *links), key=lambda body: body.link is not None))
+        self.gripping = frozenset(checks.entries("gripping_links", gripping_links, str, "Give a list of link names."))
+        self.links: Mapping[str, Pose] | None = None
         self._given: dict[str, End] | None = None
         self.ends: dict[str, Grip | FreeEnd] = dict.fromkeys(harness.open_ends, _FREE)
 
@@ -102,8 +110,8 @@ class HarnessProblem:
         """Names of the held ends, in the order of the segments."""
         return tuple(end for end, held in self.ends.items() if type(held) is Grip)
 
-    def move(self, ends: Mapping[str, End]) -> HarnessProblem:
-        """Puts the ends there, those not named are free, and returns itself.
+    def move(self, ends: Mapping[str, End], links: Mapping[str, Pose] | None = None) -> HarnessProblem:
+        """Puts the ends there, those not named are free, and the links, and returns itself.
 
         Raises
         ------
@@ -111,6 +119,9 @@ class HarnessProblem:
             For an end that does not exist or is in a junction, and where nothing holds a part of the harness.
         """
         checks.instance("ends", ends, (Mapping,), "Write {'a.start': Pose(...), ...}.")
+        if links is not None:
+            checks.instance("links", links, (Mapping,), "Write {link: Pose(...)}.")
+        self.links = links
         given, now = self._given, self.ends
         if given is not None and given.keys() == ends.keys():
             for end, held in ends.items():
@@ -184,10 +195,6 @@ def _scenes_of(harness: Harness, scene: Scene | None) -> tuple[dict[str, Scene |
     if scene is None:
         return scenes, numbers
     checks.instance("scene", scene, (Scene,), "Write Scene(clips=[...]), or Scene.from_yaml(path).")
-    if scene.contact == "solve":
-        raise ArgumentError.of(
-            "scene.contact", "solve", "contact of a harness is not solved for", "Write contact='warn'."
-        )
     if scene.plug is not None:
         remedy = "Give the end a FreeEnd(mass=...)."
         raise ArgumentError.of("scene.plug", scene.plug, "a harness has more ends than one", remedy)

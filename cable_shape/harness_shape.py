@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any, final
 
@@ -12,7 +12,7 @@ import numpy as np
 from cable_shape.checks import Array
 from cable_shape.harness import Harness, split_end
 from cable_shape.pose import Pose
-from cable_shape.shape import NUMBERS_PER_POINT, CableShape, ClipLoad, Status
+from cable_shape.shape import NO_TOUCHES, NUMBERS_PER_POINT, CableShape, ClipLoad, Status
 
 
 def junctions_of(harness: Harness, segments: Mapping[str, CableShape]) -> dict[str, Pose]:
@@ -69,6 +69,8 @@ class HarnessShape:
         before: HarnessShape | None = None,
         clips: Array | None = None,
         clips_of: Mapping[str, list[int]] | None = None,
+        touches: Sequence[Array] = (),
+        bodies: tuple[str, ...] = (),
     ) -> None:
         self.harness = harness
         self.buffer = buffer  # (17 n c,): that of one CableShape a segment
@@ -90,6 +92,8 @@ class HarnessShape:
         self.before = before
         self.supports = np.empty((0, 7)) if clips is None else clips  # (k, 7), of each clip, in the scene's order
         self._clips_of = clips_of or {}
+        self.touches = touches  # of each segment (k, 9), or none at all, see CableShape
+        self.bodies = bodies
 
     @property
     def usable(self) -> bool:
@@ -124,6 +128,8 @@ class HarnessShape:
                 supports=self.supports[self._clips_of.get(name, [])],
                 force_error=self.force_error,
                 moment_error=self.moment_error,
+                touches=self.touches[i] if len(self.touches) else NO_TOUCHES,
+                bodies=self.bodies,
             )
         return out
 

@@ -17,12 +17,12 @@ from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.harness import Harness
 from cable_shape.harness_shape import HarnessShape
-from cable_shape.meshes.convex import is_convex
+from cable_shape.meshes.convex import check_convex
 from cable_shape.models.crossing import Crossing
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.problem import GRAVITY, Problem
 from cable_shape.reuse import Ends, unmoved
-from cable_shape.scene import Mesh, Obstacle, Scene
+from cable_shape.scene import Obstacle, Scene
 from cable_shape.section import refuse
 from cable_shape.shape import CableShape
 from cable_shape.solve import cosserat
@@ -32,7 +32,6 @@ from cable_shape.solvers import MODELS, ClosedForm, solver_of
 
 _NOT_GIVEN = object()
 #: Keywords that say who is not to be touched.
-_ABOUT_CONTACT = ("robot_links", "gripping_links")
 
 
 @final
@@ -76,7 +75,7 @@ class Predictor:
             return super().__new__(cls)
         from cable_shape.harness_predictor import HarnessPredictor
 
-        return HarnessPredictor(cable, **_of_harness(keywords))
+        return HarnessPredictor(cable, **keywords)
 
     def __init__(
         self,
@@ -316,29 +315,13 @@ class Predictor:
                     f"model {self.model!r} of this cable knows no clips",
                     "Remove the clips, or choose model='cosserat' and a bending stiffness above 0 N m^2.",
                 )
-        for body in problem.bodies:
-            if isinstance(body.solid, Mesh) and not is_convex(body.solid):
-                raise ArgumentError.of(
-                    f"obstacle {body.name!r}",
-                    body.solid,
-                    "contact is solved for with closed convex meshes only",
-                    "Divide it into convex parts, one obstacle each, or write contact='warn'.",
-                )
+        check_convex(problem.bodies)
         return problem
 
 
 _MADE_FROM = inspect.signature(Predictor.__init__)
 _MADE_FROM = _MADE_FROM.replace(parameters=list(_MADE_FROM.parameters.values())[1:])
 Predictor.__signature__ = _MADE_FROM  # type: ignore[attr-defined]  # not that of __new__
-
-
-def _of_harness(keywords: dict[str, Any]) -> dict[str, Any]:
-    """Keywords of a predictor without those about contact, which is not solved for of a harness."""
-    for name in _ABOUT_CONTACT:
-        if name in keywords and keywords[name] not in ((), []):
-            bound = "contact of a harness is not solved for"
-            raise ArgumentError.of(name, keywords[name], bound, "Leave it out.")
-    return {key: value for key, value in keywords.items() if key not in _ABOUT_CONTACT}
 
 
 @overload

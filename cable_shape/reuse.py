@@ -16,7 +16,7 @@ def unmoved(ends: Ends | None, links: Links, problem: Problem) -> bool:
     if ends is None:
         return False
     start, end = ends
-    return same_end(end, problem.end) and same_end(start, problem.start) and _links_same(links, problem)
+    return same_end(end, problem.end) and same_end(start, problem.start) and links_same(links, problem)
 
 
 def same_end(before: Grip | FreeEnd, now: Grip | FreeEnd) -> bool:
@@ -43,7 +43,7 @@ def _same_place(before: Pose, now: Pose) -> bool:
     return bool((a[3:] == b[3:]).all() or (a[3:] == -b[3:]).all())
 
 
-def _links_same(before: Links, problem: Problem) -> bool:
+def links_same(before: Links, problem: Problem) -> bool:
     """Whether the links that carry bodies are where they were."""
     links = problem.links
     if links is before or not problem.bodies:

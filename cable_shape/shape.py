@@ -69,7 +69,7 @@ class ClipLoad:
     moment: Array
 
 
-_NO_TOUCHES = np.empty((0, 9))
+NO_TOUCHES = np.empty((0, 9))
 
 
 @final
@@ -140,7 +140,7 @@ class CableShape:
         roll_error: float = 0.0,
         before: CableShape | None = None,
         supports: Array = _NO_SUPPORTS,
-        touches: Array = _NO_TOUCHES,
+        touches: Array = NO_TOUCHES,
         bodies: tuple[str, ...] = (),
         force_error: float = math.nan,
         moment_error: float = math.nan,

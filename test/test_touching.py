@@ -176,7 +176,7 @@ def test_the_curvature_at_a_contact_is_that_of_a_beam_over_a_support():
     near = np.zeros((3, contact_near.NEAR))
     near[1, contact_near.PRESS] = force
     near[1, contact_near.NORMAL : contact_near.NORMAL + 3] = (1.0, 0.0, 0.0)
-    found = contact_near.turning(q, np.array((a, b)), near, 1, flex)
+    found = contact_near.turning(q, np.array((a, b)), near, 1, np.full(3, flex))
     assert found == pytest.approx((0.0, bend, 0.0), abs=1e-3)
 
 

@@ -141,7 +141,7 @@ def test_a_limp_mesh_resolves_where_the_cable_meets_a_body():
     assert touch_mesh.first_count(1.0, bend, 0.0) == touch_mesh.ELEMENTS
     count = touch_mesh.first_count(1.0, bend, weight)
     shape = cs.predict(limp(1e-5), *(cs.Pose((x, 0, 0), ALONG_X) for x in (0.0, 0.5)), model="cosserat")
-    nodes = touch_mesh.first_nodes(np.array((0.0, 1.0)), np.empty(0), bend, False, shape, count)
+    nodes = touch_mesh.first_nodes(np.array((0.0, 1.0)), np.empty(0), bend, (False, False), shape, count)
     assert nodes.size == count + 1
     assert np.diff(nodes).max() < 0.55 * (bend / weight) ** (1.0 / 3.0)
 

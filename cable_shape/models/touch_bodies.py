@@ -15,7 +15,6 @@ from cable_shape.kernels.contact.tables import Bodies
 from cable_shape.kernels.triangles import STACK_SIZE
 from cable_shape.meshes.convex import half_thickness
 from cable_shape.pose import Pose
-from cable_shape.problem import Problem
 from cable_shape.scene import Mesh, Obstacle
 
 HORIZON = 0.02  #: [m] bodies further away are only bounded
@@ -42,20 +41,22 @@ class TouchBodies:
         """Whether these are the same bodies, wherever they are."""
         return [(b.name, b.solid, b.link) for b in bodies] == [(b.name, b.solid, b.link) for b in self._bodies]
 
-    def take(self, problem: Problem) -> bool:
-        """Takes over a problem's bodies; True if other ones are now known than before."""
-        bodies = self._bodies = problem.bodies
+    def take(
+        self, bodies: tuple[Obstacle, ...], gripping: frozenset[str], links: Mapping[str, Pose] | None, radius: float
+    ) -> bool:
+        """Takes over a problem's bodies, for cables of this radius [m]; True if other ones are now known than before."""
+        self._bodies = bodies
         self._carried = carried_by(bodies)
-        self._tables = body_tables(bodies, tuple(self._carried), problem.gripping)
+        self._tables = body_tables(bodies, tuple(self._carried), gripping)
         for row, body in zip(self._tables[0], bodies, strict=True):
             if isinstance(body.solid, Mesh):
                 row[14] = half_thickness(body.solid)
         self._origins = self._tables[0][:, 4:7].copy()
         self._fixed = sum(body.link is None for body in bodies)
-        self.horizon = 0.5 * problem.cable.diameter + HORIZON
+        self.horizon = radius + HORIZON
         self.counts: Any = np.empty(2, np.int64)
         self.thinnest = min((surface.reach_of(body) for body in self._tables[0]), default=math.inf)
-        return self._put(self.link_rows(problem.links))
+        return self._put(self.link_rows(links))
 
     def link_rows(self, links: Mapping[str, Pose] | None) -> Array:
         """(k, 7), poses of the links that carry bodies; (0, 7) if they are not known, or if there are none.

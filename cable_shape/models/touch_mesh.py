@@ -33,12 +33,13 @@ def first_count(length: float, bend: float, weight: float) -> int:
 
 
 def first_nodes(
-    arcs: Array, stops: Array, bend: float, free: bool, shape: CableShape, elements: int, finer: float = 1.0
-) -> Array:
+    arcs: Array, stops: Array, bend: float, free: tuple[bool, bool], shape: CableShape, elements: int,
+    finer: float = 1.0,
+) -> Array:  # fmt: skip
     """Arc lengths for a cable of which `shape` is a rough idea: denser towards what holds it.
 
-    arcs (b+1,) [m], of the supports; stops [m], where nodes must be; bend [N m^2]; free: the end is held by nothing;
-    elements: of the whole cable, about; finer: times as many.
+    arcs (b,) [m], of the supports; stops [m], where nodes must be; bend [N m^2]; free: the start is held by nothing, the
+    end; elements: of the whole cable, about; finer: times as many.
     """
     pulls = np.linalg.norm(shape.force, axis=1)
     pieces = []
@@ -53,14 +54,14 @@ def first_nodes(
         x[0], x[-1] = a, b
         density = 1.0 + LAYERED * ELEMENTS / (elements - LAYERED * ELEMENTS) * (density - 1.0)
         own = stops[(stops > a) & (stops < b)]
-        count = max(FEWEST_ELEMENTS, math.ceil(finer * elements * length / arcs[-1])) + 2 * own.size
+        count = max(FEWEST_ELEMENTS, math.ceil(finer * elements * length / (arcs[-1] - arcs[0]))) + 2 * own.size
         nodes = np.empty(count + 1)
         rod_mesh.equidistribute(x, density, own, count, nodes)
         pieces.append(nodes[:-1])
     nodes = np.append(np.concatenate(pieces), arcs[-1])
-    if free:
+    if free[1]:
         nodes = np.insert(nodes, nodes.size - 1, nodes[-1] - TIP)
-    return nodes
+    return np.insert(nodes, 1, nodes[0] + TIP) if free[0] else nodes
 
 
 def ends_of_rows(nodes: Array, q: Array, near: Array, on: Any, least: float) -> Array:
@@ -79,9 +80,9 @@ def ends_of_rows(nodes: Array, q: Array, near: Array, on: Any, least: float) -> 
     return np.unique(0.5 * np.concatenate((nodes[k] + nodes[k - 1], nodes[k] + nodes[k + 1])))
 
 
-def worst(nodes: Array, errors: Array) -> Array:
-    """Middles of the elements with the largest `errors` (N,)."""
-    return np.asarray(0.5 * (nodes[1:] + nodes[:-1])[errors >= SHARE_OF_WORST * errors.max()])
+def worst(nodes: Array, errors: Array, inside: Any) -> Array:
+    """Middles of the elements with the largest `errors` (N,); inside: which pieces between nodes are elements."""
+    return np.asarray(0.5 * (nodes[1:] + nodes[:-1])[inside][errors >= SHARE_OF_WORST * errors.max()])
 
 
 def tidied(nodes: Array, h: Array, q: Array, near: Array, on: Any, flex: Array, stops: Array) -> Array | None:
@@ -127,10 +128,10 @@ def share_out(nodes: Array, near: Array, on: Any, old_nodes: Array, old_near: Ar
                 near[i, PRESS] += part * old_near[k, PRESS]
 
 
-def stretched(nodes: Array, spacing: Array, middles: Array) -> Array:
-    """Middles of the elements much longer than `spacing` [m] at `middles`."""
+def stretched(nodes: Array, inside: Any, spacing: Array, middles: Array) -> Array:
+    """Middles of the elements much longer than `spacing` [m] at `middles`; inside: as for `worst`."""
     at = 0.5 * (nodes[1:] + nodes[:-1])
-    return np.asarray(at[np.diff(nodes) > STRETCHED * np.interp(at, middles, spacing)])
+    return np.asarray(at[inside & (np.diff(nodes) > STRETCHED * np.interp(at, middles, spacing))])
 
 
 def spread(old: Array, new: Array, fixed: Array) -> tuple[Array, Array]:

@@ -66,7 +66,7 @@ def approach(steps: Steps, frames: Array, free: CableShape, away: Array) -> bool
     state = steps.state
     start = 0.25 * max(-steps.depth(free.buffer), DEEPEST)
     far = start
-    while far < 2.0 * steps.problem.cable.length:
+    while far < 2.0 * state.length:
         state.bodies.shift(far * away)
         if steps.depth(free.buffer) > 0.0:
             break
@@ -74,7 +74,7 @@ def approach(steps: Steps, frames: Array, free: CableShape, away: Array) -> bool
     else:
         return False
     state.start_from(free, frames)
-    state.remember(free.positions)
+    state.remember(state.seen(free))
     most = 0.6 * (state.bodies.thinnest + state.radius)
     step = min(0.25 * far, most)
     done = far
@@ -96,7 +96,7 @@ def approach(steps: Steps, frames: Array, free: CableShape, away: Array) -> bool
 def grow(steps: Steps, frames: Array, free: CableShape) -> bool:
     """Shrinks the bodies until the cable is outside, and lets them grow again."""
     steps.state.start_from(free, frames)
-    steps.state.remember(free.positions)
+    steps.state.remember(steps.state.seen(free))
     depth = -steps.depth(free.buffer)
     sunk, step = depth, 0.25 * depth
     while sunk > 0.0:

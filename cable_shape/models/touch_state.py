@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple, final
 
 import numpy as np
@@ -37,6 +38,7 @@ _NEUTRAL = 1e-6  #: modes softer than this fraction of the stiffness / length^2 
 #: a straight piece give.
 _LEAST_STRETCH = 1e-6
 _NOTHING: Array = np.zeros(3)
+_HELD = (0.0, 0.0, 0.0)
 _NOWHERE: Array = np.empty((0, 3))
 _AT = 1e-9  #: loads nearer to an end than this fraction of the length are carried by it
 
@@ -52,12 +54,24 @@ class Kept(NamedTuple):
     middles: Array
 
 
-@final
-class TouchState:
-    """The solver's memory for one cable among bodies; `history` tells how many solutions there are to start from.
+class Chain(NamedTuple):
+    """One of the cables of a network, from its first support to its last one."""
 
-    What holds the cable are b + 1 supports: the start, the clips, the end.
+    supports: slice
+    bend: float  # [N m^2]
+    radius: float  # [m]
+    free: tuple[bool, bool]  # whether nothing holds the place of its start, of its end
+
+
+class TouchState:
+    """The solver's memory for cables among bodies; `history` tells how many solutions there are to start from.
+
+    This one knows a single cable: what holds it are b supports, the start, the clips, the end. Arc lengths of several
+    cables are told apart by `gaps`, one a cable, that are added to them: so they ascend from cable to cable.
     """
+
+    gaps: Array = np.zeros(1)
+    bodied = 1  #: so many of them, the first ones, are kept out of bodies
 
     def __init__(self, problem: Problem) -> None:
         self.history = self.elements = 0
@@ -107,7 +121,7 @@ class TouchState:
         self.length = length
         self.cable = Network(problem)  # what the cable is made of, and how it is held
         self.weight = float(np.linalg.norm(self.cable.mean_load)) * length
-        self.bend = cable.mean_bending_stiffness
+        self.bend = self.bend_of_cables = cable.mean_bending_stiffness
         self.limpness = math.inf if self.weight == 0.0 else self.bend / (self.weight * length**2)
         self._count = touch_mesh.first_count(length, self.bend, self.weight / length)
         self._stretch = 0.0 if cable.axial_stiffness is None else 1.0 / cable.axial_stiffness
@@ -118,7 +132,7 @@ class TouchState:
         self.points: Array = at[inside]
         self._stops: Array = np.union1d(self.points, arcs[1:-1])
         self.radius = 0.5 * cable.diameter
-        if self.bodies.take(problem):
+        if self.bodies.take(problem.bodies, problem.gripping, problem.links, self.radius):
             self.forget()
         self._frames = np.zeros((arcs.size, 7))
         for row, clip in zip(self._frames[1:], problem.clips, strict=False):
@@ -146,6 +160,10 @@ class TouchState:
             self._hold(start.kind, "free", end.mass * self.problem.end_fall + end.force, end.moment)
         return frames
 
+    def aimed(self) -> Array:
+        """`aim` at the problem's ends."""
+        return self.aim(self.problem.start, self.problem.end)
+
     def _hold(self, start: str, end: str, tip: Array, moment: Array) -> None:
         """Takes over how the ends are held, and the load on a free end."""
         kinds = (start, *[clip.kind for clip in self.problem.clips], end)
@@ -157,25 +175,54 @@ class TouchState:
         self._kinds, self._held_as, self._tip, self._moment = kinds, kinds, tip, moment
         self.cable.hold((start, end), tip, moment)
         self.forces = self.cable.forces
-        structure = self.cable.structure
-        masks: list[tuple[float, ...]] = [FREE_ROTATIONS[kind] for kind in kinds]
-        masks[0] = masks[0] if structure.knots[0].turns else structure.free[0][0]
+        self._take_structure()
+
+    def _take_structure(self) -> None:
+        """Takes over how the network is held, and tells it what its cables are made of."""
+        structure, plan = self.cable.structure, tables.plan_of.py_func(self.cable.bare)
+        masks: list[tuple[float, ...]] = []
+        for c, (first, last) in enumerate(pairwise(plan.cables.tolist())):
+            for j, end in [(j, 0) for j in range(first, last)] + [(last - 1, 1)]:
+                span, knot = structure.spans[j], structure.spans[j][end]
+                if span.tied[end]:
+                    masks.append(_HELD if span.turned[end] else structure.loose[knot])
+                else:
+                    masks.append(structure.free[j][end])
+            assert len(masks) == last + c + 1
         self.held_mask: Array = np.array(masks)
         self._tell()
 
+    def _chained(self) -> tuple[Chain, ...]:
+        """The cables."""
+        free = (False, self.forces < self._arcs.size - 1)
+        return (Chain(slice(0, self._arcs.size), self.bend, self.radius, free),)
+
     def _tell(self) -> None:
         """Tells the network what the cable is made of: it stretches a little, whatever it is."""
+        self.chains = self._chained()
         cable, made = self.cable, self.cable.held.copy()
-        pull = self.weight + 10.0 * self.problem.cable.mean_bending_stiffness / self.length**2
-        self.stretch = max(self._stretch, _LEAST_STRETCH / (pull + float(np.linalg.norm(self._tip))))
+        pull = self.weight + 10.0 * self.bend_of_cables / self.length**2
+        self.stretch = max(self._stretch, _LEAST_STRETCH / (pull + self._pull_of_tips()))
         pieces = made[cable.place_of_pieces].reshape(-1, tables.PIECE)
-        pieces[:, material.COMPLIANCE + 2] = self.stretch
+        np.maximum(pieces[:, material.COMPLIANCE + 2], self.stretch, out=pieces[:, material.COMPLIANCE + 2])
         made[tables.ELASTIC], made[tables.RIGID] = 1.0, 0.0
         made[tables.BASE_SHIFT] = _NEUTRAL * made[tables.SOFTEST]
         self.made: Array = made
         self.unfactored()
         if self.elements:
+            self._fill_nodes(self._ends_of(self.nodes))
             self._load(self.nodes)
+
+    def _fill_nodes(self, ends: Array) -> None:
+        """Tells the nodes what their cable is; ends (c,): the last ones of each."""
+        counts = np.diff(ends, prepend=-1)
+        self._gap_of_nodes: Array = np.repeat(self.gaps, counts)
+        self.flex: Array = np.repeat([1.0 / chain.bend for chain in self.chains], counts)
+        self.thick: Array = np.repeat([chain.radius for chain in self.chains], counts)
+
+    def _pull_of_tips(self) -> float:
+        """[N], force on free ends."""
+        return float(np.linalg.norm(self._tip))
 
     def stiffen(self, factor: float) -> None:
         """Makes the cable so many times as stiff as it is."""
@@ -187,8 +234,16 @@ class TouchState:
 
     @property
     def nodes(self) -> Array:
-        """(N+1,) [m], arc lengths."""
-        return self.s
+        """(n,) [m], arc lengths, `gaps` added."""
+        return self.s if self.gaps.size == 1 else self.s + self._gap_of_nodes
+
+    def _within(self, nodes: Array) -> Any:
+        """Which of the pieces between nodes (n,) are no gap between cables."""
+        return ~np.isin(np.arange(nodes.size - 1), self._ends_of(nodes)[:-1])
+
+    def _ends_of(self, nodes: Array) -> Array:
+        """The last of these nodes of each cable."""
+        return np.searchsorted(nodes, [self._arcs[chain.supports][-1] for chain in self.chains])
 
     @property
     def arcs(self) -> Array:
@@ -209,24 +264,28 @@ class TouchState:
         return np.union1d(self.points, self.arcs[1:-1]) if self.rings.size else self._stops
 
     def lay_out(self, nodes: Array) -> None:
-        """Makes `nodes` (N+1,) the mesh and carries the last solutions over to it."""
+        """Makes `nodes` (n,) the mesh and carries the last solutions over to it."""
         self._arcs = self.arcs
         n, n_old = nodes.size - 1, self.elements
         old_nodes = self.nodes.copy() if n_old else nodes
         if n_old:
             old = (self.q, self.near, self.on, self.ends)
         self.elements = n
-        self.s: Array = nodes.copy()
+        ends = self._ends_of(nodes)
+        self._fill_nodes(ends)
+        self.s: Array = nodes - self._gap_of_nodes if self.gaps.size > 1 else nodes.copy()
         self.h: Array = np.diff(nodes)
-        self.errors: Array = np.zeros(n)
+        self._gaps_at = ends[:-1]
+        self.errors: Array = np.zeros(n - ends.size + 1)
         self.start: Array = np.zeros((n + 1, 4))
         self.q: Array = np.zeros((3, n + 1, 4))
         self.near: Array = np.zeros((3, n + 1, NEAR))
         self.on: Any = np.full((3, n + 1, 2), BARE)
-        self.ends: Array = np.zeros((3, self._arcs.size - 1, 3))
+        self.ends: Array = np.zeros((3, self._arcs.size - self.gaps.size, 3))
+        self.frames: Array = np.zeros((self._arcs.size, 7))
         self.held: Any = np.abs(nodes[:, None] - self._arcs).argmin(axis=0)
         self.loads: Array = np.zeros((n + 1, 7))
-        self.s_then: Array = nodes.copy()  # before the last step
+        self.s_then: Array = self.s.copy()  # before the last step
         self.unfactored()
         self._load(nodes)
         if not n_old:
@@ -241,18 +300,30 @@ class TouchState:
             if np.count_nonzero(same) <= n_old:
                 touch_mesh.share_out(self.nodes, self.near[which], self.on[which], old_nodes, near[which], on[which])
 
+    def _put(self, nodes: Array) -> None:
+        """Puts the nodes there."""
+        self.s[:] = nodes if self.gaps.size == 1 else nodes - self._gap_of_nodes
+        if self.gaps.size > 1:
+            fixed = np.setdiff1d(np.arange(self.held.size), self.rings)
+            self.s[self.held[fixed]] = (self._arcs - self._gap_of_nodes[self.held])[fixed]
+        self.h[:] = np.diff(self.s)
+        self.h[self._gaps_at] = 0.0
+
+    def _elimination(self) -> tuple[Array, int]:
+        """In which order the knots are eliminated, and how many vertices beyond the two next ones that joins."""
+        return np.arange(int(self.cable.bare[tables.N_KNOTS])), 0
+
     def _load(self, nodes: Array) -> None:
         """Puts the nodes there, and makes room for the network."""
-        self.s[:] = nodes
-        self.h[:] = np.diff(nodes)
+        self._put(nodes)
         bare = self.cable.bare
-        knots, spans, n = int(bare[tables.N_KNOTS]), int(bare[tables.N_SPANS]), self.elements
-        plan, model, solutions, work, run, room = room_for(bare, n, 0)
+        knots, spans, n = int(bare[tables.N_KNOTS]), int(bare[tables.N_SPANS]), self.errors.size
+        order, wide = self._elimination()
+        plan, model, solutions, work, run, room = room_for(bare, n, wide)
         where, span = np.zeros(knots + n, np.int64), np.zeros(knots + n, np.int64)
-        order = np.arange(knots)
         moves = np.array([knot.moves for knot in self.cable.structure.knots], dtype=np.int64)
         self.net = Net(
-            bare, self.made, order, order, moves, 0, np.zeros(plan, np.int64), np.empty(model),
+            bare, self.made, order, np.argsort(order), moves, wide, np.zeros(plan, np.int64), np.empty(model),
             np.zeros(3 * solutions), np.zeros(work), np.zeros(run), where, span, np.zeros(n, np.int64),
             np.zeros(n, np.int64), np.zeros(spans + 1, np.int64), np.zeros(spans, np.int64), np.zeros(room, np.int64),
         )  # fmt: skip
@@ -266,11 +337,9 @@ class TouchState:
     @property
     def lying(self) -> Lying:
         """What the solver is told of the cable."""
-        nodes = self.s.size
         return Lying(
-            self.held, self.held_mask, self.s, self.h, np.full(nodes, 1.0 / self.bend), np.full(nodes, self.radius),
-            self.errors, self.start, self.q, self.near, self.on, self.ends, self._grips, self.turns, self.slid,
-            np.zeros((self.held.size, 7)),
+            self.held, self.held_mask, self.s, self.h, self.flex, self.thick, self.errors, self.start, self.q, self.near,
+            self.on, self.ends, self._grips, self.turns, self.slid, self.frames,
         )  # fmt: skip
 
     def insert(self, arcs: Array) -> bool:
@@ -295,11 +364,11 @@ class TouchState:
 
     def too_coarse(self) -> Array:
         """Arc lengths in the middle of the elements that most of the error of the last solution comes from."""
-        return touch_mesh.worst(self.nodes, self.errors)
+        return touch_mesh.worst(self.nodes, self.errors, self.h > 0.0)
 
     def tidy(self) -> bool:
         """Moves the nodes that contacts have run up to; whether there are any."""
-        nodes = touch_mesh.tidied(self.nodes, self.h, self.q[NOW], self.near[NOW], self.on[NOW], self.lying.flex, self.stops)
+        nodes = touch_mesh.tidied(self.nodes, self.h, self.q[NOW], self.near[NOW], self.on[NOW], self.flex, self.stops)
         if nodes is not None:
             self.lay_out(nodes)
         return nodes is not None
@@ -310,7 +379,7 @@ class TouchState:
         Adds some where an eyelet has stretched the mesh.
         """
         if self.rings.size and self.elements < MOST_ELEMENTS:
-            self.insert(touch_mesh.stretched(self.nodes, self._spacing, self._middles))
+            self.insert(touch_mesh.stretched(self.nodes, self.h > 0.0, self._spacing, self._middles))
         coarse = bool(self.info[16] > COARSE * self.length)
         full = self.elements > FULL * self._spacing.size
         if self.elements <= MANY * self._spacing.size or (coarse and not full):
@@ -331,28 +400,45 @@ class TouchState:
         self.elements = 0
         self._arcs[self.rings] = shape.supports[self.rings - 1, 0]
         self.slid[:] = self._arcs
-        free = self.forces < self._arcs.size - 1
-        nodes = touch_mesh.first_nodes(self._arcs, self.stops, self.bend, free, shape, self._count, finer)
-        self._spacing, self._middles = np.diff(nodes), 0.5 * (nodes[1:] + nodes[:-1])
+        nodes = np.concatenate([self._nodes_of(one, shape, finer) for one in self.chains])
+        inside = self._within(nodes)
+        self._spacing, self._middles = np.diff(nodes)[inside], (0.5 * (nodes[1:] + nodes[:-1]))[inside]
         rows = touch_resume.pressed_rows(shape, self.bodies.names)
         nodes = touch_resume.with_lone(nodes, rows)
         self.lay_out(nodes)
         self.q[NOW] = interpolated(nodes, shape.arc_length, shape.quaternions)
         self._grips[NOW] = frames
-        for j, k in enumerate(self.held):
-            if self._grips[NOW, j, 3:] @ self.q[NOW, k] < 0.0:
-                self._grips[NOW, j, 3:] *= -1.0
-        last = self._arcs.size - 2
-        if self.forces == last:
-            self._grips[NOW, -1, 3:] = self.q[NOW, -1]
+        self._align()
         touch_resume.press_nodes(rows, nodes, self.held, self.near[NOW], self.on[NOW])
-        for j, arc in enumerate(self._arcs[1:]):
-            before = max(int(np.searchsorted(shape.arc_length, arc)) - 1, 0) if j < last else -1
-            self.ends[NOW, j] = shape.force[before]
+        j = 0
+        for chain in self.chains:
+            arcs = self._arcs[chain.supports]
+            for arc in arcs[1:]:
+                side = "right" if arc == arcs[-1] else "left"
+                before = int(np.searchsorted(shape.arc_length, arc, side)) - 1  # type: ignore[call-overload]
+                self.ends[NOW, j] = shape.force[max(before, 0)]
+                j += 1
         self.turns[NOW] = shape.turns
         self.history = 1
         for array in (self.q, self.near, self.on, self.ends, self._grips, self.turns, self.slid):
             array[BEFORE] = array[NOW]
+
+    def _align(self) -> None:
+        """Signs of the supports' quaternions, those of the nodes there; what is free takes theirs."""
+        for j, k in enumerate(self.held):
+            if self._grips[NOW, j, 3:] @ self.q[NOW, k] < 0.0:
+                self._grips[NOW, j, 3:] *= -1.0
+        if self.chains[-1].free[1]:
+            self._grips[NOW, -1, 3:] = self.q[NOW, -1]
+
+    def _nodes_of(self, chain: Chain, shape: CableShape, finer: float) -> Array:
+        """A cable's nodes at first."""
+        arcs, elements = self._arcs[chain.supports], self._count_of(chain)
+        return touch_mesh.first_nodes(arcs, self.stops, chain.bend, chain.free, shape, elements, finer)
+
+    def _count_of(self, chain: Chain) -> int:
+        """Elements that a cable has at first."""
+        return self._count
 
     def resume(self, shape: CableShape, frames: Array) -> None:
         """Makes an equilibrium that another solver has found the last one, in contact or not."""
@@ -390,17 +476,17 @@ class TouchState:
         self.touching = False
         self.patience.succeed()
         self.free, self.free_frames = shape, frames
-        self.remember(shape.positions)
+        self.remember(self.seen(shape))
 
     def touches(self) -> Array:
         """(k, 9), the contacts of the last solution as `check.touches` has them."""
         out = np.empty((self.elements, check.TOUCH))
-        return out[: check.touches(self.nodes, self.near[NOW], self.on[NOW], self.lying.thick, out)]
+        return out[: check.touches(self.nodes, self.near[NOW], self.on[NOW], self.thick, out)]
 
     def copy(self, *, then: bool = False) -> Kept:
         """All that a solve changes; `then`: with the mesh from before the last step."""
         solutions = (self.q, self.near, self.on, self.ends, self._grips, self.turns, self.slid)
-        nodes = (self.s_then if then else self.s).copy()
+        nodes = (self.s_then if then else self.s) + (self._gap_of_nodes if self.gaps.size > 1 else 0.0)
         return Kept([a.copy() for a in solutions], nodes, self.elements, self._spacing, self._middles)
 
     def restore(self, kept: Kept) -> None:
@@ -411,7 +497,7 @@ class TouchState:
             self.elements = 0
             self.lay_out(nodes.copy())
         self.q, self.near, self.on, self.ends, self._grips, self.turns, self.slid = (a.copy() for a in arrays)
-        self.s[:], self.h[:] = nodes, np.diff(nodes)
+        self._put(nodes)
         self.unfactored()
 
     def accept(self, *, again: bool = False) -> None:
@@ -497,6 +583,7 @@ class TouchState:
         """Puts the nodes where they were before the last step."""
         if not np.array_equal(self.s, self.s_then):
             self.s[:], self.h[:] = self.s_then, np.diff(self.s_then)
+            self.h[self._gaps_at] = 0.0
         self.unfactored()
 
     def came_from(self, kept: Kept) -> None:
@@ -510,6 +597,19 @@ class TouchState:
     def positions(self) -> Array:
         """(n, 3), the last solution's; (0, 3) if there is none."""
         return self._positions
+
+    def seen(self, shape: CableShape) -> Array:
+        """(c n, 3) [m], positions of a shape, one cable after the other."""
+        return shape.positions
+
+    def new_buffer(self) -> Array:
+        """Room for a shape."""
+        return CableShape.new_buffer(self.problem.points)
+
+    @property
+    def clip_knots(self) -> Any:
+        """Which knots the clips are."""
+        return np.arange(1, self._arcs.size - 1)
 
     def remember(self, positions: Array) -> None:
         """Takes a solution's positions (n, 3) as those from which the cable moves on, and where the bodies are."""

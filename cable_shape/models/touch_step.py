@@ -18,7 +18,7 @@ from cable_shape.kernels.contact.press import RUNNING
 from cable_shape.kernels.network.newton import CONVERGED
 from cable_shape.models.touch_state import MOST_ELEMENTS, TouchState
 from cable_shape.problem import Problem
-from cable_shape.shape import CableShape
+from cable_shape.shape import NUMBERS_PER_POINT
 
 DEEPEST = 1e-4  #: [m] a shape deeper in a body than this between nodes gets a node there
 WARM_ITERATIONS, STEP_ITERATIONS = 30, 20
@@ -48,7 +48,7 @@ class Steps:
         self.late = False
         self.links = state.bodies.link_rows(problem.links)
         self.loads: Array = np.empty((0, 7))
-        self.buffer = CableShape.new_buffer(problem.points)
+        self.buffer = state.new_buffer()
 
     def go(
         self,
@@ -69,7 +69,7 @@ class Steps:
         state.target(frames)
         before = _ANYWHERE if jump else state.positions
         refine = not jump and drag == 0.0
-        fine = FINE * self.problem.cable.length if refine else math.inf
+        fine = FINE * state.length if refine else math.inf
         code = self._call(history, most, far, sunk, drag, before, DEEPEST, fine)
         if code == UNSETTLED:
             kept = state.copy(then=True)
@@ -80,8 +80,7 @@ class Steps:
             state.tidy()
         elif code != CONVERGED:
             return False
-        n = self.problem.points
-        state.remember(self.buffer[n : 4 * n].reshape(n, 3))
+        state.remember(self.positions(self.buffer))
         return True
 
     def again(
@@ -112,19 +111,19 @@ class Steps:
         state.s_then[:] = state.s
         code: int = drive.solve(
             state.lying, bodies.kernel, state.net, before, self.buffer, state.loads, state.info, self.problem.points,
-            1, history, most, far, state.weight, state.limp, sunk, drag, bodies.horizon, deepest, fine,
+            state.bodied, history, most, far, state.weight, state.limp, sunk, drag, bodies.horizon, deepest, fine,
         )  # fmt: skip
         self.iterations += int(state.info[0])
         if code not in (CONVERGED, UNSETTLED):
             state.put_nodes_back()
-        elif state.held.size > 2:
-            self.loads = state.loads[1 : state.held.size - 1].copy()
+        elif len(state.clip_knots):
+            self.loads = state.loads[state.clip_knots].copy()
         return code
 
     def settle(self, frames: Array, sunk: float = 0.0, drag: float = 0.0, *, refine: bool = True) -> bool:
         """Adds nodes where the cable dips into a body between them and, to `refine`, where contacts are too inexact."""
         state = self.state
-        fine, exact = (share * self.problem.cable.length for share in (FINE, _EXACT))
+        fine, exact = (share * state.length for share in (FINE, _EXACT))
         for _ in range(_ROUNDS):
             # contacts that run were stopped: by their iterations, or by a node that is moved now
             if refine and (state.info[0] > RUNNING or (state.info[16] > exact and state.tidy())):
@@ -145,49 +144,69 @@ class Steps:
                 return False
         return not self._dips(sunk, 2.0 * DEEPEST).size
 
+    def own(self, buffer: Array, c: int) -> tuple[Array, Array]:
+        """Arc lengths (n,) [m] and positions (n, 3) [m] of cable c of a shape."""
+        n = self.problem.points
+        first = NUMBERS_PER_POINT * n * c
+        return buffer[first : first + n], buffer[first + n : first + 4 * n].reshape(n, 3)
+
+    def positions(self, buffer: Array) -> Array:
+        """(c n, 3) [m], of all cables that are kept out of bodies."""
+        count = self.state.bodied
+        if count == 1:
+            return self.own(buffer, 0)[1]
+        return np.concatenate([self.own(buffer, c)[1] for c in range(count)])
+
     def depth(self, buffer: Array) -> float:
         """The least gap [m] of a shape to any body."""
-        return float(self._measured(buffer)[:, 0].min(initial=math.inf))
+        return min(float(self._measured(buffer, c)[:, 0].min(initial=math.inf)) for c in range(self.state.bodied))
 
     def passes(self, before: Array, buffer: Array) -> bool:
-        """Whether the cable may have got past a body from one shape's positions (n, 3) to the next shape."""
+        """Whether a cable may have got past a body from one shape's positions (c n, 3) to the next shape."""
         state, bodies, n = self.state, self.state.bodies, self.problem.points
-        after = buffer[n : 4 * n].reshape(n, 3)
-        return bool(
+        return any(
             check.passes(
-                buffer[:n], before, after, bodies.table, bodies.frames, bodies.frames_then,
-                bodies.triangles, bodies.tree, state.radius, bodies.stack,
+                arcs, before[c * n : (c + 1) * n], after, bodies.table, bodies.frames, bodies.frames_then,
+                bodies.triangles, bodies.tree, state.chains[c].radius, bodies.stack,
             )
+            for c, (arcs, after) in enumerate(self.own(buffer, c) for c in range(state.bodied))
         )  # fmt: skip
 
     def goes_through(self, before: Array, then: Array, buffer: Array) -> bool:
-        """Whether the straight way from positions (n, 3) to a shape leads through the middle of a body, or may do so.
+        """Whether the straight way from positions (c n, 3) to a shape leads through the middle of a body, or may do so.
 
         The bodies were in the frames `then` (m, 4, 3). Far ways along a body are none past it, as `passes` has it; but
         a body that is thinner than the points are apart cannot be told from none between them, and counts as passed.
         """
-        bodies, n = self.state.bodies, self.problem.points
-        after = buffer[n : 4 * n].reshape(n, 3)
+        n = self.problem.points
+        ways = ((c, before[c * n : (c + 1) * n]) for c in range(self.state.bodied))
+        return any(self._goes_through(c, own, then, buffer) for c, own in ways)
+
+    def _goes_through(self, c: int, before: Array, then: Array, buffer: Array) -> bool:
+        """The same of cable c."""
+        bodies = self.state.bodies
+        arcs, after = self.own(buffer, c)
         for b, body in enumerate(bodies.table):
-            middle = _MIDDLE * (surface.reach_of(body) + self.state.radius)
+            middle = _MIDDLE * (surface.reach_of(body) + self.state.chains[c].radius)
             start = np.array([check.carried(tuple(p), then[b], bodies.frames[b]) for p in before])
             far = float(np.linalg.norm(after - start, axis=1).max())
-            if far <= middle or self._least_gap(start, buffer[:n], b) > far:
+            if far <= middle or self._least_gap(start, arcs, b, c) > far:
                 continue
             apart = max(float(np.linalg.norm(np.diff(line, axis=0), axis=1).max()) for line in (start, after))
             if apart > middle:
                 return True
             for at in np.linspace(0.0, 1.0, 2 + math.ceil(far / middle)):
-                if self._least_gap((1.0 - at) * start + at * after, buffer[:n], b) < -middle:
+                if self._least_gap((1.0 - at) * start + at * after, arcs, b, c) < -middle:
                     return True
         return False
 
-    def _least_gap(self, line: Array, arcs: Array, b: int) -> float:
-        """[m], of points (n, 3) at arc lengths (n,) to body b; infinite next to the grips of a body that grips."""
-        state, bodies, length = self.state, self.state.bodies, self.problem.cable.length
+    def _least_gap(self, line: Array, arcs: Array, b: int, c: int) -> float:
+        """[m], of points (n, 3) at arc lengths (n,) of cable c to body b; infinite next to the grips of one that
+        grips."""
+        state, bodies, length = self.state, self.state.bodies, float(arcs[-1])
         one = bodies.table[b : b + 1], bodies.frames[b : b + 1], bodies.triangles, bodies.tree
         gaps = [
-            check.depth_of(p, arc, length, *one, state.radius, bodies.stack)[0]
+            check.depth_of(p, arc, length, *one, state.chains[c].radius, bodies.stack)[0]
             for p, arc in zip(line, arcs, strict=True)
         ]
         return float(min(gaps))
@@ -197,16 +216,20 @@ class Steps:
         self.late = self.late or perf_counter() > self.deadline
         return self.late
 
-    def _measured(self, buffer: Array) -> Array:
-        """(m, 8), as `bounds.closest_points` has it, of every body near."""
-        state, bodies, n = self.state, self.state.bodies, self.problem.points
+    def _measured(self, buffer: Array, c: int) -> Array:
+        """(m, 8), as `bounds.closest_points` has it, of every body near cable c."""
+        state, bodies = self.state, self.state.bodies
+        arcs, positions = self.own(buffer, c)
         bounds.closest_points(
-            buffer[n : 4 * n].reshape(n, 3), buffer[:n], state.radius, bodies.horizon, GRIP_EXCLUSION, True,
-            bodies.table, bodies.moved_links, bodies.triangles, bodies.tree, bodies.measured, bodies.counts,
+            positions, arcs, state.chains[c].radius, bodies.horizon, GRIP_EXCLUSION, True, bodies.table,
+            bodies.moved_links, bodies.triangles, bodies.tree, bodies.measured, bodies.counts,
         )  # fmt: skip
         return bodies.measured
 
     def _dips(self, sunk: float, deepest: float = DEEPEST) -> Array:
         """Arc lengths where the shape in the buffer is too deep in a body."""
-        found = self._measured(self.buffer)
-        return np.unique(found[found[:, 0] + sunk < -deepest, 1])
+        deep = []
+        for c in range(self.state.bodied):
+            found = self._measured(self.buffer, c)
+            deep.append(found[found[:, 0] + sunk < -deepest, 1] + self.state.gaps[c])
+        return np.unique(np.concatenate(deep))

@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import math
 from time import perf_counter
-from typing import final
-
 import numpy as np
 
 from cable_shape.checks import Array
@@ -54,7 +52,7 @@ def solve(problem: Problem, state: TouchState, rod: Network, *, deadline: float 
     began = perf_counter()
     if state.problem is not problem:
         state.take(problem)
-    return _Solve(problem, state, rod, deadline, began).run()
+    return Solve(problem, state, rod, deadline, began).run()
 
 
 def inexact(estimate: float, allowed: float) -> str:
@@ -65,13 +63,7 @@ def inexact(estimate: float, allowed: float) -> str:
     )
 
 
-def _free(problem: Problem, deadline: float) -> CableShape:
-    """The shape without contact, from nothing."""
-    return cosserat.solve(problem, deadline=deadline)
-
-
-@final
-class _Solve:
+class Solve:
     """One call of :func:`solve`: free, then warm from the last shape, then in small steps, then from nothing."""
 
     __slots__ = ("began", "deadline", "problem", "rod", "state", "steps")
@@ -83,19 +75,19 @@ class _Solve:
 
     def run(self) -> CableShape:
         """The shape, whatever comes."""
-        problem, state = self.problem, self.state
+        state = self.state
         state.move_bodies(self.steps.links)
-        frames = state.aim(problem.start, problem.end)
+        frames = state.aimed()
         buried = self._buried(frames)
         if buried:
             return self._no_shape(Status.NOT_CONVERGED, buried)
         if not state.touching:
-            shape = self._free(self.rod)
+            shape = self._alone()
             if shape.status in (Status.NOT_CONVERGED, Status.OVERSTRETCHED, Status.BUDGET_EXCEEDED):
                 return shape  # on which side of the bodies the cable is, the last shape goes on to tell
             clear = self.steps.depth(shape.buffer) > -DEEPEST
             last = state.free
-            if clear and (last is None or not self.steps.passes(last.positions, shape.buffer)):
+            if clear and (last is None or not self.steps.passes(state.seen(last), shape.buffer)):
                 state.rest(shape, frames)
                 return shape
             if last is None:
@@ -105,9 +97,13 @@ class _Solve:
 
     # -- attempts
 
-    def _free(self, rod: Network) -> CableShape:
+    def _alone(self) -> CableShape:
         """The shape without contact."""
-        return cosserat.solve(self.problem, rod, deadline=self.deadline)
+        return cosserat.solve(self.problem, self.rod, deadline=self.deadline)
+
+    def _free(self, problem: Problem) -> CableShape:
+        """The same from nothing, of another problem's cable."""
+        return cosserat.solve(problem, deadline=self.deadline)
 
     def _warm(self, frames: Array) -> CableShape:
         """From the last solution."""
@@ -141,7 +137,7 @@ class _Solve:
         """
         state, steps = self.state, self.steps
         before, then = state.positions, state.bodies.frames_then
-        free = _free(self.problem, self.deadline)
+        free = self._free(self.problem)
         if not free.status:
             return None
         shape = self._cold(frames, free, Status.SNAPPED)
@@ -176,7 +172,7 @@ class _Solve:
 
     def _lay(self, frames: Array, problem: Problem, down: Array) -> bool:
         """The same for the free shape of another problem's cable."""
-        free = _free(problem, self.deadline)
+        free = self._free(problem)
         if not free.status or free.status is Status.OVERSTRETCHED:
             return False
         return any(self._bring(frames, free, attempt * down) for attempt in _ATTEMPTS if not self.steps.late)
@@ -191,28 +187,41 @@ class _Solve:
         i, body, gap = state.buried(frames, BURIED)
         if i < 0:
             return ""
-        last = len(frames) - 1
-        name = "start grip" if i == 0 else "end grip" if i == last else f"clips[{i - 1}]"
-        what = "grip" if i in (0, last) else "clip"
+        what, name = self._support(i, len(frames) - 1)
         return (
             f"the cable at the {name} is {-gap * 1e3:.1f} mm inside obstacle {state.bodies.names[body]!r}. "
             f"Move the {what} out of it, or leave the obstacle out of the scene. "
         )
 
+    def _support(self, i: int, last: int) -> tuple[str, str]:
+        """What a support is, and its name."""
+        name = "start grip" if i == 0 else "end grip" if i == last else f"clips[{i - 1}]"
+        return "grip" if i in (0, last) else "clip", name
+
     # -- results
 
     def _finish(self, status: Status) -> CableShape:
         """Grades and reports the solution in the buffer."""
+        state = self.state
+        state.patience.succeed()
+        state.history = 2
+        shape = self._shape(status)
+        self._grade(shape)
+        if not state.touching:
+            state.rest(shape, state.grips[NOW].copy())
+            self._leave(shape)
+        return shape
+
+    def _shape(self, status: Status) -> CableShape:
+        """The solution in the buffer."""
         problem, state, steps = self.problem, self.state, self.steps
         info = state.info.tolist()
-        state.patience.succeed()
         if type(problem.end) is Grip:
             n = problem.points
             steps.buffer[4 * n - 3 : 4 * n] = problem.end.cable_frame.position
         found = state.touches()
-        state.history = 2
         state.touching = len(found) > 0
-        shape = CableShape(
+        return CableShape(
             steps.buffer,
             problem.points,
             length=problem.cable.length,
@@ -229,18 +238,17 @@ class _Solve:
             touches=found,
             bodies=state.bodies.names,
         )
-        self._grade(shape)
-        if not state.touching:
-            state.rest(shape, state.grips[NOW].copy())
-            self.rod.history = 0
-            self.rod.last = shape
-            self.rod.arcs[self.rod.rings] = state.arcs[state.rings]
-        return shape
+
+    def _leave(self, shape: CableShape) -> None:
+        """Lets the rod go on from a shape that touches nothing."""
+        self.rod.history = 0
+        self.rod.last = shape
+        self.rod.arcs[self.rod.rings] = self.state.arcs[self.state.rings]
 
     def _grade(self, shape: CableShape) -> None:
         """Fills status and detail of a shape that is OK or SNAPPED if nothing is the matter with it."""
         shape.missing_length = self._stretched(shape)
-        allowed = max(self.problem.tolerance, ACCURACY * shape.length)
+        allowed = max(self.problem.tolerance, ACCURACY * self.state.length)
         within = shape.error_estimate <= allowed
         detail = ""
         if shape.missing_length > 0.0:
@@ -273,7 +281,7 @@ class _Solve:
     def _no_shape(self, status: Status, detail: str) -> CableShape:
         """The straight line; what was solved before stays as a warm start."""
         problem = self.problem
-        frames = self.state.aim(problem.start, problem.end)
+        frames = self.state.aimed()
         told = detail + status.remedy
         return straight_line(
             problem, self.steps.buffer, frames[0], frames[-1], status, told, self.steps.iterations, self.began

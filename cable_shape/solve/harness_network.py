@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any, final
 
@@ -12,11 +13,13 @@ from cable_shape.checks import Array
 from cable_shape.harness_problem import HarnessProblem
 from cable_shape.kernels.network import drive, guess, material, mesh, respond, tables
 from cable_shape.kernels.network.drive import I_DOUBT, I_ESTIMATE, INFO
+from cable_shape.kernels.network.tables import NOW
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.section import pieces_of
 from cable_shape.solve.bare import IDENTITY, bare_of
 from cable_shape.solve.cables import FREE_ROTATIONS, material_of
 from cable_shape.solve.harness_layout import LEVER, Layout, layout_of
+from cable_shape.solve.mesh import interpolated
 from cable_shape.solve.network import _SOFTER, Network
 
 #: Shares of what counts as neutral by which matrices are shifted: with little of it soft modes converge as fast as
@@ -333,14 +336,36 @@ class HarnessNetwork(Network):
         last = self.runs[spans[-1]][1] + 1  # levers are beyond
         return s[:last], positions[:last]
 
+    def resume_from(self, whole: Any, gaps: Array, poses: Array) -> None:
+        """Makes a shape the last solution: `whole` is all its cables in turn, `gaps` (c,) [m] added to arc lengths.
+
+        poses (k, 7): of all knots.
+        """
+        self.first_mesh(poses)
+        now, nodes = self.solution(NOW), self.nodes
+        of_span = np.repeat(gaps, [cable.spans for cable in self.structure.cables])
+        for j, (a, b) in enumerate(self.runs):
+            at = nodes[a : b + 1] + of_span[j]
+            now.q[a : b + 1] = interpolated(at, whole.arc_length, whole.quaternions)
+            middles = 0.5 * (at[1:] + at[:-1])
+            for i in range(3):
+                force = np.interp(middles, whole.arc_length, whole.force[:, i])
+                now.lam[j, i] = (force - self.model.load[a - j : b - j, 3 + i]).mean()
+        now.pose[...] = poses
+        self.history = 1
+
     def sensitivities(self, ends: tuple[str, ...]) -> Array:
         """(c points, 3, 6 g): change of the positions of all segments with the poses of these held ends."""
+        return self.columns_of(self, ends)
+
+    def columns_of(self, state: Any, ends: Sequence[str]) -> Array:
+        """The same of another memory of the harness, of which the knots are the first ones."""
         points = self.problem.points
         rows = np.array([self.layout.knots["end", end] for end in ends], dtype=np.int64)
         out, df = np.zeros((self.cables * points, 3, 6 * len(ends))), np.empty((0, 6 * len(ends)))
         if len(ends):
-            self.refresh()
-            respond.sensitivities(self.ints, self.floats, self.sols, self.work, points, rows, out, df)
+            state.refresh()
+            respond.sensitivities(state.ints, state.floats, state.sols, state.work, points, rows, out, df)
         return out
 
 
