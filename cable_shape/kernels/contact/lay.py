@@ -44,7 +44,7 @@ from cable_shape.kernels.rod_element import IDENTITY
 
 IDENTITY_FRAME = (0.0, 0.0, 0.0, 1.0)
 
-EDGES = 6  # of a span, between what is unknown of its ends and its force
+EDGES = 7  # of a span, between what is unknown of its ends and its force, and of a contact that it ends at
 
 
 @kernel
@@ -209,20 +209,21 @@ def join(heads: Whole, edges: Whole, count: int, a: int, b: int) -> int:
 
 
 @viewing
-def join_all(plan: Plan, forces: Whole, heads: Whole, edges: Whole) -> None:
-    """The blocks that spans make, as lists: heads (v,) first edge of a vertex, edges (2 e,) later vertex, next edge."""
+def join_all(plan: Plan, known: int, forces: Whole, heads: Whole, edges: Whole) -> None:
+    """The blocks that contacts (the knots from `known` on) and spans make, as lists: heads (v,) first edge of a vertex, edges (2 e,) later vertex, next edge."""
     count = 0
+    for i in range(known, plan.vertices.shape[0]):
+        count = join(heads, edges, count, plan.vertices[i, 0], plan.vertices[i, 1])
     for x in range(plan.ends.shape[0]):
         ta, ya, tb, yb = plan.corners[x, 0], plan.corners[x, 1], plan.corners[x, 2], plan.corners[x, 3]
         force = forces[x]
         count = join(heads, edges, count, ta, tb)
-        count = join(heads, edges, count, tb, yb)
         if force >= 0:
             for other in (ta, ya, tb, yb):
                 count = join(heads, edges, count, force, other)
         else:
             count = join(heads, edges, count, ta, ya)
-            for a, b in ((ta, yb), (ya, tb), (ya, yb)):
+            for a, b in ((ta, yb), (ya, tb), (ya, yb), (tb, yb)):
                 count = join(heads, edges, count, a, b)
 
 
@@ -310,7 +311,7 @@ def lay(net: Net, lying: Lying, on: Array) -> bool:
     heads, seen = part(room, used, (vertices,)), part(room, used + vertices, (vertices,))
     child, after = part(room, used + 2 * vertices, (vertices,)), part(room, used + 3 * vertices, (vertices,))
     edges = part(room, used + 4 * vertices, (2 * EDGES * spans,))
-    join_all(plan, forces, heads, edges)
+    join_all(plan, bare[N_KNOTS], forces, heads, edges)
     ints[N_BLOCKS] = (2 + net.wide) * vertices
     blocks = eliminate(plan_of(ints), heads, edges, seen, child, after)
     if blocks < 0:
@@ -389,13 +390,14 @@ def fill_blocks(plan: Plan) -> None:
     """Where the blocks of spans are."""
     for x in range(plan.ends.shape[0]):
         ta, ya, tb, yb = plan.corners[x, 0], plan.corners[x, 1], plan.corners[x, 2], plan.corners[x, 3]
-        force = plan.forces[x, 0]
+        force, knot = plan.forces[x, 0], plan.ends[x, 1]
         plan.blocks[x, 1] = block_of(plan, ta, tb)
-        if force >= 0:  # see `network.graph.scatter_force` and `press`
-            plan.blocks[x, 5] = block_of(plan, yb, tb)
+        if force >= 0 or plan.known[x] != 0:  # see `network.graph.press`
+            plan.blocks[x, 5] = block_of(plan, plan.vertices[knot, 1], plan.vertices[knot, 0])
+        if force >= 0:  # see `network.graph.scatter_force`
             plan.forces[x, 1], plan.forces[x, 2] = block_of(plan, ta, force), block_of(plan, ya, force)
             plan.forces[x, 3], plan.forces[x, 4] = block_of(plan, force, tb), block_of(plan, force, yb)
-        else:
+        elif plan.known[x] == 0:
             plan.blocks[x, 0], plan.blocks[x, 2] = block_of(plan, ta, ya), block_of(plan, ta, yb)
             plan.blocks[x, 3], plan.blocks[x, 4] = block_of(plan, ya, tb), block_of(plan, ya, yb)
             plan.blocks[x, 5] = block_of(plan, tb, yb)

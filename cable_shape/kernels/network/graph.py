@@ -132,6 +132,8 @@ def scatter(plan: Plan, model: Model, work: Work, j: int) -> None:
             add_block(block, plan.blocks[j, 5], mscale(-1.0, B))
         if ya >= 0:
             add_block(block, plan.blocks[j, 4], S)
+    if plan.known[j] != 0 and plan.forces.shape[0] > 0 and plan.vertices[plan.ends[j, 1], 1] >= 0:
+        press(plan, model, work, j)
 
 
 @inline
@@ -166,13 +168,14 @@ def scatter_force(plan: Plan, model: Model, work: Work, j: int) -> None:
 @inline
 def press(plan: Plan, model: Model, work: Work, j: int) -> None:
     """Adds to the graph what presses on the knot where span j ends; its rotation comes after its place."""
-    knot, v = plan.ends[j, 1], plan.corners[j, 3]
+    knot = plan.ends[j, 1]
+    turn, v = plan.vertices[knot, 0], plan.vertices[knot, 1]
     Z = get9(model.along, knot, 0)
     own = tmul(Z, mul(get9(model.bent, knot, 0), Z))
     add9(work.size, v, msub(madd(own, IDENTITY), tmul(Z, Z)))
     a, b = take3(model.lean, knot, 0), tapply(Z, take3(model.lean, knot, 3))
     if a != NONE or b != NONE:
-        add9(work.size, plan.corners[j, 2], outer(a, a))
+        add9(work.size, turn, outer(a, a))
         add9(work.size, v, outer(b, b))
         add_block(work.block, plan.blocks[j, 5], outer(b, a))
 
