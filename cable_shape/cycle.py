@@ -161,6 +161,7 @@ class Cycle:
         self._near = CableNear(self._parts, self.scene, robot_links, joined=joined)
         self._crossing: tuple[tuple[str, ...], Crossing] | None = None
         bodies = [body for cable in self._cables.values() for body in cable.predictor.problem.bodies]
+        bodies += [body for harness in self._harnesses.values() for body in harness.predictor.problem.bodies]
         self._pushed = any(body.link is not None for body in bodies)
         self._solves_crossing = len(named) > 1 and all(
             cable.predictor.problem.solves_crossing for cable in self._cables.values()
@@ -262,7 +263,7 @@ class Cycle:
         single = dict(shapes)
         parts: dict[str, dict[str, CableShape]] = {}
         for name, harness in held.items():
-            shapes[name] = harness.predict(grips[name], moving.get(name))  # type: ignore[arg-type]
+            shapes[name] = harness.predict(grips[name], placed, moving.get(name))  # type: ignore[arg-type]
             parts[name] = harness.parts(shapes[name])
             single.update(parts[name])
         predicted = perf_counter()

@@ -50,7 +50,9 @@ class HarnessCycle:
         options: Mapping[str, Any],
     ) -> None:
         self.name, self.scene = name, scene
-        self.predictor = HarnessPredictor(harness, scene=scene, **options)
+        self.predictor = HarnessPredictor(
+            harness, scene=scene, robot_links=robot_links, gripping_links=gripping_links, **options
+        )
         self.cables = {cable_id(name, segment): cable for segment, cable in harness.segments.items()}
         may_be_held = {cable_id(name, split_end(end)[0]) for end in harness.open_ends}
         self._checkers = {
@@ -74,9 +76,11 @@ class HarnessCycle:
         for standing in self._standing.values():
             standing.reset()
 
-    def predict(self, ends: Mapping[str, End], acceleration: Mapping[str, ArrayLike] | None) -> HarnessShape:
+    def predict(
+        self, ends: Mapping[str, End], links: Links, acceleration: Mapping[str, ArrayLike] | None
+    ) -> HarnessShape:
         """The shape of the harness."""
-        return self.predictor.predict(ends, acceleration=acceleration)
+        return self.predictor.predict(ends, links=links, acceleration=acceleration)
 
     def parts(self, shape: HarnessShape) -> dict[str, CableShape]:
         """The shapes of the segments, by their ids."""

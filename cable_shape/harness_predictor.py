@@ -18,9 +18,8 @@ from cable_shape.harness_shape import HarnessShape
 from cable_shape.meshes.convex import check_convex
 from cable_shape.models import touching_harness
 from cable_shape.models.touch_harness import HarnessTouchState
-from cable_shape.pose import FreeEnd, Grip
+from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.problem import GRAVITY
-from cable_shape.pose import Pose
 from cable_shape.reuse import links_same, same_end
 from cable_shape.scene import Scene
 from cable_shape.scene_parts import Obstacle
@@ -46,8 +45,8 @@ class HarnessPredictor:
     tolerance : float, optional
         [m]; default 1e-5 of the longest segment.
     scene : Scene, optional
-        Clips and masses name their `segment`. With ``contact="solve"`` bodies keep all segments out; that segments touch
-        each other or themselves is not solved for.
+        Clips and masses name their `segment`. With ``contact="solve"`` bodies keep all segments out; that segments
+        touch each other or themselves is not solved for.
     distributed_load : mapping of segment to (2, 3) array_like, optional
         [N/m], world, added to the weight.
 
@@ -142,9 +141,10 @@ class HarnessPredictor:
             self._load(self._still)
         problem = self.problem.move(ends, links)
         last = self._last_ends
-        if self._last is not None and all(same_end(last[name], end) for name, end in problem.ends.items()):
-            if links_same(self._last_links, problem):
-                return self._last.again()
+        still = self._last is not None and links_same(self._last_links, problem)
+        if still and all(same_end(last[name], end) for name, end in problem.ends.items()):
+            assert self._last is not None
+            return self._last.again()
         deadline = math.inf if self.time_budget == math.inf else perf_counter() + self.time_budget
         if problem.bodies:
             if self._touch is None:

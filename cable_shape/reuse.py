@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.problem import Problem
+
+if TYPE_CHECKING:
+    from cable_shape.harness_problem import HarnessProblem
 
 Ends = tuple[Grip, Grip | FreeEnd]
 Links = Mapping[str, Pose] | None
@@ -43,7 +47,7 @@ def _same_place(before: Pose, now: Pose) -> bool:
     return bool((a[3:] == b[3:]).all() or (a[3:] == -b[3:]).all())
 
 
-def links_same(before: Links, problem: Problem) -> bool:
+def links_same(before: Links, problem: Problem | HarnessProblem) -> bool:
     """Whether the links that carry bodies are where they were."""
     links = problem.links
     if links is before or not problem.bodies:

@@ -24,7 +24,7 @@ def finer(state: TouchState, halvings: int, nearby: float = NEARBY) -> cs.CableS
     fine.aim(problem.start, problem.end)
     fine.restore(state.copy())
     frames = fine.grips[NOW].copy()
-    solver = touching._Solve(problem, fine, Network(problem), math.inf, 0.0)
+    solver = touching.Solve(problem, fine, Network(problem), math.inf, 0.0)
     for _ in range(halvings):
         nodes = fine.nodes
         fine.lay_out(np.sort(np.concatenate((nodes, 0.5 * (nodes[1:] + nodes[:-1])))))

@@ -380,7 +380,6 @@ def joined(*ends: str, **keywords: object) -> cs.Harness:
         (lambda: cs.predict(fork(), START, END), r"the ends of a harness are one mapping"),
         (lambda: cs.predict(CABLE, START), r"end is missing"),
         (lambda: cs.predict(fork(), ENDS, model="gradient4"), r"model = 'gradient4'"),
-        (lambda: cs.predict(fork(), ENDS, scene=cs.Scene(contact="solve")), r"contact of a harness is not solved for"),
         (
             lambda: cs.predict(fork(), ENDS, scene=cs.Scene(masses=[cs.PointMass(0.1, 0.1)])),
             r"masses\[0\].segment = None",

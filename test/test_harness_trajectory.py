@@ -134,7 +134,6 @@ def test_a_check_may_be_stopped() -> None:
         (cs.GripPath(path(2)["a.start"], path(2)["b.end"]), {}, "the ends of a harness have names"),
         (path(2), {"ends": {"a.start": "left"}}, "the trajectory says which are held"),
         (path(2), {"acceleration": np.zeros((2, 3))}, "the inertia of a harness is not followed"),
-        (path(2), {"scene": cs.Scene(contact="solve")}, "contact of a harness is not solved for"),
     ],
 )
 def test_bad_arguments_are_named(trajectory: object, change: dict[str, object], told: str) -> None:

@@ -157,7 +157,15 @@ class HeldAmong(HeldPoints[TouchState]):
         state.refresh()
         self._behind = np.asarray(net.piece[self._at])
         held_points.held_points(
-            net.ints, net.floats, net.sols, net.space, self._behind, self.force, self.tangent, self.dforce, self.dtangent
+            net.ints,
+            net.floats,
+            net.sols,
+            net.space,
+            self._behind,
+            self.force,
+            self.tangent,
+            self.dforce,
+            self.dtangent,
         )
 
     def under_motion(self, motion: Array) -> tuple[Array, Array]:

@@ -44,7 +44,7 @@ class TouchBodies:
     def take(
         self, bodies: tuple[Obstacle, ...], gripping: frozenset[str], links: Mapping[str, Pose] | None, radius: float
     ) -> bool:
-        """Takes over a problem's bodies, for cables of this radius [m]; True if other ones are now known than before."""
+        """Takes over a problem's bodies, for a cable of this radius [m]; True if other ones are now known."""
         self._bodies = bodies
         self._carried = carried_by(bodies)
         self._tables = body_tables(bodies, tuple(self._carried), gripping)

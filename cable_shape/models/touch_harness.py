@@ -18,8 +18,9 @@ from cable_shape.models import touch_mesh
 from cable_shape.models.touch_state import Chain, TouchState
 from cable_shape.pose import FreeEnd
 from cable_shape.shape import NUMBERS_PER_POINT
+from cable_shape.solve.cables import Structure
 from cable_shape.solve.harness_network import HarnessNetwork
-from cable_shape.solve.plan import moving
+from cable_shape.solve.plan import Whole, moving
 
 _OF_LEVER = 3  #: nodes
 
@@ -73,9 +74,12 @@ class HarnessTouchState(TouchState):
             self.elements = 0
         self.gaps, self._of_cables, self._arcs = gaps, [one.size for one in own], every
         self.bodied = len(segments)
-        self.cable, self._structure, self._told = network, None, np.empty(0)
+        self.cable, self._told = network, np.empty(0)
+        self._structure: Structure | None = None
         self.length = harness.longest
-        self.weight = sum(float(np.linalg.norm(one.load.mean(axis=0))) * one.cable.length for one in problem.segments.values())
+        self.weight = sum(
+            float(np.linalg.norm(one.load.mean(axis=0))) * one.cable.length for one in problem.segments.values()
+        )
         self.bend = self.bend_of_cables = min(cable.mean_bending_stiffness for cable in segments)
         self.limpness = math.inf
         self.radius = 0.5 * min(cable.diameter for cable in segments)
@@ -84,9 +88,9 @@ class HarnessTouchState(TouchState):
         self.points = np.empty(0)
         self._stops = every
         self.rings = np.empty(0, np.int64)
-        self._knots: Any = np.concatenate([
-            [plan.ends[a, 0], *plan.ends[a:b, 1]] for a, b in zip(plan.cables[:-1], plan.cables[1:], strict=True)
-        ])
+        self._knots: Any = np.concatenate(
+            [[plan.ends[a, 0], *plan.ends[a:b, 1]] for a, b in zip(plan.cables[:-1], plan.cables[1:], strict=True)]
+        )
         if self.slid.shape[1] != every.size or self.turns.shape[1] != gaps.size:
             self.slid, self.turns = np.zeros((3, every.size)), np.zeros((3, gaps.size))
             self.info = np.zeros(drive.INFO + 3 * gaps.size)
@@ -113,7 +117,7 @@ class HarnessTouchState(TouchState):
                 self.history = min(self.history, 1)
             self._structure, self._told = self.cable.structure, self.cable.held.copy()
             self._moves = np.array([knot.moves for knot in self.cable.structure.knots])
-            self._order: tuple[Array, int] | None = None
+            self._order: tuple[Whole, int] | None = None
             self._take_structure()
         if self.history:
             frames[self._moves] = self._grips[NOW, self._moves]
@@ -150,7 +154,7 @@ class HarnessTouchState(TouchState):
             return np.linspace(arcs[0], arcs[-1], _OF_LEVER)
         return super()._nodes_of(chain, shape, finer)
 
-    def _elimination(self) -> tuple[Array, int]:
+    def _elimination(self) -> tuple[Whole, int]:
         if self._order is None:
             plan = tables.plan_of.py_func(moving(self.cable.bare))
             first = np.where(plan.vertices >= 0, plan.vertices, plan.pointer.size).min(axis=1)
@@ -158,6 +162,7 @@ class HarnessTouchState(TouchState):
             ends = np.bincount(plan.ends.ravel())
             wide = 2 * int(ends.max()) + int(np.diff(plan.pointer).max(initial=0))
             self._order = np.argsort(first, kind="stable"), wide
+        assert self._order is not None
         return self._order
 
     # -- solutions

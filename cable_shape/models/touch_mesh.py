@@ -38,8 +38,8 @@ def first_nodes(
 ) -> Array:  # fmt: skip
     """Arc lengths for a cable of which `shape` is a rough idea: denser towards what holds it.
 
-    arcs (b,) [m], of the supports; stops [m], where nodes must be; bend [N m^2]; free: the start is held by nothing, the
-    end; elements: of the whole cable, about; finer: times as many.
+    arcs (b,) [m], of the supports; stops [m], where nodes must be; bend [N m^2]; free: nothing holds the start, and
+    the end; elements: of the whole cable, about; finer: times as many.
     """
     pulls = np.linalg.norm(shape.force, axis=1)
     pieces = []

@@ -24,9 +24,9 @@ from cable_shape.models.touch_bodies import TouchBodies
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.problem import Problem
 from cable_shape.shape import CableShape
-from cable_shape.solve.cables import FREE_ROTATIONS
 from cable_shape.solve.mesh import interpolated
 from cable_shape.solve.network import Network
+from cable_shape.solve.plan import Whole
 
 MOST_ELEMENTS = 600
 #: Times as many elements as at first, from which on nodes are taken away again, if contacts make a smaller error [L];
@@ -213,7 +213,7 @@ class TouchState:
             self._fill_nodes(self._ends_of(self.nodes))
             self._load(self.nodes)
 
-    def _fill_nodes(self, ends: Array) -> None:
+    def _fill_nodes(self, ends: Whole) -> None:
         """Tells the nodes what their cable is; ends (c,): the last ones of each."""
         counts = np.diff(ends, prepend=-1)
         self._gap_of_nodes: Array = np.repeat(self.gaps, counts)
@@ -241,7 +241,7 @@ class TouchState:
         """Which of the pieces between nodes (n,) are no gap between cables."""
         return ~np.isin(np.arange(nodes.size - 1), self._ends_of(nodes)[:-1])
 
-    def _ends_of(self, nodes: Array) -> Array:
+    def _ends_of(self, nodes: Array) -> Whole:
         """The last of these nodes of each cable."""
         return np.searchsorted(nodes, [self._arcs[chain.supports][-1] for chain in self.chains])
 
@@ -309,7 +309,7 @@ class TouchState:
         self.h[:] = np.diff(self.s)
         self.h[self._gaps_at] = 0.0
 
-    def _elimination(self) -> tuple[Array, int]:
+    def _elimination(self) -> tuple[Whole, int]:
         """In which order the knots are eliminated, and how many vertices beyond the two next ones that joins."""
         return np.arange(int(self.cable.bare[tables.N_KNOTS])), 0
 
@@ -338,8 +338,8 @@ class TouchState:
     def lying(self) -> Lying:
         """What the solver is told of the cable."""
         return Lying(
-            self.held, self.held_mask, self.s, self.h, self.flex, self.thick, self.errors, self.start, self.q, self.near,
-            self.on, self.ends, self._grips, self.turns, self.slid, self.frames,
+            self.held, self.held_mask, self.s, self.h, self.flex, self.thick, self.errors, self.start, self.q,
+            self.near, self.on, self.ends, self._grips, self.turns, self.slid, self.frames,
         )  # fmt: skip
 
     def insert(self, arcs: Array) -> bool:

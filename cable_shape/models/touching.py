@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from time import perf_counter
+
 import numpy as np
 
 from cable_shape.checks import Array

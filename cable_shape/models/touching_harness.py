@@ -33,7 +33,7 @@ def solve(
     began = perf_counter()
     if state.problem is not problem:
         state.take(problem)
-    one = HarnessSolve(problem, state, rod, deadline, began)
+    one = HarnessSolve(problem, state, rod, deadline, began)  # type: ignore[arg-type]
     shape: Any = one.run()
     return shape, one.rod
 
@@ -116,4 +116,3 @@ class HarnessSolve(Solve):
             iterations=self.steps.iterations, solve_time=perf_counter() - self.began,
             clips=np.zeros((len(state.clip_knots), 7)), clips_of=problem.clips,
         )  # fmt: skip
-

@@ -101,10 +101,10 @@ def solve(
 
     Else STALLED, NOT_FINITE, BROKEN or FAR. history: so many solutions, 1 or 2, to start from. far [rad]: largest turn
     of a frame from its prediction that is accepted. weight to drag: see `press`. out: 17 points a cable, as
-    CableShape.buffer; loads (k, 7): what knots carry, as `network.drive.knot_loads` has it. cables: so many of the first
-    ones touch bodies. info takes two or three numbers of each cable, too. before to fine: see `look_over`; UNSETTLED is
-    what it says, and if it finds nothing the trial has become the solution now. A failure leaves the mesh
-    to be put back.
+    CableShape.buffer; loads (k, 7): what knots carry, as `network.drive.knot_loads` has it. cables: so many of the
+    first ones touch bodies. info takes three numbers of each cable, too, see `network.drive.INFO`. before to fine: see
+    `look_over`; UNSETTLED is what it says, and if it finds nothing the trial has become the solution now. A failure
+    leaves the mesh to be put back.
     """
     a = predict(lying, net, history)
     there = begin(lying, net, a)

@@ -68,18 +68,22 @@ def position_error(net: Net, errors: Array) -> float:
 
 
 @viewing
-def shift_of(q: Array, near: Array, on: Array, h: Array, k: int, least: float, flex: Array) -> tuple[float, float]:
+def shift_of(
+    q: Array, near: Array, on: Array, h: Array, k: int, least: float, flex: Array, before: bool, behind: bool
+) -> tuple[float, float]:
     """How far along the cable from node k its contact's force should act, and how far the node should be off [m].
 
     A contact alone, or the last of a row, belongs where the cable is nearest to the body; inside a row, nothing is
-    known to be amiss. What lies beyond half an element is the next node's. least [1/m]: no less curved is the gap.
+    known to be amiss. What lies beyond half an element is the next node's, unless that is none to touch anything: a
+    knot, before or behind. least [1/m]: no less curved is the gap.
     """
     left, right = on[k - 1, 0] != BARE, on[k + 1, 0] != BARE
     slope = dot(tangent_of(q, k), take3(near, k, NORMAL))
     if (left and right) or slope == 0.0:
         return 0.0, 0.0
     second, _ = parting(q, h, near, k, flex)
-    limit = 0.5 * (h[k] if slope < 0.0 else h[k - 1])
+    both = 0.5 * (h[k - 1] + h[k])
+    limit = (both if behind else 0.5 * h[k]) if slope < 0.0 else (both if before else 0.5 * h[k - 1])
     way = -slope / max(second, abs(slope) / limit, least)
     return way, -way * (slope + 0.5 * second * way)
 
@@ -94,9 +98,13 @@ def contact_error(net: Net, q: Array, near: Array, on: Array, h: Array, least: f
     still(net.ints, net.space)
     model.given[:, :] = 0.0
     amiss = False
-    for i in range(net.bare[N_KNOTS], net.ints[N_KNOTS]):
+    plan, known = plan_of(net.ints), net.bare[N_KNOTS]
+    for i in range(known, net.ints[N_KNOTS]):
         k = net.where[i]
-        way, off = shift_of(q, near, on, h, k, least, flex)
+        x = net.span[i]
+        before = plan.first[x + 1] == plan.first[x] + 1 and plan.ends[x, 0] < known and plan.known[x] == 0
+        behind = plan.first[x + 2] == plan.first[x + 1] + 1 and plan.ends[x + 1, 1] < known and plan.known[x + 1] == 0
+        way, off = shift_of(q, near, on, h, k, least, flex, before, behind)
         if way == 0.0:
             continue
         amiss = True

@@ -2,8 +2,8 @@
 
 Knots that the network has without contacts come first, then contacts, along the cables. The force of a span beside a
 contact is a vertex of the graph, too, see `network.graph.scatter_force`. Vertices are eliminated in the order of the
-knots that are no contacts (`Net.rank`), those on a stretch just before the later one of its two, from the earlier one on:
-place, rotation, force behind. On a tree nothing fills in by that.
+knots that are no contacts (`Net.rank`), those on a stretch just before the later one of its two, from the earlier one
+on: place, rotation, force behind. On a tree nothing fills in by that.
 """
 
 from __future__ import annotations
@@ -210,7 +210,10 @@ def join(heads: Whole, edges: Whole, count: int, a: int, b: int) -> int:
 
 @viewing
 def join_all(plan: Plan, known: int, forces: Whole, heads: Whole, edges: Whole) -> None:
-    """The blocks that contacts (the knots from `known` on) and spans make, as lists: heads (v,) first edge of a vertex, edges (2 e,) later vertex, next edge."""
+    """The blocks that contacts (the knots from `known` on) and spans make, as lists.
+
+    heads (v,): first edge of a vertex; edges (2 e,): of each the later vertex, and the next edge of the earlier one.
+    """
     count = 0
     for i in range(known, plan.vertices.shape[0]):
         count = join(heads, edges, count, plan.vertices[i, 0], plan.vertices[i, 1])

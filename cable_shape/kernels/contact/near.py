@@ -22,14 +22,12 @@ from cable_shape.kernels.rod_algebra import (
     add,
     apply,
     dot,
-    get3,
     get4,
     get9,
     put3,
     put9,
     rotation,
     scale,
-    subtract,
     take3,
     tapply,
 )
@@ -51,11 +49,11 @@ def look(
     s: Array, near: Array, on: Array, thick: Array, first_node: int, last_node: int, bodies: Array, frames: Array,
     triangles: Array, nodes: Array, sunk: float, stack: Array,
 ) -> None:  # fmt: skip
-    """Gaps of a cable's nodes between first_node and last_node, its ends, with normal and curvature where a body is near
-    or pressed on.
+    """Gaps of a cable's nodes between first_node and last_node, its ends; normal and curvature where a body is near or
+    pressed on.
 
-    sunk [m]: how much smaller than they are bodies are taken to be. The normals from before go where the change of place
-    was.
+    sunk [m]: how much smaller than they are bodies are taken to be. The normals from before go where the change of
+    place was.
     """
     for k in range(first_node, last_node + 1):
         near[k, GAP] = math.inf

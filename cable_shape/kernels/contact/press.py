@@ -111,8 +111,8 @@ def press(
     `lying` takes the last step, the network's solution does not: it is left in the right-hand sides, to be corrected.
 
     weight [N]: of all cables; limp: whether one of them is, see LIMP. sunk [m]: see `near.look`. drag [N]: moment per
-    length and angle that holds the rotations back from `Lying.start`. factored: the factors in `net` are a nearby solution's,
-    and serve while steps are short. info: see I_ITERATIONS and the rest.
+    length and angle that holds the rotations back from `Lying.start`. factored: the factors in `net` are a nearby
+    solution's, and serve while steps are short. info: see I_ITERATIONS and the rest.
     """
     ints, floats, sols, space = net.ints, net.floats, net.sols, net.space
     q, near, on = lying.q[TRIAL], lying.near[TRIAL], lying.on[TRIAL]
@@ -306,7 +306,10 @@ def moves(net: Net, near: Array) -> None:
 def change_of(work: Work, slides: Slides, x: int, e: int) -> Vector:
     """Change of minus the step in position along element e, of span x."""
     change = add(
-        add(tapply(get9(work.parts, e, 9), get3(work.d, e + x)), tapply(get9(work.parts, e, 18), get3(work.d, e + x + 1))),
+        add(
+            tapply(get9(work.parts, e, 9), get3(work.d, e + x)),
+            tapply(get9(work.parts, e, 18), get3(work.d, e + x + 1)),
+        ),
         apply(get9(work.parts, e, 27), step_of_force(work, x)),
     )
     return add(change, carried(slides, e, 0)) if slides.way.shape[0] > 0 else change

@@ -1,9 +1,9 @@
 """What the solver of cables pressed on bodies is told: :class:`Lying`, :class:`Bodies`, :class:`Net`.
 
-There are C cables, one behind the other, with n nodes in all and a gap between the last node of one and the first of the
-next; b of the nodes are supports: the ends of cables, and what a clip or another knot of theirs holds. What lies between
-two supports is a stretch; a network without contacts has a span of each. Three solutions are kept: NOW and BEFORE, and
-TRIAL, which is solved for.
+There are C cables, one behind the other, with n nodes in all and a gap between the last node of one and the first of
+the next; b of the nodes are supports: the ends of cables, and what a clip or another knot of theirs holds. What lies
+between two supports is a stretch; a network without contacts has a span of each. Three solutions are kept: NOW and
+BEFORE, and TRIAL, which is solved for.
 """
 
 from __future__ import annotations
@@ -67,5 +67,6 @@ class Net(NamedTuple):
     cable: Any  # (N,) of each span its cable
     stretch: Any  # (N,) of each span its stretch
     piece: Any  # (m+1,) first span of each stretch
-    tour: Any  # (m,) the stretches in an order in which places follow from each other, 1 + number; negative: from its end
+    #: (m,) 1 + number of the stretches, in an order in which places follow from each other; negative: from its end on
+    tour: Any
     room: Any  # scratch

@@ -34,7 +34,9 @@ def held_points(
     ints: Whole, floats: Floats, sols: Floats, space: Floats, behind: Whole, force: Array, tangent: Array,
     dforce: Array, dtangent: Array,
 ) -> None:  # fmt: skip
-    """Of points inside a cable, whose places are given, with the spans `behind` (k,) them: `force` on the cable (k, 3) [N], `tangent` (k, 3), world.
+    """Of points inside a cable, whose places are given: `force` on it (k, 3) [N] and `tangent` (k, 3), world.
+
+    behind (k,): the spans that begin there.
 
     dforce, dtangent (k, 3, k, 4): their derivatives in each point's place and in the arc length that it holds there;
     other knots stay, those free to move along a surface do. Of the trial, for which the matrix must be factored. A
@@ -82,9 +84,9 @@ def points_under_motion(
     ints: Whole, floats: Floats, sols: Floats, space: Floats, behind: Whole, motion: Array, dforce: Array,
     dtangent: Array,
 ) -> None:  # fmt: skip
-    """Fills dforce, dtangent (k, 3): change at points, with spans `behind` (k,) them, as both ends move by `motion` (2, 6).
+    """Fills dforce, dtangent (k, 3): change at points, where spans `behind` begin, as both ends move by `motion`.
 
-    That is displacement [m] and rotation [rad] of each, world. The matrix must be factored.
+    motion (2, 6): displacement [m] and rotation [rad] of each, world. The matrix must be factored.
     """
     plan, sol, work = plan_of(ints), solution_of(ints, sols, TRIAL), work_of(ints, space)
     last = plan.ends[plan.ends.shape[0] - 1, 1]
