@@ -141,6 +141,30 @@ def from_bag(
     unless `group` is given. inertia: accelerations of the markers, second differences of what was recorded (smoothed
     over 0.11 s at 100 Hz), load the cable.
     """
+    left, right, markers = tracked(path, left_topic, right_topic, markers_topic)
+    seen = [i for i in range(len(left)) if left[i] is not None and right[i] is not None]
+    if not seen:
+        raise BagError(f"{path}: no markers within {_MAX_SKEW * 1e-6:g} ms of both grippers' poses.")
+    moving = accelerations(markers) if inertia else None
+    chosen = [seen[i] for i in np.unique(np.linspace(0, len(seen) - 1, frames).round().astype(int))]
+    return [
+        Observation(
+            Grip(Pose(left[i][:3], left[i][3:]), kinds[0]),
+            Grip(Pose(right[i][:3], right[i][3:]), kinds[1]),
+            markers[i][1][1:-1],
+            acceleration=None if moving is None else moving[i],
+            group=group,
+        )
+        for i in chosen
+        if moving is None or np.isfinite(moving[i]).all()
+    ]
+
+
+def tracked(
+    path: str | Path, left_topic: str, right_topic: str, markers_topic: str
+) -> tuple[list[Array | None], list[Array | None], list[tuple[int, Array]]]:
+    """Of each frame of markers in a recording the poses (7,) of both grippers, None where there is none near enough in
+    time, and its stamp [ns] with the markers (m, 3) [m]."""
     from cable_shape.replay.bags import Bag
     from cable_shape.replay.inputs import positions_of, stamp_of
 
@@ -155,23 +179,8 @@ def from_bag(
     for topic, track in tracks.items():
         if not track:
             raise BagError(f"{path}: there is no message of {topic}. Name the topics, or record them.")
-    left, right = (_at(tracks[topic], tracks[markers_topic]) for topic in (left_topic, right_topic))
-    seen = [i for i in range(len(left)) if left[i] is not None and right[i] is not None]
-    if not seen:
-        raise BagError(f"{path}: no markers within {_MAX_SKEW * 1e-6:g} ms of both grippers' poses.")
-    moving = accelerations(tracks[markers_topic]) if inertia else None
-    chosen = [seen[i] for i in np.unique(np.linspace(0, len(seen) - 1, frames).round().astype(int))]
-    return [
-        Observation(
-            Grip(Pose(left[i][:3], left[i][3:]), kinds[0]),
-            Grip(Pose(right[i][:3], right[i][3:]), kinds[1]),
-            tracks[markers_topic][i][1][1:-1],
-            acceleration=None if moving is None else moving[i],
-            group=group,
-        )
-        for i in chosen
-        if moving is None or np.isfinite(moving[i]).all()
-    ]
+    markers = tracks[markers_topic]
+    return _at(tracks[left_topic], markers), _at(tracks[right_topic], markers), markers
 
 
 def _at(track: list[tuple[int, Array]], markers: list[tuple[int, Array]]) -> list[Any]:
