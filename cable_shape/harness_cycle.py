@@ -1,7 +1,8 @@
-"""What a cycle does for one harness: predict it, and check every segment against the scene."""
+"""What a cycle does for one harness: predict it, and check and judge every segment."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, final
 
@@ -12,12 +13,15 @@ from cable_shape.harness import Harness, split_end
 from cable_shape.harness_predictor import HarnessPredictor
 from cable_shape.harness_problem import End
 from cable_shape.harness_shape import HarnessShape
+from cable_shape.harness_stability import HarnessStability
+from cable_shape.harness_tube import HarnessTubeWatch
 from cable_shape.margins import MarginWatch
 from cable_shape.pose import Pose
-from cable_shape.report import CableWarning, Clearance, Margin
+from cable_shape.report import CableWarning, Clearance, Margin, WarningKind
 from cable_shape.scene import Obstacle, Scene
 from cable_shape.shape import CableShape
-from cable_shape.warn import Standing, warnings_of
+from cable_shape.uncertainty import Tube, Uncertainty
+from cable_shape.warn import Standing, narrow_warning, tube_warning, warnings_of
 
 Links = Mapping[str, Pose] | None
 
@@ -38,7 +42,10 @@ def beside_each_other(name: str, harness: Harness) -> set[frozenset[str]]:
 
 @final
 class HarnessCycle:
-    """One harness, cycle by cycle. Parameters are those of :class:`cable_shape.Cycle`."""
+    """One harness, cycle by cycle. Parameters are those of :class:`cable_shape.Cycle`.
+
+    How far its inertia counts is judged segment by segment, from how the ends of each move in the prediction.
+    """
 
     def __init__(
         self,
@@ -48,6 +55,9 @@ class HarnessCycle:
         robot_links: Sequence[Obstacle],
         gripping_links: Sequence[str],
         options: Mapping[str, Any],
+        snap_horizon: float,
+        quasistatic_limit: float | None,
+        uncertainty: Uncertainty | None,
     ) -> None:
         self.name, self.scene = name, scene
         self.predictor = HarnessPredictor(harness, scene=scene, **options)
@@ -63,8 +73,15 @@ class HarnessCycle:
             for one, cable in self.cables.items()
         }
         gravity = self.predictor.problem.gravity
-        self._watches = {one: MarginWatch(cable, scene, gravity=gravity) for one, cable in self.cables.items()}
+        self._watches = {
+            one: MarginWatch(cable, scene, gravity=gravity, quasistatic_limit=quasistatic_limit)
+            for one, cable in self.cables.items()
+        }
         self._standing = {one: Standing(scene) for one in self.cables}
+        self.stability = HarnessStability(self.predictor, snap_horizon)
+        self._known = None if uncertainty is None else HarnessTubeWatch(harness, uncertainty, scene=scene, **options)
+        self.tubes: dict[str, Tube] = {}  # of the last shape's segments, if they are asked for and known
+        self._moving: Mapping[str, ArrayLike] | None = None  # acceleration of the last shape
 
     def reset(self) -> None:
         """Forgets everything from before."""
@@ -73,10 +90,29 @@ class HarnessCycle:
             watch.reset()
         for standing in self._standing.values():
             standing.reset()
+        self.stability.reset()
+        self.tubes = {}
+        if self._known is not None:
+            self._known.reset()
 
     def predict(self, ends: Mapping[str, End], acceleration: Mapping[str, ArrayLike] | None) -> HarnessShape:
         """The shape of the harness."""
+        self._moving = acceleration
         return self.predictor.predict(ends, acceleration=acceleration)
+
+    def spread(self, shape: HarnessShape, ends: Mapping[str, End], stamp: int) -> dict[str, Tube]:
+        """The tubes of the segments of the shape just predicted, if they are asked for and known; kept."""
+        inertia = 0.0  # in the load already
+        if self._moving is None:
+            ratios = [
+                self._watches[one].inertia(part, (Pose(*_frame(part, 0)), Pose(*_frame(part, -1))), stamp)
+                for one, part in (self.parts(shape) if shape.status else {}).items()
+            ]
+            inertia = math.nan if any(map(math.isnan, ratios)) else max(ratios, default=math.nan)
+        if self._known is not None:
+            found = self._known.tubes(self.predictor, shape, ends, self._moving, inertia)
+            self.tubes = {cable_id(self.name, segment): tube for segment, tube in found.items()}
+        return self.tubes
 
     def parts(self, shape: HarnessShape) -> dict[str, CableShape]:
         """The shapes of the segments, by their ids."""
@@ -86,13 +122,32 @@ class HarnessCycle:
         """The clearance of every segment."""
         if self.scene.contact == "off":
             return {one: Clearance(beyond=0.0, robot_checked=links is not None) for one in shapes}
-        return {one: self._checkers[one].check(shape, links) for one, shape in shapes.items()}
+        swell = {one: tube.radius for one, tube in self.tubes.items()}
+        return {one: self._checkers[one].check(shape, links, swell.get(one)) for one, shape in shapes.items()}
 
     def margins(
-        self, shapes: Mapping[str, CableShape], clearance: Mapping[str, Clearance], stamp: int
+        self, shape: HarnessShape, clearance: Mapping[str, Clearance], stamp: int
     ) -> dict[str, tuple[Margin, ...]]:
-        """How far trouble is of every segment, without stability; times from the last two cycles."""
-        return {one: self._watches[one].margins(shape, clearance[one], stamp) for one, shape in shapes.items()}
+        """How far trouble is of every segment, stability with the one that turns most; times from two cycles."""
+        found = {
+            one: self._watches[one].margins(part, clearance[one], stamp) for one, part in self.parts(shape).items()
+        }
+        if self._moving is not None:  # the prediction does not leave it out
+            found = {
+                one: tuple(m for m in margins if m.kind is not WarningKind.QUASISTATIC)
+                for one, margins in found.items()
+            }
+        self.stability.judge(shape, stamp)
+        if self.stability.margin is not None:
+            softest = cable_id(self.name, self.stability.segment)
+            found[softest] = (*found[softest], self.stability.margin)
+        return found
+
+    @property
+    def after_snap(self) -> dict[str, CableShape]:
+        """The segments after a snap that is about to come."""
+        after = self.stability.snaps.after
+        return self.parts(after) if isinstance(after, HarnessShape) else {}
 
     def warnings(
         self,
@@ -102,7 +157,13 @@ class HarnessCycle:
     ) -> list[CableWarning]:
         """What to say of every segment."""
         tolerance = self.predictor.problem.tolerance
-        return [
+        more = self.stability.warning(self.name)
+        first, shape = next(iter(shapes.items()))
+        if self._known is not None and self._known.trouble and shape.status:
+            more.append(tube_warning(first, shape, self._known.trouble))
+        elif first in self.tubes and not self.tubes[first].holds:
+            more.append(narrow_warning(first, self.tubes[first]))
+        return more + [
             warning
             for one, shape in shapes.items()
             for warning in warnings_of(
@@ -117,3 +178,8 @@ class HarnessCycle:
                 period=self._watches[one].period,
             )
         ]
+
+
+def _frame(shape: CableShape, row: int) -> tuple[ArrayLike, ArrayLike]:
+    """Where an end of a segment is, and how it is turned."""
+    return shape.positions[row], shape.quaternions[row]

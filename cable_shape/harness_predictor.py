@@ -91,6 +91,11 @@ class HarnessPredictor:
         self._load(self._still)
 
     @property
+    def state(self) -> HarnessNetwork | None:
+        """The solver's memory of the last shape; None before there is one."""
+        return self._state
+
+    @property
     def grips(self) -> tuple[str, ...]:
         """Names of the ends held at the last prediction, in the order of the segments: those of `sensitivity`."""
         return self.problem.grips

@@ -289,7 +289,6 @@ class Settings:
             return
         refused = {
             "cable_file": "a node has cables or a harness",
-            "uncertainty_file": "a harness has no tube",
             "planner": "planners are served for cables",
             "calibration": "cables are calibrated one by one",
             "calibration_points": "cables are calibrated one by one",
