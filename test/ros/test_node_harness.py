@@ -21,6 +21,7 @@ from cable_shape.errors import ArgumentError
 from cable_shape.fields import shape_from
 from cable_shape.harness_ends import HarnessFile
 from cable_shape.robot import Robot
+from cable_shape.ros import conversions
 from cable_shape.ros.assembly import Assembly
 from cable_shape.ros.conversions import time_of
 from cable_shape.ros.parameters import SPECS, Settings, find_file
@@ -312,7 +313,6 @@ def settings(**changes):
     ("changes", "told"),
     [
         ({"cable_file": "c.yaml"}, "cable_file = 'c.yaml' is not allowed: a node has cables or a harness"),
-        ({"uncertainty_file": "u.yaml"}, "uncertainty_file = 'u.yaml' is not allowed: a harness has no tube"),
         ({"planner": True}, "planner = True is not allowed: planners are served for cables"),
         ({"grip_kind_left": "swivel"}, "grip_kind_left = 'swivel' is not allowed: a harness has no left and right"),
         (
@@ -326,6 +326,17 @@ def settings(**changes):
 def test_what_a_harness_does_not_go_with(changes, told):
     with pytest.raises(ArgumentError, match=told):
         settings(**{"harness_file": "h.yaml", **changes}).complete()
+
+
+def test_a_node_with_an_uncertainty_has_a_tube_message_for_every_segment(file, tmp_path):
+    known = cs.Uncertainty({"bending_stiffness:each": 0.1}, (0.001, 0.0)).save(tmp_path / "known.yaml")
+    cycle = Assembly(settings(harness_file=str(file), uncertainty_file=str(known))).cycle
+    report = cycle.step({"h": {end: cs.Pose(place, ALONG) for end, place in PLACES.items()}}, stamp=0)
+    assert set(report.tubes) == {"h/a", "h/b", "h/c"}
+    header = conversions.header_of(report.stamp, "world")
+    message = conversions.tube_message("h/c", report.tubes["h/c"], header)
+    assert message.cable_id == "h/c"
+    assert max(message.radius) > 0.001
 
 
 @pytest.mark.parametrize(
