@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -184,6 +185,22 @@ class Harness:
                     reach.extend(split_end(end)[0] for end in (junction.ends if junction else ()))
             out.append(frozenset(found))
         return out
+
+    def way(self, start: str, end: str) -> float:
+        """[m], the shortest way along segments from one end to another; infinite where there is none."""
+        best = {start: 0.0}
+        reach = [start]
+        while reach:
+            here = reach.pop()
+            name, side = split_end(here)
+            other = f"{name}.{SIDES[1 - SIDES.index(side)]}"
+            junction = self.junction_of(here)
+            beside = [(end, 0.0) for end in (junction.ends if junction else ())]
+            for there, far in ((other, self.segments[name].length), *beside):
+                if best[here] + far < best.get(there, math.inf):
+                    best[there] = best[here] + far
+                    reach.append(there)
+        return best.get(end, math.inf)
 
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any], where: str = "harness", folder: str | Path = ".") -> Harness:
