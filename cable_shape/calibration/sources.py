@@ -193,11 +193,12 @@ def _at(track: list[tuple[int, Array]], markers: list[tuple[int, Array]]) -> lis
     return out
 
 
-def accelerations(markers: Sequence[tuple[int, Array]]) -> Array:
+def accelerations(markers: Sequence[tuple[int, Array]], along: Array | None = None) -> Array:
     """(n, rows, 3) [m/s^2], world, uniform along the cable, from frames of markers: a stamp [ns] and (m, 3) [m] each.
 
     Second derivatives of cubics through 0.11 s of what was recorded. NaN where in that time a marker was lost (NaN), or
-    a frame is missing.
+    a frame is missing. along: (m,), at which share of the length markers are, rising; default: as far apart as they are
+    seen, the first and the last at the ends.
 
     Raises
     ------
@@ -212,14 +213,15 @@ def accelerations(markers: Sequence[tuple[int, Array]]) -> Array:
     if window == 0 or len(markers) < window or len({track.shape for _, track in markers}) > 1:
         raise BagError("inertia needs frames of one number of markers, evenly recorded, for 0.11 s at least.")
     places = np.array([track for _, track in markers])
-    if places.shape[1] < 2:
+    if places.shape[1] < 2 and along is None:
         raise BagError("inertia needs markers along the cable, the first and the last at the grips.")
     lost = ~np.isfinite(places).all(axis=(1, 2))
     uneven = np.abs(np.diff(stamps) - period) > 0.5 * period
-    arc = np.nancumsum(np.nanmedian(np.linalg.norm(np.diff(places, axis=1), axis=2), axis=0))
+    if along is None:
+        arc = np.nancumsum(np.nanmedian(np.linalg.norm(np.diff(places, axis=1), axis=2), axis=0))
+        along = np.concatenate(((0.0,), arc)) / arc[-1]
     places[lost] = 0.0
     at_markers = savgol_filter(places, window, 3, deriv=2, delta=period, axis=0)
-    fraction = np.concatenate(((0.0,), arc)) / arc[-1]
     rows = np.linspace(0.0, 1.0, _ROWS)
     out = np.full((len(markers), _ROWS, 3), np.nan)
     for i in range(len(markers)):
@@ -227,5 +229,5 @@ def accelerations(markers: Sequence[tuple[int, Array]]) -> Array:
         if lost[first : first + window].any() or uneven[first : first + window - 1].any():
             continue
         for axis in range(3):
-            out[i, :, axis] = np.interp(rows, fraction, at_markers[i, :, axis])
+            out[i, :, axis] = np.interp(rows, along, at_markers[i, :, axis])
     return out
