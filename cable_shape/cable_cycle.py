@@ -131,20 +131,8 @@ class CableCycle:
         """The clearance of span and tails, as thick as their tubes: for each body that of the nearest part."""
         if self.scene.contact == "off":
             return Clearance(beyond=0.0, robot_checked=links is not None)
-        clearance = self._checker.check(shape, links, None if self.tube is None else self.tube.radius)
-        if not self.tails:
-            return clearance
-        parts = [clearance]
-        for side, tail in self.tails.items():
-            tube = self.tail_tubes.get(side)
-            part = self._checker.check(tail, links, None if tube is None else tube.radius)
-            along, length = self._tails[side].along, shape.length
-            moved = tuple(
-                BodyDistance(b.body, b.distance, along(b.arc_length, length), b.point_on_cable, b.point_on_body)
-                for b in part.bodies
-            )
-            parts.append(Clearance(moved, part.beyond, part.robot_checked, part.pairs_culled, part.pairs_exact))
-        return _nearest(parts, self._checker.names)
+        hanging = [(self._tails[side], tail, self.tail_tubes.get(side)) for side, tail in self.tails.items()]
+        return check_parts(self._checker, shape, self.tube, hanging, links)
 
     def margins(self, shape: CableShape, clearance: Clearance, ends: Ends, stamp: int) -> tuple[Margin, ...]:
         """How far trouble is, and with it whether the cable is about to snap."""
@@ -198,6 +186,28 @@ class CableCycle:
         if self._plug is None or not shape.status:
             return None
         return plug_error(self._plug, self.scene.sockets[self._plug.socket], shape)
+
+
+def check_parts(
+    checker: ClearanceChecker,
+    shape: CableShape,
+    tube: Tube | None,
+    hanging: Sequence[tuple[Tail, CableShape, Tube | None]],
+    links: Links,
+) -> Clearance:
+    """The clearance of a span and of the tails beyond it, as thick as their tubes: of each body that of the nearest."""
+    clearance = checker.check(shape, links, None if tube is None else tube.radius)
+    if not hanging:
+        return clearance
+    parts = [clearance]
+    for tail, there, known in hanging:
+        part = checker.check(there, links, None if known is None else known.radius)
+        moved = tuple(
+            BodyDistance(b.body, b.distance, tail.along(b.arc_length, shape.length), b.point_on_cable, b.point_on_body)
+            for b in part.bodies
+        )
+        parts.append(Clearance(moved, part.beyond, part.robot_checked, part.pairs_culled, part.pairs_exact))
+    return _nearest(parts, checker.names)
 
 
 def _nearest(parts: Sequence[Clearance], names: Sequence[str]) -> Clearance:

@@ -325,7 +325,10 @@ class Cycle:
                 "crossings": self._crossings_skipped(cables),
             },
             margins=margins,
-            tails={(name, side): tail for name, cable in cables.items() for side, tail in cable.tails.items()},
+            tails={
+                **{(name, side): tail for name, cable in cables.items() for side, tail in cable.tails.items()},
+                **{key: tail for harness in held.values() for key, tail in harness.tails.items()},
+            },
             after_snap={
                 **{name: cable.after_snap for name, cable in cables.items() if cable.after_snap is not None},
                 **{one: shape for harness in held.values() for one, shape in harness.after_snap.items()},

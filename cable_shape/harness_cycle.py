@@ -8,6 +8,7 @@ from typing import Any, final
 
 from numpy.typing import ArrayLike
 
+from cable_shape.cable_cycle import check_parts
 from cable_shape.clearance import ClearanceChecker
 from cable_shape.harness import Harness, split_end
 from cable_shape.harness_predictor import HarnessPredictor
@@ -16,12 +17,13 @@ from cable_shape.harness_shape import HarnessShape
 from cable_shape.harness_stability import HarnessStability
 from cable_shape.harness_tube import HarnessTubeWatch
 from cable_shape.margins import MarginWatch
-from cable_shape.pose import Pose
+from cable_shape.pose import Grip, Pose
 from cable_shape.report import CableWarning, Clearance, Margin, WarningKind
 from cable_shape.scene import Obstacle, Scene
 from cable_shape.shape import CableShape
+from cable_shape.tails import Tail, held_frame
 from cable_shape.uncertainty import Tube, Uncertainty
-from cable_shape.warn import Standing, narrow_warning, tube_warning, warnings_of
+from cable_shape.warn import Standing, narrow_warning, tail_warning, tube_warning, warnings_of
 
 Links = Mapping[str, Pose] | None
 
@@ -80,6 +82,12 @@ class HarnessCycle:
         self._standing = {one: Standing(scene) for one in self.cables}
         self.stability = HarnessStability(self.predictor, snap_horizon)
         self._known = None if uncertainty is None else HarnessTubeWatch(harness, uncertainty, scene=scene, **options)
+        self._tails: dict[str, Tail] = {}
+        for end, long in harness.tails.items():
+            segment, side = split_end(end)
+            points = self.predictor.problem.points
+            self._tails[end] = Tail(harness.segments[segment], side, long, gravity=gravity, points=points)
+        self.tails: dict[tuple[str, str], CableShape] = {}  # by id of the segment and side
         self.tubes: dict[str, Tube] = {}  # of the last shape's segments, if they are asked for and known
         self._moving: Mapping[str, ArrayLike] | None = None  # acceleration of the last shape
 
@@ -91,14 +99,23 @@ class HarnessCycle:
         for standing in self._standing.values():
             standing.reset()
         self.stability.reset()
-        self.tubes = {}
+        for tail in self._tails.values():
+            tail.reset()
+        self.tubes, self.tails = {}, {}
         if self._known is not None:
             self._known.reset()
 
     def predict(self, ends: Mapping[str, End], acceleration: Mapping[str, ArrayLike] | None) -> HarnessShape:
-        """The shape of the harness."""
+        """The shape of the harness, and those of tails beyond its grips into `tails`."""
         self._moving = acceleration
-        return self.predictor.predict(ends, acceleration=acceleration)
+        shape = self.predictor.predict(ends, acceleration=acceleration)
+        self.tails = {}
+        for end, tail in self._tails.items():
+            held, (segment, side) = ends.get(end), split_end(end)
+            if isinstance(held, (Pose, Grip)):
+                there = held_frame(held, shape.segments[segment], side)
+                self.tails[cable_id(self.name, segment), side] = tail.predict(there)
+        return shape
 
     def spread(self, shape: HarnessShape, ends: Mapping[str, End], stamp: int) -> dict[str, Tube]:
         """The tubes of the segments of the shape just predicted, if they are asked for and known; kept."""
@@ -122,8 +139,13 @@ class HarnessCycle:
         """The clearance of every segment."""
         if self.scene.contact == "off":
             return {one: Clearance(beyond=0.0, robot_checked=links is not None) for one in shapes}
-        swell = {one: tube.radius for one, tube in self.tubes.items()}
-        return {one: self._checkers[one].check(shape, links, swell.get(one)) for one, shape in shapes.items()}
+        hanging: dict[str, list[tuple[Tail, CableShape, Tube | None]]] = {one: [] for one in shapes}
+        for (one, side), tail in self.tails.items():
+            hanging[one].append((self._tails[f"{one.rpartition('/')[2]}.{side}"], tail, None))
+        return {
+            one: check_parts(self._checkers[one], shape, self.tubes.get(one), hanging[one], links)
+            for one, shape in shapes.items()
+        }
 
     def margins(
         self, shape: HarnessShape, clearance: Mapping[str, Clearance], stamp: int
@@ -163,6 +185,7 @@ class HarnessCycle:
             more.append(tube_warning(first, shape, self._known.trouble))
         elif first in self.tubes and not self.tubes[first].holds:
             more.append(narrow_warning(first, self.tubes[first]))
+        more += [tail_warning(one, side, tail) for (one, side), tail in self.tails.items() if not tail.status]
         return more + [
             warning
             for one, shape in shapes.items()

@@ -369,7 +369,10 @@ def joined(*ends: str, **keywords: object) -> cs.Harness:
         (lambda: cs.Harness({}), r"segments = \{\}"),
         (lambda: cs.Harness({"a": "cable"}), r"segments\['a'\] = 'cable' .* must be a Cable"),
         (lambda: cs.Harness({"a/b": CABLE}), r"'/' is not allowed"),
-        (lambda: cs.Harness({"a": CABLE.replace(tails={"end": 0.1})}), r"segments\['a'\].tails"),
+        (
+            lambda: fork().replace(segments={**fork().segments, "a": CABLE.replace(tails={"end": 0.1})}),
+            r"segments\['a'\].tails = {'end': 0.1} .* a.end is in junction 'fork'",
+        ),
         (lambda: cs.Harness({"a": cs.Cable(1.0, 0.1, 0.0)}), r"segments\['a'\].bending_stiffness"),
         (lambda: cs.predict(fork(), {"a.end": START}), r"'a.end' .* in junction 'fork'"),
         (lambda: cs.predict(fork(), {"d.end": START}), r"'d.end' .* no such end .* a.start, b.end, c.end"),

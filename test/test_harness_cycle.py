@@ -155,6 +155,30 @@ def test_a_calibration_leaves_its_uncertainty() -> None:
         cs.Cycle({"h": found.harness}, uncertainty=known)
 
 
+def test_tails_hang_beyond_grips_and_count_for_clearance() -> None:
+    cable = CABLE.replace(tails={"start": 0.2, "end": 0.7})
+    parts = halves()
+    ends = {"a.start": START, "b.end": END}
+    harness = parts.replace(
+        {name: one.replace(tails={side: cable.tails[side]}) for (name, one), side in zip(
+            parts.segments.items(), ("start", "end"), strict=True
+        )}
+    )  # fmt: skip
+    single, several = both(cable, harness, scene=FLOOR)
+    one, two = single.step({"cable": (START, END)}, 0), several.step({"h": ends}, 0)
+    assert set(two.tails) == {("h/a", "start"), ("h/b", "end")}
+    for (name, side), tail in two.tails.items():
+        same = one.tails["cable", side]
+        tip = np.interp(np.linspace(0.0, 1.0, 5), np.linspace(0.0, 1.0, same.points), same.positions[:, 2])
+        own = np.interp(np.linspace(0.0, 1.0, 5), np.linspace(0.0, 1.0, tail.points), tail.positions[:, 2])
+        np.testing.assert_allclose(own, tip, atol=2e-3)
+        span = two.shapes["h"].segments[name[2:]]  # type: ignore[attr-defined]
+        lowest = min(tail.positions[:, 2].min(), span.positions[:, 2].min())
+        assert two.clearance[name].closest.distance == pytest.approx(0.5 + lowest, abs=1e-3)
+    free = cs.Cycle({"h": harness}).step({"h": {"a.start": START}}, 0)
+    assert set(free.tails) == {("h/a", "start")}
+
+
 def test_inertia_of_a_moving_harness_widens_its_tubes_and_is_warned_of() -> None:
     cycle = cs.Cycle({"h": halves()}, uncertainty=cs.Uncertainty({"bending_stiffness": 0.01}), quasistatic_limit=0.1)
     for k in range(200):
