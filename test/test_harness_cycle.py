@@ -174,7 +174,7 @@ def test_tails_hang_beyond_grips_and_count_for_clearance() -> None:
         np.testing.assert_allclose(own, tip, atol=2e-3)
         span = two.shapes["h"].segments[name[2:]]  # type: ignore[attr-defined]
         lowest = min(tail.positions[:, 2].min(), span.positions[:, 2].min())
-        assert two.clearance[name].closest.distance == pytest.approx(0.5 + lowest, abs=1e-3)
+        assert two.clearance[name].closest.distance == pytest.approx(0.5 + lowest - 0.5 * CABLE.diameter, abs=1e-3)
     free = cs.Cycle({"h": harness}).step({"h": {"a.start": START}}, 0)
     assert set(free.tails) == {("h/a", "start")}
 
