@@ -40,7 +40,7 @@ class HarnessPredictor:
     tolerance : float, optional
         [m]; default 1e-5 of the longest segment.
     scene : Scene, optional
-        Clips and masses name their `segment`. Contact is not solved for.
+        Clips, eyelets among them, and masses name their `segment`. Contact is not solved for.
     distributed_load : mapping of segment to (2, 3) array_like, optional
         [N/m], world, added to the weight.
 

@@ -392,10 +392,6 @@ def joined(*ends: str, **keywords: object) -> cs.Harness:
             lambda: cs.predict(CABLE, START, END, scene=cs.Scene(masses=[cs.PointMass(0.1, 0.1, segment="a")])),
             r"PointMass.segment = 'a' .* a cable has no segments",
         ),
-        (
-            lambda: cs.predict(fork(), ENDS, scene=cs.Scene(clips=[cs.Clip(0.1, END, "slide", segment="a")])),
-            r"clips\[0\].kind = 'slide'",
-        ),
         (lambda: cs.predict(fork(), ENDS, acceleration={"x": (0, 0, 0)}), r"unknown key 'x'"),
         (lambda: cs.predict(fork(), ENDS, acceleration={"a": (0, 0)}), r"segment 'a': acceleration"),
         (lambda: cs.Predictor("cable"), r"cable = 'cable' .* a Cable or a Harness"),
