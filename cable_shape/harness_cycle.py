@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, final
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from cable_shape.cable_cycle import check_parts
@@ -122,7 +123,7 @@ class HarnessCycle:
         inertia = 0.0  # in the load already
         if self._moving is None:
             ratios = [
-                self._watches[one].inertia(part, (Pose(*_frame(part, 0)), Pose(*_frame(part, -1))), stamp)
+                self._watches[one].inertia(part, (_frame(part, 0), _frame(part, -1)), stamp)
                 for one, part in (self.parts(shape) if shape.status else {}).items()
             ]
             inertia = math.nan if any(map(math.isnan, ratios)) else max(ratios, default=math.nan)
@@ -203,6 +204,6 @@ class HarnessCycle:
         ]
 
 
-def _frame(shape: CableShape, row: int) -> tuple[ArrayLike, ArrayLike]:
-    """Where an end of a segment is, and how it is turned."""
-    return shape.positions[row], shape.quaternions[row]
+def _frame(shape: CableShape, row: int) -> Pose:
+    """The cable frame at an end of a segment."""
+    return Pose.trusted(np.concatenate((shape.positions[row], shape.quaternions[row])))

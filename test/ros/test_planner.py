@@ -586,3 +586,16 @@ def test_a_motion_of_a_harness_is_checked_by_poses_and_by_joints(of_harness):
         joint_names=list(robot.joint_names), points=[JointTrajectoryPoint(positions=robot.home.tolist())] * 2
     )
     assert checked(trajectory=still).robot_checked
+
+
+def test_a_node_with_a_harness_serves_its_planner(start_for_all, tmp_path_factory):
+    path = tmp_path_factory.mktemp("harness") / "h.yaml"
+    HARNESS.to_yaml(path)
+    ends = {"held_ends": "a.start, b.end"}
+    node = start_for_all(cable_file=None, harness_file=path, planner="true", points=30, active=False, **ends)
+    starts, far = grasps(2)
+    told = shapes_of(node, starts=flat(np.concatenate((starts, far), axis=1)), arrays=1)
+    assert (told.success, told.error, list(told.usable)) == (True, "", [1, 1])
+    own = cs.predict_batch(HARNESS, {"a.start": starts, "b.end": far}, points=30)
+    places = np.array(told.positions).reshape(2, 3, 30, 3)
+    np.testing.assert_array_equal(places[:, 2], own.positions["c"])
