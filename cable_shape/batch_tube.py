@@ -79,7 +79,7 @@ def check_tube(uncertainty: Uncertainty, predictor: Predictor, network: Network 
 def _answers_of(uncertainty: Uncertainty, cable: Cable) -> Answers | None:
     """To steps of one standard deviation of the cable's numbers; None if these are all known."""
     try:
-        parameters = uncertainty.parameters(cable)
-        return None if parameters is None else Answers(parameters, parameters.start, uncertainty.directions())
+        parameters, directions = uncertainty.parameters(cable)
+        return None if parameters is None else Answers(parameters, parameters.start, directions)
     except ArgumentError as error:
         raise ArgumentError(f"uncertainty: {error}") from None

@@ -297,14 +297,17 @@ class Cable:
 
     @property
     def stiffness_spread(self) -> float:
-        """Standard deviation of EI as a fraction of it, where every value in `stiffness_interval` is as likely; else 0.
+        """Root mean square of ln(EI' / EI), EI' every value in `stiffness_interval` alike; 0 without one.
 
-        What ``Uncertainty({"bending_stiffness": ...})`` takes.
+        What an :class:`cable_shape.Uncertainty` takes for that of `bending_stiffness` where it is told none.
         """
         if self.stiffness_interval is None or self.mean_bending_stiffness == 0.0:
             return 0.0
-        low, high = self.stiffness_interval
-        return (high - low) / math.sqrt(12.0) / self.mean_bending_stiffness
+        low, high = (x / self.mean_bending_stiffness for x in self.stiffness_interval)
+        if high - low < 1e-9:
+            return abs(math.log(high)) if high > 0.0 else 0.0
+        mean = [x * (math.log(x) ** 2 - 2.0 * math.log(x) + 2.0) if x > 0.0 else 0.0 for x in (low, high)]
+        return math.sqrt((mean[1] - mean[0]) / (high - low))
 
     def describe(self) -> str:
         """What these numbers mean in plain words, to catch a slip of units."""

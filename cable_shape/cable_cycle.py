@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import final
 
 import numpy as np
@@ -18,7 +19,7 @@ from cable_shape.predictor import Predictor
 from cable_shape.report import BodyDistance, CableWarning, Clearance, Margin, WarningKind
 from cable_shape.scene import Obstacle, Scene
 from cable_shape.shape import CableShape
-from cable_shape.snap import predicted_snap
+from cable_shape.snap import SnapWatch, predicted_snap
 from cable_shape.solve.network import Network
 from cable_shape.tails import Tail, held_frame
 from cable_shape.tube import TubeWatch
@@ -26,11 +27,6 @@ from cable_shape.uncertainty import Tube
 from cable_shape.warn import Standing, narrow_warning, snap_warning, tail_warning, tube_warning, warnings_of
 
 Links = Mapping[str, Pose] | None
-
-#: A predicted snap that stands is looked for this much further ahead.
-_LONGER = 1.25
-#: Looks ahead in the time of one horizon.
-_LOOKS = 10.0
 
 
 @final
@@ -79,7 +75,7 @@ class CableCycle:
         checker = ClearanceChecker(scene, cable=cable, robot_links=robot_links, gripping_links=gripping_links)
         self._checker = checker
         self._plug = plug
-        self._snap_horizon = snap_horizon
+        self._snaps = SnapWatch(snap_horizon)
         moving = np.concatenate((checker.moving, np.ones(cables, dtype=np.bool_)))  # other cables, and itself
         self._watch = MarginWatch(cable, scene, moving, gravity=problem.gravity, quasistatic_limit=quasistatic_limit)
         self._standing = Standing(scene)
@@ -93,6 +89,7 @@ class CableCycle:
             tail.reset()
         self._watch.reset()
         self._standing.reset()
+        self._snaps.reset()
         if self._tubes is not None:
             self._tubes.reset()
         self.tube: Tube | None = None  # of the last shape, if it is asked for and known
@@ -100,10 +97,6 @@ class CableCycle:
         self._rod: Network | None = None  # of the last shape
         self._acceleration: ArrayLike | None = None  # that it was loaded with
         self.tails: dict[str, CableShape] = {}  # by side
-        self.after_snap: CableShape | None = None
-        self.snap_skipped = False  # there was no need to look for a snap
-        self._snap: CableWarning | None = None
-        self._looked = self._snaps_at = -math.inf  # ns, when a snap was looked for, and when it is to come
 
     def predict(
         self, ends: Ends, links: Links, solved: CableShape | None = None, acceleration: ArrayLike | None = None
@@ -138,58 +131,28 @@ class CableCycle:
         """The clearance of span and tails, as thick as their tubes: for each body that of the nearest part."""
         if self.scene.contact == "off":
             return Clearance(beyond=0.0, robot_checked=links is not None)
-        clearance = self._checker.check(shape, links, None if self.tube is None else self.tube.radius)
-        if not self.tails:
-            return clearance
-        parts = [clearance]
-        for side, tail in self.tails.items():
-            tube = self.tail_tubes.get(side)
-            part = self._checker.check(tail, links, None if tube is None else tube.radius)
-            along, length = self._tails[side].along, shape.length
-            moved = tuple(
-                BodyDistance(b.body, b.distance, along(b.arc_length, length), b.point_on_cable, b.point_on_body)
-                for b in part.bodies
-            )
-            parts.append(Clearance(moved, part.beyond, part.robot_checked, part.pairs_culled, part.pairs_exact))
-        return _nearest(parts, self._checker.names)
+        hanging = [(self._tails[side], tail, self.tail_tubes.get(side)) for side, tail in self.tails.items()]
+        return check_parts(self._checker, shape, self.tube, hanging, links)
 
     def margins(self, shape: CableShape, clearance: Clearance, ends: Ends, stamp: int) -> tuple[Margin, ...]:
         """How far trouble is, and with it whether the cable is about to snap."""
         margins = self._watch.margins(shape, clearance, stamp, state=self._rod, ends=ends)
         if self._acceleration is not None:  # the prediction does not leave it out
             margins = tuple(margin for margin in margins if margin.kind is not WarningKind.QUASISTATIC)
-        self._look_ahead(shape, stamp)
+        state, twists = self._rod, self._watch.twists
+        find = None if state is None or twists is None else partial(predicted_snap, state, twists)
+        self._snaps.look(self._watch.stability, stamp, find)
         return margins
 
-    def _look_ahead(self, shape: CableShape, stamp: int) -> None:
-        """Predicts the snap that stability says may come within the horizon, ten times in that time.
+    @property
+    def after_snap(self) -> CableShape | None:
+        """The shape after a snap that is about to come."""
+        return self._snaps.after  # type: ignore[return-value]
 
-        One that was predicted stands as long as stability is running out.
-        """
-        last, self.after_snap, self._snap = self.after_snap, None, None
-        horizon = self._snap_horizon * (1.0 if last is None else _LONGER)
-        self.snap_skipped = horizon > 0.0
-        stability = self._watch.stability
-        if stability is None or not stability.time_to_limit < horizon:
-            self._looked = -math.inf
-            return
-        state, twists = self._rod, self._watch.twists
-        if state is None or twists is None:
-            self._looked = -math.inf
-            return
-        self.after_snap = last
-        if not 0.0 <= (stamp - self._looked) * 1e-9 < horizon / _LOOKS:
-            self.snap_skipped = False
-            self._looked = stamp
-            time = stability.time_to_limit
-            found = predicted_snap(state, twists, horizon)
-            if found is not None:
-                no_sooner, no_later, self.after_snap = found
-                time = min(max(time, no_sooner), no_later)
-            self._snaps_at = stamp + time * 1e9
-        if self.after_snap is not None:
-            time = max(0.0, (self._snaps_at - stamp) * 1e-9)
-            self._snap = snap_warning(self.name, stability, time, shape, self.after_snap)
+    @property
+    def snap_skipped(self) -> bool:
+        """There was no need to look for a snap."""
+        return self._snaps.skipped
 
     def warnings(
         self, shape: CableShape, clearance: Clearance, margins: tuple[Margin, ...]
@@ -206,7 +169,9 @@ class CableCycle:
             standing=self._standing,
             period=self._watch.period,
         )
-        more = [] if self._snap is None else [self._snap]
+        more, after, stability = [], self.after_snap, self._watch.stability
+        if after is not None and stability is not None:
+            more.append(snap_warning(self.name, stability, self._snaps.time, shape, after))
         if self._tubes is not None and self._tubes.trouble and shape.status:
             more.append(tube_warning(self.name, shape, self._tubes.trouble))
         elif self.tube is not None and not self.tube.holds:
@@ -221,6 +186,28 @@ class CableCycle:
         if self._plug is None or not shape.status:
             return None
         return plug_error(self._plug, self.scene.sockets[self._plug.socket], shape)
+
+
+def check_parts(
+    checker: ClearanceChecker,
+    shape: CableShape,
+    tube: Tube | None,
+    hanging: Sequence[tuple[Tail, CableShape, Tube | None]],
+    links: Links,
+) -> Clearance:
+    """The clearance of a span and of the tails beyond it, as thick as their tubes: of each body that of the nearest."""
+    clearance = checker.check(shape, links, None if tube is None else tube.radius)
+    if not hanging:
+        return clearance
+    parts = [clearance]
+    for tail, there, known in hanging:
+        part = checker.check(there, links, None if known is None else known.radius)
+        moved = tuple(
+            BodyDistance(b.body, b.distance, tail.along(b.arc_length, shape.length), b.point_on_cable, b.point_on_body)
+            for b in part.bodies
+        )
+        parts.append(Clearance(moved, part.beyond, part.robot_checked, part.pairs_culled, part.pairs_exact))
+    return _nearest(parts, checker.names)
 
 
 def _nearest(parts: Sequence[Clearance], names: Sequence[str]) -> Clearance:

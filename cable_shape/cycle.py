@@ -42,8 +42,8 @@ class Cycle:
     Parameters
     ----------
     cables : Cable, or mapping of name to Cable or Harness
-        A single cable is named "cable". Segments of a harness "h" are "h/a" in clearance, margins and warnings; of it
-        no tube, plug or stability is told.
+        A single cable is named "cable". Segments of a harness "h" are "h/a" in clearance, margins, warnings and tubes;
+        it has no plug.
     scene : Scene, optional
     robot_links : sequence of Obstacle
         Collision geometry of the robot, each with its `link` set (see ``Robot.link_geometry``).
@@ -109,9 +109,9 @@ class Cycle:
         horizon = checks.number("snap_horizon", snap_horizon, at_least=0.0, unit="s")
         ratio = checks.number("quasistatic_limit", quasistatic_limit, at_least=0.0)
         if isinstance(uncertainty, Uncertainty):
-            known: dict[str, Uncertainty] = dict.fromkeys(named, uncertainty)
+            known: dict[str, Uncertainty] = dict.fromkeys(every, uncertainty)
         else:
-            known = checks.mapping("uncertainty", uncertainty, named, f"Write Uncertainty(...). {remedy}")
+            known = checks.mapping("uncertainty", uncertainty, every, f"Write Uncertainty(...). {remedy}")
         for name, one in known.items():
             checks.instance(f"uncertainty[{name!r}]", one, (Uncertainty,), "Write Uncertainty(...).")
         self._named = named
@@ -154,7 +154,10 @@ class Cycle:
                 "model": model, "gravity": gravity, "points": points, "tolerance": tolerance,
                 "time_budget": time_budget, "distributed_load": loads.get(name),
             }  # fmt: skip
-            made = self._harnesses[name] = HarnessCycle(name, harness, own, robot_links, gripping_links, keywords)
+            made = self._harnesses[name] = HarnessCycle(
+                name, harness, own, robot_links, gripping_links, keywords, horizon, ratio if ratio > 0.0 else None,
+                known.get(name),
+            )  # fmt: skip
             segments.update(made.cables)
             joined |= beside_each_other(name, harness)
         self._parts = {**named, **segments}
@@ -274,6 +277,8 @@ class Cycle:
         resumed = perf_counter()
         tubes = {name: cable.spread(shapes[name], grips[name], placed, stamp) for name, cable in cables.items()}
         known = {name: tube for name, tube in tubes.items() if tube is not None}
+        for name, harness in held.items():
+            known.update(harness.spread(shapes[name], grips[name], stamp))  # type: ignore[arg-type]
         swell = {name: float(tube.radius.max()) for name, tube in known.items()}
         clearance = {name: cable.check(shapes[name], placed) for name, cable in cables.items()}
         for name, harness in held.items():
@@ -287,7 +292,7 @@ class Cycle:
             name: cable.margins(shapes[name], clearance[name], grips[name], stamp) for name, cable in cables.items()
         }
         for name, harness in held.items():
-            margins.update(harness.margins(parts[name], clearance, stamp))
+            margins.update(harness.margins(shapes[name], clearance, stamp))
         measured = perf_counter()
         warnings = tuple(
             warning
@@ -316,12 +321,19 @@ class Cycle:
             skipped={
                 "reused": sum(s.reused for s in shapes.values()),
                 "pairs_culled": sum(c.pairs_culled for c in clearance.values()),
-                "snap_checks": sum(cable.snap_skipped for cable in cables.values()),
+                "snap_checks": sum(cable.snap_skipped for cable in cables.values())
+                + sum(harness.stability.snaps.skipped for harness in held.values()),
                 "crossings": self._crossings_skipped(cables),
             },
             margins=margins,
-            tails={(name, side): tail for name, cable in cables.items() for side, tail in cable.tails.items()},
-            after_snap={name: cable.after_snap for name, cable in cables.items() if cable.after_snap is not None},
+            tails={
+                **{(name, side): tail for name, cable in cables.items() for side, tail in cable.tails.items()},
+                **{key: tail for harness in held.values() for key, tail in harness.tails.items()},
+            },
+            after_snap={
+                **{name: cable.after_snap for name, cable in cables.items() if cable.after_snap is not None},
+                **{one: shape for harness in held.values() for one, shape in harness.after_snap.items()},
+            },
             plugs={name: error for name, error in plugs.items() if error is not None},
             tubes=known,
             tail_tubes={

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -136,6 +137,11 @@ class Harness:
                     raise ArgumentError.of(where, end, bound, "Name every end once; one junction may have many ends.")
                 junction_of[end] = junction
         put(self, "_junction_of", junction_of)
+        for end in self.tails:
+            if end in junction_of:
+                where = f"segments[{split_end(end)[0]!r}].tails"
+                bound = f"{end} is in junction {junction_of[end].name!r}: nothing hangs beyond it"
+                raise ArgumentError.of(where, dict(segments[split_end(end)[0]].tails), bound, "Make a segment of it.")
 
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(f"a Harness is fixed; make another with harness.replace({name}=...)")
@@ -152,6 +158,11 @@ class Harness:
     def open_ends(self) -> tuple[str, ...]:
         """The ends that are in no junction: those which may be held."""
         return tuple(end for end in self.ends if end not in self._junction_of)
+
+    @property
+    def tails(self) -> dict[str, float]:
+        """[m], of what hangs beyond ends of segments where grips hold them, by end."""
+        return {f"{name}.{side}": long for name, cable in self.segments.items() for side, long in cable.tails.items()}
 
     @property
     def length(self) -> float:
@@ -184,6 +195,22 @@ class Harness:
                     reach.extend(split_end(end)[0] for end in (junction.ends if junction else ()))
             out.append(frozenset(found))
         return out
+
+    def way(self, start: str, end: str) -> float:
+        """[m], the shortest way along segments from one end to another; infinite where there is none."""
+        best = {start: 0.0}
+        reach = [start]
+        while reach:
+            here = reach.pop()
+            name, side = split_end(here)
+            other = f"{name}.{SIDES[1 - SIDES.index(side)]}"
+            junction = self.junction_of(here)
+            beside = [(end, 0.0) for end in (junction.ends if junction else ())]
+            for there, far in ((other, self.segments[name].length), *beside):
+                if best[here] + far < best.get(there, math.inf):
+                    best[there] = best[here] + far
+                    reach.append(there)
+        return best.get(end, math.inf)
 
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any], where: str = "harness", folder: str | Path = ".") -> Harness:
@@ -246,6 +273,3 @@ def _check_segment(name: object, cable: object) -> None:
     if cable.mean_bending_stiffness == 0.0:
         remedy = "Give EI in N m^2, however small it is."
         raise ArgumentError.of(f"{where}.bending_stiffness", 0.0, "a segment needs it above 0 N m^2", remedy)
-    if cable.tails:
-        bound = "a segment has none"
-        raise ArgumentError.of(f"{where}.tails", dict(cable.tails), bound, "Make a segment of it with a free end.")

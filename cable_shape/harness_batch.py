@@ -6,12 +6,12 @@ Every row is solved by itself, from nothing, so that its answer depends on its o
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from time import perf_counter
 from typing import Any, final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cable_shape import checks
 from cable_shape.checks import Array
@@ -25,6 +25,7 @@ from cable_shape.pose import GRIP_KINDS, IDENTITY, FreeEnd, Grip, Pose
 from cable_shape.report import LOAD_MARGINS, Clearance
 from cable_shape.scene import Scene
 from cable_shape.shape import NUMBERS_PER_POINT, Status
+from cable_shape.shape_batch import Rows
 
 #: More numbers than this are not kept: 8 GB of shapes.
 MOST_NUMBERS = 1_000_000_000
@@ -34,14 +35,16 @@ Tables = Mapping[str, ArrayLike | FreeEnd | None]
 
 
 @final
-class HarnessBatch:
+class HarnessBatch(Rows[HarnessShape]):
     """Shapes of one harness for k rows of ends; `batch[i]` is a HarnessShape whose arrays are views of these.
 
     Attributes
     ----------
     points : int, of each segment
-    status, done, partial, usable, errors, details, iterations, time
+    status, done, partial, usable, errors, details, iterations, time, energy, error_estimate
         As of :class:`cable_shape.ShapeBatch`.
+    positions, quaternions, curvature, force, moment : mapping of segment to (k, n, 3) or (k, n, 4)
+        As of it, too.
     bodies : tuple of str
     horizon : float [m]
     distances : mapping of segment to (k, m) [m]
@@ -51,36 +54,46 @@ class HarnessBatch:
     """
 
     def __init__(self, harness: Harness, rows: int, points: int, bodies: tuple[str, ...], horizon: float) -> None:
+        super().__init__(rows)
         self.harness, self.points, self.bodies, self.horizon = harness, points, bodies, horizon
         names, width = tuple(harness.segments), len(LOAD_MARGINS) + len(bodies)
         self.buffer: Array = np.full((rows, NUMBERS_PER_POINT * points * len(names)), math.nan)
         self.distances: dict[str, Array] = {name: np.full((rows, len(bodies)), math.nan) for name in names}
         self.used: dict[str, Array] = {name: np.full((rows, width), math.nan) for name in names}
-        self.status: NDArray[np.int64] = np.full(rows, Status.NOT_CONVERGED.value)
-        self.done: NDArray[np.bool_] = np.zeros(rows, np.bool_)
-        self.iterations: NDArray[np.int64] = np.zeros(rows, np.int64)
-        self.errors: dict[int, ArgumentError] = {}
-        self.details: dict[int, str] = {}
-        self.partial = False
-        self.time = 0.0
+        self.energy: Array = np.full(rows, math.nan)
+        self.error_estimate: Array = np.full(rows, math.nan)
         self._shapes: dict[int, HarnessShape] = {}
-
-    def __len__(self) -> int:
-        return len(self.status)
-
-    @property
-    def usable(self) -> NDArray[np.bool_]:
-        """(k,): ``bool(status)`` of each row."""
-        return self.done & (self.status <= Status.BUDGET.value)
 
     @property
     def positions(self) -> dict[str, Array]:
         """{segment: (k, n, 3)} [m], world; NaN where not done."""
-        n, size = self.points, NUMBERS_PER_POINT * self.points
-        return {
-            name: self.buffer[:, i * size + n : i * size + 4 * n].reshape(len(self), n, 3)
-            for i, name in enumerate(self.harness.segments)
-        }
+        return self._part(1, 3)
+
+    @property
+    def quaternions(self) -> dict[str, Array]:
+        """{segment: (k, n, 4)} x, y, z, w."""
+        return self._part(4, 4)
+
+    @property
+    def curvature(self) -> dict[str, Array]:
+        """{segment: (k, n, 3)} [1/m], cable frame."""
+        return self._part(8, 3)
+
+    @property
+    def force(self) -> dict[str, Array]:
+        """{segment: (k, n, 3)} [N], world."""
+        return self._part(11, 3)
+
+    @property
+    def moment(self) -> dict[str, Array]:
+        """{segment: (k, n, 3)} [N m], world."""
+        return self._part(14, 3)
+
+    def _part(self, first: int, width: int) -> dict[str, Array]:
+        n = self.points
+        whole = self.buffer.reshape(len(self), len(self.harness.segments), NUMBERS_PER_POINT * n)
+        own = whole[:, :, first * n : (first + width) * n]
+        return {name: own[:, i].reshape(len(self), n, width) for i, name in enumerate(self.harness.segments)}
 
     @property
     def clearance(self) -> Array:
@@ -98,6 +111,7 @@ class HarnessBatch:
         shape.buffer = self.buffer[row]
         self._shapes[row] = shape
         self.status[row], self.iterations[row] = shape.status.value, shape.iterations
+        self.energy[row], self.error_estimate[row] = shape.energy, shape.error_estimate
         if shape.detail:
             self.details[row] = shape.detail
 
@@ -110,15 +124,6 @@ class HarnessBatch:
         return HarnessShape(
             self.harness, self.buffer[row], self.points, model="cosserat", status=Status.NOT_CONVERGED, detail=detail
         )
-
-    def __iter__(self) -> Iterator[HarnessShape]:
-        return (self[row] for row in range(len(self)))
-
-    def __repr__(self) -> str:
-        counts = zip(*np.unique(self.status[self.done], return_counts=True), strict=True)
-        names = ", ".join(f"{count} {Status(value).name}" for value, count in counts)
-        left = len(self) - int(self.done.sum())
-        return f"HarnessBatch({len(self)} rows: {names or 'none done'}{f', {left} not done' if left else ''})"
 
 
 def predict_rows(

@@ -1,23 +1,30 @@
-"""What a cycle does for one harness: predict it, and check every segment against the scene."""
+"""What a cycle does for one harness: predict it, and check and judge every segment."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, final
 
+import numpy as np
 from numpy.typing import ArrayLike
 
+from cable_shape.cable_cycle import check_parts
 from cable_shape.clearance import ClearanceChecker
 from cable_shape.harness import Harness, split_end
 from cable_shape.harness_predictor import HarnessPredictor
 from cable_shape.harness_problem import End
 from cable_shape.harness_shape import HarnessShape
+from cable_shape.harness_stability import HarnessStability
+from cable_shape.harness_tube import HarnessTubeWatch
 from cable_shape.margins import MarginWatch
-from cable_shape.pose import Pose
-from cable_shape.report import CableWarning, Clearance, Margin
+from cable_shape.pose import Grip, Pose
+from cable_shape.report import CableWarning, Clearance, Margin, WarningKind
 from cable_shape.scene import Obstacle, Scene
 from cable_shape.shape import CableShape
-from cable_shape.warn import Standing, warnings_of
+from cable_shape.tails import Tail, held_frame
+from cable_shape.uncertainty import Tube, Uncertainty
+from cable_shape.warn import Standing, narrow_warning, tail_warning, tube_warning, warnings_of
 
 Links = Mapping[str, Pose] | None
 
@@ -38,7 +45,10 @@ def beside_each_other(name: str, harness: Harness) -> set[frozenset[str]]:
 
 @final
 class HarnessCycle:
-    """One harness, cycle by cycle. Parameters are those of :class:`cable_shape.Cycle`."""
+    """One harness, cycle by cycle. Parameters are those of :class:`cable_shape.Cycle`.
+
+    How far its inertia counts is judged segment by segment, from how the ends of each move in the prediction.
+    """
 
     def __init__(
         self,
@@ -48,6 +58,9 @@ class HarnessCycle:
         robot_links: Sequence[Obstacle],
         gripping_links: Sequence[str],
         options: Mapping[str, Any],
+        snap_horizon: float,
+        quasistatic_limit: float | None,
+        uncertainty: Uncertainty | None,
     ) -> None:
         self.name, self.scene = name, scene
         self.predictor = HarnessPredictor(
@@ -65,8 +78,21 @@ class HarnessCycle:
             for one, cable in self.cables.items()
         }
         gravity = self.predictor.problem.gravity
-        self._watches = {one: MarginWatch(cable, scene, gravity=gravity) for one, cable in self.cables.items()}
+        self._watches = {
+            one: MarginWatch(cable, scene, gravity=gravity, quasistatic_limit=quasistatic_limit)
+            for one, cable in self.cables.items()
+        }
         self._standing = {one: Standing(scene) for one in self.cables}
+        self.stability = HarnessStability(self.predictor, snap_horizon)
+        self._known = None if uncertainty is None else HarnessTubeWatch(harness, uncertainty, scene=scene, **options)
+        self._tails: dict[str, Tail] = {}
+        for end, long in harness.tails.items():
+            segment, side = split_end(end)
+            points = self.predictor.problem.points
+            self._tails[end] = Tail(harness.segments[segment], side, long, gravity=gravity, points=points)
+        self.tails: dict[tuple[str, str], CableShape] = {}  # by id of the segment and side
+        self.tubes: dict[str, Tube] = {}  # of the last shape's segments, if they are asked for and known
+        self._moving: Mapping[str, ArrayLike] | None = None  # acceleration of the last shape
 
     def reset(self) -> None:
         """Forgets everything from before."""
@@ -75,12 +101,40 @@ class HarnessCycle:
             watch.reset()
         for standing in self._standing.values():
             standing.reset()
+        self.stability.reset()
+        for tail in self._tails.values():
+            tail.reset()
+        self.tubes, self.tails = {}, {}
+        if self._known is not None:
+            self._known.reset()
 
     def predict(
         self, ends: Mapping[str, End], links: Links, acceleration: Mapping[str, ArrayLike] | None
     ) -> HarnessShape:
-        """The shape of the harness."""
-        return self.predictor.predict(ends, links=links, acceleration=acceleration)
+        """The shape of the harness, and those of tails beyond its grips into `tails`."""
+        self._moving = acceleration
+        shape = self.predictor.predict(ends, links=links, acceleration=acceleration)
+        self.tails = {}
+        for end, tail in self._tails.items():
+            held, (segment, side) = ends.get(end), split_end(end)
+            if isinstance(held, (Pose, Grip)):
+                there = held_frame(held, shape.segments[segment], side)
+                self.tails[cable_id(self.name, segment), side] = tail.predict(there)
+        return shape
+
+    def spread(self, shape: HarnessShape, ends: Mapping[str, End], stamp: int) -> dict[str, Tube]:
+        """The tubes of the segments of the shape just predicted, if they are asked for and known; kept."""
+        inertia = 0.0  # in the load already
+        if self._moving is None:
+            ratios = [
+                self._watches[one].inertia(part, (_frame(part, 0), _frame(part, -1)), stamp)
+                for one, part in (self.parts(shape) if shape.status else {}).items()
+            ]
+            inertia = math.nan if any(map(math.isnan, ratios)) else max(ratios, default=math.nan)
+        if self._known is not None:
+            found = self._known.tubes(self.predictor, shape, ends, self._moving, inertia)
+            self.tubes = {cable_id(self.name, segment): tube for segment, tube in found.items()}
+        return self.tubes
 
     def parts(self, shape: HarnessShape) -> dict[str, CableShape]:
         """The shapes of the segments, by their ids."""
@@ -90,13 +144,37 @@ class HarnessCycle:
         """The clearance of every segment."""
         if self.scene.contact == "off":
             return {one: Clearance(beyond=0.0, robot_checked=links is not None) for one in shapes}
-        return {one: self._checkers[one].check(shape, links) for one, shape in shapes.items()}
+        hanging: dict[str, list[tuple[Tail, CableShape, Tube | None]]] = {one: [] for one in shapes}
+        for (one, side), tail in self.tails.items():
+            hanging[one].append((self._tails[f"{one.rpartition('/')[2]}.{side}"], tail, None))
+        return {
+            one: check_parts(self._checkers[one], shape, self.tubes.get(one), hanging[one], links)
+            for one, shape in shapes.items()
+        }
 
     def margins(
-        self, shapes: Mapping[str, CableShape], clearance: Mapping[str, Clearance], stamp: int
+        self, shape: HarnessShape, clearance: Mapping[str, Clearance], stamp: int
     ) -> dict[str, tuple[Margin, ...]]:
-        """How far trouble is of every segment, without stability; times from the last two cycles."""
-        return {one: self._watches[one].margins(shape, clearance[one], stamp) for one, shape in shapes.items()}
+        """How far trouble is of every segment, stability with the one that turns most; times from two cycles."""
+        found = {
+            one: self._watches[one].margins(part, clearance[one], stamp) for one, part in self.parts(shape).items()
+        }
+        if self._moving is not None:  # the prediction does not leave it out
+            found = {
+                one: tuple(m for m in margins if m.kind is not WarningKind.QUASISTATIC)
+                for one, margins in found.items()
+            }
+        self.stability.judge(shape, stamp)
+        if self.stability.margin is not None:
+            softest = cable_id(self.name, self.stability.segment)
+            found[softest] = (*found[softest], self.stability.margin)
+        return found
+
+    @property
+    def after_snap(self) -> dict[str, CableShape]:
+        """The segments after a snap that is about to come."""
+        after = self.stability.snaps.after
+        return self.parts(after) if isinstance(after, HarnessShape) else {}
 
     def warnings(
         self,
@@ -106,7 +184,14 @@ class HarnessCycle:
     ) -> list[CableWarning]:
         """What to say of every segment."""
         tolerance = self.predictor.problem.tolerance
-        return [
+        more = self.stability.warning(self.name)
+        first, shape = next(iter(shapes.items()))
+        if self._known is not None and self._known.trouble and shape.status:
+            more.append(tube_warning(first, shape, self._known.trouble))
+        elif first in self.tubes and not self.tubes[first].holds:
+            more.append(narrow_warning(first, self.tubes[first]))
+        more += [tail_warning(one, side, tail) for (one, side), tail in self.tails.items() if not tail.status]
+        return more + [
             warning
             for one, shape in shapes.items()
             for warning in warnings_of(
@@ -121,3 +206,8 @@ class HarnessCycle:
                 period=self._watches[one].period,
             )
         ]
+
+
+def _frame(shape: CableShape, row: int) -> Pose:
+    """The cable frame at an end of a segment."""
+    return Pose.trusted(np.concatenate((shape.positions[row], shape.quaternions[row])))

@@ -15,7 +15,8 @@ Segments are cables by their name, or the path of a cable's file; junctions name
           left.start: {quaternion: [0.3827, 0, 0, 0.9239]}
           right.start: {quaternion: [-0.3827, 0, 0, 0.9239]}
 
-A key `ends` says which ends are held, see :mod:`cable_shape.harness_ends`; it is no part of the harness.
+Keys `ends` and `markers` say which ends are held and where markers are, see :mod:`cable_shape.harness_ends`; they are
+no part of the harness.
 """
 
 from __future__ import annotations
@@ -32,8 +33,8 @@ from cable_shape.harness import Harness, Junction
 from cable_shape.pose import Pose
 from cable_shape.scene_files import pose_entry
 
-ENDS = "ends"
-HARNESS_KEYS = ("segments", "junctions", ENDS)
+ENDS, MARKERS = "ends", "markers"
+HARNESS_KEYS = ("segments", "junctions", ENDS, MARKERS)
 JUNCTION_KEYS = ("name", "ends", "kind", "frames", "mass")
 
 

@@ -45,8 +45,8 @@ class HarnessPredictor:
     tolerance : float, optional
         [m]; default 1e-5 of the longest segment.
     scene : Scene, optional
-        Clips and masses name their `segment`. With ``contact="solve"`` bodies keep all segments out; that segments
-        touch each other or themselves is not solved for.
+        Clips, eyelets among them, and masses name their `segment`. With ``contact="solve"`` bodies keep all segments
+        out, without eyelets; that segments touch each other or themselves is not solved for.
     distributed_load : mapping of segment to (2, 3) array_like, optional
         [N/m], world, added to the weight.
 
@@ -101,6 +101,17 @@ class HarnessPredictor:
         self._still = _checked(HarnessProblem(before.harness, scene=scene, **self._keywords))
         self._still.ends = before.ends
         self._load(self._still)
+
+    @property
+    def touching(self) -> bool:
+        """Whether the last shape is in contact with a body."""
+        return self._touch is not None and self._touch.touching
+
+    @property
+    def state(self) -> HarnessNetwork | None:
+        """The solver's memory of the last shape; None before there is one, and of one in contact or just out of it."""
+        solved = self._state is not None and self._state.factored
+        return self._state if solved and not self.touching else None
 
     @property
     def grips(self) -> tuple[str, ...]:
@@ -171,8 +182,7 @@ class HarnessPredictor:
             If nothing was predicted yet.
         """
         checks.one_of("at", at, ("cable", "gripper"))
-        touch = self._touch
-        state = touch if touch is not None and touch.touching else self._state
+        state = self._touch if self.touching else self._state
         if state is None or state.history == 0:
             raise ArgumentError("sensitivity() needs a solution, and there is none yet. Call predict first.")
         grips = self.grips
@@ -197,6 +207,12 @@ def _checked(problem: HarnessProblem) -> HarnessProblem:
     """The problem, if its contacts can be solved for."""
     if problem.bodies:
         check_convex(problem.bodies)
+        kinds = [] if problem.scene is None else [clip.kind for clip in problem.scene.clips]
+        if "slide" in kinds:
+            bound = "contact='solve' knows no eyelets of harnesses"
+            raise ArgumentError.of(
+                f"clips[{kinds.index('slide')}].kind", "slide", bound, "Make it a 'ball' clip, or write contact='warn'."
+            )
         for name, cable in problem.harness.segments.items():
             refuse(cable, f"contact='solve', as segment {name!r} has them,", "Write contact='warn', or leave them out.")
     return problem

@@ -206,9 +206,6 @@ def _scenes_of(harness: Harness, scene: Scene | None) -> tuple[dict[str, Scene |
                 bound = "it must name the segment" if part.segment is None else "there is no such segment"
                 raise ArgumentError.of(f"{kind}[{i}].segment", part.segment, bound, known)
     for i, clip in enumerate(scene.clips):
-        if clip.kind == "slide":
-            bound = "a harness does not run through eyelets"
-            raise ArgumentError.of(f"clips[{i}].kind", clip.kind, bound, "Make it a 'ball' clip.")
         assert clip.segment is not None
         numbers[clip.segment].append(i)
     for name in harness.segments:

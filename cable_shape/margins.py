@@ -166,6 +166,11 @@ class MarginWatch:
         return None if math.isnan(twists[0]) else twists
 
     @property
+    def mode(self) -> Array:
+        """(nodes, 3), the softest mode of the last shape whose stability was told."""
+        return self._mode
+
+    @property
     def period(self) -> float:
         """[s], with which the cable swings, where its motion was judged last; NaN: not known."""
         return float(self._memory[kernels.SWING + swing.PERIOD])

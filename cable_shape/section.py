@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 #: From arc length [m], to arc length, and a cable of what lies there.
 Pieces: TypeAlias = "tuple[tuple[float, float, Cable], ...]"
+#: What of a cable its sections follow where it becomes another one.
+_IN_RATIO = ("length", "bending_stiffness", "twisting_stiffness", "axial_stiffness", "linear_density")
 #: Keywords of a cable that are of the whole of it.
 _OF_THE_WHOLE = ("length", "tails", "sections", "stiffness_interval")
 
@@ -169,6 +171,28 @@ def thicker(cable: Cable, arc_length: Array) -> Array | None:
         here = (arc_length >= start) & (arc_length <= end)
         more[here] = np.maximum(more[here], 0.5 * one.diameter - least)
     return more if more.any() else None
+
+
+def changed(cable: Cable, **changes: Any) -> Cable:
+    """A cable with other numbers, whose sections keep their ratio to it, and where along it they are."""
+    if not cable.sections:
+        return cable.replace(**changes)
+    ratios = {
+        key: np.atleast_1d(value)[0] / np.atleast_1d(getattr(cable, key))[0]
+        for key, value in changes.items()
+        if key in _IN_RATIO
+    }
+    stretch = ratios.pop("length", 1.0)
+    sections = []
+    for one in cable.sections:
+        own: dict[str, Any] = dict(one.properties)
+        for key, ratio in ratios.items():
+            if own.get(key) is not None:
+                own[key] = [ratio * x for x in own[key]] if np.ndim(own[key]) else ratio * own[key]
+        sections.append(
+            Section(stretch * one.start, min(stretch * one.end, changes.get("length", cable.length)), **own)
+        )
+    return cable.replace(**changes, sections=sections)
 
 
 def refuse(cable: Cable, who: str, remedy: str = "Leave them out, or predict single shapes.") -> None:

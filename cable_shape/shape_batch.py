@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from typing import final
+from typing import Generic, TypeVar, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,16 +12,51 @@ from numpy.typing import NDArray
 from cable_shape.checks import Array
 from cable_shape.clearance import NOT_JUDGED
 from cable_shape.errors import ArgumentError
+from cable_shape.harness_shape import HarnessShape
 from cable_shape.kernels import bounds, margins
 from cable_shape.kernels.network import drive
 from cable_shape.report import BodyDistance, Clearance
 from cable_shape.shape import NUMBERS_PER_POINT, CableShape, Status
 
+_Shape = TypeVar("_Shape", CableShape, HarnessShape)
 _NOT_JUDGED = [status.value for status in NOT_JUDGED]
 
 
+class Rows(Generic[_Shape]):
+    """What batches of cables and of harnesses have alike: what became of each of their rows."""
+
+    def __init__(self, rows: int) -> None:
+        self.status: NDArray[np.int64] = np.full(rows, Status.NOT_CONVERGED.value)
+        self.done: NDArray[np.bool_] = np.zeros(rows, np.bool_)
+        self.iterations: NDArray[np.int64] = np.zeros(rows, np.int64)
+        self.errors: dict[int, ArgumentError] = {}
+        self.details: dict[int, str] = {}
+        self.partial = False
+        self.time = 0.0
+
+    def __len__(self) -> int:
+        return len(self.status)
+
+    @property
+    def usable(self) -> NDArray[np.bool_]:
+        """(k,): ``bool(status)`` of each row."""
+        return self.done & (self.status <= Status.BUDGET.value)
+
+    def __getitem__(self, row: int) -> _Shape:
+        raise NotImplementedError
+
+    def __iter__(self) -> Iterator[_Shape]:
+        return (self[row] for row in range(len(self)))
+
+    def __repr__(self) -> str:
+        counts = zip(*np.unique(self.status[self.done], return_counts=True), strict=True)
+        names = ", ".join(f"{count} {Status(value).name}" for value, count in counts)
+        left = len(self) - int(self.done.sum())
+        return f"{type(self).__name__}({len(self)} rows: {names or 'none done'}{f', {left} not done' if left else ''})"
+
+
 @final
-class ShapeBatch:
+class ShapeBatch(Rows[CableShape]):
     """Shapes of one cable for k pairs of ends; `batch[i]` is a CableShape whose arrays are views of these.
 
     Attributes
@@ -59,6 +94,7 @@ class ShapeBatch:
     def __init__(
         self, rows: int, points: int, length: float, bodies: tuple[str, ...], horizon: float, clips: int = 0
     ) -> None:
+        super().__init__(rows)
         self.points = points
         self.length = length
         self.bodies = bodies
@@ -67,30 +103,15 @@ class ShapeBatch:
         self.info: Array = np.full((rows, drive.INFO + 2), math.nan)  # see kernels.network.drive
         self.tables: Array = np.full((rows, len(bodies), bounds.RESULT_COLUMNS), math.nan)  # see kernels.bounds
         self.margin_rows: Array = np.full((rows, margins.BODIES + len(bodies), margins.COLUMNS), math.nan)
-        self.status: NDArray[np.int64] = np.full(rows, Status.NOT_CONVERGED.value)
-        self.done: NDArray[np.bool_] = np.zeros(rows, np.bool_)
         self.loads: Array = np.full((rows, clips + 2 if clips else 0, 7), math.nan)  # see kernels.network.drive
         self.missing_length: Array = np.zeros(rows)
         self._several: NDArray[np.bool_] = np.zeros(rows, np.bool_)
         self._unread_several: Callable[[], None] | None = None
         self.turns: NDArray[np.int64] = np.zeros(rows, np.int64)
-        self.iterations: NDArray[np.int64] = np.zeros(rows, np.int64)
         self.models: NDArray[np.str_] = np.full(rows, "cosserat", dtype="<U9")
-        self.errors: dict[int, ArgumentError] = {}
-        self.details: dict[int, str] = {}
         self.unread_errors: dict[int, Callable[[Array], float]] = {}  # see CableShape.unread_error
-        self.partial = False
         self.radius: Array | None = None
         self.confidence = 0.0
-        self.time = 0.0
-
-    def __len__(self) -> int:
-        return len(self.status)
-
-    @property
-    def usable(self) -> NDArray[np.bool_]:
-        """(k,): ``bool(status)`` of each row."""
-        return self.done & (self.status <= Status.BUDGET.value)
 
     @property
     def several(self) -> NDArray[np.bool_]:
@@ -231,14 +252,3 @@ class ShapeBatch:
         if self.loads.shape[1]:
             shape.supports = self.loads[row, 1:-1]
         return shape
-
-    def __iter__(self) -> Iterator[CableShape]:
-        return (self[row] for row in range(len(self)))
-
-    def __repr__(self) -> str:
-        names = ", ".join(
-            f"{count} {Status(value).name}"
-            for value, count in zip(*np.unique(self.status[self.done], return_counts=True), strict=True)
-        )
-        left = len(self) - int(self.done.sum())
-        return f"ShapeBatch({len(self)} rows: {names or 'none done'}{f', {left} not done' if left else ''})"

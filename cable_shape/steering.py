@@ -23,6 +23,8 @@ from cable_shape import checks
 from cable_shape.checks import Array
 from cable_shape.clearance import ClearanceChecker
 from cable_shape.errors import ArgumentError
+from cable_shape.harness import split_end
+from cable_shape.harness_predictor import HarnessPredictor
 from cable_shape.held_cable import Held, HeldCable
 from cable_shape.report import BodyDistance
 from cable_shape.scene import Scene
@@ -44,7 +46,9 @@ class CablePointTask(mink.Task):
     ----------
     held : HeldCable
     arc_length : float
-        [m], of the point, from 0 to the cable's length.
+        [m], of the point, from 0 to the length of the cable, or of the segment.
+    segment : str
+        Of a harness: on which the point is.
     cost : float or (3,) array_like
         1/m, of the error along the world's axes; 0 leaves an axis free.
     gain : float
@@ -63,6 +67,7 @@ class CablePointTask(mink.Task):
         held: HeldCable,
         arc_length: float,
         *,
+        segment: str = "",
         cost: ArrayLike = 1.0,
         gain: float = 1.0,
         lm_damping: float = 0.0,
@@ -72,8 +77,13 @@ class CablePointTask(mink.Task):
             raise ArgumentError.of("cost", weights.tolist(), "it must be at least 0 1/m", "Give weights of 0 or more.")
         damping = checks.number("lm_damping", lm_damping, at_least=0.0)
         super().__init__(weights, _part("gain", gain), damping)
-        length = held.predictor.cable.length
+        if segment not in held.parts:
+            known = ", ".join(held.parts)
+            bound = f"the harness has the segments {known}" if known else "a cable has none"
+            raise ArgumentError.of("segment", segment, bound, "Name one of a harness, none of a cable.")
+        length = held.parts[segment].length
         self.held, self.arc_length = held, checks.number("arc_length", arc_length, at_least=0.0, unit="m")
+        self.segment = segment
         if self.arc_length > length:
             raise ArgumentError.of(
                 "arc_length", self.arc_length, f"it must be at most the cable's length, {length:g} m", "Choose a point."
@@ -86,7 +96,7 @@ class CablePointTask(mink.Task):
 
     def set_target_from_configuration(self, configuration: mink.Configuration) -> None:
         """The point should stay where it is."""
-        self.target = self.held.point(self.held.at(configuration), self.arc_length)[0]
+        self.target = self._point(configuration)[0]
 
     def compute_error(self, configuration: mink.Configuration) -> Array:
         """(3,) [m], from the target to the point, world."""
@@ -94,12 +104,15 @@ class CablePointTask(mink.Task):
             raise ArgumentError(
                 "target = None is not allowed: it says where the point should be. Call set_target first."
             )
-        error: Array = self.held.point(self.held.at(configuration), self.arc_length)[0] - self.target
+        error: Array = self._point(configuration)[0] - self.target
         return error
+
+    def _point(self, configuration: mink.Configuration) -> tuple[Array, Array]:
+        return self.held.point(self.held.at(configuration), self.arc_length, self.segment)
 
     def compute_jacobian(self, configuration: mink.Configuration) -> Array:
         """(3, nv), of the error."""
-        return self.held.point(self.held.at(configuration), self.arc_length)[1]
+        return self._point(configuration)[1]
 
 
 @final
@@ -136,34 +149,40 @@ class CableClearanceLimit(mink.Limit):
         self.minimum = checks.number("minimum", scene.warn_distance if minimum is None else minimum, unit="m")
         self.gain = _part("gain", gain)
         robot = held.robot
-        self._checker = ClearanceChecker(
-            Scene(obstacles=scene.obstacles, warn_distance=max(self.minimum, 0.0), error_distance=0.0),
-            radius=0.5 * widest(held.predictor.cable),
-            robot_links=robot.link_geometry,
-            gripping_links=robot.gripping_links,
-            horizon=horizon,
-        )
+        held_parts = {split_end(end)[0] for end in held.grips} or {""}
+        self._checkers = {
+            name: ClearanceChecker(
+                Scene(obstacles=scene.obstacles, warn_distance=max(self.minimum, 0.0), error_distance=0.0),
+                radius=0.5 * widest(cable),
+                robot_links=robot.link_geometry,
+                gripping_links=robot.gripping_links if name in held_parts else (),
+                horizon=horizon,
+            )
+            for name, cable in held.parts.items()
+        }
         self._links = {body.name: body.link for body in (*scene.obstacles, *robot.link_geometry)}
 
     def distances(self, configuration: mink.Configuration) -> tuple[tuple[BodyDistance, ...], Array]:
-        """The bodies within the horizon and the Jacobian (k, nv) of their distances [m]."""
+        """The bodies within the horizon, for each segment of a harness, and the Jacobian (k, nv) of their distances."""
         held = self.held.at(configuration)
-        bodies = self._checker.check(held.shape, held.links).bodies
-        rows = [self._slope(held, body) for body in bodies]
-        return bodies, np.array(rows).reshape(-1, self.held.model.nv)
+        near = {name: one.check(held.part(name)[0], held.links).bodies for name, one in self._checkers.items()}
+        rows = [self._slope(held, body, name) for name, bodies in near.items() for body in bodies]
+        every = tuple(body for bodies in near.values() for body in bodies)
+        return every, np.array(rows).reshape(-1, self.held.model.nv)
 
-    def _slope(self, held: Held, body: BodyDistance) -> Array:
+    def _slope(self, held: Held, body: BodyDistance, part: str) -> Array:
         """(nv,): at the closest points, along the line between them; that these slide is of second order."""
-        places = held.shape.arc_length
+        shape, jacobian = held.part(part)
+        places = shape.arc_length
         i = min(int(body.arc_length / places[1]), len(places) - 2)
         x = body.arc_length / places[1] - i
-        centre = (1.0 - x) * held.shape.positions[i] + x * held.shape.positions[i + 1]
-        moves: Array = (1.0 - x) * held.jacobian[i] + x * held.jacobian[i + 1]
+        centre = (1.0 - x) * shape.positions[i] + x * shape.positions[i + 1]
+        moves: Array = (1.0 - x) * jacobian[i] + x * jacobian[i + 1]
         link = self._links[body.body]
         if link is not None:
             moves = moves - self.held.point_on(link, body.point_on_body)
         apart = centre - body.point_on_body
-        inside = body.distance + self._checker.radius < 0.0
+        inside = body.distance + self._checkers[part].radius < 0.0
         normal: Array = apart / ((-1.0 if inside else 1.0) * max(float(np.linalg.norm(apart)), 1e-12))
         return normal @ moves
 
@@ -178,7 +197,8 @@ class CableClearanceLimit(mink.Limit):
 
 @final
 class CableChordLimit(mink.Limit):
-    """Keeps the chord between the cable's ends below a part of its length, so that no step pulls it taut.
+    """Keeps the chord between the cable's ends below a part of its length, so that no step pulls it taut; of a harness
+    that between the gripped ends below a part of the shortest way along segments.
 
     Parameters
     ----------
@@ -191,16 +211,23 @@ class CableChordLimit(mink.Limit):
 
     def __init__(self, held: HeldCable, *, most: float = _MOST_CHORD, gain: float = _GAIN) -> None:
         self.held, self.most, self.gain = held, _part("most", most), _part("gain", gain)
+        predictor = held.predictor
+        if isinstance(predictor, HarnessPredictor):
+            self._length = predictor.harness.way(*held.grips)
+            self._ends = [(name, 0 if side == "start" else -1) for name, side in map(split_end, held.grips)]
+        else:
+            self._length, self._ends = predictor.cable.length, [("", 0), ("", -1)]
 
     def compute_qp_inequalities(self, configuration: mink.Configuration, dt: float) -> mink.Constraint:
         """d chord <= gain (most length - chord)."""
         held = self.held.at(configuration)
-        across = held.shape.positions[-1] - held.shape.positions[0]
+        (near, at), (far, to) = ((held.part(name), row) for name, row in self._ends)
+        across = far[0].positions[to] - near[0].positions[at]
         chord = float(np.linalg.norm(across))
-        if chord == 0.0:
+        if chord == 0.0 or self._length == np.inf:
             return mink.Constraint()
-        row = across / chord @ (held.jacobian[-1] - held.jacobian[0])
-        left = self.most * held.shape.length - chord
+        row = across / chord @ (far[1][to] - near[1][at])
+        left = self.most * self._length - chord
         return mink.Constraint(G=row[None], h=np.array([self.gain * left]))
 
 

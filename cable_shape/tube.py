@@ -19,11 +19,10 @@ from cable_shape.kernels import tube
 from cable_shape.pose import Ends, FreeEnd, Grip, Pose, as_grip
 from cable_shape.predictor import Predictor
 from cable_shape.problem import GRAVITY
-from cable_shape.section import refuse
 from cable_shape.shape import CableShape
 from cable_shape.solve.outcome import MODEL
 from cable_shape.tails import Tail, held_frame
-from cable_shape.uncertainty import Tube, Uncertainty
+from cable_shape.uncertainty import Tube, Uncertainty, directions_of
 
 #: Load of the rods that show how a shape answers its inertia, as a fraction of the weight.
 STEP = 0.25
@@ -85,7 +84,6 @@ class TubeWatch:
                 "it is told by the Cosserat rod",
                 "Give a bending stiffness above 0 N m^2, or leave the uncertainty out.",
             )
-        refuse(cable, "an uncertainty", "Leave them out, or the uncertainty.")
         self.uncertainty = uncertainty
         self.trouble = ""  # why the last shape has no tube
         self._poses = uncertainty.poses
@@ -94,7 +92,11 @@ class TubeWatch:
         self._lines: list[_Line] = []  # of `_beside`
         self._swung: list[_Line] = []  # of `_loaded`; none before they are asked for
         self._forget()
-        given = uncertainty.parameters(cable) if parameters is None else parameters
+        given: Parameters | None
+        if parameters is None:
+            given, steps = uncertainty.parameters(cable)
+        else:
+            given, steps = parameters, directions_of(uncertainty.covariance)
         middle = np.empty(0) if given is None else given.start if values is None else values
         hanging: dict[str, Any] = {key: options[key] for key in ("gravity", "points") if key in options}
         own = {side: Tail(cable, side, long, **hanging).predictor for side, long in cable.tails.items()}
@@ -110,7 +112,7 @@ class TubeWatch:
             return _Beside(Predictor(changed, model=MODEL, **{**options, **changes}), offsets, tails)
 
         try:
-            self._beside = [beside(at) for step in uncertainty.directions() for at in (middle + step, middle - step)]
+            self._beside = [beside(at) for step in steps for at in (middle + step, middle - step)]
         except ArgumentError as error:
             raise ArgumentError(f"uncertainty, one standard deviation away: {error}") from None
         gravity = checks.vector("gravity", options.get("gravity", GRAVITY), 3, "m/s^2")
@@ -160,13 +162,13 @@ class TubeWatch:
         if self._still is not None and inertia > 0.0 and self._swing is None:
             self._swung = self._predict(self._loaded, ends, links, acceleration)
             if all(line.status for _, line in self._swung):
-                self._swing = _loads([line.positions for _, line in self._swung], shape.positions)
+                self._swing = loaded([line.positions for _, line in self._swung], shape.positions)
             else:
                 self.trouble = "under its inertia the cable has no usable shape"
                 self._still = None
         if self._still is None:
             self._last = None
-        elif self._last is not None and (self._last.inertia == inertia or _both_nan(self._last.inertia, inertia)):
+        elif self._last is not None and (self._last.inertia == inertia or both_nan(self._last.inertia, inertia)):
             self._last = replace(self._last, shape=shape)
         else:
             self._last = self._tube(shape, self._still, self._swing, inertia)
@@ -191,14 +193,14 @@ class TubeWatch:
             held_by = _held(ends)
             self._answers = predictor.sensitivity()
             self._ways = np.concatenate(
-                (_carried(held_by["start"], self._poses[:6]), _carried(held_by["end"], self._poses[6:]))
+                (carried(held_by["start"], self._poses[:6]), carried(held_by["end"], self._poses[6:]))
             )
         self._lines = self._predict(self._beside, ends, links, acceleration)
         lines = [line.positions if line.status else None for _, line in self._lines]
         if any(one is None and other is None for one, other in zip(lines[0::2], lines[1::2], strict=True)):
             self.trouble = "cables one standard deviation away have no usable shape"
             return None
-        return _covariance(lines, shape.positions, self._answers, self._ways)
+        return covariance_of(lines, shape.positions, self._answers, self._ways)
 
     def _predict(
         self,
@@ -225,7 +227,7 @@ class TubeWatch:
             still = self._tail_covariance(tail, hanging, _held(ends))
         if swing is None and self._swing is not None:
             places = _hanging(self._swung, self._loaded, tail.side)
-            swing = _loads(places, hanging.positions)
+            swing = loaded(places, hanging.positions)
         self._tails[tail.side] = still, swing
         return self._tube(hanging, still, swing, self._last.inertia)
 
@@ -238,7 +240,7 @@ class TubeWatch:
         if self._poses.shape[1]:
             root = self._root(grip, side)
             answers = np.ascontiguousarray(tail.predictor.sensitivity()[:, :, :6])
-        return _covariance(_hanging(self._lines, self._beside, side), hanging.positions, answers, root)
+        return covariance_of(_hanging(self._lines, self._beside, side), hanging.positions, answers, root)
 
     def _root(self, grip: Grip, side: str) -> Array:
         """(6, m): velocity and angular velocity of the frame that holds a tail, for each column of `_poses`."""
@@ -279,7 +281,7 @@ def _hanging(lines: list[_Line], rods: list[_Beside], side: str) -> list[Array |
     return places
 
 
-def _loads(lines: Sequence[Array | None], middle: Array) -> Array:
+def loaded(lines: Sequence[Array | None], middle: Array) -> Array:
     """(n, 3, 3) [m^2]: of a line (n, 3) by its inertia for a ratio of 1, from those loaded by STEP along each axis."""
     out = np.zeros((len(middle), 3, 3))
     steps = np.zeros((len(middle), 3, len(lines)))
@@ -290,11 +292,11 @@ def _loads(lines: Sequence[Array | None], middle: Array) -> Array:
     return out
 
 
-def _both_nan(a: float, b: float) -> bool:
+def both_nan(a: float, b: float) -> bool:
     return math.isnan(a) and math.isnan(b)
 
 
-def _carried(end: Grip | FreeEnd, twists: Array) -> Array:
+def carried(end: Grip | FreeEnd, twists: Array) -> Array:
     """(6, m): twists about a gripper's own origin as those about the cable's end, world axes."""
     if isinstance(end, FreeEnd):
         return twists
@@ -305,7 +307,7 @@ def _carried(end: Grip | FreeEnd, twists: Array) -> Array:
     return np.concatenate((twists[:3] + arm @ twists[3:], twists[3:]))
 
 
-def _covariance(lines: list[Array | None], middle: Array, answers: Array, ways: Array) -> Array:
+def covariance_of(lines: list[Array | None], middle: Array, answers: Array, ways: Array) -> Array:
     """(n, 3, 3): of a line (n, 3) with answers (n, 3, k) to what varies as `ways` (k, m), and of the cable's numbers.
 
     lines: of cables a standard deviation above and below in each direction; half the way between these counts, or that

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from cable_shape import checks
 from cable_shape.cable import Cable
-from cable_shape.calibration.parameters import KNOWN, Parameters, supports_in
+from cable_shape.calibration.parameters import ALONG, KNOWN, ROWS, Parameters, supports_in
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError, UnknownKeyError
 from cable_shape.files import path_of
@@ -22,8 +22,13 @@ from cable_shape.kernels import tube
 from cable_shape.shape import CableShape
 
 if TYPE_CHECKING:
+    from cable_shape.calibration.harness_parameters import HarnessParameters
+    from cable_shape.calibration.harness_result import HarnessCalibration
     from cable_shape.calibration.result import Calibration
+    from cable_shape.harness import Harness
 
+#: Of which a bundle of wires says itself how well it is known.
+STIFF = "bending_stiffness"
 CONFIDENCE = 0.95
 #: Load of a cable's inertia, as a fraction of its weight, beyond which no tube holds: it counts it to first order only.
 MOST_INERTIA = 1.0
@@ -68,11 +73,14 @@ class Uncertainty:
     ----------
     cable : mapping, optional
         Standard deviation by what :func:`cable_shape.calibrate` may fit, in its unit, of each component; of a stiffness
-        as a fraction of it.
+        as a fraction of it. Of a harness the names are those that it takes for harnesses, such as
+        "bending_stiffness:each". Where nothing is told of `bending_stiffness`, a cable, or segment, with a
+        `stiffness_interval` has its `stiffness_spread`.
     start, end : (2,) or (6, 6) array_like
         Of the grips' poses: standard deviations of position [m] and angle [rad] about each axis, or the covariance of
         position and rotation vector [m, rad] in world axes, about the gripper's own origin, as in
-        geometry_msgs/PoseWithCovariance. The two ends are independent of each other and of the cable.
+        geometry_msgs/PoseWithCovariance. The two ends are independent of each other and of the cable. Of a harness
+        those of every grip at a segment's start, and at its end.
     confidence : float
         That a point of the cable is in the tube, above 0 and below 1.
     misses : float
@@ -84,12 +92,13 @@ class Uncertainty:
         Naming the value, the bound and the remedy.
     """
 
-    __slots__ = ("confidence", "covariance", "end", "misses", "names", "start")
+    __slots__ = ("confidence", "covariance", "end", "misses", "names", "spread", "start")
 
     confidence: float
     misses: float  # m
     names: tuple[str, ...]  # of what is not known of the cable
-    covariance: Array  # (k, k), of its components; of logarithms of stiffness
+    spread: dict[str, float]  # standard deviations by these names; empty where a covariance was told
+    covariance: Array  # (k, k), of its components; of logarithms of stiffness; empty for names of harnesses alone
     start: Array  # (6, 6)
     end: Array  # (6, 6)
 
@@ -102,20 +111,23 @@ class Uncertainty:
         confidence: float = CONFIDENCE,
         misses: float = 0.0,
     ) -> None:
-        given = checks.mapping("cable", cable, KNOWN, "Write {bending_stiffness: 0.1}, a fraction.")
+        given = checks.mapping("cable", cable, _known(cable), "Write {bending_stiffness: 0.1}, a fraction.")
         self.confidence = checks.number("confidence", confidence, above=0.0)
         if self.confidence >= 1.0:
             raise ArgumentError.of("confidence", self.confidence, "it must be below 1", "Give 0.95 for 95 %.")
         self.misses = checks.number("misses", misses, at_least=0.0, unit="m")
         self.start, self.end = _of_pose("start", start), _of_pose("end", end)
         self.names = tuple(given)
-        spread = [checks.number(f"cable[{name!r}]", x, at_least=0.0, unit=KNOWN[name][1]) for name, x in given.items()]
-        self.covariance = np.diag(np.repeat(np.square(spread), [len(KNOWN[name][0]) for name in self.names]))
+        self.spread = {name: checks.number(f"cable[{name!r}]", x, at_least=0.0) for name, x in given.items()}
+        self.covariance = np.empty((0, 0))
+        if all(name in KNOWN for name in given):
+            counts = [len(KNOWN[name][0]) for name in given]
+            self.covariance = np.diag(np.repeat(np.square(list(self.spread.values())), counts))
 
     @classmethod
     def of(
         cls,
-        found: Calibration,
+        found: Calibration | HarnessCalibration,
         start: ArrayLike = EXACT,
         end: ArrayLike = EXACT,
         *,
@@ -131,14 +143,14 @@ class Uncertainty:
             If its data do not see one of its parameters.
         """
         remedy = "Give what cs.calibrate returns."
-        checks.instance("found", found, (_calibration(),), remedy)
+        checks.instance("found", found, _calibrations(), remedy)
         made = cls(None, start, end, confidence=confidence)
         made.misses = found.miss_quantile(made.confidence)
         estimates, covariance = found.estimates, found.covariance
         if found.parameters is None:  # a sag
             made.names, covariance = ("bending_stiffness",), np.array([[estimates[0].relative ** 2]])
         else:
-            made.names = found.parameters.names
+            made.names = tuple(found.parameters.names)
         if covariance is None or not np.isfinite(covariance).all():
             remedy = "Calibrate with more observations, fit only what they show, or give priors."
             raise ArgumentError("found: this calibration has no finite covariance. " + remedy)
@@ -162,13 +174,14 @@ class Uncertainty:
         if whole is not None:
             checks.known_keys(f"{where}: covariance", whole, ("names", "matrix"))
             made.names = checks.entries(f"{where}: covariance.names", whole.get("names") or (), str)
+            known = _known(made.names)
             for name in made.names:
-                if name not in KNOWN:
-                    raise UnknownKeyError.among(f"{where}: covariance.names", name, KNOWN)
-            size = sum(len(KNOWN[name][0]) for name in made.names)
+                if name not in known:
+                    raise UnknownKeyError.among(f"{where}: covariance.names", name, known)
+            size = sum(len(known[name][0]) for name in made.names)
             if size:
                 matrix = whole.get("matrix")
-                if isinstance(matrix, (list, tuple)) and supports_in(made.names, len(matrix)):
+                if isinstance(matrix, (list, tuple)) and ALONG in made.names and supports_in(made.names, len(matrix)):
                     size = len(matrix)  # any number of supports along the cable
                 made.covariance = _semidefinite(f"{where}: covariance.matrix", matrix, size)
         return made
@@ -182,13 +195,13 @@ class Uncertainty:
 
     def as_dict(self) -> dict[str, Any]:
         """The mapping that makes it, as plain numbers and lists."""
+        told: dict[str, Any] = {"covariance": {"names": list(self.names), "matrix": self.covariance.tolist()}}
+        if self.names and not self.covariance.size:
+            told = {"cable": dict(self.spread)}
         return {
-            "confidence": self.confidence,
-            "misses": self.misses,
-            "start": _told(self.start),
-            "end": _told(self.end),
-            "covariance": {"names": list(self.names), "matrix": self.covariance.tolist()},
-        }
+            "confidence": self.confidence, "misses": self.misses, "start": _told(self.start), "end": _told(self.end),
+            **told,
+        }  # fmt: skip
 
     def yaml(self) -> str:
         """A file for :meth:`from_yaml`."""
@@ -203,22 +216,53 @@ class Uncertainty:
         file.write_text(self.yaml(), encoding="utf-8")
         return file
 
-    def parameters(self, cable: Cable) -> Parameters | None:
-        """The numbers that are not known of a cable; None if there are none."""
-        if not self.names:
-            return None
-        return Parameters(cable, self.names, supports=supports_in(self.names, len(self.covariance)))
+    def parameters(self, cable: Cable) -> tuple[Parameters | None, Array]:
+        """The numbers that are not known of a cable, None if there are none, and (m, k): independent steps of one
+        standard deviation each that make up their covariance."""
+        names, covariance = self.names, self.covariance
+        if names and not covariance.size:
+            bound = "they are names of a harness"
+            raise ArgumentError.of("uncertainty.cable", list(names), bound, f"Of a cable: {', '.join(KNOWN)}.")
+        if STIFF not in names and cable.stiffness_spread > 0.0:
+            names = (*names, STIFF)
+            covariance = np.pad(covariance, (0, 1))
+            covariance[-1, -1] = cable.stiffness_spread**2
+        if not names:
+            return None, np.empty((0, 0))
+        supports = supports_in(self.names, len(self.covariance)) or ROWS
+        return Parameters(cable, names, supports=supports), directions_of(covariance)
 
-    def directions(self) -> Array:
-        """(m, k): independent steps of one standard deviation each that make up the covariance of the cable's."""
-        return _directions(self.covariance)
+    def harness_parameters(self, harness: Harness) -> tuple[HarnessParameters | None, Array]:
+        """The same of a harness."""
+        from cable_shape.calibration.harness_parameters import HarnessParameters
+
+        spread = {name: x for name, x in self.spread.items() if x > 0.0}
+        names: list[str] = list(spread) if self.spread else list(self.names)
+        named = HarnessParameters(harness, names) if names else None
+        told = {} if named is None else {s for target in named.targets if target.kind == STIFF for s in target.of}
+        bundles = {
+            f"{STIFF}:{name}": cable.stiffness_spread
+            for name, cable in harness.segments.items()
+            if name not in told and cable.stiffness_spread > 0.0
+        }
+        if not (names or bundles):
+            return None, np.empty((0, 0))
+        known = HarnessParameters(harness, [*names, *bundles], priors=spread | bundles)
+        covariance = np.diag(np.square([p.prior for p in known.each]))
+        if names and not self.spread:
+            k = len(self.covariance)
+            if k != len(known.each) - len(bundles):
+                bound = f"this harness has {len(known.each) - len(bundles)} numbers of these names"
+                raise ArgumentError.of("uncertainty.covariance", f"{k} rows", bound, "Take that of its calibration.")
+            covariance[:k, :k] = self.covariance
+        return known, directions_of(covariance)
 
     @property
     def poses(self) -> Array:
         """(12, m): the same of start and end; an orthogonal choice of them."""
         both = np.zeros((12, 12))
         both[:6, :6], both[6:, 6:] = self.start, self.end
-        return np.ascontiguousarray(_directions(both).T)
+        return np.ascontiguousarray(directions_of(both).T)
 
     def radius(self, covariance: Array, tangents: Array) -> Array:
         """(n,) [m], of the tube about points of these covariances (n, 3, 3) [m^2] on a line of these tangents (n, 3).
@@ -230,11 +274,21 @@ class Uncertainty:
         return out
 
 
-def _calibration() -> type:
-    """The class of calibrations, which are made of uncertainties."""
+def _calibrations() -> tuple[type, ...]:
+    """The classes of calibrations, which are made of uncertainties."""
+    from cable_shape.calibration.harness_result import HarnessCalibration
     from cable_shape.calibration.result import Calibration
 
-    return Calibration
+    return Calibration, HarnessCalibration
+
+
+def _known(names: Any) -> dict[str, tuple[tuple[str, ...], str, float, float, bool]]:
+    """What may be told of a cable, and those of these names that may be told of a harness."""
+    from cable_shape.calibration import harness_parameters
+
+    kinds = harness_parameters.KNOWN | {harness_parameters.FRAMES: harness_parameters.KNOWN["tilt"]}
+    own = (name for name in (names or ()) if isinstance(name, str) and name not in KNOWN)
+    return KNOWN | {name: kinds[kind] for name in own if (kind := name.partition(":")[0]) in kinds}
 
 
 @cache
@@ -259,7 +313,7 @@ def quantiles(confidence: float) -> Array:
     return np.asarray(out)
 
 
-def _directions(covariance: Array) -> Array:
+def directions_of(covariance: Array) -> Array:
     """(m, k): rows whose outer products add up to the covariance (k, k)."""
     scale = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     unit = np.where(scale > 0.0, scale, 1.0)

@@ -86,8 +86,17 @@ def objects(folder: Path) -> list[str]:
 
 def load(name: str, parts: int, folder: Path = BRANCHED) -> Branched:
     """Frames of one object; whole trajectories go into one of so many parts of about the same number of frames."""
+    return observed(name, read(name, folder), parts)
+
+
+def read(name: str, folder: Path = BRANCHED) -> dict[str, np.ndarray]:
+    """What is in the file of one object."""
     with np.load(folder / f"{name}_frames.npz", allow_pickle=False) as file:
-        d = {key: file[key] for key in file.files}
+        return {key: file[key] for key in file.files}
+
+
+def observed(name: str, d: dict[str, np.ndarray], parts: int) -> Branched:
+    """The frames of such a file."""
     x, arc = d["frames"].astype(np.float64), d["arc"].astype(np.float64)[d["take"]]
     arms = [np.flatnonzero(d["arm"] == k) for k in range(int(d["arm"].max()) + 1)]
     how = holding(d, arms[0])

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from branched_data import DENSITY, Branched, load, objects
+from branched_recordings import recorded
 from cosserat_figures import Figures, heading
 from tqdm import tqdm
 from truth_limits import mean_error
@@ -27,6 +28,12 @@ FAST_STRAIGHT, FAST, FAST_MOVING = (
 DAY_ONE, DAY_ALL, DAY_OWN = (
     f"other days: {what}" for what in ("the same EI/w", "the same calibration", "calibrated there")
 )
+ROLLED = "EI/w and the roll of each grip, static"
+WHOLE_STRAIGHT, WHOLE, WHOLE_MOVING = (
+    f"calm frames of whole recordings: {what}" for what in ("straight", "EI/w, static", "EI/w, inertial")
+)
+#: Rolls [rad] from which fits of the grips' begin.
+ROLLS = (0.0, 2.1, -2.1)
 #: Figures that come with the data, of an independent rod tree on frames that do not: calibrated with inertial load on
 #: calm frames, of bdlo2 on moderate ones, and by how much on average they are to be bettered.
 TOLD = {"bdlo1": 1.7, "bdlo2": 2.9, "bdlo3": 2.0, "bdlo4": 1.9, "bdlo5": 1.4, "bdlo1_mid": 2.8, "bdlo3_mid": 5.2}
@@ -64,6 +71,23 @@ def calibrated(frames: Branched, learn: np.ndarray) -> tuple[cs.HarnessCalibrati
     return one, cs.calibrate(seen, one.harness, fit, priors=priors, proceed=lambda i, _: i <= ITERATIONS)
 
 
+def turned(seen: cs.HarnessObservation, roll: float) -> cs.HarnessObservation:
+    """The same in grips that hold the roll: that of tools which turn as little as they can, and so much more [rad]."""
+    about = cs.Pose(quaternion=(0.0, 0.0, np.sin(0.5 * roll), np.cos(0.5 * roll)))
+    ends = {end: cs.Grip(grip.pose, "clamped", about) for end, grip in seen.ends.items() if isinstance(grip, cs.Grip)}
+    return cs.HarnessObservation(ends, seen.points, lengths=seen.lengths, scene=seen.scene, group=seen.group)
+
+
+def rolled(one: cs.HarnessCalibration, learn: list[cs.HarnessObservation]) -> tuple[cs.HarnessCalibration, float]:
+    """EI/w and one roll of each grip, and the roll that the grips had where this fit began."""
+    fit = ["bending_stiffness", *(f"roll:{end}" for end in learn[0].ends)]
+    fits = [
+        (cs.calibrate([turned(x, r) for x in learn], one.harness, fit, proceed=lambda i, _: i <= ITERATIONS), r)
+        for r in ROLLS
+    ]
+    return min(fits, key=lambda fit: fit[0].scale)
+
+
 def off(found: cs.HarnessCalibration, seen: list[cs.HarnessObservation]) -> np.ndarray:
     """(n, 3) [m]: mean distance of all vertices of each observation, of the parent's, and of the children's."""
     rows = []
@@ -81,7 +105,20 @@ def straight(frames: Branched, which: np.ndarray) -> np.ndarray:
     return np.column_stack((total, both))
 
 
-def judge(frames: Branched, quick: bool) -> dict[str, Any]:
+def whole(name: str, frames: Branched, folder: Path) -> dict[str, np.ndarray]:
+    """Calm frames of the object's recordings, EI/w fitted to frames of other trajectories; empty without recordings."""
+    found = recorded(name, folder)
+    if found is None:
+        return {}
+    seen, inside = found
+    learn = np.flatnonzero(np.isin(frames.kind, CALM) & ~frames.other_day & ~np.isin(frames.traj, inside))
+    rows = {WHOLE_STRAIGHT: straight(seen, np.arange(len(seen.static)))}
+    for row, own, those in ((WHOLE, frames.static, seen.static), (WHOLE_MOVING, frames.moving, seen.moving)):
+        rows[row] = off(cs.calibrate([own[i] for i in learn], frames.measured(learn)), those)
+    return rows
+
+
+def judge(frames: Branched, quick: bool, folder: Path) -> dict[str, Any]:
     """All rows for one object: distances (n, 3) in % of the parent's length, of frames that were not fitted."""
     rows: dict[str, list[np.ndarray]] = {}
     order: list[np.ndarray] = []
@@ -105,6 +142,8 @@ def judge(frames: Branched, quick: bool) -> dict[str, Any]:
             (ALL_MOVING, found, swung),
         ):
             put(row, off(fit, seen))
+        held, roll = rolled(one, [frames.static[i] for i in learn])
+        put(ROLLED, off(held, [turned(x, roll) for x in still]))
         faster = frames.where(FASTER, part, True)
         put(FAST_STRAIGHT, straight(frames, faster))
         put(FAST, off(found, [frames.static[i] for i in faster]))
@@ -116,6 +155,8 @@ def judge(frames: Branched, quick: bool) -> dict[str, Any]:
         seen = [frames.static[i] for i in inside]
         for row, fit in ((DAY_ONE, fits[0][0]), (DAY_ALL, fits[0][1]), (DAY_OWN, own)):
             put(row, off(fit, seen))
+    for row, values in whole(frames.name, frames, folder).items():
+        put(row, values)
     which = np.concatenate(order)
     return {
         "rows": {row: np.concatenate(values) for row, values in rows.items()},
@@ -132,7 +173,7 @@ def branched(figures: Figures, quick: bool, folder: Path) -> dict[str, Any]:
     print("Swivels at both grips: roll was not measured. Calibrated: static, and judged with both loads.")
     done = {}
     for name in tqdm(objects(folder), desc="objects"):
-        done[name] = judge(load(name, PARTS, folder), quick)
+        done[name] = judge(load(name, PARTS, folder), quick, folder)
         told = {row: np.nanmean(values, axis=0) for row, values in done[name]["rows"].items()}
         tqdm.write(f"{name}: " + "; ".join(f"{row} {_cell(mean)}" for row, mean in told.items()))
     table(done)

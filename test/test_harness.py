@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import cable_shape as cs
+from cable_shape.harness_predictor import HarnessPredictor
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "scripts"))
 from harness_random import balance, random_harness
@@ -35,6 +36,7 @@ def fork(kind: str = "rigid", mass: float = 0.0, arm: cs.Cable | None = None) ->
 
 
 ENDS = {"a.start": START, "b.end": END}
+POINTS = np.full((3, 3), 0.1)
 
 
 # -- shapes
@@ -369,7 +371,10 @@ def joined(*ends: str, **keywords: object) -> cs.Harness:
         (lambda: cs.Harness({}), r"segments = \{\}"),
         (lambda: cs.Harness({"a": "cable"}), r"segments\['a'\] = 'cable' .* must be a Cable"),
         (lambda: cs.Harness({"a/b": CABLE}), r"'/' is not allowed"),
-        (lambda: cs.Harness({"a": CABLE.replace(tails={"end": 0.1})}), r"segments\['a'\].tails"),
+        (
+            lambda: fork().replace(segments={**fork().segments, "a": CABLE.replace(tails={"end": 0.1})}),
+            r"segments\['a'\].tails = {'end': 0.1} .* a.end is in junction 'fork'",
+        ),
         (lambda: cs.Harness({"a": cs.Cable(1.0, 0.1, 0.0)}), r"segments\['a'\].bending_stiffness"),
         (lambda: cs.predict(fork(), {"a.end": START}), r"'a.end' .* in junction 'fork'"),
         (lambda: cs.predict(fork(), {"d.end": START}), r"'d.end' .* no such end .* a.start, b.end, c.end"),
@@ -388,10 +393,6 @@ def joined(*ends: str, **keywords: object) -> cs.Harness:
             lambda: cs.predict(CABLE, START, END, scene=cs.Scene(masses=[cs.PointMass(0.1, 0.1, segment="a")])),
             r"PointMass.segment = 'a' .* a cable has no segments",
         ),
-        (
-            lambda: cs.predict(fork(), ENDS, scene=cs.Scene(clips=[cs.Clip(0.1, END, "slide", segment="a")])),
-            r"clips\[0\].kind = 'slide'",
-        ),
         (lambda: cs.predict(fork(), ENDS, acceleration={"x": (0, 0, 0)}), r"unknown key 'x'"),
         (lambda: cs.predict(fork(), ENDS, acceleration={"a": (0, 0)}), r"segment 'a': acceleration"),
         (lambda: cs.Predictor("cable"), r"cable = 'cable' .* a Cable or a Harness"),
@@ -402,6 +403,36 @@ def joined(*ends: str, **keywords: object) -> cs.Harness:
 def test_bad_input_names_the_part(make, told):
     with pytest.raises(cs.ArgumentError, match=told):
         make()
+
+
+@pytest.mark.parametrize(
+    ("make", "told"),
+    [
+        (lambda h, c: cs.stress_of(h, cs.predict(c, START, END)), r"cable = Harness\(.* must be a Cable"),
+        (lambda h, c: cs.stress_of(c, cs.predict(h, ENDS)), r"shape = HarnessShape\(.* must be a CableShape"),
+        (lambda h, c: cs.predict_tails(h, START, END), r"cable = Harness\(.* must be a Cable"),
+        (lambda h, c: cs.predict_tube(h, START, END), r"found = Harness\(.* must be a Calibration"),
+        (lambda h, c: HarnessPredictor(c), r"harness = Cable\(.* must be a Harness"),
+        (lambda h, c: cs.Harness({"a": h}), r"segments\['a'\] = Harness\(.* must be a Cable"),
+        (lambda h, c: cs.calibrate([cs.HarnessObservation({}, {"a": POINTS})], c), r"must be a Observation"),
+        (lambda h, c: cs.calibrate([cs.Observation(START, END, POINTS)], h), r"must be a HarnessObservation"),
+        (lambda h, c: cs.predict_batch(h, START.array[None], END.array[None]), r"ends = .* it is known of cables only"),
+        (lambda h, c: cs.predict_batch(c, {"a.start": START.array[None]}, None), r"starts = .* must be numbers"),
+        (lambda h, c: cs.Cycle({"c": c}).step({"c": ENDS}, 0), r"grips\['c'\] = .* must be \(start, end\)"),
+        (lambda h, c: cs.Cycle({"h": h}).step({"h": (START, END)}, 0), r"ends = .* must be a Mapping"),
+        (
+            lambda h, c: cs.check_trajectory(h, None, None, cs.GripPath(START.array[None], END.array[None])),
+            r"the ends of a harness have names",
+        ),
+        (
+            lambda h, c: cs.check_trajectory(c, None, None, cs.EndsPath({"a.start": START.array[None]})),
+            r"trajectory = .* must be a JointPath, a GripPath",
+        ),
+    ],
+)
+def test_a_harness_where_a_cable_is_asked_and_the_reverse(make, told):
+    with pytest.raises(cs.ArgumentError, match=told):
+        make(fork(), CABLE)
 
 
 def test_a_harness_in_two_parts_is_held_in_both():

@@ -134,6 +134,25 @@ def test_points_on_several_segments_are_on_the_nearest_or_at_their_arc_length() 
     assert np.abs(missed(cs.HarnessObservation(ENDS, points, {"t + u": where[::-1].copy()}), shape)).max() > 0.1
 
 
+def test_rolls_of_grips_are_found_again() -> None:
+    true, rolls = harness(), {"t.start": 0.4, "u.end": -0.3}
+    looks = []
+    for look in seen(true, np.random.default_rng(7), 4):
+        ends = {}
+        for end, grip in look.ends.items():
+            assert isinstance(grip, cs.Grip)
+            half = 0.5 * rolls[end]
+            back = cs.Pose(quaternion=(0.0, 0.0, -math.sin(half), math.cos(half)))
+            ends[end] = cs.Grip(grip.pose, "clamped", back)
+        looks.append(cs.HarnessObservation(ends, look.points))
+    found = cs.calibrate(true, looks, ("bending_stiffness", *(f"roll:{end}" for end in rolls)))
+    for end, roll in rolls.items():
+        assert found[f"roll:{end}"].value == pytest.approx(roll, abs=0.01)
+    held = found.held(looks[0].ends)["u.end"]
+    assert isinstance(held, cs.Grip)
+    assert held.cable_frame.quaternion == pytest.approx(ALONG, abs=0.01)
+
+
 def test_derivatives_are_those_of_shapes_solved_anew() -> None:
     true = harness()
     looks = seen(true, np.random.default_rng(4), 2)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from recordings import BEGIN, PERIOD, Entry, joints_entry, pose_entry, write_bag
+from recordings import BEGIN, PERIOD, Entry, joints_entry, markers_entry, pose_entry, write_bag
 from replays import messages, report_of
 
 import cable_shape as cs
@@ -131,6 +131,71 @@ def test_the_command_line_replays_a_harness(tmp_path: Path, file: Path, capsys: 
     np.testing.assert_allclose(message.positions.reshape(-1, 3), alone.segments["c"].positions, atol=2e-5)
 
 
+SEEN = {"a+b": (0.0, 0.25, 0.55, 0.8, 1.1, 1.2), "c": (0.1, 0.2, 0.3)}
+SWAY = np.array((0.0, 1.5, 0.0))  # m/s^2
+
+
+def swaying(file: Path, counts: int = 9) -> list[Entry]:
+    """Poses and markers of a harness that is accelerated evenly: in its own frame it is at rest."""
+    harness, held = cs.Harness.from_yaml(file), ("a.start", "b.end", "c.end")
+    ends = {end: cs.Pose(places(0)[end], ALONG) for end in held}
+    shape = cs.predict(harness, ends, points=601, acceleration=dict.fromkeys(harness.segments, SWAY))
+    points = []
+    for run, arcs in SEEN.items():
+        for s in arcs:
+            name, at = ("b", s - 0.6) if run == "a+b" and s > 0.6 else (run[0], s)
+            one = shape.segments[name]
+            points.append([np.interp(at, one.arc_length, x) for x in one.positions.T])
+    entries = []
+    for k in range(40):
+        stamp, way = BEGIN + 10_000_000 * k, 0.5 * SWAY * (0.01 * k) ** 2
+        for end in held:
+            topic = f"/h/{end.replace('.', '_')}/pose"
+            entries.append(pose_entry(topic, stamp, tuple(places(0)[end] + way), ALONG))
+        entries.append(markers_entry(stamp, (np.array(points) + way)[:counts]))
+    return entries
+
+
+def test_markers_are_compared_with_their_segments_and_their_motion_loads_them(tmp_path: Path, file: Path) -> None:
+    bag = write_bag(tmp_path / "bag", swaying(file))
+    file.write_text(HARNESS + f"markers: {{a+b: {list(SEEN['a+b'])}, c: {list(SEEN['c'])}}}\n")
+    known = cs.Uncertainty({"bending_stiffness": 0.1}, misses=0.05)
+    still = run(bag, tmp_path / "still", file, uncertainty=known)
+    moving = run(bag, tmp_path / "moving", file, inertia=True, rrd=True, points=150)
+    assert still.markers is not None
+    assert moving.markers is not None
+    figures = [outcome.markers.figures() for outcome in (still, moving)]
+    assert [found.distances for found in figures] == [40 * 6] * 2  # three of the nine sit at grips
+    assert figures[0].with_tube == 240
+    assert 0.0 < figures[0].inside < 1.0
+    assert moving.inertia.cycles == 40
+    assert figures[0].worst > 2e-3
+    assert figures[1].worst < 0.1 * figures[0].worst
+    report = report_of(tmp_path / "moving")
+    assert report["markers"]["frames_compared"] == 40
+    assert report["inertia"]["cycles"] == 40
+
+
+def test_another_number_of_markers_than_the_file_tells_is_refused(tmp_path: Path, file: Path) -> None:
+    bag = write_bag(tmp_path / "bag", swaying(file, counts=8))
+    file.write_text(HARNESS + f"markers: {{a+b: {list(SEEN['a+b'])}, c: {list(SEEN['c'])}}}\n")
+    outcome = run(bag, tmp_path / "out", file)
+    (refused,) = outcome.refusals
+    assert (refused.count, refused.reason) == (40, "other number")
+    assert refused.example == "8 markers came, the harness's file tells of 9"
+    for markers, told in (
+        ("{d: [0.1]}", "markers.d: unknown key 'd'"),
+        ("{c: [0.4]}", r"markers.c = \[0.4\] .* arc lengths from 0 to 0.3 m"),
+        ("[0.1]", "must be a mapping|Mapping"),
+    ):
+        file.write_text(HARNESS + f"markers: {markers}\n")
+        with pytest.raises(cs.ArgumentError, match=told):
+            HarnessFile.from_yaml(file)
+    file.write_text(HARNESS + "markers: {c: [0.1]}\n")
+    read = HarnessFile.from_yaml(file)
+    assert HarnessFile.from_mapping(read.as_dict()).markers == read.markers == {"c": (0.1,)}
+
+
 @pytest.mark.parametrize(
     ("options", "told"),
     [
@@ -142,7 +207,7 @@ def test_the_command_line_replays_a_harness(tmp_path: Path, file: Path, capsys: 
             ["--held-ends", "a.start,b.end", "--end-topic", "c.end=/c"],
             "this end is not held. Held are: a.start, b.end.",
         ),
-        (["--inertia"], "inertia = True is not allowed: it is known of cables only"),
+        (["--inertia"], "inertia = True is not allowed: the harness's file does not say where its markers are"),
         (["--held-ends", "a.start,b.end", "--model", "catenary"], "model = 'catenary' is not allowed"),
         ([], "has no topic /h/c_end/pose. Only these grippers were recorded: /h/a_start/pose, /h/b_end/pose."),
     ],

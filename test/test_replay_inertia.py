@@ -182,12 +182,12 @@ def test_the_tube_counts_where_the_marker_is() -> None:
     np.testing.assert_allclose(distances, (0.3, 1.0, 0.2))
     np.testing.assert_allclose(places, (0.5, 2.0, 1.0))
     comparison = MarkerComparison(length=2.0, max_skew=1)
-    comparison.add_shape(0, line, np.array((0.0, 0.4, 0.0)))
+    comparison.add_shape(0, [line], [np.array((0.0, 0.4, 0.0))])
     comparison.add_markers(0, np.array(((0, 0, 0), (0.5, 0.21, 0.0), (1.0, 0.39, 0.0), (1.75, 0.09, 0), (2, 0, 0))))
     figures = comparison.figures()
     assert figures is not None
     assert (figures.with_tube, figures.inside) == (3, pytest.approx(2 / 3))  # radii 0.2, 0.4 and 0.1
-    comparison.add_shape(2, line)  # a shape without a tube
+    comparison.add_shape(2, [line])  # a shape without a tube
     comparison.add_markers(2, np.array(((0, 0, 0), (1.0, 0.1, 0.0), (2, 0, 0))))
     figures = comparison.figures()
     assert figures is not None

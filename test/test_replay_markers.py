@@ -72,8 +72,8 @@ def test_markers_go_with_the_shape_nearest_in_time_in_whatever_order_they_come()
     above = [np.array(((0.0, 0.0, 0.0), (0.5, 0.0, height), (1.0, 0.0, 0.0))) for height in (0.1, 0.2, 0.3)]
     comparison = MarkerComparison(length=2.0, max_skew=4)
     comparison.add_markers(0, above[0])  # before any shape
-    comparison.add_shape(1, line)
-    comparison.add_shape(10, line + np.array((0.0, 0.0, 0.1)))
+    comparison.add_shape(1, [line])
+    comparison.add_shape(10, [line + np.array((0.0, 0.0, 0.1))])
     comparison.add_markers(8, above[1])  # nearer to 10
     comparison.add_markers(12, above[2])  # waits for the end
     comparison.add_shape(30, None)

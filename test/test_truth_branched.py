@@ -14,7 +14,8 @@ import cable_shape as cs
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "scripts"))
 from branched_data import BRANCHED, load, objects
-from truth_branched import CALM, STRAIGHT, calibrated, fit_of, off, straight, table
+from branched_recordings import recorded as whole_recordings
+from truth_branched import CALM, STRAIGHT, calibrated, fit_of, off, rolled, straight, table, turned
 
 recorded = pytest.mark.skipif(
     not BRANCHED.is_dir(), reason=f"no recordings of branched cables at {'/'.join(BRANCHED.parts[-3:])}"
@@ -140,3 +141,29 @@ def test_the_object_held_in_its_middle_hangs_from_a_clip() -> None:
     (clip,) = frames.static[0].scene.clips
     assert clip.segment == "p0"
     assert 0.15 < clip.arc_length < frames.static[0].lengths["p0"]
+
+
+@recorded
+def test_calm_frames_of_recordings_are_those_of_the_same_object() -> None:
+    """Mean distances, % of the parent's length: what one EI/w reaches on frames that nobody chose."""
+    found = whole_recordings("bdlo3", BRANCHED)
+    assert found is not None
+    seen, inside = found
+    frames = load("bdlo3", 3)
+    assert set(inside) <= set(frames.traj)
+    assert set(seen.traj) == {0, 1}
+    assert seen.static[0].ends.keys() == frames.static[0].ends.keys()
+    learn = np.flatnonzero(np.isin(frames.kind, CALM) & ~np.isin(frames.traj, inside))[::4]
+    one = cs.calibrate([frames.static[i] for i in learn], frames.measured(learn))
+    scale = 100.0 / frames.length
+    assert scale * straight(seen, np.arange(len(seen.static)))[:, 0].mean() > 15.0
+    assert scale * off(one, seen.static[::4])[:, 0].mean() < 2.8
+    assert whole_recordings("bdlo4", BRANCHED) is None
+
+
+def test_rolls_of_the_grips_are_fitted_about_those_of_tools_that_turn_little(folder: Path) -> None:
+    frames = load("made", 3, folder)
+    one = cs.calibrate(frames.static, frames.measured(np.arange(6)))
+    found, roll = rolled(one, frames.static[:3])
+    assert {name for name in found.parameters.names if name.startswith("roll:")} == {"roll:p0.start", "roll:p1.end"}
+    assert np.isfinite(off(found, [turned(frames.static[5], roll)])).all()

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from cable_shape import checks
 from cable_shape.cable import Cable
-from cable_shape.calibration.fitted import elsewhere, fitted, owners_of
+from cable_shape.calibration.fitted import fitted, told_of_fit
 from cable_shape.calibration.forward import Forward
 from cable_shape.calibration.harness_fit import calibrate_harness
 from cable_shape.calibration.harness_observation import HarnessObservation
@@ -19,7 +19,7 @@ from cable_shape.calibration.harness_result import HarnessCalibration
 from cable_shape.calibration.observation import Observation
 from cable_shape.calibration.parameters import ROWS, Parameters
 from cable_shape.calibration.progress import Progress
-from cable_shape.calibration.result import Calibration, correlation_of, estimates_of, grips_of, remarks_of
+from cable_shape.calibration.result import Calibration, grips_of
 from cable_shape.calibration.supports import Task, supports_of
 from cable_shape.errors import ArgumentError
 from cable_shape.harness import Harness
@@ -133,32 +133,13 @@ def calibrate(
                 "Is its length in metres, and at least the distance of the grips?",
             )  # fmt: skip
         found = fitted(forward, told.step)
-    each = parameters.each
-    correlation = correlation_of(found.covariance)
-    owners = owners_of(seen)
-    lost = len(np.unique(owners[np.isnan(found.misses[:, 0])]))
     return Calibration(
         cable=parameters.make_cable(found.values),
-        estimates=estimates_of(each, found.values, found.covariance, found.freedom),
-        correlation=correlation,
-        scale=found.scale,
-        distances=np.linalg.norm(found.misses, axis=1),
-        weights=found.weights,
-        iterations=found.iterations,
-        converged=found.converged,
-        remarks=(
-            *chosen,
-            *remarks_of(each, found.covariance, correlation, found.blind, found.converged, lost),
-            *parameters.by_prior(found.covariance),
-            *_direction(names, seen),
-            *elsewhere(found, owners),
+        **told_of_fit(
+            found, parameters, seen, chosen, (*parameters.by_prior(found.covariance), *_direction(names, seen))
         ),
         points=tuple(o.points for o in seen),
         centrelines=tuple(forward.centrelines(found.values)),
-        parameters=parameters,
-        values=found.values,
-        covariance=found.covariance,
-        freedom=found.freedom,
         inertia=math.sqrt(sum(inertia_of(o.acceleration, gravity) ** 2 for o in seen) / len(seen)),
         grips=grips_of(seen, parameters, found.values),
     )

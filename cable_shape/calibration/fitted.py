@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from cable_shape.calibration.parameters import Parameter
+from cable_shape.calibration.result import correlation_of, estimates_of, remarks_of
 from cable_shape.calibration.robust import Fit, Robust
 from cable_shape.checks import Array
 
@@ -104,3 +105,26 @@ def elsewhere(found: Fit, owners: Array) -> Iterator[str]:
         count += followed < _NEARER * fresh
     if count:
         yield f"{count} observations are nearer to another stable shape than to the one predicted from nothing."
+
+
+def told_of_fit(
+    found: Fit, parameters: Numbers, seen: Sequence[Look], first: Sequence[str] = (), more: Sequence[str] = ()
+) -> dict[str, Any]:
+    """What a calibration says of its fit; `first` and `more`: remarks before and among those that all fits have."""
+    correlation, owners = correlation_of(found.covariance), owners_of(seen)
+    lost = len(np.unique(owners[np.isnan(found.misses[:, 0])]))
+    usual = remarks_of(parameters.each, found.covariance, correlation, found.blind, found.converged, lost)
+    return {
+        "estimates": estimates_of(parameters.each, found.values, found.covariance, found.freedom),
+        "correlation": correlation,
+        "scale": found.scale,
+        "distances": np.linalg.norm(found.misses, axis=1),
+        "weights": found.weights,
+        "iterations": found.iterations,
+        "converged": found.converged,
+        "remarks": (*first, *usual, *more, *elsewhere(found, owners)),
+        "parameters": parameters,
+        "values": found.values,
+        "covariance": found.covariance,
+        "freedom": found.freedom,
+    }

@@ -8,13 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cable_shape import checks
-from cable_shape.calibration.fitted import elsewhere, fitted, owners_of
+from cable_shape.calibration.fitted import fitted, told_of_fit
 from cable_shape.calibration.harness_forward import HarnessForward
 from cable_shape.calibration.harness_observation import HarnessObservation
 from cable_shape.calibration.harness_parameters import HarnessParameters
 from cable_shape.calibration.harness_result import HarnessCalibration
 from cable_shape.calibration.progress import Progress
-from cable_shape.calibration.result import correlation_of, estimates_of, remarks_of
 from cable_shape.errors import ArgumentError
 from cable_shape.harness import Harness
 from cable_shape.problem import GRAVITY
@@ -85,24 +84,6 @@ def calibrate_harness(
             thin = HarnessForward(parameters, looks[:: len(looks) // _FIRST], gravity=gravity)
             begin = fitted(thin, told.step).values
         found = fitted(forward, told.step, begin)
-    correlation = correlation_of(found.covariance)
-    owners = owners_of(forward.observations)
-    lost = len(np.unique(owners[np.isnan(found.misses[:, 0])]))
     return HarnessCalibration(
-        harness=parameters.make(found.values),
-        estimates=estimates_of(parameters.each, found.values, found.covariance, found.freedom),
-        correlation=correlation,
-        scale=found.scale,
-        distances=np.linalg.norm(found.misses, axis=1),
-        weights=found.weights,
-        iterations=found.iterations,
-        converged=found.converged,
-        remarks=(
-            *remarks_of(parameters.each, found.covariance, correlation, found.blind, found.converged, lost),
-            *elsewhere(found, owners),
-        ),
-        parameters=parameters,
-        values=found.values,
-        covariance=found.covariance,
-        freedom=found.freedom,
+        harness=parameters.make(found.values), **told_of_fit(found, parameters, forward.observations)
     )

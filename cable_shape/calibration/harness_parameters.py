@@ -18,6 +18,7 @@ from cable_shape.errors import ArgumentError, UnknownKeyError
 from cable_shape.harness import Harness, Junction
 from cable_shape.harness_problem import End
 from cable_shape.pose import Grip, Pose
+from cable_shape.section import changed
 
 #: Kind of number -> (its components, unit, step of the finite differences, largest step at once, whether its logarithm
 #: is fitted); of segments, then of ends.
@@ -71,6 +72,7 @@ class HarnessParameters:
     def __init__(self, harness: Harness, fit: str | Sequence[str], priors: Mapping[str, float] | None = None) -> None:
         given = (fit,) if isinstance(fit, str) else checks.entries("fit", fit, str, _WRITE)
         self.harness = harness
+        meant = {one: name for name in given for one in _spelt_out(name, harness)}
         names = [one for name in given for one in _spelt_out(name, harness)]
         kinds = {name.partition(":")[0] for name in names}
         known = checks.mapping("priors", priors, (*names, *kinds, *given), "Write {name: standard deviation}.")
@@ -83,9 +85,8 @@ class HarnessParameters:
             self._refuse_twice(target)
             self.targets.append(target)
             _, unit, step, most, log = KNOWN[target.kind]
-            prior = spread.get(name, spread.get(target.kind, math.inf))
-            if target.kind == "tilt" and FRAMES in spread and harness.junction_of(target.of[0]):
-                prior = spread.get(name, spread[FRAMES])
+            known_by = (key for key in (name, meant[name], target.kind) if key in spread)
+            prior = spread.get(next(known_by, ""), math.inf)
             self.each += [Parameter(part, unit, step, most, log, prior) for part in target.parts]
             start += self._start(target)
         if not names:
@@ -142,7 +143,7 @@ class HarnessParameters:
             if "bending_stiffness" in change:
                 ratio = change["bending_stiffness"][0] / cable.bending_stiffness[0]
                 change.setdefault("twisting_stiffness", ratio * cable.twisting_stiffness)
-            cables[name] = cable.replace(**change) if change else cable
+            cables[name] = changed(cable, **change) if change else cable
         return Harness(cables, [self._junction(junction, values) for junction in self.harness.junctions])
 
     def _change(self, target: Target, values: Array, changes: dict[str, dict[str, Any]]) -> None:

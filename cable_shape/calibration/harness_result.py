@@ -14,9 +14,8 @@ from cable_shape.cable import STANDARD_GRAVITY
 from cable_shape.calibration.harness_forward import missed, problem_of
 from cable_shape.calibration.harness_observation import HarnessObservation
 from cable_shape.calibration.harness_parameters import HarnessParameters
-from cable_shape.calibration.result import STRAY, Estimate, misses_in_words, trouble_of
+from cable_shape.calibration.result import STRAY, Estimate, Found, misses_in_words, trouble_of
 from cable_shape.checks import Array
-from cable_shape.errors import UnknownKeyError
 from cable_shape.files import path_of
 from cable_shape.harness import Harness
 from cable_shape.harness_problem import End
@@ -27,7 +26,7 @@ from cable_shape.solve import harness_search
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
-class HarnessCalibration:
+class HarnessCalibration(Found):
     """The calibrated harness and how well it is known.
 
     harness : the calibrated harness.
@@ -54,13 +53,6 @@ class HarnessCalibration:
     values: Array
     covariance: Array
     freedom: int
-
-    def __getitem__(self, name: str) -> Estimate:
-        """The estimate of this name."""
-        for estimate in self.estimates:
-            if estimate.name == name:
-                return estimate
-        raise UnknownKeyError.among("estimates", name, (e.name for e in self.estimates))
 
     @property
     def trouble(self) -> str:

@@ -14,6 +14,7 @@ from cable_shape.cable import Cable
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError, UnknownKeyError
 from cable_shape.pose import FreeEnd, Grip, Pose
+from cable_shape.section import changed
 
 #: Hat functions of a rest curvature that varies along the cable: it is linear between so many supports, evenly spread,
 #: unless another number is given, which may be so large.
@@ -191,7 +192,7 @@ class Parameters:
             changes["rest_curvature"] = (now["rest_curvature_1"], now["rest_curvature_2"], cable.rest_curvature[2])
         if ALONG in self.names:
             changes["rest_curvature"] = self._along(np.asarray(values)[self._bends])
-        return cable.replace(**changes) if changes else cable
+        return changed(cable, **changes) if changes else cable
 
     def _along(self, now: Array) -> Array:
         """(n, 3) [1/m]: the cable's own table, changed by hat functions to have these values (2 supports,) there."""

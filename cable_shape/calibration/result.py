@@ -51,9 +51,31 @@ class Estimate:
         return f"{self.value:.4g} {self.unit}, standard error {error}, 95 %: {self.low:.4g} to {self.high:.4g}"
 
 
+class Found:
+    """What calibrations of cables and of harnesses tell alike."""
+
+    __slots__ = ()
+    estimates: tuple[Estimate, ...]
+    distances: Array
+    weights: Array
+
+    def __getitem__(self, name: str) -> Estimate:
+        """The estimate of this name."""
+        for estimate in self.estimates:
+            if estimate.name == name:
+                return estimate
+        raise UnknownKeyError.among("estimates", name, (e.name for e in self.estimates))
+
+    def miss_quantile(self, share: float) -> float:
+        """[m], below which that share of the misses is, stray points left out; 0 without points."""
+        part = checks.number("share", share, at_least=0.0, at_most=1.0)
+        kept = self.distances[self.weights > STRAY]
+        return float(np.quantile(kept, part)) if len(kept) else 0.0
+
+
 @final
 @dataclass(frozen=True, slots=True, eq=False)
-class Calibration:
+class Calibration(Found):
     """The calibrated cable and how well it is known.
 
     cable : the calibrated cable.
@@ -88,13 +110,6 @@ class Calibration:
     inertia: float = 0.0
     grips: tuple[Held, Held] = (AS_GIVEN, AS_GIVEN)
 
-    def __getitem__(self, name: str) -> Estimate:
-        """The estimate of this name."""
-        for estimate in self.estimates:
-            if estimate.name == name:
-                return estimate
-        raise UnknownKeyError.among("estimates", name, (e.name for e in self.estimates))
-
     @property
     def trouble(self) -> str:
         """Why this is no calibration, with the remedy; empty if it is one.
@@ -108,12 +123,6 @@ class Calibration:
     def file(self) -> CableFile:
         """The cable and its grips: ``found.file.start.grip(pose)`` is a start as this calibration has it."""
         return CableFile(self.cable, *self.grips)
-
-    def miss_quantile(self, share: float) -> float:
-        """[m], below which that share of the misses is, stray points left out; 0 without points."""
-        part = checks.number("share", share, at_least=0.0, at_most=1.0)
-        kept = self.distances[self.weights > STRAY]
-        return float(np.quantile(kept, part)) if len(kept) else 0.0
 
     def report(self) -> str:
         """In words, one line each."""

@@ -141,6 +141,30 @@ def from_bag(
     unless `group` is given. inertia: accelerations of the markers, second differences of what was recorded (smoothed
     over 0.11 s at 100 Hz), load the cable.
     """
+    left, right, markers = tracked(path, left_topic, right_topic, markers_topic)
+    seen = [i for i in range(len(left)) if left[i] is not None and right[i] is not None]
+    if not seen:
+        raise BagError(f"{path}: no markers within {_MAX_SKEW * 1e-6:g} ms of both grippers' poses.")
+    moving = accelerations(markers) if inertia else None
+    chosen = [seen[i] for i in np.unique(np.linspace(0, len(seen) - 1, frames).round().astype(int))]
+    return [
+        Observation(
+            Grip(Pose(left[i][:3], left[i][3:]), kinds[0]),
+            Grip(Pose(right[i][:3], right[i][3:]), kinds[1]),
+            markers[i][1][1:-1],
+            acceleration=None if moving is None else moving[i],
+            group=group,
+        )
+        for i in chosen
+        if moving is None or np.isfinite(moving[i]).all()
+    ]
+
+
+def tracked(
+    path: str | Path, left_topic: str, right_topic: str, markers_topic: str
+) -> tuple[list[Array | None], list[Array | None], list[tuple[int, Array]]]:
+    """Of each frame of markers in a recording the poses (7,) of both grippers, None where there is none near enough in
+    time, and its stamp [ns] with the markers (m, 3) [m]."""
     from cable_shape.replay.bags import Bag
     from cable_shape.replay.inputs import positions_of, stamp_of
 
@@ -155,23 +179,8 @@ def from_bag(
     for topic, track in tracks.items():
         if not track:
             raise BagError(f"{path}: there is no message of {topic}. Name the topics, or record them.")
-    left, right = (_at(tracks[topic], tracks[markers_topic]) for topic in (left_topic, right_topic))
-    seen = [i for i in range(len(left)) if left[i] is not None and right[i] is not None]
-    if not seen:
-        raise BagError(f"{path}: no markers within {_MAX_SKEW * 1e-6:g} ms of both grippers' poses.")
-    moving = accelerations(tracks[markers_topic]) if inertia else None
-    chosen = [seen[i] for i in np.unique(np.linspace(0, len(seen) - 1, frames).round().astype(int))]
-    return [
-        Observation(
-            Grip(Pose(left[i][:3], left[i][3:]), kinds[0]),
-            Grip(Pose(right[i][:3], right[i][3:]), kinds[1]),
-            tracks[markers_topic][i][1][1:-1],
-            acceleration=None if moving is None else moving[i],
-            group=group,
-        )
-        for i in chosen
-        if moving is None or np.isfinite(moving[i]).all()
-    ]
+    markers = tracks[markers_topic]
+    return _at(tracks[left_topic], markers), _at(tracks[right_topic], markers), markers
 
 
 def _at(track: list[tuple[int, Array]], markers: list[tuple[int, Array]]) -> list[Any]:
@@ -184,11 +193,12 @@ def _at(track: list[tuple[int, Array]], markers: list[tuple[int, Array]]) -> lis
     return out
 
 
-def accelerations(markers: Sequence[tuple[int, Array]]) -> Array:
+def accelerations(markers: Sequence[tuple[int, Array]], along: Array | None = None) -> Array:
     """(n, rows, 3) [m/s^2], world, uniform along the cable, from frames of markers: a stamp [ns] and (m, 3) [m] each.
 
     Second derivatives of cubics through 0.11 s of what was recorded. NaN where in that time a marker was lost (NaN), or
-    a frame is missing.
+    a frame is missing. along: (m,), at which share of the length markers are, rising; default: as far apart as they are
+    seen, the first and the last at the ends.
 
     Raises
     ------
@@ -203,14 +213,15 @@ def accelerations(markers: Sequence[tuple[int, Array]]) -> Array:
     if window == 0 or len(markers) < window or len({track.shape for _, track in markers}) > 1:
         raise BagError("inertia needs frames of one number of markers, evenly recorded, for 0.11 s at least.")
     places = np.array([track for _, track in markers])
-    if places.shape[1] < 2:
+    if places.shape[1] < 2 and along is None:
         raise BagError("inertia needs markers along the cable, the first and the last at the grips.")
     lost = ~np.isfinite(places).all(axis=(1, 2))
     uneven = np.abs(np.diff(stamps) - period) > 0.5 * period
-    arc = np.nancumsum(np.nanmedian(np.linalg.norm(np.diff(places, axis=1), axis=2), axis=0))
+    if along is None:
+        arc = np.nancumsum(np.nanmedian(np.linalg.norm(np.diff(places, axis=1), axis=2), axis=0))
+        along = np.concatenate(((0.0,), arc)) / arc[-1]
     places[lost] = 0.0
     at_markers = savgol_filter(places, window, 3, deriv=2, delta=period, axis=0)
-    fraction = np.concatenate(((0.0,), arc)) / arc[-1]
     rows = np.linspace(0.0, 1.0, _ROWS)
     out = np.full((len(markers), _ROWS, 3), np.nan)
     for i in range(len(markers)):
@@ -218,5 +229,5 @@ def accelerations(markers: Sequence[tuple[int, Array]]) -> Array:
         if lost[first : first + window].any() or uneven[first : first + window - 1].any():
             continue
         for axis in range(3):
-            out[i, :, axis] = np.interp(rows, fraction, at_markers[i, :, axis])
+            out[i, :, axis] = np.interp(rows, along, at_markers[i, :, axis])
     return out

@@ -57,6 +57,8 @@ def predict_tube(
     ArgumentError
         For a calibration with a parameter that its data do not see, and as `cable_shape.predict`.
     """
+    remedy = "Of a harness write Cycle({...}, uncertainty=Uncertainty.of(found))."
+    checks.instance("found", found, (Calibration,), remedy)
     uncertainty = Uncertainty.of(found, start_error, end_error, confidence=confidence)
     near = as_grip("start", start)
     far = FreeEnd() if end is None else end if isinstance(end, FreeEnd) else as_grip("end", end)

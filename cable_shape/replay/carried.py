@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol, final
 
@@ -10,8 +10,9 @@ from cable_shape.cable import Cable
 from cable_shape.cable_file import Held
 from cable_shape.errors import ArgumentError
 from cable_shape.harness import Harness
-from cable_shape.harness_ends import grip_name
-from cable_shape.pose import FreeEnd, Grip, Pose
+from cable_shape.harness_ends import HarnessFile
+from cable_shape.pose import Grip, Pose
+from cable_shape.replay.marked import Marked
 
 if TYPE_CHECKING:
     from cable_shape.replay.outcome import Settings
@@ -31,6 +32,9 @@ class Carried(Protocol):
     @property
     def topics(self) -> tuple[str, ...]: ...
 
+    @property
+    def marked(self) -> Marked | None: ...  # where markers are on it; None: it is not known
+
     def held(self, grips: Sequence[Grip]) -> Any: ...  # for a cycle, from grips of a robot
 
     def at(self, poses: Sequence[Pose]) -> Any: ...  # the same from the poses of `topics`
@@ -47,9 +51,7 @@ def carried(settings: Settings) -> Carried:
     if settings.harness is None:
         assert settings.cable is not None
         return _Cable(settings.cable, (settings.left_topic, settings.right_topic), (settings.start, settings.end))
-    file = settings.harness
-    ends = file.held(settings.held_ends, settings.scene)
-    return _Harness(file.name, file.harness, ends, dict(settings.end_topics))
+    return _Harness(settings.harness.holding(settings.held_ends, settings.scene), settings.end_topics)
 
 
 @final
@@ -60,6 +62,10 @@ class _Cable:
     known: tuple[Held, Held]
     name: str = CABLE
 
+    @property
+    def marked(self) -> Marked:
+        return Marked(self.name, self.what)
+
     def held(self, grips: Sequence[Grip]) -> Any:
         return tuple(known.grip(grip) for known, grip in zip(self.known, grips, strict=True))
 
@@ -69,21 +75,19 @@ class _Cable:
 
 @final
 class _Harness:
-    def __init__(self, name: str, what: Harness, ends: dict[str, Grip | FreeEnd], topics: dict[str, str]) -> None:
-        self.name, self.what = name, what
-        self._grips = {end: held for end, held in ends.items() if isinstance(held, Grip)}
-        self._free = {end: held for end, held in ends.items() if isinstance(held, FreeEnd)}
+    def __init__(self, file: HarnessFile, topics: Mapping[str, str]) -> None:
+        self.file, self.name, self.what = file, file.name, file.harness
         for end in topics:
-            if end not in self._grips:
-                held = ", ".join(self._grips)
+            if end not in file.grips:
+                held = ", ".join(file.grips)
                 raise ArgumentError.of("end_topics", end, "this end is not held", f"Held are: {held}.")
-        self.topics = tuple(topics.get(end, f"/{grip_name(name, end)}/pose") for end in self._grips)
+        names = zip(file.grips, file.grip_names, strict=True)
+        self.topics = tuple(topics.get(end, f"/{name}/pose") for end, name in names)
+        self.marked = Marked(file.name, file) if file.markers else None
+        self.at = file.at
 
     def held(self, grips: Sequence[Grip]) -> Any:
-        if len(grips) != len(self._grips):
+        if len(grips) != len(self.file.grips):
             bound = f"the robot's {len(grips)} grippers move as many ends, the first one the first"
-            raise ArgumentError.of("held_ends", list(self._grips), bound, f"Name {len(grips)} ends.")
-        return {**dict(zip(self._grips, grips, strict=True)), **self._free}
-
-    def at(self, poses: Sequence[Pose]) -> Any:
-        return self.held([grip.at(pose) for grip, pose in zip(self._grips.values(), poses, strict=True)])
+            raise ArgumentError.of("held_ends", list(self.file.grips), bound, f"Name {len(grips)} ends.")
+        return self.file.held_by(grips)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import final
 
@@ -31,6 +32,8 @@ class Inertia:
         Of markers (PoseArray), in their order along the cable, the first and the last at the grips.
     max_skew : int
         [ns], markers further away in time than this are not those of a cycle.
+    runs : sequence of (slice, (m,) or None)
+        Which markers are on each run of what is carried, and at which share of its length, as for `accelerations`.
 
     Raises
     ------
@@ -40,7 +43,13 @@ class Inertia:
 
     source = f"accelerations of the markers, smoothed over {SMOOTHED:g} s"
 
-    def __init__(self, path: Path, topic: str, max_skew: int) -> None:
+    def __init__(
+        self,
+        path: Path,
+        topic: str,
+        max_skew: int,
+        runs: Sequence[tuple[slice, Array | None]] = ((slice(None), None),),
+    ) -> None:
         self.max_skew = max_skew
         self.frame_id: str | None = None  # of the first frame of markers; those in others are left out
         self.cycles = self.without = 0
@@ -64,7 +73,7 @@ class Inertia:
                 except StaleInputError:
                     continue
                 parts[-1].append((stamp, positions_of(message.poses)))
-        self._parts = [_tabled(part) for part in parts]
+        self._parts = [_tabled(part, runs) for part in parts]
         if not any(np.isfinite(table).any() for _, table in self._parts):
             raise BagError(
                 f"{path}: the markers on {topic} tell no acceleration: it takes frames of one number of markers, "
@@ -72,7 +81,7 @@ class Inertia:
             )
 
     def at(self, stamp: int, restarts: int) -> Array | None:
-        """(rows, 3) [m/s^2], world, at a stamp [ns] after so many restarts of the clock; None: it is not known."""
+        """(runs, rows, 3) [m/s^2], world, at a stamp [ns] after so many restarts of the clock; None: not known."""
         found = None
         if restarts < len(self._parts):
             stamps, table = self._parts[restarts]
@@ -86,10 +95,10 @@ class Inertia:
         return found
 
 
-def _tabled(part: list[tuple[int, Array]]) -> tuple[Array, Array]:
-    """Stamps (n,) [ns] and accelerations (n, rows, 3); none where no derivative can be taken."""
+def _tabled(part: list[tuple[int, Array]], runs: Sequence[tuple[slice, Array | None]]) -> tuple[Array, Array]:
+    """Stamps (n,) [ns] and accelerations (n, runs, rows, 3); none where no derivative can be taken."""
     try:
-        table = accelerations(part)
+        tables = [accelerations([(stamp, x[run]) for stamp, x in part], along) for run, along in runs]
     except BagError:
-        return np.empty(0), np.empty((0, 1, 3))
-    return np.array([stamp for stamp, _ in part], dtype=np.int64), table
+        return np.empty(0), np.empty((0, 1, 1, 3))
+    return np.array([stamp for stamp, _ in part], dtype=np.int64), np.stack(tables, axis=1)

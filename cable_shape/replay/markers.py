@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cable_shape.checks import Array
 
 #: Shapes and marker frames kept while the other one of a pair may still come.
 HISTORY = 64
+_Lines = Sequence[Array] | None
 
 
 @final
@@ -39,16 +41,22 @@ class MarkerComparison:
     """Pairs marker frames with shapes by stamp and collects distances of the inner markers to the centreline.
 
     A frame goes with the shape whose stamp is nearest, within `max_skew` [ns]. The first and the last marker are left
-    out: they sit at the grips. The distance is that to the closest point of the polyline through the shape's points;
-    where that is known, the marker is inside the tube if its distance is at most the tube's radius at that point.
+    out: they sit at the grips; `runs` says which markers are compared with which of several lines instead. The distance
+    is that to the closest point of the polyline through the shape's points; where that is known, the marker is inside
+    the tube if its distance is at most the tube's radius at that point.
 
     told: is given the stamp [ns] of each frame that was compared, the distances (m,) [m] of the markers that were seen,
     and the radii of the tube (m,) [m] at the closest points, None without one.
     """
 
     def __init__(
-        self, length: float, max_skew: int, told: Callable[[int, Array, Array | None], None] | None = None
+        self,
+        length: float,
+        max_skew: int,
+        told: Callable[[int, Array, Array | None], None] | None = None,
+        runs: Sequence[slice | NDArray[np.intp]] = (slice(1, -1),),
     ) -> None:
+        self._runs = tuple(runs)
         self.length = length
         self.max_skew = max_skew
         self._told = told
@@ -56,16 +64,16 @@ class MarkerComparison:
         self.unpaired = 0  # without a shape within max_skew
         self.unusable = 0  # whose shape may not be acted on
         self.not_finite = 0  # markers
-        self._shapes: deque[tuple[int, Array | None, Array | None]] = deque(maxlen=HISTORY)
+        self._shapes: deque[tuple[int, _Lines, _Lines]] = deque(maxlen=HISTORY)
         self._waiting: deque[tuple[int, Array]] = deque()
         self._distances: list[Array] = []
         self._with_tube = self._inside = 0  # markers
         self.series: list[tuple[int, float]] = []  # stamp [ns], mean distance of that frame [m]
         self.radii: list[float] = []  # mean of the tube at the markers of each frame of the series [m], NaN for none
 
-    def add_shape(self, stamp: int, positions: Array | None, radius: Array | None = None) -> None:
-        """Takes the centreline (n, 3) [m] of one cycle, None if its shape is not usable, and its tube (n,) [m]."""
-        self._shapes.append((stamp, positions, radius))
+    def add_shape(self, stamp: int, lines: _Lines, radii: _Lines = None) -> None:
+        """Takes the centreline (n, 3) [m] of each run, None if the shape is not usable, and of its tube (n,) [m]."""
+        self._shapes.append((stamp, lines, radii))
         while self._waiting and self._waiting[0][0] <= stamp:
             self._settle(*self._waiting.popleft())
 
@@ -106,20 +114,27 @@ class MarkerComparison:
         if nearest is None or abs(nearest[0] - stamp) > self.max_skew:
             self.unpaired += 1
             return
-        _, line, radius = nearest
-        if line is None:
+        _, lines, radii = nearest
+        if lines is None:
             self.unusable += 1
             return
-        inner = markers[1:-1]
-        finite = np.isfinite(inner).all(axis=1)
-        self.not_finite += int((~finite).sum())
-        if not finite.any():
+        found: list[Array] = []
+        wide: list[Array] = []
+        for i, (run, line) in enumerate(zip(self._runs, lines, strict=True)):
+            inner = markers[run]
+            finite = np.isfinite(inner).all(axis=1)
+            self.not_finite += int((~finite).sum())
+            apart, places = nearest_on_polyline(inner[finite], line)
+            found.append(apart)
+            if radii is not None:
+                wide.append(np.interp(places, np.arange(len(line)), radii[i]))
+        distances = np.concatenate(found)
+        if not len(distances):
             return
-        distances, places = nearest_on_polyline(inner[finite], line)
         self.frames += 1
         self._distances.append(distances)
         self.series.append((stamp, float(distances.mean())))
-        widths = None if radius is None else np.interp(places, np.arange(len(line)), radius)
+        widths = np.concatenate(wide) if wide else None
         self.radii.append(math.nan if widths is None else float(widths.mean()))
         if widths is not None:
             self._with_tube += len(distances)

@@ -42,7 +42,8 @@ class Settings:
     max_skew : [s], gripper poses further apart are not paired; markers and transforms likewise.
     start, end : how the grippers hold the cable, where that is not left to the robot's file or to the defaults of Grip.
     uncertainty : makes a tube about every shape; clearance and warnings are those of the tube then.
-    inertia : whether the markers' accelerations load the cable; else it is predicted as if it were at rest.
+    inertia : whether the markers' accelerations load it; else it is predicted as if it were at rest. Where markers are
+        on a harness is in the key `markers` of its file.
     rrd, picture : whether to write replay.rrd and report.png.
     """
 
@@ -84,11 +85,11 @@ class Settings:
             )
         if (self.cable is None) == (self.harness is None):
             raise ArgumentError("A replay has a cable or a harness. Give one of them.")
-        if self.cable is None:
-            for name in ("uncertainty", "inertia"):
-                if getattr(self, name):
-                    raise ArgumentError.of(name, getattr(self, name), "it is known of cables only", "Leave it out.")
-        elif self.inertia:
+        if self.harness is not None:
+            if self.inertia and not self.harness.markers:
+                bound = "the harness's file does not say where its markers are"
+                raise ArgumentError.of("inertia", True, bound, "Write markers: {trunk: [0.1, 0.2]}, or leave it out.")
+        elif self.cable is not None and self.inertia:
             try:
                 Predictor(self.cable, model=self.model, scene=self.scene).accelerate(_UNEVEN)
             except ArgumentError as error:
@@ -111,7 +112,7 @@ class Outcome:
     tally: Tally
     refusals: Refusals
     unpaired: int
-    markers: MarkerComparison | None  # None: of a harness
+    markers: MarkerComparison | None  # None: it is not known where they are
     inertia: Inertia | None
     problems: tuple[str, ...]
     notes: tuple[str, ...]

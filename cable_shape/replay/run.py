@@ -107,11 +107,15 @@ class _Run:
         self.source, self.source_name = self._source()
         self.tally = Tally()
         skew = round(settings.max_skew * SECOND)
-        self.inertia = Inertia(bag.path, settings.markers_topic, skew) if settings.inertia else None
+        marked = self.marked = self.carried.marked
+        self.inertia: Inertia | None = None
+        self.markers: MarkerComparison | None = None
+        if marked is not None:
+            self.markers = MarkerComparison(marked.length, skew, self._compared, marked.runs)
+            if settings.inertia:
+                self.inertia = Inertia(bag.path, settings.markers_topic, skew, marked.along)
         self.sinks: _Sinks | None = None
-        cable = settings.cable
-        self.markers = None if cable is None else MarkerComparison(cable.length, skew, self._compared)
-        has_markers = cable is not None and bag.types.get(settings.markers_topic) == MARKERS_TYPE
+        has_markers = marked is not None and bag.types.get(settings.markers_topic) == MARKERS_TYPE
         self.topics = (*self.source.topics, *((settings.markers_topic,) if has_markers else ()))
         robot = settings.robot if self.source_name == "joints" else None
         self.links = () if robot is None else robot.link_geometry
@@ -161,17 +165,15 @@ class _Run:
     def _take(self, sample: Sample, sinks: _Sinks) -> None:
         """One cycle."""
         moving = None if self.inertia is None else self.inertia.at(sample.stamp, self.tally.restarts)
-        name = self.carried.name
-        report = self.cycle.step(
-            {name: sample.ends}, sample.stamp, sample.links, acceleration=None if moving is None else {name: moving}
-        )
+        name, loads = self.carried.name, None
+        if moving is not None:
+            assert self.marked is not None
+            loads = {name: self.marked.loads(list(moving))}
+        report = self.cycle.step({name: sample.ends}, sample.stamp, sample.links, acceleration=loads)  # type: ignore[arg-type]
         parts = in_parts(report)
         self.tally.add(parts)
-        if self.markers is not None:
-            shape, tube = report.shapes[name], report.tubes.get(name)
-            self.markers.add_shape(
-                sample.stamp, shape.positions if shape.status else None, None if tube is None else tube.radius
-            )
+        if self.markers is not None and self.marked is not None:
+            self.markers.add_shape(sample.stamp, self.marked.lines(report), self.marked.radii(report))
         sinks.write(parts, self.source.frame_id or "")
 
     def _take_markers(self, topic: str, message: Any) -> None:
@@ -181,6 +183,11 @@ class _Run:
             return
         stamp, points = stamp_of(message), positions_of(message.poses)
         assert self.markers is not None
+        assert self.marked is not None
+        if self.marked.count not in (None, len(points)):
+            told = f"{len(points)} markers came, the harness's file tells of {self.marked.count}"
+            self.refusals.add(topic, "other number", told)
+            return
         self.markers.add_markers(stamp, points)
         if self.sinks is not None and self.sinks.recording is not None:
             self.sinks.recording.log_markers(points, stamp)

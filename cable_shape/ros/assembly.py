@@ -77,7 +77,14 @@ class Assembly:
         scene = Scene.from_yaml(find_file(settings.scene_file)) if settings.scene_file else Scene()
         self.held: dict[str, tuple[Held, Held]] = {}  # what is known of the grips of each cable
         self.holdings: list[Holding] = []
-        cables = self._load_harness(settings, scene) if settings.harness_file else self._load_cables(settings)
+        self.harnesses: dict[str, HarnessFile] = {}  # with the ends as they are held
+        cables = self._load_cables(settings) if settings.cable_file else {}
+        for path in settings.harness_files:
+            self._load_harness(path, settings, scene, cables)
+        if len(self.holdings) > 1 and settings.input == "joints":
+            bound = "input = 'joints' moves one cable or harness, held by the robot's two grippers"
+            remedy = "Set input to 'poses' or 'tf', or name one."
+            raise ArgumentError.of("cable_file, harness_file", [one.cable_id for one in self.holdings], bound, remedy)
         robot_file = find_file(settings.robot_file) if settings.robot_file else None
         self.robot = None if robot_file is None else Robot.from_yaml(robot_file)
         known = Uncertainty.from_yaml(find_file(settings.uncertainty_file)) if settings.uncertainty_file else None
@@ -97,7 +104,7 @@ class Assembly:
         )
         with ends_when_told():
             warm_up_cycles()
-            if settings.harness_file:
+            if self.harnesses:
                 warm_up_harnesses()
         self.workers: dict[str, WorkerProcess] = {}  # processes beside the node by what they are
         self.stand_ins: list[StandIn] = []  # that answer for those of them that have died
@@ -109,28 +116,27 @@ class Assembly:
         """The cables, each held by two grippers."""
         files = load_cables(find_file(settings.cable_file))
         self.held = {name: file.held for name, file in files.items()}
-        if len(files) > 1 and settings.input == "joints":
-            bound = "input = 'joints' moves one cable, between the robot's two grippers"
-            raise ArgumentError.of(
-                "cable_file", settings.cable_file, bound, "Set input to 'poses' or 'tf', or name one cable."
-            )
         several = len(files) > 1
         self.holdings = [Holding(name, f"{name}/" if several else "", held) for name, held in self.held.items()]
         return {name: file.cable for name, file in files.items()}
 
-    def _load_harness(self, settings: Settings, scene: Scene) -> dict[str, Cable | Harness]:
-        """The harness, called as its file is."""
-        file = HarnessFile.from_yaml(find_file(settings.harness_file))
+    def _load_harness(self, path: str, settings: Settings, scene: Scene, beside: dict[str, Cable | Harness]) -> None:
+        """A harness, called as its file is, `beside` what was loaded before."""
+        file = HarnessFile.from_yaml(find_file(path))
+        if file.name in beside:
+            bound = f"there is a cable, or a harness, {file.name!r} already"
+            raise ArgumentError.of("harness_file", path, bound, "Rename the file: the harness is called as it is.")
         try:
-            ends = file.held(settings.held, scene)
+            file = file.holding(settings.held, scene)
         except ArgumentError as error:
             raise type(error)(f"held_ends: {error}") from None
-        holding = Holding.of_harness(file.name, ends)
+        holding = Holding.of_harness(file)
         if settings.input == "joints" and len(holding.topics) != 2:
             bound = f"input = 'joints' moves two ends, the robot's two grippers; held are {len(holding.topics)}"
             raise ArgumentError.of("held_ends", settings.held_ends, bound, "Name two: left, right.")
-        self.holdings = [holding]
-        return {file.name: file.harness}
+        self.holdings.append(holding)
+        self.harnesses[file.name] = file
+        beside[file.name] = file.harness
 
     def describe(self) -> str:
         """What was loaded, in words."""
@@ -139,7 +145,7 @@ class Assembly:
         cables = "; ".join(f"{name}: {cable.describe()}" for name, cable in self.cycle.parts.items())
         told = {name: CableFile(self.cycle.cables[name], *held).describe() for name, held in self.held.items()}
         grips = "".join(f"; grips of {name} as calibrated: {words}" for name, words in told.items() if words)
-        ends = [f"{end} {grip.kind}" for holding in self.holdings for end, grip in (holding.grips or {}).items()]
+        ends = [f"{end} {grip.kind}" for file in self.harnesses.values() for end, grip in file.grips.items()]
         held = f"; held: {', '.join(ends)}" if ends else ""
         return f"{cables}{grips}{held}; {scene}; {robot}"
 

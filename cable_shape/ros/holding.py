@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, final
 
 from cable_shape.cable_file import AS_GIVEN, Held
 from cable_shape.errors import ArgumentError
 from cable_shape.harness import split_end
-from cable_shape.harness_ends import grip_name
-from cable_shape.pose import FreeEnd, Grip, Pose
+from cable_shape.harness_ends import HarnessFile
+from cable_shape.pose import Grip, Pose
 from cable_shape.ros.parameters import Settings
 from cable_shape.ros.qos import POSE_TOPICS
 
@@ -32,61 +32,52 @@ class Holding:
         Before the names of topics and frames of a cable; empty if it is alone.
     known : (Held, Held)
         What the file of a cable knows of its grips.
-    grips : mapping of end to Grip, optional
-        Of a harness, at the origin; None: it is a cable.
-    free : mapping of end to FreeEnd
-        Of a harness: what hangs at ends that nothing holds.
+    harness : HarnessFile, optional
+        With the ends as they are held; None: it is a cable.
     """
 
     cable_id: str
     prefix: str = ""
     known: tuple[Held, Held] = (AS_GIVEN, AS_GIVEN)
-    grips: Mapping[str, Grip] | None = None
-    free: Mapping[str, FreeEnd] = field(default_factory=dict)
+    harness: HarnessFile | None = None
 
     @classmethod
-    def of_harness(cls, name: str, ends: Mapping[str, Grip | FreeEnd]) -> Holding:
-        """As :meth:`cable_shape.harness_ends.HarnessFile.held` says.
+    def of_harness(cls, file: HarnessFile) -> Holding:
+        """As :meth:`cable_shape.harness_ends.HarnessFile.holding` says.
 
         Raises
         ------
         ArgumentError
             For a name that cannot be a part of a topic.
         """
-        grips = {end: held for end, held in ends.items() if isinstance(held, Grip)}
-        for word in (name, *(split_end(end)[0] for end in grips)):
+        for word in (file.name, *(split_end(end)[0] for end in file.grips)):
             if not NAME.fullmatch(word):
                 bound = "a name must be letters, digits and _, beginning with a letter"
                 remedy = "It is a part of the topics: rename the harness's file, or the segment."
                 raise ArgumentError.of("harness_file", word, bound, remedy)
-        return cls(name, grips=grips, free={end: held for end, held in ends.items() if isinstance(held, FreeEnd)})
+        return cls(file.name, harness=file)
 
     @property
     def topics(self) -> tuple[str, ...]:
         """Of the poses, one for each grip."""
-        if self.grips is None:
+        if self.harness is None:
             return tuple(self.prefix + topic for topic in POSE_TOPICS)
-        return tuple(f"{name}/pose" for name in self._names)
+        return tuple(f"{name}/pose" for name in self.harness.grip_names)
 
     def frames(self, settings: Settings) -> tuple[str, ...]:
         """Of the grips on /tf, one for each."""
-        if self.grips is None:
+        if self.harness is None:
             both = settings.left_gripper_frame, settings.right_gripper_frame
             return tuple(self.prefix + frame.lstrip("/") for frame in both)
-        return self._names
-
-    @property
-    def _names(self) -> tuple[str, ...]:
-        """Of a harness's grips: "harness/segment_end"."""
-        return tuple(grip_name(self.cable_id, end) for end in self.grips or ())
+        return self.harness.grip_names
 
     def told(self, settings: Settings) -> tuple[Grip, ...]:
         """The grips at the origin, with kind and offset."""
-        return settings.grips(self.known) if self.grips is None else tuple(self.grips.values())
+        return settings.grips(self.known) if self.harness is None else tuple(self.harness.grips.values())
 
     def ends(self, grips: Sequence[Grip]) -> Any:
         """What a cycle takes: (start, end) of a cable, of a harness the mapping of ends."""
-        return tuple(grips) if self.grips is None else {**dict(zip(self.grips, grips, strict=True)), **self.free}
+        return tuple(grips) if self.harness is None else self.harness.held_by(grips)
 
     def at(self, grips: Sequence[Grip], poses: Sequence[Pose]) -> Any:
         """The same where the grips are at these poses."""

@@ -101,7 +101,11 @@ _KIND = "How this gripper holds the cable; auto: as cable_file says, else clampe
 
 SPECS = (
     Spec("cable_file", "", "YAML file of the cable, or of several; relative to the working directory or to config/."),
-    Spec("harness_file", "", "YAML file of a harness, in place of cable_file; its topics are named after it."),
+    Spec(
+        "harness_file",
+        "",
+        "YAML files of harnesses, with commas, with or without cable_file; topics have their names.",
+    ),
     Spec("held_ends", "", "Ends of the harness that grippers hold, with commas; empty: as harness_file says, or all."),
     Spec("scene_file", "", "YAML file of obstacles, clips, masses and sockets; empty: nothing around the cable."),
     Spec("robot_file", "", "YAML file of the robot, for input joints; with poses its links follow joint_states."),
@@ -223,7 +227,7 @@ class Settings:
         ------
         ArgumentError
         """
-        for side in ("left", "right") if self.harness_file else ():
+        for side in ("left", "right") if self.harness_file and not self.cable_file else ():
             for name in (f"grip_kind_{side}", f"{side}_gripper.offset", f"{side}_gripper.frame"):
                 spec = BY_NAME[name]
                 value = getattr(self, spec.field)
@@ -265,7 +269,7 @@ class Settings:
         for name in self.fitted:
             if name not in KNOWN:
                 raise UnknownKeyError.among("calibration_fit", name, KNOWN)
-        if self.input == "tf" and not self.harness_file:
+        if self.input == "tf" and self.cable_file:
             self._check_frames()
         if self.calibration_points and self.input != "poses":
             bound = f"points are compared with poses of the grips, input is {self.input!r}"
@@ -277,7 +281,7 @@ class Settings:
             self.output(name)
 
     def _check_what(self) -> None:
-        """One cable's file, or one harness's, of which less is known."""
+        """A file of cables, or of harnesses, of which less is known."""
         if not self.cable_file and not self.harness_file:
             raise ArgumentError.of(
                 "cable_file", "", "it must be the path of a cable's YAML file, or harness_file that of a harness",
@@ -285,18 +289,18 @@ class Settings:
             )  # fmt: skip
         if self.held_ends and not self.harness_file:
             raise ArgumentError.of("held_ends", self.held_ends, "they are ends of a harness", "Name its harness_file.")
-        if not self.harness_file:
+        if self.held_ends and len(self.harness_files) > 1:
+            bound = f"they are ends of one harness; there are {len(self.harness_files)}"
+            raise ArgumentError.of("held_ends", self.held_ends, bound, "Write the key `ends` of each harness's file.")
+        if self.cable_file:
             return
         refused = {
-            "cable_file": "a node has cables or a harness",
-            "uncertainty_file": "a harness has no tube",
-            "planner": "planners are served for cables",
             "calibration": "cables are calibrated one by one",
             "calibration_points": "cables are calibrated one by one",
         }
         for name, bound in refused.items():
             if getattr(self, name):
-                remedy = f"Leave {name} out, or harness_file."
+                remedy = f"Leave {name} out, or name a cable_file."
                 raise ArgumentError.of(name, getattr(self, name), bound, remedy)
 
     def _check_frames(self) -> None:
@@ -332,6 +336,11 @@ class Settings:
     def fitted(self) -> tuple[str, ...]:
         """What is to be calibrated."""
         return _words(self.calibration_fit)
+
+    @property
+    def harness_files(self) -> tuple[str, ...]:
+        """Their paths."""
+        return _words(self.harness_file)
 
     @property
     def held(self) -> tuple[str, ...]:

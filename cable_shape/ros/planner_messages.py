@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from cable_shape.harness_batch import HarnessBatch
 from cable_shape.ros.messages import CableViolation, CheckTrajectory, PredictShapes
 from cable_shape.shape_batch import ShapeBatch
 from cable_shape.trajectory_report import TrajectoryCheck, Violation
@@ -22,18 +23,21 @@ ARRAYS = {
 }
 
 
-def fill_shapes(response: Any, batch: ShapeBatch, arrays: int) -> None:
+def fill_shapes(response: Any, batch: ShapeBatch | HarnessBatch, arrays: int) -> None:
     """A batch into a PredictShapes.Response, with those of `ARRAYS` whose bit is set."""
     response.success = True
     response.partial = batch.partial
     response.time = batch.time
     response.points = batch.points
     response.bodies = list(batch.bodies)
-    for name in ("done", "status", "usable", "several"):
+    for name in ("done", "status", "usable"):
         _put(getattr(response, name), getattr(batch, name), np.uint8)
+    _put(response.several, batch.several if isinstance(batch, ShapeBatch) else np.zeros(len(batch)), np.uint8)
     asked = [name for bit, name in ARRAYS.items() if arrays & bit]
     for name in ("energy", "error_estimate", "distances", "used", *asked):
-        _put(getattr(response, name), getattr(batch, name), np.float64)
+        found = getattr(batch, name)  # of a harness row by row, in a row one segment after the other
+        whole = np.stack(list(found.values()), axis=1) if isinstance(found, dict) else found
+        _put(getattr(response, name), whole, np.float64)
     told = sorted(batch.details)
     response.told = array.array("I", told)
     response.texts = [batch.details[row] for row in told]

@@ -17,12 +17,17 @@ from rclpy.node import Node
 from cable_shape.batch import predict_batch
 from cable_shape.cable_file import CableFile
 from cable_shape.errors import UnknownKeyError
+from cable_shape.harness_batch import HarnessBatch
+from cable_shape.harness_ends import HarnessFile
+from cable_shape.harness_trajectory import GRIPPERS
+from cable_shape.paths import JointPath
 from cable_shape.robot import Robot
 from cable_shape.ros import planner_messages, requests
 from cable_shape.ros.goals import Feedback, Goals, told
 from cable_shape.ros.messages import CheckTrajectory, PredictShapes
 from cable_shape.ros.serving import Gate, given, leave, serve
 from cable_shape.ros.workers import PlannerSetup
+from cable_shape.shape_batch import ShapeBatch
 from cable_shape.trajectory import check_trajectory
 from cable_shape.trajectory_report import TrajectoryCheck
 
@@ -37,6 +42,8 @@ class Planner:
         self._cables = {name: file.cable for name, file in files.items()}
         robot = Robot.from_yaml(setup.robot) if setup.robot else None
         self._robots = {name: None if robot is None else robot.holding(*file.held) for name, file in files.items()}
+        self._harnesses = {name: HarnessFile.from_mapping(values) for name, values in setup.harnesses.items()}
+        self._robots.update(dict.fromkeys(self._harnesses, robot))
         node.create_service(
             PredictShapes, setup.service, self._predict, callback_group=MutuallyExclusiveCallbackGroup()
         )
@@ -45,10 +52,11 @@ class Planner:
 
     def _name(self, cable_id: str) -> str:
         """Of the cable that is asked for, which need not be named where it is alone."""
-        if not cable_id and len(self._cables) == 1:
-            return next(iter(self._cables))
-        if cable_id not in self._cables:
-            raise UnknownKeyError.among("cable_id", cable_id, self._cables)
+        known = (*self._cables, *self._harnesses)
+        if not cable_id and len(known) == 1:
+            return known[0]
+        if cable_id not in known:
+            raise UnknownKeyError.among("cable_id", cable_id, known)
         return cable_id
 
     def _predict(self, request: Any, response: Any) -> Any:
@@ -56,19 +64,20 @@ class Planner:
         setup = self._setup
         try:
             self._gate.check()
-            asked = requests.grasps(request, setup)
-            batch = predict_batch(
-                self._cables[self._name(request.cable_id)],
-                asked.starts,
-                asked.ends,
-                model=request.model or setup.model,
-                gravity=setup.gravity,
-                scene=setup.scene,
-                points=asked.points,
-                tolerance=asked.tolerance,
-                threads=setup.threads,
-                time_limit=asked.time_limit,
-            )
+            file = self._harnesses.get(name := self._name(request.cable_id))
+            held, segments = ((), 1) if file is None else (tuple(file.grips), len(file.harness.segments))
+            asked = requests.grasps(request, setup, held, segments)
+            options: dict[str, Any] = {
+                "model": request.model or setup.model, "gravity": setup.gravity, "scene": setup.scene,
+                "points": asked.points, "tolerance": asked.tolerance, "time_limit": asked.time_limit,
+            }  # fmt: skip
+            batch: ShapeBatch | HarnessBatch
+            if file is None:
+                batch = predict_batch(self._cables[name], asked.starts, asked.ends, threads=setup.threads, **options)
+            else:
+                tables: dict[str, Any] = {**requests.by_end(asked.starts, held), **file.free}
+                kinds = {end: grip.kind for end, grip in file.grips.items()}
+                batch = predict_batch(file.harness, tables, kinds=kinds, **options)
         except Exception as error:  # noqa: BLE001 a defect is answered, too
             response.error = told(error, self._node)
             return response
@@ -82,15 +91,19 @@ class Planner:
     def _checked(self, goal: Any) -> TrajectoryCheck:
         """The check itself, with feedback, until the goal is cancelled."""
         setup, request = self._setup, goal.request
-        asked = requests.motion(request, setup)
         feedback, name = Feedback(goal), self._name(request.cable_id)
+        file = self._harnesses.get(name)
+        asked = requests.motion(request, setup, *(() if file is None else (tuple(file.grips), file.free)))
 
         def proceed(found: TrajectoryCheck) -> bool:
             feedback.offer(lambda: planner_messages.feedback(found))
             return not goal.is_cancel_requested
 
+        held: dict[str, Any] | None = None
+        if file is not None and isinstance(asked.path, JointPath):
+            held = {**dict(zip(file.grips, GRIPPERS, strict=False)), **file.free}
         return check_trajectory(
-            self._cables[name],
+            self._cables[name] if file is None else file.harness,
             setup.scene,
             self._robots[name],
             asked.path,
@@ -99,6 +112,7 @@ class Planner:
             tolerance=asked.tolerance,
             time_limit=asked.time_limit,
             proceed=proceed,
+            ends=held,
         )
 
 

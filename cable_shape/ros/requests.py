@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,20 +11,22 @@ import numpy as np
 from cable_shape import checks
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
-from cable_shape.paths import GripPath, JointPath
+from cable_shape.paths import EndsPath, GripPath, JointPath
+from cable_shape.pose import FreeEnd
 from cable_shape.problem import MAX_POINTS, MIN_POINTS
 from cable_shape.ros.workers import PlannerSetup
 
 #: Grasps times points of one request: 400 MB while it is worked on.
 MOST_POINTS = 3_000_000
+_NOTHING: Mapping[str, FreeEnd] = MappingProxyType({})
 _ARRAYS = 0b11111  # all values of PredictShapes.arrays
 
 
 class Grasps(NamedTuple):
     """What PredictShapes asks for."""
 
-    starts: Array  # (k, 7)
-    ends: Array  # (k, 7)
+    starts: Array  # (k, 7); of a harness (k, 7 g), all its held ends
+    ends: Array  # (k, 7); of a harness empty
     points: int
     tolerance: float | None  # m
     time_limit: float  # s
@@ -31,24 +35,24 @@ class Grasps(NamedTuple):
 class Motion(NamedTuple):
     """What CheckTrajectory asks for."""
 
-    path: JointPath | GripPath
+    path: JointPath | GripPath | EndsPath
     points: int
     tolerance: float | None  # m
     time_limit: float  # s
 
 
-def grasps(request: Any, setup: PlannerSetup) -> Grasps:
-    """A request of PredictShapes.
+def grasps(request: Any, setup: PlannerSetup, held: Sequence[str] = (), segments: int = 1) -> Grasps:
+    """A request of PredictShapes; held: the ends of a harness that grippers hold.
 
     Raises
     ------
     ArgumentError
         For arrays that are no rows of seven, more rows or points than are allowed, a tolerance or time that is none.
     """
-    starts, ends = _poses("starts", request.starts, setup.rows), _poses("ends", request.ends, setup.rows)
+    starts, ends = _both(request, setup, held)
     points, tolerance, time_limit = _common(request, setup)
-    if len(starts) * points > MOST_POINTS:
-        bound = f"grasps times points = {len(starts)} * {points}, at most {MOST_POINTS} are allowed"
+    if len(starts) * points * segments > MOST_POINTS:
+        bound = f"grasps times points = {len(starts)} * {points * segments}, at most {MOST_POINTS} are allowed"
         raise ArgumentError.of("starts", f"{len(starts)} rows", bound, "Split them, or ask for fewer points.")
     if request.arrays & ~_ARRAYS:
         bound = f"it must be a sum of the constants of PredictShapes, at most {_ARRAYS}"
@@ -56,8 +60,10 @@ def grasps(request: Any, setup: PlannerSetup) -> Grasps:
     return Grasps(starts, ends, points, tolerance, time_limit)
 
 
-def motion(request: Any, setup: PlannerSetup) -> Motion:
-    """A goal of CheckTrajectory.
+def motion(
+    request: Any, setup: PlannerSetup, held: Sequence[str] = (), free: Mapping[str, FreeEnd] = _NOTHING
+) -> Motion:
+    """A goal of CheckTrajectory; held, free: ends of a harness.
 
     Raises
     ------
@@ -69,13 +75,17 @@ def motion(request: Any, setup: PlannerSetup) -> Motion:
     if joints == poses:
         bound = "give either trajectory or starts and ends"
         raise ArgumentError.of("goal", "both" if joints else "neither", bound, "Leave the other one empty.")
-    path: JointPath | GripPath
+    path: JointPath | GripPath | EndsPath
     if joints:
         _few("trajectory.points", len(given.points), setup.rows)
         path = JointPath.from_message(given)
     else:
-        starts, ends = _poses("starts", request.starts, setup.rows), _poses("ends", request.ends, setup.rows)
-        path = GripPath(starts, ends, np.array(request.times) if request.times else None)
+        starts, ends = _both(request, setup, held)
+        times = np.array(request.times) if request.times else None
+        if held:
+            path = EndsPath({**by_end(starts, held), **free}, times)
+        else:
+            path = GripPath(starts, ends, times)
     return Motion(path, *_common(request, setup))
 
 
@@ -87,14 +97,30 @@ def _common(request: Any, setup: PlannerSetup) -> tuple[int, float | None, float
     return points, tolerance or None, min(time_limit, setup.time_limit)
 
 
-def _poses(name: str, numbers: Any, most: int) -> Array:
-    """(k, 7) of a flat array."""
-    rows, rest = divmod(len(numbers), 7)
+def by_end(poses: Array, held: Sequence[str]) -> dict[str, Array]:
+    """Tables (k, 7) of each held end, from rows of all of them (k, 7 g)."""
+    return {end: np.ascontiguousarray(poses[:, 7 * i : 7 * i + 7]) for i, end in enumerate(held)}
+
+
+def _both(request: Any, setup: PlannerSetup, held: Sequence[str]) -> tuple[Array, Array]:
+    """`starts` and `ends` of a request; of a harness all poses are in `starts`."""
+    if not held:
+        return _poses("starts", request.starts, setup.rows), _poses("ends", request.ends, setup.rows)
+    if request.ends:
+        bound = f"of a harness the poses of all held ends, {', '.join(held)}, are in starts, row by row"
+        raise ArgumentError.of("ends", f"{len(request.ends)} numbers", bound, "Leave it empty.")
+    return _poses("starts", request.starts, setup.rows, len(held)), np.empty((0, 7))
+
+
+def _poses(name: str, numbers: Any, most: int, each: int = 1) -> Array:
+    """(k, 7 each) of a flat array."""
+    rows, rest = divmod(len(numbers), 7 * each)
     if rest or not rows:
-        bound = "it must hold seven numbers for every grasp or waypoint, and at least one"
+        many = "seven" if each == 1 else f"{each} times seven"
+        bound = f"it must hold {many} numbers for every grasp or waypoint, and at least one"
         raise ArgumentError.of(name, f"{len(numbers)} numbers", bound, "Give x y z and quaternion x y z w, row by row.")
     _few(name, rows, most)
-    return np.array(numbers, dtype=np.float64).reshape(rows, 7)
+    return np.array(numbers, dtype=np.float64).reshape(rows, 7 * each)
 
 
 def _few(name: str, rows: int, most: int) -> None:

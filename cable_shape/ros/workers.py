@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import partial
 from pathlib import Path
 from typing import Any, final
@@ -55,6 +55,7 @@ class PlannerSetup:
     threads: int
     time_limit: float  # s
     make_way: bool  # run only where no other thread wants the core
+    harnesses: dict[str, dict[str, Any]] = field(default_factory=dict)  # keys of HarnessFile; every end named is held
 
     def to_json(self) -> str:
         """As text, for `from_json`."""
@@ -204,6 +205,7 @@ def planner_setup(node: Node, settings: Settings, assembly: Assembly) -> Planner
         threads=settings.planner_threads or max(1, cores - 1),
         time_limit=settings.planner_time_limit,
         make_way=settings.workers_make_way,
+        harnesses={name: file.as_dict() for name, file in assembly.harnesses.items()},
     )
 
 

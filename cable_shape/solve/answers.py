@@ -14,7 +14,7 @@ from cable_shape.kernels.network import respond
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.problem import Problem
 from cable_shape.scene_parts import clip_names
-from cable_shape.section import Section
+from cable_shape.section import changed
 
 ENDS = ("start", "end")
 #: Numbers of a cable that a shape's derivative may be by.
@@ -92,10 +92,10 @@ def answers(state: Solved, changes: Changes) -> Array:
     """
     points, count = state.problem.points, len(changes.steps)
     out, df = np.empty((points, 3, count)), np.empty((len(state.rings), count))
-    slides = _refreshed(state)
+    slides = refreshed(state)
     models = state.models_beside(changes.cables, changes.kept)
     respond.answers(state.ints, state.floats, models, changes.steps, state.sols, state.work, points, out, df)
-    return _run_on(out, df, slides)
+    return run_on(out, df, slides)
 
 
 def sensitivity(state: Solved, by: Sequence[str] = ENDS, *, at: str = "cable") -> Array:
@@ -139,7 +139,7 @@ def sensitivity(state: Solved, by: Sequence[str] = ENDS, *, at: str = "cable") -
         blocks.update((name, columns[:, :, i : i + 1]) for i, name in enumerate(numbers))
     for name in by:
         if name.startswith("body:"):
-            blocks[name] = _run_on(*state.body_columns(name.removeprefix("body:")), _refreshed(state))
+            blocks[name] = run_on(*state.body_columns(name.removeprefix("body:")), refreshed(state))
     return np.concatenate([blocks[name] for name in by], axis=2)
 
 
@@ -170,14 +170,14 @@ def _moved(state: Solved, knots: list[int]) -> Array:
     points, columns = state.problem.points, 6 * len(knots)
     out, df = np.empty((points, 3, columns)), np.empty((len(state.rings), columns))
     if knots:
-        slides = _refreshed(state)
+        slides = refreshed(state)
         which = state.knots_of(knots)
         respond.sensitivities(state.ints, state.floats, state.sols, state.work, points, which, out, df)
-        _run_on(out, df, slides)
+        run_on(out, df, slides)
     return out
 
 
-def _refreshed(state: Solved) -> tuple[Array, Array] | None:
+def refreshed(state: Solved) -> tuple[Array, Array] | None:
     """Factors the matrix; of a cable in eyelets also what moves their arc lengths, see `Network.pulls`."""
     state.refresh()
     if len(state.rings) == 0:
@@ -186,7 +186,7 @@ def _refreshed(state: Solved) -> tuple[Array, Array] | None:
     return J, slid
 
 
-def _run_on(out: Array, df: Array, slides: tuple[Array, Array] | None) -> Array:
+def run_on(out: Array, df: Array, slides: tuple[Array, Array] | None) -> Array:
     """Adds to columns (n, 3, m) what the cable runs through its eyelets, whose pull they change by df (e, m)."""
     if slides is not None:
         J, slid = slides
@@ -203,14 +203,8 @@ def _pair(cable: Cable, name: str) -> tuple[tuple[Cable, Cable], float]:
     value = getattr(cable, name)
     if name == "length" and cable.sections:
         step = _NEAR * value
-        return (_longer(cable, 1.0 + _NEAR), _longer(cable, 1.0 - _NEAR)), step
+        return (changed(cable, length=value + step), changed(cable, length=value - step)), step
     step = _LIGHT if value == 0.0 else _NEAR * value
     low = max(value - step, 0.0)
     high = value + step
     return (cable.replace(**{name: high}), cable.replace(**{name: low})), 0.5 * (high - low)
-
-
-def _longer(cable: Cable, factor: float) -> Cable:
-    """A cable so many times as long, its sections with it."""
-    sections = [Section(factor * one.start, factor * one.end, **one.properties) for one in cable.sections]
-    return cable.replace(sections=None).replace(length=factor * cable.length, sections=sections)

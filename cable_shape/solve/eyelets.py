@@ -113,12 +113,7 @@ class Eyelets:
 
     def _room(self, arcs: Array, frames: Array) -> Array:
         """(m,) [m]: slack of each span; of an extensible cable, or before a free end, its length."""
-        state = self._state
-        room = np.diff(arcs)
-        if state.stretch == 0.0:
-            chords = np.linalg.norm(np.diff(frames[:, :3], axis=0), axis=1)
-            room[: state.forces] -= chords[: state.forces]
-        return room
+        return self._state.slack(arcs, frames)
 
     def _bounded(self, arcs: Array, step: Array, shrink: float) -> Array | None:
         """The arc lengths after as much of a step as spans and stops allow; None where the cable has run through."""
@@ -139,8 +134,9 @@ class Eyelets:
             way = ahead[ahead > 0.0].min()
             if way < LEAST * length:
                 self.why = (
-                    f"clips[{ring - 1}] is an eyelet without friction, and the cable runs through it until the next "
-                    f"clip, mass or end is reached, at {arcs[ring]:.3g} m: nothing holds it. Make it a 'ball' clip. "
+                    f"{state.ring_name(ring)} is an eyelet without friction, and the cable runs through it until the "
+                    f"next clip, mass or end is reached, at {arcs[ring]:.3g} m: nothing holds it. Make it a 'ball' "
+                    "clip. "
                 )
                 return None
             if abs(full[ring]) > REACH * way:
@@ -154,7 +150,7 @@ class Eyelets:
         room = self._room(arcs, frames)
         needed = np.diff(arcs) - room
         before = self._room(arcs, state.poses) if state.history else needed
-        holding = [j for j in range(state.spans + 1) if j not in state.rings]
+        holding = [j for j in range(arcs.size) if j not in state.rings]
         for a, b in pairwise(holding):
             if b - a > 1 and room[a:b].min() <= 0.0:
                 share = np.maximum(before[a:b], 1e-3 * (arcs[b] - arcs[a]))

@@ -46,6 +46,7 @@ class Layout(NamedTuple):
     own: Array  # (k, 3) [N], loads of segments at knots: point masses
     at_masses: tuple[tuple[int, float, Array], ...]  # knot, mass [kg], what weighs on it [m/s^2]
     levers: tuple[tuple[int, float], ...]  # span and length [m] of each, in the order of their cables, the last ones
+    rings: tuple[tuple[int, int], ...]  # segment by segment, the eyelets: number of the clip, span before it
     placed: Array  # (k,) whole numbers, 1: a rotation of which a guess is to be made
 
 
@@ -61,6 +62,7 @@ class _Builder:
         self.free: list[tuple[Mask, Mask]] = []
         self.frames: list[list[Mask]] = []
         self.arcs: list[tuple[float, float]] = []
+        self.rings: list[tuple[int, int]] = []  # clip, and span before it
         self.levers: list[tuple[int, int, Array]] = []  # knots of junction and end, and the way between them
 
     def knot(self, name: Name, turns: Mask = _NONE, moves: bool = False) -> int:
@@ -92,6 +94,7 @@ def layout_of(problem: HarnessProblem, kinds: Mapping[str, str]) -> Layout:
             ends.append((mask, frame))
             loads[row] = loads.get(row, np.zeros(3)) + load
         _hold_roll(one, places, ends, build)
+        names = dict(zip(knots, [what for what, _ in places], strict=True))
         rows = list(zip(knots, [arc for _, arc in places], ends, strict=True))
         for (k, a, end), (n, b, other) in pairwise(rows):
             masks, frames = (end[0], other[0]), (end[1], other[1])
@@ -101,6 +104,9 @@ def layout_of(problem: HarnessProblem, kinds: Mapping[str, str]) -> Layout:
             build.free.append((masks[0] or _NONE, masks[1] or _NONE))
             build.frames.append([frame or IDENTITY for frame in frames])
             build.arcs.append((a, b))
+            clip = _eyelet(problem, names[n])
+            if clip is not None:
+                build.rings.append((clip, len(build.spans) - 1))
         spans[name] = range(first, len(build.spans))
         cables.append(Cable(len(spans[name]), len(material_of(one).pieces), 0, (knots[0], knots[0])))
         masses += [(_at(places, knots, mass.arc_length), mass.mass, one.fall(mass.arc_length)) for mass in one.masses]
@@ -119,12 +125,13 @@ def layout_of(problem: HarnessProblem, kinds: Mapping[str, str]) -> Layout:
     for row, load in loads.items():
         own_loads[row] = load
     structure = Structure(
-        tuple(build.knots), tuple(build.spans), tuple(cables), (), tuple(build.free), tuple(build.loose)
-    )
+        tuple(build.knots), tuple(build.spans), tuple(cables),
+        tuple((build.spans[j].end, j) for _, j in build.rings), tuple(build.free), tuple(build.loose),
+    )  # fmt: skip
     placed = [name[0] in _GUESSED and build.knots[row].turns for name, row in build.rows.items()]
     return Layout(
         structure, np.array(build.frames), build.rows, spans, np.array(build.arcs), own_loads,
-        tuple(row for row in masses if row[1] > 0.0), tuple(levers),
+        tuple(row for row in masses if row[1] > 0.0), tuple(levers), tuple(build.rings),
         np.array(placed, dtype=np.int64),
     )  # fmt: skip
 
@@ -175,6 +182,14 @@ def _support(
     assert isinstance(what[1], int)
     mask = FREE_ROTATIONS[problem.scene.clips[what[1]].kind]
     return (build.knot(what, mask), None, None) if any(mask) else (build.knot(what), mask, None)
+
+
+def _eyelet(problem: HarnessProblem, what: Name) -> int | None:
+    """The number of the clip at a knot, if it is an eyelet."""
+    if what[0] != "clip" or problem.scene is None:
+        return None
+    clip = int(what[1])
+    return clip if problem.scene.clips[clip].kind == "slide" else None
 
 
 def _hold_roll(

@@ -16,6 +16,7 @@ from cable_shape.kernels.network.drive import I_DOUBT, I_ESTIMATE, INFO
 from cable_shape.kernels.network.tables import NOW
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.section import pieces_of
+from cable_shape.solve.answers import refreshed, run_on
 from cable_shape.solve.bare import IDENTITY, bare_of
 from cable_shape.solve.cables import FREE_ROTATIONS, material_of
 from cable_shape.solve.harness_layout import LEVER, Layout, layout_of
@@ -70,6 +71,7 @@ class HarnessNetwork(Network):
         self._weight = 0.5 * sum(loads)  # N
         self.elastic = any(c.axial_stiffness is not None or c.shear_stiffness is not None for c in cables)
         self.rings: list[int] = []
+        self.points = _NO_STOPS  # masses are knots
         self.arcs = np.zeros(1)
         self.kinks = self.sharpness = self._still_stops = _NO_STOPS
         if self._layout is not None:
@@ -115,6 +117,13 @@ class HarnessNetwork(Network):
         self._layout = layout
         self.structure, self._bare = layout.structure, bare_of(layout.structure)
         self.spans = len(layout.structure.spans)
+        firsts = np.cumsum([0, *(len(spans) + 1 for spans in layout.spans.values())])
+        self.rings, self._ring_clips = [], {}
+        for first, spans in zip(firsts.tolist(), layout.spans.values(), strict=False):
+            for number, j in layout.rings:
+                if j in spans:
+                    self._ring_clips[first + j - spans.start + 1] = number
+                    self.rings.append(first + j - spans.start + 1)
         self.cables = len(layout.structure.cables)
         self._held = [(layout.knots["end", end], end) for end, how in problem.ends.items() if type(how) is Grip]
         self._tips = [(layout.knots["end", end], end) for end, how in problem.ends.items() if type(how) is FreeEnd]
@@ -126,7 +135,7 @@ class HarnessNetwork(Network):
                 assert problem.scene is not None
                 clip = problem.scene.clips[int(name[1])]
                 self._frames[row] = clip.pose.array
-                if clip.kind == "ball":
+                if clip.kind in ("ball", "slide"):
                     self._frames[row, 3:] = IDENTITY
                 fixed.append(row)
         self._fixed = np.array(fixed, dtype=np.int64)
@@ -176,7 +185,7 @@ class HarnessNetwork(Network):
             _SOFTER if self.turns_freely else 1.0,
         )  # fmt: skip
         model.frame[...] = layout.frames
-        model.s[...] = layout.arcs.ravel()
+        model.s[...] = self.arcs_now().ravel()
         materials = [material_of(one) for one in problem.segments.values()]
         levers = layout.levers
         heavy = [one.cable.linear_density * one.gravity for one in problem.segments.values()]
@@ -264,12 +273,66 @@ class HarnessNetwork(Network):
         return float(turn / (LEVER * self.stiffest) * 2.0 * self.length)
 
     def bounds(self) -> Array:
+        """[m], of the supports of one segment after the other, a gap between them, as they run through eyelets now."""
+        arcs, out = self.arcs_now(), []
+        for spans, gap in zip(self.layout.spans.values(), self.gaps, strict=True):
+            rows = arcs[spans.start : spans.stop]
+            out.append(gap + np.append(rows[:1, 0], rows[:, 1]))
+        return np.concatenate(out)
+
+    def arcs_now(self) -> Array:
         """(m, 2) [m]: arc lengths at which the spans begin and end."""
-        return self.layout.arcs
+        if not self.rings or not self.elements:
+            return self.layout.arcs
+        return np.array([(self.nodes[a], self.nodes[b]) for a, b in self.runs])
+
+    def ring_name(self, ring: int) -> str:
+        """What an eyelet is called."""
+        return f"clip {self.problem.clip_names[self._ring_clips[ring]]!r}"
+
+    def slack(self, arcs: Array, frames: Array) -> Array:
+        """See the base; a span whose ends are not both held may be as short as it likes."""
+        room = np.diff(arcs)
+        if self.stretch == 0.0:
+            knots, row = self.structure.knots, 0
+            for spans in self.layout.spans.values():
+                for j in spans:
+                    a, b = self.structure.spans[j][:2]
+                    if not (knots[a].moves or knots[b].moves):
+                        room[row] -= np.linalg.norm(frames[b, :3] - frames[a, :3])
+                    row += 1
+                row += 1  # the gap
+        return np.asarray(room)
+
+    def slide_to(self, arcs: Array) -> None:
+        """Moves segments through eyelets to these arc lengths, as of `bounds`: nodes between them are spread anew."""
+        runs, first = self.runs, 0
+        for spans, gap in zip(self.layout.spans.values(), self.gaps, strict=True):
+            own = arcs[first : first + len(spans) + 1] - gap
+            first += len(spans) + 1
+            for j, low, high in zip(spans, own[:-1].tolist(), own[1:].tolist(), strict=True):
+                a, b = runs[j]
+                shares = (self.nodes[a : b + 1] - self.nodes[a]) / (self.nodes[b] - self.nodes[a])
+                self.nodes[a : b + 1] = low + shares * (high - low)
+                self.nodes[a], self.nodes[b] = low, high
+        drive.refill(self.ints, self.floats)
+        self.solution(tables.TRIAL).arc[...] = arcs[self.rings] - self._ring_gaps()
+
+    def _ring_gaps(self) -> Array:
+        """(e,) [m], before the segments of the eyelets."""
+        rows = self.bounds()[self.rings]
+        return np.array([self.gaps[int(np.searchsorted(self.gaps, x, side="right")) - 1] for x in rows.tolist()])
+
+    def pulls(self, points: int = 0) -> tuple[Array, Array, Array]:
+        """See the base; points of each segment."""
+        e = len(self.rings)
+        f, J, out = np.empty(e), np.empty((e, e)), np.empty((self.cables * points, 3, e))
+        respond.eyelets(self.ints, self.floats, self.sols, self.work, f, J, points, out, np.empty((self.spans, 3)))
+        return f, J, out
 
     def lay_out(self, pieces: Any, counts: Any) -> None:
         """Nodes of equal share of each span's density, `counts` elements a span; solutions are carried over."""
-        for (x, _), (low, high) in zip(pieces, self.layout.arcs, strict=True):
+        for (x, _), (low, high) in zip(pieces, self.arcs_now(), strict=True):
             x[0], x[-1] = low, high
         at = np.concatenate(([0], np.cumsum([x.size for x, _ in pieces])))
         x, density = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
@@ -362,10 +425,11 @@ class HarnessNetwork(Network):
         """The same of another memory of the harness, of which the knots are the first ones."""
         points = self.problem.points
         rows = np.array([self.layout.knots["end", end] for end in ends], dtype=np.int64)
-        out, df = np.zeros((self.cables * points, 3, 6 * len(ends))), np.empty((0, 6 * len(ends)))
+        out, df = np.zeros((self.cables * points, 3, 6 * len(ends))), np.empty((len(self.rings), 6 * len(ends)))
         if len(ends):
-            state.refresh()
+            slides = refreshed(state)  # type: ignore[arg-type]
             respond.sensitivities(state.ints, state.floats, state.sols, state.work, points, rows, out, df)
+            run_on(out, df, slides)
         return out
 
 

@@ -40,7 +40,8 @@ def out_of_reach(task: HarnessProblem, state: HarnessNetwork, poses: Array) -> t
         beside.setdefault(b, []).append((a, size))
     names = list(state.layout.knots)
     worst: tuple[float, int, int, float, float] = (0.0, -1, -1, 0.0, 0.0)
-    held = [k for k, knot in enumerate(knots) if not knot.moves]
+    rings = {row for row, _ in state.structure.rings}
+    held = [k for k, knot in enumerate(knots) if not knot.moves and k not in rings]
     for k in held:
         for other, length in _distances(beside, k, held).items():
             apart = math.dist(poses[k, :3].tolist(), poses[other, :3].tolist())
@@ -107,7 +108,9 @@ def laid_straight(task: HarnessProblem, state: HarnessNetwork, poses: Array, buf
 
 def lacking(task: HarnessProblem, state: HarnessNetwork, poses: Array) -> tuple[float, str]:
     """[m], what segments that do not stretch lack together to reach all supports at once, by how much they could not be
-    laid out as strings; and the segment that lacks most. 0: nothing, or it cannot be told."""
+    laid out as strings; and the segment that lacks most. 0: nothing, or it cannot be told, as with eyelets."""
+    if state.rings:
+        return 0.0, ""
     spans = state.structure.spans
     a, b = (np.array([span[i] for span in spans]) for i in (0, 1))
     length = state.layout.arcs[:, 1] - state.layout.arcs[:, 0]

@@ -161,7 +161,7 @@ class HarnessSearch(Search):
             state.firm(firm)
             state.first_mesh(guess, fineness)
             state.start_from(guess, kind, sag)
-            if settles and not self._settled():
+            if settles and (state.rings or not self._settled()):
                 continue
             if self.call(0, _COLD_ITERATIONS, guard=guard):
                 told = Status.SNAPPED if self.snapped else Status.OK

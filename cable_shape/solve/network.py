@@ -498,6 +498,19 @@ class Network:
 
     # -- eyelets
 
+    def ring_name(self, ring: int) -> str:
+        """What an eyelet is called."""
+        return f"clips[{ring - 1}]"
+
+    def slack(self, arcs: Array, frames: Array) -> Array:
+        """(m,) [m]: by how much each span between these arc lengths is longer than the way between its supports at
+        `frames`; of an extensible cable, or before a free end, its length."""
+        room = np.diff(arcs)
+        if self.stretch == 0.0:
+            chords = np.linalg.norm(np.diff(frames[:, :3], axis=0), axis=1)
+            room[: self.forces] -= chords[: self.forces]
+        return np.asarray(room)
+
     def slide_to(self, arcs: Array) -> None:
         """Moves the cable through its eyelets to these arc lengths (m+1,): nodes between them are spread anew."""
         old = np.concatenate((self.bounds(), self.points))

@@ -295,7 +295,7 @@ def test_several_cables_need_poses_and_names_that_make_topics(start, tmp_path):
     file.write_text(f"cables: {{a: {one}, b: {one}}}")
     assert node.set(input="joints", robot_file="robots/dual_arm.yaml").successful
     assert not node.transition(1)
-    node.diagnosis("lifecycle", "moves one cable, between the robot's two grippers", ERROR)
+    node.diagnosis("lifecycle", "moves one cable or harness, held by the robot's two grippers", ERROR)
     assert node.process.stop() == 0
 
 

@@ -21,6 +21,7 @@ from cable_shape.errors import ArgumentError
 from cable_shape.fields import shape_from
 from cable_shape.harness_ends import HarnessFile
 from cable_shape.robot import Robot
+from cable_shape.ros import conversions
 from cable_shape.ros.assembly import Assembly
 from cable_shape.ros.conversions import time_of
 from cable_shape.ros.parameters import SPECS, Settings, find_file
@@ -311,9 +312,10 @@ def settings(**changes):
 @pytest.mark.parametrize(
     ("changes", "told"),
     [
-        ({"cable_file": "c.yaml"}, "cable_file = 'c.yaml' is not allowed: a node has cables or a harness"),
-        ({"uncertainty_file": "u.yaml"}, "uncertainty_file = 'u.yaml' is not allowed: a harness has no tube"),
-        ({"planner": True}, "planner = True is not allowed: planners are served for cables"),
+        (
+            {"harness_file": "h.yaml, i.yaml", "held_ends": "a.start"},
+            "held_ends = 'a.start' .* one harness; there are 2",
+        ),
         ({"grip_kind_left": "swivel"}, "grip_kind_left = 'swivel' is not allowed: a harness has no left and right"),
         (
             {"right_gripper.offset": [0.1, 0, 0, 0, 0, 0, 1]},
@@ -326,6 +328,40 @@ def settings(**changes):
 def test_what_a_harness_does_not_go_with(changes, told):
     with pytest.raises(ArgumentError, match=told):
         settings(**{"harness_file": "h.yaml", **changes}).complete()
+
+
+def test_a_node_has_cables_and_harnesses_side_by_side(file, tmp_path):
+    other = tmp_path / "other.yaml"
+    other.write_text(HARNESS)
+    cable = tmp_path / "cable.yaml"
+    cable.write_text("{length: 1.0, linear_density: 0.1, bending_stiffness: 0.01}\n")
+    names = {"cable_file": str(cable), "harness_file": f"{file}, {other}"}
+    assembly = Assembly(settings(**names))
+    topics = [topic for holding in assembly.holdings for topic in holding.topics]
+    assert topics[:2] == ["left_gripper/pose", "right_gripper/pose"]
+    assert topics[2:] == [f"{name}/{end}/pose" for name in ("h", "other") for end in ("a_start", "b_end", "c_end")]
+    ends = {end: cs.Pose(place, ALONG) for end, place in PLACES.items()}
+    pair = cs.Pose((0.0, 2.0, 0.5), ALONG), cs.Pose((0.8, 2.0, 0.5), ALONG)
+    aside = {end: cs.Pose((place[0], place[1] + 1.0, place[2]), ALONG) for end, place in PLACES.items()}
+    report = assembly.cycle.step({"cable": pair, "h": ends, "other": aside}, stamp=0)
+    assert {name: shape.status.name for name, shape in report.shapes.items()} == dict.fromkeys(report.shapes, "OK")
+    assert set(report.clearance) >= {"cable", "h/a", "other/c"}
+    with pytest.raises(ArgumentError, match="there is a cable, or a harness, 'h' already"):
+        Assembly(settings(harness_file=f"{file}, {file}"))
+    names = {"cable_file": str(cable), "harness_file": str(file), "held_ends": "a.start, b.end"}
+    with pytest.raises(ArgumentError, match="moves one cable or harness"):
+        Assembly(settings(**names, input="joints", robot_file="robots/dual_arm.yaml"))
+
+
+def test_a_node_with_an_uncertainty_has_a_tube_message_for_every_segment(file, tmp_path):
+    known = cs.Uncertainty({"bending_stiffness:each": 0.1}, (0.001, 0.0)).save(tmp_path / "known.yaml")
+    cycle = Assembly(settings(harness_file=str(file), uncertainty_file=str(known))).cycle
+    report = cycle.step({"h": {end: cs.Pose(place, ALONG) for end, place in PLACES.items()}}, stamp=0)
+    assert set(report.tubes) == {"h/a", "h/b", "h/c"}
+    header = conversions.header_of(report.stamp, "world")
+    message = conversions.tube_message("h/c", report.tubes["h/c"], header)
+    assert message.cable_id == "h/c"
+    assert max(message.radius) > 0.001
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from harness import ALONG_X, Goals, child_of, wait_until_gone
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 import cable_shape as cs
+from cable_shape.harness_ends import HarnessFile
 from cable_shape.robot import Robot
 from cable_shape.ros import planning
 from cable_shape.ros.parameters import find_file
@@ -519,3 +520,82 @@ def test_the_planner_gets_to_know_the_same_bits():
         True,
     )
     assert PlannerSetup.from_json(setup.to_json()) == setup
+
+
+HARNESS = cs.Harness(
+    {"a": CABLE.replace(length=0.6), "b": CABLE.replace(length=0.6), "c": CABLE.replace(length=0.2)},
+    [cs.Junction("fork", ("a.end", "b.start", "c.start"))],
+)
+BOTH = {"a.start": cs.Grip(cs.Pose()), "b.end": cs.Grip(cs.Pose(), "swivel")}
+
+
+@pytest.fixture
+def of_harness(monkeypatch):
+    """The planner's own part of a process for a harness, and the answers it would send."""
+    file = HarnessFile(HARNESS, {**BOTH, "c.end": cs.FreeEnd(mass=0.05)}, "h")
+    setup = PlannerSetup(
+        "p", "/", "s", "a", {}, cs.Scene(obstacles=[POST]), str(ROBOT), "auto", (0.0, 0.0, -9.81), 40, 0.0, 100, 1,
+        60.0, False, {"h": file.as_dict()},
+    )  # fmt: skip
+    monkeypatch.setattr(planning, "Goals", lambda *_: None)
+    node = SimpleNamespace(create_service=lambda *_, **__: None)
+    return Planner(node, PlannerSetup.from_json(setup.to_json()), Gate())
+
+
+def test_shapes_of_a_harness_are_those_of_predict_batch(of_harness):
+    starts, ends = grasps(3)
+    rows = np.concatenate((starts, ends), axis=1)
+    request = PredictShapes.Request(starts=flat(rows), arrays=PredictShapes.Request.POSITIONS)
+    told = of_harness._predict(request, PredictShapes.Response())
+    assert (told.success, told.error) == (True, "")
+    own = cs.predict_batch(
+        HARNESS, {"a.start": starts, "b.end": ends, "c.end": cs.FreeEnd(mass=0.05)}, kinds={"b.end": "swivel"},
+        points=40, scene=cs.Scene(obstacles=[POST]),
+    )  # fmt: skip
+    places = np.array(told.positions).reshape(3, 3, 40, 3)
+    for i, name in enumerate(HARNESS.segments):
+        np.testing.assert_array_equal(places[:, i], own.positions[name])
+        np.testing.assert_array_equal(np.array(told.distances).reshape(3, 3, 1)[:, i], own.distances[name])
+    np.testing.assert_array_equal(told.energy, own.energy)
+    assert list(told.usable) == [1, 1, 1]
+    for fields, said in (
+        ({"starts": flat(starts)}, "2 times seven numbers"),
+        ({"starts": flat(rows), "ends": flat(ends)}, "of a harness the poses of all held ends, a.start, b.end"),
+        ({"starts": flat(rows), "cable_id": "g"}, "unknown key 'g'"),
+    ):
+        assert said in of_harness._predict(PredictShapes.Request(**fields), PredictShapes.Response()).error
+
+
+def test_a_motion_of_a_harness_is_checked_by_poses_and_by_joints(of_harness):
+    def checked(**fields):
+        goal = SimpleNamespace(
+            request=CheckTrajectory.Goal(**fields), is_cancel_requested=False, publish_feedback=lambda _: None
+        )
+        return of_harness._checked(goal)
+
+    near, far = sideways(3)
+    own = cs.check_trajectory(
+        HARNESS, cs.Scene(obstacles=[POST]), None,
+        cs.EndsPath({"a.start": near, "b.end": far, "c.end": cs.FreeEnd(mass=0.05)}), points=40,
+    )  # fmt: skip
+    found = checked(starts=flat(np.concatenate((near, far), axis=1)))
+    assert found.valid == own.valid is False
+    assert found.first.other == own.first.other
+    robot = Robot.from_yaml(ROBOT)
+    still = JointTrajectory(
+        joint_names=list(robot.joint_names), points=[JointTrajectoryPoint(positions=robot.home.tolist())] * 2
+    )
+    assert checked(trajectory=still).robot_checked
+
+
+def test_a_node_with_a_harness_serves_its_planner(start_for_all, tmp_path_factory):
+    path = tmp_path_factory.mktemp("harness") / "h.yaml"
+    HARNESS.to_yaml(path)
+    ends = {"held_ends": "a.start, b.end"}
+    node = start_for_all(cable_file=None, harness_file=path, planner="true", points=30, active=False, **ends)
+    starts, far = grasps(2)
+    told = shapes_of(node, starts=flat(np.concatenate((starts, far), axis=1)), arrays=1)
+    assert (told.success, told.error, list(told.usable)) == (True, "", [1, 1])
+    own = cs.predict_batch(HARNESS, {"a.start": starts, "b.end": far}, points=30)
+    places = np.array(told.positions).reshape(2, 3, 30, 3)
+    np.testing.assert_array_equal(places[:, 2], own.positions["c"])
