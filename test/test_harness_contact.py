@@ -211,3 +211,19 @@ def test_what_is_refused_names_the_part() -> None:
     corner = cs.Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
     with pytest.raises(cs.ArgumentError, match="closed convex meshes only"):
         cs.Predictor(fork(), scene=over(corner))
+
+
+def test_a_harness_in_contact_has_a_tube_and_no_stability_margin() -> None:
+    harness = fork()
+    known = cs.Uncertainty({"bending_stiffness": 0.1})
+    cycle = cs.Cycle({"h": harness}, scene=TABLE, uncertainty=known)
+    for i, height in enumerate((0.36, 0.33, 0.3)):
+        report = cycle.step({"h": trunk(height)}, i * 8_000_000)
+    shape = report.shapes["h"]
+    assert any(one.contacts for one in shape.segments.values())
+    assert not any(margin.kind.name == "STABILITY" for margins in report.margins.values() for margin in margins)
+    tubes = [report.tubes[f"h/{name}"] for name in harness.segments]
+    assert max(float(tube.radius.max()) for tube in tubes) > 1e-5
+    with pytest.raises(cs.ArgumentError, match="knows no eyelets of harnesses"):
+        clip = cs.Clip(0.2, cs.Pose((0.3, 0.0, 0.3)), "slide", segment="a")
+        cs.Predictor(harness, scene=cs.Scene(obstacles=TABLE.obstacles, clips=[clip], contact="solve"))

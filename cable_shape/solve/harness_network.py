@@ -427,7 +427,7 @@ class HarnessNetwork(Network):
         rows = np.array([self.layout.knots["end", end] for end in ends], dtype=np.int64)
         out, df = np.zeros((self.cables * points, 3, 6 * len(ends))), np.empty((len(self.rings), 6 * len(ends)))
         if len(ends):
-            slides = refreshed(state)  # type: ignore[arg-type]
+            slides = refreshed(state)
             respond.sensitivities(state.ints, state.floats, state.sols, state.work, points, rows, out, df)
             run_on(out, df, slides)
         return out
