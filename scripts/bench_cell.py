@@ -40,7 +40,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
-from cable_shape.robot import Robot
+from cable_shape.robots.robot import Robot
 
 CONFIG = Path(__file__).resolve().parents[1] / "config"
 SENSOR = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)

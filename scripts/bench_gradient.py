@@ -27,8 +27,8 @@ from scipy.spatial.transform import Rotation
 from tqdm import tqdm
 
 import cable_shape as cs
-from cable_shape.cases.load import load_case
-from cable_shape.problem import Problem
+from cable_shape.command.load_case import load_case
+from cable_shape.solve.problem import Problem
 
 POINTS = 150
 GOAL = 250.0

@@ -28,7 +28,7 @@ from truth_tubes import tubes
 
 import cable_shape as cs
 from cable_shape.calibration.parameters import held
-from cable_shape.kernels.misses import misses
+from cable_shape.kernels.distance.misses import misses
 
 STATIC, MOVING, ALL = "static, EI/w only", "inertial load, EI/w only", "inertial load, all that helps"
 FASTER = "moderate frames, all that helps"

@@ -18,7 +18,7 @@ from bench_cell import CONFIG, motion, node_parameters
 from cell_node import FedNode
 from sensor_msgs.msg import JointState
 
-from cable_shape.robot import Robot
+from cable_shape.robots.robot import Robot
 from cable_shape.ros.diagnostics import TIMES_WINDOW
 
 STATES = {"attached": signal.SIGCONT, "blocked": signal.SIGSTOP, "killed": signal.SIGKILL}

@@ -9,9 +9,9 @@ import numpy as np
 
 import cable_shape as cs
 from cable_shape.kernels.network.tables import NOW
-from cable_shape.models import touching
-from cable_shape.models.touch_state import TouchState
 from cable_shape.solve.network import Network
+from cable_shape.solve.touching import touching
+from cable_shape.solve.touching.touch_state import TouchState
 
 NEARBY = 0.05  # rad that a frame may turn where a mesh is halved, at least: further away lies another branch
 ITERATIONS = 100

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from cable_shape.cases.reference import reference_case
+from cable_shape.command.reference_case import reference_case
 from cable_shape.pose import FreeEnd, Pose
-from cable_shape.problem import Problem
 from cable_shape.shape import CableShape
 from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
+from cable_shape.solve.problem import Problem
 
 ALONG_X = Rotation.from_quat((0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5)))  # d3 = x, d2 = y
 STEPS = 20

@@ -9,12 +9,12 @@ import numpy as np
 from cosserat_figures import Figures, heading
 from tqdm import tqdm
 
-from cable_shape.cable import Cable
+from cable_shape.cable.cable import Cable
 from cable_shape.pose import FreeEnd, Grip, Pose, multiply
-from cable_shape.problem import Problem
 from cable_shape.shape import Status
 from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
+from cable_shape.solve.problem import Problem
 
 UP = (0.0, 0.0, 0.0, 1.0)  # d3 = z
 LEVEL = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))  # d3 = x, d1 = -z

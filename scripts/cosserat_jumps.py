@@ -18,13 +18,13 @@ from cosserat_random import random_grasp
 from scipy.spatial.transform import Rotation
 from tqdm import tqdm
 
-from cable_shape.cable import Cable
+from cable_shape.cable.cable import Cable
 from cable_shape.kernels.network.newton import CONVERGED
 from cable_shape.pose import Pose
-from cable_shape.problem import Problem
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
+from cable_shape.solve.problem import Problem
 from cable_shape.solve.search import between
 
 POINTS = 50

@@ -16,7 +16,7 @@ from cosserat_figures import Figures, heading
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
-from cable_shape.cases.reference import reference_case
+from cable_shape.command.reference_case import reference_case
 
 #: name, ours, exact, what was published (None: only the exact value is)
 Row = tuple[str, float, float, str | None]

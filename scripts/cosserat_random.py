@@ -12,12 +12,12 @@ from cosserat_figures import Figures, heading
 from scipy.spatial.transform import Rotation
 from tqdm import tqdm
 
-from cable_shape.cable import Cable
+from cable_shape.cable.cable import Cable
 from cable_shape.pose import Pose
-from cable_shape.problem import Problem
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
+from cable_shape.solve.problem import Problem
 
 LENGTH = 1.2
 

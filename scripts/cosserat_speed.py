@@ -16,9 +16,9 @@ from tqdm import tqdm
 import cable_shape as cs
 from cable_shape.kernels.network.guess import CURVED, HANGING
 from cable_shape.kernels.network.tables import TRIAL
-from cable_shape.problem import Problem
 from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
+from cable_shape.solve.problem import Problem
 
 ALONG_X = (0.5, 0.5, 0.5, 0.5)
 CABLE = cs.Cable(length=1.2, linear_density=0.1, bending_stiffness=0.01, twisting_stiffness=0.008)

@@ -21,9 +21,9 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from cable_shape.errors import CableShapeError, RobotError
-from cable_shape.ik import DualArmIK
 from cable_shape.pose import Pose, multiply
-from cable_shape.robot import Robot
+from cable_shape.robots.ik import DualArmIK
+from cable_shape.robots.robot import Robot
 
 ROOT = Path(__file__).resolve().parent.parent
 NOMINAL_DURATION = 20.0  # s, of the key frames below

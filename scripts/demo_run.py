@@ -24,7 +24,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from tqdm import tqdm
 
-from cable_shape.report import WarningKind
+from cable_shape.safety.report import WarningKind
 from cable_shape.shape import Status
 
 ROOT = Path(__file__).resolve().parent.parent

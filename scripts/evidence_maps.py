@@ -18,11 +18,11 @@ from tqdm import tqdm
 
 import cable_shape as cs
 from cable_shape.kernels.network.drive import I_ESTIMATE
-from cable_shape.problem import Problem
+from cable_shape.safety.snap import copied
 from cable_shape.shape import CableShape, Status
-from cable_shape.snap import copied
 from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
+from cable_shape.solve.problem import Problem
 
 ALONG_X = Rotation.from_quat((0.5, 0.5, 0.5, 0.5))
 STATUS_COLOURS = ("#d9e8d9", "#f2c14e", "#d1495b", "#8d99ae", "#30638e", "#000000", "#7b2d8b")

@@ -14,9 +14,9 @@ from tqdm import tqdm
 
 import cable_shape as cs
 from cable_shape.kernels.network import drive
-from cable_shape.problem import Problem
 from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
+from cable_shape.solve.problem import Problem
 
 PHASES = ("predict", "clearance", "margins", "warnings")
 

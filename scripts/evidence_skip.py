@@ -14,8 +14,8 @@ from evidence_pages import Pages, figures, table
 from tqdm import tqdm
 
 import cable_shape as cs
-from cable_shape.problem import NAMED_TOLERANCE
-from cable_shape.snap import predicted_snap
+from cable_shape.safety.snap import predicted_snap
+from cable_shape.solve.problem import NAMED_TOLERANCE
 
 CONFIG = Path(__file__).resolve().parents[1] / "config"
 NAME = "cable"

@@ -14,11 +14,11 @@ from scipy.spatial.transform import Rotation
 from tqdm import tqdm
 
 import cable_shape as cs
-from cable_shape.problem import Problem
+from cable_shape.safety.snap import copied
 from cable_shape.shape import Status
-from cable_shape.snap import copied
 from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
+from cable_shape.solve.problem import Problem
 
 #: Cables of the walks: EI [N m^2] of a metre or so at 0.1 kg/m.
 STIFFNESS = {"soft": 1e-4, "usual": 1e-2, "stiff": 1.0}

@@ -11,10 +11,10 @@ from evidence_pages import Pages, table
 from tqdm import tqdm
 
 import cable_shape as cs
-from cable_shape.problem import Problem
 from cable_shape.shape import Status
 from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
+from cable_shape.solve.problem import Problem
 
 Row = tuple[str, str]
 

@@ -19,9 +19,9 @@ from tqdm import tqdm
 
 import cable_shape as cs
 from cable_shape.kernels.network.newton import CONVERGED
-from cable_shape.problem import Problem
 from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
+from cable_shape.solve.problem import Problem
 
 CLOSED = ("catenary", "gradient4", "gradient6")
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)

@@ -14,7 +14,7 @@ from scipy.integrate import solve_bvp
 from scipy.spatial.transform import Rotation
 
 from cable_shape.pose import FreeEnd, Grip
-from cable_shape.problem import Problem
+from cable_shape.solve.problem import Problem
 
 Array = NDArray[np.float64]
 

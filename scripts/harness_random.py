@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import cable_shape as cs
-from cable_shape.harness import split_end
+from cable_shape.cable.harness import split_end
 
 GRAVITY = np.array((0.0, 0.0, -9.81))
 

@@ -19,9 +19,9 @@ from ompl import geometric as og
 from ompl import util as ou
 
 import cable_shape as cs
-from cable_shape.ik import DualArmIK
-from cable_shape.mujoco_model import MujocoModel
-from cable_shape.robot import Robot
+from cable_shape.robots.ik import DualArmIK
+from cable_shape.robots.mujoco_model import MujocoModel
+from cable_shape.robots.robot import Robot
 
 ROOT = Path(__file__).resolve().parent.parent
 #: the cable's ends at both places: x and height of the grips, and the chord between them, along -y [m]

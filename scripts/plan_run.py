@@ -16,7 +16,7 @@ import plan_cable
 from plan_cable import Plan
 
 import cable_shape as cs
-from cable_shape.robot import Robot
+from cable_shape.robots.robot import Robot
 from cable_shape.viewer.recording import RecordingWriter
 
 RATE = 50.0  # Hz, of the recording

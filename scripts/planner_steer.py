@@ -11,8 +11,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 import cable_shape as cs
-from cable_shape.robot import Robot
-from cable_shape.steering import CableChordLimit, CableClearanceLimit, CablePointTask, HeldCable
+from cable_shape.robots.robot import Robot
+from cable_shape.robots.steering import CableChordLimit, CableClearanceLimit, CablePointTask, HeldCable
 
 ROBOT = Path(__file__).resolve().parent.parent / "config" / "robots" / "dual_arm.yaml"
 CABLE = cs.Cable(length=1.0, linear_density=0.1, bending_stiffness=0.01, twisting_stiffness=0.008, diameter=0.008)

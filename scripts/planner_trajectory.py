@@ -10,7 +10,7 @@ from planner_batch import bodies
 from scipy.interpolate import CubicSpline
 
 import cable_shape as cs
-from cable_shape.robot import Robot
+from cable_shape.robots.robot import Robot
 
 ROBOT = Path(__file__).resolve().parent.parent / "config" / "robots" / "dual_arm.yaml"
 CABLE = cs.Cable(

@@ -9,9 +9,9 @@ import numpy as np
 from cosserat_figures import Figures, heading
 
 import cable_shape as cs
-from cable_shape.clearance import ClearanceChecker
-from cable_shape.robot import Robot
-from cable_shape.scene import Solid
+from cable_shape.robots.robot import Robot
+from cable_shape.safety.clearance import ClearanceChecker
+from cable_shape.scene.scene import Solid
 
 CELL = Path(__file__).resolve().parents[1] / "config" / "robots" / "dual_arm.yaml"
 CABLE = cs.Cable(length=0.9, linear_density=0.1, bending_stiffness=0.01, diameter=0.008)

@@ -16,10 +16,10 @@ from cosserat_speed import CABLE, END, START, motion
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
-from cable_shape.cases.reference import reference_case
-from cable_shape.problem import Problem
+from cable_shape.command.reference_case import reference_case
 from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
+from cable_shape.solve.problem import Problem
 
 #: of a warm step's time, beside the plain cable's
 ASKED = {"2 ball clips": 1.5, "2 fixed clips": 1.5, "1 eyelet": 2.0}  #: times the plain cable's warm step

@@ -9,7 +9,7 @@ from cosserat_figures import Figures, heading
 from scipy.optimize import brentq
 
 import cable_shape as cs
-from cable_shape.models import touch_mesh
+from cable_shape.solve.touching import touch_mesh
 
 ALONG_X = (0.5, 0.5, 0.5, 0.5)
 ACROSS_Y = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))  # the drum's axis along -y of the world

@@ -16,8 +16,8 @@ from cosserat_figures import Figures, heading
 from scene_eyelets import print_eyelets, sway
 
 import cable_shape as cs
-from cable_shape.clearance import ClearanceChecker
-from cable_shape.scene import Solid
+from cable_shape.safety.clearance import ClearanceChecker
+from cable_shape.scene.scene import Solid
 
 ALONG_X = (0.5, 0.5, 0.5, 0.5)
 CABLE = cs.Cable(

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from tqdm import tqdm
 
 import cable_shape as cs
-from cable_shape.near import CableNear
+from cable_shape.safety.near import CableNear
 
 ALONG_X = Rotation.from_quat((0.5, 0.5, 0.5, 0.5))
 SCENE = cs.Scene(contact="solve")

@@ -9,7 +9,7 @@ from contact_reference import compared, finer
 from cosserat_figures import Figures
 
 import cable_shape as cs
-from cable_shape.scene import Solid
+from cable_shape.scene.scene import Solid
 
 ALONG_X = cs.Pose((0, 0, 0), (0.5, 0.5, 0.5, 0.5))
 CABLE = cs.Cable(

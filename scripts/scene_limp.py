@@ -19,7 +19,7 @@ from cosserat_figures import Figures, heading
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
-from cable_shape.clearance import ClearanceChecker
+from cable_shape.safety.clearance import ClearanceChecker
 
 LENGTH, DENSITY, DIAMETER = 1.0, 0.1, 0.004
 TABLE = cs.Scene(obstacles=[cs.Obstacle("table", cs.HalfSpace())], contact="solve")

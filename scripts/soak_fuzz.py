@@ -27,7 +27,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 
-from cable_shape.robot import Robot
+from cable_shape.robots.robot import Robot
 
 AWAKE_EVERY = 2000  # messages, between looks whether good ones are answered
 ANSWER_S = 120.0

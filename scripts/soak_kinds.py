@@ -29,13 +29,13 @@ SOLID = (
 
 def read_yaml(file: Path) -> None:
     """Every reader of YAML."""
-    from cable_shape.cable import Cable
-    from cable_shape.cases.load import load_case
+    from cable_shape.cable.cable import Cable
+    from cable_shape.command.load_case import load_case
     from cable_shape.errors import CableShapeError
-    from cable_shape.robot import Robot
+    from cable_shape.robots.robot import Robot
     from cable_shape.ros.assembly import load_cables
-    from cable_shape.scene import Scene
-    from cable_shape.uncertainty import Uncertainty
+    from cable_shape.scene.scene import Scene
+    from cable_shape.uncertainty.uncertainty import Uncertainty
 
     for read in (Cable.from_yaml, Scene.from_yaml, load_cables, Robot.from_yaml, Uncertainty.from_yaml, load_case):
         with contextlib.suppress(CableShapeError):
@@ -44,7 +44,7 @@ def read_yaml(file: Path) -> None:
 
 def read_json(file: Path) -> None:
     """A case."""
-    from cable_shape.cases.load import load_case
+    from cable_shape.command.load_case import load_case
     from cable_shape.errors import CableShapeError
 
     with contextlib.suppress(CableShapeError):
@@ -55,7 +55,7 @@ def read_urdf(file: Path) -> None:
     """The robot that a URDF describes, and where its links are."""
     from cable_shape.errors import CableShapeError
     from cable_shape.pose import Pose
-    from cable_shape.robot import Gripper, Robot
+    from cable_shape.robots.robot import Gripper, Robot
 
     grippers = {side: Gripper(f"{side}_tool", Pose((0.0, 0.0, 0.0))) for side in ("left", "right")}
     with contextlib.suppress(CableShapeError):
@@ -75,7 +75,7 @@ def read_bag(file: Path) -> None:
 def read_mesh(file: Path) -> None:
     """Triangles."""
     from cable_shape.errors import CableShapeError
-    from cable_shape.solids import Mesh
+    from cable_shape.scene.solids import Mesh
 
     with contextlib.suppress(CableShapeError):
         Mesh.from_file(file)
@@ -84,8 +84,8 @@ def read_mesh(file: Path) -> None:
 def read_table(file: Path) -> None:
     """Observations, points at rest, and clicks."""
     from cable_shape.calibration.photo import is_photo, load_clicks
-    from cable_shape.calibration.sources import load_observations, load_points
     from cable_shape.errors import CableShapeError
+    from cable_shape.replay.observations import load_observations, load_points
 
     for read in (load_observations, load_points, is_photo, load_clicks):
         with contextlib.suppress(CableShapeError):
@@ -94,8 +94,8 @@ def read_table(file: Path) -> None:
 
 def read_arrays(file: Path) -> None:
     """Observations."""
-    from cable_shape.calibration.sources import load_observations
     from cable_shape.errors import CableShapeError
+    from cable_shape.replay.observations import load_observations
 
     with contextlib.suppress(CableShapeError):
         load_observations(file)

@@ -81,7 +81,7 @@ def repeat(count: int) -> list[str]:
         first: dict[str, str] = {}
         for k in range(count):
             out = folder / "out"
-            command = [sys.executable, "-m", "cable_shape.cli", "replay", str(folder / "bag"), "-o", str(out)]
+            command = [sys.executable, "-m", "cable_shape.command.cli", "replay", str(folder / "bag"), "-o", str(out)]
             command += [
                 "--cable",
                 str(CONFIG / "cables" / "demo.yaml"),

@@ -29,7 +29,7 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import JointState
 
-from cable_shape.robot import Robot
+from cable_shape.robots.robot import Robot
 
 STARTUP_S = 120.0
 GROWTH_KB = 5_000  # allocators keep some; a leak of 100 bytes a cycle at 250 Hz is 15 MB in ten minutes

@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
-from cable_shape.calibration.sources import from_bag
+from cable_shape.replay.observations import from_bag
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 CABLES = (1, 2, 3, 4, 5)

@@ -23,10 +23,10 @@ from truth_limits import line
 
 import cable_shape as cs
 from cable_shape.calibration.parameters import held
-from cable_shape.calibration.sources import from_bag
-from cable_shape.calibration.tube import left_out
-from cable_shape.kernels.misses import misses
-from cable_shape.tube import TubeWatch
+from cable_shape.kernels.distance.misses import misses
+from cable_shape.replay.observations import from_bag
+from cable_shape.uncertainty.calibrated_tube import left_out
+from cable_shape.uncertainty.tube_watch import TubeWatch
 
 KINDS = ("quasi", "slow", "moderate")
 PARTS = 3

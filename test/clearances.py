@@ -4,10 +4,10 @@ import numpy as np
 from hypothesis import settings
 from hypothesis import strategies as st
 
-from cable_shape.clearance import ClearanceChecker
 from cable_shape.pose import IDENTITY, Pose
-from cable_shape.report import BodyDistance
-from cable_shape.scene import Mesh, Obstacle, Scene
+from cable_shape.safety.clearance import ClearanceChecker
+from cable_shape.safety.report import BodyDistance
+from cable_shape.scene.scene import Mesh, Obstacle, Scene
 from cable_shape.shape import CableShape, Status
 
 RADIUS = 0.004

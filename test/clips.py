@@ -7,7 +7,7 @@ from rods import CABLE, END, LENGTH, START
 
 import cable_shape as cs
 from cable_shape.pose import Pose
-from cable_shape.scene import Clip, Scene
+from cable_shape.scene.scene import Clip, Scene
 from cable_shape.shape import CableShape
 
 WEIGHT = 0.981  # N/m

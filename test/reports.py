@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from cable_shape.cable import Cable
-from cable_shape.plug import PlugError
+from cable_shape.cable.cable import Cable
 from cable_shape.pose import Grip, Pose
-from cable_shape.report import BodyDistance, CableWarning, Clearance, CycleReport, Margin, Severity, WarningKind
-from cable_shape.scene import Box, Capsule, Clip, Cylinder, HalfSpace, Mesh, Obstacle, PointMass, Scene, Sphere
+from cable_shape.safety.report import BodyDistance, CableWarning, Clearance, CycleReport, Margin, Severity, WarningKind
+from cable_shape.scene.plug import PlugError
+from cable_shape.scene.scene import Box, Capsule, Clip, Cylinder, HalfSpace, Mesh, Obstacle, PointMass, Scene, Sphere
 from cable_shape.shape import CableShape, Status
 
 ROOT = Path(__file__).resolve().parent.parent

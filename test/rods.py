@@ -11,16 +11,16 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from cable_shape.cable import Cable
+from cable_shape.cable.cable import Cable
 from cable_shape.kernels import rod_mesh
 from cable_shape.kernels.network import drive
 from cable_shape.kernels.network.newton import CONVERGED
 from cable_shape.pose import FreeEnd, Grip, Pose
-from cable_shape.predictor import Predictor
-from cable_shape.problem import Problem
+from cable_shape.prediction.predictor import Predictor
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
+from cable_shape.solve.problem import Problem
 
 ALONG_X = (0.5, 0.5, 0.5, 0.5)  # d1 = y, d2 = z, d3 = x
 LENGTH = 1.2

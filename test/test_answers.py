@@ -10,9 +10,9 @@ import cable_shape as cs
 from cable_shape.calibration.answers import Answers
 from cable_shape.calibration.parameters import Parameters
 from cable_shape.kernels.network import respond
-from cable_shape.problem import Problem
 from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
+from cable_shape.solve.problem import Problem
 
 ELASTIC = CABLE.replace(axial_stiffness=40.0, shear_stiffness=25.0, rest_curvature=(1.0, -0.5, 0.3))
 WAVY = CABLE.replace(rest_curvature=[(1.0, 0.0, 0.5), (-2.0, 1.0, 0.0), (0.5, 0.5, -1.0)])

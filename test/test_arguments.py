@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 import cable_shape as cs
 from cable_shape.calibration.photo import Clicks
-from cable_shape.scene import SCENE_KEYS
+from cable_shape.scene.scene import SCENE_KEYS
 
 BIG = 10**400
 START, END = cs.Pose((0, 0, 1), (0.5,) * 4), cs.Pose((0.8, 0, 1), (0.5,) * 4)

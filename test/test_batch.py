@@ -8,8 +8,8 @@ from rods import CABLE
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
-from cable_shape.kernels import batch_cells
-from cable_shape.report import LOAD_MARGINS
+from cable_shape.kernels.network import batch_cells
+from cable_shape.safety.report import LOAD_MARGINS
 
 ALONG_X = Rotation.from_quat((0.5, 0.5, 0.5, 0.5))
 TOLERANCE = 1e-4 * CABLE.length
@@ -182,7 +182,7 @@ def test_rows_that_are_held_otherwise_are_cold_predictions_too(hold: str, monkey
     cable = options.pop("cable", CABLE)
     starts, ends = grasps(60, reach=0.02, turn=0.05)
     alone: list[int] = []
-    monkeypatch.setattr("cable_shape.batch._Work._solve_alone", lambda work, row: alone.append(row))
+    monkeypatch.setattr("cable_shape.planning.batch._Work._solve_alone", lambda work, row: alone.append(row))
     batch = cs.predict_batch(cable, starts, ends, model="cosserat", tolerance=TOLERANCE, **options)
     assert len(alone) <= 6, alone
     several = 0

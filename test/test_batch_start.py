@@ -8,12 +8,11 @@ from rods import CABLE
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
-from cable_shape.kernels import batch_cells
-from cable_shape.kernels.network import beside, drive, newton, respond
+from cable_shape.kernels.network import batch_cells, beside, drive, newton, respond
 from cable_shape.kernels.network.tables import NOW, model_of, solution_of
 from cable_shape.pose import Grip, Pose
-from cable_shape.problem import Problem
 from cable_shape.solve.network import Network
+from cable_shape.solve.problem import Problem
 
 TOLERANCE = 1e-4 * CABLE.length
 REACH, TURN, POINTS = 0.25 * CABLE.length, 0.3, 80

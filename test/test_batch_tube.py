@@ -10,12 +10,12 @@ from scipy.spatial.transform import Rotation
 from test_batch import LIMITED, SCENE, TOLERANCE, assert_same, batch_of, grasps, pair
 
 import cable_shape as cs
-from cable_shape.batch_tube import BatchTube
-from cable_shape.clearance import ClearanceChecker
-from cable_shape.problem import Problem
+from cable_shape.planning.batch_spread import BatchTube
+from cable_shape.safety.clearance import ClearanceChecker
 from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
-from cable_shape.tube import TubeWatch
+from cable_shape.solve.problem import Problem
+from cable_shape.uncertainty.tube_watch import TubeWatch
 
 KNOWN = cs.Uncertainty(
     {"bending_stiffness": 0.04, "length": 5e-4, "start_tilt": 2e-3, "end_offset": 3e-4, "roll": 4e-3},

@@ -14,8 +14,8 @@ from replays import MOUNTS, TRUE, bag_of, mounted
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
-from cable_shape.cases.load import load_case
-from cable_shape.cli import main
+from cable_shape.command.cli import main
+from cable_shape.command.load_case import load_case
 from cable_shape.errors import ArgumentError, UnknownKeyError
 
 ROUGH = "length: 1.0\nlinear_density: 0.06\nbending_stiffness: 0.006\n"

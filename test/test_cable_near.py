@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import cable_shape as cs
-from cable_shape.kernels import cable_near
-from cable_shape.kernels.cable_near import counts_as_near
-from cable_shape.kernels.crossing_cull import apart_from_itself, leans
-from cable_shape.near import CableNear
+from cable_shape.kernels.contact.crossing_cull import apart_from_itself, leans
+from cable_shape.kernels.distance import cable_near
+from cable_shape.kernels.distance.cable_near import counts_as_near
+from cable_shape.safety.near import CableNear
 
 ALONG_X = (0.5, 0.5, 0.5, 0.5)
 ALONG_Y = (math.sqrt(0.5), 0.0, 0.0, -math.sqrt(0.5))  # d3 = y

@@ -15,10 +15,10 @@ from cable_shape.calibration import robust
 from cable_shape.calibration.forward import Forward
 from cable_shape.calibration.parameters import Parameters
 from cable_shape.calibration.robust import TUNING, Robust
-from cable_shape.calibration.sources import load_observations
-from cable_shape.cli import main
+from cable_shape.command.cli import main
 from cable_shape.errors import ArgumentError, BagError, UnknownKeyError
-from cable_shape.kernels.misses import misses
+from cable_shape.kernels.distance.misses import misses
+from cable_shape.replay.observations import load_observations
 
 ALONG_X = Rotation.from_quat((0.5, 0.5, 0.5, 0.5))
 TRUE = cs.Cable(length=1.0, linear_density=0.06, bending_stiffness=0.004)

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import cable_shape as cs
-from cable_shape.capsules import Capsules
 from cable_shape.errors import ArgumentError
+from cable_shape.messages.capsules import Capsules
 
 CABLE = cs.Cable(1.2, 0.1, 0.01, 0.008)
 START = cs.Pose((0, 0, 1), (0.5, 0.5, 0.5, 0.5))

@@ -13,9 +13,9 @@ import pytest
 import yaml
 
 import cable_shape as cs
-from cable_shape.cases.case import Case, Reference
-from cable_shape.cases.load import load_case
-from cable_shape.cases.output import distance_to_reference, rows, write
+from cable_shape.command.case import Case, Reference
+from cable_shape.command.case_output import distance_to_reference, rows, write
+from cable_shape.command.load_case import load_case
 
 SHARED = Path(__file__).resolve().parent.parent.parent / "shared" / "cases"
 ALONG_X = [0.5, 0.5, 0.5, 0.5]

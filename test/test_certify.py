@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import cable_shape as cs
-from cable_shape.problem import Problem
 from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
+from cable_shape.solve.problem import Problem
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "scripts"))
 import bench_certify

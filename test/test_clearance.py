@@ -8,10 +8,10 @@ from clearances import RADIUS, ball_mesh, box_mesh, few, random_pose, seeds, sha
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cable_shape.clearance import ClearanceChecker
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import IDENTITY, Pose
-from cable_shape.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Obstacle, Scene, Sphere
+from cable_shape.safety.clearance import ClearanceChecker
+from cable_shape.scene.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Obstacle, Scene, Sphere
 from cable_shape.shape import CableShape, Status
 
 # --- shortcuts --------------------------------------------------------------------------------------------------------

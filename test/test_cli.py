@@ -12,8 +12,8 @@ import yaml
 from recordings import BEGIN, LEFT, cut, motion, pose_entry, storage_file, write_bag
 
 import cable_shape as cs
-from cable_shape import doctor
-from cable_shape.cli import build_parser, main
+from cable_shape.command import doctor
+from cable_shape.command.cli import build_parser, main
 
 ALONG_X = [0.5, 0.5, 0.5, 0.5]
 CABLE = {"length": 1.0, "linear_density": 0.1, "bending_stiffness": 0.01}
@@ -274,7 +274,7 @@ def test_replay_needs_no_middleware(tmp_path: Path) -> None:
     """In a fresh process, since other tests import rclpy."""
     bag = write_bag(tmp_path / "bag", motion(3))
     code = (
-        "import sys; from cable_shape.cli import main; "
+        "import sys; from cable_shape.command.cli import main; "
         f"assert main({replay_arguments(tmp_path, bag)!r}) == 0; "
         "print([m for m in ('rclpy', 'rerun', 'pinocchio', 'mujoco', 'matplotlib') if m in sys.modules])"
     )

@@ -13,13 +13,13 @@ from rods import ALONG_X, CABLE, END, GENERAL, LENGTH, START, integrated_residua
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
-from cable_shape.cases.reference import reference_case
+from cable_shape.command.reference_case import reference_case
 from cable_shape.pose import FreeEnd, Grip, Pose
-from cable_shape.problem import Problem
-from cable_shape.scene import Clip, PointMass, Scene
+from cable_shape.scene.scene import Clip, PointMass, Scene
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
+from cable_shape.solve.problem import Problem
 
 CASES = Path(__file__).parents[2] / "shared" / "cases" / "public"
 HELD = sorted(path for path in CASES.glob("*clip*.json")) if CASES.is_dir() else []

@@ -12,11 +12,11 @@ from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
 from cable_shape.pose import FreeEnd, Pose
-from cable_shape.problem import Problem
-from cable_shape.scene import Clip, PointMass, Scene
+from cable_shape.scene.scene import Clip, PointMass, Scene
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
+from cable_shape.solve.problem import Problem
 from cable_shape.solve.search import Search
 from cable_shape.solve.starts import guessed
 

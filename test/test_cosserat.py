@@ -11,14 +11,14 @@ import pytest
 from rods import ALONG_X, CABLE, END, LENGTH, START, integrated_residual, solved
 from scipy.spatial.transform import Rotation
 
-from cable_shape.cable import Cable
-from cable_shape.cases.reference import reference_case
+from cable_shape.cable.cable import Cable
+from cable_shape.command.reference_case import reference_case
 from cable_shape.pose import FreeEnd, Grip, Pose
-from cable_shape.problem import Problem
-from cable_shape.scene import PointMass, Scene
+from cable_shape.scene.scene import PointMass, Scene
 from cable_shape.shape import Status
 from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
+from cable_shape.solve.problem import Problem
 
 CASES = Path(__file__).parents[2] / "shared" / "cases"
 

@@ -11,13 +11,13 @@ from scipy.optimize import brentq
 from scipy.special import ellipe, ellipk
 
 import cable_shape as cs
-from cable_shape.cable import Cable
+from cable_shape.cable.cable import Cable
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import FreeEnd, Grip, Pose
-from cable_shape.problem import Problem
 from cable_shape.shape import Status
 from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
+from cable_shape.solve.problem import Problem
 
 
 def test_a_warm_step_gives_the_cold_answer_in_fewer_iterations():

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from rods import ALONG_X, CABLE, LENGTH, START, moved, solved
 from scipy.spatial.transform import Rotation
 
-from cable_shape.cable import Cable
+from cable_shape.cable.cable import Cable
 from cable_shape.pose import Pose
 
 numbers = st.floats(-1.0, 1.0)

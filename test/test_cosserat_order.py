@@ -13,13 +13,13 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import root
 from scipy.spatial.transform import Rotation
 
-from cable_shape.cable import Cable
-from cable_shape.cases.reference import reference_case
+from cable_shape.cable.cable import Cable
+from cable_shape.command.reference_case import reference_case
 from cable_shape.pose import FreeEnd, Pose
-from cable_shape.problem import Problem
-from cable_shape.scene import PointMass, Scene
+from cable_shape.scene.scene import PointMass, Scene
 from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
+from cable_shape.solve.problem import Problem
 
 CASES = Path(__file__).parents[2] / "shared" / "cases"
 MESHES = (16, 32, 64)

@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
 from cable_shape.kernels.network import respond
-from cable_shape.margins import MarginWatch
-from cable_shape.problem import Problem
+from cable_shape.safety.margins import MarginWatch
 from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
+from cable_shape.solve.problem import Problem
 
 START, ACROSS = cs.Pose((0, 0, 0), ALONG_X), cs.Pose((0.8, 0, 0), ALONG_X)
 

@@ -11,10 +11,10 @@ from rods import integrated_residual
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
-from cable_shape.models import crossing_step
-from cable_shape.models.crossing_points import positions_at
-from cable_shape.models.crossing_state import Held, end_frames
-from cable_shape.problem import Problem
+from cable_shape.solve.problem import Problem
+from cable_shape.solve.touching import crossing_step
+from cable_shape.solve.touching.crossing_points import positions_at
+from cable_shape.solve.touching.crossing_state import Held, end_frames
 
 ALONG_X = Rotation.from_quat((0.5, 0.5, 0.5, 0.5))
 SOLVE = cs.Scene(contact="solve")

@@ -7,13 +7,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
-from cable_shape.models.crossing_group import Group
-from cable_shape.models.crossing_places import Places
-from cable_shape.models.crossing_points import positions_at
-from cable_shape.models.crossing_state import end_frames
-from cable_shape.models.crossing_step import Ground, Spot, crossing_step
-from cable_shape.models.crossing_touch import HeldAmong
-from cable_shape.problem import Problem
+from cable_shape.solve.problem import Problem
+from cable_shape.solve.touching.crossing_group import Group
+from cable_shape.solve.touching.crossing_places import Places
+from cable_shape.solve.touching.crossing_points import positions_at
+from cable_shape.solve.touching.crossing_state import end_frames
+from cable_shape.solve.touching.crossing_step import Ground, Spot, crossing_step
+from cable_shape.solve.touching.crossing_touch import HeldAmong
 
 ALONG_X = Rotation.from_quat((0.5, 0.5, 0.5, 0.5))
 CABLE = cs.Cable(1.0, 0.1, 0.008, 0.006, diameter=0.008)

@@ -17,11 +17,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from cable_shape.cable import Cable
-from cable_shape.cycle import Cycle
-from cable_shape.harness_ends import HarnessFile
-from cable_shape.robot import Robot
-from cable_shape.scene import Scene
+from cable_shape.cable.cable import Cable
+from cable_shape.cycle.cycle import Cycle
+from cable_shape.cycle.harness_ends import HarnessFile
+from cable_shape.robots.robot import Robot
+from cable_shape.scene.scene import Scene
 from cable_shape.shape import Status
 
 ROOT = Path(__file__).resolve().parent.parent

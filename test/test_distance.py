@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from scipy.optimize import minimize_scalar, nnls
 
 from cable_shape.pose import Pose
-from cable_shape.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Sphere
+from cable_shape.scene.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Sphere
 
 
 def in_frame(pose: Pose, points: np.ndarray) -> np.ndarray:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from cable_shape.doctor_files import examine_files
+from cable_shape.command.doctor_files import examine_files
 
 CONFIG = Path(__file__).resolve().parents[1] / "config"
 CABLE = {"length": 1.0, "linear_density": 0.1, "bending_stiffness": 0.01, "diameter": 0.008}

@@ -8,11 +8,11 @@ from rods import ALONG_X, CABLE, END, GENERAL, LENGTH, START, moved, sensitiviti
 
 import cable_shape as cs
 from cable_shape.pose import Pose
-from cable_shape.problem import Problem
-from cable_shape.scene import Clip, PointMass, Scene
+from cable_shape.scene.scene import Clip, PointMass, Scene
 from cable_shape.shape import Status
 from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
+from cable_shape.solve.problem import Problem
 
 FREE = cs.predict(CABLE, START, END, model="cosserat", points=241)
 ACROSS = Pose((0.8, 0.0, 0.0), ALONG_X)

@@ -11,8 +11,8 @@ from time import process_time
 import pytest
 
 import cable_shape as cs
-from cable_shape.files import TEXT_BYTES, YAML_BYTES, path_of, read_bounded, read_text, regular, safe_output
-from cable_shape.yaml_files import load_yaml
+from cable_shape.files.files import TEXT_BYTES, YAML_BYTES, path_of, read_bounded, read_text, regular, safe_output
+from cable_shape.files.yaml_files import load_yaml
 
 AT_ONCE = 10.0  # s of this process, whatever else keeps the processor busy
 

@@ -17,14 +17,14 @@ from recordings import motion, write_bag
 
 import cable_shape as cs
 from cable_shape.calibration.picture import _image
-from cable_shape.calibration.sources import load_observations, load_points
 from cable_shape.calibration.tables import ARRAYS_BYTES
-from cable_shape.cases.load import load_case
+from cable_shape.command.load_case import load_case
 from cable_shape.errors import BagError, RobotError
-from cable_shape.meshes.files import read_triangles
 from cable_shape.replay import bounds
 from cable_shape.replay.bags import Bag
-from cable_shape.robot import Gripper, Robot
+from cable_shape.replay.observations import load_observations, load_points
+from cable_shape.robots.robot import Gripper, Robot
+from cable_shape.scene.mesh_files import read_triangles
 
 GRIPPERS = {"left": Gripper("a"), "right": Gripper("b")}
 READERS: dict[str, tuple[Callable[[Path], object], str]] = {
@@ -281,7 +281,7 @@ def test_pieces_of_a_recording_are_unpacked_within_bounds(
 
 
 def test_the_command_says_it_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from cable_shape.cli import main
+    from cable_shape.command.cli import main
 
     os.mkfifo(tmp_path / "x.yaml")
     (tmp_path / "case.json").write_text(json.dumps({"cable": "x.yaml", "start": {"position": [0, 0, 0]}}))

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
-from cable_shape.problem import Problem
+from cable_shape.solve.problem import Problem
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "scripts"))
 from gradient_bvp import GradientBvp

@@ -13,7 +13,7 @@ from cable_shape.kernels import gradient_length as length
 from cable_shape.kernels.exponential import decay
 from cable_shape.kernels.gradient_ends import CLAMPED, FREE, PINNED, WORK, assemble
 from cable_shape.kernels.gradient_tension import critical
-from cable_shape.models.gradient import buckling_tension
+from cable_shape.solve.gradient import buckling_tension
 
 #: (z, c) and the mode that is expected: around every border between modes, and far inside.
 MODES = [

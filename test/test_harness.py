@@ -416,7 +416,7 @@ def test_a_harness_in_two_parts_is_held_in_both():
 
 
 def test_the_command_line_predicts_a_case_of_a_harness(tmp_path, capsys):
-    from cable_shape.cli import main
+    from cable_shape.command.cli import main
 
     fork(mass=0.02).to_yaml(tmp_path / "fork.yaml")
     case = tmp_path / "case.yaml"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import cable_shape as cs
-from cable_shape.report import LOAD_MARGINS, WarningKind
+from cable_shape.safety.report import LOAD_MARGINS, WarningKind
 
 ALONG = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))  # d3 along x
 CABLE = cs.Cable(length=0.6, linear_density=0.1, bending_stiffness=0.01, diameter=0.008, max_tension=0.2)

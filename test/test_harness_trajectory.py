@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import cable_shape as cs
-from cable_shape.harness_ends import HarnessFile
-from cable_shape.paths import EndsPath
-from cable_shape.robot import Robot
+from cable_shape.cycle.harness_ends import HarnessFile
+from cable_shape.planning.paths import EndsPath
+from cable_shape.robots.robot import Robot
 
 ROOT = Path(__file__).resolve().parent.parent
 ALONG = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))  # d3 along x

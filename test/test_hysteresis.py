@@ -7,9 +7,9 @@ import pytest
 from rods import ALONG_X, CABLE, START
 
 import cable_shape as cs
-from cable_shape.report import Margin, Severity
-from cable_shape.report import WarningKind as Kind
-from cable_shape.warn import Standing
+from cable_shape.safety.report import Margin, Severity
+from cable_shape.safety.report import WarningKind as Kind
+from cable_shape.safety.warnings import Standing
 
 SCENE = cs.Scene(warn_distance=0.03, error_distance=0.01)
 LOADS = (Kind.TENSION, Kind.BEND_RADIUS, Kind.TWIST_RATE, Kind.STRESS, Kind.STABILITY)
@@ -117,7 +117,7 @@ def test_a_cycle_keeps_what_stands_and_its_reset_forgets_it():
     ],
 )
 def test_words(kind, value, limit, says):
-    from cable_shape.warn import warnings_of
+    from cable_shape.safety.warnings import warnings_of
 
     shape = cs.predict(CABLE, START, cs.Pose((0.8, 0, 0), ALONG_X), model="gradient4")
     margin = Margin(kind, 0.995, limit, value, 0.6, "", 0.25)

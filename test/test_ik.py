@@ -10,10 +10,10 @@ import pytest
 from urdf_reference import links
 
 from cable_shape.errors import ArgumentError, RobotError
-from cable_shape.ik import DualArmIK, IkResult
-from cable_shape.mujoco_model import MujocoModel
 from cable_shape.pose import Grip, Pose
-from cable_shape.robot import Gripper, Robot
+from cable_shape.robots.ik import DualArmIK, IkResult
+from cable_shape.robots.mujoco_model import MujocoModel
+from cable_shape.robots.robot import Gripper, Robot
 
 ROOT = Path(__file__).resolve().parent.parent
 DUAL_ARM = ROOT / "config/robots/dual_arm.yaml"

@@ -215,7 +215,7 @@ def test_all_kernel_files_that_a_kernel_imports_are_known(tmp_path: Path, monkey
         "network/__init__.py": "",
         "network/inner.py": "from cable_shape.kernels.two import e\n",
         "network/other.py": "import math\n",
-        "network/top_of.py": "from cable_shape.cable import Cable\n",
+        "network/top_of.py": "from cable_shape.cable.cable import Cable\n",
         "apart.py": "# from cable_shape.kernels.one import a\n",
         "network/apart.py": "",
     }

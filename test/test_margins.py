@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
 from cable_shape.kernels.network import respond
-from cable_shape.margins import MarginWatch, margins_of
-from cable_shape.report import WarningKind as Kind
+from cable_shape.safety.margins import MarginWatch, margins_of
+from cable_shape.safety.report import WarningKind as Kind
 from cable_shape.solve import cosserat
 
 MS = 1_000_000  # ns

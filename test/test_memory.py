@@ -10,7 +10,7 @@ from test_calibration import TRUE, grips, rough
 
 import cable_shape as cs
 from cable_shape.calibration.parameters import ROWS, SWERVES, WANDERS, Parameters
-from cable_shape.cli import main
+from cable_shape.command.cli import main
 from cable_shape.errors import ArgumentError
 
 TABLE = np.array([(0.5, 3.0, 0.0), (2.0, 2.5, 0.0), (1.0, -1.0, 0.0), (-0.5, -2.5, 0.0), (-1.0, 0.0, 0.0)])

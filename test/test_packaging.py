@@ -18,7 +18,7 @@ from packaging.utils import canonicalize_name
 from recordings import motion, write_bag
 
 import cable_shape as cs
-from cable_shape import doctor
+from cable_shape.command import doctor
 from cable_shape.extras import EXTRAS, lacking
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -205,7 +205,7 @@ def test_what_an_extra_would_bring_is_said_on_one_line(installed, tmp_path, modu
 import sys
 sys.modules[{module!r}] = None
 sys.argv[1:] = {arguments!r}
-from cable_shape.cli import {entry}
+from cable_shape.command.cli import {entry}
 sys.exit({entry}())
 """
     done = run([str(installed / "bin" / "python"), "-I", "-c", program], code=2, cwd=tmp_path)

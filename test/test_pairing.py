@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cable_shape.errors import InputError, StaleInputError
-from cable_shape.pairing import (
+from cable_shape.messages.pairing import (
     HISTORY,
     MIXED,
     RESTART_JUMP,

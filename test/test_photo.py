@@ -9,7 +9,7 @@ import pytest
 
 import cable_shape as cs
 from cable_shape.calibration.photo import Clicks, homography, load_clicks, mapped, plane_of, similarity, to_pixels
-from cable_shape.cli import main
+from cable_shape.command.cli import main
 from cable_shape.errors import ArgumentError, UnknownKeyError
 
 TRUE = cs.Cable(length=1.0, linear_density=0.06, bending_stiffness=0.004)

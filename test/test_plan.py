@@ -11,7 +11,7 @@ import pinocchio as pin
 import pytest
 
 import cable_shape as cs
-from cable_shape.robot import Robot
+from cable_shape.robots.robot import Robot
 
 ROOT = Path(__file__).resolve().parent.parent
 

@@ -9,8 +9,8 @@ from scipy.linalg import eigh
 import cable_shape as cs
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels import swing
-from cable_shape.quasistatic import bending_rate
-from cable_shape.report import WarningKind
+from cable_shape.safety.report import WarningKind
+from cable_shape.solve.quasistatic import bending_rate
 
 ALONG_X = (0.5, 0.5, 0.5, 0.5)
 LIMP = cs.Cable(length=1.0, linear_density=0.06, bending_stiffness=1e-5)

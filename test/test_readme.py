@@ -10,12 +10,12 @@ import pytest
 from recordings import motion, write_bag
 from replays import bag_of, mounted
 
-from cable_shape.cli import build_parser, main
-from cable_shape.report import WarningKind
-from cable_shape.scene import CLIP_KINDS, CONTACT_KINDS, SCENE_KEYS, Scene
-from cable_shape.scene_files import SOLID_KEYS
-from cable_shape.solvers import MODELS
-from cable_shape.warn import Levels
+from cable_shape.command.cli import build_parser, main
+from cable_shape.prediction.solvers import MODELS
+from cable_shape.safety.report import WarningKind
+from cable_shape.safety.warnings import Levels
+from cable_shape.scene.scene import CLIP_KINDS, CONTACT_KINDS, SCENE_KEYS, Scene
+from cable_shape.scene.scene_files import SOLID_KEYS
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]

@@ -162,7 +162,7 @@ def robot_file() -> Path:
 
 
 def test_joint_states_go_through_the_robot(tmp_path: Path) -> None:
-    from cable_shape.robot import Robot
+    from cable_shape.robots.robot import Robot
 
     robot = Robot.from_yaml(robot_file())
     names = list(robot.joint_names)

@@ -30,7 +30,17 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def started(bag: Path, out: Path, *options: str, prepare: Callable[[], None] | None = None) -> subprocess.Popen[str]:
     cable = bag.parent / "cable.yaml"
     cable.write_text("length: 1.0\nlinear_density: 0.1\nbending_stiffness: 0.01\ndiameter: 0.008\n")
-    command = [sys.executable, "-m", "cable_shape.cli", "replay", str(bag), "-o", str(out), "--cable", str(cable)]
+    command = [
+        sys.executable,
+        "-m",
+        "cable_shape.command.cli",
+        "replay",
+        str(bag),
+        "-o",
+        str(out),
+        "--cable",
+        str(cable),
+    ]
     pipe = subprocess.PIPE
     return subprocess.Popen(
         [*command, "--no-picture", *options], stdout=pipe, stderr=pipe, text=True, cwd=ROOT, preexec_fn=prepare

@@ -12,11 +12,11 @@ from recordings import BEGIN, PERIOD, Entry, joints_entry, pose_entry, write_bag
 from replays import messages, report_of
 
 import cable_shape as cs
-from cable_shape.cli import main
-from cable_shape.harness_ends import HarnessFile
+from cable_shape.command.cli import main
+from cable_shape.cycle.harness_ends import HarnessFile
 from cable_shape.replay.outcome import Outcome, Settings
 from cable_shape.replay.run import replay
-from cable_shape.robot import Robot
+from cable_shape.robots.robot import Robot
 
 ROOT = Path(__file__).resolve().parent.parent
 ALONG = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))  # d3 along x

@@ -27,9 +27,9 @@ from replays import CABLE, END, FRAMES, PUSH, START, pushed, report_of, run
 from reports import columns
 
 import cable_shape as cs
-from cable_shape.calibration.sources import load_observations
 from cable_shape.errors import ArgumentError, BagError
 from cable_shape.replay.markers import MarkerComparison, nearest_on_polyline
+from cable_shape.replay.observations import load_observations
 from cable_shape.replay.outcome import Settings
 
 DATA = Path(__file__).resolve().parent.parent.parent / "shared" / "data"

@@ -27,7 +27,7 @@ from replays import messages, report_of, run
 from rosbags.rosbag2 import StoragePlugin
 
 import cable_shape as cs
-from cable_shape.cli import main
+from cable_shape.command.cli import main
 
 TF, STATIC = "/tf", "/tf_static"
 TFMESSAGE = "tf2_msgs/msg/TFMessage"

@@ -17,11 +17,11 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from urdf_reference import collisions, links
 
-from cable_shape.cable_file import Held
+from cable_shape.cable.cable_file import Held
 from cable_shape.errors import ArgumentError, InputError, RobotError, UnknownKeyError
 from cable_shape.pose import Pose, rotate
-from cable_shape.robot import Gripper, Robot
-from cable_shape.scene import Box, Cylinder, Mesh, Sphere
+from cable_shape.robots.robot import Gripper, Robot
+from cable_shape.scene.scene import Box, Cylinder, Mesh, Sphere
 
 ROOT = Path(__file__).resolve().parent.parent
 DUAL_ARM = ROOT / "config/robots/dual_arm.yaml"
@@ -351,7 +351,7 @@ def test_another_pinocchio_is_refused_before_it_is_imported(tmp_path: Path) -> N
     fake = tmp_path / "pinocchio/__init__.py"
     fake.parent.mkdir()
     fake.write_text("raise SystemExit('the wrong Pinocchio was imported')")
-    code = "from cable_shape.robot import Robot; Robot('<robot/>', {'left': None, 'right': None})"
+    code = "from cable_shape.robots.robot import Robot; Robot('<robot/>', {'left': None, 'right': None})"
     environment = {**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"}
     run = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=300)
     assert run.returncode == 1

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import cable_shape as cs
 from cable_shape.errors import ArgumentError, UnknownKeyError
-from cable_shape.scene import Box, Capsule, Clip, Cylinder, HalfSpace, Mesh, Obstacle, PointMass, Scene, Sphere
+from cable_shape.scene.scene import Box, Capsule, Clip, Cylinder, HalfSpace, Mesh, Obstacle, PointMass, Scene, Sphere
 
 CONFIG = Path(__file__).parent.parent / "config"
 TETRAHEDRON = Mesh(

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
-from cable_shape.clearance import ClearanceChecker
+from cable_shape.safety.clearance import ClearanceChecker
 
 sys.path.append(str(Path(__file__).resolve().parent.parent / "scripts"))
 from scene_certificate import crossed, distances, judged, outward, passed

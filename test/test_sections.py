@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import cable_shape as cs
-from cable_shape.section import pieces_of
-from cable_shape.wires import packed
+from cable_shape.cable.section import pieces_of
+from cable_shape.cable.wires import packed
 
 ALONG = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))
 START, END = cs.Pose((0.0, 0.0, 0.0), ALONG), cs.Pose((0.8, 0.05, 0.1), ALONG)

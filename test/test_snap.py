@@ -5,9 +5,9 @@ import pytest
 from rods import arch_ends, arch_predictor
 
 import cable_shape as cs
-from cable_shape.report import Severity
-from cable_shape.report import WarningKind as Kind
-from cable_shape.snap import STEPS, copied, moved, predicted_snap
+from cable_shape.safety.report import Severity
+from cable_shape.safety.report import WarningKind as Kind
+from cable_shape.safety.snap import STEPS, copied, moved, predicted_snap
 
 MS = 1_000_000  # ns
 RATE = 0.5  # rad/s, at which both ends turn

@@ -11,11 +11,11 @@ from rods import ALONG_X, CABLE, END, LENGTH, START, moved, on_mesh, solved
 from cable_shape.kernels.network import drive, sliding
 from cable_shape.kernels.network.newton import CONVERGED
 from cable_shape.pose import Pose
-from cable_shape.problem import Problem
-from cable_shape.scene import Clip, PointMass, Scene
+from cable_shape.scene.scene import Clip, PointMass, Scene
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
+from cable_shape.solve.problem import Problem
 
 FREE = solved(CABLE, START, END, points=241, tolerance=1e-11 * LENGTH)
 BENT = CABLE.replace(

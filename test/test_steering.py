@@ -11,8 +11,8 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import cable_shape as cs
-from cable_shape.robot import Robot
-from cable_shape.steering import CableChordLimit, CableClearanceLimit, CablePointTask, HeldCable
+from cable_shape.robots.robot import Robot
+from cable_shape.robots.steering import CableChordLimit, CableClearanceLimit, CablePointTask, HeldCable
 
 ROOT = Path(__file__).resolve().parent.parent
 DUAL_ARM = ROOT / "config/robots/dual_arm.yaml"

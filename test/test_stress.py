@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
-from cable_shape.kernels.loads import most_loaded
-from cable_shape.stress import section_of
+from cable_shape.kernels.safety.loads import most_loaded
+from cable_shape.safety.stress import section_of
 
 OUTER, INNER = 0.010, 0.007  # m
 SOLID = cs.Cable(length=1.0, linear_density=0.1, bending_stiffness=0.01, diameter=OUTER, allowable_stress=1e7)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cable_shape.clearance import ClearanceChecker
-from cable_shape.kernels import surface
-from cable_shape.kernels.triangles import STACK_SIZE
+from cable_shape.kernels.distance import surface
+from cable_shape.kernels.distance.triangles import STACK_SIZE
 from cable_shape.pose import Pose
-from cable_shape.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Obstacle, Scene, Sphere
+from cable_shape.safety.clearance import ClearanceChecker
+from cable_shape.scene.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Obstacle, Scene, Sphere
 
 POSE = Pose((0.1, -0.2, 0.3), np.array((0.2, -0.4, 0.5, 0.7)) / np.linalg.norm((0.2, -0.4, 0.5, 0.7)))
 TETRAHEDRON = Mesh(

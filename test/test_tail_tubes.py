@@ -9,8 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
-from cable_shape.tails import Tail, held_frame
-from cable_shape.uncertainty import Tube
+from cable_shape.prediction.tails import Tail, held_frame
+from cable_shape.uncertainty.uncertainty import Tube
 
 ALONG_X = (0.5, 0.5, 0.5, 0.5)
 LONG = {"start": 0.25, "end": 0.4}

@@ -8,7 +8,7 @@ from rods import CABLE, END, START
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
-from cable_shape.report import WarningKind as Kind
+from cable_shape.safety.report import WarningKind as Kind
 
 BOTH = {"start": 0.2, "end": 0.3}
 CURVED = CABLE.replace(rest_curvature=[(0.5, -1.0, 2.0), (0.0, 0.0, 0.0), (1.5, 1.0, -2.0)])
@@ -69,7 +69,7 @@ def test_rest_curvature_of_the_start_tail_continues_the_natural_shape_of_the_cab
 
 
 def test_a_curvature_table_gives_each_tail_that_of_its_end():
-    from cable_shape.tails import tail_cable
+    from cable_shape.prediction.tails import tail_cable
 
     np.testing.assert_array_equal(tail_cable(CURVED, "start", 0.1).rest_curvature, (-0.5, -1.0, 2.0))
     np.testing.assert_array_equal(tail_cable(CURVED, "end", 0.1).rest_curvature, (1.5, 1.0, -2.0))

@@ -11,8 +11,8 @@ import pytest
 
 import cable_shape as cs
 from cable_shape.kernels.contact import near as contact_near
-from cable_shape.models import touch_mesh
-from cable_shape.models.touching import DEEPEST
+from cable_shape.solve.touching import touch_mesh
+from cable_shape.solve.touching.touching import DEEPEST
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "scripts"))
 from contact_reference import compared, finer

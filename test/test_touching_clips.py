@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import cable_shape as cs
-from cable_shape.models.touching import DEEPEST
+from cable_shape.solve.touching.touching import DEEPEST
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "scripts"))
 from contact_reference import compared, finer

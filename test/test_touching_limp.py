@@ -14,8 +14,8 @@ import cable_shape as cs
 from cable_shape.kernels.contact import near as contact_near
 from cable_shape.kernels.contact import sets as contact_set
 from cable_shape.kernels.contact.near import BARE, GAP, PRESS
-from cable_shape.models import touch_mesh, touch_state
-from cable_shape.models.touching import ACCURACY, DEEPEST
+from cable_shape.solve.touching import touch_mesh, touch_state
+from cable_shape.solve.touching.touching import ACCURACY, DEEPEST
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "scripts"))
 from scene_limp import CHORDS, DENSITY, LENGTH, TABLE, Tally, case, laid, lowered
@@ -122,7 +122,9 @@ def test_a_limp_cable_in_a_clip_is_laid_on_a_table():
 
 
 def test_an_error_that_is_too_large_is_told_with_its_bound_and_what_helps(monkeypatch):
-    monkeypatch.setattr("cable_shape.models.touch_step.MOST_ELEMENTS", touch_mesh.ELEMENTS)  # no finer than at first
+    monkeypatch.setattr(
+        "cable_shape.solve.touching.touch_step.MOST_ELEMENTS", touch_mesh.ELEMENTS
+    )  # no finer than at first
     given = case(-4.5, CHORDS[1], 62)
     shape = cs.predict(given.cable, given.start, given.end, scene=TABLE, model="cosserat")
     assert shape.status is cs.Status.NOT_CONVERGED

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import cable_shape as cs
-from cable_shape.clearance import ClearanceChecker
-from cable_shape.models.touching import DEEPEST
-from cable_shape.robot import Robot
+from cable_shape.robots.robot import Robot
+from cable_shape.safety.clearance import ClearanceChecker
+from cable_shape.solve.touching.touching import DEEPEST
 
 ROOT = Path(__file__).resolve().parent.parent
 ALONG_X = (0.5, 0.5, 0.5, 0.5)

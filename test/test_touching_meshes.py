@@ -7,9 +7,9 @@ import pytest
 from scipy.spatial import ConvexHull
 
 import cable_shape as cs
-from cable_shape.clearance import ClearanceChecker
-from cable_shape.meshes.convex import half_thickness, is_convex
-from cable_shape.models.touching import DEEPEST
+from cable_shape.safety.clearance import ClearanceChecker
+from cable_shape.scene.mesh_convex import half_thickness, is_convex
+from cable_shape.solve.touching.touching import DEEPEST
 
 ALONG_X = (0.5, 0.5, 0.5, 0.5)
 CABLE = cs.Cable(length=1.2, linear_density=0.1, bending_stiffness=0.01, twisting_stiffness=0.008, diameter=0.008)

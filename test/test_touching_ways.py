@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import cable_shape as cs
-from cable_shape.clearance import ClearanceChecker
+from cable_shape.safety.clearance import ClearanceChecker
+from cable_shape.safety.warnings import warnings_of
 from cable_shape.solve.search import between
-from cable_shape.warn import warnings_of
 
 HALF = math.sqrt(0.5)
 OUT, BACK = (0.0, HALF, 0.0, HALF), (0.0, -HALF, 0.0, HALF)  # leaves along x, comes back against it

@@ -11,11 +11,11 @@ from rods import CABLE
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
-from cable_shape.clearance import ClearanceChecker
-from cable_shape.kernels import advance
-from cable_shape.paths import MOST_WAYPOINTS, Motion
-from cable_shape.robot import Robot
-from cable_shape.trajectory import beside
+from cable_shape.kernels.safety import advance
+from cable_shape.planning.paths import MOST_WAYPOINTS, Motion
+from cable_shape.planning.trajectory import beside
+from cable_shape.robots.robot import Robot
+from cable_shape.safety.clearance import ClearanceChecker
 
 ALONG_X = Rotation.from_quat((0.5, 0.5, 0.5, 0.5))
 ROBOT = Path(__file__).resolve().parent.parent / "config" / "robots" / "dual_arm.yaml"

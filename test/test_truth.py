@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import cable_shape as cs
-from cable_shape.calibration.sources import load_observations
+from cable_shape.replay.observations import load_observations
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "scripts"))
 from truth_data import DATA, carried, load, recording, shares

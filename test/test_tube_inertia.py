@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import cable_shape as cs
-from cable_shape.cable import STANDARD_GRAVITY
-from cable_shape.calibration.tube import LEFT
+from cable_shape.cable.cable import STANDARD_GRAVITY
 from cable_shape.errors import ArgumentError
-from cable_shape.report import WarningKind
-from cable_shape.tube import SHARE, TubeWatch
-from cable_shape.uncertainty import Tube
+from cable_shape.safety.report import WarningKind
+from cable_shape.uncertainty.calibrated_tube import LEFT
+from cable_shape.uncertainty.tube_watch import SHARE, TubeWatch
+from cable_shape.uncertainty.uncertainty import Tube
 
 ALONG_X = (0.5, 0.5, 0.5, 0.5)
 CABLE = cs.Cable(length=1.0, linear_density=0.06, bending_stiffness=0.004)

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
-from cable_shape.tube import TubeWatch
+from cable_shape.uncertainty.tube_watch import TubeWatch
 
 ALONG_X = (0.5, 0.5, 0.5, 0.5)
 CABLE = cs.Cable(length=1.0, linear_density=0.06, bending_stiffness=0.004)

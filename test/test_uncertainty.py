@@ -14,12 +14,12 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2, norm
 
 import cable_shape as cs
-from cable_shape.clearance import ClearanceChecker
-from cable_shape.cli import main
+from cable_shape.command.cli import main
 from cable_shape.errors import ArgumentError, UnknownKeyError
-from cable_shape.report import WarningKind
-from cable_shape.tube import TubeWatch
-from cable_shape.uncertainty import Tube, quantiles
+from cable_shape.safety.clearance import ClearanceChecker
+from cable_shape.safety.report import WarningKind
+from cable_shape.uncertainty.tube_watch import TubeWatch
+from cable_shape.uncertainty.uncertainty import Tube, quantiles
 from cable_shape.viewer.letters import decode, encode
 
 ALONG_X = (0.5, 0.5, 0.5, 0.5)

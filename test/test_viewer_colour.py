@@ -18,7 +18,7 @@ from reports import (
 
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import Pose
-from cable_shape.scene import Box, Capsule, Cylinder, HalfSpace, Obstacle, Scene, Sphere
+from cable_shape.scene.scene import Box, Capsule, Cylinder, HalfSpace, Obstacle, Scene, Sphere
 from cable_shape.viewer.colour import by_clearance, by_curvature, check_colouring, scale, surface_distance
 
 

@@ -18,7 +18,7 @@ from reports import (
 )
 
 from cable_shape.pose import FreeEnd, Grip, Pose
-from cable_shape.report import CycleReport, Margin, WarningKind
+from cable_shape.safety.report import CycleReport, Margin, WarningKind
 from cable_shape.shape import CableShape, Status
 from cable_shape.viewer.letters import decode, encode
 from cable_shape.viewer.mailbox import SLOT_BYTES, SLOTS, Mailbox

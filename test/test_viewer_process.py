@@ -25,13 +25,13 @@ from reports import (
     wait_until,
 )
 
-from cable_shape.cable import Cable
-from cable_shape.cycle import Cycle
+from cable_shape.cable.cable import Cable
+from cable_shape.cable.harness import Harness, Junction
+from cable_shape.cycle.cycle import Cycle
 from cable_shape.errors import ArgumentError
-from cable_shape.harness import Harness, Junction
 from cable_shape.pose import Pose
-from cable_shape.report import CycleReport
-from cable_shape.scene import Scene
+from cable_shape.safety.report import CycleReport
+from cable_shape.scene.scene import Scene
 from cable_shape.viewer.process import ViewerProcess
 
 

@@ -25,14 +25,14 @@ from reports import (
     write,
 )
 
-from cable_shape.cable import Cable
-from cable_shape.cycle import Cycle
-from cable_shape.harness import Harness, Junction
-from cable_shape.parts import in_parts
+from cable_shape.cable.cable import Cable
+from cable_shape.cable.harness import Harness, Junction
+from cable_shape.cycle.cycle import Cycle
+from cable_shape.cycle.parts import in_parts
 from cable_shape.pose import FreeEnd, Pose
-from cable_shape.predictor import predict
-from cable_shape.report import Clearance, CycleReport
-from cable_shape.scene import Clip, HalfSpace, Obstacle, PointMass, Scene, Sphere
+from cable_shape.prediction.predictor import predict
+from cable_shape.safety.report import Clearance, CycleReport
+from cable_shape.scene.scene import Clip, HalfSpace, Obstacle, PointMass, Scene, Sphere
 from cable_shape.shape import Status
 from cable_shape.viewer.letters import decode, encode
 from cable_shape.viewer.recording import RecordingWriter

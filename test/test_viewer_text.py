@@ -9,7 +9,7 @@ from reports import (
     warning,
 )
 
-from cable_shape.report import Clearance, Severity
+from cable_shape.safety.report import Clearance, Severity
 from cable_shape.viewer.text import WarningLog, state
 
 

@@ -25,7 +25,7 @@ from reports import (
 )
 
 from cable_shape.errors import ArgumentError
-from cable_shape.scene import Scene
+from cable_shape.scene.scene import Scene
 from cable_shape.viewer.process import ViewerProcess
 
 
@@ -81,7 +81,7 @@ def test_view_listens_where_it_is_told_and_else_on_this_machine_only(
     tmp_path: Path, options: tuple[str, ...], address: str
 ) -> None:
     write(tmp_path / "out.rrd", [report(k) for k in range(3)])
-    command = [sys.executable, "-m", "cable_shape.cli", "view", "--web", *options, str(tmp_path / "out.rrd")]
+    command = [sys.executable, "-m", "cable_shape.command.cli", "view", "--web", *options, str(tmp_path / "out.rrd")]
     with (tmp_path / "log").open("w") as log:
         view = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, cwd=ROOT)
     viewers: list[tuple[int, str]] = []

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import cable_shape as cs
-from cable_shape.clearance import ClearanceChecker
-from cable_shape.report import BodyDistance, Clearance, Severity, WarningKind
-from cable_shape.scene import HalfSpace, Obstacle, Scene, Sphere
+from cable_shape.safety.clearance import ClearanceChecker
+from cable_shape.safety.report import BodyDistance, Clearance, Severity, WarningKind
+from cable_shape.safety.warnings import warnings_of
+from cable_shape.scene.scene import HalfSpace, Obstacle, Scene, Sphere
 from cable_shape.shape import CableShape, Status
-from cable_shape.warn import warnings_of
 
 POINTS = 11
 CABLE = cs.Cable(length=1.0, linear_density=0.1, bending_stiffness=0.01)

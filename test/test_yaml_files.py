@@ -14,11 +14,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import cable_shape as cs
-from cable_shape.cable import Cable
-from cable_shape.cases.load import CASE_KEYS, FREE_END_KEYS, GRIP_KEYS, POSE_KEYS
-from cable_shape.scene import SCENE_KEYS
-from cable_shape.scene_files import SOLID_KEYS
-from cable_shape.yaml_files import MAX_DEPTH, MAX_VALUES, WORDS, load_yaml
+from cable_shape.cable.cable import Cable
+from cable_shape.command.load_case import CASE_KEYS, FREE_END_KEYS, GRIP_KEYS, POSE_KEYS
+from cable_shape.files.yaml_files import MAX_DEPTH, MAX_VALUES, WORDS, load_yaml
+from cable_shape.scene.scene import SCENE_KEYS
+from cable_shape.scene.scene_files import SOLID_KEYS
 
 CONFIG = Path(__file__).resolve().parents[1] / "config"
 MERGES = "a: &a {length: 1}\n" + "".join(

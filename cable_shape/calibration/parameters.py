@@ -10,7 +10,7 @@ from typing import Any, final
 import numpy as np
 
 from cable_shape import checks
-from cable_shape.cable import Cable
+from cable_shape.cable.cable import Cable
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError, UnknownKeyError
 from cable_shape.pose import FreeEnd, Grip, Pose

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol, final
 
-from cable_shape.cable import Cable
-from cable_shape.cable_file import Held
+from cable_shape.cable.cable import Cable
+from cable_shape.cable.cable_file import Held
+from cable_shape.cable.harness import Harness
+from cable_shape.cycle.harness_ends import grip_name
 from cable_shape.errors import ArgumentError
-from cable_shape.harness import Harness
-from cable_shape.harness_ends import grip_name
 from cable_shape.pose import FreeEnd, Grip, Pose
 
 if TYPE_CHECKING:

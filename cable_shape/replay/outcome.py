@@ -8,21 +8,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, final
 
 from cable_shape import checks
-from cable_shape.cable import Cable
-from cable_shape.cable_file import AS_GIVEN, Held
+from cable_shape.cable.cable import Cable
+from cable_shape.cable.cable_file import AS_GIVEN, Held
+from cable_shape.cycle.harness_ends import HarnessFile
 from cable_shape.errors import ArgumentError
-from cable_shape.harness_ends import HarnessFile
-from cable_shape.predictor import Predictor
-from cable_shape.problem import GRAVITY
+from cable_shape.prediction.predictor import Predictor
 from cable_shape.replay.inertia import Inertia
 from cable_shape.replay.inputs import Refusals
 from cable_shape.replay.markers import MarkerComparison
 from cable_shape.replay.tally import Tally
-from cable_shape.scene import Scene
-from cable_shape.uncertainty import Uncertainty
+from cable_shape.scene.scene import Scene
+from cable_shape.solve.problem import GRAVITY
+from cable_shape.uncertainty.uncertainty import Uncertainty
 
 if TYPE_CHECKING:
-    from cable_shape.robot import Robot
+    from cable_shape.robots.robot import Robot
 
 INPUTS = ("auto", "poses", "joints", "tf")
 #: [m/s^2], an acceleration that is not linear along the cable, as that of markers is not.

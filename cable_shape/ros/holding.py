@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, final
 
-from cable_shape.cable_file import AS_GIVEN, Held
+from cable_shape.cable.cable_file import AS_GIVEN, Held
+from cable_shape.cable.harness import split_end
+from cable_shape.cycle.harness_ends import grip_name
 from cable_shape.errors import ArgumentError
-from cable_shape.harness import split_end
-from cable_shape.harness_ends import grip_name
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.ros.parameters import Settings
 from cable_shape.ros.qos import POSE_TOPICS
@@ -46,7 +46,7 @@ class Holding:
 
     @classmethod
     def of_harness(cls, name: str, ends: Mapping[str, Grip | FreeEnd]) -> Holding:
-        """As :meth:`cable_shape.harness_ends.HarnessFile.held` says.
+        """As :meth:`cable_shape.cycle.harness_ends.HarnessFile.held` says.
 
         Raises
         ------

@@ -13,7 +13,7 @@ from cable_shape.checks import Array
 from cable_shape.kernels.frames import align
 from cable_shape.kernels.network.guess import CURVED, HANGING
 from cable_shape.pose import rotate
-from cable_shape.problem import NAMED_TOLERANCE
+from cable_shape.solve.problem import NAMED_TOLERANCE
 
 if TYPE_CHECKING:
     from cable_shape.solve.search import Search

@@ -7,8 +7,8 @@ from typing import final
 
 import rerun as rr
 
-from cable_shape.cable import Cable
-from cable_shape.report import Margin, WarningKind
+from cable_shape.cable.cable import Cable
+from cable_shape.safety.report import Margin, WarningKind
 from cable_shape.viewer import colour as colours
 from cable_shape.viewer import text
 from cable_shape.viewer.plots import MOST_USED, path, worst_used

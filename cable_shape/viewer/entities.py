@@ -28,18 +28,18 @@ from typing import Any, final
 import numpy as np
 import rerun as rr
 
-from cable_shape.cable import TAIL_SIDES, Cable
+from cable_shape.cable.cable import TAIL_SIDES, Cable
+from cable_shape.cable.harness import Harness, split_end
+from cable_shape.cable.section import radius_of, thicker
 from cable_shape.checks import Array
-from cable_shape.harness import Harness, split_end
-from cable_shape.harness_cycle import cable_id
-from cable_shape.harness_shape import junctions_of
-from cable_shape.parts import cables_of, in_parts
+from cable_shape.cycle.harness_cycle import cable_id
+from cable_shape.cycle.parts import cables_of, in_parts
 from cable_shape.pose import IDENTITY, FreeEnd, Grip, Pose
-from cable_shape.report import Clearance, CycleReport, Severity
-from cable_shape.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Obstacle, Scene, Solid, Sphere
-from cable_shape.section import radius_of, thicker
+from cable_shape.safety.report import Clearance, CycleReport, Severity
+from cable_shape.scene.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Obstacle, Scene, Solid, Sphere
 from cable_shape.shape import CableShape
-from cable_shape.uncertainty import Tube
+from cable_shape.solve.harness_shape import junctions_of
+from cable_shape.uncertainty.uncertainty import Tube
 from cable_shape.viewer import colour as colours
 from cable_shape.viewer import text
 from cable_shape.viewer.bars import Bars
@@ -69,7 +69,7 @@ class ReportLogger:
     recording : rerun.RecordingStream
         It must have a sink already (`save`, `connect_grpc`, ...).
     cables, scene
-        As given to :class:`cable_shape.cycle.Cycle`.
+        As given to :class:`cable_shape.cycle.cycle.Cycle`.
     links : sequence of Obstacle
         ``Robot.link_geometry``: solids of the robot, each in the frame of its link.
     colour : str

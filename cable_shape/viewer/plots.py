@@ -8,10 +8,10 @@ from typing import Any, final
 import numpy as np
 import rerun as rr
 
-from cable_shape.cable import Cable
+from cable_shape.cable.cable import Cable
 from cable_shape.checks import Array
-from cable_shape.report import Clearance, Margin, WarningKind
-from cable_shape.scene import Scene
+from cable_shape.safety.report import Clearance, Margin, WarningKind
+from cable_shape.scene.scene import Scene
 from cable_shape.shape import CableShape
 from cable_shape.viewer import colour as colours
 from cable_shape.viewer import text

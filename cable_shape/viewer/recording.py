@@ -15,11 +15,11 @@ from typing import Self, final
 
 import rerun as rr
 
-from cable_shape.cable import Cable
+from cable_shape.cable.cable import Cable
+from cable_shape.cable.harness import Harness
 from cable_shape.checks import Array
-from cable_shape.harness import Harness
-from cable_shape.report import CycleReport
-from cable_shape.scene import Obstacle, Scene
+from cable_shape.safety.report import CycleReport
+from cable_shape.scene.scene import Obstacle, Scene
 from cable_shape.viewer.entities import ReportLogger
 
 _FLUSH_PERIOD = 1.0  # s, between looks whether a file can still be written

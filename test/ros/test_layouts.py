@@ -12,7 +12,7 @@ from cable_shape_msgs.msg import CableMargin
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rosbags.rosbag2 import Reader
 
-from cable_shape.cli import main
+from cable_shape.command.cli import main
 from cable_shape.ros.parameters import config_folders
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))

@@ -21,9 +21,9 @@ from rerun.chunk import RrdReader
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
-from cable_shape.fields import shape_from
 from cable_shape.kernels._jit import cache_folder
-from cable_shape.robot import Robot
+from cable_shape.messages.fields import shape_from
+from cable_shape.robots.robot import Robot
 from cable_shape.ros.parameters import find_file
 
 WARN, ERROR = DiagnosticStatus.WARN, DiagnosticStatus.ERROR

@@ -1,0 +1,251 @@
+"""What a wire harness is: cables that meet in junctions, as :class:`Harness` and :class:`Junction`."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, final
+
+from cable_shape import checks
+from cable_shape.cable.cable import Cable
+from cable_shape.errors import ArgumentError
+from cable_shape.pose import IDENTITY, Pose
+
+JUNCTION_KINDS = ("rigid", "ball")
+SIDES = ("start", "end")
+_WRITE = "Write Harness(segments={name: Cable(...)}, junctions=[Junction(...)])."
+
+
+def split_end(end: str) -> tuple[str, str]:
+    """The segment and the side of an end's name: "a.start" is ("a", "start")."""
+    segment, _, side = end.rpartition(".")
+    return segment, side
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Junction:
+    """Where ends of segments meet; nothing holds it but they.
+
+    Parameters
+    ----------
+    name : str
+    ends : sequence of str
+        Two or more ends of segments, "a.start" or "b.end"; the first one carries the junction's frame.
+    kind : str
+        "rigid": the ends' frames keep to each other; "ball": every end is free of moment.
+    frames : mapping of an end to Pose
+        Of a rigid junction: that end's cable frame in the junction's frame. d3 points along increasing arc length, so
+        out of the junction at a start and into it at an end. Default: the identity, of a branch that leaves, or comes,
+        along the trunk.
+    mass : float
+        [kg], at the junction's origin, at least 0.
+
+    Raises
+    ------
+    ArgumentError
+        Naming the value, the bound and the remedy.
+    """
+
+    name: str
+    ends: Sequence[str]
+    kind: str = "rigid"
+    frames: Mapping[str, Pose] = dataclasses.field(default_factory=dict, hash=False)
+    mass: float = 0.0
+
+    def __post_init__(self) -> None:
+        put = object.__setattr__
+        checks.word("Junction.name", self.name)
+        where = f"junction {self.name!r}"
+        put(self, "ends", checks.entries(f"{where}: ends", self.ends, str, "Write ends=('a.end', 'b.start')."))
+        if len(self.ends) < 2:
+            raise ArgumentError.of(
+                f"{where}: ends", list(self.ends), "at least two ends meet in a junction", "Name another, or leave it."
+            )
+        checks.one_of(f"{where}: kind", self.kind, JUNCTION_KINDS)
+        put(self, "mass", checks.number(f"{where}: mass", self.mass, at_least=0.0, unit="kg"))
+        frames = checks.mapping(f"{where}: frames", self.frames, self.ends, "Write {end: Pose(...)}.")
+        for end, frame in frames.items():
+            checks.instance(f"{where}: frames[{end!r}]", frame, (Pose,), "Write Pose(position, quaternion).")
+            if frame.turns:
+                bound = "a frame in a junction has no windings"
+                raise ArgumentError.of(f"{where}: frames[{end!r}].turns", frame.turns, bound, "Leave them out.")
+            if self.kind == "ball" and frame.position.any():
+                raise ArgumentError.of(
+                    f"{where}: frames[{end!r}].position", frame.position.tolist(),
+                    "a ball joins its ends in one point", "Make the junction rigid, or leave the position out.",
+                )  # fmt: skip
+        put(self, "frames", MappingProxyType(frames))
+
+    def frame(self, end: str) -> Pose:
+        """The cable frame of an end in the junction's frame; of a ball the identity."""
+        return IDENTITY if self.kind == "ball" else self.frames.get(end, IDENTITY)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Junction, (self.name, self.ends, self.kind, dict(self.frames), self.mass)
+
+
+@final
+class Harness:
+    """Cables joined in junctions: trees, loops, or several of them.
+
+    Parameters
+    ----------
+    segments : mapping of a name to Cable
+        The name is one word without "/"; the ends of segment "a" are "a.start" and "a.end".
+    junctions : sequence of Junction
+        Their names are unique. Ends that are in no junction are held by grips or clips, or free.
+
+    Raises
+    ------
+    ArgumentError
+        Naming the part, the bound and the remedy: an end that is unknown or in two junctions; a name used twice.
+    """
+
+    __slots__ = ("_junction_of", "junctions", "segments")
+
+    segments: Mapping[str, Cable]
+    junctions: tuple[Junction, ...]
+    _junction_of: dict[str, Junction]
+
+    def __init__(self, segments: Mapping[str, Cable], junctions: Iterable[Junction] = ()) -> None:
+        put = object.__setattr__
+        if not isinstance(segments, Mapping) or not segments:
+            raise ArgumentError.of("segments", segments, "it must be a mapping of names to cables, not empty", _WRITE)
+        for name, cable in segments.items():
+            _check_segment(name, cable)
+        put(self, "segments", MappingProxyType(dict(segments)))
+        put(self, "junctions", checks.entries("junctions", junctions, Junction, _WRITE))
+        known = set(self.ends)
+        seen: set[str] = set()
+        junction_of: dict[str, Junction] = {}
+        for junction in self.junctions:
+            if junction.name in seen:
+                raise ArgumentError.of("junctions", junction.name, "names must be unique", "Rename one of them.")
+            seen.add(junction.name)
+            for end in junction.ends:
+                where = f"junction {junction.name!r}: ends"
+                if end not in known:
+                    remedy = f"Write 'NAME.start' or 'NAME.end'; segments: {', '.join(self.segments)}."
+                    raise ArgumentError.of(where, end, "there is no such end of a segment", remedy)
+                if end in junction_of:
+                    bound = f"this end is in junction {junction_of[end].name!r} already"
+                    raise ArgumentError.of(where, end, bound, "Name every end once; one junction may have many ends.")
+                junction_of[end] = junction
+        put(self, "_junction_of", junction_of)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"a Harness is fixed; make another with harness.replace({name}=...)")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Harness, (dict(self.segments), self.junctions)
+
+    @property
+    def ends(self) -> tuple[str, ...]:
+        """All ends of segments, "a.start", "a.end", and so on in the order of the segments."""
+        return tuple(f"{name}.{side}" for name in self.segments for side in SIDES)
+
+    @property
+    def open_ends(self) -> tuple[str, ...]:
+        """The ends that are in no junction: those which may be held."""
+        return tuple(end for end in self.ends if end not in self._junction_of)
+
+    @property
+    def length(self) -> float:
+        """[m], of all segments together."""
+        return sum(cable.length for cable in self.segments.values())
+
+    @property
+    def longest(self) -> float:
+        """[m], of the longest segment."""
+        return max(cable.length for cable in self.segments.values())
+
+    def junction_of(self, end: str) -> Junction | None:
+        """The junction that an end is in; None if it is open."""
+        return self._junction_of.get(end)
+
+    def parts(self) -> list[frozenset[str]]:
+        """Names of the segments that hang together, part by part."""
+        left = dict.fromkeys(self.segments)
+        out = []
+        while left:
+            reach, found = [next(iter(left))], set[str]()
+            while reach:
+                name = reach.pop()
+                if name in found:
+                    continue
+                found.add(name)
+                left.pop(name, None)
+                for side in SIDES:
+                    junction = self.junction_of(f"{name}.{side}")
+                    reach.extend(split_end(end)[0] for end in (junction.ends if junction else ()))
+            out.append(frozenset(found))
+        return out
+
+    @classmethod
+    def from_mapping(cls, values: Mapping[str, Any], where: str = "harness", folder: str | Path = ".") -> Harness:
+        """From a mapping with the keys `segments` and `junctions`, see :mod:`cable_shape.cable.harness_file`."""
+        from cable_shape.cable.harness_file import harness_of
+
+        return harness_of(values, where, folder)
+
+    @classmethod
+    def from_yaml(cls, path: str | Path) -> Harness:
+        """From a YAML file, see :mod:`cable_shape.cable.harness_file`; paths of cables are taken from its folder."""
+        from cable_shape.files.files import path_of
+        from cable_shape.files.yaml_files import load_yaml
+
+        return cls.from_mapping(load_yaml(path), where=str(path), folder=path_of(path).parent)
+
+    def to_yaml(self, path: str | Path) -> None:
+        """Writes what `from_yaml` reads."""
+        from cable_shape.cable.harness_file import write
+
+        write(self, path)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The mapping that `from_mapping` takes, as plain numbers, lists and words."""
+        from cable_shape.cable.harness_file import as_dict
+
+        return as_dict(self)
+
+    def replace(
+        self, segments: Mapping[str, Cable] | None = None, junctions: Iterable[Junction] | None = None
+    ) -> Harness:
+        """A copy with other segments or junctions."""
+        return Harness(
+            self.segments if segments is None else segments, self.junctions if junctions is None else junctions
+        )
+
+    def __eq__(self, other: object) -> bool:
+        return (
+            isinstance(other, Harness)
+            and dict(self.segments) == dict(other.segments)
+            and self.junctions == other.junctions
+        )
+
+    def __hash__(self) -> int:
+        return hash((tuple(self.segments.items()), tuple(junction.name for junction in self.junctions)))
+
+    def __repr__(self) -> str:
+        joints = ", ".join(f"{j.name}: {'+'.join(j.ends)}" for j in self.junctions)
+        return f"Harness({len(self.segments)} segments ({', '.join(self.segments)}), junctions {joints or 'none'})"
+
+
+def _check_segment(name: object, cable: object) -> None:
+    """Refuses what cannot be a segment."""
+    checks.word("segments", name)
+    if "/" in str(name):
+        raise ArgumentError.of("segments", name, "'/' is not allowed in a name: topics have it", "Rename it.")
+    where = f"segments[{name!r}]"
+    checks.instance(where, cable, (Cable,), "Write Cable(length=..., ...).")
+    assert isinstance(cable, Cable)
+    if cable.mean_bending_stiffness == 0.0:
+        remedy = "Give EI in N m^2, however small it is."
+        raise ArgumentError.of(f"{where}.bending_stiffness", 0.0, "a segment needs it above 0 N m^2", remedy)
+    if cable.tails:
+        bound = "a segment has none"
+        raise ArgumentError.of(f"{where}.tails", dict(cable.tails), bound, "Make a segment of it with a free end.")
