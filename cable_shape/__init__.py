@@ -4,7 +4,10 @@ The public contract is what this module exports. It imports no ROS, viewer, coll
 module only when the name is first used, so that a process pays for what it uses.
 """
 
+import sys
 from importlib import import_module
+from importlib.machinery import ModuleSpec
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from cable_shape.warm_up import warm_up
@@ -12,7 +15,8 @@ from cable_shape.warm_up import warm_up
 if TYPE_CHECKING:
     from cable_shape.cable.cable import Cable
     from cable_shape.cable.cable_file import CableFile, Held
-    from cable_shape.cable.harness import Harness, Junction
+    from cable_shape.cable.harness import Harness
+    from cable_shape.cable.junction import Junction
     from cable_shape.cable.section import Section
     from cable_shape.cable.wires import Wire
     from cable_shape.calibration.fit import calibrate
@@ -178,7 +182,8 @@ _HOMES = {
         "SteeringError",
         "UnknownKeyError",
     ),
-    "cable.harness": ("Harness", "Junction"),
+    "cable.harness": ("Harness",),
+    "cable.junction": ("Junction",),
     "planning.harness_batch": ("HarnessBatch",),
     "solve.harness_shape": ("HarnessShape",),
     "planning.paths": ("EndsPath", "GripPath", "JointPath"),
@@ -222,3 +227,30 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
+
+
+#: Modules that programs imported before the package had rooms.
+_BEFORE = {
+    "cable_shape.cli": "cable_shape.command.cli",  # commands that were installed before
+    "cable_shape.fields": "cable_shape.messages.fields",
+    "cable_shape.ik": "cable_shape.robots.ik",
+    "cable_shape.mujoco_model": "cable_shape.robots.mujoco_model",
+    "cable_shape.robot": "cable_shape.robots.robot",
+    "cable_shape.steering": "cable_shape.robots.steering",
+}
+
+
+class _Before:
+    """Finds them under the name that they had; the module is the same one."""
+
+    def find_spec(self, name: str, path: object = None, target: object = None) -> ModuleSpec | None:
+        return ModuleSpec(name, self) if name in _BEFORE else None  # type: ignore[arg-type]
+
+    def create_module(self, spec: ModuleSpec) -> None:
+        """The usual one, which the next puts aside."""
+
+    def exec_module(self, module: ModuleType) -> None:
+        sys.modules[module.__name__] = import_module(_BEFORE[module.__name__])
+
+
+sys.meta_path.insert(0, _Before())

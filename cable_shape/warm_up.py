@@ -96,7 +96,8 @@ def warm_up_cycles() -> None:
 def warm_up_harnesses() -> None:
     """Runs the kernels of harnesses: what a cycle with one needs beside those of `warm_up_cycles`."""
     from cable_shape.cable.cable import Cable
-    from cable_shape.cable.harness import Harness, Junction
+    from cable_shape.cable.harness import Harness
+    from cable_shape.cable.junction import Junction
     from cable_shape.cycle.cycle import Cycle
     from cable_shape.pose import FreeEnd, Pose
     from cable_shape.scene.scene import Clip, HalfSpace, Obstacle, PointMass, Scene

@@ -1,4 +1,4 @@
-"""For mkdocs: README.md and CHANGELOG.md as pages, links that leave docs/ as what they are, roles as links."""
+"""For mkdocs: pages of the root, links that leave docs/ as what they are, roles as links."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ sys.path.append(str(ROOT))
 from cable_shape import _MODULES  # noqa: E402
 
 #: files of the root that are pages of the site
-PAGES = {"README.md": "index.md", "CHANGELOG.md": "changelog.md"}
+PAGES = {"README.md": "index.md", "CHANGELOG.md": "changelog.md", "CONTRIBUTING.md": "contributing.md"}
 _LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)\s]+)\)")
 #: :class:`cable_shape.Cable` of a docstring, as the page has it
 _ROLE = re.compile(r":(?:mod|class|func|meth|attr):<code>~?([\w.]+)</code>")

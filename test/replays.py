@@ -13,8 +13,9 @@ from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
 from cable_shape.replay.bag_writer import cable_shape_store
-from cable_shape.replay.outcome import Outcome, Settings
+from cable_shape.replay.outcome import Outcome
 from cable_shape.replay.run import replay
+from cable_shape.replay.settings import Settings
 
 CABLE = cs.Cable(length=1.0, linear_density=0.1, bending_stiffness=0.01, diameter=0.008)
 MODEL = "gradient4"

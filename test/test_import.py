@@ -1,6 +1,7 @@
 """What `import cable_shape` may load, and how what it exports is guarded."""
 
 import ast
+import importlib
 import json
 import subprocess
 import sys
@@ -38,7 +39,7 @@ import json, sys
 import cable_shape as cs
 cs.Cable, cs.Scene, cs.Grip, cs.Cycle, cs.Predictor, cs.predict
 from cable_shape.warm_up import warm_up_cycles
-parts = ("batch", "trajectory", "paths", "calibration.fit", "calibration.tube")
+parts = ("planning.batch", "planning.trajectory", "planning.paths", "calibration.fit", "uncertainty.calibrated_tube")
 print(json.dumps([part for part in parts if f"cable_shape.{part}" in sys.modules]))
 """
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=300)
@@ -83,3 +84,9 @@ def test_every_export_exists_and_is_sorted() -> None:
     assert list(cs.__all__) == sorted(cs.__all__)
     for name in cs.__all__:
         assert hasattr(cs, name), f"cable_shape.__all__ names {name}, which does not exist"
+
+
+@pytest.mark.parametrize("name", sorted(cs._BEFORE))
+def test_modules_are_found_under_the_names_that_they_had(name: str) -> None:
+    """The same module and not a copy, so that its classes are the same ones."""
+    assert importlib.import_module(name) is importlib.import_module(cs._BEFORE[name])

@@ -19,7 +19,7 @@ from recordings import motion, write_bag
 
 import cable_shape as cs
 from cable_shape.command import doctor
-from cable_shape.extras import EXTRAS, lacking
+from cable_shape.errors import EXTRAS, lacking
 
 ROOT = Path(__file__).resolve().parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]

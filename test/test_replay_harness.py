@@ -14,8 +14,9 @@ from replays import messages, report_of
 import cable_shape as cs
 from cable_shape.command.cli import main
 from cable_shape.cycle.harness_ends import HarnessFile
-from cable_shape.replay.outcome import Outcome, Settings
+from cable_shape.replay.outcome import Outcome
 from cable_shape.replay.run import replay
+from cable_shape.replay.settings import Settings
 from cable_shape.robots.robot import Robot
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -30,7 +30,7 @@ import cable_shape as cs
 from cable_shape.errors import ArgumentError, BagError
 from cable_shape.replay.markers import MarkerComparison, nearest_on_polyline
 from cable_shape.replay.observations import load_observations
-from cable_shape.replay.outcome import Settings
+from cable_shape.replay.settings import Settings
 
 DATA = Path(__file__).resolve().parent.parent.parent / "shared" / "data"
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import cable_shape as cs
-from cable_shape.cable.section import pieces_of
+from cable_shape.cable.pieces import pieces_of
 from cable_shape.cable.wires import packed
 
 ALONG = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))

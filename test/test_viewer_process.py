@@ -26,7 +26,8 @@ from reports import (
 )
 
 from cable_shape.cable.cable import Cable
-from cable_shape.cable.harness import Harness, Junction
+from cable_shape.cable.harness import Harness
+from cable_shape.cable.junction import Junction
 from cable_shape.cycle.cycle import Cycle
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import Pose

@@ -240,9 +240,9 @@ class Cable:
         **keywords
             Further keywords of :class:`Cable`, which go before what the wires say.
         """
-        from cable_shape.cable.wires import from_wires
+        from cable_shape.cable.wires import keywords_of
 
-        return from_wires(wires, length, covering, **keywords)
+        return cls(length, **{**keywords_of(wires, covering), **keywords})
 
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any], where: str = "cable") -> Cable:

@@ -20,25 +20,31 @@ A key `ends` says which ends are held, see :mod:`cable_shape.cycle.harness_ends`
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from cable_shape import checks
 from cable_shape.cable.cable import Cable
-from cable_shape.cable.harness import Harness, Junction
+from cable_shape.cable.junction import Junction
 from cable_shape.errors import ArgumentError, UnknownKeyError, shown
 from cable_shape.files.files import path_of
-from cable_shape.pose import Pose
-from cable_shape.scene.scene_files import pose_entry
+from cable_shape.pose import Pose, pose_entry
+
+H = TypeVar("H")
 
 ENDS = "ends"
 HARNESS_KEYS = ("segments", "junctions", ENDS)
 JUNCTION_KEYS = ("name", "ends", "kind", "frames", "mass")
 
 
-def harness_of(values: Mapping[str, Any], where: str = "harness", folder: str | Path = ".") -> Harness:
-    """A harness with these keywords; errors name `where` and the part; paths of cables are taken from `folder`."""
+def harness_of(
+    make: Callable[[dict[str, Cable], list[Junction]], H], values: Mapping[str, Any], where: str, folder: str | Path
+) -> H:
+    """What `make` makes of the segments and junctions in a mapping.
+
+    Errors name `where` and the part; paths of cables are taken from `folder`.
+    """
     checks.known_keys(where, values, HARNESS_KEYS)
     segments = values.get("segments")
     if not isinstance(segments, Mapping) or not segments:
@@ -50,17 +56,17 @@ def harness_of(values: Mapping[str, Any], where: str = "harness", folder: str | 
         raise ArgumentError.of(f"{where}: junctions", items, "it must be a list", remedy)
     try:
         cables = {name: _cable(name, value, path_of(folder, "folder")) for name, value in segments.items()}
-        return Harness(cables, [_junction(item, i) for i, item in enumerate(items)])
+        return make(cables, [_junction(item, i) for i, item in enumerate(items)])
     except UnknownKeyError as error:
         raise UnknownKeyError(f"{where}: {error}") from None
     except ArgumentError as error:
         raise type(error)(f"{where}: {error}") from None
 
 
-def as_dict(harness: Harness) -> dict[str, Any]:
+def as_dict(segments: Mapping[str, Cable], junctions: Sequence[Junction]) -> dict[str, Any]:
     """The mapping that `harness_of` takes, as plain numbers, lists and words."""
     return {
-        "segments": {name: cable.as_dict() for name, cable in harness.segments.items()},
+        "segments": {name: cable.as_dict() for name, cable in segments.items()},
         "junctions": [
             {
                 "name": junction.name,
@@ -69,16 +75,16 @@ def as_dict(harness: Harness) -> dict[str, Any]:
                 "frames": {end: pose_entry(frame) for end, frame in junction.frames.items()},
                 "mass": junction.mass,
             }
-            for junction in harness.junctions
+            for junction in junctions
         ],
     }
 
 
-def write(harness: Harness, path: str | Path) -> None:
-    """Writes a harness as YAML."""
+def write(entries: Mapping[str, Any], path: str | Path) -> None:
+    """Writes what `as_dict` gives as YAML."""
     import yaml
 
-    text = yaml.safe_dump(as_dict(harness), sort_keys=False, default_flow_style=None, width=120, allow_unicode=True)
+    text = yaml.safe_dump(entries, sort_keys=False, default_flow_style=None, width=120, allow_unicode=True)
     path_of(path, "harness").write_text(text, encoding="utf-8")
 
 

@@ -20,7 +20,6 @@ from typing import Any, final
 import numpy as np
 
 from cable_shape import checks
-from cable_shape.cable.cable import Cable
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 
@@ -124,8 +123,8 @@ def packed(diameters: Sequence[float]) -> tuple[Array, float]:
     return out, diameter
 
 
-def from_wires(wires: Sequence[Wire], length: float, covering: Wire | None = None, **keywords: Any) -> Cable:
-    """The cable that a bundle of wires makes, see :meth:`cable_shape.Cable.from_wires`."""
+def keywords_of(wires: Sequence[Wire], covering: Wire | None = None) -> dict[str, Any]:
+    """The keywords of the cable that a bundle of wires makes, see :meth:`cable_shape.Cable.from_wires`."""
     given = checks.entries("wires", wires, Wire, "Write [Wire(outside_diameter, linear_density, ...), ...].")
     each = [wire for wire in given for _ in range(wire.count)]
     if not 1 <= len(each) <= MOST_WIRES:
@@ -148,5 +147,5 @@ def from_wires(wires: Sequence[Wire], length: float, covering: Wire | None = Non
             own *= max(1.0 - (diameter / outer) ** 4, 0.0)
         low, high = low + covering.count * own, high + covering.count * own
         density, diameter = density + covering.count * covering.linear_density, outer
-    keywords = {"bending_stiffness": low, "diameter": diameter, "stiffness_interval": (low, high), **keywords}
-    return Cable(length=length, linear_density=density, **keywords)
+    stiffness = {"bending_stiffness": low, "stiffness_interval": (low, high)}
+    return {"linear_density": density, "diameter": diameter, **stiffness}

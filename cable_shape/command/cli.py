@@ -14,8 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
 
 import cable_shape
-from cable_shape.errors import ArgumentError, CableShapeError, DependencyError
-from cable_shape.extras import lacking
+from cable_shape.errors import ArgumentError, CableShapeError, DependencyError, lacking
 
 if TYPE_CHECKING:
     from cable_shape.cable.cable import Cable
@@ -225,9 +224,9 @@ def _add_bench(commands: Commands) -> None:
 def _replay(arguments: argparse.Namespace) -> int:
     from cable_shape.files.files import find_file
     from cable_shape.replay.interrupt import Interruptible
-    from cable_shape.replay.outcome import Settings
     from cable_shape.replay.report import headline, summarise
     from cable_shape.replay.run import replay
+    from cable_shape.replay.settings import Settings
     from cable_shape.scene.scene import Scene
     from cable_shape.uncertainty.uncertainty import Uncertainty
 

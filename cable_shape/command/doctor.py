@@ -11,8 +11,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import final
 
-from cable_shape.errors import CableShapeError
-from cable_shape.extras import ROS, how_to_get
+from cable_shape.errors import ROS, CableShapeError, how_to_get
 
 #: distribution on PyPI -> module
 LIBRARIES = {

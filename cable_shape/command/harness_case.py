@@ -23,6 +23,7 @@ import numpy as np
 from cable_shape import checks
 from cable_shape.cable.harness import Harness
 from cable_shape.command.case_output import COLUMNS, Row, _vector, check_suffix
+from cable_shape.command.case_parts import end_of, scene_of
 from cable_shape.errors import ArgumentError
 from cable_shape.files.files import finite, path_of
 from cable_shape.pose import FreeEnd, Grip
@@ -55,8 +56,6 @@ class HarnessCase:
 
 def harness_case_of(values: Mapping[str, Any], folder: Path, name: str) -> HarnessCase:
     """The case with these keys; relative paths are taken from `folder`."""
-    from cable_shape.command.load_case import end_of, scene_of
-
     checks.known_keys("case", values, CASE_KEYS)
     harness, ends = values["harness"], values.get("ends")
     if not isinstance(ends, Mapping):

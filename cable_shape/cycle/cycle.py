@@ -206,7 +206,8 @@ class Cycle:
         ----------
         grips : mapping of cable name to (start, end)
             Poses or Grips in the world; end None or a FreeEnd: nothing holds it. Of a harness the mapping of ends, see
-            :meth:`cable_shape.prediction.harness_predictor.HarnessPredictor.predict`; its shape is a :class:`HarnessShape`.
+            :meth:`cable_shape.prediction.harness_predictor.HarnessPredictor.predict`; its shape is a
+            :class:`HarnessShape`.
         stamp : int
             [ns], must not be older than the stamp of the last step.
         links : mapping of robot link to its Pose in the world, optional

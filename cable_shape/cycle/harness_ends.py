@@ -19,7 +19,7 @@ from typing import Any, final
 
 from cable_shape import checks
 from cable_shape.cable.harness import Harness
-from cable_shape.cable.harness_file import ENDS, harness_of, pose_of
+from cable_shape.cable.harness_file import ENDS, pose_of
 from cable_shape.errors import ArgumentError
 from cable_shape.files.files import path_of
 from cable_shape.files.yaml_files import load_yaml
@@ -54,7 +54,7 @@ class HarnessFile:
         ArgumentError
             Naming the key, the bound and the remedy.
         """
-        harness = harness_of(values, where, folder)
+        harness = Harness.from_mapping(values, where, folder)
         ends = checks.mapping(f"{where}: {ENDS}", values.get(ENDS), harness.open_ends, "Write {trunk.start: {}}.")
         return cls(harness, {end: _end(f"{where}: {ENDS}.{end}", given) for end, given in ends.items()})
 

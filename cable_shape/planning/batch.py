@@ -1,9 +1,10 @@
 """Many grasps at once: :func:`predict_batch`.
 
 The rod starts each row from a shape that was solved at the centre of the row's cell, a cell of a fixed lattice in the
-space of grasps (:mod:`cable_shape.kernels.network.batch_cells`): rows in one cell share that start, its mesh and the factors
-that move it, to first order, to the row's own ends (:mod:`cable_shape.kernels.safety.batch_rows`). A row that is not reached
-so is solved by itself, from nothing. Either way a row's answer depends on its own ends and on nothing else.
+space of grasps (:mod:`cable_shape.kernels.network.batch_cells`): rows in one cell share that start, its mesh and the
+factors that move it, to first order, to the row's own ends (:mod:`cable_shape.kernels.safety.batch_rows`). A row that
+is not reached so is solved by itself, from nothing. Either way a row's answer depends on its own ends and on nothing
+else.
 """
 
 from __future__ import annotations

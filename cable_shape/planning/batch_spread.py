@@ -22,7 +22,7 @@ from cable_shape.uncertainty.uncertainty import Uncertainty, quantiles
 
 @final
 class BatchTube:
-    """How well a cable and its grips are known, as :mod:`cable_shape.kernels.safety.batch_spread` takes it; None: not asked."""
+    """How well a cable and its grips are known, as `kernels.safety.batch_spread` takes it; None: not asked."""
 
     __slots__ = ("confidence", "known")
 

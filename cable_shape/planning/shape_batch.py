@@ -48,7 +48,7 @@ class ShapeBatch:
         From the cable's surface to each of `bodies`, negative on overlap, infinite beyond `horizon` [m]; NaN where
         not told.
     used : (k, 6 + m)
-        Margins, 1 at the limit (see :mod:`cable_shape.safety.margins`): `report.LOAD_MARGINS`, then each body; NaN where none.
+        Margins, 1 at the limit (see :mod:`cable_shape.safety.margins`): `LOAD_MARGINS`, then each body; NaN: none.
     radius : (k, n) [m], optional
         Of the tube that holds a point of the row's cable with the `confidence`, if an uncertainty was given: distances
         and `used` of bodies are those of a cable so much thicker. NaN where there is no usable shape.

@@ -69,7 +69,8 @@ class TrajectoryCheck:
     first : Violation or None
     clearance : (k,) [m]
         To the nearest body, infinite beyond the horizon; NaN where not told.
-    margins : tuple of the margins at each waypoint, see :mod:`cable_shape.safety.margins`; of a harness those of all segments
+    margins : tuple of the margins at each waypoint, see :mod:`cable_shape.safety.margins`; of a harness those of all
+        segments
     margins_of : mapping of segment to the same, of a harness
     solved : int, shapes solved for
     robot_checked : bool

@@ -11,7 +11,7 @@ import numpy as np
 
 from cable_shape import checks
 from cable_shape.cable.cable import Cable
-from cable_shape.cable.section import refuse
+from cable_shape.cable.pieces import refuse
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.shape import CableShape

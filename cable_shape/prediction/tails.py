@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from cable_shape import checks
 from cable_shape.cable.cable import TAIL_SIDES, Cable
-from cable_shape.cable.section import cable_at
+from cable_shape.cable.pieces import cable_at
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import Grip, Pose, as_grip
 from cable_shape.prediction.predictor import Predictor

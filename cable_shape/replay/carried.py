@@ -14,7 +14,7 @@ from cable_shape.errors import ArgumentError
 from cable_shape.pose import FreeEnd, Grip, Pose
 
 if TYPE_CHECKING:
-    from cable_shape.replay.outcome import Settings
+    from cable_shape.replay.settings import Settings
 
 CABLE = "cable"
 

@@ -1,7 +1,7 @@
 """From the messages of a recording to ends: the poses of the grippers, or joint states through a robot.
 
-Stamps and pairs follow the same rules as in the node (:mod:`cable_shape.messages.pairing`). A message that cannot be used is
-refused and counted by reason; it never ends the replay.
+Stamps and pairs follow the same rules as in the node (:mod:`cable_shape.messages.pairing`). A message that cannot be
+used is refused and counted by reason; it never ends the replay.
 """
 
 from __future__ import annotations

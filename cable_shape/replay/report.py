@@ -12,7 +12,8 @@ from cable_shape.pose import Grip
 
 if TYPE_CHECKING:
     from cable_shape.cable.cable_file import Held
-    from cable_shape.replay.outcome import Outcome, Settings
+    from cable_shape.replay.outcome import Outcome
+    from cable_shape.replay.settings import Settings
 
 Row = tuple[str, str]
 

@@ -1,8 +1,8 @@
 """A recording in; a recording, a .rrd, a table and a report out, without middleware: :func:`replay`.
 
-Every pair of gripper poses (or joint state) goes through the same :class:`~cable_shape.cycle.cycle.Cycle` as in the node.
-Two runs give the same bytes of replay.mcap and the same decoded columns of replay.rrd; only times differ, and these
-are in the report alone.
+Every pair of gripper poses (or joint state) goes through the same :class:`~cable_shape.cycle.cycle.Cycle` as in the
+node. Two runs give the same bytes of replay.mcap and the same decoded columns of replay.rrd; only times differ, and
+these are in the report alone.
 """
 
 from __future__ import annotations
@@ -37,8 +37,9 @@ from cable_shape.replay.inputs import (
     stamp_of,
 )
 from cable_shape.replay.markers import MarkerComparison
-from cable_shape.replay.outcome import Outcome, Settings
+from cable_shape.replay.outcome import Outcome
 from cable_shape.replay.report import write_report
+from cable_shape.replay.settings import Settings
 from cable_shape.replay.tally import Tally
 from cable_shape.replay.transform_input import TRANSFORM_TYPE, TransformSource
 from cable_shape.safety.report import CycleReport

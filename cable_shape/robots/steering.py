@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cable_shape import checks
-from cable_shape.cable.section import widest
+from cable_shape.cable.pieces import widest
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.robots.held_cable import Held, HeldCable

@@ -13,7 +13,7 @@ from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import MarkerArray
 
 from cable_shape.cable.cable import Cable
-from cable_shape.cable.section import widest
+from cable_shape.cable.pieces import widest
 from cable_shape.ros import conversions, messages
 from cable_shape.safety.report import CycleReport
 from cable_shape.shape import CableShape

@@ -14,7 +14,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from shape_msgs.msg import SolidPrimitive
 
 from cable_shape.cable.cable import Cable
-from cable_shape.cable.section import widest
+from cable_shape.cable.pieces import widest
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.messages.capsules import Capsules

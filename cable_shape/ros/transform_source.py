@@ -8,8 +8,7 @@ from typing import Any, final
 
 from rclpy.node import Node
 
-from cable_shape.errors import ArgumentError, DependencyError, InputError, StaleInputError, shown
-from cable_shape.extras import ROS
+from cable_shape.errors import ROS, ArgumentError, DependencyError, InputError, StaleInputError, shown
 from cable_shape.messages.pairing import SECOND, Pair
 from cable_shape.messages.transforms import TransformTree
 from cable_shape.pose import Pose

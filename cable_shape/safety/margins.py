@@ -35,7 +35,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cable_shape.cable.cable import Cable
-from cable_shape.cable.section import pieces_of, slowest
+from cable_shape.cable.pieces import pieces_of, slowest
 from cable_shape.checks import Array
 from cable_shape.kernels import swing
 from cable_shape.kernels.safety import margin_watch as kernels

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cable_shape.cable.cable import Cable
-from cable_shape.cable.section import widest
+from cable_shape.cable.pieces import widest
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels.distance import cable_near
 from cable_shape.kernels.distance.bounds import RESULT_COLUMNS

@@ -94,9 +94,9 @@ class Clearance:
 class Margin(NamedTuple):
     """How far one kind of trouble is; the fields are those of ``cable_shape_msgs/CableMargin``, with their units.
 
-    `used` is 1 at the limit and grows as trouble nears, see :mod:`cable_shape.safety.margins`. `arc_length` [m] is that of the
-    worst point: negative on a tail before the start grip, beyond the length on one after the end grip. `time_to_limit`
-    [s] is 0 at the limit and beyond, infinite when not approaching it, NaN when not known.
+    `used` is 1 at the limit and grows as trouble nears, see :mod:`cable_shape.safety.margins`. `arc_length` [m] is that
+    of the worst point: negative on a tail before the start grip, beyond the length on one after the end grip.
+    `time_to_limit` [s] is 0 at the limit and beyond, infinite when not approaching it, NaN when not known.
     """
 
     kind: WarningKind

@@ -1,8 +1,8 @@
 """Stress in a round or tubular section: :func:`stress_of`, from force and moment to the worst fibre.
 
-The section of :class:`~cable_shape.cable.cable.Cable` (`diameter`, `inner_diameter`) is taken as of one material that carries
-all loads; of a cable made of strands and sheath the stress is nominal, comparable only with a limit found in the same
-way. Longitudinal, torsional and transverse shear stress are combined fibre by fibre, see
+The section of :class:`~cable_shape.cable.cable.Cable` (`diameter`, `inner_diameter`) is taken as of one material that
+carries all loads; of a cable made of strands and sheath the stress is nominal, comparable only with a limit found in
+the same way. Longitudinal, torsional and transverse shear stress are combined fibre by fibre, see
 :mod:`cable_shape.kernels.safety.stress`.
 """
 
@@ -16,7 +16,7 @@ import numpy as np
 
 from cable_shape import checks
 from cable_shape.cable.cable import Cable
-from cable_shape.cable.section import pieces_of
+from cable_shape.cable.pieces import pieces_of
 from cable_shape.checks import Array
 from cable_shape.kernels.safety import stress as kernels
 from cable_shape.shape import CableShape

@@ -103,9 +103,9 @@ def warnings_of(
 ) -> tuple[CableWarning, ...]:
     """All warnings that hold for one cable, errors first, then by falling margin.
 
-    `margin` says how much of a limit is used up, 1 at the limit, as in :mod:`cable_shape.safety.margins`. Loads, stress and
-    stability are warned of from 0.9 on, stretch from 0.99, and are errors from 1 on; clearance is warned of below the
-    warning distance and an error below the error distance.
+    `margin` says how much of a limit is used up, 1 at the limit, as in :mod:`cable_shape.safety.margins`. Loads, stress
+    and stability are warned of from 0.9 on, stretch from 0.99, and are errors from 1 on; clearance is warned of below
+    the warning distance and an error below the error distance.
 
     Of a shape that did not converge only that is told, and that clearance and loads were not judged. On the straight
     line of an overstretched cable, or its way past bodies, clearance is judged, loads are not.

@@ -12,9 +12,9 @@ from typing import Any, final
 from cable_shape import checks
 from cable_shape.errors import ArgumentError
 from cable_shape.files.files import path_of
-from cable_shape.pose import Pose
+from cable_shape.pose import Pose, pose_entry
 from cable_shape.scene.plug import Plug
-from cable_shape.scene.scene_files import clip_entry, keywords_of, mass_entry, obstacle_entry, plug_entry, pose_entry
+from cable_shape.scene.scene_files import clip_entry, keywords_of, mass_entry, obstacle_entry, plug_entry
 from cable_shape.scene.scene_parts import CLIP_KINDS, Clip, Obstacle, PointMass, clip_names
 from cable_shape.scene.solids import Box, Capsule, Cylinder, HalfSpace, Mesh, Solid, Sphere
 
@@ -91,7 +91,7 @@ class Scene:
 
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any], where: str = "scene", folder: str | Path = ".") -> Scene:
-        """From a mapping whose keys are the keywords of Scene; see :mod:`cable_shape.scene.scene_files` for the entries.
+        """From a mapping whose keys are the keywords of Scene, see :mod:`cable_shape.scene.scene_files`.
 
         `where` is named in errors; the paths of meshes are taken from `folder`.
         """

@@ -31,7 +31,7 @@ from typing import Any
 from cable_shape import checks
 from cable_shape.errors import ArgumentError
 from cable_shape.files.files import path_of
-from cable_shape.pose import Pose
+from cable_shape.pose import Pose, pose_entry
 from cable_shape.scene.plug import Plug
 from cable_shape.scene.scene_parts import Clip, Obstacle, PointMass
 from cable_shape.scene.solids import Box, Capsule, Cylinder, HalfSpace, Mesh, Solid, Sphere
@@ -180,11 +180,6 @@ def _segment_entry(part: Clip | PointMass) -> dict[str, Any]:
 def plug_entry(plug: Plug) -> dict[str, Any]:
     """The value of `plug`."""
     return {"socket": plug.socket, **pose_entry(plug.offset)}
-
-
-def pose_entry(pose: Pose) -> dict[str, Any]:
-    """The keys that say where something is."""
-    return {"position": pose.position.tolist(), "quaternion": pose.quaternion.tolist()}
 
 
 def _solid_entry(solid: Solid) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from typing import NamedTuple, final
 import numpy as np
 
 from cable_shape.cable.cable import Cable as CableProperties
-from cable_shape.cable.section import cable_at, pieces_of
+from cable_shape.cable.pieces import cable_at, pieces_of
 from cable_shape.checks import Array
 from cable_shape.kernels.network import material
 from cable_shape.solve.plan import Cable, Knot, Span

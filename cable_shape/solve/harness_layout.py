@@ -15,7 +15,7 @@ from typing import NamedTuple, final
 
 import numpy as np
 
-from cable_shape.cable.section import pieces_of
+from cable_shape.cable.pieces import pieces_of
 from cable_shape.checks import Array
 from cable_shape.solve.bare import IDENTITY
 from cable_shape.solve.cables import AT, FREE_ROTATIONS, Structure, material_of, shared_loads

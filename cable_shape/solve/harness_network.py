@@ -8,7 +8,7 @@ from typing import Any, final
 
 import numpy as np
 
-from cable_shape.cable.section import pieces_of
+from cable_shape.cable.pieces import pieces_of
 from cable_shape.checks import Array
 from cable_shape.kernels.network import drive, guess, material, mesh, respond, tables
 from cable_shape.kernels.network.drive import I_DOUBT, I_ESTIMATE, INFO

@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from cable_shape.cable.cable import Cable
-from cable_shape.cable.section import pieces_of
+from cable_shape.cable.pieces import pieces_of
 from cable_shape.checks import Array
 from cable_shape.kernels.frames import align
 from cable_shape.kernels.network.drive import STRAIGHT

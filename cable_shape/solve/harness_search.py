@@ -8,7 +8,7 @@ from typing import Any, final
 
 import numpy as np
 
-from cable_shape.cable.section import energy_of_sections
+from cable_shape.cable.pieces import energy_of_sections
 from cable_shape.checks import Array
 from cable_shape.kernels.network import drive, tables
 from cable_shape.kernels.network.drive import I_ENERGY, I_ESTIMATE, I_FORCE, I_MOMENT, I_RESIDUAL, I_TURNED, INFO

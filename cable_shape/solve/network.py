@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from cable_shape.cable.cable import Cable
-from cable_shape.cable.section import pieces_of
+from cable_shape.cable.pieces import pieces_of
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels.network import drive, guess, material, mesh, respond, start, tables

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from cable_shape import checks
 from cable_shape.cable.cable import Cable
-from cable_shape.cable.section import refuse
+from cable_shape.cable.pieces import refuse
 from cable_shape.calibration.parameters import Parameters, held
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
@@ -55,9 +55,9 @@ class TubeWatch:
     tangent of the span where it lets it turn.
 
     A moving cable bears its inertia, which a prediction leaves out. How large that load is at most is told by the
-    motion of the grips (:mod:`cable_shape.solve.quasistatic`), its direction is not: it counts as one that is the same all
-    along the cable and normally distributed, alike in all directions. Three more rods, each with a load along one axis,
-    show how the shape answers it, to first order.
+    motion of the grips (:mod:`cable_shape.solve.quasistatic`), its direction is not: it counts as one that is the same
+    all along the cable and normally distributed, alike in all directions. Three more rods, each with a load along one
+    axis, show how the shape answers it, to first order.
 
     Parameters
     ----------

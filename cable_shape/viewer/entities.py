@@ -30,7 +30,7 @@ import rerun as rr
 
 from cable_shape.cable.cable import TAIL_SIDES, Cable
 from cable_shape.cable.harness import Harness, split_end
-from cable_shape.cable.section import radius_of, thicker
+from cable_shape.cable.pieces import radius_of, thicker
 from cable_shape.checks import Array
 from cable_shape.cycle.harness_cycle import cable_id
 from cable_shape.cycle.parts import cables_of, in_parts

@@ -19,8 +19,7 @@ from cable_shape.cable.cable import Cable
 from cable_shape.cable.harness import Harness
 from cable_shape.children import ended, left
 from cable_shape.cycle.parts import in_parts
-from cable_shape.errors import ArgumentError, DependencyError
-from cable_shape.extras import how_to_get
+from cable_shape.errors import ArgumentError, DependencyError, how_to_get
 from cable_shape.safety.report import CycleReport
 from cable_shape.scene.scene import Obstacle, Scene
 from cable_shape.viewer.colour import check_colouring

@@ -20,7 +20,8 @@ from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
 from cable_shape.cable.cable import Cable
-from cable_shape.cable.harness import Harness, Junction
+from cable_shape.cable.harness import Harness
+from cable_shape.cable.junction import Junction
 from cable_shape.cycle.cycle import Cycle
 from cable_shape.cycle.harness_ends import HarnessFile
 from cable_shape.errors import CableShapeError

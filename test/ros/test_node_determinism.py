@@ -15,8 +15,8 @@ from cable_shape.cycle.cycle import Cycle
 from cable_shape.messages.fields import shape_fields
 from cable_shape.pose import Grip, Pose
 from cable_shape.replay.bag_writer import cable_shape_store
-from cable_shape.replay.outcome import Settings
 from cable_shape.replay.run import replay
+from cable_shape.replay.settings import Settings
 
 FIELDS = ("arc_length", "positions", "quaternions", "curvature", "force", "moment")
 FOR_SURE = 20  # pairs at the beginning that are not dropped

@@ -5,7 +5,8 @@ g, its gradient n and its Hessian H (the curvature of the surface through y). H 
 every feature on which the closest point can lie: on a face 0, on a straight edge of direction e
 (I - n n^T - e e^T) / d, at a corner (I - n n^T) / d, on the side of a cylinder e_phi e_phi^T / rho.
 
-Bodies are rows of the table of :mod:`cable_shape.kernels.distance.bounds`; frames (m, 4, 3) are their axes (rows) and origins.
+Bodies are rows of the table of :mod:`cable_shape.kernels.distance.bounds`; frames (m, 4, 3) are their axes (rows) and
+origins.
 """
 
 from __future__ import annotations

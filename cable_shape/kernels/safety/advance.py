@@ -1,4 +1,4 @@
-"""How far a cable and the bodies around it come between two solved places of a motion, see `cable_shape.planning.trajectory`."""
+"""How far a cable and the bodies around it come between two solved places of a motion: `cable_shape.planning`."""
 
 from __future__ import annotations
 

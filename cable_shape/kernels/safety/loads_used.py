@@ -14,7 +14,7 @@ from cable_shape.kernels.safety.loads import chord_of, most_loaded
 
 STRETCH, TENSION, BEND, TWIST, STRESS, STABILITY, BODIES = 0, 1, 2, 3, 4, 5, 6
 USED, LIMIT, VALUE, ARC_LENGTH, TIME, COLUMNS = 0, 1, 2, 3, 4, 5
-#: Numbers of a piece of a cable: arc lengths from and to, section as in :mod:`cable_shape.kernels.safety.stress`, limits.
+#: Numbers of a piece of a cable: arc lengths from and to, section as in `kernels.safety.stress`, limits.
 P_FROM, P_TO, P_SECTION, P_LIMITS, PIECE = 0, 1, 2, 7, 12
 #: Numbers that the stability of the next shape depends on: the eigenvalue in units of `soft` (NaN: none yet), its arc
 #: length, and whether the mode has been neutral from the beginning (1) or not (0).

@@ -6,7 +6,7 @@ one flat array, for m bodies with k = 7 + m:
     warn               distance [m]
     soft               unit of the eigenvalue [N]
     eigen    (3,)      see `margins.MEMORY`
-    twists   (12,)     how fast the ends move; before, now (14,): their frames, see :mod:`cable_shape.kernels.safety.speed`
+    twists   (12,)     how fast the ends move; before, now (14,): their frames, see `kernels.safety.speed`
     swing    (35,)     see :mod:`cable_shape.kernels.swing`
     turn               the row of `history` that is this cycle's
     rows     (k, 5)    see :mod:`cable_shape.kernels.safety.loads_used`; the last one is that of the inertia

@@ -12,7 +12,7 @@ from cable_shape.checks import Array
 from cable_shape.kernels.network import points, tables
 from cable_shape.kernels.network.drive import I_ESTIMATE
 from cable_shape.pose import FreeEnd, Grip, multiply
-from cable_shape.safety.clearance import carried_by, link_rows
+from cable_shape.scene.body_tables import carried_by, link_rows
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve.network import Network
 from cable_shape.solve.problem import NAMED_TOLERANCE, Problem

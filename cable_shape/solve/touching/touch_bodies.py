@@ -13,7 +13,7 @@ from cable_shape.kernels.contact.tables import Bodies
 from cable_shape.kernels.distance import bounds, surface
 from cable_shape.kernels.distance.triangles import STACK_SIZE
 from cable_shape.pose import Pose
-from cable_shape.safety.clearance import body_tables, carried_by, link_rows
+from cable_shape.scene.body_tables import body_tables, carried_by, link_rows
 from cable_shape.scene.mesh_convex import half_thickness
 from cable_shape.scene.scene import Mesh, Obstacle
 from cable_shape.solve.problem import Problem
