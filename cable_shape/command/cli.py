@@ -216,7 +216,7 @@ def _add_status(commands: Commands) -> None:
 
 def _add_bench(commands: Commands) -> None:
     bench = commands.add_parser("bench", help="run a benchmark of the source tree; without a name: all of them")
-    bench.add_argument("name", nargs="?", metavar="NAME", help="a scripts/bench_NAME.py")
+    bench.add_argument("name", nargs="?", metavar="NAME", help="a benchmarks/bench_NAME.py")
     bench.add_argument("options", nargs=argparse.REMAINDER, metavar="...", help="options of that benchmark")
     bench.set_defaults(run=_bench)
 

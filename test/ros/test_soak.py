@@ -5,7 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "soak_run.py"
+SCRIPT = Path(__file__).resolve().parents[2] / "soak" / "soak_run.py"
 
 
 def said_by(*options):
