@@ -25,7 +25,7 @@ from time import perf_counter
 from typing import Any, NamedTuple
 
 import numbers_page
-from cosserat_figures import Figures, bench_options, bench_parser, finish, heading
+from figures import Figures, bench_options, bench_parser, finish, heading
 from tqdm import tqdm
 
 HERE = Path(__file__).resolve().parent

@@ -25,15 +25,16 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import cell_calibration
+import cell_viewer
 import numpy as np
 import rclpy
-import yaml
 from builtin_interfaces.msg import Time
 from cable_shape_msgs.msg import CableShape, CableWarnings
-from cosserat_figures import Figures, bench_options, bench_parser, finish
+from cell_node import SENSOR, STARTUP_S
+from cell_scene import CONFIG, motion, node_command
+from figures import Figures, bench_options, bench_parser, finish
 from geometry_msgs.msg import PoseStamped
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
@@ -42,26 +43,13 @@ from sensor_msgs.msg import JointState
 
 from cable_shape.robots.robot import Robot
 
-CONFIG = Path(__file__).resolve().parents[1] / "config"
-SENSOR = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 RELIABLE = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 NAMES = ("echo", "node")
 TURN_S = 1.0
-STARTUP_S = 120.0  # the node may have to compile its kernels
-OBSTACLES, POINTS = 20, 150
+POINTS = 150
 P50_ALLOWED, P99_ALLOWED = 1.5, 3.0
 TOPICS = (("left_gripper/pose", PoseStamped), ("right_gripper/pose", PoseStamped), ("joint_states", JointState))
-
-
-def scene() -> dict[str, Any]:
-    """Twenty bodies on a table, the nearest some centimetres from the cable."""
-    bodies: list[dict[str, Any]] = [{"name": "table", "box": [1.2, 1.8, 0.04], "position": [0.35, 0.0, -0.02]}]
-    for i in range(OBSTACLES - 1):
-        place = [0.25 + 0.03 * i, -0.36 + 0.04 * i, 0.06 + 0.015 * (i % 3)]
-        solid = ({"box": [0.03, 0.04, 0.12]}, {"sphere": 0.04}, {"cylinder": {"radius": 0.02, "length": 0.12}})[i % 3]
-        bodies.append({"name": f"body_{i}", **solid, "position": place})
-    return {"obstacles": bodies}
 
 
 def spun(node: Node) -> None:
@@ -113,20 +101,6 @@ def receive(out: Path) -> None:
     np.save(out, np.array(came, dtype=np.int64).reshape(-1, 3))
 
 
-def motion(robot: Robot, count: int, rate: float) -> list[tuple[list[float], list[list[float]]]]:
-    """Joint positions around home and the two tool poses, one period of the path in `count` samples."""
-    rows = []
-    for k in range(count):
-        q = robot.home.copy()
-        for j in range(len(q)):
-            if "finger" not in robot.joint_names[j]:
-                q[j] += 0.03 * np.sin(2.0 * np.pi * (1 + j % 3) * k / count)
-        robot.update(q)
-        poses = robot.gripper_poses()
-        rows.append((q.tolist(), [poses[side].array.tolist() for side in ("left", "right")]))
-    return rows
-
-
 def publish(out: Path, rates: list[float], seconds: float) -> None:
     """Feeds echo and node in turns; keeps the rate and when each second pose was published."""
     node = rclpy.create_node("publisher")
@@ -170,30 +144,6 @@ def publish(out: Path, rates: list[float], seconds: float) -> None:
                 sent.append((round(rate), number, stamp, began))
             time.sleep(0.05)
     np.save(out, np.array(sent, dtype=np.int64))
-
-
-def node_parameters(folder: Path, view: str) -> dict[str, Any]:
-    """Of the node under test; writes its scene."""
-    (folder / "scene.yaml").write_text(yaml.safe_dump(scene()))
-    half = float(np.sqrt(0.5))
-    crosswise = [0.0, 0.0, 0.0, -half, 0.0, 0.0, half]
-    return {
-        "cable_file": CONFIG / "cables" / "demo.yaml",
-        "scene_file": folder / "scene.yaml",
-        "robot_file": CONFIG / "robots" / "dual_arm.yaml",
-        "left_gripper.offset": crosswise,
-        "right_gripper.offset": crosswise,
-        "view": view,
-        "output_folder": folder,
-    }
-
-
-def node_command(folder: Path, view: str) -> list[str]:
-    """The node under test."""
-    command = [sys.executable, "-m", "cable_shape.ros.node", "--ros-args", "-r", "__ns:=/node"]
-    for name, value in node_parameters(folder, view).items():
-        command += ["-p", f"{name}:={value}"]
-    return command
 
 
 def measured(folder: Path, rates: list[float], seconds: float, view: str) -> tuple[np.ndarray, np.ndarray]:
@@ -267,8 +217,6 @@ def main() -> int:
     options.rounds = options.rounds or (1 if options.quick else 3)
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     if options.viewer:
-        import cell_viewer
-
         return 0 if cell_viewer.run(options.rounds) else 1
     if options.cables:
         import cell_cables

@@ -40,10 +40,10 @@ from typing import Any
 import numpy as np
 from certify_grasps import MOST_HALVINGS, plain, points
 from certify_rows import COUNTED, RESERVE, SEED, certified, clips_block, plain_block
-from cosserat_figures import Figures, bench_options, bench_parser, finish, heading
 from evidence_front import put
 from evidence_pages import CERTIFIED as BEGIN
 from evidence_pages import table
+from figures import Figures, bench_options, bench_parser, finish, heading
 from tqdm import tqdm
 
 import cable_shape as cs

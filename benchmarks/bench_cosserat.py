@@ -16,12 +16,12 @@ from time import perf_counter
 
 from cosserat_cases import error_of, load, reach
 from cosserat_critical import critical_values
-from cosserat_figures import Figures, bench_options, bench_parser, finish, heading
 from cosserat_jumps import print_jumps
 from cosserat_order import print_order
 from cosserat_published import print_published
 from cosserat_random import print_grasps, print_sweep, print_taut_grasps
 from cosserat_speed import print_speed
+from figures import Figures, bench_options, bench_parser, finish, heading
 from tqdm import tqdm
 
 CASES = Path(__file__).resolve().parents[2] / "shared" / "cases"

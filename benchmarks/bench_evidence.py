@@ -22,8 +22,8 @@ import evidence_skip
 import evidence_walk
 import evidence_weak
 import evidence_work
-from cosserat_figures import bench_options, bench_parser, finish
 from evidence_pages import Pages
+from figures import bench_options, bench_parser, finish
 from tqdm import tqdm
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"

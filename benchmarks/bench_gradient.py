@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from cosserat_figures import Figures, bench_options, bench_parser, finish
 from cosserat_speed import END, START, motion
+from figures import Figures, bench_options, bench_parser, finish
 from gradient_bvp import GradientBvp
 from scipy.spatial.transform import Rotation
 from tqdm import tqdm

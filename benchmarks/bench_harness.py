@@ -16,7 +16,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import time
 
 import numpy as np
-from cosserat_figures import Figures, bench_options, bench_parser, finish, heading
+from figures import Figures, bench_options, bench_parser, finish, heading
 from harness_random import balance, hung_tree, random_harness
 from tqdm import tqdm
 

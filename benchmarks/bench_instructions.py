@@ -21,7 +21,7 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from cosserat_figures import Figures, bench_options, bench_parser, finish, heading
+from figures import Figures, bench_options, bench_parser, finish, heading
 
 STEPS, STEPS_QUICK = 50, 10
 #: The first counted step of a motion, and so many before it.

@@ -23,7 +23,7 @@ from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
-from cosserat_figures import Figures, bench_options, bench_parser, finish, heading, machine
+from figures import Figures, bench_options, bench_parser, finish, heading, machine
 from networks import TURNS, Net, Piece, Point, Rod, even, frame_along
 from scipy.spatial.transform import Rotation
 from tqdm import tqdm

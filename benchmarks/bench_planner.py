@@ -10,7 +10,7 @@ import planner_batch
 import planner_service
 import planner_steer
 import planner_trajectory
-from cosserat_figures import Figures, bench_options, bench_parser, finish
+from figures import Figures, bench_options, bench_parser, finish
 
 
 def main() -> int:

@@ -15,9 +15,9 @@ from pathlib import Path
 import evidence_rivals
 import numpy as np
 import rivals_tune
-from cosserat_figures import Figures, bench_options, bench_parser, finish, heading
 from cosserat_speed import GRASPS
 from evidence_pages import figures, timed
+from figures import Figures, bench_options, bench_parser, finish, heading
 
 import cable_shape as cs
 

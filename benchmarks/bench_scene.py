@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from cosserat_figures import Figures, bench_options, bench_parser, finish
+from figures import Figures, bench_options, bench_parser, finish
 from scene_arch import print_arch
 from scene_both import print_both
 from scene_clearance import print_clearance

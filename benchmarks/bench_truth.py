@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 from branched_data import BRANCHED, objects
-from cosserat_figures import Figures, bench_options, bench_parser, finish, heading
+from figures import Figures, bench_options, bench_parser, finish, heading
 from tqdm import tqdm
 from truth_branched import branched
 from truth_data import CABLES, DATA, Frames, load, recording

@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 import rclpy
-from bench_cell import CONFIG, motion, node_parameters
 from cell_node import FedNode
+from cell_scene import CONFIG, motion, node_parameters
 from sensor_msgs.msg import JointState
 
 from cable_shape.robots.robot import Robot

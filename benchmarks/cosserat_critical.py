@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from cosserat_figures import Figures, heading
+from figures import Figures, heading
 from tqdm import tqdm
 
 from cable_shape.cable.cable import Cable

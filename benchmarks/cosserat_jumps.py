@@ -12,9 +12,9 @@ import math
 from collections import Counter
 
 import numpy as np
-from cosserat_figures import Figures, heading
 from cosserat_order import compiled
 from cosserat_random import random_grasp
+from figures import Figures, heading
 from scipy.spatial.transform import Rotation
 from tqdm import tqdm
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 from cosserat_cases import error_of, load, reach
-from cosserat_figures import Figures, heading
+from figures import Figures, heading
 from tqdm import tqdm
 
 from cable_shape.kernels import rod_mesh

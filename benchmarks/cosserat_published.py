@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 from cosserat_cases import STEPS, Values, beside, error_of, load
-from cosserat_figures import Figures, heading
+from figures import Figures, heading
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs

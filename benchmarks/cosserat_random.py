@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 from cosserat_cases import ALONG_X
-from cosserat_figures import Figures, heading
+from figures import Figures, heading
 from scipy.spatial.transform import Rotation
 from tqdm import tqdm
 

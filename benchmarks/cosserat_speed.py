@@ -8,7 +8,7 @@ from collections.abc import Callable
 from time import perf_counter, thread_time
 
 import numpy as np
-from cosserat_figures import Figures, heading
+from figures import Figures, heading
 from scipy.integrate import solve_bvp
 from scipy.spatial.transform import Rotation, Slerp
 from tqdm import tqdm

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from cosserat_figures import machine
 from evidence_pages import END, figures, table
 from evidence_points import Point, Series
+from figures import machine
 
 NUMBERS = Path(__file__).resolve().parents[1] / "docs" / "numbers.md"
 BEGIN = "<!-- written by scripts/bench evidence -->"

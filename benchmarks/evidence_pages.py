@@ -11,7 +11,7 @@ import numpy as np
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
-from cosserat_figures import Figures, machine
+from figures import Figures, machine
 from matplotlib.figure import Figure
 
 TITLES = {

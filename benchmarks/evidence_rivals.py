@@ -33,9 +33,9 @@ METHOD = (
     "costs them nothing (the error from then on within 10 % of its last); they are timed without set-up, and measured "
     "at their own joints, without interpolation. Time step, damping, MuJoCo's armature and PyElastica's axial "
     "stiffness are those with the fewest steps of a search (`scripts/bench rivals --tune`, kept in "
-    "`benchmarks/rivals_settings.json`); half a link lies beyond each grip, so that both are of second order. What they "
-    "do and the rod does not: inertia, vibration, friction and contact with everything; and they need not settle in "
-    "each cycle of a simulation."
+    "`benchmarks/rivals_settings.json`); half a link lies beyond each grip, so that both are of second order. What "
+    "they do and the rod does not: inertia, vibration, friction and contact with everything; and they need not settle "
+    "in each cycle of a simulation."
 )
 
 Settings = dict[str, dict[str, dict[str, dict[str, float]]]]

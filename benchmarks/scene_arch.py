@@ -11,7 +11,7 @@ import math
 from pathlib import Path
 
 import numpy as np
-from cosserat_figures import Figures, heading
+from figures import Figures, heading
 
 import cable_shape as cs
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from cosserat_figures import Figures, heading
+from figures import Figures, heading
 from scene_crossing import Grips, posed, smooth
 from scipy.spatial.transform import Rotation
 from tqdm import tqdm

@@ -6,7 +6,7 @@ from pathlib import Path
 from time import perf_counter
 
 import numpy as np
-from cosserat_figures import Figures, heading
+from figures import Figures, heading
 
 import cable_shape as cs
 from cable_shape.robots.robot import Robot

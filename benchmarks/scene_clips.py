@@ -11,8 +11,8 @@ from pathlib import Path
 from time import perf_counter
 
 import numpy as np
-from cosserat_figures import Figures, heading
 from cosserat_speed import CABLE, END, START, motion
+from figures import Figures, heading
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from cosserat_figures import Figures, heading
+from figures import Figures, heading
 from scipy.optimize import brentq
 
 import cable_shape as cs

@@ -12,7 +12,7 @@ from time import perf_counter, thread_time
 
 import numpy as np
 from contact_reference import compared, finer
-from cosserat_figures import Figures, heading
+from figures import Figures, heading
 from scene_eyelets import print_eyelets, sway
 
 import cable_shape as cs

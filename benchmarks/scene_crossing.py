@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from cosserat_figures import Figures, heading
+from figures import Figures, heading
 from scipy.spatial.transform import Rotation
 from tqdm import tqdm
 

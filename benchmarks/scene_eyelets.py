@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 from contact_reference import compared, finer
-from cosserat_figures import Figures
+from figures import Figures
 
 import cable_shape as cs
 from cable_shape.scene.scene import Solid

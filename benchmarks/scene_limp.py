@@ -15,7 +15,7 @@ from time import perf_counter
 
 import numpy as np
 from contact_reference import compared, finer
-from cosserat_figures import Figures, heading
+from figures import Figures, heading
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs

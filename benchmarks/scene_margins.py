@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from cosserat_figures import Figures, heading
+from figures import Figures, heading
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs

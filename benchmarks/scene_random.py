@@ -15,7 +15,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from cosserat_figures import Figures, heading
+from figures import Figures, heading
 from scene_certificate import Array, crossed, distances, judged, passed
 from scipy.spatial.transform import Rotation
 from tqdm import tqdm

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from branched_data import DENSITY, Branched, load, objects
-from cosserat_figures import Figures, heading
+from figures import Figures, heading
 from tqdm import tqdm
 from truth_limits import mean_error
 

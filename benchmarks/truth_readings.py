@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from cosserat_figures import heading
+from figures import heading
 from truth_data import Frames
 from truth_limits import least, line
 

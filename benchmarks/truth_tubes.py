@@ -15,7 +15,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from cosserat_figures import Figures, bench_options, bench_parser, finish, heading
+from figures import Figures, bench_options, bench_parser, finish, heading
 from scipy.spatial.transform import Rotation
 from tqdm import tqdm
 from truth_data import CABLES, DATA, Frames, carried, load

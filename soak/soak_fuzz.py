@@ -17,10 +17,10 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
-from bench_cell import CONFIG
 from builtin_interfaces.msg import Time
 from cable_shape_msgs.msg import CableShape
 from cell_node import SENSOR, STARTUP_S
+from cell_scene import CONFIG
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from rclpy.executors import SingleThreadedExecutor

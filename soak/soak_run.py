@@ -21,9 +21,10 @@ import soak_files
 import soak_fuzz
 import soak_peers
 import soak_replay
-from bench_cell import CONFIG, SENSOR, node_command
 from builtin_interfaces.msg import Time
 from cable_shape_msgs.msg import CableShape
+from cell_node import SENSOR
+from cell_scene import CONFIG, node_command
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from rclpy.executors import SingleThreadedExecutor

@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 from pathlib import Path
 
 import bench_all
@@ -12,13 +13,11 @@ import numpy as np
 import pytest
 import rivals_common
 import rivals_tune
-from cosserat_figures import Figures, bench_options, bench_parser, finish
 from cosserat_speed import GRASPS
+from figures import Figures, bench_options, bench_parser, finish
 
 PART = """
-import sys
-sys.path.insert(0, {scripts!r})
-from cosserat_figures import Figures, bench_options, bench_parser, finish
+from figures import Figures, bench_options, bench_parser, finish
 figures = Figures()
 figures.at_most("error", {error}, 1e-3)
 figures.ratio("a : b", {ratio})
@@ -83,9 +82,9 @@ def test_a_file_to_compare_with_that_is_missing_is_told_before_the_work(tmp_path
 def test_all_parts_run_each_in_its_process_and_are_judged_together(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    scripts = str(bench_all.HERE)
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join((str(bench_all.HERE), os.environ.get("PYTHONPATH", ""))))
     for name, error in (("good", 1e-4), ("bad", 1e-2)):
-        (tmp_path / f"bench_{name}.py").write_text(PART.format(scripts=scripts, error=error, ratio=2.0))
+        (tmp_path / f"bench_{name}.py").write_text(PART.format(error=error, ratio=2.0))
     (tmp_path / "bench_silent.py").write_text("raise SystemExit(0)")
     (tmp_path / "bench_broken.py").write_text("raise ValueError('no')")
     parts = [bench_all.Part("good", steady=True), bench_all.Part("bad"), bench_all.Part("broken")]

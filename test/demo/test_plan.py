@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pinocchio as pin
+import plan_cable
+import plan_run
 import pytest
 
 import cable_shape as cs
@@ -17,23 +17,13 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture(scope="module")
-def scripts() -> tuple[ModuleType, ModuleType]:
-    """The planner and what records it."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(ROOT / "scripts"))
-        import plan_cable
-        import plan_run
-    return plan_cable, plan_run
-
-
-@pytest.fixture(scope="module")
 def robot() -> Robot:
     return Robot.from_yaml(ROOT / "config/robots/dual_arm.yaml")
 
 
 @pytest.fixture(scope="module")
-def found(scripts: tuple[ModuleType, ModuleType], robot: Robot):
-    plan = scripts[0].plan(robot, seed=1, seconds=600.0)
+def found(robot: Robot):
+    plan = plan_cable.plan(robot, seed=1, seconds=600.0)
     assert plan is not None
     return plan
 
@@ -52,8 +42,8 @@ def test_the_straight_way_is_barred_by_the_post(found) -> None:
     assert found.direct.first.other == "post"
 
 
-def test_the_path_leads_from_one_place_to_the_other(scripts, robot: Robot, found) -> None:
-    planner = scripts[0]
+def test_the_path_leads_from_one_place_to_the_other(robot: Robot, found) -> None:
+    planner = plan_cable
     for row, place in ((0, planner.FROM), (-1, planner.TO)):
         for grip, wanted in zip(robot.grips(found.path.positions[row]), planner.ends(*place), strict=True):
             moved, turned = grip.cable_frame.distance(wanted)
@@ -63,9 +53,9 @@ def test_the_path_leads_from_one_place_to_the_other(scripts, robot: Robot, found
     assert (speed <= robot.velocity_limits).all()
 
 
-def test_the_cable_keeps_off_all_along(scripts, robot: Robot, found) -> None:
+def test_the_cable_keeps_off_all_along(robot: Robot, found) -> None:
     """By cycles a hundred times finer than the waypoints."""
-    planner = scripts[0]
+    planner = plan_cable
     assert found.check.valid
     assert found.check.segments.all()
     cycle = cs.Cycle(
@@ -83,11 +73,11 @@ def test_the_cable_keeps_off_all_along(scripts, robot: Robot, found) -> None:
         assert not any(warning.severity is cs.Severity.ERROR for warning in report.warnings)
 
 
-def test_the_arms_keep_off_all_along(scripts, robot: Robot, found) -> None:
+def test_the_arms_keep_off_all_along(robot: Robot, found) -> None:
     """By Pinocchio's collision library: one arm from the other and both from the post."""
     model = pin.buildModelFromXML(robot.urdf)
     geometry = pin.buildGeomFromUrdfString(model, robot.urdf, pin.GeometryType.COLLISION)
-    post = scripts[0].POST
+    post = plan_cable.POST
     placed = pin.XYZQUATToSE3(post.pose.array)
     solid = pin.coal.Capsule(post.solid.radius, post.solid.length)
     barrier = geometry.addGeometryObject(pin.GeometryObject("post", 0, placed, solid))
@@ -106,11 +96,11 @@ def test_the_arms_keep_off_all_along(scripts, robot: Robot, found) -> None:
             configuration[model.joints[model.getJointId(name)].idx_q] = value
         pin.computeDistances(model, data, geometry, distances, configuration)
         least = min(least, *(result.min_distance for result in distances.distanceResults))
-    assert least > 0.5 * scripts[0].ARMS_APART
+    assert least > 0.5 * plan_cable.ARMS_APART
 
 
-def test_arms_that_touch_are_told(scripts, robot: Robot) -> None:
-    planner = scripts[0]
+def test_arms_that_touch_are_told(robot: Robot) -> None:
+    planner = plan_cable
     arms = planner.Arms(robot, planner.SCENE)
     assert arms.apart(robot.home)
     low = robot.home.copy()
@@ -123,17 +113,16 @@ def test_arms_that_touch_are_told(scripts, robot: Robot) -> None:
     assert not arms.stay_apart(robot.home, crossed)
 
 
-def test_a_wall_all_across_leaves_no_way(scripts, robot: Robot) -> None:
-    planner = scripts[0]
+def test_a_wall_all_across_leaves_no_way(robot: Robot) -> None:
+    planner = plan_cable
     wall = cs.Obstacle("wall", cs.Box((0.02, 3.0, 4.0)), cs.Pose((0.55, 0.0, 1.0)))
     scene = cs.Scene(obstacles=[planner.TABLE, wall], error_distance=0.01)
     assert planner.plan(robot, scene=scene, seconds=2.0) is None
 
 
-def test_the_recording_holds_the_whole_motion(scripts, robot: Robot, found, tmp_path: Path) -> None:
+def test_the_recording_holds_the_whole_motion(robot: Robot, found, tmp_path: Path) -> None:
     out = tmp_path / "plan.rrd"
-    reports = scripts[1].record(robot, found, out)
+    reports = plan_run.record(robot, found, out)
     assert out.stat().st_size > 50_000
     assert reports[-1].stamp == pytest.approx(1e9 * found.path.times[-1], abs=1.0)
     assert not any(w.severity is cs.Severity.ERROR for report in reports for w in report.warnings)
-    assert "scripts" not in sys.path

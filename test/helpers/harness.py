@@ -40,6 +40,8 @@ from sensor_msgs.msg import JointState
 TIMEOUT = 120.0  # s, bound of every wait; the kernels may have to be compiled within it
 FIRST_PATIENCE, LONGEST_PATIENCE = 0.1, 10.0  # s, for what a message leads to, which may be lost; each time longer
 ALONG_X = (0.5, 0.5, 0.5, 0.5)  # d3 = x
+#: A tracker of its own process, see there.
+MOVER = Path(__file__).with_name("mover.py")
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 

@@ -3,9 +3,7 @@
 import os
 import sys
 import time
-from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))
 domain = os.environ["ROS_DOMAIN_ID"]
 import harness  # noqa: E402, sets a domain of its own
 

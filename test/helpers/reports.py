@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import os
 import time
 from pathlib import Path
 
@@ -17,6 +18,8 @@ from cable_shape.scene.scene import Box, Capsule, Clip, Cylinder, HalfSpace, Mes
 from cable_shape.shape import CableShape, Status
 
 ROOT = Path(__file__).resolve().parents[2]
+#: For a child that imports this module, too.
+BESIDE = {**os.environ, "PYTHONPATH": os.pathsep.join((str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")))}
 RADIUS = 0.4  # m, of the arc that the test cable forms
 POINTS = 60
 T0 = 1_700_000_000_000_000_000  # ns

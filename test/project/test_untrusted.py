@@ -29,7 +29,7 @@ def test_no_source_runs_what_it_reads(file):
             assert called != "np.load" or given.get("allow_pickle") == "False"
 
 
-@pytest.mark.parametrize("folder", ["cable_shape", "scripts", "test", "launch"])
+@pytest.mark.parametrize("folder", ["cable_shape", "benchmarks", "demo", "soak", "examples", "test", "launch"])
 def test_no_command_goes_through_a_shell(folder):
     files = sorted((ROOT / folder).rglob("*.py"))
     assert files

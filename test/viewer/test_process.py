@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from reports import (
+    BESIDE,
     CABLE,
     LINKS,
     PERIOD,
@@ -106,7 +107,7 @@ _SMALL = CycleReport(T0, {}, None, {}, {}, ())
 
 def test_caller_imports_no_rerun_and_when_it_dies_leaves_a_whole_recording(tmp_path: Path) -> None:
     code = (
-        "import os, sys; sys.path.insert(0, 'test'); import reports as t\n"
+        "import os, sys; import reports as t\n"
         "from cable_shape.viewer.process import ViewerProcess\n"
         "viewer = ViewerProcess(sys.argv[1], {'cable': t.CABLE}, t.SCENE)\n"
         "viewer.send(t.report(7))\n"
@@ -115,7 +116,7 @@ def test_caller_imports_no_rerun_and_when_it_dies_leaves_a_whole_recording(tmp_p
     )
     path = tmp_path / "out.rrd"
     done = subprocess.run(
-        [sys.executable, "-c", code, str(path)], stdout=subprocess.PIPE, text=True, timeout=300, check=False, cwd=ROOT
+        [sys.executable, "-c", code, str(path)], stdout=subprocess.PIPE, text=True, timeout=300, check=False, env=BESIDE
     )
     assert done.returncode == -signal.SIGKILL
     assert wait_until(lambda: gone(int(done.stdout)))

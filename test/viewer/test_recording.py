@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from reports import (
+    BESIDE,
     CABLE,
     PERIOD,
     POINTS,
     RADIUS,
-    ROOT,
     SCENE,
     T0,
     arc,
@@ -161,11 +161,11 @@ def test_two_runs_decode_to_the_same_columns(tmp_path: Path) -> None:
     """The second run takes other times, and another process with another hash seed."""
     write(tmp_path / "a.rrd", [report(k) for k in range(6)])
     code = (
-        "import sys, time, dataclasses; sys.path.insert(0, 'test'); from pathlib import Path; import reports as t\n"
+        "import sys, time, dataclasses; from pathlib import Path; import reports as t\n"
         "reports = [dataclasses.replace(t.report(k), times={'total': time.perf_counter()}) for k in range(6)]\n"
         "t.write(Path(sys.argv[1]), reports)"
     )
-    subprocess.run([sys.executable, "-c", code, str(tmp_path / "b.rrd")], check=True, timeout=300, cwd=ROOT)
+    subprocess.run([sys.executable, "-c", code, str(tmp_path / "b.rrd")], check=True, timeout=300, env=BESIDE)
     a, b = columns(tmp_path / "a.rrd"), columns(tmp_path / "b.rrd")
     assert a.keys() == b.keys()
     for name in a:
