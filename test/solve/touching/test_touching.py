@@ -11,6 +11,7 @@ from scene_contact import motions
 
 import cable_shape as cs
 from cable_shape.kernels.contact import near as contact_near
+from cable_shape.safety.clearance import ClearanceChecker
 from cable_shape.solve.touching import touch_mesh
 from cable_shape.solve.touching.touching import DEEPEST
 
@@ -31,7 +32,7 @@ def ends(height, chord=0.8, side=0.0):
 
 def depth(shape, scene, radius=0.004):
     """[m], of the cable in the scene's obstacles, between the points, too."""
-    found = cs.clearance.ClearanceChecker(scene, radius=radius).check(shape)
+    found = ClearanceChecker(scene, radius=radius).check(shape)
     return max((-body.distance for body in found.bodies), default=0.0)
 
 
