@@ -15,6 +15,7 @@ from cable_shape import _MODULES  # noqa: E402
 
 #: files of the root that are pages of the site
 PAGES = {"README.md": "index.md", "CHANGELOG.md": "changelog.md", "CONTRIBUTING.md": "contributing.md"}
+EXAMPLE = re.compile(r"\(\.\./examples/(\w+\.py)\)")
 _LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)\s]+)\)")
 #: :class:`cable_shape.Cable` of a docstring, as the page has it
 _ROLE = re.compile(r":(?:mod|class|func|meth|attr):<code>~?([\w.]+)</code>")
@@ -29,8 +30,12 @@ def on_files(files: Files, config: Any) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str:
-    """Rewrites the links of the pages of docs/."""
-    return markdown if page.file.src_path in PAGES.values() else rewritten(markdown, ROOT / "docs")
+    """Rewrites the links of the pages of docs/; the page of examples gets their text."""
+    if page.file.src_path in PAGES.values():
+        return markdown
+    programs = EXAMPLE.findall(markdown) if page.file.src_path == "examples.md" else []
+    texts = [f"\n## {name}\n\n```python\n{(ROOT / 'examples' / name).read_text('utf-8')}```\n" for name in programs]
+    return rewritten(markdown, ROOT / "docs") + "".join(texts)
 
 
 def on_page_content(html: str, page: Any, config: Any, files: Files) -> str:
