@@ -14,7 +14,7 @@ from cable_shape.viewer import text
 from cable_shape.viewer.plots import MOST_USED, path, worst_used
 
 _WIDTH = 0.8  # of all bars of one kind; kinds are 1 apart
-_SEEN = 0.005  # of the limit; a smaller change of a bar is not
+_SEEN = 0.01  # of the limit; a smaller change of a bar is not
 _LEGEND = 4.0  # kinds that the legend is wide
 
 

@@ -49,7 +49,9 @@ class RecordingWriter:
         markers: bool = False,
     ) -> None:
         self.recording = new_recording(path)
-        self._logger = ReportLogger(self.recording, cables, scene, links, colour=colour, times=times, markers=markers)
+        self._logger = ReportLogger(
+            self.recording, cables, scene, links, colour=colour, times=times, markers=markers, later=True
+        )
         self._flushed = time.monotonic()
         self._broken = False
 
@@ -77,6 +79,7 @@ class RecordingWriter:
 
     def _flush(self, timeout: float) -> None:
         try:
+            self._logger.flush()
             self.recording.flush(timeout_sec=timeout)
         except RuntimeError:
             self._broken = True
