@@ -4,15 +4,21 @@ The public contract is what this module exports. It imports no ROS, viewer, coll
 module only when the name is first used, so that a process pays for what it uses.
 """
 
+import sys
 from importlib import import_module
+from importlib.machinery import ModuleSpec
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from cable_shape.warm_up import warm_up
 
 if TYPE_CHECKING:
-    from cable_shape.batch import predict_batch
-    from cable_shape.cable import Cable
-    from cable_shape.cable_file import CableFile, Held
+    from cable_shape.cable.cable import Cable
+    from cable_shape.cable.cable_file import CableFile, Held
+    from cable_shape.cable.harness import Harness
+    from cable_shape.cable.junction import Junction
+    from cable_shape.cable.section import Section
+    from cable_shape.cable.wires import Wire
     from cable_shape.calibration.fit import calibrate
     from cable_shape.calibration.harness_observation import HarnessObservation
     from cable_shape.calibration.harness_result import HarnessCalibration
@@ -21,8 +27,7 @@ if TYPE_CHECKING:
     from cable_shape.calibration.photo import calibrate_photo
     from cable_shape.calibration.result import Calibration, Estimate
     from cable_shape.calibration.sag import calibrate_sag
-    from cable_shape.calibration.tube import predict_tube
-    from cable_shape.cycle import Cycle
+    from cable_shape.cycle.cycle import Cycle
     from cable_shape.errors import (
         ArgumentError,
         BagError,
@@ -35,15 +40,27 @@ if TYPE_CHECKING:
         SteeringError,
         UnknownKeyError,
     )
-    from cable_shape.harness import Harness, Junction
-    from cable_shape.harness_batch import HarnessBatch
-    from cable_shape.harness_shape import HarnessShape
-    from cable_shape.paths import EndsPath, GripPath, JointPath
-    from cable_shape.plug import Plug, PlugError
+    from cable_shape.planning.batch import predict_batch
+    from cable_shape.planning.harness_batch import HarnessBatch
+    from cable_shape.planning.paths import EndsPath, GripPath, JointPath
+    from cable_shape.planning.shape_batch import ShapeBatch
+    from cable_shape.planning.trajectory import check_trajectory
+    from cable_shape.planning.trajectory_report import Reason, TrajectoryCheck, Violation
     from cable_shape.pose import FreeEnd, Grip, Pose
-    from cable_shape.predictor import Predictor, predict
-    from cable_shape.report import BodyDistance, CableWarning, Clearance, CycleReport, Margin, Severity, WarningKind
-    from cable_shape.scene import (
+    from cable_shape.prediction.predictor import Predictor, predict
+    from cable_shape.prediction.tails import predict_tails
+    from cable_shape.safety.report import (
+        BodyDistance,
+        CableWarning,
+        Clearance,
+        CycleReport,
+        Margin,
+        Severity,
+        WarningKind,
+    )
+    from cable_shape.safety.stress import Stress, stress_of
+    from cable_shape.scene.plug import Plug, PlugError
+    from cable_shape.scene.scene import (
         Box,
         Capsule,
         Clip,
@@ -55,15 +72,10 @@ if TYPE_CHECKING:
         Scene,
         Sphere,
     )
-    from cable_shape.section import Section
     from cable_shape.shape import CableShape, ClipLoad, Contact, Status
-    from cable_shape.shape_batch import ShapeBatch
-    from cable_shape.stress import Stress, stress_of
-    from cable_shape.tails import predict_tails
-    from cable_shape.trajectory import check_trajectory
-    from cable_shape.trajectory_report import Reason, TrajectoryCheck, Violation
-    from cable_shape.uncertainty import Tube, Uncertainty
-    from cable_shape.wires import Wire
+    from cable_shape.solve.harness_shape import HarnessShape
+    from cable_shape.uncertainty.calibrated_tube import predict_tube
+    from cable_shape.uncertainty.uncertainty import Tube, Uncertainty
 
 __version__ = "0.1.0"
 
@@ -145,9 +157,9 @@ __all__ = [
 
 #: Module -> what is exported from it.
 _HOMES = {
-    "batch": ("predict_batch",),
-    "cable": ("Cable",),
-    "cable_file": ("CableFile", "Held"),
+    "planning.batch": ("predict_batch",),
+    "cable.cable": ("Cable",),
+    "cable.cable_file": ("CableFile", "Held"),
     "calibration.fit": ("calibrate",),
     "calibration.harness_observation": ("HarnessObservation",),
     "calibration.harness_result": ("HarnessCalibration",),
@@ -156,8 +168,8 @@ _HOMES = {
     "calibration.photo": ("calibrate_photo",),
     "calibration.result": ("Calibration", "Estimate"),
     "calibration.sag": ("calibrate_sag",),
-    "calibration.tube": ("predict_tube",),
-    "cycle": ("Cycle",),
+    "uncertainty.calibrated_tube": ("predict_tube",),
+    "cycle.cycle": ("Cycle",),
     "errors": (
         "ArgumentError",
         "BagError",
@@ -170,24 +182,36 @@ _HOMES = {
         "SteeringError",
         "UnknownKeyError",
     ),
-    "harness": ("Harness", "Junction"),
-    "harness_batch": ("HarnessBatch",),
-    "harness_shape": ("HarnessShape",),
-    "paths": ("EndsPath", "GripPath", "JointPath"),
-    "plug": ("Plug", "PlugError"),
+    "cable.harness": ("Harness",),
+    "cable.junction": ("Junction",),
+    "planning.harness_batch": ("HarnessBatch",),
+    "solve.harness_shape": ("HarnessShape",),
+    "planning.paths": ("EndsPath", "GripPath", "JointPath"),
+    "scene.plug": ("Plug", "PlugError"),
     "pose": ("FreeEnd", "Grip", "Pose"),
-    "predictor": ("Predictor", "predict"),
-    "report": ("BodyDistance", "CableWarning", "Clearance", "CycleReport", "Margin", "Severity", "WarningKind"),
-    "scene": ("Box", "Capsule", "Clip", "Cylinder", "HalfSpace", "Mesh", "Obstacle", "PointMass", "Scene", "Sphere"),
-    "section": ("Section",),
+    "prediction.predictor": ("Predictor", "predict"),
+    "safety.report": ("BodyDistance", "CableWarning", "Clearance", "CycleReport", "Margin", "Severity", "WarningKind"),
+    "scene.scene": (
+        "Box",
+        "Capsule",
+        "Clip",
+        "Cylinder",
+        "HalfSpace",
+        "Mesh",
+        "Obstacle",
+        "PointMass",
+        "Scene",
+        "Sphere",
+    ),
+    "cable.section": ("Section",),
     "shape": ("CableShape", "ClipLoad", "Contact", "Status"),
-    "shape_batch": ("ShapeBatch",),
-    "stress": ("Stress", "stress_of"),
-    "tails": ("predict_tails",),
-    "trajectory": ("check_trajectory",),
-    "trajectory_report": ("Reason", "TrajectoryCheck", "Violation"),
-    "uncertainty": ("Tube", "Uncertainty"),
-    "wires": ("Wire",),
+    "planning.shape_batch": ("ShapeBatch",),
+    "safety.stress": ("Stress", "stress_of"),
+    "prediction.tails": ("predict_tails",),
+    "planning.trajectory": ("check_trajectory",),
+    "planning.trajectory_report": ("Reason", "TrajectoryCheck", "Violation"),
+    "uncertainty.uncertainty": ("Tube", "Uncertainty"),
+    "cable.wires": ("Wire",),
 }
 _MODULES = {name: module for module, names in _HOMES.items() for name in names}
 
@@ -203,3 +227,30 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
+
+
+#: Modules that programs imported before the package had rooms.
+_BEFORE = {
+    "cable_shape.cli": "cable_shape.command.cli",  # commands that were installed before
+    "cable_shape.fields": "cable_shape.messages.fields",
+    "cable_shape.ik": "cable_shape.robots.ik",
+    "cable_shape.mujoco_model": "cable_shape.robots.mujoco_model",
+    "cable_shape.robot": "cable_shape.robots.robot",
+    "cable_shape.steering": "cable_shape.robots.steering",
+}
+
+
+class _Before:
+    """Finds them under the name that they had; the module is the same one."""
+
+    def find_spec(self, name: str, path: object = None, target: object = None) -> ModuleSpec | None:
+        return ModuleSpec(name, self) if name in _BEFORE else None  # type: ignore[arg-type]
+
+    def create_module(self, spec: ModuleSpec) -> None:
+        """The usual one, which the next puts aside."""
+
+    def exec_module(self, module: ModuleType) -> None:
+        sys.modules[module.__name__] = import_module(_BEFORE[module.__name__])
+
+
+sys.meta_path.insert(0, _Before())

@@ -7,7 +7,7 @@ increasing arc length, so at both ends it points along the cable from start to e
 from __future__ import annotations
 
 import math
-from typing import final
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -253,3 +253,8 @@ def as_grip(name: str, end: Pose | Grip) -> Grip:
     if type(end) is Grip:
         return end
     raise checks.ArgumentError.of(name, end, "it must be a Pose or a Grip", "Write Pose(position, quaternion).")
+
+
+def pose_entry(pose: Pose) -> dict[str, Any]:
+    """The keys that say where something is."""
+    return {"position": pose.position.tolist(), "quaternion": pose.quaternion.tolist()}

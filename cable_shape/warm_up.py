@@ -13,14 +13,14 @@ def warm_up() -> None:
     """
     import numpy as np
 
-    from cable_shape.batch import predict_batch
-    from cable_shape.cable import Cable
+    from cable_shape.cable.cable import Cable
     from cable_shape.calibration.fit import calibrate
     from cable_shape.calibration.observation import Observation
-    from cable_shape.paths import GripPath
+    from cable_shape.planning.batch import predict_batch
+    from cable_shape.planning.paths import GripPath
+    from cable_shape.planning.trajectory import check_trajectory
     from cable_shape.pose import IDENTITY, Pose
-    from cable_shape.scene import Capsule, HalfSpace, Obstacle, Scene
-    from cable_shape.trajectory import check_trajectory
+    from cable_shape.scene.scene import Capsule, HalfSpace, Obstacle, Scene
 
     warm_up_cycles()
     warm_up_harnesses()
@@ -38,13 +38,13 @@ def warm_up() -> None:
 
 def warm_up_cycles() -> None:
     """Runs the kernels of cycles and of single shapes alone: all that the node and a replay need."""
-    from cable_shape.cable import Cable
-    from cable_shape.cycle import Cycle
+    from cable_shape.cable.cable import Cable
+    from cable_shape.cycle.cycle import Cycle
     from cable_shape.pose import IDENTITY, FreeEnd, Grip, Pose
-    from cable_shape.predictor import Predictor, predict
-    from cable_shape.scene import Box, Capsule, Clip, Cylinder, HalfSpace, Obstacle, PointMass, Scene, Sphere
-    from cable_shape.solvers import MODELS
-    from cable_shape.uncertainty import Uncertainty
+    from cable_shape.prediction.predictor import Predictor, predict
+    from cable_shape.prediction.solvers import MODELS
+    from cable_shape.scene.scene import Box, Capsule, Clip, Cylinder, HalfSpace, Obstacle, PointMass, Scene, Sphere
+    from cable_shape.uncertainty.uncertainty import Uncertainty
 
     cable = Cable(
         length=1.0,
@@ -95,11 +95,12 @@ def warm_up_cycles() -> None:
 
 def warm_up_harnesses() -> None:
     """Runs the kernels of harnesses: what a cycle with one needs beside those of `warm_up_cycles`."""
-    from cable_shape.cable import Cable
-    from cable_shape.cycle import Cycle
-    from cable_shape.harness import Harness, Junction
+    from cable_shape.cable.cable import Cable
+    from cable_shape.cable.harness import Harness
+    from cable_shape.cable.junction import Junction
+    from cable_shape.cycle.cycle import Cycle
     from cable_shape.pose import FreeEnd, Pose
-    from cable_shape.scene import Clip, HalfSpace, Obstacle, PointMass, Scene
+    from cable_shape.scene.scene import Clip, HalfSpace, Obstacle, PointMass, Scene
 
     along = (0.5, 0.5, 0.5, 0.5)
     cable = Cable(length=0.6, linear_density=0.1, bending_stiffness=0.01)

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cable_shape import checks
-from cable_shape.cable import Cable
+from cable_shape.cable.cable import Cable
+from cable_shape.cable.harness import Harness
 from cable_shape.calibration.fitted import fitted, told_of_fit
 from cable_shape.calibration.forward import Forward
 from cable_shape.calibration.harness_fit import calibrate_harness
@@ -22,12 +23,11 @@ from cable_shape.calibration.progress import Progress
 from cable_shape.calibration.result import Calibration, grips_of
 from cable_shape.calibration.supports import Task, supports_of
 from cable_shape.errors import ArgumentError
-from cable_shape.harness import Harness
 from cable_shape.pose import Grip
-from cable_shape.problem import GRAVITY
-from cable_shape.quasistatic import inertia_of
-from cable_shape.scene import Scene
+from cable_shape.scene.scene import Scene
 from cable_shape.solve.cables import FREE_ROTATIONS
+from cable_shape.solve.problem import GRAVITY
+from cable_shape.solve.quasistatic import inertia_of
 
 
 @overload

@@ -12,12 +12,12 @@ from cable_shape.calibration.answers import Answers
 from cable_shape.calibration.observation import Observation
 from cable_shape.calibration.parameters import Parameters, held
 from cable_shape.checks import Array
-from cable_shape.kernels.misses import changes, misses
+from cable_shape.kernels.distance.misses import changes, misses
 from cable_shape.pose import Grip
-from cable_shape.problem import Problem
 from cable_shape.shape import CableShape
 from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
+from cable_shape.solve.problem import Problem
 
 #: Points of a centreline that observed points are compared with; between them it is cubic.
 POINTS = 101

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cable_shape import checks
+from cable_shape.cable.harness import Harness
 from cable_shape.calibration.fitted import fitted, told_of_fit
 from cable_shape.calibration.harness_forward import HarnessForward
 from cable_shape.calibration.harness_observation import HarnessObservation
@@ -15,8 +16,7 @@ from cable_shape.calibration.harness_parameters import HarnessParameters
 from cable_shape.calibration.harness_result import HarnessCalibration
 from cable_shape.calibration.progress import Progress
 from cable_shape.errors import ArgumentError
-from cable_shape.harness import Harness
-from cable_shape.problem import GRAVITY
+from cable_shape.solve.problem import GRAVITY
 
 #: A fit to many observations begins where one to about so many of them ends.
 _FIRST = 25

@@ -8,15 +8,15 @@ from typing import Any, NamedTuple, final
 
 import numpy as np
 
+from cable_shape.cable.harness import Harness
 from cable_shape.calibration.harness_observation import HarnessObservation, run_of
 from cable_shape.calibration.harness_parameters import HarnessParameters
 from cable_shape.checks import Array
-from cable_shape.harness import Harness
-from cable_shape.harness_problem import HarnessProblem
-from cable_shape.harness_shape import HarnessShape
-from cable_shape.kernels.misses import misses
+from cable_shape.kernels.distance.misses import misses
 from cable_shape.solve import harness_search
 from cable_shape.solve.harness_network import HarnessNetwork
+from cable_shape.solve.harness_problem import HarnessProblem
+from cable_shape.solve.harness_shape import HarnessShape
 
 #: Points of a segment that observed points are compared with; between them it is cubic.
 POINTS = 41

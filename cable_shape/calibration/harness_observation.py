@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cable_shape import checks
+from cable_shape.cable.harness import Harness
 from cable_shape.calibration.observation import numbers_of
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError, UnknownKeyError
-from cable_shape.harness import Harness
-from cable_shape.harness_problem import End
-from cable_shape.scene import Scene
+from cable_shape.scene.scene import Scene
+from cable_shape.solve.harness_problem import End
 
 _WRITE_POINTS = "Write {'a': points, 'b+c': points}, where 'b+c' is on whichever of the two is nearer."
 

@@ -10,15 +10,16 @@ from typing import Any, final
 import numpy as np
 
 from cable_shape import checks
-from cable_shape.cable import Cable
+from cable_shape.cable.cable import Cable
+from cable_shape.cable.harness import Harness
+from cable_shape.cable.junction import Junction
+from cable_shape.cable.pieces import changed
 from cable_shape.calibration.harness_observation import run_of
 from cable_shape.calibration.parameters import Parameter, displacement
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError, UnknownKeyError
-from cable_shape.harness import Harness, Junction
-from cable_shape.harness_problem import End
 from cable_shape.pose import Grip, Pose
-from cable_shape.section import changed
+from cable_shape.solve.harness_problem import End
 
 #: Kind of number -> (its components, unit, step of the finite differences, largest step at once, whether its logarithm
 #: is fitted); of segments, then of ends.

@@ -10,18 +10,18 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cable_shape.cable import STANDARD_GRAVITY
+from cable_shape.cable.cable import STANDARD_GRAVITY
+from cable_shape.cable.harness import Harness
 from cable_shape.calibration.harness_forward import missed, problem_of
 from cable_shape.calibration.harness_observation import HarnessObservation
 from cable_shape.calibration.harness_parameters import HarnessParameters
 from cable_shape.calibration.result import STRAY, Estimate, Found, misses_in_words, trouble_of
 from cable_shape.checks import Array
-from cable_shape.files import path_of
-from cable_shape.harness import Harness
-from cable_shape.harness_problem import End
-from cable_shape.harness_shape import HarnessShape
-from cable_shape.problem import GRAVITY
+from cable_shape.files.files import path_of
 from cable_shape.solve import harness_search
+from cable_shape.solve.harness_problem import End
+from cable_shape.solve.harness_shape import HarnessShape
+from cable_shape.solve.problem import GRAVITY
 
 
 @final

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cable_shape import checks
-from cable_shape.cable import Cable
+from cable_shape.cable.cable import Cable
 from cable_shape.calibration.fit import calibrate
 from cable_shape.calibration.observation import Observation
 from cable_shape.calibration.parameters import ROWS

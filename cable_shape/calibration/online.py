@@ -10,13 +10,13 @@ from typing import final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cable_shape.cable import Cable
+from cable_shape.cable.cable import Cable
 from cable_shape.calibration.observation import Observation
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels import swing
 from cable_shape.pose import Grip, Pose, multiply
-from cable_shape.problem import GRAVITY
+from cable_shape.solve.problem import GRAVITY
 
 #: Points of one observation; more are thinned out evenly.
 MOST_POINTS = 200

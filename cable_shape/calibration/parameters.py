@@ -10,11 +10,11 @@ from typing import Any, final
 import numpy as np
 
 from cable_shape import checks
-from cable_shape.cable import Cable
+from cable_shape.cable.cable import Cable
+from cable_shape.cable.pieces import changed
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError, UnknownKeyError
 from cable_shape.pose import FreeEnd, Grip, Pose
-from cable_shape.section import changed
 
 #: Hat functions of a rest curvature that varies along the cable: it is linear between so many supports, evenly spread,
 #: unless another number is given, which may be so large.

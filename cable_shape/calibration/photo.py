@@ -17,17 +17,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cable_shape import checks
-from cable_shape.cable import Cable
-from cable_shape.cable_file import AS_GIVEN
+from cable_shape.cable.cable import Cable
+from cable_shape.cable.cable_file import AS_GIVEN
 from cable_shape.calibration.fit import calibrate
 from cable_shape.calibration.observation import Observation
 from cable_shape.calibration.result import Calibration, correlation_of, estimates_of
 from cable_shape.calibration.tables import head_of, number_in, rows_of
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError, FileError
-from cable_shape.files import path_of
+from cable_shape.files.files import path_of
 from cable_shape.pose import FreeEnd, Grip, Pose
-from cable_shape.problem import GRAVITY
+from cable_shape.solve.problem import GRAVITY
 
 #: What may be clicked: the least and the largest number of each.
 KINDS = {

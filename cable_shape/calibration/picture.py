@@ -13,7 +13,7 @@ from cable_shape.calibration.photo import PhotoCalibration, to_pixels
 from cable_shape.calibration.result import Calibration
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError, FileError
-from cable_shape.files import read_bounded
+from cable_shape.files.files import read_bounded
 
 #: Larger pictures are refused.
 IMAGE_BYTES = 64 * 1024 * 1024

@@ -11,13 +11,13 @@ from typing import Any, final
 import numpy as np
 
 from cable_shape import checks
-from cable_shape.cable import GRIPS, STANDARD_GRAVITY, Cable
-from cable_shape.cable_file import AS_GIVEN, SIDES, CableFile, Held
+from cable_shape.cable.cable import GRIPS, STANDARD_GRAVITY, Cable
+from cable_shape.cable.cable_file import AS_GIVEN, SIDES, CableFile, Held
 from cable_shape.calibration.observation import Observation
 from cable_shape.calibration.parameters import Parameter, Parameters
 from cable_shape.checks import Array
 from cable_shape.errors import UnknownKeyError
-from cable_shape.files import path_of
+from cable_shape.files.files import path_of
 from cable_shape.pose import Grip
 
 CONFIDENCE = 0.95

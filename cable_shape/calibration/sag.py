@@ -7,13 +7,13 @@ import math
 import numpy as np
 
 from cable_shape import checks
-from cable_shape.cable import STANDARD_GRAVITY, Cable
+from cable_shape.cable.cable import STANDARD_GRAVITY, Cable
 from cable_shape.calibration.result import Calibration, Estimate
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
-from cable_shape.models.rod_common import MODEL
 from cable_shape.pose import FreeEnd, Grip, Pose, multiply
-from cable_shape.predictor import predict
+from cable_shape.prediction.predictor import predict
+from cable_shape.solve.rod_common import MODEL
 
 #: EI / (weight per metre x length^3) between which a sag says something.
 _SOFTEST, _STIFFEST = 1e-6, 1e2

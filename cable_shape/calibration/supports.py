@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, final
 
 import numpy as np
 
-from cable_shape.cable import Cable
+from cable_shape.cable.cable import Cable
 from cable_shape.calibration.fitted import fitted, groups_of
 from cable_shape.calibration.forward import Forward
 from cable_shape.calibration.observation import Observation

@@ -13,7 +13,7 @@ import numpy as np
 
 from cable_shape.checks import Array
 from cable_shape.errors import FileError, UnknownKeyError
-from cable_shape.files import read_bounded, read_text
+from cable_shape.files.files import read_bounded, read_text
 
 #: Larger archives of arrays are refused, and those whose arrays are larger when they are unpacked.
 NPZ_BYTES, ARRAYS_BYTES = 64 * 1024 * 1024, 256 * 1024 * 1024

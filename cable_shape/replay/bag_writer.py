@@ -23,9 +23,16 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from cable_shape.errors import BagError, DependencyError
-from cable_shape.fields import POINT_BYTES, POINT_FIELDS, margin_fields, point_rows, shape_fields, warning_fields
-from cable_shape.pairing import SECOND
-from cable_shape.report import CableWarning, CycleReport
+from cable_shape.messages.fields import (
+    POINT_BYTES,
+    POINT_FIELDS,
+    margin_fields,
+    point_rows,
+    shape_fields,
+    warning_fields,
+)
+from cable_shape.messages.pairing import SECOND
+from cable_shape.safety.report import CableWarning, CycleReport
 
 PACKAGE = "cable_shape_msgs"
 MESSAGES = ("CableMargin", "CableMargins", "CableWarning", "CableWarnings", "CableShape")

@@ -17,10 +17,10 @@ from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
 
 from cable_shape.errors import BagError
-from cable_shape.files import path_of, regular
+from cable_shape.files.files import path_of, regular
+from cable_shape.files.yaml_files import load_yaml
 from cable_shape.replay.bounds import bound_rosbags
 from cable_shape.replay.mcap_salvage import Salvaged, salvage_mcap, zstd_error
-from cable_shape.yaml_files import load_yaml
 
 #: What rosbags and the libraries below it raise for a damaged file.
 _DAMAGED: tuple[type[Exception], ...] = (

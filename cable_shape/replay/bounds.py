@@ -8,7 +8,7 @@ from typing import Any, final
 
 from rosbags.rosbag2 import ReaderError
 
-from cable_shape.yaml_files import read_strictly
+from cable_shape.files.yaml_files import read_strictly
 
 #: Larger pieces of a recording are not unpacked.
 UNPACKED_BYTES = 256 * 1024 * 1024

@@ -6,16 +6,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol, final
 
-from cable_shape.cable import Cable
-from cable_shape.cable_file import Held
+from cable_shape.cable.cable import Cable
+from cable_shape.cable.cable_file import Held
+from cable_shape.cable.harness import Harness
+from cable_shape.cycle.harness_ends import HarnessFile
 from cable_shape.errors import ArgumentError
-from cable_shape.harness import Harness
-from cable_shape.harness_ends import HarnessFile
 from cable_shape.pose import Grip, Pose
 from cable_shape.replay.marked import Marked
 
 if TYPE_CHECKING:
-    from cable_shape.replay.outcome import Settings
+    from cable_shape.replay.settings import Settings
 
 CABLE = "cable"
 

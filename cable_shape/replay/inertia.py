@@ -8,12 +8,12 @@ from typing import final
 
 import numpy as np
 
-from cable_shape.calibration.sources import SMOOTHED, accelerations
 from cable_shape.checks import Array
 from cable_shape.errors import BagError, StaleInputError
-from cable_shape.pairing import StampGuard
+from cable_shape.messages.pairing import StampGuard
 from cable_shape.replay.bags import Bag
 from cable_shape.replay.inputs import MARKERS_TYPE, positions_of, stamp_of
+from cable_shape.replay.observations import SMOOTHED, accelerations
 
 _REMEDY = "Name their topic with --markers-topic, or replay without --inertia."
 
@@ -22,7 +22,7 @@ _REMEDY = "Name their topic with --markers-topic, or replay without --inertia."
 class Inertia:
     """Accelerations along the cable at the stamps of a recording, read beforehand: a derivative needs what comes after.
 
-    They are those of the markers, see :func:`cable_shape.calibration.sources.accelerations`. `cycles` and `without`
+    They are those of the markers, see :func:`cable_shape.replay.observations.accelerations`. `cycles` and `without`
     count what `at` answered.
 
     Parameters

@@ -1,7 +1,7 @@
 """From the messages of a recording to ends: the poses of the grippers, or joint states through a robot.
 
-Stamps and pairs follow the same rules as in the node (:mod:`cable_shape.pairing`). A message that cannot be used is
-refused and counted by reason; it never ends the replay.
+Stamps and pairs follow the same rules as in the node (:mod:`cable_shape.messages.pairing`). A message that cannot be
+used is refused and counted by reason; it never ends the replay.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ import numpy as np
 
 from cable_shape.checks import MOST, Array
 from cable_shape.errors import ArgumentError, InputError, StaleInputError
-from cable_shape.pairing import SECOND, Pairing, StampGuard
+from cable_shape.messages.pairing import SECOND, Pairing, StampGuard
 from cable_shape.pose import Pose
 from cable_shape.replay.carried import Carried
 
 if TYPE_CHECKING:
-    from cable_shape.robot import Robot
+    from cable_shape.robots.robot import Robot
 
 POSE_TYPE = "geometry_msgs/msg/PoseStamped"
 JOINTS_TYPE = "sensor_msgs/msg/JointState"

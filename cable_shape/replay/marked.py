@@ -8,12 +8,12 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_shape.cable import Cable
+from cable_shape.cable.cable import Cable
 from cable_shape.calibration.harness_observation import run_of
 from cable_shape.checks import Array
-from cable_shape.harness_cycle import cable_id
-from cable_shape.harness_ends import HarnessFile
-from cable_shape.report import CycleReport
+from cable_shape.cycle.harness_cycle import cable_id
+from cable_shape.cycle.harness_ends import HarnessFile
+from cable_shape.safety.report import CycleReport
 
 #: [m], a marker this near to the end of a segment that is held sits at the grip.
 _AT_GRIP = 1e-6

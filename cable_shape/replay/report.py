@@ -7,12 +7,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cable_shape.files import finite
+from cable_shape.files.files import finite
 from cable_shape.pose import Grip
 
 if TYPE_CHECKING:
-    from cable_shape.cable_file import Held
-    from cable_shape.replay.outcome import Outcome, Settings
+    from cable_shape.cable.cable_file import Held
+    from cable_shape.replay.outcome import Outcome
+    from cable_shape.replay.settings import Settings
 
 Row = tuple[str, str]
 

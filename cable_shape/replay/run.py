@@ -1,8 +1,8 @@
 """A recording in; a recording, a .rrd, a table and a report out, without middleware: :func:`replay`.
 
-Every pair of gripper poses (or joint state) goes through the same :class:`~cable_shape.cycle.Cycle` as in the node.
-Two runs give the same bytes of replay.mcap and the same decoded columns of replay.rrd; only times differ, and these
-are in the report alone.
+Every pair of gripper poses (or joint state) goes through the same :class:`~cable_shape.cycle.cycle.Cycle` as in the
+node. Two runs give the same bytes of replay.mcap and the same decoded columns of replay.rrd; only times differ, and
+these are in the report alone.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, final
 
 from cable_shape.checks import Array
-from cable_shape.cycle import Cycle
+from cable_shape.cycle.cycle import Cycle
+from cable_shape.cycle.parts import in_parts
 from cable_shape.errors import ArgumentError, BagError
-from cable_shape.pairing import SECOND
-from cable_shape.parts import in_parts
+from cable_shape.messages.pairing import SECOND
 from cable_shape.pose import Grip, Pose
 from cable_shape.replay.bag_writer import BagWriter
 from cable_shape.replay.bags import Bag
@@ -37,12 +37,13 @@ from cable_shape.replay.inputs import (
     stamp_of,
 )
 from cable_shape.replay.markers import MarkerComparison
-from cable_shape.replay.outcome import Outcome, Settings
+from cable_shape.replay.outcome import Outcome
 from cable_shape.replay.report import write_report
+from cable_shape.replay.settings import Settings
 from cable_shape.replay.tally import Tally
 from cable_shape.replay.transform_input import TRANSFORM_TYPE, TransformSource
-from cable_shape.report import CycleReport
-from cable_shape.scene import Scene
+from cable_shape.safety.report import CycleReport
+from cable_shape.scene.scene import Scene
 
 if TYPE_CHECKING:
     from cable_shape.viewer.recording import RecordingWriter

@@ -11,8 +11,8 @@ from typing import Any, final
 import numpy as np
 
 from cable_shape.checks import Array
-from cable_shape.files import finite
-from cable_shape.report import BodyDistance, CableWarning, CycleReport, Severity
+from cable_shape.files.files import finite
+from cable_shape.safety.report import BodyDistance, CableWarning, CycleReport, Severity
 from cable_shape.shape import CableShape
 
 

@@ -6,11 +6,11 @@ from functools import partial
 from typing import Any, final
 
 from cable_shape.errors import ArgumentError, InputError, StaleInputError
-from cable_shape.pairing import SECOND
+from cable_shape.messages.pairing import SECOND
+from cable_shape.messages.transforms import TransformTree
 from cable_shape.pose import Pose
 from cable_shape.replay.carried import Carried
 from cable_shape.replay.inputs import Refusals, Sample, stamp_of
-from cable_shape.ros.transforms import TransformTree
 
 TRANSFORM_TYPE = "tf2_msgs/msg/TFMessage"
 WORLD = "world"

@@ -6,24 +6,24 @@ import time
 from pathlib import Path
 from typing import final
 
-from cable_shape.cable import Cable
-from cable_shape.cable_file import CableFile, Held
-from cable_shape.cycle import Cycle
+from cable_shape.cable.cable import Cable
+from cable_shape.cable.cable_file import CableFile, Held
+from cable_shape.cable.harness import Harness
+from cable_shape.cycle.cycle import Cycle
+from cable_shape.cycle.harness_ends import HarnessFile
 from cable_shape.errors import ArgumentError
-from cable_shape.files import find_file
-from cable_shape.harness import Harness
-from cable_shape.harness_ends import HarnessFile
-from cable_shape.robot import Robot
+from cable_shape.files.files import find_file
+from cable_shape.files.yaml_files import load_yaml
+from cable_shape.robots.robot import Robot
 from cable_shape.ros.holding import NAME, Holding
 from cable_shape.ros.interrupt import ends_when_told
 from cable_shape.ros.parameters import VIEW_OFF, Settings
 from cable_shape.ros.stand_in import StandIn
 from cable_shape.ros.worker import WorkerProcess
-from cable_shape.scene import Scene
-from cable_shape.uncertainty import Uncertainty
+from cable_shape.scene.scene import Scene
+from cable_shape.uncertainty.uncertainty import Uncertainty
 from cable_shape.viewer.process import ViewerProcess
 from cable_shape.warm_up import warm_up_cycles, warm_up_harnesses
-from cable_shape.yaml_files import load_yaml
 
 #: name of a cable that is alone
 CABLE = "cable"

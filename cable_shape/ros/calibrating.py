@@ -24,14 +24,14 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.utilities import ok
 from sensor_msgs.msg import PointCloud2
 
-from cable_shape.cable import Cable
-from cable_shape.cable_file import CableFile
+from cable_shape.cable.cable import Cable
+from cable_shape.cable.cable_file import CableFile
 from cable_shape.calibration.fit import calibrate
 from cable_shape.calibration.online import Gatherer
 from cable_shape.calibration.result import Calibration
 from cable_shape.errors import ArgumentError, CableShapeError, InputError, UnknownKeyError
-from cable_shape.files import safe_output
-from cable_shape.pairing import SECOND, FrameGuard
+from cable_shape.files.files import safe_output
+from cable_shape.messages.pairing import SECOND, FrameGuard
 from cable_shape.pose import IDENTITY, Grip, Pose
 from cable_shape.ros import conversions
 from cable_shape.ros.calibration_messages import asked, calibration_message, points_of

@@ -16,7 +16,7 @@ from cable_shape.errors import ArgumentError, InputError
 from cable_shape.pose import GRIP_KINDS, Grip, Pose
 from cable_shape.ros.messages import CableCalibration
 from cable_shape.ros.workers import CalibratorSetup
-from cable_shape.uncertainty import Uncertainty
+from cable_shape.uncertainty.uncertainty import Uncertainty
 
 #: Of one goal.
 MOST_OBSERVATIONS, MOST_POINTS = 2000, 100_000

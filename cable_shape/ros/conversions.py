@@ -16,17 +16,24 @@ from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
-from cable_shape.cable import TAIL_SIDES
+from cable_shape.cable.cable import TAIL_SIDES
 from cable_shape.checks import QUATERNION_TOLERANCE
 from cable_shape.errors import ArgumentError
-from cable_shape.fields import POINT_BYTES, POINT_FIELDS, margin_fields, point_rows, shape_fields, warning_fields
-from cable_shape.pairing import SECOND
+from cable_shape.messages.fields import (
+    POINT_BYTES,
+    POINT_FIELDS,
+    margin_fields,
+    point_rows,
+    shape_fields,
+    warning_fields,
+)
+from cable_shape.messages.pairing import SECOND
 from cable_shape.pose import Pose
-from cable_shape.report import CableWarning, CycleReport, Severity, WarningKind
 from cable_shape.ros import messages
 from cable_shape.ros.diagnostics import Verdict
+from cable_shape.safety.report import CableWarning, CycleReport, Severity, WarningKind
 from cable_shape.shape import CableShape
-from cable_shape.uncertainty import Tube
+from cable_shape.uncertainty.uncertainty import Tube
 
 #: colours of the markers, as red, green, blue: fine, near a limit, beyond it
 FINE, WARN, ERROR = (0.10, 0.65, 0.60), (0.95, 0.60, 0.10), (0.85, 0.15, 0.15)

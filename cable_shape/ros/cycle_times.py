@@ -7,7 +7,7 @@ from typing import final
 import numpy as np
 
 from cable_shape.checks import Array
-from cable_shape.pairing import SECOND
+from cable_shape.messages.pairing import SECOND
 
 #: Cycles that are kept: five seconds at 500 Hz.
 MOST_CYCLES = 2500

@@ -13,9 +13,9 @@ from typing import final
 
 import numpy as np
 
-from cable_shape.pairing import SECOND
-from cable_shape.report import CycleReport, Severity
+from cable_shape.messages.pairing import SECOND
 from cable_shape.ros.cycle_times import CycleTimes
+from cable_shape.safety.report import CycleReport, Severity
 from cable_shape.shape import CableShape
 
 #: [s], over which cycle times are measured, and over which the rate is.

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, final
 
-from cable_shape.cable_file import AS_GIVEN, Held
+from cable_shape.cable.cable_file import AS_GIVEN, Held
+from cable_shape.cable.harness import split_end
+from cable_shape.cycle.harness_ends import HarnessFile
 from cable_shape.errors import ArgumentError
-from cable_shape.harness import split_end
-from cable_shape.harness_ends import HarnessFile
 from cable_shape.pose import Grip, Pose
 from cable_shape.ros.parameters import Settings
 from cable_shape.ros.qos import POSE_TOPICS
@@ -43,7 +43,7 @@ class Holding:
 
     @classmethod
     def of_harness(cls, file: HarnessFile) -> Holding:
-        """As :meth:`cable_shape.harness_ends.HarnessFile.holding` says.
+        """As :meth:`cable_shape.cycle.harness_ends.HarnessFile.holding` says.
 
         Raises
         ------

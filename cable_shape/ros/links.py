@@ -9,9 +9,9 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from cable_shape.errors import InputError
-from cable_shape.pairing import SECOND, StampGuard
+from cable_shape.messages.pairing import SECOND, StampGuard
 from cable_shape.pose import Pose
-from cable_shape.robot import Robot
+from cable_shape.robots.robot import Robot
 from cable_shape.ros import conversions
 from cable_shape.ros.diagnostics import Complaint
 from cable_shape.ros.publishers import PublisherWatch

@@ -27,8 +27,8 @@ from rclpy.lifecycle import TransitionCallbackReturn as Return
 from rclpy.parameter import Parameter
 from rclpy.utilities import ok, try_shutdown
 
+from cable_shape.cycle.parts import in_parts, parts_of
 from cable_shape.errors import ArgumentError, CableShapeError, shown
-from cable_shape.parts import in_parts, parts_of
 from cable_shape.ros import conversions
 from cable_shape.ros.assembly import Assembly
 from cable_shape.ros.complaint_log import ComplaintLog

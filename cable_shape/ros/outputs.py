@@ -12,10 +12,10 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import MarkerArray
 
-from cable_shape.cable import Cable
-from cable_shape.report import CycleReport
+from cable_shape.cable.cable import Cable
+from cable_shape.cable.pieces import widest
 from cable_shape.ros import conversions, messages
-from cable_shape.section import widest
+from cable_shape.safety.report import CycleReport
 from cable_shape.shape import CableShape
 
 #: [s], least time between the messages for drawing: a Path of 150 poses takes rclpy longer to build than a whole cycle

@@ -11,14 +11,14 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.parameter import Parameter
 
 from cable_shape import checks
-from cable_shape.cable_file import AS_GIVEN, Held
+from cable_shape.cable.cable_file import AS_GIVEN, Held
 from cable_shape.calibration.parameters import KNOWN
-from cable_shape.capsules import MAX_CAPSULES
 from cable_shape.errors import ArgumentError, UnknownKeyError
-from cable_shape.files import config_folders, find_file, safe_output
+from cable_shape.files.files import config_folders, find_file, safe_output
+from cable_shape.messages.capsules import MAX_CAPSULES
 from cable_shape.pose import GRIP_KINDS, IDENTITY, Grip, Pose
-from cable_shape.problem import MAX_POINTS, MIN_POINTS
-from cable_shape.solvers import MODELS
+from cable_shape.prediction.solvers import MODELS
+from cable_shape.solve.problem import MAX_POINTS, MIN_POINTS
 
 __all__ = ["BY_NAME", "SPECS", "Settings", "Spec", "config_folders", "find_file", "unknown_overrides", "widened"]
 

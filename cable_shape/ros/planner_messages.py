@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from cable_shape.harness_batch import HarnessBatch
+from cable_shape.planning.harness_batch import HarnessBatch
+from cable_shape.planning.shape_batch import ShapeBatch
+from cable_shape.planning.trajectory_report import TrajectoryCheck, Violation
 from cable_shape.ros.messages import CableViolation, CheckTrajectory, PredictShapes
-from cable_shape.shape_batch import ShapeBatch
-from cable_shape.trajectory_report import TrajectoryCheck, Violation
 
 #: bits of PredictShapes.arrays -> fields of the answer and of ShapeBatch
 ARRAYS = {

@@ -14,22 +14,22 @@ from typing import Any, final
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 
-from cable_shape.batch import predict_batch
-from cable_shape.cable_file import CableFile
+from cable_shape.cable.cable_file import CableFile
+from cable_shape.cycle.harness_ends import HarnessFile
 from cable_shape.errors import UnknownKeyError
-from cable_shape.harness_batch import HarnessBatch
-from cable_shape.harness_ends import HarnessFile
-from cable_shape.harness_trajectory import GRIPPERS
-from cable_shape.paths import JointPath
-from cable_shape.robot import Robot
+from cable_shape.planning.batch import predict_batch
+from cable_shape.planning.harness_batch import HarnessBatch
+from cable_shape.planning.harness_trajectory import GRIPPERS
+from cable_shape.planning.paths import JointPath
+from cable_shape.planning.shape_batch import ShapeBatch
+from cable_shape.planning.trajectory import check_trajectory
+from cable_shape.planning.trajectory_report import TrajectoryCheck
+from cable_shape.robots.robot import Robot
 from cable_shape.ros import planner_messages, requests
 from cable_shape.ros.goals import Feedback, Goals, told
 from cable_shape.ros.messages import CheckTrajectory, PredictShapes
 from cable_shape.ros.serving import Gate, given, leave, serve
 from cable_shape.ros.workers import PlannerSetup
-from cable_shape.shape_batch import ShapeBatch
-from cable_shape.trajectory import check_trajectory
-from cable_shape.trajectory_report import TrajectoryCheck
 
 
 @final

@@ -13,15 +13,15 @@ from rclpy.lifecycle import LifecycleNode, LifecyclePublisher
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from shape_msgs.msg import SolidPrimitive
 
-from cable_shape.cable import Cable
-from cable_shape.capsules import Capsules
+from cable_shape.cable.cable import Cable
+from cable_shape.cable.pieces import widest
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
-from cable_shape.pairing import SECOND
-from cable_shape.report import CycleReport
+from cable_shape.messages.capsules import Capsules
+from cable_shape.messages.pairing import SECOND
 from cable_shape.ros import conversions
 from cable_shape.ros.parameters import Settings
-from cable_shape.section import widest
+from cable_shape.safety.report import CycleReport
 
 TOPIC = "collision_object"
 

@@ -10,9 +10,9 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 
 from cable_shape.errors import ArgumentError, InputError
-from cable_shape.pairing import SECOND, FrameGuard, MissedCount, Pair, Pairing, StampGuard
+from cable_shape.messages.pairing import SECOND, FrameGuard, MissedCount, Pair, Pairing, StampGuard
 from cable_shape.pose import Pose
-from cable_shape.robot import Robot
+from cable_shape.robots.robot import Robot
 from cable_shape.ros import conversions
 from cable_shape.ros.diagnostics import Complaint
 from cable_shape.ros.gathering import Gathering

@@ -8,7 +8,7 @@ from typing import Any, final
 
 from rclpy.node import Node
 
-from cable_shape.pairing import MIXED, SpeakerGuard
+from cable_shape.messages.pairing import MIXED, SpeakerGuard
 from cable_shape.ros.diagnostics import Complaint, Level
 
 _LOOK_AGAIN = 0.5  # s, between looks at the names while messages mix

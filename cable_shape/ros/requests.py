@@ -11,10 +11,10 @@ import numpy as np
 from cable_shape import checks
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
-from cable_shape.paths import EndsPath, GripPath, JointPath
+from cable_shape.planning.paths import EndsPath, GripPath, JointPath
 from cable_shape.pose import FreeEnd
-from cable_shape.problem import MAX_POINTS, MIN_POINTS
 from cable_shape.ros.workers import PlannerSetup
+from cable_shape.solve.problem import MAX_POINTS, MIN_POINTS
 
 #: Grasps times points of one request: 400 MB while it is worked on.
 MOST_POINTS = 3_000_000

@@ -17,9 +17,9 @@ from sensor_msgs.msg import JointState
 
 from cable_shape.checks import Array
 from cable_shape.errors import InputError, StaleInputError
-from cable_shape.pairing import MissedCount, StampGuard
+from cable_shape.messages.pairing import MissedCount, StampGuard
 from cable_shape.pose import Pose
-from cable_shape.robot import Robot
+from cable_shape.robots.robot import Robot
 from cable_shape.ros import conversions
 from cable_shape.ros.diagnostics import Complaint, Health
 from cable_shape.ros.holding import Holding

@@ -8,11 +8,11 @@ from typing import Any, final
 
 from rclpy.node import Node
 
-from cable_shape.errors import ArgumentError, DependencyError, InputError, StaleInputError, shown
-from cable_shape.extras import ROS
-from cable_shape.pairing import SECOND, Pair
+from cable_shape.errors import ROS, ArgumentError, DependencyError, InputError, StaleInputError, shown
+from cable_shape.messages.pairing import SECOND, Pair
+from cable_shape.messages.transforms import TransformTree
 from cable_shape.pose import Pose
-from cable_shape.robot import Robot
+from cable_shape.robots.robot import Robot
 from cable_shape.ros import conversions
 from cable_shape.ros.diagnostics import Complaint, Level
 from cable_shape.ros.gathering import Gathering
@@ -23,7 +23,6 @@ from cable_shape.ros.plausibility import JumpWatch
 from cable_shape.ros.publishers import PublisherWatch
 from cable_shape.ros.qos import STATIC_TRANSFORMS, TF_STATIC_TOPIC, TF_TOPIC, TRANSFORMS
 from cable_shape.ros.sources import ROBOT_FRAME, Ends, Ready, Sink
-from cable_shape.ros.transforms import TransformTree
 
 try:
     from tf2_msgs.msg import TFMessage

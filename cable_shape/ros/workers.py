@@ -12,16 +12,16 @@ from xml.etree import ElementTree
 
 from rclpy.node import Node
 
-from cable_shape.cable_file import CableFile
+from cable_shape.cable.cable_file import CableFile
 from cable_shape.errors import ArgumentError, FileError
-from cable_shape.files import find_file, read_text
+from cable_shape.files.files import find_file, read_text
 from cable_shape.ros.assembly import Assembly
 from cable_shape.ros.messages import CalibrateCable, CheckTrajectory, PredictShapes
 from cable_shape.ros.parameters import Settings
 from cable_shape.ros.qos import POSE_TOPICS
 from cable_shape.ros.stand_in import StandIn
 from cable_shape.ros.worker import WorkerProcess
-from cable_shape.scene import Scene
+from cable_shape.scene.scene import Scene
 
 SERVICE, ACTION = "cable/predict_shapes", "cable/check_trajectory"
 CALIBRATE, CALIBRATION = "cable/calibrate", "cable/calibration"

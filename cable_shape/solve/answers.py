@@ -7,14 +7,14 @@ from typing import Any, Protocol, final
 
 import numpy as np
 
-from cable_shape.cable import Cable
+from cable_shape.cable.cable import Cable
+from cable_shape.cable.pieces import changed
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels.network import respond
 from cable_shape.pose import FreeEnd, Grip
-from cable_shape.problem import Problem
-from cable_shape.scene_parts import clip_names
-from cable_shape.section import changed
+from cable_shape.scene.scene_parts import clip_names
+from cable_shape.solve.problem import Problem
 
 ENDS = ("start", "end")
 #: Numbers of a cable that a shape's derivative may be by.

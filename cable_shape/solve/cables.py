@@ -7,12 +7,12 @@ from typing import NamedTuple, final
 
 import numpy as np
 
-from cable_shape.cable import Cable as CableProperties
+from cable_shape.cable.cable import Cable as CableProperties
+from cable_shape.cable.pieces import cable_at, pieces_of
 from cable_shape.checks import Array
 from cable_shape.kernels.network import material
-from cable_shape.problem import Problem
-from cable_shape.section import cable_at, pieces_of
 from cable_shape.solve.plan import Cable, Knot, Span
+from cable_shape.solve.problem import Problem
 
 #: Rotations of the cable frame that a grip or a clip leaves free: about d1, d2, d3.
 FREE_ROTATIONS = {

@@ -19,11 +19,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cable_shape.checks import Array
-from cable_shape.problem import Problem
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve.answers import sensitivity
 from cable_shape.solve.network import Network
 from cable_shape.solve.outcome import MODEL
+from cable_shape.solve.problem import Problem
 from cable_shape.solve.search import FAR, WARM_ITERATIONS, Search
 
 __all__ = ["MODEL", "sensitivity", "smallest_eigenvalue", "solve", "solve_beside"]

@@ -15,13 +15,13 @@ from typing import NamedTuple, final
 
 import numpy as np
 
+from cable_shape.cable.pieces import pieces_of
 from cable_shape.checks import Array
-from cable_shape.harness_problem import HarnessProblem
-from cable_shape.problem import Problem
-from cable_shape.section import pieces_of
 from cable_shape.solve.bare import IDENTITY
 from cable_shape.solve.cables import AT, FREE_ROTATIONS, Structure, material_of, shared_loads
+from cable_shape.solve.harness_problem import HarnessProblem
 from cable_shape.solve.plan import Cable, Knot, Span
+from cable_shape.solve.problem import Problem
 
 #: What holds an end beside its junction is so many times as stiff as the stiffest segment.
 LEVER = 1e6

@@ -9,17 +9,17 @@ from typing import Any, final
 
 import numpy as np
 
+from cable_shape.cable.pieces import pieces_of
 from cable_shape.checks import Array
-from cable_shape.harness_problem import HarnessProblem
 from cable_shape.kernels.network import drive, guess, material, mesh, respond, tables
 from cable_shape.kernels.network.drive import I_DOUBT, I_ESTIMATE, INFO
 from cable_shape.kernels.network.tables import NOW
 from cable_shape.pose import FreeEnd, Grip
-from cable_shape.section import pieces_of
 from cable_shape.solve.answers import refreshed, run_on
 from cable_shape.solve.bare import IDENTITY, bare_of
 from cable_shape.solve.cables import FREE_ROTATIONS, material_of
 from cable_shape.solve.harness_layout import LEVER, Layout, layout_of
+from cable_shape.solve.harness_problem import HarnessProblem
 from cable_shape.solve.mesh import interpolated
 from cable_shape.solve.network import _SOFTER, Network
 

@@ -7,15 +7,15 @@ import math
 
 import numpy as np
 
-from cable_shape.cable import Cable
+from cable_shape.cable.cable import Cable
+from cable_shape.cable.pieces import pieces_of
 from cable_shape.checks import Array
-from cable_shape.harness_problem import HarnessProblem
 from cable_shape.kernels.frames import align
 from cable_shape.kernels.network.drive import STRAIGHT
-from cable_shape.section import pieces_of
 from cable_shape.shape import NUMBERS_PER_POINT, Status
 from cable_shape.solve.harness_layout import Name
 from cable_shape.solve.harness_network import HarnessNetwork
+from cable_shape.solve.harness_problem import HarnessProblem
 
 #: Steps in which strings are laid out, and what they lack [longest segments] that is no rounding of that.
 _STRINGS, _SHORT = 300, 1e-3

@@ -8,17 +8,17 @@ from typing import Any, final
 
 import numpy as np
 
+from cable_shape.cable.pieces import energy_of_sections
 from cable_shape.checks import Array
-from cable_shape.harness_problem import HarnessProblem
-from cable_shape.harness_shape import HarnessShape
 from cable_shape.kernels.network import drive, tables
 from cable_shape.kernels.network.drive import I_ENERGY, I_ESTIMATE, I_FORCE, I_MOMENT, I_RESIDUAL, I_TURNED, INFO
 from cable_shape.kernels.network.guess import CURVED, HANGING
-from cable_shape.section import energy_of_sections
 from cable_shape.shape import NUMBERS_PER_POINT, Status
 from cable_shape.solve.harness_guess import laid
 from cable_shape.solve.harness_network import FIRM, HarnessNetwork
 from cable_shape.solve.harness_outcome import lacking, laid_straight, out_of_reach
+from cable_shape.solve.harness_problem import HarnessProblem
+from cable_shape.solve.harness_shape import HarnessShape
 from cable_shape.solve.outcome import MODEL
 from cable_shape.solve.search import _FAR_STEP, _SAME, FAR, WARM_ITERATIONS, Search
 from cable_shape.solve.settle import Settling

@@ -11,15 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from cable_shape.cable import Cable
+from cable_shape.cable.cable import Cable
+from cable_shape.cable.pieces import pieces_of
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels.network import drive, guess, material, mesh, respond, start, tables
 from cable_shape.kernels.network.drive import I_DOUBT, I_ESTIMATE, I_TURN, INFO, LARGEST_TURN
 from cable_shape.kernels.network.tables import BEFORE, NOW, TRIAL
 from cable_shape.pose import FreeEnd, Grip
-from cable_shape.problem import NAMED_TOLERANCE, Problem
-from cable_shape.section import pieces_of
 from cable_shape.shape import CableShape
 from cable_shape.solve.bare import IDENTITY, Bare, bare_of
 from cable_shape.solve.cables import (
@@ -34,6 +33,7 @@ from cable_shape.solve.cables import (
 )
 from cable_shape.solve.mesh import Piece, interpolated
 from cable_shape.solve.plan import Whole
+from cable_shape.solve.problem import NAMED_TOLERANCE, Problem
 
 _NO_MASSES: Array = np.empty((0, 4))
 _NOTHING: Array = np.zeros(3)

@@ -12,9 +12,9 @@ from cable_shape.kernels.frames import align, straight
 from cable_shape.kernels.network.drive import STRAIGHT
 from cable_shape.kernels.rod_guess import tangent
 from cable_shape.pose import FreeEnd
-from cable_shape.problem import Problem
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve.network import Network
+from cable_shape.solve.problem import Problem
 
 MODEL = "cosserat"
 #: Of the moment on a free end: a twisting moment that a start must hold and cannot, if it is larger.

@@ -7,17 +7,17 @@ from time import perf_counter
 
 import numpy as np
 
+from cable_shape.cable.pieces import energy_of_sections
 from cable_shape.checks import Array
 from cable_shape.kernels.network import drive, start
 from cable_shape.kernels.network.drive import I_ENERGY, I_ESTIMATE, I_FORCE, I_MOMENT, I_RESIDUAL, I_TURNED, INFO
 from cable_shape.kernels.network.newton import CONVERGED, I_EXCESS, I_ITERATIONS
 from cable_shape.pose import Grip, multiply
-from cable_shape.problem import Problem
-from cable_shape.section import energy_of_sections
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve.eyelets import Eyelets
 from cable_shape.solve.network import Network
 from cable_shape.solve.outcome import MODEL, no_room, straight_lines, unheld_roll
+from cable_shape.solve.problem import Problem
 from cable_shape.solve.starts import COLD_ITERATIONS, approached, guessed, softened
 
 WARM_ITERATIONS, STEP_ITERATIONS = 25, 12

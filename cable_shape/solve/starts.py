@@ -5,7 +5,7 @@ Each returns whether it has left an equilibrium as the network's last solution.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
@@ -13,10 +13,8 @@ from cable_shape.checks import Array
 from cable_shape.kernels.frames import align
 from cable_shape.kernels.network.guess import CURVED, HANGING
 from cable_shape.pose import rotate
-from cable_shape.problem import NAMED_TOLERANCE
-
-if TYPE_CHECKING:
-    from cable_shape.solve.search import Search
+from cable_shape.solve.network import Network
+from cable_shape.solve.problem import NAMED_TOLERANCE
 
 #: Iterations of a solve from a guess.
 COLD_ITERATIONS = 80
@@ -28,7 +26,24 @@ _STIFFER, _SOFTENING = (8.0, 64.0, 512.0, 4096.0), 2.0
 _HANGS, _CURVED = (HANGING, 0.0), (CURVED, 0.3)
 
 
-def guessed(search: Search, poses: Array, fineness: float, wound: float, guard: bool = True) -> bool:
+class Searching(Protocol):
+    """What is asked of a :class:`cable_shape.solve.search.Search` here."""
+
+    softened: bool
+
+    @property
+    def state(self) -> Network: ...
+
+    def call(self, history: int, most: int, guard: bool = True) -> bool: ...
+
+    def refine(self) -> bool: ...
+
+    def follow(self, poses: Array, *, snaps: bool) -> bool: ...
+
+    def out_of_time(self) -> bool: ...
+
+
+def guessed(search: Searching, poses: Array, fineness: float, wound: float, guard: bool = True) -> bool:
     """Tries the guesses, the likeliest first, on meshes so many times as fine as usual."""
     state = search.state
     for kind, sag in state.guesses(poses):
@@ -41,7 +56,7 @@ def guessed(search: Search, poses: Array, fineness: float, wound: float, guard: 
     return False
 
 
-def approached(search: Search, poses: Array) -> bool:
+def approached(search: Searching, poses: Array) -> bool:
     """Starts from a straight cable and goes to `poses` in small steps: for supports that no guess suits."""
     state = search.state
     span = poses[state.forces, :3] - poses[0, :3]
@@ -57,7 +72,7 @@ def approached(search: Search, poses: Array) -> bool:
     return search.follow(poses, snaps=True)
 
 
-def softened(search: Search, poses: Array) -> bool:
+def softened(search: Searching, poses: Array) -> bool:
     """From the shape of a stiffer cable, asked once: what is next to limp bends too sharply for any guess."""
     state = search.state
     if search.softened or state.forces == 0 or state.spans > 1:
@@ -81,7 +96,7 @@ def softened(search: Search, poses: Array) -> bool:
         state.tolerance, state.history = tolerance, 0
 
 
-def _as_stiff(search: Search, factor: float, poses: Array) -> bool:
+def _as_stiff(search: Searching, factor: float, poses: Array) -> bool:
     """Whether a cable so many times as stiff has a stable shape that a guess leads to."""
     state = search.state
     state.stiffen(factor)

@@ -10,8 +10,8 @@ import numpy as np
 import rerun.blueprint as rrb
 
 from cable_shape.checks import Array
-from cable_shape.report import CycleReport
-from cable_shape.scene import HalfSpace, Scene
+from cable_shape.safety.report import CycleReport
+from cable_shape.scene.scene import HalfSpace, Scene
 
 BACKGROUND = (27, 30, 36, 255)
 ELEVATION = np.radians(24.0)  # of the line of sight above the horizon

@@ -19,10 +19,10 @@ from typing import Any
 
 import rerun as rr
 
-from cable_shape.cable import Cable
+from cable_shape.cable.cable import Cable
+from cable_shape.cable.harness import Harness
 from cable_shape.children import be_ordinary
-from cable_shape.harness import Harness
-from cable_shape.scene import Obstacle, Scene
+from cable_shape.scene.scene import Obstacle, Scene
 from cable_shape.viewer.entities import ReportLogger
 from cable_shape.viewer.letters import decode
 from cable_shape.viewer.mailbox import Mailbox
@@ -106,7 +106,7 @@ def _links(robot: str | dict[str, Any]) -> Sequence[Obstacle]:
     """What the robot's links look like, of a scene or, by the path of its YAML file, of a robot."""
     if not isinstance(robot, str):
         return Scene.from_mapping(robot).obstacles
-    from cable_shape.robot import Robot
+    from cable_shape.robots.robot import Robot
 
     return Robot.from_yaml(robot).link_geometry
 

@@ -28,27 +28,26 @@ from typing import Any, final
 import numpy as np
 import rerun as rr
 
-from cable_shape.cable import TAIL_SIDES, Cable
+from cable_shape.cable.cable import TAIL_SIDES, Cable
+from cable_shape.cable.harness import Harness, split_end
+from cable_shape.cable.pieces import radius_of, thicker
 from cable_shape.checks import Array
-from cable_shape.harness import Harness, split_end
-from cable_shape.harness_cycle import cable_id
-from cable_shape.harness_shape import junctions_of
-from cable_shape.parts import cables_of, in_parts
+from cable_shape.cycle.harness_cycle import cable_id
+from cable_shape.cycle.parts import cables_of, in_parts
 from cable_shape.pose import IDENTITY, FreeEnd, Grip, Pose
-from cable_shape.report import Clearance, CycleReport, Severity
-from cable_shape.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Obstacle, Scene, Solid, Sphere
-from cable_shape.section import radius_of, thicker
+from cable_shape.safety.report import Clearance, CycleReport, Severity
+from cable_shape.scene.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Obstacle, Scene, Solid, Sphere
 from cable_shape.shape import CableShape
-from cable_shape.uncertainty import Tube
+from cable_shape.solve.harness_shape import junctions_of
+from cable_shape.uncertainty.uncertainty import Tube
 from cable_shape.viewer import colour as colours
 from cable_shape.viewer import text
 from cable_shape.viewer.bars import Bars
 from cable_shape.viewer.blueprint import blueprint, eye
 from cable_shape.viewer.forces import Forces
-from cable_shape.viewer.plots import Plots, part, path
+from cable_shape.viewer.plots import TIMELINE, Plots, part, path
 from cable_shape.viewer.tubes import capsules
 
-TIMELINE = "stamp"
 #: Stamps below this are the clock of a simulation, which begins near 0, and not a date. [ns], March 1973.
 FIRST_DATE = 10**17
 #: A cable is drawn with at most so many segments, however many points were asked for.
@@ -69,7 +68,7 @@ class ReportLogger:
     recording : rerun.RecordingStream
         It must have a sink already (`save`, `connect_grpc`, ...).
     cables, scene
-        As given to :class:`cable_shape.cycle.Cycle`.
+        As given to :class:`cable_shape.cycle.cycle.Cycle`.
     links : sequence of Obstacle
         ``Robot.link_geometry``: solids of the robot, each in the frame of its link.
     colour : str
@@ -80,6 +79,8 @@ class ReportLogger:
         Whether to plot how far measured markers are from the centreline.
     live : bool
         Whether the viewer follows the newest report, or plays the recording from its beginning.
+    later : bool
+        Whether plots wait until they are flushed, in columns, which takes a fraction of the time.
     """
 
     def __init__(
@@ -93,6 +94,7 @@ class ReportLogger:
         times: bool = True,
         markers: bool = False,
         live: bool = False,
+        later: bool = False,
     ) -> None:
         self.recording = recording
         self.cables = cables_of(cables)
@@ -103,7 +105,7 @@ class ReportLogger:
         self.times = times
         self.markers = markers
         self.live = live
-        self._plots = Plots(recording, self.cables, scene, times)
+        self._plots = Plots(recording, self.cables, scene, times, later)
         self._bars = Bars(recording, self.cables)
         self._forces = {
             name: Forces(f"/world/cables/{path(name)}/forces", cable) for name, cable in self.cables.items()
@@ -169,9 +171,17 @@ class ReportLogger:
         if self._dates is None:
             self._dates = stamp >= FIRST_DATE
         if self._dates:
-            self.recording.set_time(TIMELINE, timestamp=np.datetime64(stamp, "ns"))
+            date = np.datetime64(stamp, "ns")
+            self.recording.set_time(TIMELINE, timestamp=date)
+            self._plots.at(date)
         else:
-            self.recording.set_time(TIMELINE, duration=np.timedelta64(stamp, "ns"))
+            since = np.timedelta64(stamp, "ns")
+            self.recording.set_time(TIMELINE, duration=since)
+            self._plots.at(since)
+
+    def flush(self) -> None:
+        """Writes the plots that wait."""
+        self._plots.flush()
 
     def _changed(self, entity: str, what: object) -> bool:
         """Whether `what` differs from what was written to the entity last."""

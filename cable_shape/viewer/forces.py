@@ -7,7 +7,7 @@ from typing import Any, final
 import numpy as np
 import rerun as rr
 
-from cable_shape.cable import STANDARD_GRAVITY, Cable
+from cable_shape.cable.cable import STANDARD_GRAVITY, Cable
 from cable_shape.checks import Array
 from cable_shape.shape import CableShape
 from cable_shape.viewer import colour as colours

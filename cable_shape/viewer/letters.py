@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from cable_shape.checks import Array
-from cable_shape.plug import PlugError
 from cable_shape.pose import FreeEnd, Grip, Pose
-from cable_shape.report import BodyDistance, CableWarning, Clearance, CycleReport, Margin, Severity, WarningKind
+from cable_shape.safety.report import BodyDistance, CableWarning, Clearance, CycleReport, Margin, Severity, WarningKind
+from cable_shape.scene.plug import PlugError
 from cable_shape.shape import CableShape, Status
-from cable_shape.uncertainty import Tube
+from cable_shape.uncertainty.uncertainty import Tube
 
 
 def encode(report: CycleReport) -> bytes:

@@ -15,14 +15,13 @@ from types import TracebackType
 from typing import Any, Self, final
 
 from cable_shape import checks
-from cable_shape.cable import Cable
+from cable_shape.cable.cable import Cable
+from cable_shape.cable.harness import Harness
 from cable_shape.children import ended, left
-from cable_shape.errors import ArgumentError, DependencyError
-from cable_shape.extras import how_to_get
-from cable_shape.harness import Harness
-from cable_shape.parts import in_parts
-from cable_shape.report import CycleReport
-from cable_shape.scene import Obstacle, Scene
+from cable_shape.cycle.parts import in_parts
+from cable_shape.errors import ArgumentError, DependencyError, how_to_get
+from cable_shape.safety.report import CycleReport
+from cable_shape.scene.scene import Obstacle, Scene
 from cable_shape.viewer.colour import check_colouring
 from cable_shape.viewer.letters import encode
 from cable_shape.viewer.mailbox import Mailbox
@@ -44,7 +43,7 @@ class ViewerProcess:
     mode : str or path
         "window", or the path of the .rrd to write.
     cables, scene
-        As given to :class:`cable_shape.cycle.Cycle`.
+        As given to :class:`cable_shape.cycle.cycle.Cycle`.
     robot : path of a robot's YAML file, or sequence of Obstacle, optional
         What the robot's links look like (``Robot.link_geometry``).
     memory_limit : str

@@ -15,11 +15,11 @@ from typing import Self, final
 
 import rerun as rr
 
-from cable_shape.cable import Cable
+from cable_shape.cable.cable import Cable
+from cable_shape.cable.harness import Harness
 from cable_shape.checks import Array
-from cable_shape.harness import Harness
-from cable_shape.report import CycleReport
-from cable_shape.scene import Obstacle, Scene
+from cable_shape.safety.report import CycleReport
+from cable_shape.scene.scene import Obstacle, Scene
 from cable_shape.viewer.entities import ReportLogger
 
 _FLUSH_PERIOD = 1.0  # s, between looks whether a file can still be written
@@ -49,7 +49,9 @@ class RecordingWriter:
         markers: bool = False,
     ) -> None:
         self.recording = new_recording(path)
-        self._logger = ReportLogger(self.recording, cables, scene, links, colour=colour, times=times, markers=markers)
+        self._logger = ReportLogger(
+            self.recording, cables, scene, links, colour=colour, times=times, markers=markers, later=True
+        )
         self._flushed = time.monotonic()
         self._broken = False
 
@@ -77,6 +79,7 @@ class RecordingWriter:
 
     def _flush(self, timeout: float) -> None:
         try:
+            self._logger.flush()
             self.recording.flush(timeout_sec=timeout)
         except RuntimeError:
             self._broken = True

@@ -7,7 +7,7 @@ from typing import final
 
 import numpy as np
 
-from cable_shape.report import LOAD_MARGINS, CableWarning, Clearance, CycleReport, Margin, Severity, WarningKind
+from cable_shape.safety.report import LOAD_MARGINS, CableWarning, Clearance, CycleReport, Margin, Severity, WarningKind
 from cable_shape.shape import CableShape
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import rerun as rr
 
 from cable_shape.checks import Array
-from cable_shape.uncertainty import Tube
+from cable_shape.uncertainty.uncertainty import Tube
 from cable_shape.viewer import colour as colours
 
 PIECES = 40

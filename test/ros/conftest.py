@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -12,8 +11,6 @@ import pytest
 from harness import Cell, NodeProcess
 
 from cable_shape import warm_up
-
-sys.path.append(str(Path(__file__).resolve().parents[1]))  # recordings.py is for these tests, too
 
 CABLE_YAML = "length: 1.2\nlinear_density: 0.1\nbending_stiffness: 0.01\ndiameter: 0.008\n"
 

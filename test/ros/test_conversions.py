@@ -13,12 +13,12 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.serialization import deserialize_message, serialize_message
 from visualization_msgs.msg import Marker
 
-from cable_shape import fields
 from cable_shape.errors import ArgumentError
+from cable_shape.messages import fields
 from cable_shape.pose import Pose
-from cable_shape.report import CableWarning, CycleReport, Margin, Severity, WarningKind
 from cable_shape.ros import conversions
 from cable_shape.ros.diagnostics import Complaint, Level, Verdict
+from cable_shape.safety.report import CableWarning, CycleReport, Margin, Severity, WarningKind
 from cable_shape.shape import CableShape, Status
 
 STAMP = 1_700_000_000_123_456_789

@@ -19,13 +19,14 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
-from cable_shape.cable import Cable
-from cable_shape.cycle import Cycle
+from cable_shape.cable.cable import Cable
+from cable_shape.cable.harness import Harness
+from cable_shape.cable.junction import Junction
+from cable_shape.cycle.cycle import Cycle
+from cable_shape.cycle.harness_ends import HarnessFile
 from cable_shape.errors import CableShapeError
-from cable_shape.harness import Harness, Junction
-from cable_shape.harness_ends import HarnessFile
 from cable_shape.pose import IDENTITY, Grip
-from cable_shape.robot import Robot
+from cable_shape.robots.robot import Robot
 from cable_shape.ros.assembly import load_cables
 from cable_shape.ros.diagnostics import Health
 from cable_shape.ros.holding import Holding
@@ -33,7 +34,7 @@ from cable_shape.ros.parameters import SPECS, Settings, find_file
 from cable_shape.ros.pose_source import PoseSource
 from cable_shape.ros.sources import JointSource, Sink
 from cable_shape.ros.transform_source import TransformSource
-from cable_shape.scene import Scene
+from cable_shape.scene.scene import Scene
 
 EXAMPLES = int(os.environ.get("CABLE_SHAPE_FUZZ", "300"))
 fuzzed = settings(

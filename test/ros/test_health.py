@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from cable_shape.pairing import SECOND
-from cable_shape.report import CableWarning, CycleReport, Severity, WarningKind
+from cable_shape.messages.pairing import SECOND
 from cable_shape.ros.cycle_times import MOST_CYCLES, CycleTimes
 from cable_shape.ros.diagnostics import Health, Level
+from cable_shape.safety.report import CableWarning, CycleReport, Severity, WarningKind
 from cable_shape.shape import CableShape, Status
 
 TOPICS = ("left_gripper/pose", "right_gripper/pose")

@@ -26,7 +26,7 @@ def test_the_executable_that_it_starts_is_installed():
     (node,) = keywords_of("LifecycleNode")
     assert node["package"] == "cable_shape"
     setup = (ROOT / "setup.py").read_text() + (ROOT / "pyproject.toml").read_text()
-    module, function = "cable_shape.cli", "run_node"
+    module, function = "cable_shape.command.cli", "run_node"
     assert (
         f"{node['executable']} = {module}:{function}" in setup
         or f'{node["executable"]} = "{module}:{function}"' in setup

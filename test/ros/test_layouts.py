@@ -3,20 +3,16 @@
 import importlib
 import json
 import re
-import sys
-from pathlib import Path
 
 import pytest
 import yaml
 from cable_shape_msgs.msg import CableMargin
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from recordings import motion, write_bag
 from rosbags.rosbag2 import Reader
 
-from cable_shape.cli import main
+from cable_shape.command.cli import main
 from cable_shape.ros.parameters import config_folders
-
-sys.path.append(str(Path(__file__).resolve().parents[1]))
-from recordings import motion, write_bag
 
 CONFIG = config_folders()[0]
 RVIZ = yaml.safe_load((CONFIG / "rviz" / "cable_shape.rviz").read_text())["Visualization Manager"]

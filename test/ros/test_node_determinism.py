@@ -10,13 +10,13 @@ from recordings import PERIOD, ends_at, motion, write_bag
 from rosbags.rosbag2 import Reader
 from rosgraph_msgs.msg import Clock
 
-from cable_shape.cable import Cable
-from cable_shape.cycle import Cycle
-from cable_shape.fields import shape_fields
+from cable_shape.cable.cable import Cable
+from cable_shape.cycle.cycle import Cycle
+from cable_shape.messages.fields import shape_fields
 from cable_shape.pose import Grip, Pose
 from cable_shape.replay.bag_writer import cable_shape_store
-from cable_shape.replay.outcome import Settings
 from cable_shape.replay.run import replay
+from cable_shape.replay.settings import Settings
 
 FIELDS = ("arc_length", "positions", "quaternions", "curvature", "force", "moment")
 FOR_SURE = 20  # pairs at the beginning that are not dropped

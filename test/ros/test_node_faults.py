@@ -16,19 +16,30 @@ from builtin_interfaces.msg import Time
 from cable_shape_msgs.msg import CableWarnings
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
-from harness import ALONG_X, LATCHED, TIMEOUT, Cell, NodeProcess, nanoseconds, values_of, viewer_of, wait_until_gone
+from harness import (
+    ALONG_X,
+    LATCHED,
+    MOVER,
+    TIMEOUT,
+    Cell,
+    NodeProcess,
+    nanoseconds,
+    values_of,
+    viewer_of,
+    wait_until_gone,
+)
 from rerun.chunk import RrdReader
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
-from cable_shape.fields import shape_from
+from cable_shape.kernels import poses
 from cable_shape.kernels._jit import cache_folder
-from cable_shape.robot import Robot
+from cable_shape.messages.fields import shape_from
+from cable_shape.robots.robot import Robot
 from cable_shape.ros.parameters import find_file
 
 WARN, ERROR = DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 POSSIBLE = {"unconfigured": {1: "inactive"}, "inactive": {2: "unconfigured", 3: "active"}, "active": {4: "inactive"}}
-HERE = Path(__file__).parent
 
 
 def test_a_tracker_that_is_killed_mid_motion_and_started_again(start):
@@ -36,7 +47,7 @@ def test_a_tracker_that_is_killed_mid_motion_and_started_again(start):
     cell.predicted()  # the cell's own publishers stay known beside the tracker's, and are silent
 
     def tracker():
-        return subprocess.Popen([sys.executable, HERE / "mover.py", f"/{cell.process.namespace}"])
+        return subprocess.Popen([sys.executable, MOVER, f"/{cell.process.namespace}"])
 
     for _ in range(2):
         cell.shapes.clear()
@@ -301,7 +312,7 @@ def test_several_cables_need_poses_and_names_that_make_topics(start, tmp_path):
 
 def test_a_rotten_kernel_cache_and_a_closed_home(tmp_path, cable_file):
     """HOME is a folder in which nobody can write, and the cache holds half files and rubbish."""
-    warm = Path(cache_folder(HERE.parents[1] / "cable_shape" / "kernels" / "poses.py"))
+    warm = Path(cache_folder(Path(poses.__file__)))
     place = tmp_path / "cache" / "cable_shape"
     place.mkdir(parents=True)
     for folder in warm.parent.iterdir():

@@ -13,8 +13,8 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 import cable_shape as cs
-from cable_shape.fields import shape_from
-from cable_shape.robot import Robot
+from cable_shape.messages.fields import shape_from
+from cable_shape.robots.robot import Robot
 from cable_shape.ros import planning
 from cable_shape.ros.assembly import load_cables
 from cable_shape.ros.parameters import SPECS, Settings, find_file

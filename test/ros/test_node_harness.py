@@ -17,10 +17,10 @@ from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
 import cable_shape as cs
+from cable_shape.cycle.harness_ends import HarnessFile
 from cable_shape.errors import ArgumentError
-from cable_shape.fields import shape_from
-from cable_shape.harness_ends import HarnessFile
-from cable_shape.robot import Robot
+from cable_shape.messages.fields import shape_from
+from cable_shape.robots.robot import Robot
 from cable_shape.ros import conversions
 from cable_shape.ros.assembly import Assembly
 from cable_shape.ros.conversions import time_of

@@ -9,8 +9,8 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from harness import LATCHED, nanoseconds
 from sensor_msgs.msg import JointState
 
-from cable_shape.fields import shape_from
-from cable_shape.robot import Robot
+from cable_shape.messages.fields import shape_from
+from cable_shape.robots.robot import Robot
 from cable_shape.ros.parameters import find_file
 
 ERROR = DiagnosticStatus.ERROR

@@ -5,12 +5,11 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticStatus
-from harness import ALONG_X, TIMEOUT, child_of, values_of, viewer_of, wait_until_gone
+from harness import ALONG_X, MOVER, TIMEOUT, child_of, values_of, viewer_of, wait_until_gone
 
 from cable_shape.pose import Grip, Pose
 from cable_shape.ros.diagnostics import Level
@@ -18,7 +17,6 @@ from cable_shape.ros.node import CableShapeNode
 from cable_shape.ros.sources import Ready
 
 BURST = 3000
-HERE = Path(__file__).parent
 
 
 def number_of(status, text):
@@ -91,7 +89,7 @@ def test_a_node_that_has_ended_is_gone_from_the_graph_with_its_planner_and_viewe
     children = child_of(node, "cable_shape.ros.planning"), viewer_of(node)
     assert node.process.stop(number) == 0
     wait_until_gone(*children)
-    other = subprocess.Popen([sys.executable, HERE / "mover.py", f"/{node.process.namespace}"])
+    other = subprocess.Popen([sys.executable, MOVER, f"/{node.process.namespace}"])
     try:
         end = time.monotonic() + TIMEOUT
         while "mover" not in listed(node):  # whose news came after theirs

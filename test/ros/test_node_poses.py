@@ -12,7 +12,7 @@ from nav_msgs.msg import Path
 from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import MarkerArray
 
-from cable_shape.fields import shape_from
+from cable_shape.messages.fields import shape_from
 from cable_shape.pose import Pose, multiply
 
 WARN, ERROR = DiagnosticStatus.WARN, DiagnosticStatus.ERROR

@@ -11,7 +11,7 @@ from harness import FIRST_PATIENCE, nanoseconds, values_of
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from tf2_msgs.msg import TFMessage
 
-from cable_shape.fields import shape_from
+from cable_shape.messages.fields import shape_from
 from cable_shape.pose import Pose
 from cable_shape.ros.conversions import time_of
 

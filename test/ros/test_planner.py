@@ -15,8 +15,8 @@ from harness import ALONG_X, Goals, child_of, wait_until_gone
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 import cable_shape as cs
-from cable_shape.harness_ends import HarnessFile
-from cable_shape.robot import Robot
+from cable_shape.cycle.harness_ends import HarnessFile
+from cable_shape.robots.robot import Robot
 from cable_shape.ros import planning
 from cable_shape.ros.parameters import find_file
 from cable_shape.ros.planning import Planner

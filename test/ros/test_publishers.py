@@ -4,17 +4,15 @@ import os
 import signal
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
-from harness import nanoseconds, values_of
+from harness import MOVER, nanoseconds, values_of
 from std_msgs.msg import String
 
 WARN, ERROR = DiagnosticStatus.WARN, DiagnosticStatus.ERROR
-HERE = Path(__file__).parent
 
 
 class Peer:
@@ -95,7 +93,7 @@ def test_a_second_publisher_that_is_silent_is_told_and_does_no_harm(node):
 
 def test_one_that_is_killed_and_started_again_is_used_before_the_first_is_forgotten(node):
     """For some 20 s the middleware takes the killed one for alive."""
-    command = [sys.executable, HERE / "mover.py", f"/{node.process.namespace}"]
+    command = [sys.executable, MOVER, f"/{node.process.namespace}"]
     for publisher in node.grippers:
         node.node.destroy_publisher(publisher)
 

@@ -17,7 +17,14 @@ def texts():
     """Every string of the node's code; a value inside one is a blank."""
     package = Path(cable_shape.__file__).parent
     found = [f"{status.name}" for status in Status]
-    beside = ("pairing.py", "files.py", "yaml_files.py", "viewer/process.py", "models/touching.py")
+    beside = (
+        "messages/pairing.py",
+        "messages/transforms.py",
+        "files/files.py",
+        "files/yaml_files.py",
+        "viewer/process.py",
+        "solve/touching/touching.py",
+    )
     for file in (*(package / "ros").glob("*.py"), *(package / name for name in beside)):
         for node in ast.walk(ast.parse(file.read_text())):
             if isinstance(node, ast.JoinedStr):

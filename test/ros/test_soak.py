@@ -5,12 +5,14 @@ import subprocess
 import sys
 from pathlib import Path
 
-SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "soak_run.py"
+ROOT = Path(__file__).resolve().parents[2]
+SCRIPT = ROOT / "soak" / "soak_run.py"
 
 
 def said_by(*options):
     """What it prints; it must end well."""
-    environment = {**os.environ, "ROS_DOMAIN_ID": str(102 + os.getpid() % 100)}
+    beside = os.pathsep.join((str(ROOT / "benchmarks"), os.environ.get("PYTHONPATH", "")))  # as scripts/soak has it
+    environment = {**os.environ, "ROS_DOMAIN_ID": str(102 + os.getpid() % 100), "PYTHONPATH": beside}
     command = [sys.executable, str(SCRIPT), *options]
     done = subprocess.run(command, capture_output=True, text=True, timeout=1200, env=environment)
     assert done.returncode == 0, done.stdout + done.stderr

@@ -10,7 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from harness import TIMEOUT
 from rclpy.lifecycle import LifecycleNode
 
-from cable_shape.cli import main
+from cable_shape.command.cli import main
 from cable_shape.ros.status import LINES, Line, Seen, lines_of, nobody, printable
 
 
@@ -73,7 +73,7 @@ def name_of(cell):
 
 def status(*arguments):
     return subprocess.Popen(
-        [sys.executable, "-m", "cable_shape.cli", "status", *arguments],
+        [sys.executable, "-m", "cable_shape.command.cli", "status", *arguments],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=os.environ,
     )  # fmt: skip
 

@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cable_shape.errors import ArgumentError, InputError, StaleInputError
-from cable_shape.pairing import SECOND
+from cable_shape.messages.pairing import SECOND
+from cable_shape.messages.transforms import MAX_FRAMES, TransformTree
 from cable_shape.pose import IDENTITY, Pose, between
-from cable_shape.ros.transforms import MAX_FRAMES, TransformTree
 
 T0 = 1000 * SECOND
 GAP = SECOND // 50

@@ -14,9 +14,9 @@ from cable_shape.kernels.network import drive, graph, moving, newton, settle, sy
 from cable_shape.kernels.network.guess import CURVED, HANGING
 from cable_shape.kernels.network.settle import I_DRAG, I_EXCESS, I_FORCE, LARGEST_TURN
 from cable_shape.kernels.network.tables import NOW
-from cable_shape.problem import Problem
 from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
+from cable_shape.solve.problem import Problem
 from cable_shape.solve.settle import Settling
 
 ROUND = (1.0, 1.0, 0.0)  # free but for the roll

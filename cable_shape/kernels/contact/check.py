@@ -9,6 +9,7 @@ import numpy as np
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.contact.near import BARE, EXACT, GRIP_EXCLUSION, NONE, NORMAL, SPOT
+from cable_shape.kernels.distance.surface import reach_of, touch
 from cable_shape.kernels.rod_algebra import (
     Vector,
     add,
@@ -19,7 +20,6 @@ from cable_shape.kernels.rod_algebra import (
     subtract,
     take3,
 )
-from cable_shape.kernels.surface import reach_of, touch
 
 TOUCH = 9  # numbers of a contact: arc length, body, point 3, normal 3, force
 

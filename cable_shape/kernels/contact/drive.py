@@ -8,7 +8,6 @@ import numpy as np
 
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.bounds import closest_points
 from cable_shape.kernels.contact.ahead import meet_supports, predict
 from cable_shape.kernels.contact.check import passes
 from cable_shape.kernels.contact.errors import AMISS, SAFETY, contact_error, position_error
@@ -18,6 +17,7 @@ from cable_shape.kernels.contact.near import GRIP_EXCLUSION, NORMAL, ROUND
 from cable_shape.kernels.contact.press import I_ASSEMBLIES, I_EXCESS, I_ITERATIONS, RUNNING, press, tell_pushes
 from cable_shape.kernels.contact.run import any_crowded
 from cable_shape.kernels.contact.tables import Bodies, Lying, Net
+from cable_shape.kernels.distance.bounds import closest_points
 from cable_shape.kernels.network import drive as network
 from cable_shape.kernels.network.drive import BROKEN, FAR, knot_loads, sample
 from cable_shape.kernels.network.graph import factor

@@ -15,7 +15,8 @@ import math
 
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.distance import HALF_SPACE
+from cable_shape.kernels.distance.distance import HALF_SPACE
+from cable_shape.kernels.distance.surface import FLAT, reach_of, touch
 from cable_shape.kernels.network.compiled import viewing
 from cable_shape.kernels.rod_algebra import (
     Vector,
@@ -32,7 +33,6 @@ from cable_shape.kernels.rod_algebra import (
     tapply,
 )
 from cable_shape.kernels.rod_element import relative
-from cable_shape.kernels.surface import FLAT, reach_of, touch
 
 NEAR = 22  # columns of `near`
 PRESS, GAP, NORMAL, CURVED, SPOT, STEP, EXACT, ENDED = 0, 1, 2, 5, 14, 17, 20, 21

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.batch_cells import grasp
+from cable_shape.kernels.network.batch_cells import grasp
 from cable_shape.kernels.network.compiled import viewing
 from cable_shape.kernels.network.drive import solve
 from cable_shape.kernels.network.guess import CURVED, HANGING, guess

@@ -1,0 +1,104 @@
+"""Where the evidence goes: two pages with tables and pictures, ratios, and figures to keep and to compare."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from time import perf_counter, thread_time
+
+import matplotlib
+import numpy as np
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+from figures import Figures, machine
+from matplotlib.figure import Figure
+
+TITLES = {
+    "performance": "Run time against error",
+    "stability": "Stability under stress",
+}
+#: Marks around what `scripts/bench certify` writes on a page, which stays when the page is written anew.
+CERTIFIED, END = "<!-- written by scripts/bench certify -->", "<!-- to here -->"
+
+
+def figures(value: float, digits: int = 2) -> str:
+    """A number with so many digits that count."""
+    if not np.isfinite(value):
+        return "-"
+    if value == 0.0 or 1e-2 <= abs(value) < 1e4:
+        return f"{value:.{max(digits - 1 - int(np.floor(np.log10(abs(value) or 1.0))), 0)}f}"
+    return f"{value:.{digits - 1}e}"
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A markdown table."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def certified(page: Path) -> list[str]:
+    """What `scripts/bench certify` has written on a page, with its marks; empty if nothing."""
+    text = page.read_text(encoding="utf-8") if page.exists() else ""
+    if CERTIFIED not in text:
+        return []
+    return [f"{CERTIFIED}{text.partition(CERTIFIED)[2].partition(END)[0]}{END}"]
+
+
+class Pages:
+    """Texts, pictures and ratios, as they come."""
+
+    def __init__(self, folder: Path, quick: bool) -> None:
+        self.folder, self.quick = folder, quick
+        self.figures = Figures()
+        self.front = ""
+        self.ratios: dict[str, tuple[float, str]] = {}
+        self.texts: dict[str, list[str]] = {page: [] for page in TITLES}
+        (folder / "images").mkdir(parents=True, exist_ok=True)
+
+    def add(self, page: str, *texts: str) -> None:
+        """Paragraphs and tables of a page, printed, too."""
+        self.texts[page] += texts
+        print("\n\n".join(texts), end="\n\n", flush=True)
+
+    def ratio(self, name: str, value: float, meaning: str = "") -> None:
+        """A figure that does not depend on how fast the machine is."""
+        self.ratios[name] = (value, meaning)
+        self.figures.ratio(name, value)
+
+    def picture(self, page: str, figure: Figure, name: str, alt: str) -> None:
+        """Writes a picture and shows it on the page."""
+        figure.savefig(self.folder / "images" / f"{name}.png", dpi=90)
+        plt.close(figure)
+        self.add(page, f"![{alt}](images/{name}.png)")
+
+    def write(self) -> None:
+        """Both pages."""
+        note = "\n\nA quick run: few points and repetitions." if self.quick else ""
+        for page, texts in self.texts.items():
+            head = [f"# {TITLES[page]}", f"Written by `scripts/bench evidence` on {machine()}.{note}"]
+            if page == "performance":
+                head.append(self._ratio_table())
+            file = self.folder / f"{page}.md"
+            file.write_text("\n\n".join((*head, *texts, *certified(file))) + "\n", encoding="utf-8")
+
+    def _ratio_table(self) -> str:
+        found = sorted(self.ratios.items(), key=lambda item: -item[1][0])
+        ahead = [(name, figures(value, 3), note) for name, (value, note) in found if value >= 1.0]
+        behind = [(name, figures(value, 3), note) for name, (value, note) in found if not value >= 1.0]
+        head = ("a : b", "a is so many times as fast", "")
+        parts = ["## Ratios", "Both in turns, or in the same run.", table(head, ahead)]
+        if behind:
+            parts += ["Where nothing is gained, or time is lost:", table(head, behind)]
+        return "\n\n".join(parts)
+
+
+def timed(run: object, least: int = 5, seconds: float = 0.05) -> float:
+    """Median processor time [s] of a call, repeated at least so often and for so long."""
+    spent: list[float] = []
+    end = perf_counter() + seconds
+    while len(spent) < least or perf_counter() < end:
+        began = thread_time()
+        run()  # type: ignore[operator]
+        spent.append(thread_time() - began)
+    return float(np.median(spent))

@@ -1,0 +1,124 @@
+"""Cables that run through eyelets and rest on bodies: seeded motions, and finer meshes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from contact_reference import compared, finer
+from figures import Figures
+
+import cable_shape as cs
+from cable_shape.scene.scene import Solid
+
+ALONG_X = cs.Pose((0, 0, 0), (0.5, 0.5, 0.5, 0.5))
+CABLE = cs.Cable(
+    length=1.2, linear_density=0.1, bending_stiffness=0.01, twisting_stiffness=0.008, diameter=0.008
+)  # fmt: skip
+SIDEWAYS = cs.Pose((0, 0, 0), (np.sqrt(0.5), 0, 0, np.sqrt(0.5)))  # z along -y
+
+Step = tuple[cs.Scene, cs.Pose, cs.Pose]
+
+
+def sway(rng: np.random.Generator, steps: int, amplitude: float) -> np.ndarray:
+    """(steps, 3), a random smooth way that begins at 0: three waves along each axis."""
+    t = np.linspace(0.0, 1.0, steps)
+    waves = sum(
+        rng.normal(size=(1, 3)) / f * np.sin(2.0 * np.pi * f * t + rng.uniform(0, 6.0))[:, None] for f in (1, 2, 3)
+    )
+    return amplitude * (waves - waves[0])
+
+
+def motions(steps: int, seed: int) -> dict[str, list[Step]]:
+    """Scenes with clips that move, and ends that do, smooth and the same every time."""
+    rng = np.random.default_rng(seed)
+    t = np.linspace(0.0, 1.0, steps)
+
+    def motion(solid: Solid, pose: cs.Pose, height: float, way: tuple, *clips: tuple) -> list[Step]:
+        """clips: arc length, start, way, kind; the ends go from `height` by `way`."""
+        body = cs.Obstacle("body", solid, pose)
+        start = np.array((0, 0, height)) + t[:, None] * np.array(way) + sway(rng, steps, 0.01)
+        end = np.array((0.8, 0, height)) + t[:, None] * np.array(way) + sway(rng, steps, 0.01)
+        places = [np.array(at) + t[:, None] * np.array(go) + sway(rng, steps, 0.005) for _, at, go, _ in clips]
+        out = []
+        for k in range(steps):
+            held = [
+                cs.Clip(arc, cs.Pose(place[k], ALONG_X.quaternion), kind)
+                for (arc, _, _, kind), place in zip(clips, places, strict=True)
+            ]
+            scene = cs.Scene(obstacles=[body], clips=held, contact="solve")
+            out.append((scene, cs.Pose(start[k], ALONG_X.quaternion), cs.Pose(end[k], ALONG_X.quaternion)))
+        return out
+
+    bar = cs.Pose((0.55, 0, 0.05)) * SIDEWAYS
+    return {
+        "lowered on a table": motion(
+            cs.HalfSpace(), cs.Pose(), 0.3, (0, 0, -0.1), (0.5, (0.35, 0.05, 0.3), (0, 0, -0.2), "slide")
+        ),
+        "drawn along a table": motion(
+            cs.HalfSpace(), cs.Pose(), 0.25, (0, 0, 0), (0.5, (0.35, 0.05, 0.1), (0.15, 0, 0), "slide")
+        ),
+        "two eyelets": motion(
+            cs.HalfSpace(), cs.Pose(), 0.28, (0, 0, -0.08),
+            (0.4, (0.3, 0.03, 0.25), (0, 0, -0.17), "slide"), (0.8, (0.55, -0.03, 0.25), (0, 0, -0.1), "slide"),
+        ),
+        "an eyelet and a clip": motion(
+            cs.HalfSpace(), cs.Pose(), 0.28, (0, 0, -0.05),
+            (0.4, (0.3, 0.03, 0.25), (0, 0, -0.15), "slide"), (0.8, (0.55, -0.03, 0.25), (0, 0, -0.1), "ball"),
+        ),
+        "over the edge of a box": motion(
+            cs.Box((0.2, 0.6, 0.2)), cs.Pose((0.5, 0, 0)), 0.45, (0, 0, -0.12),
+            (0.35, (0.2, 0.03, 0.3), (0.03, 0, -0.05), "slide"),
+        ),
+        "over a bar": motion(
+            cs.Cylinder(0.06, 0.6), bar, 0.4, (0.05, 0, -0.15), (0.35, (0.25, 0.03, 0.3), (0, 0, -0.1), "slide")
+        ),
+    }  # fmt: skip
+
+
+def print_eyelets(
+    figures: Figures, deepest: Callable[..., float], limit: float, steps: int, every: int, seed: int = 31
+) -> None:
+    """One line a motion; every so manyth shape is compared with a mesh 4 times finer. limit [m]: of `deepest`."""
+    print(
+        "\nrun through eyelets       usable snapped contacts   deepest    median   position, of L: worst   honest, lost"
+    )
+    usable = total = judged = right = 0
+    worst = farthest = 0.0
+    for name, way in motions(steps, seed).items():
+        predictor = cs.Predictor(CABLE, model="cosserat")
+        good = snapped = touched = honest = lost = 0
+        deep, apart, times = 0.0, [], []
+        for k, (scene, start, end) in enumerate(way):
+            predictor.scene = scene
+            shape = predictor.predict(start, end)
+            times.append(shape.solve_time)
+            snapped += shape.status is cs.Status.SNAPPED
+            touched += len(shape.contacts) > 0
+            if not shape.status:
+                continue
+            good += 1
+            deep = max(deep, deepest(shape, scene, 0.5 * CABLE.diameter))
+            if not shape.contacts or k % every:
+                continue
+            fine = finer(predictor._solver._touch, 2)
+            if fine is None:
+                lost += 1
+                continue
+            distance = compared(shape, fine)[0]
+            apart.append(distance / CABLE.length)
+            honest += distance <= shape.error_estimate
+        usable, total = usable + good, total + len(way)
+        judged, right = judged + len(apart), right + honest
+        worst, farthest = max(worst, deep), max(farthest, *apart, 0.0)
+        print(
+            f"{name:24s} {good:4d}/{len(way)} {snapped:7d} {touched:8d} {1e3 * deep:6.3f} mm "
+            f"{1e6 * np.median(times):6.0f} us {max(apart, default=0.0):22.1e} {honest:4d}/{len(apart)} {lost:4d}",
+            flush=True,
+        )
+    figures.at_least("in contact through eyelets: usable", 100.0 * usable / total, 99.9, "{:.2f}", " %")
+    figures.at_most("in contact through eyelets: deepest", 1e3 * worst, 1e3 * limit, "{:.3f}", " mm")
+    figures.at_most("in contact through eyelets: distance / L to a mesh 4 times finer", farthest, 5e-4)
+    figures.at_least(
+        "in contact through eyelets: true error at most the estimate", 100.0 * right / judged, 99.0, "{:.1f}", " %"
+    )

@@ -1,0 +1,1 @@
+"""The command `cable-shape`: start at :mod:`cable_shape.command.cli`."""

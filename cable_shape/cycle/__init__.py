@@ -1,0 +1,1 @@
+"""Every control cycle: poses in, a report out; start at :mod:`cable_shape.cycle.cycle`."""

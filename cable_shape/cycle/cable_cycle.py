@@ -1,0 +1,232 @@
+"""One cable's part of a cycle: :class:`CableCycle`, with all that is remembered from cycle to cycle."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cable_shape.kernels.distance import bounds
+from cable_shape.pose import Ends, Grip, Pose
+from cable_shape.prediction.predictor import Predictor
+from cable_shape.prediction.tails import Tail, held_frame
+from cable_shape.safety.clearance import ClearanceChecker
+from cable_shape.safety.margins import MarginWatch
+from cable_shape.safety.report import BodyDistance, CableWarning, Clearance, Margin, WarningKind
+from cable_shape.safety.snap import SnapWatch, predicted_snap
+from cable_shape.safety.warnings import Standing, narrow_warning, snap_warning, tail_warning, tube_warning, warnings_of
+from cable_shape.scene.plug import Plug, PlugError, plug_error
+from cable_shape.scene.scene import Obstacle, Scene
+from cable_shape.shape import CableShape
+from cable_shape.solve.network import Network
+from cable_shape.uncertainty.tube_watch import TubeWatch
+from cable_shape.uncertainty.uncertainty import Tube
+
+Links = Mapping[str, Pose] | None
+
+
+@final
+class CableCycle:
+    """Predicts, checks and judges one cable; the steps of :meth:`cable_shape.Cycle.step`, in their order.
+
+    Parameters
+    ----------
+    name : str
+    predictor : Predictor
+    scene, robot_links, gripping_links
+        As for :class:`~cable_shape.safety.clearance.ClearanceChecker`.
+    plug : Plug, optional
+        At the end of the cable.
+    snap_horizon : float
+        [s], a snap this near is predicted; 0: never.
+    cables : int
+        How many there are in all.
+    tubes : TubeWatch, optional
+        Makes clearance that of the cable's tube, and of those of its tails.
+    quasistatic_limit : float, optional
+        Of the load of inertia as a fraction of the weight; None: it is not told.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        predictor: Predictor,
+        scene: Scene,
+        robot_links: Sequence[Obstacle],
+        gripping_links: Sequence[str],
+        plug: Plug | None,
+        snap_horizon: float,
+        cables: int = 1,
+        tubes: TubeWatch | None = None,
+        quasistatic_limit: float | None = None,
+    ) -> None:
+        self.name = name
+        self.predictor = predictor
+        self.scene = scene
+        cable, problem = predictor.cable, predictor.problem
+        self._tails = {
+            side: Tail(cable, side, length, gravity=problem.gravity, points=problem.points)
+            for side, length in cable.tails.items()
+        }
+        checker = ClearanceChecker(scene, cable=cable, robot_links=robot_links, gripping_links=gripping_links)
+        self._checker = checker
+        self._plug = plug
+        self._snaps = SnapWatch(snap_horizon)
+        moving = np.concatenate((checker.moving, np.ones(cables, dtype=np.bool_)))  # other cables, and itself
+        self._watch = MarginWatch(cable, scene, moving, gravity=problem.gravity, quasistatic_limit=quasistatic_limit)
+        self._standing = Standing(scene)
+        self._tubes = tubes
+        self.reset()
+
+    def reset(self) -> None:
+        """Forgets everything from before."""
+        self.predictor.reset()
+        for tail in self._tails.values():
+            tail.reset()
+        self._watch.reset()
+        self._standing.reset()
+        self._snaps.reset()
+        if self._tubes is not None:
+            self._tubes.reset()
+        self.tube: Tube | None = None  # of the last shape, if it is asked for and known
+        self.tail_tubes: dict[str, Tube] = {}  # of the tails, by side
+        self._rod: Network | None = None  # of the last shape
+        self._acceleration: ArrayLike | None = None  # that it was loaded with
+        self.tails: dict[str, CableShape] = {}  # by side
+
+    def predict(
+        self, ends: Ends, links: Links, solved: CableShape | None = None, acceleration: ArrayLike | None = None
+    ) -> CableShape:
+        """The shape of the span, unless it has been solved for, and of the tails into `tails`."""
+        start, end = ends
+        self._acceleration = acceleration
+        shape = self.predictor.predict(start, end, links, acceleration=acceleration) if solved is None else solved
+        self._rod = self.predictor.rod_state
+        self.tails = {}
+        for side, tail in self._tails.items():
+            grip = start if side == "start" else end
+            if isinstance(grip, (Pose, Grip)):
+                self.tails[side] = tail.predict(held_frame(grip, shape, side))
+        return shape
+
+    def spread(self, shape: CableShape, ends: Ends, links: Links, stamp: int) -> Tube | None:
+        """The tube of the shape just predicted, if it is asked for and known; kept, and those of the tails."""
+        self.tail_tubes = {}
+        if self._tubes is not None:
+            inertia = 0.0  # in the load already
+            if self._acceleration is None:
+                inertia = self._watch.inertia(shape, ends, stamp) if shape.status else math.nan
+            self.tube = self._tubes.tube(self.predictor, shape, ends, links, self._acceleration, inertia=inertia)
+            for side, tail in self.tails.items():
+                tube = self._tubes.tail_tube(self._tails[side], tail, ends)
+                if tube is not None:
+                    self.tail_tubes[side] = tube
+        return self.tube
+
+    def check(self, shape: CableShape, links: Links) -> Clearance:
+        """The clearance of span and tails, as thick as their tubes: for each body that of the nearest part."""
+        if self.scene.contact == "off":
+            return Clearance(beyond=0.0, robot_checked=links is not None)
+        hanging = [(self._tails[side], tail, self.tail_tubes.get(side)) for side, tail in self.tails.items()]
+        return check_parts(self._checker, shape, self.tube, hanging, links)
+
+    def margins(self, shape: CableShape, clearance: Clearance, ends: Ends, stamp: int) -> tuple[Margin, ...]:
+        """How far trouble is, and with it whether the cable is about to snap."""
+        margins = self._watch.margins(shape, clearance, stamp, state=self._rod, ends=ends)
+        if self._acceleration is not None:  # the prediction does not leave it out
+            margins = tuple(margin for margin in margins if margin.kind is not WarningKind.QUASISTATIC)
+        state, twists = self._rod, self._watch.twists
+        find = None if state is None or twists is None else partial(predicted_snap, state, twists)
+        self._snaps.look(self._watch.stability, stamp, find)
+        return margins
+
+    @property
+    def after_snap(self) -> CableShape | None:
+        """The shape after a snap that is about to come."""
+        return self._snaps.after  # type: ignore[return-value]
+
+    @property
+    def snap_skipped(self) -> bool:
+        """There was no need to look for a snap."""
+        return self._snaps.skipped
+
+    def warnings(
+        self, shape: CableShape, clearance: Clearance, margins: tuple[Margin, ...]
+    ) -> tuple[CableWarning, ...]:
+        """What to say."""
+        found = warnings_of(
+            self.name,
+            self.predictor.cable,
+            self.scene,
+            shape,
+            clearance,
+            tolerance=self.predictor.problem.tolerance,
+            margins=margins,
+            standing=self._standing,
+            period=self._watch.period,
+        )
+        more, after, stability = [], self.after_snap, self._watch.stability
+        if after is not None and stability is not None:
+            more.append(snap_warning(self.name, stability, self._snaps.time, shape, after))
+        if self._tubes is not None and self._tubes.trouble and shape.status:
+            more.append(tube_warning(self.name, shape, self._tubes.trouble))
+        elif self.tube is not None and not self.tube.holds:
+            more.append(narrow_warning(self.name, self.tube))
+        more += [tail_warning(self.name, side, tail) for side, tail in self.tails.items() if not tail.status]
+        if not more:
+            return found
+        return tuple(sorted((*found, *more), key=lambda w: (-w.severity.value, -w.margin)))
+
+    def plug_error(self, shape: CableShape) -> PlugError | None:
+        """Where the plug is against its socket; None without one, or without a shape."""
+        if self._plug is None or not shape.status:
+            return None
+        return plug_error(self._plug, self.scene.sockets[self._plug.socket], shape)
+
+
+def check_parts(
+    checker: ClearanceChecker,
+    shape: CableShape,
+    tube: Tube | None,
+    hanging: Sequence[tuple[Tail, CableShape, Tube | None]],
+    links: Links,
+) -> Clearance:
+    """The clearance of a span and of the tails beyond it, as thick as their tubes: of each body that of the nearest."""
+    clearance = checker.check(shape, links, None if tube is None else tube.radius)
+    if not hanging:
+        return clearance
+    parts = [clearance]
+    for tail, there, known in hanging:
+        part = checker.check(there, links, None if known is None else known.radius)
+        moved = tuple(
+            BodyDistance(b.body, b.distance, tail.along(b.arc_length, shape.length), b.point_on_cable, b.point_on_body)
+            for b in part.bodies
+        )
+        parts.append(Clearance(moved, part.beyond, part.robot_checked, part.pairs_culled, part.pairs_exact))
+    return _nearest(parts, checker.names)
+
+
+def _nearest(parts: Sequence[Clearance], names: Sequence[str]) -> Clearance:
+    """One clearance of several parts of a cable."""
+    nearest: dict[str, BodyDistance] = {}
+    for part in parts:
+        for body in part.bodies:
+            if body.body not in nearest or body.distance < nearest[body.body].distance:
+                nearest[body.body] = body
+    table = np.full((len(names), bounds.RESULT_COLUMNS), np.inf)
+    for row, name in zip(table, names, strict=True):
+        if name in nearest:
+            b = nearest[name]
+            row[:] = (b.distance, b.arc_length, *b.point_on_cable, *b.point_on_body)
+    return Clearance(
+        bodies=tuple(nearest[name] for name in names if name in nearest),
+        beyond=min(part.beyond for part in parts),
+        robot_checked=all(part.robot_checked for part in parts),
+        pairs_culled=sum(part.pairs_culled for part in parts),
+        pairs_exact=sum(part.pairs_exact for part in parts),
+        table=table,
+    )

@@ -1,0 +1,422 @@
+"""The straight road: gripper poses -> ends -> predictor -> shape -> clearance -> report.
+
+One :class:`Cycle` is called by the node, the bag replayer and the tests alike. It knows no ROS, no file and no viewer.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from time import perf_counter
+from typing import Any, final
+
+from numpy.typing import ArrayLike
+
+from cable_shape import checks
+from cable_shape.cable.cable import Cable
+from cable_shape.cable.harness import Harness
+from cable_shape.cycle.cable_cycle import CableCycle
+from cable_shape.cycle.harness_cycle import HarnessCycle, beside_each_other
+from cable_shape.errors import ArgumentError, StaleInputError
+from cable_shape.pose import Ends, FreeEnd, Grip, Pose
+from cable_shape.prediction.predictor import Predictor
+from cable_shape.safety.near import CableNear
+from cable_shape.safety.report import CycleReport
+from cable_shape.scene.plug import Plug
+from cable_shape.scene.scene import Clip, Obstacle, Scene
+from cable_shape.shape import CableShape
+from cable_shape.solve.problem import GRAVITY
+from cable_shape.solve.quasistatic import LIMIT
+from cable_shape.solve.touching.crossing import Crossing
+from cable_shape.uncertainty.tube_watch import TubeWatch
+from cable_shape.uncertainty.uncertainty import Uncertainty
+
+_LATEST = 2**63 - 1  # ns
+_HELD, _ENDS = (Pose, Grip), (Pose, Grip, FreeEnd)
+
+
+@final
+class Cycle:
+    """One control cycle for one or more cables.
+
+    Parameters
+    ----------
+    cables : Cable, or mapping of name to Cable or Harness
+        A single cable is named "cable". Segments of a harness "h" are "h/a" in clearance, margins, warnings and tubes;
+        it has no plug.
+    scene : Scene, optional
+    robot_links : sequence of Obstacle
+        Collision geometry of the robot, each with its `link` set (see ``Robot.link_geometry``).
+    gripping_links : sequence of str
+        Links that hold the cable; contact with them near the grips is neither solved for nor reported.
+    model, gravity, points, tolerance
+        As for :func:`cable_shape.predict`.
+    tails : mapping of cable name to mapping of "start" and "end" to a length [m], optional
+        What hangs beyond the grips, in place of the cable's own `tails`.
+    plugs : mapping of cable name to Plug, optional
+        In place of the scene's `plug`.
+    clips : mapping of cable name to sequence of Clip, optional
+        What holds that cable, in place of the scene's `clips`, which hold every cable.
+    distributed_load : (2, 3) array_like or mapping of cable name to (2, 3) array_like, optional
+        [N/m], world, at s = 0 and s = length, linear between, added to the weight; one for all cables, or each its own.
+    time_budget : float, optional
+        [s], of one prediction, see :class:`cable_shape.Predictor`.
+    snap_horizon : float
+        [s], where stability may be lost within this time at the present gripper speed, the snap is predicted; 0: never.
+    quasistatic_limit : float
+        Of the ratio of the cable's inertial load, as the grips move, to its weight, beyond which it is warned that the
+        prediction leaves the inertia out; 0: never.
+    uncertainty : Uncertainty or mapping of cable name to Uncertainty, optional
+        Makes a tube about every shape (`report.tubes`, `report.tail_tubes`); clearance is that of the tube then, and
+        margins and warnings of it, too.
+    """
+
+    def __init__(
+        self,
+        cables: Cable | Mapping[str, Cable | Harness],
+        *,
+        scene: Scene | None = None,
+        robot_links: Sequence[Obstacle] = (),
+        gripping_links: Sequence[str] = (),
+        model: str = "auto",
+        gravity: ArrayLike = GRAVITY,
+        points: int = 150,
+        tolerance: float | None = None,
+        tails: Mapping[str, Mapping[str, float]] | None = None,
+        plugs: Mapping[str, Plug] | None = None,
+        clips: Mapping[str, Sequence[Clip]] | None = None,
+        snap_horizon: float = 1.0,
+        distributed_load: ArrayLike | Mapping[str, ArrayLike] | None = None,
+        time_budget: float | None = None,
+        quasistatic_limit: float = LIMIT,
+        uncertainty: Uncertainty | Mapping[str, Uncertainty] | None = None,
+    ) -> None:
+        named, harnesses = _named(cables)
+        if scene is not None:
+            checks.instance("scene", scene, (Scene,), "Write Scene(obstacles=[...]), or Scene.from_yaml(path).")
+        robot_links = checks.entries("robot_links", robot_links, Obstacle)
+        gripping_links = checks.entries("gripping_links", gripping_links, str, "Give a list of link names.")
+        remedy = "Write {name of the cable: ..}."
+        for name, lengths in checks.mapping("tails", tails, named, remedy).items():
+            named[name] = named[name].replace(tails=lengths)
+        own_plugs = checks.mapping("plugs", plugs, named, remedy)
+        every = (*named, *harnesses)
+        own_clips = checks.mapping("clips", clips, every, remedy)
+        if isinstance(distributed_load, Mapping):
+            loads = checks.mapping("distributed_load", distributed_load, every, remedy)
+        else:
+            loads = dict.fromkeys(named, distributed_load)
+        horizon = checks.number("snap_horizon", snap_horizon, at_least=0.0, unit="s")
+        ratio = checks.number("quasistatic_limit", quasistatic_limit, at_least=0.0)
+        if isinstance(uncertainty, Uncertainty):
+            known: dict[str, Uncertainty] = dict.fromkeys(every, uncertainty)
+        else:
+            known = checks.mapping("uncertainty", uncertainty, every, f"Write Uncertainty(...). {remedy}")
+        for name, one in known.items():
+            checks.instance(f"uncertainty[{name!r}]", one, (Uncertainty,), "Write Uncertainty(...).")
+        self._named = named
+        self._scene = scene or Scene()
+        self._cables = {}
+        for name, cable in named.items():
+            own = self.scene
+            if name in own_clips:
+                own = dataclasses.replace(own, clips=own_clips[name])
+            options: dict[str, Any] = {
+                "gravity": gravity,
+                "points": points,
+                "scene": own,
+                "distributed_load": loads.get(name),
+                "time_budget": time_budget,
+                "robot_links": robot_links,
+                "gripping_links": gripping_links,
+            }
+            predictor = Predictor(cable, model=model, tolerance=tolerance, **options)
+            tubes = None
+            if known.get(name) is not None:
+                if not predictor.is_rod:
+                    bound = "only the Cosserat rod knows how its shapes change"
+                    raise ArgumentError.of("model", model, bound, "Choose 'cosserat' or 'auto', or no uncertainty.")
+                tubes = TubeWatch(cable, known[name], **options)
+            plug = own_plugs.get(name, self.scene.plug)
+            if plug is not None:
+                checks.instance(f"plugs[{name!r}]", plug, (Plug,), "Write Plug(socket).")
+                checks.one_of(f"plugs[{name!r}].socket", plug.socket, self.scene.sockets)
+            self._cables[name] = CableCycle(
+                name, predictor, own, robot_links, gripping_links, plug, horizon, len(named), tubes,
+                ratio if ratio > 0.0 else None,
+            )  # fmt: skip
+        self._harnesses: dict[str, HarnessCycle] = {}
+        segments: dict[str, Cable] = {}
+        joined: set[frozenset[str]] = set()
+        for name, harness in harnesses.items():
+            own = dataclasses.replace(self.scene, clips=own_clips[name]) if name in own_clips else self.scene
+            keywords = {
+                "model": model, "gravity": gravity, "points": points, "tolerance": tolerance,
+                "time_budget": time_budget, "distributed_load": loads.get(name),
+            }  # fmt: skip
+            made = self._harnesses[name] = HarnessCycle(
+                name, harness, own, robot_links, gripping_links, keywords, horizon, ratio if ratio > 0.0 else None,
+                known.get(name),
+            )  # fmt: skip
+            segments.update(made.cables)
+            joined |= beside_each_other(name, harness)
+        self._parts = {**named, **segments}
+        self._near = CableNear(self._parts, self.scene, robot_links, joined=joined)
+        self._crossing: tuple[tuple[str, ...], Crossing] | None = None
+        bodies = [body for cable in self._cables.values() for body in cable.predictor.problem.bodies]
+        bodies += [body for harness in self._harnesses.values() for body in harness.predictor.problem.bodies]
+        self._pushed = any(body.link is not None for body in bodies)
+        self._solves_crossing = len(named) > 1 and all(
+            cable.predictor.problem.solves_crossing for cable in self._cables.values()
+        )
+        if self._solves_crossing:
+            self._check_models()
+        self.last_stamp: int | None = None
+
+    @property
+    def cables(self) -> dict[str, Cable]:
+        """By name; of a Cycle they are fixed."""
+        return self._named
+
+    @property
+    def parts(self) -> dict[str, Cable]:
+        """The cables, and the segments of harnesses, by what clearance, margins and warnings call them."""
+        return self._parts
+
+    @property
+    def scene(self) -> Scene:
+        """Of a Cycle it is fixed."""
+        return self._scene
+
+    @scene.setter
+    def scene(self, scene: Scene) -> None:
+        raise ArgumentError(
+            "scene of a Cycle cannot be changed: what is known of it is worked out once. Make another one, "
+            "Cycle(cables, scene=scene), and step that; its first step starts afresh."
+        )
+
+    def step(
+        self,
+        grips: Mapping[str, Ends],
+        stamp: int,
+        links: Mapping[str, Pose] | Callable[[], Mapping[str, Pose] | None] | None = None,
+        early: Callable[[Mapping[str, CableShape]], None] | None = None,
+        *,
+        acceleration: Mapping[str, ArrayLike] | None = None,
+    ) -> CycleReport:
+        """Predicts every cable in `grips` and checks it against the scene.
+
+        Parameters
+        ----------
+        grips : mapping of cable name to (start, end)
+            Poses or Grips in the world; end None or a FreeEnd: nothing holds it. Of a harness the mapping of ends, see
+            :meth:`cable_shape.prediction.harness_predictor.HarnessPredictor.predict`; its shape is a
+            :class:`HarnessShape`.
+        stamp : int
+            [ns], must not be older than the stamp of the last step.
+        links : mapping of robot link to its Pose in the world, optional
+            Without it, clearance to the robot is reported as not checked, and its links keep no cable out. A function
+            is asked for them after `early`, or before the prediction where links keep the cable out.
+        early : callable, optional
+            Is given the shapes as soon as they are predicted, before clearance, margins and warnings.
+        acceleration : mapping of cable name to (3,) or (m, 3) array_like, optional
+            [m/s^2], world, of cables in `grips` in this step, uniform in arc length, see
+            :meth:`cable_shape.Predictor.predict`; the others are at rest, and so are tails. Of a cable whose
+            acceleration is given no QUASISTATIC margin is told: its inertia is part of the load.
+
+        Raises
+        ------
+        StaleInputError
+            If `stamp` goes backwards. `reset` forgets the last stamp (a bag that loops).
+        ArgumentError
+            For a cable that does not exist, or an acceleration that is none, or that the model does not know.
+        """
+        if type(stamp) is not int or not -_LATEST <= stamp <= _LATEST:
+            stamp = checks.integer("stamp", stamp, at_least=-_LATEST, at_most=_LATEST)
+        if type(grips) is not dict and not isinstance(grips, Mapping):
+            raise ArgumentError.of("grips", grips, "it must be a mapping", "Write {name of the cable: (start, end)}.")
+        if early is not None and not callable(early):
+            raise ArgumentError.of("early", early, "it must be a function", "Leave it out, or give one.")
+        if self.last_stamp is not None and stamp < self.last_stamp:
+            raise StaleInputError(
+                f"stamp = {stamp} ns is {(self.last_stamp - stamp) * 1e-9:.6f} s older than the last one, "
+                f"{self.last_stamp} ns. Drop it, or call reset() if the clock was set back or a bag loops."
+            )
+        began = perf_counter()
+        cables = {}
+        held = {name: self._harnesses[name] for name in grips if name in self._harnesses}
+        for name in grips:
+            if name in held:
+                continue
+            cable = self._cables.get(name)
+            if cable is None:
+                known_ones = ", ".join((*self._cables, *self._harnesses))
+                raise ArgumentError.of("cable", name, "no such cable", f"Known: {known_ones}.")
+            _check_ends(name, grips[name])
+            cables[name] = cable
+        moving = checks.mapping("acceleration", acceleration, grips, "Write {name of the cable: (ax, ay, az)}.")
+        if moving or self._solves_crossing:
+            for name, cable in cables.items():
+                _accelerate(name, cable.predictor, moving.get(name))
+        placed = (links() if self._pushed else None) if callable(links) else links
+        together = self._together(grips, placed) if self._solves_crossing else {}
+        shapes: dict[str, Any] = {
+            name: cable.predict(grips[name], placed, together.get(name), moving.get(name))
+            for name, cable in cables.items()
+        }
+        single = dict(shapes)
+        parts: dict[str, dict[str, CableShape]] = {}
+        for name, harness in held.items():
+            shapes[name] = harness.predict(grips[name], placed, moving.get(name))  # type: ignore[arg-type]
+            parts[name] = harness.parts(shapes[name])
+            single.update(parts[name])
+        predicted = perf_counter()
+        if early is not None:
+            early(shapes)
+        if callable(links) and not self._pushed:
+            placed = links()
+        resumed = perf_counter()
+        tubes = {name: cable.spread(shapes[name], grips[name], placed, stamp) for name, cable in cables.items()}
+        known = {name: tube for name, tube in tubes.items() if tube is not None}
+        for name, harness in held.items():
+            known.update(harness.spread(shapes[name], grips[name], stamp))  # type: ignore[arg-type]
+        swell = {name: float(tube.radius.max()) for name, tube in known.items()}
+        clearance = {name: cable.check(shapes[name], placed) for name, cable in cables.items()}
+        for name, harness in held.items():
+            clearance.update(harness.check(parts[name], placed))
+        if self.scene.contact != "off":
+            clearance = self._near.added(single, clearance, swell)
+        for name, tube in known.items():
+            clearance[name] = dataclasses.replace(clearance[name], confidence=tube.confidence, holds=tube.holds)
+        checked = perf_counter()
+        margins = {
+            name: cable.margins(shapes[name], clearance[name], grips[name], stamp) for name, cable in cables.items()
+        }
+        for name, harness in held.items():
+            margins.update(harness.margins(shapes[name], clearance, stamp))
+        measured = perf_counter()
+        warnings = tuple(
+            warning
+            for name, cable in cables.items()
+            for warning in cable.warnings(shapes[name], clearance[name], margins[name])
+        )
+        for name, harness in held.items():
+            warnings = (*warnings, *harness.warnings(parts[name], clearance, margins))
+        plugs = {name: cable.plug_error(shapes[name]) for name, cable in cables.items()}
+        ended = perf_counter()
+        self.last_stamp = stamp
+        return CycleReport(
+            stamp=stamp,
+            grips={name: ends if name in held else tuple(ends) for name, ends in grips.items()},  # type: ignore[misc]
+            links=placed,
+            shapes=shapes,
+            clearance=clearance,
+            warnings=warnings,
+            times={
+                "predict": predicted - began,
+                "clearance": checked - resumed,
+                "margins": measured - checked,
+                "warnings": ended - measured,
+                "total": predicted - began + ended - resumed,
+            },
+            skipped={
+                "reused": sum(s.reused for s in shapes.values()),
+                "pairs_culled": sum(c.pairs_culled for c in clearance.values()),
+                "snap_checks": sum(cable.snap_skipped for cable in cables.values())
+                + sum(harness.stability.snaps.skipped for harness in held.values()),
+                "crossings": self._crossings_skipped(cables),
+            },
+            margins=margins,
+            tails={
+                **{(name, side): tail for name, cable in cables.items() for side, tail in cable.tails.items()},
+                **{key: tail for harness in held.values() for key, tail in harness.tails.items()},
+            },
+            after_snap={
+                **{name: cable.after_snap for name, cable in cables.items() if cable.after_snap is not None},
+                **{one: shape for harness in held.values() for one, shape in harness.after_snap.items()},
+            },
+            plugs={name: error for name, error in plugs.items() if error is not None},
+            tubes=known,
+            tail_tubes={
+                (name, side): tube for name, cable in cables.items() for side, tube in cable.tail_tubes.items()
+            },
+        )
+
+    def _together(self, grips: Mapping[str, Ends], links: Mapping[str, Pose] | None) -> dict[str, CableShape]:
+        """The shapes of all the cables in `grips`, out of each other."""
+        names = tuple(grips)
+        predictors = [self._cables[name].predictor for name in names]
+        if self._crossing is None or self._crossing[0] != names:
+            crossing = Crossing(names, predictors, predictors[0].time_budget)
+            self._crossing = names, crossing
+            for i, predictor in enumerate(predictors):
+                predictor.join(crossing, i)
+        for predictor, (start, end) in zip(predictors, grips.values(), strict=True):
+            predictor.problem.move(start, end, links)
+        return dict(zip(names, self._crossing[1].solve(), strict=True))
+
+    def _crossings_skipped(self, cables: Mapping[str, CableCycle]) -> int:
+        """Pairs of cables, each with itself included, that bounds told not to have touched."""
+        if self._crossing is not None:
+            return self._crossing[1].culled
+        return sum(cable.predictor.pairs_apart for cable in cables.values())
+
+    def _check_models(self) -> None:
+        """Only the rod rests on other cables."""
+        for name, cable in self._cables.items():
+            if not cable.predictor.is_rod:
+                raise ArgumentError.of(
+                    "scene.contact",
+                    self.scene.contact,
+                    f"the model of cable {name!r} knows no contact with other cables",
+                    "Write contact='warn', or choose model='cosserat' and a bending stiffness above 0 N m^2.",
+                )
+
+    def reset(self) -> None:
+        """Forgets the last stamp, the warm start, speeds and standing warnings: the next step starts afresh."""
+        self.last_stamp = None
+        if self._crossing is not None:
+            self._crossing[1].reset()
+        for cable in self._cables.values():
+            cable.reset()
+        for harness in self._harnesses.values():
+            harness.reset()
+
+
+def _named(cables: Cable | Mapping[str, Cable | Harness]) -> tuple[dict[str, Cable], dict[str, Harness]]:
+    """The cables and the harnesses by name; a cable that is alone is named "cable"."""
+    if isinstance(cables, Cable):
+        return {"cable": cables}, {}
+    if isinstance(cables, Harness):  # type: ignore[unreachable]
+        raise ArgumentError.of("cables", cables, "a harness needs a name", "Write Cycle({'h': harness}).")
+    if not isinstance(cables, Mapping):
+        raise ArgumentError.of("cables", cables, "it must be a Cable or a mapping", "Write {name: Cable(...)}.")
+    if not cables:
+        raise ArgumentError("cables = {} is not allowed: there must be at least one. Give a Cable.")
+    for name, cable in cables.items():
+        checks.word("cables", name)
+        checks.instance(f"cables[{name!r}]", cable, (Cable, Harness), "Write Cable(length=..., ...).")
+    return (
+        {name: cable for name, cable in cables.items() if isinstance(cable, Cable)},
+        {name: cable for name, cable in cables.items() if isinstance(cable, Harness)},
+    )
+
+
+def _accelerate(name: str, predictor: Predictor, acceleration: ArrayLike | None) -> None:
+    """Tells how a cable moves; what is refused, before any is predicted, is said to be this cable's."""
+    try:
+        predictor.accelerate(acceleration)
+    except ArgumentError as error:
+        raise ArgumentError(f"acceleration[{name!r}]: {error}") from None
+
+
+def _check_ends(name: str, ends: Any) -> None:
+    """Refuses what is no pair of ends."""
+    if not isinstance(ends, (tuple, list)) or len(ends) != 2:
+        raise ArgumentError.of(f"grips[{name!r}]", ends, "it must be (start, end)", "Write (Pose(...), Pose(...)).")
+    start, end = ends
+    if not isinstance(start, _HELD):
+        raise ArgumentError.of(f"grips[{name!r}][0]", start, "it must be a Pose or a Grip", "Write Pose(position, ..).")
+    if end is not None and not isinstance(end, _ENDS):
+        bound = "it must be a Pose, a Grip, a FreeEnd or None"
+        raise ArgumentError.of(f"grips[{name!r}][1]", end, bound, "Write Pose(position, quaternion).")

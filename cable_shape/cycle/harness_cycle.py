@@ -1,0 +1,213 @@
+"""What a cycle does for one harness: predict it, and check and judge every segment."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cable_shape.cable.harness import Harness, split_end
+from cable_shape.cycle.cable_cycle import check_parts
+from cable_shape.cycle.harness_stability import HarnessStability
+from cable_shape.pose import Grip, Pose
+from cable_shape.prediction.harness_predictor import HarnessPredictor
+from cable_shape.prediction.tails import Tail, held_frame
+from cable_shape.safety.clearance import ClearanceChecker
+from cable_shape.safety.margins import MarginWatch
+from cable_shape.safety.report import CableWarning, Clearance, Margin, WarningKind
+from cable_shape.safety.warnings import Standing, narrow_warning, tail_warning, tube_warning, warnings_of
+from cable_shape.scene.scene import Obstacle, Scene
+from cable_shape.shape import CableShape
+from cable_shape.solve.harness_problem import End
+from cable_shape.solve.harness_shape import HarnessShape
+from cable_shape.uncertainty.harness_tube_watch import HarnessTubeWatch
+from cable_shape.uncertainty.uncertainty import Tube, Uncertainty
+
+Links = Mapping[str, Pose] | None
+
+
+def cable_id(name: str, segment: str) -> str:
+    """What a segment of a harness is called in reports and messages: "harness/segment"."""
+    return f"{name}/{segment}"
+
+
+def beside_each_other(name: str, harness: Harness) -> set[frozenset[str]]:
+    """Pairs of segments, by their ids, that meet in a junction: their clearance there is no clearance."""
+    out = set()
+    for junction in harness.junctions:
+        ids = {cable_id(name, end.rpartition(".")[0]) for end in junction.ends}
+        out |= {frozenset((a, b)) for a in ids for b in ids if a != b}
+    return out
+
+
+@final
+class HarnessCycle:
+    """One harness, cycle by cycle. Parameters are those of :class:`cable_shape.Cycle`.
+
+    How far its inertia counts is judged segment by segment, from how the ends of each move in the prediction.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        harness: Harness,
+        scene: Scene,
+        robot_links: Sequence[Obstacle],
+        gripping_links: Sequence[str],
+        options: Mapping[str, Any],
+        snap_horizon: float,
+        quasistatic_limit: float | None,
+        uncertainty: Uncertainty | None,
+    ) -> None:
+        self.name, self.scene = name, scene
+        self.predictor = HarnessPredictor(
+            harness, scene=scene, robot_links=robot_links, gripping_links=gripping_links, **options
+        )
+        self.cables = {cable_id(name, segment): cable for segment, cable in harness.segments.items()}
+        may_be_held = {cable_id(name, split_end(end)[0]) for end in harness.open_ends}
+        self._checkers = {
+            one: ClearanceChecker(
+                scene,
+                cable=cable,
+                robot_links=robot_links,
+                gripping_links=gripping_links if one in may_be_held else (),
+            )
+            for one, cable in self.cables.items()
+        }
+        gravity = self.predictor.problem.gravity
+        self._watches = {
+            one: MarginWatch(cable, scene, gravity=gravity, quasistatic_limit=quasistatic_limit)
+            for one, cable in self.cables.items()
+        }
+        self._standing = {one: Standing(scene) for one in self.cables}
+        self.stability = HarnessStability(self.predictor, snap_horizon)
+        self._known = None if uncertainty is None else HarnessTubeWatch(harness, uncertainty, scene=scene, **options)
+        self._tails: dict[str, Tail] = {}
+        for end, long in harness.tails.items():
+            segment, side = split_end(end)
+            points = self.predictor.problem.points
+            self._tails[end] = Tail(harness.segments[segment], side, long, gravity=gravity, points=points)
+        self.tails: dict[tuple[str, str], CableShape] = {}  # by id of the segment and side
+        self.tubes: dict[str, Tube] = {}  # of the last shape's segments, if they are asked for and known
+        self._moving: Mapping[str, ArrayLike] | None = None  # acceleration of the last shape
+
+    def reset(self) -> None:
+        """Forgets everything from before."""
+        self.predictor.reset()
+        for watch in self._watches.values():
+            watch.reset()
+        for standing in self._standing.values():
+            standing.reset()
+        self.stability.reset()
+        for tail in self._tails.values():
+            tail.reset()
+        self.tubes, self.tails = {}, {}
+        if self._known is not None:
+            self._known.reset()
+
+    def predict(
+        self, ends: Mapping[str, End], links: Links, acceleration: Mapping[str, ArrayLike] | None
+    ) -> HarnessShape:
+        """The shape of the harness, and those of tails beyond its grips into `tails`."""
+        self._moving = acceleration
+        shape = self.predictor.predict(ends, links=links, acceleration=acceleration)
+        self.tails = {}
+        for end, tail in self._tails.items():
+            held, (segment, side) = ends.get(end), split_end(end)
+            if isinstance(held, (Pose, Grip)):
+                there = held_frame(held, shape.segments[segment], side)
+                self.tails[cable_id(self.name, segment), side] = tail.predict(there)
+        return shape
+
+    def spread(self, shape: HarnessShape, ends: Mapping[str, End], stamp: int) -> dict[str, Tube]:
+        """The tubes of the segments of the shape just predicted, if they are asked for and known; kept."""
+        inertia = 0.0  # in the load already
+        if self._moving is None:
+            ratios = [
+                self._watches[one].inertia(part, (_frame(part, 0), _frame(part, -1)), stamp)
+                for one, part in (self.parts(shape) if shape.status else {}).items()
+            ]
+            inertia = math.nan if any(map(math.isnan, ratios)) else max(ratios, default=math.nan)
+        if self._known is not None:
+            found = self._known.tubes(self.predictor, shape, ends, self._moving, inertia)
+            self.tubes = {cable_id(self.name, segment): tube for segment, tube in found.items()}
+        return self.tubes
+
+    def parts(self, shape: HarnessShape) -> dict[str, CableShape]:
+        """The shapes of the segments, by their ids."""
+        return {cable_id(self.name, segment): one for segment, one in shape.segments.items()}
+
+    def check(self, shapes: Mapping[str, CableShape], links: Links) -> dict[str, Clearance]:
+        """The clearance of every segment."""
+        if self.scene.contact == "off":
+            return {one: Clearance(beyond=0.0, robot_checked=links is not None) for one in shapes}
+        hanging: dict[str, list[tuple[Tail, CableShape, Tube | None]]] = {one: [] for one in shapes}
+        for (one, side), tail in self.tails.items():
+            hanging[one].append((self._tails[f"{one.rpartition('/')[2]}.{side}"], tail, None))
+        return {
+            one: check_parts(self._checkers[one], shape, self.tubes.get(one), hanging[one], links)
+            for one, shape in shapes.items()
+        }
+
+    def margins(
+        self, shape: HarnessShape, clearance: Mapping[str, Clearance], stamp: int
+    ) -> dict[str, tuple[Margin, ...]]:
+        """How far trouble is of every segment, stability with the one that turns most; times from two cycles."""
+        found = {
+            one: self._watches[one].margins(part, clearance[one], stamp) for one, part in self.parts(shape).items()
+        }
+        if self._moving is not None:  # the prediction does not leave it out
+            found = {
+                one: tuple(m for m in margins if m.kind is not WarningKind.QUASISTATIC)
+                for one, margins in found.items()
+            }
+        self.stability.judge(shape, stamp)
+        if self.stability.margin is not None:
+            softest = cable_id(self.name, self.stability.segment)
+            found[softest] = (*found[softest], self.stability.margin)
+        return found
+
+    @property
+    def after_snap(self) -> dict[str, CableShape]:
+        """The segments after a snap that is about to come."""
+        after = self.stability.snaps.after
+        return self.parts(after) if isinstance(after, HarnessShape) else {}
+
+    def warnings(
+        self,
+        shapes: Mapping[str, CableShape],
+        clearance: Mapping[str, Clearance],
+        margins: Mapping[str, tuple[Margin, ...]],
+    ) -> list[CableWarning]:
+        """What to say of every segment."""
+        tolerance = self.predictor.problem.tolerance
+        more = self.stability.warning(self.name)
+        first, shape = next(iter(shapes.items()))
+        if self._known is not None and self._known.trouble and shape.status:
+            more.append(tube_warning(first, shape, self._known.trouble))
+        elif first in self.tubes and not self.tubes[first].holds:
+            more.append(narrow_warning(first, self.tubes[first]))
+        more += [tail_warning(one, side, tail) for (one, side), tail in self.tails.items() if not tail.status]
+        return more + [
+            warning
+            for one, shape in shapes.items()
+            for warning in warnings_of(
+                one,
+                self.cables[one],
+                self.scene,
+                shape,
+                clearance[one],
+                tolerance=tolerance,
+                margins=margins[one],
+                standing=self._standing[one],
+                period=self._watches[one].period,
+            )
+        ]
+
+
+def _frame(shape: CableShape, row: int) -> Pose:
+    """The cable frame at an end of a segment."""
+    return Pose.trusted(np.concatenate((shape.positions[row], shape.quaternions[row])))

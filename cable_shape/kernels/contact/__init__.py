@@ -1,0 +1,1 @@
+"""Cables pressed on bodies and on each other, compiled."""

@@ -1,0 +1,66 @@
+"""Which cables cannot have touched since their last shapes, by bounds that never rule out one that has."""
+
+from __future__ import annotations
+
+import math
+
+from cable_shape.checks import Array
+from cable_shape.kernels._jit import kernel
+from cable_shape.kernels.distance.cable_near import HALF_CIRCLE, TURN, apart_for_good, bound, spheres_around, turning
+
+
+@kernel
+def boxes_apart(p: Array, p_then: Array, r: Array, r_then: Array, reach: float) -> bool:
+    """Whether the box around both shapes (n, 3) of one cable is further than `reach` [m] from that of the other.
+
+    Shapes in between, linear in time, are in those boxes, too.
+    """
+    for c in range(3):
+        low = min(p[:, c].min(), p_then[:, c].min())
+        high = max(p[:, c].max(), p_then[:, c].max())
+        other_low = min(r[:, c].min(), r_then[:, c].min())
+        other_high = max(r[:, c].max(), r_then[:, c].max())
+        if low > other_high + reach or other_low > high + reach:
+            return True
+    return False
+
+
+@kernel
+def leans(p: Array, x: float, y: float, z: float) -> bool:
+    """Whether every piece of a centreline leads so far along a direction that no two of them can count as near.
+
+    Chords of at least 2/pi of their length along one direction leave one of at least that to all that lies between.
+    """
+    for i in range(p.shape[0] - 1):
+        a, b, c = p[i + 1, 0] - p[i, 0], p[i + 1, 1] - p[i, 1], p[i + 1, 2] - p[i, 2]
+        if not a * x + b * y + c * z >= 1.01 * HALF_CIRCLE * math.sqrt(a * a + b * b + c * c):
+            return False
+    return True
+
+
+@kernel
+def apart_from_itself(p: Array, s: Array, p_then: Array, shortest: float, reach: float, far: float) -> bool:
+    """Whether a cable cannot have come near itself since then.
+
+    It cannot if both shapes lean along their chord, for so do all shapes between them, linear in time; nor if no chunks
+    of it are within `reach` [m], see `cable_near`, and none has moved by `far` [m].
+    """
+    last = p.shape[0] - 1
+    x, y, z = p[last, 0] - p[0, 0], p[last, 1] - p[0, 1], p[last, 2] - p[0, 2]
+    size = math.sqrt(x * x + y * y + z * z)
+    if size > 0.0 and leans(p, x / size, y / size, z / size) and leans(p_then, x / size, y / size, z / size):
+        return True
+    for i in range(p.shape[0]):
+        x, y, z = p[i, 0] - p_then[i, 0], p[i, 1] - p_then[i, 1], p[i, 2] - p_then[i, 2]
+        if x * x + y * y + z * z >= far * far:
+            return False
+    turned = turning(p)
+    if turned[-1] < TURN:
+        return True
+    u = spheres_around(p)
+    for k in range(u.shape[0]):
+        for m in range(k, u.shape[0]):
+            low = bound(u, u, k, m)
+            if low <= reach and not apart_for_good(low, s, turned, k, m, shortest):
+                return False
+    return True

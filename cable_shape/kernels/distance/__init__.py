@@ -1,0 +1,1 @@
+"""Distances of cables, bodies and meshes, compiled."""

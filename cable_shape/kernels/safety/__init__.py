@@ -1,0 +1,1 @@
+"""Loads, margins, tubes and batches, compiled."""

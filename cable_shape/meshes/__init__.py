@@ -1,1 +1,0 @@
-"""Triangle meshes: files, and the tree that clearance searches."""

@@ -1,0 +1,1 @@
+"""What messages carry, without ROS: their fields, their stamps, their frames."""

@@ -1,1 +1,0 @@
-"""One solver a file: `solve(problem, guess) -> CableShape`."""

@@ -1,0 +1,1 @@
+"""Many grasps and whole motions at once, for planners."""

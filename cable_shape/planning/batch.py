@@ -1,0 +1,384 @@
+"""Many grasps at once: :func:`predict_batch`.
+
+The rod starts each row from a shape that was solved at the centre of the row's cell, a cell of a fixed lattice in the
+space of grasps (:mod:`cable_shape.kernels.network.batch_cells`): rows in one cell share that start, its mesh and the
+factors that move it, to first order, to the row's own ends (:mod:`cable_shape.kernels.safety.batch_rows`). A row that
+is not reached so is solved by itself, from nothing. Either way a row's answer depends on its own ends and on nothing
+else.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from time import perf_counter
+from typing import Any, final, overload
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cable_shape import checks
+from cable_shape.cable.cable import Cable
+from cable_shape.cable.harness import Harness
+from cable_shape.checks import Array
+from cable_shape.errors import ArgumentError
+from cable_shape.kernels.network import batch_cells, beside, drive
+from cable_shape.kernels.network.newton import CONVERGED, I_ITERATIONS
+from cable_shape.kernels.safety import batch_rows
+from cable_shape.kernels.safety import loads_used as margins
+from cable_shape.planning.batch_spread import BatchTube, check_tube
+from cable_shape.planning.harness_batch import MOST_NUMBERS, HarnessBatch, Tables, pose_table, predict_rows
+from cable_shape.planning.shape_batch import ShapeBatch
+from cable_shape.pose import GRIP_KINDS, FreeEnd, Grip, Pose
+from cable_shape.prediction.predictor import _NOT_GIVEN, Predictor
+from cable_shape.safety.clearance import ClearanceChecker
+from cable_shape.safety.margins import MarginWatch
+from cable_shape.safety.report import LOAD_MARGINS
+from cable_shape.scene.scene import Scene
+from cable_shape.shape import NUMBERS_PER_POINT, Status
+from cable_shape.solve import cosserat
+from cable_shape.solve.network import Network
+from cable_shape.solve.problem import GRAVITY
+from cable_shape.uncertainty.uncertainty import Uncertainty
+
+MOST_THREADS = 1024
+#: Units of the lattice of cells: this fraction of the cable's length, and radians.
+CELL_REACH, CELL_TURN = 0.25, 0.3
+#: In clips: the first as a fraction of the shortest stretch between supports, which a grip leaves little room.
+REACH_IN_CLIPS = 0.15
+#: The grips of a cell's shape are at most this fraction of the length apart.
+LONGEST_CHORD = 0.95
+#: Rows in one task.
+TASK_ROWS = 128
+
+#: Codes of `batch_rows.solve_rows` that tell nothing of other shapes.
+_ALONE = (CONVERGED, batch_rows.COARSE, batch_rows.LOST, drive.TAUT)
+
+Rows = NDArray[np.int64]
+
+
+@overload
+def predict_batch(cable: Cable, starts: ArrayLike, ends: ArrayLike | FreeEnd | None, **_: Any) -> ShapeBatch: ...
+@overload
+def predict_batch(cable: Harness, starts: Tables, **_: Any) -> HarnessBatch: ...
+def predict_batch(  # type: ignore[misc]
+    cable: Cable | Harness,
+    starts: Any,
+    ends: Any = _NOT_GIVEN,
+    *,
+    start_kind: str = "clamped",
+    end_kind: str = "clamped",
+    model: str = "auto",
+    gravity: ArrayLike = GRAVITY,
+    scene: Scene | None = None,
+    points: int = 150,
+    tolerance: float | None = None,
+    distributed_load: Any = None,
+    acceleration: Any = None,
+    threads: int | None = None,
+    time_limit: float | None = None,
+    uncertainty: Uncertainty | None = None,
+    kinds: Mapping[str, str] | None = None,
+) -> Any:
+    """The shapes of one cable for many pairs of ends, or of one harness for many rows, with clearance and margins.
+
+    The order of the rows, the other rows and the number of threads change no bit of a row.
+
+    Parameters
+    ----------
+    starts, ends : (k, 7) array_like
+        Position [m] and quaternion x y z w of the cable frame at each end, in the world. `ends` may be a FreeEnd, which
+        is that of all rows, or None: free without load. Of a harness `starts` alone: a mapping of held ends to such
+        tables, and of free ones to FreeEnd; the answer is a :class:`cable_shape.planning.harness_batch.HarnessBatch`.
+    start_kind, end_kind : str
+        How grips hold the ends: "clamped", "swivel" or "pinned", as of :class:`Grip`.
+    kinds : mapping of end to str, optional
+        The same of a harness.
+    model, gravity, points, tolerance, scene, distributed_load, acceleration
+        As for :func:`predict`, the same for all rows. Other models than the rod, clips of kind "slide" and contact are
+        solved row by row and far more slowly, and so are harnesses. Obstacles on robot links are left out.
+    threads : int, optional
+        Default: as many as there are cores to run on.
+    time_limit : float, optional
+        [s]; after it what is done is returned, see `done` and `partial`; looked at between tasks of some 10 ms.
+    uncertainty : Uncertainty, optional
+        Gives every row a tube, to first order in all that is not known, see `ShapeBatch.radius`; distances and what
+        they use of their margins are those of the tube then. Of the rod, without eyelets and contact. The poses
+        that are not exactly known are those of `starts` and `ends`.
+
+    Raises
+    ------
+    ArgumentError
+        Naming the value, the bound and the remedy; not for the numbers in a row, see `errors`.
+    """
+    began = perf_counter()
+    if threads is not None:
+        checks.integer("threads", threads, at_least=1, at_most=MOST_THREADS)
+    if isinstance(cable, Harness):
+        of_cables = {"start_kind": start_kind, "end_kind": end_kind, "uncertainty": uncertainty, "ends": ends}
+        for name, value in of_cables.items():
+            given = value is not None and value is not _NOT_GIVEN
+            if given and not (isinstance(value, str) and value == "clamped"):
+                remedy = "Write predict_batch(harness, {'a.start': table, ...}, kinds={...})."
+                raise ArgumentError.of(name, value, "it is known of cables only", remedy)
+        return predict_rows(
+            cable, starts, kinds=kinds, scene=scene, acceleration=acceleration, time_limit=time_limit, model=model,
+            gravity=gravity, points=points, tolerance=tolerance, distributed_load=distributed_load,
+        )  # fmt: skip
+    if ends is _NOT_GIVEN:
+        raise ArgumentError("ends is missing. Write predict_batch(cable, starts, ends); None is a free end.")
+    if kinds is not None:
+        raise ArgumentError.of("kinds", kinds, "a cable has two ends", "Write start_kind=.., end_kind=...")
+    predictor = Predictor(
+        cable,
+        model=model,
+        gravity=gravity,
+        points=points,
+        tolerance=tolerance,
+        scene=scene,
+        distributed_load=distributed_load,
+    )
+    if threads is None:
+        threads = len(os.sched_getaffinity(0))
+    deadline = math.inf
+    if time_limit is not None:
+        deadline = began + checks.number("time_limit", time_limit, above=0.0, unit="s")
+    if acceleration is not None:
+        predictor.accelerate(acceleration)
+    checks.one_of("start_kind", start_kind, GRIP_KINDS)
+    checks.one_of("end_kind", end_kind, GRIP_KINDS)
+    poses = pose_table("starts", starts)
+    free = FreeEnd() if ends is None else ends if isinstance(ends, FreeEnd) else None
+    how = start_kind, end_kind if free is None else free
+    others = poses.copy() if isinstance(ends, FreeEnd) or ends is None else pose_table("ends", ends)
+    work = _Work(predictor, poses, others, how, acceleration, deadline, uncertainty)
+    if work.network is not None:
+        work.solve_cells(threads)
+    work.solve_left()
+    batch = work.batch
+    for kept in (batch.buffer, batch.info, batch.tables, batch.margin_rows):
+        kept[~batch.done] = math.nan
+    batch.tables[np.isinf(batch.distances), 1:] = math.nan
+    batch.margin_rows[np.isnan(batch.used)] = math.nan
+    batch.partial = not bool((batch.done | work.invalid).all())
+    batch.time = perf_counter() - began
+    return batch
+
+
+_Task = tuple[Rows, Rows]
+
+
+@final
+class _Work:
+    """One call of :func:`predict_batch`."""
+
+    def __init__(
+        self,
+        predictor: Predictor,
+        starts: Array,
+        ends: Array,
+        how: tuple[str, str | FreeEnd],
+        acceleration: ArrayLike | None,
+        deadline: float,
+        uncertainty: Uncertainty | None,
+    ) -> None:
+        if starts.shape != ends.shape:
+            raise ArgumentError.of(
+                "ends", f"{len(ends)} rows", f"it must have as many as starts, {len(starts)}", "Give a pose a row."
+            )
+        problem = predictor.problem
+        cable, scene = predictor.cable, predictor.scene or Scene()
+        if len(starts) * problem.points * NUMBERS_PER_POINT > MOST_NUMBERS:
+            most = MOST_NUMBERS // (problem.points * NUMBERS_PER_POINT)
+            raise ArgumentError.of(
+                "starts", f"{len(starts)} rows", f"{most} rows of {problem.points} points are allowed", "Split them."
+            )
+        self.predictor, self.problem, self.deadline = predictor, problem, deadline
+        self.starts, self.ends, self.how, self.acceleration = starts, ends, how, acceleration
+        rod = cable.mean_bending_stiffness > 0.0 and predictor.model in ("cosserat", "auto")
+        #: What all rows share, if they are solved together.
+        alone = scene.contact == "solve" or any(clip.kind == "slide" for clip in problem.clips) or bool(cable.sections)
+        self.network = None if alone or not rod else self._shared()
+        if uncertainty is not None:
+            check_tube(uncertainty, predictor, self.network)
+        self.tube = BatchTube(self.network, uncertainty)
+        judged = [] if scene.contact == "off" else [body for body in scene.obstacles if body.link is None]
+        self.checker = ClearanceChecker(
+            Scene(obstacles=judged, warn_distance=scene.warn_distance, error_distance=scene.error_distance),
+            cable=cable,
+        )
+        self.watch = MarginWatch(cable, scene)
+        self.batch = ShapeBatch(
+            len(starts), problem.points, cable.length, self.checker.names, self.checker.horizon, len(problem.clips)
+        )
+        if uncertainty is not None:
+            self.batch.confidence = uncertainty.confidence
+            self.batch.radius = np.full((len(starts), problem.points), math.nan)
+        self.invalid: NDArray[np.bool_] = np.zeros(len(starts), np.bool_)
+        for name, poses in (("starts", starts), ("ends", ends)):
+            self._check(name, poses)
+
+    def _shared(self) -> Network:
+        """The cable as all rows hold it."""
+        network = Network(self.problem)
+        network.tolerance = beside.SHARE * self.problem.tolerance
+        network.aim(*self._grips(Pose(), Pose()))
+        return network
+
+    def _grips(self, start: Pose, end: Pose) -> tuple[Grip, Grip | FreeEnd]:
+        """What holds the ends of a row."""
+        kind, other = self.how
+        return Grip(start, kind), other if isinstance(other, FreeEnd) else Grip(end, other)
+
+    def _check(self, name: str, poses: Array) -> None:
+        """Normalises the quaternions, and puts rows that are not valid into the errors."""
+        given = poses.copy()
+        off = np.empty(len(poses))
+        batch_cells.normalise(poses, off)
+        for row in np.flatnonzero(~(off <= checks.QUATERNION_TOLERANCE)).tolist():
+            try:
+                Pose(given[row, :3], given[row, 3:])
+            except ArgumentError as error:
+                self.invalid[row] = True
+                self.batch.errors.setdefault(row, ArgumentError(f"{name}[{row}]: {error}"))
+                self.batch.details.setdefault(row, f"{name}[{row}]: {error}")
+
+    # -- many rows from one shape
+
+    def solve_cells(self, threads: int) -> None:
+        """Every valid row that its cell's shape leads to, in tasks that share nothing but what they read."""
+        rows = np.flatnonzero(~self.invalid)
+        starts, ends = self.starts[rows], self.ends[rows]
+        told, judged, found = self._told(), self._judged(), self._found()
+        wide = batch_cells.IN_CLIPS if self.problem.clips else batch_cells.DIMENSIONS
+        cells = np.empty((len(rows), wide), np.int64)
+
+        def find(a: int, b: int) -> None:
+            batch_cells.keys(starts[a:b], ends[a:b], told.reach, told.turn, cells[a:b])
+
+        def solve(task: _Task) -> None:
+            self._solve(task, told, judged, found)
+
+        with ThreadPoolExecutor(threads) as pool:
+            run = map if threads == 1 else pool.map
+            cuts = np.linspace(0, len(rows), threads + 1).astype(int).tolist()
+            for _ in run(find, cuts[:-1], cuts[1:]):
+                pass
+            order = np.lexsort(cells.T)
+            for _ in run(solve, self._tasks(rows[order], cells[order])):
+                pass
+        self.batch.tell_several_by(cells, rows, lambda keys: _several(told, keys))
+
+    def _told(self) -> beside.Told:
+        """The cable, as compiled code takes it."""
+        network, length = self.network, self.problem.cable.length
+        assert network is not None
+        reach, longest = CELL_REACH * length, math.inf
+        if self.problem.clips:
+            reach = REACH_IN_CLIPS * float(np.diff(network.arcs).min())
+        elif self.problem.cable.axial_stiffness is None:
+            longest = LONGEST_CHORD * length
+        return beside.Told(
+            network.bare, network.held, network.knots, network.stops, network.finer(1.0), self.problem.tolerance,
+            reach, CELL_TURN, longest,
+        )  # fmt: skip
+
+    def _judged(self) -> batch_rows.Judged:
+        """What shapes are judged by, likewise."""
+        watch, checker = self.watch, self.checker
+        assert self.network is not None
+        end = self._grips(Pose(), Pose())[1]
+        masses, held = self.network.masses(end), isinstance(end, Grip)
+        return batch_rows.Judged(
+            watch.pieces, watch.warn, watch.soft, held, masses, checker.radius, checker.horizon, *checker.tables
+        )
+
+    def _found(self) -> batch_rows.Found:
+        """Where compiled code puts what it finds."""
+        batch = self.batch
+        radius = np.empty((len(batch), 0)) if batch.radius is None else batch.radius
+        return batch_rows.Found(batch.buffer, batch.info, batch.loads, batch.tables, batch.margin_rows, radius)
+
+    @staticmethod
+    def _tasks(rows: Rows, cells: Rows) -> Iterator[_Task]:
+        """Rows and their cells."""
+        for a in range(0, len(rows), TASK_ROWS):
+            b = a + TASK_ROWS
+            yield rows[a:b], cells[a:b]
+
+    def _solve(self, task: _Task, told: beside.Told, judged: batch_rows.Judged, found: batch_rows.Found) -> None:
+        """Some rows."""
+        if perf_counter() > self.deadline:
+            return
+        batch, rows = self.batch, task[0]
+        codes = np.empty(len(rows), np.int64)
+        asked = batch_rows.Rows(*task, self.starts, self.ends)
+        batch_rows.solve_rows(asked, told, judged, self.tube.known, self.problem.points, found, codes)
+        good = rows[codes == CONVERGED]
+        batch.status[good] = Status.OK.value
+        batch.iterations[good] = batch.info[good, I_ITERATIONS]
+        batch.done[good] = True
+        batch.flag_several(rows[~np.isin(codes, _ALONE)])
+
+    # -- one row by itself
+
+    def solve_left(self) -> None:
+        """Every valid row that is not done yet."""
+        for row in np.flatnonzero(~(self.batch.done | self.invalid)).tolist():
+            if perf_counter() > self.deadline:
+                return
+            self._solve_alone(row)
+
+    def _solve_alone(self, row: int) -> None:
+        """A row from nothing."""
+        batch = self.batch
+        start, end = self._grips(Pose.trusted(self.starts[row]), Pose.trusted(self.ends[row]))
+        state = None
+        if self.network is not None:
+            state = Network(self.problem)
+            shape = cosserat.solve(self.problem.move(start, end), state)
+        else:
+            self.predictor.reset()
+            shape = self.predictor.predict(start, end, acceleration=self.acceleration)
+        batch.buffer[row] = shape.buffer
+        info = batch.info[row]
+        info[:] = math.nan
+        info[drive.I_ENERGY], error = shape.energy, shape.unread_error
+        if callable(error):
+            batch.unread_errors[row] = error
+        else:
+            info[drive.I_ESTIMATE] = error
+        info[drive.I_RESIDUAL], info[drive.INFO] = shape.residual, shape.twist
+        info[drive.I_FORCE], info[drive.I_MOMENT] = shape.force_error, shape.moment_error
+        batch.iterations[row], batch.turns[row] = shape.iterations, shape.turns
+        batch.models[row] = shape.model
+        batch.missing_length[row] = shape.missing_length
+        if shape.supports is not None and len(batch.loads[row]):
+            batch.loads[row, 1:-1] = shape.supports
+        batch.status[row] = shape.status.value
+        if shape.detail:
+            batch.details[row] = shape.detail
+        swell = None
+        if batch.radius is not None and state is not None and shape.status:
+            swell = batch.radius[row] = self.tube.radius(state, shape)
+        clearance = self.checker.check(shape, swell=swell)
+        batch.tables[row] = math.nan if clearance.table is None else clearance.table
+        rows = batch.margin_rows[row]
+        rows[:] = math.nan
+        self.watch.reset()
+        columns = {kind: i for i, kind in enumerate(LOAD_MARGINS)} | {
+            n: margins.BODIES + i for i, n in enumerate(batch.bodies)
+        }
+        for margin in self.watch.margins(shape, clearance, 0, state=state, held=isinstance(end, Grip)):
+            column = columns[margin.other or margin.kind]
+            rows[column, : margins.TIME] = margin.used, margin.limit, margin.value, margin.arc_length
+        batch.done[row] = True
+
+
+def _several(told: beside.Told, keys: Rows) -> NDArray[np.bool_]:
+    """(c,): whether guesses lead to several stable shapes at the centres of cells (c, d)."""
+    found = np.zeros(len(keys), np.int64)
+    beside.others(told, keys, np.zeros(drive.INFO + 2), found)
+    return found.astype(np.bool_)

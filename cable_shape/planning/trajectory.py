@@ -1,0 +1,255 @@
+"""A whole motion at once: :func:`check_trajectory`, so that no violation hides between two waypoints.
+
+Between two solved places of a path the cable's points move nearly as their positions and the sensitivities there say:
+along the chord D from one to the other, and a little beside it. The cubic through both positions with the velocities
+v_a and v_b at which the rod answers the grips' motion leaves the chord by at most 4/27 (\\|v_a - D\\| + \\|v_b - D\\|).
+So much, with a factor for what is no cubic, and what the joints' motion leaves the straight by, is E. A signed distance
+changes by no more than its points move, so that between two places it is nowhere below
+
+    (d_a + d_b - max \\|D\\|) / 2 - E,
+
+D being taken in the frame of a link where the body is on one. Where that is below the limit, or a load might reach its
+own, or the cable does not move as its sensitivities say, the place half way is solved for, too: conservative
+advancement, until what might hide is below the resolution. Where an acceleration changes along the way, too, the points
+move by w more, nearly evenly: the cubic is off by 4/27 \\|v_a - v_b\\| then, and E, which has w in D only, no smaller.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from time import perf_counter
+from typing import Any, NamedTuple, final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cable_shape import checks
+from cable_shape.cable.cable import Cable
+from cable_shape.cable.harness import Harness
+from cable_shape.checks import Array
+from cable_shape.errors import ArgumentError
+from cable_shape.kernels.rod_algebra import qexp, qmul
+from cable_shape.kernels.safety import advance
+from cable_shape.planning.harness_trajectory import check_harness
+from cable_shape.planning.paths import EndsPath, GripPath, JointPath, Motion, Path
+from cable_shape.planning.trajectory_report import TrajectoryCheck, Violation
+from cable_shape.planning.trajectory_walk import JUMP, Judge, Look, Walk
+from cable_shape.pose import FreeEnd, Grip, Pose, as_grip
+from cable_shape.prediction.predictor import Predictor
+from cable_shape.robots.robot import Robot
+from cable_shape.scene.scene import Scene
+from cable_shape.shape import CableShape, Status
+from cable_shape.solve.problem import GRAVITY, swing_of
+
+#: Of the length, and [rad]: by which ends are moved for differences.
+_STEP = 1e-3
+
+
+def check_trajectory(
+    cable: Cable | Harness,
+    scene: Scene | None,
+    robot: Robot | None,
+    trajectory: Path | EndsPath | Mapping[str, Any] | object,
+    *,
+    gravity: ArrayLike = GRAVITY,
+    points: int = 150,
+    tolerance: float | None = None,
+    distributed_load: Any = None,
+    acceleration: ArrayLike | None = None,
+    time_limit: float | None = None,
+    proceed: Callable[[TrajectoryCheck], bool] | None = None,
+    ends: Mapping[str, str | FreeEnd] | None = None,
+) -> TrajectoryCheck:
+    """Whether a cable or harness and its loads stay within their limits along a trajectory, waypoints and all between.
+
+    A place is not valid where a body is nearer than the scene's `error_distance`, a margin is at its limit, the cable
+    is unstable, snaps or has no shape, or a joint is beyond its limit.
+
+    Parameters
+    ----------
+    robot : Robot, optional
+        Needed for paths of joints. Its links are bodies around the cable.
+    trajectory : JointPath, GripPath or trajectory_msgs/JointTrajectory
+        Of a harness an EndsPath, or the mapping that makes one, in place of a GripPath.
+    tolerance : float, optional
+        [m], of the shapes. Default: 1e-4 of the length.
+    distributed_load : (2, 3) array_like, optional
+        [N/m], world, at s = 0 and s = length, linear between, added to the weight. Of a harness one by segment.
+    acceleration : (k, 3) or (k, m, 3) array_like, optional
+        [m/s^2], world, of the cable at each of the k waypoints, linear between them; with m rows uniform in arc length
+        and linear between them, see :meth:`cable_shape.Predictor.predict`. With two, those of start and end. Default:
+        the cable is at rest everywhere, whatever the path's times. Not of a harness.
+    time_limit : float, optional
+        [s]; after it what is done is returned, marked partial.
+    proceed : callable, optional
+        Asked before every shape, with `done` and `first` of what is found so far; False ends the check, marked partial.
+    ends : mapping of end to "left", "right" or FreeEnd, optional
+        Of a harness on a path of joints: what the robot's grippers hold.
+
+    Raises
+    ------
+    ArgumentError
+        For unknown joints, times that do not rise, no waypoint or more than 100000, a cable without bending stiffness,
+        an acceleration that is not of the path's waypoints, or that is not linear along the cable in contact.
+    """
+    began = perf_counter()
+    if not isinstance(cable, (Cable, Harness)):
+        raise ArgumentError.of("cable", cable, "it must be a Cable or a Harness", "Write Cable(length=..., ...).")
+    if robot is not None:
+        checks.instance("robot", robot, (Robot,), "Write Robot.from_yaml(path).")
+    _callable("proceed", proceed)
+    deadline = math.inf
+    if time_limit is not None:
+        deadline = began + checks.number("time_limit", time_limit, above=0.0, unit="s")
+    if isinstance(cable, Harness):
+        if acceleration is not None:
+            bound = "the inertia of a harness is not followed along a trajectory"
+            raise ArgumentError.of("acceleration", acceleration, bound, "Leave it out.")
+        return check_harness(
+            cable, scene, robot, trajectory, ends, deadline, proceed, gravity=gravity, points=points,
+            tolerance=tolerance, distributed_load=distributed_load,
+        )  # fmt: skip
+    if ends is not None:
+        raise ArgumentError.of("ends", ends, "a cable has a start and an end", "Leave them out, or give a Harness.")
+    path = trajectory if isinstance(trajectory, (JointPath, GripPath)) else JointPath.from_message(trajectory)
+    predictor = Predictor(
+        cable,
+        model="cosserat",
+        gravity=gravity,
+        points=points,
+        tolerance=1e-4 * cable.length if tolerance is None else tolerance,
+        scene=scene,
+        distributed_load=distributed_load,
+    )
+    motion = Motion(path, robot)
+    moving = None if acceleration is None else _accelerations(acceleration, motion.waypoints, predictor)
+    check = _Check(predictor, scene or Scene(), motion, moving, deadline, proceed)
+    check.run()
+    check.found.time = perf_counter() - began
+    return check.found
+
+
+def beside(start: Pose | Grip, end: Pose | Grip, far: float) -> Iterator[tuple[Grip, Grip]]:
+    """The ends with each moved in turn by `far` [m] along x, y, z, and by _STEP [rad] about them."""
+    grips = as_grip("start", start), as_grip("end", end)
+    for side, grip in enumerate(grips):
+        frame = grip.cable_frame
+        for column in range(6):
+            step = np.zeros(6)
+            step[column] = far if column < 3 else _STEP
+            turned = qmul(qexp(tuple(step[3:])), tuple(frame.quaternion))
+            moved = Grip(Pose(frame.position + step[:3], turned), grip.kind, curvature=grip.curvature)
+            yield (moved, grips[1]) if side == 0 else (grips[0], moved)
+
+
+def _callable(name: str, value: object) -> None:
+    if value is not None and not callable(value):
+        raise ArgumentError.of(name, value, "it must be a function", "Leave it out, or give one.")
+
+
+def _accelerations(value: ArrayLike, waypoints: int, predictor: Predictor) -> Array:
+    """(k, 3) or (k, m, 3), of the waypoints; what the predictor refuses of them is refused at once."""
+    remedy = "Give three numbers in m/s^2 for each waypoint, or a table (m, 3), uniform in arc length."
+    a = checks.numbers("acceleration", value, remedy)
+    if a.ndim not in (2, 3) or len(a) != waypoints or a.shape[-1] != 3:
+        bound = f"it must be ({waypoints}, 3) or ({waypoints}, m, 3), a row a waypoint"
+        raise ArgumentError.of("acceleration", f"shape {a.shape}", bound, remedy)
+    bad = np.flatnonzero(~(np.abs(a) <= checks.MOST).reshape(waypoints, -1).all(axis=1))
+    if bad.size:
+        bound = f"every entry must be finite, none above {checks.MOST:g}"
+        raise ArgumentError.of(f"acceleration[{bad[0]}]", a[bad[0]].tolist(), bound, remedy)
+    predictor.accelerate(a[0])
+    if a.ndim == 3:
+        swings = next((table for table in a if swing_of(table) is not None), None)
+        if swings is None:
+            return a[:, [0, -1]]  # also between waypoints, whatever is lost there to rounding
+        predictor.accelerate(swings)
+    return a
+
+
+class _Sample(NamedTuple):
+    """One place that was solved for."""
+
+    place: float
+    look: Look
+    ends: Array  # (2, 7), of the cable
+    links: Array  # (l, 7)
+    sensitivity: Array  # (n, 3, 12)
+    violation: Violation | None
+
+
+@final
+class _Check(Walk[_Sample]):
+    """One call of :func:`check_trajectory` with a cable."""
+
+    def __init__(
+        self,
+        predictor: Predictor,
+        scene: Scene,
+        motion: Motion,
+        accelerations: Array | None,
+        deadline: float,
+        proceed: Callable[[TrajectoryCheck], bool] | None,
+    ) -> None:
+        super().__init__(motion, deadline, proceed)
+        self.predictor, self.accelerations = predictor, accelerations
+        self.judge = Judge(predictor.cable, scene, motion.robot)
+
+    def tell(self, samples: list[_Sample]) -> None:
+        """See the base."""
+        for i, sample in enumerate(samples):
+            self.found.clearance[i] = self.judge.nearest(sample.look)
+        rest = self.motion.waypoints - len(samples)
+        self.found.margins = (*(sample.look.margins for sample in samples), *((),) * rest)
+
+    def jump(self, a: _Sample, b: _Sample) -> float:
+        """See the base."""
+        far = float(np.linalg.norm(b.look.shape.positions - a.look.shape.positions, axis=1).max())
+        return 0.0 if far < JUMP * a.look.shape.length else far
+
+    def sample(self, place: float) -> _Sample:
+        """The shape there and all that is told of it."""
+        (start, end), links = self.motion.at(place)
+        moving = None if self.accelerations is None else self.motion.between(self.accelerations, place)
+        shape = self.predictor.predict(start, end, acceleration=moving)
+        look = self.judge.look(shape, links, self.predictor.rod_state, held=True)
+        self.found.solved += 1
+        frames = [(grip.cable_frame if isinstance(grip, Grip) else grip).array for grip in (start, end)]
+        good = bool(shape.status) and shape.status is not Status.UNSTABLE
+        slopes = np.empty(0)
+        if good:
+            slopes = (
+                self._differences(shape, start, end, links, moving)
+                if self.predictor.touching
+                else (self.predictor.sensitivity())
+            )
+        wrong = self.no_shape(place, shape.status, shape.detail) or self.judge.wrong(look, place, self)
+        return _Sample(place, look, np.array(frames), self.judge.frames(links), slopes, wrong)
+
+    def _differences(
+        self,
+        shape: CableShape,
+        start: Pose | Grip,
+        end: Pose | Grip,
+        links: Mapping[str, Pose] | None,
+        moving: Array | None,
+    ) -> Array:
+        """(n, 3, 12), the sensitivity of a cable that touches itself, by differences; NaN where one has no shape."""
+        out = np.full((shape.points, 3, 12), math.nan)
+        for column, ends in enumerate(beside(start, end, _STEP * shape.length)):
+            other = self.predictor.predict(*ends, links, acceleration=moving)
+            if other.usable:
+                step = _STEP * shape.length if column % 6 < 3 else _STEP
+                out[:, :, column] = (other.positions - shape.positions) / step
+        self.predictor.predict(start, end, links, acceleration=moving)
+        return out
+
+    def sure(self, a: _Sample, b: _Sample) -> bool:
+        """See the base."""
+        turned, reach = self.motion.turned(a.place, b.place), self.motion.reach
+        way, off = advance.motion(
+            a.look.shape.positions, b.look.shape.positions, a.sensitivity, b.sensitivity, a.ends, b.ends,
+            0.125 * turned * turned, reach,
+        )  # fmt: skip
+        return self.judge.sure(a.look, b.look, (a.links, b.links), way, off, 0.25 * turned * turned * reach)

@@ -1,0 +1,100 @@
+"""What a check of a whole motion found: :class:`TrajectoryCheck` and its :class:`Violation`."""
+
+from __future__ import annotations
+
+import enum
+import math
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cable_shape.checks import Array
+from cable_shape.safety.report import Margin
+
+
+@final
+class Reason(enum.Enum):
+    """Why a place of a trajectory is not valid."""
+
+    CLEARANCE = "clearance"
+    OVERSTRETCHED = "overstretched"
+    TENSION = "tension"
+    BEND_RADIUS = "bend_radius"
+    TWIST_RATE = "twist_rate"
+    STRESS = "stress"
+    STABILITY = "stability"
+    SNAP = "snap"
+    STATUS = "status"
+    JOINT_LIMIT = "joint_limit"
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Violation:
+    """What is wrong at one place of a trajectory.
+
+    place : float, counted in waypoints: 3.25 is a quarter of the way from waypoint 3 to 4.
+    time : float [s], NaN where the trajectory has no times.
+    value, limit : in the unit of the margin (m, N, rad/m, Pa), or rad or m of a joint; NaN where there is none.
+    other : body or joint. arc_length : [m] of the worst point. segment : of a harness; empty: it is not of one.
+    """
+
+    reason: Reason
+    place: float
+    time: float
+    text: str
+    value: float = math.nan
+    limit: float = math.nan
+    other: str = ""
+    arc_length: float = math.nan
+    segment: str = ""
+
+
+@final
+class TrajectoryCheck:
+    """What :func:`check_trajectory` found.
+
+    Attributes
+    ----------
+    valid : bool
+        No violation at any waypoint or between two; of a partial answer False.
+    partial : bool
+        The time limit came first.
+    done : (k,) bool, waypoints that were looked at
+    waypoints : tuple of (Violation or None), at each waypoint
+    segments : (k - 1,) bool
+        Whether both waypoints and all between them is valid.
+    first : Violation or None
+    clearance : (k,) [m]
+        To the nearest body, infinite beyond the horizon; NaN where not told.
+    margins : tuple of the margins at each waypoint, see :mod:`cable_shape.safety.margins`; of a harness those of all
+        segments
+    margins_of : mapping of segment to the same, of a harness
+    solved : int, shapes solved for
+    robot_checked : bool
+        Whether clearance to the robot's links was checked: of paths of joints only.
+    time : float [s], spent
+    """
+
+    def __init__(self, waypoints: int) -> None:
+        self.done: NDArray[np.bool_] = np.zeros(waypoints, np.bool_)
+        self.segments: NDArray[np.bool_] = np.zeros(max(waypoints - 1, 0), np.bool_)
+        self.clearance: Array = np.full(waypoints, math.nan)
+        self.waypoints: tuple[Violation | None, ...] = ()
+        self.margins: tuple[tuple[Margin, ...], ...] = ()
+        self.margins_of: dict[str, tuple[tuple[Margin, ...], ...]] = {}
+        self.first: Violation | None = None
+        self.solved = 0
+        self.partial = self.robot_checked = False
+        self.time = 0.0
+
+    @property
+    def valid(self) -> bool:
+        """See the class."""
+        return not self.partial and self.first is None
+
+    def __repr__(self) -> str:
+        told = "valid" if self.valid else "partial" if self.first is None else f"not valid: {self.first.text}"
+        return f"TrajectoryCheck({len(self.done)} waypoints, {self.solved} shapes, {told})"

@@ -1,0 +1,1 @@
+"""From ends to shape: the predictor, and which solver it asks."""

@@ -1,0 +1,218 @@
+"""From ends to the shape of a harness: :class:`HarnessPredictor`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from time import perf_counter
+from typing import Any, final
+
+from numpy.typing import ArrayLike
+
+from cable_shape import checks
+from cable_shape.cable.harness import Harness
+from cable_shape.cable.pieces import refuse
+from cable_shape.checks import Array
+from cable_shape.errors import ArgumentError
+from cable_shape.pose import FreeEnd, Grip, Pose
+from cable_shape.prediction.reuse import links_same, same_end
+from cable_shape.scene.mesh_convex import check_convex
+from cable_shape.scene.scene import Scene
+from cable_shape.scene.scene_parts import Obstacle
+from cable_shape.solve import harness_search
+from cable_shape.solve.answers import about_gripper
+from cable_shape.solve.harness_network import HarnessNetwork
+from cable_shape.solve.harness_problem import End, HarnessProblem
+from cable_shape.solve.harness_shape import HarnessShape
+from cable_shape.solve.problem import GRAVITY
+from cable_shape.solve.touching import touching_harness
+from cable_shape.solve.touching.touch_harness import HarnessTouchState
+
+MODELS = ("cosserat", "auto")
+
+
+@final
+class HarnessPredictor:
+    """Predicts one harness's shape again and again, each time starting from the last solution.
+
+    What ``Predictor(harness)`` makes. Parameters are those of :class:`cable_shape.Predictor` but for these:
+
+    harness : Harness
+    model : str
+        "cosserat" or "auto", which is the same.
+    points : int
+        Of each segment.
+    tolerance : float, optional
+        [m]; default 1e-5 of the longest segment.
+    scene : Scene, optional
+        Clips, eyelets among them, and masses name their `segment`. With ``contact="solve"`` bodies keep all segments
+        out, without eyelets; that segments touch each other or themselves is not solved for.
+    distributed_load : mapping of segment to (2, 3) array_like, optional
+        [N/m], world, added to the weight.
+
+    Raises
+    ------
+    ArgumentError
+        Naming the value, the bound and the remedy.
+    """
+
+    def __init__(
+        self,
+        harness: Harness,
+        *,
+        model: str = "auto",
+        gravity: ArrayLike = GRAVITY,
+        points: int = 150,
+        tolerance: float | None = None,
+        scene: Scene | None = None,
+        distributed_load: Mapping[str, ArrayLike] | None = None,
+        time_budget: float | None = None,
+        robot_links: Iterable[Obstacle] = (),
+        gripping_links: Iterable[str] = (),
+    ) -> None:
+        self.model = checks.one_of("model", model, MODELS)
+        checks.optional_number("time_budget", time_budget, above=0.0, unit="s")
+        self.time_budget = math.inf if time_budget is None else float(time_budget)
+        self._keywords: dict[str, Any] = {
+            "gravity": gravity, "points": points, "tolerance": tolerance, "distributed_load": distributed_load,
+            "robot_links": checks.entries("robot_links", robot_links, Obstacle),
+            "gripping_links": checks.entries("gripping_links", gripping_links, str, "Give a list of link names."),
+        }  # fmt: skip
+        self.problem = self._still = _checked(HarnessProblem(harness, scene=scene, **self._keywords))
+        self._state: HarnessNetwork | None = None
+        self._touch: HarnessTouchState | None = None
+        self._last_links: Mapping[str, Pose] | None = None
+        self._last: HarnessShape | None = None
+        self._last_ends: dict[str, Grip | FreeEnd] = {}
+
+    @property
+    def harness(self) -> Harness:
+        """The harness, as given."""
+        return self.problem.harness
+
+    @property
+    def scene(self) -> Scene | None:
+        """The scene; setting it keeps the warm start where its clips hold the same points."""
+        return self.problem.scene
+
+    @scene.setter
+    def scene(self, scene: Scene | None) -> None:
+        before = self.problem
+        self._still = _checked(HarnessProblem(before.harness, scene=scene, **self._keywords))
+        self._still.ends = before.ends
+        self._load(self._still)
+
+    @property
+    def touching(self) -> bool:
+        """Whether the last shape is in contact with a body."""
+        return self._touch is not None and self._touch.touching
+
+    @property
+    def state(self) -> HarnessNetwork | None:
+        """The solver's memory of the last shape; None before there is one, and of one in contact or just out of it."""
+        solved = self._state is not None and self._state.factored
+        return self._state if solved and not self.touching else None
+
+    @property
+    def grips(self) -> tuple[str, ...]:
+        """Names of the ends held at the last prediction, in the order of the segments: those of `sensitivity`."""
+        return self.problem.grips
+
+    def predict(
+        self,
+        ends: Mapping[str, End],
+        *,
+        links: Mapping[str, Pose] | None = None,
+        acceleration: Mapping[str, ArrayLike] | None = None,
+    ) -> HarnessShape:
+        """The shape between these ends; never raises for a physical reason: look at `status`.
+
+        Parameters
+        ----------
+        ends : mapping of open end to Pose, Grip or FreeEnd
+            "a.start" or "a.end"; a bare Pose is clamped, ends not named are free.
+        links : mapping of robot link to its Pose in the world, optional
+            Where the bodies are that are attached to links, if contact is solved for; without it they are left out.
+        acceleration : mapping of segment to (3,) or (m, 3) array_like, optional
+            [m/s^2], world, of the segment, uniform in arc length, linear between the rows; segments not named are at
+            rest. For this prediction only; `energy` leaves it out.
+
+        Raises
+        ------
+        ArgumentError
+            For an end that does not exist or is in a junction, a part of the harness that nothing holds, other wrong
+            arguments.
+        """
+        if acceleration is not None:
+            problem = self._still.moving(acceleration)
+            problem.ends, problem._given = self.problem.ends, self.problem._given
+            self._load(problem)
+        elif self.problem is not self._still:
+            self._still.ends, self._still._given = self.problem.ends, self.problem._given
+            self._load(self._still)
+        problem = self.problem.move(ends, links)
+        last = self._last_ends
+        still = self._last is not None and links_same(self._last_links, problem)
+        if still and all(same_end(last[name], end) for name, end in problem.ends.items()):
+            assert self._last is not None
+            return self._last.again()
+        deadline = math.inf if self.time_budget == math.inf else perf_counter() + self.time_budget
+        if problem.bodies:
+            if self._touch is None:
+                self._touch = HarnessTouchState(problem)  # type: ignore[arg-type]
+            shape, self._state = touching_harness.solve(problem, self._touch, self._state, deadline=deadline)
+        else:
+            shape, self._state = harness_search.solve(problem, self._state, deadline=deadline)
+        self._last, self._last_ends, self._last_links = shape, dict(problem.ends), problem.links
+        return shape
+
+    def reset(self) -> None:
+        """Forgets the last solution: the next one starts cold."""
+        self._state = self._last = self._touch = None
+
+    def sensitivity(self, *, at: str = "cable") -> dict[str, Array]:
+        """{segment: (points, 3, 6 g)}: how the centrelines move with the g held ends, in the order of `grips`.
+
+        Six columns a grip: d positions at fixed arc length / d (vx vy vz [m/s] wx wy wz [rad/s]), world axes, rotation
+        about that end, or with ``at="gripper"`` about the gripper's own origin. Of the last solved shape, exact.
+
+        Raises
+        ------
+        ArgumentError
+            If nothing was predicted yet.
+        """
+        checks.one_of("at", at, ("cable", "gripper"))
+        state = self._touch if self.touching else self._state
+        if state is None or state.history == 0:
+            raise ArgumentError("sensitivity() needs a solution, and there is none yet. Call predict first.")
+        grips = self.grips
+        out = state.sensitivities(grips)
+        if at == "gripper":
+            for i, name in enumerate(grips):
+                end = self.problem.ends[name]
+                assert isinstance(end, Grip)
+                about_gripper(end, out[:, :, 6 * i : 6 * i + 6])
+        points = self.problem.points
+        return {name: out[i * points : (i + 1) * points] for i, name in enumerate(self.harness.segments)}
+
+    def _load(self, problem: HarnessProblem) -> None:
+        """Makes this the problem, whose loads may be others."""
+        self.problem = problem
+        self._last = None
+        if not problem.bodies:
+            self._touch = None
+
+
+def _checked(problem: HarnessProblem) -> HarnessProblem:
+    """The problem, if its contacts can be solved for."""
+    if problem.bodies:
+        check_convex(problem.bodies)
+        kinds = [] if problem.scene is None else [clip.kind for clip in problem.scene.clips]
+        if "slide" in kinds:
+            bound = "contact='solve' knows no eyelets of harnesses"
+            raise ArgumentError.of(
+                f"clips[{kinds.index('slide')}].kind", "slide", bound, "Make it a 'ball' clip, or write contact='warn'."
+            )
+        for name, cable in problem.harness.segments.items():
+            refuse(cable, f"contact='solve', as segment {name!r} has them,", "Write contact='warn', or leave them out.")
+    return problem

@@ -1,0 +1,376 @@
+"""From ends to shape: :class:`Predictor` (a control loop) and :func:`predict` (a script)."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, final, overload
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cable_shape import checks
+from cable_shape.cable.cable import Cable
+from cable_shape.cable.harness import Harness
+from cable_shape.cable.pieces import refuse
+from cable_shape.checks import Array
+from cable_shape.errors import ArgumentError
+from cable_shape.pose import FreeEnd, Grip, Pose
+from cable_shape.prediction.reuse import Ends, unmoved
+from cable_shape.prediction.solvers import MODELS, ClosedForm, solver_of
+from cable_shape.scene.mesh_convex import check_convex
+from cable_shape.scene.scene import Obstacle, Scene
+from cable_shape.shape import CableShape
+from cable_shape.solve import cosserat
+from cable_shape.solve.answers import ENDS
+from cable_shape.solve.harness_shape import HarnessShape
+from cable_shape.solve.network import Network
+from cable_shape.solve.problem import GRAVITY, Problem
+from cable_shape.solve.touching.crossing import Crossing
+
+_NOT_GIVEN = object()
+#: Keywords that say who is not to be touched.
+
+
+@final
+class Predictor:
+    """Predicts one cable's shape again and again, each time starting from the last solution.
+
+    Of a :class:`Harness` it makes a :class:`cable_shape.prediction.harness_predictor.HarnessPredictor`.
+
+    Parameters
+    ----------
+    cable : Cable
+    model : str
+        "catenary", "gradient4", "gradient6", "cosserat", or "auto": the rod, and the catenary for a cable without
+        bending stiffness. `shape.model` says which it was.
+    gravity : (3,) array_like
+        [m/s^2], world.
+    points : int
+        Number of points of the shape, uniform in arc length.
+    tolerance : float, optional
+        [m], largest position error allowed, of the model's discretisation. Default: 1e-5 of the length.
+    scene : Scene, optional
+        Its masses load the cable, its clips hold it; with ``contact="solve"`` its obstacles keep the cable out.
+    robot_links, gripping_links
+        As for :class:`cable_shape.Cycle`: with ``contact="solve"`` the robot's links keep the cable out, too, those
+        that grip it not within 0.05 m of its ends.
+    distributed_load : (2, 3) array_like, optional
+        [N/m], world, at s = 0 and s = length, linear between, added to the weight.
+    time_budget : float, optional
+        [s] of one prediction by the Cosserat rod, looked at between its attempts. After it the best shape so far is
+        given, graded BUDGET if it is within tolerance, else BUDGET_EXCEEDED. Default: none.
+
+    Raises
+    ------
+    ArgumentError
+        Naming the value, the bound and the remedy.
+    """
+
+    def __new__(cls, cable: Any, **keywords: Any) -> Any:
+        """A :class:`HarnessPredictor` for a harness."""
+        if not isinstance(cable, Harness):
+            return super().__new__(cls)
+        from cable_shape.prediction.harness_predictor import HarnessPredictor
+
+        return HarnessPredictor(cable, **keywords)
+
+    def __init__(
+        self,
+        cable: Cable | Harness,
+        *,
+        model: str = "auto",
+        gravity: ArrayLike = GRAVITY,
+        points: int = 150,
+        tolerance: float | None = None,
+        scene: Scene | None = None,
+        distributed_load: ArrayLike | None = None,
+        time_budget: float | None = None,
+        robot_links: Iterable[Obstacle] = (),
+        gripping_links: Iterable[str] = (),
+    ) -> None:
+        if not isinstance(cable, Cable):
+            raise ArgumentError.of("cable", cable, "it must be a Cable or a Harness", "Write Cable(length=..., ...).")
+        self.model = checks.one_of("model", model, MODELS)
+        self._problem_in = functools.partial(
+            Problem,
+            cable,
+            gravity=gravity,
+            points=points,
+            tolerance=tolerance,
+            distributed_load=distributed_load,
+            robot_links=checks.entries("robot_links", robot_links, Obstacle),
+            gripping_links=checks.entries("gripping_links", gripping_links, str, "Give a list of link names."),
+        )
+        problem = self._problem_in(scene=scene)
+        checks.optional_number("time_budget", time_budget, above=0.0, unit="s")
+        self._solver = solver_of(self.model, cable, time_budget)
+        self.problem = self._still = self._checked(problem)
+        self._last: CableShape | None = None
+        self._last_ends: Ends | None = None
+        self._last_links: Mapping[str, Pose] | None = None
+        self.time_budget = math.inf if time_budget is None else float(time_budget)
+        self._others: tuple[Crossing, int] | None = None
+        self._crossing = self._with_itself()
+
+    @property
+    def cable(self) -> Cable:
+        """The cable, as given."""
+        return self.problem.cable
+
+    @property
+    def scene(self) -> Scene | None:
+        """The scene; setting it keeps the warm start."""
+        return self.problem.scene
+
+    @scene.setter
+    def scene(self, scene: Scene | None) -> None:
+        self._still = self._checked(self._problem_in(scene=scene))
+        self._load(self._still)
+        self._crossing = self._with_itself()
+
+    def predict(
+        self,
+        start: Pose | Grip,
+        end: Pose | Grip | FreeEnd | None,
+        links: Mapping[str, Pose] | None = None,
+        *,
+        acceleration: ArrayLike | None = None,
+    ) -> CableShape:
+        """The shape between these ends; never raises for a physical reason: look at `status`.
+
+        Parameters
+        ----------
+        start, end : Pose or Grip
+            A bare Pose is clamped; `end` may be a FreeEnd, None is a free end without load.
+        links : mapping of robot link to its Pose in the world, optional
+            Where the bodies are that are attached to links, if contact with them is solved for; without it they are
+            left out.
+        acceleration : (3,) or (m, 3) array_like, optional
+            [m/s^2], world, of the cable, uniform in arc length, linear between the rows: the cable is in equilibrium
+            under density * (gravity - acceleration), masses likewise. For this prediction only; `energy` leaves it out.
+            Three rows or more, unless they are on a line, are for the Cosserat rod, in clips too, without
+            ``contact="solve"``; each is a node of the rod.
+
+        Raises
+        ------
+        ArgumentError
+            For wrong arguments, or if `links` lacks a link that carries such a body.
+        """
+        self.accelerate(acceleration)
+        self.problem.move(start, end, links)
+        return self.alone() if self._crossing is None else self._crossing.solve()[0]
+
+    def alone(self) -> CableShape:
+        """The shape between the problem's ends, whatever it or other cables touch."""
+        problem = self.problem
+        if self._last is not None and unmoved(self._last_ends, self._last_links, problem):
+            return self._last.again()
+        shape = self._solver.solve(problem)
+        self._last = shape
+        self._last_ends = (problem.start, problem.end)
+        self._last_links = problem.links
+        return shape
+
+    def go_on_from(self, shape: CableShape, frames: Array, links: Array) -> None:
+        """Makes a shape between the ends `frames` (2, 7) the last solution, if there are bodies it may lie on.
+
+        links (m, 7): where the links were then that carry bodies; m = 0: not known, or there are none.
+        """
+        if self.problem.bodies:
+            self._solver.go_on_from(self.problem, shape, frames, links)
+            self._last = None
+
+    def reset(self) -> None:
+        """Forgets the last solution: the next one starts cold."""
+        self._solver.reset()
+        self._last = None
+        if self._crossing is not None:
+            self._crossing.reset()
+
+    def join(self, crossing: Crossing, index: int) -> None:
+        """Leaves what its cable touches, itself included, to `crossing`, in which it has the number `index`."""
+        self._crossing = None
+        self._others = crossing, index
+
+    @property
+    def is_rod(self) -> bool:
+        """Whether the model is the Cosserat rod."""
+        return not isinstance(self._solver, ClosedForm)
+
+    @property
+    def touching(self) -> bool:
+        """Whether the last shape was solved for along with what its cable touches: itself, or another one."""
+        if self._others is not None:
+            return self._others[1] in self._others[0].touching
+        return self._crossing is not None and bool(self._crossing.touching)
+
+    @property
+    def pairs_apart(self) -> int:
+        """1 where bounds told that the cable has not touched itself, as the last shape was solved for; else 0."""
+        return 0 if self._crossing is None else self._crossing.culled
+
+    def sensitivity(self, by: Sequence[str] = ENDS, *, at: str = "cable") -> Array:
+        """(points, 3, m): how the centreline moves with what holds the cable, d positions at fixed arc length / d (by).
+
+        Of the last solved shape, exact; columns are in the order of `by`.
+
+        Parameters
+        ----------
+        by : names, each once
+            "start", "end", and "clip:NAME": six columns, vx vy vz [m/s] wx wy wz [rad/s] in world axes; rotation is
+            about that cable end, or with ``at="gripper"`` about the gripper's own origin, and of a clip about the
+            origin of its pose. "length", "linear_density", "twisting_stiffness", and "bending_stiffness" (the mean of
+            the two, which keep their ratio): one column, per unit; with "length" points keep their share of it, clips
+            and masses their arc length. "body:NAME": six columns, zero for a body that nothing touches. Columns of a
+            free end, and of rotations that a grip or clip leaves free, are zero.
+
+        Raises
+        ------
+        ArgumentError
+            If the model is a closed form by choice, nothing was predicted yet, or the cable touches itself or another;
+            for a name that does not exist.
+        """
+        checks.one_of("at", at, ("cable", "gripper"))
+        if isinstance(by, str):
+            by = (by,)
+        elif by is not ENDS:
+            by = checks.entries("by", by, str, "Write ('start', 'end'), for example.")
+        if self.touching:
+            raise ArgumentError(
+                "sensitivity() is not known while the cable touches itself or another one. Take differences of predict."
+            )
+        if isinstance(self._solver, ClosedForm):
+            raise ArgumentError.of(
+                "model", self.model, "sensitivity needs the Cosserat rod", "Choose model='cosserat' or 'auto'."
+            )
+        state = self._solver.rod_state()
+        if state is None:
+            raise ArgumentError("sensitivity() needs a solution, and there is none yet. Call predict first.")
+        return cosserat.sensitivity(state, by, at=at)
+
+    @property
+    def rod_state(self) -> Network | None:
+        """The memory of the rod that gave the last shape; None if none did, or one in contact."""
+        if self.touching or self._last is None or self._last.model != cosserat.MODEL:
+            return None
+        state = self._solver.rod_state()
+        return state if isinstance(state, Network) else None
+
+    def _with_itself(self) -> Crossing | None:
+        """What keeps the cable out of itself, where the scene asks for it and the model can."""
+        if not self.problem.solves_crossing or self._others is not None or not self.is_rod:
+            return None
+        return Crossing(("cable",), [self], self.time_budget)
+
+    def accelerate(self, acceleration: ArrayLike | None) -> None:
+        """Makes the problem that of a cable which moves like this, or is at rest, until the next prediction."""
+        if acceleration is None:
+            if self.problem is not self._still:
+                self._load(self._still)
+            return
+        problem = self._problem_in(scene=self.scene, acceleration=acceleration)
+        before = self.problem.acceleration
+        if before is not None and problem.acceleration is not None and np.array_equal(before, problem.acceleration):
+            return
+        self._load(self._checked(problem))
+
+    def _load(self, problem: Problem) -> None:
+        """Makes this the problem, whose loads may be others."""
+        self.problem = problem
+        self._last = None
+
+    def _checked(self, problem: Problem) -> Problem:
+        """The problem, if its model can solve it.
+
+        Only the rod is held in clips, rests on bodies, or takes loads that are not linear along the cable; where it is
+        kept out of bodies, of itself and of others, they are linear, too.
+        """
+        touches = bool(problem.bodies) or problem.solves_crossing
+        if touches:
+            refuse(problem.cable, "contact='solve'", "Write contact='warn', or leave them out.")
+        if problem.swing is not None and (touches or not self.is_rod):
+            if self.is_rod:
+                reason, remedy = "contact='solve'", "write contact='warn'."
+            else:
+                reason = f"model {self.model!r} of this cable"
+                remedy = "choose model='cosserat' and a bending stiffness above 0 N m^2."
+            reason += " knows only accelerations that are linear along the cable"
+            shape = f"shape {problem.swing.shape}"
+            raise ArgumentError.of("acceleration", shape, reason, f"Give at most two rows, or {remedy}")
+        if isinstance(self._solver, ClosedForm):
+            if problem.bodies:
+                raise ArgumentError.of(
+                    "scene.contact",
+                    "solve",
+                    f"model {self.model!r} of this cable knows no contact",
+                    "Write contact='warn', or choose model='cosserat' and a bending stiffness above 0 N m^2.",
+                )
+            if problem.clips:
+                raise ArgumentError.of(
+                    "scene.clips",
+                    len(problem.clips),
+                    f"model {self.model!r} of this cable knows no clips",
+                    "Remove the clips, or choose model='cosserat' and a bending stiffness above 0 N m^2.",
+                )
+        check_convex(problem.bodies)
+        return problem
+
+
+_MADE_FROM = inspect.signature(Predictor.__init__)
+_MADE_FROM = _MADE_FROM.replace(parameters=list(_MADE_FROM.parameters.values())[1:])
+Predictor.__signature__ = _MADE_FROM  # type: ignore[attr-defined]  # not that of __new__
+
+
+@overload
+def predict(cable: Cable, start: Pose | Grip, end: Pose | Grip | FreeEnd | None, **_: Any) -> CableShape: ...
+@overload
+def predict(cable: Harness, start: Mapping[str, Pose | Grip | FreeEnd | None], **_: Any) -> HarnessShape: ...
+def predict(  # type: ignore[misc]
+    cable: Cable | Harness,
+    start: Any,
+    end: Any = _NOT_GIVEN,
+    *,
+    model: str = "auto",
+    gravity: ArrayLike = GRAVITY,
+    points: int = 150,
+    tolerance: float | None = None,
+    scene: Scene | None = None,
+    distributed_load: ArrayLike | None = None,
+    acceleration: ArrayLike | None = None,
+) -> Any:
+    """The shape of a cable between two ends, solved once from nothing; of a harness, between ends by their names.
+
+    The keywords are those of :class:`Predictor` and of :meth:`Predictor.predict`.
+
+    Parameters
+    ----------
+    cable : Cable or Harness
+    start, end
+        Of a cable: Pose or Grip; `end` may be a FreeEnd or None. Of a harness `start` alone, the mapping of ends to
+        Pose, Grip or FreeEnd; the shape is a :class:`HarnessShape`.
+
+    Raises
+    ------
+    ArgumentError
+        For wrong arguments.
+    """
+    predictor = Predictor(
+        cable,
+        model=model,
+        gravity=gravity,
+        points=points,
+        tolerance=tolerance,
+        scene=scene,
+        distributed_load=distributed_load,
+    )
+    if isinstance(cable, Harness):
+        if end is not _NOT_GIVEN:
+            raise ArgumentError.of("end", end, "the ends of a harness are one mapping", "Write {'a.start': Pose(...)}.")
+        of_harness: Any = predictor
+        return of_harness.predict(start, acceleration=acceleration)
+    if end is _NOT_GIVEN:
+        raise ArgumentError("end is missing. Write predict(cable, start, end); None is a free end.")
+    return predictor.predict(start, end, acceleration=acceleration)

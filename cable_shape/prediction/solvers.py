@@ -1,0 +1,133 @@
+"""The models as solvers that keep their warm start: :func:`solver_of`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from time import perf_counter
+from typing import Protocol, final
+
+import numpy as np
+
+from cable_shape import checks
+from cable_shape.cable.cable import Cable
+from cable_shape.cable.pieces import refuse
+from cable_shape.checks import Array
+from cable_shape.errors import ArgumentError
+from cable_shape.shape import CableShape
+from cable_shape.solve import catenary, cosserat, gradient
+from cable_shape.solve.network import Network
+from cable_shape.solve.problem import Problem
+from cable_shape.solve.touching import touching
+from cable_shape.solve.touching.touch_state import TouchState
+
+MODELS = ("catenary", "gradient4", "gradient6", "cosserat", "auto")
+
+
+class Solver(Protocol):
+    """One model with its warm start."""
+
+    def solve(self, problem: Problem) -> CableShape:
+        """The shape, from the last solution if there is one."""
+
+    def reset(self) -> None:
+        """Forgets the last solution."""
+
+    def go_on_from(self, problem: Problem, shape: CableShape, frames: Array, links: Array) -> None:
+        """Makes a shape that was found otherwise the last one in contact with bodies."""
+
+    def rod_state(self) -> Network | TouchState | None:
+        """The Cosserat rod of the last shape; None: there is none."""
+
+
+@final
+class ClosedForm:
+    """A model in closed form; what it remembers is one array, NaN when cold."""
+
+    __slots__ = ("_memory", "_solve")
+
+    def __init__(self, solve: Callable[[Problem, Array], CableShape], memory: Array) -> None:
+        self._solve = solve
+        self._memory = memory
+
+    def solve(self, problem: Problem) -> CableShape:
+        return self._solve(problem, self._memory)
+
+    def reset(self) -> None:
+        self._memory[:] = math.nan
+
+    def go_on_from(self, problem: Problem, shape: CableShape, frames: Array, links: Array) -> None:
+        return
+
+    def rod_state(self) -> None:
+        return None
+
+
+@final
+class Rod:
+    """The Cosserat rod, in clips, in contact or neither; its warm start is the last solution with its mesh."""
+
+    __slots__ = ("_spare", "_time_budget", "_touch", "state")
+
+    def __init__(self, time_budget: float = math.inf) -> None:
+        self.state: Network | None = None
+        self._spare: Network | None = None  # a memory to be used again
+        self._time_budget = time_budget  # s
+        self._touch: TouchState | None = None
+
+    def solve(self, problem: Problem) -> CableShape:
+        deadline = math.inf if self._time_budget == math.inf else perf_counter() + self._time_budget
+        if self.state is None:
+            spare = self._spare
+            self.state = spare if spare is not None and spare.forget(problem) else Network(problem)
+            self._spare = None
+        if not problem.bodies:
+            self._touch = None
+            return cosserat.solve(problem, self.state, deadline=deadline)
+        if self._touch is None:
+            self._touch = TouchState(problem)
+        return touching.solve(problem, self._touch, self.state, deadline=deadline)
+
+    def go_on_from(self, problem: Problem, shape: CableShape, frames: Array, links: Array) -> None:
+        """Makes a shape that was found otherwise, ends in `frames` (2, 7), the last one in contact with bodies.
+
+        links (m, 7): where the links were then that carry bodies.
+        """
+        if not problem.bodies:
+            return
+        if self._touch is None:
+            self._touch = TouchState(problem)
+        supports = self._touch.aim(problem.start, problem.end)
+        supports[0], supports[-1] = frames
+        self._touch.move_bodies(links)
+        self._touch.resume(shape, supports)
+
+    def reset(self) -> None:
+        self._spare, self.state, self._touch = self.state or self._spare, None, None
+
+    def rod_state(self) -> Network | TouchState | None:
+        touch = self._touch
+        found = touch is not None and (touch.touching or (self.state is not None and self.state.history == 0))
+        return touch if found else self.state
+
+
+def solver_of(model: str, cable: Cable, time_budget: float | None) -> Solver:
+    """The solver of a model; "auto" is the rod, and the catenary for a cable without bending stiffness."""
+    limp = cable.mean_bending_stiffness == 0.0
+    if limp and model not in ("catenary", "auto"):
+        raise ArgumentError.of(
+            "bending_stiffness",
+            0.0,
+            f"model {model!r} needs it above 0 N m^2",
+            "Give EI in N m^2, or choose model='catenary'.",
+        )
+    if model not in ("cosserat", "auto"):
+        refuse(cable, f"model {model!r}", "Choose model='cosserat', or leave them out.")
+    if model == "catenary" or limp:
+        return ClosedForm(catenary.solve, np.empty(0))
+    if model == "gradient4":
+        return ClosedForm(gradient.solve4, gradient.new_memory())
+    if model == "gradient6":
+        return ClosedForm(gradient.solve6, gradient.new_memory())
+    budget = math.inf if time_budget is None else checks.number("time_budget", time_budget, above=0.0, unit="s")
+    return Rod(budget)

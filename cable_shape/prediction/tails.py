@@ -1,0 +1,139 @@
+"""What hangs beyond the grips: :func:`predict_tails` and :class:`Tail`.
+
+A cable longer than the span between its grips ends in two tails, each a cable of its own with one free end. A clamped
+grip holds its tail as it holds the span, so that neither feels the other: span and tails together are the exact shape.
+At a swivel or pinned grip the tail leaves along the span's tangent, and the moment of its weight on the span is left
+out. The tail at the start runs backwards: in its own frame d1 is that of the cable, d2 and d3 are reversed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import final
+
+from numpy.typing import ArrayLike
+
+from cable_shape import checks
+from cable_shape.cable.cable import TAIL_SIDES, Cable
+from cable_shape.cable.pieces import cable_at
+from cable_shape.errors import ArgumentError
+from cable_shape.pose import Grip, Pose, as_grip
+from cable_shape.prediction.predictor import Predictor
+from cable_shape.shape import CableShape
+from cable_shape.solve.problem import GRAVITY, MAX_POINTS, MIN_POINTS, TAIL_TOLERANCE
+
+_BACKWARDS = Pose(quaternion=(1.0, 0.0, 0.0, 0.0))  # half a turn about d1
+_FEWEST_POINTS = 12
+
+
+@final
+class Tail:
+    """One tail, predicted again and again.
+
+    Parameters
+    ----------
+    cable : Cable
+        That it is a part of.
+    side : str
+        "start" or "end".
+    length : float
+        [m], above 0.
+    gravity : (3,) array_like
+        [m/s^2], world.
+    points : int
+        Of the whole cable; a tail gets its share, but not fewer than 12.
+    own_points : int, optional
+        Of the tail itself, in place of its share.
+    """
+
+    __slots__ = ("cable", "predictor", "side")
+
+    def __init__(
+        self,
+        cable: Cable,
+        side: str,
+        length: float,
+        *,
+        gravity: ArrayLike = GRAVITY,
+        points: int = 150,
+        own_points: int | None = None,
+    ) -> None:
+        self.side = checks.one_of("side", side, TAIL_SIDES)
+        self.cable = tail_cable(cable, side, length)
+        checks.integer("points", points, at_least=MIN_POINTS, at_most=MAX_POINTS)
+        share = max(_FEWEST_POINTS, round(points * self.cable.length / cable.length))
+        self.predictor = Predictor(
+            self.cable,
+            model="catenary" if cable.mean_bending_stiffness == 0.0 else "cosserat",
+            gravity=gravity,
+            points=share if own_points is None else own_points,
+            tolerance=TAIL_TOLERANCE * self.cable.length,
+        )
+
+    def predict(self, frame: Pose) -> CableShape:
+        """The tail at a grip whose cable frame is `frame`; arc length counts from the grip outwards."""
+        return self.predictor.predict(frame * _BACKWARDS if self.side == "start" else frame, None)
+
+    def along(self, arc_length: float, length: float) -> float:
+        """Arc length [m] on the tail as that of a span of `length` [m]: negative, or beyond the length."""
+        return -arc_length if self.side == "start" else length + arc_length
+
+    def reset(self) -> None:
+        """Forgets the last solution."""
+        self.predictor.reset()
+
+
+def tail_cable(cable: Cable, side: str, length: float) -> Cable:
+    """The tail as a cable of its own: the same material, its rest curvature as at that end of the cable."""
+    cable = cable_at(cable, 0.0 if side == "start" else cable.length)
+    table = cable.rest_curvature.reshape(-1, 3)
+    if side == "start":
+        u1, u2, u3 = table[0]
+        rest = (-u1, u2, u3)  # minus the Darboux vector, in the reversed frame
+    else:
+        rest = tuple(table[-1])
+    return cable.replace(length=length, rest_curvature=rest, tails=None)
+
+
+def predict_tails(
+    cable: Cable,
+    start: Pose | Grip,
+    end: Pose | Grip | None,
+    tails: Mapping[str, float] | None = None,
+    *,
+    gravity: ArrayLike = GRAVITY,
+    points: int = 150,
+) -> dict[str, CableShape]:
+    """The tails of a cable held by two grips, solved once from nothing; the keys are "start" and "end".
+
+    Parameters
+    ----------
+    start, end : Pose or Grip
+        Their cable frames hold the tails. A free end (None) has none.
+    tails : mapping of "start" and "end" to a length [m], optional
+        Default: those of the cable.
+
+    Raises
+    ------
+    ArgumentError
+        For a length that is not above 0, or a tail at an end that nothing holds.
+    """
+    checks.instance("cable", cable, (Cable,), "Write Cable(length=..., ...).")
+    lengths = dict(cable.tails) if tails is None else checks.mapping("tails", tails, TAIL_SIDES, "Write {end: 0.1}.")
+    shapes = {}
+    for side, length in lengths.items():
+        grip = start if side == "start" else end
+        if grip is None:
+            raise ArgumentError.of(f"tails.{side}", length, "nothing holds this end", "Lengthen the cable instead.")
+        frame = as_grip(side, grip).cable_frame
+        shapes[side] = Tail(cable, side, length, gravity=gravity, points=points).predict(frame)
+    return shapes
+
+
+def held_frame(grip: Pose | Grip, shape: CableShape, side: str) -> Pose:
+    """The cable frame at an end of the span, from which the tail hangs: that of the grip, turned where it lets go."""
+    if isinstance(grip, Pose):
+        return grip
+    if grip.kind == "clamped":
+        return grip.cable_frame
+    return Pose(grip.cable_frame.position, shape.quaternions[0 if side == "start" else -1])

@@ -1,0 +1,1 @@
+"""Robots that hold the cable: kinematics, inverse kinematics, steering."""

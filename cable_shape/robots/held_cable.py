@@ -1,0 +1,214 @@
+"""The cable as the arms' joints move it: :class:`HeldCable`, the shape and its Jacobian at a mink configuration.
+
+The centreline answers the grippers by the rod's sensitivity, the grippers answer the joints by MuJoCo's Jacobians:
+
+    d r(s) / d q = d r(s) / d (twists of both grippers) . d (twists of both grippers) / d q,
+
+twists in world axes about the grippers' own origins. Both factors are exact, so that their product is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple, final
+
+import mink
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cable_shape import checks
+from cable_shape.cable.cable import Cable
+from cable_shape.checks import Array
+from cable_shape.errors import ArgumentError, SteeringError
+from cable_shape.pose import Grip, Pose
+from cable_shape.prediction.harness_predictor import HarnessPredictor
+from cable_shape.prediction.predictor import Predictor
+from cable_shape.robots.mujoco_model import MujocoModel
+from cable_shape.robots.robot import Robot
+from cable_shape.shape import CableShape
+from cable_shape.solve.harness_problem import End
+from cable_shape.solve.harness_shape import HarnessShape
+
+_NODES = 4  # of the cubic between points of the shape
+
+
+class Held(NamedTuple):
+    """What was found at one configuration."""
+
+    q: Array  # (n,) [rad] or [m], in the order of robot.joint_names
+    grips: tuple[Grip, Grip]
+    links: Mapping[str, Pose]  # of the robot, in the world
+    shape: CableShape | HarnessShape
+    grippers: Array  # (12, nv), twists of both grippers: v, w of the start, then of the end; world axes
+    jacobian: Array  # (points, 3, nv), of the shape's positions at fixed arc length; those of all segments of a harness
+
+    def part(self, segment: str = "") -> tuple[CableShape, Array]:
+        """The shape of the cable, or of a segment, and its Jacobian (points, 3, nv)."""
+        if not isinstance(self.shape, HarnessShape):
+            return self.shape, self.jacobian
+        first = list(self.shape.segments).index(segment) * self.shape.points
+        return self.shape.segments[segment], self.jacobian[first : first + self.shape.points]
+
+
+@final
+class HeldCable:
+    """A cable, or a harness, between the grippers of a robot, for tasks and limits of mink.
+
+    The MuJoCo model is made from the robot's own URDF, its joints are mapped by name, and it is compared with Pinocchio
+    at random configurations before it is used. What is solved for at a configuration is kept until the next one, so
+    that any number of tasks and limits on the same cable cost one prediction a step. Joints that mimic others follow
+    them in all that is told here: columns of the Jacobians are those of the joints that lead.
+
+    Parameters
+    ----------
+    predictor : Predictor
+        Of model "cosserat" or "auto", of a cable or a harness. It is used from now on by this object; each prediction
+        starts from the last.
+    robot : Robot
+        Left where it was looked at last.
+    grips : (2,) sequence of str, optional
+        Of a harness: the ends that the robot's grippers hold, in the grippers' order.
+    ends : mapping of open end to Pose, Grip or FreeEnd, optional
+        Of a harness: how its other ends are held; those not named are free.
+    xml : str, optional
+        A URDF or MJCF of one's own for the same robot, as for :class:`~cable_shape.robots.mujoco_model.MujocoModel`.
+
+    Attributes
+    ----------
+    model : mujoco.MjModel, on which mink's configuration, tasks and limits are made
+
+    Raises
+    ------
+    RobotError
+        If MuJoCo and Pinocchio disagree on the robot.
+    ArgumentError
+        For ends that are none of the harness, or not as many as there are grippers.
+    """
+
+    def __init__(
+        self,
+        predictor: Predictor | HarnessPredictor,
+        robot: Robot,
+        *,
+        xml: str | None = None,
+        grips: Sequence[str] = (),
+        ends: Mapping[str, End] | None = None,
+    ) -> None:
+        self.predictor, self.robot = predictor, robot
+        self.grips, self._ends = tuple(grips), dict(ends or {})
+        self._check_ends()
+        self._mujoco = MujocoModel(robot, xml)
+        self.model = self._mujoco.model
+        joints = [self.model.joint(name).id for name in robot.single_joints]
+        single: NDArray[np.intp] = np.array(self.model.jnt_dofadr[joints], dtype=np.intp)
+        n = len(robot.joint_names)
+        rest = robot.single_positions(np.zeros(n))
+        #: (nv, nv): velocities of all joints where those that lead are free and those that mimic follow
+        self._follow = np.zeros((self.model.nv, self.model.nv))
+        for column, leader in zip(np.eye(n), single[robot.leading], strict=True):
+            self._follow[single, leader] = robot.single_positions(column) - rest
+        self._data = mujoco.MjData(self.model)  # at what was looked at last, followers in their places
+        self._tools = [self.model.body(gripper.frame).id for gripper in robot.grippers.values()]
+        self._last: tuple[bytes, Any, Held] | None = None
+
+    def _check_ends(self) -> None:
+        """Refuses ends of a cable, and of a harness what cannot be held by both grippers."""
+        predictor = self.predictor
+        if not isinstance(predictor, HarnessPredictor):
+            if self.grips or self._ends:
+                bound = "the grippers hold both ends of a cable"
+                raise ArgumentError.of("grips", [*self.grips, *self._ends], bound, "Leave grips and ends out.")
+            return
+        if len(self.grips) != len(self.robot.grippers) or len(set(self.grips)) != len(self.grips):
+            bound = f"the robot's {len(self.robot.grippers)} grippers hold as many ends"
+            raise ArgumentError.of("grips", list(self.grips), bound, "Name them, the first gripper's first.")
+        predictor.problem.move({**self._ends, **dict.fromkeys(self.grips, Pose())})
+
+    @property
+    def parts(self) -> dict[str, Cable]:
+        """The cable, under "", or the segments of the harness."""
+        predictor = self.predictor
+        return dict(predictor.harness.segments) if isinstance(predictor, HarnessPredictor) else {"": predictor.cable}
+
+    def configuration(self, q: ArrayLike | None = None) -> mink.Configuration:
+        """mink's configuration at the joint positions `q` (n,) [rad] or [m]; default: the robot's home."""
+        q = self.robot.home if q is None else checks.vector("q", q, len(self.robot.joint_names))
+        return mink.Configuration(self.model, self._mujoco.qpos(q))
+
+    def q(self, configuration: mink.Configuration) -> Array:
+        """The robot's joint positions (n,) [rad] or [m], in the order of its `joint_names`."""
+        return self._mujoco.q(configuration.q)
+
+    def at(self, configuration: mink.Configuration) -> Held:
+        """The shape there, and how it answers the joints.
+
+        Raises
+        ------
+        SteeringError
+            If there is no usable shape there: the chord is longer than the cable, for example.
+        """
+        key = configuration.q.tobytes()
+        if self._last is not None and self._last[0] == key and self._last[1] is self.predictor.problem:
+            return self._last[2]
+        self._last = None
+        q = self.q(configuration)
+        self._data.qpos[:] = self._mujoco.qpos(q)
+        mujoco.mj_kinematics(self.model, self._data)
+        mujoco.mj_comPos(self.model, self._data)
+        grips, links = self.robot.grips(q), self.robot.link_poses()
+        shape = self._shape(grips, links)
+        if not shape.status:
+            raise SteeringError(
+                f"the cable cannot be steered: {shape.status.name}, {shape.detail or shape.status.remedy} Keep the "
+                "grips nearer (CableChordLimit) and the steps shorter (mink.VelocityLimit)."
+            )
+        grippers = np.concatenate([self._twist(body) for body in self._tools])
+        jacobian = self._answers() @ grippers
+        held = Held(q, grips, links, shape, grippers, jacobian)
+        self._last = key, self.predictor.problem, held
+        return held
+
+    def _shape(self, grips: tuple[Grip, Grip], links: Mapping[str, Pose]) -> CableShape | HarnessShape:
+        """Between these grips."""
+        if isinstance(self.predictor, HarnessPredictor):
+            return self.predictor.predict({**self._ends, **dict(zip(self.grips, grips, strict=True))})
+        return self.predictor.predict(*grips, links)
+
+    def _answers(self) -> Array:
+        """(points, 3, 12), to the twists of both grippers; of a harness the points of all its segments."""
+        predictor = self.predictor
+        if not isinstance(predictor, HarnessPredictor):
+            return predictor.sensitivity(at="gripper")
+        whole = np.concatenate(list(predictor.sensitivity(at="gripper").values()))
+        columns = [6 * predictor.grips.index(end) + np.arange(6) for end in self.grips]
+        return np.asarray(whole[:, :, np.concatenate(columns)])
+
+    def _twist(self, body: int) -> Array:
+        """(6, nv), v and w of a body's frame in world axes, at its origin."""
+        out = np.empty((6, self.model.nv))
+        mujoco.mj_jacBody(self.model, self._data, out[:3], out[3:], body)
+        return out @ self._follow
+
+    def point_on(self, link: str, point: Array) -> Array:
+        """(3, nv), velocity of the point [m], world, that the link carries, where `at` looked last."""
+        out = np.empty((3, self.model.nv))
+        mujoco.mj_jac(self.model, self._data, out, None, point, self.model.body(link).id)
+        return out @ self._follow
+
+    def point(self, held: Held, arc_length: float, segment: str = "") -> tuple[Array, Array]:
+        """The centreline there (3,) [m], world, and its Jacobian (3, nv), by one cubic through the nearest points."""
+        shape, jacobian = held.part(segment)
+        first, weights = _cubic(shape.arc_length, arc_length)
+        near = slice(first, first + len(weights))
+        return weights @ shape.positions[near], np.tensordot(weights, jacobian[near], 1)
+
+
+def _cubic(places: Array, at: float) -> tuple[int, Array]:
+    """Lagrange's weights of the uniform `places` around `at`, and the first of them that has one."""
+    count = min(_NODES, len(places))
+    x = at / places[1]
+    first = min(max(int(x) - (count - 1) // 2, 0), len(places) - count)
+    x -= first
+    weights = [np.prod([(x - j) / (i - j) for j in range(count) if j != i]) for i in range(count)]
+    return first, np.array(weights)

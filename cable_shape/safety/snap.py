@@ -1,0 +1,148 @@
+"""A snap before it happens: :func:`predicted_snap` follows a copy of the rod along the present motion of its grips,
+:class:`SnapWatch` does so when stability is running out."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Callable, Mapping
+from typing import TypeVar, final
+
+import numpy as np
+
+from cable_shape.checks import Array
+from cable_shape.pose import Grip, Pose, multiply
+from cable_shape.safety.report import Margin
+from cable_shape.shape import CableShape, Status
+from cable_shape.solve import cosserat, harness_search
+from cable_shape.solve.harness_network import HarnessNetwork
+from cable_shape.solve.harness_shape import HarnessShape
+from cable_shape.solve.network import Network
+
+#: Solves on the way to the horizon.
+STEPS = 8
+#: A predicted snap that stands is looked for this much further ahead.
+_LONGER = 1.25
+#: Looks ahead in the time of one horizon.
+_LOOKS = 10.0
+
+_Shape = TypeVar("_Shape", CableShape, HarnessShape)
+
+
+def predicted_snap(state: Network, twists: Array, horizon: float) -> tuple[float, float, CableShape] | None:
+    """When the cable snaps if its grips keep their speed, and the shape that it then has; None if it does not snap.
+
+    Parameters
+    ----------
+    state : Network
+        Of the rod, after a solve; it is left as it is.
+    twists : (12,)
+        Velocity [m/s] and angular velocity [rad/s] of the start, then of the end, world axes, about that cable end.
+    horizon : float
+        [s], how far to look.
+
+    Returns
+    -------
+    no_sooner, no_later : float
+        [s], the snap lies between.
+    shape : CableShape
+        After it, with the ends where they are at `no_later`.
+    """
+    ahead, problem = copied(state), copy.copy(state.problem)
+    ahead.problem = problem
+    start, end = problem.start, problem.end
+
+    def shape_at(time: float) -> CableShape:
+        later = moved(end, twists[6:], time) if isinstance(end, Grip) else end
+        return cosserat.solve(problem.move(moved(start, twists[:6], time), later), ahead)
+
+    return _first(shape_at, horizon)
+
+
+def predicted_harness_snap(
+    state: HarnessNetwork, twists: Mapping[str, Array], horizon: float
+) -> tuple[float, float, HarnessShape] | None:
+    """The same of a harness; twists: (6,) of each held end."""
+    ahead, problem = state.copied(), copy.copy(state.problem)
+    assert isinstance(ahead, HarnessNetwork)
+    ahead.problem, ends = problem, dict(problem.ends)
+    problem.ends, problem._given = ends, None
+
+    def shape_at(time: float) -> HarnessShape:
+        later = {end: moved(how, twists[end], time) if isinstance(how, Grip) else how for end, how in ends.items()}
+        return harness_search.solve(problem.move(later), ahead)[0]
+
+    return _first(shape_at, horizon)
+
+
+def _first(shape_at: Callable[[float], _Shape], horizon: float) -> tuple[float, float, _Shape] | None:
+    """Between which times [s] the first snap is, and the shape after it."""
+    for k in range(1, STEPS + 1):
+        time = horizon * k / STEPS
+        shape = shape_at(time)
+        if shape.status is Status.SNAPPED:
+            return horizon * (k - 1) / STEPS, time, shape
+        if not shape.status:
+            return None
+    return None
+
+
+@final
+class SnapWatch:
+    """Looks for a snap when stability says that it may come within the horizon [s], ten times in that time.
+
+    One that was predicted stands as long as stability is running out.
+    """
+
+    __slots__ = ("_horizon", "_looked", "_snaps_at", "after", "skipped", "time")
+
+    def __init__(self, horizon: float) -> None:
+        self._horizon = horizon
+        self.reset()
+
+    def reset(self) -> None:
+        """Forgets it."""
+        self.after: CableShape | HarnessShape | None = None  # the shape after the snap that is predicted
+        self.time = math.nan  # s, until it comes
+        self.skipped = False  # there was no need to look for one
+        self._looked = self._snaps_at = -math.inf  # ns, when it was looked for, and when it is to come
+
+    def look(
+        self,
+        stability: Margin | None,
+        stamp: int,
+        find: Callable[[float], tuple[float, float, CableShape | HarnessShape] | None] | None,
+    ) -> None:
+        """Once a cycle. find: what predicts a snap within a horizon [s]; None: the motion is not known."""
+        last, self.after = self.after, None
+        horizon = self._horizon * (1.0 if last is None else _LONGER)
+        self.skipped = horizon > 0.0
+        if stability is None or not stability.time_to_limit < horizon or find is None:
+            self._looked = -math.inf
+            return
+        self.after = last
+        if not 0.0 <= (stamp - self._looked) * 1e-9 < horizon / _LOOKS:
+            self.skipped = False
+            self._looked = stamp
+            time = stability.time_to_limit
+            found = find(horizon)
+            if found is not None:
+                no_sooner, no_later, self.after = found
+                time = min(max(time, no_sooner), no_later)
+            self._snaps_at = stamp + time * 1e9
+        self.time = max(0.0, (self._snaps_at - stamp) * 1e-9)
+
+
+def copied(state: Network) -> Network:
+    """The rod's memory once more, sharing only the problem, which a solve does not change."""
+    return state.copied()
+
+
+def moved(grip: Grip, twist: Array, time: float) -> Grip:
+    """The grip whose cable end keeps its velocity [m/s] and angular velocity [rad/s] (6,) for `time` [s]."""
+    frame = grip.cable_frame
+    turn = 0.5 * time * twist[3:]
+    half = math.sqrt(float(turn @ turn))
+    q = np.append(np.sinc(half / math.pi) * turn, math.cos(half))
+    there = Pose(frame.position + time * twist[:3], multiply(q, frame.quaternion), frame.turns)
+    return Grip(there, grip.kind, curvature=grip.curvature)

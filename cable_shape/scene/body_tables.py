@@ -1,0 +1,92 @@
+"""Bodies as the tables that compiled code reads, and where links that carry some are: :func:`body_tables`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from cable_shape.checks import Array
+from cable_shape.errors import ArgumentError
+from cable_shape.kernels.distance import bounds, distance, triangles
+from cable_shape.pose import Pose
+from cable_shape.scene.mesh_tree import mesh_tables
+from cable_shape.scene.scene_parts import Obstacle
+from cable_shape.scene.solids import Box, Capsule, Cylinder, HalfSpace, Mesh, Solid, Sphere
+
+
+def carried_by(bodies: Iterable[Obstacle]) -> dict[str, str]:
+    """The links that carry bodies, in the order of the bodies, and the first body of each."""
+    carried: dict[str, str] = {}
+    for body in bodies:
+        if body.link is not None:
+            carried.setdefault(body.link, body.name)
+    return carried
+
+
+def link_rows(links: Mapping[str, Pose], carried: Mapping[str, str]) -> Array:
+    """(k, 7) poses of the links that carry bodies, see `carried_by`; one dummy row if there are none.
+
+    Raises
+    ------
+    ArgumentError
+        If `links` lacks one of them.
+    """
+    if not isinstance(links, Mapping):
+        raise ArgumentError.of("links", links, "it must be a mapping", "Write {link: Pose(...)}, or None.")
+    rows = np.zeros((max(len(carried), 1), 7))
+    for i, (name, body) in enumerate(carried.items()):
+        pose = links.get(name)
+        if pose is None:
+            raise ArgumentError.of(
+                "links",
+                sorted(map(str, links)),
+                f"the pose of link {name!r} is missing, which carries {body!r}",
+                "Give the pose of every link that carries a body, or None if the robot is not known.",
+            )
+        if not isinstance(pose, Pose):
+            raise ArgumentError.of(f"links[{name!r}]", pose, "it must be a Pose", "Write Pose(position, quaternion).")
+        rows[i] = pose.array
+    return rows
+
+
+def body_tables(
+    bodies: Sequence[Obstacle], links: Sequence[str], gripping: frozenset[str]
+) -> tuple[Array, Array, Array]:
+    """Bodies, triangles and tree nodes as the tables that the kernels read."""
+    table = np.zeros((len(bodies), bounds.BODY_COLUMNS))
+    all_triangles: list[Array] = [np.empty((0, triangles.TRIANGLE_COLUMNS))]
+    all_nodes: list[Array] = [np.empty((0, triangles.NODE_COLUMNS))]
+    first_triangle = first_node = 0
+    for row, body in zip(table, bodies, strict=True):
+        row[0], row[1:4] = _kind_and_sizes(body.solid)
+        row[4:11] = body.pose.array
+        row[11] = -1 if body.link is None else links.index(body.link)
+        row[12] = body.link in gripping
+        if isinstance(body.solid, Mesh):
+            faces, nodes, closed = mesh_tables(body.name, body.solid)
+            row[13], row[14] = first_node, closed
+            row[15:18] = 0.5 * (nodes[0, :3] + nodes[0, 3:6])
+            row[1:4] = 0.5 * (nodes[0, 3:6] - nodes[0, :3])
+            nodes[:, 6] += np.where(nodes[:, 7] > 0, first_triangle, first_node)
+            all_triangles.append(faces)
+            all_nodes.append(nodes)
+            first_triangle += len(faces)
+            first_node += len(nodes)
+    return table, np.concatenate(all_triangles), np.concatenate(all_nodes)
+
+
+def _kind_and_sizes(solid: Solid) -> tuple[int, tuple[float, float, float]]:
+    """Kind and sizes as :mod:`cable_shape.kernels.distance.distance` has them; a mesh gets its sizes from its box."""
+    if isinstance(solid, Box):
+        a, b, c = (0.5 * solid.size).tolist()
+        return distance.BOX, (a, b, c)
+    if isinstance(solid, Sphere):
+        return distance.SPHERE, (solid.radius, 0.0, 0.0)
+    if isinstance(solid, Cylinder):
+        return distance.CYLINDER, (solid.radius, 0.5 * solid.length, 0.0)
+    if isinstance(solid, Capsule):
+        return distance.CAPSULE, (solid.radius, 0.5 * solid.length, 0.0)
+    if isinstance(solid, HalfSpace):
+        return distance.HALF_SPACE, (0.0, 0.0, 0.0)
+    return distance.MESH, (0.0, 0.0, 0.0)

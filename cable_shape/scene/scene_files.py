@@ -1,0 +1,195 @@
+"""A scene's keywords from plain mappings, as YAML and JSON hold them, and the parts of a scene as such entries.
+
+One entry a list item; exactly one of the solids in an obstacle::
+
+    warn_distance: 0.03                       # m
+    error_distance: 0.01                      # m
+    contact: warn                             # or solve, off
+    obstacles:
+      - {name: table, box: [1.2, 0.8, 0.04], position: [0.5, 0, -0.02]}
+      - {name: ball, sphere: 0.05, position: [0.5, 0, 0.1]}
+      - {name: post, cylinder: {radius: 0.03, length: 0.4}, position: [0.5, 0, 0.2]}
+      - {name: rail, capsule: {radius: 0.01, length: 0.4}, quaternion: [0, 0.7071, 0, 0.7071]}
+      - {name: floor, half_space: true, position: [0, 0, -0.75]}
+      - {name: fixture, mesh: fixture.stl, scale: 0.001}
+      - {name: camera, box: [0.03, 0.09, 0.03], position: [0, 0.06, 0], link: left_tool}
+    clips:
+      - {arc_length: 0.5, position: [0.5, 0, 0.3], quaternion: [0, 0, 0, 1], kind: ball, name: guide}
+    masses:
+      - {arc_length: 0.5, mass: 0.02}         # segment: a, too, of a harness; likewise in clips
+    sockets:
+      port_a: {position: [0.9, 0, 0.3], quaternion: [0, 0.7071, 0, 0.7071]}
+    plug: {socket: port_a, position: [0, 0, 0.02]}   # of the plug's frame in the cable frame at the end
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from cable_shape import checks
+from cable_shape.errors import ArgumentError
+from cable_shape.files.files import path_of
+from cable_shape.pose import Pose, pose_entry
+from cable_shape.scene.plug import Plug
+from cable_shape.scene.scene_parts import Clip, Obstacle, PointMass
+from cable_shape.scene.solids import Box, Capsule, Cylinder, HalfSpace, Mesh, Solid, Sphere
+
+SOLID_KEYS = ("box", "sphere", "cylinder", "capsule", "half_space", "mesh")
+
+
+def keywords_of(values: Mapping[str, Any], where: str, folder: Path) -> dict[str, Any]:
+    """The keywords of :class:`~cable_shape.scene.scene.Scene` that `values` gives; errors name `where` and the entry.
+
+    Meshes are read from `folder`.
+    """
+
+    def entries(key: str, make: Callable[[Mapping[str, Any], str], Any]) -> tuple[Any, ...]:
+        items = values.get(key)
+        if items is None:
+            return ()
+        if not isinstance(items, (list, tuple)):
+            raise ArgumentError.of(f"{where}: {key}", items, "it must be a list", "Start every entry with a dash.")
+        return tuple(_named(f"{where}: {key}[{i}]", item, make) for i, item in enumerate(items))
+
+    keywords = {
+        **values,
+        "obstacles": entries("obstacles", lambda v, w: _obstacle(v, w, folder)),
+        "clips": entries("clips", _clip),
+        "masses": entries("masses", _mass),
+        "sockets": _sockets(values.get("sockets"), f"{where}: sockets"),
+    }
+    if values.get("plug") is not None:
+        keywords["plug"] = _named(f"{where}: plug", values["plug"], _plug)
+    return keywords
+
+
+def _named(where: str, item: Any, make: Callable[[Mapping[str, Any], str], Any]) -> Any:
+    """`make(item)`, with errors that name the place of the entry and, where it has one, its name."""
+    name = item.get("name") if isinstance(item, Mapping) else None
+    if isinstance(name, str):
+        where = f"{where} ({name})"
+    try:
+        return make(item, where)
+    except ArgumentError as error:
+        text = str(error)
+        raise type(error)(text if text.startswith(where) else f"{where}: {text}") from None
+
+
+def _obstacle(values: Mapping[str, Any], where: str, folder: Path) -> Obstacle:
+    checks.known_keys(where, values, ("name", *SOLID_KEYS, "scale", "position", "quaternion", "link"))
+    if "name" not in values:
+        raise ArgumentError("the key 'name' is missing. Name the obstacle; reports and warnings use the name.")
+    given = [key for key in SOLID_KEYS if key in values]
+    if len(given) != 1:
+        raise ArgumentError.of("solid", given, "exactly one must be given", f"Keep one of {', '.join(SOLID_KEYS)}.")
+    if "scale" in values and given[0] != "mesh":
+        raise ArgumentError.of("scale", values["scale"], "only a mesh has one", "Remove it.")
+    solid = _solid(given[0], values[given[0]], where, folder, values.get("scale", 1.0))
+    return Obstacle(values["name"], solid, _pose(values), values.get("link"))
+
+
+def _solid(kind: str, value: Any, where: str, folder: Path, scale: Any) -> Solid:
+    if kind == "box":
+        return Box(value)
+    if kind == "sphere":
+        return Sphere(value)
+    if kind in ("cylinder", "capsule"):
+        keys = ("radius", "length")
+        checks.known_keys(f"{where}: {kind}", value, keys)
+        missing = [key for key in keys if key not in value]
+        if missing:
+            raise ArgumentError(f"{kind}: the key {missing[0]!r} is missing. Write {kind}: {{radius: .., length: ..}}.")
+        return Cylinder(**value) if kind == "cylinder" else Capsule(**value)
+    if kind == "half_space":
+        if value is not True:
+            raise ArgumentError.of(kind, value, "it takes no size", "Write half_space: true; z <= 0 is solid.")
+        return HalfSpace()
+    if isinstance(value, Mapping):
+        checks.known_keys(f"{where}: mesh", value, ("vertices", "faces"))
+        factor = checks.number("scale", scale, above=0.0)
+        mesh = Mesh(value.get("vertices", ()), value.get("faces", ()))
+        return Mesh(mesh.vertices * factor, mesh.faces)
+    if not isinstance(value, str):
+        raise ArgumentError.of("mesh", value, "it must be a path", "Name an STL or OBJ file, from the scene's folder.")
+    return Mesh.from_file(folder / path_of(value, "mesh"), scale)
+
+
+def _clip(values: Mapping[str, Any], where: str) -> Clip:
+    _required(values, where, ("arc_length", "position"), ("quaternion", "kind", "name", "segment"))
+    kind, name, segment = values.get("kind", "ball"), values.get("name"), values.get("segment")
+    return Clip(values["arc_length"], _pose(values), kind, name, segment)
+
+
+def _mass(values: Mapping[str, Any], where: str) -> PointMass:
+    _required(values, where, ("arc_length", "mass"), ("segment",))
+    return PointMass(values["arc_length"], values["mass"], values.get("segment"))
+
+
+def _sockets(values: Mapping[str, Any] | None, where: str) -> dict[str, Pose]:
+    if values is None:
+        return {}
+    if not isinstance(values, Mapping):
+        raise ArgumentError.of(where, values, "it must be a mapping", "Write name: {position: .., quaternion: ..}.")
+    return {str(name): _named(f"{where}.{name}", pose, _socket) for name, pose in values.items()}
+
+
+def _socket(values: Mapping[str, Any], where: str) -> Pose:
+    _required(values, where, ("position",), ("quaternion",))
+    return _pose(values)
+
+
+def _plug(values: Mapping[str, Any], where: str) -> Plug:
+    _required(values, where, ("socket",), ("position", "quaternion"))
+    return Plug(values["socket"], _pose(values))
+
+
+def _required(values: Mapping[str, Any], where: str, required: tuple[str, ...], optional: tuple[str, ...]) -> None:
+    checks.known_keys(where, values, (*required, *optional))
+    missing = [key for key in required if key not in values]
+    if missing:
+        raise ArgumentError(f"the key {missing[0]!r} is missing. Add it.")
+
+
+def _pose(values: Mapping[str, Any]) -> Pose:
+    return Pose(values.get("position", (0.0, 0.0, 0.0)), values.get("quaternion", (0.0, 0.0, 0.0, 1.0)))
+
+
+def obstacle_entry(obstacle: Obstacle) -> dict[str, Any]:
+    """An item of `obstacles`; a mesh is written out."""
+    link = {"link": obstacle.link} if obstacle.link else {}
+    return {"name": obstacle.name, **_solid_entry(obstacle.solid), **pose_entry(obstacle.pose), **link}
+
+
+def clip_entry(clip: Clip) -> dict[str, Any]:
+    """An item of `clips`."""
+    name = {} if clip.name is None else {"name": clip.name}
+    return {"arc_length": clip.arc_length, **pose_entry(clip.pose), "kind": clip.kind, **name, **_segment_entry(clip)}
+
+
+def mass_entry(mass: PointMass) -> dict[str, Any]:
+    """An item of `masses`."""
+    return {"arc_length": mass.arc_length, "mass": mass.mass, **_segment_entry(mass)}
+
+
+def _segment_entry(part: Clip | PointMass) -> dict[str, Any]:
+    return {} if part.segment is None else {"segment": part.segment}
+
+
+def plug_entry(plug: Plug) -> dict[str, Any]:
+    """The value of `plug`."""
+    return {"socket": plug.socket, **pose_entry(plug.offset)}
+
+
+def _solid_entry(solid: Solid) -> dict[str, Any]:
+    if isinstance(solid, Box):
+        return {"box": solid.size.tolist()}
+    if isinstance(solid, Sphere):
+        return {"sphere": solid.radius}
+    if isinstance(solid, HalfSpace):
+        return {"half_space": True}
+    if isinstance(solid, Mesh):
+        return {"mesh": {"vertices": solid.vertices.tolist(), "faces": solid.faces.tolist()}}
+    kind = "cylinder" if isinstance(solid, Cylinder) else "capsule"
+    return {kind: {"radius": solid.radius, "length": solid.length}}

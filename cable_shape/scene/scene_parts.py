@@ -1,0 +1,98 @@
+"""What a scene is made of: :class:`Obstacle`, :class:`Clip` and :class:`PointMass`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import count
+from typing import Any, final
+
+from cable_shape import checks
+from cable_shape.errors import ArgumentError
+from cable_shape.pose import IDENTITY, Pose
+from cable_shape.scene.solids import SOLIDS, Solid
+
+CLIP_KINDS = ("ball", "fixed", "hinge", "slide")
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Obstacle:
+    """A solid body, fixed in the world (`link` None) or attached to a robot link.
+
+    pose: in the world, or in the frame of `link`.
+    """
+
+    name: str
+    solid: Solid
+    pose: Pose = IDENTITY
+    link: str | None = None
+
+    def __post_init__(self) -> None:
+        checks.word("Obstacle.name", self.name)
+        checks.instance("Obstacle.solid", self.solid, SOLIDS, "Write for example Box((0.1, 0.2, 0.3)) or Sphere(0.05).")
+        checks.instance("Obstacle.pose", self.pose, (Pose,), "Write Pose(position, quaternion).")
+        if self.link is not None:
+            checks.word("Obstacle.link", self.link)
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Clip:
+    """Holds the cable at `arc_length` [m] from the start grip, with the cable frame of `pose`.
+
+    "ball" holds the place of the material point, "fixed" its frame, "hinge" its place and d3: the cable may roll.
+    "slide" is an eyelet without friction through which the cable runs: it holds a place, `arc_length` is about which
+    point is in it, and what is found is in the shape's `clips`. Of a scene's clips those without a `name` are "clip0",
+    "clip1" and so on, in order of arc length. `segment`: of a harness, whose arc length is meant.
+    """
+
+    arc_length: float
+    pose: Pose
+    kind: str = "ball"
+    name: str | None = None
+    segment: str | None = None
+
+    def __post_init__(self) -> None:
+        _number(self, "arc_length", "m")
+        if self.segment is not None:
+            checks.word("Clip.segment", self.segment)
+        checks.instance("Clip.pose", self.pose, (Pose,), "Write Pose(position, quaternion).")
+        checks.one_of("Clip.kind", self.kind, CLIP_KINDS)
+        if self.name is not None:
+            checks.word("Clip.name", self.name)
+        if self.pose.turns:
+            raise ArgumentError.of(
+                "Clip.pose.turns",
+                self.pose.turns,
+                "windings are counted at the cable's end only",
+                "Give the end's Pose the turns; a clip's own come from the path that led there.",
+            )
+
+
+def clip_names(clips: Iterable[Clip]) -> tuple[str, ...]:
+    """The names of clips in ascending arc length: their own, or "clip0", "clip1" and so on for those without."""
+    number = count()
+    return tuple(f"clip{next(number)}" if clip.name is None else clip.name for clip in clips)
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class PointMass:
+    """A connector of `mass` [kg] at `arc_length` [m] from the start grip, or the start of `segment` of a harness."""
+
+    arc_length: float
+    mass: float
+    segment: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.segment is not None:
+            checks.word("PointMass.segment", self.segment)
+        _number(self, "arc_length", "m")
+        _number(self, "mass", "kg")
+
+
+def _number(part: Any, name: str, unit: str) -> None:
+    """Keeps field `name` of a frozen part as a finite float of at least 0."""
+    label = f"{type(part).__name__}.{name}"
+    object.__setattr__(part, name, checks.number(label, getattr(part, name), at_least=0.0, unit=unit))

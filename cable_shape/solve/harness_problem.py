@@ -1,0 +1,222 @@
+"""What a predictor of a harness is asked to solve: :class:`HarnessProblem`, one :class:`Problem` a segment."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, final
+
+from numpy.typing import ArrayLike
+
+from cable_shape import checks
+from cable_shape.cable.harness import Harness
+from cable_shape.checks import Array
+from cable_shape.errors import ArgumentError
+from cable_shape.pose import FreeEnd, Grip, Pose
+from cable_shape.scene.scene import Scene
+from cable_shape.scene.scene_parts import Clip, Obstacle, PointMass, clip_names
+from cable_shape.solve.problem import GRAVITY, NAMED_TOLERANCE, Problem
+
+End = Pose | Grip | FreeEnd | None
+_FREE = FreeEnd()
+_CLAMPED = Grip(Pose())
+
+
+@final
+class HarnessProblem:
+    """A harness between its grips, under its loads; the ends may move, the rest stays.
+
+    Attributes
+    ----------
+    harness : Harness
+    segments : mapping of segment to Problem, which says what its cable is made of and what loads it between its ends
+    clips : mapping of segment to the numbers of its clips in `scene.clips`, ascending in arc length
+    gravity : (3,) [m/s^2]
+    points : int, of each segment
+    tolerance : float [m], largest position error allowed
+    ends : mapping of open end to Grip or FreeEnd
+    laid_out : mapping of how the ends are held to the network that this makes, see `solve.harness_layout`
+    """
+
+    __slots__ = (
+        "_given", "_keywords", "_loads", "_scenes", "bodies", "clip_names", "clips", "ends", "gravity", "gripping",
+        "harness", "laid_out", "links", "points", "scene", "segments", "tolerance",
+    )  # fmt: skip
+
+    def __init__(
+        self,
+        harness: Harness,
+        *,
+        gravity: ArrayLike = GRAVITY,
+        points: int = 150,
+        tolerance: float | None = None,
+        scene: Scene | None = None,
+        distributed_load: Mapping[str, ArrayLike] | None = None,
+        acceleration: Mapping[str, ArrayLike] | None = None,
+        robot_links: Iterable[Obstacle] = (),
+        gripping_links: Iterable[str] = (),
+    ) -> None:
+        checks.instance("harness", harness, (Harness,), "Write Harness(segments={...}, junctions=[...]).")
+        self.harness = harness
+        if tolerance is None:
+            tolerance = NAMED_TOLERANCE * harness.longest
+        self.tolerance = checks.number("tolerance", tolerance, above=0.0, unit="m")
+        self.scene = scene
+        self._scenes, self.clips = _scenes_of(harness, scene)
+        self.clip_names = () if scene is None else clip_names(scene.clips)
+        self._loads = _of_segments("distributed_load", distributed_load, harness)
+        moves = _of_segments("acceleration", acceleration, harness)
+        self._keywords: dict[str, Any] = {"gravity": gravity, "points": points, "tolerance": self.tolerance}
+        self.segments: dict[str, Problem] = {}
+        for name in harness.segments:
+            self.segments[name] = self._segment(name, moves.get(name))
+        first = next(iter(self.segments.values()))
+        self.gravity, self.points = first.gravity, first.points
+        self.laid_out: dict[tuple[str, ...], Any] = {}
+        self.bodies: tuple[Obstacle, ...] = ()
+        if scene is not None and scene.contact == "solve":
+            links = checks.entries("robot_links", robot_links, Obstacle)
+            self.bodies = tuple(sorted((*scene.obstacles, *links), key=lambda body: body.link is not None))
+        self.gripping = frozenset(checks.entries("gripping_links", gripping_links, str, "Give a list of link names."))
+        self.links: Mapping[str, Pose] | None = None
+        self._given: dict[str, End] | None = None
+        self.ends: dict[str, Grip | FreeEnd] = dict.fromkeys(harness.open_ends, _FREE)
+
+    def _segment(self, name: str, acceleration: ArrayLike | None) -> Problem:
+        """What the problem is of one segment."""
+        try:
+            return Problem(
+                self.harness.segments[name],
+                scene=self._scenes[name],
+                distributed_load=self._loads.get(name),
+                acceleration=acceleration,
+                **self._keywords,
+            )
+        except ArgumentError as error:
+            raise type(error)(f"segment {name!r}: {error}") from None
+
+    def moving(self, acceleration: Mapping[str, ArrayLike] | None) -> HarnessProblem:
+        """The same with its segments accelerated, or at rest; the ends stay where they are."""
+        moves = _of_segments("acceleration", acceleration, self.harness)
+        other = object.__new__(HarnessProblem)
+        for name in self.__slots__:
+            setattr(other, name, getattr(self, name))
+        other.segments = {name: self._segment(name, moves.get(name)) for name in self.segments}
+        other.laid_out = {}
+        return other
+
+    @property
+    def grips(self) -> tuple[str, ...]:
+        """Names of the held ends, in the order of the segments."""
+        return tuple(end for end, held in self.ends.items() if type(held) is Grip)
+
+    def move(self, ends: Mapping[str, End], links: Mapping[str, Pose] | None = None) -> HarnessProblem:
+        """Puts the ends there, those not named are free, and the links, and returns itself.
+
+        Raises
+        ------
+        ArgumentError
+            For an end that does not exist or is in a junction, and where nothing holds a part of the harness.
+        """
+        checks.instance("ends", ends, (Mapping,), "Write {'a.start': Pose(...), ...}.")
+        if links is not None:
+            checks.instance("links", links, (Mapping,), "Write {link: Pose(...)}.")
+        self.links = links
+        given, now = self._given, self.ends
+        if given is not None and given.keys() == ends.keys():
+            for end, held in ends.items():
+                if held is not given[end]:
+                    now[end] = self._end(end, held)
+                    given[end] = held
+                    if type(now[end]) is FreeEnd:
+                        self._check_held(now)
+            return self
+        for end in ends:
+            if end not in now:
+                self._refuse(end)
+        now = {end: self._end(end, ends.get(end)) for end in now}
+        self._check_held(now)
+        self.ends, self._given = now, dict(ends)
+        return self
+
+    def _end(self, end: str, held: End) -> Grip | FreeEnd:
+        """How an end is held; a bare Pose is clamped, None is free."""
+        if type(held) is Grip or type(held) is FreeEnd:
+            found: Grip | FreeEnd = held
+        elif held is None:
+            found = _FREE
+        else:
+            checks.instance(end, held, (Pose, Grip, FreeEnd), "Write Pose(position, quaternion).")
+            found = _CLAMPED.at(held, held)
+        if type(found) is Grip and found.cable_frame.turns:
+            bound = "windings of a harness come from the path that led there"
+            raise ArgumentError.of(f"{end}: turns", found.cable_frame.turns, bound, "Leave them out and turn the end.")
+        return found
+
+    def _refuse(self, end: object) -> None:
+        """Why an end cannot be held."""
+        junction = self.harness.junction_of(end) if isinstance(end, str) else None
+        if junction is not None:
+            remedy = "Hold an open end, or take it out of the junction."
+            raise ArgumentError.of("ends", end, f"it is in junction {junction.name!r}, which holds it", remedy)
+        known = ", ".join(self.harness.open_ends) or "none is open"
+        raise ArgumentError.of("ends", end, "there is no such end of a segment", f"Ends that may be held: {known}.")
+
+    def _check_held(self, ends: Mapping[str, Grip | FreeEnd]) -> None:
+        """Every part of the harness is held somewhere."""
+        held = {end.rpartition(".")[0] for end, how in ends.items() if type(how) is Grip}
+        held |= {name for name, clips in self.clips.items() if clips}
+        for part in self.harness.parts():
+            if not part & held:
+                names = sorted(part)
+                which = ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")
+                raise ArgumentError.of(
+                    "ends", sorted(end for end, how in ends.items() if type(how) is Grip),
+                    f"nothing holds the part with the segments {which}",
+                    "Name one of its open ends with a Pose or a Grip, or hold it in a clip.",
+                )  # fmt: skip
+
+    def loaded_otherwise(self, last: HarnessProblem) -> bool:
+        """Whether loads at the same places are not those of `last`."""
+        pairs = ((one, last.segments[name]) for name, one in self.segments.items() if name in last.segments)
+        return any(one.loaded_otherwise(before) for one, before in pairs)
+
+    def fall(self, end: str) -> Array:
+        """(3,) [m/s^2], what weighs on a mass at an end."""
+        segment, _, side = end.rpartition(".")
+        problem = self.segments[segment]
+        return problem.fall(0.0) if side == "start" else problem.end_fall
+
+
+def _scenes_of(harness: Harness, scene: Scene | None) -> tuple[dict[str, Scene | None], dict[str, list[int]]]:
+    """The clips and masses of each segment as a scene of its own, and the numbers of its clips."""
+    scenes: dict[str, Scene | None] = dict.fromkeys(harness.segments)
+    numbers: dict[str, list[int]] = {name: [] for name in harness.segments}
+    if scene is None:
+        return scenes, numbers
+    checks.instance("scene", scene, (Scene,), "Write Scene(clips=[...]), or Scene.from_yaml(path).")
+    if scene.plug is not None:
+        remedy = "Give the end a FreeEnd(mass=...)."
+        raise ArgumentError.of("scene.plug", scene.plug, "a harness has more ends than one", remedy)
+    both: tuple[tuple[str, Sequence[Clip | PointMass]], ...] = (("clips", scene.clips), ("masses", scene.masses))
+    for kind, parts in both:
+        for i, part in enumerate(parts):
+            if part.segment not in scenes:
+                known = f"Segments: {', '.join(harness.segments)}."
+                bound = "it must name the segment" if part.segment is None else "there is no such segment"
+                raise ArgumentError.of(f"{kind}[{i}].segment", part.segment, bound, known)
+    for i, clip in enumerate(scene.clips):
+        assert clip.segment is not None
+        numbers[clip.segment].append(i)
+    for name in harness.segments:
+        clips = [replace(scene.clips[i], segment=None) for i in numbers[name]]
+        masses = [replace(mass, segment=None) for mass in scene.masses if mass.segment == name]
+        if clips or masses:
+            scenes[name] = Scene(clips=clips, masses=masses)
+    return scenes, numbers
+
+
+def _of_segments(where: str, values: Mapping[str, ArrayLike] | None, harness: Harness) -> dict[str, ArrayLike]:
+    """A mapping of segments to what each is given."""
+    remedy = f"Write {{segment: ...}}; segments: {', '.join(harness.segments)}."
+    return checks.mapping(where, values, harness.segments, remedy)

@@ -1,0 +1,304 @@
+"""What a model is asked to solve: :class:`Problem`, built once and moved every cycle."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cable_shape import checks
+from cable_shape.cable.cable import Cable
+from cable_shape.checks import Array
+from cable_shape.errors import ArgumentError
+from cable_shape.pose import FreeEnd, Grip, Pose, as_grip
+from cable_shape.scene.scene import Clip, Obstacle, PointMass, Scene
+
+#: Default `tolerance` / length, of the discretisation; and that of a tail, whose place is all that is asked of it.
+NAMED_TOLERANCE, TAIL_TOLERANCE = 1e-5, 1e-3
+MIN_POINTS, MAX_POINTS = 2, 100_000
+#: Rows of a table of accelerations: every kink is a node of the rod.
+MAX_ACCELERATIONS = 200
+#: A kink that turns an acceleration by less than this fraction of the largest is rounding.
+_STRAIGHT = 1e-12
+#: Clips are at least this fraction of the length apart from each other and from the grips.
+CLIP_SPACING = 1e-3
+#: m/s^2, world: the default
+GRAVITY = (0.0, 0.0, -9.81)
+_GRAVITY: Array = np.array(GRAVITY)
+_GRAVITY.flags.writeable = False
+_UNLOADED = FreeEnd()
+_NOWHERE = Grip(Pose())
+_NO_PLACES: Array = np.empty(0)
+_NO_FORCES: Array = np.empty((0, 3))
+
+
+class Problem:
+    """One cable between two ends, under its loads; the ends may move, the rest stays.
+
+    Attributes
+    ----------
+    cable : Cable
+    gravity : (3,) [m/s^2]
+    points : int
+    tolerance : float [m], largest position error allowed
+    load : (2, 3) [N/m], world: weight, inertia and distributed load at s = 0 and s = length, linear between
+    acceleration : (m, 3) [m/s^2], m >= 2, world: of the cable, uniform in arc length; None: at rest
+    swing : (m, 3) [m/s^2], what `acceleration` has beyond the line from its first to its last row; None: nothing
+    load_arc_length : (k,) [m], ascending, of the concentrated loads
+    load_force : (k, 3) [N], world, of the concentrated loads (weights of point masses)
+    masses : the point masses behind the concentrated loads
+    clips : what holds the cable between its ends, in ascending arc length
+    bodies : what the cable is kept out of in the equilibrium: first the bodies fixed in the world, then those on links
+    gripping : links that hold the cable, whose bodies it may touch near its ends
+    links : where the links are, None if that is not known: then their bodies are left out
+    start : Grip
+    end : Grip or FreeEnd
+    cache : what a model derives once from all but the ends, by the model's name
+    """
+
+    __slots__ = (
+        "_given",
+        "acceleration",
+        "bodies",
+        "cable",
+        "cache",
+        "clips",
+        "end",
+        "gravity",
+        "gripping",
+        "links",
+        "load",
+        "load_arc_length",
+        "load_force",
+        "masses",
+        "points",
+        "scene",
+        "start",
+        "swing",
+        "tolerance",
+    )
+
+    def __init__(
+        self,
+        cable: Cable,
+        *,
+        gravity: ArrayLike = GRAVITY,
+        points: int = 150,
+        tolerance: float | None = None,
+        scene: Scene | None = None,
+        distributed_load: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+        robot_links: Iterable[Obstacle] = (),
+        gripping_links: Iterable[str] = (),
+    ) -> None:
+        if not isinstance(cable, Cable):
+            raise ArgumentError.of("cable", cable, "it must be a Cable", "Write Cable(length=..., ...).")
+        if scene is not None:
+            checks.instance("scene", scene, (Scene,), "Write Scene(obstacles=[...]), or Scene.from_yaml(path).")
+        self.cable = cable
+        self.gravity = _GRAVITY if gravity is GRAVITY else checks.vector("gravity", gravity, 3, "m/s^2")
+        self.points = checks.integer("points", points, at_least=MIN_POINTS, at_most=MAX_POINTS)
+        if tolerance is None:
+            self.tolerance = NAMED_TOLERANCE * cable.length
+        else:
+            self.tolerance = checks.number("tolerance", tolerance, above=0.0, unit="m")
+        weight = cable.linear_density * self.gravity
+        self.load: Array = np.array((weight, weight))
+        if distributed_load is not None:
+            self.load += _two_forces(distributed_load)
+        self.acceleration: Array | None = None
+        self.swing: Array | None = None
+        if acceleration is not None:
+            self._accelerate(_table(acceleration))
+        self.scene = scene
+        self.cache: dict[str, Any] = {}
+        self.masses: tuple[PointMass, ...] = ()
+        self.load_arc_length = _NO_PLACES
+        self.load_force = _NO_FORCES
+        self.clips: tuple[Clip, ...] = ()
+        if scene is not None and (scene.masses or scene.clips):
+            parts: tuple[Clip | PointMass, ...] = (*scene.clips, *scene.masses)
+            for part in parts:
+                if part.segment is not None:
+                    raise ArgumentError.of(
+                        f"{type(part).__name__}.segment", part.segment, "a cable has no segments", "Leave it out."
+                    )
+            self._load_masses(scene)
+            self._check_clips(scene)
+            self.clips = tuple(scene.clips)
+        self.bodies: tuple[Obstacle, ...] = ()
+        if scene is not None and scene.contact == "solve":
+            links = checks.entries("robot_links", robot_links, Obstacle)
+            self.bodies = tuple(sorted((*scene.obstacles, *links), key=lambda body: body.link is not None))
+        self.gripping = frozenset(checks.entries("gripping_links", gripping_links, str, "Give a list of link names."))
+        self.links: Mapping[str, Pose] | None = None
+        self._given: Pose | Grip | None = None
+        self.start = _NOWHERE
+        self.end: Grip | FreeEnd = _UNLOADED
+
+    @property
+    def solves_crossing(self) -> bool:
+        """Whether the cable is kept out of others and of itself: where it runs through no eyelet."""
+        if self.scene is None or self.scene.contact != "solve":
+            return False
+        return not any(clip.kind == "slide" for clip in self.clips)
+
+    def _accelerate(self, table: Array) -> None:
+        """Adds the inertial load of an acceleration (m, 3)."""
+        self.acceleration = table
+        self.load -= self.cable.linear_density * table[[0, -1]]
+        self.swing = swing_of(table)
+
+    def beside(self, cable: Cable) -> Problem:
+        """The same on a cable that differs little: weight and inertia change with it, what holds it keeps its place."""
+        other = copy.copy(self)
+        other.cable, other.cache = cable, {}
+        falls = np.array((self.fall(0.0), self.end_fall))
+        other.load = self.load + (cable.linear_density - self.cable.linear_density) * falls
+        other.load_force = np.array([m.mass * other.fall(m.arc_length) for m in self.masses]).reshape(-1, 3)
+        return other
+
+    def after(self, last: Problem, share: float) -> Problem:
+        """The same under loads on the way from those of `last`, of the same cable, at this share of it."""
+        if share == 1.0:
+            return self
+        other = copy.copy(self)
+        other.cache = {}
+        other.load = last.load + share * (self.load - last.load)
+        other.load_force = last.load_force + share * (self.load_force - last.load_force)
+        rows = max([2, *(len(a) for a in (self.acceleration, last.acceleration) if a is not None)])
+        before, now = last._rows(rows), self._rows(rows)
+        other.acceleration = before + share * (now - before)
+        other.swing = swing_of(other.acceleration)
+        return other
+
+    def _rows(self, rows: int) -> Array:
+        """The acceleration, told in so many rows: exact if it has as many, or is linear."""
+        if self.acceleration is None:
+            return np.zeros((rows, 3))
+        here, there = np.linspace(0.0, 1.0, rows), np.linspace(0.0, 1.0, len(self.acceleration))
+        return np.stack([np.interp(here, there, a) for a in self.acceleration.T], axis=1)
+
+    def loaded_otherwise(self, last: Problem) -> bool:
+        """Whether it is the same cable, with loads at the same places, that are not those of `last`."""
+        if last is self or last.cable is not self.cable:
+            return False
+        if not np.array_equal(last.load_arc_length, self.load_arc_length):
+            return False
+        swings = [np.empty(0) if one.swing is None else one.swing for one in (last, self)]
+        pairs = (swings, (last.load, self.load), (last.load_force, self.load_force), (last.end_fall, self.end_fall))
+        return not all(np.array_equal(one, other) for one, other in pairs)
+
+    @property
+    def end_fall(self) -> Array:
+        """`fall` at the cable's end."""
+        return self.gravity if self.acceleration is None else np.asarray(self.gravity - self.acceleration[-1])
+
+    def fall(self, arc_length: float) -> Array:
+        """(3,) [m/s^2], gravity without the acceleration there: what weighs on a mass at this arc length."""
+        if self.acceleration is None:
+            return self.gravity
+        places = np.linspace(0.0, self.cable.length, len(self.acceleration))
+        there = [np.interp(arc_length, places, self.acceleration[:, i]) for i in range(3)]
+        return np.asarray(self.gravity - np.array(there))
+
+    def _load_masses(self, scene: Scene) -> None:
+        """Point masses become concentrated loads, in ascending arc length."""
+        self.masses = tuple(sorted(scene.masses, key=lambda m: m.arc_length))
+        for mass in self.masses:
+            if mass.arc_length > self.cable.length:
+                raise ArgumentError.of(
+                    "PointMass.arc_length",
+                    mass.arc_length,
+                    f"it must be at most the length of the cable, {self.cable.length:g} m",
+                    "Arc length counts from the start grip.",
+                )
+        self.load_arc_length = np.array([m.arc_length for m in self.masses])
+        self.load_force = np.array([m.mass * self.fall(m.arc_length) for m in self.masses]).reshape(-1, 3)
+
+    def _check_clips(self, scene: Scene) -> None:
+        """Clips are on the cable, between the grips, and not too close to each other."""
+        length = self.cable.length
+        least = CLIP_SPACING * length
+        before = 0.0
+        for i, clip in enumerate(scene.clips):
+            if not clip.arc_length <= length - least:
+                raise ArgumentError.of(
+                    f"clips[{i}].arc_length",
+                    clip.arc_length,
+                    f"it must be at most {length - least:g} m on a cable of {length:g} m",
+                    "Arc length counts from the start grip; the end is held by a grip, not by a clip.",
+                )
+            if clip.arc_length - before < least:
+                where = "the start grip" if i == 0 else f"clips[{i - 1}]"
+                raise ArgumentError.of(
+                    f"clips[{i}].arc_length",
+                    clip.arc_length,
+                    f"it must be at least {least:g} m beyond {where}",
+                    "Arc length counts from the start grip; join clips that are as good as one.",
+                )
+            before = clip.arc_length
+            if clip.kind == "slide" and any(abs(mass.arc_length - before) < least for mass in self.masses):
+                raise ArgumentError.of(
+                    f"clips[{i}].arc_length",
+                    before,
+                    "a point mass is there, which cannot run through an eyelet",
+                    "Move one of them, or make it a 'ball' clip.",
+                )
+
+    def move(
+        self,
+        start: Pose | Grip,
+        end: Pose | Grip | FreeEnd | None,
+        links: Mapping[str, Pose] | None = None,
+    ) -> Problem:
+        """Puts the ends there (None: a free end), and the links, and returns itself."""
+        if links is not None and type(links) is not dict and not isinstance(links, Mapping):
+            raise ArgumentError.of("links", links, "it must be a mapping", "Write {link: Pose(...)}.")
+        self.links = links
+        if start is not self._given:  # often only one end moves
+            self.start = start if type(start) is Grip else as_grip("start", start)
+            self._given = start
+        if type(end) is Grip or type(end) is FreeEnd:
+            self.end = end
+        elif end is None:
+            self.end = _UNLOADED
+        else:
+            self.end = as_grip("end", end)
+        return self
+
+
+def swing_of(table: Array) -> Array | None:
+    """What an acceleration (m, 3) has beyond the line from its first to its last row; None: nothing."""
+    swing = table - np.linspace(table[0], table[-1], len(table))
+    return swing if np.abs(swing).max() > _STRAIGHT * np.abs(table).max() else None
+
+
+def _table(value: ArrayLike) -> Array:
+    """An acceleration (3,) or (m, 3) as a table of two rows at least."""
+    remedy = (
+        f"Give three numbers in m/s^2, or a table (m, 3) with 2 to {MAX_ACCELERATIONS} rows, uniform in arc length "
+        "from the start grip to the end."
+    )
+    a = checks.numbers("acceleration", value, remedy)
+    if a.shape == (3,):
+        a = np.array((a, a))
+    if a.ndim != 2 or a.shape[1] != 3 or not 2 <= a.shape[0] <= MAX_ACCELERATIONS:
+        raise ArgumentError.of("acceleration", f"shape {a.shape}", "it must be (3,) or (m, 3)", remedy)
+    if not (np.abs(a) <= checks.MOST).all():
+        bound = f"every entry must be finite, none above {checks.MOST:g}"
+        raise ArgumentError.of("acceleration", a.tolist(), bound, remedy)
+    return a
+
+
+def _two_forces(value: ArrayLike) -> Array:
+    """((fx, fy, fz) at s = 0, (fx, fy, fz) at s = length) as (2, 3)."""
+    remedy = "Write ((fx, fy, fz) at s = 0, (fx, fy, fz) at s = length)."
+    a = checks.numbers("distributed_load", value, remedy)
+    if a.shape != (2, 3) or not (np.abs(a) <= checks.MOST).all():
+        bound = "it must be two rows of three finite numbers in N/m"
+        raise ArgumentError.of("distributed_load", value, bound, remedy)
+    return a

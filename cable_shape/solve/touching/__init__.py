@@ -1,0 +1,1 @@
+"""What solves for cables that lie on bodies and on each other."""

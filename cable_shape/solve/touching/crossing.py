@@ -1,0 +1,382 @@
+"""Cables that rest on each other or on themselves, without friction, on bodies and in clips, too: docs/contact.md.
+
+As long as no two cables overlap, and none has come past another, each is solved for alone. Otherwise the points where
+they come nearest are held (`crossing_state`), and found along with the forces there (`crossing_step`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from time import perf_counter
+from typing import Protocol, final
+
+import numpy as np
+
+from cable_shape.checks import Array
+from cable_shape.shape import CableShape, Status
+from cable_shape.solve.problem import Problem
+from cable_shape.solve.rod_common import Patience
+from cable_shape.solve.search import between
+from cable_shape.solve.touching.crossing_group import GROWTH, Group
+from cable_shape.solve.touching.crossing_places import Places
+from cable_shape.solve.touching.crossing_state import all_frames
+from cable_shape.solve.touching.crossing_step import Spot
+
+MOST = 8  #: contacts at a time
+_FIRST_STEP, _SMALLEST_STEP = 0.25, 1.0 / 256.0
+_MOST_STEPS = 60  #: on one way
+_ROUNDS = 6  #: of finding places that were missed
+_SAME = 1e-3  #: of the length: a shape found alone is the one that has come free, if it is no further away
+_LOST = "no equilibrium of cables that touch was found. "
+_THROUGH = (
+    "no way from the last shapes leads to ones between these ends but through a cable. It stays so until "
+    "the ends are back where a way leads on, or until reset: then any shape is taken. "
+)
+
+
+class Solo(Protocol):
+    """What solves for one cable as if there were no other."""
+
+    problem: Problem  #: moved to the ends before every solve; may be another one, of the same cable under other loads
+
+    def alone(self) -> CableShape:
+        """The shape between the problem's ends."""
+
+    def go_on_from(self, shape: CableShape, frames: Array, links: Array) -> None:
+        """Makes a shape between the ends `frames` (2, 7) the last solution, if there are bodies it may lie on.
+
+        links (m, 7): where the links were then that carry bodies; m = 0: not known, or there are none.
+        """
+
+
+@final
+class Crossing:
+    """Some cables, from one prediction to the next.
+
+    Parameters
+    ----------
+    names : of the cables
+    solos : what solves for each alone
+    time_budget : [s] of one solve, looked at between its attempts
+    """
+
+    def __init__(self, names: Sequence[str], solos: Sequence[Solo], time_budget: float = math.inf) -> None:
+        self.problems = [solo.problem for solo in solos]
+        self._names = tuple(names)
+        self._solos = solos
+        self._time_budget, self._deadline = time_budget, math.inf
+        self._patience, self._why = Patience(), ""
+        self._places = Places(names, self.problems)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forgets the last equilibrium, and which way cables lie over each other."""
+        self._last: tuple[list[CableShape], Array, list[Spot]] | None = None  # that equilibrium
+        self._reached: Group | None = None  # how far its cables got from there to where none was found
+        self._patience.succeed()
+        self._forget()
+
+    def _forget(self) -> None:
+        """The next solve starts from nothing."""
+        self._group: Group | None = None
+        self._shapes: list[CableShape] | None = None
+        self._frames: Array = np.empty(0)
+        self._kinds: list[tuple[str, str]] = []
+
+    @property
+    def touching(self) -> frozenset[int]:
+        """The cables that are held where they touch, or nearly do."""
+        return frozenset(self._group.rods) if self._group is not None else frozenset()
+
+    @property
+    def culled(self) -> int:
+        """Pairs of cables, each with itself included, that bounds ruled out in the last solve."""
+        return self._places.culled
+
+    @property
+    def _spots(self) -> list[Spot]:
+        return self._group.spots if self._group is not None else []
+
+    def solve(self) -> list[CableShape]:
+        """The shapes between the problems' ends; never raises for a physical reason: see `status`."""
+        began = perf_counter()
+        self._deadline = began + self._time_budget
+        self._places.culled = 0
+        if any(solo.problem is not problem for solo, problem in zip(self._solos, self.problems, strict=True)):
+            self._load()
+        frames = all_frames(self.problems)
+        kinds = [(problem.start.kind, getattr(problem.end, "kind", "free")) for problem in self.problems]
+        still = kinds == self._kinds and frames.tobytes() == self._frames.tobytes()
+        if self._shapes is not None and still and all(kind != "free" for _, kind in kinds):
+            return [shape.again() for shape in self._shapes]
+        self._kinds = kinds
+        if self._shapes is not None and len(frames) != len(self._frames):  # links are known, or not any more
+            self._let_go()
+            self.reset()
+        if self._shapes is None and self._patience.left == 0:
+            self._go_on()
+        if self._group is not None:
+            for cable, rod in self._group.rods.items():
+                rod.take(self.problems[cable])
+            if self._group.buried:
+                return self._give_up([None] * len(self._solos), "")
+        held = self.touching
+        free = [solo.alone() if i not in held else None for i, solo in enumerate(self._solos)]
+        if any(shape is not None and _no_place(shape) for shape in free):
+            return self._give_up(free, "")
+        given = [shape for shape in free if shape is not None]
+        if self._shapes is None:
+            wrong = self._places.involved(given) | self._through(given) if self._patience.left > 0 else set()
+            if wrong:
+                self._patience.left -= 1
+                return [
+                    _graded(shape, Status.NOT_CONVERGED, self._why) if i in wrong else shape
+                    for i, shape in enumerate(given)
+                ]
+            return self._cold(given, frames, Status.OK, began)
+        if self._group is None and not self._places.near(given, self._shapes):
+            self._shapes, self._frames = given, frames
+            return given
+        old = [spot.copy() for spot in self._spots]
+        for _ in range(_ROUNDS):
+            if self._group is None or self._along(frames):
+                shapes = self._reported(free, Status.OK, began)
+            else:
+                return self._snap(free, frames, began)
+            missed = self._places.missed(shapes, self._shapes, self._spots)
+            if not missed:
+                return self._accept(shapes, frames)
+            along = self._places.along_each_other(shapes, missed)
+            if along:
+                return self._give_up([None] * len(shapes), along)
+            old += missed
+            if len(old) > MOST:
+                return self._give_up(free, f"the cables touch in more than {MOST} places. ")
+            crowded = self._places.crowded(old)
+            if crowded:
+                return self._give_up(free, crowded)
+            self._group = Group(self._names, self.problems, self._shapes, self._frames, [spot.copy() for spot in old])
+            free = [shape if i not in self.touching else None for i, shape in enumerate(free)]
+        return self._give_up(free, _LOST)
+
+    def _load(self) -> None:
+        """Goes on from the last equilibrium under the loads that the problems now have."""
+        self.problems[:] = [solo.problem for solo in self._solos]
+        self._kinds, self._reached = [], None
+        if self._group is not None and self._shapes is not None:
+            spots = [spot.copy() for spot in self._spots]
+            self._group = Group(self._names, self.problems, self._shapes, self._frames, spots)
+
+    # -- attempts
+
+    def _along(self, goal: Array) -> bool:
+        """Goes with the ends from where they were to `goal` (k, 2, 7), in steps as small as it takes."""
+        group = self._group
+        assert group is not None
+        origin, kept = group.frames.copy(), group.keep()
+        start, first = kept, True
+        done, step = 0.0, 1.0
+        for _ in range(_MOST_STEPS):
+            if done == 1.0:
+                if not group.refined():
+                    return False
+                if not (group.coarse and first):
+                    return True
+                group.restore(start)  # on another way, contacts may come to lie where they can be told more exactly
+                done, step, first = 0.0, _FIRST_STEP, False
+            if perf_counter() > self._deadline:
+                return False
+            at = min(1.0, done + step)
+            if group.go(goal if at == 1.0 else between(origin, goal, at)):
+                done, kept = at, group.keep()
+                step *= 1.6
+            else:
+                group.restore(kept)
+                step = min(0.4 * step, _FIRST_STEP)
+                if step < _SMALLEST_STEP:
+                    break
+        return False
+
+    def _snap(self, free: list[CableShape | None], frames: Array, began: float) -> list[CableShape]:
+        """The branch ended: where the cables come to rest from where it did, or else from nothing."""
+        group = self._group
+        assert group is not None
+        assert self._shapes is not None
+        late = Status.BUDGET_EXCEEDED
+        if perf_counter() > self._deadline:  # what has been reached is where the next solve starts
+            return [_graded(shape, late, late.remedy) for shape in self._shapes]
+        kept = group.keep()
+        found = group.go(frames, search=True)
+        if found and group.refined():
+            shapes = self._reported(free, Status.SNAPPED, began)
+            if not self._places.overlaps(shapes, self._spots):
+                return self._accept(shapes, frames)
+        self._lose()
+        if not found:
+            group.restore(kept)
+            self._reached = group
+        alone = [shape if shape is not None else self._solos[i].alone() for i, shape in enumerate(free)]
+        if any(_no_place(shape) for shape in alone):
+            return self._give_up(alone, "")
+        return self._cold(alone, frames, Status.SNAPPED, began)
+
+    def _cold(self, shapes: list[CableShape], frames: Array, status: Status, began: float) -> list[CableShape]:
+        """From the shapes alone: where they overlap they are pushed apart, the way that is nearest.
+
+        Those that run through each other's middle go over each other in the order of their names, or of arc length.
+        """
+        spots: list[Spot] = []
+        given = shapes
+        for _ in range(_ROUNDS):
+            found = self._places.overlaps(given, self._spots)
+            if perf_counter() > self._deadline:
+                return self._give_up(list(shapes), "", Status.BUDGET_EXCEEDED)
+            if not found:
+                if self._through(given):
+                    return self._give_up([None] * len(shapes), _THROUGH)
+                if status is not Status.OK and self._group is None:
+                    given = [_graded(shape, status, status.remedy) for shape in given]
+                return self._accept(given, frames)
+            along = self._places.along_each_other(given, found)
+            if along:
+                return self._give_up([None] * len(shapes), along)
+            for spot in found:
+                self._places.part(spot, given)
+                spot.reach = min(spot.reach, spot.distance)
+            spots = [spot.copy() for spot in self._spots] + found
+            if len(spots) > MOST:
+                break
+            crowded = self._places.crowded(spots)
+            if crowded:
+                return self._give_up(list(shapes), crowded)
+            self._group = Group(self._names, self.problems, given, frames, spots)
+            if not self._grown(frames):
+                break
+            spots = self._group.spots
+            given = self._reported(list(given), status, began)
+        return self._give_up(list(shapes), _LOST)
+
+    def _grown(self, frames: Array) -> bool:
+        """Pushes the cables apart, little by little, until they do not overlap."""
+        group = self._group
+        assert group is not None
+        full = np.array([self._places.reach(spot.cables) for spot in group.spots])
+        reach = np.array([spot.reach for spot in group.spots])
+        step = GROWTH
+        while perf_counter() < self._deadline:
+            kept = group.keep()
+            to = np.minimum(full, reach + step * full)
+            for spot, value in zip(group.spots, to.tolist(), strict=True):
+                spot.reach = value
+            if group.go(frames, search=True):
+                reach = to
+                if (reach == full).all():
+                    return group.refined()
+                step *= 1.5
+            else:
+                group.restore(kept)
+                step *= 0.4
+                if step < _SMALLEST_STEP:
+                    break
+        return False
+
+    # -- results
+
+    def _reported(self, free: Sequence[CableShape | None], status: Status, began: float) -> list[CableShape]:
+        """The shapes of all the cables."""
+        group = self._group
+        out: list[CableShape] = []
+        for i, shape in enumerate(free):
+            if group is None or i not in group.rods:
+                assert shape is not None
+                out.append(shape)
+                continue
+            grade = Status.UNSTABLE if status is Status.OK and not group.stable else status
+            detail = "" if grade is Status.OK else grade.remedy
+            out.append(group.shape(i, grade, detail, began))
+        return out
+
+    def _accept(self, shapes: list[CableShape], frames: Array) -> list[CableShape]:
+        """Remembers an equilibrium; cables that have come free are let go."""
+        group = self._group
+        self._shapes, self._frames = shapes, frames
+        if group is not None:
+            along = self._places.along_each_other(shapes, [spot for spot in group.spots if spot.press > 0.0])
+            if along:
+                return self._give_up([None] * len(shapes), along)
+            self._patience.succeed()
+            for spot in group.spots:
+                spot.before = spot.arcs.copy()
+            staying = [spot for spot in group.spots if spot.press > 0.0 or spot.distance < 2.0 * spot.reach]
+            if len(staying) < len(group.spots):
+                held = {cable for spot in staying for cable in spot.cables}
+                if all(self._comes_free(cable, shapes[cable]) for cable in group.rods if cable not in held):
+                    self._group = Group(self._names, self.problems, shapes, frames, staying) if staying else None
+        self._last = shapes, frames, [spot.copy() for spot in self._spots]
+        self._reached = None
+        return shapes
+
+    def _let_go(self) -> None:
+        """Has those that are held go on alone from where they last were."""
+        for cable in self.touching:
+            if self._shapes is not None:
+                self._solos[cable].go_on_from(self._shapes[cable], *self._ends_and_links(cable))
+
+    def _ends_and_links(self, cable: int) -> tuple[Array, Array]:
+        """The cable's ends (2, 7) and the links that carry bodies (m, 7) at the last equilibrium."""
+        return self._frames[2 * cable : 2 * cable + 2], self._frames[2 * len(self.problems) :]
+
+    def _comes_free(self, cable: int, shape: CableShape) -> bool:
+        """Whether the cable alone has this shape."""
+        self._solos[cable].go_on_from(shape, *self._ends_and_links(cable))
+        alone = self._solos[cable].alone()
+        if not alone.status:
+            return False
+        return bool(np.abs(alone.positions - shape.positions).max() <= _SAME * shape.length)
+
+    def _through(self, shapes: list[CableShape]) -> set[int]:
+        """The cables that went through another one, or themselves, since the last equilibrium."""
+        return set() if self._last is None else self._places.gone_through(shapes, self._last[0])
+
+    def _lose(self) -> None:
+        """No equilibrium was found from the last one on, which is where one is looked for again."""
+        self._let_go()
+        self._forget()
+
+    def _go_on(self) -> None:
+        """Makes the last equilibrium that there was, if any, the one from which the next solve starts."""
+        if self._last is None:
+            return
+        self._shapes, self._frames, spots = self._last
+        self._group, self._reached = self._reached, None
+        if spots and self._group is None:
+            self._group = Group(self._names, self.problems, self._shapes, self._frames, [s.copy() for s in spots])
+
+    def _give_up(
+        self, shapes: Sequence[CableShape | None], detail: str, status: Status = Status.NOT_CONVERGED
+    ) -> list[CableShape]:
+        """The shapes of the cables alone, those that touched or overlap so graded, and nothing to start from."""
+        touching = self.touching
+        self._lose()
+        out = [shape if shape is not None else self._solos[i].alone() for i, shape in enumerate(shapes)]
+        if detail:
+            self._patience.fail()
+        self._why = (detail or _LOST) + status.remedy
+        wrong = touching | self._places.involved(out) | self._through(out)
+        return [
+            _graded(shape, status, self._why) if shape.status and i in wrong else shape for i, shape in enumerate(out)
+        ]
+
+
+def _graded(shape: CableShape, status: Status, detail: str) -> CableShape:
+    """The same shape with another grade."""
+    other = shape.again()
+    other.status, other.detail = status, detail
+    other.reused, other.solve_time, other.iterations = False, shape.solve_time, shape.iterations
+    return other
+
+
+def _no_place(shape: CableShape) -> bool:
+    """Whether a shape tells nothing of where its cable is."""
+    return not shape.status

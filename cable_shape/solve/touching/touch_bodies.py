@@ -1,0 +1,108 @@
+"""The bodies that a cable may touch, as the compiled solver takes them: :class:`TouchBodies`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, final
+
+import numpy as np
+
+from cable_shape.checks import Array
+from cable_shape.kernels.contact.tables import Bodies
+from cable_shape.kernels.distance import bounds, surface
+from cable_shape.kernels.distance.triangles import STACK_SIZE
+from cable_shape.pose import Pose
+from cable_shape.scene.body_tables import body_tables, carried_by, link_rows
+from cable_shape.scene.mesh_convex import half_thickness
+from cable_shape.scene.scene import Mesh, Obstacle
+
+HORIZON = 0.02  #: [m] bodies further away are only bounded
+
+
+@final
+class TouchBodies:
+    """What they are, where they are, and where they were at the last solution.
+
+    Those on links come last; they are left out as long as it is not known where the links are.
+    """
+
+    def __init__(self) -> None:
+        self._bodies: tuple[Obstacle, ...] = ()
+        self.names: tuple[str, ...] = ()  # of the bodies whose places are known
+        self.frames: Array = np.zeros((0, 4, 3))  # where they are
+        self.frames_then = self.frames  # where they were at the last solution
+        self.measured: Array = np.zeros((0, bounds.RESULT_COLUMNS))
+        self._shift: Array = np.zeros(3)
+        self.links: Array = np.empty((0, 7))
+        self.stack: Any = np.empty(STACK_SIZE, np.int64)
+
+    def are(self, bodies: tuple[Obstacle, ...]) -> bool:
+        """Whether these are the same bodies, wherever they are."""
+        return [(b.name, b.solid, b.link) for b in bodies] == [(b.name, b.solid, b.link) for b in self._bodies]
+
+    def take(
+        self, bodies: tuple[Obstacle, ...], gripping: frozenset[str], links: Mapping[str, Pose] | None, radius: float
+    ) -> bool:
+        """Takes over a problem's bodies, for a cable of this radius [m]; True if other ones are now known."""
+        self._bodies = bodies
+        self._carried = carried_by(bodies)
+        self._tables = body_tables(bodies, tuple(self._carried), gripping)
+        for row, body in zip(self._tables[0], bodies, strict=True):
+            if isinstance(body.solid, Mesh):
+                row[14] = half_thickness(body.solid)
+        self._origins = self._tables[0][:, 4:7].copy()
+        self._fixed = sum(body.link is None for body in bodies)
+        self.horizon = radius + HORIZON
+        self.counts: Any = np.empty(2, np.int64)
+        self.thinnest = min((surface.reach_of(body) for body in self._tables[0]), default=math.inf)
+        return self._put(self.link_rows(links))
+
+    def link_rows(self, links: Mapping[str, Pose] | None) -> Array:
+        """(k, 7), poses of the links that carry bodies; (0, 7) if they are not known, or if there are none.
+
+        Raises
+        ------
+        ArgumentError
+            If `links` lacks one of them.
+        """
+        return np.empty((0, 7)) if links is None or not self._carried else link_rows(links, self._carried)
+
+    def move(self, links: Array) -> bool:
+        """Puts those on links where these rows, see `link_rows`, say; True if other ones are now known than before."""
+        return bool(len(links) or len(self.links)) and self._put(links)
+
+    def _put(self, links: Array) -> bool:
+        all_bodies, self.triangles, self.tree = self._tables
+        count = len(all_bodies) if len(links) else self._fixed
+        names = tuple(body.name for body in self._bodies[:count])
+        others = names != self.names
+        if others:
+            self.names = names
+            self.frames = np.zeros((count, 4, 3))
+            self.measured = np.full((count, bounds.RESULT_COLUMNS), np.inf)
+        self.table: Array = all_bodies[:count]
+        self.links = links
+        self.shift(self._shift)
+        return others
+
+    def shift(self, by: Array) -> None:
+        """Moves the bodies by a vector (3,) [m] from where scene and links have them."""
+        self._shift = by
+        self.table[: self._fixed, 4:7] = self._origins[: self._fixed] + by
+        self.moved_links = self.links.copy()
+        self.moved_links[:, :3] += by
+        surface.place_bodies(self.table, self.moved_links, self.frames)
+
+    @property
+    def kernel(self) -> Bodies:
+        """As the compiled solver takes them."""
+        return Bodies(
+            self.table, self.frames, self.frames_then, self.triangles, self.tree, self.stack, self.moved_links,
+            self.measured, self.counts,
+        )  # fmt: skip
+
+    def remember(self) -> None:
+        """Where they are is where they were at the last solution."""
+        self.frames_then = self.frames.copy()
+        self.links_then = self.links

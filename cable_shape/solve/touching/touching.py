@@ -1,0 +1,289 @@
+"""The quasistatic Cosserat rod that rests on bodies (see docs/method.md).
+
+The plain rod, or that in clips, answers as long as its shape is clear of every body. Otherwise nodes that would be
+inside a body are pressed out of it along its normal, without friction; which ones is found along with the shape.
+Bodies on robot links move with them: what they push follows in steps that no body is passed in.
+"""
+
+from __future__ import annotations
+
+import math
+from time import perf_counter
+
+import numpy as np
+
+from cable_shape.checks import Array
+from cable_shape.kernels.contact import afterwards
+from cable_shape.kernels.network.tables import NOW
+from cable_shape.pose import Grip
+from cable_shape.shape import CableShape, Status
+from cable_shape.solve import cosserat
+from cable_shape.solve.network import Network
+from cable_shape.solve.problem import Problem
+from cable_shape.solve.rod_common import MODEL, straight_line
+from cable_shape.solve.touching.touch_search import approach, follow, grow, relax
+from cable_shape.solve.touching.touch_soften import LIMP, soften
+from cable_shape.solve.touching.touch_state import TouchState
+from cable_shape.solve.touching.touch_step import DEEPEST, FAR, WARM_ITERATIONS, Steps
+
+BURIED = 2e-4  #: [m] a grip deeper in a body than this has no shape
+_STUCK = (
+    "no way from the last shape leads to one between these ends but past an obstacle, behind which the cable cannot "
+    "have come. It stays so until the ends are back where a way leads on, or until reset: then any shape is taken. "
+)
+_ATTEMPTS = (1.0, 0.0, -1.0)  #: bodies come from below, grow, come from above
+ACCURACY = 5e-4  #: of the length: what a shape in contact is asked for where the tolerance is below
+#: Of the length: what a cable that does not stretch may seem to stretch by. It gives a little, for between two contacts
+#: a straight piece could not give otherwise: by 3.5e-5 under a tension of 35 times its weight, which leaves it as much
+#: sag. From there on what it is stretched by is what it lacks.
+TAUT = 1e-4
+
+
+def solve(problem: Problem, state: TouchState, rod: Network, *, deadline: float = math.inf) -> CableShape:
+    """The rod between the problem's ends and in its clips, outside its bodies.
+
+    `rod` is the memory of the rod without contact. Never raises for a physical reason: see
+    `status`.
+
+    Raises
+    ------
+    ArgumentError
+        If the problem's `links` lack a link that carries a body.
+    """
+    began = perf_counter()
+    if state.problem is not problem:
+        state.take(problem)
+    return Solve(problem, state, rod, deadline, began).run()
+
+
+def inexact(estimate: float, allowed: float) -> str:
+    """What is the matter with an equilibrium in contact whose error is not known to be small enough [m]."""
+    return (
+        f"an equilibrium in contact, but its error estimate, {estimate:.3g} m, is above {allowed:.3g} m, the larger of "
+        f"`tolerance` and {ACCURACY:g} of the length. Raise `tolerance` above the estimate to accept it."
+    )
+
+
+class Solve:
+    """One call of :func:`solve`: free, then warm from the last shape, then in small steps, then from nothing."""
+
+    __slots__ = ("began", "deadline", "problem", "rod", "state", "steps")
+
+    def __init__(self, problem: Problem, state: TouchState, rod: Network, deadline: float, began: float) -> None:
+        self.problem, self.state, self.rod = problem, state, rod
+        self.deadline, self.began = deadline, began
+        self.steps = Steps(problem, state, deadline)
+
+    def run(self) -> CableShape:
+        """The shape, whatever comes."""
+        state = self.state
+        state.move_bodies(self.steps.links)
+        frames = state.aimed()
+        buried = self._buried(frames)
+        if buried:
+            return self._no_shape(Status.NOT_CONVERGED, buried)
+        if not state.touching:
+            shape = self._alone()
+            if shape.status in (Status.NOT_CONVERGED, Status.OVERSTRETCHED, Status.BUDGET_EXCEEDED):
+                return shape  # on which side of the bodies the cable is, the last shape goes on to tell
+            clear = self.steps.depth(shape.buffer) > -DEEPEST
+            last = state.free
+            if clear and (last is None or not self.steps.passes(state.seen(last), shape.buffer)):
+                state.rest(shape, frames)
+                return shape
+            if last is None:
+                return self._cold(frames, shape)
+            state.start_from(last, state.free_frames)
+        return self._warm(frames)
+
+    # -- attempts
+
+    def _alone(self) -> CableShape:
+        """The shape without contact."""
+        return cosserat.solve(self.problem, self.rod, deadline=self.deadline)
+
+    def _free(self, problem: Problem) -> CableShape:
+        """The same from nothing, of another problem's cable."""
+        return cosserat.solve(problem, deadline=self.deadline)
+
+    def _warm(self, frames: Array) -> CableShape:
+        """From the last solution."""
+        state, steps = self.state, self.steps
+        state.thin()
+        if steps.go(frames, state.history, WARM_ITERATIONS, FAR) or follow(steps, frames):
+            return self._finish(Status.OK)
+        state.move_bodies(steps.links)
+        if state.patience.left > 0 and not steps.late:
+            state.patience.left -= 1
+            return self._no_shape(Status.NOT_CONVERGED, _STUCK)
+        reached = state.put_aside()
+        if relax(steps, frames):
+            return self._finish(Status.SNAPPED)
+        state.move_bodies(steps.links)
+        if steps.late:
+            return self._no_shape(Status.BUDGET_EXCEEDED, "")
+        shape = self._anew(frames)
+        if shape is not None:
+            return shape
+        state.put_back(reached)
+        if steps.out_of_time():
+            return self._no_shape(Status.BUDGET_EXCEEDED, "")
+        state.patience.fail()
+        return self._no_shape(Status.NOT_CONVERGED, _STUCK)
+
+    def _anew(self, frames: Array) -> CableShape | None:
+        """From nothing, where the last solution leads nowhere; None if the cable may have come past a body on the way.
+
+        The last solution is that of this shape, whatever comes.
+        """
+        state, steps = self.state, self.steps
+        before, then = state.positions, state.bodies.frames_then
+        free = self._free(self.problem)
+        if not free.status:
+            return None
+        shape = self._cold(frames, free, Status.SNAPPED)
+        return shape if shape.status and not steps.goes_through(before, then, shape.buffer) else None
+
+    def _cold(self, frames: Array, free: CableShape, status: Status = Status.OK) -> CableShape:
+        """From the shape without contact, to which the bodies come from below, or grow, or come from above."""
+        state, steps = self.state, self.steps
+        if -steps.depth(free.buffer) <= DEEPEST:
+            state.rest(free, frames)
+            if status is not Status.OK:
+                free.status, free.detail = status, status.remedy
+            return free
+        gravity = self.problem.gravity
+        size = float(np.linalg.norm(gravity))
+        down = gravity / size if size > 0.0 else np.array((0.0, 0.0, -1.0))
+        limp = state.limpness < LIMP
+        if limp and soften(steps, frames, lambda stiffer: self._lay(frames, stiffer, down)) and steps.settle(frames):
+            return self._finish(status)
+        for attempt in _ATTEMPTS:
+            if steps.late:
+                return self._no_shape(Status.BUDGET_EXCEEDED, "")
+            if self._bring(frames, free, attempt * down) and steps.settle(frames):
+                return self._finish(status)
+        return self._lost() if not steps.late else self._no_shape(Status.BUDGET_EXCEEDED, "")
+
+    def _bring(self, frames: Array, free: CableShape, away: Array) -> bool:
+        """Whether the bodies come to the free shape from `away`, or grow if that is nowhere."""
+        found = approach(self.steps, frames, free, away) if away.any() else grow(self.steps, frames, free)
+        self.state.bodies.shift(np.zeros(3))
+        return found
+
+    def _lay(self, frames: Array, problem: Problem, down: Array) -> bool:
+        """The same for the free shape of another problem's cable."""
+        free = self._free(problem)
+        if not free.status or free.status is Status.OVERSTRETCHED:
+            return False
+        return any(self._bring(frames, free, attempt * down) for attempt in _ATTEMPTS if not self.steps.late)
+
+    def _lost(self) -> CableShape:
+        self.state.forget()
+        return self._no_shape(Status.NOT_CONVERGED, "no way to a shape outside the obstacles. ")
+
+    def _buried(self, frames: Array) -> str:
+        """Which grip or clip is inside which body, in words; empty if none is."""
+        state = self.state
+        i, body, gap = state.buried(frames, BURIED)
+        if i < 0:
+            return ""
+        what, name = self._support(i, len(frames) - 1)
+        return (
+            f"the cable at the {name} is {-gap * 1e3:.1f} mm inside obstacle {state.bodies.names[body]!r}. "
+            f"Move the {what} out of it, or leave the obstacle out of the scene. "
+        )
+
+    def _support(self, i: int, last: int) -> tuple[str, str]:
+        """What a support is, and its name."""
+        name = "start grip" if i == 0 else "end grip" if i == last else f"clips[{i - 1}]"
+        return "grip" if i in (0, last) else "clip", name
+
+    # -- results
+
+    def _finish(self, status: Status) -> CableShape:
+        """Grades and reports the solution in the buffer."""
+        state = self.state
+        state.patience.succeed()
+        state.history = 2
+        shape = self._shape(status)
+        self._grade(shape)
+        if not state.touching:
+            state.rest(shape, state.grips[NOW].copy())
+            self._leave(shape)
+        return shape
+
+    def _shape(self, status: Status) -> CableShape:
+        """The solution in the buffer."""
+        problem, state, steps = self.problem, self.state, self.steps
+        info = state.info.tolist()
+        if type(problem.end) is Grip:
+            n = problem.points
+            steps.buffer[4 * n - 3 : 4 * n] = problem.end.cable_frame.position
+        found = state.touches()
+        state.touching = len(found) > 0
+        return CableShape(
+            steps.buffer,
+            problem.points,
+            length=problem.cable.length,
+            model=MODEL,
+            status=status,
+            energy=info[8] + state.energy_of_masses(),
+            error_estimate=info[7],
+            residual=info[5],
+            iterations=steps.iterations,
+            turns=int(state.turns[NOW, 0]),
+            twist=info[9],
+            solve_time=perf_counter() - self.began,
+            supports=steps.loads,
+            touches=found,
+            bodies=state.bodies.names,
+        )
+
+    def _leave(self, shape: CableShape) -> None:
+        """Lets the rod go on from a shape that touches nothing."""
+        self.rod.history = 0
+        self.rod.last = shape
+        self.rod.arcs[self.rod.rings] = self.state.arcs[self.state.rings]
+
+    def _grade(self, shape: CableShape) -> None:
+        """Fills status and detail of a shape that is OK or SNAPPED if nothing is the matter with it."""
+        shape.missing_length = self._stretched(shape)
+        allowed = max(self.problem.tolerance, ACCURACY * self.state.length)
+        within = shape.error_estimate <= allowed
+        detail = ""
+        if shape.missing_length > 0.0:
+            shape.status, shape.error_estimate = Status.OVERSTRETCHED, math.inf
+            detail = (
+                f"the cable is {shape.missing_length:.3g} m too short for its way past the obstacles that it lies on. "
+                "Bring the ends closer; it is drawn as if it were longer."
+            )
+        elif self.steps.late:
+            shape.status = Status.BUDGET if within else Status.BUDGET_EXCEEDED
+        elif not within:
+            shape.status, detail = Status.NOT_CONVERGED, inexact(shape.error_estimate, allowed)
+        elif shape.status is Status.OK and self.state.info[2] != 0.0:
+            shape.status = Status.UNSTABLE
+        shape.detail = detail or ("" if shape.status is Status.OK else shape.status.remedy)
+
+    def _stretched(self, shape: CableShape) -> float:
+        """[m] what a cable that does not stretch lacks, 0 if that is next to nothing; its error grows by as much.
+
+        A free end pulls it as long as it is: only up to the last support with a given place it can be too short.
+        """
+        state = self.state
+        if self.problem.cable.axial_stiffness is not None:
+            return 0.0
+        last = state.arcs[state.forces]
+        whole, missing = afterwards.stretched(self.steps.buffer, shape.points, state.stretch, last)
+        shape.error_estimate += max(0.0, whole)
+        return missing if missing > TAUT * shape.length else 0.0
+
+    def _no_shape(self, status: Status, detail: str) -> CableShape:
+        """The straight line; what was solved before stays as a warm start."""
+        problem = self.problem
+        frames = self.state.aimed()
+        told = detail + status.remedy
+        return straight_line(
+            problem, self.steps.buffer, frames[0], frames[-1], status, told, self.steps.iterations, self.began
+        )

@@ -1,0 +1,1 @@
+"""What is not known of a cable, and the tube that follows from it."""

@@ -1,0 +1,39 @@
+"""The pages in examples run as they stand, and the documentation shows them all."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+#: Nothing leaves this machine, and no other session is heard.
+ALONE = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_DOMAIN_ID": str(1 + os.getpid() % 101)}
+
+
+@pytest.mark.parametrize("page", EXAMPLES, ids=lambda page: page.stem)
+def test_an_example_is_a_page_that_runs(page: Path, tmp_path: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= 80
+    strict = [] if "import rclpy" in text else ["-W", "error"]  # a parser of ROS's imports a deprecated module
+    result = subprocess.run(
+        [sys.executable, *strict, str(page)],
+        cwd=tmp_path,
+        env={**os.environ, **ALONE},
+        capture_output=True,
+        text=True,
+        timeout=600,
+        check=False,
+    )
+    assert result.returncode == 0, result.stderr
+    assert result.stdout
+
+
+def test_the_documentation_shows_every_example() -> None:
+    shown = re.findall(r"\(\.\./examples/(\w+\.py)\)", (ROOT / "docs" / "examples.md").read_text(encoding="utf-8"))
+    assert sorted(shown) == [page.name for page in EXAMPLES]

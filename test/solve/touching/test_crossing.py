@@ -1,0 +1,368 @@
+"""Cables that rest on each other and on themselves: a plain rod under a point load, balance, motions, refusals."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from rods import integrated_residual
+from scipy.spatial.transform import Rotation
+
+import cable_shape as cs
+from cable_shape.solve.problem import Problem
+from cable_shape.solve.touching import crossing_step
+from cable_shape.solve.touching.crossing_points import positions_at
+from cable_shape.solve.touching.crossing_state import Held, end_frames
+
+ALONG_X = Rotation.from_quat((0.5, 0.5, 0.5, 0.5))
+SOLVE = cs.Scene(contact="solve")
+BARE = cs.Cable(0.6, 0.0, 0.01, 0.008, diameter=0.008)
+HEAVY = cs.Cable(0.6, 0.05, 0.01, 0.008, diameter=0.008)
+TWISTED = cs.Cable(1.0, 0.005, 0.004, 0.003, diameter=0.008)
+
+
+def posed(place, turn=None):
+    """A pose whose d3 is the turned x axis."""
+    return cs.Pose(place, ((turn or Rotation.identity()) * ALONG_X).as_quat())
+
+
+def across(angle, chord, height, aside=(0.0, 0.0)):
+    """Grips `chord` apart at `angle` [degrees] to the x axis."""
+    turn = Rotation.from_euler("z", angle, degrees=True)
+    half = turn.apply((0.5 * chord, 0.0, 0.0))
+    middle = np.array((*aside, height))
+    return posed(middle - half, turn), posed(middle + half, turn)
+
+
+def pressed(heights, cable=HEAVY, angle=70.0, aside=(0.02, 0.01), mirror=False, **options):
+    """A cycle in which `over` was let down onto `under`; `mirror`: everything through the plane y = 0."""
+    cycle = cs.Cycle({"under": cable, "over": cable}, scene=SOLVE, model="cosserat", **options)
+    sign = -1.0 if mirror else 1.0
+    for k, height in enumerate(heights):
+        grips = {
+            "under": across(0.0, 0.5, 0.0),
+            "over": across(sign * angle, 0.5, height, (aside[0], sign * aside[1])),
+        }
+        report = cycle.step(grips, stamp=10_000_000 * k)
+        assert all(shape.status is cs.Status.OK for shape in report.shapes.values()), (height, report.shapes)
+    return report, cycle
+
+
+def grip_force(shape):
+    """(3,) [N], of both grips on the cable."""
+    return shape.force[-1] - shape.force[0]
+
+
+DOWN = np.linspace(0.02, -0.04, 41)
+
+
+def test_equal_cables_at_a_right_angle_are_plain_rods_under_a_point_load():
+    cable, radius, gravity = BARE.replace(axial_stiffness=200.0), 0.5 * BARE.diameter, 10.0
+    cycle = cs.Cycle({"a": cable, "b": cable}, scene=SOLVE, model="cosserat", gravity=(0, 0, 0))
+    for k, height in enumerate(np.linspace(0.01, -0.02, 16)):  # taut by 1 N, pressed on each other
+        held = {"a": across(0.0, 0.603, -height), "b": across(90.0, 0.603, height)}
+        report = cycle.step(held, stamp=k)
+    a, b = report.shapes["a"], report.shapes["b"]
+    assert a.status is b.status is cs.Status.OK
+    (on_a,), (on_b,) = a.contacts, b.contacts
+    assert on_a.force == on_b.force > 0.1
+    assert (on_a.body, on_b.body) == ("b", "a")
+    assert on_a.normal == pytest.approx((0, 0, -1), abs=1e-6)
+    assert on_a.point == pytest.approx((0, 0, 0), abs=1e-8)
+    for shape, name, sign in ((a, "a", -1.0), (b, "b", 1.0)):
+        load = cs.Scene(masses=[cs.PointMass(0.5 * cable.length, on_a.force / gravity)])
+        alone = cs.predict(
+            cable, *held[name], model="cosserat", gravity=(0, 0, sign * gravity), scene=load, points=301, tolerance=1e-8
+        )
+        assert alone.status is cs.Status.OK
+        assert alone.positions[150] == pytest.approx((0, 0, sign * radius), abs=1e-6)
+        found = np.stack([np.interp(shape.arc_length, alone.arc_length, x) for x in alone.positions.T], axis=1)
+        assert np.abs(found - shape.positions).max() < 5e-6  # compared in straight lines between the points
+
+
+def test_forces_balance_and_both_cables_tell_the_same_contact():
+    report, _ = pressed(DOWN)
+    under, over = report.shapes["under"], report.shapes["over"]
+    (low,), (high,) = under.contacts, over.contacts
+    assert low.force == high.force > 0.1
+    assert low.normal == pytest.approx(-high.normal, abs=1e-12)
+    weight = np.array((0.0, 0.0, -9.81 * HEAVY.linear_density * HEAVY.length))
+    for shape, contact in ((under, low), (over, high)):
+        assert grip_force(shape) + weight + contact.force * contact.normal == pytest.approx(np.zeros(3), abs=1e-6)
+        k = int(np.searchsorted(shape.arc_length, contact.arc_length))
+        step = shape.arc_length[1]
+        jump = shape.force[k - 1] - shape.force[k] - weight * step / HEAVY.length
+        assert jump == pytest.approx(contact.force * contact.normal, abs=1e-6)
+        tangent = shape.tangents[k - 1] + shape.tangents[k]
+        assert abs(contact.normal @ tangent) < 0.1
+    assert np.linalg.norm(low.point - high.point) < 1e-9 + np.linalg.norm(low.point - low.point)
+    (near,) = [b for b in report.clearance["under"].bodies if b.body == "over"]
+    assert abs(near.distance) < 2e-4
+
+
+def test_a_mirrored_scene_has_the_mirrored_answer():
+    (a, _), (b, _) = pressed(DOWN), pressed(DOWN, mirror=True)
+    for name in ("under", "over"):
+        mirrored = b.shapes[name].positions * (1, -1, 1)
+        assert np.abs(a.shapes[name].positions - mirrored).max() < 1e-5 * HEAVY.length
+        assert a.shapes[name].contacts[0].force == pytest.approx(b.shapes[name].contacts[0].force, rel=1e-4)
+
+
+@pytest.mark.parametrize("angle", [35.0, 110.0, 145.0])
+def test_forces_agree_with_a_much_finer_mesh(angle):
+    (rough, _), (fine, _) = pressed(DOWN, angle=angle), pressed(DOWN, angle=angle, tolerance=1e-5 * 0.6 / 256)
+    ours, reference = (r.shapes["under"].contacts[0] for r in (rough, fine))
+    assert ours.force == pytest.approx(reference.force, rel=2e-3)
+    assert ours.arc_length == pytest.approx(reference.arc_length, abs=1e-4)
+
+
+def test_a_cable_lifted_off_is_free_again():
+    report, cycle = pressed([*DOWN, *DOWN[::-1]])
+    assert not report.shapes["under"].contacts
+    for name, ends in report.grips.items():
+        alone = cs.predict(HEAVY, *ends, model="cosserat")
+        assert np.abs(alone.positions - report.shapes[name].positions).max() < 2e-5 * HEAVY.length
+    assert not any(cable.predictor.touching for cable in cycle._cables.values())
+
+
+def test_cables_that_touch_go_on_under_another_acceleration():
+    """It grows, turns round and goes: the over cable stays above, as it does where gravity is tilted from the start."""
+    report, cycle = pressed(DOWN)
+    push = np.array((0.5, 1.0, 2.0))
+    for k, share in enumerate((0.3, 1.0, -0.5, 1.0, 0.0), 100):
+        moving = {"under": share * push, "over": np.array((0.5 * share * push, 1.5 * share * push))} if share else None
+        found = cycle.step(report.grips, stamp=10_000_000 * k, acceleration=moving)
+        assert all(shape.status is cs.Status.OK and len(shape.contacts) == 1 for shape in found.shapes.values())
+        assert found.shapes["over"].contacts[0].normal[2] > 0.5
+        assert not any(shape.reused for shape in found.shapes.values())
+    for name in ("under", "over"):  # nothing of it is left
+        apart = np.abs(found.shapes[name].positions - report.shapes[name].positions).max()
+        assert apart < 2e-5 * HEAVY.length
+    moved = cycle.step(report.grips, stamp=2_000_000_000, acceleration=dict.fromkeys(("under", "over"), push))
+    tilted, _ = pressed(DOWN, gravity=(0, 0, -9.81) - push)
+    for name in ("under", "over"):
+        assert np.abs(moved.shapes[name].positions - report.shapes[name].positions).max() > 1e-4 * HEAVY.length
+        assert np.abs(moved.shapes[name].positions - tilted.shapes[name].positions).max() < 2e-5 * HEAVY.length
+        ours, theirs = moved.shapes[name].contacts[0], tilted.shapes[name].contacts[0]
+        assert ours.force == pytest.approx(theirs.force, rel=1e-3)
+
+
+def test_a_jump_does_not_carry_a_cable_through_another():
+    stepped, _ = pressed(DOWN)
+    jumped, _ = pressed([DOWN[0], DOWN[-1]])
+    for name in ("under", "over"):
+        apart = np.abs(stepped.shapes[name].positions - jumped.shapes[name].positions).max()
+        assert apart < 1e-4 * HEAVY.length
+
+
+def lies_over(report):
+    """Whether `over` is above `under` where they cross."""
+    under, over = (report.shapes[name].positions for name in ("under", "over"))
+    apart = np.linalg.norm(under[:, None, :2] - over[None, :, :2], axis=2)
+    i, j = np.unravel_index(apart.argmin(), apart.shape)
+    return over[j, 2] > under[i, 2]
+
+
+def let_down(cycle, heights, first=100):
+    """The reports of steps to these heights of `over`."""
+    for k, height in enumerate(heights, first):
+        grips = {"under": across(0.0, 0.5, 0.0), "over": across(70.0, 0.5, height, (0.02, 0.01))}
+        yield cycle.step(grips, stamp=10_000_000 * k)
+
+
+@pytest.mark.parametrize("heights", [np.arange(-0.04, -0.45, -0.02), (-0.2, -0.5), (-0.5,)])
+def test_a_cable_drawn_against_another_is_never_taken_to_have_come_through_it(heights):
+    _, cycle = pressed(DOWN)
+    for report in let_down(cycle, heights):
+        assert all(not shape.usable for shape in report.shapes.values()) or lies_over(report)
+    assert {shape.status for shape in report.shapes.values()} == {cs.Status.NOT_CONVERGED}
+    assert "through a cable" in report.shapes["over"].detail
+    for report in let_down(cycle, [*np.arange(heights[-1], 0.0, 0.05), *[-0.04] * 17], first=200):
+        assert all(not shape.usable for shape in report.shapes.values()) or lies_over(report)
+    assert {shape.status for shape in report.shapes.values()} == {cs.Status.OK}
+    assert report.shapes["over"].contacts
+    cycle.reset()
+    (report,) = let_down(cycle, [-0.5])
+    assert {shape.status for shape in report.shapes.values()} == {cs.Status.OK}
+    assert not lies_over(report)
+
+
+def test_overlapping_cables_are_pushed_apart_from_nothing():
+    report, cycle = pressed([-0.005])
+    (contact,) = report.shapes["under"].contacts
+    assert contact.force > 0.0
+    again = cycle.step(report.grips, stamp=1)
+    assert all(shape.reused for shape in again.shapes.values())
+
+
+def looped(cycle, chord=0.3, last=1.3):
+    for k, turns in enumerate(np.arange(0.3, last, 0.01)):
+        end = posed((chord, 0, 0), Rotation.from_rotvec((2.0 * math.pi * turns, 0, 0)))
+        yield cycle.step({"cable": (posed((0, 0, 0)), end)}, stamp=10_000_000 * k)
+
+
+def test_a_twisted_cable_rests_on_itself():
+    cycle = cs.Cycle(TWISTED, scene=SOLVE, model="cosserat", points=301)
+    for report in looped(cycle):
+        shape = report.shapes["cable"]
+        assert shape.status is cs.Status.OK
+        assert all(b.distance > -2e-4 for b in report.clearance["cable"].bodies if b.body == "itself")
+    one, two = shape.contacts
+    assert one.body == two.body == "itself"
+    assert one.force == two.force > 0.03
+    assert one.normal == pytest.approx(-two.normal, abs=1e-12)
+    weight = np.array((0.0, 0.0, -9.81 * TWISTED.linear_density))
+    assert grip_force(shape) + weight == pytest.approx(np.zeros(3), abs=1e-6)
+    at = np.searchsorted(shape.arc_length, (0.0, one.arc_length, two.arc_length, 1.0 + 1e-9))
+    for i, j in pairwise(at):
+        assert integrated_residual(TWISTED, piece(shape, i, j), weight) < 1e-4
+    for contact, k in ((one, at[1]), (two, at[2])):
+        jump = shape.force[k - 1] - shape.force[k] - weight * shape.arc_length[1]
+        assert jump == pytest.approx(contact.force * contact.normal, abs=1e-5)
+        assert shape.moment[k - 1] == pytest.approx(shape.moment[k], abs=5e-4)
+
+
+def piece(shape, i, j):
+    """Some of a shape's points as a shape."""
+    arrays = (shape.arc_length, shape.positions, shape.quaternions, shape.curvature, shape.force, shape.moment)
+    buffer = np.concatenate([array[i:j].ravel() for array in arrays])
+    return cs.CableShape(buffer, j - i, length=shape.length, model=shape.model, status=shape.status)
+
+
+def test_without_contact_the_strands_pass_through_each_other():
+    cycle = cs.Cycle(TWISTED, model="cosserat")
+    nearest = [
+        body.distance for report in looped(cycle) for body in report.clearance["cable"].bodies if body.body == "itself"
+    ]
+    assert min(nearest) < -0.5 * TWISTED.diameter
+
+
+def test_a_predictor_by_itself_keeps_its_cable_out_of_itself():
+    predictor = cs.Predictor(TWISTED, scene=SOLVE)
+    for turns in np.arange(0.3, 1.2, 0.01):
+        shape = predictor.predict(
+            posed((0, 0, 0)), posed((0.3, 0, 0), Rotation.from_rotvec((2.0 * math.pi * turns, 0, 0)))
+        )
+        assert shape.status is cs.Status.OK
+    assert len(shape.contacts) == 2
+    assert predictor.touching
+    assert predictor.rod_state is None
+    with pytest.raises(cs.ArgumentError, match="touches itself or another"):
+        predictor.sensitivity()
+    predictor.reset()
+    assert not predictor.touching
+
+
+def test_cables_along_each_other_are_not_solved_for_and_named():
+    cycle = cs.Cycle({"under": HEAVY, "over": HEAVY}, scene=SOLVE, model="cosserat")
+    seen = []
+    for k, height in enumerate(np.linspace(0.015, -0.003, 19)):
+        grips = {"under": across(0.0, 0.5, 0.0), "over": across(4.0, 0.5, height)}
+        report = cycle.step(grips, stamp=k)
+        seen.append(report.shapes["over"].status)
+    assert seen[0] is cs.Status.OK
+    assert seen[-1] is cs.Status.NOT_CONVERGED
+    assert "lie along each other" in report.shapes["over"].detail
+    assert {w.kind for w in report.warnings} == {cs.WarningKind.STATUS}
+    above = cycle.step({"under": across(0.0, 0.5, 0.0), "over": across(4.0, 0.5, 0.05)}, stamp=100)
+    assert all(shape.status is cs.Status.OK for shape in above.shapes.values())
+
+
+def test_closed_forms_know_no_contact_between_cables():
+    with pytest.raises(cs.ArgumentError, match="knows no contact with other cables"):
+        cs.Cycle({"a": HEAVY, "b": HEAVY}, scene=SOLVE, model="catenary")
+
+
+def test_forces_and_tangents_answer_the_held_points_as_differences_say():
+    problem = Problem(TWISTED).move(posed((0, 0, 0)), posed((0.6, 0.1, 0.1), Rotation.from_rotvec((1.0, 0.3, 0.2))))
+    shape = cs.predict(TWISTED, problem.start, problem.end, model="cosserat")
+    arcs, frames = np.array((0.31, 0.64)), end_frames(problem)
+    rod = Held(problem, shape, arcs, frames)
+    places = positions_at(shape, arcs) + np.array(((0.01, 0.02, 0.015), (-0.01, 0.01, -0.02)))
+    assert rod.solve(frames, arcs, places, again=False)
+    rod.respond()
+    dforce, dtangent = rod.dforce.copy(), rod.dtangent.copy()
+    for c in range(2):
+        for axis in range(4):
+            size, seen = (1e-5 if axis == 3 else 1e-6), []
+            for sign in (1.0, -1.0):
+                s, y = arcs.copy(), places.copy()
+                if axis < 3:
+                    y[c, axis] += sign * size
+                else:
+                    s[c] += sign * size
+                assert rod.solve(frames, s, y, again=True)
+                rod.respond()
+                seen.append((rod.force.copy(), rod.tangent.copy()))
+            force, tangent = ((a - b) / (2.0 * size) for a, b in zip(*seen, strict=True))
+            assert dforce[:, :, c, axis] == pytest.approx(force, abs=2e-3 * np.abs(dforce).max())
+            assert dtangent[:, :, c, axis] == pytest.approx(tangent, abs=2e-3 * np.abs(dtangent).max())
+
+
+def test_a_cable_dragged_off_another_is_told_to_have_snapped():
+    cycle = cs.Cycle({"under": HEAVY, "over": HEAVY}, scene=SOLVE, model="cosserat")
+    seen = []
+    for k in range(120):
+        height, aside = max(-0.02, 0.02 - 0.002 * k), 0.02 + 0.004 * max(0, k - 20)
+        report = cycle.step({"under": across(0.0, 0.5, 0.0), "over": across(70.0, 0.5, height, (aside, 0.0))}, stamp=k)
+        seen.append({shape.status for shape in report.shapes.values()})
+    assert seen.count({cs.Status.SNAPPED}) == 1
+    assert all(status in ({cs.Status.OK}, {cs.Status.SNAPPED}) for status in seen)
+    assert not report.shapes["over"].contacts
+
+
+def test_two_contacts_of_three_cables():
+    cycle = cs.Cycle(dict.fromkeys("abc", HEAVY), scene=SOLVE, model="cosserat")
+    for k, height in enumerate(np.linspace(0.02, -0.03, 51)):
+        low, high = across(80.0, 0.5, height, (0.01, 0.0)), across(40.0, 0.5, 2.0 * height + 0.01, (0.05, 0.03))
+        report = cycle.step({"a": across(0.0, 0.5, 0.0), "b": low, "c": high}, stamp=k)
+        assert all(report.shapes[name].status for name in "abc")
+    assert [sorted(c.body for c in report.shapes[name].contacts) for name in "abc"] == [["b"], ["a", "c"], ["b"]]
+    weight = np.array((0.0, 0.0, -9.81 * HEAVY.linear_density * HEAVY.length))
+    for shape in report.shapes.values():
+        pushed = sum(c.force * c.normal for c in shape.contacts)
+        assert grip_force(shape) + weight + pushed == pytest.approx(np.zeros(3), abs=1e-5)
+    assert all(b.distance > -2e-4 for c in report.clearance.values() for b in c.bodies)
+
+
+def test_a_cable_without_a_shape_leaves_those_in_contact_not_usable():
+    cycle = cs.Cycle(dict.fromkeys(("under", "over", "far"), HEAVY), scene=SOLVE, model="cosserat")
+
+    def step(height, chord, k):
+        far = across(0.0, chord, 0.0, (0.0, 0.5))
+        over = across(70.0, 0.5, height, (0.02, 0.01))
+        return cycle.step({"under": across(0.0, 0.5, 0.0), "over": over, "far": far}, k)
+
+    for k, height in enumerate(DOWN[:31]):
+        report = step(height, 0.5, k)
+    assert report.shapes["over"].contacts
+    lost = step(DOWN[30], 0.61, 100).shapes
+    assert lost["far"].status is cs.Status.OVERSTRETCHED
+    assert lost["over"].status is lost["under"].status is cs.Status.NOT_CONVERGED
+
+
+def test_the_step_is_newtons_for_two_springs():
+    """Points on springs that do not turn: forces and gap after one step, from the closed form."""
+    stiffness, reach, depth = 50.0, 0.01, 0.001
+    spot = crossing_step.Spot(
+        (0, 1),
+        np.zeros(2),
+        np.array(((0, 0, 0.5 * (reach - depth)), (0, 0, -0.5 * (reach - depth)))),
+        reach,
+        np.zeros(2),
+    )
+    tangent = np.array(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
+    dforce, dtangent = np.zeros((2, 3, 2, 4)), np.zeros((2, 3, 2, 4))
+    for i in range(2):
+        dforce[i, :, i, :3] = stiffness * np.eye(3)
+        dforce[i, :, i, 3] = -stiffness * tangent[i]
+    step = crossing_step.crossing_step([spot], np.zeros((2, 3)), tangent, dforce, dtangent)
+    assert step.stable
+    assert step.press[0] == pytest.approx(0.5 * stiffness * depth)
+    assert step.places[0] == pytest.approx(np.array(((0, 0, 0.5 * depth), (0, 0, -0.5 * depth))))
+    spot.reach = reach - 2.0 * depth
+    step = crossing_step.crossing_step([spot], np.zeros((2, 3)), tangent, dforce, dtangent)
+    assert step.press[0] == 0.0
+    assert np.abs(step.places).max() < 1e-15

@@ -1,0 +1,162 @@
+"""Where a cable in contact cannot have gone: behind a body, and further than it is long."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import cable_shape as cs
+from cable_shape.safety.clearance import ClearanceChecker
+from cable_shape.safety.warnings import warnings_of
+from cable_shape.solve.search import between
+
+HALF = math.sqrt(0.5)
+OUT, BACK = (0.0, HALF, 0.0, HALF), (0.0, -HALF, 0.0, HALF)  # leaves along x, comes back against it
+POST = cs.Obstacle("post", cs.Cylinder(0.04, 2.0))
+RADIUS = 0.04
+MID = (0.0, 0.0, 0.0, 1.0)
+#: EI [N m^2], EA [N], step [m]: a hairpin that is drawn against a post
+CASES = [(ei, ea, step) for ei in (0.0005, 0.002, 0.01) for ea in (None, 2000.0) for step in (0.005, 0.002)]
+
+
+def hairpin(stiffness, axial=None):
+    cable = cs.Cable(0.8, 0.05, stiffness, axial_stiffness=axial)
+    return cs.Predictor(cable, model="cosserat", scene=cs.Scene(obstacles=[POST], contact="solve"))
+
+
+def drawn(predictor, back, links=None):
+    """The shape with both grips that far back; the post is between the two halves of the cable."""
+    return predictor.predict(cs.Pose((-back, -0.12, 0.0), OUT), cs.Pose((-back, 0.12, 0.0), BACK), links)
+
+
+def in_front(shape, post=0.0):
+    return shape.positions[:, 0].max() > post + RADIUS
+
+
+@pytest.mark.parametrize(("stiffness", "axial", "step"), CASES)
+def test_a_cable_that_is_drawn_against_a_post_is_never_taken_to_be_behind_it(stiffness, axial, step):
+    predictor = hairpin(stiffness, axial)
+    lost = []
+    for back in np.arange(0.0, 0.45, step):
+        shape = drawn(predictor, back)
+        assert not shape.usable or in_front(shape), back
+        if not shape.usable:
+            assert shape.status is cs.Status.NOT_CONVERGED or shape.missing_length > 0.0
+            lost.append(back)
+    assert not lost or lost[0] > 0.27
+    last = drawn(predictor, 0.45)
+    assert not last.usable or (axial is not None and in_front(last))
+
+
+def test_back_where_it_was_the_cable_is_in_front_of_the_post_again():
+    predictor = hairpin(0.002)
+    for back in np.arange(0.0, 0.4, 0.005):
+        shape = drawn(predictor, back)
+    assert not shape.usable
+    assert "past an obstacle" in shape.detail or shape.missing_length > 0.0
+    for back in np.arange(0.4, 0.1, -0.005):
+        shape = drawn(predictor, back)
+    assert shape.status is cs.Status.OK
+    assert in_front(shape)
+    assert shape.contacts == () or shape.contacts[0].body == "post"
+
+
+def test_after_reset_any_shape_is_taken():
+    predictor = hairpin(0.002)
+    for back in np.arange(0.0, 0.4, 0.005):
+        drawn(predictor, back)
+    predictor.reset()
+    shape = drawn(predictor, 0.395)
+    assert shape.status is cs.Status.OK
+    assert not in_front(shape)
+
+
+def test_a_post_that_is_drawn_through_the_cable_is_never_taken_to_have_passed():
+    scene = cs.Scene(obstacles=[cs.Obstacle("post", cs.Cylinder(RADIUS, 2.0), link="arm")], contact="solve")
+    predictor = cs.Predictor(cs.Cable(0.8, 0.05, 0.002), model="cosserat", scene=scene)
+    usable = []
+    for ahead in np.arange(0.0, 0.45, 0.005):
+        shape = drawn(predictor, 0.0, {"arm": cs.Pose((ahead, 0.0, 0.0))})
+        assert not shape.usable or in_front(shape, ahead), ahead
+        usable.append(shape.usable)
+    assert usable[:55] == [True] * 55
+    assert not any(usable[70:])
+
+
+def test_ends_too_far_apart_for_a_while_do_not_bring_the_cable_behind_the_post():
+    predictor = hairpin(0.01)
+    for back in np.arange(0.0, 0.3, 0.005):
+        shape = drawn(predictor, back)
+    assert shape.contacts
+    start, end = cs.Pose((-0.3, -0.5, 0.0), OUT), cs.Pose((-0.3, 0.5, 0.0), BACK)
+    assert not predictor.predict(start, end).usable
+    again = drawn(predictor, 0.29)
+    assert not again.usable or in_front(again)
+
+
+def test_a_cable_that_hangs_free_remembers_its_side_while_it_has_no_shape():
+    scene = cs.Scene(obstacles=[cs.Obstacle("bar", cs.Cylinder(0.02, 2.0), cs.Pose((0.0, 0.0, 0.05)))], contact="solve")
+    predictor = cs.Predictor(cs.Cable(0.5, 0.05, 0.002), model="cosserat", scene=scene)
+
+    def held(y):  # level, the cable hangs beside an upright bar
+        return predictor.predict(cs.Pose((-0.2, y, 0.0), MID), cs.Pose((0.2, y, 0.0), MID))
+
+    first = held(-0.1)
+    assert first.status is cs.Status.OK
+    assert not first.contacts
+    assert not predictor.predict(cs.Pose((-0.4, -0.1, 0.0), MID), cs.Pose((0.4, -0.1, 0.0), MID)).usable
+    beyond = held(0.1)  # the bar stands between where it was and where it would hang
+    assert not beyond.usable or beyond.contacts
+    assert held(-0.1).status is cs.Status.OK
+
+
+def wrapped(lift, radius):
+    """[m], a string from (-0.3, lift) under a cylinder at the origin to (0.3, lift)."""
+    far = math.hypot(0.3, lift)
+    tangent = math.sqrt(far**2 - radius**2)
+    return 2.0 * (tangent + radius * (math.pi - math.acos(radius / far) - math.atan2(0.3, lift)))
+
+
+def test_a_cable_too_short_for_its_way_round_a_body_is_overstretched_by_what_it_lacks():
+    cable = cs.Cable(0.75, 0.05, 1e-3, diameter=0.004)
+    across = cs.Pose((0.0, 0.0, 0.0), (HALF, 0.0, 0.0, HALF))
+    scene = cs.Scene(obstacles=[cs.Obstacle("drum", cs.Cylinder(0.1, 1.0), across)], contact="solve")
+    predictor = cs.Predictor(cable, model="cosserat", scene=scene, points=400)
+    checker = ClearanceChecker(scene, radius=0.002)
+    told = []
+    for lift in np.arange(0.0, 0.1255, 0.0025):
+        shape = predictor.predict(*(cs.Grip(cs.Pose((x, 0.0, lift), OUT), kind="pinned") for x in (-0.3, 0.3)))
+        lacks = wrapped(lift, 0.102) - cable.length
+        if lacks < -1e-3:
+            assert shape.status is cs.Status.OK
+            assert shape.missing_length == 0.0
+            assert np.linalg.norm(np.diff(shape.positions, axis=0), axis=1).sum() < 1.0002 * cable.length
+        elif lacks > 1e-3 and shape.status is not cs.Status.NOT_CONVERGED:
+            assert shape.status is cs.Status.OVERSTRETCHED
+            assert shape.missing_length == pytest.approx(lacks, rel=2e-3)
+            assert "too short for its way" in shape.detail
+            told += warnings_of("cable", cable, scene, shape, checker.check(shape))
+    overstretched = [w for w in told if w.kind is cs.WarningKind.OVERSTRETCHED]
+    assert overstretched
+    assert all(w.margin > 1.0 and w.severity is cs.Severity.ERROR for w in overstretched)
+
+
+def test_a_cable_that_a_force_pulls_round_a_drum_is_as_long_as_it_is():
+    cable = cs.Cable(0.8, 0.1, 1e-3, diameter=0.004)
+    across = cs.Pose((0.0, 0.0, 0.0), (HALF, 0.0, 0.0, HALF))
+    scene = cs.Scene(obstacles=[cs.Obstacle("drum", cs.Cylinder(0.1, 0.6), across)], contact="solve")
+    predictor = cs.Predictor(cable, model="cosserat", scene=scene, gravity=(0.0, 0.0, 0.0))
+    start = cs.Grip(cs.Pose((-0.3, 0.0, 0.09), OUT), kind="pinned")
+    for angle in np.radians(np.arange(-20.0, 41.0, 2.0)):
+        shape = predictor.predict(start, cs.FreeEnd(force=(20.0 * math.cos(angle), 0.0, -20.0 * math.sin(angle))))
+        assert shape.status is cs.Status.OK, (angle, shape)
+        assert shape.missing_length == 0.0
+
+
+def test_the_way_between_two_signs_of_one_rotation_is_that_rotation():
+    pose = np.array([[0.1, 0.2, 0.3, *OUT]])
+    other = pose * np.array([1.0, 1.0, 1.0, -1.0, -1.0, -1.0, -1.0])
+    for at in (0.25, 0.5, 0.75):
+        assert between(pose, other, at) == pytest.approx(pose)
