@@ -207,3 +207,8 @@ def _check_segment(name: object, cable: object) -> None:
     if cable.mean_bending_stiffness == 0.0:
         remedy = "Give EI in N m^2, however small it is."
         raise ArgumentError.of(f"{where}.bending_stiffness", 0.0, "a segment needs it above 0 N m^2", remedy)
+
+
+def run_of(key: str, harness: Harness) -> tuple[str, ...]:
+    """The segments that a key names: one, or several joined by "+"."""
+    return (key,) if key in harness.segments else tuple(word.strip() for word in key.split("+"))

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple, final
 
 import numpy as np
 
-from cable_shape.cable.harness import Harness
-from cable_shape.calibration.harness_observation import HarnessObservation, run_of
+from cable_shape.cable.harness import Harness, run_of
+from cable_shape.calibration.harness_observation import HarnessObservation
 from cable_shape.calibration.harness_parameters import HarnessParameters
 from cable_shape.checks import Array
 from cable_shape.kernels.distance.misses import misses

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cable_shape import checks
-from cable_shape.cable.harness import Harness
+from cable_shape.cable.harness import Harness, run_of
 from cable_shape.calibration.observation import numbers_of
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError, UnknownKeyError
@@ -102,11 +102,6 @@ class HarnessObservation:
                     raise UnknownKeyError.among("points", segment, harness.segments)
         for name, given in (("acceleration", self.acceleration), ("lengths", self.lengths)):
             checks.known_keys(name, given or {}, harness.segments)
-
-
-def run_of(key: str, harness: Harness) -> tuple[str, ...]:
-    """The segments that a key names: one, or several joined by "+"."""
-    return (key,) if key in harness.segments else tuple(word.strip() for word in key.split("+"))
 
 
 def _seen(key: object, value: ArrayLike, arc_length: ArrayLike | None) -> tuple[Array, Array]:

@@ -11,10 +11,9 @@ import numpy as np
 
 from cable_shape import checks
 from cable_shape.cable.cable import Cable
-from cable_shape.cable.harness import Harness
+from cable_shape.cable.harness import Harness, run_of
 from cable_shape.cable.junction import Junction
 from cable_shape.cable.pieces import changed
-from cable_shape.calibration.harness_observation import run_of
 from cable_shape.calibration.parameters import Parameter, displacement
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError, UnknownKeyError

@@ -23,9 +23,8 @@ from typing import Any, final
 import numpy as np
 
 from cable_shape import checks
-from cable_shape.cable.harness import Harness
+from cable_shape.cable.harness import Harness, run_of
 from cable_shape.cable.harness_file import ENDS, MARKERS, pose_of
-from cable_shape.calibration.harness_observation import run_of
 from cable_shape.errors import ArgumentError, UnknownKeyError
 from cable_shape.files.files import path_of
 from cable_shape.files.yaml_files import load_yaml

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cable_shape.cable.cable import Cable
-from cable_shape.calibration.harness_observation import run_of
+from cable_shape.cable.harness import run_of
 from cable_shape.checks import Array
 from cable_shape.cycle.harness_cycle import cable_id
 from cable_shape.cycle.harness_ends import HarnessFile
