@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,7 @@ DAY_ONE, DAY_ALL, DAY_OWN = (
     f"other days: {what}" for what in ("the same EI/w", "the same calibration", "calibrated there")
 )
 ROLLED = "EI/w and the roll of each grip, static"
+ALL_ROLLED, ALL_ROLLED_MOVING = (f"calibrated, and the roll of each grip, {how}" for how in ("static", "inertial load"))
 WHOLE_STRAIGHT, WHOLE, WHOLE_MOVING = (
     f"calm frames of whole recordings: {what}" for what in ("straight", "EI/w, static", "EI/w, inertial")
 )
@@ -48,7 +50,7 @@ PRIORS = {
     "rest_curvature": 1.0,
     "tilt": 0.04,
 }
-PARENT_BEND, BRANCH_TILT = 0.4, 0.2  # 1/m, rad
+PARENT_BEND, BRANCH_TILT, ROLL = 0.4, 0.2, 0.5  # 1/m, rad, rad
 
 
 def fit_of(frames: Branched) -> tuple[list[str], dict[str, float]]:
@@ -75,7 +77,14 @@ def turned(seen: cs.HarnessObservation, roll: float) -> cs.HarnessObservation:
     """The same in grips that hold the roll: that of tools which turn as little as they can, and so much more [rad]."""
     about = cs.Pose(quaternion=(0.0, 0.0, np.sin(0.5 * roll), np.cos(0.5 * roll)))
     ends = {end: cs.Grip(grip.pose, "clamped", about) for end, grip in seen.ends.items() if isinstance(grip, cs.Grip)}
-    return cs.HarnessObservation(ends, seen.points, lengths=seen.lengths, scene=seen.scene, group=seen.group)
+    return held_by(seen, ends)
+
+
+def held_by(seen: cs.HarnessObservation, ends: dict[str, Any]) -> cs.HarnessObservation:
+    """The same with other grips."""
+    return cs.HarnessObservation(
+        ends, seen.points, acceleration=seen.acceleration, lengths=seen.lengths, scene=seen.scene, group=seen.group
+    )
 
 
 def rolled(one: cs.HarnessCalibration, learn: list[cs.HarnessObservation]) -> tuple[cs.HarnessCalibration, float]:
@@ -86,6 +95,22 @@ def rolled(one: cs.HarnessCalibration, learn: list[cs.HarnessObservation]) -> tu
         for r in ROLLS
     ]
     return min(fits, key=lambda fit: fit[0].scale)
+
+
+def calibrated_rolled(
+    frames: Branched, learn: np.ndarray, held: cs.HarnessCalibration, roll: float
+) -> tuple[cs.HarnessCalibration, Callable[[cs.HarnessObservation], cs.HarnessObservation]]:
+    """All of `fit_of` and the rolls, from where `rolled` ended, and what holds an observation as there."""
+
+    def as_there(seen: cs.HarnessObservation) -> cs.HarnessObservation:
+        there = turned(seen, roll)
+        return held_by(there, held.held(there.ends))
+
+    fit, priors = fit_of(frames)
+    fit += [f"roll:{end}" for end in frames.static[0].ends]
+    seen = [as_there(frames.static[i]) for i in learn]
+    found = cs.calibrate(seen, held.harness, fit, priors={**priors, "roll": ROLL}, proceed=lambda i, _: i <= ITERATIONS)
+    return found, as_there
 
 
 def off(found: cs.HarnessCalibration, seen: list[cs.HarnessObservation]) -> np.ndarray:
@@ -144,6 +169,9 @@ def judge(frames: Branched, quick: bool, folder: Path) -> dict[str, Any]:
             put(row, off(fit, seen))
         held, roll = rolled(one, [frames.static[i] for i in learn])
         put(ROLLED, off(held, [turned(x, roll) for x in still]))
+        both, as_there = calibrated_rolled(frames, learn, held, roll)
+        for row, seen in ((ALL_ROLLED, still), (ALL_ROLLED_MOVING, swung)):
+            put(row, off(both, [as_there(x) for x in seen]))
         faster = frames.where(FASTER, part, True)
         put(FAST_STRAIGHT, straight(frames, faster))
         put(FAST, off(found, [frames.static[i] for i in faster]))

@@ -287,7 +287,8 @@ def _known(names: Any) -> dict[str, tuple[tuple[str, ...], str, float, float, bo
     from cable_shape.calibration import harness_parameters
 
     kinds = harness_parameters.KNOWN | {harness_parameters.FRAMES: harness_parameters.KNOWN["tilt"]}
-    own = (name for name in (names or ()) if isinstance(name, str) and name not in KNOWN)
+    given = names if isinstance(names, (Mapping, list, tuple)) else ()
+    own = (name for name in given if isinstance(name, str) and name not in KNOWN)
     return KNOWN | {name: kinds[kind] for name in own if (kind := name.partition(":")[0]) in kinds}
 
 

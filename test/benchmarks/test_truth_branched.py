@@ -10,7 +10,18 @@ import pytest
 from branched_data import BRANCHED, load, objects
 from branched_recordings import recorded as whole_recordings
 from scipy.spatial.transform import Rotation
-from truth_branched import CALM, STRAIGHT, calibrated, fit_of, off, rolled, straight, table, turned
+from truth_branched import (
+    CALM,
+    STRAIGHT,
+    calibrated,
+    calibrated_rolled,
+    fit_of,
+    off,
+    rolled,
+    straight,
+    table,
+    turned,
+)
 
 import cable_shape as cs
 
@@ -164,3 +175,6 @@ def test_rolls_of_the_grips_are_fitted_about_those_of_tools_that_turn_little(fol
     found, roll = rolled(one, frames.static[:3])
     assert {name for name in found.parameters.names if name.startswith("roll:")} == {"roll:p0.start", "roll:p1.end"}
     assert np.isfinite(off(found, [turned(frames.static[5], roll)])).all()
+    both, as_there = calibrated_rolled(frames, np.arange(3), found, roll)
+    assert {"tilt:p0.start", "roll:p0.start"} <= set(both.parameters.names)
+    assert off(both, [as_there(frames.moving[4])]).max() < 0.05
