@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import cable_shape as cs
-from cable_shape.cable.pieces import pieces_of
+from cable_shape.cable.pieces import changed, pieces_of
 from cable_shape.cable.wires import packed
 
 ALONG = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))
@@ -275,3 +275,22 @@ def test_the_stiffness_of_a_bundle_is_from_full_slip_to_full_stick():
     assert taped.diameter == 0.007
     assert cs.Cable.from_mapping(taped.as_dict()) == taped
     assert cs.predict(taped, START, END).usable
+
+
+def test_a_calibration_of_a_cable_with_sections_means_all_of_it():
+    """Sections keep their ratio to the rest, and where along it they are."""
+    true = changed(CABLE, bending_stiffness=0.014, twisting_stiffness=0.0112)
+    assert true.sections[0].as_dict() == {
+        key: 1.4 * x if "stiffness" in key else x for key, x in CABLE.sections[0].as_dict().items()
+    }
+    looks = []
+    for y in (-0.1, 0.0, 0.15):
+        end = cs.Pose(END.position + np.array((0.0, y, 0.05)), END.quaternion)
+        looks.append(cs.Observation(START, end, cs.predict(true, START, end).positions[10:-10:12]))
+    found = cs.calibrate(looks, CABLE)
+    assert found["bending_stiffness"].value == pytest.approx(0.014, rel=5e-3)
+    assert found.cable.sections[0].properties["bending_stiffness"] == pytest.approx(
+        true.sections[0].properties["bending_stiffness"], rel=5e-3
+    )
+    longer = changed(CABLE, length=2.4)
+    assert [(one.start, one.end) for one in longer.sections] == [(2 * p.start, 2 * p.end) for p in CABLE.sections]
