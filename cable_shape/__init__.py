@@ -15,7 +15,9 @@ from cable_shape.warm_up import warm_up
 if TYPE_CHECKING:
     from cable_shape.cable.cable import Cable
     from cable_shape.cable.cable_file import CableFile, Held
+    from cable_shape.cable.centreline import Centreline
     from cable_shape.cable.harness import Harness
+    from cable_shape.cable.imported import Imported
     from cable_shape.cable.junction import Junction
     from cable_shape.cable.section import Section
     from cable_shape.cable.wires import Wire
@@ -91,6 +93,7 @@ __all__ = [
     "CableWarning",
     "Calibration",
     "Capsule",
+    "Centreline",
     "Clearance",
     "Clip",
     "ClipLoad",
@@ -112,6 +115,7 @@ __all__ = [
     "HarnessObservation",
     "HarnessShape",
     "Held",
+    "Imported",
     "InputError",
     "JointPath",
     "Junction",
@@ -182,8 +186,10 @@ _HOMES = {
         "SteeringError",
         "UnknownKeyError",
     ),
+    "cable.centreline": ("Centreline",),
     "cable.harness": ("Harness",),
     "cable.junction": ("Junction",),
+    "cable.imported": ("Imported",),
     "planning.harness_batch": ("HarnessBatch",),
     "solve.harness_shape": ("HarnessShape",),
     "planning.paths": ("EndsPath", "GripPath", "JointPath"),

@@ -101,6 +101,8 @@ EXTRAS = {
     "pinocchio": "robots",
     "mink": "robots",
     "mujoco": "robots",
+    "ezdxf": "drawings",
+    "OCP": "cad",
 }
 
 #: What a ROS brings, and how to get it.

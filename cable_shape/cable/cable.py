@@ -17,6 +17,7 @@ from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 
 if TYPE_CHECKING:
+    from cable_shape.cable.centreline import Centreline
     from cable_shape.cable.wires import Wire
 
 STANDARD_GRAVITY = 9.81  # m/s^2
@@ -243,6 +244,33 @@ class Cable:
         from cable_shape.cable.wires import keywords_of
 
         return cls(length, **{**keywords_of(wires, covering), **keywords})
+
+    @classmethod
+    def from_centreline(
+        cls,
+        curve: Centreline | ArrayLike,
+        linear_density: float,
+        bending_stiffness: float | ArrayLike,
+        **keywords: Any,
+    ) -> Cable:
+        """A preformed cable or hose: without load it rests in the form of a curve, between that curve's end frames.
+
+        Parameters
+        ----------
+        curve : Centreline or (n, 3) array_like
+            [m], points along the cable, or a curve as :mod:`cable_shape.exchange` reads it from files. It gives
+            `length` and `rest_curvature`; ``Centreline.from_points(points).start`` and ``.end`` are where it was drawn.
+        linear_density, bending_stiffness, **keywords
+            Keywords of :class:`Cable`.
+
+        Raises
+        ------
+        ArgumentError
+            For points that are no curve, and a curve that runs through itself.
+        """
+        from cable_shape.cable.preformed import from_centreline
+
+        return from_centreline(curve, linear_density, bending_stiffness, **keywords)
 
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any], where: str = "cable") -> Cable:

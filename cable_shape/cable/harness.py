@@ -6,12 +6,16 @@ import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, final
+from typing import TYPE_CHECKING, Any, final
 
 from cable_shape import checks
 from cable_shape.cable.cable import Cable
 from cable_shape.cable.junction import Junction
 from cable_shape.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from cable_shape.cable.imported import Imported
+    from cable_shape.scene.scene_parts import Clip
 
 SIDES = ("start", "end")
 _WRITE = "Write Harness(segments={name: Cable(...)}, junctions=[Junction(...)])."
@@ -33,6 +37,8 @@ class Harness:
         The name is one word without "/"; the ends of segment "a" are "a.start" and "a.end".
     junctions : sequence of Junction
         Their names are unique. Ends that are in no junction are held by grips or clips, or free.
+    imported : Imported, optional
+        What holds and loads it, and what was made of the file that it was read from; no part of it.
 
     Raises
     ------
@@ -40,14 +46,18 @@ class Harness:
         Naming the part, the bound and the remedy: an end that is unknown or in two junctions; a name used twice.
     """
 
-    __slots__ = ("_junction_of", "junctions", "segments")
+    __slots__ = ("_junction_of", "imported", "junctions", "segments")
 
     segments: Mapping[str, Cable]
     junctions: tuple[Junction, ...]
+    imported: Imported | None
     _junction_of: dict[str, Junction]
 
-    def __init__(self, segments: Mapping[str, Cable], junctions: Iterable[Junction] = ()) -> None:
+    def __init__(
+        self, segments: Mapping[str, Cable], junctions: Iterable[Junction] = (), *, imported: Imported | None = None
+    ) -> None:
         put = object.__setattr__
+        put(self, "imported", imported)
         if not isinstance(segments, Mapping) or not segments:
             raise ArgumentError.of("segments", segments, "it must be a mapping of names to cables, not empty", _WRITE)
         for name, cable in segments.items():
@@ -81,7 +91,7 @@ class Harness:
         raise AttributeError(f"a Harness is fixed; make another with harness.replace({name}=...)")
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Harness, (dict(self.segments), self.junctions)
+        return _remade, (dict(self.segments), self.junctions, self.imported)
 
     @property
     def ends(self) -> tuple[str, ...]:
@@ -97,6 +107,18 @@ class Harness:
     def tails(self) -> dict[str, float]:
         """[m], of what hangs beyond ends of segments where grips hold them, by end."""
         return {f"{name}.{side}": long for name, cable in self.segments.items() for side, long in cable.tails.items()}
+
+    @property
+    def clips(self) -> tuple[Clip, ...]:
+        """What holds it as the file says that it was read from, for a Scene; none of others."""
+        return () if self.imported is None else self.imported.clips
+
+    @property
+    def wire_mass(self) -> float:
+        """[kg], of its wires, as far as the file that it was read from states their mass; else of all segments."""
+        if self.imported is None:
+            return sum(cable.linear_density * cable.length for cable in self.segments.values())
+        return self.imported.wire_mass
 
     @property
     def length(self) -> float:
@@ -161,6 +183,31 @@ class Harness:
 
         return cls.from_mapping(load_yaml(path), where=str(path), folder=path_of(path).parent)
 
+    @classmethod
+    def from_kbl(
+        cls, path: str | Path, merge_below: float = 0.0, *, clip_kind: str = "ball", hold: str = "fixings"
+    ) -> Harness:
+        """From a KBL file (VDA 4964) 2.3 to 2.5; its segments keep their ids, and what holds it is in `imported`.
+
+        Parameters
+        ----------
+        path : path of the file
+        merge_below : float
+            [m]; nodes that a segment shorter than this joins become one. 0: none.
+        clip_kind : str
+            What the fixings are: "ball", "hinge" or "fixed".
+        hold : str
+            "fixings": only what fewer than two fixings hold is held at its connectors, too; "connectors": all is.
+
+        Raises
+        ------
+        FileError, ArgumentError
+            Naming the part, the bound and the remedy.
+        """
+        from cable_shape.cable.kbl_harness import from_kbl
+
+        return from_kbl(path, merge_below, clip_kind, hold)
+
     def to_yaml(self, path: str | Path) -> None:
         """Writes what `from_yaml` reads."""
         from cable_shape.cable.harness_file import write
@@ -194,6 +241,11 @@ class Harness:
     def __repr__(self) -> str:
         joints = ", ".join(f"{j.name}: {'+'.join(j.ends)}" for j in self.junctions)
         return f"Harness({len(self.segments)} segments ({', '.join(self.segments)}), junctions {joints or 'none'})"
+
+
+def _remade(segments: Mapping[str, Cable], junctions: tuple[Junction, ...], imported: Imported | None) -> Harness:
+    """What a copy of a harness is made by."""
+    return Harness(segments, junctions, imported=imported)
 
 
 def _check_segment(name: object, cable: object) -> None:

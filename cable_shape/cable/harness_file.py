@@ -15,8 +15,8 @@ Segments are cables by their name, or the path of a cable's file; junctions name
           left.start: {quaternion: [0.3827, 0, 0, 0.9239]}
           right.start: {quaternion: [-0.3827, 0, 0, 0.9239]}
 
-Keys `ends` and `markers` say which ends are held and where markers are, see :mod:`cable_shape.cycle.harness_ends`; they
-are no part of the harness.
+Keys `ends` and `markers` say which ends are held and where markers are, see :mod:`cable_shape.cycle.harness_ends`, and a
+key `scene` what else holds it, as :mod:`cable_shape.scene.scene_files` has it; none is a part of the harness.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from cable_shape.pose import Pose, pose_entry
 H = TypeVar("H")
 
 ENDS, MARKERS = "ends", "markers"
-HARNESS_KEYS = ("segments", "junctions", ENDS, MARKERS)
+HARNESS_KEYS = ("segments", "junctions", ENDS, MARKERS, "scene")
 JUNCTION_KEYS = ("name", "ends", "kind", "frames", "mass")
 
 

@@ -17,7 +17,7 @@ from cable_shape.files.files import finite
 from cable_shape.shape import CableShape
 
 Row = tuple[str, str]
-SUFFIXES = (".json", ".csv", ".png")
+SUFFIXES = (".json", ".csv", ".png", ".rrd")
 
 COLUMNS = (
     "arc_length [m]",
@@ -131,6 +131,10 @@ def write(case: Case, shape: CableShape, path: Path) -> None:
         path.write_text(json.dumps(as_dict(case, shape), indent=1, allow_nan=False) + "\n", encoding="utf-8")
     elif kind == ".csv":
         np.savetxt(path, _table(shape), fmt="%.12g", delimiter=",", header=",".join(COLUMNS), comments="")
+    elif kind == ".rrd":
+        from cable_shape.command.recorded import record
+
+        record(path, {case.name: case.cable}, {case.name: (case.start, case.end)}, case.scene)
     else:
         _draw(case, shape, path)
 

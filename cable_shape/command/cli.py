@@ -85,6 +85,7 @@ def build_parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     _add_replay(commands)
     _add_predict(commands)
+    _add_import(commands)
     _add_view(commands)
     _add_calibrate(commands)
     _add_status(commands)
@@ -167,10 +168,25 @@ def _add_predict(commands: Commands) -> None:
         "case", type=Path, metavar="CASE", help="see docs/replay.md; one of its own is cases/harness.yaml"
     )
     predict.add_argument(
-        "-o", "--out", type=Path, action="append", default=[], metavar="FILE", help=".json, .csv or .png; repeatable"
-    )
+        "-o", "--out", type=Path, action="append", default=[], metavar="FILE",
+        help=".json, .csv, .png or .rrd; repeatable",
+    )  # fmt: skip
+    predict.add_argument("--picture", action="store_true", help="the same as -o CASE.png -o CASE.rrd")
     _add_model(predict)
     predict.set_defaults(run=_predict)
+
+
+def _add_import(commands: Commands) -> None:
+    from cable_shape.cable.command import add_arguments, run
+
+    parser = commands.add_parser(
+        "import",
+        help="make a harness or a cable of a KBL, WireViz, CSV, DXF, mesh or STEP file",
+        description="Reads FILE and writes DIR/harness.yaml with a formboard (.svg, .dxf), or DIR/cable.yaml and "
+        "case.yaml, and DIR/import.md, which says what was derived, merged and left out.",
+    )
+    add_arguments(parser)
+    parser.set_defaults(run=run)
 
 
 def _add_view(commands: Commands) -> None:
@@ -352,6 +368,8 @@ def _predict(arguments: argparse.Namespace) -> int:
     from cable_shape.command.load_case import load_case
     from cable_shape.files.files import find_file
 
+    if arguments.picture:
+        arguments.out += [arguments.case.with_suffix(suffix) for suffix in (".png", ".rrd")]
     for path in arguments.out:
         output.check_suffix(path)
     case: Any = load_case(find_file(arguments.case))

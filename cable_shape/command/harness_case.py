@@ -8,6 +8,8 @@ The keys are those of a cable's case but for these::
       left.end: {position: [0.8, 0.1, 0.1], quaternion: [0, 0.7071, 0, 0.7071]}
       right.end: {mass: 0.02}
     distributed_load: {trunk: [[0, 0, -1], [0, 0, 0]]}    # by segment
+
+A harness's own file is a case, too, if its `ends` say where they are held, or its `scene` has clips that hold it.
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ import numpy as np
 
 from cable_shape import checks
 from cable_shape.cable.harness import Harness
+from cable_shape.cable.harness_file import ENDS, HARNESS_KEYS
 from cable_shape.command.case_output import COLUMNS, Row, _vector, check_suffix
 from cable_shape.command.case_parts import end_of, scene_of
 from cable_shape.errors import ArgumentError
@@ -56,6 +59,12 @@ class HarnessCase:
 
 def harness_case_of(values: Mapping[str, Any], folder: Path, name: str) -> HarnessCase:
     """The case with these keys; relative paths are taken from `folder`."""
+    from cable_shape.command.case_parts import end_of, scene_of
+
+    if "harness" not in values:  # a harness's own file
+        checks.known_keys("harness", values, HARNESS_KEYS)
+        own = {key: values[key] for key in ("segments", "junctions") if key in values}
+        values = {"harness": own, "ends": values.get(ENDS) or {}, "scene": values.get("scene")}
     checks.known_keys("case", values, CASE_KEYS)
     harness, ends = values["harness"], values.get("ends")
     if not isinstance(ends, Mapping):
@@ -128,8 +137,16 @@ def write(case: HarnessCase, shape: HarnessShape, path: Path) -> None:
     if kind == ".json":
         path.write_text(json.dumps(as_dict(case, shape), indent=1, allow_nan=False) + "\n", encoding="utf-8")
         return
-    if kind != ".csv":
-        raise ArgumentError(f"-o {path}: of a harness its ending must be .json or .csv.")
+    if kind == ".png":
+        from cable_shape.command.harness_picture import draw
+
+        draw(case, shape, path)
+        return
+    if kind == ".rrd":
+        from cable_shape.command.recorded import record
+
+        record(path, {case.name: case.harness}, {case.name: case.ends}, case.scene)
+        return
     parts = []
     for i, one in enumerate(shape.segments.values()):
         arrays = [getattr(one, array).reshape(one.points, -1) for array in _ARRAYS]

@@ -33,7 +33,7 @@ CASE_KEYS = ("name", "cable", "start", "end", "scene", *OPTION_KEYS)
 
 
 def load_case(path: str | Path) -> Case | HarnessCase:
-    """The case in a YAML or JSON file; one with the key `harness` is read by :mod:`cable_shape.command.harness_case`.
+    """The case in a YAML or JSON file; one with the key `harness` or `segments` is of :mod:`cable_shape.command.harness_case`.
 
     Raises
     ------
@@ -46,7 +46,7 @@ def load_case(path: str | Path) -> Case | HarnessCase:
     try:
         if values.get("kind") == "critical_value" or (isinstance(cable, Mapping) and "EI1" in cable):
             return reference_case(values)
-        if "harness" in values:
+        if "harness" in values or "segments" in values:
             return harness_case_of(values, file.parent, file.stem)
         return case_of(values, file.parent, file.stem)
     except ArgumentError as error:

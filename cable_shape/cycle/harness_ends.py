@@ -33,6 +33,8 @@ from cable_shape.scene.scene import Scene
 from cable_shape.solve.harness_problem import HarnessProblem
 
 GRIP_KEYS, FREE_KEYS = ("kind", "offset"), ("mass", "force", "moment")
+#: Where an end is held without a gripper, as `cable-shape predict` takes it; grippers say it themselves.
+PLACE_KEYS = ("position", "quaternion")
 _CLAMPED = Grip(IDENTITY)
 
 
@@ -156,7 +158,7 @@ def _end(where: str, values: Any) -> Grip | FreeEnd:
     """A grip, or a free end from its keywords."""
     if values is None:
         return FreeEnd()
-    checks.known_keys(where, values, (*GRIP_KEYS, *FREE_KEYS))
+    checks.known_keys(where, values, (*GRIP_KEYS, *FREE_KEYS, *PLACE_KEYS))
     try:
         if any(key in values for key in FREE_KEYS):
             checks.known_keys(where, values, FREE_KEYS)

@@ -25,6 +25,8 @@ from cable_shape.solve.problem import Problem
 
 #: What holds an end beside its junction is so many times as stiff as the stiffest segment.
 LEVER = 1e6
+#: Kinks of longer tables of rest curvature are no knots.
+_MOST_ROWS = 8
 #: A knot: ("junction", its name), ("end", "a.start"), ("clip", number in the scene), ("station", segment, arc length),
 #: ("lever", "a.start").
 Name = tuple[str | int | float, ...]
@@ -145,7 +147,7 @@ def _places(problem: HarnessProblem, name: str, one: Problem) -> tuple[list[tupl
     fixed.append((("end", ends[1]), length))
     arcs = np.array([arc for _, arc in fixed])
     own, at, force = shared_loads(one, arcs)
-    stops = material_of(one).stops
+    stops = _stops_of(one)
     stations: dict[float, Array] = {}
     for arc, load in zip(at.tolist(), force, strict=True):
         stations[arc] = stations.get(arc, np.zeros(3)) + load
@@ -156,6 +158,18 @@ def _places(problem: HarnessProblem, name: str, one: Problem) -> tuple[list[tupl
     rows = [*zip(fixed, own, strict=True), *(((("station", name, arc), arc), f) for arc, f in stations.items())]
     rows.sort(key=lambda row: row[0][1])
     return [place for place, _ in rows], np.array([load for _, load in rows])
+
+
+def _stops_of(one: Problem) -> Array:
+    """Arc lengths [m] that are to be knots: of a long table of rest curvature no kinks, whose spans would be too short.
+
+    What is inside an element then counts as error, and the mesh is made finer there.
+    """
+    stops = material_of(one).stops
+    if len(one.cable.rest_curvature) <= _MOST_ROWS or one.swing is not None:
+        return stops
+    bounds = np.array([x for a, b, _ in pieces_of(one.cable) for x in (a, b)])
+    return np.asarray(stops[[bool(np.abs(bounds - x).min() <= 1e-9 * one.cable.length) for x in stops]])
 
 
 def _support(

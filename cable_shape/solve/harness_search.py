@@ -18,6 +18,7 @@ from cable_shape.solve.harness_guess import laid
 from cable_shape.solve.harness_network import FIRM, HarnessNetwork
 from cable_shape.solve.harness_outcome import lacking, laid_straight, out_of_reach
 from cable_shape.solve.harness_problem import HarnessProblem
+from cable_shape.solve.harness_rest import bent, put_ends, start_at_rest
 from cable_shape.solve.harness_shape import HarnessShape
 from cable_shape.solve.outcome import MODEL
 from cable_shape.solve.search import _FAR_STEP, _SAME, FAR, WARM_ITERATIONS, Search
@@ -149,6 +150,8 @@ class HarnessSearch(Search):
         """From guesses, the likeliest first, then from some that settle against drag, until there is a stable shape."""
         state = self.state
         state.align(poses)
+        if bent(state) and (rested := self._from_rest(poses)) is not None:
+            return rested
         found: HarnessShape | None = None
         kept: tuple[Any, ...] = ()
         chance = np.random.default_rng(0)
@@ -186,6 +189,31 @@ class HarnessSearch(Search):
             )
             return self.no_shape(Status.OVERSTRETCHED, guess, detail, missing)
         return self.no_shape(Status.NOT_CONVERGED, guess, "")
+
+    def _from_rest(self, poses: Array) -> HarnessShape | None:
+        """From the form at rest, on two first meshes, with soft modes held ever more firmly; None: not from there."""
+        state = self.state
+        fixed = [row for row, knot in enumerate(state.structure.knots) if not knot.moves]
+        held = [row for row in fixed if not all(state.structure.loose[row])]  # else it turns as the cable does
+        found: HarnessShape | None = None
+        for fineness, firm in ((1.0, FIRM[0]), (1.0, FIRM[2]), (1.7, FIRM[0]), (1.7, FIRM[2])):
+            state.firm(firm)
+            rest = start_at_rest(state, poses, fineness)
+            near = np.where((rest[:, 3:] * poses[:, 3:]).sum(axis=1, keepdims=True) < 0.0, -1.0, 1.0)
+            poses = np.concatenate((poses[:, :3], near * poses[:, 3:]), axis=1)
+            state.target[fixed, :3] = poses[fixed, :3]
+            state.target[held, 3:] = poses[held, 3:]
+            put_ends(state, poses)
+            drive.strip(state.ints, state.floats, state.sols)
+            if self.call(0, _COLD_ITERATIONS):
+                shape: Any = self._finish(Status.SNAPPED if self.snapped else Status.OK)
+                if shape.usable or self.late:
+                    found = shape
+                    break
+                self.buffer, self.loads = self.room()
+            if self.out_of_time():
+                break
+        return found
 
     def _lost(self, poses: Array) -> HarnessShape:  # type: ignore[override]
         """A finer mesh did not confirm the equilibrium."""

@@ -58,7 +58,7 @@ def test_the_pins_are_the_dependencies_and_the_extras_that_developers_have():
 
 
 def test_the_extra_all_holds_all_that_ros_and_development_are_not_part_of():
-    extras = set(PROJECT["optional-dependencies"]) - {"all", "dev", "ros", "docs"}
+    extras = set(PROJECT["optional-dependencies"]) - {"all", "dev", "ros", "docs", "cad"}
     assert requirements("all") == requirements(*extras)
 
 
