@@ -1,6 +1,6 @@
 """What a bundle of wires weighs and how it bends, where a drawing does not say it: :func:`bundle_of`.
 
-No format of harnesses has a bending stiffness. It lies between two bounds, as in :mod:`cable_shape.cable.wires`: all strands
+No format of harnesses has a bending stiffness. It lies between two bounds, as in `wires`: all strands
 of all conductors slip on each other, or all stick. With the area A of a conductor of strands of diameter d, and wires
 whose middles fill a disc of radius R evenly,
 

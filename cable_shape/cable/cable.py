@@ -258,7 +258,7 @@ class Cable:
         Parameters
         ----------
         curve : Centreline or (n, 3) array_like
-            [m], points along the cable, or a curve as :mod:`cable_shape.exchange` reads it from files. It gives
+            [m], points along the cable, or a curve as :mod:`cable_shape.cable.curves` reads it from files. It gives
             `length` and `rest_curvature`; ``Centreline.from_points(points).start`` and ``.end`` are where it was drawn.
         linear_density, bending_stiffness, **keywords
             Keywords of :class:`Cable`.
@@ -268,9 +268,12 @@ class Cable:
         ArgumentError
             For points that are no curve, and a curve that runs through itself.
         """
-        from cable_shape.cable.preformed import from_centreline
+        from cable_shape.cable.preformed import check_crossing, form_of
 
-        return from_centreline(curve, linear_density, bending_stiffness, **keywords)
+        line = form_of(curve, keywords)
+        made = cls(line.length, linear_density, bending_stiffness, rest_curvature=line.rest_curvature()[0], **keywords)
+        check_crossing(line, 0.5 * made.diameter)
+        return made
 
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any], where: str = "cable") -> Cable:

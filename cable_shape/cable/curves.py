@@ -9,7 +9,7 @@ import numpy as np
 
 from cable_shape.cable.cable import Cable
 from cable_shape.cable.centreline import Centreline
-from cable_shape.cable.preformed import check_crossing, from_centreline
+from cable_shape.cable.preformed import check_crossing
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError, FileError
 from cable_shape.files.files import read_text, regular
@@ -44,7 +44,7 @@ def preformed(
     if thick is None:
         raise ArgumentError("--diameter is missing: a curve has none. Give it in m.")
     check_crossing(line, 0.5 * thick, str(file))
-    cable = from_centreline(line, linear_density, bending_stiffness, diameter=thick)
+    cable = Cable.from_centreline(line, linear_density, bending_stiffness, diameter=thick)
     rows = len(cable.rest_curvature)
     text = [
         f"# {file.name}", "",

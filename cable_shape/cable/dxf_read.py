@@ -29,13 +29,14 @@ def read_dxf(path: str | Path, unit: float | None = None) -> Centreline:
     DependencyError
         Without ezdxf.
     """
-    import ezdxf
+    from ezdxf.filemanagement import readfile
+    from ezdxf.lldxf.const import DXFError
     from ezdxf.path import make_path
 
     file = regular(path, TEXT_BYTES, "DXF file")
     try:
-        drawing = ezdxf.readfile(file)
-    except (OSError, ezdxf.DXFError, UnicodeError, ValueError) as error:
+        drawing = readfile(file)
+    except (OSError, DXFError, UnicodeError, ValueError) as error:
         reason = type(error).__name__
         raise FileError(f"{file}: not a well-formed DXF file ({reason}). Export it again, as ASCII DXF.") from None
     known = UNITS.get(int(drawing.header.get("$INSUNITS", 0)))
@@ -46,7 +47,7 @@ def read_dxf(path: str | Path, unit: float | None = None) -> Centreline:
     for entity in drawing.modelspace().query(_KINDS):
         try:
             path_of_it: Any = make_path(entity)
-        except (TypeError, ValueError, ezdxf.DXFError):
+        except (TypeError, ValueError, DXFError):
             continue
         points = np.array([tuple(p) for p in path_of_it.flattening(_sag(path_of_it), segments=24)])
         if len(points) > 1:

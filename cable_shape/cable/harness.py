@@ -206,7 +206,8 @@ class Harness:
         """
         from cable_shape.cable.kbl_harness import from_kbl
 
-        return from_kbl(path, merge_below, clip_kind, hold)
+        made: Harness = from_kbl(cls, path, merge_below, clip_kind, hold)
+        return made
 
     def to_yaml(self, path: str | Path) -> None:
         """Writes what `from_yaml` reads."""

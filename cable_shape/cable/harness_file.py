@@ -15,7 +15,7 @@ Segments are cables by their name, or the path of a cable's file; junctions name
           left.start: {quaternion: [0.3827, 0, 0, 0.9239]}
           right.start: {quaternion: [-0.3827, 0, 0, 0.9239]}
 
-Keys `ends` and `markers` say which ends are held and where markers are, see :mod:`cable_shape.cycle.harness_ends`, and a
+Keys `ends` and `markers` say which ends are held and where markers are, see :mod:`cable_shape.cycle.harness_ends`, a
 key `scene` what else holds it, as :mod:`cable_shape.scene.scene_files` has it; none is a part of the harness.
 """
 

@@ -19,7 +19,6 @@ from cable_shape import checks
 from cable_shape.cable.bundle import Bundle, bundle_of, covered
 from cable_shape.cable.cable import Cable
 from cable_shape.cable.centreline import Centreline, rest_shape
-from cable_shape.cable.harness import Harness
 from cable_shape.cable.imported import Imported
 from cable_shape.cable.junction import Junction
 from cable_shape.cable.kbl_curves import drawn, straight
@@ -43,16 +42,18 @@ APART = 1e-6
 
 
 def from_kbl(
+    make: Callable[..., Any],
     path: str | Path,
     merge_below: float = 0.0,
     clip_kind: str = "ball",
     hold: str = "fixings",
     bar: Callable[[Iterable[Any]], Iterable[Any]] = iter,
-) -> Harness:
+) -> Any:
     """The harness of a KBL file, see :meth:`cable_shape.Harness.from_kbl`.
 
     Parameters
     ----------
+    make : Harness
     path : of a KBL file, 2.3 to 2.5
     merge_below : float [m]; nodes that are joined by a segment shorter than this become one, 0: none
     clip_kind : "ball", "hinge" or "fixed", what the fixings are
@@ -66,7 +67,7 @@ def from_kbl(
     shortest = checks.number("merge_below", merge_below, at_least=0.0, unit="m")
     checks.one_of("clip_kind", clip_kind, [kind for kind in CLIP_KINDS if kind != "slide"])
     checks.one_of("hold", hold, HOLDS)
-    return _Builder(read_kbl(path), str(path), shortest, clip_kind).made(hold, bar)
+    return _Builder(read_kbl(path), str(path), shortest, clip_kind).made(make, hold, bar)
 
 
 @final
@@ -88,7 +89,7 @@ class _Builder:
         self.masses: dict[str, float] = {}  # [kg], at nodes
         self.node_of: dict[str, str] = {name: name for name in file.nodes}
 
-    def made(self, hold: str, bar: Callable[[Iterable[Any]], Iterable[Any]]) -> Harness:
+    def made(self, make: Callable[..., Any], hold: str, bar: Callable[[Iterable[Any]], Iterable[Any]]) -> Any:
         """The harness, and what goes with it."""
         for name, node in self.file.nodes.items():
             self.masses[name] = sum(mass or 0.0 for _, mass in node.parts)
@@ -102,8 +103,8 @@ class _Builder:
             self.hold(self.file.segments[name])
         for name in self.file.unplaced:
             self.left_out.append(f"fixing {name}: it lies on no segment")
-        harness = Harness(self.cables, self.junctions())
-        return Harness(harness.segments, harness.junctions, imported=self.told(harness, hold))
+        harness = make(self.cables, self.junctions())
+        return make(harness.segments, harness.junctions, imported=self.told(harness, hold))
 
     # -- segments
 
@@ -265,7 +266,7 @@ class _Builder:
                 if off > 0.05:
                     self.remarks.append(f"fixing {one.id}: its part is {1e3 * off:.0f} mm off segment {segment.id}")
 
-    def told(self, harness: Harness, hold: str) -> Imported:
+    def told(self, harness: Any, hold: str) -> Imported:
         """Clips by unique names, ends with their connectors, and all that was done."""
         times = Counter(clip.name for clip in self.clips)
         seen: Counter[str] = Counter()

@@ -56,13 +56,11 @@ def put(folder: str | Path, files: Mapping[str, str]) -> Path:
 
 def harness_text(harness: Harness) -> str:
     """The YAML of an imported harness: segments, junctions, how it is held, its scene; a segment a line."""
-    from cable_shape.cable.harness_file import as_dict
-
     made: Any = harness.imported or Imported("")
     lines = [f"# Imported from {made.source}; what was derived and left out: import.md", "segments:"]
     lines += [f"  {json.dumps(name)}: {_flow(cable_entry(cable))}" for name, cable in harness.segments.items()]
     lines.append("junctions:" if harness.junctions else "junctions: []")
-    lines += [f"  - {_flow(junction)}" for junction in as_dict(harness)["junctions"]]
+    lines += [f"  - {_flow(junction)}" for junction in harness.as_dict()["junctions"]]
     lines.append("ends:" if made.ends else "ends: {}")
     lines += [f"  {json.dumps(end)}: {_flow(end_entry(held))}" for end, held in made.ends.items()]
     lines.append("scene:")

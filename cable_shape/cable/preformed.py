@@ -1,12 +1,12 @@
-"""Cables that were drawn bent, as their makers form hoses and pipes: :func:`from_centreline`."""
+"""Cables that were drawn bent, as their makers form hoses and pipes: the curve of :meth:`Cable.from_centreline`."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from numpy.typing import ArrayLike
 
-from cable_shape.cable.cable import Cable
 from cable_shape.cable.centreline import Centreline
 from cable_shape.errors import ArgumentError
 
@@ -14,20 +14,13 @@ from cable_shape.errors import ArgumentError
 GIVEN = ("length", "rest_curvature")
 
 
-def from_centreline(
-    curve: Centreline | ArrayLike, linear_density: float, bending_stiffness: float | ArrayLike, **keywords: Any
-) -> Cable:
-    """The cable of this form, see :meth:`cable_shape.Cable.from_centreline`."""
+def form_of(curve: Centreline | ArrayLike, keywords: Mapping[str, Any]) -> Centreline:
+    """The form of a cable with these keywords, of which a curve gives GIVEN."""
     for name in GIVEN:
         if name in keywords:
             bound = "the curve says it"
             raise ArgumentError.of(name, keywords[name], bound, "Leave it out, or make the Cable without a curve.")
-    line = curve if isinstance(curve, Centreline) else Centreline.from_points(curve)
-    made = Cable(
-        line.length, linear_density, bending_stiffness, rest_curvature=line.rest_curvature()[0], **keywords
-    )  # fmt: skip
-    check_crossing(line, 0.5 * made.diameter)
-    return made
+    return curve if isinstance(curve, Centreline) else Centreline.from_points(curve)
 
 
 def check_crossing(line: Centreline, within: float, where: str = "centreline") -> None:

@@ -177,7 +177,7 @@ def _add_predict(commands: Commands) -> None:
 
 
 def _add_import(commands: Commands) -> None:
-    from cable_shape.cable.command import add_arguments, run
+    from cable_shape.command.import_files import add_arguments, run
 
     parser = commands.add_parser(
         "import",

@@ -59,7 +59,6 @@ class HarnessCase:
 
 def harness_case_of(values: Mapping[str, Any], folder: Path, name: str) -> HarnessCase:
     """The case with these keys; relative paths are taken from `folder`."""
-    from cable_shape.command.case_parts import end_of, scene_of
 
     if "harness" not in values:  # a harness's own file
         checks.known_keys("harness", values, HARNESS_KEYS)

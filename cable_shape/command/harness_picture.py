@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from cable_shape.solve.harness_shape import HarnessShape
 
-if TYPE_CHECKING:
-    from cable_shape.command.harness_case import HarnessCase
-
 #: Segments of at most so many are named.
 _NAMED = 12
 
 
-def draw(case: HarnessCase, shape: HarnessShape, path: Path) -> None:
-    """Its segments, as thick as they are beside each other, with junctions, clips and held ends."""
+def draw(case: Any, shape: HarnessShape, path: Path) -> None:
+    """The segments of a HarnessCase, as thick as they are beside each other, with junctions, clips and held ends."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -31,7 +28,7 @@ def draw(case: HarnessCase, shape: HarnessShape, path: Path) -> None:
     figure.savefig(path, metadata={"Software": None})
 
 
-def _side(axis: Any, case: HarnessCase, shape: HarnessShape, i: int, j: int) -> None:
+def _side(axis: Any, case: Any, shape: HarnessShape, i: int, j: int) -> None:
     thickest = max(cable.diameter for cable in case.harness.segments.values())
     for name, one in shape.segments.items():
         width = 0.8 + 3.0 * case.harness.segments[name].diameter / thickest

@@ -33,7 +33,7 @@ CASE_KEYS = ("name", "cable", "start", "end", "scene", *OPTION_KEYS)
 
 
 def load_case(path: str | Path) -> Case | HarnessCase:
-    """The case in a YAML or JSON file; one with the key `harness` or `segments` is of :mod:`cable_shape.command.harness_case`.
+    """The case in a YAML or JSON file; one with the key `harness` or `segments` is of :mod:`.harness_case`.
 
     Raises
     ------

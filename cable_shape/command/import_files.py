@@ -71,9 +71,10 @@ def _harness(arguments: argparse.Namespace, file: Path, kind: str) -> Harness:
         from cable_shape.cable.wireviz import from_wireviz
 
         return from_wireviz(file, arguments.branches)
-    return kbl_harness.from_kbl(
-        file, arguments.merge_below, arguments.clip_kind, arguments.hold, bar=_bar
+    made: Harness = kbl_harness.from_kbl(
+        Harness, file, arguments.merge_below, arguments.clip_kind, arguments.hold, bar=_bar
     )  # fmt: skip
+    return made
 
 
 def _bar(items: Iterable[Any]) -> Iterable[Any]:
