@@ -46,7 +46,7 @@ def read_step(path: str | Path) -> tuple[Centreline, float | None, str]:
     explorer: Any = TopExp_Explorer(shape, TopAbs_FACE)
     while explorer.More():
         place = TopLoc_Location()
-        mesh = BRep_Tool.Triangulation_s(TopoDS.Face_s(explorer.Current()), place)
+        mesh = BRep_Tool.Triangulation_s(TopoDS.Face(explorer.Current()), place)
         if mesh is not None:
             move, first = place.Transformation(), len(vertices)
             for i in range(1, mesh.NbNodes() + 1):

@@ -19,6 +19,7 @@ from cable_shape.cable.centreline import Centreline
 from cable_shape.cable.curves import read_curve
 from cable_shape.cable.formboard import dxf, laid_flat, svg
 from cable_shape.cable.kbl_read import read_kbl
+from cable_shape.cable.step import read_step
 from cable_shape.cable.tube_mesh import centreline_of
 from cable_shape.cable.wireviz import from_wireviz
 from cable_shape.command.cli import main
@@ -371,3 +372,35 @@ def test_a_formboard_is_true_to_length(example):
     )
     assert all(name in drawn for name in ("XL1", "XR60", "T30"))
     assert dxf(board).count("\nLINE\n") == 180
+
+
+def test_a_tube_of_a_step_file_is_found_to_a_tenth_of_a_millimetre(tmp_path: Path) -> None:
+    pytest.importorskip("OCP", reason="cadquery-ocp is not installed: pip install 'cable_shape[cad]'")
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge, BRepBuilderAPI_MakeFace, BRepBuilderAPI_MakeWire
+    from OCP.BRepOffsetAPI import BRepOffsetAPI_MakePipe
+    from OCP.GeomAPI import GeomAPI_PointsToBSpline
+    from OCP.gp import gp_Ax2, gp_Circ, gp_Dir, gp_Pnt
+    from OCP.OCP.collections import Array1_gp_Pnt
+    from OCP.STEPControl import STEPControl_AsIs, STEPControl_Writer
+
+    def curve(t: np.ndarray) -> np.ndarray:
+        return np.stack([600.0 * t, 80.0 * np.sin(3.0 * t), 50.0 * np.cos(2.0 * t)], axis=1)  # mm
+
+    drawn = curve(np.linspace(0.0, 1.0, 40))
+    points = Array1_gp_Pnt(1, len(drawn))
+    for i, point in enumerate(drawn.tolist(), 1):
+        points.SetValue(i, gp_Pnt(*point))
+    spine = BRepBuilderAPI_MakeWire(BRepBuilderAPI_MakeEdge(GeomAPI_PointsToBSpline(points).Curve()).Edge()).Wire()
+    circle = gp_Circ(gp_Ax2(gp_Pnt(*drawn[0].tolist()), gp_Dir(*(drawn[1] - drawn[0]).tolist())), 6.0)
+    rim = BRepBuilderAPI_MakeWire(BRepBuilderAPI_MakeEdge(circle).Edge()).Wire()
+    writer = STEPControl_Writer()
+    writer.Transfer(BRepOffsetAPI_MakePipe(spine, BRepBuilderAPI_MakeFace(rim).Face()).Shape(), STEPControl_AsIs)
+    writer.Write(str(tmp_path / "tube.step"))
+    line, diameter, _ = read_step(tmp_path / "tube.step")
+    assert diameter == pytest.approx(0.012, rel=0.02)
+    fine = 1e-3 * curve(np.linspace(0.0, 1.0, 4001))
+    seen = np.array([pose.position for pose in line.poses(np.linspace(0.0, line.length, 100))])
+    assert np.linalg.norm(seen[:, None] - fine, axis=2).min(axis=1).max() < 1e-4
+    (tmp_path / "broken.step").write_text("ISO-10303-21;\n")
+    with pytest.raises(cs.FileError, match="not a well-formed STEP file"):
+        read_step(tmp_path / "broken.step")

@@ -143,7 +143,7 @@ def test_random_poses(poses, messages):
 
 @pytest.fixture(scope="module")
 def ends():
-    holding = Holding.of_harness("h", dict.fromkeys(ENDS, Grip(IDENTITY)))
+    holding = Holding.of_harness(HarnessFile(FORK, dict.fromkeys(ENDS, Grip(IDENTITY)), "h"))
     return Fed(partial(PoseSource, robot=None, holdings=[holding]), {"h": FORK}, max_skew=10.0)
 
 
