@@ -13,7 +13,7 @@ from cable_shape.errors import FileError
 from cable_shape.files.files import TEXT_BYTES, regular
 
 #: [mm], [rad]: how near the triangles are to the surface.
-_SAG, _ANGLE = 0.02, 0.1
+_SAG, _ANGLE = 0.05, 0.4
 _MILLIMETRE = 1e-3
 
 

@@ -25,6 +25,8 @@ _DIRT = 0.02
 _FAR = 0.3
 #: Control points a radius of length, at most so many, and how often the curve is fitted.
 _DENSE, _MOST, _ROUNDS = 0.7, 120, 5
+#: So many vertices for each of them tell its place; more would take their time only.
+_PLENTY = 60
 #: Length of the mean of unit vectors to vertices above which they are all on one side.
 _ONE_SIDED = 0.4
 #: Weight of the curve's roughness beside one vertex.
@@ -135,6 +137,8 @@ def _fitted(v: Array, points: Array, radius: float) -> tuple[BSpline, float]:
     """The spline over about its arc length [m], from rim to rim, and the radius [m]."""
     s = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))))
     n = int(np.clip(_DENSE * s[-1] / radius, 6, _MOST))
+    if len(v) > _PLENTY * n:
+        v = v[np.random.default_rng(0).permutation(len(v))[: _PLENTY * n]]
     knots = np.concatenate((np.zeros(3), np.linspace(0.0, s[-1], n - 2), np.full(3, s[-1])))
     grid = np.linspace(0.0, s[-1], 8 * n)
     start = np.stack([np.interp(grid, s, x) for x in points.T], axis=1)
