@@ -404,3 +404,28 @@ def test_a_tube_of_a_step_file_is_found_to_a_tenth_of_a_millimetre(tmp_path: Pat
     (tmp_path / "broken.step").write_text("ISO-10303-21;\n")
     with pytest.raises(cs.FileError, match="not a well-formed STEP file"):
         read_step(tmp_path / "broken.step")
+
+
+def test_step_without_its_extra_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "OCP", None)
+    file = tmp_path / "tube.step"
+    file.write_text("ISO-10303-21;\n")
+    told = ["--linear-density", "0.1", "--bending-stiffness", "0.01", "-o", str(tmp_path / "out")]
+    assert main(["import", str(file), *told]) != 0
+    assert "OCP is not installed. Run: pip install 'cable_shape[cad]'" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_tube_that_forks_is_refused():
+    x = np.linspace(0.0, 0.3, 61)
+    trunk = np.stack([x, 0.0 * x, 0.0 * x], axis=1)
+    away = np.maximum(x - 0.02, 0.0)
+    branch = np.stack([0.15 + 0.5 * x, 0.7 * away, 0.0 * x], axis=1)
+    _, v, f = tube(trunk, 0.004, rings=61)
+    _, w, g = tube(branch, 0.004, rings=61)
+    ring = v[30 * 16 : 31 * 16]
+    w[:16] = ring[np.linalg.norm(w[:16, None] - ring, axis=2).argmin(axis=1)]
+    with pytest.raises(FileError, match=r"fork"):
+        centreline_of(np.concatenate([v, w]), np.concatenate([f, g + len(v)]), "tree")
