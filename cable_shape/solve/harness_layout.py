@@ -25,8 +25,8 @@ from cable_shape.solve.problem import Problem
 
 #: What holds an end beside its junction is so many times as stiff as the stiffest segment.
 LEVER = 1e6
-#: Kinks of longer tables of rest curvature are no knots.
-_MOST_ROWS = 8
+#: A longer table of rest curvature is the drawing of a preformed cable: its kinks are no knots.
+MOST_ROWS = 8
 #: A knot: ("junction", its name), ("end", "a.start"), ("clip", number in the scene), ("station", segment, arc length),
 #: ("lever", "a.start").
 Name = tuple[str | int | float, ...]
@@ -166,7 +166,7 @@ def _stops_of(one: Problem) -> Array:
     What is inside an element then counts as error, and the mesh is made finer there.
     """
     stops = material_of(one).stops
-    if len(one.cable.rest_curvature) <= _MOST_ROWS or one.swing is not None:
+    if len(one.cable.rest_curvature) <= MOST_ROWS or one.swing is not None:
         return stops
     bounds = np.array([x for a, b, _ in pieces_of(one.cable) for x in (a, b)])
     return np.asarray(stops[[bool(np.abs(bounds - x).min() <= 1e-9 * one.cable.length) for x in stops]])

@@ -16,6 +16,7 @@ from cable_shape.checks import Array
 from cable_shape.kernels.network import material, tables
 from cable_shape.pose import Pose
 from cable_shape.solve.cables import material_of
+from cable_shape.solve.harness_layout import MOST_ROWS
 from cable_shape.solve.harness_network import HarnessNetwork
 from cable_shape.solve.problem import Problem
 
@@ -38,8 +39,9 @@ class Form(NamedTuple):
 
 
 def bent(state: HarnessNetwork) -> bool:
-    """Whether a segment is not straight at rest."""
-    return any(not material_of(one).straight for one in state.problem.segments.values())
+    """Whether a segment is drawn bent, as preformed ones are; cables that took a set hang as straight ones do."""
+    cables = [one.cable for one in state.problem.segments.values()]
+    return any(len(cable.rest_curvature) > MOST_ROWS and cable.rest_curvature.any() for cable in cables)
 
 
 def form_of(one: Problem) -> Form:
