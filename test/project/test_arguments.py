@@ -122,6 +122,11 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, Any]]] = {
     "Section": (cs.Section, {"start": 0.1, "end": 0.2, "bending_stiffness": 0.1, "rest_curvature": (0, 0, 1)}),
     "Wire": (cs.Wire, {"outside_diameter": 0.01, "linear_density": 0.01, "bending_stiffness": 0.01, "count": 2}),
     "Cable.from_wires": (cs.Cable.from_wires, {"wires": [WIRE], "length": 1.0, "covering": cs.Wire(0.01, 0.1, 0.1)}),
+    "Centreline.from_points": (cs.Centreline.from_points, {"points": [(0, 0, 0), (0.5, 0.1, 0), (1, 0, 0)]}),
+    "Cable.from_centreline": (
+        cs.Cable.from_centreline,
+        {"curve": [(0, 0, 0), (0.5, 0.1, 0), (1, 0, 0)], "linear_density": 0.1, "bending_stiffness": 0.01},
+    ),
     "Junction": (
         cs.Junction, {"name": "j", "ends": ("a.end", "b.end"), "kind": "ball", "frames": {"a.end": OPEN}, "mass": 0.1}
     ),
@@ -289,8 +294,8 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, Any]]] = {
 #: What a call returns, errors, and what takes nothing.
 NOT_CALLED = {
     "BodyDistance", "CableShape", "CableWarning", "Calibration", "Clearance", "ClipLoad", "Contact", "CycleReport",
-    "Estimate", "HarnessBatch", "HarnessCalibration", "HarnessShape", "Margin", "PlugError", "Reason", "Severity",
-    "ShapeBatch", "Status", "Stress", "TrajectoryCheck", "Tube", "Violation", "WarningKind", "warm_up",
+    "Estimate", "HarnessBatch", "HarnessCalibration", "HarnessShape", "Imported", "Margin", "PlugError", "Reason",
+    "Severity", "ShapeBatch", "Status", "Stress", "TrajectoryCheck", "Tube", "Violation", "WarningKind", "warm_up",
 }  # fmt: skip
 
 numbers = st.sampled_from(
