@@ -149,6 +149,24 @@ def test_found_from_nothing_and_on_the_way_are_the_same() -> None:
         assert apart < warm.error_estimate + cold.error_estimate
 
 
+@pytest.mark.parametrize("backwards", [False, True])
+def test_grips_open_and_close_and_segments_speed_up_in_contact(backwards: bool) -> None:
+    harness = fork(backwards=backwards)
+    predictor = cs.Predictor(harness, scene=TABLE)
+    for height in np.arange(0.5, 0.28, -0.02):
+        assert predictor.predict(trunk(height)).usable
+    ends = trunk(height)
+    swivel = cs.Grip(ends["a.start"], kind="swivel")
+    for held in ({"a.start": ends["a.start"]}, {**ends, "a.start": swivel}, ends):
+        shape = predictor.predict(held)
+        assert shape.usable, shape.detail
+        assert left_over(harness, shape) < 1e-6 * WEIGHT
+    moved = predictor.predict(ends, acceleration={"a": (0.5, 0.0, 0.0)})
+    assert moved.usable
+    assert left_over(harness, moved) == pytest.approx(0.5 * (0.6 * 0.1 + 0.02), rel=1e-6)  # the junction with it
+    assert left_over(harness, predictor.predict(ends)) < 1e-6 * WEIGHT
+
+
 def test_sensitivity_in_contact_is_that_of_differences() -> None:
     harness = fork()
     predictor = cs.Predictor(harness, scene=over(cs.Sphere(0.12), cs.Pose((0.4, 0.0, 0.0))), tolerance=1e-6)

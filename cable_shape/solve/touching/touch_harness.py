@@ -8,6 +8,7 @@ from typing import Any, final
 
 import numpy as np
 
+from cable_shape.cable.rest_form import conjugate, times
 from cable_shape.checks import Array
 from cable_shape.kernels.contact import check, drive
 from cable_shape.kernels.network import tables
@@ -77,13 +78,11 @@ class HarnessTouchState(TouchState):
         self.cable, self._told = network, np.empty(0)
         self._structure: Structure | None = None
         self.length = harness.longest
-        self.weight = sum(
-            float(np.linalg.norm(one.load.mean(axis=0))) * one.cable.length for one in problem.segments.values()
-        )
         self.bend = self.bend_of_cables = min(cable.mean_bending_stiffness for cable in segments)
         self.limpness = math.inf
         self.radius = 0.5 * min(cable.diameter for cable in segments)
         self._weights = [float(np.linalg.norm(one.load.mean(axis=0))) for one in problem.segments.values()]
+        self.weight = sum(weight * cable.length for weight, cable in zip(self._weights, segments, strict=True))
         self._stretch = 0.0
         self.points = np.empty(0)
         self._stops = every
@@ -183,7 +182,8 @@ class HarnessTouchState(TouchState):
                     k = int(np.abs(whole.arc_length - arc).argmin())
                     poses[knot, :3] = [np.interp(arc, whole.arc_length, x) for x in whole.positions.T]
                     if spans[span].tied[end]:
-                        poses[knot, 3:] = _entered(whole.quaternions[k], of_frames[span, end])
+                        there = whole.quaternions[k : k + 1], conjugate(of_frames[span, end])[None]
+                        poses[knot, 3:] = times(*there)[0]
             at, j = at + size, j + size - 1
         super().start_from(whole, poses, finer)  # type: ignore[arg-type]
 
@@ -241,13 +241,3 @@ class HarnessTouchState(TouchState):
     def sensitivities(self, ends: Sequence[str]) -> Array:
         """As `HarnessNetwork.sensitivities`, the same points staying in contact."""
         return self.cable.columns_of(self, ends)
-
-
-def _entered(q: Array, frame: Array) -> Array:
-    """Rotation of a knot of which an end has rotation q, and the frame in the knot."""
-    x, y, z, w = q
-    a, b, c, d = -frame[0], -frame[1], -frame[2], frame[3]
-    return np.array((
-        w * a + x * d + y * c - z * b, w * b - x * c + y * d + z * a, w * c + x * b - y * a + z * d,
-        w * d - x * a - y * b - z * c,
-    ))  # fmt: skip
