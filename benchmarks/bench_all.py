@@ -6,10 +6,9 @@
 Each part runs in a process of its own; what it prints goes to FOLDER/PART.log (out/bench), its figures, with what was
 asked of them, into the table at the end, which also tells the wall and processor time of each part. The exit status
 is 1 if a part fails, a figure does not hold, or, beside FILE, a ratio has fallen by more than 1.3 times. About ten
-minutes on a quiet machine, the first time some more for kernels that valgrind can run; parts that other load does not
-change run side by side. The rivals of `scripts/bench rivals` take part where they are installed. A full run of all
-parts writes docs/numbers.md, any other FOLDER/numbers.md; --draw writes docs/numbers.md of a FILE that --save kept,
-and runs nothing.
+minutes on a quiet machine; parts that other load does not change run side by side. The rivals of `scripts/bench rivals`
+take part where they are installed. A full run of all parts writes docs/numbers.md, any other FOLDER/numbers.md; --draw
+writes docs/numbers.md of a FILE that --save kept, and runs nothing.
 """
 
 from __future__ import annotations
@@ -48,11 +47,12 @@ PARTS = (
     Part("network"),
     Part("scene"),
     Part("harness"),
+    Part("motion"),
     Part("planner"),
+    Part("studies"),
     Part("cell", ("--seconds", "5")),
     Part("evidence"),
     Part("truth", steady=True),
-    Part("instructions", steady=True),
     Part("certify", ("--rows", "20000", "--clips", "2000"), steady=True),
 )
 
@@ -76,17 +76,6 @@ def run(part: Part, quick: bool, kept: Path, log: Path) -> Spent:
         _, status, used = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
     return Spent(perf_counter() - began, used.ru_utime + used.ru_stime, process.returncode)
-
-
-def shows(name: str) -> bool:
-    """Whether the page shows what a bench prints."""
-    told = numbers_page.BENCHES.get(name)
-    return told is not None and told.prints
-
-
-def read(logs: Path, name: str) -> str:
-    """What a part printed."""
-    return (logs / f"{name}.log").read_text(encoding="utf-8", errors="replace")
 
 
 def drawn(kept: dict[str, Any]) -> str:
@@ -141,7 +130,6 @@ def main(arguments: list[str] | None = None) -> int:
         "seconds": {name: round(part.wall, 1) for name, part in spent.items()},
         "load": load,
         "front": front,
-        "printed": {name: numbers_page.shown(read(options.logs, name)) for name in spent if shows(name)},
     }
     code = finish(figures, options, **more)
     whole_run = set(options.only) == set(names) and not options.quick

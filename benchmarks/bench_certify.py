@@ -40,9 +40,7 @@ from typing import Any
 import numpy as np
 from certify_grasps import MOST_HALVINGS, plain, points
 from certify_rows import COUNTED, RESERVE, SEED, certified, clips_block, plain_block
-from evidence_front import put
-from evidence_pages import CERTIFIED as BEGIN
-from evidence_pages import table
+from evidence_pages import CERTIFIED, put, table
 from figures import Figures, bench_options, bench_parser, finish, heading
 from tqdm import tqdm
 
@@ -58,7 +56,7 @@ LISTED = 60
 
 def sources() -> str:
     """A name for the code that makes the numbers."""
-    own = [*sorted(HERE.glob("certify_*.py")), HERE / "cosserat_random.py", HERE / "scene_clips.py"]
+    own = [*sorted(HERE.glob("certify_*.py")), HERE / "cosserat_random.py"]
     package = sorted(Path(cs.__file__).parent.rglob("*.py"))
     digest = hashlib.sha256()
     for file in (*own, *package):
@@ -250,7 +248,7 @@ def main(arguments: list[str] | None = None) -> int:
     if clips:
         print_clips(found[1], figures)
     if options.write and rows and clips:
-        put(section(*found), PAGE, BEGIN)
+        put(section(*found), PAGE, CERTIFIED)
     return finish(figures, options)
 
 

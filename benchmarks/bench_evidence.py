@@ -14,27 +14,22 @@ from __future__ import annotations
 from pathlib import Path
 from time import perf_counter
 
-import evidence_front
 import evidence_maps
 import evidence_profile
-import evidence_published
 import evidence_skip
 import evidence_walk
-import evidence_weak
 import evidence_work
-from evidence_pages import Pages
+from evidence_pages import Pages, put
 from figures import bench_options, bench_parser, finish
 from tqdm import tqdm
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 PARTS = {
     "work": evidence_work.evidence,
-    "published": evidence_published.evidence,
     "skip": evidence_skip.evidence,
     "profile": evidence_profile.evidence,
     "maps": evidence_maps.evidence,
     "walk": evidence_walk.evidence,
-    "weak": evidence_weak.evidence,
 }
 
 
@@ -53,7 +48,7 @@ def main(arguments: list[str] | None = None) -> int:
         pages.write()
         print(f"written: {folder}/performance.md and stability.md")
         if folder == DOCS and not options.quick:
-            evidence_front.put(pages.front)
+            put(pages.front)
     print(f"{perf_counter() - began:.0f} s")
     return finish(pages.figures, options, front=pages.front)
 

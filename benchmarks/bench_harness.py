@@ -13,9 +13,8 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-import time
-
 import numpy as np
+from clocks import Turns, clocked
 from figures import Figures, bench_options, bench_parser, finish, heading
 from harness_random import balance, hung_tree, random_harness
 from tqdm import tqdm
@@ -43,17 +42,14 @@ def star(arms: int) -> tuple[cs.Harness, dict[str, cs.Pose]]:
 
 def warm(predictor: cs.Predictor, ends: dict[str, cs.Pose], moved: str, steps: int) -> float:
     """[s], the median of predictions while one grip moves."""
-    times, usable = [], 0
-    for k in range(steps):
+    turns, usable = Turns("step"), 0
+    for k in range(steps + 5):
         x, y = 0.01 * (1.0 + np.sin(0.11 * k)), 0.02 * np.cos(0.13 * k)
         pose = ends[moved]
         now = {**ends, moved: cs.Pose(pose.position + np.array((x, y, 0.5 * x)), pose.quaternion)}
-        before = time.perf_counter()
-        shape = predictor.predict(now)
-        times.append(time.perf_counter() - before)
-        usable += shape.usable
-    assert usable == steps, f"{steps - usable} of {steps} without a shape"
-    return float(np.median(times[5:]))
+        usable += turns.of("step" if k >= 5 else "first", lambda now=now: predictor.predict(now)).usable
+    assert usable == steps + 5, f"{steps + 5 - usable} of {steps + 5} without a shape"
+    return turns.medians["step"]
 
 
 def times(figures: Figures, steps: int) -> None:
@@ -75,9 +71,8 @@ def times(figures: Figures, steps: int) -> None:
         for k in range(5):
             away = np.array((0.001 * k, 0.0, 0.0))
             moved = {end: cs.Pose(pose.position + away, pose.quaternion) for end, pose in ends.items()}
-            before = time.perf_counter()
-            shape = cs.predict(harness, moved, scene=scene)
-            cold.append(time.perf_counter() - before)
+            seconds, shape = clocked(lambda h=harness, m=moved, s=scene: cs.predict(h, m, scene=s))
+            cold.append(seconds)
         force, moment, gap = balance(shape)
         cold_times.append(float(np.median(cold)))
         warm_times.append(warm(cs.Predictor(harness, scene=scene), ends, "s0.start", steps // 4))
@@ -99,9 +94,8 @@ def certificates(figures: Figures, count: int) -> None:
     out_of_balance, times = 0, []
     for seed in tqdm(range(count), leave=False, disable=None):
         harness, ends, scene = random_harness(np.random.default_rng(seed))
-        before = time.perf_counter()
-        shape = cs.predict(harness, ends, scene=scene)
-        times.append(time.perf_counter() - before)
+        seconds, shape = clocked(lambda h=harness, e=ends, s=scene: cs.predict(h, e, scene=s))
+        times.append(seconds)
         told[shape.status.name] = told.get(shape.status.name, 0) + 1
         if shape.usable:
             force, moment, gap = balance(shape)

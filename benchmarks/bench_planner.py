@@ -19,15 +19,14 @@ def main() -> int:
     parser.add_argument("--service", action="store_true", help="only the service over DDS")
     options = bench_options(parser)
     quick, figures = options.quick, Figures()
-    figures.check("service: time over DDS beside in process", planner_service.print_service(repeats=7 if quick else 15))
-    figures.check("service: cycles beside it keep their p99", planner_service.print_cycles(rounds=2 if quick else 6))
+    planner_service.print_service(figures, 7 if quick else 15)
+    planner_service.print_cycles(figures, 2 if quick else 6)
     if not options.service:
-        figures.check("predict_batch: shapes a second", planner_batch.print_rates(10_000, 3 if quick else 7))
+        planner_batch.print_rates(figures, 10_000, 3 if quick else 7)
         planner_batch.print_agreement(50 if quick else 500)
-        figures.check("check_trajectory: time", planner_trajectory.print_time())
-        same = planner_trajectory.print_agreement(20 if quick else 200)
-        figures.check("check_trajectory: agrees with a finer check", same)
-        figures.check("steering: targets reached", planner_steer.print_steering(20 if quick else 200))
+        planner_trajectory.print_time(figures)
+        planner_trajectory.print_agreement(figures, 20 if quick else 200)
+        planner_steer.print_steering(figures, 20 if quick else 200)
     return finish(figures, options)
 
 

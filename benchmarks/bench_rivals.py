@@ -13,50 +13,21 @@ import sys
 from pathlib import Path
 
 import evidence_rivals
-import numpy as np
 import rivals_tune
-from cosserat_speed import GRASPS
-from evidence_pages import figures, timed
-from figures import Figures, bench_options, bench_parser, finish, heading
+from evidence_pages import Pages, table
+from evidence_work import beside_rivals, cold, rows_of
+from figures import bench_options, bench_parser, finish, heading
+from problems import GRASPS
 
-import cable_shape as cs
-
-REQUIREMENTS = Path(__file__).resolve().parent / "requirements_rivals.txt"
+HERE = Path(__file__).resolve().parent
 
 
 def install() -> None:
     """The rivals' own environment."""
     subprocess.run((sys.executable, "-m", "venv", evidence_rivals.VENV), check=True)
     pip = (evidence_rivals.VENV / "bin" / "python", "-m", "pip", "install", "--disable-pip-version-check", "-q")
-    subprocess.run((*pip, "-r", REQUIREMENTS), check=True)
+    subprocess.run((*pip, "-r", HERE / "requirements_rivals.txt"), check=True)
     print(f"installed: {evidence_rivals.VENV}")
-
-
-def print_rivals(collected: Figures, quick: bool) -> None:
-    """One line a simulator and mesh, beside the rod's on the same grasp."""
-    heading("The rod beside simulators: time to the equilibrium, also in times of the rod's, and mean error / L")
-    found = evidence_rivals.measured(quick)
-    if not found:
-        print(evidence_rivals.MISSING)
-        return
-    print(evidence_rivals.METHOD)
-    print(f"{'':3}{'':24}{'links':>6}{'steps':>8}{'time':>13}{'/ rod':>9}{'error / L':>11}")
-    for name, (cable, start, end) in GRASPS.items():
-        shape, exact = (
-            cs.predict(cable, start, end, model="cosserat", tolerance=tolerance)
-            for tolerance in (None, evidence_rivals.EXACT * cable.length)
-        )
-        error = float(np.linalg.norm(shape.positions - exact.positions, axis=1).mean()) / cable.length
-        ours = timed(lambda c=cable, s=start, e=end: cs.predict(c, s, e, model="cosserat"))
-        print(f"{name:3}{'rod, cold':24}{'':14}{1e3 * ours:10.3f} ms{1:9}{figures(error):>11}")
-        for simulator, line in found[name].items():
-            for s in line:
-                times = s.seconds / ours
-                print(
-                    f"{'':3}{simulator:24}{s.job.joints:6d}{s.steps:8d}{1e3 * s.seconds:10.1f} ms"
-                    f"{figures(times):>9}{figures(s.error):>11}"
-                )
-                collected.ratio(f"rod : {simulator}, {s.job.joints} links, grasp {name} cold", times)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -71,9 +42,17 @@ def main(arguments: list[str] | None = None) -> int:
     if options.tune:
         rivals_tune.tune()
         return 0
-    collected = Figures()
-    print_rivals(collected, options.quick)
-    return finish(collected, options)
+    pages = Pages(HERE.parent / "out" / "rivals", options.quick)
+    heading("The rod beside simulators: time to the equilibrium, also in times of the rod's, and mean error / L")
+    if evidence_rivals.python() is None:
+        print(evidence_rivals.MISSING)
+        return finish(pages.figures, options)
+    print(evidence_rivals.METHOD)
+    results = {f"{name}, cold": cold(name, options.quick)[0] for name in GRASPS}
+    beside_rivals(results, pages)
+    head = ("grasp", "model", "setting", "links", "time / rod", "mean error / L")
+    print(table(head, [row for name, series in results.items() for row in rows_of(name, series)]))
+    return finish(pages.figures, options)
 
 
 if __name__ == "__main__":

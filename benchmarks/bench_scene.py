@@ -1,39 +1,31 @@
 #!/usr/bin/env python
-"""Figures of clips, clearance, margins and contact, also of cables: references, success, and what they add to a cycle.
+"""Figures of clips, clearance, margins and contact, also of cables: success, errors, and what they add to a cycle.
 
-    scripts/bench scene [--quick] [--save FILE] [--compare FILE] [--cases FOLDER]
-
-FOLDER holds reference cases (default: ../shared/cases beside the repository); without it they are left out.
+scripts/bench scene [--quick] [--save FILE] [--compare FILE]
 """
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from figures import Figures, bench_options, bench_parser, finish
-from scene_arch import print_arch
 from scene_both import print_both
 from scene_clearance import print_clearance
-from scene_clips import CASES, print_clips
+from scene_clips import print_clips
 from scene_closed_forms import print_closed_forms
 from scene_contact import print_contact
 from scene_crossing import print_crossing
 from scene_limp import print_limp
-from scene_margins import print_margins, print_snap
+from scene_margins import print_margins
 from scene_random import print_random
 
 
 def main() -> int:
     """All tables."""
     parser = bench_parser(__doc__, "fewer random scenes, cycles and steps")
-    parser.add_argument("--cases", type=Path, default=CASES, help="folder of the reference cases")
     options = bench_options(parser)
     figures = Figures()
-    print_clips(figures, options.cases, 30 if options.quick else 300)
-    print_arch(figures, options.cases)
+    print_clips(figures, 30 if options.quick else 300)
     print_clearance(figures)
     print_margins(figures, 200 if options.quick else 2000)
-    print_snap()
     print_closed_forms(figures)
     print_contact(figures, quick=options.quick)
     print_limp(figures, 2 if options.quick else 6)

@@ -7,10 +7,7 @@ them only the synthetic part runs.
 from __future__ import annotations
 
 import argparse
-import csv
-import math
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -19,18 +16,16 @@ from branched_data import BRANCHED, objects
 from figures import Figures, bench_options, bench_parser, finish, heading
 from tqdm import tqdm
 from truth_branched import branched
-from truth_data import CABLES, DATA, Frames, load, recording
-from truth_limits import least, line, mean_error, read_off
-from truth_readings import readings
-from truth_supports import NOISE, ROWS, SEEN, draw_rest, ends_of, recovered_along
-from truth_supports import POINTS as MARKS
-from truth_tubes import tubes
+from truth_data import CABLES, DATA, Frames, distances, load, recording
+from truth_limits import least, line, mean_error
+from truth_pictures import draw, draw_rest
+from truth_synthetic import SYNTHETIC, synthetic
+from truth_tubes import inside, tubes
 
 import cable_shape as cs
 from cable_shape.calibration.parameters import held
-from cable_shape.kernels.distance.misses import misses
 
-STATIC, MOVING, ALL = "static, EI/w only", "inertial load, EI/w only", "inertial load, all that helps"
+STATIC, MOVING, ALL = "static, EI/w only", "inertial load, EI/w only", "loads of motion, all that helps"
 FASTER = "moderate frames, all that helps"
 ASKED = {
     STATIC: (2.2, 1.8, 2.3, 2.6, 2.8),
@@ -47,24 +42,23 @@ TOLD = {
     ALL: (1.46, 1.11, 1.48, 0.82, 0.86),
 }
 ONE = ("bending_stiffness",)
-HELPS = ("bending_stiffness", "length", "start_tilt", "end_tilt", "start_offset", "end_offset", "rest_curvature_along")
-PRIORS = {"length": 0.002, "start_tilt": 0.06, "end_tilt": 0.06, "start_offset": 0.002, "end_offset": 0.002}
+HELPS = (
+    "bending_stiffness", "length", "start_tilt", "end_tilt", "start_offset", "end_offset", "rest_curvature_along",
+    "retardation_time", "drag",
+)  # fmt: skip
+PRIORS = {
+    "length": 0.002, "start_tilt": 0.06, "end_tilt": 0.06, "start_offset": 0.002, "end_offset": 0.002,
+    "retardation_time": 1.0, "drag": 1.0,
+}  # fmt: skip
+#: Where the fits of what slows a cable begin, s and N s/m^2; their priors are a factor of e.
+SLOWED = {"retardation_time": 0.05, "drag": 0.01}
 #: Frames that "all that helps" is fitted on.
 KINDS = ("quasi", "slow", "moderate")
 PARTS = 3
 #: Of the rest curvature along the cable.
 SUPPORTS = 9
-SYNTHETIC, ALONG = 200, 100
 #: Every so many frames, whether the tube holds the markers.
 TUBES = 3
-
-
-def distances(shape: cs.CableShape, points: np.ndarray) -> np.ndarray:
-    """(m,) [m], of points to the closest point of a centreline; NaN without a usable shape."""
-    out = np.full(points.shape, np.nan)
-    if shape.status:
-        misses(shape.buffer, shape.points, points, np.full(len(points), math.nan), out)
-    return np.linalg.norm(out, axis=1)
 
 
 def predicted(found: cs.Calibration, seen: cs.Observation, model: str = "cosserat") -> cs.CableShape:
@@ -83,18 +77,11 @@ def rolling(seen: cs.Observation) -> cs.Observation:
     return cs.Observation(*grips, seen.points, acceleration=seen.acceleration, group=seen.group)
 
 
-def radius_at(found: cs.Calibration, seen: cs.Observation) -> np.ndarray:
-    """(m,) [m]: radius of the 95 % tube where it is nearest to each observed point."""
-    tube = cs.predict_tube(found, seen.start, seen.end, acceleration=seen.acceleration)
-    apart = np.linalg.norm(seen.points[:, None] - tube.shape.positions[None], axis=2)
-    return tube.radius[apart.argmin(axis=1)]
-
-
 def judge(number: int, frames: Frames, quick: bool, folder: Path) -> dict[str, Any]:
     """All rows for one cable: mean distance of held-back markers in % of the length, and what was fitted."""
     rows: dict[str, dict[int, np.ndarray]] = {}
     fits: dict[str, list[cs.Calibration]] = {STATIC: [], MOVING: [], ALL: []}
-    inside: list[np.ndarray] = []
+    held_in: list[np.ndarray] = []
     shapes: list[dict[str, Any]] = []
 
     def put(row: str, i: int, values: np.ndarray) -> None:
@@ -107,7 +94,7 @@ def judge(number: int, frames: Frames, quick: bool, folder: Path) -> dict[str, A
             MOVING: cs.calibrate([frames.moving[i] for i in learn], frames.cable, ONE),
         }
         wide = [rolling(frames.moving[i]) for i in frames.where(KINDS, part, False)]
-        by[ALL] = cs.calibrate(wide, by[MOVING].cable, HELPS, priors=PRIORS, supports=SUPPORTS)
+        by[ALL] = cs.calibrate(wide, by[MOVING].cable.replace(**SLOWED), HELPS, priors=PRIORS, supports=SUPPORTS)
         for row, found in by.items():
             fits[row].append(found)
         for i in held_back:
@@ -126,7 +113,8 @@ def judge(number: int, frames: Frames, quick: bool, folder: Path) -> dict[str, A
             off = distances(shape, points)
             put(ALL, i, off)
             if i % TUBES == 0:
-                inside.append(off <= radius_at(by[ALL], moving))
+                tube = cs.predict_tube(by[ALL], moving.start, moving.end, acceleration=moving.acceleration)
+                held_in.append(inside(tube, points))
             shapes.append({"i": int(i), "mean": float(off.mean()), "moving": shape.positions, "points": points,
                            "static": predicted(by[STATIC], still).positions})  # fmt: skip
         for i in frames.where(("moderate",), part, True):
@@ -147,7 +135,7 @@ def judge(number: int, frames: Frames, quick: bool, folder: Path) -> dict[str, A
         },
         "recordings": recordings(number, frames, folder),
         "frames": frames,
-        "coverage": float(np.concatenate(inside).mean()),
+        "coverage": float(np.concatenate(held_in).mean()),
         "fits": fits,
         "shapes": shapes,
         "length": frames.cable.length,
@@ -167,9 +155,7 @@ def recordings(number: int, frames: Frames, folder: Path) -> dict[str, float]:
     return means | {"frames": len(off[STATIC])}
 
 
-def real(
-    figures: Figures, quick: bool, folder: Path, picture: Path | None, table: Path | None, rest: Path | None
-) -> dict[str, Any]:
+def real(figures: Figures, quick: bool, folder: Path, picture: Path | None, rest: Path | None) -> dict[str, Any]:
     """The table of real cables."""
     heading("Real cables: mean distance of inner markers to the prediction, % of the free length, frames 'quasi'")
     print(f"fitted on other trajectories than judged, {PARTS} parts. Swivel at the end: roll was not measured.")
@@ -214,8 +200,6 @@ def real(
         draw(done, picture)
     if rest is not None:
         draw_rest({n: done[n]["fits"][ALL] for n in CABLES}, rest)
-    if table is not None:
-        write(done, table)
     return {f"cable{n}": {"rows": done[n]["rows"], "coverage": done[n]["coverage"]} for n in CABLES}
 
 
@@ -229,123 +213,6 @@ def limits(done: dict[int, dict[str, Any]]) -> None:
     print("Told with the data, of an independent rod on frames that are not here:")
     for row, told in TOLD.items():
         line(f"{row}: told", list(told))
-    if any(len(np.unique(found["frames"].traj[list(found["means"][STATIC])])) < 10 for found in done.values()):
-        return
-    print(
-        "and the rod here on frames with the told mean of the catenary, which has nothing to fit: read off a straight"
-    )
-    print("line through the frames here.")
-    for row in (STATIC, MOVING):
-        off = []
-        for n, at in zip(CABLES, TOLD["catenary"], strict=True):
-            means = done[n]["means"]
-            which = list(means[row])
-            values, chain = (np.array([means[name][i] for i in which]) for name in (row, "catenary"))
-            off.append(read_off(values, chain, at, done[n]["frames"].traj[which]))
-        line(f"{row}: at that catenary", [x for x, _ in off], [error for _, error in off])
-
-
-def write(done: dict[int, dict[str, Any]], table: Path) -> None:
-    """One line a judged frame: mean distance [%] in each row."""
-    rows = list(next(iter(done.values()))["rows"])
-    with table.open("w", newline="") as file:
-        out = csv.writer(file)
-        out.writerow(("cable", "trajectory", "frame", "kind", *rows))
-        for n, found in done.items():
-            frames = found["frames"]
-            for i in sorted({i for means in found["means"].values() for i in means}):
-                told = (f"{found['means'][row][i]:.3f}" if i in found["means"][row] else "" for row in rows)
-                out.writerow((n, frames.traj[i], frames.frame[i], frames.kind[i], *told))
-
-
-def draw(done: dict[int, dict[str, Any]], picture: Path) -> None:
-    """The best, a middling and the worst frame of each cable, seen from the side."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    from cable_shape.calibration.picture import side_view
-
-    figure = Figure(figsize=(13.0, 15.0), dpi=90)
-    FigureCanvasAgg(figure)
-    axes = figure.subplots(len(done), 3)
-    for row, (number, found) in zip(axes, done.items(), strict=True):
-        order = sorted(found["shapes"], key=lambda shape: shape["mean"])
-        for axis, which in zip(row, (0, len(order) // 2, len(order) - 1), strict=True):
-            one = order[which]
-            side_view(axis, one["moving"], one["points"])
-            still, line = one["static"], one["moving"]
-            across = line[-1, :2] - line[0, :2]
-            x = (still[:, :2] - line[0, :2]) @ across / np.linalg.norm(across)
-            axis.plot(x, still[:, 2], color="#d98e04", lw=1.0, ls="--", label="static, EI/w only")
-            name = ("best", "middle", "worst")[(0, len(order) // 2, len(order) - 1).index(which)]
-            axis.set_title(f"cable{number}, {name} frame: {100.0 * one['mean'] / found['length']:.2f} %", fontsize=9)
-    axes[0, 0].legend(fontsize=8)
-    figure.tight_layout()
-    figure.savefig(picture, metadata={"Software": None})
-
-
-def recovered(seed: int) -> dict[str, bool]:
-    """Whether the true stiffness and length of one random cable are in their 95 % intervals."""
-    rng = np.random.default_rng(seed)
-    length, density = rng.uniform(0.5, 1.5), rng.uniform(0.02, 0.2)
-    stiffness = density * 9.81 * (length * math.exp(rng.uniform(math.log(0.05), math.log(0.3)))) ** 3
-    true = cs.Cable(length=length, linear_density=density, bending_stiffness=stiffness)
-    seen: list[cs.Observation] = []
-    while len(seen) < 5:
-        start, end = ends_of(rng, length)
-        shape = cs.predict(true, start, end, model="cosserat", points=301)
-        if shape.status is cs.Status.OK:
-            points = shape.positions[np.sort(rng.integers(15, 286, 15))] + 5e-4 * rng.normal(size=(15, 3))
-            stray = rng.random(15) < 0.05
-            points[stray] += 0.05 * rng.normal(size=(int(stray.sum()), 3))
-            seen.append(cs.Observation(start, end, points))
-    begin = true.replace(
-        bending_stiffness=stiffness * math.exp(0.7 * rng.normal()), twisting_stiffness=None,
-        length=length * (1.0 + 0.003 * rng.normal()),
-    )  # fmt: skip
-    found = cs.calibrate(seen, begin, ("bending_stiffness", "length"))
-    truth = {"bending_stiffness": stiffness, "length": length}
-    return {name: found.converged and found[name].low <= x <= found[name].high for name, x in truth.items()}
-
-
-def synthetic(figures: Figures, count: int) -> dict[str, float]:
-    """Coverage of the intervals, and the time of a fit."""
-    heading(f"Synthetic recovery: {count} cables, 5 observations of 15 points, noise 0.5 mm, 5 % stray by 5 cm")
-    results = [recovered(seed) for seed in tqdm(range(count), desc="synthetic", unit="cable")]
-    out = {}
-    for name in results[0]:
-        out[name] = 100.0 * sum(r[name] for r in results) / count
-        figures.at_least(f"true {name} in its 95 % interval", out[name], 90.0, "{:.1f}", " %")
-        figures.at_most(f"true {name} in its 95 % interval", out[name], 99.0, "{:.1f}", " %")
-    many = max(8, count * ALONG // SYNTHETIC)
-    heading(
-        f"Rest curvature at {ROWS} supports and stiffness: {many} cables, {SEEN} observations of {MARKS} points, noise "
-        f"{1e3 * NOISE:g} mm, 5 % stray by 5 cm"
-    )
-    inside = np.concatenate([recovered_along(seed) for seed in tqdm(range(many), desc="supports", unit="cable")])
-    out["along"] = 100.0 * float(inside.mean())
-    figures.at_least("true numbers with nine supports in their 95 % intervals", out["along"], 93.0, "{:.1f}", " %")
-    figures.at_most("true numbers with nine supports in their 95 % intervals", out["along"], 97.0, "{:.1f}", " %")
-    rng = np.random.default_rng(0)
-    true = cs.Cable(length=1.0, linear_density=0.05, bending_stiffness=0.004)
-    for loaded in (False, True):
-        seen = []
-        for _ in range(50):
-            start, end = ends_of(rng, 1.0)
-            table = 2.0 * rng.normal(size=(11, 3)) if loaded else None
-            shape = cs.predict(true, start, end, model="cosserat", points=301, acceleration=table)
-            seen.append(cs.Observation(start, end, shape.positions[20:-20:26] + 5e-4 * rng.normal(size=(11, 3)),
-                                       acceleration=table))  # fmt: skip
-        times = []
-        for _ in range(5):
-            began = time.process_time()
-            cs.calibrate(seen, true.replace(bending_stiffness=0.008, twisting_stiffness=None))
-            times.append(time.process_time() - began)
-        told = "with accelerations" if loaded else "at rest"
-        figures.at_most(
-            f"one parameter on 50 frames {told}, time of one core", float(np.median(times)), 0.5, "{:.2f}", " s"
-        )
-    return out
 
 
 def main() -> int:
@@ -356,8 +223,6 @@ def main() -> int:
     )
     parser.add_argument("--branched", action="store_true", help="judge branched cables alone")
     parser.add_argument("--rest", type=Path, metavar="FILE.png", help="draw the rest shapes that were found")
-    parser.add_argument("--frames", type=Path, metavar="FILE.csv", help="write the error of every judged frame")
-    parser.add_argument("--readings", action="store_true", help="also read the frames in other ways")
     args = bench_options(parser)
     cs.warm_up()
     figures = Figures()
@@ -366,11 +231,9 @@ def main() -> int:
     args.data = args.data or DATA
     out: dict[str, Any] = {"synthetic": synthetic(figures, 40 if args.quick else SYNTHETIC)}
     if args.data.is_dir():
-        out |= real(figures, args.quick, args.data, args.picture, args.frames, args.rest)
+        out |= real(figures, args.quick, args.data, args.picture, args.rest)
         if args.data == DATA:
             out["tubes"] = tubes(figures, args.quick)
-        if args.readings:
-            readings({number: load(number, PARTS, args.data) for number in CABLES})
     elif args.data != DATA:
         parser.error(f"--data {args.data}: no such folder. Name one with cable1_frames.npz and the others.")
     else:

@@ -1,7 +1,6 @@
-"""Cycles beside work in other processes: how much later the shape comes with it than without, in turns.
+"""Cycles of several nodes in turns, with work beside some: how much later the shape comes than with the first of them.
 
-Each node is fed in turns of some seconds, so that whatever else the machine does meets all of them. A round of turns
-begins with the node that has nothing beside it; figures are medians over the rounds.
+Each node is fed in turns of some seconds, so that whatever else the machine does meets all of them.
 """
 
 from __future__ import annotations
@@ -11,26 +10,46 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from pathlib import Path
 from queue import Queue
-from typing import NamedTuple, Self, final
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple, Self, final
 
 import numpy as np
+import rclpy
 from cell_node import DAY, FedNode
 
 RATE, TURN_S = 250.0, 2.0  # Hz, s
 P99_ALLOWED = 1.5  # times that without
 
 ALONG_X = (0.5, 0.5, 0.5, 0.5)
+APART = 0.3  # m, between several cables
 
 
-def poses(stamp: int) -> list[tuple[float, ...]]:
-    """Left and right at a stamp [ns]: slow enough for a cable at rest, never the same as a tenth of a second before."""
-    phase = 1e-9 * (stamp % DAY)
-    return [
-        (0.0, 0.08 * np.sin(phase), 0.5 + 0.08 * np.cos(phase), *ALONG_X),
-        (0.7 + 0.05 * np.sin(0.7 * phase), 0.0, 0.5, *ALONG_X),
-    ]
+@contextmanager
+def measuring() -> Iterator[tuple[ExitStack, Path]]:
+    """What is closed at the end, and a folder for the time in between; with ROS."""
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    rclpy.init()
+    try:
+        with ExitStack() as stack:
+            yield stack, Path(stack.enter_context(TemporaryDirectory(prefix="bench_cell_")))
+    finally:
+        rclpy.try_shutdown()
+
+
+def poses(stamp: int, cables: int = 1) -> tuple[list[tuple[float, ...]]]:
+    """Left and right of each cable at a stamp [ns].
+
+    Slow enough for cables at rest, and never the same as a tenth of a second before.
+    """
+    rows: list[tuple[float, ...]] = []
+    for i in range(cables):
+        phase, y = 1e-9 * (stamp % DAY) + i, APART * i
+        rows.append((0.0, y + 0.08 * np.sin(phase), 0.5 + 0.08 * np.cos(phase), *ALONG_X))
+        rows.append((0.7 + 0.05 * np.sin(0.7 * phase), y, 0.5, *ALONG_X))
+    return (rows,)
 
 
 @final
@@ -110,51 +129,50 @@ def work_when_told(piece: Callable[[], float]) -> None:
 
 
 class Turn(NamedTuple):
-    """[ms], of one turn: from the last pose of a round until its shape came, and of the cycle alone; and what came."""
+    """[ms], of one turn: from the last pose of a round until its shapes came, and of the cycle alone; and what came."""
 
+    in_time: float  # of the shapes, before the next poses
     p50: float
     p99: float
+    worst: float
     cycle_p50: float
     cycle_p99: float
-    in_time: float  # of the shapes, before the next poses
 
 
 class Side(NamedTuple):
-    """A node, and what goes on beside it while it is fed."""
+    """A node, what it is fed at a stamp, and what goes on beside it meanwhile."""
 
     name: str
     node: FedNode
-    work: Callable[[], AbstractContextManager[None]] = nullcontext
+    given: Callable[[int], tuple[Any, ...]] = poses
+    work: Callable[[], AbstractContextManager[Any]] = nullcontext
 
 
-def turn(side: Side, seconds: float = TURN_S) -> Turn:
+def turn(side: Side, rate: float, seconds: float) -> Turn:
     """Feeds the node beside its work."""
     with side.work():
-        waits = np.array(side.node.feed(poses, RATE, round(seconds * RATE)))
+        waits = np.array(side.node.feed(side.given, rate, round(seconds * rate)))
     values = side.node.fresh()
-    p50, p99 = np.percentile(1e3 * waits, (50, 99))
-    cycle = [float(values[f"cycle time {name} [ms]"]) for name in ("p50", "p99")]
-    return Turn(p50, p99, cycle[0], cycle[1], float((waits < 1.0 / RATE).mean()))
+    p50, p99, worst = np.percentile(1e3 * waits, (50, 99, 100), method="lower")
+    cycle = [float(values.get(f"cycle time {name} [ms]", "nan")) for name in ("p50", "p99")]
+    return Turn(float((waits < 1.0 / rate).mean()), p50, p99, worst, *cycle)
 
 
-def compare(sides: Sequence[Side], rounds: int) -> dict[str, Turn]:
-    """Prints a table of all sides, the first of which has nothing beside it; medians over the rounds by name."""
+def compare(sides: Sequence[Side], rounds: int, rate: float = RATE, seconds: float = TURN_S) -> dict[str, Turn]:
+    """Prints a table of all sides, with ratios to the first; medians over the rounds by name."""
     for side in sides:
-        side.node.wait()
-        turn(side)
+        turn(side, rate, seconds)
     turns: dict[str, list[Turn]] = {side.name: [] for side in sides}
     for _ in range(rounds):
         for side in sides:
-            turns[side.name].append(turn(side))
+            turns[side.name].append(turn(side, rate, seconds))
     medians = {name: Turn(*np.median(rows, axis=0).tolist()) for name, rows in turns.items()}
     first = medians[sides[0].name]
     width = max(len(name) for name in medians)
-    print(f"| {'beside':{width}} | in time | p50 | p99 ms until the shape came | ratio | cycle p50 | p99 ms | ratio |")
+    print(f"\n{rate:g} Hz, {rounds} turns of {seconds:g} s each, medians")
+    print(f"| {'':{width}} | in time | p50 | p99 | max ms until the shape came | / first | cycle p50 | p99 ms |")
     print("| --- | --- | --- | --- | --- | --- | --- | --- |")
     for name, m in medians.items():
-        each = ", ".join(f"{row.p99:.2f}" for row in turns[name])
-        print(
-            f"| {name:{width}} | {m.in_time:.1%} | {m.p50:.2f} | {m.p99:.2f} ({each}) | {m.p99 / first.p99:.2f} "
-            f"| {m.cycle_p50:.2f} | {m.cycle_p99:.2f} | {m.cycle_p99 / first.cycle_p99:.2f} |"
-        )
+        times = f"{m.p50:.2f} | {m.p99:.2f} | {m.worst:.2f} | {m.p50 / first.p50:.2f}, {m.p99 / first.p99:.2f}"
+        print(f"| {name:{width}} | {m.in_time:.1%} | {times} | {m.cycle_p50:.2f} | {m.cycle_p99:.2f} |", flush=True)
     return medians

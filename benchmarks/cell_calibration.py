@@ -5,10 +5,7 @@ from __future__ import annotations
 import array
 import os
 import sys
-import tempfile
 import time
-from contextlib import ExitStack
-from pathlib import Path
 from typing import Any
 
 os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
@@ -19,8 +16,9 @@ import yaml
 from builtin_interfaces.msg import Time
 from cable_shape_msgs.action import CalibrateCable
 from cable_shape_msgs.msg import CableCalibration
-from cell_beside import P99_ALLOWED, RATE, TURN_S, Side, Work, compare, poses, work_when_told
+from cell_beside import P99_ALLOWED, Side, Work, compare, measuring, poses, work_when_told
 from cell_node import SENSOR, STARTUP_S, FedNode
+from figures import Figures, heading
 from rclpy.action import ActionClient
 from sensor_msgs.msg import PointCloud2, PointField
 
@@ -37,7 +35,7 @@ ONLINE = {"calibration_points": "points", "calibration_period": 0.5, "calibratio
 
 def seen(stamp: int, noise: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Ends (2, 7) at a stamp [ns], and points (m, 3) of the true cable between them."""
-    ends = np.array(poses(stamp))
+    ends = np.array(*poses(stamp))
     start, end = (cs.Pose(row[:3], row[3:]) for row in ends)
     points = cs.predict(TRUE, start, end, model="cosserat").positions[10:-10:3]
     return ends, points + noise.normal(0.0, NOISE, points.shape)
@@ -100,39 +98,35 @@ def look(namespace: str) -> None:
     work_when_told(piece)
 
 
-def run(rounds: int) -> bool:
-    """Prints the table; whether the bound holds for both."""
-    print(f"\n## Cycles at {RATE:g} Hz beside a calibration, {rounds} turns of {TURN_S:g} s each")
-    rclpy.init()
-    try:
-        with ExitStack() as stack:
-            folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="bench_cell_")))
-            file = folder / "cable.yaml"
-            file.write_text(yaml.safe_dump(GIVEN))
-            alone, fitted, online = (
-                stack.enter_context(FedNode(name, folder, {"cable_file": file, "model": "cosserat", **parameters}))
-                for name, parameters in (("alone", {}), ("fitted", {"calibration": "true"}), ("online", ONLINE))
-            )
-            fitting, looking = (
-                stack.enter_context(Work(__file__, role, name))
-                for role, name in (("fit", "fitted"), ("look", "online"))
-            )
-            sides = [
-                Side("nothing", alone),
-                Side("goal after goal", fitted, fitting.wait().going),
-                Side("points at 10 Hz", online, looking.wait().going),
-            ]
-            fits: list[CableCalibration] = []
-            online.node.create_subscription(CableCalibration, "cable/calibration", fits.append, 10)
-            found = compare(sides, rounds)
-    finally:
-        rclpy.try_shutdown()
+def print_calibration(figures: Figures, rounds: int) -> None:
+    """The table, and what is asked of both."""
+    heading("Cycles beside a calibration")
+    with measuring() as (stack, folder):
+        file = folder / "cable.yaml"
+        file.write_text(yaml.safe_dump(GIVEN))
+        alone, fitted, online = (
+            stack.enter_context(FedNode(name, folder, {"cable_file": file, "model": "cosserat", **parameters}))
+            for name, parameters in (("alone", {}), ("fitted", {"calibration": "true"}), ("online", ONLINE))
+        )
+        fitting, looking = (
+            stack.enter_context(Work(__file__, role, name)) for role, name in (("fit", "fitted"), ("look", "online"))
+        )
+        for node in (alone, fitted, online):
+            node.wait()
+        sides = [
+            Side("nothing", alone),
+            Side("goal after goal", fitted, work=fitting.wait().going),
+            Side("points at 10 Hz", online, work=looking.wait().going),
+        ]
+        fits: list[CableCalibration] = []
+        online.node.create_subscription(CableCalibration, "cable/calibration", fits.append, 10)
+        found = compare(sides, rounds)
     print(f"{len(fitting.spent)} goals of {OBSERVATIONS} observations, {np.median(fitting.spent):.2f} s each; ", end="")
     print(f"{len(fits)} fits of points at {CLOUDS:g} Hz")
-    first = found[sides[0].name].p99
-    holds = bool(fits) and all(found[side.name].p99 <= P99_ALLOWED * first for side in sides[1:])
-    print(f"p99 at most {P99_ALLOWED:g} times that beside nothing: {'yes' if holds else 'NO'}")
-    return holds
+    figures.check("points are fitted beside the cycles", bool(fits))
+    for side in sides[1:]:
+        ratio = found[side.name].p99 / found["nothing"].p99
+        figures.at_most(f"cycles beside {side.name}: p99 / beside nothing", ratio, P99_ALLOWED, "{:.2f}")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""A node under test that the benchmark feeds itself: :class:`FedNode`."""
+"""A node under test that benches and soaks feed themselves: :class:`FedNode`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self, final
 
 import rclpy
@@ -30,6 +29,33 @@ LATE_S = 0.2  # s, after the last poses no shape is waited for longer
 FRESH_S = 0.3  # s, diagnostics this long after the last input hold all of it
 
 
+def started(
+    name: str, folder: Path, parameters: Mapping[str, Any], program: Sequence[str] = ("-m", "cable_shape.ros.node")
+) -> tuple[subprocess.Popen[bytes], Path]:
+    """A node in a process of its own in the namespace `name`, and its log in a folder."""
+    command = [sys.executable, *program, "--ros-args", "-r", f"__ns:=/{name}"]
+    for key, value in parameters.items():
+        command += ["-p", f"{key}:={value}"]
+    log = folder / f"{name}.log"
+    with log.open("w") as file:
+        process = subprocess.Popen(command, stdout=file, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL, cwd=folder)
+    return process, log
+
+
+def stamped(stamp: int, row: Sequence[float]) -> PoseStamped:
+    """A pose (7,) in the world, of a stamp [ns]."""
+    message = PoseStamped()
+    message.header.stamp, message.header.frame_id = Time(sec=stamp // 10**9, nanosec=stamp % 10**9), "world"
+    p, o = message.pose.position, message.pose.orientation
+    p.x, p.y, p.z, o.x, o.y, o.z, o.w = map(float, row)
+    return message
+
+
+def stamp_of(message: Any) -> int:
+    """[ns]."""
+    return int(message.header.stamp.sec) * 10**9 + int(message.header.stamp.nanosec)
+
+
 @final
 class FedNode:
     """cable_shape_node in a process of its own, its publishers, and what it says in the diagnostics.
@@ -43,17 +69,22 @@ class FedNode:
     parameters : mapping
     cables : sequence of str
         Names of several cables; one cable has none.
+    program : sequence of str, optional
+        Arguments of Python, in place of the node: of something that answers like it, without diagnostics.
     """
 
     def __init__(
-        self, name: str, folder: Path, parameters: Mapping[str, Any], cables: Sequence[str] = (), shapes: int = 1
+        self,
+        name: str,
+        folder: Path,
+        parameters: Mapping[str, Any],
+        cables: Sequence[str] = (),
+        program: Sequence[str] | None = None,
     ) -> None:
-        command = [sys.executable, "-m", "cable_shape.ros.node", "--ros-args", "-r", f"__ns:=/{name}"]
-        for key, value in {"diagnostics_period": 0.1, **parameters}.items():
-            command += ["-p", f"{key}:={value}"]
-        self._log = folder / f"{name}.log"
-        with self._log.open("w") as log:
-            self.process = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT)
+        if program is None:
+            self.process, self.log = started(name, folder, {"diagnostics_period": 0.1, **parameters})
+        else:
+            self.process, self.log = started(name, folder, parameters, program)
         self.node = rclpy.create_node(f"feeder_{name}", namespace=name)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self.node)
@@ -61,16 +92,17 @@ class FedNode:
         topics = [f"{prefix}{side}_gripper/pose" for prefix in prefixes for side in ("left", "right")]
         self.poses = [self.node.create_publisher(PoseStamped, topic, SENSOR) for topic in topics]
         self.joints = self.node.create_publisher(JointState, "joint_states", SENSOR)
+        self.several = len(prefixes)  # shapes of a round
         self.values: dict[str, str] = {}
-        self._heard = 0.0
-        self._name = name
+        self._speaks, self._heard, self._name = program is None, 0.0, name
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._hear, 10)
-        listener = rclpy.create_node(f"listener_{name}", namespace=name)  # not spun: `shapes` are taken by hand
-        self.shapes = listener.create_subscription(CableShape, "cable/shape", lambda _: None, QoSProfile(depth=shapes))
+        listener = rclpy.create_node(f"listener_{name}", namespace=name)  # not spun: shapes are taken by hand
+        depth = QoSProfile(depth=self.several)
+        self._shapes = listener.create_subscription(CableShape, "cable/shape", lambda _: None, depth)
         self._waiting = rclpy_implementation.WaitSet(1, 0, 0, 0, 0, 0, listener.context.handle)
 
     def _hear(self, message: DiagnosticArray) -> None:
-        if message.status and message.status[0].name.startswith(f"{self._name}/"):
+        if message.status and message.status[0].name.startswith(f"{self._name}/"):  # others may be on this domain
             self.values = {pair.key: pair.value for status in message.status for pair in status.values}
             self._heard = time.monotonic()
 
@@ -83,37 +115,39 @@ class FedNode:
     def wait(self) -> None:
         """Until it is active and hears us."""
         end = time.monotonic() + STARTUP_S
-        while self.values.get("state") != "active" or not all(p.get_subscription_count() for p in self.poses):
+        while (self._speaks and self.values.get("state") != "active") or not all(
+            p.get_subscription_count() for p in self.poses
+        ):
             self.spin(0.1)
-            if self.process.poll() is not None or time.monotonic() > end:
-                raise RuntimeError(f"the node did not become active:\n{self._log.read_text()}")
+            self.check()
+            if time.monotonic() > end:
+                raise RuntimeError(f"the node did not become active:\n{self.log.read_text()}")
         self.spin(1.0)
+
+    def check(self) -> None:
+        """Raises RuntimeError, with what it wrote, if it has ended."""
+        if self.process.poll() is not None:
+            raise RuntimeError(f"the node ended:\n{self.log.read_text()}")
 
     def fresh(self) -> dict[str, str]:
         """The diagnostics after all that was sent."""
         self.spin(FRESH_S)
         sent = time.monotonic()
-        while self._heard < sent:
+        while self._speaks and self._heard < sent:
             self.spin(0.02)
         return self.values
 
     def send(self, stamp: int, poses: Sequence[Sequence[float]], joints: JointState | None = None) -> None:
         """Publishes joint states, if there are any, then a pose for each topic, all under one stamp [ns]."""
-        at = Time(sec=stamp // 10**9, nanosec=stamp % 10**9)
+        messages = [stamped(stamp, pose) for pose in poses]
         if joints is not None:
-            joints.header.stamp = at
+            joints.header.stamp = messages[0].header.stamp
             self.joints.publish(joints)
-        for publisher, pose in zip(self.poses, poses, strict=True):
-            message = PoseStamped()
-            message.header.stamp, message.header.frame_id = at, "world"
-            p, o = message.pose.position, message.pose.orientation
-            p.x, p.y, p.z, o.x, o.y, o.z, o.w = pose
+        for publisher, message in zip(self.poses, messages, strict=True):
             publisher.publish(message)
 
-    def feed(
-        self, poses: Callable[[int], Sequence[Sequence[float]]], rate: float, rounds: int, shapes: int = 1
-    ) -> list[float]:
-        """Sends rounds of `poses` of a stamp at a rate [Hz].
+    def feed(self, given: Callable[[int], tuple[Any, ...]], rate: float, rounds: int) -> list[float]:
+        """Sends rounds of what is given at a stamp, the arguments of :meth:`send` after it, at a rate [Hz].
 
         Returns
         -------
@@ -128,16 +162,15 @@ class FedNode:
         for k in range(rounds + 1):
             if k < rounds:
                 stamp = time.time_ns()
-                self.send(stamp, poses(stamp))
+                self.send(stamp, *given(stamp))
                 open_rounds.append((stamp, time.monotonic()))
-                missing[stamp] = shapes
+                missing[stamp] = self.several
             due += 1.0 / rate if k < rounds else LATE_S
             while open_rounds and time.monotonic() < due:
                 taken = self._taken(due - time.monotonic())
                 if taken is None:
                     continue
-                now, at = time.monotonic(), taken.header.stamp
-                came = at.sec * 10**9 + at.nanosec
+                now, came = time.monotonic(), stamp_of(taken)
                 if came not in missing:  # of an earlier turn
                     continue
                 missing[came] -= 1
@@ -149,18 +182,18 @@ class FedNode:
     def _taken(self, seconds: float) -> CableShape | None:
         """The next shape, waited for without keeping a core busy, on which the node may have to run."""
         self._waiting.clear_entities()
-        self._waiting.add_subscription(self.shapes.handle)
+        self._waiting.add_subscription(self._shapes.handle)
         self._waiting.wait(max(0, round(1e9 * seconds)))
-        taken = self.shapes.handle.take_message(self.shapes.msg_type, False)
+        taken = self._shapes.handle.take_message(self._shapes.msg_type, False)
         return None if taken is None else taken[0]
 
-    def close(self) -> None:
-        """Ends it."""
+    def close(self) -> int:
+        """Ends it; its exit status."""
         self.process.send_signal(signal.SIGINT)
-        self.process.wait(30)
+        return self.process.wait(STARTUP_S)
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()

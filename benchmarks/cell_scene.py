@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-import sys
+import itertools
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
+from sensor_msgs.msg import JointState
 
 from cable_shape.robots.robot import Robot
 
@@ -25,18 +27,25 @@ def scene() -> dict[str, Any]:
     return {"obstacles": bodies}
 
 
-def motion(robot: Robot, count: int, rate: float) -> list[tuple[list[float], list[list[float]]]]:
-    """Joint positions around home and the two tool poses, one period of the path in `count` samples."""
+def motion(robot: Robot, count: int) -> Callable[[int], tuple[Any, ...]]:
+    """What is fed at a stamp: the two tool poses and the joint states of a path around home of so many samples."""
     rows = []
     for k in range(count):
         q = robot.home.copy()
         for j in range(len(q)):
             if "finger" not in robot.joint_names[j]:
                 q[j] += 0.03 * np.sin(2.0 * np.pi * (1 + j % 3) * k / count)
-        robot.update(q)
-        poses = robot.gripper_poses()
-        rows.append((q.tolist(), [poses[side].array.tolist() for side in ("left", "right")]))
-    return rows
+        rows.append(given_at(robot, q))
+    turning = itertools.cycle(rows)
+    return lambda _: next(turning)
+
+
+def given_at(robot: Robot, q: np.ndarray) -> tuple[Any, ...]:
+    """The two tool poses at joint positions, and these as a message."""
+    robot.update(q)
+    poses = robot.gripper_poses()
+    joints = JointState(name=list(robot.joint_names), position=q.tolist())
+    return [poses[side].array.tolist() for side in ("left", "right")], joints
 
 
 def node_parameters(folder: Path, view: str) -> dict[str, Any]:
@@ -53,11 +62,3 @@ def node_parameters(folder: Path, view: str) -> dict[str, Any]:
         "view": view,
         "output_folder": folder,
     }
-
-
-def node_command(folder: Path, view: str) -> list[str]:
-    """The node under test."""
-    command = [sys.executable, "-m", "cable_shape.ros.node", "--ros-args", "-r", "__ns:=/node"]
-    for name, value in node_parameters(folder, view).items():
-        command += ["-p", f"{name}:={value}"]
-    return command

@@ -7,8 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 from certify_check import CLAMPED, NO_ROLL, PINNED, SWIVEL, Shapes
-from cosserat_random import random_grasp
-from scene_clips import random_scene
+from cosserat_random import random_grasp, random_scene
 
 import cable_shape as cs
 

@@ -12,13 +12,13 @@ import math
 from collections import Counter
 
 import numpy as np
-from cosserat_order import compiled
 from cosserat_random import random_grasp
 from figures import Figures, heading
 from scipy.spatial.transform import Rotation
 from tqdm import tqdm
 
 from cable_shape.cable.cable import Cable
+from cable_shape.kernels.network import drive
 from cable_shape.kernels.network.newton import CONVERGED
 from cable_shape.pose import Pose
 from cable_shape.shape import CableShape, Status
@@ -31,6 +31,14 @@ POINTS = 50
 #: (largest turn of a frame in a step [rad], smallest step as a fraction of the path)
 FINER, COARSER = (0.03, 1e-8), (0.1, 1e-6)
 Jump = tuple[Cable, Pose, Pose, Pose]
+
+
+def compiled(state: Network, buffer: np.ndarray, history: int, most: int, far: float) -> int:
+    """One compiled solve for the trial of a plain cable, see `drive.solve`."""
+    return drive.solve(
+        state.ints, state.floats, state.sols, state.work, buffer, state.info, np.empty((0, 7)), state.problem.points,
+        history, False, False, True, most, far,
+    )  # fmt: skip
 
 
 def random_jump(rng: np.random.Generator) -> Jump:
@@ -61,7 +69,7 @@ def follow(jump: Jump, turn: float, smallest: float) -> np.ndarray | None:
     buffer = CableShape.new_buffer(POINTS)
 
     def reached(history: int, iterations: int, far: float) -> bool:
-        return compiled(state, buffer, history, True, iterations, far) == CONVERGED
+        return compiled(state, buffer, history, iterations, far) == CONVERGED
 
     done, step, history = 0.0, 0.01, 1
     while done < 1.0:

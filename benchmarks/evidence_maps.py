@@ -1,4 +1,4 @@
-"""Stress maps: status, iterations, error estimate and smallest eigenvalue over two parameters, with theory drawn in."""
+"""Maps of status and smallest eigenvalue over two parameters, with what theory says drawn in."""
 
 from __future__ import annotations
 
@@ -9,15 +9,12 @@ from typing import NamedTuple
 
 import matplotlib.pyplot as plt
 import numpy as np
-from cosserat_order import solve_on
-from cosserat_speed import CABLE, END, START
 from evidence_pages import Pages
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from scipy.spatial.transform import Rotation
 from tqdm import tqdm
 
 import cable_shape as cs
-from cable_shape.kernels.network.drive import I_ESTIMATE
 from cable_shape.safety.snap import copied
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve import cosserat
@@ -36,8 +33,8 @@ POINTS = 41
 #: Of the end, from one solve to the next.
 MOST_TURNS = 0.16
 
-#: status, iterations, error estimate / length, smallest eigenvalue / (stiffness / length^2)
-Sample = tuple[float, float, float, float]
+#: status, smallest eigenvalue / (stiffness / length^2)
+Sample = tuple[float, float]
 Line = tuple[np.ndarray, np.ndarray, str]
 
 
@@ -52,24 +49,17 @@ class Map(NamedTuple):
     labels: tuple[str, str]
     column: Callable[[float, np.ndarray], Iterator[Sample]]
     lines: list[Line]
-    logs: tuple[bool, bool] = (False, False)
-    second: str = "iterations"
+    log: bool = False  # of y
 
 
 def sample(shape: CableShape, state: Network) -> Sample:
     """What is drawn of one shape."""
     cable = state.problem.cable
-    estimate = eigenvalue = math.nan
+    eigenvalue = math.nan
     if shape.status and state.history:
-        estimate = shape.error_estimate / cable.length
         unit = min(*cable.bending_stiffness, cable.twisting_stiffness) / cable.length**2
         eigenvalue = cosserat.smallest_eigenvalue(copied(state)) / unit
-    return shape.status.value, shape.iterations, estimate, eigenvalue
-
-
-def stiffness(length: float, ratio: float, weight: float = 0.981) -> float:
-    """EI [N m^2] of a cable of this weight [N/m] with (EI / w)^(1/3) = ratio x length."""
-    return weight * (ratio * length) ** 3
+    return shape.status.value, eigenvalue
 
 
 def looping(count: int) -> Map:
@@ -97,7 +87,7 @@ def looping(count: int) -> Map:
                 shape = cosserat.solve(problem.move(start, cs.Pose((chord * L, 0, 0), turned)), state)
                 snapped |= shape.status is Status.SNAPPED
             values = sample(shape, state)
-            yield (float(Status.SNAPPED.value), *values[1:]) if snapped and shape.status else values
+            yield (Status.SNAPPED.value, values[1]) if snapped and shape.status else values
             before = twist
 
     D = np.linspace(0.03, 0.98, 200)
@@ -146,84 +136,7 @@ def bowed(count: int) -> Map:
         "less may pass as a motion and be graded OK, as at the right edge; the eigenvalue shows it.",
         np.linspace(0.6, 0.999, count), np.geomspace(1.5, 0.08, count),
         ("chord / length", "(EI/w)^(1/3) / length"), column,
-        [(1.0 - D, critical, "elastica: end of the symmetric branch")], (False, True),
-    )  # fmt: skip
-
-
-def from_nothing(count: int) -> Map:
-    """Grasp B's end rotations, every chord, from next to limp to next to rigid, each shape from nothing."""
-    direction = END.position / np.linalg.norm(END.position)
-    length = CABLE.length
-
-    def column(chord: float, ratios: np.ndarray) -> Iterator[Sample]:
-        for ratio in ratios:
-            EI = stiffness(length, ratio)
-            cable = CABLE.replace(bending_stiffness=EI, twisting_stiffness=0.8 * EI)
-            problem = Problem(cable, points=POINTS).move(START, cs.Pose(chord * length * direction, END.quaternion))
-            state = Network(problem)
-            yield sample(cosserat.solve(problem, state), state)
-
-    return Map(
-        "map_cold", "chord x stiffness length, from nothing",
-        "Grasp B with its end at other distances, each shape solved from nothing. From a chord of the length on an "
-        "inextensible cable is OVERSTRETCHED.",
-        np.linspace(0.02, 1.02, count), np.geomspace(1e-3, 10.0, count),
-        ("chord / length", "(EI/w)^(1/3) / length"), column, [], (False, True),
-    )  # fmt: skip
-
-
-def meshes(count: int) -> Map:
-    """Grasp B on fixed meshes: where they are too coarse, and how the error falls."""
-    length = CABLE.length
-
-    def column(ratio: float, sizes: np.ndarray) -> Iterator[Sample]:
-        EI = stiffness(length, ratio)
-        cable = CABLE.replace(bending_stiffness=EI, twisting_stiffness=0.8 * EI)
-        problem = Problem(cable, points=POINTS).move(START, END)
-        reached = Network(problem)
-        cosserat.solve(problem, reached)
-        fine = Problem(cable, points=POINTS, tolerance=1e-10 * length).move(START, END)
-        exact = cosserat.solve(fine, copied(reached)).positions
-        for size in sizes:
-            state = copied(reached)
-            try:
-                positions = solve_on(state, round(size))
-            except RuntimeError:
-                yield Status.NOT_CONVERGED.value, math.nan, math.nan, math.nan
-                continue
-            unit = min(*cable.bending_stiffness, cable.twisting_stiffness) / length**2
-            eigenvalue = cosserat.smallest_eigenvalue(state) / unit
-            status = Status.OK if eigenvalue > 0.0 else Status.UNSTABLE
-            error = float(np.linalg.norm(positions - exact, axis=1).max()) / length
-            yield status.value, math.log10(max(error, 1e-16)), state.info[I_ESTIMATE] / length, eigenvalue
-
-    return Map(
-        "map_mesh", "stiffness length x mesh size",
-        "Grasp B on meshes of given size without refinement, from its own shape; OK here means that Newton's method "
-        "converged and the discrete energy has a minimum there. True: against the same shape at a "
-        "tolerance of 1e-10 of the length.",
-        np.geomspace(3e-3, 3.0, count), np.unique(np.round(np.geomspace(8, 320, round(1.3 * count)))),
-        ("(EI/w)^(1/3) / length", "elements"), column, [], (True, True),
-        "log10 true error / length",
-    )  # fmt: skip
-
-
-def gravity(count: int) -> Map:
-    """Grasp B under gravity from every direction, from nothing."""
-
-    def column(azimuth: float, heights: np.ndarray) -> Iterator[Sample]:
-        for height in heights:
-            a, e = np.radians((azimuth, height))
-            g = 9.81 * np.array((math.cos(e) * math.cos(a), math.cos(e) * math.sin(a), math.sin(e)))
-            problem = Problem(CABLE, points=POINTS, gravity=g).move(START, END)
-            state = Network(problem)
-            yield sample(cosserat.solve(problem, state), state)
-
-    return Map(
-        "map_gravity", "gravity direction",
-        "Grasp B under gravity from every direction, each shape from nothing.",
-        np.linspace(-180.0, 180.0, count), np.linspace(-90.0, 90.0, count), ("azimuth [°]", "elevation [°]"), column,
-        [],
+        [(1.0 - D, critical, "elastica: end of the symmetric branch")], True,
     )  # fmt: skip
 
 
@@ -259,53 +172,38 @@ def column_tilt(count: int) -> Map:
     )  # fmt: skip
 
 
-MAPS = (looping, bowed, from_nothing, meshes, gravity, column_tilt)
+MAPS = (looping, bowed, column_tilt)
 
 
 def samples(map_: Map) -> np.ndarray:
-    """(4, y, x) of a map."""
-    out = np.full((4, len(map_.y), len(map_.x)), math.nan)
-    for i, x in enumerate(tqdm(map_.x, desc=map_.name, unit="column", leave=False, disable=None)):
-        for j, values in enumerate(map_.column(float(x), map_.y)):
-            out[:, j, i] = values
-    return out
+    """(2, y, x) of a map."""
+    columns = tqdm(map_.x, desc=map_.name, unit="column", leave=False, disable=None)
+    return np.array([list(map_.column(float(x), map_.y)) for x in columns], dtype=np.float64).transpose(2, 1, 0)
 
 
 def draw(map_: Map, values: np.ndarray) -> plt.Figure:
-    """Four panels."""
-    figure, axes = plt.subplots(1, 4, figsize=(17, 4.2), sharex=True, sharey=True, layout="constrained")
-    status, iterations, estimate, eigenvalue = values
-    names = [s.name for s in Status]
-    colours = ListedColormap(STATUS_COLOURS)
-    mesh = axes[0].pcolormesh(map_.x, map_.y, status, cmap=colours, norm=BoundaryNorm(np.arange(-0.5, 7), 7))
-    ticks = figure.colorbar(mesh, ax=axes[0], ticks=range(7))
-    ticks.ax.set_yticklabels([name.replace("_", "\n").lower() for name in names], fontsize=7)
+    """Two panels."""
+    figure, axes = plt.subplots(1, 2, figsize=(10, 4.4), sharex=True, sharey=True, layout="constrained")
+    status, eigenvalue = values
+    steps = BoundaryNorm(np.arange(-0.5, len(STATUS_COLOURS)), len(STATUS_COLOURS))
+    mesh = axes[0].pcolormesh(map_.x, map_.y, status, cmap=ListedColormap(STATUS_COLOURS), norm=steps)
+    ticks = figure.colorbar(mesh, ax=axes[0], ticks=range(len(STATUS_COLOURS)))
+    ticks.ax.set_yticklabels([s.name.replace("_", "\n").lower() for s in Status], fontsize=7)
     scale = np.sign(eigenvalue) * np.log10(1.0 + np.abs(eigenvalue))
     most = max(float(np.nanpercentile(np.abs(scale), 99)), 0.1)
-    counted = map_.second == "iterations"
-    bounds = {"vmin": 0, "vmax": max(np.nanpercentile(iterations, 99), 1), "cmap": "viridis"}
-    parts = (
-        (iterations, map_.second, bounds if counted else {"cmap": "magma"}),
-        (np.log10(np.maximum(estimate, 1e-16)), "log10 error estimate / length", {"cmap": "magma"}),
-        (scale, "eigenvalue: sign x log10(1 + |µ|)", {"cmap": "RdBu", "vmin": -most, "vmax": most}),
-    )
-    for ax, (field, title, options) in zip(axes[1:], parts, strict=True):
-        figure.colorbar(ax.pcolormesh(map_.x, map_.y, field, **options), ax=ax)
+    mesh = axes[1].pcolormesh(map_.x, map_.y, scale, cmap="RdBu", vmin=-most, vmax=most)
+    figure.colorbar(mesh, ax=axes[1])
+    for ax, title in zip(axes, ("status", "eigenvalue: sign x log10(1 + |µ|)"), strict=True):
         ax.set_title(title, fontsize=10)
-    axes[0].set_title("status", fontsize=10)
-    for ax in axes:
         for x, y, label in map_.lines:
             ax.plot(x, y, "k--", linewidth=1.4, label=label)
         ax.set_xlabel(map_.labels[0])
-        if map_.logs[0]:
-            ax.set_xscale("log")
-        if map_.logs[1]:
+        if map_.log:
             ax.set_yscale("log")
         ax.set_xlim(map_.x.min(), map_.x.max())
         ax.set_ylim(map_.y.min(), map_.y.max())
     axes[0].set_ylabel(map_.labels[1])
-    if map_.lines:
-        axes[0].legend(loc="best", fontsize=8)
+    axes[0].legend(loc="best", fontsize=8)
     return figure
 
 
@@ -315,8 +213,8 @@ def evidence(pages: Pages) -> None:
     pages.add(
         "stability",
         "## Maps",
-        f"{count} x {count} shapes each, or more. µ is the smallest eigenvalue of the second variation in units of "
-        "the smallest stiffness / length². White: no shape, so nothing to tell. Maps of motions show a snap as SNAPPED "
+        f"{count} x {count} shapes each. µ is the smallest eigenvalue of the second variation in units of "
+        "the smallest stiffness / length². White: no shape, so nothing to tell. A snap is shown as SNAPPED "
         "in the step in which it happens; the shape after it is followed on. Bounds of colours are each picture's own.",
     )
     for make in MAPS:
@@ -325,6 +223,6 @@ def evidence(pages: Pages) -> None:
         counts = Counter(Status(int(code)).name for code in values[0].ravel())
         said = ", ".join(f"{name} {number}" for name, number in counts.most_common())
         pages.add("stability", f"### {map_.title[0].upper()}{map_.title[1:]}", map_.text)
-        alt = f"Status, iterations, error estimate and smallest eigenvalue over {map_.title}"
+        alt = f"Status and smallest eigenvalue over {map_.title}"
         pages.picture("stability", draw(map_, values), map_.name, alt)
         pages.add("stability", f"{said}.")

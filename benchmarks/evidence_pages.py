@@ -1,10 +1,10 @@
-"""Where the evidence goes: two pages with tables and pictures, ratios, and figures to keep and to compare."""
+"""Where the evidence goes: two pages, the first table of the page of numbers, and figures to keep and compare."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from time import perf_counter, thread_time
+from typing import NamedTuple
 
 import matplotlib
 import numpy as np
@@ -20,6 +20,24 @@ TITLES = {
 }
 #: Marks around what `scripts/bench certify` writes on a page, which stays when the page is written anew.
 CERTIFIED, END = "<!-- written by scripts/bench certify -->", "<!-- to here -->"
+#: Mark before the first table of docs/numbers.md.
+BEGIN = "<!-- written by scripts/bench evidence -->"
+NUMBERS = Path(__file__).resolve().parents[1] / "docs" / "numbers.md"
+#: Of the paper's, for a shape of 150 points in space, section 4.
+PAPER = "96 ms"
+
+
+class Point(NamedTuple):
+    """One setting of one model: time [s], mean error / length, what was set, and elements or links."""
+
+    time: float
+    error: float
+    setting: str
+    size: int = 0
+
+
+#: By model.
+Series = dict[str, list[Point]]
 
 
 def figures(value: float, digits: int = 2) -> str:
@@ -93,12 +111,37 @@ class Pages:
         return "\n\n".join(parts)
 
 
-def timed(run: object, least: int = 5, seconds: float = 0.05) -> float:
-    """Median processor time [s] of a call, repeated at least so often and for so long."""
-    spent: list[float] = []
-    end = perf_counter() + seconds
-    while len(spent) < least or perf_counter() < end:
-        began = thread_time()
-        run()  # type: ignore[operator]
-        spent.append(thread_time() - began)
-    return float(np.median(spent))
+def front(series: Mapping[str, Series], default: str) -> str:
+    """The table of time and error of all models and their peers.
+
+    `series` by problem; `default`: the setting of the rod that is shown.
+    """
+    problems = [f"{name}, cold" for name in "ABCD"] + ["M, warm"]
+    rows = [("`cosserat`", *(cell(series[p]["rod"], default) for p in problems))]
+    closed = ("gradient4", "gradient6", "catenary")
+    rows += [(f"`{model}`", *(cell(series[p].get(model, ())) for p in problems)) for model in closed]
+    rows.append(("solve_bvp, tol 1e-3", *(cell(series[p]["solve_bvp"], "tol 1e-03") for p in problems)))
+    simulators = [name for name in series[problems[0]] if name.startswith(("MuJoCo", "PyElastica"))]
+    for name in simulators:
+        cells = [cell([point for point in series[p].get(name, ()) if point.size == 20]) for p in problems]
+        rows.append((f"{name}, 20 links", *cells))
+    if not simulators:
+        rows.append(("MuJoCo's cable, PyElastica", *["not installed"] * 4, "-"))
+    rows.append(("the paper's gradient cable", *["-"] * 4, f"{PAPER} as printed, another machine"))
+    head = ("150 points: time, mean error / length", "A", "B", "C", "D", "M, each step")
+    return f"{table(head, rows)}\n\nWritten by `scripts/bench evidence` on {machine()}."
+
+
+def cell(points: Sequence[Point], setting: str | None = None) -> str:
+    """Time and error of one setting, the first without; a dash for what has no shape there."""
+    found = [point for point in points if setting is None or point.setting.startswith(setting)]
+    if not found:
+        return "-"
+    return f"{figures(1e3 * found[0].time)} ms, {found[0].error:.0e}"
+
+
+def put(text: str, page: Path = NUMBERS, begin: str = BEGIN) -> None:
+    """Replaces what is between the marks of a page."""
+    before, rest = page.read_text(encoding="utf-8").split(begin)
+    after = rest.partition(END)[2]
+    page.write_text(f"{before}{begin}\n{text}\n{END}{after}", encoding="utf-8")

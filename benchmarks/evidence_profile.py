@@ -7,16 +7,11 @@ import sys
 from time import perf_counter
 
 import numpy as np
-from cosserat_speed import CABLE, END, START, motion
 from evidence_pages import Pages, figures, table
 from evidence_skip import NAME, Job, jobs
 from tqdm import tqdm
 
 import cable_shape as cs
-from cable_shape.kernels.network import drive
-from cable_shape.solve import cosserat
-from cable_shape.solve.network import Network
-from cable_shape.solve.problem import Problem
 
 PHASES = ("predict", "clearance", "margins", "warnings")
 
@@ -69,35 +64,6 @@ def phases(job: Job) -> tuple[dict[str, float], float]:
     return {phase: value / whole for phase, value in spent.items()}, whole / len(job.grips)
 
 
-def in_kernel(rounds: int) -> tuple[float, float]:
-    """Median time [s] of a warm solve along M, and of the compiled calls in it."""
-    inside: list[float] = []
-    compiled = drive.solve
-
-    def watched(*arguments: object) -> object:
-        began = perf_counter()
-        code = compiled(*arguments)
-        inside.append(perf_counter() - began)
-        return code
-
-    problem = Problem(CABLE)
-    state = Network(problem)
-    whole, within = [], []
-    drive.solve = watched
-    try:
-        for _ in range(rounds):
-            cosserat.solve(problem.move(START, END), state)
-            for pose in motion():
-                inside.clear()
-                began = perf_counter()
-                cosserat.solve(problem.move(START, pose), state)
-                whole.append(perf_counter() - began)
-                within.append(sum(inside))
-    finally:
-        drive.solve = compiled
-    return float(np.median(whole)), float(np.median(within))
-
-
 def startup(cycles: int, rounds: int) -> tuple[np.ndarray, np.ndarray]:
     """Medians: (4,) import, names of a cycle, first cycle, names of planners and calibration [s, of the processor].
 
@@ -114,7 +80,7 @@ def startup(cycles: int, rounds: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def evidence(pages: Pages) -> None:
-    """Three tables."""
+    """Two tables."""
     rows = []
     for job in tqdm(jobs(pages.quick), desc="profile", unit="motion", leave=False, disable=None):
         shares, seconds = phases(job)
@@ -125,13 +91,6 @@ def evidence(pages: Pages) -> None:
         "## Where a cycle's time goes",
         "Mean shares of the wall time around `Cycle.step`; bookkeeping is what is in none of the phases.",
         table(("motion", *PHASES, "bookkeeping", "sum", "mean cycle [ms]"), rows),
-    )
-    whole, within = in_kernel(1 if pages.quick else 5)
-    share = 100.0 * within / whole
-    pages.add(
-        "performance",
-        f"Of a warm solve of the rod along M, {figures(1e6 * whole)} µs, {share:.0f} % are the compiled call (Newton's "
-        f"method, correction, estimate, 150 points), {100.0 - share:.0f} % Python around it.",
     )
     cycles = 20 if pages.quick else 10_000
     times, memory = startup(cycles, 1 if pages.quick else 3)
@@ -146,4 +105,5 @@ def evidence(pages: Pages) -> None:
         "predict_batch, check_trajectory, calibrate, only where they are used",
     )
     rows = [(stage, spent, f"{size:.0f}") for stage, spent, size in zip(stages, seconds, memory, strict=True)]
+    pages.figures.at_most("first cycle of a process, kernels cached, processor time", times[2], 1.0, "{:.2f}", " s")
     pages.add("performance", "## Starting", table(("", "processor time [s]", "resident memory [MiB]"), rows))

@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from cosserat_speed import GRASPS, same_guess
+from problems import GRASPS
+from rod_bvp import same_guess
 
 import cable_shape as cs
 

@@ -8,9 +8,9 @@ from time import thread_time
 from typing import NamedTuple
 
 import numpy as np
-from cosserat_speed import ALONG_X, CABLE, START, motion, planar_motion
 from demo_cell import cable_ends, minimum_jerk
 from evidence_pages import Pages, figures, table
+from problems import ALONG_X, CABLE, START, motion, planar_motion
 from tqdm import tqdm
 
 import cable_shape as cs

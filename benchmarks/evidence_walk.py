@@ -1,15 +1,14 @@
-"""Long random walks of the grips, and the same problems in other units: drift, failures, invariance."""
+"""Long random walks of the grips: drift and failures."""
 
 from __future__ import annotations
 
-import itertools
 from collections import Counter
 from collections.abc import Iterator
 from time import process_time
 
 import numpy as np
-from cosserat_speed import CABLE, END, START
 from evidence_pages import Pages, figures, table
+from problems import CABLE, END, START
 from scipy.spatial.transform import Rotation
 from tqdm import tqdm
 
@@ -28,10 +27,6 @@ SECONDS = 60.0
 #: Of a walk: mean pull back to the middle, step [m] and turn [rad], standard deviation of a component.
 PULL, STEP, TURN = 2e-4, 3e-3, 8e-3
 JUDGED = 500
-LENGTHS = (1e-3, 1e-2, 1e-1, 1.0, 10.0, 100.0)
-DECADES = tuple(range(-6, 7))
-#: Name: what a metre, a kilogram and a second are in the unit system.
-UNITS = {"mm, kg, s": (1e3, 1.0, 1.0), "mm, g, ms": (1e3, 1e3, 1e3), "inch, lb, s": (39.37007874, 2.20462262, 1.0)}
 
 
 def walk(rng: np.random.Generator, steps: int) -> Iterator[cs.Pose]:
@@ -94,57 +89,8 @@ def walked(name: str, quick: bool) -> tuple[str, ...]:
     )  # fmt: skip
 
 
-def scaled(length: float, stiffness: float, unit_time: float = 1.0) -> tuple[cs.CableShape, float]:
-    """Grasp B of a cable `length` long and so stiff, its weight and gravity such that it has the same shape."""
-    a = length / CABLE.length
-    weight = stiffness / CABLE.bending_stiffness[0] * 0.981 / a**3
-    gravity = 9.81 * a / unit_time**2
-    cable = cs.Cable(length, weight / gravity, stiffness, 0.8 * stiffness)
-    start, end = (cs.Pose(a * pose.position, pose.quaternion) for pose in (START, END))
-    problem = Problem(cable, points=41, gravity=(0.0, 0.0, -gravity)).move(start, end)
-    return cosserat.solve(problem), a
-
-
-def invariance(quick: bool) -> list[tuple[str, ...]]:
-    """Rows: what was scaled, statuses, iterations, largest difference of positions / length and of forces."""
-    own = CABLE.bending_stiffness[0]
-    reference, _ = scaled(CABLE.length, own)
-    force = np.linalg.norm(reference.force, axis=1).max()
-
-    def apart(shape: cs.CableShape, a: float, stiffness: float) -> tuple[float, float]:
-        unit = stiffness / own / a**2
-        place = np.abs(shape.positions / a - reference.positions).max() / CABLE.length
-        return float(place), float(np.abs(shape.force / unit - reference.force).max() / force)
-
-    rows = []
-    for length in LENGTHS[::5] if quick else LENGTHS:
-        found = []
-        statuses: Counter[str] = Counter()
-        for decade in DECADES[::6] if quick else DECADES:
-            shape, a = scaled(length, own * 10.0**decade)
-            statuses[shape.status.name] += 1
-            found.append((shape.iterations, *apart(shape, a, own * 10.0**decade)))
-        counts = sorted({f[0] for f in found})
-        said = ", ".join(f"{status} {count}" for status, count in statuses.items())
-        name = f"length {length:g} m, EI over 12 decades"
-        rows.append((name, said, ", ".join(map(str, counts)), *(figures(max(f[i] for f in found)) for i in (1, 2))))
-    for name, (metre, kilogram, second) in UNITS.items():
-        stiffness = own * kilogram * metre**3 / second**2
-        shape, a = scaled(CABLE.length * metre, stiffness, second)
-        rows.append((name, shape.status.name, str(shape.iterations), *map(figures, apart(shape, a, stiffness))))
-    worst = [0.0, 0.0]
-    same = True
-    for k, e in itertools.product((-10, 7), (-20, 20)):
-        shape, a = scaled(CABLE.length * 2.0**k, own * 2.0**e)
-        worst = [max(w, n) for w, n in zip(worst, apart(shape, a, own * 2.0**e), strict=True)]
-        same &= shape.iterations == reference.iterations
-    counts = str(reference.iterations) if same else "differ"
-    rows.append(("lengths and stiffness times powers of 2", "OK", counts, *map(figures, worst)))
-    return rows
-
-
 def evidence(pages: Pages) -> None:
-    """Both tables."""
+    """The table."""
     rows = [walked(name, pages.quick) for name in STIFFNESS]
     reach = (2.0 * PULL) ** -0.5
     head = (
@@ -160,12 +106,4 @@ def evidence(pages: Pages) -> None:
         "Drift: how far the cable is at the end from where it was at the beginning; after snaps it may be another "
         f"stable shape. At most {SECONDS:g} s of processor time a walk.",
         table(head, rows),
-    )
-    head = ("grasp B", "status", "iterations", "largest difference of positions / L", "of forces / largest")
-    pages.add(
-        "stability",
-        "## Float extremes",
-        "The same shape in other sizes: length, stiffness and weight scaled so that only the numbers change, cold. "
-        "Iterations of a row that are one number did not depend on the scale.",
-        table(head, invariance(pages.quick)),
     )

@@ -9,37 +9,41 @@ from time import thread_time
 import evidence_rivals
 import matplotlib.pyplot as plt
 import numpy as np
-from cosserat_order import compiled, solve_on
-from cosserat_speed import CABLE, END, GRASPS, START, Collocation, in_turns, motion, planar_motion, same_guess, states
-from evidence_front import PAPER, front
-from evidence_pages import Pages, figures, table, timed
-from evidence_points import Point, Series
-from matplotlib.ticker import LogLocator, NullFormatter
+from clocks import Turns, timed
+from evidence_pages import PAPER, Pages, Point, Series, figures, front, table
+from problems import CABLE, END, GRASPS, START, motion, planar_motion
+from rod_bvp import Collocation, same_guess, states
 from tqdm import tqdm
 
 import cable_shape as cs
-from cable_shape.kernels.network.newton import CONVERGED
 from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
 from cable_shape.solve.problem import Problem
 
 CLOSED = ("catenary", "gradient4", "gradient6")
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
-DEFAULT = 1e-5
+DEFAULT = "tol 1e-05 L"
 BVP = (1e-2, 1e-3, 1e-5, 1e-7)
-MESHES = (10, 20, 40, 80, 160, 320)
 #: Of the length: below, the reference's own error begins to count.
 REFERENCE = 1e-10
-MARKS = {"catenary": "s", "gradient4": "D", "gradient6": "v", "solve_bvp": "x", "MuJoCo cable": "^", "PyElastica": "*"}
-COLOURS = {
-    "rod": "tab:blue", "solve_bvp": "tab:red", "catenary": "tab:green",
-    "gradient4": "tab:orange", "gradient6": "tab:purple", "MuJoCo cable": "tab:brown", "PyElastica": "tab:pink",
+#: Asked of the rod beside solve_bvp at its default tolerance of 1e-3.
+FASTER = {"cold": 50.0, "M, warm": 100.0}
+#: Marks and colours of the models.
+STYLES = {
+    "rod": ("o", "tab:blue"), "solve_bvp": ("x", "tab:red"), "catenary": ("s", "tab:green"),
+    "gradient4": ("D", "tab:orange"), "gradient6": ("v", "tab:purple"), "MuJoCo cable": ("^", "tab:brown"),
+    "PyElastica": ("*", "tab:pink"),
 }  # fmt: skip
 
 
 def off(positions: np.ndarray, exact: np.ndarray, length: float) -> float:
     """Mean distance at equal arc length / length."""
-    return float(np.linalg.norm(positions - exact, axis=1).mean()) / length
+    return float(np.linalg.norm(positions - exact, axis=-1).mean()) / length
+
+
+def tolerances(quick: bool) -> dict[str, float]:
+    """Of the rod, as fractions of the length."""
+    return {f"tol {tolerance:.0e} L": tolerance for tolerance in (TOLERANCES[::3] if quick else TOLERANCES)}
 
 
 def cold(name: str, quick: bool) -> tuple[Series, float]:
@@ -55,13 +59,12 @@ def cold(name: str, quick: bool) -> tuple[Series, float]:
             spent = timed(lambda m=model: cs.predict(cable, start, end, model=m), seconds=seconds)
             found[model] = [Point(spent, off(shape.positions, exact, length), "")]
     found["rod"] = []
-    for tolerance in TOLERANCES[::3] if quick else TOLERANCES:
+    for setting, tolerance in tolerances(quick).items():
         problem = Problem(cable, tolerance=tolerance * length).move(start, end)
         state = Network(problem)
         shape = cosserat.solve(problem, state)
         spent = timed(lambda p=problem: cosserat.solve(p, Network(p)), seconds=seconds)
-        error = off(shape.positions, exact, length)
-        found["rod"].append(Point(spent, error, f"tol {tolerance:.0e} L", state.elements))
+        found["rod"].append(Point(spent, off(shape.positions, exact, length), setting, state.elements))
     other, guess = Collocation(cable), same_guess(cable, start, end)
     found["solve_bvp"] = []
     at = np.linspace(0.0, length, len(exact))
@@ -71,94 +74,53 @@ def cold(name: str, quick: bool) -> tuple[Series, float]:
             spent = timed(lambda t=tol: other.solve(*guess, start, end, t), least=1 if quick else 3, seconds=0.0)
             error = off(answer.sol(at)[:3].T, exact, length)
             found["solve_bvp"].append(Point(spent, error, f"tol {tol:.0e}", answer.x.size))
-    finest = found["solve_bvp"][-1].error if found["solve_bvp"] else math.nan
-    return found, finest
+    return found, min((point.error for point in found["solve_bvp"]), default=math.nan)
 
 
 def followed(model: str, poses: Sequence[cs.Pose], tolerance: float | None, rounds: int) -> tuple[float, np.ndarray]:
     """Median processor time [s] of a warm step, and positions of every step."""
     predictor = cs.Predictor(CABLE, model=model, tolerance=tolerance)
-    spent = []
+    turns = Turns(clock=thread_time)
     for _ in range(rounds):
         predictor.predict(START, poses[0])
-        shapes = []
-        for pose in poses[1:]:
-            began = thread_time()
-            shapes.append(predictor.predict(START, pose))
-            spent.append(thread_time() - began)
-    return float(np.median(spent)), np.array([shape.positions for shape in shapes])
+        shapes = [turns.of(model, lambda p=pose: predictor.predict(START, p)) for pose in poses[1:]]
+    return turns.medians[model], np.array([shape.positions for shape in shapes])
 
 
 def warm(poses: Sequence[cs.Pose], quick: bool) -> Series:
     """All models along a motion; the error is the mean over its steps."""
-    length = CABLE.length
+    length, rounds = CABLE.length, 1 if quick else 3
     if quick:
         poses = poses[:9]
     _, exact = followed("cosserat", poses, REFERENCE * length, 1)
     found: Series = {}
-
-    def error(positions: np.ndarray) -> float:
-        return float(np.linalg.norm(positions - exact, axis=2).mean()) / length
-
-    rounds = 1 if quick else 3
-    for model in CLOSED:
-        spent, positions = followed(model, poses, None, rounds)
-        found[model] = [Point(spent, error(positions), "")]
-    found["rod"] = []
-    for tolerance in TOLERANCES[::3] if quick else TOLERANCES:
-        spent, positions = followed("cosserat", poses, tolerance * length, rounds)
-        found["rod"].append(Point(spent, error(positions), f"tol {tolerance:.0e} L"))
+    jobs = [(model, model, "", None) for model in CLOSED]
+    jobs += [("rod", "cosserat", setting, tol * length) for setting, tol in tolerances(quick).items()]
+    for name, model, setting, tolerance in jobs:
+        spent, positions = followed(model, poses, tolerance, rounds)
+        found.setdefault(name, []).append(Point(spent, off(positions, exact, length), setting))
     found["solve_bvp"] = []
     middle = len(poses) // 2
     few = slice(middle, middle + (2 if quick else 8))
     predictor = cs.Predictor(CABLE, model="cosserat", points=11)
     for pose in poses[: middle + 1]:
         begin = predictor.predict(START, pose)
-    collocation = Collocation(CABLE)
-    at = np.linspace(0.0, length, exact.shape[1])
+    collocation, at = Collocation(CABLE), np.linspace(0.0, length, exact.shape[1])
     for tol in BVP[:2] if quick else BVP:
         x, Y = begin.arc_length.copy(), states(begin)
-        spent, errors = [], []
+        turns, errors = Turns(clock=thread_time), []
         for pose, truth in zip(poses[1:][few], exact[few], strict=True):
-            began = thread_time()
-            answer = collocation.solve(x, Y, START, pose, tol)
-            spent.append(thread_time() - began)
+            answer = turns.of("bvp", lambda p=pose, x=x, Y=Y, t=tol: collocation.solve(x, Y, START, p, t))
             errors.append(off(answer.sol(at)[:3].T, truth, length))
             x, Y = answer.x, answer.y
-        found["solve_bvp"].append(Point(float(np.median(spent)), float(np.mean(errors)), f"tol {tol:.0e}", x.size))
+        found["solve_bvp"].append(Point(turns.medians["bvp"], float(np.mean(errors)), f"tol {tol:.0e}", x.size))
     return found
 
 
-def on_meshes(name: str, meshes: Sequence[int]) -> list[Point]:
-    """A grasp on fixed meshes: error, and the time of a warm step of a thousandth of the length."""
-    cable, start, end = GRASPS[name]
-    problem = Problem(cable).move(start, end)
-    state = Network(problem)
-    cosserat.solve(problem, state)
-    exact = solve_on(state, 2 * MESHES[-1])
-    points = []
-    for n in meshes:
-        error = off(solve_on(state, n), exact, cable.length)
-        ends = state.poses.copy()
-        beside = ends.copy()
-        beside[-1, 0] -= 1e-3 * cable.length
-        buffer = np.empty(17 * problem.points)
-
-        def there_and_back(ends: np.ndarray = ends, beside: np.ndarray = beside, buffer: np.ndarray = buffer) -> None:
-            for target in (beside, ends):
-                state.target[...] = target
-                code = compiled(state, buffer, 1, False, 60, math.inf)
-                if code != CONVERGED:
-                    raise RuntimeError(f"no equilibrium on {state.elements} elements: {code}")
-
-        points.append(Point(0.5 * timed(there_and_back, seconds=0.02), error, f"{state.elements} elements", n))
-    return points
-
-
-def beside_rivals(results: list[tuple[str, Series]], pages: Pages) -> None:
+def beside_rivals(results: dict[str, Series], pages: Pages) -> None:
     """Adds the simulators' lines to those of the cold grasps, and their ratios to the pages."""
     for name, found in evidence_rivals.measured(pages.quick).items():
-        series = dict(results)[f"{name}, cold"]
+        series = results[f"{name}, cold"]
         rod = at_default(series)
         for simulator, line in found.items():
             series[simulator] = [
@@ -176,24 +138,30 @@ def told(setting: dict[str, float]) -> str:
 
 def at_default(series: Series) -> Point:
     """The rod at its default tolerance; in a quick run at its coarsest."""
-    return next((p for p in series["rod"] if p.setting == f"tol {DEFAULT:.0e} L"), series["rod"][0])
+    return next((p for p in series["rod"] if p.setting == DEFAULT), series["rod"][0])
 
 
-def draw(axes: plt.Axes, series: Series, title: str) -> None:
-    """Time against error; the default tolerance is ringed."""
-    for name, points in series.items():
-        if not points:
-            continue
-        x, y = [1e3 * p.time for p in points], [max(p.error, 1e-13) for p in points]
-        kind = next((k for k in COLOURS if k == name), next((k for k in COLOURS if name.startswith(f"{k} ")), ""))
-        style = {"label": name, "color": COLOURS.get(kind), "markersize": 5, "linewidth": 1.2}
-        axes.loglog(x, y, MARKS.get(kind, "o") + "-", **style)
-        for p, a, b in zip(points, x, y, strict=True):
-            if p.setting == f"tol {DEFAULT:.0e} L":
-                axes.loglog(a, b, "o", markersize=11, markerfacecolor="none", color="black")
-    axes.set_title(title, fontsize=10)
-    axes.grid(True, which="major", alpha=0.3)
-    axes.set_ylim(3e-13, 1.0)
+def ratios(pages: Pages, results: dict[str, Series]) -> None:
+    """Beside solve_bvp at its tol 1e-3, and on its line where it is as accurate as the default; closed forms beside."""
+    for name, series in results.items():
+        ours = at_default(series)
+        for theirs in series["solve_bvp"]:
+            bound = FASTER["cold"] if name.endswith("cold") else FASTER.get(name)
+            if theirs.setting == "tol 1e-03":
+                pages.ratio(f"rod : solve_bvp at tol 1e-3, {name}", theirs.time / ours.time)
+                if bound is not None:
+                    text = f"{name}: times faster than solve_bvp at tol 1e-3"
+                    pages.figures.at_least(text, theirs.time / ours.time, bound, "{:.0f}")
+        line = sorted(series["solve_bvp"], key=lambda p: p.error)
+        if line and line[0].error <= ours.error:
+            logs = np.log([(p.error, p.time) for p in line])
+            spent = math.exp(np.interp(math.log(ours.error), logs[:, 0], logs[:, 1]))
+            note = f"at {figures(ours.error)} of the length; solve_bvp's time read off its line"
+            pages.ratio(f"rod : solve_bvp as accurate, {name}", spent / ours.time, note)
+        for model in CLOSED:
+            for point in series.get(model, ()):
+                note = f"{figures(100 * point.error)} % of the length off"
+                pages.ratio(f"{model} : rod, {name}", ours.time / point.time, note)
 
 
 def rows_of(name: str, series: Series) -> list[tuple[str, ...]]:
@@ -206,37 +174,42 @@ def rows_of(name: str, series: Series) -> list[tuple[str, ...]]:
     ]
 
 
-def evidence(pages: Pages) -> None:
-    """Diagrams and tables."""
-    quick = pages.quick
-    results: list[tuple[str, Series]] = []
-    agree = []
-    bar = tqdm(total=7, desc="work-precision", unit="problem", leave=False, disable=None)
-    for name in GRASPS:
-        series, finest = cold(name, quick)
-        results.append((f"{name}, cold", series))
-        agree.append(finest)
-        bar.update()
-    for name, poses in (("M, warm", [END, *motion()]), ("planar motion, warm", planar_motion())):
-        results.append((name, warm(poses, quick)))
-        bar.update()
-    meshes = MESHES[:3] if quick else MESHES
-    fixed = {name: on_meshes(name, meshes) for name in GRASPS}
-    bar.update()
-    bar.close()
-    ratios(pages, results, quick)
-    beside_rivals(results, pages)
-    pages.front = front(dict(results), f"tol {DEFAULT:.0e} L")
-
+def drawn(results: dict[str, Series]) -> plt.Figure:
+    """Time against error of each problem; the default tolerance is ringed."""
     figure, axes = plt.subplots(2, 3, figsize=(13, 8), sharex=True, sharey=True, layout="constrained")
-    for ax, (name, series) in zip(axes.flat, results, strict=True):
-        draw(ax, series, name)
+    for ax, (title, series) in zip(axes.flat, results.items(), strict=True):
+        for name, points in series.items():
+            mark, colour = next((style for kind, style in STYLES.items() if name.startswith(kind)), ("o", None))
+            x, y = [1e3 * p.time for p in points], [max(p.error, 1e-13) for p in points]
+            ax.loglog(x, y, mark + "-", label=name, color=colour, markersize=5, linewidth=1.2)
+            for point in (p for p in points if p.setting == DEFAULT):
+                ax.loglog(1e3 * point.time, point.error, "o", ms=11, mfc="none", color="black")
+        ax.set_title(title, fontsize=10)
+        ax.grid(True, which="major", alpha=0.3)
+        ax.set_ylim(3e-13, 1.0)
     for ax in axes[-1]:
         ax.set_xlabel("time [ms]")
     for ax in axes[:, 0]:
         ax.set_ylabel("mean error / length")
     handles = {line.get_label(): line for ax in axes.flat for line in ax.get_lines() if line.get_label()[0] != "_"}
     figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=6)
+    return figure
+
+
+def evidence(pages: Pages) -> None:
+    """Diagrams and tables."""
+    results: dict[str, Series] = {}
+    agree = []
+    for name in tqdm(GRASPS, desc="work-precision, cold", unit="grasp", leave=False, disable=None):
+        results[f"{name}, cold"], finest = cold(name, pages.quick)
+        agree.append(finest)
+    for name, poses in (("M, warm", [END, *motion()]), ("planar motion, warm", planar_motion())):
+        results[name] = warm(poses, pages.quick)
+    ratios(pages, results)
+    beside_rivals(results, pages)
+    pages.front = front(results, DEFAULT)
+    pages.figures.at_most("solve_bvp at its finest: mean distance / L to the rod, cold", max(agree), 1e-4)
+    pages.figures.at_most("M, warm: mean error / L", at_default(results["M, warm"]).error, 1e-5)
     pages.add(
         "performance",
         "## Work and precision",
@@ -248,80 +221,13 @@ def evidence(pages: Pages) -> None:
         + ", ".join(f"{t:.0e}" for t in BVP)
         + ". Closed forms have one time and one error, which is what they leave out. Times are processor "
         "times of the one thread that works, which other load on the machine changes little.",
-    )
-    rivals = (
         evidence_rivals.METHOD
         if evidence_rivals.python()
-        else f"MuJoCo's cable and PyElastica: {evidence_rivals.MISSING}"
+        else f"MuJoCo's cable and PyElastica: {evidence_rivals.MISSING}",
+        f"The paper of the gradient cable prints {PAPER} for 150 points in space, on a machine of its time. "
+        f"gradient4 takes {figures(1e3 * results['B, cold']['gradient4'][0].time)} ms here on grasp B.",
     )
-    spent = figures(1e3 * dict(results)["B, cold"]["gradient4"][0].time)
-    paper = f"The paper of the gradient cable prints {PAPER} for 150 points in space, on a machine of its time."
-    pages.add("performance", rivals, f"{paper} gradient4 takes {spent} ms here on grasp B.")
-    pages.picture("performance", figure, "work_precision", "Time against error of six problems, of all models")
+    alt = "Time against error of six problems, of all models"
+    pages.picture("performance", drawn(results), "work_precision", alt)
     head = ("problem", "model", "setting", "elements or links", "time / rod at 1e-05 L", "mean error / L")
-    pages.add("performance", table(head, [row for name, series in results for row in rows_of(name, series)]))
-    draw_meshes(pages, fixed, meshes)
-
-
-def draw_meshes(pages: Pages, fixed: dict[str, list[Point]], meshes: Sequence[int]) -> None:
-    """Error against elements and time of the grasps on fixed meshes."""
-    figure, axes = plt.subplots(1, 2, figsize=(11, 4.2), sharey=True, layout="constrained")
-    for name, points in fixed.items():
-        axes[0].loglog([p.size for p in points], [max(p.error, 1e-15) for p in points], "o-", label=name)
-        axes[1].loglog([1e6 * p.time for p in points], [max(p.error, 1e-15) for p in points], "o-", label=name)
-    n = np.array((meshes[0], meshes[-1]), dtype=float)
-    for order, style in ((4, ":"), (6, "--")):
-        axes[0].loglog(n, 1e-4 * (n / n[0]) ** -order, style, color="grey", label=f"order {order}")
-    axes[0].set(xlabel="elements", ylabel="mean error / length", ylim=(3e-16, 1e-2))
-    axes[1].set_xlabel("time of a warm step [µs]")
-    axes[0].legend()
-    for ax in axes:
-        ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        ax.xaxis.set_major_formatter("{x:g}")
-        ax.xaxis.set_minor_formatter(NullFormatter())
-        ax.grid(True, alpha=0.3)
-    pages.add(
-        "performance",
-        "## Fixed meshes",
-        "The grasps on meshes of given size, half of the nodes in the boundary layers: error, and the time of a warm "
-        "compiled step of a thousandth of the length; the reference has "
-        f"{2 * MESHES[-1]} elements.",
-    )
-    pages.picture("performance", figure, "work_precision_meshes", "Error against elements and time on fixed meshes")
-
-
-def ratios(pages: Pages, results: list[tuple[str, Series]], quick: bool) -> None:
-    """Beside solve_bvp in turns (cold), at its tol 1e-3, and on its line where it is as accurate as the default."""
-    rounds = 1 if quick else 5
-    for name, (cable, start, end) in GRASPS.items():
-        other, guess = Collocation(cable), same_guess(cable, start, end)
-        a, b = in_turns(
-            lambda c=cable, s=start, e=end: cs.predict(c, s, e, model="cosserat"),
-            lambda o=other, g=guess, s=start, e=end: o.solve(*g, s, e),
-            rounds,
-        )
-        pages.ratio(f"rod : solve_bvp at tol 1e-3, grasp {name} cold", b / a)
-        for model in CLOSED:
-            c, d = in_turns(
-                lambda c=cable, s=start, e=end, m=model: cs.predict(c, s, e, model=m),
-                lambda c=cable, s=start, e=end: cs.predict(c, s, e, model="cosserat"),
-                4 * rounds,
-            )
-            shape = cs.predict(cable, start, end, model=model)
-            if shape.status:
-                error = dict(results)[f"{name}, cold"][model][0].error
-                pages.ratio(f"{model} : rod, grasp {name} cold", d / c, f"{figures(100 * error)} % of the length off")
-    for name, series in results:
-        ours = min(series["rod"], key=lambda p: abs(math.log(p.error / 1e-5) if p.error else math.inf))
-        ours = next((p for p in series["rod"] if p.setting == f"tol {DEFAULT:.0e} L"), ours)
-        theirs = sorted(series["solve_bvp"], key=lambda p: p.error)
-        if theirs and theirs[0].error <= ours.error:
-            logs = np.log([(p.error, p.time) for p in theirs])
-            spent = math.exp(np.interp(math.log(ours.error), logs[:, 0], logs[:, 1]))
-            note = f"at {figures(ours.error)} of the length; solve_bvp's time read off its line"
-            pages.ratio(f"rod : solve_bvp as accurate, {name}", spent / ours.time, note)
-        if "warm" in name:
-            for model in CLOSED:
-                point = series[model][0]
-                note = f"{figures(100 * point.error)} % of the length off"
-                pages.ratio(f"{model} : rod, {name}", ours.time / point.time, note)
+    pages.add("performance", table(head, [row for name, series in results.items() for row in rows_of(name, series)]))

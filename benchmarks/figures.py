@@ -16,8 +16,6 @@ import scipy
 
 #: A figure this many times off the one kept is told as changed; a ratio fallen by as much fails a comparison.
 CHANGED = 1.3
-#: A count, which has no noise, fails a comparison if it has grown by more.
-GROWN = 1.03
 
 
 def heading(text: str) -> None:
@@ -39,7 +37,7 @@ def machine() -> str:
 class Figure(NamedTuple):
     """What was measured, and what was asked, in words.
 
-    kind: "ratio", how many times faster, and "count", say of instructions: nothing is asked but not to become worse.
+    kind: "ratio", how many times faster: nothing is asked but not to become worse.
     """
 
     name: str
@@ -76,10 +74,6 @@ class Figures:
     def ratio(self, figure: str, times: float) -> None:
         """So many times as fast: nothing is asked, but a comparison tells, and fails, if it has fallen."""
         self.rows.append(Figure(figure, float(times), "-", f"{times:.3g}", True, "ratio"))
-
-    def count(self, figure: str, value: float) -> None:
-        """A cost that has no noise: a comparison tells, and fails, if it has grown."""
-        self.rows.append(Figure(figure, float(value), "-", f"{value:,.0f}", True, "count"))
 
     def _add(self, name: str, measured: float, holds: bool, asked: str, form: str, unit: str) -> None:
         row = Figure(name, float(measured), asked, form.format(measured) + unit, bool(holds))
@@ -122,7 +116,7 @@ class Figures:
             self.rows.append(Figure(f"{prefix}{name}", measured, row["asked"], row["text"], row["holds"], row["kind"]))
 
     def compare(self, kept: Mapping[str, Any]) -> list[str]:
-        """Prints the figures beside those kept; names of the ratios and counts that are worse."""
+        """Prints the figures beside those kept; names of the ratios that are worse."""
         before = kept["figures"]
         print(f"{'figure':72} {'kept':>10} {'now':>10}   now / kept ({kept['machine']})")
         worse = []
@@ -134,7 +128,7 @@ class Figures:
                 continue
             change = row.measured / was if was else math.nan
             mark = "" if 1.0 / CHANGED <= change <= CHANGED or math.isnan(change) else "  changed"
-            if (row.kind == "ratio" and change < 1.0 / CHANGED) or (row.kind == "count" and change > GROWN):
+            if row.kind == "ratio" and change < 1.0 / CHANGED:
                 mark = "  WORSE"
                 worse.append(key)
             print(f"{key:72} {was:10.3g} {row.measured:10.3g}   {change:.2f}{mark}")
@@ -161,7 +155,7 @@ def bench_options(parser: argparse.ArgumentParser, arguments: list[str] | None =
 
 
 def finish(figures: Figures, options: argparse.Namespace, **more: Any) -> int:
-    """Summary, file and comparison; exit status 1 if a figure does not hold, or a ratio or count has become worse."""
+    """Summary, file and comparison; exit status 1 if a figure does not hold, or a ratio has become worse."""
     figures.print_summary()
     if options.quick:
         print("A quick run: shares and percentiles of so few tries may fall short here and yet hold in full.")

@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import scipy
-from evidence_front import BEGIN, END, PAPER
-from evidence_pages import figures, table
+from evidence_pages import BEGIN, END, PAPER, figures, table
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "numbers.md"
 
@@ -70,56 +69,26 @@ def _installed(package: str) -> Callable[[Mapping[str, Any]], str]:
 
 
 PEERS = (
-    Peer(
-        "solve_bvp of scipy",
-        lambda _: str(scipy.__version__),
-        "the rod's own equations, as accurate",
-        r"^evidence: rod : solve_bvp as accurate",
-        "any equations with conditions at two ends, with unknown parameters and singular terms",
-    ),
-    Peer(
-        "solve_bvp of scipy",
-        lambda _: str(scipy.__version__),
-        "the gradient cable's equations, tension unknown",
-        r"^gradient: least ratio to solve_bvp",
-        "the same",
-    ),
-    Peer(
-        "MuJoCo's cable, 20 links",
-        _named("MuJoCo cable"),
-        "settling on the grasps A to D",
-        r"^evidence: rod : MuJoCo",
-        "motion with inertia, friction, contact between many things, robots, sensors and actuators in one simulation",
-    ),
-    Peer(
-        "PyElastica, 20 elements",
-        _named("PyElastica"),
-        "settling on the grasps A to D",
-        r"^evidence: rod : PyElastica",
-        "motion with inertia, drag, friction on a plane, muscles, joints between many rods",
-    ),
-    Peer(
-        "the gradient cable of its paper",
-        lambda _: "-",
-        f"a shape of 150 points in space: {PAPER} as printed, on a machine of its time",
-        "",
-        "nothing known: `gradient4` is its equations",
-    ),
-    Peer(
-        "a node in Python that only answers",
-        _installed("ros-rclpy"),
-        "time from the second pose to the shape, over DDS: the node's median / its median",
-        r"^cell: .* p50 .* echo",
-        "nothing: it is what rclpy and DDS take by themselves",
-    ),
-    Peer(
-        "the rod whose figures come with the recordings of five cables",
-        lambda _: "-",
-        "how near to real cables: [beside another rod](accuracy.md#beside-another-rod)",
-        "",
-        "not told",
-    ),
-)
+    Peer("solve_bvp of scipy", lambda _: str(scipy.__version__), "the rod's own equations, as accurate",
+         r"^evidence: rod : solve_bvp as accurate",
+         "any equations with conditions at two ends, with unknown parameters and singular terms"),
+    Peer("solve_bvp of scipy", lambda _: str(scipy.__version__), "the gradient cable's equations, tension unknown",
+         r"^gradient: least ratio to solve_bvp", "the same"),
+    Peer("MuJoCo's cable, 20 links", _named("MuJoCo cable"), "settling on the grasps A to D",
+         r"^evidence: rod : MuJoCo",
+         "motion with inertia, friction, contact between many things, robots, sensors and actuators in one simulation"),
+    Peer("PyElastica, 20 elements", _named("PyElastica"), "settling on the grasps A to D",
+         r"^evidence: rod : PyElastica",
+         "motion with inertia, drag, friction on a plane, muscles, joints between many rods"),
+    Peer("the gradient cable of its paper", lambda _: "-",
+         f"a shape of 150 points in space: {PAPER} as printed, on a machine of its time", "",
+         "nothing known: `gradient4` is its equations"),
+    Peer("a node in Python that only answers", _installed("ros-rclpy"),
+         "time from the second pose to the shape, over DDS: the node's median / its median",
+         r"^cell: .* p50 .* echo", "nothing: it is what rclpy and DDS take by themselves"),
+    Peer("the rod whose figures come with the recordings of five cables", lambda _: "-",
+         "how near to real cables: [beside another rod](accuracy.md#beside-another-rod)", "", "not told"),
+)  # fmt: skip
 
 
 class Told(NamedTuple):
@@ -127,24 +96,20 @@ class Told(NamedTuple):
 
     title: str
     beside: str
-    prints: bool = False  # its tables are shown as it prints them
 
 
 BENCHES = {
     "gradient": Told("The closed forms", "scipy's solve_bvp on the same equations, and the rod"),
-    "cosserat": Told(
-        "The rod", "scipy's solve_bvp, critical loads of the literature, and itself a hundred times finer"
-    ),
+    "cosserat": Told("The rod", "shapes of the literature, and itself a thousand times finer"),
     "network": Told("Cables in clips and trees", "no peer; the plain cable and itself at another size"),
-    "scene": Told(
-        "Clips, clearance, margins and contact", "no peer in time; closed forms, exact loads and finer meshes in error"
-    ),
+    "scene": Told("Clips, clearance, margins and contact", "no peer in time; closed forms and finer meshes in error"),
     "harness": Told("Harnesses", "no peer; the balance of forces at every junction"),
-    "planner": Told("For planners", "single predictions, a check 100 times finer, an echo as large", prints=True),
-    "cell": Told("The node over DDS", "a node in Python that only answers", prints=True),
+    "motion": Told("Cables that swing", "no peer; itself in shorter steps"),
+    "planner": Told("For planners", "single predictions, a check 100 times finer, an echo as large"),
+    "studies": Told("Studies", "a scan of all lengths, one worker, processes without a cluster"),
+    "cell": Told("The node over DDS", "a node in Python that only answers"),
     "evidence": Told("Time against error, shortcuts", "solve_bvp, MuJoCo, PyElastica, and itself without a shortcut"),
     "truth": Told("Real cables", "motion capture of five cables, and random cables whose numbers are known"),
-    "instructions": Told("Instructions of a warm step, by valgrind", "itself at another commit"),
     "certify": Told("Certificates", "a check in numpy that shares no formula with the kernels"),
 }
 
@@ -167,7 +132,7 @@ def page(kept: Mapping[str, Any], benches: list[str]) -> str:
         table(head, rows),
     ]
     for name, told in BENCHES.items():
-        parts += _bench(name, told, found, kept["printed"].get(name, ""))
+        parts += _bench(name, told, found)
     return "\n\n".join(parts) + "\n"
 
 
@@ -181,28 +146,18 @@ def _range(found: Mapping[str, Any], pattern: str) -> str:
     return least if least == most else f"{least} to {most}"
 
 
-def _bench(name: str, told: Told, found: Mapping[str, Any], printed: str) -> list[str]:
+def _bench(name: str, told: Told, found: Mapping[str, Any]) -> list[str]:
     """The part of a bench."""
     own = {key.removeprefix(f"{name}: "): row for key, row in found.items() if key.startswith(f"{name}: ")}
     parts = [f"## {told.title}", f"`scripts/bench {name}`. Beside: {told.beside}."]
-    if not own and not printed:
+    if not own:
         return [*parts, "Not measured in this run."]
-    if told.prints and printed:
-        parts.append(f"```text\n{printed}\n```")
     asked = [
         (key, row["text"], row["asked"], "yes" if row["holds"] else "NO") for key, row in own.items() if not row["kind"]
     ]
     if asked:
         parts.append(table(("figure", "measured", "asked", "holds"), asked))
-    for kind, head in (("ratio", ("a : b", "a is so many times as fast")), ("count", ("count", ""))):
-        rows = [(key, row["text"]) for key, row in own.items() if row["kind"] == kind]
-        if rows:
-            parts.append(table(head, rows))
+    rows = [(key, row["text"]) for key, row in own.items() if row["kind"] == "ratio"]
+    if rows:
+        parts.append(table(("a : b", "a is so many times as fast"), rows))
     return parts
-
-
-def shown(log: str) -> str:
-    """What a bench printed, without bars of progress, its summary, and lines that its figures say again."""
-    lines = [line.rpartition("\r")[2].rstrip() for line in log.partition("\n## Summary")[0].splitlines()]
-    kept = [line for line in lines if not re.search(r"\d+%\||\[\d\d:\d\d<|\(asked ", line)]
-    return "\n".join(kept).strip("\n")

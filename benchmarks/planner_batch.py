@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from time import perf_counter, process_time
+from time import process_time
 
 import numpy as np
+from clocks import clocked
+from figures import Figures, heading
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
@@ -60,9 +62,8 @@ def rate(
     cs.predict_batch(CABLE, starts[:100], ends[:100], **options)
     wall, processor = [], []
     for _ in range(repeats):
-        began, used = perf_counter(), process_time()
-        cs.predict_batch(CABLE, starts, ends, **options)
-        wall.append(perf_counter() - began)
+        used = process_time()
+        wall.append(clocked(lambda: cs.predict_batch(CABLE, starts, ends, **options))[0])
         processor.append(process_time() - used)
     return rows / min(wall), rows / min(processor)
 
@@ -72,19 +73,18 @@ def cold_rate(rows: int, spread: tuple[float, float]) -> float:
     starts, ends = grasps(rows, *spread)
     predictor = cs.Predictor(CABLE, model="cosserat", tolerance=TOLERANCE)
     poses = [(cs.Pose(a[:3], a[3:]), cs.Pose(b[:3], b[3:])) for a, b in zip(starts, ends, strict=True)]
-    best = np.inf
-    for _ in range(_TOLD):
-        began = perf_counter()
+
+    def all_of_them() -> None:
         for pair in poses:
             predictor.reset()
             predictor.predict(*pair)
-        best = min(best, perf_counter() - began)
-    return rows / best
+
+    return rows / min(clocked(all_of_them)[0] for _ in range(_TOLD))
 
 
-def print_rates(rows: int, repeats: int) -> bool:
-    """Prints shapes a second; returns whether those of near grasps, measured `repeats` times, are what is asked."""
-    print(f"\n## predict_batch: {rows} random grasps, error within 1e-4 of the length, 150 points, best of {repeats};")
+def print_rates(figures: Figures, rows: int, repeats: int) -> None:
+    """Shapes a second; those of near grasps are measured `repeats` times."""
+    heading(f"predict_batch: {rows} random grasps, error within 1e-4 of the length, 150 points, best of {repeats};")
     print(f"   where nothing is asked, of {_TOLD}")
     print(f"{'':34s} {'wall':>9s} {'processor':>9s}  [rows/s]")
     rates = {}
@@ -95,21 +95,19 @@ def print_rates(rows: int, repeats: int) -> bool:
             times = repeats if name == SPREADS[0][0] else _TOLD
             rates[key] = rate(rows, threads, around, times, (spread[0], spread[1]))
             print(f"{key:42s} {rates[key][0]:9.0f} {rates[key][1]:9.0f}")
-    near = SPREADS[0][0]
+    near, (wide, *far) = SPREADS[0][0], SPREADS[-1]
     one, two, clear = (rates[f"{near}, {key}"][0] for key in ("1 thread", "2 threads", "1 thread, 20 bodies"))
-    name, *far = SPREADS[-1]
-    scattered, cold = rates[f"{name}, 1 thread"][0], cold_rate(rows // 5, (far[0], far[1]))
-    holds = one >= ONE_CORE and two / one >= TWO_CORES and clear >= WITH_CLEARANCE
-    holds = holds and scattered >= max(SCATTERED, cold)
-    print(f"{name}: {scattered:.0f}/s ({SCATTERED:.0f} asked), one by one from nothing {cold:.0f}/s (no more asked)")
-    print(f"{near}: {one:.0f}/s on one core ({ONE_CORE:.0f} asked), {two / one:.2f} times on two ({TWO_CORES} asked),")
-    print(f"  with clearance {clear:.0f}/s ({WITH_CLEARANCE:.0f} asked); holds: {'yes' if holds else 'no'}")
-    return holds
+    scattered, cold = rates[f"{wide}, 1 thread"][0], cold_rate(rows // 5, (far[0], far[1]))
+    figures.at_least(f"predict_batch, {near}, one core", one, ONE_CORE, "{:.0f}", "/s")
+    figures.at_least(f"predict_batch, {near}, two cores: times one", two / one, TWO_CORES, "{:.2f}")
+    figures.at_least(f"predict_batch, {near}, with 20 bodies", clear, WITH_CLEARANCE, "{:.0f}", "/s")
+    figures.at_least(f"predict_batch, {wide}, one core", scattered, SCATTERED, "{:.0f}", "/s")
+    figures.at_least(f"predict_batch, {wide}: beside the same one by one from nothing", scattered, cold, "{:.0f}", "/s")
 
 
 def print_agreement(rows: int) -> None:
     """Prints how far rows are from cold predictions to 1e-7 of the length, and how many are on another branch."""
-    print(f"\n## predict_batch against cold predictions at 1e-7 of the length, {rows} rows each")
+    heading(f"predict_batch against cold predictions at 1e-7 of the length, {rows} rows each")
     print(f"{'':20s} {'error / tolerance: median':>26s} {'largest':>9s}   other branch (flagged), flagged in all")
     for name, reach, turn in SPREADS:
         starts, ends = grasps(rows, reach, turn, seed=2)

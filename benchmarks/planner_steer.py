@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from time import perf_counter
 from typing import NamedTuple
 
 import mink
 import numpy as np
+from clocks import clocked
+from figures import Figures, heading
 from scipy.interpolate import CubicSpline
 
 import cable_shape as cs
@@ -103,34 +104,25 @@ class Steering:
         return Try(apart, float(least), within, step)
 
 
-def print_steering(tries: int) -> bool:
-    """Prints how many targets are reached; returns whether they are enough."""
+def print_steering(figures: Figures, tries: int) -> None:
+    """How many targets are reached."""
     robot = Robot.from_yaml(ROBOT)
     steering = Steering(robot)
-    print(f"\n## the cable task: {tries} reachable targets of a point of the centreline, from home")
+    heading(f"The cable task: {tries} reachable targets of a point of the centreline, from home")
     found, spent = [], 0.0
     for seed in range(tries):
         arc_length, place = target(robot, np.random.default_rng(seed))
-        began = perf_counter()
-        found.append(steering.approach(arc_length, place))
-        spent += perf_counter() - began
-    apart = np.array([one.apart for one in found])
+        seconds, one = clocked(lambda s=arc_length, p=place: steering.approach(s, p))
+        found.append(one)
+        spent += seconds
     steps = np.array([one.steps for one in found])
-    reached = apart <= NEAR
+    reached = np.array([one.apart for one in found]) <= NEAR
     for seed in np.flatnonzero(~reached):
         print(f"  target {seed}: {found[seed]}")
     print(
         f"{reached.sum()} of {tries} within {NEAR * 1e3:g} mm, judged by cold predictions at Pinocchio's grips; "
         f"{np.median(steps):.0f} steps in the median, {steps.max()} at most; {spent / steps.sum() * 1e3:.2f} ms a step"
     )
-    print(
-        f"joint limits kept in {sum(one.within for one in found)}; least clearance "
-        f"{min(one.clearance for one in found) * 1e3:.2f} mm, bound {BOUND * 1e3:g} mm"
-    )
-    holds = bool(reached.mean() >= SHARE)
-    print(f"at least {SHARE:.0%} asked; holds: {'yes' if holds else 'no'}")
-    return holds
-
-
-if __name__ == "__main__":
-    print_steering(200)
+    figures.at_least("steering: targets reached", 100.0 * reached.mean(), 100.0 * SHARE, "{:.1f}", " %")
+    figures.check("steering: joint limits kept", all(one.within for one in found))
+    print(f"least clearance {1e3 * min(one.clearance for one in found):.2f} mm, bound {1e3 * BOUND:g} mm")

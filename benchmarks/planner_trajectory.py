@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from time import perf_counter, process_time
 
 import numpy as np
+from clocks import clocked
+from figures import Figures, heading
 from planner_batch import bodies
 from scipy.interpolate import CubicSpline
 
@@ -72,51 +73,32 @@ def brute_valid(scene: cs.Scene, robot: Robot, given: cs.JointPath) -> bool:
     return True
 
 
-def print_time(waypoints: int = 2000) -> bool:
-    """Prints what one long valid path takes; returns whether it is what is asked."""
+def print_time(figures: Figures, waypoints: int = 2000) -> None:
+    """What long paths take."""
     robot = Robot.from_yaml(ROBOT)
     scene = cell()
     cs.check_trajectory(CABLE, scene, robot, path(robot, 5, 0.02, 1))
-    print(f"\n## check_trajectory: {waypoints} waypoints, {len(robot.link_geometry)} bodies on links, 20 around")
+    heading(f"check_trajectory: {waypoints} waypoints, {len(robot.link_geometry)} bodies on links, 20 around")
     spent = []
     for wide in (0.01, 0.03, 0.06):
         given = path(robot, waypoints, wide, 1)
-        runs, used = [], []
-        for _ in range(3):
-            began, before = perf_counter(), process_time()
-            found = cs.check_trajectory(CABLE, scene, robot, given)
-            runs.append(perf_counter() - began)
-            used.append(process_time() - before)
-        spent.append(min(runs))
-        print(f"knots {wide:.2f} rad around home: {min(runs):.3f} s, processor {min(used):.3f} s, {found!r}")
-    holds = max(spent) < SECONDS
-    print(f"at most {SECONDS:g} s asked; holds: {'yes' if holds else 'no'}")
-    return holds
+        runs = [clocked(lambda g=given: cs.check_trajectory(CABLE, scene, robot, g)) for _ in range(3)]
+        spent.append(min(seconds for seconds, _ in runs))
+        print(f"knots {wide:.2f} rad around home: {spent[-1]:.3f} s, {runs[-1][1]!r}")
+    figures.at_most(f"check_trajectory, {waypoints} waypoints", max(spent), SECONDS, "{:.2f}", " s")
 
 
-def print_agreement(paths: int) -> bool:
-    """Prints how often the verdict is that of the brute check; returns whether it always is."""
+def print_agreement(figures: Figures, paths: int) -> None:
+    """How often the verdict is that of the brute check."""
     robot = Robot.from_yaml(ROBOT)
-    print(f"\n## check_trajectory against a check {FINER} times finer: {paths} random paths of 12 waypoints")
-    same, valid, solved, differ = 0, 0, 0, []
+    heading(f"check_trajectory against a check {FINER} times finer: {paths} random paths of 12 waypoints")
+    valid = solved = differ = 0
     for seed in range(paths):
-        scene = cell(seed)
-        given = path(robot, 12, 0.02 + 0.12 * (seed % 5) / 4.0, seed)
-        found = cs.check_trajectory(CABLE, scene, robot, given)
-        brute = brute_valid(scene, robot, given)
-        valid += brute
-        solved += found.solved
-        if brute == found.valid:
-            same += 1
-        else:
-            differ.append(f"  path {seed}: brute {'valid' if brute else 'not valid'}, {found!r}")
-    print(
-        f"{same} of {paths} agree; {valid} are valid; {solved / paths:.0f} shapes a path, {FINER * 11 + 1} of the other"
-    )
-    print("\n".join(differ), end="\n" if differ else "")
-    return same == paths
-
-
-if __name__ == "__main__":
-    print_time()
-    print_agreement(20)
+        scene, given = cell(seed), path(robot, 12, 0.02 + 0.12 * (seed % 5) / 4.0, seed)
+        found, brute = cs.check_trajectory(CABLE, scene, robot, given), brute_valid(scene, robot, given)
+        valid, solved = valid + brute, solved + found.solved
+        if brute != found.valid:
+            differ += 1
+            print(f"  path {seed}: brute {'valid' if brute else 'not valid'}, {found!r}")
+    print(f"{valid} of {paths} are valid; {solved / paths:.0f} shapes a path, {FINER * 11 + 1} of the other")
+    figures.at_most(f"check_trajectory: verdicts of {paths} unlike those of the finer check", differ, 0, "{:.0f}")

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from itertools import product
 from typing import Any
 
-from cosserat_speed import GRASPS
 from evidence_rivals import JOINTS, SETTINGS, Job, Settling, run, settings
+from problems import GRASPS
 from tqdm import tqdm
 
 #: Of those whose error is at most so many times the least, the one with the fewest steps.

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from figures import Figures, heading
-from scene_crossing import Grips, posed, smooth
+from scene_crossing import Grips, Tally, posed, smooth
 from scipy.spatial.transform import Rotation
 from tqdm import tqdm
 
@@ -82,55 +82,6 @@ def lowered(rng: np.random.Generator, steps: int, motion: Motion) -> list[Grips]
     return path
 
 
-@dataclass
-class Tally:
-    """What one kind of motion has shown."""
-
-    steps: int = 0
-    usable: int = 0
-    snapped: int = 0
-    pressed: int = 0  # cables on each other
-    both: int = 0  # and one of them on a body or in a clip at once
-    in_bodies: float = 0.0  # m, deepest
-    in_cables: float = 0.0
-    unbalanced: float = 0.0  # of the weight of both
-    times: list[float] = field(default_factory=list)  # s
-
-    def add(self, report: cs.CycleReport) -> None:
-        """One step's."""
-        shapes = report.shapes
-        self.steps += 1
-        self.snapped += any(shape.status is cs.Status.SNAPPED for shape in shapes.values())
-        self.times.append(report.times["predict"])
-        if not all(shape.status for shape in shapes.values()):
-            return
-        self.usable += 1
-        touched = {contact.body for shape in shapes.values() for contact in shape.contacts}
-        pressed = not touched.isdisjoint(shapes)
-        self.pressed += pressed
-        self.both += pressed and (not touched <= set(shapes) or any(shape.clips for shape in shapes.values()))
-        for body in (body for clearance in report.clearance.values() for body in clearance.bodies):
-            if body.body in shapes or body.body == "itself":
-                self.in_cables = max(self.in_cables, -body.distance)
-            else:
-                self.in_bodies = max(self.in_bodies, -body.distance)
-        if pressed:
-            self.unbalanced = max(self.unbalanced, unbalanced(shapes))
-
-    def tell(self, name: str, figures: Figures) -> None:
-        """A row, and the figures."""
-        median, late = np.percentile(1e3 * np.array(self.times), (50, 99))
-        print(
-            f"{name}: {self.steps} steps, in {self.pressed} the cables are pressed together, in {self.both} of them "
-            "on a body or in a clip, too; "
-            f"{self.snapped} snapped; prediction median {median:.1f} ms, 99 % {late:.1f} ms"
-        )
-        figures.at_least(f"two cables {name}: usable", 100.0 * self.usable / self.steps, 99.5, "{:.2f}", " %")
-        figures.at_most(f"two cables {name}: deepest in a body", 1e3 * self.in_bodies, 0.2, "{:.3f}", " mm")
-        figures.at_most(f"two cables {name}: deepest in each other", 1e3 * self.in_cables, 0.2, "{:.3f}", " mm")
-        figures.at_most(f"two cables {name}: forces out of balance / weight", self.unbalanced, 1e-3)
-
-
 def unbalanced(shapes: Mapping[str, cs.CableShape]) -> float:
     """All that acts on the cables from outside: grips, weight, clips and bodies, over their weight."""
     total, weight = np.zeros(3), 9.81 * CABLE.linear_density * CABLE.length
@@ -141,18 +92,17 @@ def unbalanced(shapes: Mapping[str, cs.CableShape]) -> float:
     return float(np.linalg.norm(total)) / (weight * len(shapes))
 
 
-def run(motion: Motion, path: list[Grips], tally: Tally) -> None:
-    """One motion at default settings."""
-    cycle = cs.Cycle(CABLES, scene=motion.scene, clips=motion.clips, model="cosserat")
-    for k, grips in enumerate(path):
-        tally.add(cycle.step(grips, stamp=10_000_000 * k))
-
-
 def print_both(figures: Figures, motions: int = 10, steps: int = 160) -> None:
     """The figures of cables that touch each other and something else."""
     heading("Cables on each other and on bodies or in clips: one let down onto another at 60 to 120 degrees")
     for name, motion in MOTIONS.items():
-        tally = Tally()
+        tally, worst = Tally(), 0.0
         for seed in tqdm(range(motions), desc=name, unit="motion", leave=False, disable=None):
-            run(motion, lowered(np.random.default_rng(seed), steps, motion), tally)
-        tally.tell(name, figures)
+            cycle = cs.Cycle(CABLES, scene=motion.scene, clips=motion.clips, model="cosserat")
+            for k, grips in enumerate(lowered(np.random.default_rng(seed), steps, motion)):
+                report = cycle.step(grips, stamp=10_000_000 * k)
+                if tally.add(report):
+                    worst = max(worst, unbalanced(report.shapes))
+        tally.tell(f"two cables {name}", figures)
+        figures.at_most(f"two cables {name}: deepest in a body", 1e3 * tally.in_bodies, 0.2, "{:.3f}", " mm")
+        figures.at_most(f"two cables {name}: forces out of balance / weight", worst, 1e-3)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
-from time import perf_counter
 
 import numpy as np
+from clocks import Turns
 from figures import Figures, heading
+from scipy.spatial import ConvexHull
 
 import cable_shape as cs
 from cable_shape.robots.robot import Robot
@@ -22,27 +24,21 @@ WARN = 0.03  # m
 CLOSE, FAR = (0.005, 0.025), (0.15, 0.6)  # m from the cable
 
 
-def ball_mesh(radius: float, rings: int) -> cs.Mesh:
-    """A closed ball of 2 rings (rings - 1) triangles."""
-    polar = np.linspace(0.0, np.pi, rings + 1)[1:-1]
-    around = np.arange(rings) * 2.0 * np.pi / rings
-    middle = [(np.sin(p) * np.cos(a), np.sin(p) * np.sin(a), np.cos(p)) for p in polar for a in around]
-    vertices = radius * np.array([(0.0, 0.0, 1.0), *middle, (0.0, 0.0, -1.0)])
-    last = len(vertices) - 1
-    faces = []
-    for k in range(rings):
-        n = (k + 1) % rings
-        faces.append((0, 1 + k, 1 + n))
-        faces.append((last, last - rings + n, last - rings + k))
-        for j in range(rings - 2):
-            a, b, c, d = (1 + j * rings + k, 1 + (j + 1) * rings + k, 1 + (j + 1) * rings + n, 1 + j * rings + n)
-            faces += [(a, b, c), (a, c, d)]
-    return cs.Mesh(vertices, faces)
+def ball_mesh(radius: float, triangles: int = 480) -> cs.Mesh:
+    """A closed ball of so many triangles around points on a spiral."""
+    k = np.arange(triangles // 2 + 2) + 0.5
+    z, turn = 1.0 - 2.0 * k / k.size, np.pi * (1.0 + math.sqrt(5.0)) * k
+    around = np.sqrt(1.0 - z**2)
+    points = np.stack((around * np.cos(turn), around * np.sin(turn), z), axis=1)
+    faces = ConvexHull(points).simplices
+    inwards = np.linalg.det(points[faces]) < 0.0
+    faces[inwards] = faces[inwards][:, ::-1]
+    return cs.Mesh(radius * points, faces)
 
 
 def solids(rng: np.random.Generator) -> list[Solid]:
     """As many as BODIES, meshes first, then the others in turns."""
-    meshes: list[Solid] = [ball_mesh(rng.uniform(0.03, 0.08), 16) for _ in range(4)]
+    meshes: list[Solid] = [ball_mesh(rng.uniform(0.03, 0.08)) for _ in range(4)]
     rest: list[Solid] = []
     while len(meshes) + len(rest) < BODIES:
         a, b, c = rng.uniform(0.03, 0.1, 3)
@@ -67,17 +63,6 @@ def placed(solid: Solid, name: str, gap: float, shape: cs.CableShape, rng: np.ra
     return body
 
 
-def median_us(checker: ClearanceChecker, shapes: list[cs.CableShape], links: dict[str, cs.Pose], rounds: int) -> float:
-    """Median time of a check [us] over the shapes in turns."""
-    times = []
-    for _ in range(rounds):
-        for shape in shapes:
-            began = perf_counter()
-            checker.check(shape, links)
-            times.append(perf_counter() - began)
-    return 1e6 * float(np.median(times))
-
-
 def print_clearance(figures: Figures) -> None:
     """The medians."""
     robot = Robot.from_yaml(CELL)
@@ -98,19 +83,18 @@ def print_clearance(figures: Figures) -> None:
             count += close
             bodies.append(placed(solid, f"body_{i}", rng.uniform(*(CLOSE if close else FAR)), shapes[0], rng))
         scene = cs.Scene(obstacles=bodies, warn_distance=WARN)
-        checkers = [
-            ClearanceChecker(
-                scene,
-                radius=0.5 * CABLE.diameter,
-                robot_links=robot.link_geometry,
-                gripping_links=robot.gripping_links,
-                cull=cull,
-            )
-            for cull in (True, False)
-        ]
-        culled = median_us(checkers[0], shapes, links, ROUNDS)
-        every = median_us(checkers[1], shapes[:2], links, 1)
-        clearance = checkers[0].check(shapes[0], links)
+        geometry = {"robot_links": robot.link_geometry, "gripping_links": robot.gripping_links}
+        checker, slow = (
+            ClearanceChecker(scene, radius=0.5 * CABLE.diameter, cull=cull, **geometry) for cull in (True, False)
+        )
+        turns = Turns("culled", "every")
+        for _ in range(ROUNDS):
+            for shape in shapes:
+                turns.of("culled", lambda c=checker, s=shape: c.check(s, links))
+        for shape in shapes[:2]:
+            turns.of("every", lambda c=slow, s=shape: c.check(s, links))
+        culled, every = (1e6 * turns.medians[which] for which in ("culled", "every"))
+        clearance = checker.check(shapes[0], links)
         inside = [b.body for b in clearance.bodies if b.distance < WARN and b.body.startswith("body_")]
         print(
             f"{name}: {culled:.0f} us, without culling {every:.0f} us; "

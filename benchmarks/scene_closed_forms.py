@@ -9,7 +9,7 @@ from figures import Figures, heading
 from scipy.optimize import brentq
 
 import cable_shape as cs
-from cable_shape.solve.touching import touch_mesh
+from cable_shape.solve.touching import mesh
 
 ALONG_X = (0.5, 0.5, 0.5, 0.5)
 ACROSS_Y = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))  # the drum's axis along -y of the world
@@ -53,7 +53,7 @@ def around_a_drum() -> float:
 
     From the forces of single contacts, which scatter on coarser meshes.
     """
-    touch_mesh.ELEMENTS, before = 320, touch_mesh.ELEMENTS
+    mesh.ELEMENTS, before = 320, mesh.ELEMENTS
     radius, drum, stiffness, tension = 0.002, 0.1, 0.001, 2.0
     cable = cs.Cable(LENGTH, 0.1, stiffness, stiffness, diameter=2.0 * radius)
     scene = cs.Scene(
@@ -64,7 +64,7 @@ def around_a_drum() -> float:
     for angle in np.radians(np.arange(-20.0, 61.0, 2.0)):
         end = cs.FreeEnd(force=(tension * math.cos(angle), 0.0, -tension * math.sin(angle)))
         shape = predictor.predict(start, end)
-    touch_mesh.ELEMENTS = before
+    mesh.ELEMENTS = before
     at = np.array([c.arc_length for c in shape.contacts])
     forces = np.array([c.force for c in shape.contacts])
     pressure = np.median(forces[1:-1] / (0.5 * (at[2:] - at[:-2])))  # a node carries that of half a cell either side

@@ -1,22 +1,20 @@
-"""Contact in the equilibrium: seeded motions, finer meshes, random places and times.
+"""Contact in the equilibrium: seeded motions, finer meshes, and times.
 
 python benchmarks/scene_contact.py [--quick]
 """
 
 from __future__ import annotations
 
-import statistics
 import sys
-from dataclasses import dataclass
-from time import perf_counter, thread_time
+from time import thread_time
 
 import numpy as np
-from contact_reference import compared, finer
+from clocks import Turns, clocked
+from contact_reference import HEAD, Tally
 from figures import Figures, heading
 from scene_eyelets import print_eyelets, sway
 
 import cable_shape as cs
-from cable_shape.safety.clearance import ClearanceChecker
 from cable_shape.scene.scene import Solid
 
 ALONG_X = (0.5, 0.5, 0.5, 0.5)
@@ -25,50 +23,7 @@ CABLE = cs.Cable(
 )  # fmt: skip
 ACROSS_Y = cs.Pose((0, 0, 0), (np.sqrt(0.5), 0, 0, np.sqrt(0.5)))  # z of the obstacle along -y of the world
 
-DEEPEST = 2e-4  # m
-
 Ends = tuple[cs.Pose, cs.Pose]
-
-
-@dataclass
-class Totals:
-    """The worst of all motions."""
-
-    steps: int = 0
-    usable: int = 0
-    deepest: float = 0.0  # m
-    late: float = 0.0
-    apart: float = 0.0
-    force: float = 0.0
-    honest: int = 0
-    compared: int = 0
-
-    def add(
-        self,
-        steps: int,
-        usable: int,
-        deepest: float,
-        late: float,
-        apart: float,
-        force: float,
-        honest: int,
-        compared: int,
-    ) -> None:
-        """One motion's."""
-        self.steps, self.usable = self.steps + steps, self.usable + usable
-        self.honest, self.compared = self.honest + honest, self.compared + compared
-        self.deepest, self.late = max(self.deepest, deepest), max(self.late, late)
-        self.apart, self.force = max(self.apart, apart), max(self.force, force)
-
-    def tell(self, figures: Figures) -> None:
-        """As figures."""
-        figures.at_least("motions in contact: usable", 100.0 * self.usable / self.steps, 99.9, "{:.2f}", " %")
-        figures.at_most("motions in contact: deepest", 1e3 * self.deepest, 1e3 * DEEPEST, "{:.3f}", " mm")
-        figures.at_most("motions in contact: 99 % of the times / median, worst", self.late, 10.0, "{:.1f}")
-        figures.at_most("motions in contact: distance / L to a mesh 8 times finer", self.apart, 5e-4)
-        force, honest = 100.0 * self.force, 100.0 * self.honest / self.compared
-        figures.at_most("motions in contact: force against a mesh 4 times finer", force, 1.0, "{:.2f}", " %")
-        figures.at_least("motions in contact: true error at most the estimate", honest, 99.0, "{:.1f}", " %")
 
 
 def turned(axis: tuple[float, float, float], angle: float) -> cs.Pose:
@@ -142,89 +97,26 @@ def motions(steps: int = 300) -> dict[str, tuple[cs.Scene, list[Ends]]]:
     }
 
 
-def deepest(shape: cs.CableShape, scene: cs.Scene, radius: float) -> float:
-    """[m], how deep the densely sampled cable is in the scene's obstacles."""
-    found = ClearanceChecker(scene, radius=radius).check(shape)
-    return max((-body.distance for body in found.bodies), default=0.0)
-
-
 def print_motions(figures: Figures, steps: int, every: int) -> None:
-    """One line a motion; every so manyth shape is compared with meshes 4 and 8 times finer.
+    """One line a motion; every so manyth shape is compared with a finer mesh.
 
     Times are the thread's own: what else the machine does is no late step of the solver.
     """
-    print("                                                                              position, of L: ")
-    print(
-        "motion                      usable snapped  changes   deepest    median p99/median  95 % of shapes, worst "
-        "force    honest, lost"
-    )
-    total = Totals()
+    print(HEAD)
+    total = Tally()
     for name, (scene, ends) in motions(steps).items():
         cs.Predictor(CABLE, scene=scene, model="cosserat").predict(*ends[-1])
-        predictor = cs.Predictor(CABLE, scene=scene, model="cosserat")
-        times, worst, usable, snapped, changes, last = [], 0.0, 0, 0, 0, -1
-        apart, forces, honest, lost = [], [], 0, 0
-        for k, (a, b) in enumerate(ends):
-            began = thread_time()
-            shape = predictor.predict(a, b)
-            times.append(thread_time() - began)
-            usable += bool(shape.status)
-            snapped += shape.status is cs.Status.SNAPPED
-            if shape.status:
-                worst = max(worst, deepest(shape, scene, 0.5 * CABLE.diameter))
-            count = len(shape.contacts)
-            changes += count != last
-            last = count
-            if count == 0 or k % every:
-                continue
-            state = predictor._solver._touch
-            coarse, fine = finer(state, 2), finer(state, 3)
-            if coarse is None or fine is None:
-                lost += 1
-                continue
-            distance, _ = compared(shape, fine)
-            apart.append(distance / CABLE.length)
-            forces.append(compared(shape, coarse)[1])
-            honest += distance <= shape.error_estimate
-        late = np.quantile(times, 0.99) / statistics.median(times)
-        total.add(len(ends), usable, worst, late, max(apart), max(forces), honest, len(apart))
-        print(
-            f"{name:24s} {usable:4d}/{len(ends)} {snapped:7d} {changes:8d} {worst * 1e3:6.3f} mm "
-            f"{statistics.median(times) * 1e6:6.0f} us {late:8.1f}   {np.quantile(apart, 0.95):.1e} {max(apart):.1e} "
-            f"{max(forces) * 100:6.2f} % {honest:4d}/{len(apart)} {lost:4d}",
-            flush=True,
-        )
-    total.tell(figures)
-
-
-def print_random(figures: Figures, count: int, seconds: float) -> None:
-    """Cold shapes among random bodies, until so many or so much time: how many are usable, and how deep they are."""
-    rng = np.random.default_rng(7)
-    kinds = (
-        cs.Sphere(0.08), cs.Capsule(0.03, 0.3), cs.Cylinder(0.06, 0.2), cs.Box((0.1, 0.2, 0.1)), cs.Capsule(0.002, 0.6),
-    )  # fmt: skip
-    start, end = cs.Pose((0, 0, 0), ALONG_X), cs.Pose((0.8, 0, 0), ALONG_X)
-    usable = touched = wrong = done = 0
-    worst = 0.0
-    began = perf_counter()
-    while done < count and perf_counter() - began < seconds:
-        q = rng.normal(size=4)
-        place = (rng.uniform(0.1, 0.7), rng.uniform(-0.1, 0.1), rng.uniform(-0.5, 0.0))
-        pose = cs.Pose(place, q / np.linalg.norm(q))
-        scene = cs.Scene(obstacles=[cs.Obstacle("body", kinds[done % len(kinds)], pose)], contact="solve")
-        shape = cs.predict(CABLE, start, end, scene=scene, model="cosserat", points=600)
-        done += 1
-        wrong += not np.isfinite(shape.buffer).all()
-        if shape.status:
-            usable += 1
-            touched += len(shape.contacts) > 0
-            depth = deepest(shape, scene, 0.5 * CABLE.diameter)
-            worst = max(worst, depth)
-            wrong += depth > DEEPEST
-    print(
-        f"random places, cold: {done} of {count}, {usable} usable, {touched} in contact, deepest {worst * 1e3:.3f} mm"
-    )
-    figures.at_most("random places: not finite, or usable and deeper than 0.2 mm", wrong, 0, "{:d}")
+        predictor, tally = cs.Predictor(CABLE, scene=scene, model="cosserat"), Tally()
+        for k, grips in enumerate(ends):
+            seconds, shape = clocked(lambda p=predictor, g=grips: p.predict(*g), thread_time)
+            tally.take(shape, scene, 0.5 * CABLE.diameter, seconds)
+            if k % every == 0:
+                tally.judge(shape, predictor)
+        tally.print_row(name)
+        total.add(tally)
+    total.tell(figures, "motions in contact", 99.9)
+    figures.at_most("motions in contact: 99 % of the times / median, worst", total.late, 10.0, "{:.1f}")
+    figures.at_most("motions in contact: force against a mesh 4 times finer", 100.0 * total.force, 1.0, "{:.2f}", " %")
 
 
 def print_table(figures: Figures, speed: float, count: int = 300) -> None:
@@ -233,33 +125,24 @@ def print_table(figures: Figures, speed: float, count: int = 300) -> None:
     scene = cs.Scene(obstacles=[cs.Obstacle("table", cs.HalfSpace())], contact="solve")
     resting = cs.Predictor(cable, scene=scene, model="cosserat")
     plain = cs.Predictor(cable, model="cosserat")
-    times, plain_times, contacts = [], [], []
+    turns, contacts = Turns("resting", "plain"), []
     for k in range(count):
         t = speed * k / 0.02
         start = cs.Pose((0, 0, 0.03 + 0.02 * np.sin(t)), ALONG_X)
         end = cs.Pose((1.13 + 0.01 * np.sin(1.4 * t), 0, start.position[2]), ALONG_X)
-        began = perf_counter()
-        shape = resting.predict(start, end)
-        between = perf_counter()
-        plain.predict(start, end)
-        times.append(between - began)
-        plain_times.append(perf_counter() - between)
-        contacts.append(len(shape.contacts))
-    median, beside = statistics.median(times), statistics.median(plain_times)
+        contacts.append(len(turns.of("resting", lambda a=start, b=end: resting.predict(a, b)).contacts))
+        turns.of("plain", lambda a=start, b=end: plain.predict(a, b))
+    here, beside = turns.medians["resting"], turns.medians["plain"]
     named = f"on a table, {speed * 1e3:.1f} mm a step"
-    print(
-        f"{named}: {statistics.median(contacts):.0f} contacts, {median * 1e6:.0f} us; "
-        f"the plain cable {beside * 1e6:.0f} us"
-    )
-    figures.at_most(f"{named}: times the plain cable", median / beside, 5.0, "{:.1f}")
+    print(f"{named}: {np.median(contacts):.0f} contacts, {1e6 * here:.0f} us; the plain cable {1e6 * beside:.0f} us")
+    figures.at_most(f"{named}: times the plain cable", here / beside, 5.0, "{:.1f}")
 
 
 def print_contact(figures: Figures, *, quick: bool = False) -> None:
-    """Prints everything; `quick` with fewer steps, comparisons and random places."""
-    heading("Contact: seeded motions, random places, and times beside the plain cable")
+    """Prints everything; `quick` with fewer steps and comparisons."""
+    heading("Contact: seeded motions, and times beside the plain cable")
     print_motions(figures, 100 if quick else 300, 20 if quick else 5)
-    print_eyelets(figures, deepest, DEEPEST, 50 if quick else 150, 10 if quick else 5)
-    print_random(figures, 200 if quick else 10_000, 20.0 if quick else 300.0)
+    print_eyelets(figures, 50 if quick else 150, 10 if quick else 5)
     for speed in (1e-4, 1e-3):
         print_table(figures, speed)
 

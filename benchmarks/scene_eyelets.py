@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
-from contact_reference import compared, finer
+from contact_reference import Tally
 from figures import Figures
 
 import cable_shape as cs
@@ -76,49 +74,17 @@ def motions(steps: int, seed: int) -> dict[str, list[Step]]:
     }  # fmt: skip
 
 
-def print_eyelets(
-    figures: Figures, deepest: Callable[..., float], limit: float, steps: int, every: int, seed: int = 31
-) -> None:
-    """One line a motion; every so manyth shape is compared with a mesh 4 times finer. limit [m]: of `deepest`."""
-    print(
-        "\nrun through eyelets       usable snapped contacts   deepest    median   position, of L: worst   honest, lost"
-    )
-    usable = total = judged = right = 0
-    worst = farthest = 0.0
+def print_eyelets(figures: Figures, steps: int, every: int, seed: int = 31) -> None:
+    """One line a motion; every so manyth shape is compared with a finer mesh."""
+    total = Tally()
     for name, way in motions(steps, seed).items():
-        predictor = cs.Predictor(CABLE, model="cosserat")
-        good = snapped = touched = honest = lost = 0
-        deep, apart, times = 0.0, [], []
+        predictor, tally = cs.Predictor(CABLE, model="cosserat"), Tally()
         for k, (scene, start, end) in enumerate(way):
             predictor.scene = scene
             shape = predictor.predict(start, end)
-            times.append(shape.solve_time)
-            snapped += shape.status is cs.Status.SNAPPED
-            touched += len(shape.contacts) > 0
-            if not shape.status:
-                continue
-            good += 1
-            deep = max(deep, deepest(shape, scene, 0.5 * CABLE.diameter))
-            if not shape.contacts or k % every:
-                continue
-            fine = finer(predictor._solver._touch, 2)
-            if fine is None:
-                lost += 1
-                continue
-            distance = compared(shape, fine)[0]
-            apart.append(distance / CABLE.length)
-            honest += distance <= shape.error_estimate
-        usable, total = usable + good, total + len(way)
-        judged, right = judged + len(apart), right + honest
-        worst, farthest = max(worst, deep), max(farthest, *apart, 0.0)
-        print(
-            f"{name:24s} {good:4d}/{len(way)} {snapped:7d} {touched:8d} {1e3 * deep:6.3f} mm "
-            f"{1e6 * np.median(times):6.0f} us {max(apart, default=0.0):22.1e} {honest:4d}/{len(apart)} {lost:4d}",
-            flush=True,
-        )
-    figures.at_least("in contact through eyelets: usable", 100.0 * usable / total, 99.9, "{:.2f}", " %")
-    figures.at_most("in contact through eyelets: deepest", 1e3 * worst, 1e3 * limit, "{:.3f}", " mm")
-    figures.at_most("in contact through eyelets: distance / L to a mesh 4 times finer", farthest, 5e-4)
-    figures.at_least(
-        "in contact through eyelets: true error at most the estimate", 100.0 * right / judged, 99.0, "{:.1f}", " %"
-    )
+            tally.take(shape, scene, 0.5 * CABLE.diameter, shape.solve_time)
+            if k % every == 0:
+                tally.judge(shape, predictor)
+        tally.print_row(f"through eyelets, {name}")
+        total.add(tally)
+    total.tell(figures, "in contact through eyelets", 99.9)

@@ -8,18 +8,16 @@ python benchmarks/scene_limp.py [--quick]
 
 from __future__ import annotations
 
-import statistics
 import sys
-from dataclasses import dataclass, field
-from time import perf_counter
+from dataclasses import dataclass
 
 import numpy as np
-from contact_reference import compared, finer
+from clocks import clocked
+from contact_reference import HEAD, Tally
 from figures import Figures, heading
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
-from cable_shape.safety.clearance import ClearanceChecker
 
 LENGTH, DENSITY, DIAMETER = 1.0, 0.1, 0.004
 TABLE = cs.Scene(obstacles=[cs.Obstacle("table", cs.HalfSpace())], contact="solve")
@@ -47,70 +45,6 @@ class Case:
         return cs.Pose(start.position + up, start.quaternion), cs.Pose(end.position + up, end.quaternion)
 
 
-@dataclass
-class Tally:
-    """What a group of shapes came to."""
-
-    shapes: int = 0
-    usable: int = 0
-    snapped: int = 0
-    deepest: float = 0.0  # m
-    apart: float = 0.0  # of the length, from a mesh 4 times finer
-    honest: int = 0
-    compared: int = 0
-    lost: int = 0
-    times: list[float] = field(default_factory=list)  # s
-
-    def take(self, shape: cs.CableShape, seconds: float) -> None:
-        """One shape's."""
-        self.shapes += 1
-        self.usable += bool(shape.status)
-        self.snapped += shape.status is cs.Status.SNAPPED
-        self.times.append(seconds)
-        if shape.status:
-            found = ClearanceChecker(TABLE, radius=0.5 * DIAMETER).check(shape)
-            self.deepest = max(self.deepest, *(-body.distance for body in found.bodies), 0.0)
-
-    def judge(self, shape: cs.CableShape, predictor: cs.Predictor) -> None:
-        """Compares a usable shape in contact with a finer mesh."""
-        if not shape.status or not shape.contacts:
-            return
-        fine = finer(predictor._solver._touch, 2, NEARBY)
-        if fine is None:
-            self.lost += 1
-            return
-        distance, _ = compared(shape, fine)
-        self.compared += 1
-        self.honest += distance <= shape.error_estimate
-        self.apart = max(self.apart, distance / LENGTH)
-
-    def add(self, other: Tally) -> None:
-        """Another group's."""
-        for name in ("shapes", "usable", "snapped", "honest", "compared", "lost", "times"):
-            setattr(self, name, getattr(self, name) + getattr(other, name))
-        self.deepest, self.apart = max(self.deepest, other.deepest), max(self.apart, other.apart)
-
-    def line(self) -> str:
-        """As the columns of a table."""
-        late = np.quantile(self.times, 0.99)
-        return (
-            f"{self.usable:5d}/{self.shapes:<5d} {self.snapped:4d} {self.deepest * 1e3:7.3f} mm "
-            f"{statistics.median(self.times) * 1e3:7.1f} {late * 1e3:7.1f} ms   {self.apart:.1e} "
-            f"{self.honest:4d}/{self.compared:<4d} {self.lost:3d}"
-        )
-
-    def tell(self, figures: Figures, how: str, usable: float) -> None:
-        """As figures."""
-        named = f"limp cables on a table, {how}"
-        figures.at_least(f"{named}: usable", 100.0 * self.usable / self.shapes, usable, "{:.1f}", " %")
-        figures.at_most(f"{named}: deepest", 1e3 * self.deepest, 0.2, "{:.3f}", " mm")
-        figures.at_most(f"{named}: distance / L to a mesh 4 times finer", self.apart, 5e-4)
-        honest = 100.0 * self.honest / max(self.compared, 1)
-        figures.at_least(f"{named}: true error at most the estimate", honest, 99.0, "{:.1f}", " %")
-        lost = 100.0 * self.lost / max(self.compared + self.lost, 1)
-        figures.at_most(f"{named}: no finer mesh on the same branch", lost, 5.0, "{:.1f}", " %")
-
-
 def case(limpness: float, chords: tuple[float, float], seed: int) -> Case:
     """A cable of EI = 10^limpness w L^3 between two grips."""
     rng = np.random.default_rng(seed)
@@ -125,11 +59,10 @@ def case(limpness: float, chords: tuple[float, float], seed: int) -> Case:
 def laid(given: Case, tally: Tally, *, judge: bool = True) -> cs.CableShape:
     """From nothing."""
     predictor = cs.Predictor(given.cable, model="cosserat", scene=TABLE)
-    began = perf_counter()
-    shape = predictor.predict(given.start, given.end)
-    tally.take(shape, perf_counter() - began)
+    seconds, shape = clocked(lambda: predictor.predict(given.start, given.end))
+    tally.take(shape, TABLE, 0.5 * DIAMETER, seconds)
     if judge:
-        tally.judge(shape, predictor)
+        tally.judge(shape, predictor, NEARBY)
     return shape
 
 
@@ -138,31 +71,33 @@ def lowered(given: Case, tally: Tally, *, every: int = 8) -> cs.CableShape:
     predictor = cs.Predictor(given.cable, model="cosserat", scene=TABLE)
     for k in range(STEPS):
         ends = given.above((1.0 - k / (STEPS - 1)) * LOWERED * LENGTH)
-        began = perf_counter()
-        shape = predictor.predict(*ends)
-        tally.take(shape, perf_counter() - began)
+        seconds, shape = clocked(lambda ends=ends: predictor.predict(*ends))
+        tally.take(shape, TABLE, 0.5 * DIAMETER, seconds)
         if k % every == every - 1:
-            tally.judge(shape, predictor)
+            tally.judge(shape, predictor, NEARBY)
     return shape
 
 
 def print_limp(figures: Figures, cases: int) -> None:
     """One line for every limpness and slack, `cases` of each."""
     heading("Limp cables laid on a table: from nothing, and lowered in 80 steps")
-    print("EI/(w L^3)  chord / L            usable  snapped  deepest     median    99 %   apart / L honest    lost")
-    totals = {"from nothing": Tally(), "lowered": Tally()}
+    print(HEAD)
+    ways = {"from nothing": laid, "lowered": lowered}
+    totals = {how: Tally() for how in ways}
     laid(case(-4.0, (0.6, 0.9), 0), Tally())
     for limpness in LIMPNESS:
         for chords in CHORDS:
-            for how, total in totals.items():
+            for how, way in ways.items():
                 tally = Tally()
                 for seed in range(cases):
-                    (laid if how == "from nothing" else lowered)(case(limpness, chords, seed), tally)
-                print(f"{10**limpness:8.1e}  {chords[0]:.2f} to {chords[1]:.2f}  {how:12s} {tally.line()}", flush=True)
+                    way(case(limpness, chords, seed), tally)
+                tally.print_row(f"EI {10**limpness:.0e} w L^3, chord {chords[0]:.1f} to {chords[1]:.2f} L, {how}")
                 if limpness >= SOFTEST:
-                    total.add(tally)
-    totals["from nothing"].tell(figures, "from nothing", 97.0)
-    totals["lowered"].tell(figures, "lowered", 99.0)
+                    totals[how].add(tally)
+    for (how, total), usable in zip(totals.items(), (97.0, 99.0), strict=True):
+        total.tell(figures, f"limp cables on a table, {how}", usable)
+        lost = 100.0 * total.lost / max(total.compared + total.lost, 1)
+        figures.at_most(f"limp cables on a table, {how}: no finer mesh on the same branch", lost, 5.0, "{:.1f}", " %")
 
 
 if __name__ == "__main__":

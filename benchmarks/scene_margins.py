@@ -56,25 +56,3 @@ def print_margins(figures: Figures, cycles: int = 2000) -> None:
         measured[name] = m
     for name, m in measured.items():
         figures.at_most(f"margins, {name}", m, ASKED_US, "{:.1f}", " us")
-
-
-def print_snap() -> None:
-    """Prints what looking ahead costs in the cycles in which a snap is near."""
-    cable = cs.Cable(length=1.0, linear_density=0.0, bending_stiffness=0.02, twisting_stiffness=0.015)
-    cycle = cs.Cycle(cable, model="cosserat", snap_horizon=0.5)
-    looked, rest, first = [], [], None
-    for k in range(200):
-        grips = []
-        for x, sign in ((0.0, 1.02), (0.9, -1.0)):
-            turn = Rotation.from_rotvec((0.0, sign * (0.005 * k - 0.6), 0.0))
-            grips.append(cs.Pose((x, 0.0, 0.0), (turn * Rotation.from_quat(ALONG_X)).as_quat()))
-        report = cycle.step({"cable": (grips[0], grips[1])}, k * 10_000_000)
-        if report.shapes["cable"].status is cs.Status.SNAPPED:
-            break
-        (rest if report.skipped["snap_checks"] else looked).append(1e6 * report.times["margins"])
-        if report.after_snap and first is None:
-            first = k
-    told = "never told" if first is None else f"told {(k - first) * 0.01:.2f} s before"
-    heading(f"Predicted snap: {told}, horizon 0.5 s")
-    print(f"margins in cycles that look ahead: median {np.median(looked):.0f} us in {len(looked)} cycles, ", end="")
-    print(f"elsewhere {np.median(rest):.0f} us in {len(rest)} cycles")

@@ -40,18 +40,3 @@ def least(observations: list[cs.Observation], cable: cs.Cable, ratios: np.ndarra
         means.append(float(np.nanmean(np.linalg.norm(off, axis=1))))
     best = int(np.argmin(means))
     return means[best], float(ratios[::-1][best])
-
-
-def read_off(values: np.ndarray, other: np.ndarray, at: float, groups: np.ndarray) -> tuple[float, float]:
-    """What frames whose mean of `other` is `at` would have as mean of `values`, and its standard error.
-
-    A straight line through the frames; the error is the jackknife's over trajectories.
-    """
-
-    def on_line(kept: np.ndarray) -> float:
-        return float(np.polyval(np.polyfit(other[kept], values[kept], 1), at))
-
-    own = np.unique(groups)
-    left = np.array([on_line(groups != g) for g in own])
-    error = math.sqrt((len(own) - 1.0) / len(own) * float(((left - left.mean()) ** 2).sum()))
-    return on_line(np.ones(len(values), dtype=bool)), error

@@ -1,4 +1,3 @@
-#!/usr/bin/env python
 """How many markers of real cables the tubes hold, by kind of frame: at rest, slow, faster, and whole recordings.
 
 One fit a cable and part, with inertial load, to calm frames ("quasi") of two thirds of the trajectories; judged on the
@@ -10,20 +9,18 @@ which part of a given acceleration stands for the model's error was chosen on th
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from figures import Figures, bench_options, bench_parser, finish, heading
+from figures import Figures, heading
 from scipy.spatial.transform import Rotation
 from tqdm import tqdm
-from truth_data import CABLES, DATA, Frames, carried, load
+from truth_data import CABLES, DATA, Frames, carried, distances, load
 from truth_limits import line
 
 import cable_shape as cs
 from cable_shape.calibration.parameters import held
-from cable_shape.kernels.distance.misses import misses
 from cable_shape.replay.observations import from_bag
 from cable_shape.uncertainty.calibrated_tube import left_out
 from cable_shape.uncertainty.tube_watch import TubeWatch
@@ -49,7 +46,7 @@ def largest(seen: cs.Observation) -> float:
     In a cell it is told by how the grips move, now and before; a frame by itself has no past.
     """
     assert seen.acceleration is not None
-    return float(np.linalg.norm(seen.acceleration, axis=1).max()) / G
+    return float(np.linalg.norm(seen.acceleration[:, :3], axis=1).max()) / G
 
 
 def as_fitted(number: int, seen: list[cs.Observation]) -> list[cs.Observation]:
@@ -67,10 +64,8 @@ def as_fitted(number: int, seen: list[cs.Observation]) -> list[cs.Observation]:
 
 def inside(tube: cs.Tube, points: np.ndarray) -> np.ndarray:
     """(m,), whether the tube holds each observed point."""
-    off = np.empty_like(points)
-    misses(tube.shape.buffer, tube.shape.points, points, np.full(len(points), math.nan), off)
     apart = np.linalg.norm(points[:, None] - tube.shape.positions[None], axis=2)
-    return np.asarray(np.linalg.norm(off, axis=1) <= tube.radius[apart.argmin(axis=1)])
+    return np.asarray(distances(tube.shape, points) <= tube.radius[apart.argmin(axis=1)])
 
 
 class Tubes:
@@ -94,12 +89,11 @@ class Tubes:
 #: Of frames: what is told, observations, and the load that the prediction leaves out.
 ROWS: tuple[tuple[str, str, Callable[[cs.Calibration, cs.Observation], float]], ...] = (
     ("inertial load", "moving", lambda found, seen: left_out(found, seen.acceleration)),  # type: ignore[arg-type]
-    ("inertial load, nothing left out", "moving", lambda found, seen: 0.0),
     ("static, as if at rest", "static", lambda found, seen: 0.0),
     ("static, largest load told", "static", lambda found, seen: largest(seen)),
 )
-#: Those that tell what was before the tubes knew of motion: nothing is asked of them.
-BEFORE = ("nothing left out", "as if at rest")
+#: What a tube that knows nothing of the motion would hold: nothing is asked of it.
+UNTOLD = "as if at rest"
 
 
 def put(rows: dict[str, list[np.ndarray]], row: str, tube: cs.Tube | None, points: np.ndarray) -> None:
@@ -154,20 +148,6 @@ def tubes(figures: Figures, quick: bool) -> dict[str, Any]:
         if any(without):
             line("  of which the tube says that it does not hold", without, digits=1)
         for n, share in zip(CABLES, shares[row], strict=True):
-            if not row.endswith(BEFORE) and not math.isnan(share):
+            if not row.endswith(UNTOLD) and not math.isnan(share):
                 figures.at_least(f"cable{n}: {row}, in the 95 % tube", share, 90.0, "{:.1f}", " %")
     return shares
-
-
-def main() -> int:
-    args = bench_options(bench_parser(__doc__, "one part of the frames"))
-    cs.warm_up()
-    figures = Figures()
-    if not DATA.is_dir():
-        print(f"no recordings of real cables at {DATA.parent.name}/{DATA.name}: not judged")
-        return 0
-    return finish(figures, args, tables=tubes(figures, args.quick))
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -42,10 +42,15 @@ if TYPE_CHECKING:
         SteeringError,
         UnknownKeyError,
     )
+    from cable_shape.motion.motion import Motion
     from cable_shape.planning.batch import predict_batch
+    from cable_shape.planning.export import export
     from cable_shape.planning.harness_batch import HarnessBatch
     from cable_shape.planning.paths import EndsPath, GripPath, JointPath
     from cable_shape.planning.shape_batch import ShapeBatch
+    from cable_shape.planning.study import Study
+    from cable_shape.planning.study_result import StudyResult
+    from cable_shape.planning.swept import Swept, swept
     from cable_shape.planning.trajectory import check_trajectory
     from cable_shape.planning.trajectory_report import Reason, TrajectoryCheck, Violation
     from cable_shape.pose import FreeEnd, Grip, Pose
@@ -121,6 +126,7 @@ __all__ = [
     "Junction",
     "Margin",
     "Mesh",
+    "Motion",
     "Observation",
     "Obstacle",
     "Plug",
@@ -139,6 +145,9 @@ __all__ = [
     "Status",
     "SteeringError",
     "Stress",
+    "Study",
+    "StudyResult",
+    "Swept",
     "TrajectoryCheck",
     "Tube",
     "Uncertainty",
@@ -150,12 +159,14 @@ __all__ = [
     "calibrate_photo",
     "calibrate_sag",
     "check_trajectory",
+    "export",
     "predict",
     "predict_batch",
     "predict_tails",
     "predict_tube",
     "rest_curvature_from",
     "stress_of",
+    "swept",
     "warm_up",
 ]
 
@@ -190,6 +201,7 @@ _HOMES = {
     "cable.harness": ("Harness",),
     "cable.junction": ("Junction",),
     "cable.imported": ("Imported",),
+    "motion.motion": ("Motion",),
     "planning.harness_batch": ("HarnessBatch",),
     "solve.harness_shape": ("HarnessShape",),
     "planning.paths": ("EndsPath", "GripPath", "JointPath"),
@@ -214,6 +226,10 @@ _HOMES = {
     "planning.shape_batch": ("ShapeBatch",),
     "safety.stress": ("Stress", "stress_of"),
     "prediction.tails": ("predict_tails",),
+    "planning.export": ("export",),
+    "planning.study": ("Study",),
+    "planning.study_result": ("StudyResult",),
+    "planning.swept": ("Swept", "swept"),
     "planning.trajectory": ("check_trajectory",),
     "planning.trajectory_report": ("Reason", "TrajectoryCheck", "Violation"),
     "uncertainty.uncertainty": ("Tube", "Uncertainty"),

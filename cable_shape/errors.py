@@ -103,6 +103,11 @@ EXTRAS = {
     "mujoco": "robots",
     "ezdxf": "drawings",
     "OCP": "cad",
+    "pyarrow": "studies",
+    "dask": "studies",
+    "distributed": "studies",
+    "pxr": "usd",
+    "xarray": "netcdf",
 }
 
 #: What a ROS brings, and how to get it.

@@ -101,10 +101,13 @@ class CableShape:
         "bodies",
         "buffer",
         "detail",
+        "dissipated",
         "energy",
         "force_error",
         "iterations",
+        "kinetic_energy",
         "length",
+        "lost",
         "missing_length",
         "model",
         "moment_error",
@@ -118,6 +121,8 @@ class CableShape:
         "touches",
         "turns",
         "twist",
+        "velocity",
+        "work",
     )
 
     def __init__(
@@ -145,6 +150,11 @@ class CableShape:
         force_error: float = math.nan,
         moment_error: float = math.nan,
         missing_length: float = 0.0,
+        velocity: Array | None = None,
+        kinetic_energy: float = 0.0,
+        work: float = 0.0,
+        dissipated: float = 0.0,
+        lost: float = 0.0,
     ) -> None:
         self.buffer = buffer  # (17 n,): arc_length n | positions 3n | quaternions 4n | curvature, force, moment 3n each
         self.points = points
@@ -168,6 +178,11 @@ class CableShape:
         self.force_error = force_error  # N, estimated largest error of `force`; NaN: not known
         self.moment_error = moment_error  # N m, estimated largest error of `moment`; NaN: not known
         self.missing_length = missing_length  # m, what an OVERSTRETCHED cable lacks
+        self.velocity = velocity  # (n, 3) [m/s], world, of a cable in motion; None: at rest
+        self.kinetic_energy = kinetic_energy  # J
+        self.work = work  # J, in the last step, of what holds and pulls the cable
+        self.dissipated = dissipated  # J, in the last step, by drag and retardation
+        self.lost = lost  # J, in the last step, to the scheme: work less dissipated less change of energies
 
     @property
     def error_estimate(self) -> float:

@@ -24,6 +24,7 @@ def warm_up() -> None:
 
     warm_up_cycles()
     warm_up_harnesses()
+    warm_up_motion()
     cable = Cable(length=1.0, linear_density=0.1, bending_stiffness=0.01, max_tension=1e3, allowable_stress=1e9)
     scene = Scene(
         obstacles=(Obstacle("capsule", Capsule(0.05, 0.1), IDENTITY, link="tool"), Obstacle("floor", HalfSpace()))
@@ -115,3 +116,16 @@ def warm_up_harnesses() -> None:
         for k in range(3):
             ends = {"a.start": Pose((0.0, 0.0, 0.5), along), "b.end": Pose((0.8, 0.0, 0.5 + 0.001 * k), along)}
             cycle.step({"h": {**ends, "c.end": FreeEnd(mass=0.01)}}, stamp=k * 10_000_000)  # type: ignore[dict-item]
+
+
+def warm_up_motion() -> None:
+    """Runs the kernels of cables that swing."""
+    from cable_shape.cable.cable import Cable
+    from cable_shape.motion.motion import Motion
+    from cable_shape.pose import Pose
+
+    along = (0.5, 0.5, 0.5, 0.5)
+    start, end = Pose((0.0, 0.0, 0.5), along), Pose((0.8, 0.0, 0.5), along)
+    motion = Motion(Cable(length=1.0, linear_density=0.1, bending_stiffness=0.01), points=12)
+    motion.begin(start, end)
+    motion.step(start, end, 0.01)

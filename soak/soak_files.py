@@ -1,9 +1,5 @@
 """Files that cannot be trusted: whatever is in one, or in its place, it is read, or refused with a CableShapeError.
 
-    scripts/soak --files 60                                     # mutations of the files that come along, for 60 s
-    python soak/soak_files.py KIND -max_total_time=60        # coverage-guided, where atheris is installed
-    (KIND: yaml, json, urdf, stl, obj, csv, npz, mcap, db3)
-
 Each kind is tried in a process of its own, with bounds on its memory, so that a crash below Python is seen, too. First
 come devices, FIFOs, sockets, folders and links in the file's place, then bombs, then mutations of both.
 """
@@ -20,7 +16,7 @@ import tempfile
 from pathlib import Path
 from time import monotonic
 
-from soak_kinds import CONFIG, NO_FILES, READERS, bombs, removed, sound
+from soak_kinds import NO_FILES, READERS, bombs, read, removed, sound
 
 HANGS_S = 30.0  # one file that takes longer hangs
 MEMORY = 4 << 30  # bytes, of the data of one process
@@ -56,16 +52,15 @@ def one_kind(kind: str, seconds: float, seed: int, folder: Path) -> int:
     chance = random.Random(f"{kind} {seed}")
     _, most = resource.getrlimit(resource.RLIMIT_DATA)
     file = folder / f"mutated.{kind}"
-    read = READERS[kind]
     given = sound(kind, folder)
     for content in given:
         file.write_bytes(content)
-        read(file)  # loads what is needed
+        read(kind, file)  # loads what is needed
     resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, most))
 
     def watched() -> None:
         faulthandler.dump_traceback_later(HANGS_S, exit=True)
-        read(file)
+        read(kind, file)
         faulthandler.cancel_dump_traceback_later()
 
     for name, put in NO_FILES.items():
@@ -92,47 +87,19 @@ def mutate(seconds: float, seed: int) -> list[str]:
     for kind in READERS:
         with tempfile.TemporaryDirectory(prefix="soak_") as folder:
             share = seconds / len(READERS)
-            command = [sys.executable, __file__, "--share", kind, str(share), str(seed), folder]
+            command = [sys.executable, __file__, kind, str(share), str(seed), folder]
             done = subprocess.run(command, capture_output=True, text=True, check=False)
             print(f"{kind}: {done.stdout.strip() or 'nothing'} files damaged, exit code {done.returncode}")
             if done.returncode:
                 last = Path(folder, f"mutated.{kind}")
                 kept = Path(tempfile.gettempdir(), f"soak_files_{kind}_{seed}.{kind}")
-                if (
-                    last.is_file() and not last.is_symlink() and last.stat().st_size <= MEMORY
-                ):  # else the last line says what it was
+                # else the last line says what it was
+                if last.is_file() and not last.is_symlink() and last.stat().st_size <= MEMORY:
                     shutil.copyfile(last, kept)
                 wrong.append(f"{kind}: exit code {done.returncode}, the file is {kept}\n{done.stderr[-3000:]}")
     return wrong
 
 
-def guided(kind: str, options: list[str]) -> None:
-    """By atheris, which learns what bytes lead further into the readers."""
-    import atheris
-
-    # they are compiled, and must stay as they are
-    kernels = [f"cable_shape.kernels.{file.stem}" for file in (CONFIG.parent / "cable_shape" / "kernels").glob("*.py")]
-    folder = Path(tempfile.mkdtemp(prefix="soak_"))
-    corpus = folder / "corpus"
-    corpus.mkdir()
-    file = folder / f"guided.{kind}"
-    with atheris.instrument_imports(include=["cable_shape", "yaml", "rosbags"], exclude=kernels):
-        for k, content in enumerate([*sound(kind, folder), *bombs(kind)]):
-            (corpus / str(k)).write_bytes(content)
-            file.write_bytes(content)
-            READERS[kind](file)
-
-    def one(content: bytes) -> None:
-        file.write_bytes(content)
-        READERS[kind](file)
-
-    atheris.Setup([sys.argv[0], *options, str(corpus)], one)
-    atheris.Fuzz()
-
-
 if __name__ == "__main__":
-    if sys.argv[1] == "--share":
-        kind_, seconds_, seed_, folder_ = sys.argv[2:]
-        print(one_kind(kind_, float(seconds_), int(seed_), Path(folder_)))
-    else:
-        guided(sys.argv[1], sys.argv[2:])
+    kind_, seconds_, seed_, folder_ = sys.argv[1:]
+    print(one_kind(kind_, float(seconds_), int(seed_), Path(folder_)))

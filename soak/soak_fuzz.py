@@ -7,23 +7,16 @@ of any length, stamps of the past, of the future and zero, other frames, long an
 from __future__ import annotations
 
 import random
-import signal
 import struct
-import subprocess
-import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import Any
 
-import rclpy
 from builtin_interfaces.msg import Time
 from cable_shape_msgs.msg import CableShape
-from cell_node import SENSOR, STARTUP_S
+from cell_node import FedNode, stamp_of
 from cell_scene import CONFIG
-from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 
@@ -91,84 +84,46 @@ class Abuse:
 
 def fuzz(count: int, seed: int) -> list[str]:
     """Sends `count` messages; what went wrong."""
-    robot = Robot.from_yaml(CONFIG / "robots" / "dual_arm.yaml")
-    abuse = Abuse(seed, tuple(robot.joint_names))
-    node = rclpy.create_node("fuzz", namespace="fuzzed")
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    keep_all = QoSProfile(depth=100)
-    poses = [node.create_publisher(PoseStamped, f"{side}_gripper/pose", keep_all) for side in ("left", "right")]
-    joints = node.create_publisher(JointState, "joint_states", SENSOR)
-    shapes: list[CableShape] = []
-    values: dict[str, str] = {}
-    node.create_subscription(CableShape, "cable/shape", shapes.append, 10)
-    node.create_subscription(
-        DiagnosticArray,
-        "/diagnostics",
-        lambda message: values.update({pair.key: pair.value for status in message.status for pair in status.values}),
-        10,
-    )
+    abuse = Abuse(seed, tuple(Robot.from_yaml(CONFIG / "robots" / "dual_arm.yaml").joint_names))
     parameters = {
         "cable_file": CONFIG / "cables" / "demo.yaml",
         "robot_file": CONFIG / "robots" / "dual_arm.yaml",
         "frame_id": "world",  # else that of the first message
     }
-    command = [sys.executable, "-m", "cable_shape.ros.node", "--ros-args", "-r", "__ns:=/fuzzed"]
-    for name, value in parameters.items():
-        command += ["-p", f"{name}:={value}"]
-    with tempfile.TemporaryDirectory(prefix="soak_") as folder:
-        log = Path(folder, "node.log")
-        with log.open("w") as file:
-            child = subprocess.Popen(command, stdout=file, stderr=subprocess.STDOUT)
-        try:
-            end = time.monotonic() + STARTUP_S
-            while values.get("state") != "active" or not all(p.get_subscription_count() for p in (*poses, joints)):
-                executor.spin_once(timeout_sec=0.1)
-                if child.poll() is not None or time.monotonic() > end:
-                    return [f"the node did not become active:\n{log.read_text()}"]
-            for k in range(count):
-                if k % 5 == 4:
-                    joints.publish(abuse.state())
-                else:
-                    poses[k % 2].publish(abuse.pose())
-                time.sleep(PAUSE)
-                if k % BATCH == 0:
-                    executor.spin_once(timeout_sec=0.0)
-                if k % AWAKE_EVERY == AWAKE_EVERY - 1 or k == count - 1:
-                    if not answered(executor, poses, shapes):
-                        return [f"no shape for good poses after {k + 1} messages:\n{log.read_text()[-4000:]}"]
-                    shapes.clear()
-            counts = {key: int(number) for key, number in values.items() if number.isdigit()}
-            refused = sum(number for key, number in counts.items() if key.startswith("refused"))
-            overtaken = sum(number for key, number in counts.items() if key.startswith("overtaken"))
-            print(
-                f"{count} random messages sent, {count - overtaken} read, {refused} refused; {counts['cycles']} cycles"
-            )
-            defects = log.read_text().count("Traceback")
-            wrong = [f"{defects} defects:\n{log.read_text()[-4000:]}"] if defects else []
-            return wrong + ([f"the node refused nothing: {values}"] if not refused else [])
-        finally:
-            child.send_signal(signal.SIGINT)
-            if child.wait(STARTUP_S):
-                print(f"the node ended with exit code {child.returncode}", file=sys.stderr)
+    with tempfile.TemporaryDirectory(prefix="soak_") as folder, FedNode("fuzzed", Path(folder), parameters) as fed:
+        keep_all, shapes = QoSProfile(depth=100), list[CableShape]()
+        poses = [fed.node.create_publisher(PoseStamped, publisher.topic_name, keep_all) for publisher in fed.poses]
+        fed.node.create_subscription(CableShape, "cable/shape", shapes.append, 10)
+        fed.wait()
+        for k in range(count):
+            if k % 5 == 4:
+                fed.joints.publish(abuse.state())
+            else:
+                poses[k % 2].publish(abuse.pose())
+            time.sleep(PAUSE)
+            if k % BATCH == 0:
+                fed.spin(1e-4)
+            if k % AWAKE_EVERY == AWAKE_EVERY - 1 or k == count - 1:
+                if not answered(fed, shapes):
+                    return [f"no shape for good poses after {k + 1} messages:\n{fed.log.read_text()[-4000:]}"]
+                shapes.clear()
+        counts = {key: int(number) for key, number in fed.fresh().items() if number.isdigit()}
+        refused, overtaken = (
+            sum(number for key, number in counts.items() if key.startswith(what)) for what in ("refused", "overtaken")
+        )
+        print(f"{count} random messages sent, {count - overtaken} read, {refused} refused; {counts['cycles']} cycles")
+        said = fed.log.read_text()
+        wrong = [f"{said.count('Traceback')} defects:\n{said[-4000:]}"] if "Traceback" in said else []
+        return wrong + ([f"the node refused nothing: {fed.values}"] if not refused else [])
 
 
-def answered(executor: Any, poses: list[Any], shapes: list[CableShape]) -> bool:
+def answered(fed: FedNode, shapes: list[CableShape]) -> bool:
     """Whether good poses come back as a usable shape; stamps of the future may have to be overcome first."""
-    end = time.monotonic() + ANSWER_S
-    begun = time.time_ns()
+    begun, end = time.time_ns(), time.monotonic() + ANSWER_S
     while time.monotonic() < end:
         now = time.time_ns()
-        for publisher, x in zip(poses, (0.0, 0.4), strict=True):
-            message = PoseStamped()
-            message.header.stamp = Time(sec=now // 10**9, nanosec=now % 10**9)
-            message.header.frame_id = "world"
-            p, o = message.pose.position, message.pose.orientation
-            p.x, p.z = x, 0.5
-            o.x, o.y, o.z, o.w = ALONG_X
-            publisher.publish(message)
-        executor.spin_once(timeout_sec=0.05)
-        stamps = [(s.header.stamp.sec * 10**9 + s.header.stamp.nanosec, s.usable) for s in shapes]
-        if any(begun <= stamp <= now and usable for stamp, usable in stamps):
+        fed.send(now, [(x, 0.0, 0.5, *ALONG_X) for x in (0.0, 0.4)])
+        fed.spin(0.05)
+        if any(shape.usable and begun <= stamp_of(shape) <= now for shape in shapes):
             return True
     return False

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import collections
 import contextlib
+import importlib
 import io
+import operator
 import os
 import socket
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -27,91 +31,49 @@ SOLID = (
 )
 
 
-def read_yaml(file: Path) -> None:
-    """Every reader of YAML."""
-    from cable_shape.cable.cable import Cable
-    from cable_shape.command.load_case import load_case
-    from cable_shape.errors import CableShapeError
-    from cable_shape.robots.robot import Robot
-    from cable_shape.ros.assembly import load_cables
-    from cable_shape.scene.scene import Scene
-    from cable_shape.uncertainty.uncertainty import Uncertainty
+#: Readers of each kind of file, by module and name.
+READERS: dict[str, tuple[str, ...]] = {
+    "yaml": (
+        "cable.cable:Cable.from_yaml", "scene.scene:Scene.from_yaml", "ros.assembly:load_cables",
+        "robots.robot:Robot.from_yaml", "uncertainty.uncertainty:Uncertainty.from_yaml",
+        "command.load_case:load_case",
+    ),
+    "json": ("command.load_case:load_case",),
+    "urdf": ("robots.robot:Robot",),
+    "stl": ("scene.solids:Mesh.from_file",),
+    "obj": ("scene.solids:Mesh.from_file",),
+    "csv": (
+        "replay.observations:load_observations", "replay.observations:load_points", "calibration.photo:is_photo",
+        "calibration.photo:load_clicks",
+    ),
+    "npz": ("replay.observations:load_observations",),
+    "mcap": ("replay.bags:Bag",),
+    "db3": ("replay.bags:Bag",),
+}  # fmt: skip
 
-    for read in (Cable.from_yaml, Scene.from_yaml, load_cables, Robot.from_yaml, Uncertainty.from_yaml, load_case):
+
+def read(kind: str, file: Path) -> None:
+    """By every reader of the kind: it reads, or refuses with a CableShapeError."""
+    from cable_shape.errors import CableShapeError
+
+    for name in READERS[kind]:
+        module, _, path = name.partition(":")
+        reader = operator.attrgetter(path)(importlib.import_module(f"cable_shape.{module}"))
         with contextlib.suppress(CableShapeError):
-            read(file)
+            if kind == "urdf":
+                reader(file, _grippers()).link_poses()
+            elif kind in ("mcap", "db3"):
+                with reader(file) as bag:
+                    collections.deque(bag.messages(tuple(bag.types)), maxlen=0)
+            else:
+                reader(file)
 
 
-def read_json(file: Path) -> None:
-    """A case."""
-    from cable_shape.command.load_case import load_case
-    from cable_shape.errors import CableShapeError
-
-    with contextlib.suppress(CableShapeError):
-        load_case(file)
-
-
-def read_urdf(file: Path) -> None:
-    """The robot that a URDF describes, and where its links are."""
-    from cable_shape.errors import CableShapeError
+def _grippers() -> dict[str, Any]:
     from cable_shape.pose import Pose
-    from cable_shape.robots.robot import Gripper, Robot
+    from cable_shape.robots.robot import Gripper
 
-    grippers = {side: Gripper(f"{side}_tool", Pose((0.0, 0.0, 0.0))) for side in ("left", "right")}
-    with contextlib.suppress(CableShapeError):
-        Robot(file, grippers).link_poses()
-
-
-def read_bag(file: Path) -> None:
-    """All messages of a recording."""
-    from cable_shape.errors import CableShapeError
-    from cable_shape.replay.bags import Bag
-
-    with contextlib.suppress(CableShapeError), Bag(file) as bag:
-        for _ in bag.messages(tuple(bag.types)):
-            pass
-
-
-def read_mesh(file: Path) -> None:
-    """Triangles."""
-    from cable_shape.errors import CableShapeError
-    from cable_shape.scene.solids import Mesh
-
-    with contextlib.suppress(CableShapeError):
-        Mesh.from_file(file)
-
-
-def read_table(file: Path) -> None:
-    """Observations, points at rest, and clicks."""
-    from cable_shape.calibration.photo import is_photo, load_clicks
-    from cable_shape.errors import CableShapeError
-    from cable_shape.replay.observations import load_observations, load_points
-
-    for read in (load_observations, load_points, is_photo, load_clicks):
-        with contextlib.suppress(CableShapeError):
-            read(file)
-
-
-def read_arrays(file: Path) -> None:
-    """Observations."""
-    from cable_shape.errors import CableShapeError
-    from cable_shape.replay.observations import load_observations
-
-    with contextlib.suppress(CableShapeError):
-        load_observations(file)
-
-
-READERS: dict[str, Callable[[Path], None]] = {
-    "yaml": read_yaml,
-    "json": read_json,
-    "urdf": read_urdf,
-    "stl": read_mesh,
-    "obj": read_mesh,
-    "csv": read_table,
-    "npz": read_arrays,
-    "mcap": read_bag,
-    "db3": read_bag,
-}
+    return {side: Gripper(f"{side}_tool", Pose((0.0, 0.0, 0.0))) for side in ("left", "right")}
 
 
 def sound(kind: str, folder: Path) -> list[bytes]:

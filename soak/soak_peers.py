@@ -10,7 +10,6 @@ import os
 import random
 import signal
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -19,9 +18,8 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
-from builtin_interfaces.msg import Time
 from cable_shape_msgs.msg import CableShape
-from cell_node import STARTUP_S
+from cell_node import STARTUP_S, stamp_of, stamped, started
 from cell_scene import CONFIG
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
@@ -122,13 +120,7 @@ class Peer:
 
     def pose(self, publisher: Any, x: float) -> None:
         """A good one, of now."""
-        message = PoseStamped()
-        now = time.time_ns()
-        message.header.stamp, message.header.frame_id = Time(sec=now // 10**9, nanosec=now % 10**9), "world"
-        p, o = message.pose.position, message.pose.orientation
-        p.x, p.z = x, 0.5
-        o.x, o.y, o.z, o.w = ALONG_X
-        publisher.publish(message)
+        publisher.publish(stamped(time.time_ns(), (x, 0.0, 0.5, *ALONG_X)))
 
     def drop(self) -> None:
         """Takes its publishers away."""
@@ -212,12 +204,7 @@ def hostile_node(folder: Path, lock: bool) -> Iterator[tuple[subprocess.Popen[by
     """The node among them, and its log."""
     (folder / "out").mkdir()
     good = {"cable_file": CONFIG / "cables" / "demo.yaml", "output_folder": folder / "out", "frame_id": "world"}
-    command = [sys.executable, "-m", "cable_shape.ros.node", "--ros-args", "-r", f"__ns:=/{SPACE}"]
-    for name, value in {**good, "lock": str(lock).lower(), "workers_make_way": "false"}.items():
-        command += ["-p", f"{name}:={value}"]
-    log = folder / "node.log"
-    with log.open("w") as file:
-        child = subprocess.Popen(command, stdout=file, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL, cwd=folder)
+    child, log = started(SPACE, folder, {**good, "lock": str(lock).lower(), "workers_make_way": "false"})
     try:
         yield child, log
     finally:
@@ -246,7 +233,7 @@ def recovers(peer: Peer, cell: Peer, lock: bool) -> None:
         for publisher, x in zip(cell.publishers, (0.0, 0.4), strict=True):
             cell.pose(publisher, x)
         cell.executor.spin_once(timeout_sec=0.05)
-        return any(s.usable and s.header.stamp.sec * 10**9 + s.header.stamp.nanosec > begun for s in cell.shapes)
+        return any(shape.usable and stamp_of(shape) > begun for shape in cell.shapes)
 
     cell.until(shaped, "usable shape")
 
@@ -276,7 +263,7 @@ def harass(count: int, seed: int, lock: bool) -> list[str]:
             parts = said.split("Traceback")
             wrong = [f"{len(parts) - 1} defects, the first:\n{parts[1][:4000]}"] if len(parts) > 1 else []
             wrong += ["it told what is in a file"] if SECRET in said else []
-            known = {"bad", "out", "node.log"}
+            known = {"bad", "out", log.name}
             wrong += [f"it wrote {name}" for name in sorted({p.name for p in folder.iterdir()} - known)]
             wrong += [f"it wrote over {file}" for file, content in planted.items() if file.read_bytes() != content]
             wrong += [f"it left {p.name}" for p in (folder / "out").iterdir() if p.suffix not in (".rrd", ".yaml")]

@@ -15,6 +15,8 @@ from cell_scene import CONFIG
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from cable_shape.pose import multiply
+
 FRAMES, PERIOD, BEGIN = 200, 10_000_000, 1_700_000_000_000_000_000  # ns
 ALONG_X = (0.5, 0.5, 0.5, 0.5)
 POSE = "geometry_msgs/msg/PoseStamped"
@@ -41,20 +43,9 @@ def write_recording(folder: Path, storage: str = "mcap", frames: int = FRAMES) -
                 )
                 pose = types["geometry_msgs/msg/Pose"](
                     types["geometry_msgs/msg/Point"](*map(float, place)),
-                    types["geometry_msgs/msg/Quaternion"](*map(float, product(ALONG_X, turn))),
+                    types["geometry_msgs/msg/Quaternion"](*map(float, multiply(np.array(ALONG_X), np.array(turn)))),
                 )
                 writer.write(side, stamp, store.serialize_cdr(types[POSE](header, pose), POSE))
-
-
-def product(a: Any, b: Any) -> tuple[float, float, float, float]:
-    """Of two quaternions x, y, z, w."""
-    (ax, ay, az, aw), (bx, by, bz, bw) = a, b
-    return (
-        aw * bx + ax * bw + ay * bz - az * by,
-        aw * by - ax * bz + ay * bw + az * bx,
-        aw * bz + ax * by - ay * bx + az * bw,
-        aw * bw - ax * bx - ay * by - az * bz,
-    )
 
 
 def digest(out: Path) -> dict[str, str]:
@@ -81,20 +72,19 @@ def repeat(count: int) -> list[str]:
         first: dict[str, str] = {}
         for k in range(count):
             out = folder / "out"
-            command = [sys.executable, "-m", "cable_shape.command.cli", "replay", str(folder / "bag"), "-o", str(out)]
-            command += [
-                "--cable",
-                str(CONFIG / "cables" / "demo.yaml"),
-                "--scene",
-                str(CONFIG / "scenes" / "demo.yaml"),
+            command = [
+                sys.executable,
+                "-m",
+                "cable_shape.command.cli",
+                "replay",
+                folder / "bag",
+                "-o",
+                out,
+                "--no-picture",
             ]
-            done = subprocess.run(
-                [*command, "--no-picture"],
-                env={**os.environ, "PYTHONHASHSEED": str(k)},
-                capture_output=True,
-                text=True,
-                check=False,
-            )
+            command += ["--cable", CONFIG / "cables" / "demo.yaml", "--scene", CONFIG / "scenes" / "demo.yaml"]
+            seeded = {**os.environ, "PYTHONHASHSEED": str(k)}
+            done = subprocess.run(command, env=seeded, capture_output=True, text=True, check=False)
             if done.returncode:
                 return [f"replay {k} ended with exit code {done.returncode}: {done.stderr}"]
             found = digest(out)

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import signal
-import subprocess
 import sys
 import tempfile
 import time
@@ -21,18 +19,12 @@ import soak_files
 import soak_fuzz
 import soak_peers
 import soak_replay
-from builtin_interfaces.msg import Time
 from cable_shape_msgs.msg import CableShape
-from cell_node import SENSOR
-from cell_scene import CONFIG, node_command
-from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseStamped
-from rclpy.executors import SingleThreadedExecutor
-from sensor_msgs.msg import JointState
+from cell_node import FedNode
+from cell_scene import CONFIG, given_at, node_parameters
 
 from cable_shape.robots.robot import Robot
 
-STARTUP_S = 120.0
 GROWTH_KB = 5_000  # allocators keep some; a leak of 100 bytes a cycle at 250 Hz is 15 MB in ten minutes
 PEERS = 100  # messages of --fuzz for one request of a hostile peer
 SLOWER = 1.5  # times, of the processor time that a cycle takes, which a busy machine changes less than the clock's
@@ -58,78 +50,45 @@ class Held(NamedTuple):
 def soak(seconds: float, rate: float, settle: float, timed: bool) -> list[str]:
     """Runs it and returns what went wrong."""
     robot = Robot.from_yaml(CONFIG / "robots" / "dual_arm.yaml")
-    node = rclpy.create_node("soak", namespace="node")
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    poses = [node.create_publisher(PoseStamped, f"{side}_gripper/pose", SENSOR) for side in ("left", "right")]
-    joints = node.create_publisher(JointState, "joint_states", SENSOR)
     came = [0]
-    values: dict[str, str] = {}
 
     def count(_: CableShape) -> None:
         came[0] += 1
 
-    def keep(message: DiagnosticArray) -> None:
-        own = [status for status in message.status if status.name.startswith("node/")]  # others may be on this domain
-        values.update({pair.key: pair.value for status in own for pair in status.values})
-
-    node.create_subscription(CableShape, "cable/shape", count, 10)
-    node.create_subscription(DiagnosticArray, "/diagnostics", keep, 10)
-    names, home = list(robot.joint_names), robot.home
-    with tempfile.TemporaryDirectory(prefix="soak_") as folder, Path(folder, "node.log").open("w") as log:
-        child = subprocess.Popen(node_command(Path(folder), "off"), stdout=log, stderr=subprocess.STDOUT)
-        try:
-            end = time.monotonic() + STARTUP_S
-            while values.get("state") != "active":
-                executor.spin_once(timeout_sec=0.1)
-                if child.poll() is not None or time.monotonic() > end:
-                    return [f"the node did not become active:\n{Path(folder, 'node.log').read_text()}"]
+    with tempfile.TemporaryDirectory(prefix="soak_") as place:
+        folder = Path(place)
+        with FedNode("node", folder, node_parameters(folder, "off")) as fed:
+            fed.node.create_subscription(CableShape, "cable/shape", count, 10)
+            fed.wait()
             began = due = time.monotonic()
             first: tuple[Held, float] | None = None
             before: tuple[Held, int] | None = None
             tell, sent = began + 10.0, 0
-            while time.monotonic() < began + seconds:
+            while (now := time.monotonic()) < began + seconds:
                 due += 1.0 / rate
                 stamp = time.time_ns()
-                at = Time(sec=stamp // 10**9, nanosec=stamp % 10**9)
-                q = home + 0.03 * np.sin(0.7 * (stamp % 10**13) * 1e-9) * (home < -0.1)
-                robot.update(q)
-                state = JointState(name=names, position=q.tolist())
-                state.header.stamp = at
-                joints.publish(state)
-                tools = robot.gripper_poses()
-                for publisher, side in zip(poses, ("left", "right"), strict=True):
-                    message = PoseStamped()
-                    message.header.stamp, message.header.frame_id = at, "world"
-                    p, o = message.pose.position, message.pose.orientation
-                    p.x, p.y, p.z, o.x, o.y, o.z, o.w = tools[side].array.tolist()
-                    publisher.publish(message)
+                q = robot.home + 0.03 * np.sin(0.7 * (stamp % 10**13) * 1e-9) * (robot.home < -0.1)
+                fed.send(stamp, *given_at(robot, q))
                 sent += 1
-                executor.spin_once(timeout_sec=0.0)
-                while time.monotonic() < due:
-                    executor.spin_once(timeout_sec=max(0.0, due - time.monotonic()))
-                if child.poll() is not None:
-                    return [f"the node ended:\n{Path(folder, 'node.log').read_text()}"]
-                now = time.monotonic()
-                if now > tell:
-                    tell = now + max(10.0, seconds / 20.0)
-                    held, cycles = Held.by(child.pid), int(values.get("cycles", "0"))
-                    p50 = float(values.get("cycle time p50 [ms]", "nan"))
-                    text = f"{now - began:6.0f} s: {sent} sent, {came[0]} shapes, cycle p50 {p50:.2f} ms, {held}"
-                    if before is not None and cycles > before[1]:
-                        cost = 1e3 * (held.cpu - before[0].cpu) / (cycles - before[1])
-                        last = (held, cost)
-                        text += f", {cost:.2f} ms of processor a cycle"
-                        if first is None and now - began > settle:
-                            first = last
-                    print(text)
-                    before = (held, cycles)
-            if first is None:
-                return [f"shorter than {settle:g} s: nothing can be said"]
-            return judged(first, last, sent, came[0], timed)
-        finally:
-            child.send_signal(signal.SIGINT)
-            child.wait(STARTUP_S)
+                fed.spin(max(due - time.monotonic(), 1e-4))
+                fed.check()
+                if now < tell:
+                    continue
+                tell = now + max(10.0, seconds / 20.0)
+                held, cycles = Held.by(fed.process.pid), int(fed.values.get("cycles", "0"))
+                p50 = float(fed.values.get("cycle time p50 [ms]", "nan"))
+                text = f"{now - began:6.0f} s: {sent} sent, {came[0]} shapes, cycle p50 {p50:.2f} ms, {held}"
+                if before is not None and cycles > before[1]:
+                    cost = 1e3 * (held.cpu - before[0].cpu) / (cycles - before[1])
+                    last = (held, cost)
+                    text += f", {cost:.2f} ms of processor a cycle"
+                    if first is None and now - began > settle:
+                        first = last
+                print(text)
+                before = (held, cycles)
+    if first is None:
+        return [f"shorter than {settle:g} s: nothing can be said"]
+    return judged(first, last, sent, came[0], timed)
 
 
 def judged(first: tuple[Held, float], last: tuple[Held, float], sent: int, came: int, timed: bool) -> list[str]:

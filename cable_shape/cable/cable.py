@@ -62,6 +62,10 @@ class Cable:
         Stretches with properties of their own, which do not overlap; see :class:`cable_shape.Section`.
     stiffness_interval : (2,) array_like, optional
         [N m^2], between which EI is, low and high, as of a bundle whose wires slip or stick; for `stiffness_spread`.
+    retardation_time : float
+        [s], of a cable in motion: its moment is that of its stiffness times (u - u0) + retardation_time du/dt.
+    drag : float
+        [N s/m^2], of a cable in motion: the air holds a metre of it back with drag times its velocity.
 
     Raises
     ------
@@ -74,6 +78,7 @@ class Cable:
         "axial_stiffness",
         "bending_stiffness",
         "diameter",
+        "drag",
         "gradient_length",
         "inner_diameter",
         "length",
@@ -82,6 +87,7 @@ class Cable:
         "max_twist_rate",
         "min_bend_radius",
         "rest_curvature",
+        "retardation_time",
         "sections",
         "shear_stiffness",
         "stiffness_interval",
@@ -106,6 +112,8 @@ class Cable:
     tails: Mapping[str, float]
     sections: tuple[Section, ...]
     stiffness_interval: tuple[float, float] | None
+    retardation_time: float
+    drag: float
 
     def __init__(
         self,
@@ -126,6 +134,8 @@ class Cable:
         tails: Mapping[str, float] | None = None,
         sections: Sequence[Section] | None = None,
         stiffness_interval: ArrayLike | None = None,
+        retardation_time: float = 0.0,
+        drag: float = 0.0,
     ) -> None:
         put = object.__setattr__
         put(self, "length", _length("length", length))
@@ -155,6 +165,8 @@ class Cable:
         )
         put(self, "tails", _tails(tails))
         put(self, "stiffness_interval", _interval(stiffness_interval))
+        put(self, "retardation_time", checks.number("retardation_time", retardation_time, at_least=0.0, unit="s"))
+        put(self, "drag", checks.number("drag", drag, at_least=0.0, unit="N s/m^2"))
         put(self, "sections", sections_of(sections, self.length))
         for i, section in enumerate(self.sections):
             _check_section(self, section, f"sections[{i}]")

@@ -16,7 +16,9 @@ from cable_shape.shape import CableShape
 #: From arc length [m], to arc length, and a cable of what lies there.
 Pieces: TypeAlias = tuple[tuple[float, float, Cable], ...]
 #: What of a cable its sections follow where it becomes another one.
-_IN_RATIO = ("length", "bending_stiffness", "twisting_stiffness", "axial_stiffness", "linear_density")
+_IN_RATIO = (
+    "length", "bending_stiffness", "twisting_stiffness", "axial_stiffness", "linear_density", "retardation_time", "drag"
+)  # fmt: skip
 
 
 def pieces_of(cable: Cable) -> Pieces:

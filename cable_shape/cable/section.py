@@ -15,6 +15,7 @@ PROPERTIES = (
     "axial_stiffness",
     "bending_stiffness",
     "diameter",
+    "drag",
     "gradient_length",
     "inner_diameter",
     "linear_density",
@@ -22,6 +23,7 @@ PROPERTIES = (
     "max_twist_rate",
     "min_bend_radius",
     "rest_curvature",
+    "retardation_time",
     "shear_stiffness",
     "twisting_stiffness",
 )

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from cable_shape import checks
 from cable_shape.cable.cable import Cable
 from cable_shape.cable.harness import Harness
-from cable_shape.calibration.fitted import fitted, told_of_fit
+from cable_shape.calibration.fitted import fitted_in_two, told_of_fit
 from cable_shape.calibration.forward import Forward
 from cable_shape.calibration.harness_fit import calibrate_harness
 from cable_shape.calibration.harness_observation import HarnessObservation
@@ -70,9 +70,10 @@ def calibrate(
 
     Each observation is predicted by the Cosserat rod. Stray points are weighted down (see
     :mod:`cable_shape.calibration.robust`). Only the ratio of stiffness to weight shapes a cable between grips:
-    `cable.linear_density` is taken for granted. Where observations come in twelve groups or more, the errors are judged
-    by how much these disagree, so that what the model leaves out is in the error bars; with fewer, by the scatter of
-    single points. The misses told are those of shapes predicted from nothing with the numbers found.
+    `cable.linear_density` is taken for granted. Where observations come in twelve groups or more, and two for each
+    number, the errors are judged by how much these disagree, so that what the model leaves out is in the error bars;
+    with fewer, by the scatter of single points and how much more groups disagree than these. The misses
+    told are those of shapes predicted from nothing with the numbers found.
 
     Parameters
     ----------
@@ -82,12 +83,14 @@ def calibrate(
         :func:`cable_shape.calibration.harness_fit.calibrate_harness`.
     fit : sequence of str
         "bending_stiffness" (its two values keep their ratio; GJ follows unless fitted), "twisting_stiffness",
-        "axial_stiffness", "length", "rest_curvature" (constant, about d1 and d2), "rest_curvature_along" (of hat
-        functions of arc length, a smooth change of what the cable has), "start_offset", "end_offset" (of the cable in
-        the grip's cable frame), "start_tilt", "end_tilt" (about d1 and d2 there), "roll" (of the end's), "start_roll".
+        "axial_stiffness", "retardation_time", "drag" (of cables seen with their velocities), "length", "rest_curvature"
+        (constant, about d1 and d2), "rest_curvature_along" (of hat functions of arc length, a smooth change of what the
+        cable has), "start_offset", "end_offset" (of the cable in the grip's cable frame), "start_tilt", "end_tilt"
+        (about d1 and d2 there), "roll" (of the end's), "start_roll".
     priors : mapping, optional
-        Standard deviation about where the fit begins, by name and in the unit of what is fitted; of a stiffness as a
-        fraction of it; of "rest_curvature_along" that of its change over the whole length, 3 / length by default.
+        Standard deviation about where the fit begins, by name and in the unit of what is fitted; of what is fitted by
+        its logarithm as a fraction of it; of "rest_curvature_along" that of its change over the whole length,
+        3 / length by default.
     supports : int or "auto"
         Hat functions of "rest_curvature_along", 3 to 33. "auto": the number with which groups of observations that are
         left out are predicted best.
@@ -132,7 +135,9 @@ def calibrate(
                 "observations", f"{len(seen)} items", "none has a usable shape with the cable given",
                 "Is its length in metres, and at least the distance of the grips?",
             )  # fmt: skip
-        found = fitted(forward, told.step)
+        found = fitted_in_two(
+            lambda some: forward if len(some) == len(seen) else Forward(parameters, some, **loads), seen, told.step
+        )
     return Calibration(
         cable=parameters.make_cable(found.values),
         **told_of_fit(

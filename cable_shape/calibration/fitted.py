@@ -12,6 +12,8 @@ from cable_shape.calibration.result import correlation_of, estimates_of, remarks
 from cable_shape.calibration.robust import Fit, Robust
 from cable_shape.checks import Array
 
+#: Of twice as many observations or more a part of about this size is fitted first, in so many iterations at most.
+_FIRST, _ROUGH = 25, 10
 #: Another shape is nearer with a median miss below this fraction.
 _NEARER = 0.8
 
@@ -83,6 +85,18 @@ def fitted(forward: Model, proceed: Callable[[int, float], bool] | None = None, 
     )
     start = parameters.start
     return robust.run(start if begin is None else begin, proceed, about=start)
+
+
+def fitted_in_two(
+    model: Callable[[Sequence[Any]], Model], seen: Sequence[Any], proceed: Callable[[int, float], bool] | None
+) -> Fit:
+    """The same of `model` of all that was seen, from where the fit to a part of it, evenly spread, ends."""
+    begin = None
+    if len(seen) >= 2 * _FIRST:
+        thin = model(seen[:: len(seen) // _FIRST])
+        if np.isfinite(thin.misses(thin.parameters.start)).any():
+            begin = fitted(thin, lambda i, scale: i <= _ROUGH and (proceed is None or proceed(i, scale))).values
+    return fitted(model(seen), proceed, begin)
 
 
 def owners_of(seen: Sequence[Look]) -> Array:

@@ -32,7 +32,8 @@ class Forward:
     """Misses of all observed points (n, 3) [m], observation by observation, and how they change with parameters.
 
     Between the same grips a cable may have several stable shapes. Shapes at new values are followed from those where
-    the last derivatives were taken, whatever was tried in between; :meth:`afresh` predicts each from nothing.
+    the last derivatives were taken, whatever was tried in between; :meth:`afresh` predicts each from nothing. From
+    one call of it to the next the load of damping stays, on which the shape of a moving cable depends, and it on that.
 
     loads: the keywords `gravity`, `scene` and `distributed_load` of :func:`cable_shape.predict`.
     """
@@ -43,6 +44,7 @@ class Forward:
         self._loads = loads
         self._from: list[Network | None] = [None] * len(self.observations)  # where shapes are followed from
         self._states: list[Network | None] = self._from.copy()  # with the last values
+        self._lags: list[Array | None] = [None] * len(self.observations)  # loads of damping
         self._last: tuple[Array, list[CableShape]] | None = None  # values, and all shapes with them
 
     def centrelines(self, values: Array) -> list[Array]:
@@ -58,8 +60,11 @@ class Forward:
     def afresh(self, values: Array) -> Array:
         """`misses` of every observation predicted from nothing, as :func:`cable_shape.predict` does; from there on
         shapes are followed."""
-        self._from, self._last = [None] * len(self.observations), None
-        return self.misses(values)
+        nothing: list[None] = [None] * len(self.observations)
+        self._from, self._lags, self._last = [*nothing], [*nothing], None
+        misses = self.misses(values)
+        self._lags = [None if state is None else state.problem.lag for state in self._states]
+        return misses
 
     def keep(self) -> None:
         """From now on shapes are followed from the last ones."""
@@ -106,11 +111,11 @@ class Forward:
         plain = Problem(cable, **options)
         found: list[CableShape] = []
         states: list[Network | None] = []
-        for seen, last in zip(self.observations, self._from, strict=True):
+        for seen, last, lag in zip(self.observations, self._from, self._lags, strict=True):
             if seen.acceleration is None:
                 problem = copy.copy(plain)  # a rod tells by its problem that its cable is another one
             else:
-                problem = Problem(cable, acceleration=seen.acceleration, **options)
+                problem = Problem(cable, acceleration=seen.acceleration, **options).damped(lag)
             start = held(seen.start, near)
             assert isinstance(start, Grip)
             problem.move(start, held(seen.end, far))

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from cable_shape import checks
 from cable_shape.cable.harness import Harness
-from cable_shape.calibration.fitted import fitted, told_of_fit
+from cable_shape.calibration.fitted import fitted_in_two, told_of_fit
 from cable_shape.calibration.harness_forward import HarnessForward
 from cable_shape.calibration.harness_observation import HarnessObservation
 from cable_shape.calibration.harness_parameters import HarnessParameters
@@ -17,9 +17,6 @@ from cable_shape.calibration.harness_result import HarnessCalibration
 from cable_shape.calibration.progress import Progress
 from cable_shape.errors import ArgumentError
 from cable_shape.solve.problem import GRAVITY
-
-#: A fit to many observations begins where one to about so many of them ends.
-_FIRST = 25
 
 
 def calibrate_harness(
@@ -79,11 +76,7 @@ def calibrate_harness(
                 "observations", f"{len(looks)} items", "none has a usable shape with the harness given",
                 "Are its lengths in metres, and does it reach its grips?",
             )  # fmt: skip
-        begin = None
-        if len(looks) >= 2 * _FIRST:
-            thin = HarnessForward(parameters, looks[:: len(looks) // _FIRST], gravity=gravity)
-            begin = fitted(thin, told.step).values
-        found = fitted(forward, told.step, begin)
+        found = fitted_in_two(lambda some: HarnessForward(parameters, some, gravity=gravity), looks, told.step)
     return HarnessCalibration(
         harness=parameters.make(found.values), **told_of_fit(found, parameters, forward.observations)
     )

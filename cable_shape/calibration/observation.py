@@ -27,8 +27,8 @@ class Observation:
         [m], world, on the centreline, in any order; rows with NaN are left out.
     arc_length : (m,) array_like, optional
         [m], where on the cable each point is; NaN or None: not known, and the closest point is taken.
-    acceleration : (3,) or (k, 3) array_like, optional
-        [m/s^2], see :meth:`cable_shape.Predictor.predict`.
+    acceleration : (3,), (k, 3) or (k, 6) array_like, optional
+        [m/s^2], with the velocity [m/s] beside it if there are six columns; see :meth:`cable_shape.Predictor.predict`.
     group : int, optional
         Observations of one recording share what the model does not know, so that they are no independent evidence; give
         them the same number. Default: every observation for itself.

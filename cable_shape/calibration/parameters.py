@@ -32,11 +32,13 @@ def along(rows: int) -> tuple[str, ...]:
 
 
 #: name -> (components, unit, step of the finite differences, largest step at once, whether its logarithm is fitted).
-#: Stiffness is fitted as a logarithm: it is positive, and known to so many per cent.
+#: Stiffness, and what slows a moving cable, are fitted as logarithms: they are positive, and known to so many per cent.
 KNOWN: dict[str, tuple[tuple[str, ...], str, float, float, bool]] = {
     "bending_stiffness": (("bending_stiffness",), "N m^2", 2e-2, 1.5, True),
     "twisting_stiffness": (("twisting_stiffness",), "N m^2", 2e-2, 1.5, True),
     "axial_stiffness": (("axial_stiffness",), "N", 2e-2, 1.5, True),
+    "retardation_time": (("retardation_time",), "s", 2e-2, 1.0, True),
+    "drag": (("drag",), "N s/m^2", 2e-2, 1.0, True),
     "length": (("length",), "m", 1e-4, 0.02, False),
     "rest_curvature": (("rest_curvature_1", "rest_curvature_2"), "1/m", 1e-2, 2.0, False),
     "rest_curvature_along": (along(ROWS), "1/m", 1e-2, 2.0, False),
@@ -47,13 +49,15 @@ KNOWN: dict[str, tuple[tuple[str, ...], str, float, float, bool]] = {
     "roll": (("roll",), "rad", 2e-3, 0.5, False),
     "start_roll": (("start_roll",), "rad", 2e-3, 0.5, False),
 }
+#: Where fits begin of what slows a cable that does not say it, s and N s/m^2.
+_BEGINS = {"retardation_time": 0.05, "drag": 0.01}
 #: The name of a rest curvature that varies along the cable.
 ALONG = "rest_curvature_along"
 #: Error / prior beyond which a number is known by its prior.
 _PRIOR_ONLY = 0.9
 #: Rows of a table of rest curvature that has the kinks of both the cable's own and the hat functions, at most.
 _MOST_TABLE = 200
-_STIFFNESS = ("bending_stiffness", "twisting_stiffness", "axial_stiffness")
+_POSITIVE = ("bending_stiffness", "twisting_stiffness", "axial_stiffness", "retardation_time", "drag")
 
 
 @final
@@ -158,8 +162,10 @@ class Parameters:
             rows = np.linspace(0.0, 1.0, len(table)) if len(table) > 1 else np.zeros(1)
             at = np.linspace(0.0, 1.0, self.supports)
             return [float(np.interp(x, rows, table[:, axis])) for x in at for axis in (0, 1)]
-        if name in _STIFFNESS:
+        if name in _POSITIVE:
             value = cable.mean_bending_stiffness if name == "bending_stiffness" else getattr(cable, name)
+            if not value and not cable.sections:
+                value = _BEGINS.get(name)
             if not value:
                 raise ArgumentError.of(name, value, "to be fitted it must be given above 0", "Give a rough value.")
             return [math.log(value)]
@@ -183,7 +189,7 @@ class Parameters:
     def make_cable(self, values: Array) -> Cable:
         """The cable of these numbers. GJ follows EI, unless it is fitted, too."""
         now, cable = self.by_name(values), self.cable
-        changes: dict[str, Any] = {name: now[name] for name in ("length", *_STIFFNESS[1:]) if name in now}
+        changes: dict[str, Any] = {name: now[name] for name in ("length", *_POSITIVE[1:]) if name in now}
         if "bending_stiffness" in now:
             ratio = now["bending_stiffness"] / cable.mean_bending_stiffness
             changes["bending_stiffness"] = [ratio * x for x in cable.bending_stiffness]

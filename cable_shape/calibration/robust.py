@@ -27,7 +27,8 @@ TUNING = 2.385
 _MEDIANS: Array = np.array((math.nan, 0.6744897501960817, math.sqrt(2.0 * math.log(2.0)), 1.5381722544550522))
 _MOST_ITERATIONS = 60
 _MOST_DESCENTS = 5
-#: A descent ends where another step would be below this fraction of the standard errors, in any direction.
+#: A descent ends where another step would be below this fraction of the standard errors told, root mean square over all
+#: directions, or where an iteration wins no more than such a step would.
 _STEP = 0.1
 #: The same where no step makes the loss less: shapes are no more exact.
 _STUCK = 0.3
@@ -82,6 +83,14 @@ class _Trial(NamedTuple):
     won: float
 
 
+class _Scatter(NamedTuple):
+    """Covariance (k, k) of the right-hand side of the normal equations, with what is known before."""
+
+    matrix: Array
+    freedom: float  # degrees behind it
+    clustered: bool  # each direction by the scatter of groups
+
+
 @final
 class Robust:
     """One fit: `forward` gives misses, `derivative` their derivatives at (values, misses)."""
@@ -121,7 +130,8 @@ class Robust:
         place, misses = _Place(values, self._afresh(values), False), None
         scale = math.nan
         for _ in range(_MOST_DESCENTS):
-            there = self._descend(place.values, place.misses if misses is None else misses, about, proceed)
+            fixed = None if best is None else scale  # else each descent would go on to where fewer points count
+            there = self._descend(place.values, place.misses if misses is None else misses, about, proceed, fixed)
             misses = self._afresh(there.values)
             scale = self.scale(misses) if best is None else scale
             lost = int(np.isnan(misses[:, 0]).sum())
@@ -136,20 +146,28 @@ class Robust:
         return self._finish(place, misses)
 
     def _descend(
-        self, values: Array, misses: Array, about: Array, proceed: Callable[[int, float], bool] | None
-    ) -> _Place:
-        """From values, and their misses on the branches to follow, to the least loss on these branches."""
+        self, values: Array, misses: Array, about: Array, proceed: Callable[[int, float], bool] | None,
+        fixed: float | None,
+    ) -> _Place:  # fmt: skip
+        """From values, and their misses on the branches to follow, to the least loss on these branches.
+
+        fixed: the scale [m]; None: that of the misses.
+        """
         damping = 1e-4
         while self._iteration < _MOST_ITERATIONS:
             self._iteration += 1
-            scale = self.scale(misses)
+            scale = self.scale(misses) if fixed is None else fixed
             if proceed is not None and not proceed(self._iteration, scale):
                 break
             J = self._derivative(values, misses)
+            won = 0.0
             for chord in range(_CHORDS):  # derivatives cost far more than misses: several steps with the same ones
-                A, g = self._normal(J, misses, _weights(misses, scale), scale, values - about)
+                weights = _weights(misses, scale)
+                A, g = self._normal(J, misses, weights, scale, values - about)
                 spread = np.sqrt(np.maximum(np.diag(A), 1e-300))
-                scaled, left = A / np.outer(spread, spread), _left(A, g)
+                scaled = A / np.outer(spread, spread)
+                scatter = self._scatter(J, misses, weights, scale).matrix
+                left = _left(scatter, g)
                 if left < _STEP:
                     break
                 loss = self._loss(misses, scale, values - about)
@@ -166,13 +184,15 @@ class Robust:
                     damping = max(10.0 * damping, 1e-3)
                 if found is None:
                     break
-                values, misses = found.values, found.misses
+                values, misses, won = found.values, found.misses, won + found.won
                 damping = max(0.01 * damping, 1e-9)
-                scale = self.scale(misses)
+                scale = self.scale(misses) if fixed is None else fixed
             if chord == 0 and left < _STEP:
                 return _Place(values, misses, True)
             if chord == 0:
                 return _Place(values, misses, left < _STUCK)
+            if won < 0.5 * _STEP**2 * _noise(A, scatter):
+                return _Place(values, misses, True)
         return _Place(values, misses, False)
 
     def _search(
@@ -213,13 +233,41 @@ class Robust:
         g = -np.einsum("n,nij,ni->j", weights, J, r) / scale**2 - self._precision @ moved
         return A, g
 
+    def _scatter(self, J: Array, r: Array, weights: Array, scale: float) -> _Scatter:
+        """Where the errors of the answer come from: how much the pull of single points, or of groups of them, varies.
+
+        Many groups tell the scatter in each direction. Few tell by how much points that hang together make that of
+        single points larger, on the mean over all directions (Kish's design effect, never below 1).
+        """
+        seen, k = np.isfinite(r[:, 0]), J.shape[2]
+        r = np.nan_to_num(r)
+        groups = np.unique(self._groups[seen])
+        freedom = max(float(self._freedom[seen].sum()) - k, 1.0)
+        single = np.einsum("nij,nik->jk", J[seen], J[seen]) / scale**4
+        single *= (weights**2 * (r * r).sum(axis=1)).sum() / freedom
+        if len(groups) < 2:
+            return _Scatter(single + self._precision, freedom, False)
+        pull = np.einsum("n,nij,ni->nj", weights, J, r) / scale**2
+        sums = np.array([pull[self._groups == group].sum(axis=0) for group in groups])
+        sums -= sums.mean(axis=0)
+        joint = sums.T @ sums * len(groups) / (len(groups) - 1.0)
+        if len(groups) >= max(FEWEST_GROUPS, 2 * k):
+            return _Scatter(joint + self._precision, float(len(groups) - 1), True)
+        spread = np.sqrt(np.maximum(np.diag(single), 1e-300))
+        sizes, vectors = np.linalg.eigh(single / np.outer(spread, spread))
+        told = sizes > _BLIND * max(float(sizes[-1]), 1e-300)
+        along = sums / spread @ vectors[:, told]
+        design = float((along**2 / sizes[told]).sum()) * len(groups) / (len(groups) - 1.0) / max(int(told.sum()), 1)
+        freedom = min(freedom, float((len(groups) - 1) * max(int(told.sum()), 1)))
+        return _Scatter(max(design, 1.0) * single + self._precision, freedom, False)
+
     def _finish(self, place: _Place, misses: Array) -> Fit:
         values = place.values
         J = self._derivative(values, misses)
         r = misses
         seen = np.isfinite(r[:, 0])
         scale = self.scale(r)
-        r, k = np.nan_to_num(r), len(values)
+        r = np.nan_to_num(r)
         weights = np.where(seen, _weights(r, scale), 0.0)
         prior = self._precision
         # curvature of the loss: along a miss it is less than across
@@ -229,40 +277,38 @@ class Robust:
         spread = np.sqrt(np.maximum(np.diag(A + prior), 1e-300))
         if np.linalg.eigvalsh((curvature + prior) / np.outer(spread, spread))[0] > 0.1 * _BLIND:
             A = curvature
-        A = A + prior
-        freedom = float(self._freedom[seen].sum()) - k
-        groups = np.unique(self._groups[seen])
-        clustered = len(groups) >= max(FEWEST_GROUPS, 2 * k)
-        if clustered:
-            pull = np.einsum("n,nij,ni->nj", weights, J, r) / scale**2
-            sums = np.array([pull[self._groups == group].sum(axis=0) for group in groups])
-            B = sums.T @ sums * len(groups) / (len(groups) - 1.0)
-            freedom = float(len(groups) - 1)
-        else:
-            whole = np.einsum("nij,nik->jk", J[seen], J[seen])
-            B = (weights**2 * (r * r).sum(axis=1)).sum() / max(freedom, 1.0) * whole / scale**4
-        B = B + prior
+        A, scatter = A + prior, self._scatter(J, misses, weights, scale)
         scaled = A / np.outer(spread, spread)
         sizes, vectors = np.linalg.eigh(scaled)
         blind = (vectors[:, sizes < _BLIND] / spread[:, None]).T
         blind /= np.maximum(np.linalg.norm(blind, axis=1, keepdims=True), 1e-300)
         inverse = (vectors[:, sizes >= _BLIND] / sizes[sizes >= _BLIND]) @ vectors[:, sizes >= _BLIND].T
         inverse /= np.outer(spread, spread)
-        covariance = inverse @ B @ inverse
+        covariance = inverse @ scatter.matrix @ inverse
         unseen = (np.abs(vectors[:, sizes < _BLIND]) > 1e-3).any(axis=1)
         covariance[unseen, unseen] = math.inf
         return Fit(
-            values=values, covariance=covariance, scale=scale, freedom=max(1, int(freedom)),
+            values=values, covariance=covariance, scale=scale, freedom=max(1, int(scatter.freedom)),
             iterations=self._iteration, converged=place.converged, misses=misses, followed=place.misses,
-            weights=weights, blind=blind, clustered=clustered,
+            weights=weights, blind=blind, clustered=scatter.clustered,
         )  # fmt: skip
 
 
-def _left(A: Array, g: Array) -> float:
-    """[1], by how many standard errors Newton's step is off at most, in the direction in which that is most."""
+def _noise(A: Array, scatter: Array) -> float:
+    """[1], of the loss: twice what it differs by at the answer and at the truth, on the mean over all directions."""
     spread = np.sqrt(np.maximum(np.diag(A), 1e-300))
-    scaled = A / np.outer(spread, spread) + _BLIND * np.eye(len(g))
-    return math.sqrt(max(float(g / spread @ np.linalg.solve(scaled, g / spread)), 0.0))
+    scaled = A / np.outer(spread, spread) + _BLIND * np.eye(len(A))
+    return float(np.trace(np.linalg.solve(scaled, scatter / np.outer(spread, spread)))) / len(A)
+
+
+def _left(scatter: Array, g: Array) -> float:
+    """[1], of how many standard errors Newton's step is, root mean square over all directions.
+
+    Of A^-1 g with the covariance A^-1 B A^-1, B the scatter of g: the sum of squares is g^T B^-1 g, whatever A is.
+    """
+    spread = np.sqrt(np.maximum(np.diag(scatter), 1e-300))
+    scaled = scatter / np.outer(spread, spread) + _BLIND * np.eye(len(g))
+    return math.sqrt(max(float(g / spread @ np.linalg.solve(scaled, g / spread)), 0.0) / len(g))
 
 
 def _differ(a: Array, b: Array) -> bool:

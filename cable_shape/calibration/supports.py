@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple, final
 
 import numpy as np
 
 from cable_shape.cable.cable import Cable
-from cable_shape.calibration.fitted import fitted, groups_of
+from cable_shape.calibration.fitted import fitted, fitted_in_two, groups_of
 from cable_shape.calibration.forward import Forward
 from cable_shape.calibration.observation import Observation
 from cable_shape.calibration.parameters import ALONG, Parameters
@@ -91,7 +92,15 @@ def _held_back(
         learn, judge = ([o for o, p in zip(task.seen, part, strict=True) if (p == k) == held] for held in (False, True))
         before = begins[k]
         begin = None if before is None else parameters.taken(*before)
-        found = fitted(Forward(parameters, learn, **task.loads), proceed, begin)
+        if begin is None:
+            found = fitted_in_two(partial(_forward, task, parameters), learn, proceed)
+        else:
+            found = fitted(_forward(task, parameters, learn), proceed, begin)
         begins[k] = parameters, found.values
-        sizes.append(np.linalg.norm(Forward(parameters, judge, **task.loads).misses(found.values), axis=1))
+        sizes.append(np.linalg.norm(_forward(task, parameters, judge).misses(found.values), axis=1))
     return float(np.nanmean(np.concatenate(sizes)))
+
+
+def _forward(task: Task, parameters: Parameters, some: Sequence[Observation]) -> Forward:
+    """Predictions of some of the observations."""
+    return Forward(parameters, some, **task.loads)

@@ -23,10 +23,10 @@ from typing import Any, final
 import numpy as np
 
 from cable_shape import checks
+from cable_shape.cable.case_parts import end_of, scene_of
 from cable_shape.cable.harness import Harness
 from cable_shape.cable.harness_file import ENDS, HARNESS_KEYS
 from cable_shape.command.case_output import COLUMNS, Row, _vector, check_suffix
-from cable_shape.command.case_parts import end_of, scene_of
 from cable_shape.errors import ArgumentError
 from cable_shape.files.files import finite, path_of
 from cable_shape.pose import FreeEnd, Grip

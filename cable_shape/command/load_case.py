@@ -19,8 +19,8 @@ from pathlib import Path
 from typing import Any
 
 from cable_shape import checks
+from cable_shape.cable.case_parts import cable_of, end_of, grip_of, scene_of
 from cable_shape.command.case import Case
-from cable_shape.command.case_parts import cable_of, end_of, grip_of, scene_of
 from cable_shape.command.harness_case import HarnessCase, harness_case_of
 from cable_shape.command.reference_case import reference_case
 from cable_shape.errors import ArgumentError

@@ -219,7 +219,7 @@ class Cycle:
             is asked for them after `early`, or before the prediction where links keep the cable out.
         early : callable, optional
             Is given the shapes as soon as they are predicted, before clearance, margins and warnings.
-        acceleration : mapping of cable name to (3,) or (m, 3) array_like, optional
+        acceleration : mapping of cable name to (3,), (m, 3) or (m, 6) array_like, optional
             [m/s^2], world, of cables in `grips` in this step, uniform in arc length, see
             :meth:`cable_shape.Predictor.predict`; the others are at rest, and so are tails. Of a cable whose
             acceleration is given no QUASISTATIC margin is told: its inertia is part of the load.

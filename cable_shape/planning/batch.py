@@ -147,6 +147,9 @@ def predict_batch(  # type: ignore[misc]
         deadline = began + checks.number("time_limit", time_limit, above=0.0, unit="s")
     if acceleration is not None:
         predictor.accelerate(acceleration)
+        if predictor.problem.velocity is not None:
+            bound = "a batch takes accelerations only"
+            raise ArgumentError.of("acceleration", "with a velocity", bound, "Give three columns.")
     checks.one_of("start_kind", start_kind, GRIP_KINDS)
     checks.one_of("end_kind", end_kind, GRIP_KINDS)
     poses = pose_table("starts", starts)

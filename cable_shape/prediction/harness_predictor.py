@@ -25,8 +25,8 @@ from cable_shape.solve.harness_network import HarnessNetwork
 from cable_shape.solve.harness_problem import End, HarnessProblem
 from cable_shape.solve.harness_shape import HarnessShape
 from cable_shape.solve.problem import GRAVITY
-from cable_shape.solve.touching import touching_harness
-from cable_shape.solve.touching.touch_harness import HarnessTouchState
+from cable_shape.solve.touching import harness_solve
+from cable_shape.solve.touching.harness_state import HarnessTouchState
 
 MODELS = ("cosserat", "auto")
 
@@ -160,7 +160,7 @@ class HarnessPredictor:
         if problem.bodies:
             if self._touch is None:
                 self._touch = HarnessTouchState(problem)  # type: ignore[arg-type]
-            shape, self._state = touching_harness.solve(problem, self._touch, self._state, deadline=deadline)
+            shape, self._state = harness_solve.solve(problem, self._touch, self._state, deadline=deadline)
         else:
             shape, self._state = harness_search.solve(problem, self._state, deadline=deadline)
         self._last, self._last_ends, self._last_links = shape, dict(problem.ends), problem.links

@@ -24,11 +24,12 @@ from cable_shape.scene.mesh_convex import check_convex
 from cable_shape.scene.scene import Obstacle, Scene
 from cable_shape.shape import CableShape
 from cable_shape.solve import cosserat
-from cable_shape.solve.answers import ENDS
+from cable_shape.solve.answers import ENDS, Solved
 from cable_shape.solve.harness_shape import HarnessShape
 from cable_shape.solve.network import Network
-from cable_shape.solve.problem import GRAVITY, Problem
+from cable_shape.solve.problem import GRAVITY, Problem, longest_delay
 from cable_shape.solve.touching.crossing import Crossing
+from cable_shape.solve.touching.pile import Member
 
 _NOT_GIVEN = object()
 #: Keywords that say who is not to be touched.
@@ -148,11 +149,12 @@ class Predictor:
         links : mapping of robot link to its Pose in the world, optional
             Where the bodies are that are attached to links, if contact with them is solved for; without it they are
             left out.
-        acceleration : (3,) or (m, 3) array_like, optional
+        acceleration : (3,), (m, 3) or (m, 6) array_like, optional
             [m/s^2], world, of the cable, uniform in arc length, linear between the rows: the cable is in equilibrium
             under density * (gravity - acceleration), masses likewise. For this prediction only; `energy` leaves it out.
             Three rows or more, unless they are on a line, are for the Cosserat rod, in clips too, without
-            ``contact="solve"``; each is a node of the rod.
+            ``contact="solve"``; each is a node of the rod. Six columns: the velocity [m/s] is beside it, and
+            the cable's `drag` and `retardation_time` count (the latter for the rod, without ``contact="solve"``).
 
         Raises
         ------
@@ -230,26 +232,29 @@ class Predictor:
         Raises
         ------
         ArgumentError
-            If the model is a closed form by choice, nothing was predicted yet, or the cable touches itself or another;
-            for a name that does not exist.
+            If the model is a closed form by choice or nothing was predicted yet; for a name that does not exist, and
+            for numbers of a cable that touches itself or another. What else holds those stands still.
         """
         checks.one_of("at", at, ("cable", "gripper"))
         if isinstance(by, str):
             by = (by,)
         elif by is not ENDS:
             by = checks.entries("by", by, str, "Write ('start', 'end'), for example.")
-        if self.touching:
-            raise ArgumentError(
-                "sensitivity() is not known while the cable touches itself or another one. Take differences of predict."
-            )
         if isinstance(self._solver, ClosedForm):
             raise ArgumentError.of(
                 "model", self.model, "sensitivity needs the Cosserat rod", "Choose model='cosserat' or 'auto'."
             )
-        state = self._solver.rod_state()
+        state: Solved | None = self._together()
+        if state is None:
+            state = self._solver.rod_state()
         if state is None:
             raise ArgumentError("sensitivity() needs a solution, and there is none yet. Call predict first.")
         return cosserat.sensitivity(state, by, at=at)
+
+    def _together(self) -> Member | None:
+        """What solved for the last shape along with what its cable touches; None if it touches no cable."""
+        crossing, index = self._others or (self._crossing, 0)
+        return None if crossing is None else crossing.state_of(index)
 
     @property
     def rod_state(self) -> Network | None:
@@ -272,8 +277,7 @@ class Predictor:
                 self._load(self._still)
             return
         problem = self._problem_in(scene=self.scene, acceleration=acceleration)
-        before = self.problem.acceleration
-        if before is not None and problem.acceleration is not None and np.array_equal(before, problem.acceleration):
+        if _moves_alike(self.problem, problem):
             return
         self._load(self._checked(problem))
 
@@ -300,6 +304,14 @@ class Predictor:
             reason += " knows only accelerations that are linear along the cable"
             shape = f"shape {problem.swing.shape}"
             raise ArgumentError.of("acceleration", shape, reason, f"Give at most two rows, or {remedy}")
+        if problem.velocity is not None and longest_delay(problem.cable) > 0.0 and (touches or not self.is_rod):
+            reason = "contact='solve'" if self.is_rod else f"model {self.model!r} of this cable"
+            raise ArgumentError.of(
+                "acceleration",
+                "with a velocity",
+                f"{reason} knows no retardation time",
+                "Leave out the last three columns, or predict by the rod with contact='warn'.",
+            )
         if isinstance(self._solver, ClosedForm):
             if problem.bodies:
                 raise ArgumentError.of(
@@ -317,6 +329,14 @@ class Predictor:
                 )
         check_convex(problem.bodies)
         return problem
+
+
+def _moves_alike(one: Problem, other: Problem) -> bool:
+    """Whether both cables move, with the same accelerations and velocities."""
+    if one.acceleration is None or other.acceleration is None or (one.velocity is None) != (other.velocity is None):
+        return False
+    pairs = [(one.acceleration, other.acceleration), (one.velocity, other.velocity)]
+    return all(a is None or b is None or np.array_equal(a, b) for a, b in pairs)
 
 
 _MADE_FROM = inspect.signature(Predictor.__init__)

@@ -19,7 +19,7 @@ from cable_shape.solve import catenary, cosserat, gradient
 from cable_shape.solve.network import Network
 from cable_shape.solve.problem import Problem
 from cable_shape.solve.touching import touching
-from cable_shape.solve.touching.touch_state import TouchState
+from cable_shape.solve.touching.state import TouchState
 
 MODELS = ("catenary", "gradient4", "gradient6", "cosserat", "auto")
 

@@ -1,4 +1,4 @@
-"""The cable's own acceleration in a recording, from the markers on it: :class:`Inertia`."""
+"""How the cable itself moves in a recording, from the markers on it: :class:`Inertia`."""
 
 from __future__ import annotations
 
@@ -13,17 +13,18 @@ from cable_shape.errors import BagError, StaleInputError
 from cable_shape.messages.pairing import StampGuard
 from cable_shape.replay.bags import Bag
 from cable_shape.replay.inputs import MARKERS_TYPE, positions_of, stamp_of
-from cable_shape.replay.observations import SMOOTHED, accelerations
+from cable_shape.replay.observations import SMOOTHED, motions
 
 _REMEDY = "Name their topic with --markers-topic, or replay without --inertia."
 
 
 @final
 class Inertia:
-    """Accelerations along the cable at the stamps of a recording, read beforehand: a derivative needs what comes after.
+    """Accelerations and velocities along the cable at the stamps of a recording, read beforehand: a derivative needs
+    what comes after.
 
-    They are those of the markers, see :func:`cable_shape.replay.observations.accelerations`. `cycles` and `without`
-    count what `at` answered.
+    They are those of the markers, see :func:`cable_shape.replay.observations.motions`. `cycles` and `without` count
+    what `at` answered.
 
     Parameters
     ----------
@@ -33,7 +34,7 @@ class Inertia:
     max_skew : int
         [ns], markers further away in time than this are not those of a cycle.
     runs : sequence of (slice, (m,) or None)
-        Which markers are on each run of what is carried, and at which share of its length, as for `accelerations`.
+        Which markers are on each run of what is carried, and at which share of its length, as for `motions`.
 
     Raises
     ------
@@ -41,7 +42,7 @@ class Inertia:
         If it holds no such markers, or none of which a derivative can be taken.
     """
 
-    source = f"accelerations of the markers, smoothed over {SMOOTHED:g} s"
+    source = f"accelerations and velocities of the markers, smoothed over {SMOOTHED:g} s"
 
     def __init__(
         self,
@@ -81,7 +82,7 @@ class Inertia:
             )
 
     def at(self, stamp: int, restarts: int) -> Array | None:
-        """(runs, rows, 3) [m/s^2], world, at a stamp [ns] after so many restarts of the clock; None: not known."""
+        """(runs, rows, 6) [m/s^2, m/s], world, at a stamp [ns] after so many restarts of the clock; None: not known."""
         found = None
         if restarts < len(self._parts):
             stamps, table = self._parts[restarts]
@@ -96,9 +97,9 @@ class Inertia:
 
 
 def _tabled(part: list[tuple[int, Array]], runs: Sequence[tuple[slice, Array | None]]) -> tuple[Array, Array]:
-    """Stamps (n,) [ns] and accelerations (n, runs, rows, 3); none where no derivative can be taken."""
+    """Stamps (n,) [ns] and both (n, runs, rows, 6); none where no derivative can be taken."""
     try:
-        tables = [accelerations([(stamp, x[run]) for stamp, x in part], along) for run, along in runs]
+        tables = [motions([(stamp, x[run]) for stamp, x in part], along) for run, along in runs]
     except BagError:
-        return np.empty(0), np.empty((0, 1, 1, 3))
+        return np.empty(0), np.empty((0, 1, 1, 6))
     return np.array([stamp for stamp, _ in part], dtype=np.int64), np.stack(tables, axis=1)

@@ -74,7 +74,7 @@ class Marked:
         return [np.concatenate([report.tubes[one].radius for one in run]) for run in runs]
 
     def loads(self, tables: Sequence[Array]) -> Array | Mapping[str, Array]:
-        """Accelerations as a cycle takes them, from those along each run (rows, 3) [m/s^2]."""
+        """What a cycle takes as accelerations, from accelerations and velocities along each run (rows, 6)."""
         if self.count is None:
             return tables[0]
         out = {}
@@ -82,6 +82,6 @@ class Marked:
             first, whole, rows = 0.0, sum(lengths), np.linspace(0.0, 1.0, len(table))
             for one, length in zip(run, lengths, strict=True):
                 at = np.linspace(first, first + length, len(table)) / whole
-                out[one] = np.stack([np.interp(at, rows, x) for x in table.T], axis=1)
+                out[one] = np.stack([np.interp(at, rows, x) for x in table[:, :3].T], axis=1)
                 first += length
         return out

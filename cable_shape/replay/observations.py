@@ -18,11 +18,13 @@ from cable_shape.pose import Grip, Pose
 
 #: Frames taken from one recording, evenly spread.
 FRAMES = 50
-_KEYS = ("start", "end", "points", "arc_length", "acceleration", "group")
+_KEYS = ("start", "end", "points", "arc_length", "acceleration", "velocity", "group")
 _COLUMNS = ("observation", "what", "x", "y", "z", "qx", "qy", "qz", "qw", "arc_length")
 _MAX_SKEW = 20_000_000  # ns
 #: [s], of markers that a cubic goes through whose second derivative is their acceleration.
 SMOOTHED = 0.11
+#: [ns], frames in it are one group.
+_TOGETHER = 1_000_000_000
 #: Rows of the table of accelerations.
 _ROWS = 21
 
@@ -33,7 +35,7 @@ def load_observations(
     """Observations from a file, by its kind.
 
     - NPZ: `start`, `end` (n, 7) poses x y z qx qy qz qw; `points` (n, m, 3), NaN where there is none; optional
-      `arc_length` (m,) or (n, m), `acceleration` (n, k, 3), `group` (n,).
+      `arc_length` (m,) or (n, m), `acceleration` (n, k, 3) and, beside it, `velocity` (n, k, 3), `group` (n,).
     - CSV with a header: `observation` (a number), `what` (start, end or point), `x`, `y`, `z`, for start and end `qx`,
       `qy`, `qz`, `qw`, for points `arc_length` where it is known.
     - a rosbag2 folder, .mcap or .db3: see :func:`from_bag`, which takes the keywords `bag`.
@@ -64,14 +66,18 @@ def from_arrays(arrays: Mapping[str, Array], kinds: tuple[str, str], where: str 
         raise ArgumentError.of(f"{where}: points", f"shape {points.shape}", "it must be (n, m, 3)", "Pad with NaN.")
     count, each = points.shape[:2]
     acceleration, group, arc = (given.get(key) for key in ("acceleration", "group", "arc_length"))
+    if "velocity" in given and acceleration is None:
+        raise ArgumentError(f"{where}: velocity is not allowed without acceleration. Give both.")
     if arc is not None and arc.shape == (each,):
         arc = np.broadcast_to(arc, (count, each))
     rows = 1 if acceleration is None or acceleration.ndim != 3 else acceleration.shape[1]
     wanted = {"start": (count, 7), "end": (count, 7), "points": (count, each, 3), "group": (count,)}
-    wanted |= {"acceleration": (count, rows, 3), "arc_length": (count, each)}
+    wanted |= {"acceleration": (count, rows, 3), "velocity": (count, rows, 3), "arc_length": (count, each)}
     for key, array in {**given, **({} if arc is None else {"arc_length": arc})}.items():
         if array.shape != wanted[key]:
             raise ArgumentError.of(f"{where}: {key}", f"shape {array.shape}", f"it must be {wanted[key]}", "")
+    if acceleration is not None and "velocity" in given:
+        acceleration = np.concatenate((acceleration, given["velocity"]), axis=2)
     if group is not None and not (np.isfinite(group).all() and (group == np.round(group)).all()):
         raise ArgumentError.of(f"{where}: group", group.tolist(), "it must be whole numbers", "Number the recordings.")
     return [
@@ -137,15 +143,16 @@ def from_bag(
 ) -> list[Observation]:
     """Evenly spread frames of a recording of gripper poses (PoseStamped) and markers on the cable (PoseArray).
 
-    Markers come in their order along the cable, the first and the last at the grips. Each frame is a group of its own,
-    unless `group` is given. inertia: accelerations of the markers, second differences of what was recorded (smoothed
-    over 0.11 s at 100 Hz), load the cable.
+    Markers come in their order along the cable, the first and the last at the grips. Frames of one second are a group,
+    unless `group` is given: so soon a cable does not hang much otherwise, and they share what the model does not know.
+    inertia: accelerations and velocities of the markers, differences of what was recorded (smoothed over 0.11 s at
+    100 Hz), load the cable.
     """
     left, right, markers = tracked(path, left_topic, right_topic, markers_topic)
     seen = [i for i in range(len(left)) if left[i] is not None and right[i] is not None]
     if not seen:
         raise BagError(f"{path}: no markers within {_MAX_SKEW * 1e-6:g} ms of both grippers' poses.")
-    moving = accelerations(markers) if inertia else None
+    moving = motions(markers) if inertia else None
     chosen = [seen[i] for i in np.unique(np.linspace(0, len(seen) - 1, frames).round().astype(int))]
     return [
         Observation(
@@ -153,7 +160,7 @@ def from_bag(
             Grip(Pose(right[i][:3], right[i][3:]), kinds[1]),
             markers[i][1][1:-1],
             acceleration=None if moving is None else moving[i],
-            group=group,
+            group=max(0, markers[i][0] // _TOGETHER) if group is None else group,
         )
         for i in chosen
         if moving is None or np.isfinite(moving[i]).all()
@@ -193,18 +200,21 @@ def _at(track: list[tuple[int, Array]], markers: list[tuple[int, Array]]) -> lis
     return out
 
 
-def accelerations(markers: Sequence[tuple[int, Array]], along: Array | None = None) -> Array:
-    """(n, rows, 3) [m/s^2], world, uniform along the cable, from frames of markers: a stamp [ns] and (m, 3) [m] each.
+def motions(markers: Sequence[tuple[int, Array]], along: Array | None = None) -> Array:
+    """(n, rows, 6), accelerations [m/s^2] and velocities [m/s], world, uniform along the cable, from frames of markers:
+    a stamp [ns] and (m, 3) [m] each.
 
-    Second derivatives of cubics through 0.11 s of what was recorded. NaN where in that time a marker was lost (NaN), or
-    a frame is missing. along: (m,), at which share of the length markers are, rising; default: as far apart as they are
-    seen, the first and the last at the ends.
+    Derivatives of cubics through 0.11 s of what was recorded; between the markers accelerations are linear, velocities
+    cubic (of less than four markers: linear). NaN where in that time a marker was lost (NaN), or a frame is missing.
+    along: (m,), at which share of the length markers are, rising; default: as far apart as they are seen, the first and
+    the last at the ends.
 
     Raises
     ------
     BagError
         For fewer frames than that, or numbers of markers that differ.
     """
+    from scipy.interpolate import make_interp_spline
     from scipy.signal import savgol_filter
 
     stamps = np.array([stamp - markers[0][0] for stamp, _ in markers]) * 1e-9
@@ -221,13 +231,15 @@ def accelerations(markers: Sequence[tuple[int, Array]], along: Array | None = No
         arc = np.nancumsum(np.nanmedian(np.linalg.norm(np.diff(places, axis=1), axis=2), axis=0))
         along = np.concatenate(((0.0,), arc)) / arc[-1]
     places[lost] = 0.0
-    at_markers = savgol_filter(places, window, 3, deriv=2, delta=period, axis=0)
+    faster, fast = (savgol_filter(places, window, 3, deriv=order, delta=period, axis=0) for order in (2, 1))
     rows = np.linspace(0.0, 1.0, _ROWS)
-    out = np.full((len(markers), _ROWS, 3), np.nan)
+    out = np.full((len(markers), _ROWS, 6), np.nan)
+    degree = 3 if len(along) > 3 else 1
     for i in range(len(markers)):
         first = min(max(i - window // 2, 0), len(markers) - window)  # at both ends one cubic serves several frames
         if lost[first : first + window].any() or uneven[first : first + window - 1].any():
             continue
         for axis in range(3):
-            out[i, :, axis] = np.interp(rows, along, at_markers[i, :, axis])
+            out[i, :, axis] = np.interp(rows, along, faster[i, :, axis])
+        out[i, :, 3:] = make_interp_spline(along, fast[i], k=degree)(np.clip(rows, along[0], along[-1]))
     return out

@@ -31,6 +31,11 @@ class Solved(Protocol):
     problem: Problem
     history: int
     rings: Any  # its eyelets
+    rows: slice  # of the cable among those points that the solver samples
+
+    @property
+    def sampled(self) -> int:
+        """How many points the solver samples."""
 
     @property
     def ints(self) -> Any:
@@ -168,13 +173,13 @@ def about_gripper(end: Grip, block: Array) -> None:
 def _moved(state: Solved, knots: list[int]) -> Array:
     """(n, 3, 6 g): change of the positions with the poses of knots."""
     points, columns = state.problem.points, 6 * len(knots)
-    out, df = np.empty((points, 3, columns)), np.empty((len(state.rings), columns))
+    out, df = np.empty((state.sampled, 3, columns)), np.empty((len(state.rings), columns))
     if knots:
         slides = refreshed(state)
         which = state.knots_of(knots)
         respond.sensitivities(state.ints, state.floats, state.sols, state.work, points, which, out, df)
         run_on(out, df, slides)
-    return out
+    return out[state.rows]
 
 
 def refreshed(state: Solved) -> tuple[Array, Array] | None:

@@ -21,9 +21,10 @@ from numpy.typing import ArrayLike
 from cable_shape.checks import Array
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve.answers import sensitivity
+from cable_shape.solve.moving import settled
 from cable_shape.solve.network import Network
 from cable_shape.solve.outcome import MODEL
-from cable_shape.solve.problem import Problem
+from cable_shape.solve.problem import Problem, longest_delay
 from cable_shape.solve.search import FAR, WARM_ITERATIONS, Search
 
 __all__ = ["MODEL", "sensitivity", "smallest_eigenvalue", "solve", "solve_beside"]
@@ -47,9 +48,16 @@ def solve(problem: Problem, state: Network | None = None, *, deadline: float = m
     ArgumentError
         If the bending stiffness is 0. Never for a physical reason: see `status`.
     """
-    began = perf_counter()
     if state is None:
         state = Network(problem)
+    if problem.velocity is None or problem.lag is not None or longest_delay(problem.cable) == 0.0:
+        return _solve(problem, state, deadline)
+    return settled(problem, state, lambda one: _solve(one, state, deadline))
+
+
+def _solve(problem: Problem, state: Network, deadline: float) -> CableShape:
+    """The same under damping as it is."""
+    began = perf_counter()
     last = state.problem
     if last is not problem:
         state.take(problem)

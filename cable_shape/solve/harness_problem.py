@@ -9,7 +9,7 @@ from typing import Any, final
 from numpy.typing import ArrayLike
 
 from cable_shape import checks
-from cable_shape.cable.harness import Harness
+from cable_shape.cable.harness import SIDES, Harness
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import FreeEnd, Grip, Pose
@@ -82,10 +82,33 @@ class HarnessProblem:
         self._given: dict[str, End] | None = None
         self.ends: dict[str, Grip | FreeEnd] = dict.fromkeys(harness.open_ends, _FREE)
 
+    @classmethod
+    def of_cables(cls, problems: Mapping[str, Problem]) -> HarnessProblem:
+        """Several cables as the segments of one, which no junction joins; their ends are where theirs are."""
+        other = object.__new__(cls)
+        first = next(iter(problems.values()))
+        other.harness = Harness({name: one.cable for name, one in problems.items()})
+        other.segments = dict(problems)
+        other.gravity, other.points, other.tolerance = first.gravity, first.points, first.tolerance
+        clips = [replace(clip, segment=name) for name, one in problems.items() for clip in one.clips]
+        other.scene = Scene(clips=clips)
+        _, other.clips = _scenes_of(other.harness, other.scene)
+        other.clip_names = clip_names(other.scene.clips)
+        other.laid_out = {}
+        other.bodies, other.gripping, other.links = first.bodies, first.gripping, first.links
+        other.follow(problems)
+        return other
+
+    def follow(self, problems: Mapping[str, Problem]) -> None:
+        """Puts the ends and links where these cables' are."""
+        self._given = None
+        self.links = next(iter(problems.values())).links
+        self.ends = {f"{name}.{side}": getattr(one, side) for name, one in problems.items() for side in SIDES}
+
     def _segment(self, name: str, acceleration: ArrayLike | None) -> Problem:
         """What the problem is of one segment."""
         try:
-            return Problem(
+            made = Problem(
                 self.harness.segments[name],
                 scene=self._scenes[name],
                 distributed_load=self._loads.get(name),
@@ -94,6 +117,14 @@ class HarnessProblem:
             )
         except ArgumentError as error:
             raise type(error)(f"segment {name!r}: {error}") from None
+        if made.velocity is not None:
+            raise ArgumentError.of(
+                f"acceleration[{name!r}]",
+                "with a velocity",
+                "a harness takes accelerations only",
+                "Give three columns.",
+            )
+        return made
 
     def moving(self, acceleration: Mapping[str, ArrayLike] | None) -> HarnessProblem:
         """The same with its segments accelerated, or at rest; the ends stay where they are."""

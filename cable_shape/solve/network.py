@@ -63,6 +63,8 @@ class Network:
     other clips, is then the next best. What the arrays hold: :mod:`cable_shape.kernels.network.tables`.
     """
 
+    rows = slice(None)  #: of a shape's points, those of the cable
+
     def __init__(self, problem: Problem, last: CableShape | None = None) -> None:
         self.last = last
         self.history = self.elements = 0
@@ -351,10 +353,14 @@ class Network:
 
     def too_fine(self, info: list[float]) -> bool:
         """Whether a mesh of much fewer elements would do."""
-        if info[I_ESTIMATE] + info[I_DOUBT] >= _TOO_FINE * self.tolerance or info[I_TURN] >= 0.5 * mesh.TURN_AIM:
-            return False
+        return info[I_ESTIMATE] + info[I_DOUBT] < self.too_fine_below and info[I_TURN] < 0.5 * mesh.TURN_AIM
+
+    @property
+    def too_fine_below(self) -> float:
+        """[m], an error below which a mesh of much fewer elements would do; 0 where there is none."""
         least = mesh.FEWEST if self.spans == 1 else mesh.FEWEST_OF_SPAN * self.spans
-        return self.elements > max(1.5 * (least + 2 * self.stops.size), self.fewest)
+        coarsest = self.elements <= max(1.5 * (least + 2 * self.stops.size), self.fewest)
+        return 0.0 if coarsest else _TOO_FINE * self.tolerance
 
     def lay_out(self, pieces: list[Piece], counts: Sequence[int]) -> None:
         """Nodes of equal share of each span's density, `counts` elements a span; solutions are carried over."""
@@ -566,6 +572,11 @@ class Network:
         models: Array = mesh.neighbours(self.bare, held, self.ints, self.floats, before, after)
         return models
 
+    @property
+    def sampled(self) -> int:
+        """How many points a shape has."""
+        return self.problem.points
+
     def knots_of(self, supports: Sequence[int]) -> Array:
         """Which knots these supports are."""
         return np.array(supports, dtype=np.int64)
@@ -582,7 +593,28 @@ class Network:
             kept[key] = np.array([substance(c, shares) for c in cables]).reshape(len(cables), -1, tables.PIECE)
         out = kept[key].copy()
         out[:, :, LOADS] = self.material.pieces[:, LOADS]
+        if self.problem.velocity is not None:
+            self._slow(out, cables, shares)
         return out.reshape(len(cables), -1)
+
+    def _slow(self, out: Array, cables: Sequence[Cable], shares: Array) -> None:
+        """Puts the loads of other drag and damping into pieces (c, p, PIECE) between these shares of the length."""
+        problem = self.problem
+        own = problem.slowed_by(problem.cable)
+        lag = np.zeros((2, 3)) if problem.lag is None else problem.lag
+        there = [
+            np.stack([np.interp(shares, np.linspace(0.0, 1.0, len(x)), y) for y in x.T], axis=1)
+            for x in (problem.velocity, lag)
+            if x is not None
+        ]
+        speed, damping = (np.concatenate((x[:-1], x[1:]), axis=1) for x in there)
+        for pieces, cable in zip(out, cables, strict=True):
+            drag, delayed = problem.slowed_by(cable)
+            if (drag, delayed) != own:
+                if cable.sections:
+                    pieces[:, LOADS] = material_of(problem.beside(cable)).pieces[:, LOADS]
+                else:
+                    pieces[:, LOADS] += (own[0] - drag) * speed + (delayed - own[1]) * damping
 
     @property
     def knots(self) -> Array:

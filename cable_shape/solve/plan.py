@@ -19,7 +19,7 @@ from cable_shape.kernels.network import tables
 Whole = NDArray[np.int64]
 
 #: Where the head of a plan tells how many vertices of pushes there are.
-PRESSED = 12
+PRESSED = 14
 _NOTHING: Mapping[int, Sequence[int]] = MappingProxyType({})
 
 
@@ -119,10 +119,13 @@ def make_plan(
     return np.concatenate([np.asarray(part, dtype=np.int64).ravel() for part in parts])
 
 
-def moving(ints: Whole) -> Whole:
-    """The plan of the same network in motion: no force is known, and every place that is not given is unknown."""
+def moving(ints: Whole, loose: bool = False) -> Whole:
+    """The plan of the same network in motion: no force is known, and every place that is not given is unknown.
+
+    loose: but for those of cables' free ends, which go like those inside, see `kernels.network.motion`.
+    """
     plan: tables.Plan = tables.plan_of.py_func(ints)
-    leaves = {int(plan.ends[j, end]) for j, end in plan.stripped}
+    leaves = {int(plan.ends[j, end]) for j, end in plan.stripped if not (loose and end == 1)}
     knots = [Knot(bool(a >= 0), bool(b >= 0) or k in leaves) for k, (a, b) in enumerate(plan.vertices)]
     spans = [
         Span(int(a), int(b), (bool(t[0]), bool(t[1])), (bool(f[0]), bool(f[1])))

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from cable_shape import checks
 from cable_shape.cable.cable import Cable
+from cable_shape.cable.pieces import pieces_of
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import FreeEnd, Grip, Pose, as_grip
@@ -21,6 +22,8 @@ NAMED_TOLERANCE, TAIL_TOLERANCE = 1e-5, 1e-3
 MIN_POINTS, MAX_POINTS = 2, 100_000
 #: Rows of a table of accelerations: every kink is a node of the rod.
 MAX_ACCELERATIONS = 200
+#: And of velocities at least: their second derivative counts.
+FEWEST_VELOCITIES = 4
 #: A kink that turns an acceleration by less than this fraction of the largest is rounding.
 _STRAIGHT = 1e-12
 #: Clips are at least this fraction of the length apart from each other and from the grips.
@@ -46,7 +49,10 @@ class Problem:
     tolerance : float [m], largest position error allowed
     load : (2, 3) [N/m], world: weight, inertia and distributed load at s = 0 and s = length, linear between
     acceleration : (m, 3) [m/s^2], m >= 2, world: of the cable, uniform in arc length; None: at rest
-    swing : (m, 3) [m/s^2], what `acceleration` has beyond the line from its first to its last row; None: nothing
+    velocity : (m, 3) [m/s], m >= 4, world: of the cable, uniform in arc length; None: at rest, or not known
+    lag : (m, 3) [1/(m^3 s)], load of its damping, see :mod:`cable_shape.solve.moving`; None: it has none
+    swing : (m, 3) [m/s^2], what the acceleration that loads it as its own, drag and damping do has beyond the line from
+        its first to its last row; None: nothing
     load_arc_length : (k,) [m], ascending, of the concentrated loads
     load_force : (k, 3) [N], world, of the concentrated loads (weights of point masses)
     masses : the point masses behind the concentrated loads
@@ -69,6 +75,7 @@ class Problem:
         "end",
         "gravity",
         "gripping",
+        "lag",
         "links",
         "load",
         "load_arc_length",
@@ -79,6 +86,7 @@ class Problem:
         "start",
         "swing",
         "tolerance",
+        "velocity",
     )
 
     def __init__(
@@ -110,6 +118,8 @@ class Problem:
         if distributed_load is not None:
             self.load += _two_forces(distributed_load)
         self.acceleration: Array | None = None
+        self.velocity: Array | None = None
+        self.lag: Array | None = None
         self.swing: Array | None = None
         if acceleration is not None:
             self._accelerate(_table(acceleration))
@@ -147,10 +157,48 @@ class Problem:
         return not any(clip.kind == "slide" for clip in self.clips)
 
     def _accelerate(self, table: Array) -> None:
-        """Adds the inertial load of an acceleration (m, 3)."""
-        self.acceleration = table
-        self.load -= self.cable.linear_density * table[[0, -1]]
-        self.swing = swing_of(table)
+        """Adds the load of an acceleration (m, 3), and of the drag of a velocity beside it (m, 6)."""
+        self.acceleration = table[:, :3]
+        if table.shape[1] == 6:
+            self.velocity = table[:, 3:]
+            if self.cable.linear_density == 0.0 and any(self.slowed_by(self.cable)):
+                bound = "a cable that drag and damping hold back must have weight"
+                raise ArgumentError.of("linear_density", 0.0, bound, "Give it, or no velocity.")
+        held_back = self.held_back
+        assert held_back is not None
+        self.load -= self.cable.linear_density * held_back[[0, -1]]
+        self.swing = swing_of(held_back)
+
+    @property
+    def held_back(self) -> Array | None:
+        """(m, 3) [m/s^2]: the acceleration that loads the cable as its own, drag and damping do; None: at rest."""
+        if self.acceleration is None or self.velocity is None:
+            return self.acceleration
+        drag, damping = self.slowed_by(self.cable)
+        if drag == damping == 0.0:
+            return self.acceleration
+        out = self.acceleration + drag / self.cable.linear_density * self.velocity
+        if self.lag is not None:
+            out -= damping / self.cable.linear_density * self.lag
+        return np.asarray(out)
+
+    @staticmethod
+    def slowed_by(cable: Cable) -> tuple[float, float]:
+        """What of a cable `velocity` [N s/m^2] and `lag` [N m^2 s] are multiplied by."""
+        return cable.drag, longest_delay(cable) * cable.mean_bending_stiffness
+
+    def damped(self, lag: Array | None) -> Problem:
+        """The same with this load of damping (m, 3) [1/(m^3 s)]."""
+        if lag is None and self.lag is None:
+            return self
+        out = copy.copy(self)
+        out.lag, out.cache = lag, {}
+        before, now = self.held_back, out.held_back
+        assert before is not None
+        assert now is not None
+        out.load = self.load - self.cable.linear_density * (now - before)[[0, -1]]
+        out.swing = swing_of(now)
+        return out
 
     def beside(self, cable: Cable) -> Problem:
         """The same on a cable that differs little: weight and inertia change with it, what holds it keeps its place."""
@@ -158,6 +206,12 @@ class Problem:
         other.cable, other.cache = cable, {}
         falls = np.array((self.fall(0.0), self.end_fall))
         other.load = self.load + (cable.linear_density - self.cable.linear_density) * falls
+        before, now = self.held_back, other.held_back
+        if self.velocity is not None and before is not None and now is not None:
+            assert self.acceleration is not None
+            slowed, slower = ((x - self.acceleration)[[0, -1]] for x in (before, now))  # what is not the acceleration's
+            other.load -= cable.linear_density * slower - self.cable.linear_density * slowed
+            other.swing = swing_of(now)
         other.load_force = np.array([m.mass * other.fall(m.arc_length) for m in self.masses]).reshape(-1, 3)
         return other
 
@@ -170,17 +224,11 @@ class Problem:
         other.load = last.load + share * (self.load - last.load)
         other.load_force = last.load_force + share * (self.load_force - last.load_force)
         rows = max([2, *(len(a) for a in (self.acceleration, last.acceleration) if a is not None)])
-        before, now = last._rows(rows), self._rows(rows)
+        before, now = _rows(last.acceleration, rows), _rows(self.acceleration, rows)
         other.acceleration = before + share * (now - before)
-        other.swing = swing_of(other.acceleration)
+        before, now = _rows(last.held_back, rows), _rows(self.held_back, rows)
+        other.swing = swing_of(before + share * (now - before))
         return other
-
-    def _rows(self, rows: int) -> Array:
-        """The acceleration, told in so many rows: exact if it has as many, or is linear."""
-        if self.acceleration is None:
-            return np.zeros((rows, 3))
-        here, there = np.linspace(0.0, 1.0, rows), np.linspace(0.0, 1.0, len(self.acceleration))
-        return np.stack([np.interp(here, there, a) for a in self.acceleration.T], axis=1)
 
     def loaded_otherwise(self, last: Problem) -> bool:
         """Whether it is the same cable, with loads at the same places, that are not those of `last`."""
@@ -271,6 +319,19 @@ class Problem:
         return self
 
 
+def longest_delay(cable: Cable) -> float:
+    """[s], the longest retardation time along a cable; 0: its moment does not depend on how fast it bends."""
+    return max(piece.retardation_time for _, _, piece in pieces_of(cable))
+
+
+def _rows(table: Array | None, rows: int) -> Array:
+    """An acceleration (m, 3), None: none, told in so many rows: exact if it has as many, or is linear."""
+    if table is None:
+        return np.zeros((rows, 3))
+    here, there = np.linspace(0.0, 1.0, rows), np.linspace(0.0, 1.0, len(table))
+    return np.stack([np.interp(here, there, a) for a in table.T], axis=1)
+
+
 def swing_of(table: Array) -> Array | None:
     """What an acceleration (m, 3) has beyond the line from its first to its last row; None: nothing."""
     swing = table - np.linspace(table[0], table[-1], len(table))
@@ -278,16 +339,17 @@ def swing_of(table: Array) -> Array | None:
 
 
 def _table(value: ArrayLike) -> Array:
-    """An acceleration (3,) or (m, 3) as a table of two rows at least."""
+    """An acceleration (3,) or (m, 3) as a table of two rows at least; (m, 6) with the velocity beside it."""
     remedy = (
         f"Give three numbers in m/s^2, or a table (m, 3) with 2 to {MAX_ACCELERATIONS} rows, uniform in arc length "
-        "from the start grip to the end."
+        f"from the start grip to the end; or (m, 6) with {FEWEST_VELOCITIES} rows at least, the velocity in m/s beside."
     )
     a = checks.numbers("acceleration", value, remedy)
     if a.shape == (3,):
         a = np.array((a, a))
-    if a.ndim != 2 or a.shape[1] != 3 or not 2 <= a.shape[0] <= MAX_ACCELERATIONS:
-        raise ArgumentError.of("acceleration", f"shape {a.shape}", "it must be (3,) or (m, 3)", remedy)
+    fewest = {3: 2, 6: FEWEST_VELOCITIES}.get(a.shape[-1]) if a.ndim == 2 else None
+    if fewest is None or not fewest <= len(a) <= MAX_ACCELERATIONS:
+        raise ArgumentError.of("acceleration", f"shape {a.shape}", "it must be (3,), (m, 3) or (m, 6)", remedy)
     if not (np.abs(a) <= checks.MOST).all():
         bound = f"every entry must be finite, none above {checks.MOST:g}"
         raise ArgumentError.of("acceleration", a.tolist(), bound, remedy)

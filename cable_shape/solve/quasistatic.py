@@ -62,12 +62,12 @@ def bending_rate(cable: Cable, start: Pose | Grip, end: Pose | Grip | FreeEnd | 
 
 
 def inertia_of(acceleration: ArrayLike | None, gravity: ArrayLike) -> float:
-    """Root mean square of accelerations (3,) or (m, 3) [m/s^2] along a cable, as a fraction of gravity; None: 0.
+    """Root mean square of accelerations (3,), (m, 3) or (m, 6) along a cable, as a fraction of gravity; None: 0.
 
     NaN without gravity.
     """
     if acceleration is None:
         return 0.0
-    table = np.atleast_2d(checks.numbers("acceleration", acceleration, "Give (3,) or (m, 3) in m/s^2."))
+    table = np.atleast_2d(checks.numbers("acceleration", acceleration, "Give (3,) or (m, 3) in m/s^2."))[:, :3]
     size = float(np.linalg.norm(checks.vector("gravity", gravity, 3, "m/s^2")))
     return math.sqrt(float((table**2).sum(axis=1).mean())) / size if size > 0.0 else math.nan

@@ -29,10 +29,15 @@ class Settling:
 
     ints, floats, sols: those of a network at rest (see `kernels.network.tables`), copied. Of its solution `which` it
     takes knots, rotations of the nodes and forces of the spans. Given knots may move from step to step: `poses`.
+    swings: for what has mass, see `kernels.network.settle.loosen`.
     """
 
-    def __init__(self, ints: Whole, floats: Array, sols: Array, which: int = TRIAL, drag: float = 1.0) -> None:
-        self.ints = moving(ints)
+    def __init__(
+        self, ints: Whole, floats: Array, sols: Array, which: int = TRIAL, drag: float = 1.0,
+        swings: bool = False,
+    ) -> None:  # fmt: skip
+        self.ints = moving(ints, swings)
+        self.swings = swings
         self.floats, self.sols = floats.copy(), sols.copy()
         size = sols.size // 3
         self.sols[2 * size :] = sols[which * size : (which + 1) * size]
@@ -48,6 +53,10 @@ class Settling:
             around[:-1] += 0.5 * self.model.h[a:b]
             around[1:] += 0.5 * self.model.h[a:b]
             self.motion.drag[a + j : b + j + 1] = drag * around
+        if swings:
+            at_rest: tables.Plan = tables.plan_of.py_func(ints)
+            for j, _ in at_rest.stripped:
+                self.motion.loose[self.plan.first[j + 1] + j] = 1.0
         self.motion.load[...], self.motion.weight[...] = self.model.load, self.model.weight
         self.unit = drag * self.model.par[LENGTH] ** 2 / self.model.par[SOFTEST]  # s
         self.restart()
@@ -88,8 +97,9 @@ class Settling:
         far [rad]: by how much a frame may turn.
         """
         code = settle.step(
-            self.ints, self.floats, self.sols, self.work, self.moving, dt, far, settle.MOST_ITERATIONS, self.info
-        )
+            self.ints, self.floats, self.sols, self.work, self.moving, dt, far, settle.MOST_ITERATIONS,
+            self.swings, self.info,
+        )  # fmt: skip
         if code != CONVERGED:
             return False
         self.energy, self._moved = float(self.info[I_ENERGY]), True
@@ -153,7 +163,7 @@ class Settling:
         while self._excess(dt) > 0 and dt > _SHORTEST * self.unit:
             dt *= _SHORTER
         self.dt = dt
-        code = settle.nudge(self.ints, self.floats, self.sols, self.work, self.moving, dt)
+        code = settle.nudge(self.ints, self.floats, self.sols, self.work, self.moving, dt, self.swings)
         return bool(code == CONVERGED)
 
     def _excess(self, dt: float) -> int:
@@ -161,7 +171,7 @@ class Settling:
         size = self.sols.size // 3
         self.sols[2 * size :] = self.sols[:size]
         self.motion.lam[...] = self.motion.kept
-        return int(settle.excess(self.ints, self.floats, self.sols, self.work, self.moving, dt))
+        return int(settle.excess(self.ints, self.floats, self.sols, self.work, self.moving, dt, self.swings))
 
     def hand_over(self, sols: Array) -> None:
         """Puts the shape into the trial of the same network at rest."""

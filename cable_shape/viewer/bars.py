@@ -1,4 +1,4 @@
-"""How much of each limit is used now, as bars: :class:`Bars`. Imports rerun: see recording."""
+"""How much of each limit is used now, as bars with names: :class:`Bars`. Imports rerun: see recording."""
 
 from __future__ import annotations
 
@@ -7,48 +7,57 @@ from typing import final
 
 import rerun as rr
 
-from cable_shape.cable.cable import Cable
-from cable_shape.safety.report import Margin, WarningKind
+from cable_shape.safety.report import Margin
 from cable_shape.viewer import colour as colours
 from cable_shape.viewer import text
-from cable_shape.viewer.plots import MOST_USED, path, worst_used
+from cable_shape.viewer.plots import MOST_USED
 
-_WIDTH = 0.8  # of all bars of one kind; kinds are 1 apart
-_SEEN = 0.01  # of the limit; a smaller change of a bar is not
-_LEGEND = 4.0  # kinds that the legend is wide
+#: In the plane of the bars kinds are 1 apart, downwards; where each limit is, and what is seen of the plane.
+AT_LIMIT = 6.5
+SEEN = ((-0.2, MOST_USED * AT_LIMIT + 0.2), (-0.6, len(text.MARGIN_KINDS) - 0.4))
+_HALF = 0.36  # of a bar's height
+_ABOVE = 0.45  # a name is drawn below its point
+_STEP = 0.01  # of the limit; a smaller change of a bar is not seen
 
 
 @final
 class Bars:
-    """Writes the entities below /margins at the recording's present time: a bar for each cable and kind of margin."""
+    """Writes the entities below /margins at the recording's present time: of each kind the margin most used up."""
 
-    def __init__(self, recording: rr.RecordingStream, cables: Mapping[str, Cable]) -> None:
+    def __init__(self, recording: rr.RecordingStream) -> None:
         self._recording = recording
-        self._places = {name: k for k, name in enumerate(cables)}
-        self._shown: dict[tuple[str, WarningKind], float] = {}
+        self._shown: list[tuple[int, str]] = []
 
     def begin(self) -> None:
-        """The limit, a pale bar of height 1 behind those of each kind; the legend has the room to the left of them."""
-        count = len(text.MARGIN_KINDS)
-        heights, places = [0.0, *[1.0] * count], [-_LEGEND, *range(count)]
-        limit = rr.BarChart(heights, abscissa=places, widths=[_WIDTH] * (count + 1), color=colours.LIMIT)
-        self._recording.log("/margins/limit", limit, static=True)
+        """The room up to each limit, pale, and a line at it."""
+        rows = range(len(text.MARGIN_KINDS))
+        self._recording.log("/margins/room", _strips(dict.fromkeys(rows, 1.0), [colours.ROOM] * len(rows)), static=True)
+        line = rr.LineStrips2D([[(AT_LIMIT, end) for end in SEEN[1]]], colors=colours.RED, radii=0.03)
+        self._recording.log("/margins/limit", line, static=True)
 
-    def margins(self, name: str, margins: Sequence[Margin]) -> None:
-        """The worst margin of each kind, at most twice the limit; what is no margin any more loses its bar."""
-        used = worst_used(margins)
-        for place, kind in enumerate(text.MARGIN_KINDS):
-            value, shown = min(used.get(kind, 0.0), MOST_USED), self._shown.get((name, kind))
-            if abs(value - (shown or 0.0)) < _SEEN and (value > 0.0 or not shown):
-                continue
-            label = text.kind_name(kind).replace(" ", "_")
-            entity = f"/margins/{label}" if len(self._places) == 1 else f"/margins/{path(name)}/{label}"
-            self._shown[name, kind] = value
-            # where a bar stands and its colour are said once: making them anew takes as long as most of a report
-            bar = self._bar(name, place, value) if shown is None else rr.BarChart.from_fields(values=[value])
-            self._recording.log(entity, bar)
+    def margins(self, of_all: Mapping[str, Sequence[Margin]]) -> None:
+        """Of all cables the worst margin of each kind, at most twice the limit; what is no margin has no bar."""
+        worst: dict[int, tuple[float, str]] = {}
+        for name, margins in of_all.items():
+            for margin in margins:
+                row = text.MARGIN_KINDS.index(margin.kind)
+                if row not in worst or margin.used > worst[row][0]:
+                    worst[row] = margin.used, text.margin(margin, name if len(of_all) > 1 else "")
+        used = {row: min(value, MOST_USED) for row, (value, _) in sorted(worst.items())}
+        shown = [(round(value / _STEP), worst[row][1]) for row, value in used.items()]
+        if shown == self._shown:
+            return
+        self._shown = shown
+        self._recording.log("/margins/bars", _strips(used, [colours.KINDS[text.MARGIN_KINDS[row]] for row in used]))
+        names = rr.Points2D(
+            [(AT_LIMIT, row - _ABOVE) for row in used], radii=0.0, colors=colours.MARKER, show_labels=True,
+            labels=[worst[row][1] for row in used],
+        )  # fmt: skip
+        self._recording.log("/margins/names", names)
 
-    def _bar(self, name: str, place: int, value: float) -> rr.BarChart:
-        width = _WIDTH / len(self._places)
-        at = place + width * (self._places[name] + 0.5) - 0.5 * _WIDTH
-        return rr.BarChart([value], abscissa=[at], widths=[width], color=colours.KINDS[text.MARGIN_KINDS[place]])
+
+def _strips(used: Mapping[int, float], colour: Sequence[colours.Colour]) -> rr.LineStrips2D:
+    """Bars in these rows: their ends are round, and within what is used."""
+    half = [min(_HALF, 0.5 * AT_LIMIT * value) for value in used.values()]
+    ends = [((r, row), (AT_LIMIT * value - r, row)) for r, (row, value) in zip(half, used.items(), strict=True)]
+    return rr.LineStrips2D(ends, colors=colour, radii=half)

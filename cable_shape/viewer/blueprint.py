@@ -12,8 +12,11 @@ import rerun.blueprint as rrb
 from cable_shape.checks import Array
 from cable_shape.safety.report import CycleReport
 from cable_shape.scene.scene import HalfSpace, Scene
+from cable_shape.viewer.bars import SEEN
 
 BACKGROUND = (27, 30, 36, 255)
+#: A plot of more cables has no legend, which would hide it: the names are told where the mouse is.
+MOST_NAMED = 5
 ELEVATION = np.radians(24.0)  # of the line of sight above the horizon
 ASIDE = np.radians(28.0)  # of the line of sight from square on to the cable, for depth
 
@@ -80,11 +83,11 @@ def blueprint(
             kind=rrb.Eye3DKind.Orbital, position=camera.position, look_target=camera.target, eye_up=(0.0, 0.0, 1.0)
         ),
     )
-    several = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=len(cables) > 1)
+    several = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=1 < len(cables) <= MOST_NAMED)
     named = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop)
     plots = [
-        ("margins", "limits used (1: at the limit)", named, True),
-        ("clearance", "clearance [mm]", named, bodies),
+        ("margins", "limits used (1: at the limit)", rrb.PlotLegend(visible=False), True),  # the bars name them
+        ("clearance", "clearance [mm]", rrb.PlotLegend(visible=len(cables) <= MOST_NAMED), bodies),
         ("bend_radius", "smallest bend radius [mm]", several, True),
         ("tension", "largest tension [N]", several, True),
         ("time", "cycle time [ms]", named, times),
@@ -95,7 +98,10 @@ def blueprint(
         for plot, title, legend, shown in plots
         if shown
     ]
-    bars = rrb.BarChartView(origin="/margins", name="limits used now", plot_legend=named)
+    bars = rrb.Spatial2DView(
+        origin="/margins", name="limits used now", background=BACKGROUND,
+        visual_bounds=rrb.VisualBounds2D(x_range=SEEN[0], y_range=SEEN[1]),
+    )  # fmt: skip
     words = rrb.Horizontal(
         rrb.TextDocumentView(origin="/state", name="state"),
         rrb.TextLogView(
@@ -103,7 +109,7 @@ def blueprint(
             name="warnings",
             columns=rrb.TextLogColumns(timeline_columns=[timeline], text_log_columns=["LogLevel", "Body"]),
         ),
-        column_shares=[1.9, 1],
+        column_shares=[1.4, 1],
     )
     return rrb.Blueprint(
         rrb.Horizontal(

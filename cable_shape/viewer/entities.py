@@ -22,6 +22,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any, final
 
@@ -51,6 +52,7 @@ from cable_shape.viewer.tubes import capsules
 #: Stamps below this are the clock of a simulation, which begins near 0, and not a date. [ns], March 1973.
 FIRST_DATE = 10**17
 #: A cable is drawn with at most so many segments, however many points were asked for.
+_WARNING_WIDTH = 52  # characters that the log has room for
 MAX_SEGMENTS = 400
 FLOOR_SIZE = 6.0  # m, of the plate that stands for a half-space
 FLOOR_THICKNESS = 0.01  # m
@@ -106,7 +108,7 @@ class ReportLogger:
         self.markers = markers
         self.live = live
         self._plots = Plots(recording, self.cables, scene, times, later)
-        self._bars = Bars(recording, self.cables)
+        self._bars = Bars(recording)
         self._forces = {
             name: Forces(f"/world/cables/{path(name)}/forces", cable) for name, cable in self.cables.items()
         }
@@ -143,7 +145,7 @@ class ReportLogger:
             self._log_closest(f"{base}/closest", report.clearance.get(name), shape)
             self._plots.shape(name, shape, report.clearance.get(name))
             self._plots.margins(name, report.margins.get(name, ()))
-            self._bars.margins(name, report.margins.get(name, ()))
+        self._bars.margins(report.margins)
         for name, harness in self.harnesses.items():
             segments = {segment: report.shapes.get(cable_id(name, segment)) for segment in harness.segments}
             shapes = {segment: shape for segment, shape in segments.items() if shape is not None}
@@ -352,7 +354,8 @@ class ReportLogger:
 
     def _log_words(self, report: CycleReport) -> None:
         for severity, said in self._warnings.changes(report.warnings):
-            self._write("/warnings", rr.TextLog(said, level=_LEVELS[severity]))
+            whole = textwrap.fill(said, _WARNING_WIDTH)
+            self._write("/warnings", rr.TextLog(whole, level=_LEVELS[severity]))
         legend = f"Colour: {_LEGENDS[self.colour]}"
         self._write("/state", rr.TextDocument(text.state(report, legend, self.times), media_type="text/markdown"))
         if self.times and "total" in report.times:

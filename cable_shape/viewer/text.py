@@ -28,16 +28,17 @@ def kind_name(kind: WarningKind) -> str:
 
 
 def state(report: CycleReport, legend: str, times: bool) -> str:
-    """The report as a page of Markdown: a table with a row for each cable, then the warnings that stand."""
+    """The report as a page of Markdown: the warnings that stand, then a table with a row for each cable."""
     rows = [dict(_cells(report, name, shape, times)) for name, shape in report.shapes.items()]
     heads = list(rows[0]) if rows else []
-    lines = [f"| {' | '.join(heads)} |", f"|{'---|' * len(heads)}"]
-    lines += [f"| {' | '.join(row.values())} |" for row in rows]
+    lines = []
     for name, shape in report.shapes.items():
         if not shape.status:
-            lines += ["", f"**ERROR** {name}: {shape.detail or shape.status.remedy}"]
+            lines += [f"**ERROR** {name}: {shape.detail or shape.status.remedy}", ""]
     for warning in report.warnings:
-        lines += ["", f"**{warning.severity.name}** {warning.text}"]
+        lines += [f"**{warning.severity.name}** {warning.text}", ""]
+    lines += [f"| {' | '.join(heads)} |", f"|{'---|' * len(heads)}"]
+    lines += [f"| {' | '.join(row.values())} |" for row in rows]
     return "\n".join([*lines, "", f"*{legend}*"])
 
 
@@ -75,9 +76,14 @@ def _nearest_limit(margins: Sequence[Margin]) -> str:
     if not margins:
         return "not judged"
     worst = max(margins, key=lambda m: m.used)
-    about = f"{kind_name(worst.kind)}{f' to {worst.other}' if worst.other else ''}"
     left = f", in {worst.time_to_limit:.1f} s" if 0.0 < worst.time_to_limit < np.inf else ""
-    return f"{about} {100.0 * worst.used:.0f} %{left}"
+    return f"{margin(worst)}{left}"
+
+
+def margin(margin: Margin, of: str = "") -> str:
+    """A margin in words, and which cable it is of."""
+    about = f"{f'{of} ' if of else ''}{kind_name(margin.kind)}{f' to {margin.other}' if margin.other else ''}"
+    return f"{about} {100.0 * margin.used:.0f} %"
 
 
 @final

@@ -4,14 +4,13 @@ import math
 from pathlib import Path
 
 import bench_certify
-import evidence_front
 import numpy as np
 import pytest
 from certify_check import CLAMPED, PINNED, Certificate, Shapes, certify
 from certify_grasps import MOST_HALVINGS, Grasp, in_clips, plain, points, stacked
 from certify_reduction import solve
 from certify_rows import SEED, certified, in_the_limit, looked_at_again, plain_block
-from evidence_pages import Pages
+from evidence_pages import CERTIFIED, END, Pages, put
 
 import cable_shape as cs
 from cable_shape.solve import cosserat
@@ -175,7 +174,7 @@ def test_a_broken_off_run_goes_on_and_a_row_depends_on_its_number_alone(
     monkeypatch.setattr(bench_certify, "plain_block", block)
     assert bench_certify.main([*options, "--row", "7"]) == 0
     page = tmp_path / "page.md"
-    page.write_text(f"{bench_certify.BEGIN}\n{evidence_front.END}\n")
+    page.write_text(f"{CERTIFIED}\n{END}\n")
     monkeypatch.setattr(bench_certify, "PAGE", page)
     assert bench_certify.main([*options, "--write"]) == 0
     assert called == [40]
@@ -193,15 +192,15 @@ def test_clips_and_eyelets_are_drawn_in_turn() -> None:
 
 def test_the_counts_stay_on_the_page_when_it_is_drawn_anew(tmp_path: Path) -> None:
     page = tmp_path / "stability.md"
-    page.write_text(f"old\n\n{bench_certify.BEGIN}\n{evidence_front.END}\n")
-    evidence_front.put("counts", page, bench_certify.BEGIN)
+    page.write_text(f"old\n\n{CERTIFIED}\n{END}\n")
+    put("counts", page, CERTIFIED)
     pages = Pages(tmp_path, quick=True)
     pages.add("stability", "new")
     pages.write()
     text = page.read_text()
     assert "old" not in text
     assert "new" in text
-    assert f"{bench_certify.BEGIN}\ncounts\n{evidence_front.END}" in text
+    assert f"{CERTIFIED}\ncounts\n{END}" in text
 
 
 @pytest.mark.parametrize("row", [11401, 154535, 190188, 198213, 257951, 325615, 327873, 397846])

@@ -6,7 +6,7 @@ from pathlib import Path
 import bench_all
 import numbers_page
 import pytest
-from evidence_front import BEGIN, END
+from evidence_pages import BEGIN, END
 
 
 def figure(measured: float, text: str, kind: str = "", holds: bool = True) -> dict[str, object]:
@@ -24,14 +24,12 @@ KEPT = {
     "quick": False,
     "load": "0.3",
     "front": "| a table |",
-    "printed": {"cell": "| 125 Hz | node |"},
     "figures": {
         "gradient: least ratio to solve_bvp, warm": figure(701.0, "701"),
         "scene: usable": figure(1.0, "1", holds=False),
         "cell: 125 Hz: p50 of the node / of the echo": figure(1.14, "1.14"),
         "evidence: rod : PyElastica 9.8.7, grasp A cold": figure(628.0, "628", "ratio"),
         "evidence: rod : PyElastica 9.8.7, grasp B cold": figure(1378.0, "1.38e+03", "ratio"),
-        "instructions: instructions of a warm step, rod": figure(1e5, "100,000", "count"),
     },
 }
 
@@ -44,20 +42,12 @@ def test_the_page_has_every_figure_with_its_peer() -> None:
     assert "| MuJoCo's cable, 20 links | - |" in page
     assert "| usable | 1 | at least 2 | NO |" in page
     assert "| rod : PyElastica 9.8.7, grasp A cold | 628 |" in page
-    assert "| instructions of a warm step, rod | 100,000 |" in page
-    assert "```text\n| 125 Hz | node |\n```" in page
-    assert page.count("Not measured in this run.") == len(numbers_page.BENCHES) - 5
+    assert page.count("Not measured in this run.") == len(numbers_page.BENCHES) - 4
     assert "quick run" not in page
 
 
 def test_every_bench_has_its_place_on_the_page() -> None:
     assert numbers_page.BENCHES.keys() == {part.name for part in bench_all.PARTS}
-
-
-def test_what_a_bench_prints_is_shown_without_bars_and_summary() -> None:
-    bars = "bars:   0%|     | 0/7\rbars: 100%|███| 7/7 [00:01<00:00]\n"
-    log = f"{bars}head\nx: 1 (asked at most 2)\n  row\n\n## Summary\nend\n"
-    assert numbers_page.shown(log) == "head\n  row"
 
 
 def test_figures_that_were_kept_are_drawn_without_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from truth_data import DATA, carried, load, recording, shares
-from truth_limits import RATIOS, least, mean_error, read_off
+from truth_limits import RATIOS, least, mean_error
 
 import cable_shape as cs
 from cable_shape.replay.observations import load_observations
@@ -63,16 +63,6 @@ def test_the_error_of_a_mean_counts_trajectories() -> None:
     alone = mean_error(values, np.arange(300))
     assert alone == pytest.approx(values.std(ddof=1) / np.sqrt(300.0))
     assert mean_error(np.repeat(values, 5), np.repeat(np.arange(300), 5)) == pytest.approx(alone)
-
-
-def test_a_line_is_read_off_with_its_error() -> None:
-    rng = np.random.default_rng(3)
-    groups, other = np.repeat(np.arange(40), 4), rng.uniform(1.0, 3.0, 160)
-    assert read_off(2.0 * other - 1.0, other, 2.5, groups) == pytest.approx((4.0, 0.0), abs=1e-9)
-    noise = np.repeat(rng.normal(size=40), 4)
-    told, error = read_off(2.0 * other - 1.0 + 0.3 * noise, other, 2.0, groups)
-    assert abs(told - 3.0) < 3.0 * error
-    assert error == pytest.approx(0.3 / np.sqrt(40.0), rel=0.3)
 
 
 def test_no_stiffness_is_better_than_the_best() -> None:

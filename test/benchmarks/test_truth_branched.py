@@ -99,7 +99,10 @@ def test_the_harness_that_was_put_in_is_found_and_straight_lines_are_far_off(fol
     frames = load("made", 3, folder)
     learn, judged = frames.where(CALM, 0, False), frames.where(CALM, 0, True)
     fit = ("bending_stiffness", *(f"tilt:{end}" for end in frames.branches))
-    found = cs.calibrate([frames.static[i] for i in learn], frames.measured(learn), fit)
+    seen = [frames.static[i] for i in learn]
+    one = cs.calibrate(seen, frames.measured(learn))  # from far off, tilts and EI together end where rounding leads
+    found = cs.calibrate(seen, one.harness, fit)
+    assert found.converged
     assert found["bending_stiffness"].value == pytest.approx(2e-3 * 0.05 * 9.81, rel=0.02)
     assert off(found, [frames.moving[i] for i in judged]).max() < 1e-3
     assert straight(frames, judged).min() > 0.02

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from test_calibration import TRUE, grips, rough
 from truth_data import DATA, load
-from truth_supports import drawn, recovered_along
+from truth_synthetic import drawn, recovered_along
 
 import cable_shape as cs
 from cable_shape.calibration.forward import Forward

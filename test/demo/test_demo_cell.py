@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.util
 import itertools
-import os
 import re
 import subprocess
 import sys
@@ -180,14 +179,7 @@ def test_arguments_that_make_no_sense(demo: ModuleType, capsys) -> None:
     assert "must be a finite number above 0" in capsys.readouterr().err
 
 
-@pytest.fixture
-def domain(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(1 + os.getpid() % 101))
-
-
 @pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning")  # imported by a library that rclpy uses
-@pytest.mark.usefixtures("domain")
 def test_joint_states_arrive_over_dds(robot: Robot, motion) -> None:
     import rclpy
     from rclpy.executors import SingleThreadedExecutor
@@ -233,14 +225,12 @@ def test_joint_states_arrive_over_dds(robot: Robot, motion) -> None:
     assert np.median(speed, axis=0).max() < 3.0
 
 
-@pytest.mark.usefixtures("domain")
 def test_without_a_listener_it_gives_up() -> None:
     done = run("--wait", "0.5")
     assert done.returncode == 1
     assert "nobody subscribed to /joint_states within 0.5 s" in done.stderr
 
 
-@pytest.mark.usefixtures("domain")
 def test_a_signal_ends_it() -> None:
     cell = subprocess.Popen(
         [sys.executable, str(SCRIPT), "--wait", "0", "--duration", "600"],

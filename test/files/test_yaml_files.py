@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 import cable_shape as cs
 from cable_shape.cable.cable import Cable
-from cable_shape.command.case_parts import FREE_END_KEYS, GRIP_KEYS, POSE_KEYS
+from cable_shape.cable.case_parts import FREE_END_KEYS, GRIP_KEYS, POSE_KEYS
 from cable_shape.command.load_case import CASE_KEYS
 from cable_shape.files.yaml_files import MAX_DEPTH, MAX_VALUES, WORDS, load_yaml
 from cable_shape.scene.scene import SCENE_KEYS

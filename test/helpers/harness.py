@@ -14,10 +14,6 @@ from typing import Any
 
 import pytest
 
-# before rclpy is initialised: nothing leaves this machine, and no other session is heard
-os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-os.environ["ROS_DOMAIN_ID"] = str(1 + os.getpid() % 101)
-
 with warnings.catch_warnings():
     # its parser imports a deprecated module of the standard library
     warnings.simplefilter("ignore", DeprecationWarning)

@@ -1,16 +1,12 @@
 """A tracker of its own process: two gripper poses at 100 Hz in namespace argv[1], until it is killed."""
 
-import os
 import sys
 import time
 
-domain = os.environ["ROS_DOMAIN_ID"]
-import harness  # noqa: E402, sets a domain of its own
-
-os.environ["ROS_DOMAIN_ID"] = domain
-import rclpy  # noqa: E402
-from builtin_interfaces.msg import Time  # noqa: E402
-from geometry_msgs.msg import PoseStamped  # noqa: E402
+import harness
+import rclpy
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseStamped
 
 rclpy.init()
 node = rclpy.create_node("mover", namespace=sys.argv[1])

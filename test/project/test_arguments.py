@@ -79,6 +79,12 @@ def held(**given: Any) -> object:
     return predictor.sensitivity(at=at) if predictor.is_rod else None
 
 
+def swung(**given: Any) -> object:
+    motion = cs.Motion(**{name: given[name] for name in ("cable", "scene", "gravity", "points", "elements")})
+    motion.begin(given["start"], given["end"])
+    return motion.step(given["start"], given["end"], given["dt"])
+
+
 def gripped(**given: Any) -> object:
     names = ("ends", "acceleration", "at")
     predictor = cs.Predictor(given["harness"], **{n: x for n, x in given.items() if n not in (*names, "harness")})
@@ -100,6 +106,7 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, Any]]] = {
             "rest_curvature": (0.0, 0.1, 0.0), "gradient_length": 0.01, "min_bend_radius": 0.01, "max_tension": 1.0,
             "max_twist_rate": 1.0, "inner_diameter": 0.0, "allowable_stress": 1e6, "tails": {"end": 0.1},
             "sections": [cs.Section(0.1, 0.2, diameter=0.02)], "stiffness_interval": (0.1, 0.2),
+            "retardation_time": 0.01, "drag": 0.1,
         },
     ),
     "Cable.from_material": (
@@ -208,6 +215,18 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, Any]]] = {
     ),
     "EndsPath": (cs.EndsPath, {"ends": ROWS, "times": [0.0, 1.0]}),
     "GripPath": (cs.GripPath, {"starts": TWO.starts, "ends": TWO.ends, "times": [0.0, 1.0]}),
+    "Study": (
+        lambda **values: cs.Study(**values).rows(0),
+        {
+            "cable": CABLE, "start": START, "end": END, "scene": cs.Scene(), "vary": {"cable.length": [1.2]},
+            "measure": ["tension"], "at": "worst", "chunk": 1, "points": 12, "model": "auto", "tolerance": 1e-3,
+            "gravity": (0, 0, -9.81), "sample": {"points": 2}, "motion": {"instants": 2}, "folder": ".",
+        },
+    ),
+    "swept": (cs.swept, {"shapes": [SHAPE, SHAPE], "margin": 0.05, "looseness": 0.05}),
+    "export": (cs.export, {"shapes": SHAPE, "path": "nowhere/a.stl", "cable": CABLE, "period": 0.1}),
+    "Study.from_mapping": (cs.Study.from_mapping, {"values": {"cable": GOOD, "start": {"position": (0, 0, 0)}}}),
+    "Study.from_yaml": (cs.Study.from_yaml, {"path": "nowhere.yaml"}),
     "check_trajectory": (
         cs.check_trajectory,
         {
@@ -221,6 +240,13 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, Any]]] = {
         {
             "cable": FORK, "scene": None, "robot": None, "trajectory": ROWS, "gravity": (0, 0, -9.81), "points": 12,
             "tolerance": 1e-3, "distributed_load": {"a": np.zeros((2, 3))}, "time_limit": 10.0, "proceed": None,
+        },
+    ),
+    "Motion": (
+        swung,
+        {
+            "cable": CABLE, "scene": None, "gravity": (0, 0, -9.81), "points": 12, "elements": 8, "start": START,
+            "end": cs.Grip(END), "dt": 0.01,
         },
     ),
     "Observation": (
@@ -295,7 +321,8 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, Any]]] = {
 NOT_CALLED = {
     "BodyDistance", "CableShape", "CableWarning", "Calibration", "Clearance", "ClipLoad", "Contact", "CycleReport",
     "Estimate", "HarnessBatch", "HarnessCalibration", "HarnessShape", "Imported", "Margin", "PlugError", "Reason",
-    "Severity", "ShapeBatch", "Status", "Stress", "TrajectoryCheck", "Tube", "Violation", "WarningKind", "warm_up",
+    "Severity", "ShapeBatch", "Status", "Stress", "StudyResult", "Swept", "TrajectoryCheck", "Tube", "Violation",
+    "WarningKind", "warm_up",
 }  # fmt: skip
 
 numbers = st.sampled_from(
@@ -376,7 +403,10 @@ SLIPS: list[tuple[Callable[[], object], str]] = [
     (lambda: stepped(robot_links=[LINKED], links={"tool": 3}), r"links\['tool'\] = 3 .* must be a Pose"),
     (lambda: stepped(acceleration=(0, 0, 1)), r"acceleration = \(0, 0, 1\) .* must be a mapping"),
     (lambda: stepped(acceleration={"b": (0, 0, 1)}), "acceleration: unknown key 'b'"),
-    (lambda: stepped(acceleration={"cable": (0, 1)}), r"acceleration\['cable'\]: .*shape \(2,\).*\(3,\) or \(m, 3\)"),
+    (
+        lambda: stepped(acceleration={"cable": (0, 1)}),
+        r"acceleration\['cable'\]: .*shape \(2,\).*\(3,\), \(m, 3\) or \(m, 6\)",
+    ),
     (lambda: stepped(distributed_load={"b": np.zeros((2, 3))}), "distributed_load: unknown key 'b'"),
     (lambda: stepped(distributed_load=(0, 0, 1)), "distributed_load = .* two rows"),
     (lambda: cs.check_trajectory(CABLE, None, None, TWO, acceleration=(0, 0, 1)), r"\(3,\).* must be \(2, 3\) or"),

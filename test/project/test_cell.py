@@ -36,7 +36,7 @@ def test_the_service_starts_the_node_with_parameters_that_it_has():
 
 
 def test_the_bench_measures_the_priority_of_the_service():
-    text = (ROOT / "benchmarks" / "cell_priority.py").read_text(encoding="utf-8")
+    text = (ROOT / "benchmarks" / "cell_sides.py").read_text(encoding="utf-8")
     assert setting("CPUSchedulingPolicy") == "fifo"
     assert re.search(r"^NODE, SELF = (\d+),", text, flags=re.MULTILINE)[1] == setting("CPUSchedulingPriority")
     assert setting("LimitRTPRIO") == setting("CPUSchedulingPriority")

@@ -46,7 +46,7 @@ def test_the_cable_is_loaded_by_its_own_acceleration(tmp_path: Path) -> None:
     assert moved.worst * CABLE.length < 1e-4
     report = report_of(tmp_path / "out")
     assert report["inertia"] == {
-        "source": "accelerations of the markers, smoothed over 0.11 s",
+        "source": "accelerations and velocities of the markers, smoothed over 0.11 s",
         "cycles": FRAMES,
         "cycles_without": 0,
     }

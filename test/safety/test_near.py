@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import cable_shape as cs
-from cable_shape.kernels.contact.crossing_cull import apart_from_itself, leans
 from cable_shape.kernels.distance import cable_near
+from cable_shape.kernels.distance.apart import apart_from_itself, leans
 from cable_shape.kernels.distance.cable_near import counts_as_near
 from cable_shape.safety.near import CableNear
 

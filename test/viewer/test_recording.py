@@ -265,15 +265,36 @@ def test_forces_of_clips_are_drawn_where_they_act_and_go_with_the_shape() -> Non
 
 
 def test_margins_are_bars_that_go_when_there_is_no_margin_any_more(tmp_path: Path) -> None:
+    from cable_shape.viewer.bars import AT_LIMIT  # here: this module must not import rerun
+
     write(tmp_path / "out.rrd", [near_a_snap(k) for k in range(5)] + [report(5)])
     held = columns(tmp_path / "out.rrd")
-    bars = held["/margins/clearance:BarChart:values"]
-    # only changes are written: the nearest body uses 0, 0.2, ... of its limit, and the last report knows no margin
-    assert [t for t, _ in bars] == [T0 + k * PERIOD for k in range(1, 6)]
-    np.testing.assert_allclose([v[0]["buffer"][0] for _, v in bars], [0.2, 0.4, 0.6, 0.8, 0.0])
-    stretch = held["/margins/stretch:BarChart:values"]
-    np.testing.assert_allclose([v[0]["buffer"][0] for _, v in stretch], [2.0, 0.0])
-    assert held["/margins/limit:BarChart:values"][0][0] is None
+    bars, names = held["/margins/bars:LineStrips2D:strips"], held["/margins/names:Points2D:labels"]
+    assert [t for t, _ in bars] == [T0 + k * PERIOD for k in range(6)]
+    # the nearest body uses 0, 0.2, ... of its limit, the tension three times its own; the last report knows no margin
+    reach = [[end[0] + radius for (_, end), radius in zip(v, r, strict=True)] for (_, v), (_, r) in zip(
+        bars, held["/margins/bars:LineStrips2D:radii"], strict=True
+    )]  # fmt: skip
+    np.testing.assert_allclose(reach[:5], [[0.2 * k * AT_LIMIT, 2.0 * AT_LIMIT] for k in range(5)], atol=1e-5)
+    assert reach[5] == []
+    assert names[3][1] == ["clearance to box 60 %", "stretch 300 %"]
+    assert held["/margins/limit:LineStrips2D:strips"][0][0] is None
+
+
+def test_bars_of_many_cables_are_of_the_worst(tmp_path: Path) -> None:
+    from cable_shape.viewer.recording import RecordingWriter
+
+    one = near_a_snap(2)
+    names = [f"h/s{k}" for k in range(22)]
+    worst = one.margins["cable"][0]._replace(used=0.7)
+    margins = dict.fromkeys(names, one.margins["cable"]) | {"h/s7": (worst,)}
+    many = dataclasses.replace(
+        one, shapes=dict.fromkeys(names, one.shapes["cable"]), margins=margins, grips={}, clearance={}
+    )
+    with RecordingWriter(tmp_path / "out.rrd", dict.fromkeys(names, CABLE), SCENE) as writer:
+        writer.log(many)
+    ((_, said),) = columns(tmp_path / "out.rrd")["/margins/names:Points2D:labels"]
+    assert said == ["h/s7 clearance to sphere 70 %", "h/s0 stretch 300 %"]
 
 
 def test_the_closest_pair_is_of_a_body_that_the_cable_does_not_rest_on(tmp_path: Path) -> None:

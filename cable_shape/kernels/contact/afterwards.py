@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.contact.near import BARE, GAP
+from cable_shape.kernels.contact.near import BARE, GAP, is_knot
 
 CLOSE = 1.2  # of the spacing: two elements that are no longer together can be one
 LYING = 2e-6  # [m] nodes nearer to a body than this lie on it, pressed or not
@@ -13,7 +13,7 @@ LYING = 2e-6  # [m] nodes nearer to a body than this lie on it, pressed or not
 @kernel
 def touches(near: Array, on: Array, k: int, full: bool) -> bool:
     """Whether node k is pressed on a body or, where that counts, lies on one."""
-    return on[k, 0] != BARE or (full and on[k, 1] != BARE and near[k, GAP] < LYING)
+    return is_knot(on, k) or (full and on[k, 1] != BARE and near[k, GAP] < LYING)
 
 
 @kernel

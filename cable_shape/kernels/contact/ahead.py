@@ -2,12 +2,27 @@
 
 from __future__ import annotations
 
+import math
+
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.contact.near import BARE, PRESS
+from cable_shape.kernels.contact.near import ACTIVE, BARE, LINK, LINKED, PRESS, PUSH, TOWARD
 from cable_shape.kernels.contact.tables import Lying, Net
 from cable_shape.kernels.network.tables import BEFORE, LENGTH, NOW, TRIAL, model_of, plan_of
-from cable_shape.kernels.rod_algebra import add, get4, qconj, qexp, qlog, qmul, qnormal, scale
+from cable_shape.kernels.rod_algebra import (
+    add,
+    dot,
+    get4,
+    put3,
+    qconj,
+    qexp,
+    qlog,
+    qmul,
+    qnormal,
+    scale,
+    subtract,
+    take3,
+)
 from cable_shape.kernels.rod_guess import angle_axis, tangent
 
 
@@ -93,10 +108,23 @@ def predict(lying: Lying, net: Net, history: int) -> float:
             if near[TRIAL, k, PRESS] < 0.0:
                 near[TRIAL, k, PRESS] = 0.0
                 on[TRIAL, k, 0] = BARE
+        if on[NOW, k, LINKED] == ACTIVE and on[BEFORE, k, LINK] == on[NOW, k, LINK]:
+            push_on(near, on, k, a if on[BEFORE, k, LINKED] == ACTIVE else 0.0)
     for j in range(ends.shape[1]):
         for i in range(3):
             ends[TRIAL, j, i] = f * ends[NOW, j, i] - a * ends[BEFORE, j, i]
     return a
+
+
+@kernel
+def push_on(near: Array, on: Array, k: int, a: float) -> None:
+    """Extrapolates what another cable presses node k with; a push that has run out by then is ended."""
+    n = subtract(scale(1.0 + a, take3(near[NOW], k, TOWARD)), scale(a, take3(near[BEFORE], k, TOWARD)))
+    put3(near[TRIAL], k, TOWARD, scale(1.0 / math.sqrt(dot(n, n)), n))
+    near[TRIAL, k, PUSH] = (1.0 + a) * near[NOW, k, PUSH] - a * near[BEFORE, k, PUSH]
+    if near[TRIAL, k, PUSH] < 0.0:
+        near[TRIAL, k, PUSH] = 0.0
+        on[TRIAL, k, LINKED] = BARE
 
 
 @kernel
@@ -134,8 +162,8 @@ def turn_supports(q: Array, s: Array, frames: Array, where: Array, mask: Array) 
             else:
                 angle, axis = angle_axis(tangent(get4(q, node)), tangent(target))
                 new = scale(angle, axis)
-        first = where[left] if left >= 0 else 0
-        for k in range(first + 1 if left >= 0 else 0, node + 1):
+        first = where[max(left, 0)]
+        for k in range(first + 1 if left >= 0 else first, node + 1):
             x = (s[k] - s[first]) / (s[node] - s[first]) if left >= 0 else 1.0
             p = qnormal(qmul(qexp(add(scale(1.0 - x, turn), scale(x, new))), get4(q, k)))
             q[k, 0], q[k, 1], q[k, 2], q[k, 3] = p

@@ -13,6 +13,7 @@ from cable_shape.kernels.contact.check import passes
 from cable_shape.kernels.contact.errors import AMISS, SAFETY, contact_error, position_error
 from cable_shape.kernels.contact.knots import close, from_model, place_nodes, press_on, put, walk
 from cable_shape.kernels.contact.lay import laid
+from cable_shape.kernels.contact.link import find_pairs, look_at_links, tie_pairs
 from cable_shape.kernels.contact.near import GRIP_EXCLUSION, NORMAL, ROUND
 from cable_shape.kernels.contact.press import I_ASSEMBLIES, I_EXCESS, I_ITERATIONS, RUNNING, press, tell_pushes
 from cable_shape.kernels.contact.run import any_crowded
@@ -39,6 +40,7 @@ from cable_shape.kernels.network.tables import (
     plan_of,
     solution_of,
     solution_size,
+    still_knots,
     work_of,
 )
 from cable_shape.kernels.rod_algebra import get4, qconj, qmul
@@ -130,7 +132,7 @@ def solve(
     seen = np.zeros(network.INFO + 3 * lying.turns.shape[1])
     sample(ints, floats, sols, space, points, out, seen)
     knot_loads(ints, floats, space, loads[: ints[N_KNOTS]])
-    tell_pushes(net, near)
+    tell_pushes(net, near, on)
     info[I_ENERGY], info[I_TWIST] = seen[network.I_ENERGY], seen[network.INFO]
     info[INFO:] = seen[network.INFO :]
     for c in range(lying.turns.shape[1]):
@@ -241,7 +243,10 @@ def refresh(lying: Lying, net: Net) -> None:
     close(net, near)
     par = model_of(ints, floats).par
     press_on(net, q, lying.h, near, on, ROUND / par[LENGTH], lying.flex, 0.0, False)
-    model_of(ints, floats).given[:, :] = 0.0
+    find_pairs(lying, on)
+    look_at_links(lying, near)
+    tie_pairs(net, lying, q, near, on, False)
+    still_knots(model_of(ints, floats))
     factor(ints, floats, space, SLIGHT * par[BASE_SHIFT])
     size = solution_size(ints)
     copy(sols[0:size], sols[2 * size : 3 * size])

@@ -14,7 +14,16 @@ from cable_shape.kernels.network.graph import lead, solve, step_of_force
 from cable_shape.kernels.network.respond import still
 from cable_shape.kernels.network.sliding import carried, slide_step, slides_of
 from cable_shape.kernels.network.system import release
-from cable_shape.kernels.network.tables import N_KNOTS, STIFFEST, TRIAL, model_of, plan_of, solution_of, work_of
+from cable_shape.kernels.network.tables import (
+    N_KNOTS,
+    STIFFEST,
+    TRIAL,
+    model_of,
+    plan_of,
+    solution_of,
+    still_knots,
+    work_of,
+)
 from cable_shape.kernels.rod_algebra import add, dot, get3, get4, put3, rotation, scale, subtract, take3, tapply
 from cable_shape.kernels.rod_defect import change_of_step, defects
 
@@ -35,7 +44,7 @@ def position_error(net: Net, errors: Array) -> float:
     plan, model = plan_of(net.ints), model_of(net.ints, net.floats)
     sol, work = solution_of(net.ints, net.sols, TRIAL), work_of(net.ints, net.space)
     still(net.ints, net.space)
-    model.given[:, :] = 0.0
+    still_knots(model)
     defects(
         plan.left, sol.q, model.h, work.full, model.rest, model.section, work.U, work.parts, work.first, work.G,
         work.slack, work.moments, work.sums, work.missing, work.lanes,
@@ -96,11 +105,13 @@ def contact_error(net: Net, q: Array, near: Array, on: Array, h: Array, least: f
     """
     model, work = model_of(net.ints, net.floats), work_of(net.ints, net.space)
     still(net.ints, net.space)
-    model.given[:, :] = 0.0
+    still_knots(model)
     amiss = False
     plan, known = plan_of(net.ints), net.bare[N_KNOTS]
     for i in range(known, net.ints[N_KNOTS]):
         k = net.where[i]
+        if on[k, 0] == BARE:
+            continue
         x = net.span[i]
         before = plan.first[x + 1] == plan.first[x] + 1 and plan.ends[x, 0] < known and plan.known[x] == 0
         behind = plan.first[x + 2] == plan.first[x + 1] + 1 and plan.ends[x + 1, 1] < known and plan.known[x + 1] == 0
@@ -121,7 +132,7 @@ def contact_error(net: Net, q: Array, near: Array, on: Array, h: Array, least: f
     moves(net, near)
     if net.run.shape[0] > 0:
         slides_of(net.ints, net.run).way[:] = 0.0
-    model.given[:, :] = 0.0
+    still_knots(model)
     largest = 0.0
     for k in range(q.shape[0]):
         move = take3(near, k, STEP)

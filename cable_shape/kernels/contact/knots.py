@@ -10,13 +10,19 @@ from __future__ import annotations
 import math
 
 from cable_shape.checks import Array
+from cable_shape.kernels.contact.link import close_in
 from cable_shape.kernels.contact.near import (
+    ACTIVE,
+    BARE,
     CURVED,
     GAP,
+    LINKED,
     NONE,
     NORMAL,
     PRESS,
+    PUSH,
     SPOT,
+    TOWARD,
     along_cable,
     tangent_of,
 )
@@ -24,7 +30,16 @@ from cable_shape.kernels.contact.tables import Lying, Net
 from cable_shape.kernels.network.compiled import viewing
 from cable_shape.kernels.network.drive import strip
 from cable_shape.kernels.network.material import add_up, fill
-from cable_shape.kernels.network.tables import LENGTH, N_KNOTS, TRIAL, model_of, plan_of, solution_of, work_of
+from cable_shape.kernels.network.tables import (
+    LENGTH,
+    N_KNOTS,
+    TRIAL,
+    Model,
+    model_of,
+    plan_of,
+    solution_of,
+    work_of,
+)
 from cable_shape.kernels.rod_algebra import (
     Matrix,
     Vector,
@@ -44,6 +59,7 @@ from cable_shape.kernels.rod_algebra import (
     take3,
     tapply,
 )
+from cable_shape.kernels.rod_element import IDENTITY
 
 
 @viewing
@@ -93,6 +109,7 @@ def put(net: Net, lying: Lying, which: int, near: Array, normal: int) -> None:
             k = net.where[knot]
             force = add(add(get3(sol.lam, x + 1), get3(model.weight, x + 1)), get3(model.force, knot))
             force = add(force, scale(near[k, PRESS], take3(near, k, normal)))
+            force = add(force, scale(near[k, PUSH], take3(near, k, TOWARD)))
         put3(sol.lam, x, 0, force)
     for i in range(plan.vertices.shape[0]):
         k = net.where[i]
@@ -183,6 +200,13 @@ def press_on(net: Net, q: Array, h: Array, near: Array, on: Array, least: float,
     largest = 0.0
     for i in range(net.bare[N_KNOTS], plan.vertices.shape[0]):
         k = net.where[i]
+        if on[k, LINKED] == ACTIVE:
+            push = scale(near[k, PUSH], take3(near, k, TOWARD))
+            put3(work.pull, i, 0, subtract(get3(work.pull, i), push))
+        if on[k, 0] == BARE:
+            if not factored:
+                stand_free(model, i, drag)
+            continue
         n = take3(near, k, NORMAL)
         force = max(near[k, PRESS], 0.0)
         H = get9(near, k, CURVED)
@@ -213,11 +237,25 @@ def press_on(net: Net, q: Array, h: Array, near: Array, on: Array, least: float,
 
 
 @viewing
-def step_out(net: Net, near: Array, share: float) -> None:
-    """Gives contacts the steps that close their gaps, or none: share 1 or 0."""
+def stand_free(model: Model, i: int, drag: float) -> None:
+    """Tells the model that no body presses on contact i."""
+    put9(model.along, i, 0, IDENTITY)
+    for c in range(9):
+        model.bent[i, c] = -drag / model.par[LENGTH] if c % 4 == 0 else 0.0
+    for c in range(6):
+        model.lean[i, c] = 0.0
+
+
+@viewing
+def step_out(net: Net, lying: Lying, near: Array, on: Array, share: float) -> None:
+    """Gives contacts, and pairs of them, the steps that close their gaps, or none: share 1 or 0."""
+    close_in(net, lying, near, share)
     given = model_of(net.ints, net.floats).given
     for i in range(net.bare[N_KNOTS], given.shape[0]):
         k = net.where[i]
+        if on[k, 0] == BARE:
+            put3(given, i, 0, NONE)
+            continue
         put3(given, i, 0, scale(-share * near[k, GAP], take3(near, k, NORMAL)))
 
 

@@ -11,16 +11,18 @@ from __future__ import annotations
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.contact.knots import mesh
-from cable_shape.kernels.contact.near import BARE, NONE
+from cable_shape.kernels.contact.near import BARE, LINK, NONE, is_knot
 from cable_shape.kernels.contact.tables import Lying, Net
 from cable_shape.kernels.network.compiled import inline, part, viewing
 from cable_shape.kernels.network.tables import (
     HEAD,
     LENGTH,
+    LINK_PLAN,
     N_BLOCKS,
     N_CABLES,
     N_ELEMENTS,
     N_KNOTS,
+    N_LINKS,
     N_PRESSED,
     N_RINGS,
     N_SPANS,
@@ -44,25 +46,35 @@ from cable_shape.kernels.rod_element import IDENTITY
 
 IDENTITY_FRAME = (0.0, 0.0, 0.0, 1.0)
 
-EDGES = 7  # of a span, between what is unknown of its ends and its force, and of a contact that it ends at
+#: Of a span, between what is unknown of its ends and its force, and of a contact that it ends at; and of a link.
+EDGES, EDGES_OF_LINK = 7, 6
 
 
 @kernel
-def room_for(bare: Whole, elements: int, wide: int) -> tuple[int, int, int, int, int, int]:
+def room_for(bare: Whole, elements: int, wide: int, links: int) -> tuple[int, int, int, int, int, int]:
     """Numbers of plan, model, one solution, work space, eyelets and scratch where every node of a mesh may be a knot.
 
-    wide: how many vertices beyond the two next ones an elimination may join with one.
+    wide: how many vertices beyond the two next ones an elimination may join with one; links: pairs of cables that may
+    press on each other.
     """
     head = bare[:HEAD].copy()
     n, m, k = elements, elements, bare[N_KNOTS] + elements - bare[N_SPANS]
-    v = 2 * k + m
+    v = 2 * k + m + links
+    head[N_LINKS] = links
     head[N_ELEMENTS], head[N_SPANS], head[N_KNOTS], head[N_VERTICES], head[N_PRESSED] = n, m, k, v, k
-    head[N_BLOCKS], head[N_TARGETS] = (2 + wide) * v, (2 + wide) * (3 + wide) // 2 * v
+    head[N_BLOCKS], head[N_TARGETS] = blocks_of(wide, v, links), (2 + wide) * (3 + wide) // 2 * v + 25 * links**3
     e = head[N_RINGS]
     own = HEAD + n + 23 * m + 2 * k + 3 * v + head[N_BLOCKS] + head[N_TARGETS] + 2 * head[N_STRIPPED]
-    own += 5 * head[N_CABLES] + 2 * e + 6
+    own += 5 * head[N_CABLES] + 2 * e + 6 + LINK_PLAN * links
     run = e * (12 * n + 9 * m + 6 * k + 2 * e + 2) + 4 * n + 14 * m + 3 * k if e > 0 else 0
-    return own, model_size(head), solution_size(head), work_size(head), run, 2 + 2 * k + 3 * EDGES * m + 5 * v
+    room = 2 + 2 * k + 3 * EDGES * m + 3 * EDGES_OF_LINK * links + 5 * v + k
+    return own, model_size(head), solution_size(head), work_size(head), run, room
+
+
+@viewing
+def blocks_of(wide: int, vertices: int, links: int) -> int:
+    """How many blocks there is room for: what links join is joined with all of that at the end."""
+    return (2 + wide) * vertices + 25 * links * links
 
 
 @viewing
@@ -75,7 +87,7 @@ def is_same(net: Net, held: Whole, on: Array) -> bool:
     for c in range(plan.cables.shape[0] - 1):
         for j in range(plan.cables[c] + c, plan.cables[c + 1] + c):
             for k in range(held[j] + 1, held[j + 1]):
-                if on[k, 0] != BARE:
+                if is_knot(on, k):
                     if i >= knots or net.where[i] != k:
                         return False
                     i += 1
@@ -97,7 +109,7 @@ def divide(net: Net, held: Whole, on: Array) -> tuple[int, int]:
                     net.where[plan.ends[j, end]] = held[j + c + end]
             net.piece[j] = x
             for k in range(held[j + c] + 1, held[j + c + 1]):
-                if on[k, 0] != BARE:
+                if is_knot(on, k):
                     net.where[i], net.span[i] = k, x
                     net.cable[x], net.stretch[x] = c, j
                     i += 1
@@ -166,8 +178,11 @@ def any_stripped(net: Net, stripped: Whole, count: int, j: int) -> bool:
 
 
 @viewing
-def number(net: Net, old: Plan, plan: Plan, loose: Whole, forces: Whole) -> int:
-    """Numbers the vertices in the order of elimination; returns how many there are. forces (m,): of the spans."""
+def number(net: Net, old: Plan, plan: Plan, on: Array, loose: Whole, forces: Whole) -> int:
+    """Numbers the vertices in the order of elimination; returns how many there are. forces (m,): of the spans.
+
+    Contacts that belong to links come last: then stretches hang together by them alone.
+    """
     v = 0
     for x in range(forces.shape[0]):
         forces[x] = -1
@@ -175,18 +190,9 @@ def number(net: Net, old: Plan, plan: Plan, loose: Whole, forces: Whole) -> int:
         for j in range(old.ends.shape[0]):
             a, b = old.ends[j, 0], old.ends[j, 1]
             first, last = net.piece[j], net.piece[j + 1]
-            if last == first + 1 or knot != (b if net.rank[a] <= net.rank[b] else a):
+            if last == first + 1 or knot != (b if net.rank[a] <= net.rank[b] else a) or any_linked(net, plan, on, j):
                 continue
-            forward = knot == b
-            for i in range(last - first):
-                x = first + i if forward else last - 1 - i
-                if plan.known[x] == 0:
-                    forces[x] = v
-                    v += 1
-                if i + 1 < last - first:
-                    contact = plan.ends[x, 1 if forward else 0]
-                    plan.vertices[contact, 1], plan.vertices[contact, 0] = v, v + 1
-                    v += 2
+            v = number_piece(plan, first, last, knot == b, forces, v)
         plan.vertices[knot, 0] = plan.vertices[knot, 1] = -1
         if loose[knot] > 0 and net.moves[knot] != 0:
             plan.vertices[knot, 1] = v
@@ -194,6 +200,64 @@ def number(net: Net, old: Plan, plan: Plan, loose: Whole, forces: Whole) -> int:
         if old.vertices[knot, 0] >= 0:
             plan.vertices[knot, 0] = v
             v += 1
+    if plan.links.shape[0] == 0:
+        return v
+    for j in range(old.ends.shape[0]):
+        if not any_linked(net, plan, on, j):
+            continue
+        first = net.piece[j]
+        for x in range(first, net.piece[j + 1]):
+            if x + 1 == net.piece[j + 1] or is_linked(net, on, plan.ends[x, 1]):
+                forward = x + 1 < net.piece[j + 1] or not is_linked(net, on, plan.ends[first, 0])
+                v = number_piece(plan, first, x + 1, forward, forces, v)
+                first = x + 1
+    for i in range(plan.links.shape[0]):
+        for side in range(2):
+            knot = plan.links[i, side]
+            plan.vertices[knot, 1], plan.vertices[knot, 0] = v, v + 1
+            v += 2
+        plan.links[i, 2] = v
+        v += 1
+    return v
+
+
+@viewing
+def find_links(net: Net, plan: Plan, on: Array) -> None:
+    """Fills the knots of the links."""
+    for i in range(net.bare[N_KNOTS], plan.vertices.shape[0]):
+        which = on[net.where[i], LINK]
+        if which != BARE:
+            plan.links[which // 2, which % 2] = i
+
+
+@viewing
+def is_linked(net: Net, on: Array, knot: int) -> bool:
+    """Whether a knot belongs to a link."""
+    return bool(knot >= net.bare[N_KNOTS] and on[net.where[knot], LINK] != BARE)
+
+
+@viewing
+def any_linked(net: Net, plan: Plan, on: Array, j: int) -> bool:
+    """Whether any contact on stretch j belongs to a link."""
+    found = 0
+    if plan.links.shape[0] > 0:
+        for x in range(net.piece[j], net.piece[j + 1] - 1):
+            found += is_linked(net, on, plan.ends[x, 1])
+    return found > 0
+
+
+@viewing
+def number_piece(plan: Plan, first: int, last: int, forward: bool, forces: Whole, v: int) -> int:
+    """Numbers forces of spans first to last - 1 and the contacts between them, from the one end or the other."""
+    for i in range(last - first):
+        x = first + i if forward else last - 1 - i
+        if plan.known[x] == 0:
+            forces[x] = v
+            v += 1
+        if i + 1 < last - first:
+            contact = plan.ends[x, 1 if forward else 0]
+            plan.vertices[contact, 1], plan.vertices[contact, 0] = v, v + 1
+            v += 2
     return v
 
 
@@ -228,6 +292,13 @@ def join_all(plan: Plan, known: int, forces: Whole, heads: Whole, edges: Whole) 
             count = join(heads, edges, count, ta, ya)
             for a, b in ((ta, yb), (ya, tb), (ya, yb), (tb, yb)):
                 count = join(heads, edges, count, a, b)
+    for i in range(plan.links.shape[0]):
+        a, b, push = plan.links[i, 0], plan.links[i, 1], plan.links[i, 2]
+        count = join(heads, edges, count, plan.vertices[a, 1], push)
+        count = join(heads, edges, count, plan.vertices[b, 1], push)
+        for x in range(2):
+            for y in range(2):
+                count = join(heads, edges, count, plan.vertices[a, x], plan.vertices[b, y])
 
 
 @viewing
@@ -298,6 +369,7 @@ def lay(net: Net, lying: Lying, on: Array) -> bool:
     copy(ints[:HEAD], bare[:HEAD])
     ints[N_ELEMENTS], ints[N_SPANS], ints[N_KNOTS], ints[N_PRESSED] = lying.errors.shape[0], spans, knots, knots
     ints[N_VERTICES] = ints[N_BLOCKS] = ints[N_TARGETS] = 0
+    ints[N_LINKS] = lying.pairs.shape[0]
     used = knots + 2 * old.stripped.shape[0]
     loose, stripped, forces = part(room, 0, (knots,)), part(room, knots, (used - knots,)), part(room, used, (spans,))
     count = strip_leaves(net, old, spans, loose, stripped)
@@ -306,16 +378,17 @@ def lay(net: Net, lying: Lying, on: Array) -> bool:
     fill_spans(net, old, plan, lying.held)
     for i in range(count):
         plan.known[stripped[2 * i]] = 1
-    vertices = ints[N_VERTICES] = number(net, old, plan, loose, forces)
+    find_links(net, plan, on)
+    vertices = ints[N_VERTICES] = number(net, old, plan, on, loose, forces)
     fill_corners(plan)
     used += spans
     for i in range(4 * vertices):
         room[used + i] = -1
     heads, seen = part(room, used, (vertices,)), part(room, used + vertices, (vertices,))
     child, after = part(room, used + 2 * vertices, (vertices,)), part(room, used + 3 * vertices, (vertices,))
-    edges = part(room, used + 4 * vertices, (2 * EDGES * spans,))
+    edges = part(room, used + 4 * vertices, (2 * (EDGES * spans + EDGES_OF_LINK * plan.links.shape[0]),))
     join_all(plan, bare[N_KNOTS], forces, heads, edges)
-    ints[N_BLOCKS] = (2 + net.wide) * vertices
+    ints[N_BLOCKS] = blocks_of(net.wide, vertices, plan.links.shape[0])
     blocks = eliminate(plan_of(ints), heads, edges, seen, child, after)
     if blocks < 0:
         return False
@@ -390,7 +463,7 @@ def fill_targets(plan: Plan) -> None:
 
 @viewing
 def fill_blocks(plan: Plan) -> None:
-    """Where the blocks of spans are."""
+    """Where the blocks of spans and links are."""
     for x in range(plan.ends.shape[0]):
         ta, ya, tb, yb = plan.corners[x, 0], plan.corners[x, 1], plan.corners[x, 2], plan.corners[x, 3]
         force, knot = plan.forces[x, 0], plan.ends[x, 1]
@@ -404,6 +477,13 @@ def fill_blocks(plan: Plan) -> None:
             plan.blocks[x, 0], plan.blocks[x, 2] = block_of(plan, ta, ya), block_of(plan, ta, yb)
             plan.blocks[x, 3], plan.blocks[x, 4] = block_of(plan, ya, tb), block_of(plan, ya, yb)
             plan.blocks[x, 5] = block_of(plan, tb, yb)
+    for i in range(plan.links.shape[0]):  # see `network.graph.tie`
+        a, b, push = plan.links[i, 0], plan.links[i, 1], plan.links[i, 2]
+        ta, ya, tb, yb = plan.vertices[a, 0], plan.vertices[a, 1], plan.vertices[b, 0], plan.vertices[b, 1]
+        plan.links[i, 3], plan.links[i, 4] = block_of(plan, ta, ya), block_of(plan, ta, tb)
+        plan.links[i, 5], plan.links[i, 6] = block_of(plan, ta, yb), block_of(plan, ya, tb)
+        plan.links[i, 7], plan.links[i, 8] = block_of(plan, ya, yb), block_of(plan, tb, yb)
+        plan.links[i, 9], plan.links[i, 10] = block_of(plan, ya, push), block_of(plan, yb, push)
 
 
 @viewing
@@ -435,6 +515,9 @@ def take_over(net: Net, s: Array) -> None:
         for c in range(6):
             model.lean[i, c] = 0.0
         put3(model.given, i, 0, NONE)
+    for i in range(model.links.shape[0]):
+        for c in range(model.links.shape[1]):
+            model.links[i, c] = 0.0
     for x in range(model.free.shape[0]):
         j = net.stretch[x]
         for end in range(2):

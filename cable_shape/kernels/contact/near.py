@@ -1,9 +1,11 @@
 """Which nodes of a cable touch which bodies: gaps, normals and curvatures at the nodes.
 
-    near  (N+1, 22) of a node: contact force p [N] | gap to the nearest body [m] | its outward normal 3 | curvature of
+    near  (N+1, 28) of a node: contact force p [N] | gap to the nearest body [m] | its outward normal 3 | curvature of
                     its surface 9 | place 3 | change of place in the last step 3 | contact force corrected [N] | 1: its
-                    contact has just ended
-    on    (N+1, 2)  row of the body that the node is pressed on, -1: none | row of the nearest body, -1: none near
+                    contact has just ended | push of another cable [N] | direction from there 3 | how far that is [m] |
+                    the push corrected [N]
+    on    (N+1, 4)  row of the body that the node is pressed on, -1: none | row of the nearest body, -1: none near |
+                    2 i or 2 i + 1 at pair i, -1: of none, see `link` | 1: the pair's cables touch
 
 A cable cannot come nearer to a body faster than along its arc length, so that a node at the distance d rules out all
 nodes within d of it.
@@ -34,9 +36,11 @@ from cable_shape.kernels.rod_algebra import (
 )
 from cable_shape.kernels.rod_element import relative
 
-NEAR = 22  # columns of `near`
+NEAR, ON = 28, 4  # columns of `near` and `on`
 PRESS, GAP, NORMAL, CURVED, SPOT, STEP, EXACT, ENDED = 0, 1, 2, 5, 14, 17, 20, 21
-BARE = -1
+PUSH, TOWARD, APART, PUSHED = 22, 23, 26, 27
+LINK, LINKED = 2, 3
+BARE, ACTIVE, WAITS = -1, 1, 2
 MARGIN = 0.03  # [m] bodies further from a node than this are not looked at
 GRIP_EXCLUSION = 0.05  # [m] of arc length at either end, within which what grips the cable is no body to it
 NONE = (0.0, 0.0, 0.0)
@@ -108,9 +112,16 @@ def turning(q: Array, h: Array, near: Array, k: int, flex: Array) -> Vector:
     a, b = h[k - 1], h[k]
     f = 1.0 / (a + b)
     u = add(scale(2.0 * f * b / a, left), scale(2.0 * f * a / b, right))
-    N = tapply(rotation(get4(q, k)), take3(near, k, NORMAL))
-    bend = -0.5 * f * a * b * flex[k] * near[k, PRESS]
+    force = add(scale(near[k, PRESS], take3(near, k, NORMAL)), scale(near[k, PUSH], take3(near, k, TOWARD)))
+    N = tapply(rotation(get4(q, k)), force)
+    bend = -0.5 * f * a * b * flex[k]
     return add(u, (-bend * N[1], bend * N[0], 0.0))
+
+
+@viewing
+def is_knot(on: Array, k: int) -> bool:
+    """Whether a body or another cable presses on node k, or may in the next step."""
+    return bool(on[k, 0] != BARE or on[k, LINK] != BARE)
 
 
 @viewing
@@ -132,8 +143,11 @@ def parting(q: Array, h: Array, near: Array, k: int, flex: Array) -> tuple[float
 def along_cable(q: Array, h: Array, near: Array, on: Array, k: int, least: float, flex: Array) -> float:
     """Second derivative of the distance along the cable at a contact that runs along it [1/m]; 0 if it does not.
 
-    On a body that is not sharp a contact runs if it has no neighbour. least [1/m]: second derivative from which on.
+    On a body that is not sharp a contact runs if it has no neighbour; one of a pair goes where that goes. least [1/m]:
+    second derivative from which on.
     """
+    if on[k, LINK] != BARE:
+        return 0.0
     edge = sharpness(q, near, k) * (h[k - 1] + h[k]) > SHARP
     if not edge and (on[k - 1, 0] != BARE or on[k + 1, 0] != BARE):
         return 0.0

@@ -18,7 +18,34 @@ from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.contact.knots import close, from_model, mesh, press_on, put, step_out, walk
 from cable_shape.kernels.contact.lay import laid
-from cable_shape.kernels.contact.near import EXACT, NORMAL, PRESS, ROUND, STEP, allowed, lean, look
+from cable_shape.kernels.contact.link import (
+    active_pairs,
+    allowed_apart,
+    any_overlaps,
+    change_links,
+    find_pairs,
+    go_apart,
+    look_at_links,
+    pushed_apart,
+    slide_pairs,
+    tie_pairs,
+)
+from cable_shape.kernels.contact.near import (
+    ACTIVE,
+    BARE,
+    EXACT,
+    LINKED,
+    NORMAL,
+    PRESS,
+    PUSH,
+    PUSHED,
+    ROUND,
+    STEP,
+    TOWARD,
+    allowed,
+    lean,
+    look,
+)
 from cable_shape.kernels.contact.run import slide
 from cable_shape.kernels.contact.sets import drop, grow, misplaced, spare_clips
 from cable_shape.kernels.contact.tables import Bodies, Lying, Net
@@ -127,13 +154,18 @@ def press(
     iterations = changed = 0
     reuse = factored
     gone = 0.0 if reuse else math.inf  # rad, since the matrix was assembled
+    find_pairs(lying, on)
     while iterations < most:
         iterations += 1
         one = iterations > BLOCK
-        if iterations > 1 and largest < (LARGEST_STEP if one else CALM):
+        settled = iterations > 1 and largest < (LARGEST_STEP if one else CALM)
+        if settled:
             changed += drop(near, on, s, least, one)
+        deep = min(ADD + length * largest * largest, MOST)
+        changed += change_links(lying, near, on, least if settled else math.inf, deep)
         runs = ROUND / length if iterations <= RUNNING else math.inf
-        slid = slide(q, start, near, on, s, h, masses, runs, flex, iterations <= MERGING)
+        slid = slide(lying, q, near, on, masses, runs, iterations <= MERGING)
+        slid = max(slid, slide_pairs(lying, q, near, on))
         reuse = reuse and changed == 0 and slid < RESTLESS * length
         if laid(net, lying, on):
             reuse = False
@@ -150,6 +182,7 @@ def press(
             assemble(ints, floats, sols, space)
         walk(net, near)
         look_around(net, lying, near, on, bodies, sunk)
+        look_at_links(lying, near)
         spare_clips(near, on, lying.held)
         off = misplaced(near, on) if limp else 0.0
         changed += grow(near, on, min(ADD + length * largest * largest, MOST), off, one)
@@ -166,12 +199,13 @@ def press(
         info[I_KNOTS] = ints[N_KNOTS]
         close(net, near)
         info[I_GAP] = press_on(net, q, h, near, on, runs, flex, drag, reuse)
+        info[I_GAP] = max(info[I_GAP], tie_pairs(net, lying, q, near, on, reuse))
         if drag > 0.0:
             hold_back(net, q, start, drag)
-        wanted = ints[UNKNOWN]
+        wanted = ints[UNKNOWN] + active_pairs(lying, on)
         untested = False
         if not reuse:
-            step_out(net, near, 0.0)
+            step_out(net, lying, near, on, 0.0)
             trial = shift / SHIFT_GROWTH if largest > CHORD_FROM and shift > FIRST_SHIFT * softest else 0.0
             untested = trial > 0.0
             negative = 0
@@ -187,7 +221,7 @@ def press(
             shift = trial
             if runs_through:
                 columns(ints, floats, sols, space, net.run)
-        step_out(net, near, 1.0)
+        step_out(net, lying, near, on, 1.0)
         before = largest
         largest = solve(ints, floats, space)
         if runs_through:
@@ -210,14 +244,14 @@ def press(
             if info[I_KICKS] >= MOST_KICKS:
                 return STALLED
             info[I_KICKS] += 1.0
-            step_out(net, near, 0.0)
+            step_out(net, lying, near, on, 0.0)
             kick(ints, floats, space)
             if runs_through:
                 slides_of(ints, net.run).way[:] = 0.0
             largest = KICK
             moves(net, near)
         fraction = min(1.0, LARGEST_STEP / largest) if largest > 0.0 else 1.0
-        fraction = min(fraction, allowed(near, on, bodies.table, lying.thick))
+        fraction = min(fraction, allowed(near, on, bodies.table, lying.thick), allowed_apart(lying, near))
         if runs_through:
             fraction = min(fraction, cut_short(ints, floats, sols, net.run))
             if fraction == 0.0:
@@ -232,13 +266,13 @@ def press(
                 or (again and max(largest, before) < NEUTRAL_TOLERANCE)
                 or (again and largest < CHORD_TOLERANCE and largest < SURE * before)
             )
-            done = small and not pulls(net, near, least)
-        forces_on(net, near, lying.ends[TRIAL], fraction)
+            done = small and not pulls(net, near, on, least)
+        forces_on(net, lying, near, on, lying.ends[TRIAL], fraction)
         for k in range(near.shape[0]):
             if lies(on, k):
                 lean(near, k, fraction)
         turn(net, q, lying.grips[TRIAL], fraction)
-        if done:
+        if done and not any_overlaps(lying, near, on, ADD):
             return CONVERGED
         if runs_through:
             move_along(ints, floats, net.run, fraction)
@@ -316,38 +350,45 @@ def change_of(work: Work, slides: Slides, x: int, e: int) -> Vector:
 
 
 @viewing
-def pushed(net: Net, near: Array, i: int, fraction: float) -> float:
-    """[N], the push on contact i with a fraction of the step."""
+def pushed(net: Net, near: Array, on: Array, i: int, fraction: float) -> float:
+    """[N], the push of a body on contact i with a fraction of the step."""
     sol, work = solution_of(net.ints, net.sols, TRIAL), work_of(net.ints, net.space)
     model = model_of(net.ints, net.floats)
-    x = net.span[i]
+    x, k = net.span[i], net.where[i]
     jump = subtract(get3(sol.lam, x), add(get3(sol.lam, x + 1), add(get3(model.weight, x + 1), get3(model.force, i))))
     jump = add(jump, subtract(step_of_force(work, x), step_of_force(work, x + 1)))
-    p = near[net.where[i], PRESS]
-    return float(p + fraction * (dot(jump, take3(near, net.where[i], NORMAL)) - p))
+    if on[k, LINKED] == ACTIVE:
+        push = pushed_apart(net, near, on, k, 1.0)
+        jump = subtract(jump, scale(push, take3(near, k, TOWARD)))
+    p = near[k, PRESS]
+    return float(p + fraction * (dot(jump, take3(near, k, NORMAL)) - p))
 
 
 @viewing
-def pulls(net: Net, near: Array, least: float) -> bool:
+def pulls(net: Net, near: Array, on: Array, least: float) -> bool:
     """Whether a contact would pull by more than `least` [N] after the step."""
     count = 0
     for i in range(net.bare[N_KNOTS], net.ints[N_KNOTS]):
-        count += pushed(net, near, i, 1.0) < -least
+        k = net.where[i]
+        count += on[k, 0] != BARE and pushed(net, near, on, i, 1.0) < -least
+        count += on[k, LINKED] == ACTIVE and pushed_apart(net, near, on, k, 1.0) < -least
     return count > 0
 
 
 @viewing
-def forces_on(net: Net, near: Array, ends: Array, fraction: float) -> None:
+def forces_on(net: Net, lying: Lying, near: Array, on: Array, ends: Array, fraction: float) -> None:
     """Takes a fraction of the step of the forces: those of contacts, and those at the ends of stretches."""
     plan, sol, work = plan_of(net.ints), solution_of(net.ints, net.sols, TRIAL), work_of(net.ints, net.space)
     for x in range(plan.ends.shape[0]):
         knot = plan.ends[x, 1]
         if knot >= net.bare[N_KNOTS]:
-            near[net.where[knot], PRESS] = pushed(net, near, knot, fraction)
+            if on[net.where[knot], 0] != BARE:
+                near[net.where[knot], PRESS] = pushed(net, near, on, knot, fraction)
         elif plan.known[x] != 0:
             put3(ends, net.stretch[x], 0, get3(sol.lam, x))
         else:
             put3(ends, net.stretch[x], 0, add(get3(ends, net.stretch[x]), scale(fraction, step_of_force(work, x))))
+    go_apart(net, lying, near, on, fraction)
 
 
 @viewing
@@ -386,11 +427,33 @@ def hold_back(net: Net, q: Array, start: Array, drag: float) -> None:
 
 
 @viewing
-def tell_pushes(net: Net, near: Array) -> None:
-    """Fills in the contacts' forces after the correction of the discretisation error."""
+def tell_pushes(net: Net, near: Array, on: Array) -> None:
+    """Fills in the contacts' forces after the correction of the discretisation error.
+
+    Where a body presses on a contact, too, the push of another cable is told by the jump of the force there.
+    """
     model, work = model_of(net.ints, net.floats), work_of(net.ints, net.space)
-    for i in range(net.bare[N_KNOTS], net.ints[N_KNOTS]):
-        x, k = net.span[i], net.where[i]
-        loads = add(get3(model.weight, x + 1), get3(model.force, i))
-        jump = subtract(get3(work.pulled, x), add(get3(work.pulled, x + 1), loads))
-        near[k, EXACT] = dot(jump, take3(near, k, NORMAL))
+    known, links = net.bare[N_KNOTS], plan_of(net.ints).links
+    for turn in range(2):  # pushes first, bodies then
+        for i in range(known, net.ints[N_KNOTS]):
+            x, k = net.span[i], net.where[i]
+            loads = add(get3(model.weight, x + 1), get3(model.force, i))
+            jump = subtract(get3(work.pulled, x), add(get3(work.pulled, x + 1), loads))
+            n = take3(near, k, TOWARD)
+            if turn == 0:
+                near[k, PUSHED] = near[k, PUSH] if on[k, 0] != BARE else dot(jump, n)
+            elif on[k, 0] != BARE:
+                if on[k, LINKED] == ACTIVE:
+                    jump = subtract(jump, scale(near[k, PUSHED], n))
+                near[k, EXACT] = dot(jump, take3(near, k, NORMAL))
+        for i in range(links.shape[0]):
+            a, b = net.where[links[i, 0]], net.where[links[i, 1]]
+            if turn == 0 and on[a, LINKED] == ACTIVE:
+                if on[a, 0] == BARE and on[b, 0] == BARE:
+                    near[a, PUSHED] = near[b, PUSHED] = 0.5 * (near[a, PUSHED] + near[b, PUSHED])
+                elif on[a, 0] == BARE:
+                    near[b, PUSHED] = near[a, PUSHED]
+                else:
+                    near[a, PUSHED] = near[b, PUSHED]
+            elif turn == 0:
+                near[a, PUSHED] = near[b, PUSHED] = 0.0

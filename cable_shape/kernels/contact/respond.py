@@ -25,6 +25,7 @@ from cable_shape.kernels.network.tables import (
     model_size,
     plan_of,
     solution_of,
+    still_knots,
     work_of,
 )
 from cable_shape.kernels.rod_algebra import add, apply, cross, dot, get3, get9, put3, scale, subtract, take3
@@ -50,7 +51,7 @@ def follow_body(net: Net, q: Array, near: Array, on: Array, body: int, origin: A
     """
     model, work = model_of(net.ints, net.floats), work_of(net.ints, net.space)
     still(net.ints, net.space)
-    model.given[:, :] = 0.0
+    still_knots(model)
     unit = (1.0 if axis % 3 == 0 else 0.0, 1.0 if axis % 3 == 1 else 0.0, 1.0 if axis % 3 == 2 else 0.0)
     for i in range(net.bare[N_KNOTS], model.given.shape[0]):
         k = net.where[i]
@@ -88,4 +89,4 @@ def body_columns(
         for c in range(df.shape[0]):
             df[c, axis] = pull_change(plan, model, sol, work, c)
         spread(ints, floats, sols, space, points, out, axis, jumps, part(space, 0, (0,)), part(space, 0, (0, 6)))
-    model.given[:, :] = 0.0
+    still_knots(model)

@@ -14,14 +14,17 @@ from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.contact.near import (
     BARE,
     CURVED,
+    LINK,
     NORMAL,
     PRESS,
     SHARP,
     along_cable,
+    is_knot,
     parting,
     tangent_of,
     turning,
 )
+from cable_shape.kernels.contact.tables import Lying
 from cable_shape.kernels.rod_algebra import (
     add,
     apply,
@@ -43,23 +46,12 @@ NARROWEST = 0.12  # of both neighbouring elements: how short one of them may bec
 
 
 @kernel
-def slide(
-    q: Array,
-    start: Array,
-    near: Array,
-    on: Array,
-    s: Array,
-    h: Array,
-    masses: Array,
-    least: float,
-    flex: Array,
-    merging: bool,
-) -> float:
+def slide(lying: Lying, q: Array, near: Array, on: Array, masses: Array, least: float, merging: bool) -> float:
     """Moves the nodes of contacts that run to where the cable is nearest; returns the longest way gone [m].
 
-    start (N+1, 4): other rotations of the nodes, which go along. masses (p,) [m]: where nodes stay.
-    flex (n,) [1/(N m^2)]: 1 / EI. merging: see `merge`.
+    What `Lying.start` has for the nodes goes along. masses (p,) [m]: where nodes stay. merging: see `merge`.
     """
+    s, h, flex = lying.s, lying.h, lying.flex
     last = h.shape[0]
     longest = 0.0
     for k in range(1, last - 1):
@@ -69,28 +61,35 @@ def slide(
         if on[k, 0] == BARE:
             continue
         second = along_cable(q, h, near, on, k, least, flex)
-        both = h[k - 1] + h[k]
         if second == 0.0:
             continue
         if is_any(masses, s[k], 1e-9 * s[last]):
             continue
-        u = turning(q, h, near, k, flex)
         way = -dot(tangent_of(q, k), take3(near, k, NORMAL)) / second
-        limit = FARTHEST * min(h[k - 1], h[k])
-        way = min(max(way, -limit), limit)
-        way = min(max(way, min(NARROWEST * both - h[k - 1], 0.0)), max(h[k] - NARROWEST * both, 0.0))
-        if not abs(way) > STILL * s[last]:
-            continue
-        longest = max(longest, abs(way))
-        n = add(take3(near, k, NORMAL), scale(way, apply(get9(near, k, CURVED), tangent_of(q, k))))
-        put3(near, k, NORMAL, scale(1.0 / math.sqrt(dot(n, n)), n))
-        turn = qexp(scale(way, u))
-        q[k, 0], q[k, 1], q[k, 2], q[k, 3] = qnormal(qmul(get4(q, k), turn))
-        start[k, 0], start[k, 1], start[k, 2], start[k, 3] = qmul(get4(start, k), turn)
-        s[k] += way
-        h[k - 1] = s[k] - s[k - 1]
-        h[k] = s[k + 1] - s[k]
+        longest = max(longest, abs(run_by(lying, q, near, k, way)))
     return longest
+
+
+@kernel
+def run_by(lying: Lying, q: Array, near: Array, k: int, way: float) -> float:
+    """Moves node k along its cable by a way [m], or as much of it as there is room for; returns how far."""
+    s, h, start = lying.s, lying.h, lying.start
+    both, limit = h[k - 1] + h[k], FARTHEST * min(h[k - 1], h[k])
+    way = min(max(way, -limit), limit)
+    way = min(max(way, min(NARROWEST * both - h[k - 1], 0.0)), max(h[k] - NARROWEST * both, 0.0))
+    if not abs(way) > STILL * s[s.shape[0] - 1]:
+        return 0.0
+    turn = qexp(scale(way, turning(q, h, near, k, lying.flex)))
+    n = add(take3(near, k, NORMAL), scale(way, apply(get9(near, k, CURVED), tangent_of(q, k))))
+    size = math.sqrt(dot(n, n))
+    if size > 0.0:
+        put3(near, k, NORMAL, scale(1.0 / size, n))
+    q[k, 0], q[k, 1], q[k, 2], q[k, 3] = qnormal(qmul(get4(q, k), turn))
+    start[k, 0], start[k, 1], start[k, 2], start[k, 3] = qmul(get4(start, k), turn)
+    s[k] += way
+    h[k - 1] = s[k] - s[k - 1]
+    h[k] = s[k + 1] - s[k]
+    return way
 
 
 @kernel
@@ -121,10 +120,10 @@ def merge(q: Array, near: Array, on: Array, h: Array, k: int, least: float, flex
 @kernel
 def crowded(near: Array, on: Array, q: Array, h: Array, k: int, flex: Array) -> int:
     """Of a contact that runs, at node k: -1 or 1 if the element before or behind it has become too short, else 0."""
-    if on[k, 0] == BARE:
+    if not is_knot(on, k):
         return 0
     both = h[k - 1] + h[k]
-    if along_cable(q, h, near, on, k, 0.0, flex) == 0.0:
+    if on[k, LINK] == BARE and along_cable(q, h, near, on, k, 0.0, flex) == 0.0:
         return 0
     if h[k - 1] < 2.0 * NARROWEST * both:
         return -1
@@ -136,6 +135,6 @@ def any_crowded(near: Array, on: Array, q: Array, h: Array, flex: Array) -> bool
     """Whether any contact has come too close to a neighbouring node."""
     count = 0
     for k in range(1, h.shape[0]):
-        if on[k, 0] != BARE:
+        if is_knot(on, k):
             count += abs(crowded(near, on, q, h, k, flex))
     return count > 0

@@ -25,13 +25,15 @@ class Lying(NamedTuple):
     errors: Array  # (N,) each element's share of the last solution's error
     start: Array  # (n, 4) rotations that Newton's method starts from
     q: Array  # (3, n, 4) rotations
-    near: Array  # (3, n, 22) see `near`
-    on: Any  # (3, n, 2) see `near`
+    near: Array  # (3, n, 28) see `near`
+    on: Any  # (3, n, 4) see `near`
     ends: Array  # (3, m, 3) internal force at the end of each stretch, the loads there included [N]
     grips: Array  # (3, k, 7) poses of the knots of the network without contacts
     turns: Array  # (3, C)
     slid: Array  # (3, b) arc lengths at the supports
     frames: Array  # (b, 7) scratch: frames of the supports
+    reach: Array  # (l,) [m] least distance of the centrelines of a pair, see `link`
+    pairs: Any  # (l, 2) scratch: nodes of the pairs
 
 
 class Bodies(NamedTuple):

@@ -22,6 +22,7 @@ from cable_shape.kernels.network.tables import (
     model_of,
     plan_of,
     solution_of,
+    still_knots,
     work_of,
 )
 from cable_shape.kernels.rod_algebra import (
@@ -106,7 +107,7 @@ def correct(ints: Whole, floats: Floats, sols: Floats, space: Floats, run: Float
     told[OFF], told[OFF_FORCE], told[OFF_MOMENT] = math.sqrt(largest), math.sqrt(force), math.sqrt(moment)
     # what the rule itself misses
     work.pull[:, :] = 0.0
-    model.given[:, :] = 0.0
+    still_knots(model)
     release(plan, model, G)
     solve(ints, floats, space)
     along = 0.0

@@ -1,7 +1,7 @@
 """The graph of what is unknown of the knots: assembled from condensed spans, factored by sparse block LDL^T.
 
 A vertex is the rotation or the place of a knot, three rows. At a stable equilibrium all pivots are positive in any
-order, so that the order (least degree first, see :mod:`cable_shape.solve.graph`) is made for sparsity alone; on a tree
+order, so that the order (least degree first, see :mod:`cable_shape.solve.plan`) is made for sparsity alone; on a tree
 nothing fills in beyond the spans' own blocks. Vertices are numbered in the order of elimination.
 """
 
@@ -26,6 +26,10 @@ from cable_shape.kernels.network.condense import (
 )
 from cable_shape.kernels.network.system import FORCE, NONE
 from cable_shape.kernels.network.tables import (
+    L_ACTIVE,
+    L_BENT,
+    L_NORMAL,
+    L_REST,
     LENGTH,
     Floats,
     Model,
@@ -197,6 +201,7 @@ def factor(ints: Whole, floats: Floats, space: Floats, shift: float) -> int:
     if vertices == 0:
         return negative
     hold_knots(plan, model, work, shift)
+    tie(plan, model, work)
     return negative + eliminate(plan, work.size, work.block, work.diagonal)
 
 
@@ -217,6 +222,66 @@ def hold_knots(plan: Plan, model: Model, work: Work, shift: float) -> None:
                 add9(work.size, v, mscale(f, tmul(Z, Z)))
             else:
                 put9(work.size, v, 0, mshift(get9(work.size, v, 0), f))
+
+
+@inline
+def bent_of(model: Model, link: int, i: int) -> Matrix:
+    """Block i of ten of the second derivative of a link, in the order of its upper triangle."""
+    return get9(model.links, link, L_BENT + 9 * i)
+
+
+@viewing
+def tie(plan: Plan, model: Model, work: Work) -> None:
+    """Adds to the graph what knots that press on each other add: see :mod:`cable_shape.kernels.contact.link`."""
+    size, block = work.size, work.block
+    for i in range(plan.links.shape[0]):
+        own = plan.links[i]
+        a, b, push = own[0], own[1], own[2]
+        Za, Zb = get9(model.along, a, 0), get9(model.along, b, 0)
+        add9(size, plan.vertices[a, 0], bent_of(model, i, 0))
+        add9(size, plan.vertices[a, 1], tmul(Za, mul(bent_of(model, i, 4), Za)))
+        add9(size, plan.vertices[b, 0], bent_of(model, i, 7))
+        add9(size, plan.vertices[b, 1], tmul(Zb, mul(bent_of(model, i, 9), Zb)))
+        add_block(block, own[3], mul(bent_of(model, i, 1), Za))
+        add_block(block, own[4], bent_of(model, i, 2))
+        add_block(block, own[5], mul(bent_of(model, i, 3), Zb))
+        add_block(block, own[6], tmul(Za, bent_of(model, i, 5)))
+        add_block(block, own[7], tmul(Za, mul(bent_of(model, i, 6), Zb)))
+        add_block(block, own[8], mul(bent_of(model, i, 8), Zb))
+        add9(size, push, IDENTITY)
+        if model.links[i, L_ACTIVE] != 0.0:
+            size[push, 0] -= 1.0
+            n = take3(model.links, i, L_NORMAL)
+            add_block(block, own[9], column(scale(-1.0, tapply(Za, n))))
+            add_block(block, own[10], column(tapply(Zb, n)))
+
+
+@inline
+def column(v: Vector) -> Matrix:
+    """The matrix with v as its first column, and zeros."""
+    return (v[0], 0.0, 0.0, v[1], 0.0, 0.0, v[2], 0.0, 0.0)
+
+
+@viewing
+def pull_links(plan: Plan, model: Model, gap: Floats) -> None:
+    """Adds to the right-hand side of the graph what links leave, and what they answer to the steps that are given."""
+    for i in range(plan.links.shape[0]):
+        a, b, push = plan.links[i, 0], plan.links[i, 1], plan.links[i, 2]
+        ga, gb, n = get3(model.given, a), get3(model.given, b), take3(model.links, i, L_NORMAL)
+        put3(gap, push, 0, NONE)
+        if model.links[i, L_ACTIVE] != 0.0:
+            gap[push, 0] = model.links[i, L_REST] - dot(n, ga) + dot(n, gb)
+        ta, ya, tb, yb = plan.vertices[a, 0], plan.vertices[a, 1], plan.vertices[b, 0], plan.vertices[b, 1]
+        add3(gap, ta, add(apply(bent_of(model, i, 1), ga), apply(bent_of(model, i, 3), gb)))
+        add3(gap, ya, add(apply(bent_of(model, i, 4), ga), apply(bent_of(model, i, 6), gb)))
+        add3(gap, tb, add(tapply(bent_of(model, i, 5), ga), apply(bent_of(model, i, 8), gb)))
+        add3(gap, yb, add(tapply(bent_of(model, i, 6), ga), apply(bent_of(model, i, 9), gb)))
+
+
+@inline
+def add3(a: Floats, i: int, v: Vector) -> None:
+    """Adds a vector to row i."""
+    put3(a, i, 0, add(get3(a, i), v))
 
 
 @viewing(fastmath=FAST, forceinline=True)
@@ -341,6 +406,7 @@ def collect(plan: Plan, model: Model, work: Work) -> None:
             put3(gap, ya, 0, add(get3(gap, ya), press))
         if yb >= 0:
             put3(gap, yb, 0, subtract(get3(gap, yb), press))
+    pull_links(plan, model, gap)
     for k in range(model.along.shape[0]):
         turn, way = plan.vertices[k, 0], plan.vertices[k, 1]
         if way < 0:

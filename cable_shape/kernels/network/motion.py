@@ -7,6 +7,8 @@ at the end of a step, a mass m and a drag c at the node, `hold` is m A + c C, an
 
 Without mass C is 1 / dt and a is where the node was. What else may act on a node, such as bodies that it touches, has a
 place here: it changes its place and the derivative of it, `give`, and nothing else.
+
+At the end of a span the mass may sit beside the node, at y + lever d3: it turns with it.
 """
 
 from __future__ import annotations
@@ -14,11 +16,33 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from cable_shape.kernels.network.compiled import inline, part, viewing
-from cable_shape.kernels.network.tables import Floats, Plan, Solution, Whole
-from cable_shape.kernels.rod_algebra import Vector, add, get3, put3, scale, subtract, take3
+from cable_shape.kernels.network.tables import Floats, Model, Plan, Solution, Whole, Work
+from cable_shape.kernels.rod_algebra import (
+    Matrix,
+    Vector,
+    add,
+    get3,
+    get4,
+    get9,
+    madd,
+    mscale,
+    mshift,
+    outer,
+    put3,
+    put9,
+    rotation,
+    scale,
+    subtract,
+    symmetric,
+    take3,
+    tapply,
+    transpose,
+)
+from cable_shape.kernels.rod_element import E3
 
 #: Numbers of a node in `Motion.chain` and of a span in `Motion.ends`, see `chain`.
 CHAIN, ENDS = 87, 69
+B2 = 18  # column of `Work.parts`
 
 
 class Motion(NamedTuple):
@@ -37,6 +61,10 @@ class Motion(NamedTuple):
     load: Floats  # (N, 9) `Model.load` without drag
     weight: Floats  # (m, 3) `Model.weight` without drag
     ends: Floats  # (m, ENDS) condensed spans: what concerns the places of their ends
+    lever: Floats  # (n,) [m], along d3 from a node to its mass; 0 but at the ends of spans
+    aim: Floats  # (n, 3) [m], to which masses beside their nodes are held
+    loose: Floats  # (n,) 1: nothing but its mass holds the end of the cable, whose place is one of those inside
+    tilt: Floats  # (m, 18) derivative of the force at the start and the end of a span in the rotation there [N]
 
 
 @viewing(forceinline=True)
@@ -56,6 +84,10 @@ def motion_of(ints: Whole, moving: Floats) -> Motion:
     o10 = o9 + CHAIN * k
     o11 = o10 + 9 * n
     o12 = o11 + 3 * m
+    o13 = o12 + ENDS * m
+    o14 = o13 + k
+    o15 = o14 + 3 * k
+    o16 = o15 + k
     return Motion(
         part(moving, 0, (n, 3)),
         part(moving, o1, (n, 3)),
@@ -70,13 +102,17 @@ def motion_of(ints: Whole, moving: Floats) -> Motion:
         part(moving, o10, (n, 9)),
         part(moving, o11, (m, 3)),
         part(moving, o12, (m, ENDS)),
+        part(moving, o13, (k,)),
+        part(moving, o14, (k, 3)),
+        part(moving, o15, (k,)),
+        part(moving, o16, (m, 18)),
     )  # fmt: skip
 
 
 @viewing
 def motion_size(ints: Whole) -> int:
     """Numbers of what motion adds to a network with this head."""
-    return 21 * ints[0] + (17 + CHAIN) * (ints[0] + ints[1]) + (3 + ENDS) * ints[1]
+    return 21 * ints[0] + (22 + CHAIN) * (ints[0] + ints[1]) + (21 + ENDS) * ints[1]
 
 
 @inline
@@ -86,7 +122,7 @@ def pull_of(motion: Motion, e: int) -> Vector:
 
 
 @viewing(forceinline=True)
-def put_places(plan: Plan, sol: Solution, motion: Motion) -> None:
+def put_places(plan: Plan, model: Model, sol: Solution, motion: Motion) -> None:
     """Fills place and give: nodes where the forces of their elements hold them, ends of spans where their knots are."""
     for j in range(plan.ends.shape[0]):
         first, last = plan.first[j], plan.first[j + 1]
@@ -95,8 +131,81 @@ def put_places(plan: Plan, sol: Solution, motion: Motion) -> None:
         for e in range(first, last + 1):
             node = e + j
             inner = first < e < last
-            soft = 1.0 / motion.hold[node] if inner else 0.0
+            soft = 1.0 / motion.hold[node] if inner or motion.loose[node] != 0.0 else 0.0
             for c in range(9):
                 motion.give[node, c] = soft if c % 4 == 0 else 0.0
             if inner:
                 put3(motion.place, node, 0, add(get3(motion.origin, node), scale(soft, pull_of(motion, e))))
+            elif soft != 0.0:
+                knot = plan.ends[j, 1]
+                pull = subtract(get3(model.force, knot), get3(motion.lam, last - 1))
+                place = add(beside_aim(motion, sol, node), scale(soft, pull))
+                put3(motion.place, node, 0, place)
+                put3(sol.pose, knot, 0, place)
+
+
+@inline
+def beside_aim(motion: Motion, sol: Solution, node: int) -> Vector:
+    """[m], where a node is whose mass is at `aim`."""
+    if motion.lever[node] == 0.0:
+        return get3(motion.origin, node)
+    R = rotation(get4(sol.q, node))
+    return subtract(get3(motion.aim, node), scale(motion.lever[node], (R[2], R[5], R[8])))
+
+
+@inline
+def mass_place(motion: Motion, sol: Solution, node: int) -> Vector:
+    """[m], where the mass of a node is."""
+    R = rotation(get4(sol.q, node))
+    return add(get3(motion.place, node), scale(motion.lever[node], (R[2], R[5], R[8])))
+
+
+@inline
+def lever_torque(motion: Motion, sol: Solution, node: int) -> Vector:
+    """[N m], gradient in the node's rotation of what holds a mass beside it."""
+    N = beside(motion, sol, node)
+    return (-N[1], N[0], 0.0)
+
+
+@inline
+def beside(motion: Motion, sol: Solution, node: int) -> Vector:
+    """[N m], lever times the force on the mass, in the node's frame."""
+    force = subtract(mass_place(motion, sol, node), get3(motion.aim, node))
+    return scale(motion.lever[node] * motion.hold[node], tapply(rotation(get4(sol.q, node)), force))
+
+
+@viewing(forceinline=True)
+def tilt_ends(plan: Plan, model: Model, sol: Solution, work: Work, motion: Motion) -> None:
+    """Adds to gradient and matrix what masses beside the ends of spans do; `origin` and `tilt` there."""
+    for j in range(plan.ends.shape[0]):
+        for end in range(2):
+            node = plan.first[j + end] + j
+            lever, hold = motion.lever[node], motion.hold[node]
+            if lever == 0.0:
+                continue
+            R = rotation(get4(sol.q, node))
+            put3(motion.origin, node, 0, beside_aim(motion, sol, node))
+            N = beside(motion, sol, node)
+            T = (-N[1], N[0], 0.0)
+            H = mshift(mscale(0.5, symmetric(outer(N, E3))), -N[2])
+            loose = motion.loose[node] != 0.0
+            f = 0.0 if loose else hold * lever * lever
+            H = (H[0] + f, H[1], H[2], H[3], H[4] + f, H[5], H[6], H[7], H[8])
+            f = -lever if loose else hold * lever
+            tilt: Matrix = (
+                -f * R[1], f * R[0], 0.0, -f * R[4], f * R[3], 0.0, -f * R[7], f * R[6], 0.0
+            )  # fmt: skip
+            for i in range(3):
+                own = model.free[j, end, i] if plan.tied[j, end] == 0 else 1.0
+                work.G[node, i] += own * T[i]
+                for c in range(3):
+                    both = own * (model.free[j, end, c] if plan.tied[j, end] == 0 else 1.0)
+                    work.D[node, 3 * i + c] += both * H[3 * i + c]
+            if loose:  # the place turns with the node: a step of the last element
+                e = plan.first[j + 1] - 1
+                put9(work.parts, e, B2, madd(get9(work.parts, e, B2), transpose(tilt)))
+                continue
+            put9(motion.tilt, j, 9 * end, tilt)
+            if plan.tied[j, end] == 0:
+                for c in range(9):
+                    motion.tilt[j, 9 * end + c] *= model.free[j, end, c % 3]

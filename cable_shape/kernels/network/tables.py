@@ -29,9 +29,14 @@ Whole = NDArray[np.int64]
 #: point loads, eyelets, links.
 HEAD = 16
 N_ELEMENTS, N_SPANS, N_KNOTS, N_VERTICES, N_BLOCKS, N_TARGETS, N_CABLES, N_STRIPPED = 0, 1, 2, 3, 4, 5, 6, 7
-N_PIECES, N_POINTS, N_RINGS, UNKNOWN = 8, 9, 10, 11
+N_PIECES, N_POINTS, N_RINGS, UNKNOWN, N_LINKS = 8, 9, 10, 11, 12
 #: Knots whose places bodies press on: all of them, or 0 where none can be, and nothing is kept of it.
 N_PRESSED = 13
+#: Columns of a link in `Plan` and `Model`: where two knots press on each other, see `contact.link`.
+LINK_PLAN, LINK_MODEL = 11, 120
+#: Columns of `Model.links`: two rows B of 12, second derivative as ten blocks, normal, step that closes the gap, 1:
+#: the push is one of the unknowns.
+L_ROWS, L_BENT, L_NORMAL, L_REST, L_ACTIVE = 0, 24, 114, 117, 118
 #: Columns of a piece of a cable: stiffness, rest curvature and distributed load at its left and right, compliance.
 PIECE = 21
 #: Numbers that belong to the whole network, see `Model.par`.
@@ -58,6 +63,8 @@ class Plan(NamedTuple):
     corners: Whole  # (m, 4) vertices: rotation and place of the first knot, of the second; -1 none
     blocks: Whole  # (m, 6) where the blocks between those four are; negative: transposed, -1 - place
     vertices: Whole  # (k, 2) vertices of a knot's rotation and place; -1 given
+    links: Whole  # (l, LINK_PLAN) knots a and b, vertex of the push between them, blocks of their rotations and places:
+    #               ta-ya, ta-tb, ta-yb, ya-tb, ya-yb, tb-yb, ya-push, yb-push
     pointer: Whole  # (V+1,) of each vertex, in the order of elimination, its neighbours still left
     neighbour: Whole  # (E,)
     goal: Whole  # (V+1,) of each vertex, where its pairs of neighbours are updated
@@ -102,6 +109,7 @@ class Model(NamedTuple):
     bent: Floats  # (l, 9) second derivative of what presses on it, in the place [N/m]
     lean: Floats  # (l, 6) a (rotation), b (place): what else it adds is half the square of a . theta + b . y
     given: Floats  # (l, 3) [m] the step in its place that is not left to it
+    links: Floats  # (links, LINK_MODEL)
 
 
 class Solution(NamedTuple):
@@ -176,7 +184,8 @@ def plan_of(ints: Whole) -> Plan:
     o8 = o7 + m * 4
     o9 = o8 + m * 6
     o10 = o9 + k * 2
-    o11 = o10 + (v + 1)
+    o10b = o10 + LINK_PLAN * ints[N_LINKS]
+    o11 = o10b + (v + 1)
     o12 = o11 + b
     o13 = o12 + (v + 1)
     o14 = o13 + t
@@ -197,7 +206,8 @@ def plan_of(ints: Whole) -> Plan:
         part(ints, o7, (m, 4)),
         part(ints, o8, (m, 6)),
         part(ints, o9, (k, 2)),
-        part(ints, o10, (o11 - o10,)),
+        part(ints, o10, (ints[N_LINKS], LINK_PLAN)),
+        part(ints, o10b, (o11 - o10b,)),
         part(ints, o11, (o12 - o11,)),
         part(ints, o12, (o13 - o12,)),
         part(ints, o13, (o14 - o13,)),
@@ -241,6 +251,7 @@ def model_of(ints: Whole, floats: Floats) -> Model:
     o21 = o20 + l * 9
     o22 = o21 + l * 9
     o23 = o22 + l * 6
+    o24 = o23 + l * 3
     return Model(
         part(floats, o0, (o1 - o0,)),
         part(floats, o1, (o2 - o1,)),
@@ -267,7 +278,16 @@ def model_of(ints: Whole, floats: Floats) -> Model:
         part(floats, o21, (l, 9)),
         part(floats, o22, (l, 6)),
         part(floats, o23, (l, 3)),
+        part(floats, o24, (ints[N_LINKS], LINK_MODEL)),
     )  # fmt: skip
+
+
+@viewing
+def still_knots(model: Model) -> None:
+    """Leaves no steps to be made but those that solve for the right-hand side."""
+    model.given[:, :] = 0.0
+    for i in range(model.links.shape[0]):
+        model.links[i, L_REST] = 0.0
 
 
 @viewing
@@ -359,7 +379,8 @@ def work_of(ints: Whole, work: Floats) -> Work:
 def model_size(ints: Whole) -> int:
     """Numbers of a model with this head."""
     n, m, k, c, p, a = ints[0], ints[1], ints[2], ints[N_CABLES], ints[N_PIECES], ints[N_POINTS]
-    return PAR + 28 * n + 18 * m + 12 * k + 3 * c + 4 * (p + c) + PIECE * p + 4 * a + 27 * ints[N_PRESSED]
+    size = PAR + 28 * n + 18 * m + 12 * k + 3 * c + 4 * (p + c) + PIECE * p + 4 * a
+    return size + 27 * ints[N_PRESSED] + LINK_MODEL * ints[N_LINKS]
 
 
 @viewing

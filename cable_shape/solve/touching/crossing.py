@@ -1,7 +1,7 @@
 """Cables that rest on each other or on themselves, without friction, on bodies and in clips, too: docs/contact.md.
 
-As long as no two cables overlap, and none has come past another, each is solved for alone. Otherwise the points where
-they come nearest are held (`crossing_state`), and found along with the forces there (`crossing_step`).
+As long as no two cables overlap, and none has come past another, each is solved for alone. Otherwise those that touch
+are one network, with a push where they come nearest (`pile`).
 """
 
 from __future__ import annotations
@@ -18,12 +18,11 @@ from cable_shape.shape import CableShape, Status
 from cable_shape.solve.problem import Problem
 from cable_shape.solve.rod_common import Patience
 from cable_shape.solve.search import between
-from cable_shape.solve.touching.crossing_group import GROWTH, Group
-from cable_shape.solve.touching.crossing_places import Places
-from cable_shape.solve.touching.crossing_state import all_frames
-from cable_shape.solve.touching.crossing_step import Spot
+from cable_shape.solve.touching.pile import Member, Pile, all_frames
+from cable_shape.solve.touching.places import Places, Spot
 
 MOST = 8  #: contacts at a time
+GROWTH = 0.3  #: of the cables' distance: by how much overlapping ones are pushed apart at a time
 _FIRST_STEP, _SMALLEST_STEP = 0.25, 1.0 / 256.0
 _MOST_STEPS = 60  #: on one way
 _ROUNDS = 6  #: of finding places that were missed
@@ -73,13 +72,13 @@ class Crossing:
     def reset(self) -> None:
         """Forgets the last equilibrium, and which way cables lie over each other."""
         self._last: tuple[list[CableShape], Array, list[Spot]] | None = None  # that equilibrium
-        self._reached: Group | None = None  # how far its cables got from there to where none was found
+        self._reached: Pile | None = None  # how far its cables got from there to where none was found
         self._patience.succeed()
         self._forget()
 
     def _forget(self) -> None:
         """The next solve starts from nothing."""
-        self._group: Group | None = None
+        self._group: Pile | None = None
         self._shapes: list[CableShape] | None = None
         self._frames: Array = np.empty(0)
         self._kinds: list[tuple[str, str]] = []
@@ -87,7 +86,7 @@ class Crossing:
     @property
     def touching(self) -> frozenset[int]:
         """The cables that are held where they touch, or nearly do."""
-        return frozenset(self._group.rods) if self._group is not None else frozenset()
+        return frozenset(self._group.cables) if self._group is not None else frozenset()
 
     @property
     def culled(self) -> int:
@@ -97,6 +96,10 @@ class Crossing:
     @property
     def _spots(self) -> list[Spot]:
         return self._group.spots if self._group is not None else []
+
+    def state_of(self, cable: int) -> Member | None:
+        """What has solved for a cable along with others, or itself; None if nothing has."""
+        return self._group.member(cable) if cable in self.touching and self._group is not None else None
 
     def solve(self) -> list[CableShape]:
         """The shapes between the problems' ends; never raises for a physical reason: see `status`."""
@@ -117,8 +120,7 @@ class Crossing:
         if self._shapes is None and self._patience.left == 0:
             self._go_on()
         if self._group is not None:
-            for cable, rod in self._group.rods.items():
-                rod.take(self.problems[cable])
+            self._group.take()
             if self._group.buried:
                 return self._give_up([None] * len(self._solos), "")
         held = self.touching
@@ -156,7 +158,7 @@ class Crossing:
             crowded = self._places.crowded(old)
             if crowded:
                 return self._give_up(free, crowded)
-            self._group = Group(self._names, self.problems, self._shapes, self._frames, [spot.copy() for spot in old])
+            self._group = Pile(self._names, self.problems, self._shapes, self._frames, [spot.copy() for spot in old])
             free = [shape if i not in self.touching else None for i, shape in enumerate(free)]
         return self._give_up(free, _LOST)
 
@@ -166,7 +168,7 @@ class Crossing:
         self._kinds, self._reached = [], None
         if self._group is not None and self._shapes is not None:
             spots = [spot.copy() for spot in self._spots]
-            self._group = Group(self._names, self.problems, self._shapes, self._frames, spots)
+            self._group = Pile(self._names, self.problems, self._shapes, self._frames, spots)
 
     # -- attempts
 
@@ -250,7 +252,7 @@ class Crossing:
             crowded = self._places.crowded(spots)
             if crowded:
                 return self._give_up(list(shapes), crowded)
-            self._group = Group(self._names, self.problems, given, frames, spots)
+            self._group = Pile(self._names, self.problems, given, frames, spots)
             if not self._grown(frames):
                 break
             spots = self._group.spots
@@ -288,7 +290,7 @@ class Crossing:
         group = self._group
         out: list[CableShape] = []
         for i, shape in enumerate(free):
-            if group is None or i not in group.rods:
+            if group is None or i not in group.cables:
                 assert shape is not None
                 out.append(shape)
                 continue
@@ -311,8 +313,8 @@ class Crossing:
             staying = [spot for spot in group.spots if spot.press > 0.0 or spot.distance < 2.0 * spot.reach]
             if len(staying) < len(group.spots):
                 held = {cable for spot in staying for cable in spot.cables}
-                if all(self._comes_free(cable, shapes[cable]) for cable in group.rods if cable not in held):
-                    self._group = Group(self._names, self.problems, shapes, frames, staying) if staying else None
+                if all(self._comes_free(cable, shapes[cable]) for cable in group.cables if cable not in held):
+                    self._group = Pile(self._names, self.problems, shapes, frames, staying) if staying else None
         self._last = shapes, frames, [spot.copy() for spot in self._spots]
         self._reached = None
         return shapes
@@ -351,7 +353,7 @@ class Crossing:
         self._shapes, self._frames, spots = self._last
         self._group, self._reached = self._reached, None
         if spots and self._group is None:
-            self._group = Group(self._names, self.problems, self._shapes, self._frames, [s.copy() for s in spots])
+            self._group = Pile(self._names, self.problems, self._shapes, self._frames, [s.copy() for s in spots])
 
     def _give_up(
         self, shapes: Sequence[CableShape | None], detail: str, status: Status = Status.NOT_CONVERGED

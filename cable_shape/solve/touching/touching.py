@@ -21,10 +21,10 @@ from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
 from cable_shape.solve.problem import Problem
 from cable_shape.solve.rod_common import MODEL, straight_line
-from cable_shape.solve.touching.touch_search import approach, follow, grow, relax
-from cable_shape.solve.touching.touch_soften import LIMP, soften
-from cable_shape.solve.touching.touch_state import TouchState
-from cable_shape.solve.touching.touch_step import DEEPEST, FAR, WARM_ITERATIONS, Steps
+from cable_shape.solve.touching.search import approach, follow, grow, relax
+from cable_shape.solve.touching.soften import LIMP, soften
+from cable_shape.solve.touching.state import TouchState
+from cable_shape.solve.touching.step import DEEPEST, FAR, WARM_ITERATIONS, Steps
 
 BURIED = 2e-4  #: [m] a grip deeper in a body than this has no shape
 _STUCK = (

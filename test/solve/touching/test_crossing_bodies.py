@@ -8,12 +8,8 @@ from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
 from cable_shape.solve.problem import Problem
-from cable_shape.solve.touching.crossing_group import Group
-from cable_shape.solve.touching.crossing_places import Places
-from cable_shape.solve.touching.crossing_points import positions_at
-from cable_shape.solve.touching.crossing_state import end_frames
-from cable_shape.solve.touching.crossing_step import Ground, Spot, crossing_step
-from cable_shape.solve.touching.crossing_touch import HeldAmong
+from cable_shape.solve.touching.pile import Pile
+from cable_shape.solve.touching.places import Places, Spot
 
 ALONG_X = Rotation.from_quat((0.5, 0.5, 0.5, 0.5))
 CABLE = cs.Cable(1.0, 0.1, 0.008, 0.006, diameter=0.008)
@@ -184,89 +180,6 @@ def test_cables_on_a_plate_that_a_link_carries_go_with_it():
     assert all("plate" not in {c.body for c in shape.contacts} for shape in apart.shapes.values())
 
 
-def held_on_table():
-    """A cable on the table, held at two points of it a little aside, and where."""
-    problem = Problem(CABLE, scene=ON_TABLE).move(*across(0.0, 0.93, 0.03))
-    shape = cs.predict(CABLE, problem.start, problem.end, scene=ON_TABLE, model="cosserat")
-    arcs, frames = np.array((0.31, 0.58)), end_frames(problem)
-    rod = HeldAmong(problem, shape, arcs, frames, np.empty((0, 7)))
-    places = positions_at(shape, arcs) + np.array(((0.0, 0.001, 1e-4), (0.0005, -0.001, 1e-4)))
-    return rod, frames, arcs, places
-
-
-def test_forces_and_tangents_answer_the_held_points_as_differences_say():
-    rod, frames, arcs, places = held_on_table()
-    still = {"far": np.inf, "links": np.empty((0, 7))}
-    assert rod.solve(frames, arcs, places, again=False, **still)
-    rod.respond()
-    assert len(rod.state.touches()) > 10
-    dforce, dtangent = rod.dforce.copy(), rod.dtangent.copy()
-    for c in range(2):
-        for axis in range(4):  # along the cable, the nodes in contact move with the point
-            size, near = (1e-6, 5e-3) if axis == 3 else (1e-7, 1e-5)
-            seen = []
-            for sign in (1.0, -1.0):
-                s, y = arcs.copy(), places.copy()
-                if axis < 3:
-                    y[c, axis] += sign * size
-                else:
-                    s[c] += sign * size
-                assert rod.solve(frames, s, y, again=True, **still)
-                rod.respond()
-                seen.append((rod.force.copy(), rod.tangent.copy()))
-            force, tangent = ((a - b) / (2.0 * size) for a, b in zip(*seen, strict=True))
-            assert dforce[:, :, c, axis] == pytest.approx(force, abs=near * np.abs(dforce).max())
-            assert dtangent[:, :, c, axis] == pytest.approx(tangent, abs=near * np.abs(dtangent).max())
-
-
-def test_forces_and_tangents_follow_the_ends_as_differences_say():
-    rod, frames, arcs, places = held_on_table()
-    still = {"far": np.inf, "links": np.empty((0, 7))}
-    assert rod.solve(frames, arcs, places, again=False, **still)
-    rod.respond()
-    for end in range(2):
-        for axis in range(6):
-            motion = np.zeros((2, 6))
-            motion[end, axis] = 1e-6
-            expected = rod.under_motion(motion)
-            seen = []
-            for sign in (1.0, -1.0):
-                moved = frames.copy()
-                moved[end, :3] += sign * motion[end, :3]
-                turn = Rotation.from_rotvec(sign * motion[end, 3:]) * Rotation.from_quat(frames[end, 3:])
-                moved[end, 3:] = turn.as_quat()
-                assert rod.solve(moved, arcs, places, again=True, **still)
-                rod.respond()
-                seen.append((rod.force.copy(), rod.tangent.copy()))
-            assert rod.solve(frames, arcs, places, again=True, **still)
-            rod.respond()
-            for told, plus, minus in zip(expected, *seen, strict=True):
-                assert told == pytest.approx(0.5 * (plus - minus), abs=1e-4 * max(np.abs(told).max(), 1e-9))
-
-
-def test_a_step_onto_ground_is_that_of_springs():
-    """Two points on springs, the lower one on a floor: forces and gaps after one step, from the closed form."""
-    stiffness, reach, depth = 50.0, 0.01, 0.001
-    places = np.array(((0.0, 0.0, reach - depth), (0.0, 0.0, 0.0)))
-    spot = Spot((0, 1), np.zeros(2), places, reach, np.zeros(2))
-    floor = Ground(0, 0.0, np.array((0.0, 0.0, 1.0)), np.zeros((3, 3)), 0.0)
-    spot.grounds = [], [floor]
-    tangent = np.array(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
-    dforce, dtangent = np.zeros((2, 3, 2, 4)), np.zeros((2, 3, 2, 4))
-    for i in range(2):
-        dforce[i, :, i, :3] = stiffness * np.eye(3)
-        dforce[i, :, i, 3] = -stiffness * tangent[i]
-    step = crossing_step([spot], np.zeros((2, 3)), tangent, dforce, dtangent)
-    assert step.stable
-    assert step.press[0] == pytest.approx(stiffness * depth)
-    assert step.pushes[0] == pytest.approx(stiffness * depth)
-    assert step.places[0] == pytest.approx(np.array(((0, 0, depth), (0, 0, 0))))
-    lifted = np.array(((0.0, 0.0, 0.0), (0.0, 0.0, 2.0 * stiffness * depth)))  # the lower spring pulls down
-    lifted[1, 2] *= -1.0
-    free = crossing_step([spot], lifted, tangent, dforce, dtangent)
-    assert free.pushes[0] == 0.0
-
-
 def test_a_cable_that_is_not_near_another_is_not_looked_at():
     far, _ = lowered([0.4, 0.3995])
     assert far[-1].skipped["crossings"] == 3  # the pair, and each with itself
@@ -315,10 +228,10 @@ def test_eyelets_leave_cables_to_warnings():
     assert not cycle._solves_crossing
 
 
-def test_a_group_keeps_and_restores():
+def test_a_pile_keeps_and_restores():
     _, cycle = lowered(DOWN)
     group = cycle._crossing[1]._group
-    assert isinstance(group, Group)
+    assert isinstance(group, Pile)
     kept, frames = group.keep(), group.frames.copy()
     spot = group.spots[0].copy()
     moved = frames.copy()

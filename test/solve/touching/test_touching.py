@@ -12,7 +12,7 @@ from scene_contact import motions
 import cable_shape as cs
 from cable_shape.kernels.contact import near as contact_near
 from cable_shape.safety.clearance import ClearanceChecker
-from cable_shape.solve.touching import touch_mesh
+from cable_shape.solve.touching import mesh
 from cable_shape.solve.touching.touching import DEEPEST
 
 ALONG_X = (0.5, 0.5, 0.5, 0.5)
@@ -71,7 +71,7 @@ def test_a_cable_lifted_off_a_table(kind, share, reaction, grip, tolerance):
 
 
 def test_pressure_on_a_cylinder_under_tension_is_tension_times_curvature(monkeypatch):
-    monkeypatch.setattr(touch_mesh, "ELEMENTS", 128)
+    monkeypatch.setattr(mesh, "ELEMENTS", 128)
     radius, drum, stiffness, tension = 0.002, 0.1, 0.001, 2.0
     cable = cs.Cable(0.8, 0.1, stiffness, stiffness, diameter=2.0 * radius)
     scene = over(cs.Cylinder(drum, 0.6), ALONG_Y)
@@ -110,7 +110,7 @@ def test_contact_forces_weight_and_grips_balance():
 def test_the_default_mesh_agrees_with_one_eight_times_finer(scene, monkeypatch):
     heights = np.arange(0.5, 0.37, -0.01)
     shape, _ = lowered(scene, heights)
-    monkeypatch.setattr(touch_mesh, "ELEMENTS", 8 * touch_mesh.ELEMENTS)
+    monkeypatch.setattr(mesh, "ELEMENTS", 8 * mesh.ELEMENTS)
     fine, _ = lowered(scene, heights)
     assert shape.contacts
     assert fine.contacts

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from contact_reference import compared, finer
-from scene_contact import deepest
+from contact_reference import compared, deepest, finer
 from scene_eyelets import motions
 
 import cable_shape as cs

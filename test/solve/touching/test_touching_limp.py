@@ -6,14 +6,15 @@ import math
 
 import numpy as np
 import pytest
-from scene_limp import CHORDS, DENSITY, LENGTH, TABLE, Tally, case, laid, lowered
+from contact_reference import Tally
+from scene_limp import CHORDS, DENSITY, LENGTH, TABLE, case, laid, lowered
 from scipy.optimize import brentq
 
 import cable_shape as cs
 from cable_shape.kernels.contact import near as contact_near
 from cable_shape.kernels.contact import sets as contact_set
-from cable_shape.kernels.contact.near import BARE, GAP, PRESS
-from cable_shape.solve.touching import touch_mesh, touch_state
+from cable_shape.kernels.contact.near import BARE, GAP, ON, PRESS
+from cable_shape.solve.touching import mesh, state
 from cable_shape.solve.touching.touching import ACCURACY, DEEPEST
 
 ALONG_X = (0.5, 0.5, 0.5, 0.5)
@@ -118,9 +119,7 @@ def test_a_limp_cable_in_a_clip_is_laid_on_a_table():
 
 
 def test_an_error_that_is_too_large_is_told_with_its_bound_and_what_helps(monkeypatch):
-    monkeypatch.setattr(
-        "cable_shape.solve.touching.touch_step.MOST_ELEMENTS", touch_mesh.ELEMENTS
-    )  # no finer than at first
+    monkeypatch.setattr("cable_shape.solve.touching.step.MOST_ELEMENTS", mesh.ELEMENTS)  # no finer than at first
     given = case(-4.5, CHORDS[1], 62)
     shape = cs.predict(given.cable, given.start, given.end, scene=TABLE, model="cosserat")
     assert shape.status is cs.Status.NOT_CONVERGED
@@ -135,38 +134,39 @@ def test_an_error_that_is_too_large_is_told_with_its_bound_and_what_helps(monkey
 
 def test_a_limp_mesh_resolves_where_the_cable_meets_a_body():
     bend, weight = 1e-5 * WEIGHT, WEIGHT
-    assert touch_mesh.first_count(1.0, 1e-2 * WEIGHT, weight) == touch_mesh.ELEMENTS
-    assert touch_mesh.first_count(1.0, bend, 0.0) == touch_mesh.ELEMENTS
-    count = touch_mesh.first_count(1.0, bend, weight)
+    assert mesh.first_count(1.0, 1e-2 * WEIGHT, weight) == mesh.ELEMENTS
+    assert mesh.first_count(1.0, bend, 0.0) == mesh.ELEMENTS
+    count = mesh.first_count(1.0, bend, weight)
     shape = cs.predict(limp(1e-5), *(cs.Pose((x, 0, 0), ALONG_X) for x in (0.0, 0.5)), model="cosserat")
-    nodes = touch_mesh.first_nodes(np.array((0.0, 1.0)), np.empty(0), bend, (False, False), shape, count)
+    nodes = mesh.first_nodes(np.array((0.0, 1.0)), np.empty(0), bend, (False, False), shape, count)
     assert nodes.size == count + 1
     assert np.diff(nodes).max() < 0.55 * (bend / weight) ** (1.0 / 3.0)
 
 
 def test_forces_at_nodes_that_are_taken_away_stay_in_balance():
     old = np.linspace(0.0, 1.0, 11)
-    near, on = np.zeros((11, contact_near.NEAR)), np.full((11, 2), BARE)
+    near, on = np.zeros((11, contact_near.NEAR)), np.full((11, ON), BARE)
     near[2:9, PRESS], on[2:9] = np.arange(1.0, 8.0), 0
     left = np.delete(old, (3, 5))
     kept = np.isin(old, left)
     fewer = near[kept].copy()
-    touch_mesh.share_out(left, fewer, on[kept], old, near, on)
+    mesh.share_out(left, fewer, on[kept], old, near, on)
     assert fewer[:, PRESS].sum() == pytest.approx(near[:, PRESS].sum())
     assert left @ fewer[:, PRESS] == pytest.approx(old @ near[:, PRESS])
 
 
 def test_nodes_that_lie_unpressed_in_a_row_are_taken_away_but_not_where_it_ends():
     nodes = np.sort(np.concatenate((np.linspace(0.0, 1.0, 21), (0.325, 0.475, 0.525))))
-    near, on = np.zeros((nodes.size, contact_near.NEAR)), np.full((nodes.size, 2), 0)
+    near, on = np.zeros((nodes.size, contact_near.NEAR)), np.full((nodes.size, ON), BARE)
+    on[:, :2] = 0
     near[:, GAP] = 1e-3
     row = (nodes > 0.29) & (nodes < 0.71)
     near[row, GAP] = 1e-9
     on[~row | (np.abs(nodes - 0.5) < 0.01), 0] = BARE
     spacing, middles = np.full(20, 0.05), np.linspace(0.025, 0.975, 20)
-    fewer = touch_mesh.thinned(nodes, near, on, spacing, middles, np.empty(0), full=True, coarse=True)
+    fewer = mesh.thinned(nodes, near, on, spacing, middles, np.empty(0), full=True, coarse=True)
     assert fewer is not None
-    assert touch_mesh.thinned(nodes, near, on, spacing, middles, np.empty(0), full=False, coarse=True) is None
+    assert mesh.thinned(nodes, near, on, spacing, middles, np.empty(0), full=False, coarse=True) is None
     gone = np.setdiff1d(nodes, fewer)
     assert gone.size == 2
     assert ((gone > 0.45) & (gone < 0.55)).all()
@@ -185,4 +185,4 @@ def test_nodes_are_no_contacts_where_places_are_not_known_that_well():
 
 
 def test_more_elements_than_allowed_are_not_asked_for():
-    assert touch_mesh.first_count(1.0, 1e-9 * WEIGHT, WEIGHT) == touch_mesh.MOST_AT_FIRST < touch_state.MOST_ELEMENTS
+    assert mesh.first_count(1.0, 1e-9 * WEIGHT, WEIGHT) == mesh.MOST_AT_FIRST < state.MOST_ELEMENTS

@@ -81,7 +81,7 @@ def test_a_post_that_is_drawn_through_the_cable_is_never_taken_to_have_passed():
         shape = drawn(predictor, 0.0, {"arm": cs.Pose((ahead, 0.0, 0.0))})
         assert not shape.usable or in_front(shape, ahead), ahead
         usable.append(shape.usable)
-    assert usable[:55] == [True] * 55
+    assert usable[:50] == [True] * 50
     assert not any(usable[70:])
 
 

@@ -1,0 +1,156 @@
+#!/usr/bin/env python
+"""Cables that swing: what a step costs, how fast what it loses falls, and random whips, with the steps that are lost.
+
+    scripts/bench motion [--quick] [--save FILE] [--compare FILE]
+
+Times are medians of steps of 10 ms of a cable whose grips move. Whips throw both grips about in all directions, with
+0.1 m and up to 2.5 Hz, for 2 s, cables from stiff to limp.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import sys
+from collections.abc import Iterator
+from itertools import pairwise
+from time import perf_counter
+from typing import NamedTuple
+
+import numpy as np
+from figures import Figures, bench_options, bench_parser, finish, heading, machine
+from tqdm import tqdm
+
+import cable_shape as cs
+
+ALONG = (0.5, 0.5, 0.5, 0.5)
+START, END = np.zeros(3), np.array((0.7, 0.0, 0.0))
+CABLE = cs.Cable(length=1.0, linear_density=0.1, bending_stiffness=0.01)
+DT = 0.01  # s
+#: Bending stiffness [N m^2] of the cables that are whipped: 0.01 to 1e-5 weight * length^2.
+WHIPPED = (1e-2, 1e-3, 1e-4, 1e-5)
+
+
+def smooth(t: float, whole: float) -> float:
+    """From 0 to 1 in the time `whole`."""
+    x = min(t / whole, 1.0)
+    return x**4 * (35.0 - 84.0 * x + 70.0 * x**2 - 20.0 * x**3)
+
+
+def ends(first: np.ndarray, second: np.ndarray) -> tuple[cs.Pose, cs.Pose]:
+    """Both grips, moved by so much."""
+    return cs.Pose(START + first, ALONG), cs.Pose(END + second, ALONG)
+
+
+def measure_steps(figures: Figures, steps: int) -> None:
+    """Times of a step, through Python and compiled."""
+    heading("A step of 10 ms [us], median: through Python with a shape of 150 points, and compiled without one")
+    from cable_shape.kernels.network import swinging
+
+    for elements in (12, 20, 40):
+        motion = cs.Motion(CABLE.replace(retardation_time=0.02, drag=0.02), elements=elements)
+        motion.begin(*ends(np.zeros(3), np.zeros(3)))
+        whole, compiled, iterations = [], [], []
+        for k in range(1, steps + 1):
+            way = 0.05 * np.sin(0.06 * k * np.array((1.0, 1.3, 0.7)))
+            shape = motion.step(*ends(way, 0.5 * way), DT)
+            whole.append(shape.solve_time)
+            iterations.append(shape.iterations)
+        swing, state = motion._swing, motion._state
+        assert swing is not None
+        assert state is not None
+        for k in range(steps + 1, 2 * steps + 1):
+            way = 0.05 * np.sin(0.06 * k * np.array((1.0, 1.3, 0.7)))
+            poses = state.aim(*(cs.Grip(pose) for pose in ends(way, 0.5 * way)))
+            began = perf_counter()
+            swinging.step(
+                swing.ints, swing.floats, swing.sols, swing.work, swing.moving, swing.remembered, poses, DT, swing.kept,
+                swing.info, swing._scratch,
+            )  # fmt: skip
+            compiled.append(perf_counter() - began)
+        python, alone = (1e6 * float(np.median(times[10:])) for times in (whole, compiled))
+        print(f"N = {elements:3}: {python:7.1f} {alone:7.1f}   {np.mean(iterations):.2f} iterations")
+        if elements == 20:
+            figures.at_most("a step of 20 elements, compiled", alone, 25.0, "{:.0f}", " us")
+            figures.at_most("a step of 20 elements, through Python", python, 100.0, "{:.0f}", " us")
+
+
+class Swung(NamedTuple):
+    """Where the cable is at the end, the most kinetic energy on the way [J], and what was lost [J]."""
+
+    place: np.ndarray
+    most: float
+    lost: float
+
+
+def swung(dt: float, elements: int) -> Swung:
+    """A second of a swing: both grips 0.1 m sideways in 0.4 s."""
+    motion = cs.Motion(CABLE, points=41, elements=elements)
+    shape = motion.begin(*ends(np.zeros(3), np.zeros(3)))
+    most = lost = 0.0
+    for k in range(1, round(1.0 / dt) + 1):
+        way = np.array((0.0, 0.1 * smooth(k * dt, 0.4), 0.0))
+        shape = motion.step(*ends(way, 0.5 * way), dt)
+        most, lost = max(most, shape.kinetic_energy), lost + shape.lost
+    return Swung(shape.positions, most, lost)
+
+
+def measure_order(figures: Figures, quick: bool) -> None:
+    """Differences and losses as steps become shorter."""
+    heading("A swing of 1 s without damping: change by half the step [mm], and lost of the most kinetic energy")
+    steps = [1e-2, 5e-3, 2.5e-3, 1.25e-3] if quick else [1e-2, 5e-3, 2.5e-3, 1.25e-3, 6.25e-4, 3.125e-4]
+    found = [swung(dt, 20) for dt in steps]
+    changes = [float(np.abs(a.place - b.place).max()) for a, b in pairwise(found)]
+    for dt, one, change in zip(steps, found, [*changes, np.nan], strict=True):
+        print(f"dt {1e3 * dt:7.4f} ms: {1e3 * change:9.4f} mm, lost {one.lost / one.most:.2e}")
+    figures.at_least("order in time", float(np.log2(changes[-2] / changes[-1])), 1.8, "{:.2f}")
+    losses = [abs(one.lost / one.most) for one in found]
+    figures.at_least("lost energy, order in time", float(np.log2(losses[-2] / losses[-1])), 1.8, "{:.2f}")
+
+
+def whip(rng: np.random.Generator, stiffness: float) -> Iterator[tuple[bool, float]]:
+    """Of every step: whether it was taken, and by how much the energy is above what was put in, of the most so far."""
+    motion = cs.Motion(CABLE.replace(bending_stiffness=stiffness), points=12)
+    rates, phases = rng.uniform(2.0, 16.0, (2, 3)), rng.uniform(0.0, 2.0 * np.pi, (2, 3))
+    first = motion.begin(*ends(np.zeros(3), np.zeros(3)))
+    given, most = 0.0, 1e-12
+    for k in range(1, 201):
+        t = k * DT
+        ways = 0.1 * smooth(t, 0.3) * np.sin(rates * t + phases)
+        shape = motion.step(*ends(*ways), DT)
+        given += shape.work
+        now = shape.energy + shape.kinetic_energy - first.energy
+        most = max(most, abs(now), abs(given))
+        yield bool(shape.usable), (now - given) / most
+
+
+def measure_whips(figures: Figures, tries: int) -> None:
+    """Random motions of grips."""
+    heading("Whips without damping: steps that were lost, and energy beyond the work of the grips, of the most")
+    rng = np.random.default_rng(22)
+    for stiffness in WHIPPED:
+        rows = [list(whip(rng, stiffness)) for _ in tqdm(range(tries), leave=False, disable=None)]
+        lost = sum(not taken for row in rows for taken, _ in row)
+        above = max(excess for row in rows for _, excess in row)
+        steps = sum(len(row) for row in rows)
+        print(f"EI {stiffness:7.0e}: {lost} of {steps} steps lost, energy above what was put in by at most {above:.1e}")
+        figures.at_most(f"whips, EI {stiffness:.0e}: steps lost", lost, 0, "{:.0f}")
+        figures.at_most(f"whips, EI {stiffness:.0e}: energy from nowhere", above, 1e-6)
+
+
+def main() -> int:
+    """All tables."""
+    options = bench_options(bench_parser(__doc__, "few steps and whips"))
+    figures = Figures()
+    print(machine())
+    measure_steps(figures, 200 if options.quick else 1000)
+    measure_order(figures, options.quick)
+    measure_whips(figures, 3 if options.quick else 50)
+    return finish(figures, options)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""Cables as they swing: :class:`cable_shape.Motion`."""

@@ -1,0 +1,261 @@
+"""The cable as it swings: :class:`Motion`."""
+
+from __future__ import annotations
+
+import math
+from time import perf_counter
+from typing import final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cable_shape import checks
+from cable_shape.cable.cable import Cable
+from cable_shape.cable.pieces import pieces_of
+from cable_shape.checks import Array
+from cable_shape.errors import ArgumentError
+from cable_shape.motion.seen import seen_of
+from cable_shape.motion.swing import ELEMENTS, LAYERS, MOST_ELEMENTS, Swing, spread_evenly
+from cable_shape.pose import FreeEnd, Grip, Pose
+from cable_shape.scene.scene import Scene
+from cable_shape.shape import CableShape, Status
+from cable_shape.solve import cosserat
+from cable_shape.solve.network import Network
+from cable_shape.solve.outcome import no_room
+from cable_shape.solve.problem import GRAVITY, Problem
+
+MODEL = "motion"
+
+
+@final
+class Motion:
+    """A cable that swings: its shape from step to step, inertia included.
+
+    The rod of :mod:`cable_shape.solve.cosserat` with mass, retardation and drag (docs/motion.md): implicit steps of
+    any size, of second order in time and of fourth in the length of the elements.
+
+    Parameters
+    ----------
+    cable : Cable
+        Its linear density is above 0; `retardation_time` and `drag` damp it.
+    scene : Scene, optional
+        Clips hold the cable, other than eyelets; masses load it and have inertia. Obstacles keep nothing out here.
+    gravity : (3,) array_like
+        [m/s^2], world.
+    points : int
+        Number of points of the shapes, uniform in arc length.
+    elements : int, optional
+        Of the whole cable, of equal length; at least four between two supports. Default: 20, or as many more as the
+        boundary layers sqrt(EI / |n|) of a limp cable ask for when it begins, up to 400.
+
+    Raises
+    ------
+    ArgumentError
+        Naming the value, the bound and the remedy.
+    """
+
+    def __init__(
+        self,
+        cable: Cable,
+        scene: Scene | None = None,
+        gravity: ArrayLike = GRAVITY,
+        points: int = 150,
+        elements: int | None = None,
+    ) -> None:
+        self.problem = Problem(cable, gravity=gravity, points=points, scene=scene)
+        self.elements = None if elements is None else checks.integer("elements", elements, at_least=4, at_most=2000)
+        _check(self.problem)
+        self._state: Network | None = None
+        self._swing: Swing | None = None
+        self._last: CableShape | None = None
+        self._error = 0.0
+
+    @property
+    def cable(self) -> Cable:
+        """The cable, as given."""
+        return self.problem.cable
+
+    def begin(
+        self,
+        start: Pose | Grip,
+        end: Pose | Grip | FreeEnd | None,
+        arc_length: ArrayLike | None = None,
+        points: ArrayLike | None = None,
+        velocity: ArrayLike | None = None,
+    ) -> CableShape:
+        """Starts at rest between these ends, or as the cable is seen; returns that shape.
+
+        Where its status says no, there is nothing to step.
+
+        Parameters
+        ----------
+        start, end : Pose or Grip
+            `end` may be a FreeEnd; None is a free end without load.
+        arc_length : (k,) array_like, optional
+            [m], where on the cable the points are, ascending; without it their distances share the length.
+        points : (k, 3) array_like, optional
+            [m], world, on the cable, at the instant at which the ends are here.
+        velocity : (k, 3) array_like, optional
+            [m/s], world, of the points.
+
+        Raises
+        ------
+        ArgumentError
+            For wrong arguments.
+        """
+        began = perf_counter()
+        self._swing = self._last = None
+        problem = self.problem.move(start, end)
+        seen = None
+        if points is not None:
+            seen = seen_of(problem.start, problem.end, self.cable.length, arc_length, points, velocity)
+        elif arc_length is not None or velocity is not None:
+            raise ArgumentError("arc_length and velocity are those of points, and there are none. Give points (k, 3).")
+        state = Network(problem)
+        shape = cosserat.solve(problem, state)
+        if not shape.status:
+            return shape
+        spread_evenly(state, self.elements or _enough(shape, self.cable))
+        swing = Swing(problem, state)
+        if not swing.alive:
+            return _failed(shape, Status.NOT_CONVERGED, "The cable does not come to rest on the mesh of its motion. ")
+        self._state, self._swing = state, swing
+        out, rates = self._buffers()
+        swing.tell(out, rates)
+        self._error = float(np.abs(out[problem.points : 4 * problem.points].reshape(-1, 3) - shape.positions).max())
+        if seen is not None:
+            if not swing.draw_to(seen):
+                self._swing = self._state = None
+                return _failed(shape, Status.NOT_CONVERGED, "The cable could not be drawn to the points. ")
+            swing.tell(out, rates)
+        status = Status.OK if seen is not None else shape.status
+        self._last = self._shape(out, rates, began, status, "" if seen is not None else shape.detail)
+        return self._last
+
+    def step(self, start: Pose | Grip, end: Pose | Grip | FreeEnd | None, dt: float) -> CableShape:
+        """The cable dt [s] later, when its ends have come here; never raises for a physical reason: look at `status`.
+
+        Between the last ends and these they move in a straight line. OVERSTRETCHED, and NOT_CONVERGED where not even 16
+        shorter steps do: the state is kept as it was, and the shape is the last one.
+
+        Raises
+        ------
+        ArgumentError
+            For wrong arguments, before `begin`, and for ends that are held in another way than there.
+        """
+        began = perf_counter()
+        dt = checks.number("dt", dt, above=0.0, unit="s")
+        swing, state, last = self._swing, self._state, self._last
+        if swing is None or state is None or last is None:
+            raise ArgumentError("step() needs a state to step from, and there is none. Call begin first.")
+        before = self.problem.end
+        kinds = self._kinds()
+        problem = self.problem.move(start, end)
+        if self._kinds() != kinds:
+            ends = f"{kinds[0]} and {kinds[1]}"
+            raise ArgumentError.of("ends", self._kinds(), f"they were {ends} at begin", "Hold them so, or begin again.")
+        poses = state.aim(problem.start, problem.end)
+        taut = no_room(problem, state, poses)
+        if taut is not None:
+            return _failed(last, Status.OVERSTRETCHED, taut[2].split(". ")[0] + ". The state is kept. ", taut[3])
+        if isinstance(problem.end, FreeEnd):
+            swing.load_end(problem.end, problem.end_fall)
+        place, frame = last.positions[-1], last.quaternions[-1]
+        out, velocity = self._buffers()
+        if not swing.step(poses, dt, out, velocity):
+            return _failed(last, Status.NOT_CONVERGED, "A step could not be taken. The state is kept. ")
+        shape = self._shape(out, velocity, began, Status.OK, "")
+        shape.work += _work_of(before, problem.end, shape, place, frame)
+        lost = shape.work - shape.dissipated
+        lost -= shape.energy + shape.kinetic_energy - last.energy - last.kinetic_energy
+        shape.lost = lost
+        self._last = shape
+        return shape
+
+    def _buffers(self) -> tuple[Array, Array]:
+        """For a shape, and its velocity."""
+        n = self.problem.points
+        return CableShape.new_buffer(n), np.empty((n, 3))
+
+    def _kinds(self) -> tuple[str, str, float]:
+        """How the ends are held, and the mass of a plug."""
+        end = self.problem.end
+        if isinstance(end, FreeEnd):
+            return self.problem.start.kind, "free", end.mass
+        return self.problem.start.kind, end.kind, 0.0
+
+    def _shape(self, out: Array, velocity: Array, began: float, status: Status, detail: str) -> CableShape:
+        """The shape after the last step."""
+        swing = self._swing
+        assert swing is not None
+        end = self.problem.end
+        info = swing.info
+        energy = swing.energy
+        if isinstance(end, FreeEnd):
+            n = self.problem.points
+            energy += float(end.force @ out[4 * n - 3 : 4 * n])
+        return CableShape(
+            out,
+            self.problem.points,
+            length=self.cable.length,
+            model=MODEL,
+            status=status,
+            detail=detail,
+            energy=energy,
+            error_estimate=self._error + float(swing.told[1]),
+            iterations=int(info[0]),
+            solve_time=perf_counter() - began,
+            turns=swing.turns,
+            twist=float(swing.told[0]),
+            velocity=velocity,
+            kinetic_energy=swing.kinetic_energy,
+            work=float(info[2]),
+            dissipated=float(info[3]),
+        )
+
+
+def _enough(shape: CableShape, cable: Cable) -> int:
+    """How many elements a cable needs that none is much longer than its boundary layers."""
+    stiffness = min(min(one.bending_stiffness) for _, _, one in pieces_of(cable))
+    layer = math.sqrt(stiffness / max(float(np.linalg.norm(shape.force, axis=1).max()), 1e-300))
+    return int(min(max(ELEMENTS, math.ceil(cable.length / (LAYERS * layer))), MOST_ELEMENTS))
+
+
+def _check(problem: Problem) -> None:
+    """Refuses what does not move, or not yet."""
+    cable, scene = problem.cable, problem.scene
+    if cable.linear_density == 0.0:
+        remedy = "Give it in kg/m: without mass there is no motion."
+        raise ArgumentError.of("linear_density", 0.0, "Motion needs it above 0 kg/m", remedy)
+    if cable.mean_bending_stiffness == 0.0:
+        remedy = "Give EI in N m^2, however small it is."
+        raise ArgumentError.of("bending_stiffness", 0.0, "Motion needs it above 0 N m^2", remedy)
+    if any(clip.kind == "slide" for clip in problem.clips):
+        raise ArgumentError.of("Clip.kind", "slide", "Motion knows no eyelets", "Hold the cable in a 'ball' clip.")
+    if scene is not None and scene.contact == "solve":
+        raise ArgumentError.of("scene.contact", "solve", "Motion knows no contact", "Write contact='warn'.")
+
+
+def _failed(shape: CableShape, status: Status, detail: str, missing: float = 0.0) -> CableShape:
+    """The shape once more, for want of another."""
+    kept = shape.again()
+    kept.status, kept.detail, kept.missing_length = status, detail + status.remedy, missing
+    kept.work = kept.dissipated = kept.lost = 0.0
+    kept.error_estimate = math.inf
+    return kept
+
+
+def _work_of(before: Grip | FreeEnd, end: Grip | FreeEnd, shape: CableShape, place: Array, frame: Array) -> float:
+    """[J], of the dead loads on a free end in the last step, from `place` (3,) and `frame` (4,)."""
+    if not isinstance(end, FreeEnd) or not isinstance(before, FreeEnd):
+        return 0.0
+    work = float(0.5 * (before.force + end.force) @ (shape.positions[-1] - place))
+    if not (before.moment.any() or end.moment.any()):
+        return work
+    x, y, z, w = -frame[0], -frame[1], -frame[2], frame[3]
+    a, b, c, d = shape.quaternions[-1]
+    turn = np.array(
+        (d * x + a * w + b * z - c * y, d * y - a * z + b * w + c * x, d * z + a * y - b * x + c * w)
+    )  # fmt: skip
+    turn *= math.copysign(2.0, d * w - a * x - b * y - c * z)
+    return work + float(0.5 * (before.moment + end.moment) @ turn)

@@ -1,0 +1,74 @@
+"""Where a motion begins that was seen: :func:`path_of`, from points on the cable to its nodes."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline
+
+from cable_shape import checks
+from cable_shape.checks import Array
+from cable_shape.errors import ArgumentError
+from cable_shape.pose import FreeEnd, Grip, rotate
+
+_ALONG = np.array((0.0, 0.0, 1.0))
+
+
+class Seen(NamedTuple):
+    """A path through what was seen, and how fast it moves."""
+
+    places: CubicSpline
+    velocity: CubicSpline
+    apart: float  # m, mean arc length between points
+
+
+def seen_of(
+    start: Grip, end: Grip | FreeEnd, length: float, arc_length: ArrayLike | None, points: ArrayLike,
+    velocity: ArrayLike | None,
+) -> Seen:  # fmt: skip
+    """The smooth path from grip to grip through points (k, 3), and velocities (k, 3) along it.
+
+    arc_length (k,) [m], ascending; None: as their distances share the length.
+    """
+    r = _rows("points", points, None, "m")
+    known = [start.cable_frame.position, *r]
+    held = isinstance(end, Grip)
+    if isinstance(end, Grip):
+        known.append(end.cable_frame.position)
+    if arc_length is None:
+        chords = np.linalg.norm(np.diff(known, axis=0), axis=1)
+        s = (np.cumsum(chords) / chords.sum() * length)[: len(r)]
+    else:
+        s = checks.vector("arc_length", arc_length, len(r), "m")
+        if not (np.diff(s) > 0.0).all() or s[0] < 0.0 or s[-1] > length:
+            bound = f"it must ascend from 0 to at most the length of the cable, {length:g} m"
+            raise ArgumentError.of("arc_length", s.tolist(), bound, "Give that of each point, from the start grip on.")
+    v = np.zeros_like(r) if velocity is None else _rows("velocity", velocity, len(r), "m/s")
+    inside = (s > 1e-6 * length) & ((s < (1.0 - 1e-6) * length) | (not held))
+    s, r, v = s[inside], r[inside], v[inside]
+    if s.size == 0:
+        raise ArgumentError.of("points", len(r), "none is between the ends", "Give at least one.")
+    at = np.concatenate(([0.0], s, [length] if held else []))
+    bounds = [_tangent(start), _tangent(end) if isinstance(end, Grip) else None]
+    sides = [(2, np.zeros(3)) if t is None else (1, t) for t in bounds]
+    rate = CubicSpline(s, v) if s.size > 1 else CubicSpline(at[[0, -1]], v[[0, 0]])
+    return Seen(CubicSpline(at, np.array(known)[np.concatenate(([True], inside, [True] * held))], bc_type=tuple(sides)),
+                rate, length / s.size)  # fmt: skip
+
+
+def _tangent(grip: Grip) -> Array | None:
+    """(3,), where the grip gives it."""
+    return None if grip.kind == "pinned" else rotate(grip.cable_frame.quaternion, _ALONG)
+
+
+def _rows(name: str, values: ArrayLike, rows: int | None, unit: str) -> Array:
+    """(k, 3), finite."""
+    remedy = f"Give rows of three finite numbers in {unit}."
+    a = checks.numbers(name, values, remedy)
+    if a.ndim != 2 or a.shape[1] != 3 or len(a) == 0 or not (np.abs(a) <= checks.MOST).all():
+        raise ArgumentError.of(name, f"shape {a.shape}", "it must be (k, 3), of finite numbers", remedy)
+    if rows is not None and len(a) != rows:
+        raise ArgumentError.of(name, f"{len(a)} rows", f"it must have as many as points, {rows}", remedy)
+    return a

@@ -1,0 +1,243 @@
+"""What the solver of a harness among bodies keeps from one solve to the next: :class:`HarnessTouchState`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, final
+
+import numpy as np
+
+from cable_shape.cable.rest_form import conjugate, times
+from cable_shape.checks import Array
+from cable_shape.kernels.contact import check, drive
+from cable_shape.kernels.network import tables
+from cable_shape.kernels.network.tables import NOW
+from cable_shape.pose import FreeEnd
+from cable_shape.shape import NUMBERS_PER_POINT
+from cable_shape.solve.cables import Structure
+from cable_shape.solve.harness_network import HarnessNetwork
+from cable_shape.solve.harness_problem import HarnessProblem
+from cable_shape.solve.harness_shape import HarnessShape
+from cable_shape.solve.plan import Whole, moving
+from cable_shape.solve.touching import mesh
+from cable_shape.solve.touching.state import Chain, TouchState
+
+_OF_LEVER = 3  #: nodes
+
+
+@final
+class Laid:
+    """A harness's shape as that of one long cable: one segment after the other, levers behind, gaps between them."""
+
+    def __init__(self, shape: HarnessShape, gaps: Array) -> None:
+        """gaps (c,) [m], added to the arc lengths of each; shape: of a harness, or what has as much of one."""
+        n = shape.points
+        blocks = shape.buffer[: NUMBERS_PER_POINT * n * gaps.size].reshape(gaps.size, -1)
+        self.arc_length: Array = (blocks[:, :n] + gaps[:, None]).ravel()
+        self.positions: Array = blocks[:, n : 4 * n].reshape(-1, 3)
+        self.quaternions: Array = blocks[:, 4 * n : 8 * n].reshape(-1, 4)
+        self.force: Array = blocks[:, 11 * n : 14 * n].reshape(-1, 3)
+        self.supports: Array = np.empty((0, 7))
+        self.turns: Any = getattr(shape, "turns", 0)
+        self.bodies = shape.bodies
+        rows = [row + np.eye(9)[0] * gap for own, gap in zip(shape.touches, gaps, strict=False) for row in own]
+        self.touches: Array = np.array(rows).reshape(-1, 9)
+
+
+@final
+class HarnessTouchState(TouchState):
+    """As `TouchState`, for all segments at once."""
+
+    problem: HarnessProblem  # type: ignore[assignment]
+    cable: HarnessNetwork
+
+    # -- what is solved
+
+    def take(self, problem: HarnessProblem) -> None:  # type: ignore[override]
+        """Makes `problem` the one to solve; the last solution stays as a start if its parts are the same."""
+        self.problem = problem
+        harness = problem.harness
+        segments = list(harness.segments.values())
+        network = HarnessNetwork(problem)
+        network.aim()
+        plan = tables.plan_of.py_func(network.bare)
+        sizes = [cable.length for cable in segments] + [size for _, size in network.layout.levers]
+        gaps = np.concatenate(([0.0], np.cumsum(2.0 * np.array(sizes))[:-1]))
+        arcs = network.layout.arcs
+        own = [
+            gap + np.append(arcs[a, 0], arcs[a:b, 1])
+            for gap, a, b in zip(gaps, plan.cables[:-1], plan.cables[1:], strict=True)
+        ]
+        every = np.concatenate(own)
+        if not (self.bodies.are(problem.bodies) and np.array_equal(every, self._arcs)):
+            self.forget()
+            self.elements = 0
+        self.gaps, self._of_cables, self._arcs = gaps, [one.size for one in own], every
+        self.bodied = len(segments)
+        self.cable, self._told = network, np.empty(0)
+        self._structure: Structure | None = None
+        self.length = harness.longest
+        self.bend = self.bend_of_cables = min(cable.mean_bending_stiffness for cable in segments)
+        self.limpness = math.inf
+        self.radius = 0.5 * min(cable.diameter for cable in segments)
+        self._weights = [float(np.linalg.norm(one.load.mean(axis=0))) for one in problem.segments.values()]
+        self.weight = sum(weight * cable.length for weight, cable in zip(self._weights, segments, strict=True))
+        self._stretch = 0.0
+        self.points = np.empty(0)
+        self._stops = every
+        self.rings = np.empty(0, np.int64)
+        self._knots: Any = np.concatenate(
+            [[plan.ends[a, 0], *plan.ends[a:b, 1]] for a, b in zip(plan.cables[:-1], plan.cables[1:], strict=True)]
+        )
+        if self.slid.shape[1] != every.size or self.turns.shape[1] != gaps.size:
+            self.slid, self.turns = np.zeros((3, every.size)), np.zeros((3, gaps.size))
+            self.info = np.zeros(drive.INFO + 3 * gaps.size)
+        count = int(network.bare[tables.N_KNOTS])
+        if self._grips.shape[1] != count:
+            self.forget()
+            self.elements = 0
+            self._grips = np.zeros((3, count, 7))
+        self.unfactored()
+        thickest = 0.5 * max(cable.diameter for cable in segments)
+        if self.bodies.take(problem.bodies, problem.gripping, problem.links, thickest):
+            self.forget()
+
+    @property
+    def limp(self) -> bool:
+        """Never: harnesses are not made of string."""
+        return False
+
+    def aimed(self) -> Array:
+        """Poses of the knots (k, 7), those that nothing holds as they are."""
+        frames = self.cable.aim()
+        if self.cable.structure is not self._structure or not np.array_equal(self.cable.held, self._told):
+            if self._structure is not None and self.cable.structure is not self._structure:
+                self.history = min(self.history, 1)
+            self._structure, self._told = self.cable.structure, self.cable.held.copy()
+            self._moves = np.array([knot.moves for knot in self.cable.structure.knots])
+            self._order: tuple[Whole, int] | None = None
+            self._take_structure()
+        if self.history:
+            frames[self._moves] = self._grips[NOW, self._moves]
+        return frames
+
+    def _pull_of_tips(self) -> float:
+        ends = self.problem.ends.values()
+        return max((float(np.linalg.norm(end.force)) for end in ends if isinstance(end, FreeEnd)), default=0.0)
+
+    def _chained(self) -> tuple[Chain, ...]:
+        """Segments, then levers."""
+        out = []
+        at = 0
+        segments = list(self.problem.harness.segments.items())
+        for c, size in enumerate(self._of_cables):
+            supports = slice(at, at + size)
+            at += size
+            if c < self.bodied:
+                name, cable = segments[c]
+                free = tuple(type(self.problem.ends.get(f"{name}.{side}")) is FreeEnd for side in ("start", "end"))
+                out.append(Chain(supports, cable.mean_bending_stiffness, 0.5 * cable.diameter, (free[0], free[1])))
+            else:
+                out.append(Chain(supports, self.cable.stiffest, self.radius, (False, False)))
+        return tuple(out)
+
+    def _count_of(self, chain: Chain) -> int:
+        c = self.chains.index(chain)
+        arcs = self._arcs[chain.supports]
+        return mesh.first_count(float(arcs[-1] - arcs[0]), chain.bend, self._weights[c])
+
+    def _nodes_of(self, chain: Chain, shape: Any, finer: float) -> Array:
+        if chain.supports.start >= sum(self._of_cables[: self.bodied]):
+            arcs = self._arcs[chain.supports]
+            return np.linspace(arcs[0], arcs[-1], _OF_LEVER)
+        return super()._nodes_of(chain, shape, finer)
+
+    def _elimination(self) -> tuple[Whole, int]:
+        if self._order is None:
+            plan = tables.plan_of.py_func(moving(self.cable.bare))
+            first = np.where(plan.vertices >= 0, plan.vertices, plan.pointer.size).min(axis=1)
+            first[(plan.vertices < 0).all(axis=1)] = -1
+            ends = np.bincount(plan.ends.ravel())
+            wide = 2 * int(ends.max()) + int(np.diff(plan.pointer).max(initial=0))
+            self._order = np.argsort(first, kind="stable"), wide
+        assert self._order is not None
+        return self._order
+
+    # -- solutions
+
+    def start_from(self, shape: HarnessShape, frames: Array, finer: float = 1.0) -> None:  # type: ignore[override]
+        """Makes a shape the last solution, on a new mesh; `frames` (k, 7) are those of the knots that are held."""
+        whole = Laid(shape, self.gaps)
+        poses = frames.copy()
+        spans = self.cable.structure.spans
+        of_frames = self.cable.layout.frames
+        at, j = 0, 0
+        for size in self._of_cables:
+            for i in range(size):
+                span, end = (j + i, 0) if i < size - 1 else (j + i - 1, 1)
+                knot = self._knots[at + i]
+                if self._moves[knot]:
+                    arc = self._arcs[at + i]
+                    k = int(np.abs(whole.arc_length - arc).argmin())
+                    poses[knot, :3] = [np.interp(arc, whole.arc_length, x) for x in whole.positions.T]
+                    if spans[span].tied[end]:
+                        there = whole.quaternions[k : k + 1], conjugate(of_frames[span, end])[None]
+                        poses[knot, 3:] = times(*there)[0]
+            at, j = at + size, j + size - 1
+        super().start_from(whole, poses, finer)  # type: ignore[arg-type]
+
+    def _align(self) -> None:
+        """Signs of the quaternions of what is held, those of the nodes there."""
+        for knot, k in zip(self._knots, self.held, strict=True):
+            if not self._moves[knot] and self._grips[NOW, knot, 3:] @ self.q[NOW, k] < 0.0:
+                self._grips[NOW, knot, 3:] *= -1.0
+
+    def seen(self, shape: HarnessShape) -> Array:  # type: ignore[override]
+        return np.concatenate([one.positions for one in shape.segments.values()])
+
+    def new_buffer(self) -> Array:
+        return np.empty(NUMBERS_PER_POINT * self.problem.points * self.gaps.size)
+
+    @property
+    def clip_knots(self) -> Any:
+        return np.array(self.cable.clip_rows, dtype=np.int64)
+
+    def buried(self, frames: Array, deepest: float) -> tuple[int, int, float]:
+        """Which knot is deeper in which body, and the gap; -1: none."""
+        bodies = self.bodies
+        for c, chain in enumerate(self.chains[: self.bodied]):
+            arcs = self._arcs[chain.supports] - self.gaps[c]
+            knots = self._knots[chain.supports]
+            held = ~self._moves[knots]
+            i, body, gap = check.buried(
+                frames[knots[held]], arcs[held], int(held.sum()), deepest, float(arcs[-1]), bodies.table, bodies.frames,
+                bodies.triangles, bodies.tree, chain.radius, bodies.stack,
+            )  # fmt: skip
+            if i >= 0:
+                return int(knots[held][i]), body, gap
+        return -1, -1, 0.0
+
+    def touches_of_segments(self) -> list[Array]:
+        """Of each segment (k, 9), the contacts of the last solution as `check.touches` has them."""
+        ends = self._ends_of(self.nodes) + 1
+        found = []
+        for a, b in zip([0, *ends[:-1]], ends[: self.bodied], strict=False):
+            out = np.empty((b - a, check.TOUCH))
+            count = check.touches(self.s[a:b], self.near[NOW, a:b], self.on[NOW, a:b], self.thick[a:b], out)
+            found.append(out[:count])
+        return found
+
+    def energy_of_masses(self) -> float:
+        gravity = self.problem.gravity
+        layout = self.cable.layout
+        places = self._grips[NOW, :, :3]
+        out = sum(mass * float(gravity @ places[row]) for row, mass, _ in layout.at_masses)
+        for end, how in self.problem.ends.items():
+            if isinstance(how, FreeEnd) and how.mass > 0.0:
+                out += how.mass * float(gravity @ places[layout.knots["end", end]])
+        return -out
+
+    def sensitivities(self, ends: Sequence[str]) -> Array:
+        """As `HarnessNetwork.sensitivities`, the same points staying in contact."""
+        return self.cable.columns_of(self, ends)

@@ -1,0 +1,141 @@
+"""Where the nodes of a cable in contact go: at first, beside the ends of rows, and where contacts have run."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from cable_shape.checks import Array
+from cable_shape.kernels import rod_mesh
+from cable_shape.kernels.contact import afterwards, run
+from cable_shape.kernels.contact.near import BARE, LINK, NORMAL, PRESS
+from cable_shape.shape import CableShape
+
+ELEMENTS = 48  #: of a mesh before nodes are added, at least
+LAYERED = 0.5  #: of these, for the layers at what holds the cable
+FINENESS = 2.0  #: elements over which bending takes up the weight: where a limp cable meets a body it turns in as much
+MOST_AT_FIRST = 320
+FEWEST_ELEMENTS = 16  #: of them between two clips
+SHARE_OF_WORST = 0.1  #: of the largest share in the error that an element has: those above are divided
+WORST = 0.5  #: of the contact that misses most: those above get nodes beside them
+STRETCHED = 1.6  #: times as long as at first: elements that an eyelet has stretched so far are divided
+TIP = 5e-5  #: [m] from a free end, which is no support itself, to the node that stands in for it
+_ABSCISSAE = 65
+
+
+def first_count(length: float, bend: float, weight: float) -> int:
+    """Elements of a cable before nodes are added: where it touches down is not known. weight [N/m]."""
+    even: float = FINENESS * length * (weight / bend) ** (1.0 / 3.0)
+    return max(ELEMENTS, min(math.ceil(LAYERED * ELEMENTS + even), MOST_AT_FIRST))
+
+
+def first_nodes(
+    arcs: Array, stops: Array, bend: float, free: tuple[bool, bool], shape: CableShape, elements: int,
+    finer: float = 1.0,
+) -> Array:  # fmt: skip
+    """Arc lengths for a cable of which `shape` is a rough idea: denser towards what holds it.
+
+    arcs (b,) [m], of the supports; stops [m], where nodes must be; bend [N m^2]; free: nothing holds the start, and
+    the end; elements: of the whole cable, about; finer: times as many.
+    """
+    pulls = np.linalg.norm(shape.force, axis=1)
+    pieces = []
+    for a, b in pairwise(arcs):
+        inside = (shape.arc_length >= a) & (shape.arc_length <= b)
+        tension = float(np.median(pulls[inside] if inside.any() else pulls))
+        length = b - a
+        layer = math.sqrt(bend / max(tension, bend / length**2))
+        x, density = np.empty(_ABSCISSAE), np.empty(_ABSCISSAE)
+        rod_mesh.layered(length, min(max(layer, 1e-5 * length), length), x, density)
+        x, density = x + a, density + 0.5 * density.mean()
+        x[0], x[-1] = a, b
+        density = 1.0 + LAYERED * ELEMENTS / (elements - LAYERED * ELEMENTS) * (density - 1.0)
+        own = stops[(stops > a) & (stops < b)]
+        count = max(FEWEST_ELEMENTS, math.ceil(finer * elements * length / (arcs[-1] - arcs[0]))) + 2 * own.size
+        nodes = np.empty(count + 1)
+        rod_mesh.equidistribute(x, density, own, count, nodes)
+        pieces.append(nodes[:-1])
+    nodes = np.append(np.concatenate(pieces), arcs[-1])
+    if free[1]:
+        nodes = np.insert(nodes, nodes.size - 1, nodes[-1] - TIP)
+    return np.insert(nodes, 1, nodes[0] + TIP) if free[0] else nodes
+
+
+def ends_of_rows(nodes: Array, q: Array, near: Array, on: Any, least: float) -> Array:
+    """Arc lengths beside the contacts without two neighbours that miss most, halfway to the next nodes.
+
+    least [m]: contacts between two elements shorter than this are left out.
+    """
+    touched = on[:, 0] != BARE
+    divisible = np.diff(nodes) >= least
+    wanted = (divisible[1:] | divisible[:-1]) & touched[1:-1] & ~(touched[:-2] & touched[2:])
+    k = np.flatnonzero(wanted) + 1
+    x, y, z, w = q[k].T
+    tangents = np.stack((2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)), axis=1)
+    missed = near[k, PRESS] * np.abs((tangents * near[k, NORMAL : NORMAL + 3]).sum(axis=1))
+    k = k[missed >= WORST * missed.max(initial=0.0)]
+    return np.unique(0.5 * np.concatenate((nodes[k] + nodes[k - 1], nodes[k] + nodes[k + 1])))
+
+
+def worst(nodes: Array, errors: Array, inside: Any) -> Array:
+    """Middles of the elements with the largest `errors` (N,); inside: which pieces between nodes are elements."""
+    return np.asarray(0.5 * (nodes[1:] + nodes[:-1])[inside][errors >= SHARE_OF_WORST * errors.max()])
+
+
+def tidied(nodes: Array, h: Array, q: Array, near: Array, on: Any, flex: Array, stops: Array) -> Array | None:
+    """Where a contact has run up to the next node, takes that away and divides the element on the other side.
+
+    None: nowhere.
+    """
+    if not run.any_crowded(near, on, q, h, flex):
+        return None
+    away: list[int] = []
+    new: list[float] = []
+    for k in np.flatnonzero((on[1:-1, 0] != BARE) | (on[1:-1, LINK] != BARE)) + 1:
+        side = run.crowded(near, on, q, h, k, flex)
+        j = k + side
+        if side == 0 or j in (0, nodes.size - 1) or on[j, 0] != BARE or nodes[j] in stops:
+            continue
+        away.append(j)
+        new.append(0.5 * (nodes[k] + nodes[k - side]))
+    return np.sort(np.concatenate((np.delete(nodes, away), new))) if away else None
+
+
+def thinned(
+    nodes: Array, near: Array, on: Any, spacing: Array, middles: Array, stops: Array, *, full: bool, coarse: bool
+) -> Array | None:
+    """Takes away every other node far from where a row ends that is closer to the next than `spacing` [m] at `middles`.
+
+    full: what lies in a row without being pressed does not end it. coarse: only inside of rows. None: there is no
+    such node.
+    """
+    away = np.empty(nodes.size, np.int64)
+    count = afterwards.spare(nodes, near, on, spacing, middles, stops, full, coarse, away)
+    return np.delete(nodes, away[:count]) if count else None
+
+
+def share_out(nodes: Array, near: Array, on: Any, old_nodes: Array, old_near: Array, old_on: Any) -> None:
+    """Gives what contacts pressed at nodes that are no more to those beside them: the rest stays in balance."""
+    gone = np.flatnonzero((old_on[:, 0] != BARE) & ~np.isin(old_nodes, nodes))
+    for k in gone:
+        j = int(np.searchsorted(nodes, old_nodes[k]))
+        share = (old_nodes[k] - nodes[j - 1]) / (nodes[j] - nodes[j - 1])
+        for i, part in ((j - 1, 1.0 - share), (j, share)):
+            if on[i, 0] == old_on[k, 0]:
+                near[i, PRESS] += part * old_near[k, PRESS]
+
+
+def stretched(nodes: Array, inside: Any, spacing: Array, middles: Array) -> Array:
+    """Middles of the elements much longer than `spacing` [m] at `middles`; inside: as for `worst`."""
+    at = 0.5 * (nodes[1:] + nodes[:-1])
+    return np.asarray(at[inside & (np.diff(nodes) > STRETCHED * np.interp(at, middles, spacing))])
+
+
+def spread(old: Array, new: Array, fixed: Array) -> tuple[Array, Array]:
+    """Arc lengths in ascending order, and where they go if `old` go to `new` and `fixed` stay."""
+    before, after = np.concatenate((old, fixed)), np.concatenate((new, fixed))
+    order = np.argsort(before)
+    return before[order], after[order]

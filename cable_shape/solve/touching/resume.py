@@ -1,0 +1,51 @@
+"""What a shape in contact tells the solver that goes on from it: which nodes are pressed, what supports carry."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from cable_shape.checks import Array
+from cable_shape.kernels.contact.near import NORMAL, PRESS
+from cable_shape.shape import CableShape
+
+_ALONE = 1.5  #: of an element: contacts that are further than this from the next one of their body are no row
+_NEAR = 0.1  #: of an element: a node nearer to a contact is its node
+
+
+def pressed_rows(shape: CableShape, names: tuple[str, ...]) -> Array:
+    """(k, 9), the shape's contacts with the bodies of these names, with the row of the name in place of the body."""
+    rows = [
+        (row[0], names.index(shape.bodies[int(row[1])]), *row[2:])
+        for row in shape.touches
+        if shape.bodies[int(row[1])] in names
+    ]
+    return np.array(rows).reshape(-1, 9)
+
+
+def with_lone(nodes: Array, rows: Array) -> Array:
+    """The nodes (N+1,), and one at each contact that is not one of a row on its body."""
+    for row in rows:
+        others = rows[(rows[:, 1] == row[1]) & (rows[:, 0] != row[0]), 0]
+        j = min(max(int(np.searchsorted(nodes, row[0])), 1), nodes.size - 1)
+        h = nodes[j] - nodes[j - 1]
+        lone = float(np.abs(others - row[0]).min(initial=np.inf)) > _ALONE * h
+        if lone and min(row[0] - nodes[j - 1], nodes[j] - row[0]) > _NEAR * h:
+            nodes = np.insert(nodes, j, row[0])
+    return nodes
+
+
+def press_nodes(rows: Array, nodes: Array, held: Any, near: Array, on: Array) -> None:
+    """Shares the forces of contacts out among the nodes beside them that nothing holds; near and on of one solution."""
+    free = np.ones(nodes.size, dtype=bool)
+    free[held] = False
+    free[[0, -1]] = False
+    for row in rows:
+        j = min(max(int(np.searchsorted(nodes, row[0])), 1), nodes.size - 1)
+        share = (row[0] - nodes[j - 1]) / (nodes[j] - nodes[j - 1])
+        for k, part in ((j - 1, 1.0 - share), (j, share)):
+            if free[k] and part > _NEAR:
+                on[k, :2] = row[1]
+                near[k, PRESS] += part * row[8]
+                near[k, NORMAL : NORMAL + 3] = row[5:8]

@@ -1,0 +1,237 @@
+"""One step of a cable in contact: a compiled solve from the last solution, and what is left to be done about it."""
+
+from __future__ import annotations
+
+import math
+from time import perf_counter
+from typing import final
+
+import numpy as np
+
+from cable_shape.checks import Array
+from cable_shape.kernels.contact import check, drive
+from cable_shape.kernels.contact.drive import UNSETTLED
+from cable_shape.kernels.contact.errors import AMISS
+from cable_shape.kernels.contact.near import GRIP_EXCLUSION
+from cable_shape.kernels.contact.press import RUNNING
+from cable_shape.kernels.distance import bounds, surface
+from cable_shape.kernels.network.newton import CONVERGED
+from cable_shape.shape import NUMBERS_PER_POINT
+from cable_shape.solve.problem import Problem
+from cable_shape.solve.touching.state import MOST_ELEMENTS, TouchState
+
+DEEPEST = 1e-4  #: [m] a shape deeper in a body than this between nodes gets a node there
+WARM_ITERATIONS, STEP_ITERATIONS = 30, 20
+FAR = 0.7  #: A warm solve that turns a frame by more than this [rad] from its prediction is checked by small steps.
+FINE = 1.9e-4  #: of the length: an error from contacts above this, or AMISS times it in all, asks for a finer mesh
+_EXACT = 1e-5  #: of the length: an error from contacts below this is none of nodes in their way
+_ROUNDS = 8  #: of adding nodes where the cable dips into a body between them
+#: Of half a body's thickness and the cable's: how deep a point is that stands for one in the middle of the body, where
+#: points and times are at most so much apart.
+_MIDDLE = 0.4
+_ANYWHERE: Array = np.empty((0, 3))
+
+
+@final
+class Steps:
+    """The steps of one prediction; the last one's shape is in `buffer`.
+
+    links (k, 7): where the links that carry bodies are to be. iterations: of all steps. loads (k, 7): of the last
+    shape on the clips. late: whether `out_of_time` has been true.
+    """
+
+    __slots__ = ("buffer", "deadline", "iterations", "late", "links", "loads", "problem", "state")
+
+    def __init__(self, problem: Problem, state: TouchState, deadline: float) -> None:
+        self.problem, self.state, self.deadline = problem, state, deadline
+        self.iterations = 0
+        self.late = False
+        self.links = state.bodies.link_rows(problem.links)
+        self.loads: Array = np.empty((0, 7))
+        self.buffer = state.new_buffer()
+
+    def go(
+        self,
+        frames: Array,
+        history: int,
+        most: int,
+        far: float,
+        sunk: float = 0.0,
+        *,
+        jump: bool = False,
+        drag: float = 0.0,
+    ) -> bool:
+        """From the last solution to `frames`, not inside a body between the nodes, and unless a `jump` not past one.
+
+        drag [N]: holds the rotations back from those of the last solution. False: the last solution is as it was.
+        """
+        state = self.state
+        if state.untidy:
+            state.tidy()
+        state.target(frames)
+        before = _ANYWHERE if jump else state.positions
+        refine = not jump and drag == 0.0
+        fine = FINE * state.length if refine else math.inf
+        code = self._call(history, most, far, sunk, drag, before, DEEPEST, fine)
+        if code == UNSETTLED:
+            kept = state.copy(then=True)
+            state.accept()
+            if not self.settle(frames, sunk, drag, refine=refine) or (before.size and self.passes(before, self.buffer)):
+                state.restore(kept)
+                return False
+            state.untidy = True
+        elif code != CONVERGED:
+            return False
+        state.remember(self.positions(self.buffer))
+        return True
+
+    def again(
+        self, most: int, *, far: float = math.inf, sunk: float = 0.0, drag: float = 0.0, history: int = 0
+    ) -> bool:
+        """Solves for the frames in the trial, to which the last solution already belongs unless there is a `history`.
+
+        What is left to be done about it is not looked at.
+        """
+        code = self._call(max(history, 1), most, far, sunk, drag, _ANYWHERE, -1.0, math.inf)
+        if code == UNSETTLED:
+            self.state.accept(again=history == 0)
+        return code == UNSETTLED
+
+    def _call(
+        self,
+        history: int,
+        most: int,
+        far: float,
+        sunk: float,
+        drag: float,
+        before: Array,
+        deepest: float,
+        fine: float,
+    ) -> int:
+        """One compiled solve."""
+        state, bodies = self.state, self.state.bodies
+        state.s_then[:] = state.s
+        code: int = drive.solve(
+            state.lying, bodies.kernel, state.net, before, self.buffer, state.loads, state.info, self.problem.points,
+            state.bodied, history, most, far, state.weight, state.limp, sunk, drag, bodies.horizon, deepest, fine,
+        )  # fmt: skip
+        self.iterations += int(state.info[0])
+        if code not in (CONVERGED, UNSETTLED):
+            state.put_nodes_back()
+        elif len(state.clip_knots):
+            self.loads = state.loads[state.clip_knots].copy()
+        return code
+
+    def settle(self, frames: Array, sunk: float = 0.0, drag: float = 0.0, *, refine: bool = True) -> bool:
+        """Adds nodes where the cable dips into a body between them and, to `refine`, where contacts are too inexact."""
+        state = self.state
+        fine, exact = (share * state.length for share in (FINE, _EXACT))
+        for _ in range(_ROUNDS):
+            # contacts that run were stopped: by their iterations, or by a node that is moved now
+            if refine and (state.info[0] > RUNNING or (state.info[16] > exact and state.tidy())):
+                state.target(frames)
+                if not self.again(WARM_ITERATIONS, sunk=sunk):
+                    return False
+            arcs = self._dips(sunk)
+            deep = arcs.size > 0
+            if not deep and refine and (state.info[16] > fine or state.info[7] > AMISS * fine):
+                of_contacts = AMISS * state.info[16]
+                arcs = state.ends_of_rows() if of_contacts > 0.5 * state.info[7] else state.too_coarse()
+            if not arcs.size:
+                return True
+            if state.elements + arcs.size > MOST_ELEMENTS or not state.insert(arcs):
+                return not deep
+            state.target(frames)
+            if not self.again(WARM_ITERATIONS, sunk=sunk, drag=drag):
+                return False
+        return not self._dips(sunk, 2.0 * DEEPEST).size
+
+    def own(self, buffer: Array, c: int) -> tuple[Array, Array]:
+        """Arc lengths (n,) [m] and positions (n, 3) [m] of cable c of a shape."""
+        n = self.problem.points
+        first = NUMBERS_PER_POINT * n * c
+        return buffer[first : first + n], buffer[first + n : first + 4 * n].reshape(n, 3)
+
+    def positions(self, buffer: Array) -> Array:
+        """(c n, 3) [m], of all cables that are kept out of bodies."""
+        count = self.state.bodied
+        if count == 1:
+            return self.own(buffer, 0)[1]
+        return np.concatenate([self.own(buffer, c)[1] for c in range(count)])
+
+    def depth(self, buffer: Array) -> float:
+        """The least gap [m] of a shape to any body."""
+        return min(float(self._measured(buffer, c)[:, 0].min(initial=math.inf)) for c in range(self.state.bodied))
+
+    def passes(self, before: Array, buffer: Array) -> bool:
+        """Whether a cable may have got past a body from one shape's positions (c n, 3) to the next shape."""
+        state, bodies, n = self.state, self.state.bodies, self.problem.points
+        return any(
+            check.passes(
+                arcs, before[c * n : (c + 1) * n], after, bodies.table, bodies.frames, bodies.frames_then,
+                bodies.triangles, bodies.tree, state.chains[c].radius, bodies.stack,
+            )
+            for c, (arcs, after) in enumerate(self.own(buffer, c) for c in range(state.bodied))
+        )  # fmt: skip
+
+    def goes_through(self, before: Array, then: Array, buffer: Array) -> bool:
+        """Whether the straight way from positions (c n, 3) to a shape leads through the middle of a body, or may do so.
+
+        The bodies were in the frames `then` (m, 4, 3). Far ways along a body are none past it, as `passes` has it; but
+        a body that is thinner than the points are apart cannot be told from none between them, and counts as passed.
+        """
+        n = self.problem.points
+        ways = ((c, before[c * n : (c + 1) * n]) for c in range(self.state.bodied))
+        return any(self._goes_through(c, own, then, buffer) for c, own in ways)
+
+    def _goes_through(self, c: int, before: Array, then: Array, buffer: Array) -> bool:
+        """The same of cable c."""
+        bodies = self.state.bodies
+        arcs, after = self.own(buffer, c)
+        for b, body in enumerate(bodies.table):
+            middle = _MIDDLE * (surface.reach_of(body) + self.state.chains[c].radius)
+            start = np.array([check.carried(tuple(p), then[b], bodies.frames[b]) for p in before])
+            far = float(np.linalg.norm(after - start, axis=1).max())
+            if far <= middle or self._least_gap(start, arcs, b, c) > far:
+                continue
+            apart = max(float(np.linalg.norm(np.diff(line, axis=0), axis=1).max()) for line in (start, after))
+            if apart > middle:
+                return True
+            for at in np.linspace(0.0, 1.0, 2 + math.ceil(far / middle)):
+                if self._least_gap((1.0 - at) * start + at * after, arcs, b, c) < -middle:
+                    return True
+        return False
+
+    def _least_gap(self, line: Array, arcs: Array, b: int, c: int) -> float:
+        """[m], of points (n, 3) at arc lengths (n,) of cable c to body b; infinite next to the grips of one that
+        grips."""
+        state, bodies, length = self.state, self.state.bodies, float(arcs[-1])
+        one = bodies.table[b : b + 1], bodies.frames[b : b + 1], bodies.triangles, bodies.tree
+        gaps = [
+            check.depth_of(p, arc, length, *one, state.chains[c].radius, bodies.stack)[0]
+            for p, arc in zip(line, arcs, strict=True)
+        ]
+        return float(min(gaps))
+
+    def out_of_time(self) -> bool:
+        """Whether the deadline is over."""
+        self.late = self.late or perf_counter() > self.deadline
+        return self.late
+
+    def _measured(self, buffer: Array, c: int) -> Array:
+        """(m, 8), as `bounds.closest_points` has it, of every body near cable c."""
+        state, bodies = self.state, self.state.bodies
+        arcs, positions = self.own(buffer, c)
+        bounds.closest_points(
+            positions, arcs, state.chains[c].radius, bodies.horizon, GRIP_EXCLUSION, True, bodies.table,
+            bodies.moved_links, bodies.triangles, bodies.tree, bodies.measured, bodies.counts,
+        )  # fmt: skip
+        return bodies.measured
+
+    def _dips(self, sunk: float, deepest: float = DEEPEST) -> Array:
+        """Arc lengths where the shape in the buffer is too deep in a body."""
+        deep = []
+        for c in range(self.state.bodied):
+            found = self._measured(self.buffer, c)
+            deep.append(found[found[:, 0] + sunk < -deepest, 1] + self.state.gaps[c])
+        return np.unique(np.concatenate(deep))

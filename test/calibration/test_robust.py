@@ -1,0 +1,49 @@
+"""Errors of fits where points that were seen together share what the model does not know."""
+
+import numpy as np
+import pytest
+
+from cable_shape.calibration.robust import Fit, Robust
+
+SIZE, POINTS = 6, 30
+
+
+def fit(rng: np.random.Generator, groups: int, shared: float) -> Fit:
+    """A linear model whose numbers are 0, and in each group of points others by `shared`."""
+    design = rng.normal(size=(groups * POINTS, 3, SIZE))
+    own = np.repeat(np.arange(groups), POINTS)
+    off = np.einsum("nij,nj->ni", design, shared * rng.normal(size=(groups, SIZE))[own])
+    seen = off + 1e-3 * rng.normal(size=off.shape)
+
+    def misses(v: np.ndarray) -> np.ndarray:
+        return seen - design @ v
+
+    return Robust(
+        misses, lambda v, r: -design, misses, np.full(len(own), 3), own, np.full(SIZE, 10.0), np.zeros((SIZE, SIZE))
+    ).run(np.full(SIZE, 0.02))
+
+
+@pytest.mark.parametrize(("groups", "clustered"), [(4, False), (8, False), (24, True)])
+def test_few_groups_tell_how_much_points_hang_together(groups: int, clustered: bool) -> None:
+    """Mean square of the answer in terms of its covariance: 1 where the errors are told as they are."""
+    rng = np.random.default_rng(1)
+    fits = [fit(rng, groups, 5e-4) for _ in range(100)]
+    assert all(one.converged and one.clustered == clustered for one in fits)
+    square = np.mean([one.values @ np.linalg.solve(one.covariance, one.values) / SIZE for one in fits])
+    # few groups tell a mean over all directions, many one in each, whose inverse is larger by (G - 1) / (G - 2 - k)
+    assert 0.7 < square < 1.9
+    assert all(one.freedom <= max((groups - 1) * SIZE, groups - 1) for one in fits)
+
+
+def test_points_that_do_not_hang_together_are_judged_by_themselves() -> None:
+    rng = np.random.default_rng(2)
+    fits = [fit(rng, 8, 0.0) for _ in range(100)]
+    square = np.mean([one.values @ np.linalg.solve(one.covariance, one.values) / SIZE for one in fits])
+    assert 0.7 < square < 1.2
+
+
+def test_one_group_tells_nothing_of_others() -> None:
+    rng = np.random.default_rng(3)
+    square = np.mean([one.values @ np.linalg.solve(one.covariance, one.values) / SIZE
+                      for one in (fit(rng, 1, 5e-4) for _ in range(30))])  # fmt: skip
+    assert square > 5.0

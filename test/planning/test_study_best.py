@@ -1,0 +1,48 @@
+"""The best point of a study, against a fine scan of all of them."""
+
+import numpy as np
+import pytest
+from test_study import FILE, study
+
+import cable_shape as cs
+
+LIMITS = ["bend_radius", {"measure": "tension", "limit": 0.9}, {"measure": "lowest", "limit": 0.6}]
+
+
+def test_the_best_length_is_that_of_a_fine_scan():
+    asked = study(measure=LIMITS, vary={"cable.length": {"from": 1.21, "to": 1.4, "count": 2}})
+    found = asked.best()
+    scan = study(measure=LIMITS, vary={"cable.length": {"from": 1.21, "to": 1.4, "step": 0.0005}}).run(workers=1)
+    used = np.where(scan.complete, np.fmax.reduce(scan.used, axis=1), np.inf)
+    assert found.point[0] == pytest.approx(scan.points[used.argmin(), 0], abs=5e-4)
+    assert found.used <= used.min() + 1e-6
+    assert found.limiting
+    assert found.solves < len(scan) / 4
+    assert found.value[0] == pytest.approx(scan.value[used.argmin(), 0], rel=0.02)
+
+
+def test_two_places_at_once():
+    vary = {"cable.length": {"from": 1.22, "to": 1.38, "count": 2}, "scene.clips.mid.arc_length": [0.56, 0.66]}
+    found = study(measure=LIMITS, vary=vary).best(grid=4, starts=2, precision=1e-3)
+    finer = {
+        "cable.length": {"from": 1.22, "to": 1.38, "count": 17},
+        "scene.clips.mid.arc_length": {"from": 0.56, "to": 0.66, "count": 11},
+    }
+    scan = study(measure=LIMITS, vary=finer).run(workers=1)
+    used = np.where(scan.complete, np.fmax.reduce(scan.used, axis=1), np.inf)
+    assert found.used <= used.min() + 1e-4
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"vary": {}}, "must have a range"),
+        ({"vary": {"cable.length": [1.2]}}, "must have a range"),
+        ({"vary": {"cable.length": {"normal": [1.2, 0.1]}}}, "must have a range"),
+        ({"measure": ["energy"]}, "a measure with a limit"),
+        ({"vary": {"cable.length": [0.1, 0.2]}}, "a measure with a limit"),
+    ],
+)
+def test_what_has_no_best_point_is_refused(changes, words):
+    with pytest.raises(cs.ArgumentError, match=words):
+        cs.Study.from_mapping({**FILE, "measure": LIMITS, **changes}).best(grid=3)
