@@ -26,6 +26,7 @@ from pathlib import Path
 from typing import Any, final
 
 import numba
+from numba import types
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
 
 HERE = Path(__file__).parent
@@ -160,6 +161,15 @@ class _Cache(FunctionCache):
             super().save_overload(sig, data)
 
 
+def _whatever_number(template: Callable[..., Any]) -> Callable[..., Any]:
+    """What a kernel makes of a call by another: one machine code, not one for each number written into a call."""
+
+    def plain(args: Any, kws: Any) -> Any:
+        return template(tuple(map(types.unliteral, args)), {name: types.unliteral(arg) for name, arg in kws.items()})
+
+    return plain
+
+
 def kernel(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     """Compiles lazily in nopython mode with numpy's division rules (NaN and inf, no exceptions) and a cache on disk."""
 
@@ -169,6 +179,7 @@ def kernel(function: Callable[..., Any] | None = None, **options: Any) -> Any:
         compiled = numba.njit(error_model="numpy", **options)(f)
         if hasattr(compiled, "enable_caching"):  # not where NUMBA_DISABLE_JIT leaves the function as it is
             compiled._cache = _Cache(f)
+            compiled.get_call_template = _whatever_number(compiled.get_call_template)
         return compiled
 
     return decorate if function is None else decorate(function)
