@@ -29,7 +29,6 @@ from cable_shape.solve.touching.step import FAR, WARM_ITERATIONS, Steps
 from cable_shape.solve.touching.touching import ACCURACY, BURIED, inexact
 
 ITSELF = "itself"  #: the body's name, where a cable touches itself
-_TURNED = 0.3  #: cosine of the angle by which the direction between two cables may turn in one step
 _FINEST = 4.0  #: times as many elements as usual, where they make too large an error
 
 
@@ -40,8 +39,10 @@ class Shapes:
     def __init__(self, shapes: Sequence[CableShape]) -> None:
         self.points = shapes[0].points
         self.buffer: Array = np.concatenate([shape.buffer for shape in shapes])
-        self.touches = [shape.touches for shape in shapes]
-        self.bodies = shapes[0].bodies
+        self.bodies = tuple(dict.fromkeys(name for shape in shapes for name in shape.bodies))
+        self.touches = [shape.touches.copy() for shape in shapes]
+        for shape, rows in zip(shapes, self.touches, strict=True):
+            rows[:, 1] = [self.bodies.index(shape.bodies[int(body)]) for body in rows[:, 1]]
         self.turns = np.array([shape.turns for shape in shapes])
 
 
@@ -148,13 +149,12 @@ class Pile:
         found = steps.go(poses, state.history, WARM_ITERATIONS, math.inf if search else FAR)
         if not found and search:
             found = relax(steps, poses)
-        pairs = state.pairs()
-        if not found or any(_turned(s, pair) for s, pair in zip(self.spots, pairs, strict=True)):
+        if not found:
             self.restore(kept)
             return False
         state.history = 2
         self.frames = frames.copy()
-        for spot, pair in zip(self.spots, pairs, strict=True):
+        for spot, pair in zip(self.spots, state.pairs(), strict=True):
             gaps = [state.gaps[self.cables.index(cable)] for cable in spot.cables]
             spot.arcs, spot.places, spot.press = pair.arcs - gaps, pair.places, pair.push
         return True
@@ -277,12 +277,6 @@ class Member:
         """(points, 3, 6), (0, 6): how positions change as a body moves."""
         out, df = self._state.body_columns(name)
         return out[self.rows], df
-
-
-def _turned(spot: Spot, pair: Pair) -> bool:
-    """Whether a pair's direction has turned so far that its cables may have come past each other."""
-    way = pair.places[0] - pair.places[1]
-    return bool(spot.normal @ way < _TURNED * np.linalg.norm(way))
 
 
 def all_frames(problems: list[Problem]) -> Array:

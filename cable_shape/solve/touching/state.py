@@ -458,11 +458,20 @@ class TouchState:
             self.near[NOW, k, TOWARD : TOWARD + 3] = (1.0 - 2.0 * side) / size * way
             self.near[NOW, k, APART], self.near[NOW, k, PUSH] = size, max(pair.push, 0.0)
 
+    def _linked(self, i: int, side: int) -> int:
+        """The node of a pair on its first or second cable."""
+        return int(np.flatnonzero(self.on[NOW, :, LINK] == 2 * i + side)[0])
+
+    def toward(self) -> Array:
+        """(l, 3), unit, out of the second cable of each pair in the last solution."""
+        first = [self._linked(i, 0) for i in range(len(self.links))]
+        return self.near[NOW, first, TOWARD : TOWARD + 3].copy()
+
     def pairs(self) -> list[Pair]:
         """The pairs of the last solution."""
         out = []
         for i, reach in enumerate(self.reach.tolist()):
-            k = [int(np.flatnonzero(self.on[NOW, :, LINK] == 2 * i + side)[0]) for side in range(2)]
+            k = [self._linked(i, side) for side in range(2)]
             active = self.on[NOW, k[0], LINKED] == ACTIVE
             push = float(self.near[NOW, k[0], PUSHED]) if active else 0.0
             out.append(Pair(self.nodes[k], reach, push, self.near[NOW, k, SPOT : SPOT + 3].copy()))

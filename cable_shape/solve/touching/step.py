@@ -30,6 +30,9 @@ _ROUNDS = 8  #: of adding nodes where the cable dips into a body between them
 #: points and times are at most so much apart.
 _MIDDLE = 0.4
 _ANYWHERE: Array = np.empty((0, 3))
+#: Cosine of the angle by which the direction between two cables that press on each other may turn in one step: further,
+#: and they may have come past each other.
+_TURNED = 0.3
 
 
 @final
@@ -63,7 +66,8 @@ class Steps:
     ) -> bool:
         """From the last solution to `frames`, not inside a body between the nodes, and unless a `jump` not past one.
 
-        drag [N]: holds the rotations back from those of the last solution. False: the last solution is as it was.
+        Pairs do not come past each other, either. drag [N]: holds the rotations back from those of the last solution.
+        False: the last solution is as it was.
         """
         state = self.state
         if state.untidy:
@@ -72,6 +76,7 @@ class Steps:
         before = _ANYWHERE if jump else state.positions
         refine = not jump and drag == 0.0
         fine = FINE * state.length if refine else math.inf
+        toward, origin = state.toward(), state.copy() if state.links else None
         code = self._call(history, most, far, sunk, drag, before, DEEPEST, fine)
         if code == UNSETTLED:
             kept = state.copy(then=True)
@@ -81,6 +86,9 @@ class Steps:
                 return False
             state.untidy = True
         elif code != CONVERGED:
+            return False
+        if origin is not None and ((toward * state.toward()).sum(axis=1) < _TURNED).any():
+            state.restore(origin)
             return False
         state.remember(self.positions(self.buffer))
         return True
