@@ -15,7 +15,6 @@ from scipy.spatial.transform import Rotation
 from tqdm import tqdm
 
 import cable_shape as cs
-from cable_shape.safety.snap import copied
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
@@ -58,7 +57,7 @@ def sample(shape: CableShape, state: Network) -> Sample:
     eigenvalue = math.nan
     if shape.status and state.history:
         unit = min(*cable.bending_stiffness, cable.twisting_stiffness) / cable.length**2
-        eigenvalue = cosserat.smallest_eigenvalue(copied(state)) / unit
+        eigenvalue = cosserat.smallest_eigenvalue(state.copied()) / unit
     return shape.status.value, eigenvalue
 
 

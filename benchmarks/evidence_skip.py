@@ -14,7 +14,6 @@ from problems import ALONG_X, CABLE, START, motion, planar_motion
 from tqdm import tqdm
 
 import cable_shape as cs
-from cable_shape.safety.snap import predicted_snap
 from cable_shape.solve.problem import NAMED_TOLERANCE
 
 CONFIG = Path(__file__).resolve().parents[1] / "config"
@@ -65,10 +64,9 @@ def anew(cycle: cs.Cycle) -> bool:
 def look_ahead(cycle: cs.Cycle) -> bool:
     """Follows the rod's copy to the horizon although stability does not run out."""
     cable = cycle._cables[NAME]
-    state, twists = cable.predictor.rod_state, cable._watch.twists
-    if state is None or twists is None:
+    if cable._watch.twists is None or cable.predictor.rod_state is None:
         return True
-    return predicted_snap(state, twists, HORIZON) is None or cable.after_snap is not None
+    return cable._snap_within(HORIZON) is None or cable.after_snap is not None
 
 
 #: [s], of the look ahead: the cycle's own default.

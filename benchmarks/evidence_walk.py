@@ -13,7 +13,6 @@ from scipy.spatial.transform import Rotation
 from tqdm import tqdm
 
 import cable_shape as cs
-from cable_shape.safety.snap import copied
 from cable_shape.shape import Status
 from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
@@ -65,7 +64,7 @@ def walked(name: str, quick: bool) -> tuple[str, ...]:
         shape = cosserat.solve(problem.move(START, pose), state)
         statuses[shape.status.name] += 1
         if k % (JUDGED // 10 if quick else JUDGED) == 0 and shape.status is Status.OK:
-            fine = cosserat.solve(tight.move(START, pose), copied(state))
+            fine = cosserat.solve(tight.move(START, pose), state.copied())
             if fine.status:
                 judged += 1
                 sizes.append(state.elements)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from functools import partial
 from typing import final
 
 import numpy as np
@@ -22,7 +21,7 @@ from cable_shape.safety.warnings import Standing, narrow_warning, snap_warning, 
 from cable_shape.scene.plug import Plug, PlugError, plug_error
 from cable_shape.scene.scene import Obstacle, Scene
 from cable_shape.shape import CableShape
-from cable_shape.solve.network import Network
+from cable_shape.solve.answers import Solved
 from cable_shape.uncertainty.tube_watch import TubeWatch
 from cable_shape.uncertainty.uncertainty import Tube
 
@@ -94,7 +93,7 @@ class CableCycle:
             self._tubes.reset()
         self.tube: Tube | None = None  # of the last shape, if it is asked for and known
         self.tail_tubes: dict[str, Tube] = {}  # of the tails, by side
-        self._rod: Network | None = None  # of the last shape
+        self._rod: Solved | None = None  # of the last shape
         self._acceleration: ArrayLike | None = None  # that it was loaded with
         self.tails: dict[str, CableShape] = {}  # by side
 
@@ -139,10 +138,14 @@ class CableCycle:
         margins = self._watch.margins(shape, clearance, stamp, state=self._rod, ends=ends)
         if self._acceleration is not None:  # the prediction does not leave it out
             margins = tuple(margin for margin in margins if margin.kind is not WarningKind.QUASISTATIC)
-        state, twists = self._rod, self._watch.twists
-        find = None if state is None or twists is None else partial(predicted_snap, state, twists)
-        self._snaps.look(self._watch.stability, stamp, find)
+        self._snaps.look(self._watch.stability, stamp, None if self._watch.twists is None else self._snap_within)
         return margins
+
+    def _snap_within(self, horizon: float) -> tuple[float, float, CableShape] | None:
+        """See `predicted_snap`."""
+        problem, twists = self.predictor.problem, self._watch.twists
+        assert twists is not None
+        return predicted_snap(self.predictor.ahead(), (problem.start, problem.end), twists, horizon)
 
     @property
     def after_snap(self) -> CableShape | None:

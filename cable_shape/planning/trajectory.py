@@ -17,7 +17,7 @@ move by w more, nearly evenly: the cubic is off by 4/27 \\|v_a - v_b\\| then, an
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from time import perf_counter
 from typing import Any, NamedTuple, final
 
@@ -29,17 +29,16 @@ from cable_shape.cable.cable import Cable
 from cable_shape.cable.harness import Harness
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
-from cable_shape.kernels.rod_algebra import qexp, qmul
 from cable_shape.kernels.safety import advance
 from cable_shape.planning.harness_trajectory import check_harness
 from cable_shape.planning.paths import EndsPath, GripPath, JointPath, Motion, Path
 from cable_shape.planning.trajectory_report import TrajectoryCheck, Violation
 from cable_shape.planning.trajectory_walk import JUMP, Judge, Look, Walk
-from cable_shape.pose import FreeEnd, Grip, Pose, as_grip
+from cable_shape.pose import FreeEnd, Grip
 from cable_shape.prediction.predictor import Predictor
 from cable_shape.robots.robot import Robot
 from cable_shape.scene.scene import Scene
-from cable_shape.shape import CableShape, Status
+from cable_shape.shape import Status
 from cable_shape.solve.problem import GRAVITY, swing_of
 
 #: Of the length, and [rad]: by which ends are moved for differences.
@@ -130,19 +129,6 @@ def check_trajectory(
     return check.found
 
 
-def beside(start: Pose | Grip, end: Pose | Grip, far: float) -> Iterator[tuple[Grip, Grip]]:
-    """The ends with each moved in turn by `far` [m] along x, y, z, and by _STEP [rad] about them."""
-    grips = as_grip("start", start), as_grip("end", end)
-    for side, grip in enumerate(grips):
-        frame = grip.cable_frame
-        for column in range(6):
-            step = np.zeros(6)
-            step[column] = far if column < 3 else _STEP
-            turned = qmul(qexp(tuple(step[3:])), tuple(frame.quaternion))
-            moved = Grip(Pose(frame.position + step[:3], turned), grip.kind, curvature=grip.curvature)
-            yield (moved, grips[1]) if side == 0 else (grips[0], moved)
-
-
 def _callable(name: str, value: object) -> None:
     if value is not None and not callable(value):
         raise ArgumentError.of(name, value, "it must be a function", "Leave it out, or give one.")
@@ -219,31 +205,9 @@ class _Check(Walk[_Sample]):
         good = bool(shape.status) and shape.status is not Status.UNSTABLE
         slopes = np.empty(0)
         if good:
-            slopes = (
-                self._differences(shape, start, end, links, moving)
-                if self.predictor.touching
-                else (self.predictor.sensitivity())
-            )
+            slopes = self.predictor.sensitivity()
         wrong = self.no_shape(place, shape.status, shape.detail) or self.judge.wrong(look, place, self)
         return _Sample(place, look, np.array(frames), self.judge.frames(links), slopes, wrong)
-
-    def _differences(
-        self,
-        shape: CableShape,
-        start: Pose | Grip,
-        end: Pose | Grip,
-        links: Mapping[str, Pose] | None,
-        moving: Array | None,
-    ) -> Array:
-        """(n, 3, 12), the sensitivity of a cable that touches itself, by differences; NaN where one has no shape."""
-        out = np.full((shape.points, 3, 12), math.nan)
-        for column, ends in enumerate(beside(start, end, _STEP * shape.length)):
-            other = self.predictor.predict(*ends, links, acceleration=moving)
-            if other.usable:
-                step = _STEP * shape.length if column % 6 < 3 else _STEP
-                out[:, :, column] = (other.positions - shape.positions) / step
-        self.predictor.predict(start, end, links, acceleration=moving)
-        return out
 
     def sure(self, a: _Sample, b: _Sample) -> bool:
         """See the base."""

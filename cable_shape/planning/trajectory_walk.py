@@ -24,7 +24,7 @@ from cable_shape.safety.report import LOAD_MARGINS, Margin, WarningKind
 from cable_shape.safety.warnings import metres
 from cable_shape.scene.scene import Scene
 from cable_shape.shape import CableShape, Status
-from cable_shape.solve.network import Network
+from cable_shape.solve.answers import Solved
 
 #: [m]: what may hide between two places is smaller than this, ...
 RESOLUTION = 1e-4
@@ -212,7 +212,7 @@ class Judge:
         self._limits: Array = np.where(resting, -DEEPEST_REST, scene.error_distance)
 
     def look(
-        self, shape: CableShape, links: Mapping[str, Pose] | None, state: Network | None = None, held: bool = False
+        self, shape: CableShape, links: Mapping[str, Pose] | None, state: Solved | None = None, held: bool = False
     ) -> Look:
         """Distances and margins of a shape; held: grips hold both ends."""
         clearance = self.checker.check(shape, links)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import functools
 import inspect
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, final, overload
 
 import numpy as np
@@ -19,7 +20,7 @@ from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.prediction.reuse import Ends, unmoved
-from cable_shape.prediction.solvers import MODELS, ClosedForm, solver_of
+from cable_shape.prediction.solvers import MODELS, ClosedForm, Rod, solver_of
 from cable_shape.scene.mesh_convex import check_convex
 from cable_shape.scene.scene import Obstacle, Scene
 from cable_shape.shape import CableShape
@@ -30,6 +31,7 @@ from cable_shape.solve.network import Network
 from cable_shape.solve.problem import GRAVITY, Problem, longest_delay
 from cable_shape.solve.touching.crossing import Crossing
 from cable_shape.solve.touching.pile import Member
+from cable_shape.solve.touching.state import TouchState
 
 _NOT_GIVEN = object()
 #: Keywords that say who is not to be touched.
@@ -244,9 +246,7 @@ class Predictor:
             raise ArgumentError.of(
                 "model", self.model, "sensitivity needs the Cosserat rod", "Choose model='cosserat' or 'auto'."
             )
-        state: Solved | None = self._together()
-        if state is None:
-            state = self._solver.rod_state()
+        state: Solved | None = self._together() or self._solver.rod_state()
         if state is None:
             raise ArgumentError("sensitivity() needs a solution, and there is none yet. Call predict first.")
         return cosserat.sensitivity(state, by, at=at)
@@ -257,12 +257,34 @@ class Predictor:
         return None if crossing is None else crossing.state_of(index)
 
     @property
-    def rod_state(self) -> Network | None:
-        """The memory of the rod that gave the last shape; None if none did, or one in contact."""
-        if self.touching or self._last is None or self._last.model != cosserat.MODEL:
-            return None
-        state = self._solver.rod_state()
-        return state if isinstance(state, Network) else None
+    def rod_state(self) -> Network | TouchState | Member | None:
+        """The memory of the rod that gave the last shape, in contact or not; None if none did."""
+        together = self._together()
+        if together is not None or self._last is None or self._last.model != cosserat.MODEL:
+            return together
+        return self._solver.rod_state()
+
+    def ahead(self) -> Callable[[Grip, Grip | FreeEnd], CableShape]:
+        """What predicts from the last shape on, with links, and cables that it touches, where they are.
+
+        This predictor stays as it is. Only of the rod.
+        """
+        crossing, index = self._others or (self._crossing, 0)
+        if crossing is not None and index in crossing.touching:
+            together = crossing.twin()
+            problem = together.problems[index]
+            return lambda start, end: (problem.move(start, end, problem.links), together.solve()[index])[1]
+        other = self.twin()
+        return lambda start, end: other.predict(start, end, other.problem.links)
+
+    def twin(self) -> Predictor:
+        """Once more, of this cable alone: it goes on from the last shape, and this one stays as it is."""
+        assert isinstance(self._solver, Rod)
+        other: Predictor = object.__new__(Predictor)  # __new__ looks at what the cable is
+        vars(other).update(vars(self))
+        other.problem, other._crossing, other._others = copy.copy(self.problem), None, None
+        other._solver = self._solver.twin(other.problem, self._last)
+        return other
 
     def _with_itself(self) -> Crossing | None:
         """What keeps the cable out of itself, where the scene asks for it and the model can."""

@@ -102,6 +102,16 @@ class Rod:
         self._touch.move_bodies(links)
         self._touch.resume(shape, supports)
 
+    def twin(self, problem: Problem, shape: CableShape | None) -> Rod:
+        """Once more, for a copy of the last problem: it goes on from the last shape, and this one stays as it is."""
+        other = Rod(self._time_budget)
+        if self.state is not None:
+            other.state = self.state.copied()
+            other.state.problem = problem
+        if self._touch is not None and shape is not None:
+            other.go_on_from(problem, shape, self._touch.ends_then, self._touch.bodies.links_then)
+        return other
+
     def reset(self) -> None:
         self._spare, self.state, self._touch = self.state or self._spare, None, None
 

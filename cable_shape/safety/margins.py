@@ -19,8 +19,8 @@ A limit that the cable does not have, a body beyond the horizon of the clearance
 free end and the stability of a model that knows none have no margin.
 
 Times are extrapolated in a straight line at the present speed: of the clearance to what stands still from how the rod
-answers the motion of its grips; of the clearance to robot links and of tails, of other models, and of all else from the
-last two cycles. Towards a snap mu^2, not mu, falls in a straight line.
+answers the motion of its grips; of the clearance to robot links, of tails, in contact, of other models, and of all else
+from the last two cycles. Towards a snap mu^2, not mu, falls in a straight line.
 """
 
 from __future__ import annotations
@@ -46,6 +46,7 @@ from cable_shape.safety.report import LOAD_MARGINS, Clearance, Margin, WarningKi
 from cable_shape.safety.stress import section_of
 from cable_shape.scene.scene import Scene
 from cable_shape.shape import CableShape, Status
+from cable_shape.solve.answers import Solved
 from cable_shape.solve.network import Network
 from cable_shape.solve.outcome import MODEL
 from cable_shape.solve.problem import GRAVITY
@@ -55,6 +56,7 @@ from cable_shape.solve.quasistatic import bending_rate, swing_state
 LONGEST_GAP = 0.5
 #: Inverse iterations from nothing, from the last mode when a snap is near, and else.
 _COLD_STEPS, _NEAR_STEPS, _WARM_STEPS = 60, 4, 1
+_TOUCHED_STEPS = 10  #: the same, where contacts have come or gone
 #: Below this mu a snap is near, and the factors are made anew each cycle.
 _NEAR = 1.0
 #: Those that are told, by what the kernel returns.
@@ -65,7 +67,7 @@ _NAMELESS = [("",) * len(kinds) for kinds in _TOLD]
 _CLEARANCE, _STABLE, _LOADS = WarningKind.CLEARANCE, 1 << STABILITY, (1 << BODIES) - 1
 _INERTIA, _NO_NAME = (WarningKind.QUASISTATIC,), ("",)
 _HELD, _LOADED, _FRESH, _AGAIN = kernels.HELD, kernels.LOADED, kernels.FRESH, kernels.AGAIN
-_UNSTABLE, _NEW, _LISTED = kernels.UNSTABLE, kernels.NEW, kernels.LISTED
+_UNSTABLE, _NEW, _LISTED, _TOUCHED = kernels.UNSTABLE, kernels.NEW, kernels.LISTED, kernels.TOUCHED
 #: Looked up once: an enumeration's members take longer than their name says.
 _OK, _SADDLE, _OVERSTRETCHED = Status.OK, Status.UNSTABLE, Status.OVERSTRETCHED
 #: A Margin from its type and a tuple of its fields, in half the time.
@@ -222,7 +224,7 @@ class MarginWatch:
         clearance: Clearance,
         stamp: int,
         *,
-        state: Network | None = None,
+        state: Solved | Network | None = None,
         ends: Ends | None = None,
         held: bool = False,
     ) -> tuple[Margin, ...]:
@@ -230,8 +232,8 @@ class MarginWatch:
 
         Parameters
         ----------
-        state : Network, optional
-            Of the rod that has just made the shape; None: stability is not told.
+        state : Solved or Network, optional
+            Of the rod that has just made the shape, in contact or not; None: stability is not told.
         ends : (Pose or Grip, Pose, Grip, FreeEnd or None), optional
             What the ends of the cable were last at this stamp; None: their speed is not known.
         held : bool
@@ -281,24 +283,28 @@ class MarginWatch:
                 self._mu = math.nan
         return found
 
-    def _rod(self, shape: CableShape, state: Network | None) -> _Rod:
+    def _rod(self, shape: CableShape, state: Solved | Network | None) -> _Rod:
         """What the kernel needs of the rod behind the shape: its memory, the softest mode, steps, and what to add."""
         status = shape.status
         if state is None or state.history == 0 or shape.model != MODEL or not (status is _OK or status):
             return _NO_ROD
         more = _UNSTABLE if status is _SADDLE else 0
+        touched = not isinstance(state, Network)
+        if touched and not shape.reused:
+            state.refresh()  # its contacts with it
         steps = _WARM_STEPS
-        if len(self._mode) != len(state.nodes):
-            self._mode = np.random.default_rng(0).normal(size=(len(state.nodes), 3))
-            self._mu, steps = math.nan, _COLD_STEPS
-        again = shape.reused and not math.isnan(self._mu)
-        if again:
+        if len(self._mode) != state.network_nodes:
+            self._mode = np.random.default_rng(0).normal(size=(state.network_nodes, 3))
+            self._mu, steps = math.nan, _TOUCHED_STEPS if touched else _COLD_STEPS
+        if shape.reused and not math.isnan(self._mu):
             more |= _AGAIN
-        if not again and (status is not _OK or not self._mu > _NEAR):
-            more |= _FRESH
+        elif touched or status is not _OK or not self._mu > _NEAR:
             steps = max(steps, _NEAR_STEPS)
-        elif not state.factored:
+            more |= 0 if touched else _FRESH
+        elif not state.factored:  # type: ignore[union-attr]
             more |= _FRESH
+        if touched:
+            more |= _TOUCHED
         return state.ints, state.floats, state.sols, state.work, self._mode, steps, more
 
 

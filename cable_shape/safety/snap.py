@@ -1,4 +1,4 @@
-"""A snap before it happens: :func:`predicted_snap` follows a copy of the rod along the present motion of its grips,
+"""A snap before it happens: :func:`predicted_snap` follows a cable along the present motion of its grips,
 :class:`SnapWatch` does so when stability is running out."""
 
 from __future__ import annotations
@@ -11,13 +11,12 @@ from typing import TypeVar, final
 import numpy as np
 
 from cable_shape.checks import Array
-from cable_shape.pose import Grip, Pose, multiply
+from cable_shape.pose import FreeEnd, Grip, Pose, multiply
 from cable_shape.safety.report import Margin
 from cable_shape.shape import CableShape, Status
-from cable_shape.solve import cosserat, harness_search
+from cable_shape.solve import harness_search
 from cable_shape.solve.harness_network import HarnessNetwork
 from cable_shape.solve.harness_shape import HarnessShape
-from cable_shape.solve.network import Network
 
 #: Solves on the way to the horizon.
 STEPS = 8
@@ -29,13 +28,18 @@ _LOOKS = 10.0
 _Shape = TypeVar("_Shape", CableShape, HarnessShape)
 
 
-def predicted_snap(state: Network, twists: Array, horizon: float) -> tuple[float, float, CableShape] | None:
+def predicted_snap(
+    predict: Callable[[Grip, Grip | FreeEnd], CableShape], ends: tuple[Grip, Grip | FreeEnd], twists: Array,
+    horizon: float,
+) -> tuple[float, float, CableShape] | None:  # fmt: skip
     """When the cable snaps if its grips keep their speed, and the shape that it then has; None if it does not snap.
 
     Parameters
     ----------
-    state : Network
-        Of the rod, after a solve; it is left as it is.
+    predict : callable
+        Goes on from the last shape to other ends, see :meth:`cable_shape.Predictor.ahead`.
+    ends : (Grip, Grip or FreeEnd)
+        Of that shape.
     twists : (12,)
         Velocity [m/s] and angular velocity [rad/s] of the start, then of the end, world axes, about that cable end.
     horizon : float
@@ -48,13 +52,10 @@ def predicted_snap(state: Network, twists: Array, horizon: float) -> tuple[float
     shape : CableShape
         After it, with the ends where they are at `no_later`.
     """
-    ahead, problem = copied(state), copy.copy(state.problem)
-    ahead.problem = problem
-    start, end = problem.start, problem.end
+    start, end = ends
 
     def shape_at(time: float) -> CableShape:
-        later = moved(end, twists[6:], time) if isinstance(end, Grip) else end
-        return cosserat.solve(problem.move(moved(start, twists[:6], time), later), ahead)
+        return predict(moved(start, twists[:6], time), moved(end, twists[6:], time) if type(end) is Grip else end)
 
     return _first(shape_at, horizon)
 
@@ -131,11 +132,6 @@ class SnapWatch:
                 time = min(max(time, no_sooner), no_later)
             self._snaps_at = stamp + time * 1e9
         self.time = max(0.0, (self._snaps_at - stamp) * 1e-9)
-
-
-def copied(state: Network) -> Network:
-    """The rod's memory once more, sharing only the problem, which a solve does not change."""
-    return state.copied()
 
 
 def moved(grip: Grip, twist: Array, time: float) -> Grip:

@@ -53,6 +53,10 @@ class Solved(Protocol):
     def work(self) -> Array:
         """The same."""
 
+    @property
+    def network_nodes(self) -> int:
+        """How many nodes the network has, those of its knots in each of their spans."""
+
     def refresh(self) -> None:
         """Factors the matrix of the last solution."""
 

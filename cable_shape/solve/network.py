@@ -662,6 +662,11 @@ class Network:
         self._stiff = factor
         return out
 
+    @property
+    def network_nodes(self) -> int:
+        """How many nodes it has, those of its knots in each of their spans."""
+        return len(self.nodes)
+
     def refresh(self) -> None:
         """Factors the matrix of the last solution."""
         self.factored = True

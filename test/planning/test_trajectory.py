@@ -13,7 +13,6 @@ from scipy.spatial.transform import Rotation
 import cable_shape as cs
 from cable_shape.kernels.safety import advance
 from cable_shape.planning.paths import MOST_WAYPOINTS, Motion
-from cable_shape.planning.trajectory import beside
 from cable_shape.robots.robot import Robot
 from cable_shape.safety.clearance import ClearanceChecker
 
@@ -428,19 +427,6 @@ def test_a_cable_that_comes_to_touch_itself_on_the_way_is_checked_through() -> N
     found = cs.check_trajectory(cable, cs.Scene(contact="solve"), None, path, tolerance=1e-5)
     assert found.done.all()
     assert found.first is None or found.first.reason is cs.Reason.SNAP
-
-
-def test_differences_are_the_sensitivity() -> None:
-    predictor = cs.Predictor(CABLE, model="cosserat", tolerance=1e-8)
-    start, end = (
-        cs.Grip(cs.Pose((0.0, 0.0, 0.0), row((0, 0, 0))[3:]), offset=cs.Pose((0.0, 0.0, 0.02))),
-        cs.Pose((0.8, 0.1, 0.05), row((0, 0, 0), 0.3)[3:]),
-    )
-    shape = predictor.predict(start, end)
-    exact, step = predictor.sensitivity(), 1e-3
-    for column, ends in enumerate(beside(start, end, step)):
-        other = predictor.predict(*ends)
-        assert (other.positions - shape.positions) / step == pytest.approx(exact[:, :, column], abs=0.02)
 
 
 def test_a_cable_that_has_come_off_a_body_has_a_sensitivity() -> None:

@@ -7,7 +7,7 @@ from rods import arch_ends, arch_predictor
 import cable_shape as cs
 from cable_shape.safety.report import Severity
 from cable_shape.safety.report import WarningKind as Kind
-from cable_shape.safety.snap import STEPS, copied, moved, predicted_snap
+from cable_shape.safety.snap import STEPS, moved, predicted_snap
 
 MS = 1_000_000  # ns
 RATE = 0.5  # rad/s, at which both ends turn
@@ -114,7 +114,7 @@ def test_a_copy_of_the_rod_shares_no_number():
     predictor.predict(start, end)
     state = predictor.rod_state
     assert state is not None
-    other = copied(state)
+    other = state.copied()
     for name, value in vars(state).items():
         if name != "ints" and isinstance(value, np.ndarray) and value.size:  # the plan is never written to
             assert not np.shares_memory(value, getattr(other, name)), name
@@ -127,12 +127,16 @@ def test_a_copy_of_the_rod_shares_no_number():
 def test_no_snap_where_there_is_none():
     predictor, start, end = arch_predictor()
     predictor.predict(start, end)
-    assert predictor.rod_state is not None
-    assert predicted_snap(predictor.rod_state, np.zeros(12), 1.0) is None
+    grips = predictor.problem.start, predictor.problem.end
+
+    def found(twists):
+        return predicted_snap(predictor.ahead(), grips, twists, 1.0)
+
+    assert found(np.zeros(12)) is None
     away = np.array((0, 0, 0, 0, -0.1, 0, 0, 0, 0, 0, 0.1, 0))
-    assert predicted_snap(predictor.rod_state, away, 1.0) is None
+    assert found(away) is None
     pulled = np.array((0, 0, 0, 0, 0, 0, 0.3, 0, 0, 0, 0, 0))
-    assert predicted_snap(predictor.rod_state, pulled, 1.0) is None, "overstretched is no snap"
+    assert found(pulled) is None, "overstretched is no snap"
 
 
 def test_extrapolated_grips():
@@ -151,3 +155,33 @@ def test_extrapolated_grips():
 def test_a_bad_horizon_is_refused():
     with pytest.raises(cs.ArgumentError, match=r"snap_horizon = -1.0 is not allowed: it must be at least 0 s"):
         arch_cycle(snap_horizon=-1.0)
+
+
+def test_it_is_told_in_contact():
+    """A bar presses the arch down at a third of it, and still does when the arch snaps past it."""
+    cable = arch_predictor()[0].cable.replace(diameter=0.006)
+    free = arch_predictor()[0].predict(*arch_ends(0.0)).positions
+    x, _, z = free[np.abs(free[:, 0] - 0.35).argmin()]
+    along_y = cs.Pose((0.0, 0.0, 0.0), (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)))
+    bar = cs.Obstacle("bar", cs.Capsule(0.02, 0.4), along_y, link="bar")
+    cycle = cs.Cycle(cable, scene=cs.Scene(obstacles=[bar], contact="solve"), model="cosserat", snap_horizon=0.4)
+    watched, reports = cs.Cycle(cable, scene=cycle.scene, model="cosserat", snap_horizon=0.0), []
+    lowered = np.append(np.linspace(0.053, 0.011, 20), np.full(140, 0.011))
+    for k, above in enumerate(lowered):
+        given = {"cable": arch_ends(max(0.0, 0.005 * (k - 19)))}
+        links = {"bar": cs.Pose((x, 0.0, z + above))}
+        reports.append(cycle.step(given, k * PERIOD * MS, links=links))
+        alone = watched.step(given, k * PERIOD * MS, links=links).shapes["cable"]
+        np.testing.assert_array_equal(alone.buffer, reports[-1].shapes["cable"].buffer)
+        if alone.status is cs.Status.SNAPPED:
+            break
+    at = len(reports) - 1
+    assert alone.status is cs.Status.SNAPPED
+    assert [len(r.shapes["cable"].contacts) for r in reports[25:at]] == [1] * (at - 25)
+    mu = [m.value for r in reports for m in r.margins["cable"] if m.kind is Kind.STABILITY]
+    assert len(mu) == len(reports)
+    assert all(np.diff(mu[at - 15 : at]) < 0.0)
+    told = {k: w.time_to_limit for k, r in enumerate(reports[:at]) for w in r.warnings if w.kind is Kind.SNAP}
+    assert min(told) <= at - 10
+    for k, time in told.items():
+        assert time == pytest.approx((at - k - 0.5) * PERIOD * 1e-3, abs=1.25 * 0.4 / STEPS + 0.5e-3 * PERIOD), k

@@ -52,8 +52,8 @@ TURN = SWING + swing.SIZE
 HEAD = TURN + 1
 #: What is said of the cycle, to be added: grips hold both ends; the loads are known, which they are not on the line of
 #: an overstretched cable; the factors are to be made anew; the shape is the last one; it is unstable; this is a new
-#: cycle, not the last one once more; rows are the same bodies in every cycle.
-HELD, LOADED, FRESH, AGAIN, UNSTABLE, NEW, LISTED = 1, 2, 4, 8, 16, 32, 64
+#: cycle, not the last one once more; rows are the same bodies in every cycle; some of the knots are contacts.
+HELD, LOADED, FRESH, AGAIN, UNSTABLE, NEW, LISTED, TOUCHED = 1, 2, 4, 8, 16, 32, 64, 128
 #: [s], what is further away is not being approached.
 LONGEST_TIME = 3600.0
 #: Bodies nearer than this [m] have no direction to them.
@@ -211,6 +211,7 @@ def measure(
             respond.softest_mode(ints, floats, sols, space, run, mode, steps, flags & FRESH != 0, found)
             remember((found[0], found[1]), memory[SOFT], eigen)
         tell_stability(flags & UNSTABLE != 0, eigen, rows)
-        if bodies.shape[0] > 0 and ints[N_RINGS] == 0 and not math.isnan(twists[0]):
+        alone = ints[N_RINGS] == 0 and flags & TOUCHED == 0
+        if bodies.shape[0] > 0 and alone and not math.isnan(twists[0]):
             approach(ints, floats, sols, space, flags, twists, bodies, moving, rows)
     return tell(rows, history[turn], history[1 - turn], seconds, flags & LISTED != 0, told)

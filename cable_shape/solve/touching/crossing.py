@@ -48,6 +48,9 @@ class Solo(Protocol):
         links (m, 7): where the links were then that carry bodies; m = 0: not known, or there are none.
         """
 
+    def twin(self) -> Solo:
+        """Once more: it goes on from the last shape, and this one stays as it is."""
+
 
 @final
 class Crossing:
@@ -82,6 +85,13 @@ class Crossing:
         self._shapes: list[CableShape] | None = None
         self._frames: Array = np.empty(0)
         self._kinds: list[tuple[str, str]] = []
+
+    def twin(self) -> Crossing:
+        """Once more: it goes on from the last equilibrium, and this one stays as it is."""
+        other = Crossing(self._names, [solo.twin() for solo in self._solos], self._time_budget)
+        other._last = self._last
+        other._go_on()
+        return other
 
     @property
     def touching(self) -> frozenset[int]:

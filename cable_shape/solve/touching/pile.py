@@ -259,6 +259,11 @@ class Member:
         self.ints, self.floats, self.sols, self.work = state.ints, state.floats, state.sols, state.work
         self.refresh, self.pulls = state.refresh, state.pulls
 
+    @property
+    def network_nodes(self) -> int:
+        """See `TouchState`."""
+        return self._state.network_nodes
+
     def knots_of(self, supports: Sequence[int]) -> Array:
         """Which knots these supports are."""
         knots, name = self._state.cable.layout.knots, self._name

@@ -578,6 +578,11 @@ class TouchState:
     def work(self) -> Array:
         return self.net.space
 
+    @property
+    def network_nodes(self) -> int:
+        """How many nodes the network has, with those of contacts."""
+        return int(self.ints[tables.N_ELEMENTS] + self.ints[tables.N_SPANS])
+
     def refresh(self) -> None:
         """Factors the matrix of the last solution, for `kernels.network.respond`."""
         drive.refresh(self.lying, self.net)
@@ -700,6 +705,11 @@ class TouchState:
     def grips(self) -> Array:
         """(3, b+1, 7): frames of the supports of the solution now, the one before and the trial."""
         return self._grips
+
+    @property
+    def ends_then(self) -> Array:
+        """(2, 7), frames of the first and the last support in the last solution."""
+        return self._grips[NOW, [0, -1]]
 
     def target(self, frames: Array) -> None:
         """Makes `frames` (b+1, 7) those of the trial."""
