@@ -19,7 +19,7 @@ from cable_shape.cable.pieces import refuse
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import FreeEnd, Grip, Pose
-from cable_shape.prediction.reuse import Ends, unmoved
+from cable_shape.prediction.reuse import Ends, Links, unmoved
 from cable_shape.prediction.solvers import MODELS, ClosedForm, Rod, solver_of
 from cable_shape.scene.mesh_convex import check_convex
 from cable_shape.scene.scene import Obstacle, Scene
@@ -228,14 +228,14 @@ class Predictor:
             about that cable end, or with ``at="gripper"`` about the gripper's own origin, and of a clip about the
             origin of its pose. "length", "linear_density", "twisting_stiffness", and "bending_stiffness" (the mean of
             the two, which keep their ratio): one column, per unit; with "length" points keep their share of it, clips
-            and masses their arc length. "body:NAME": six columns, zero for a body that nothing touches. Columns of a
-            free end, and of rotations that a grip or clip leaves free, are zero.
+            and masses their arc length. "body:NAME": six columns, zero for a body that nothing touches. What holds
+            other cables that it touches stands still. Columns of a free end, and of rotations that a grip or clip
+            leaves free, are zero.
 
         Raises
         ------
         ArgumentError
-            If the model is a closed form by choice or nothing was predicted yet; for a name that does not exist, and
-            for numbers of a cable that touches itself or another. What else holds those stands still.
+            If the model is a closed form by choice or nothing was predicted yet, and for a name that does not exist.
         """
         checks.one_of("at", at, ("cable", "gripper"))
         if isinstance(by, str):
@@ -276,6 +276,16 @@ class Predictor:
             return lambda start, end: (problem.move(start, end, problem.links), together.solve()[index])[1]
         other = self.twin()
         return lambda start, end: other.predict(start, end, other.problem.links)
+
+    def beside(self, other: Predictor, ends: Ends, links: Links, acceleration: ArrayLike | None) -> CableShape:
+        """What another predictor, of a cable almost alike, predicts among the cables that this one's touches now."""
+        start, end = ends
+        if not (self._others is not None and self.touching):
+            return other.predict(start, end, links, acceleration=acceleration)
+        other.accelerate(acceleration)
+        other.problem.move(start, end, links)
+        crossing, index = self._others
+        return crossing.beside(index, other)
 
     def twin(self) -> Predictor:
         """Once more, of this cable alone: it goes on from the last shape, and this one stays as it is."""

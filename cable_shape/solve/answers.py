@@ -100,11 +100,11 @@ def answers(state: Solved, changes: Changes) -> Array:
     Points keep their share of the length; clips and masses their arc length, and the cable runs on through eyelets.
     """
     points, count = state.problem.points, len(changes.steps)
-    out, df = np.empty((points, 3, count)), np.empty((len(state.rings), count))
+    out, df = np.empty((state.sampled, 3, count)), np.empty((len(state.rings), count))
     slides = refreshed(state)
     models = state.models_beside(changes.cables, changes.kept)
     respond.answers(state.ints, state.floats, models, changes.steps, state.sols, state.work, points, out, df)
-    return run_on(out, df, slides)
+    return run_on(out, df, slides)[state.rows]
 
 
 def sensitivity(state: Solved, by: Sequence[str] = ENDS, *, at: str = "cable") -> Array:

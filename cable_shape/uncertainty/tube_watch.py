@@ -47,11 +47,12 @@ _Line = tuple[dict[str, Grip | FreeEnd], CableShape]
 class TubeWatch:
     """The covariance of one cable's shapes, first order in the grips' poses and of second order in the cable's numbers.
 
-    Poses count through the rod's sensitivity. Of the cable each principal direction of what is not known has two rods
-    of its own, one standard deviation to either side, that are warm and move along: half their difference is how far
-    the shape moves. Where one of the two has no usable shape (it is too short to reach, say), how far the other is from
-    the prediction counts. Tails go with the frames that hold them: with the grip where it clamps the cable, with the
-    tangent of the span where it lets it turn.
+    Poses count through the rod's sensitivity. Of the cable each principal direction of what is not known has two
+    rods of its own, one standard deviation to either side, that are warm and move along: half their difference is
+    how far the shape moves. Where one of the two has no usable shape (it is too short to reach, say), how far the
+    other is from the prediction counts. What is not known of other cables that it touches is left out. Tails go
+    with the frames that hold them: with the grip where it clamps the cable, with the tangent of the span where it
+    lets it turn.
 
     A moving cable bears its inertia, which a prediction leaves out. How large that load is at most is told by the
     motion of the grips (:mod:`cable_shape.solve.quasistatic`), its direction is not: it counts as one that is the same
@@ -160,7 +161,7 @@ class TubeWatch:
             self._still = self._at_rest(predictor, shape, ends, links, acceleration)
             self._swung = []
         if self._still is not None and inertia > 0.0 and self._swing is None:
-            self._swung = self._predict(self._loaded, ends, links, acceleration)
+            self._swung = self._predict(predictor, self._loaded, ends, links, acceleration)
             if all(line.status for _, line in self._swung):
                 self._swing = loaded([line.positions for _, line in self._swung], shape.positions)
             else:
@@ -186,16 +187,13 @@ class TubeWatch:
         if not shape.status:
             self.trouble = "there is no usable shape"
             return None
-        if predictor.touching and (self._beside or self._poses.shape[1]):
-            self.trouble = "the cable touches itself or another one"
-            return None
         if self._poses.shape[1]:
             held_by = _held(ends)
             self._answers = predictor.sensitivity()
             self._ways = np.concatenate(
                 (carried(held_by["start"], self._poses[:6]), carried(held_by["end"], self._poses[6:]))
             )
-        self._lines = self._predict(self._beside, ends, links, acceleration)
+        self._lines = self._predict(predictor, self._beside, ends, links, acceleration)
         lines = [line.positions if line.status else None for _, line in self._lines]
         if any(one is None and other is None for one, other in zip(lines[0::2], lines[1::2], strict=True)):
             self.trouble = "cables one standard deviation away have no usable shape"
@@ -204,6 +202,7 @@ class TubeWatch:
 
     def _predict(
         self,
+        predictor: Predictor,
         rods: list[_Beside],
         ends: Ends,
         links: Mapping[str, Pose] | None,
@@ -215,7 +214,7 @@ class TubeWatch:
             there = {side: held(end, offsets[side]) for side, end in held_by.items()}
             start = there["start"]
             assert isinstance(start, Grip)
-            lines.append((there, rod.predict(start, there["end"], links, acceleration=acceleration)))
+            lines.append((there, predictor.beside(rod, (start, there["end"]), links, acceleration)))
         return lines
 
     def tail_tube(self, tail: Tail, hanging: CableShape, ends: Ends) -> Tube | None:

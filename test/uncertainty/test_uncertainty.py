@@ -300,32 +300,6 @@ def test_one_side_is_enough_where_the_other_does_not_reach() -> None:
     assert [w.kind for w in apart.warnings] == [WarningKind.OVERSTRETCHED], "that there is no shape is said already"
 
 
-def test_where_no_tube_is_known_that_is_told() -> None:
-    """One cable is let down onto the other: what its shape answers to the grips is not known then."""
-    cable = cs.Cable(length=0.6, linear_density=0.05, bending_stiffness=0.01, diameter=0.008)
-    along_y = (-0.7071067811865476, 0.0, 0.0, 0.7071067811865476)
-    cycle = cs.Cycle(
-        {"under": cable, "over": cable},
-        scene=cs.Scene(contact="solve"),
-        model="cosserat",
-        uncertainty=cs.Uncertainty(start=(0.001, 0.0)),
-    )
-    tubes, texts = [], []
-    for k in range(30):
-        height = 0.02 - 0.002 * k
-        grips = {
-            "under": (cs.Pose((-0.25, 0.0, 0.0), ALONG_X), cs.Pose((0.25, 0.0, 0.0), ALONG_X)),
-            "over": (cs.Pose((0.02, -0.25, height), along_y), cs.Pose((0.02, 0.25, height), along_y)),
-        }
-        found = cycle.step(grips, 10_000_000 * k)
-        tubes.append(len(found.tubes))
-        texts.append([w.text for w in found.warnings if w.other == "tube" and "at rest only" not in w.text])
-    assert (tubes[0], texts[0]) == (2, [])
-    assert tubes[-1] == 0
-    assert len(texts[-1]) == 2
-    assert "no tube is known, the cable touches itself or another one" in texts[-1][0]
-
-
 def test_files_come_back(tmp_path: Path) -> None:
     given = cs.Uncertainty({"bending_stiffness": 0.2, "end_tilt": 0.01}, (0.001, 0.02), confidence=0.9, misses=0.003)
     again = cs.Uncertainty.from_yaml(given.save(tmp_path / "known.yaml"))

@@ -66,7 +66,7 @@ class Crossing:
     def __init__(self, names: Sequence[str], solos: Sequence[Solo], time_budget: float = math.inf) -> None:
         self.problems = [solo.problem for solo in solos]
         self._names = tuple(names)
-        self._solos = solos
+        self._solos = list(solos)
         self._time_budget, self._deadline = time_budget, math.inf
         self._patience, self._why = Patience(), ""
         self._places = Places(names, self.problems)
@@ -85,6 +85,12 @@ class Crossing:
         self._shapes: list[CableShape] | None = None
         self._frames: Array = np.empty(0)
         self._kinds: list[tuple[str, str]] = []
+
+    def beside(self, cable: int, solo: Solo) -> CableShape:
+        """The shape of one cable as it would be now if it were another; all here stays as it is."""
+        other = self.twin()
+        other._solos[cable] = solo
+        return other.solve()[cable]
 
     def twin(self) -> Crossing:
         """Once more: it goes on from the last equilibrium, and this one stays as it is."""

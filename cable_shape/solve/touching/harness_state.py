@@ -8,10 +8,12 @@ from typing import Any, final
 
 import numpy as np
 
+from cable_shape.cable.cable import Cable
 from cable_shape.cable.rest_form import conjugate, times
 from cable_shape.checks import Array
-from cable_shape.kernels.contact import check, drive
-from cable_shape.kernels.network import tables
+from cable_shape.kernels.contact import check, drive, respond
+from cable_shape.kernels.network import material, tables
+from cable_shape.kernels.network.mesh import move_nodes
 from cable_shape.kernels.network.tables import NOW
 from cable_shape.pose import FreeEnd
 from cable_shape.shape import NUMBERS_PER_POINT
@@ -237,6 +239,33 @@ class HarnessTouchState(TouchState):
             if isinstance(how, FreeEnd) and how.mass > 0.0:
                 out += how.mass * float(gravity @ places[layout.knots["end", end]])
         return -out
+
+    def models_of(self, name: str, cables: Sequence[Cable]) -> Array:
+        """(c, size): models with other cables as this segment, of cables that no junction joins, on the mesh as it is.
+
+        Clips and masses stay at their arc length, kinks of what varies along the cable at their share of the length.
+        """
+        problem, plan = self.problem, tables.plan_of.py_func(self.net.ints)
+        own, still = problem.segments[name], np.array((0.0, problem.harness.longest))
+        others = [HarnessProblem.of_cables({**problem.segments, name: own.beside(cable)}) for cable in cables]
+        networks = [HarnessNetwork(other) for other in others]
+        for network in networks:
+            network.aim()
+            pieces = network.held[network.place_of_pieces].reshape(-1, tables.PIECE)
+            pieces[:, material.COMPLIANCE + 2] = self.stretch
+        made, everywhere = np.array([one.held for one in networks]), np.tile(still, (len(cables), 1))
+        models: Array = respond.neighbours(self.net, self.s, made, still, everywhere)
+        spans = [j for j, span in enumerate(self.net.cable) if span in self.cable.layout.spans[name]]
+        nodes = np.concatenate([np.arange(plan.first[j] + j, plan.first[j + 1] + j + 1) for j in spans])
+        stays = np.union1d([clip.arc_length for clip in own.clips], [mass.arc_length for mass in own.masses])
+        for model, cable in zip(models, cables, strict=True):
+            if cable.length != own.cable.length:
+                grown = cable.length / own.cable.length
+                before = np.union1d(stays, (0.0, own.cable.length))
+                s = tables.model_of.py_func(self.net.ints, model).s
+                s[nodes] = np.interp(s[nodes], before, [at if at in stays else grown * at for at in before])
+                move_nodes(self.net.ints, model, still, still, model)
+        return models
 
     def sensitivities(self, ends: Sequence[str]) -> Array:
         """As `HarnessNetwork.sensitivities`, the same points staying in contact."""

@@ -11,7 +11,6 @@ import numpy as np
 
 from cable_shape.cable.cable import Cable
 from cable_shape.checks import Array
-from cable_shape.errors import ArgumentError
 from cable_shape.kernels.contact import drive
 from cable_shape.kernels.contact.press import I_EXCESS
 from cable_shape.kernels.network.tables import NOW
@@ -272,11 +271,8 @@ class Member:
         return np.asarray(every[list(supports)])
 
     def models_beside(self, cables: Sequence[Cable], kept: dict[bytes, Array] | None = None) -> Array:
-        """Is not known here."""
-        raise ArgumentError(
-            "sensitivity() by a cable's numbers is not known while it touches itself or another one. Take differences "
-            "of predict."
-        )
+        """(c, size): models of the pile with others in this cable's place, on the mesh as it is."""
+        return self._state.models_of(self._name, cables)
 
     def body_columns(self, name: str) -> tuple[Array, Array]:
         """(points, 3, 6), (0, 6): how positions change as a body moves."""

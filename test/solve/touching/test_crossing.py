@@ -367,5 +367,54 @@ def test_derivatives_in_contact_are_those_of_differences():
                 seen.append(report.shapes["over"].positions)
             column = (seen[0] - seen[1]) / (2.0 * size)
             assert told[:, :, 6 * step + axis] == pytest.approx(column, abs=1e-2 * max(1.0, np.abs(column).max()))
-    with pytest.raises(cs.ArgumentError, match="by a cable's numbers is not known"):
-        predictor.sensitivity(("length",))
+    assert under.shape == (150, 3, 6)
+
+
+def laid_on(cable, shift=(0.0, 0.0, 0.0), **options):
+    """A cycle in which this cable was let down onto one like HEAVY, its start shifted a little at last."""
+    cycle = cs.Cycle({"under": HEAVY, "over": cable}, scene=SOLVE, model="cosserat", tolerance=1e-6, **options)
+    for k, height in enumerate((*np.linspace(0.02, -0.03, 26), -0.03)):
+        start, end = across(70.0, 0.5, height, (0.02, 0.01))
+        if k == 26:
+            start = cs.Pose(start.position + shift, start.quaternion)
+        report = cycle.step({"under": across(0.0, 0.5, 0.0), "over": (start, end)}, 1_000_000_000 * k)
+    assert len(report.shapes["over"].contacts) == 1
+    return cycle, report
+
+
+@pytest.mark.parametrize("name", ["length", "linear_density", "bending_stiffness", "twisting_stiffness"])
+def test_derivatives_by_numbers_are_those_of_differences(name):
+    """Of a cable on another one, which stays what it is."""
+    told = laid_on(HEAVY)[0]._cables["over"].predictor.sensitivity((name,))[:, :, 0]
+    step, number = 1e-3, np.mean(getattr(HEAVY, name))
+    cables = [HEAVY.replace(**{name: (1.0 + sign * step) * number}) for sign in (1.0, -1.0)]
+    above, below = (laid_on(cable)[1].shapes["over"].positions for cable in cables)
+    column = (above - below) / (2.0 * step * number)
+    assert told == pytest.approx(column, abs=1e-2 * np.abs(column).max())
+
+
+def test_each_has_a_tube():
+    """That of its own length and start, the other cable as it is."""
+    off = 1e-3
+    known = cs.Uncertainty({"length": off}, start=(off, 0.0))
+    report = laid_on(HEAVY, uncertainty=known)[1]
+    assert set(report.tubes) == {"under", "over"}
+    pairs = [[laid_on(HEAVY.replace(length=HEAVY.length + sign * off)) for sign in (1.0, -1.0)]]
+    pairs += [[laid_on(HEAVY, sign * shift) for sign in (1.0, -1.0)] for shift in off * np.eye(3)]
+    ways = [0.5 * np.subtract(*(report.shapes["over"].positions for _, report in pair)) for pair in pairs]
+    expected = sum(way[:, :, None] * way[:, None, :] for way in ways)
+    assert report.tubes["over"].covariance == pytest.approx(expected, abs=0.05 * np.abs(expected).max())
+
+
+def test_a_cable_on_itself_has_a_tube():
+    def wound(cable, **options):
+        cycle = cs.Cycle(cable, scene=SOLVE, model="cosserat", tolerance=1e-6, quasistatic_limit=0.0, **options)
+        return list(looped(cycle, last=1.1))[-1]
+
+    off = 1e-4
+    report = wound(TWISTED, uncertainty=cs.Uncertainty({"length": off}))
+    assert len(report.shapes["cable"].contacts) == 2
+    lengths = TWISTED.length + off, TWISTED.length - off
+    way = 0.5 * np.subtract(*(wound(TWISTED.replace(length=x)).shapes["cable"].positions for x in lengths))
+    expected = way[:, :, None] * way[:, None, :]
+    assert report.tubes["cable"].covariance == pytest.approx(expected, abs=0.02 * np.abs(expected).max())
