@@ -1,5 +1,5 @@
 #!/usr/bin/env python
-"""Figures of studies: a hose's lengths, its best length beside a fine scan, the space it sweeps, workers, a cluster.
+"""Figures of studies: a hose's lengths, tolerances, its best length beside a fine scan, the space it sweeps, workers.
 
 scripts/bench studies [--quick] [--save FILE] [--compare FILE] [--workers N]
 
@@ -19,7 +19,8 @@ from scipy.spatial import cKDTree
 import cable_shape as cs
 from cable_shape.planning.study_walk import Rows
 
-LENGTH = Path(__file__).resolve().parents[1] / "examples" / "studies" / "length.yaml"
+STUDIES = Path(__file__).resolve().parents[1] / "examples" / "studies"
+LENGTH, TOLERANCES = STUDIES / "length.yaml", STUDIES / "tolerances.yaml"
 
 
 def of_length(**changes: object) -> cs.Study:
@@ -55,6 +56,27 @@ def print_length(figures: Figures, workers: int, quick: bool) -> None:
     rows = 500 * len(study.points)
     print(f"{rows} shapes: {alone:.2f} s on one worker, {1e6 * alone / rows:.1f} us each; {several:.2f} s on {workers}")
     figures.at_most(f"the hose's lengths on {workers} workers", several, 10.0, "{:.1f}", " s")
+
+
+def print_tolerances(figures: Figures, workers: int, quick: bool) -> None:
+    """Many shapes drawn at random, and the envelope of the few of the example beside theirs."""
+    heading("Tolerances")
+    values, count = cs.Study.from_yaml(TOLERANCES).values, 10_000 if quick else 100_000
+    few, many = (
+        cs.Study(**{**values, "sample": sample})
+        for sample in (values["sample"], {"kind": "random", "points": count, "seed": 1})
+    )
+    few.run(workers=1)
+    assert many.points.size
+    took = seconds(many, workers)
+    print(f"{count} shapes: {took:.2f} s on {workers} workers, {1e6 * took / count:.1f} us each")
+    figures.at_most(f"{count} Monte Carlo shapes on {workers} workers", took, 5.0, "{:.2f}", " s")
+    told, drawn = few.envelope(), many.envelope()
+    width = 2.0 * float(drawn.radius[""].max())
+    off = np.linalg.norm(told.middle[""] - drawn.middle[""], axis=1) + np.abs(told.radius[""] - drawn.radius[""])
+    tube = f"95 % of {drawn.shapes} shapes are in a tube {1e3 * width:.2f} mm wide"
+    print(f"{tube}; that of {told.shapes} is off by {1e3 * off.max():.3f} mm, middle and radius")
+    figures.at_most("envelope off that of Monte Carlo, of its width", 100.0 * off.max() / width, 2.0, "{:.2f}", " %")
 
 
 def print_best(figures: Figures) -> None:
@@ -125,6 +147,7 @@ def main() -> int:
     options = bench_options(parser)
     figures = Figures()
     print_length(figures, options.workers, options.quick)
+    print_tolerances(figures, options.workers, options.quick)
     print_best(figures)
     print_swept(figures)
     print_cluster(figures, options.workers, options.quick)

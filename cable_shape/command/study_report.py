@@ -119,7 +119,7 @@ def _worst(found: StudyResult, k: int, best: int, worst: int, looked: Mapping[in
         if point in looked and found.instants[point] > 1:
             case, rows = looked[point]
             series[f"{name}, {_point(found, point)}"] = (
-                np.arange(found.instants[point]), measured(case, (measure,), rows)[0][:, 0]
+                np.arange(found.instants[point]), measured(case.instants, (measure,), rows)[0][:, 0]
             )  # fmt: skip
     over = pictures.over_time(measure, float(found.limit[worst, k]), series) if series else ""
     out.append(f"<figure class='row'>{pictures.curves(found, k) if len(found) > 1 else ''}{over}</figure>")

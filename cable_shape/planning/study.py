@@ -24,6 +24,7 @@ from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.files.files import path_of
 from cable_shape.planning.paths import EndsPath, GripPath
+from cable_shape.planning.study_beside import Beside, beside_of
 from cable_shape.planning.study_best import GRID, STARTS, Best, best
 from cable_shape.planning.study_case import OPTION_KEYS, Cases, motion_of
 from cable_shape.planning.study_chunk import Chunk, as_json, solve_chunk
@@ -31,7 +32,7 @@ from cable_shape.planning.study_measure import measures_of
 from cable_shape.planning.study_result import StudyResult
 from cable_shape.planning.study_run import run_study
 from cable_shape.planning.study_spread import POINTS, Envelope, Shares, envelope, shares
-from cable_shape.planning.study_vary import Axis, Sample, axis_of, get, points_of, sample_of
+from cable_shape.planning.study_vary import Axis, Sample, axis_of, get, points_of, sample_of, varied
 from cable_shape.planning.study_walk import Rows, walk
 from cable_shape.pose import FreeEnd, Grip, Pose, pose_entry
 from cable_shape.scene.scene import Scene
@@ -180,6 +181,15 @@ class Study:
         return math.ceil(len(self.points) / self.chunk)
 
     @cached_property
+    def beside(self) -> Beside | None:
+        """What solves its points from the one in their middle, where tolerances vary; None: each by itself."""
+        names, middle = [axis.name for axis in self.axes], [axis.middle for axis in self.axes]
+        try:
+            return beside_of(self.cases.at(middle), varied(self.values, names, middle), self.axes)
+        except ArgumentError:
+            return None
+
+    @cached_property
     def fingerprint(self) -> str:
         """The same for the same question."""
         told = {**self.values, "functions": sorted(self.functions), "format": FORMAT, "chunk": self.chunk}
@@ -188,7 +198,7 @@ class Study:
     def solve(self, chunk: int) -> Chunk:
         """The points of a chunk, solved here and now."""
         rows = self.points[chunk * self.chunk : (chunk + 1) * self.chunk]
-        return solve_chunk(self.cases, self.measures, rows, self.at == "all")
+        return solve_chunk(self.cases, self.measures, rows, self.at == "all", self.beside)
 
     def rows(self, point: int | Sequence[float]) -> dict[str, Rows]:
         """All shapes of one point, by segment; of a cable under the name ""."""
@@ -210,7 +220,8 @@ class Study:
         out : path of a folder, optional
             Keeps every chunk that is done: the same study run again goes on from there.
         workers : int, optional
-            Processes; 1 solves here. Default: as many as there are cores to run on.
+            Processes, threads where points are solved `beside` one; 1 solves here. Default: as many as there are cores
+            to run on.
         scheduler : str, optional
             "local" for a Dask cluster on this machine, or the address of one, in place of processes.
         progress : callable, optional

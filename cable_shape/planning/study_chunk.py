@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError, FileError, UnknownKeyError
+from cable_shape.planning.study_beside import Beside
 from cable_shape.planning.study_case import Case, Cases
 from cable_shape.planning.study_measure import Measure
 from cable_shape.planning.study_walk import Rows, walk
@@ -24,6 +25,8 @@ from cable_shape.shape import Status
 
 #: In place of a status where the point has no case: a clip beyond the end of its cable, say.
 REFUSED = -1
+#: Points that are solved in one compiled call, where that is possible.
+TOGETHER = 128
 
 
 @final
@@ -95,37 +98,36 @@ def write(file: Path, content: bytes) -> None:
         raise FileError(f"{file}: cannot be written: {error.strerror}. {remedy}") from None
 
 
-def solve_chunk(cases: Cases, measures: Sequence[Measure], rows: Array, over: bool) -> Chunk:
-    """Solves some points (v, axes), each from its first instant on by itself."""
+def solve_chunk(
+    cases: Cases, measures: Sequence[Measure], rows: Array, over: bool, beside: Beside | None = None
+) -> Chunk:
+    """Solves some points (v, axes), each from its first instant on by itself, or from the shape in their middle."""
     v, q = len(rows), len(measures)
     out = Chunk(
         np.full((v, q), math.nan), np.full((v, q), -1), np.full((v, q), math.nan), np.full((v, q), math.nan),
         np.full((v, q), "", dtype="<U64"), np.zeros(v, np.int64), np.zeros(v, np.int64), np.zeros(v, np.int64),
         np.full(v, -1), np.zeros(v, np.int64), np.full(v, "", dtype="<U400"), np.empty((v, 0, q)),
     )  # fmt: skip
-    series: list[Array] = []
-    for i, row in enumerate(rows.tolist()):
+    series: list[Array] = [np.empty((0, q))] * v
+    left = np.arange(v) if beside is None else _together(beside, measures, rows, out, series)
+    for i in left.tolist():
         try:
-            case = cases.at(row)
+            case = cases.at(rows[i].tolist())
             found = walk(case)
         except UnknownKeyError:
             raise
         except ArgumentError as error:
             out.status[i], out.first[i], out.detail[i] = REFUSED, 0, str(error)
-            series.append(np.empty((0, q)))
             continue
         _tell(out, i, found)
-        values, places, names = measured(case, measures, found)
+        values, places, names = measured(case.instants, measures, found)
         for k, measure in enumerate(measures):
             worst = _worst(measure, values[:, k])
-            out.limit[i, k] = min(
-                (measure.limit_of(one, case.scene) for one in found.values()),
-                key=lambda x: (math.isnan(x), x if measure.worst == "most" else -x),
-            )
+            out.limit[i, k] = _limit(measure, case, found)
             if worst >= 0:
                 out.value[i, k], out.instant[i, k], out.place[i, k] = values[worst, k], worst, places[worst, k]
                 out.segment[i, k] = names[worst, k]
-        series.append(values)
+        series[i] = values
     if not over:
         return out
     longest = max((len(values) for values in series), default=0)
@@ -133,6 +135,32 @@ def solve_chunk(cases: Cases, measures: Sequence[Measure], rows: Array, over: bo
     for i, values in enumerate(series):
         all_values[i, : len(values)] = values
     return out._replace(over=all_values)
+
+
+def _together(
+    beside: Beside, measures: Sequence[Measure], rows: Array, out: Chunk, series: list[Array]
+) -> NDArray[np.int64]:
+    """Solves points from the shape in their middle, and returns those that were not reached."""
+    left, stability = [], any(measure.name == "stability" for measure in measures)
+    for first in range(0, len(rows), TOGETHER):
+        found = beside.rows(rows[first : first + TOGETHER], stability)
+        good = np.flatnonzero(found.usable)
+        left.append(first + np.flatnonzero(~found.usable))
+        values, places, _ = measured(len(found), measures, {"": found})
+        at = first + good
+        out.value[at], out.place[at] = values[good], places[good]
+        out.instant[at] = np.where(np.isnan(values[good]), -1, 0)
+        out.limit[at] = [_limit(measure, beside.case, {"": found}) for measure in measures]
+        out.instants[at] = out.usable[at] = 1
+        for i in good.tolist():
+            series[first + i] = values[i : i + 1]
+    return np.concatenate(left)
+
+
+def _limit(measure: Measure, case: Case, found: Mapping[str, Rows]) -> float:
+    """The narrowest limit of all segments, NaN where there is none."""
+    limits = [measure.limit_of(rows, case.scene) for rows in found.values()]
+    return min(limits, key=lambda x: (math.isnan(x), x if measure.worst == "most" else -x))
 
 
 def _tell(out: Chunk, i: int, found: Mapping[str, Rows]) -> None:
@@ -146,11 +174,8 @@ def _tell(out: Chunk, i: int, found: Mapping[str, Rows]) -> None:
         out.detail[i] = rows.details.get(int(bad[0]), "")
 
 
-def measured(
-    case: Case, measures: Sequence[Measure], found: Mapping[str, Rows]
-) -> tuple[Array, Array, NDArray[np.str_]]:
+def measured(m: int, measures: Sequence[Measure], found: Mapping[str, Rows]) -> tuple[Array, Array, NDArray[np.str_]]:
     """Values (m, q), their arc lengths (m, q) and segments (m, q), the worst of all segments; NaN without a shape."""
-    m = case.instants
     values, places = np.full((m, len(measures)), math.nan), np.full((m, len(measures)), math.nan)
     names = np.full((m, len(measures)), "", dtype="<U64")
     for name, rows in found.items():

@@ -96,18 +96,19 @@ class Measure(NamedTuple):
             return rows.energy.copy(), nowhere
         if self.name == "lowest":
             z = rows.part(1, 3)[:, :, 2]
-            return z.min(axis=1), rows.cable.length * z.argmin(axis=1) / (rows.points - 1)
+            return z.min(axis=1), rows.length * z.argmin(axis=1) / (rows.points - 1)
         if kind == "clip":
             if what not in rows.clips:
                 return nowhere, nowhere
             row = rows.loads[:, 1 + rows.clips.index(what)]
             return np.linalg.norm(row[:, 1:4], axis=1), row[:, 0]
-        place = {"start": 0.0, "end": rows.cable.length}.get(what)
-        place = float(what) if place is None else place
-        x = min(max(place / rows.cable.length, 0.0), 1.0) * (rows.points - 1)
-        i = min(int(x), rows.points - 2)
-        both = rows.part(11 if kind == "force" else 14, 3)[:, i : i + 2]
-        return np.linalg.norm(both[:, 0] + (x - i) * (both[:, 1] - both[:, 0]), axis=1), np.full(m, place)
+        place = {"start": np.zeros(m), "end": np.broadcast_to(rows.length, m)}.get(what)
+        place = np.full(m, float(what)) if place is None else place
+        x = np.clip(place / rows.length, 0.0, 1.0) * (rows.points - 1)
+        i = np.minimum(x.astype(np.int64), rows.points - 2)
+        part, every = rows.part(11 if kind == "force" else 14, 3), np.arange(m)
+        left, right = part[every, i], part[every, i + 1]
+        return np.linalg.norm(left + (x - i)[:, None] * (right - left), axis=1), place
 
     def limit_of(self, rows: Rows, scene: Scene) -> float:
         """What it is judged by; NaN: nothing."""

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.files.files import path_of
+from cable_shape.planning.study_beside import Beside
 from cable_shape.planning.study_case import Cases
 from cable_shape.planning.study_chunk import REFUSED, Chunk, write
 from cable_shape.planning.study_measure import Measure
@@ -40,6 +41,9 @@ class Question(Protocol):
     def chunks(self) -> int: ...
 
     @property
+    def beside(self) -> Beside | None: ...
+
+    @property
     def fingerprint(self) -> str: ...
 
     def solve(self, chunk: int) -> Chunk: ...
@@ -59,7 +63,7 @@ class StudyResult:
 
     def __init__(self, study: Question, chunks: Sequence[Chunk]) -> None:
         self.study, self.points = study, study.points
-        whole = _joined(chunks)
+        whole = joined(chunks)
         self.value, self.instant, self.place, self.limit = whole.value, whole.instant, whole.place, whole.limit
         self.segment, self.instants, self.usable, self.snapped = (
             whole.segment, whole.instants, whole.usable, whole.snapped
@@ -143,7 +147,7 @@ class StudyResult:
         return file
 
 
-def _joined(chunks: Sequence[Chunk]) -> Chunk:
+def joined(chunks: Sequence[Chunk]) -> Chunk:
     """All points in one."""
     longest = max((chunk.over.shape[1] for chunk in chunks), default=0)
     parts: list[Any] = []

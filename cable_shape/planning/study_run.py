@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -89,13 +89,19 @@ def _solved(
         for i in left:
             yield i, study.solve(i)
         return
-    with ProcessPoolExecutor(count, get_context("spawn"), initializer=_begin, initargs=(study,)) as pool:
+    solve: Callable[[int], Chunk] = _solve
+    pool: Executor
+    if study.beside is None:
+        pool = ProcessPoolExecutor(count, get_context("spawn"), initializer=_begin, initargs=(study,))
+    else:  # compiled code all along, which threads run side by side
+        pool, solve = ThreadPoolExecutor(count), study.solve
+    with pool:
         waiting: dict[Future[Chunk], int] = {}
         todo = iter(left)
         try:
             while True:
                 for i in todo:
-                    waiting[pool.submit(_solve, i)] = i
+                    waiting[pool.submit(solve, i)] = i
                     if len(waiting) >= AHEAD * count:
                         break
                 if not waiting:

@@ -7,17 +7,22 @@ source were known, first order, or left if all others were, total. They are thos
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple, final
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, NamedTuple, TypeVar, final
 
 import numpy as np
 
 from cable_shape import checks
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
-from cable_shape.planning.study_chunk import solve_chunk
-from cable_shape.planning.study_result import Question
+from cable_shape.planning.study_chunk import TOGETHER, Chunk, solve_chunk
+from cable_shape.planning.study_result import Question, joined
 from cable_shape.planning.study_vary import points_of
 from cable_shape.planning.study_walk import walk
+
+T = TypeVar("T")
 
 #: Points of each of the two samples that Sobol indices are made from.
 POINTS = 256
@@ -86,7 +91,7 @@ def shares(study: Question, points: int = POINTS, seed: int = 0) -> Shares:
     def told(x: Array) -> Array:
         nonlocal solves, values
         rows = np.ascontiguousarray(x.T)
-        found = solve_chunk(study.cases, study.measures, rows, False)
+        found = _solved(study, rows)
         bad = np.flatnonzero(found.first >= 0)
         if bad.size:
             where = dict(zip([axis.name for axis in study.axes], rows[bad[0]].tolist(), strict=True))
@@ -116,30 +121,50 @@ def envelope(study: Question, confidence: float = 0.95, instant: int = 0) -> Env
     checks.number("confidence", confidence, above=0.0, at_most=1.0)
     checks.integer("instant", instant, at_least=0)
     _of_distributions(study)
-    seen: dict[str, list[Array]] = {}
-    rows_of, without = points_of(study.axes, study.sample), 0
-    for row in rows_of.tolist():
-        try:
-            found = walk(study.cases.at(row))
-        except ArgumentError:
-            without += 1
-            continue
-        if instant >= len(next(iter(found.values()))):
-            raise ArgumentError.of("instant", instant, "the motion has fewer instants", "Choose an earlier one.")
-        if not all(rows.usable[instant] for rows in found.values()):
-            without += 1
-            continue
-        for name, rows in found.items():
-            seen.setdefault(name, []).append(rows.part(1, 3)[instant].copy())
+    rows = points_of(study.axes, study.sample)
+    seen = [lines for told in _shared(study, rows, lambda cut: _lines(study, cut, instant)) for lines in told]
     if not seen:
         raise ArgumentError.of("study", study.name, "no point has a shape", "Take narrower distributions.")
     middle, radius = {}, {}
-    for name, shapes in seen.items():
-        whole = np.array(shapes)
+    for name in seen[0]:
+        whole = np.concatenate([lines[name] for lines in seen])
         middle[name] = whole.mean(axis=0)
-        apart = np.linalg.norm(whole - middle[name], axis=2)
-        radius[name] = np.quantile(apart, confidence, axis=0)
-    return Envelope(middle, radius, confidence, instant, len(rows_of) - without, without)
+        apart = (np.linalg.norm(whole[:, i] - middle[name][i], axis=1) for i in range(whole.shape[1]))
+        radius[name] = np.array([np.quantile(one, confidence) for one in apart])
+    shapes = sum(len(next(iter(lines.values()))) for lines in seen)
+    return Envelope(middle, radius, confidence, instant, shapes, len(rows) - shapes)
+
+
+def _lines(study: Question, rows: Array, instant: int) -> list[dict[str, Array]]:
+    """Centrelines (k, n, 3) of these points at an instant, by segment, of those that have a shape then."""
+    out, left = [], rows
+    if study.beside is not None and instant == 0:
+        together = study.beside.rows(rows)
+        out, left = [{"": together.part(1, 3)[together.usable]}], rows[~together.usable]
+    for row in left.tolist():
+        try:
+            found = walk(study.cases.at(row))
+        except ArgumentError:
+            continue
+        if instant >= len(next(iter(found.values()))):
+            raise ArgumentError.of("instant", instant, "the motion has fewer instants", "Choose an earlier one.")
+        if all(rows.usable[instant] for rows in found.values()):
+            out.append({name: rows.part(1, 3)[instant : instant + 1].copy() for name, rows in found.items()})
+    return out
+
+
+def _solved(study: Question, rows: Array) -> Chunk:
+    """The points (r, axes) of a study."""
+    return joined(_shared(study, rows, lambda cut: solve_chunk(study.cases, study.measures, cut, False, study.beside)))
+
+
+def _shared(study: Question, rows: Array, solve: Callable[[Array], T]) -> list[T]:
+    """What `solve` makes of rows (r, axes), cut into pieces: on all cores, if compiled code does most of it."""
+    cuts = [rows[first : first + TOGETHER] for first in range(0, len(rows), TOGETHER)]
+    if study.beside is None:
+        return [solve(cut) for cut in cuts]
+    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+        return list(pool.map(solve, cuts))
 
 
 def _of_distributions(study: Question) -> None:

@@ -47,6 +47,7 @@ class Rows:
 
     Attributes
     ----------
+    length : float or (m,) [m], stress-free, of the cable at each instant where it varies
     status : (m,) int, values of Status
     buffers : (m, 17 n), see CableShape.buffer
     energy : (m,) [J]
@@ -61,6 +62,7 @@ class Rows:
     ) -> None:
         off = scene.contact == "off"
         self.cable, self.points, self.clips = cable, points, tuple(clips)
+        self.length: float | Array = cable.length
         self.checker = ClearanceChecker(
             Scene(
                 obstacles=() if off else scene.obstacles,
@@ -105,7 +107,7 @@ class Rows:
         return CableShape(
             self.buffers[instant],
             self.points,
-            length=self.cable.length,
+            length=float(np.broadcast_to(self.length, len(self))[instant]),
             model=cosserat.MODEL,
             status=Status(int(self.status[instant])),
             detail=self.details.get(instant, ""),
@@ -156,11 +158,10 @@ def walk(case: Case) -> dict[str, Rows]:
     )
     problem = predictor.problem
     rows = Rows(cable, case.scene, case.robot, case.instants, problem.points, clip_names(problem.clips))
-    alone = case.scene.contact == "solve" or bool(cable.sections) or any(clip.kind == "slide" for clip in problem.clips)
-    if predictor.is_rod and not alone:
+    if follows(case, predictor):
         _Followed(case, rows, problem).run()
     else:
-        judged = _judged(rows, isinstance(case.held["end"], Grip), np.empty((0, 4)))
+        judged = judged_by(rows, isinstance(case.held["end"], Grip), np.empty((0, 4)))
         watch, near_nothing = MarginWatch(cable, Scene()), Clearance()
         for i in range(case.instants):
             links = None if case.links is None else case.links[i]
@@ -172,6 +173,12 @@ def walk(case: Case) -> dict[str, Rows]:
     return {"": rows}
 
 
+def follows(case: Case, predictor: Predictor) -> bool:
+    """Whether compiled code can follow the cable: a rod that touches nothing and runs through no eyelet."""
+    slides = any(clip.kind == "slide" for clip in predictor.problem.clips)
+    return predictor.is_rod and case.scene.contact != "solve" and not (predictor.cable.sections or slides)
+
+
 def _harness(case: Case, harness: Harness) -> dict[str, Rows]:
     """The same of a harness."""
     predictor: Any = Predictor(harness, scene=case.scene, **case.options)
@@ -179,7 +186,7 @@ def _harness(case: Case, harness: Harness) -> dict[str, Rows]:
     named = list(zip(clip_names(case.scene.clips), case.scene.clips, strict=True))
     of = {segment: [name for name, clip in named if clip.segment == segment] for segment in harness.segments}
     out = {n: Rows(one, case.scene, None, case.instants, points, of[n]) for n, one in harness.segments.items()}
-    judged = {name: _judged(rows, False, np.empty((0, 4))) for name, rows in out.items()}
+    judged = {name: judged_by(rows, False, np.empty((0, 4))) for name, rows in out.items()}
     for i in range(case.instants):
         held = {}
         for end, grip in case.held.items():
@@ -198,7 +205,7 @@ def _link_rows(rows: Rows, links: Mapping[str, Pose] | None) -> Array:
     return _NO_LINKS if links is None else link_rows(links, dict.fromkeys(rows.checker.links, "the robot"))
 
 
-def _judged(rows: Rows, held: bool, masses: Array) -> follow_rows.Judged:
+def judged_by(rows: Rows, held: bool, masses: Array) -> follow_rows.Judged:
     checker = rows.checker
     return follow_rows.Judged(
         rows.pieces, rows.warn, rows.soft, held, masses, checker.radius, checker.horizon, checker.grip_exclusion,
@@ -222,7 +229,7 @@ class _Followed:
         self.state: Network | None = None
         self.mode: Array = np.empty((0, 3))
         self.memory = np.array((math.nan, 0.0, 0.0))
-        self.judged = _judged(rows, False, np.empty((0, 4)))
+        self.judged = judged_by(rows, False, np.empty((0, 4)))
         self.links = np.empty((len(rows), 0, 7))
         if case.links is not None:
             self.links = np.array([_link_rows(rows, links) for links in case.links])

@@ -622,9 +622,9 @@ class Network:
         return self._frames
 
     @property
-    def place_of_pieces(self) -> slice:
-        """Where the pieces of the cable are in `held`."""
-        return self._bare.piece
+    def parts(self) -> Bare:
+        """Where things are in `held`."""
+        return self._bare
 
     @property
     def bare(self) -> Whole:

@@ -55,6 +55,14 @@ def test_an_envelope_holds_as_many_shapes_as_it_says():
     assert study().envelope(0.5).radius[""].max() < held.radius[""].max()
 
 
+def test_an_envelope_of_few_points_is_that_of_many_drawn_at_random():
+    few, many = study(sample={"points": 2048}), study(sample={"kind": "random", "points": 20_000, "seed": 3})
+    told, drawn = few.envelope(), many.envelope()
+    off = np.linalg.norm(told.middle[""] - drawn.middle[""], axis=1) + np.abs(told.radius[""] - drawn.radius[""])
+    assert off.max() < 0.02 * 2.0 * drawn.radius[""].max()
+    assert drawn.shapes == 20_000
+
+
 @pytest.mark.parametrize(
     ("call", "words"),
     [

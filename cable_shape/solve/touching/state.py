@@ -217,7 +217,7 @@ class TouchState:
         cable, made = self.cable, self.cable.held.copy()
         pull = self.weight + 10.0 * self.bend_of_cables / self.length**2
         self.stretch = max(self._stretch, _LEAST_STRETCH / (pull + self._pull_of_tips()))
-        pieces = made[cable.place_of_pieces].reshape(-1, tables.PIECE)
+        pieces = made[cable.parts.piece].reshape(-1, tables.PIECE)
         np.maximum(pieces[:, material.COMPLIANCE + 2], self.stretch, out=pieces[:, material.COMPLIANCE + 2])
         made[tables.ELASTIC], made[tables.RIGID] = 1.0, 0.0
         made[tables.BASE_SHIFT] = _NEUTRAL * made[tables.SOFTEST]
@@ -611,7 +611,7 @@ class TouchState:
         self.cable.arcs = self.arcs
         made, before, after = self.cable.beside(cables, kept)
         for model in made:
-            pieces = model[self.cable.place_of_pieces].reshape(-1, tables.PIECE)
+            pieces = model[self.cable.parts.piece].reshape(-1, tables.PIECE)
             pieces[:, material.COMPLIANCE + 2] = self.stretch
         models: Array = respond.neighbours(self.net, self.s, made, before, after)
         return models
