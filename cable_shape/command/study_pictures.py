@@ -1,4 +1,4 @@
-"""The pictures of a study's report, as SVG: curves over what varies, over time, and shapes from three sides."""
+"""The pictures of a study's report, as SVG: curves over what varies and over time, shares, shapes from three sides."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ import numpy as np
 from cable_shape.checks import Array
 from cable_shape.planning.study_measure import Measure
 from cable_shape.planning.study_result import StudyResult
+from cable_shape.planning.study_spread import Shares
+from cable_shape.planning.study_vary import Axis
 from cable_shape.planning.study_walk import Rows
 from cable_shape.scene.scene import Box, Cylinder, HalfSpace, Mesh, Obstacle, Scene, Sphere
 
@@ -49,12 +51,12 @@ def curves(found: StudyResult, k: int) -> str:
     """A measure's worst values over what varies, with its limit; points without a shape somewhere are marked."""
     axes = found.study.axes
     lists = [i for i, axis in enumerate(axes) if not axis.law and len(axis.values) > 1]
-    if len(axes) == 2 and len(lists) == 2:
+    if len(axes) == 2 and len(lists) == 2 and not any(axis.words for axis in axes):
         return _map(found, k)
     shown = [i for i, axis in enumerate(axes) if axis.law or len(axis.values) > 1][:4]
     figure = _figure(4.6 * max(len(shown), 1) + 1.4, 3.1)
     for axis, i in zip(figure.subplots(1, max(len(shown), 1), sharey=True, squeeze=False)[0], shown, strict=False):
-        _over(axis, found, k, i, line=len(shown) == 1 and not axes[i].law)
+        _over(axis, found, k, i, line=len(shown) == 1 and not (axes[i].law or axes[i].words))
     return svg(figure)
 
 
@@ -78,6 +80,9 @@ def _over(axis: Any, found: StudyResult, k: int, i: int, line: bool) -> None:
             x[bad], np.zeros(bad.sum()), "|", color=AMBER, transform=axis.get_xaxis_transform(), ms=9, label="no shape"
         )
     axis.set(xlabel=found.study.axes[i].name, ylabel=f"{measure.name} [{unit}]" if unit else measure.name)
+    words = found.study.axes[i].words
+    if words:
+        axis.set_xticks(range(len(words)), words)
     axis.grid(alpha=0.25)
     axis.legend(loc="best", fontsize=8)
 
@@ -115,15 +120,74 @@ def over_time(measure: Measure, limit: float, series: Mapping[str, tuple[Any, Ar
     return svg(figure)
 
 
+def around(axis: Axis, values: Array, series: Mapping[str, Array], best: float, used: float) -> str:
+    """What measures use of their limits [%] as one thing varies about the best point."""
+    figure = _figure(5.6, 3.2)
+    drawn = figure.subplots()
+    for name, told in series.items():
+        drawn.plot(values, told, "o-" if axis.words else "-", lw=1.3, label=name)
+    drawn.axhline(100.0, color=RED, ls="--", lw=1.0, label="limit")
+    drawn.plot([best], [used], "o", color="black", ms=5, label="best")
+    drawn.set(xlabel=axis.name, ylabel="used of the limit [%]")
+    drawn.set_ylim(0.0, min(max(110.0, 1.5 * used), 400.0))
+    if axis.words:
+        drawn.set_xticks(range(len(axis.words)), axis.words)
+    drawn.grid(alpha=0.25)
+    drawn.legend(loc="best", fontsize=8)
+    return svg(figure)
+
+
+def shares(found: Shares, k: int) -> str:
+    """What share of a measure's variance each source makes, told in three ways."""
+    figure = _figure(8.4, 0.9 + 0.45 * len(found.sources))
+    drawn = figure.subplots()
+    order = np.argsort(np.nan_to_num(found.total[k]))
+    told = (("first order", found.linear, GREY), ("alone", found.first, BLUE), ("with others", found.total, AMBER))
+    for offset, (name, values, colour) in zip((0.26, 0.0, -0.26), told, strict=True):
+        drawn.barh(np.arange(len(order)) + offset, 100.0 * values[k, order], 0.24, color=colour, label=name)
+    drawn.set_yticks(range(len(order)), [found.sources[i] for i in order])
+    drawn.set(xlabel="share of the variance [%]")
+    drawn.grid(alpha=0.25, axis="x")
+    drawn.legend(loc="lower right", fontsize=8)
+    return svg(figure)
+
+
+def tube(middle: Mapping[str, Array], radius: Mapping[str, Array], scene: Scene) -> str:
+    """Mean shapes and the tubes about them from three sides, with the bodies around."""
+    figure = _figure(11.4, 4.0)
+    line = np.concatenate(list(middle.values()))
+    for axis, (i, j) in zip(figure.subplots(1, 3), ((0, 2), (1, 2), (0, 1)), strict=True):
+        _bodies(axis, scene, i, j)
+        for name, points in middle.items():
+            seen = points[:, [i, j]]
+            rings = [(x + r * _RING) for x, r in zip(seen, radius[name], strict=True)]
+            for ring in rings:
+                axis.fill(*ring.T, facecolor=AMBER, edgecolor="none", alpha=0.25)
+            axis.plot(*seen.T, color=BLUE, lw=1.2)
+        _frame(axis, line, i, j)
+    return svg(figure)
+
+
+def _bodies(axis: Any, scene: Scene, i: int, j: int) -> None:
+    for body in scene.obstacles:
+        outline = _outline(body, i, j)
+        if outline is not None:
+            axis.fill(*outline.T, facecolor="#c9d3dd", edgecolor="#8a97a5", lw=0.8, alpha=0.8)
+
+
+def _frame(axis: Any, line: Array, i: int, j: int) -> None:
+    """As much as all points (k, 3) need, the same to all sides."""
+    middle, half = 0.5 * (line.min(axis=0) + line.max(axis=0)), 0.6 * float(np.ptp(line, axis=0).max())
+    axis.set(xlim=(middle[i] - half, middle[i] + half), ylim=(middle[j] - half, middle[j] + half))
+    axis.set(xlabel=f"{'xyz'[i]} [m]", ylabel=f"{'xyz'[j]} [m]", aspect="equal")
+
+
 def shapes(found: Mapping[str, Rows], instant: int, places: Iterable[Array], scene: Scene) -> str:
     """The cable at an instant from three sides, all other instants in grey, bodies behind it, the places marked."""
     figure = _figure(11.4, 4.0)
     marks = list(places)
     for axis, (i, j) in zip(figure.subplots(1, 3), ((0, 2), (1, 2), (0, 1)), strict=True):
-        for body in scene.obstacles:
-            outline = _outline(body, i, j)
-            if outline is not None:
-                axis.fill(*outline.T, facecolor="#c9d3dd", edgecolor="#8a97a5", lw=0.8, alpha=0.8)
+        _bodies(axis, scene, i, j)
         seen = []
         for rows in found.values():
             positions = rows.part(1, 3)
@@ -133,10 +197,7 @@ def shapes(found: Mapping[str, Rows], instant: int, places: Iterable[Array], sce
             seen.append(positions[np.isfinite(positions).all(axis=(1, 2))].reshape(-1, 3))
         for place in marks:
             axis.plot(place[i], place[j], "o", ms=8, mfc="none", mec=RED, mew=1.6)
-        line = np.concatenate(seen)
-        middle, half = 0.5 * (line.min(axis=0) + line.max(axis=0)), 0.6 * float(np.ptp(line, axis=0).max())
-        axis.set(xlim=(middle[i] - half, middle[i] + half), ylim=(middle[j] - half, middle[j] + half))
-        axis.set(xlabel=f"{'xyz'[i]} [m]", ylabel=f"{'xyz'[j]} [m]", aspect="equal")
+        _frame(axis, np.concatenate(seen), i, j)
     return svg(figure)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from cable_shape.cable.harness import Harness
 from cable_shape.command import study_pictures as pictures
-from cable_shape.command.study_words import best_of, within
+from cable_shape.command.study_words import at_point, best_of, within
 from cable_shape.planning.study_chunk import measured, write
 from cable_shape.planning.study_measure import Measure
 from cable_shape.planning.study_result import StudyResult
@@ -51,10 +51,15 @@ def write_report(found: StudyResult, out: Path, recordings: bool = True) -> list
         if recordings and worst in looked and (path in written or _record(path, *looked[worst])):
             written += [] if path in written else [path]
             body.append(f"<p class='note'>All instants of that point: <code>cable-shape view {path.name}</code></p>")
-    page = f"<!doctype html><html lang='en'><head><meta charset='utf-8'><title>{html.escape(study.name)}</title>"
-    page += f"<style>{_STYLE}</style></head><body>{''.join(body)}</body></html>\n"
-    write(written[0], page.encode())
+    write_page(written[0], study.name, body)
     return written
+
+
+def write_page(file: Path, title: str, body: Sequence[str]) -> None:
+    """Writes one page that needs no other file."""
+    page = f"<!doctype html><html lang='en'><head><meta charset='utf-8'><title>{html.escape(title)}</title>"
+    page += f"<style>{_STYLE}</style></head><body>{''.join(body)}</body></html>\n"
+    write(file, page.encode())
 
 
 def _lead(found: StudyResult) -> str:
@@ -70,7 +75,7 @@ def _lead(found: StudyResult) -> str:
 def _axis(found: StudyResult, i: int) -> str:
     axis, column = found.study.axes[i], found.points[:, i]
     law = f", {axis.law}" if axis.law else ""
-    return f"{axis.name} {column.min():.6g} to {column.max():.6g}{law}"
+    return f"{axis.name} {axis.span(column)}{law}"
 
 
 def _limits(found: StudyResult) -> str:
@@ -89,12 +94,12 @@ def _limits(found: StudyResult) -> str:
             continue
         best, worst = told
         limits = found.limit[:, k]
-        limit = "" if np.isnan(limits).all() else _number(measure, float(np.nanmin(limits)))
+        limit = "" if np.isnan(limits).all() else number(measure, float(np.nanmin(limits)))
         beyond = int(measure.beyond(found.value[:, k], limits).sum())
         cells = [
             f"<td><a href='#m{k}'>{html.escape(measure.name)}</a></td>", f"<td class='n'>{limit}</td>",
-            f"<td class='n'>{_number(measure, found.value[best, k])}</td>", f"<td>{_point(found, best)}</td>",
-            f"<td class='n'>{_number(measure, found.value[worst, k])}</td>", f"<td>{_point(found, worst)}</td>",
+            f"<td class='n'>{number(measure, found.value[best, k])}</td>", f"<td>{_point(found, best)}</td>",
+            f"<td class='n'>{number(measure, found.value[worst, k])}</td>", f"<td>{_point(found, worst)}</td>",
             f"<td class='n'>{found.instant[worst, k]}</td>", f"<td class='n'>{_place(found, worst, k)}</td>",
             f"<td class='n{' bad' if beyond else ''}'>{beyond}</td>", f"<td class='n'>{int((most == k).sum())}</td>",
         ]  # fmt: skip
@@ -128,7 +133,7 @@ def _worst(found: StudyResult, k: int, best: int, worst: int, looked: Mapping[in
         instant = int(found.instant[worst, k])
         place, one = found.place[worst, k], rows[str(found.segment[worst, k])]
         marks = [] if math.isnan(place) else [_at(one, instant, place)]
-        text = f"{_number(measure, found.value[worst, k])} at instant {instant}, {_point(found, worst)}"
+        text = f"{number(measure, found.value[worst, k])} at instant {instant}, {_point(found, worst)}"
         drawn = pictures.shapes(rows, instant, marks, case.scene)
         out.append(f"<figure>{drawn}<figcaption>The worst instant: {text}; ringed where.</figcaption></figure>")
     return "".join(out)
@@ -139,14 +144,13 @@ def _at(rows: Rows, instant: int, place: float) -> Any:
     return np.array([np.interp(place, np.linspace(0.0, rows.cable.length, rows.points), x) for x in positions.T])
 
 
-def _number(measure: Measure, value: float) -> str:
+def number(measure: Measure, value: float) -> str:
     factor, unit = pictures.scaled(measure)
     return "out of reach" if math.isinf(value) else f"{factor * value:.4g} {unit}".strip()
 
 
 def _point(found: StudyResult, point: int) -> str:
-    axes = found.study.axes
-    return html.escape(", ".join(f"{axis.name} {found.points[point, i]:.6g}" for i, axis in enumerate(axes))) or "-"
+    return html.escape(at_point(found.study.axes, found.points[point])) or "-"
 
 
 def _place(found: StudyResult, point: int, k: int) -> str:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from cable_shape.checks import Array
 from cable_shape.planning.study_result import StudyResult
+from cable_shape.planning.study_vary import Axis
 
 
 def summary(found: StudyResult) -> list[str]:
@@ -22,10 +26,15 @@ def summary(found: StudyResult) -> list[str]:
             lines.append(f"  {measure.name:<24} no value")
             continue
         best, worst = told
-        at = ", ".join(f"{axis.name} {found.points[best, i]:.6g}" for i, axis in enumerate(study.axes))
+        at = at_point(study.axes, found.points[best])
         text = f"{found.value[best, k]:.6g} to {found.value[worst, k]:.6g} {measure.unit}".rstrip()
         lines.append(f"  {measure.name:<24} {text}; best at {at}" if at else f"  {measure.name:<24} {text}")
     return lines
+
+
+def at_point(axes: Sequence[Axis], point: Array) -> str:
+    """What varies, and its values there (axes,)."""
+    return ", ".join(f"{axis.name} {axis.shown(value)}" for axis, value in zip(axes, point.tolist(), strict=True))
 
 
 def within(found: StudyResult) -> str:
@@ -41,8 +50,8 @@ def within(found: StudyResult) -> str:
     ranges, at = [], []
     for i, axis in enumerate(found.study.axes):
         column = found.points[good, i]
-        ranges.append(f"{axis.name} {column.min():.6g} to {column.max():.6g}")
-        at.append(f"{axis.name} {found.points[best, i]:.6g}")
+        ranges.append(f"{axis.name} {axis.span(column)}")
+        at.append(f"{axis.name} {axis.shown(found.points[best, i])}")
     text = f"{count} within all limits, {'; '.join(ranges)}. Furthest from its nearest limit is {', '.join(at)}"
     return f"{text}, with {100.0 * float(np.nanmin(used)):.3g} % of it used."
 

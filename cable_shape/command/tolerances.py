@@ -15,6 +15,7 @@ from cable_shape.planning.study_spread import POINTS
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Its options."""
     parser.add_argument("file", type=Path, metavar="STUDY.yaml", help="places with distributions")
+    parser.add_argument("-o", "--out", type=Path, metavar="OUT", help="a folder for a report")
     parser.add_argument("--confidence", type=float, default=0.95, metavar="P", help="of the envelope (0.95)")
     parser.add_argument("--instant", type=int, default=0, metavar="N", help="at which it is told (0)")
     parser.add_argument("--points", type=int, default=POINTS, metavar="N", help=f"of Sobol's samples ({POINTS})")
@@ -34,6 +35,11 @@ def run(arguments: argparse.Namespace) -> int:
     for k, measure in enumerate(study.measures):
         print(f"{measure.name}: standard deviation {found.deviation[k]:.4g} {measure.unit}".rstrip())
         for i in np.argsort(-np.nan_to_num(found.total[k])).tolist():
-            first, total = (100.0 * x[k, i] for x in (found.first, found.total))
-            print(f"  {found.sources[i]:<34} {first:6.1f} % alone, {total:6.1f} % with others")
+            linear, first, total = (100.0 * x[k, i] for x in (found.linear, found.first, found.total))
+            text = f"{linear:6.1f} % to first order, {first:6.1f} % alone, {total:6.1f} % with others"
+            print(f"  {found.sources[i]:<34} {text}")
+    if arguments.out is not None:
+        from cable_shape.command.tolerances_report import write_tolerances_report
+
+        print("written:", write_tolerances_report(study, held, found, arguments.out))
     return 0

@@ -32,7 +32,7 @@ from cable_shape.planning.study_measure import measures_of
 from cable_shape.planning.study_result import StudyResult
 from cable_shape.planning.study_run import run_study
 from cable_shape.planning.study_spread import POINTS, Envelope, Shares, envelope, shares
-from cable_shape.planning.study_vary import Axis, Sample, axis_of, get, points_of, sample_of, varied
+from cable_shape.planning.study_vary import Axis, Sample, axis_of, get, points_of, sample_of
 from cable_shape.planning.study_walk import Rows, walk
 from cable_shape.pose import FreeEnd, Grip, Pose, pose_entry
 from cable_shape.scene.scene import Scene
@@ -118,7 +118,7 @@ class Study:
             get(self.values, axis.name)
         self.sample: Sample = sample_of(self.values.get("sample"))
         self.at = checks.one_of("at", self.values.get("at", "worst"), AT)
-        self.cases = Cases(self.values, [axis.name for axis in self.axes], self.folder)
+        self.cases = Cases(self.values, self.axes, self.folder)
         self.measures = self._measures()
         self._chunk = checks.integer("chunk", self.values.get("chunk", 0), at_least=0)
 
@@ -183,9 +183,9 @@ class Study:
     @cached_property
     def beside(self) -> Beside | None:
         """What solves its points from the one in their middle, where tolerances vary; None: each by itself."""
-        names, middle = [axis.name for axis in self.axes], [axis.middle for axis in self.axes]
+        middle = [axis.middle for axis in self.axes]
         try:
-            return beside_of(self.cases.at(middle), varied(self.values, names, middle), self.axes)
+            return beside_of(self.cases.at(middle), self.cases.told(middle), self.axes)
         except ArgumentError:
             return None
 

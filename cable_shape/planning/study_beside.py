@@ -25,9 +25,8 @@ from cable_shape.kernels.safety import follow_rows, sample_rows
 from cable_shape.kernels.safety import loads_used as margins
 from cable_shape.planning.study_case import Case
 from cable_shape.planning.study_vary import Axis
-from cable_shape.planning.study_walk import Rows, follows, judged_by
+from cable_shape.planning.study_walk import Rows, follows, judged_by, predictor_of
 from cable_shape.pose import FreeEnd, Grip, Pose, multiply, rotate
-from cable_shape.prediction.predictor import Predictor
 from cable_shape.scene.scene_parts import clip_names
 from cable_shape.shape import Status
 from cable_shape.solve import cosserat
@@ -240,7 +239,7 @@ def beside_of(case: Case, values: Mapping[str, Any], axes: Sequence[Axis]) -> Be
     pair = not isinstance(told.get("bending_stiffness"), (int, float))
     if "youngs_modulus" in told or (pair and any(axis.name == "cable.bending_stiffness" for axis in axes)):
         return None
-    predictor = Predictor(case.cable.cable, scene=case.scene, **case.options)
+    predictor = predictor_of(case)
     if not follows(case, predictor):
         return None
     problem = predictor.problem

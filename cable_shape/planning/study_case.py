@@ -15,7 +15,7 @@ from cable_shape.cable.harness import Harness
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.planning.paths import EndsPath, GripPath, JointPath, Motion
-from cable_shape.planning.study_vary import varied
+from cable_shape.planning.study_vary import Axis, varied
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.robots.robot import Robot
 from cable_shape.scene.scene import Scene
@@ -52,10 +52,15 @@ class Case(NamedTuple):
 class Cases:
     """The cases of one study. What no point changes is made once."""
 
-    def __init__(self, values: Mapping[str, Any], names: Sequence[str], folder: Path) -> None:
-        self.values, self.names, self.folder = values, tuple(names), folder
+    def __init__(self, values: Mapping[str, Any], axes: Sequence[Axis], folder: Path) -> None:
+        self.values, self.axes, self.folder = values, tuple(axes), folder
+        self.names = tuple(axis.name for axis in axes)
         self._kept: dict[str, Any] = {}
         self.robot = None if values.get("robot") is None else Robot.from_yaml(folder / str(values["robot"]))
+
+    def told(self, row: Sequence[float]) -> dict[str, Any]:
+        """The study's mapping with these values in what varies."""
+        return varied(self.values, self.names, [axis.told(x) for axis, x in zip(self.axes, row, strict=True)])
 
     def at(self, row: Sequence[float]) -> Case:
         """The case with these numbers for what varies.
@@ -65,7 +70,7 @@ class Cases:
         ArgumentError
             If there is none: a clip beyond the end of its cable, say.
         """
-        values = varied(self.values, self.names, row)
+        values = self.told(row)
         cable = self._part("cable harness", values, self._cable)
         scene = self._part("scene", values, lambda v: scene_of(v.get("scene"), self.folder) or Scene())
         options = {key: values[key] for key in OPTION_KEYS if values.get(key) is not None}
@@ -78,7 +83,7 @@ class Cases:
 
     def instants_at(self, row: Sequence[float]) -> int:
         """How many instants there are at a point, or would be if it had a case."""
-        motion = varied(self.values, self.names, row).get("motion") or {}
+        motion = self.told(row).get("motion") or {}
         if motion.get("instants") is not None:
             return checks.integer("motion.instants", motion["instants"], at_least=1, at_most=MOST_INSTANTS)
         return self.at(row).instants

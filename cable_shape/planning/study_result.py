@@ -114,7 +114,7 @@ class StudyResult:
     def columns(self) -> dict[str, NDArray[Any]]:
         """The table of the worst instants: a row a point."""
         out: dict[str, Any] = {"point": np.arange(len(self))}
-        out |= {axis.name: self.points[:, i] for i, axis in enumerate(self.study.axes)}
+        out |= {axis.name: axis.column(self.points[:, i]) for i, axis in enumerate(self.study.axes)}
         out |= {"within": self.within, "instants": self.instants, "usable": self.usable, "snapped": self.snapped}
         out |= {"first_without_shape": self.first, "reason": np.array([self.why(i) for i in range(len(self))])}
         for k, measure in enumerate(self.study.measures):
@@ -133,7 +133,7 @@ class StudyResult:
             raise ArgumentError("at: every instant is kept only by a study with at='all'. Write at: all.")
         p, m, _ = self.over.shape
         out: dict[str, Any] = {"point": np.repeat(np.arange(p), m), "instant": np.tile(np.arange(m), p)}
-        out |= {axis.name: np.repeat(self.points[:, i], m) for i, axis in enumerate(self.study.axes)}
+        out |= {axis.name: np.repeat(axis.column(self.points[:, i]), m) for i, axis in enumerate(self.study.axes)}
         out |= {measure.name: self.over[:, :, k].ravel() for k, measure in enumerate(self.study.measures)}
         return out
 

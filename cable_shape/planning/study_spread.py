@@ -13,12 +13,14 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple, TypeVar, final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cable_shape import checks
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.planning.study_chunk import TOGETHER, Chunk, solve_chunk
 from cable_shape.planning.study_result import Question, joined
+from cable_shape.planning.study_slopes import Asked, slopes
 from cable_shape.planning.study_vary import points_of
 from cable_shape.planning.study_walk import walk
 
@@ -36,6 +38,10 @@ class Shares(NamedTuple):
     measures : names
     first, total : (measures, sources), Sobol indices; NaN where a measure does not vary
     deviation : (measures,), standard deviation of each measure's worst value, in its unit
+    linear : (measures, sources), shares to first order, from derivatives: all that a small spread needs
+    slope : (measures, sources), these derivatives, of the worst instant in the middle of all distributions
+    exact : (measures, sources), whether one is from the derivative of the shape, see
+        :func:`cable_shape.planning.study_slopes.slopes`, and not from differences
     solves : points that were solved for
     """
 
@@ -44,6 +50,9 @@ class Shares(NamedTuple):
     first: Array
     total: Array
     deviation: Array
+    linear: Array
+    slope: Array
+    exact: NDArray[np.bool_]
     solves: int
 
 
@@ -107,7 +116,24 @@ def shares(study: Question, points: int = POINTS, seed: int = 0) -> Shares:
     first, total = (np.atleast_2d(x).copy() for x in (found.first_order, found.total_order))
     first[~known], total[~known] = math.nan, math.nan
     names = tuple(axis.name for axis in study.axes), tuple(measure.name for measure in study.measures)
-    return Shares(*names, first, total, deviation, solves)
+    share, slope, exact = linear(study)
+    return Shares(*names, first, total, deviation, share, slope, exact, solves)
+
+
+def linear(study: Question) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """(measures, sources): shares to first order, derivatives in the middle of all distributions, whether exact."""
+    middle = np.array([axis.middle for axis in study.axes])
+    spread = np.array([axis.spread for axis in study.axes])
+    told = solve_chunk(study.cases, study.measures, middle[None], False)
+    asked = [Asked(m, int(instant)) for m, instant in enumerate(told.instant[0]) if instant >= 0]
+    found = slopes(study, middle, asked, spread, range(len(middle)))
+    slope = np.full((len(study.measures), len(middle)), math.nan)
+    exact = np.zeros(slope.shape, np.bool_)
+    which = [one.measure for one in asked]
+    slope[which], exact[which] = found.slope, found.exact
+    parts = (slope * spread) ** 2
+    with np.errstate(invalid="ignore"):
+        return np.asarray(parts / parts.sum(axis=1, keepdims=True)), slope, exact
 
 
 def envelope(study: Question, confidence: float = 0.95, instant: int = 0) -> Envelope:

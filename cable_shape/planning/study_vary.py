@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cable_shape import checks
 from cable_shape.checks import Array
@@ -30,7 +31,8 @@ _EDGE = 1e-12
 class Axis(NamedTuple):
     """One thing that varies: a list of values, or a distribution.
 
-    name: where it is; values (k,), or empty; law: "normal" (mean, standard deviation) or "uniform" (from, to).
+    name: where it is; values (k,), or empty; law: "normal" (mean, standard deviation) or "uniform" (from, to). words:
+    what the values 0, 1, .. stand for where it takes words, as kinds of grips and clips are.
     """
 
     name: str
@@ -38,6 +40,25 @@ class Axis(NamedTuple):
     law: str = ""
     a: float = math.nan
     b: float = math.nan
+    words: tuple[str, ...] = ()
+
+    def told(self, value: float) -> float | str:
+        """What stands in the file for a value."""
+        return self.words[int(value)] if self.words else float(value)
+
+    def shown(self, value: float) -> str:
+        """The same to be read."""
+        return self.words[int(value)] if self.words else f"{value:.6g}"
+
+    def column(self, values: Array) -> NDArray[Any]:
+        """The same of many, as a table has them."""
+        return np.array([self.words[int(x)] for x in values.tolist()]) if self.words else values
+
+    def span(self, values: Array) -> str:
+        """From where to where values (k,) go, or which words they are."""
+        if self.words:
+            return ", ".join(self.shown(x) for x in np.unique(values).tolist())
+        return f"{values.min():.6g} to {values.max():.6g}"
 
     def at(self, shares: Array) -> Array:
         """Values at cumulative shares (k,) of a distribution."""
@@ -86,6 +107,10 @@ def axis_of(name: str, told: Any) -> Axis:
     where = f"vary.{name}"
     if not isinstance(told, Mapping):
         remedy = "Write a list of numbers, {from: .., to: .., step: ..} or {normal: [mean, deviation]}."
+        if isinstance(told, (list, tuple)) and told and all(isinstance(one, str) for one in told):
+            if len(set(told)) < len(told):
+                raise ArgumentError.of(where, told, "a word is named twice", "Keep one.")
+            return Axis(name, np.arange(float(len(told))), words=tuple(told))
         values = checks.numbers(where, told, remedy)
         if values.ndim != 1 or not values.size:
             raise ArgumentError.of(where, told, "it must be a list of at least one number", remedy)
@@ -146,8 +171,8 @@ def points_of(axes: Sequence[Axis], sample: Sample) -> Array:
     return np.column_stack([columns[axis.name] for axis in axes]) if axes else np.empty((1, 0))
 
 
-def varied(values: Mapping[str, Any], names: Sequence[str], row: Sequence[float]) -> dict[str, Any]:
-    """A copy of a study's mapping with these numbers in their places.
+def varied(values: Mapping[str, Any], names: Sequence[str], row: Sequence[float | str]) -> dict[str, Any]:
+    """A copy of a study's mapping with these numbers or words in their places.
 
     Raises
     ------
@@ -156,12 +181,12 @@ def varied(values: Mapping[str, Any], names: Sequence[str], row: Sequence[float]
     """
     out: dict[str, Any] = dict(values)
     for name, value in zip(names, row, strict=True):
-        put(out, name, float(value))
+        put(out, name, value)
     return out
 
 
-def put(values: dict[str, Any], name: str, number: float) -> None:
-    """Puts a number in its place; what lies on the way there is copied, and nothing else."""
+def put(values: dict[str, Any], name: str, number: float | str) -> None:
+    """Puts a number or a word in its place; what lies on the way there is copied, and nothing else."""
     keys = name.split(".")
     inside: Any = values
     for i, key in enumerate(keys):

@@ -147,22 +147,13 @@ def walk(case: Case) -> dict[str, Rows]:
     """The rows of a case by segment; of a cable under the name ""."""
     if isinstance(case.cable, Harness):
         return _harness(case, case.cable)
-    cable, start = case.cable.cable, case.held["start"]
-    assert isinstance(start, Grip)
-    predictor = Predictor(
-        cable,
-        scene=case.scene,
-        robot_links=() if case.robot is None else case.robot.link_geometry,
-        gripping_links=() if case.robot is None else case.robot.gripping_links,
-        **case.options,
-    )
-    problem = predictor.problem
-    rows = Rows(cable, case.scene, case.robot, case.instants, problem.points, clip_names(problem.clips))
+    predictor = predictor_of(case)
+    rows = rows_of(case, predictor)
     if follows(case, predictor):
-        _Followed(case, rows, problem).run()
+        Followed(case, rows, predictor.problem).run()
     else:
         judged = judged_by(rows, isinstance(case.held["end"], Grip), np.empty((0, 4)))
-        watch, near_nothing = MarginWatch(cable, Scene()), Clearance()
+        watch, near_nothing = MarginWatch(predictor.cable, Scene()), Clearance()
         for i in range(case.instants):
             links = None if case.links is None else case.links[i]
             shape = predictor.predict(*_ends(case, i), links)
@@ -171,6 +162,24 @@ def walk(case: Case) -> dict[str, Rows]:
             if watch.stability is not None:
                 rows.margins[i, margins.STABILITY] = (*watch.stability[1:5], math.nan)
     return {"": rows}
+
+
+def predictor_of(case: Case) -> Predictor:
+    """What solves for a case of one cable."""
+    assert not isinstance(case.cable, Harness)
+    return Predictor(
+        case.cable.cable,
+        scene=case.scene,
+        robot_links=() if case.robot is None else case.robot.link_geometry,
+        gripping_links=() if case.robot is None else case.robot.gripping_links,
+        **case.options,
+    )
+
+
+def rows_of(case: Case, predictor: Predictor) -> Rows:
+    """Room for its shapes."""
+    problem = predictor.problem
+    return Rows(problem.cable, case.scene, case.robot, case.instants, problem.points, clip_names(problem.clips))
 
 
 def follows(case: Case, predictor: Predictor) -> bool:
@@ -221,7 +230,7 @@ def _ends(case: Case, instant: int) -> tuple[Grip, Grip | FreeEnd]:
 
 
 @final
-class _Followed:
+class Followed:
     """A rod that touches nothing, and is followed in compiled code where that is enough."""
 
     def __init__(self, case: Case, rows: Rows, problem: Problem) -> None:
@@ -234,8 +243,16 @@ class _Followed:
         if case.links is not None:
             self.links = np.array([_link_rows(rows, links) for links in case.links])
 
-    def run(self) -> None:
-        """Fills all rows."""
+    def run(self, state: Network | None = None) -> None:
+        """Fills all rows, the first from what `state` remembers of a cable that differs little, or from nothing."""
+        ends = _ends(self.case, 0)
+        if state is None:
+            state = Network(self.problem.move(*ends))
+        else:
+            state.take(self.problem.move(*ends))
+        state.aim(*ends)
+        self.state = state
+        self.judged = self.judged._replace(held=isinstance(ends[1], Grip), masses=state.masses(ends[1]))
         i = 0
         while i < len(self.rows):
             state = self._solve(i)
@@ -250,11 +267,8 @@ class _Followed:
         rows, ends = self.rows, _ends(self.case, i)
         problem = self.problem
         problem.move(*ends)
-        if self.state is None:
-            self.state = Network(problem)
-            self.state.aim(*ends)
-            self.judged = self.judged._replace(held=isinstance(ends[1], Grip), masses=self.state.masses(ends[1]))
         state = self.state
+        assert state is not None
         shape = cosserat.solve(problem, state)
         rows.take(i, shape, self.judged, self.links[i])
         if shape.status is not Status.OK or state.history == 0 or state.rolls:

@@ -50,7 +50,7 @@ _UNMOVED = 0.2
 _FEWEST_POINTS = 20
 #: Kinks of a load nearer to an eyelet than this fraction of the length are no nodes.
 _BESIDE = 1e-5
-#: Change of a cable's length, as a fraction, beyond which the last solution is no start.
+#: Change of a cable's length and of its supports' arc lengths, as a fraction of it, beyond which nothing is kept.
 _LENGTHENED = 0.02
 
 _structure = lru_cache(maxsize=256)(structure_of)
@@ -156,18 +156,18 @@ class Network:
         if self.length == 0.0:
             return
         kinds = tuple(clip.kind for clip in problem.clips)
-        alike = kinds == self._clips and abs(length - self.length) <= _LENGTHENED * self.length
-        if alike and kinds:
-            fixed = [i for i, kind in enumerate(("", *kinds, "")) if kind != "slide"]
-            alike = length == self.length and np.array_equal(arcs[fixed], self.arcs[fixed])
+        fixed = [i for i, kind in enumerate(("", *kinds, "")) if kind != "slide"]
+        alike = kinds == self._clips and np.abs(arcs[fixed] - self.arcs[fixed]).max() <= _LENGTHENED * self.length
+        moved = alike and not np.array_equal(arcs[fixed], self.arcs[fixed])
+        if moved and self.rings:
+            alike = False
         if not alike:
             self.history = self.elements = 0
             return
         if self.rings:
             arcs[self.rings] = (self.bounds() if self.history else self.arcs)[self.rings]
-        if self.elements and length != self.length:
-            self.nodes *= length / self.length
-            self.nodes[-1] = length
+        if self.elements and moved:
+            self.nodes[:] = np.interp(self.nodes, self.arcs, arcs)
             self.history = min(self.history, 1)
 
     def aim(self, start: Grip, end: Grip | FreeEnd, trial: bool = False) -> Array:

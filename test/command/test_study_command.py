@@ -95,11 +95,20 @@ def test_a_space_and_an_animation(tmp_path: Path, capsys: pytest.CaptureFixture[
 
 
 def test_tolerances_and_the_best_point(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["tolerances", str(EXAMPLES / "tolerances.yaml"), "--points", "16"]) == 0
+    out = tmp_path / "tolerances"
+    assert main(["tolerances", str(EXAMPLES / "tolerances.yaml"), "--points", "16", "-o", str(out)]) == 0
     told = capsys.readouterr().out
     assert re.search(r"95 % of 1024 shapes are within [\d.]+ mm", told)
     assert len(re.findall(r"% alone,", told)) == 3 * 5
-    assert main(["optimise", str(EXAMPLES / "clips.yaml"), "--grid", "3", "--starts", "1", "--precision", "0.05"]) == 0
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert page.count("<svg") == 1 + 3
+    assert page.count(">exact<") == 2 * 5
+    out = tmp_path / "best"
+    options = ["--grid", "3", "--starts", "1", "--precision", "0.05", "-o", str(out)]
+    assert main(["optimise", str(EXAMPLES / "clips.yaml"), *options]) == 0
     told = capsys.readouterr().out
     assert re.search(r"[\d.]+ % of a limit is used at most, by ", told)
     assert "scene.clips.leg.arc_length" in told
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert page.count("<svg") >= 2 + 1
+    assert not re.search(r"(?:src|href)=.https?:", page)

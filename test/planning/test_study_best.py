@@ -17,6 +17,10 @@ def test_the_best_length_is_that_of_a_fine_scan():
     assert found.point[0] == pytest.approx(scan.points[used.argmin(), 0], abs=5e-4)
     assert found.used <= used.min() + 1e-6
     assert found.limiting
+    assert found.shapes > 0
+    assert 0.0 < found.exact < 1.0
+    assert len(found.starts) == 3
+    assert np.ptp(found.starts) < 1e-3  # wherever it begins
     assert found.solves < len(scan) / 4
     assert found.value[0] == pytest.approx(scan.value[used.argmin(), 0], rel=0.02)
 
@@ -31,6 +35,33 @@ def test_two_places_at_once():
     scan = study(measure=LIMITS, vary=finer).run(workers=1)
     used = np.where(scan.complete, np.fmax.reduce(scan.used, axis=1), np.inf)
     assert found.used <= used.min() + 1e-4
+
+
+def test_a_kind_of_clip_is_chosen():
+    vary = {"scene.clips.mid.kind": ["ball", "fixed", "hinge"], "cable.length": {"from": 1.22, "to": 1.38, "count": 2}}
+    found = study(measure=LIMITS, vary=vary).best(grid=5, starts=4)
+    least = []
+    for kind in ("ball", "fixed", "hinge"):
+        clips = [{**FILE["scene"]["clips"][0], "kind": kind}]
+        alone = study(
+            measure=LIMITS, scene={**FILE["scene"], "clips": clips}, vary={"cable.length": vary["cable.length"]}
+        )
+        least.append(alone.best(grid=5, starts=4).used)
+    assert found.used == pytest.approx(min(least), abs=1e-6)
+    assert found.point[0] == int(np.argmin(least))
+    assert np.ptp(least) > 0.01
+
+
+def test_words_are_told_as_words(tmp_path):
+    asked = study(vary={"scene.clips.mid.kind": ["ball", "fixed"], "start.kind": ["clamped", "pinned"]}, measure=LIMITS)
+    found = asked.run(workers=1)
+    assert found.columns()["scene.clips.mid.kind"].tolist() == ["ball", "ball", "fixed", "fixed"]
+    assert found.columns()["start.kind"].tolist() == ["clamped", "pinned"] * 2
+    assert len(np.unique(found.value[:, 0])) == 4
+    assert "ball" in found.save(tmp_path / "table.csv").read_text()
+    wrong = study(vary={"scene.clips.mid.kind": ["ball", "glued"]}, measure=LIMITS).run(workers=1)
+    assert wrong.complete.tolist() == [True, False]
+    assert "glued" in wrong.why(1)
 
 
 @pytest.mark.parametrize(
