@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from cable_shape.command.study_file import read_study
 from cable_shape.errors import ArgumentError
-from cable_shape.files.files import find_file
 from cable_shape.planning.study import Study
 from cable_shape.planning.study_case import Case
 from cable_shape.planning.study_walk import Rows, walk
@@ -19,9 +19,7 @@ def followed(file: Path) -> tuple[Study, Case, dict[str, Rows]]:
     ArgumentError
         If an instant has no usable shape.
     """
-    whole = Study.from_yaml(find_file(file))
-    values = {key: value for key, value in whole.values.items() if key not in ("vary", "sample", "measure")}
-    study = Study(**values, folder=whole.folder)
+    study = read_study(file, without=("vary", "sample", "measure"))
     case = study.cases.at([])
     found = walk(case)
     for rows in found.values():

@@ -5,8 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from cable_shape.files.files import find_file
-from cable_shape.planning.study import Study
+from cable_shape.command.study_file import add_function, read_study
 from cable_shape.planning.study_best import GRID, STARTS
 
 
@@ -17,11 +16,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--precision", type=float, default=1e-4, metavar="X", help="of the range of each place (1e-4)")
     parser.add_argument("--grid", type=int, default=GRID, metavar="N", help=f"points for each place at first ({GRID})")
     parser.add_argument("--starts", type=int, default=STARTS, metavar="N", help=f"of its best go on ({STARTS})")
+    add_function(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Says where it is and what limits it there."""
-    study = Study.from_yaml(find_file(arguments.file))
+    study = read_study(arguments.file, arguments.function)
     found = study.best(precision=arguments.precision, grid=arguments.grid, starts=arguments.starts)
     for axis, value in zip(study.axes, found.point.tolist(), strict=True):
         print(f"  {axis.name:<32} {axis.shown(value)}")

@@ -7,8 +7,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from cable_shape.command.study_file import add_function, read_study
 from cable_shape.command.study_words import summary
-from cable_shape.files.files import find_file
 from cable_shape.planning.study import Study
 from cable_shape.planning.study_result import StudyResult
 
@@ -24,11 +24,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--format", choices=FORMATS, default="csv", help="of the tables (csv)")
     parser.add_argument("--no-report", action="store_true", help="write the tables only")
     parser.add_argument("--no-rrd", action="store_true", help="write no recordings of worst points")
+    add_function(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Solves what is left, writes everything, and says what was found."""
-    study = Study.from_yaml(find_file(arguments.file))
+    study = read_study(arguments.file, arguments.function)
     with _Progress(study) as progress:
         try:
             found = study.run(

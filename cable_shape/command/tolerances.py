@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cable_shape.files.files import find_file
-from cable_shape.planning.study import Study
+from cable_shape.command.study_file import add_function, read_study
 from cable_shape.planning.study_spread import POINTS
 
 
@@ -19,11 +18,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--confidence", type=float, default=0.95, metavar="P", help="of the envelope (0.95)")
     parser.add_argument("--instant", type=int, default=0, metavar="N", help="at which it is told (0)")
     parser.add_argument("--points", type=int, default=POINTS, metavar="N", help=f"of Sobol's samples ({POINTS})")
+    add_function(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Says how wide the envelope is and what each source does."""
-    study = Study.from_yaml(find_file(arguments.file))
+    study = read_study(arguments.file, arguments.function)
     held = study.envelope(arguments.confidence, arguments.instant)
     for name, radius in held.radius.items():
         at = int(radius.argmax())

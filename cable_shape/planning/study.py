@@ -21,7 +21,7 @@ from cable_shape.cable.cable import Cable
 from cable_shape.cable.cable_file import CableFile
 from cable_shape.cable.harness import Harness
 from cable_shape.checks import Array
-from cable_shape.errors import ArgumentError
+from cable_shape.errors import ArgumentError, UnknownKeyError
 from cable_shape.files.files import path_of
 from cable_shape.planning.paths import EndsPath, GripPath
 from cable_shape.planning.study_beside import Beside, beside_of
@@ -119,6 +119,7 @@ class Study:
         self.sample: Sample = sample_of(self.values.get("sample"))
         self.at = checks.one_of("at", self.values.get("at", "worst"), AT)
         self.cases = Cases(self.values, self.axes, self.folder)
+        self._check_keys()
         self.measures = self._measures()
         self._chunk = checks.integer("chunk", self.values.get("chunk", 0), at_least=0)
 
@@ -134,6 +135,15 @@ class Study:
             self.values["scene"] = Scene.from_yaml(self.folder / path_of(told, "scene")).as_dict()
         elif isinstance(told, Mapping):
             self.values["scene"] = Scene.from_mapping(told, folder=self.folder).as_dict()
+
+    def _check_keys(self) -> None:
+        """Refuses names that mean nothing; a point without a case, a clip beyond the end, is told when it is solved."""
+        try:
+            self.cases.at([axis.middle for axis in self.axes])
+        except UnknownKeyError:
+            raise
+        except ArgumentError:
+            return
 
     def _measures(self) -> Any:
         """What is measured, held against the bodies and clips that there are at the first point."""
