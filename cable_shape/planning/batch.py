@@ -37,10 +37,12 @@ from cable_shape.safety.clearance import ClearanceChecker
 from cable_shape.safety.margins import MarginWatch
 from cable_shape.safety.report import LOAD_MARGINS
 from cable_shape.scene.scene import Scene
-from cable_shape.shape import NUMBERS_PER_POINT, Status
+from cable_shape.shape import NUMBERS_PER_POINT, CableShape, Status
 from cable_shape.solve import cosserat
+from cable_shape.solve.answers import Solved
 from cable_shape.solve.network import Network
 from cable_shape.solve.problem import GRAVITY
+from cable_shape.uncertainty.tube_watch import TubeWatch
 from cable_shape.uncertainty.uncertainty import Uncertainty
 
 MOST_THREADS = 1024
@@ -105,8 +107,8 @@ def predict_batch(  # type: ignore[misc]
         [s]; after it what is done is returned, see `done` and `partial`; looked at between tasks of some 10 ms.
     uncertainty : Uncertainty, optional
         Gives every row a tube, to first order in all that is not known, see `ShapeBatch.radius`; distances and what
-        they use of their margins are those of the tube then. Of the rod, without eyelets and contact. The poses
-        that are not exactly known are those of `starts` and `ends`.
+        they use of their margins are those of the tube then. Of the rod. The poses that are not exactly known are those
+        of `starts` and `ends`. Rows in eyelets, of sections or in contact take two shapes more for every direction.
 
     Raises
     ------
@@ -131,15 +133,8 @@ def predict_batch(  # type: ignore[misc]
         raise ArgumentError("ends is missing. Write predict_batch(cable, starts, ends); None is a free end.")
     if kinds is not None:
         raise ArgumentError.of("kinds", kinds, "a cable has two ends", "Write start_kind=.., end_kind=...")
-    predictor = Predictor(
-        cable,
-        model=model,
-        gravity=gravity,
-        points=points,
-        tolerance=tolerance,
-        scene=scene,
-        distributed_load=distributed_load,
-    )
+    options = {"gravity": gravity, "points": points, "scene": scene, "distributed_load": distributed_load}
+    predictor = Predictor(cable, model=model, tolerance=tolerance, **options)
     if threads is None:
         threads = len(os.sched_getaffinity(0))
     deadline = math.inf
@@ -156,7 +151,7 @@ def predict_batch(  # type: ignore[misc]
     free = FreeEnd() if ends is None else ends if isinstance(ends, FreeEnd) else None
     how = start_kind, end_kind if free is None else free
     others = poses.copy() if isinstance(ends, FreeEnd) or ends is None else pose_table("ends", ends)
-    work = _Work(predictor, poses, others, how, acceleration, deadline, uncertainty)
+    work = _Work(predictor, poses, others, how, acceleration, deadline, uncertainty, options)
     if work.network is not None:
         work.solve_cells(threads)
     work.solve_left()
@@ -186,6 +181,7 @@ class _Work:
         acceleration: ArrayLike | None,
         deadline: float,
         uncertainty: Uncertainty | None,
+        options: Mapping[str, Any],
     ) -> None:
         if starts.shape != ends.shape:
             raise ArgumentError.of(
@@ -205,8 +201,11 @@ class _Work:
         alone = scene.contact == "solve" or any(clip.kind == "slide" for clip in problem.clips) or bool(cable.sections)
         self.network = None if alone or not rod else self._shared()
         if uncertainty is not None:
-            check_tube(uncertainty, predictor, self.network)
+            check_tube(uncertainty, predictor)
         self.tube = BatchTube(self.network, uncertainty)
+        self.beside: TubeWatch | None = None  # of rows that are solved one by one
+        if uncertainty is not None and self.network is None:
+            self.beside = TubeWatch(cable, uncertainty, **options)
         judged = [] if scene.contact == "off" else [body for body in scene.obstacles if body.link is None]
         self.checker = ClearanceChecker(
             Scene(obstacles=judged, warn_distance=scene.warn_distance, error_distance=scene.error_distance),
@@ -338,13 +337,14 @@ class _Work:
         """A row from nothing."""
         batch = self.batch
         start, end = self._grips(Pose.trusted(self.starts[row]), Pose.trusted(self.ends[row]))
-        state = None
+        state: Solved | None
         if self.network is not None:
             state = Network(self.problem)
             shape = cosserat.solve(self.problem.move(start, end), state)
         else:
             self.predictor.reset()
             shape = self.predictor.predict(start, end, acceleration=self.acceleration)
+            state = self.predictor.rod_state
         batch.buffer[row] = shape.buffer
         info = batch.info[row]
         info[:] = math.nan
@@ -364,8 +364,9 @@ class _Work:
         if shape.detail:
             batch.details[row] = shape.detail
         swell = None
-        if batch.radius is not None and state is not None and shape.status:
-            swell = batch.radius[row] = self.tube.radius(state, shape)
+        if batch.radius is not None and shape.status:
+            swell = self._radius(state, shape, start, end)
+            batch.radius[row] = math.nan if swell is None else swell
         clearance = self.checker.check(shape, swell=swell)
         batch.tables[row] = math.nan if clearance.table is None else clearance.table
         rows = batch.margin_rows[row]
@@ -378,6 +379,15 @@ class _Work:
             column = columns[margin.other or margin.kind]
             rows[column, : margins.TIME] = margin.used, margin.limit, margin.value, margin.arc_length
         batch.done[row] = True
+
+    def _radius(self, state: Solved | None, shape: CableShape, start: Grip, end: Grip | FreeEnd) -> Array | None:
+        """(points,) [m], of the tube of a row's shape; None where there is none."""
+        if self.beside is None:
+            assert isinstance(state, Network)
+            return self.tube.radius(state, shape)
+        self.beside.reset()
+        tube = self.beside.tube(self.predictor, shape, (start, end), None, self.acceleration)
+        return None if tube is None else tube.radius
 
 
 def _several(told: beside.Told, keys: Rows) -> NDArray[np.bool_]:

@@ -62,17 +62,13 @@ class BatchTube:
         return out
 
 
-def check_tube(uncertainty: Uncertainty, predictor: Predictor, network: Network | None) -> None:
+def check_tube(uncertainty: Uncertainty, predictor: Predictor) -> None:
     """Refuses what has no tube in a batch."""
     if not isinstance(uncertainty, Uncertainty):
         raise ArgumentError.of("uncertainty", uncertainty, "it must be an Uncertainty", "Write Uncertainty({...}).")
     if predictor.model not in ("cosserat", "auto") or predictor.cable.mean_bending_stiffness == 0.0:
         bound = f"only the Cosserat rod knows how its shapes change, not model {predictor.model!r} of this cable"
         remedy = "Choose 'cosserat' or 'auto' and a bending stiffness above 0 N m^2, or leave the uncertainty out."
-        raise ArgumentError.of("uncertainty", "given", bound, remedy)
-    if network is None:
-        bound = "in a batch it is not known in clips of kind 'slide', of sections, nor with contact='solve'"
-        remedy = "Take Cycle(..., uncertainty=...) row by row, or leave these clips, sections and contact out."
         raise ArgumentError.of("uncertainty", "given", bound, remedy)
 
 
