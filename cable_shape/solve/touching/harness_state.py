@@ -251,7 +251,7 @@ class HarnessTouchState(TouchState):
         networks = [HarnessNetwork(other) for other in others]
         for network in networks:
             network.aim()
-            pieces = network.held[network.place_of_pieces].reshape(-1, tables.PIECE)
+            pieces = network.held[network.parts.piece].reshape(-1, tables.PIECE)
             pieces[:, material.COMPLIANCE + 2] = self.stretch
         made, everywhere = np.array([one.held for one in networks]), np.tile(still, (len(cables), 1))
         models: Array = respond.neighbours(self.net, self.s, made, still, everywhere)
