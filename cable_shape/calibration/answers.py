@@ -10,8 +10,7 @@ from cable_shape.calibration.ends import moving, velocities
 from cable_shape.calibration.parameters import Parameters
 from cable_shape.checks import Array
 from cable_shape.pose import FreeEnd, Grip
-from cable_shape.solve.answers import Changes, answers, sensitivity
-from cable_shape.solve.network import Network
+from cable_shape.solve.answers import Changes, Solved, answers, sensitivity
 
 #: Cables beside one are this far from it, in steps of finite differences of whole shapes: nothing is solved for there,
 #: so that the gradient's rounding is all that counts.
@@ -52,7 +51,7 @@ class Answers:
         """
         return velocities(self._parameters, self._values, self._ends, start, end) @ self._whole[:, self._ends].T
 
-    def moves(self, state: Network, start: Grip, end: Grip | FreeEnd) -> Array:
+    def moves(self, state: Solved, start: Grip, end: Grip | FreeEnd) -> Array:
         """(n, 3, m): change of the last solution's positions, at the same share of the length."""
         out = np.zeros((state.problem.points, 3, len(self._whole)))
         if self._ends:

@@ -97,7 +97,7 @@ def calibrate(
     gravity : (3,) array_like
         [m/s^2], world.
     scene : Scene, optional
-        Its clips held the cable, its masses loaded it; its obstacles did not touch it.
+        Its clips held the cable, its masses loaded it, and with ``contact="solve"`` it lay on its obstacles.
     proceed : callable, optional
         Is asked before each iteration, with its number and the scale of the misses [m], whether to go on. If not, the
         result is where the fit is then, not converged.

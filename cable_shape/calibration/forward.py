@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
-from typing import Any, final
+from typing import Any, NamedTuple, final
 
 import numpy as np
 
@@ -14,9 +14,8 @@ from cable_shape.calibration.parameters import Parameters, held
 from cable_shape.checks import Array
 from cable_shape.kernels.distance.misses import changes, misses
 from cable_shape.pose import Grip
+from cable_shape.prediction.solvers import Rod
 from cable_shape.shape import CableShape
-from cable_shape.solve import cosserat
-from cable_shape.solve.network import Network
 from cable_shape.solve.problem import Problem
 
 #: Points of a centreline that observed points are compared with; between them it is cubic.
@@ -25,6 +24,14 @@ POINTS = 101
 TOLERANCE = 1e-6
 #: [1], of the length, root mean square: what differs by less is the same.
 NOISE = 1e-6
+
+
+class _Followed(NamedTuple):
+    """A rod with the problem that it has solved, and the shape."""
+
+    rod: Rod
+    problem: Problem
+    shape: CableShape
 
 
 @final
@@ -42,8 +49,8 @@ class Forward:
         self.parameters = parameters
         self.observations = list(observations)
         self._loads = loads
-        self._from: list[Network | None] = [None] * len(self.observations)  # where shapes are followed from
-        self._states: list[Network | None] = self._from.copy()  # with the last values
+        self._from: list[_Followed | None] = [None] * len(self.observations)  # where shapes are followed from
+        self._states: list[_Followed | None] = self._from.copy()  # with the last values
         self._lags: list[Array | None] = [None] * len(self.observations)  # loads of damping
         self._last: tuple[Array, list[CableShape]] | None = None  # values, and all shapes with them
 
@@ -63,7 +70,7 @@ class Forward:
         nothing: list[None] = [None] * len(self.observations)
         self._from, self._lags, self._last = [*nothing], [*nothing], None
         misses = self.misses(values)
-        self._lags = [None if state is None else state.problem.lag for state in self._states]
+        self._lags = [None if last is None else last.rod.lag for last in self._states]
         return misses
 
     def keep(self) -> None:
@@ -87,8 +94,9 @@ class Forward:
     def _moved(self, values: Array, shapes: list[CableShape]) -> Array:
         """(n, 3, k): how misses change with the parameters."""
         parts, answers = [], Answers(self.parameters, values)
-        for seen, state, shape in zip(self.observations, self._states, shapes, strict=True):
+        for seen, last, shape in zip(self.observations, self._states, shapes, strict=True):
             part = np.zeros((*seen.points.shape, len(values)))
+            state = None if last is None else last.rod.rod_state()
             if shape.status and state is not None:
                 moves = answers.moves(state, seen.start, seen.end)
                 changes(shape.buffer, shape.points, seen.points, seen.arc_length, moves, part)
@@ -110,7 +118,7 @@ class Forward:
         options = {"points": POINTS, "tolerance": TOLERANCE * cable.length, **self._loads}
         plain = Problem(cable, **options)
         found: list[CableShape] = []
-        states: list[Network | None] = []
+        states: list[_Followed | None] = []
         for seen, last, lag in zip(self.observations, self._from, self._lags, strict=True):
             if seen.acceleration is None:
                 problem = copy.copy(plain)  # a rod tells by its problem that its cable is another one
@@ -119,9 +127,9 @@ class Forward:
             start = held(seen.start, near)
             assert isinstance(start, Grip)
             problem.move(start, held(seen.end, far))
-            state = Network(problem) if last is None or last.history == 0 else last.copied()
-            found.append(cosserat.solve(problem, state))
-            states.append(state)
+            rod = Rod() if last is None or not last.shape.status else last.rod.twin(last.problem, last.shape)
+            found.append(rod.solve(problem))
+            states.append(_Followed(rod, problem, found[-1]))
         self._states, self._last = states, (values.copy(), found)
         return found
 

@@ -102,12 +102,16 @@ class Rod:
         self._touch.move_bodies(links)
         self._touch.resume(shape, supports)
 
+    @property
+    def lag(self) -> Array | None:
+        """The load of damping under which the last shape was found, see `Problem.lag`."""
+        return None if self.state is None else self.state.problem.lag
+
     def twin(self, problem: Problem, shape: CableShape | None) -> Rod:
-        """Once more, for a copy of the last problem: it goes on from the last shape, and this one stays as it is."""
+        """Once more: it goes on from the last shape, that of `problem`, and this one stays as it is."""
         other = Rod(self._time_budget)
         if self.state is not None:
             other.state = self.state.copied()
-            other.state.problem = problem
         if self._touch is not None and shape is not None:
             other.go_on_from(problem, shape, self._touch.ends_then, self._touch.bodies.links_then)
         return other
