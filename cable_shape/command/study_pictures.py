@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -111,7 +112,9 @@ def over_time(measure: Measure, limit: float, series: Mapping[str, tuple[Any, Ar
     figure = _figure(6.0, 2.8)
     axis = figure.subplots()
     for (name, (x, values)), colour in zip(series.items(), (BLUE, AMBER, GREY), strict=False):
-        axis.plot(x, factor * np.where(np.isfinite(values), values, math.nan), color=colour, lw=1.3, label=name)
+        axis.plot(
+            x, factor * np.where(np.isfinite(values), values, math.nan), color=colour, lw=1.3, label=fill(name, 48)
+        )
     if not math.isnan(limit):
         axis.axhline(factor * limit, color=RED, ls="--", lw=1.0, label="limit")
     axis.set(xlabel="instant", ylabel=f"{measure.name} [{unit}]" if unit else measure.name)
@@ -162,9 +165,22 @@ def tube(middle: Mapping[str, Array], radius: Mapping[str, Array], scene: Scene)
             seen = points[:, [i, j]]
             rings = [(x + r * _RING) for x, r in zip(seen, radius[name], strict=True)]
             for ring in rings:
-                axis.fill(*ring.T, facecolor=AMBER, edgecolor="none", alpha=0.25)
+                axis.fill(*ring.T, facecolor=AMBER, edgecolor=AMBER, lw=0.3)
             axis.plot(*seen.T, color=BLUE, lw=1.2)
         _frame(axis, line, i, j)
+    return svg(figure)
+
+
+def along(radius: Mapping[str, Array]) -> str:
+    """How wide the tube is along each cable."""
+    figure = _figure(8.4, 2.6)
+    axis = figure.subplots()
+    for name, told in radius.items():
+        axis.plot(np.linspace(0.0, 1.0, len(told)), 1e3 * told, color=None if name else BLUE, lw=1.4, label=name)
+    axis.set(xlabel="arc length / length", ylabel="radius of the tube [mm]")
+    axis.grid(alpha=0.25)
+    if len(radius) > 1:
+        axis.legend(loc="best", fontsize=8)
     return svg(figure)
 
 
@@ -191,7 +207,7 @@ def shapes(found: Mapping[str, Rows], instant: int, places: Iterable[Array], sce
         seen = []
         for rows in found.values():
             positions = rows.part(1, 3)
-            for other in range(0, len(rows), max(1, len(rows) // 25)):
+            for other in np.flatnonzero(rows.usable)[:: max(1, len(rows) // 25)].tolist():
                 axis.plot(positions[other, :, i], positions[other, :, j], color="#9aa3ad", lw=0.4)
             axis.plot(positions[instant, :, i], positions[instant, :, j], color=BLUE, lw=2.4, solid_capstyle="round")
             seen.append(positions[np.isfinite(positions).all(axis=(1, 2))].reshape(-1, 3))

@@ -127,7 +127,9 @@ def _worst(found: StudyResult, k: int, best: int, worst: int, looked: Mapping[in
                 np.arange(found.instants[point]), measured(case.instants, (measure,), rows)[0][:, 0]
             )  # fmt: skip
     over = pictures.over_time(measure, float(found.limit[worst, k]), series) if series else ""
-    out.append(f"<figure class='row'>{pictures.curves(found, k) if len(found) > 1 else ''}{over}</figure>")
+    drawn = pictures.curves(found, k) if len(found) > 1 else ""
+    apart = "</figure><figure class='row'>" if len(found.study.axes) > 2 else ""  # panels side by side need its width
+    out.append(f"<figure class='{'' if apart else 'row'}'>{drawn}{apart}{over}</figure>")
     if worst in looked and found.instant[worst, k] >= 0:
         case, rows = looked[worst]
         instant = int(found.instant[worst, k])

@@ -24,6 +24,7 @@ def write_tolerances_report(study: Study, held: Envelope, found: Shares, out: Pa
         "<h2>The envelope</h2>",
         f"<p>{_widths(held)}</p><figure>{pictures.tube(held.middle, held.radius, scene)}",
         "<figcaption>The mean shape, and the tube about it from three sides.</figcaption></figure>",
+        f"<figure>{pictures.along(held.radius)}</figure>",
     ]
     for k, measure in enumerate(study.measures):
         factor, unit = pictures.scaled(measure)

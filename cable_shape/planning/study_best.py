@@ -164,7 +164,7 @@ class _Asked:
             method="SLSQP",
             bounds=[(0.0, 1.0)] * self.free.size + [(None, None)],
             constraints={"type": "ineq", "fun": room, "jac": slope},
-            options={"maxiter": MOST_STEPS, "ftol": 0.1 * precision**2},
+            options={"maxiter": MOST_STEPS, "ftol": 10.0 * precision**2},
         )
         return least
 
