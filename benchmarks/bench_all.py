@@ -46,6 +46,7 @@ PARTS = (
     Part("cosserat"),
     Part("network"),
     Part("scene"),
+    Part("combinations", steady=True),
     Part("harness"),
     Part("motion"),
     Part("planner"),

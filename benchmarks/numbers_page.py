@@ -101,6 +101,7 @@ class Told(NamedTuple):
 BENCHES = {
     "gradient": Told("The closed forms", "scipy's solve_bvp on the same equations, and the rod"),
     "cosserat": Told("The rod", "shapes of the literature, and itself a thousand times finer"),
+    "combinations": Told("What goes together", "no peer; [what does](limits.md#what-goes-together)"),
     "network": Told("Cables in clips and trees", "no peer; the plain cable and itself at another size"),
     "scene": Told("Clips, clearance, margins and contact", "no peer in time; closed forms and finer meshes in error"),
     "harness": Told("Harnesses", "no peer; the balance of forces at every junction"),

@@ -255,7 +255,8 @@ class HarnessTouchState(TouchState):
             pieces[:, material.COMPLIANCE + 2] = self.stretch
         made, everywhere = np.array([one.held for one in networks]), np.tile(still, (len(cables), 1))
         models: Array = respond.neighbours(self.net, self.s, made, still, everywhere)
-        spans = [j for j, span in enumerate(self.net.cable) if span in self.cable.layout.spans[name]]
+        of_cables = self.net.cable[: int(self.net.ints[tables.N_SPANS])].tolist()
+        spans = [j for j, span in enumerate(of_cables) if span in self.cable.layout.spans[name]]
         nodes = np.concatenate([np.arange(plan.first[j] + j, plan.first[j + 1] + j + 1) for j in spans])
         stays = np.union1d([clip.arc_length for clip in own.clips], [mass.arc_length for mass in own.masses])
         for model, cable in zip(models, cables, strict=True):
