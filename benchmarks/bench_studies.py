@@ -3,16 +3,19 @@
 
 scripts/bench studies [--quick] [--save FILE] [--compare FILE] [--workers N]
 
-The start of processes is timed by a study of as many points as there are workers, and is taken off where that is said.
-Wall times are those of a machine that does nothing else.
+Wall times are the least of a few, the start of processes in them. Of the million rows it is the pace once the work is
+under way, in turns, the best of each; beside it stands how much faster processes that only count are than one, at that
+time: what the machine gave them.
 """
 
 from __future__ import annotations
 
+from multiprocessing import get_context
 from pathlib import Path
 from time import perf_counter
 
 import numpy as np
+from clocks import clocked
 from figures import Figures, bench_options, bench_parser, finish, heading
 from scipy.spatial import cKDTree
 
@@ -21,6 +24,10 @@ from cable_shape.planning.study_walk import Rows
 
 STUDIES = Path(__file__).resolve().parents[1] / "examples" / "studies"
 LENGTH, CLIPS, TOLERANCES = (STUDIES / f"{name}.yaml" for name in ("length", "clips", "tolerances"))
+#: Numbers that are counted to see what the machine gives two processes.
+COUNTED = 20_000_000
+#: Points of a chunk, 500 instants each.
+CHUNK = 8
 
 
 def of_length(**changes: object) -> cs.Study:
@@ -29,22 +36,25 @@ def of_length(**changes: object) -> cs.Study:
     return cs.Study(**{key: value for key, value in values.items() if value is not None})
 
 
-def seconds(study: cs.Study, workers: int) -> float:
-    """[s] of a run, the start of its processes included."""
-    began = perf_counter()
-    study.run(workers=workers)
+def seconds(study: cs.Study, workers: int, times: int = 3) -> float:
+    """[s] of a run, the start of its processes included, the least of several."""
+    return min(clocked(lambda: study.run(workers=workers))[0] for _ in range(times))
+
+
+def pace(study: cs.Study, **how: object) -> float:
+    """Points a second, from when a tenth of them is done on."""
+    seen: list[tuple[float, int]] = []
+    study.run(progress=lambda done, _: seen.append((perf_counter(), done)), **how)
+    began, before = next(one for one in seen if one[1] >= 0.1 * len(study.points))
+    return (seen[-1][1] - before) / (seen[-1][0] - began)
+
+
+def counted(until: int) -> float:
+    """[s], of counting."""
+    began, total = perf_counter(), 0
+    for i in range(until):
+        total += i
     return perf_counter() - began
-
-
-def start_of(workers: int) -> float:
-    """[s], of processes with nothing to do."""
-    points = [0.7 + 1e-3 * i for i in range(workers)]
-    return seconds(of_length(vary={"cable.length": points}, chunk=1, motion=at_rest()), workers)
-
-
-def at_rest() -> dict[str, object]:
-    """The hose's motion, one instant of it."""
-    return {**of_length().values["motion"], "instants": 1}
 
 
 def print_length(figures: Figures, workers: int, quick: bool) -> None:
@@ -52,7 +62,7 @@ def print_length(figures: Figures, workers: int, quick: bool) -> None:
     heading("Every length from 630 to 900 mm at 500 instants")
     study = of_length(vary={"cable.length": {"from": 0.63, "to": 0.9, "step": 0.01}}) if quick else of_length()
     study.rows(0)
-    alone, several = seconds(study, 1), seconds(study, workers)
+    alone, several = seconds(study, 1, 1), seconds(study, workers)
     rows = 500 * len(study.points)
     print(f"{rows} shapes: {alone:.2f} s on one worker, {1e6 * alone / rows:.1f} us each; {several:.2f} s on {workers}")
     figures.at_most(f"the hose's lengths on {workers} workers", several, 10.0, "{:.1f}", " s")
@@ -127,25 +137,35 @@ def instants_of(count: int) -> Rows:
 
 
 def print_cluster(figures: Figures, workers: int, quick: bool) -> None:
-    """A million rows by one process, by several and by Dask's local cluster, their start apart."""
+    """A million rows by one process, by several and by Dask's local cluster, in four parts and in turns."""
     import distributed
 
     heading("A million rows")
-    count = 40 if quick else 2000
-    study = of_length(vary={"cable.length": {"from": 0.63, "to": 0.9, "count": count}})
-    alone, begun = seconds(study, 1), start_of(workers)
-    plain = seconds(study, workers) - begun
-    with distributed.LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None) as cluster:
+    points = 40 if quick else 500
+    parts = [
+        of_length(vary={"cable.length": {"from": low, "to": low + 0.06, "count": points}}, chunk=CHUNK)
+        for low in (0.63, 0.69, 0.75, 0.81)
+    ]
+    found: dict[str, list[float]] = {name: [] for name in ("one process", f"{workers} processes", "Dask", "counting")}
+    cluster = distributed.LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None)
+    with get_context("spawn").Pool(workers) as pool, cluster:
         of_length(vary={"cable.length": [0.63, 0.64]}, chunk=1).run(scheduler=cluster.scheduler_address)
-        began = perf_counter()
-        study.run(scheduler=cluster.scheduler_address)
-        there = perf_counter() - began
-    overhead = 1e3 * workers * max(there - plain, 0.0) / study.chunks
-    by = f"{alone:.1f} s alone, {plain:.1f} s by {workers} processes, {there:.1f} s by Dask"
-    print(f"{500 * count} rows, {study.chunks} chunks: {by}")
-    figures.at_least(f"{workers} workers over one", alone / plain, 1.8, "{:.2f}")
-    print(f"overhead {overhead:.1f} ms a chunk of {1e3 * workers * plain / study.chunks:.0f} ms")
-    figures.at_most("Dask's local cluster over processes", there / plain, 1.3, "{:.2f}")
+        for study in parts:
+            found["one process"].append(pace(study, workers=1))
+            found[f"{workers} processes"].append(pace(study, workers=workers))
+            found["Dask"].append(pace(study, scheduler=cluster.scheduler_address))
+            pool.map(counted, [1000] * workers)
+            alone = pool.map(counted, [COUNTED])[0]
+            took, _ = clocked(lambda: pool.map(counted, [COUNTED] * workers, chunksize=1))
+            found["counting"].append(workers * alone / took)
+    for name, told in found.items():
+        unit = "times one process" if name == "counting" else "points a second"
+        print(f"{name}: {', '.join(f'{one:.3g}' for one in told)} {unit}")
+    one, several, there = (max(told) for told in list(found.values())[:3])
+    plain, dask = (1e3 * CHUNK * workers / best for best in (several, there))
+    print(f"{2000 * points} rows; a chunk takes a process {plain:.0f} ms, a worker of Dask {dask:.0f} ms")
+    figures.at_least(f"{workers} workers over one", several / one, 1.8, "{:.2f}")
+    figures.at_most("Dask's local cluster over processes", several / there, 1.3, "{:.2f}")
 
 
 def main() -> int:
