@@ -30,11 +30,13 @@ def write_best_report(study: Study, found: Best, out: Path) -> Path:
     where = html.escape(at_point(study.axes, found.point))
     by = html.escape(", ".join(found.limiting))
     effort = f"{found.solves} points were solved for, and {found.shapes} single shapes for derivatives"
-    curves = "".join(_around(study, found, i) for i in range(len(study.axes)))
+    curves = "".join(_around(study, found, i) for i, axis in enumerate(study.axes) if not axis.law)
+    drawn = any(axis.law for axis in study.axes)
+    note = "That is the worst of all tolerances drawn; what follows is in the middle of them." if drawn else ""
     body = [
         f"<h1>{html.escape(study.name)}: the best point</h1>",
         f"<p>{where}: {100 * found.used:.4g} % of a limit is used at most, by {by}. {effort}, of which "
-        f"{100 * found.exact:.0f} % needed none.</p>",
+        f"{100 * found.exact:.0f} % needed none. {note}</p>",
         f"<h2>What limits</h2>{_measures(study, told)}",
         f"<h2>Around it</h2><figure class='row'>{curves}</figure>",
         *_pictures(study, found, told),

@@ -20,6 +20,7 @@ from cable_shape.errors import ArgumentError
 from cable_shape.planning.study_chunk import Chunk, solve_chunk
 from cable_shape.planning.study_result import Question
 from cable_shape.planning.study_slopes import Asked, slopes
+from cable_shape.planning.study_vary import Axis
 
 #: Points of the grid for each place, and starts that are gone on from.
 GRID, STARTS = 9, 3
@@ -57,7 +58,8 @@ def best(study: Question, *, precision: float = 1e-4, grid: int = GRID, starts: 
     Parameters
     ----------
     study : Study
-        Of lists or ranges; its measures need limits.
+        Of lists or ranges; its measures need limits. What is drawn from a distribution is a tolerance: the point is
+        judged by the worst of all that its `sample` draws.
     precision : float
         Of the range of each place.
     grid, starts : int
@@ -66,30 +68,36 @@ def best(study: Question, *, precision: float = 1e-4, grid: int = GRID, starts: 
     Raises
     ------
     ArgumentError
-        Where nothing varies, something is drawn from a distribution, no measure has a limit, or no point has a shape.
+        Where nothing has a range, no measure has a limit, or no point has a shape.
     """
     checks.number("precision", precision, above=0.0, at_most=0.1)
     checks.integer("grid", grid, at_least=3, at_most=101)
     checks.integer("starts", starts, at_least=1, at_most=100)
-    if not study.axes or any(axis.law or axis.values.min() == axis.values.max() for axis in study.axes):
+    chosen = [axis for axis in study.axes if not axis.law]
+    if not chosen or any(axis.values.min() == axis.values.max() for axis in chosen):
         bound = "each place must have a range, from one value to another"
         raise ArgumentError.of("vary", [axis.name for axis in study.axes], bound, "Write {from: .., to: .., count: 2}.")
     asked = _Asked(study)
-    first = [np.arange(len(axis.words)) if axis.words else np.linspace(0.0, 1.0, grid) for axis in study.axes]
-    shares = np.array(list(itertools.product(*first)))
+    shares = np.array(list(itertools.product(*(_first(axis, grid) for axis in study.axes))))
     used = np.array([asked.used(x) for x in shares])
     if not np.isfinite(used).any():
         bound = "no point of the grid has a shape at all instants and a measure with a limit"
         raise ArgumentError.of("study", study.name, bound, "Widen the ranges, or give a limit.")
     found = [asked.gone_on(x, precision) for x in shares[np.argsort(used, kind="stable")[:starts]]]
-    row = asked.rows(asked.best)
-    shares_used = _used(study, row)
-    near = [m.name for m, share in zip(study.measures, shares_used.tolist(), strict=True) if share > asked.least - 0.01]
-    exact = asked.exact / max(asked.derivatives, 1)
+    told = asked.rows(asked.best)
+    each = np.fmax.reduce(_used(study, told), axis=0)
+    near = [m.name for m, share in zip(study.measures, each.tolist(), strict=True) if share > asked.least - 0.01]
+    value = [(np.fmax if m.worst == "most" else np.fmin).reduce(told.value[:, k]) for k, m in enumerate(study.measures)]
+    point = [axis.middle if axis.law else x for axis, x in zip(study.axes, asked.points(asked.best)[0], strict=True)]
     return Best(
-        asked.point(asked.best), asked.least, tuple(near), row.value[0], asked.solves, asked.shapes, exact,
-        tuple(sorted(found)),
+        np.array(point), asked.least, tuple(near), np.array(value), asked.solves, asked.shapes,
+        asked.exact / max(asked.derivatives, 1), tuple(sorted(found)),
     )  # fmt: skip
+
+
+def _first(axis: Axis, grid: int) -> Array:
+    """What the grid takes of one axis: all words, shares of a range, and nothing of what is drawn."""
+    return np.zeros(1) if axis.law else np.arange(float(len(axis.words))) if axis.words else np.linspace(0.0, 1.0, grid)
 
 
 @final
@@ -98,30 +106,39 @@ class _Asked:
 
     def __init__(self, study: Question) -> None:
         self.study = study
-        self.low = np.array([0.0 if axis.words else axis.values.min() for axis in study.axes])
-        self.wide = np.array([1.0 if axis.words else np.ptp(axis.values) for axis in study.axes])
-        self.free = np.flatnonzero([not axis.words for axis in study.axes])
+        plain = [not (axis.words or axis.law) for axis in study.axes]
+        ranges = [axis.values if yes else np.array((0.0, 1.0)) for axis, yes in zip(study.axes, plain, strict=True)]
+        self.low = np.array([values.min() for values in ranges])
+        self.wide = np.array([np.ptp(values) for values in ranges])
+        self.free = np.flatnonzero(plain)
+        laws = [i for i, axis in enumerate(study.axes) if axis.law]
+        shares = study.sample.shares(len(laws)) if laws else np.empty((1, 0))
+        self.drawn = {i: study.axes[i].at(column) for i, column in zip(laws, shares.T, strict=True)}
+        self.count = len(shares)
         self.solves = self.shapes = self.derivatives = self.exact = 0
         self.least, self.best = math.inf, self.low
         self._last: tuple[bytes, Chunk] | None = None
 
-    def point(self, shares: Array) -> Array:
-        """(axes,)."""
-        return np.asarray(self.low + self.wide * shares)
+    def points(self, shares: Array) -> Array:
+        """(k, axes), one with every tolerance that is drawn."""
+        out = np.tile(self.low + self.wide * shares, (self.count, 1))
+        for i, column in self.drawn.items():
+            out[:, i] = column
+        return out
 
     def rows(self, shares: Array) -> Chunk:
-        """What is told of it."""
+        """What is told of them."""
         key = shares.tobytes()
         if self._last is None or self._last[0] != key:
-            self.solves += 1
-            self._last = key, solve_chunk(self.study.cases, self.study.measures, self.point(shares)[None], True)
+            self.solves += self.count
+            self._last = key, solve_chunk(self.study.cases, self.study.measures, self.points(shares), True)
         return self._last[1]
 
     def used(self, shares: Array) -> float:
         """The greatest share of a limit at any instant; infinite where it has no shape at some."""
         told = self.rows(shares)
         used = _used(self.study, told)
-        if told.first[0] >= 0 or not np.isfinite(used).any():
+        if (told.first >= 0).any() or not np.isfinite(used).any():
             return math.inf
         worst = float(np.nanmax(used))
         if worst < self.least:
@@ -168,44 +185,53 @@ class _Asked:
         )
         return least
 
-    def _conditions(self, shares: Array) -> tuple[list[Asked], Array]:
-        """The worst instants of all measures, each the worst of those next to it, and what they use (CONDITIONS,)."""
+    def _conditions(self, shares: Array) -> tuple[list[tuple[int, Asked]], Array]:
+        """The worst instants of all measures, of which point drawn, and what they use (CONDITIONS,).
+
+        Each is the worst of those next to it in time.
+        """
         told, found = self.rows(shares), []
         for m, measure in enumerate(self.study.measures):
-            limit = told.limit[0, m]
-            if math.isnan(limit):
-                continue
-            used = measure.used(told.over[0, :, m], np.full(told.over.shape[1], limit))
-            used = np.where(np.isfinite(used), used, -math.inf)
-            around = np.concatenate(([-math.inf], used, [-math.inf]))
-            worst = np.flatnonzero((used >= around[:-2]) & (used > around[2:]) & np.isfinite(used))
-            found += [(float(used[i]), Asked(m, i)) for i in worst.tolist()]
+            for row in range(self.count):
+                limit = told.limit[row, m]
+                if math.isnan(limit):
+                    continue
+                used = measure.used(told.over[row, :, m], np.full(told.over.shape[1], limit))
+                used = np.where(np.isfinite(used), used, -math.inf)
+                around = np.concatenate(([-math.inf], used, [-math.inf]))
+                worst = np.flatnonzero((used >= around[:-2]) & (used > around[2:]) & np.isfinite(used))
+                found += [(float(used[i]), row, Asked(m, i)) for i in worst.tolist()]
         found.sort(key=lambda one: -one[0])
         found = found[:CONDITIONS]
         out = np.full(CONDITIONS, min(found[-1][0], 0.0) - 1.0)
-        out[: len(found)] = [used for used, _ in found]
-        return [asked for _, asked in found], out
+        out[: len(found)] = [used for used, _, _ in found]
+        return [(row, asked) for _, row, asked in found], out
 
     def _slopes(self, shares: Array) -> Array:
         """(CONDITIONS, free), derivatives of what they use with the shares; those far from the worst have none."""
         asked, used = self._conditions(shares)
         asked = asked[: int((used[: len(asked)] > NEAR * used[0]).sum())]
-        told, out = self.rows(shares), np.zeros((CONDITIONS, self.free.size))
-        found = slopes(self.study, self.point(shares), asked, self.wide, self.free.tolist())
-        self.shapes += found.solves
-        self.derivatives += found.exact.size
-        self.exact += int(found.exact.sum())
-        for k, (m, instant) in enumerate(asked):
-            measure, limit = self.study.measures[m], told.limit[0, m]
-            value = told.over[0, instant, m]
-            step = 1e-6 * max(abs(value), abs(limit))
-            high, low = (float(measure.used(np.array(value + x), np.array(limit))) for x in (step, -step))
-            out[k] = (high - low) / (2.0 * step) * found.slope[k] * self.wide[self.free]
+        points, out = self.points(shares), np.zeros((CONDITIONS, self.free.size))
+        for row in dict.fromkeys(row for row, _ in asked):
+            own = [k for k, one in enumerate(asked) if one[0] == row]
+            found = slopes(self.study, points[row], [asked[k][1] for k in own], self.wide, self.free.tolist())
+            self.shapes += found.solves
+            self.derivatives += found.exact.size
+            self.exact += int(found.exact.sum())
+            for k, slope in zip(own, found.slope, strict=True):
+                out[k] = self._change(self.rows(shares), row, asked[k][1]) * slope * self.wide[self.free]
         return np.nan_to_num(out)
+
+    def _change(self, told: Chunk, row: int, asked: Asked) -> float:
+        """Derivative of the share of the limit with the measure's value."""
+        measure, limit = self.study.measures[asked.measure], told.limit[row, asked.measure]
+        value = told.over[row, asked.instant, asked.measure]
+        step = 1e-6 * max(abs(value), abs(limit))
+        high, low = (float(measure.used(np.array(value + x), np.array(limit))) for x in (step, -step))
+        return float((high - low) / (2.0 * step))
 
 
 def _used(study: Question, told: Chunk) -> Array:
-    """(q,), NaN without a limit."""
-    pairs = zip(study.measures, told.value[0], told.limit[0], strict=True)
-    used = [float(m.used(np.array(value), np.array(limit))) for m, value, limit in pairs]
-    return np.where(np.isnan(told.limit[0]), math.nan, used)
+    """(v, q), NaN without a limit."""
+    used = [measure.used(told.value[:, k], told.limit[:, k]) for k, measure in enumerate(study.measures)]
+    return np.where(np.isnan(told.limit), math.nan, np.column_stack(used))

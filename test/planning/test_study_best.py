@@ -37,6 +37,22 @@ def test_two_places_at_once():
     assert found.used <= used.min() + 1e-4
 
 
+def test_the_best_length_whatever_a_tolerance_does():
+    lengths, drawn = {"from": 1.21, "to": 1.4, "count": 2}, {"uniform": [0.09, 0.11]}
+    options = {"measure": LIMITS, "sample": {"kind": "latin", "points": 4}}
+    motion = {**FILE["motion"], "instants": 5}
+    vary = {"cable.length": lengths, "cable.linear_density": drawn}
+    found = study(vary=vary, motion=motion, **options).best(grid=5)
+    fine = {"cable.length": {"from": 1.21, "to": 1.4, "step": 0.001}, "cable.linear_density": drawn}
+    scan = study(vary=fine, motion=motion, **options).run(workers=1)
+    used = np.where(scan.complete, np.fmax.reduce(scan.used, axis=1), np.inf).reshape(-1, 4).max(axis=1)
+    assert found.point[0] == pytest.approx(scan.points[4 * used.argmin(), 0], abs=1e-3)
+    assert found.point[1] == pytest.approx(0.1)
+    assert found.used <= used.min() + 1e-6
+    assert found.used > study(vary={"cable.length": lengths}, motion=motion, **options).best(grid=5).used + 0.003
+    assert found.solves % 4 == 0
+
+
 def test_a_kind_of_clip_is_chosen():
     vary = {"scene.clips.mid.kind": ["ball", "fixed", "hinge"], "cable.length": {"from": 1.22, "to": 1.38, "count": 2}}
     found = study(measure=LIMITS, vary=vary).best(grid=5, starts=4)
