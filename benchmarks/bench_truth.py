@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from tqdm import tqdm
 from truth_branched import branched
 from truth_data import CABLES, DATA, Frames, distances, load, recording
 from truth_limits import least, line, mean_error
+from truth_options import held_as, options
 from truth_pictures import draw, draw_rest
 from truth_synthetic import SYNTHETIC, synthetic
 from truth_tubes import inside, tubes
@@ -72,9 +74,16 @@ def predicted(found: cs.Calibration, seen: cs.Observation, model: str = "cossera
 
 def rolling(seen: cs.Observation) -> cs.Observation:
     """The same with swivels at both ends: what roll the grippers had was not measured."""
-    assert isinstance(seen.end, cs.Grip)
-    grips = cs.Grip(seen.start.pose, "swivel"), cs.Grip(seen.end.pose, "swivel")
-    return cs.Observation(*grips, seen.points, acceleration=seen.acceleration, group=seen.group)
+    return held_as(seen, "swivel")
+
+
+def options_of(numbers: Sequence[int], folder: Path) -> dict[str, list[float]]:
+    """What cross validation says of options, on the frames of all kinds that the first fit of each cable is made of."""
+    data = {}
+    for number in numbers:
+        frames = load(number, PARTS, folder)
+        data[number] = [frames.moving[i] for i in frames.where(KINDS, 0, False)], frames.cable.replace(**SLOWED)
+    return options(data, HELPS, PRIORS, SUPPORTS)
 
 
 def judge(number: int, frames: Frames, quick: bool, folder: Path) -> dict[str, Any]:
@@ -222,6 +231,7 @@ def main() -> int:
         "--data", type=Path, metavar="FOLDER", help="recordings to judge (shared/data, or its branched)"
     )
     parser.add_argument("--branched", action="store_true", help="judge branched cables alone")
+    parser.add_argument("--options", action="store_true", help="options of the fits by cross validation alone")
     parser.add_argument("--rest", type=Path, metavar="FILE.png", help="draw the rest shapes that were found")
     args = bench_options(parser)
     cs.warm_up()
@@ -229,6 +239,10 @@ def main() -> int:
     if args.branched:
         return main_branched(parser, args, figures)
     args.data = args.data or DATA
+    if args.options:
+        if not args.data.is_dir():
+            parser.error(f"--data {args.data}: no such folder. Name one with cable1_frames.npz and the others.")
+        return finish(figures, args, tables={"options": options_of(CABLES, args.data)})
     out: dict[str, Any] = {"synthetic": synthetic(figures, 40 if args.quick else SYNTHETIC)}
     if args.data.is_dir():
         out |= real(figures, args.quick, args.data, args.picture, args.rest)

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from tqdm import tqdm
 
 import cable_shape as cs
-from cable_shape.calibration.parameters import WANDERS, along, smoothness
+from cable_shape.calibration.parameters import STIFFENS, WANDERS, along, pieces, smoothness
 
 #: Supports of the rest curvature, observations of such a cable and points of each.
 ROWS, SEEN, MARKS = 9, 8, 20
@@ -29,11 +29,16 @@ def ends_of(rng: np.random.Generator, length: float) -> tuple[cs.Pose, cs.Pose]:
     return cs.Pose((0, 0, 0), turns[0]), cs.Pose(way, turns[1])
 
 
+def wandering(rng: np.random.Generator, rows: int, wanders: float, width: int) -> np.ndarray:
+    """(rows, width): what varies along a cable as the prior of calibrations says, about 0."""
+    sizes, vectors = np.linalg.eigh(smoothness(rows, wanders))
+    return np.asarray((vectors[:, 1:] / np.sqrt(sizes[1:])) @ rng.normal(size=(rows - 1, width)))
+
+
 def drawn(rng: np.random.Generator, rows: int, length: float) -> np.ndarray:
-    """(rows, 3) [1/m]: a rest curvature that varies as the prior of calibrations says, its mean about 1 / length."""
-    sizes, vectors = np.linalg.eigh(smoothness(rows, WANDERS / length))
+    """(rows, 3) [1/m]: a rest curvature, its mean about 1 / length."""
     out = np.zeros((rows, 3))
-    out[:, :2] = (vectors[:, 1:] / np.sqrt(sizes[1:])) @ rng.normal(size=(rows - 1, 2))
+    out[:, :2] = wandering(rng, rows, WANDERS / length, 2)
     out[:, :2] += rng.normal(size=2) / length
     return out
 
@@ -87,6 +92,22 @@ def recovered_along(seed: int) -> np.ndarray:
     return np.array([found[name].low <= x <= found[name].high for name, x in truth.items()])
 
 
+def recovered_stiffness(seed: int, rows: int = ROWS) -> np.ndarray:
+    """(rows,) bool: whether the stiffness of each piece of a random cable is in its 95 % interval."""
+    rng = np.random.default_rng(seed)
+    plain = straight(rng)
+    truth = plain.mean_bending_stiffness * np.exp(wandering(rng, rows, STIFFENS, 1)[:, 0])
+    edges = np.linspace(0.0, plain.length, rows + 1).tolist()
+    parts = zip(edges, edges[1:], truth.tolist(), strict=False)
+    true = plain.replace(
+        sections=[cs.Section(low, high, bending_stiffness=x, twisting_stiffness=x / 1.3) for low, high, x in parts]
+    )
+    begin = plain.replace(bending_stiffness=plain.mean_bending_stiffness * math.exp(0.5 * rng.normal()),
+                          twisting_stiffness=None)  # fmt: skip
+    found = cs.calibrate(watched(rng, true, SEEN, MARKS, 10), begin, "bending_stiffness_along", supports=rows)
+    return np.array([found[name].low <= x <= found[name].high for name, x in zip(pieces(rows), truth, strict=True)])
+
+
 def synthetic(figures: Figures, count: int) -> dict[str, float]:
     """Coverage of the intervals, and the time of a fit."""
     heading(f"Synthetic recovery: {count} cables, 5 observations of 15 points, noise 0.5 mm, 5 % stray by 5 cm")
@@ -105,6 +126,10 @@ def synthetic(figures: Figures, count: int) -> dict[str, float]:
     out["along"] = 100.0 * float(inside.mean())
     figures.at_least("true numbers with nine supports in their 95 % intervals", out["along"], 93.0, "{:.1f}", " %")
     figures.at_most("true numbers with nine supports in their 95 % intervals", out["along"], 97.0, "{:.1f}", " %")
+    inside = np.concatenate([recovered_stiffness(seed) for seed in tqdm(range(many), desc="stiffness", unit="cable")])
+    out["stiffness"] = 100.0 * float(inside.mean())
+    figures.at_least(f"true stiffness of {ROWS} pieces in their 95 % intervals", out["stiffness"], 93.0, "{:.1f}", " %")
+    figures.at_most(f"true stiffness of {ROWS} pieces in their 95 % intervals", out["stiffness"], 97.0, "{:.1f}", " %")
     rng = np.random.default_rng(0)
     true = cs.Cable(length=1.0, linear_density=0.05, bending_stiffness=0.004)
     for loaded in (False, True):

@@ -370,7 +370,11 @@ class Cable:
         return isinstance(other, Cable) and self.as_dict() == other.as_dict()
 
     def __hash__(self) -> int:
-        return hash((self.length, self.linear_density, self.bending_stiffness, self.twisting_stiffness, self.diameter))
+        stiffness, bends = (
+            (self.bending_stiffness, self.twisting_stiffness),
+            tuple(self.rest_curvature.ravel().tolist()),
+        )
+        return hash((self.length, self.linear_density, stiffness, bends, self.diameter, self.drag, self.sections))
 
     def __repr__(self) -> str:
         return f"Cable({', '.join(f'{k}={v!r}' for k, v in self.as_dict().items())})"

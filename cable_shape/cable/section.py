@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, final
 
+import numpy as np
+
 from cable_shape import checks
 from cable_shape.errors import ArgumentError
 
@@ -47,11 +49,12 @@ class Section:
         Naming the value, the bound and the remedy.
     """
 
-    __slots__ = ("end", "properties", "start")
+    __slots__ = ("_hash", "end", "properties", "start")
 
     start: float
     end: float
     properties: Mapping[str, Any]
+    _hash: int
 
     def __init__(self, start: float, end: float, **properties: Any) -> None:
         put = object.__setattr__
@@ -62,6 +65,8 @@ class Section:
         if rest is not None:
             properties["rest_curvature"] = tuple(checks.vector("Section.rest_curvature", rest, 3, "1/m").tolist())
         put(self, "properties", MappingProxyType(properties))
+        stiffness = np.ravel(properties.get("bending_stiffness", ())).tolist()
+        put(self, "_hash", hash((self.start, self.end, *stiffness)))
 
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError("a Section is fixed; make another")
@@ -78,7 +83,7 @@ class Section:
         return isinstance(other, Section) and self.as_dict() == other.as_dict()
 
     def __hash__(self) -> int:
-        return hash((self.start, self.end))
+        return self._hash
 
     def __repr__(self) -> str:
         return f"Section({', '.join(f'{k}={v!r}' for k, v in self.as_dict().items())})"

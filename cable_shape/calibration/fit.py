@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import reduce
 from typing import overload
 
 import numpy as np
@@ -21,7 +22,7 @@ from cable_shape.calibration.observation import Observation
 from cable_shape.calibration.parameters import ROWS, Parameters
 from cable_shape.calibration.progress import Progress
 from cable_shape.calibration.result import Calibration, grips_of
-from cable_shape.calibration.supports import Task, supports_of
+from cable_shape.calibration.supports import Task, chosen, joined, priors_of
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import Grip
 from cable_shape.scene.scene import Scene
@@ -38,6 +39,7 @@ def calibrate(
     *,
     priors: Mapping[str, float] | None = ...,
     supports: int | str = ...,
+    optional: str | Sequence[str] = ...,
     gravity: ArrayLike = ...,
     scene: Scene | None = ...,
     proceed: Callable[[int, float], bool] | None = ...,
@@ -61,6 +63,7 @@ def calibrate(
     *,
     priors: Mapping[str, float] | None = None,
     supports: int | str = ROWS,
+    optional: str | Sequence[str] = (),
     gravity: ArrayLike = GRAVITY,
     scene: Scene | None = None,
     proceed: Callable[[int, float], bool] | None = None,
@@ -82,18 +85,21 @@ def calibrate(
         Where the fit begins, and all that is not fitted. With a harness, before its observations or after them, this is
         :func:`cable_shape.calibration.harness_fit.calibrate_harness`.
     fit : sequence of str
-        "bending_stiffness" (its two values keep their ratio; GJ follows unless fitted), "twisting_stiffness",
-        "axial_stiffness", "retardation_time", "drag" (of cables seen with their velocities), "length", "rest_curvature"
-        (constant, about d1 and d2), "rest_curvature_along" (of hat functions of arc length, a smooth change of what the
-        cable has), "start_offset", "end_offset" (of the cable in the grip's cable frame), "start_tilt", "end_tilt"
-        (about d1 and d2 there), "roll" (of the end's), "start_roll".
+        "bending_stiffness" (its two values keep their ratio; GJ follows unless fitted), "bending_stiffness_along" (on
+        pieces of one length, a smooth change of its logarithm), "twisting_stiffness", "axial_stiffness",
+        "retardation_time", "drag" (of cables seen with their velocities), "length", "rest_curvature" (constant, about
+        d1 and d2), "rest_curvature_along" (of hat functions of arc length, a smooth change of what the cable has),
+        "start_offset", "end_offset" (of the cable in the grip's cable frame), "start_tilt", "end_tilt" (about d1 and d2
+        there), "roll" (of the end's), "start_roll".
     priors : mapping, optional
         Standard deviation about where the fit begins, by name and in the unit of what is fitted; of what is fitted by
-        its logarithm as a fraction of it; of "rest_curvature_along" that of its change over the whole length,
-        3 / length by default.
+        its logarithm as a fraction of it; of "rest_curvature_along" and "bending_stiffness_along" that of its change
+        over the whole length, 3 / length and 0.5 by default.
     supports : int or "auto"
-        Hat functions of "rest_curvature_along", 3 to 33. "auto": the number with which groups of observations that are
-        left out are predicted best.
+        Hat functions of "rest_curvature_along", and pieces of "bending_stiffness_along", 3 to 33. "auto": the number
+        with which groups of observations that are left out are predicted best.
+    optional : sequence of str
+        What is fitted, too, where groups of observations that are left out are then predicted better by 1 %.
     gravity : (3,) array_like
         [m/s^2], world.
     scene : Scene, optional
@@ -111,7 +117,7 @@ def calibrate(
     """
     if isinstance(observations, Harness) or isinstance(cable, Harness):
         harness, looks = (observations, cable) if isinstance(observations, Harness) else (cable, observations)
-        _refuse_of_cables(supports, scene)
+        _refuse_of_cables(supports, optional, scene)
         return calibrate_harness(
             looks, harness, fit, priors=priors, gravity=gravity, proceed=proceed, progress=progress,  # type: ignore[arg-type]
         )  # fmt: skip
@@ -125,10 +131,14 @@ def calibrate(
     if any(o.group is not None and o.group < 0 for o in seen):
         least = min(o.group for o in seen if o.group is not None)
         raise ArgumentError.of("group", least, "it must be at least 0", "Number the recordings from 0.")
-    names, loads = Parameters(cable, fit, priors).names, {"gravity": gravity, "scene": scene}
+    names, loads = Parameters(cable, fit).names, {"gravity": gravity, "scene": scene}
+    more = (optional,) if isinstance(optional, str) else checks.entries("optional", optional, str)
+    known = checks.mapping("priors", priors, (*names, *more), "Write {name: standard deviation}.")
+    rows = ROWS if isinstance(supports, str) else supports
+    Parameters(cable, reduce(joined, more, names), priors_of(known, more), rows)  # refuses what none of them may be
     with Progress(progress, proceed) as told:
-        rows, chosen = supports_of(supports, Task(seen, cable, names, priors, loads), told.step)
-        parameters = Parameters(cable, names, priors, rows)
+        choice = chosen(supports, more, Task(seen, cable, names, known, loads), told.step)
+        parameters = Parameters(cable, choice.names, priors_of(known, choice.names), choice.supports)
         forward = Forward(parameters, seen, **loads)
         if np.isnan(forward.misses(parameters.start)[:, 0]).all():
             raise ArgumentError.of(
@@ -141,7 +151,7 @@ def calibrate(
     return Calibration(
         cable=parameters.make_cable(found.values),
         **told_of_fit(
-            found, parameters, seen, chosen, (*parameters.by_prior(found.covariance), *_direction(names, seen))
+            found, parameters, seen, choice.remarks, (*parameters.by_prior(found.covariance), *_direction(names, seen))
         ),
         points=tuple(o.points for o in seen),
         centrelines=tuple(forward.centrelines(found.values)),
@@ -150,11 +160,13 @@ def calibrate(
     )
 
 
-def _refuse_of_cables(supports: int | str, scene: Scene | None) -> None:
+def _refuse_of_cables(supports: int | str, optional: str | Sequence[str], scene: Scene | None) -> None:
     """Refuses what is not for a harness."""
     if supports != ROWS:
         bound = "a harness has no rest curvature along its segments to fit"
         raise ArgumentError.of("supports", supports, bound, "Fit 'rest_curvature:each', or split the segments.")
+    if optional:
+        raise ArgumentError.of("optional", optional, "a harness has none", "Name them in fit, or leave them out.")
     if scene is not None:
         bound = "clips of a harness belong to its observations"
         raise ArgumentError.of("scene", scene, bound, "Write HarnessObservation(..., scene=Scene(clips=[...])).")

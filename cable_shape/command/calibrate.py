@@ -55,7 +55,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--supports",
         default="5",
         metavar="N",
-        help="of rest_curvature_along, 3 to 33, or auto: by cross validation over observations that are left out (5)",
+        help="of what varies along the cable, 3 to 33, or auto: by cross validation over observations left out (5)",
+    )
+    parser.add_argument(
+        "--optional", default="", metavar="NAMES", help="with commas: fitted where the same cross validation says so"
     )
     parser.add_argument("--start-kind", choices=("clamped", "swivel", "pinned"), default="clamped")
     parser.add_argument(
@@ -167,7 +170,7 @@ def _from_photo(arguments: argparse.Namespace, cable: Cable) -> PhotoCalibration
     return calibrate_photo(
         arguments.source,
         cable,
-        _names(arguments),
+        _names(arguments.fit),
         chord=arguments.chord,
         click_error=arguments.click_error,
         priors=_priors(arguments),
@@ -190,8 +193,9 @@ def _from_source(arguments: argparse.Namespace, cable: Cable) -> Calibration:
         one.start = start.grip(one.start)
         one.end = end.grip(one.end) if isinstance(one.end, Grip) else one.end
     return calibrate(
-        observations, cable, _names(arguments), priors=_priors(arguments), supports=_supports(arguments.supports)
-    )
+        observations, cable, _names(arguments.fit), priors=_priors(arguments), supports=_supports(arguments.supports),
+        optional=_names(arguments.optional),
+    )  # fmt: skip
 
 
 def _offset(side: str, given: Sequence[float] | None) -> Held:
@@ -202,8 +206,8 @@ def _offset(side: str, given: Sequence[float] | None) -> Held:
         raise ArgumentError(f"--{side}-offset: {error}") from None
 
 
-def _names(arguments: argparse.Namespace) -> tuple[str, ...]:
-    return tuple(name.strip() for name in arguments.fit.split(",") if name.strip())
+def _names(text: str) -> tuple[str, ...]:
+    return tuple(name.strip() for name in text.split(",") if name.strip())
 
 
 def _supports(text: str) -> int | str:

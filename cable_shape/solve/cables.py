@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import NamedTuple, final
 
 import numpy as np
@@ -109,9 +108,8 @@ def _in_sections(problem: Problem) -> Material:
     if problem.swing is not None:
         at = np.linspace(0.0, length, len(problem.swing))
         load = load - cable.linear_density * np.stack([np.interp(breaks, at, x) for x in problem.swing.T], axis=1)
-    for row, s, left, right, a, b in zip(out, middles, load[:-1], load[1:], falls[:-1], falls[1:], strict=True):
-        heavier = cable_at(cable, s).linear_density - cable.linear_density
-        row[LOADS] = np.concatenate((left + heavier * a, right + heavier * b))
+    heavier = np.array([cable_at(cable, s).linear_density - cable.linear_density for s in middles.tolist()])[:, None]
+    out[:, LOADS] = np.concatenate((load[:-1] + heavier * falls[:-1], load[1:] + heavier * falls[1:]), axis=1)
     inner = np.array(bounds)
     stops = _distinct(np.concatenate((felt, inner[(inner > AT * length) & (inner < (1.0 - AT) * length)])), AT * length)
     straight = not any(one.rest_curvature.any() for _, _, one in parts)
@@ -131,11 +129,13 @@ def kinks_of(problem: Problem) -> tuple[Array, Array]:
 def substance(cable: CableProperties, shares: Array) -> Array:
     """(p, PIECE): pieces of a cable between these shares (p + 1,) of its length, without loads."""
     if cable.sections:
-        own = [
-            substance(cable_at(cable, 0.5 * (a + b) * cable.length), np.array((a, b)))
-            for a, b in pairwise(shares.tolist())
-        ]
-        return np.concatenate(own)
+        parts = pieces_of(cable)
+        which = np.searchsorted(
+            [end for _, end, _ in parts[:-1]], 0.5 * (shares[1:] + shares[:-1]) * cable.length, "right"
+        )
+        first = np.flatnonzero(np.diff(which, prepend=-1))
+        bounds = zip(which[first].tolist(), first.tolist(), [*first[1:].tolist(), len(which)], strict=True)
+        return np.concatenate([substance(parts[part][2], shares[a : b + 1]) for part, a, b in bounds])
     rest = np.atleast_2d(cable.rest_curvature)
     places = np.linspace(0.0, 1.0, len(rest)) if len(rest) > 1 else np.zeros(1)
     bent = np.stack([np.interp(shares, places, x) for x in rest.T], axis=1)

@@ -588,7 +588,7 @@ class Network:
     def _substances(self, cables: Sequence[Cable], kept: dict[bytes, Array]) -> Array:
         """(c, pieces * columns): pieces of these cables under the loads of this one."""
         shares = self.material.breaks / self.length
-        key = shares.tobytes()
+        key = np.round(shares, 12).tobytes()
         if key not in kept:
             kept[key] = np.array([substance(c, shares) for c in cables]).reshape(len(cables), -1, tables.PIECE)
         out = kept[key].copy()
@@ -610,11 +610,7 @@ class Network:
         speed, damping = (np.concatenate((x[:-1], x[1:]), axis=1) for x in there)
         for pieces, cable in zip(out, cables, strict=True):
             drag, delayed = problem.slowed_by(cable)
-            if (drag, delayed) != own:
-                if cable.sections:
-                    pieces[:, LOADS] = material_of(problem.beside(cable)).pieces[:, LOADS]
-                else:
-                    pieces[:, LOADS] += (own[0] - drag) * speed + (delayed - own[1]) * damping
+            pieces[:, LOADS] += (own[0] - drag) * speed + (delayed - own[1]) * damping
 
     @property
     def knots(self) -> Array:

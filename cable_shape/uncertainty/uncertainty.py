@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from cable_shape import checks
 from cable_shape.cable.cable import Cable
-from cable_shape.calibration.parameters import ALONG, KNOWN, ROWS, Parameters, supports_in
+from cable_shape.calibration.parameters import KNOWN, ROWS, STIFF_ALONG, VARYING, Parameters, supports_in
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError, UnknownKeyError
 from cable_shape.files.files import path_of
@@ -181,7 +181,11 @@ class Uncertainty:
             size = sum(len(known[name][0]) for name in made.names)
             if size:
                 matrix = whole.get("matrix")
-                if isinstance(matrix, (list, tuple)) and ALONG in made.names and supports_in(made.names, len(matrix)):
+                if (
+                    isinstance(matrix, (list, tuple))
+                    and set(VARYING) & set(made.names)
+                    and supports_in(made.names, len(matrix))
+                ):
                     size = len(matrix)  # any number of supports along the cable
                 made.covariance = _semidefinite(f"{where}: covariance.matrix", matrix, size)
         return made
@@ -223,7 +227,7 @@ class Uncertainty:
         if names and not covariance.size:
             bound = "they are names of a harness"
             raise ArgumentError.of("uncertainty.cable", list(names), bound, f"Of a cable: {', '.join(KNOWN)}.")
-        if STIFF not in names and cable.stiffness_spread > 0.0:
+        if not {STIFF, STIFF_ALONG} & set(names) and cable.stiffness_spread > 0.0:
             names = (*names, STIFF)
             covariance = np.pad(covariance, (0, 1))
             covariance[-1, -1] = cable.stiffness_spread**2
