@@ -22,8 +22,7 @@ from truth_limits import line
 import cable_shape as cs
 from cable_shape.calibration.parameters import held
 from cable_shape.replay.observations import from_bag
-from cable_shape.uncertainty.calibrated_tube import left_out
-from cable_shape.uncertainty.tube_watch import TubeWatch
+from cable_shape.uncertainty.tube_watch import TubeWatch, left_out
 
 KINDS = ("quasi", "slow", "moderate")
 PARTS = 3

@@ -16,6 +16,10 @@ from cable_shape.checks import Array
 _FIRST, _ROUGH = 25, 10
 #: Another shape is nearer with a median miss below this fraction.
 _NEARER = 0.8
+#: What is said of observations of one group.
+ONE_GROUP = (
+    "all was seen in one group: by how much another differs is not known, and a tube holds less of it than told."
+)
 
 
 class Look(Protocol):
@@ -127,6 +131,9 @@ def told_of_fit(
     """What a calibration says of its fit; `first` and `more`: remarks before and among those that all fits have."""
     correlation, owners = correlation_of(found.covariance), owners_of(seen)
     lost = len(np.unique(owners[np.isnan(found.misses[:, 0])]))
+    groups = {o.group for o in seen if o.group is not None}
+    if len(groups) == 1 and len(seen) > 1:
+        more = (*more, ONE_GROUP)
     usual = remarks_of(parameters.each, found.covariance, correlation, found.blind, found.converged, lost)
     return {
         "estimates": estimates_of(parameters.each, found.values, found.covariance, found.freedom),
@@ -141,4 +148,5 @@ def told_of_fit(
         "values": found.values,
         "covariance": found.covariance,
         "freedom": found.freedom,
+        "groups": len(groups),
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,6 +39,8 @@ class HarnessCalibration(Found):
     remarks : what the data cannot tell, and what else to know before the numbers are used.
     parameters, values, covariance : what was fitted, where the fit ended (k,), and (k, k) of it.
     freedom : degrees of freedom behind the covariance.
+    groups : how many groups the observations came in; 0: none were named.
+    inertia : root mean square of the accelerations given with them, as a fraction of gravity; infinite: not told.
     """
 
     harness: Harness
@@ -53,6 +56,8 @@ class HarnessCalibration(Found):
     values: Array
     covariance: Array
     freedom: int
+    groups: int = 0
+    inertia: float = math.inf
 
     @property
     def trouble(self) -> str:

@@ -58,6 +58,8 @@ class Found:
     estimates: tuple[Estimate, ...]
     distances: Array
     weights: Array
+    groups: int
+    inertia: float
 
     def __getitem__(self, name: str) -> Estimate:
         """The estimate of this name."""
@@ -88,6 +90,7 @@ class Calibration(Found):
     points, centrelines : (m, 3) and (101, 3) [m] of each observation; NaN where there is no usable shape.
     parameters, values, covariance : what was fitted, where the fit ended (k,), and (k, k) of it; see `predict_tube`.
     freedom : degrees of freedom behind the covariance.
+    groups : how many groups the observations came in; 0: none were named.
     inertia : root mean square of the accelerations given with the observations, as a fraction of gravity.
     grips : how start and end were held, and where offsets, tilts and roll that were fitted put the cable's frames.
     """
@@ -107,6 +110,7 @@ class Calibration(Found):
     values: Array | None = None
     covariance: Array | None = None
     freedom: int = 0
+    groups: int = 0
     inertia: float = 0.0
     grips: tuple[Held, Held] = (AS_GIVEN, AS_GIVEN)
 

@@ -22,7 +22,7 @@ from cable_shape.scene.plug import Plug, PlugError, plug_error
 from cable_shape.scene.scene import Obstacle, Scene
 from cable_shape.shape import CableShape
 from cable_shape.solve.answers import Solved
-from cable_shape.uncertainty.tube_watch import TubeWatch
+from cable_shape.uncertainty.tube_watch import TubeWatch, left_out
 from cable_shape.uncertainty.uncertainty import Tube
 
 Links = Mapping[str, Pose] | None
@@ -116,8 +116,9 @@ class CableCycle:
         """The tube of the shape just predicted, if it is asked for and known; kept, and those of the tails."""
         self.tail_tubes = {}
         if self._tubes is not None:
-            inertia = 0.0  # in the load already
-            if self._acceleration is None:
+            if self._acceleration is not None:
+                inertia = left_out(self._tubes.uncertainty, self._acceleration, self.predictor.problem.gravity)
+            else:
                 inertia = self._watch.inertia(shape, ends, stamp) if shape.status else math.nan
             self.tube = self._tubes.tube(self.predictor, shape, ends, links, self._acceleration, inertia=inertia)
             for side, tail in self.tails.items():

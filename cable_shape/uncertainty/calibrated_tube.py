@@ -14,17 +14,8 @@ from cable_shape.pose import FreeEnd, Grip, Pose, as_grip
 from cable_shape.prediction.predictor import Predictor
 from cable_shape.solve.outcome import MODEL
 from cable_shape.solve.problem import GRAVITY
-from cable_shape.solve.quasistatic import inertia_of
-from cable_shape.uncertainty.tube_watch import TubeWatch
+from cable_shape.uncertainty.tube_watch import TubeWatch, left_out
 from cable_shape.uncertainty.uncertainty import CONFIDENCE, Tube, Uncertainty
-
-#: Part of a given acceleration that stands for what is wrong with it, and with the model of a cable that moves.
-LEFT = 0.6
-
-
-def left_out(found: Calibration, acceleration: ArrayLike, gravity: ArrayLike = GRAVITY) -> float:
-    """The load that a prediction with this acceleration leaves out, as a fraction of the weight."""
-    return LEFT * math.sqrt(max(inertia_of(acceleration, gravity) ** 2 - found.inertia**2, 0.0))
 
 
 def predict_tube(

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from cable_shape import checks
 from cable_shape.cable.cable import Cable
 from cable_shape.calibration.parameters import Parameters, held
+from cable_shape.calibration.result import Calibration
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels.safety import spread as tube
@@ -22,6 +23,7 @@ from cable_shape.prediction.tails import Tail, held_frame
 from cable_shape.shape import CableShape
 from cable_shape.solve.outcome import MODEL
 from cable_shape.solve.problem import GRAVITY
+from cable_shape.solve.quasistatic import inertia_of
 from cable_shape.uncertainty.uncertainty import Tube, Uncertainty, directions_of
 
 #: Load of the rods that show how a shape answers its inertia, as a fraction of the weight.
@@ -29,6 +31,14 @@ STEP = 0.25
 #: Standard deviation of the inertial load along each axis, as a fraction of the ratio that is told: that of loads of
 #: this size in all directions.
 SHARE = 3.0**-0.5
+#: Part of a given acceleration that stands for what is wrong with it, and with the model of a cable that moves.
+LEFT = 0.6
+
+
+def left_out(known: Uncertainty | Calibration, acceleration: ArrayLike, gravity: ArrayLike = GRAVITY) -> float:
+    """The load that a prediction with this acceleration leaves out, as a fraction of the weight: a part of what it has
+    beyond the accelerations of the data of a calibration, whose misses tell of these already."""
+    return LEFT * math.sqrt(max(inertia_of(acceleration, gravity) ** 2 - known.inertia**2, 0.0))
 
 
 class _Beside(NamedTuple):

@@ -34,7 +34,7 @@ CONFIDENCE = 0.95
 MOST_INERTIA = 1.0
 #: Of a grip whose pose is exactly known.
 EXACT = (0.0, 0.0)
-_KEYS = ("confidence", "misses", "start", "end", "cable", "covariance")
+_KEYS = ("confidence", "misses", "inertia", "start", "end", "cable", "covariance")
 #: Principal directions of the parameters whose variance is below this fraction of the largest move nothing.
 _NOTHING = 1e-12
 #: Ratios of standard deviations for which quantiles are kept, and nodes of the integral that gives them.
@@ -85,6 +85,9 @@ class Uncertainty:
         That a point of the cable is in the tube, above 0 and below 1.
     misses : float
         [m], by how much predictions of an exactly known cable are off, with that confidence: model and camera.
+    inertia : float
+        Root mean square, as a fraction of gravity, of the accelerations under which `misses` were seen: 0.6 of what a
+        given acceleration has beyond it counts as not known. Infinite, the default: none of it does.
 
     Raises
     ------
@@ -92,10 +95,11 @@ class Uncertainty:
         Naming the value, the bound and the remedy.
     """
 
-    __slots__ = ("confidence", "covariance", "end", "misses", "names", "spread", "start")
+    __slots__ = ("confidence", "covariance", "end", "inertia", "misses", "names", "spread", "start")
 
     confidence: float
     misses: float  # m
+    inertia: float
     names: tuple[str, ...]  # of what is not known of the cable
     spread: dict[str, float]  # standard deviations by these names; empty where a covariance was told
     covariance: Array  # (k, k), of its components; of logarithms of stiffness; empty for names of harnesses alone
@@ -110,12 +114,14 @@ class Uncertainty:
         *,
         confidence: float = CONFIDENCE,
         misses: float = 0.0,
+        inertia: float = math.inf,
     ) -> None:
         given = checks.mapping("cable", cable, _known(cable), "Write {bending_stiffness: 0.1}, a fraction.")
         self.confidence = checks.number("confidence", confidence, above=0.0)
         if self.confidence >= 1.0:
             raise ArgumentError.of("confidence", self.confidence, "it must be below 1", "Give 0.95 for 95 %.")
         self.misses = checks.number("misses", misses, at_least=0.0, unit="m")
+        self.inertia = math.inf if inertia == math.inf else checks.number("inertia", inertia, at_least=0.0)
         self.start, self.end = _of_pose("start", start), _of_pose("end", end)
         self.names = tuple(given)
         self.spread = {name: checks.number(f"cable[{name!r}]", x, at_least=0.0) for name, x in given.items()}
@@ -145,7 +151,8 @@ class Uncertainty:
         remedy = "Give what cs.calibrate returns."
         checks.instance("found", found, _calibrations(), remedy)
         made = cls(None, start, end, confidence=confidence)
-        made.misses = found.miss_quantile(made.confidence)
+        made.misses = found.miss_quantile(made.confidence) * of_few(found.groups, made.confidence)
+        made.inertia = found.inertia
         estimates, covariance = found.estimates, found.covariance
         if found.parameters is None:  # a sag
             made.names, covariance = ("bending_stiffness",), np.array([[estimates[0].relative ** 2]])
@@ -159,7 +166,7 @@ class Uncertainty:
 
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any], where: str = "uncertainty") -> Uncertainty:
-        """From `confidence`, `misses`, `start`, `end` and either `cable` or `covariance`, all optional.
+        """From `confidence`, `misses`, `inertia`, `start`, `end` and either `cable` or `covariance`, all optional.
 
         `start` and `end` are mappings of `position` [m] and `angle` [rad], or (6, 6); `covariance` is a mapping of
         `names` and `matrix`, as :meth:`as_dict` writes it.
@@ -169,7 +176,7 @@ class Uncertainty:
         whole = values.get("covariance")
         if whole is not None and "cable" in values:
             raise ArgumentError(f"{where}: covariance is not allowed beside cable. Leave one of them out.")
-        numbers = {key: values[key] for key in ("confidence", "misses") if key in values}
+        numbers = {key: values[key] for key in ("confidence", "misses", "inertia") if key in values}
         made = cls(values.get("cable"), ends.get("start", EXACT), ends.get("end", EXACT), **numbers)
         if whole is not None:
             checks.known_keys(f"{where}: covariance", whole, ("names", "matrix"))
@@ -202,6 +209,7 @@ class Uncertainty:
         told: dict[str, Any] = {"covariance": {"names": list(self.names), "matrix": self.covariance.tolist()}}
         if self.names and not self.covariance.size:
             told = {"cable": dict(self.spread)}
+        told |= {"inertia": self.inertia} if self.inertia < math.inf else {}
         return {
             "confidence": self.confidence, "misses": self.misses, "start": _told(self.start), "end": _told(self.end),
             **told,
@@ -294,6 +302,21 @@ def _known(names: Any) -> dict[str, tuple[tuple[str, ...], str, float, float, bo
     given = names if isinstance(names, (Mapping, list, tuple)) else ()
     own = (name for name in given if isinstance(name, str) and name not in KNOWN)
     return KNOWN | {name: kinds[kind] for name in own if (kind := name.partition(":")[0]) in kinds}
+
+
+def of_few(groups: int, confidence: float) -> float:
+    """[1], by how much the quantile of misses of another group is beyond that of so many groups that were fitted.
+
+    Misses of one group hang together: each tells once the scale of a normal vector across the cable, which has two
+    directions. Student's quantile of 2 (groups - 1) degrees of freedom, and what the mean over the groups is off by. 1
+    where no groups were named, and of a single one, which cannot tell how another differs from it.
+    """
+    from scipy.special import ndtri, stdtrit
+
+    if groups < 2:
+        return 1.0
+    upper = 0.5 + 0.5 * confidence
+    return float(stdtrit(2 * (groups - 1), upper) / ndtri(upper)) * math.sqrt(1.0 + 1.0 / groups)
 
 
 @cache

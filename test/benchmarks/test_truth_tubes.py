@@ -10,7 +10,7 @@ from truth_tubes import Tubes, as_fitted, fitted, inside, largest, put
 import cable_shape as cs
 from cable_shape.calibration.parameters import held
 from cable_shape.replay.observations import from_bag
-from cable_shape.uncertainty.calibrated_tube import left_out
+from cable_shape.uncertainty.tube_watch import left_out
 
 recorded = pytest.mark.skipif(
     not DATA.is_dir(), reason=f"no recordings of real cables at {DATA.parent.name}/{DATA.name}"

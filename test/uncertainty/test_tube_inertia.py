@@ -11,8 +11,7 @@ import cable_shape as cs
 from cable_shape.cable.cable import STANDARD_GRAVITY
 from cable_shape.errors import ArgumentError
 from cable_shape.safety.report import WarningKind
-from cable_shape.uncertainty.calibrated_tube import LEFT
-from cable_shape.uncertainty.tube_watch import SHARE, TubeWatch
+from cable_shape.uncertainty.tube_watch import LEFT, SHARE, TubeWatch
 from cable_shape.uncertainty.uncertainty import Tube
 
 ALONG_X = (0.5, 0.5, 0.5, 0.5)
