@@ -1,13 +1,14 @@
-"""Rods that meet in one junction as a boundary value problem for scipy's solve_bvp, which shares nothing with ours.
+"""Rods as boundary value problems for scipy's solve_bvp, which shares nothing with ours: arms that meet in one
+junction, and one cable in stretches from clip to clip.
 
-Of each arm 13 states on [0, 1]: place, rotation x y z w, moment in the cable frame and force in the world. The far ends
-of arms are clamped, or free.
+Of each rod 13 states on [0, 1]: place, rotation x y z w, moment in the cable frame and force in the world. Far ends
+are clamped, or free.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -18,13 +19,20 @@ Profile = Callable[[np.ndarray], np.ndarray]
 
 
 @dataclass
-class Arm:
+class Rod:
     """A rod of one length; `stiffness` and `rest` (3, k) at arc lengths (k,)."""
 
     length: float
     stiffness: Profile
     rest: Profile
     weight: float  # N/m, downwards
+    give: Sequence[float] = field(default=(0.0, 0.0, 0.0), kw_only=True)  # 1/N: strain by force, along d1, d2, d3
+
+
+@dataclass
+class Arm(Rod):
+    """A rod that meets others in a junction."""
+
     place: Sequence[float]  # of the far end
     rotation: Sequence[float]
     meets: int = 0  # 0: it starts at the junction, 1: it ends there
@@ -59,19 +67,36 @@ def turned(q: np.ndarray, v: np.ndarray) -> np.ndarray:
     return v + q[3] * t + np.cross(axis, t, axis=0)
 
 
-def slopes(arm: Arm, s: np.ndarray, Y: np.ndarray) -> np.ndarray:
-    """d/ds of the states (13, k) of one arm."""
-    q, M, n = Y[3:7], Y[7:10], Y[10:13]
-    u = M / arm.stiffness(s) + arm.rest(s)
-    z = np.zeros((3, s.size))
-    z[2] = 1.0
+def strains(rod: Rod, s: np.ndarray, Y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Curvature u, r' and force (3, k) in the cable frame."""
+    N = turned(conjugate(Y[3:7]), Y[10:13])
+    V = np.asarray(rod.give)[:, None] * N
+    V[2] += 1.0
+    return Y[7:10] / rod.stiffness(s) + rod.rest(s), V, N
+
+
+def slopes(rod: Rod, s: np.ndarray, Y: np.ndarray) -> np.ndarray:
+    """d/ds of the states (13, k) of one rod."""
+    q, M = Y[3:7], Y[7:10]
+    u, V, N = strains(rod, s, Y)
     out = np.zeros_like(Y)
-    out[0:3] = turned(q, z)
+    out[0:3] = turned(q, V)
     out[3:7] = 0.5 * product(q, np.concatenate((u, np.zeros((1, s.size)))))
-    N = turned(conjugate(q), n)
-    out[7:10] = np.cross(M, u, axis=0) - np.cross(z, N, axis=0)
-    out[12] = arm.weight
+    out[7:10] = np.cross(M, u, axis=0) - np.cross(V, N, axis=0)
+    out[12] = rod.weight
     return out
+
+
+def parallel(rods: Sequence[Rod]) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    """The slopes of all rods' states side by side on [0, 1]."""
+
+    def fun(x: np.ndarray, Y: np.ndarray) -> np.ndarray:
+        rows = [
+            rod.length * slopes(rod, rod.length * x, Y[STATES * i : STATES * (i + 1)]) for i, rod in enumerate(rods)
+        ]
+        return np.concatenate(rows)
+
+    return fun
 
 
 def solve(arms: Sequence[Arm], start: Sequence[Callable[[np.ndarray], np.ndarray]], force: np.ndarray, nodes: int = 300,
@@ -80,12 +105,6 @@ def solve(arms: Sequence[Arm], start: Sequence[Callable[[np.ndarray], np.ndarray
     junction."""
     x = np.linspace(0.0, 1.0, nodes)
     Y = np.concatenate([states(x) for states in start])
-
-    def fun(x: np.ndarray, Y: np.ndarray) -> np.ndarray:
-        rows = [
-            arm.length * slopes(arm, arm.length * x, Y[STATES * i : STATES * (i + 1)]) for i, arm in enumerate(arms)
-        ]
-        return np.concatenate(rows)
 
     def conditions(Ya: np.ndarray, Yb: np.ndarray) -> np.ndarray:
         out, total, couple = [], force.copy(), np.zeros(3)
@@ -111,6 +130,55 @@ def solve(arms: Sequence[Arm], start: Sequence[Callable[[np.ndarray], np.ndarray
             couple = couple + sign * turned(here[3:7], here[7:10])
         return np.concatenate([*out, total, couple])
 
-    found = solve_bvp(fun, conditions, x, Y, tol=tol, max_nodes=6000)
+    found = solve_bvp(parallel(arms), conditions, x, Y, tol=tol, max_nodes=6000)
+    assert found.success, found.message
+    return found
+
+
+@dataclass
+class Stop:
+    """Where one stretch of a cable goes over into the next, or where the cable ends: held at `place`, in the frame
+    `rotation`, or not; else under a dead force and, at an end, a dead moment."""
+
+    place: Sequence[float] | None = None
+    rotation: Sequence[float] | None = None
+    force: Sequence[float] = (0.0, 0.0, 0.0)
+    moment: Sequence[float] = (0.0, 0.0, 0.0)
+
+    def held(self, Y: np.ndarray) -> list[np.ndarray]:
+        """What place and frame ask of the states (13,)."""
+        out = [] if self.place is None else [Y[0:3] - np.asarray(self.place)]
+        return out if self.rotation is None else [*out, product(conjugate(np.asarray(self.rotation)), Y[3:7])[:3]]
+
+    def passed(self, left: np.ndarray, right: np.ndarray) -> list[np.ndarray]:
+        """13 conditions on the states (13,) before and after."""
+        out = [*self.held(left), right[0:3] - left[0:3], right[3:7] - left[3:7]]
+        if self.rotation is None:
+            out.append(right[7:10] - left[7:10])
+        if self.place is None:
+            out.append(right[10:13] - left[10:13] + np.asarray(self.force))
+        return out
+
+    def ended(self, Y: np.ndarray) -> list[np.ndarray]:
+        """6 conditions on the states (13,) at the cable's end."""
+        if self.place is not None:
+            return self.held(Y)
+        return [Y[10:13] - np.asarray(self.force), turned(Y[3:7], Y[7:10]) - np.asarray(self.moment)]
+
+
+def chain(rods: Sequence[Rod], stops: Sequence[Stop], x: np.ndarray, Y: np.ndarray, tol: float) -> Any:
+    """solve_bvp's solution of stretches in a row, from states Y (13 a stretch, k) at x (k,) on [0, 1].
+
+    Stops are one more; at the first the cable is clamped.
+    """
+
+    def conditions(Ya: np.ndarray, Yb: np.ndarray) -> np.ndarray:
+        first, last = Ya.reshape(-1, STATES), Yb.reshape(-1, STATES)
+        out = [first[0, 0:3] - np.asarray(stops[0].place), first[0, 3:7] - np.asarray(stops[0].rotation)]
+        for stop, left, right in zip(stops[1:-1], last[:-1], first[1:], strict=True):
+            out += stop.passed(left, right)
+        return np.concatenate([*out, *stops[-1].ended(last[-1])])
+
+    found = solve_bvp(parallel(rods), conditions, x, Y, tol=tol, max_nodes=60_000)
     assert found.success, found.message
     return found

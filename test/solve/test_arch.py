@@ -6,14 +6,13 @@ weight. The load is a point mass at the crown in a field of 1 m/s^2. Radius and 
 
 import json
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
+from references import label, references
 
 import cable_shape as cs
 
-CASES = Path(__file__).resolve().parents[3] / "shared" / "cases" / "published"
 ANGLE = math.radians(215.0)
 TAIL = 0.02
 LIMIT = 8.972483987505157  # of the second variation; 8.97 in print
@@ -54,11 +53,10 @@ def test_the_arch_stands_below_its_limit_load_and_falls_above():
     assert fallen.positions[20, 2] < -0.3 < shape.positions[20, 2]
 
 
-@pytest.mark.skipif(not CASES.is_dir(), reason="the published cases are not here")
-@pytest.mark.parametrize("name", ["arch_215_load_5", "arch_215_load_8.9"])
-def test_the_arch_under_load_is_the_published_one(name):
-    values = json.loads((CASES / f"{name}.json").read_text())
-    _, shape = raised(values["point_masses"][0]["mass"])
+@pytest.mark.parametrize("path", references("arch_*", "published"), ids=label)
+def test_the_arch_under_load_is_the_reference(path):
+    values = json.loads(path.read_text())
+    _, shape = raised(values["point_masses"][0]["mass"], points=len(values["solution"]["s"]))
     assert np.linalg.norm(shape.positions - values["solution"]["r"], axis=1).mean() < 1e-5 * shape.length
     assert np.abs(shape.force[0] - values["solution"]["force_start"]).max() < 1e-5
 

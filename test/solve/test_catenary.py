@@ -1,4 +1,4 @@
-"""The catenary against closed forms, integration of the differential equation, and the published elastic catenary."""
+"""The catenary against closed forms, integration of the differential equation, and reference shapes."""
 
 import json
 import math
@@ -8,6 +8,7 @@ import hypothesis.strategies as st
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from references import label, references
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
@@ -15,7 +16,6 @@ from scipy.spatial.transform import Rotation
 import cable_shape as cs
 from cable_shape.kernels import catenary as kernel
 
-CASES = Path(__file__).resolve().parents[3] / "shared" / "cases" / "published"
 CHAIN = cs.Cable(length=1.2, linear_density=0.1, bending_stiffness=0.0)
 ORIGIN = cs.Pose()
 SETTINGS = settings(derandomize=True, deadline=None, max_examples=60)
@@ -194,16 +194,17 @@ def test_the_derivative_of_the_closure_agrees_with_finite_differences() -> None:
                 np.testing.assert_allclose(derivative[:, k], (ahead - behind) / 2e-6, rtol=1e-5, atol=1e-6)
 
 
-@pytest.mark.parametrize("name", ["level", "inclined", "slack", "taut", "elastic", "elastic_stretched"])
-def test_published_catenaries(name: str) -> None:
-    file = CASES / f"catenary_{name}.json"
-    if not file.exists():
-        pytest.skip(f"the reference {file.name} is not on this machine")
-    case = json.loads(file.read_text())
+@pytest.mark.parametrize("path", references("catenary_*", "published"), ids=label)
+def test_reference_catenaries(path: Path) -> None:
+    case = json.loads(path.read_text())
     given_cable, reference = case["cable"], case["solution"]
     cable = cs.Cable(given_cable["length"], given_cable["linear_density"], 0.0, axial_stiffness=given_cable["EA"])
     shape = cs.predict(
-        cable, cs.Pose(case["start"]["position"]), cs.Pose(case["end"]["position"]), gravity=case["gravity"], points=41
+        cable,
+        cs.Pose(case["start"]["position"]),
+        cs.Pose(case["end"]["position"]),
+        gravity=case["gravity"],
+        points=len(reference["s"]),
     )
     assert shape.model == "catenary"
     assert shape.status is cs.Status.OK

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 from clips import FREE, WEIGHT, arrays, on_the_free_shape
+from references import label, references
 from rods import ALONG_X, CABLE, END, GENERAL, LENGTH, START, integrated_residual, moved, sensitivities, solved
 from scipy.spatial.transform import Rotation
 
@@ -21,8 +21,7 @@ from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
 from cable_shape.solve.problem import Problem
 
-CASES = Path(__file__).parents[3] / "shared" / "cases" / "public"
-HELD = sorted(path for path in CASES.glob("*clip*.json")) if CASES.is_dir() else []
+HELD = references("*clip*")
 
 
 # -- references
@@ -53,15 +52,16 @@ def along_approach(values: dict, steps: int = 20) -> CableShape:
             twist = Rotation.from_rotvec((0.0, 0.0, t * path["end_twist"]))
             frame = Rotation.from_rotvec(t * np.array(path["end_rotvec"])) * along_x * twist
             end = Pose(at(case.cable.length, values["end"]["position"]), frame.as_quat())
-        problem = Problem(case.cable, points=41, scene=scene, gravity=values["gravity"]).move(start, end)
+        problem = Problem(case.cable, points=len(values["solution"]["s"]), scene=scene, gravity=values["gravity"]).move(
+            start, end
+        )
         state = state or Network(problem)
         shape = cosserat.solve(problem, state)
         assert shape.status, (t, shape)
     return shape
 
 
-@pytest.mark.skipif(not HELD, reason="the reference cases are not here")
-@pytest.mark.parametrize("path", HELD, ids=lambda p: p.stem)
+@pytest.mark.parametrize("path", HELD, ids=label)
 def test_reference_shape_along_its_approach(path):
     values = json.loads(path.read_text())
     shape, answer = along_approach(values), values["solution"]
@@ -76,8 +76,7 @@ def test_reference_shape_along_its_approach(path):
         assert load.moment == pytest.approx(jump, abs=1e-3 * np.abs(answer["m"]).max())
 
 
-@pytest.mark.skipif(not HELD, reason="the reference cases are not here")
-@pytest.mark.parametrize("path", HELD, ids=lambda p: p.stem)
+@pytest.mark.parametrize("path", HELD, ids=label)
 def test_smallest_eigenvalue_of_the_second_variation(path):
     values = json.loads(path.read_text())
     case = reference_case(values)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
+from references import label, named
 from rods import ALONG_X, CABLE, END, LENGTH, START, on_mesh, rod_equations
 from scipy.integrate import solve_ivp
 from scipy.optimize import root
@@ -21,7 +21,6 @@ from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
 from cable_shape.solve.problem import Problem
 
-CASES = Path(__file__).parents[3] / "shared" / "cases"
 MESHES = (16, 32, 64)
 #: [m], below this rounding and the references' own digits count.
 FLOOR = 1e-11
@@ -105,7 +104,9 @@ def test_sixth_order_against_finer_meshes_of_a_cable_with_a_mass():
     assert (found < 7.6).all(), found
 
 
-NAMES = (
+REFERENCES = named(
+    "references/grasp_1", "references/grasp_taut", "references/grasp_twisted", "references/coil_1",
+    "references/rubber_shear", "references/free_pulled",
     "public/grasp_02", "public/grasp_rotated_03", "public/grasp_taut_01", "public/grasp_twisted_05",
     "public/no_gravity_05", "public/rest_curvature_06", "public/free_end_08",
     "published/bend45_shear_GA5e6_P600", "published/cantilever_end_load_PL2_EI_10", "published/helix_clamped_c",
@@ -113,14 +114,14 @@ NAMES = (
 )  # fmt: skip
 
 
-@pytest.mark.skipif(not CASES.is_dir(), reason="the reference cases are not here")
-@pytest.mark.parametrize("name", NAMES)
-def test_sixth_order_against_reference_shapes(name):
+@pytest.mark.parametrize("path", REFERENCES, ids=label)
+def test_sixth_order_against_reference_shapes(path):
     """References of 1e-12 or better."""
-    values = json.loads((CASES / f"{name}.json").read_text())
+    values = json.loads(path.read_text())
     case = reference_case(values)
-    problem = Problem(case.cable, points=41, gravity=values["gravity"], scene=case.scene).move(case.start, case.end)
-    found = orders(problem, np.array(values["solution"]["r"]))
+    exact = np.array(values["solution"]["r"])
+    problem = Problem(case.cable, points=len(exact), gravity=values["gravity"], scene=case.scene)
+    found = orders(problem.move(case.start, case.end), exact)
     assert (found > 5.4).all(), found
     assert (found < 7.6).all(), found
 
