@@ -75,16 +75,19 @@ def warm_up_cycles() -> None:
             cycle.step({"cable": (start, far)}, stamp=stamp * 10_000_000, links={"tool": start})
     spread = Cycle(cable, model="cosserat", scene=scene, uncertainty=Uncertainty({"length": 1e-3}, (1e-3, 0.0)))
     spread.step({"cable": (start, end)}, stamp=0, links={"tool": start})
+    predict(cable, start, Pose((1.2, 0.0, 0.5), end.quaternion))  # overstretched
     clips = [Clip(0.3, Pose((0.2, 0.0, 0.5)), "slide"), Clip(0.6, Pose((0.45, 0.0, 0.5)))]
     held = Predictor(cable, model="cosserat", scene=Scene(clips=clips))
     for k in range(3):
         held.predict(start, Pose((0.8, 0.0, 0.5 + 0.001 * k), end.quaternion))
     held.sensitivity()
     table = Scene(obstacles=[Obstacle("table", HalfSpace())], contact="solve")
-    for around in (table, table.replace(clips=[Clip(0.7, Pose((0.55, 0.0, 0.25)))])):
-        resting = Predictor(cable, model="cosserat", scene=around)
-        for k in range(3):
-            resting.predict(Pose((0.0, 0.0, 0.3 + 0.001 * k), start.quaternion), Pose((0.8, 0.0, 0.3), end.quaternion))
+    for around in (table, table.replace(clips=[Clip(0.5, Pose((0.4, 0.0, 0.1)), "slide")])):
+        lowered = Cycle(cable, model="cosserat", scene=around, uncertainty=Uncertainty({"length": 1e-3}))
+        for k in range(10):
+            low = Pose((0.0, 0.0, 0.4 - 0.02 * k), start.quaternion), Pose((0.8, 0.0, 0.4 - 0.02 * k), end.quaternion)
+            lowered.step({"cable": low}, stamp=k * 10_000_000)
+        resting = lowered._cables["cable"].predictor
         resting.sensitivity(("start", "body:table", "length"))
     thin = cable.replace(tails={}, diameter=0.02)
     crossed = Cycle({"a": thin, "b": thin}, model="cosserat", scene=Scene(contact="solve"))
@@ -92,6 +95,7 @@ def warm_up_cycles() -> None:
     for k in range(3):
         across = (Pose((0.4, -0.4, 0.515 - 0.001 * k), over), Pose((0.4, 0.4, 0.515 - 0.001 * k), over))
         crossed.step({"a": (start, end), "b": across}, stamp=k * 10_000_000)
+    crossed._cables["a"].predictor.sensitivity(("start", "length"))
 
 
 def warm_up_harnesses() -> None:
