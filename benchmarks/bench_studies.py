@@ -141,7 +141,7 @@ def print_cluster(figures: Figures, workers: int, quick: bool) -> None:
     import distributed
 
     heading("A million rows")
-    points = 40 if quick else 500
+    points = 160 if quick else 500
     parts = [
         of_length(vary={"cable.length": {"from": low, "to": low + 0.06, "count": points}}, chunk=CHUNK)
         for low in (0.63, 0.69, 0.75, 0.81)
@@ -158,12 +158,16 @@ def print_cluster(figures: Figures, workers: int, quick: bool) -> None:
             alone = pool.map(counted, [COUNTED])[0]
             took, _ = clocked(lambda: pool.map(counted, [COUNTED] * workers, chunksize=1))
             found["counting"].append(workers * alone / took)
+        shapes = {"cable.length": {"from": 0.63, "to": 0.9, "count": 400}}
+        single = of_length(vary=shapes, chunk=1, motion={**of_length().values["motion"], "instants": 1})
+        costs = 1.0 / pace(single, scheduler=cluster.scheduler_address)
     for name, told in found.items():
         unit = "times one process" if name == "counting" else "points a second"
         print(f"{name}: {', '.join(f'{one:.3g}' for one in told)} {unit}")
     one, several, there = (max(told) for told in list(found.values())[:3])
     plain, dask = (1e3 * CHUNK * workers / best for best in (several, there))
     print(f"{2000 * points} rows; a chunk takes a process {plain:.0f} ms, a worker of Dask {dask:.0f} ms")
+    print(f"chunks of one shape: Dask hands out one each {1e3 * costs:.1f} ms")
     figures.at_least(f"{workers} workers over one", several / one, 1.8, "{:.2f}")
     figures.at_most("Dask's local cluster over processes", several / there, 1.3, "{:.2f}")
 
