@@ -8,7 +8,7 @@ are clamped, or free.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -138,25 +138,31 @@ def solve(arms: Sequence[Arm], start: Sequence[Callable[[np.ndarray], np.ndarray
 @dataclass
 class Stop:
     """Where one stretch of a cable goes over into the next, or where the cable ends: held at `place`, in the frame
-    `rotation`, or not; else under a dead force and, at an end, a dead moment."""
+    `rotation` or not, or running through it; else under a dead force and, at an end, a dead moment."""
 
     place: Sequence[float] | None = None
     rotation: Sequence[float] | None = None
     force: Sequence[float] = (0.0, 0.0, 0.0)
     moment: Sequence[float] = (0.0, 0.0, 0.0)
+    slides: bool = False
 
     def held(self, Y: np.ndarray) -> list[np.ndarray]:
         """What place and frame ask of the states (13,)."""
         out = [] if self.place is None else [Y[0:3] - np.asarray(self.place)]
         return out if self.rotation is None else [*out, product(conjugate(np.asarray(self.rotation)), Y[3:7])[:3]]
 
-    def passed(self, left: np.ndarray, right: np.ndarray) -> list[np.ndarray]:
-        """13 conditions on the states (13,) before and after."""
+    def passed(self, left: np.ndarray, right: np.ndarray, rod: Rod) -> list[np.ndarray]:
+        """13 conditions on the states (13,) before and after; 14 where the cable slides without friction, there with as
+        much of n . r' - (energy of stretch) on both sides (moments and curvatures are the same)."""
         out = [*self.held(left), right[0:3] - left[0:3], right[3:7] - left[3:7]]
         if self.rotation is None:
             out.append(right[7:10] - left[7:10])
         if self.place is None:
             out.append(right[10:13] - left[10:13] + np.asarray(self.force))
+        if self.slides:
+            N = [turned(conjugate(Y[3:7]), Y[10:13]) for Y in (left, right)]
+            before, after = (n[2] + 0.5 * np.asarray(rod.give) @ n**2 for n in N)
+            out.append(np.array([after - before]))
         return out
 
     def ended(self, Y: np.ndarray) -> list[np.ndarray]:
@@ -169,16 +175,24 @@ class Stop:
 def chain(rods: Sequence[Rod], stops: Sequence[Stop], x: np.ndarray, Y: np.ndarray, tol: float) -> Any:
     """solve_bvp's solution of stretches in a row, from states Y (13 a stretch, k) at x (k,) on [0, 1].
 
-    Stops are one more; at the first the cable is clamped.
+    Stops are one more; at the first the cable is clamped. The solution's p: arc lengths of the stops that slide, on a
+    cable that is the same everywhere.
     """
+    at = np.cumsum([0.0, *(rod.length for rod in rods)])
+    sliding = [i for i, stop in enumerate(stops) if stop.slides]
 
-    def conditions(Ya: np.ndarray, Yb: np.ndarray) -> np.ndarray:
+    def fun(x: np.ndarray, Y: np.ndarray, p: Sequence[float] = ()) -> np.ndarray:
+        here = at.copy()
+        here[sliding] = p
+        return parallel([replace(rod, length=d) for rod, d in zip(rods, np.diff(here), strict=True)])(x, Y)
+
+    def conditions(Ya: np.ndarray, Yb: np.ndarray, _: Sequence[float] = ()) -> np.ndarray:
         first, last = Ya.reshape(-1, STATES), Yb.reshape(-1, STATES)
         out = [first[0, 0:3] - np.asarray(stops[0].place), first[0, 3:7] - np.asarray(stops[0].rotation)]
-        for stop, left, right in zip(stops[1:-1], last[:-1], first[1:], strict=True):
-            out += stop.passed(left, right)
+        for stop, rod, left, right in zip(stops[1:-1], rods[:-1], last[:-1], first[1:], strict=True):
+            out += stop.passed(left, right, rod)
         return np.concatenate([*out, *stops[-1].ended(last[-1])])
 
-    found = solve_bvp(parallel(rods), conditions, x, Y, tol=tol, max_nodes=60_000)
+    found = solve_bvp(fun, conditions, x, Y, p=at[sliding] if sliding else None, tol=tol, max_nodes=60_000)
     assert found.success, found.message
     return found

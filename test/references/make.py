@@ -7,7 +7,7 @@ integrated again by DOP853, and refused if it differs.
 
 The files have the fields that cable_shape/command/reference_case.py reads, and in `solution` more than it: forces,
 moments, `energy`, `events` (loads before and after clips and masses), and `min_eig`, the smallest eigenvalue of the
-second variation (second_variation.py) in units of the largest stiffness / length^2.
+second variation (second_variation.py) in units of the largest stiffness / length^2, null with eyelets and end moments.
 """
 
 from __future__ import annotations
@@ -57,7 +57,10 @@ class Chain:
         force, moment = units[12, 0], units[9, 0]
         stops = [(0.0, Stop(values["start"]["position"], values["start"]["quaternion_xyzw"]))]
         stops += [
-            (clip["s"] / length, Stop(np.array(clip["position"]) / length, clip["quaternion_xyzw"]))
+            (
+                clip["s"] / length,
+                Stop(np.array(clip["position"]) / length, clip["quaternion_xyzw"], slides=clip["type"] == "slide"),
+            )
             for clip in values["clips"]
         ]
         stops += [
@@ -93,8 +96,17 @@ class Chain:
             parts += [np.interp(a + (b - a) * x, s[inside], y) for y in Y[inside].T]
         return np.array(parts)
 
+    def slide(self, arcs: Array) -> None:
+        """Eyelets to these fractions of the length."""
+        self.at[[stop.slides for stop in self.stops]] = arcs
+        for rod, length in zip(self.rods, np.diff(self.at), strict=True):
+            rod.length = length
+
     def solve(self, x: Array, Y: Array, tol: float = TOLERANCE) -> Any:
-        return collocation.chain(self.rods, self.stops, x, Y, tol)
+        found = collocation.chain(self.rods, self.stops, x, Y, tol)
+        if found.p is not None:
+            self.slide(found.p)
+        return found
 
     def states(self, found: Any, s: Array) -> Array:
         """(13, k) at fractions s of the length, at a stop those after it."""
@@ -181,6 +193,8 @@ def solved(values: Values) -> tuple[Chain, Any]:
     chain, case = Chain(values), reference_case(values)
     shape = cs.predict(case.cable, case.start, case.end, scene=case.scene, gravity=values["gravity"], points=401)
     assert shape.status is cs.Status.OK, shape
+    loads = zip(values["clips"], shape.clips, strict=True)
+    chain.slide([load.arc_length / chain.length for clip, load in loads if clip["type"] == "slide"])
     rough = chain.solve(x, chain.guess(shape, x), 1e-4)
     return chain, chain.solve(rough.x, rough.y)
 
@@ -246,10 +260,11 @@ def completed(values: Values) -> Values:
     Y = chain.states(found, at) * chain.units
     energy, twist = chain.integrals(found)
     m = collocation.turned(Y[3:7], Y[7:10])
+    sliding = any(stop.slides for stop in chain.stops)
     solution = {
         "s": digits(at * chain.length), "r": digits(Y[0:3].T), "q_xyzw": digits(Y[3:7].T), "n": digits(Y[10:13].T),
         "m": digits(m.T), "force_start": digits(Y[10:13, 0]), "energy": float(digits(energy)),
-        "min_eig": None if any(values["end_moment"]) else round(chain.stability(found), 6),
+        "min_eig": None if any(values["end_moment"]) or sliding else round(chain.stability(found), 6),
         "events": chain.events(found),
     }  # fmt: skip
     print(

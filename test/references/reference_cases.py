@@ -43,10 +43,10 @@ def followed(start: tuple, end: tuple, twist: float) -> np.ndarray:
 def case(name: str, cable: Values, start: tuple, place: tuple | None = None, end: tuple = NOTHING, twist: float = 0.0,
          clips: tuple = (), masses: tuple = (), plug: float = 0.0, force: tuple = NOTHING, moment: tuple = NOTHING,
          gravity: tuple = DOWN) -> Values:  # fmt: skip
-    """One case; `start` and `end` are rotation vectors, `clips` (s, place, rotation vector or None for a ball clip)."""
-    first, held = quaternion(start), None
+    """One case; `start` and `end` are rotation vectors, `clips` (s, place, kind or a fixed one's rotation vector)."""
+    first, gripped = quaternion(start), None
     if place:
-        held = {"position": list(place), "quaternion_xyzw": followed(start, end, twist).tolist()}
+        gripped = {"position": list(place), "quaternion_xyzw": followed(start, end, twist).tolist()}
     return {
         "name": name,
         "kind": "shape",
@@ -54,14 +54,14 @@ def case(name: str, cable: Values, start: tuple, place: tuple | None = None, end
         "cable": cable,
         "gravity": list(gravity),
         "start": {"position": [0.0, 0.0, 0.0], "quaternion_xyzw": first.tolist()},
-        "end": held,
+        "end": gripped,
         "end_mass": plug,
         "end_force": list(force),
         "end_moment": list(moment),
         "clips": [
-            {"s": s, "type": "fixed" if turn else "ball", "position": list(r),
-             "quaternion_xyzw": quaternion(turn).tolist() if turn else None}
-            for s, r, turn in clips
+            {"s": s, "type": held if isinstance(held, str) else "fixed", "position": list(r),
+             "quaternion_xyzw": None if isinstance(held, str) else quaternion(held).tolist()}
+            for s, r, held in clips
         ],
         "point_masses": [{"s": s, "mass": mass} for s, mass in masses],
         "approach": {"start_rotvec": list(start), "end_rotvec": list(end) if place else None,
@@ -75,7 +75,8 @@ def arch(load: float) -> Values:
     frames = [Rotation.from_rotvec((0.0, 0.5 * math.pi + side * 0.5 * angle, 0.0)) for side in (-1, 1)]
     feet = [(side * math.sin(0.5 * angle), 0.0, math.cos(0.5 * angle)) for side in (-1, 1)]
     values = case(f"arch_load_{load:g}", cable(angle + tail, 0.0, (50.0, 1.0), 50.0, rest=(0.0, 1.0, 0.0)), NOTHING,
-                  clips=((angle, feet[1], None),), masses=((0.5 * angle, load),), gravity=(0.0, 0.0, -1.0))  # fmt: skip
+                  clips=((angle, feet[1], "ball"),), masses=((0.5 * angle, load),),
+                  gravity=(0.0, 0.0, -1.0))  # fmt: skip
     start = {"position": list(feet[0]), "quaternion_xyzw": frames[0].as_quat().tolist()}
     return {**values, "start": start, "approach": None}
 
@@ -99,7 +100,7 @@ def all_cases() -> list[Values]:
         case("grasp_taut", cable(1.3, 0.05, 0.02, 0.015), NOTHING, (1.29, 0.01, -0.02), (0.05, 0.1, 0.0), 0.2),
         case("grasp_soft", cable(0.9, 0.08, 2e-5, 1.4e-5), (0.2, 0.4, 0.1), (0.55, 0.1, 0.15), (0.1, -0.5, 0.4), 0.6),
         case("grasp_twisted", cable(1.25, 0.15, 0.06, 0.04), (0.1, 0.0, 0.1), (0.95, 0.05, 0.08), (0.1, -0.1, 0.2),
-             2.6),
+             4.1),
         case("grasp_turned", cable(1.5, 0.03, 1.2, 0.9), (0.4, -0.6, 0.5), (1.05, -0.2, 0.3), (-0.7, 0.2, 0.8), 0.4),
         case("extreme_near", cable(1.0, 0.12, 0.008, 0.006), (0.0, -0.9, 0.2), (0.2, 0.06, 0.03), (0.2, 0.9, 0.1), 0.3),
         case("extreme_bent", cable(1.4, 0.09, 0.05, 0.035), (0.3, 1.2, -0.4), (0.8, 0.2, -0.3), (-0.5, -1.1, 0.7), 1.2),
@@ -121,13 +122,17 @@ def all_cases() -> list[Values]:
         case("mass", cable(1.1, 0.15, 0.04, 0.03), (0.1, 0.1, 0.2), (0.85, 0.1, 0.1), (0.0, 0.2, -0.2), 0.4,
              masses=((0.4, 0.05), (0.83, 0.03))),
         case("ball_clip", cable(1.4, 0.2, 0.05, 0.03), (0.0, 0.2, 0.1), (1.0, 0.1, -0.15), (0.1, -0.2, 0.1), 0.3,
-             clips=((0.62, (0.45, -0.08, -0.1), None),)),
+             clips=((0.62, (0.45, -0.08, -0.1), "ball"),)),
         case("ball_clips", cable(2.0, 0.1, 0.08, 0.06), (0.1, 0.1, 0.1), (1.5, 0.0, 0.1), (0.0, 0.1, -0.2), -0.2,
-             clips=((0.57, (0.42, 0.06, -0.05), None), (1.33, (1.02, -0.05, 0.06), None))),
+             clips=((0.57, (0.42, 0.06, -0.05), "ball"), (1.33, (1.02, -0.05, 0.06), "ball"))),
         case("fixed_clip", cable(1.2, 0.1, 0.06, 0.04), (0.1, -0.1, 0.0), (0.85, 0.1, 0.1), (0.0, 0.3, 0.2), 0.4,
              clips=((0.53, (0.4, -0.05, 0.06), (0.2, 0.1, -0.3)),)),
         case("clip_free_end", cable(0.9, 0.12, 0.03, 0.02), (0.0, -0.2, 0.1), plug=0.02,
-             clips=((0.37, (0.29, 0.05, 0.04), None),)),
+             clips=((0.37, (0.29, 0.05, 0.04), "ball"),)),
+        case("eyelet", cable(1.3, 0.15, (0.02, 0.03), 0.02, EA=60.0), (0.1, -0.2, 0.1), (0.9, 0.1, 0.05),
+             (0.0, 0.1, -0.2), 0.3, clips=((0.6, (0.4, -0.05, 0.2), "slide"),)),
+        case("eyelets", cable(1.8, 0.1, 0.05, 0.03), (0.0, 0.1, 0.2), (1.2, 0.1, -0.1), (0.1, 0.2, 0.0), -0.2,
+             clips=((0.6, (0.4, 0.05, 0.1), "slide"), (1.2, (0.8, -0.05, 0.12), "slide"))),
         arch(4.0), arch(8.5),
         catenary("level", 1.1, 0.3, (0.8, 0.0, 0.0)),
         catenary("inclined", 1.4, 0.2, (0.9, 0.3, 0.4)),

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
+from references import label, references
 from rods import ALONG_X, CABLE, END, GENERAL, LENGTH, START, moved, sensitivities, solved
 
 import cable_shape as cs
+from cable_shape.command.reference_case import reference_case
 from cable_shape.pose import Pose
 from cable_shape.scene.scene import Clip, PointMass, Scene
 from cable_shape.shape import Status
@@ -23,6 +27,18 @@ def eyelet(arc_length: float, position, **others) -> Scene:
 
 
 # -- eyelets
+
+
+@pytest.mark.parametrize("path", references("eyelet*"), ids=label)
+def test_the_cable_runs_to_where_collocation_has_it(path):
+    values = json.loads(path.read_text())
+    case = reference_case(values)
+    shape = solved(case.cable, case.start, case.end, scene=case.scene, tolerance=1e-8 * case.cable.length)
+    for load, event in zip(shape.clips, values["solution"]["events"], strict=True):
+        assert load.arc_length == pytest.approx(event["s"], abs=1e-7)
+        jump = np.subtract(event["force_after"], event["force_before"])
+        assert load.force == pytest.approx(jump, abs=1e-5 * np.linalg.norm(jump))
+        assert load.moment == pytest.approx(np.zeros(3), abs=1e-7)
 
 
 @pytest.mark.parametrize("first", [0.45, 0.5, 0.6, 0.75])
