@@ -11,7 +11,7 @@ from cable_shape.solve.problem import Problem
 from cable_shape.solve.touching.step import Steps
 
 LIMP = 5e-4  #: EI / (w L^3): softer cables come from stiffer ones first
-_STIFF = 2e-3  #: the same, of these
+STIFF = 2e-3  #: the same, of these
 _SOFTENING, _LEAST_SOFTENING = 3.0, 1.05  #: by which factor in one step, at first and at least
 _EAGER = 1.5  #: power of the factor after a step that succeeds, and its inverse, twice, after one that fails
 _ITERATIONS = 60  #: many, for contacts begin and end one at a time
@@ -20,7 +20,7 @@ _ITERATIONS = 60  #: many, for contacts begin and end one at a time
 def soften(steps: Steps, frames: Array, lay: Callable[[Problem], bool]) -> bool:
     """From the equilibrium of a stiffer cable at `frames`, which `lay` finds for its problem, to that of the cable."""
     state = steps.state
-    factor, softening = _STIFF / state.limpness, _SOFTENING
+    factor, softening = STIFF / state.limpness, _SOFTENING
 
     try:
         state.stiffen(factor)

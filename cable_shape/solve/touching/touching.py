@@ -8,6 +8,8 @@ Bodies on robot links move with them: what they push follows in steps that no bo
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import partial
 from time import perf_counter
 
 import numpy as np
@@ -22,7 +24,7 @@ from cable_shape.solve.network import Network
 from cable_shape.solve.problem import Problem
 from cable_shape.solve.rod_common import MODEL, straight_line
 from cable_shape.solve.touching.search import approach, follow, grow, relax
-from cable_shape.solve.touching.soften import LIMP, soften
+from cable_shape.solve.touching.soften import LIMP, STIFF, soften
 from cable_shape.solve.touching.state import TouchState
 from cable_shape.solve.touching.step import DEEPEST, FAR, WARM_ITERATIONS, Steps
 
@@ -32,6 +34,7 @@ _STUCK = (
     "have come. It stays so until the ends are back where a way leads on, or until reset: then any shape is taken. "
 )
 _ATTEMPTS = (1.0, 0.0, -1.0)  #: bodies come from below, grow, come from above
+_LEAST_CHORD = 1e-3  #: of the length: ends that are nearer, seen from above, tell no side
 ACCURACY = 5e-4  #: of the length: what a shape in contact is asked for where the tolerance is below
 #: Of the length: what a cable that does not stretch may seem to stretch by. It gives a little, for between two contacts
 #: a straight piece could not give otherwise: by 3.5e-5 under a tension of 35 times its weight, which leaves it as much
@@ -145,7 +148,10 @@ class Solve:
         return shape if shape.status and not steps.goes_through(before, then, shape.buffer) else None
 
     def _cold(self, frames: Array, free: CableShape, status: Status = Status.OK) -> CableShape:
-        """From the shape without contact, to which the bodies come from below, or grow, or come from above."""
+        """From the shape without contact, to which the bodies come from below, or grow, or come from above or a side.
+
+        Where none of this leads there, a stiffer cable is laid down and made softer; limp ones begin so.
+        """
         state, steps = self.state, self.steps
         if -steps.depth(free.buffer) <= DEEPEST:
             state.rest(free, frames)
@@ -155,13 +161,17 @@ class Solve:
         gravity = self.problem.gravity
         size = float(np.linalg.norm(gravity))
         down = gravity / size if size > 0.0 else np.array((0.0, 0.0, -1.0))
-        limp = state.limpness < LIMP
-        if limp and soften(steps, frames, lambda stiffer: self._lay(frames, stiffer, down)) and steps.settle(frames):
-            return self._finish(status)
-        for attempt in _ATTEMPTS:
+        aside = np.cross(down, frames[-1, :3] - frames[0, :3])
+        aside /= max(float(np.linalg.norm(aside)), _LEAST_CHORD * state.length)
+        ways = [attempt * down for attempt in _ATTEMPTS] + [sign * aside for sign in (1.0, -1.0) if aside.any()]
+        softer = partial(soften, steps, frames, lambda stiffer: self._lay(frames, stiffer, down))
+        attempts: list[Callable[[], bool]] = [partial(self._bring, frames, free, way) for way in ways]
+        if state.limpness < STIFF:
+            attempts.insert(0 if state.limpness < LIMP else len(attempts), softer)
+        for attempt in attempts:
             if steps.late:
                 return self._no_shape(Status.BUDGET_EXCEEDED, "")
-            if self._bring(frames, free, attempt * down) and steps.settle(frames):
+            if attempt() and steps.settle(frames):
                 return self._finish(status)
         return self._lost() if not steps.late else self._no_shape(Status.BUDGET_EXCEEDED, "")
 

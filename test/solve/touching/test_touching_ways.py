@@ -160,3 +160,38 @@ def test_the_way_between_two_signs_of_one_rotation_is_that_rotation():
     other = pose * np.array([1.0, 1.0, 1.0, -1.0, -1.0, -1.0, -1.0])
     for at in (0.25, 0.5, 0.75):
         assert between(pose, other, at) == pytest.approx(pose)
+
+
+def turned(*quaternion):
+    """Four numbers as a unit quaternion."""
+    return np.array(quaternion) / np.linalg.norm(quaternion)
+
+
+def test_bodies_that_leave_no_way_from_below_or_above_come_from_a_side():
+    """A cable in an eyelet among three bars that cross below it, with a shape from nothing."""
+    bars = (
+        cs.Obstacle(
+            "a", cs.Capsule(0.0694, 0.936), cs.Pose((0.237, 0.072, -0.302), turned(-0.0257, 0.2851, -0.9472, 0.1445))
+        ),
+        cs.Obstacle(
+            "b",
+            cs.Cylinder(0.1131, 0.85),
+            cs.Pose((-0.1196, -0.2213, -0.3045), turned(0.1135, -0.6616, -0.5109, -0.5370)),
+        ),
+        cs.Obstacle(
+            "c",
+            cs.Capsule(0.0544, 0.8586),
+            cs.Pose((-0.0785, 0.1336, -0.3735), turned(0.0413, -0.6728, 0.4762, -0.5646)),
+        ),
+    )
+    clip = cs.Clip(0.83385, cs.Pose((0.20118, 0.14935, -0.21836)), kind="slide")
+    cable = cs.Cable(1.17211, 0.039871, 0.003554, 0.003554, diameter=0.006111)
+    start = cs.Pose((-0.41899, -0.24916, 0.0), turned(0.28977, 0.57052, 0.59802, 0.4826))
+    end = cs.Pose((0.41899, 0.24916, 0.0), turned(0.3763, 0.4332, 0.65395, 0.4930))
+    shape = cs.predict(
+        cable, start, end, scene=cs.Scene(obstacles=bars, clips=[clip], contact="solve"), model="cosserat"
+    )
+    assert shape.status is cs.Status.OK
+    assert shape.contacts
+    clearance = ClearanceChecker(cs.Scene(obstacles=bars), cable=cable).check(shape)
+    assert min(body.distance for body in clearance.bodies) > -3e-4
