@@ -174,6 +174,7 @@ def kernel(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     """Compiles lazily in nopython mode with numpy's division rules (NaN and inf, no exceptions) and a cache on disk."""
 
     options.setdefault("_nrt", True)  # else it would be that of whatever kernel calls it first
+    options.setdefault("no_cfunc_wrapper", True)  # no kernel is handed over as a value
 
     def decorate(f: Callable[..., Any]) -> Any:
         compiled = numba.njit(error_model="numpy", **options)(f)
