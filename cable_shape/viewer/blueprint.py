@@ -91,7 +91,7 @@ def blueprint(
         ("bend_radius", "smallest bend radius [mm]", several, True),
         ("tension", "largest tension [N]", several, True),
         ("time", "cycle time [ms]", named, times),
-        ("markers", "markers to centreline [mm]", named, markers),
+        ("markers", "markers to centreline [mm], inside the tube [%]", named, markers),
     ]
     numbers = [
         rrb.TimeSeriesView(origin=f"/plots/{plot}", name=title, plot_legend=legend)

@@ -87,6 +87,8 @@ class Plots:
             self._write("/plots/markers/distance", far)
             tube = rr.SeriesLines(colors=[palette[1]], names=["radius of the tube"], widths=[1.0])
             self._write("/plots/markers/tube", tube)
+            inside = rr.SeriesLines(colors=[palette[2]], names=["inside the tube [%]"], widths=[1.0])
+            self._write("/plots/markers/inside", inside)
 
     def shape(self, name: str, shape: CableShape, clearance: Clearance | None) -> None:
         """Numbers over time. A bend radius above the cable's length is drawn as that length: as good as straight."""
@@ -116,6 +118,7 @@ class Plots:
         self._plot("/plots/markers/distance", *far)
         if radii is not None:
             self._plot("/plots/markers/tube", 1e3 * float(radii.mean()))
+            self._plot("/plots/markers/inside", 100.0 * float((distances <= radii).mean()))
 
     def times(self, total: float, predict: float) -> None:
         """How long a cycle took [s], and the prediction in it."""

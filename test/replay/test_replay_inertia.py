@@ -202,6 +202,7 @@ def test_the_recording_plots_distances_and_tube_over_time(tmp_path: Path) -> Non
     assert len(rows) == 4
     np.testing.assert_allclose([v for _, v in rows], np.tile((27.5, 50.0), (4, 1)), atol=1e-3)  # mm, mean and largest
     np.testing.assert_allclose([v[0] for _, v in held["/plots/markers/tube:Scalars:scalars"]], 25.0)
+    np.testing.assert_allclose([v[0] for _, v in held["/plots/markers/inside:Scalars:scalars"]], 50.0)  # %
     bag = write_bag(tmp_path / "other", motion(3))
     run(bag, tmp_path / "out", model="auto", rrd=True)
     assert not [name for name in columns(tmp_path / "out" / "replay.rrd") if name.startswith("/plots/markers")]
