@@ -89,6 +89,11 @@ def warm_up_cycles() -> None:
             lowered.step({"cable": low}, stamp=k * 10_000_000)
         resting = lowered._cables["cable"].predictor
         resting.sensitivity(("start", "body:table", "length"))
+    across_it = Pose((0.0, 0.0, 0.0), (0.7071067811865476, 0.0, 0.0, 0.7071067811865476))
+    bar = Obstacle("bar", Capsule(0.03, 0.6), across_it, link="tool")
+    pushed = Predictor(cable.replace(tails={}), model="cosserat", scene=Scene(obstacles=[bar], contact="solve"))
+    for height in (0.0, 0.2, 0.3, 1.5, 0.0):  # against it, through it, and back
+        pushed.predict(start, end, links={"tool": Pose((0.4, 0.0, height))})
     thin = cable.replace(tails={}, diameter=0.02)
     crossed = Cycle({"a": thin, "b": thin}, model="cosserat", scene=Scene(contact="solve"))
     over = (0.7071067811865476, 0.0, 0.0, -0.7071067811865476)
