@@ -48,7 +48,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         cs.Junction("k", ("a0.end", "a1.start", "b0.start"), frames={"b0.start": aside(ANGLES[1])}),
     ]
     true = cs.Harness({name: cable.replace(length=length) for name, length in lengths.items()}, joints)
-    rng, frames = np.random.default_rng(0), []
+    rng, noise, frames = np.random.default_rng(0), np.random.default_rng(1), []
+
+    def seen(*markers: np.ndarray) -> np.ndarray:
+        """As a camera sees them: what has no noise at all is fitted until rounding decides when it ends."""
+        return np.array(markers) + 1e-4 * noise.normal(size=(len(markers), 3))
+
     for _ in range(6):
         turns = [
             Rotation.from_rotvec(0.3 * rng.normal(size=3)) * Rotation.from_quat((0.5, 0.5, 0.5, 0.5)) for _ in "ab"
@@ -64,8 +69,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
         before, beyond = -0.03 * turns[0].as_matrix()[:, 2], far + 0.03 * turns[1].as_matrix()[:, 2]
         frames.append([
-            before, np.zeros(3), at("p0", 0.17), at("p0", 0.32), at("p1", 0.15), far, beyond,
-            at("a0", 0.08), at("a1", 0.08), at("b0", 0.07), at("b0", 0.14),
+            before, np.zeros(3), *seen(at("p0", 0.17), at("p0", 0.32), at("p1", 0.15)), far, beyond,
+            *seen(at("a0", 0.08), at("a1", 0.08), at("b0", 0.07), at("b0", 0.14)),
         ])  # fmt: skip
     table = np.zeros((11, 3))
     table[:7, 0] = ARC[:7]
@@ -100,8 +105,11 @@ def test_the_harness_that_was_put_in_is_found_and_straight_lines_are_far_off(fol
     learn, judged = frames.where(CALM, 0, False), frames.where(CALM, 0, True)
     fit = ("bending_stiffness", *(f"tilt:{end}" for end in frames.branches))
     seen = [frames.static[i] for i in learn]
-    one = cs.calibrate(seen, frames.measured(learn))  # from far off, tilts and EI together end where rounding leads
-    found = cs.calibrate(seen, one.harness, fit)
+    found = cs.calibrate(seen, frames.measured(learn))
+    for _ in range(4):  # a long valley: how many iterations it takes hangs on rounding
+        found = cs.calibrate(seen, found.harness, fit)
+        if found.converged:
+            break
     assert found.converged
     assert found["bending_stiffness"].value == pytest.approx(2e-3 * 0.05 * 9.81, rel=0.02)
     assert off(found, [frames.moving[i] for i in judged]).max() < 1e-3
