@@ -3,8 +3,8 @@
 
     scripts/bench combinations [--save FILE] [--write]
 
-Each cell of the table is tried: an answer is held to a difference of predictions, or to the balance of forces, and what
-is refused says why. --write puts the table into docs/limits.md.
+Each cell of the table is tried: an answer is held to a difference of predictions, or to the balance of forces. What no
+call asks for, or none should, is no cell to be tried, and says why. --write puts the table into docs/limits.md.
 """
 
 from __future__ import annotations
@@ -207,7 +207,9 @@ def calibrate(around: Around) -> None:
     """The stiffness comes back from a shape."""
     cable = alone(around)
     if around is AROUND["itself"]:
-        raise cs.ArgumentError("it predicts from nothing, where a cable is not wound up and does not touch itself")
+        raise cs.ArgumentError(
+            "nothing tells it how a cable is wound up: a fit of one that touches itself is wrong, and not refused"
+        )
     shape = led(around)[1].shapes["cable"]
     seen = cs.Observation(*around.way(1.0)["cable"], shape.positions[5::5], shape.arc_length[5::5])
     true = cable.mean_bending_stiffness
@@ -261,7 +263,7 @@ def table(cells: Mapping[tuple[str, str], str]) -> str:
 
 def main() -> int:
     """Tries every cell, and prints the table."""
-    parser = bench_parser(__doc__, "nothing: it takes half a minute")
+    parser = bench_parser(__doc__, "nothing")
     parser.add_argument("--write", action="store_true", help="put the table into docs/limits.md")
     options = bench_options(parser)
     figures = Figures()
