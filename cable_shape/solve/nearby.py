@@ -1,0 +1,128 @@
+"""The shape of a cable almost alike, from the factors of the last solution: :func:`nearby`.
+
+What holds the cable moves, or it is made of something else, by so little that first order is all there is: one step of
+Newton's method with the factors at hand; no branch and no mesh is looked for. Rotations, forces, moments, loads on
+clips and the energy are told as of a shape that was solved for, its own discretisation error taken off. So differences
+of two such shapes, one above and one below, are derivatives of all that is told, and nothing is solved for.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cable_shape.cable.pieces import energy_of_sections
+from cable_shape.checks import Array
+from cable_shape.kernels.network import correct, drive, graph, mesh, newton, respond, sliding, system, tables
+from cable_shape.kernels.network.tables import NOW, TRIAL
+from cable_shape.kernels.rod_algebra import qconj, qexp, qlog, qmul, scale
+from cable_shape.kernels.rod_guess import angle_axis, tangent
+from cable_shape.pose import FreeEnd
+from cable_shape.shape import CableShape, Status
+from cable_shape.solve.network import Network
+from cable_shape.solve.problem import Problem
+from cable_shape.solve.rod_common import MODEL
+
+
+def nearby(state: Network, problem: Problem) -> tuple[CableShape, Network] | None:
+    """The shape that `problem` has to first order beside the last solution of `state`, and the memory of it.
+
+    state: with a solution, freshly factored by `refresh`; it stays as it is. None where the network of the problem is
+    another one: with supports of other kinds, masses or kinks in another number.
+    """
+    other = Network(problem)
+    poses = other.aim(problem.start, problem.end)
+    places = _places(state, other)
+    if places is None:
+        return None
+    before, after = places
+    ints, sols, space = state.ints, state.sols.copy(), state.work.copy()
+    floats = mesh.neighbours(state.bare, other.held[None], ints, state.floats, before, after[None])[0]
+    run = sliding.new_slides(ints, True)
+    respond.at_rest(ints, sols)
+    if len(run):
+        sliding.columns(ints, state.floats.copy(), sols, space, run)
+    _follow(state, sols, space, run, poses[: len(poses) - isinstance(problem.end, FreeEnd)])
+    sliding.move_along(ints, floats, run, 1.0)
+    drive.strip(ints, floats, sols)
+    system.gradient(ints, floats, sols, space)
+    graph.solve(ints, floats, space)
+    if len(run):
+        sliding.slide_step(ints, floats, sols, space, run, 1.0)
+    newton.advance(ints, sols, space, 1.0)
+    sliding.move_along(ints, floats, run, 1.0)
+    size = int(tables.solution_size.py_func(ints))
+    sols[:size] = sols[2 * size : 3 * size]
+    other.take_arrays(ints, floats, sols, space)
+    other.history = 1
+    return _told(other, run), other
+
+
+def _places(state: Network, other: Network) -> tuple[Array, Array] | None:
+    """Ascending arc lengths (a,) of supports, masses and kinks of one cable, and where they are on the other one."""
+    own, its = state.material.stops, other.material.stops
+    alike = other.structure == state.structure and own.size == its.size and other.points.size == state.points.size
+    if not alike:
+        return None
+    arcs = other.arcs.copy()
+    arcs[state.rings] = state.bounds()[state.rings]  # what is in an eyelet is found
+    kinks = np.isin(own, state.stops)
+    before = np.concatenate((state.bounds(), state.points, own[kinks]))
+    order = np.argsort(before)
+    return before[order], np.concatenate((arcs, other.points, its[kinks]))[order]
+
+
+def _follow(state: Network, sols: Array, space: Array, run: Array, poses: Array) -> None:
+    """Moves the trial, to first order, as knots move to `poses` (k, 7), the first ones, and eyelets answer."""
+    ints, floats = state.ints, state.floats
+    plan = tables.plan_of.py_func(ints)
+    loose, trial = state.model.loose, tables.solution_of.py_func(ints, sols, TRIAL)
+    twists, goal = np.zeros((len(trial.pose), 6)), trial.pose.copy()
+    for k, pose in enumerate(poses):
+        now, rotation = tuple(trial.pose[k, 3:]), tuple(pose[3:])
+        twists[k, :3] = pose[:3] - trial.pose[k, :3]
+        if plan.vertices[k, 0] >= 0:  # it turns by itself, but for where it holds d3
+            holds = loose[k, 0] == 0.0
+            rotation = qmul(qexp(scale(*angle_axis(tangent(now), tangent(rotation)))), now) if holds else now
+        spin = qmul(rotation, qconj(now))
+        twists[k, 3:] = qlog(spin if spin[3] >= 0.0 else tuple(-x for x in spin))
+        goal[k, :3] = pose[:3]
+        goal[k, 3:] = qmul(qexp(tuple(twists[k, 3:])), now)
+    respond.still(ints, space)
+    respond.move_knots(ints, floats, sols, space, twists)
+    respond.answer(ints, floats, sols, space, twists)
+    if len(run):
+        sliding.slide_step(ints, floats, sols, space, run, 0.0)
+    trial.pose[: len(poses)] = goal[: len(poses)]
+    newton.advance(ints, sols, space, 1.0)
+
+
+def _told(state: Network, run: Array) -> CableShape:
+    """The shape of the solution now, its discretisation error taken off, as `drive.solve` tells it."""
+    problem, ints, floats = state.problem, state.ints, state.floats
+    sols, space = state.sols, state.work
+    out, info = CableShape.new_buffer(problem.points), np.zeros(drive.INFO + 2)
+    loads = np.zeros((len(state.solution(NOW).pose), 7))
+    state.refresh()
+    if len(run):
+        sliding.columns(ints, floats, sols, space, run)
+    correct.correct(ints, floats, sols, space, run, np.empty(correct.ERRORS))
+    drive.settle_leaves(ints, floats, sols, space)
+    kept = floats.copy()  # the mesh stays that of the solution that is corrected
+    sliding.move_along(ints, floats, run, 1.0)
+    drive.sample(ints, floats, sols, space, problem.points, out, info)
+    drive.knot_loads(ints, floats, space, loads)
+    shape = CableShape(
+        out,
+        problem.points,
+        length=problem.cable.length,
+        model=MODEL,
+        status=Status.OK,
+        energy=float(info[drive.I_ENERGY]) + state.energy_of_masses(),
+        turns=int(state.solution(NOW).turns[0]),
+        twist=float(info[drive.INFO]),
+        supports=loads[1:-1],
+    )
+    if problem.cable.sections:
+        shape.energy += energy_of_sections(problem.cable, shape, problem.gravity)
+    floats[:] = kept
+    return shape
