@@ -30,7 +30,7 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"  {measure.name:<32} {value:.6g} {measure.unit}".rstrip())
     others = ", ".join(f"{100.0 * used:.4g}" for used in found.starts)
     print(f"{found.solves} points solved for; the starts came to {others} %")
-    print(f"{found.shapes} single shapes for derivatives; {100.0 * found.exact:.0f} % of these are those of the shape")
+    print(f"{found.shapes} single shapes for derivatives; {100.0 * found.exact:.0f} % of the derivatives are exact")
     if arguments.out is not None:
         from cable_shape.command.optimise_report import write_best_report
 

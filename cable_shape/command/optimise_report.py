@@ -35,8 +35,8 @@ def write_best_report(study: Study, found: Best, out: Path) -> Path:
     note = "That is the worst of all tolerances drawn; what follows is in the middle of them." if drawn else ""
     body = [
         f"<h1>{html.escape(study.name)}: the best point</h1>",
-        f"<p>{where}: {100 * found.used:.4g} % of a limit is used at most, by {by}. {effort}, of which "
-        f"{100 * found.exact:.0f} % needed none. {note}</p>",
+        f"<p>{where}: {100 * found.used:.4g} % of a limit is used at most, by {by}. {effort}; "
+        f"{100 * found.exact:.0f} % of these are exact. {note}</p>",
         f"<h2>What limits</h2>{_measures(study, told)}",
         f"<h2>Around it</h2><figure class='row'>{curves}</figure>",
         *_pictures(study, found, told),

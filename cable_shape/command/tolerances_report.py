@@ -32,7 +32,7 @@ def write_tolerances_report(study: Study, held: Envelope, found: Shares, out: Pa
         body.append(f"<p>Standard deviation {factor * found.deviation[k]:.4g} {html.escape(unit)}</p>")
         body.append(f"<figure>{pictures.shares(found, k)}</figure>{_table(study, found, k)}")
     note = "Shares of the variance: to first order from derivatives in the middle of all distributions; alone and with"
-    note += " others by Sobol indices. Exact derivatives are those of the shape, all others central differences."
+    note += " others by Sobol indices. Derivatives are exact, or central differences of motions."
     body.append(f"<p class='note'>{note}</p>")
     write_page(out / "report.html", f"{study.name}: tolerances", body)
     return out / "report.html"

@@ -38,8 +38,8 @@ class Best(NamedTuple):
 
     point (axes,); used: the greatest share of a limit there, 1 at the limit; limiting: measures that use as much, to a
     hundredth, there; value (q,) of all measures; solves: points that were solved for at all instants; shapes: single
-    shapes solved for beside them, for derivatives; exact: share of the derivatives that needed none; starts: what the
-    grid's best points came to, the best first.
+    shapes for derivatives, those of their instants and, where none are exact, those beside; exact: share of the
+    derivatives that are; starts: what the grid's best points came to, the best first.
     """
 
     point: Array

@@ -40,7 +40,7 @@ class Shares(NamedTuple):
     deviation : (measures,), standard deviation of each measure's worst value, in its unit
     linear : (measures, sources), shares to first order, from derivatives: all that a small spread needs
     slope : (measures, sources), these derivatives, of the worst instant in the middle of all distributions
-    exact : (measures, sources), whether one is from the derivative of the shape, see
+    exact : (measures, sources), whether one is exact, see
         :func:`cable_shape.planning.study_slopes.slopes`, and not from differences
     solves : points that were solved for
     """

@@ -7,7 +7,7 @@ solve does not do, and for harnesses, contact, eyelets, sections and closed form
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, final
 
 import numpy as np
@@ -155,13 +155,32 @@ def walk(case: Case) -> dict[str, Rows]:
         judged = judged_by(rows, isinstance(case.held["end"], Grip), np.empty((0, 4)))
         watch, near_nothing = MarginWatch(predictor.cable, Scene()), Clearance()
         for i in range(case.instants):
-            links = None if case.links is None else case.links[i]
-            shape = predictor.predict(*_ends(case, i), links)
-            rows.take(i, shape, judged, _link_rows(rows, links))
+            links = links_at(case, i)
+            shape = predictor.predict(*ends_at(case, i), links)
+            rows.take(i, shape, judged, link_rows_of(rows, links))
             watch.margins(shape, near_nothing, i, state=predictor.rod_state)
             if watch.stability is not None:
                 rows.margins[i, margins.STABILITY] = (*watch.stability[1:5], math.nan)
     return {"": rows}
+
+
+def memories(case: Case, instants: Sequence[int]) -> Iterator[tuple[int, Network]]:
+    """The memory of the rod, to be kept, after each of these ascending instants at which a shape is found that touches
+    nothing."""
+    predictor = predictor_of(case)
+    if follows(case, predictor):
+        rows = rows_of(case, predictor)
+        followed = Followed(case, rows, predictor.problem)
+        for i in instants:
+            followed.run(i + 1)
+            if rows.usable[i] and followed.state is not None and followed.state.history:
+                yield i, followed.state.copied()
+        return
+    for i in range(instants[-1] + 1):
+        shape = predictor.predict(*ends_at(case, i), links_at(case, i))
+        state = predictor.rod_state
+        if i in instants and shape.status and isinstance(state, Network) and state.history:
+            yield i, state.copied()
 
 
 def predictor_of(case: Case) -> Predictor:
@@ -210,7 +229,7 @@ def _harness(case: Case, harness: Harness) -> dict[str, Rows]:
 _NO_LINKS: Array = np.empty((0, 7))
 
 
-def _link_rows(rows: Rows, links: Mapping[str, Pose] | None) -> Array:
+def link_rows_of(rows: Rows, links: Mapping[str, Pose] | None) -> Array:
     return _NO_LINKS if links is None else link_rows(links, dict.fromkeys(rows.checker.links, "the robot"))
 
 
@@ -222,7 +241,12 @@ def judged_by(rows: Rows, held: bool, masses: Array) -> follow_rows.Judged:
     )  # fmt: skip
 
 
-def _ends(case: Case, instant: int) -> tuple[Grip, Grip | FreeEnd]:
+def links_at(case: Case, instant: int) -> Mapping[str, Pose] | None:
+    """Where the robot's links are."""
+    return None if case.links is None else case.links[instant]
+
+
+def ends_at(case: Case, instant: int) -> tuple[Grip, Grip | FreeEnd]:
     start, end = case.held["start"], case.held["end"]
     assert isinstance(start, Grip)
     first = start.at(Pose.trusted(case.frames["start"][instant]))
@@ -236,35 +260,37 @@ class Followed:
     def __init__(self, case: Case, rows: Rows, problem: Problem) -> None:
         self.case, self.rows, self.problem = case, rows, problem
         self.state: Network | None = None
+        self.done = 0  # rows that are filled
+        self._led: Network | None = None  # the memory that compiled code goes on from, if it can
         self.mode: Array = np.empty((0, 3))
         self.memory = np.array((math.nan, 0.0, 0.0))
         self.judged = judged_by(rows, False, np.empty((0, 4)))
         self.links = np.empty((len(rows), 0, 7))
         if case.links is not None:
-            self.links = np.array([_link_rows(rows, links) for links in case.links])
+            self.links = np.array([link_rows_of(rows, links) for links in case.links])
 
-    def run(self, state: Network | None = None) -> None:
-        """Fills all rows, the first from what `state` remembers of a cable that differs little, or from nothing."""
-        ends = _ends(self.case, 0)
-        if state is None:
-            state = Network(self.problem.move(*ends))
-        else:
-            state.take(self.problem.move(*ends))
-        state.aim(*ends)
-        self.state = state
-        self.judged = self.judged._replace(held=isinstance(ends[1], Grip), masses=state.masses(ends[1]))
-        i = 0
-        while i < len(self.rows):
-            state = self._solve(i)
-            i += 1
-            if state is not None:
-                done = self._follow(state, i)
-                self.rows.status[i:done] = Status.OK.value
-                i = done
+    def run(self, until: int | None = None) -> None:
+        """Fills the rows from where it was left on, all of them or those before `until`."""
+        last = len(self.rows) if until is None else until
+        if self.state is None:
+            ends = ends_at(self.case, 0)
+            self.state = Network(self.problem.move(*ends))
+            self.state.aim(*ends)
+            masses = self.state.masses(ends[1])
+            self.judged = self.judged._replace(held=isinstance(ends[1], Grip), masses=masses)
+        while self.done < last:
+            if self._led is None:
+                self._led = self._solve(self.done)
+                self.done += 1
+            if self._led is not None:
+                done = self._follow(self._led, self.done, last)
+                self.rows.status[self.done : done] = Status.OK.value
+                self._led = self._led if done == last else None
+                self.done = done
 
     def _solve(self, i: int) -> Network | None:
         """One instant by all means; the memory to go on from, if compiled code can."""
-        rows, ends = self.rows, _ends(self.case, i)
+        rows, ends = self.rows, ends_at(self.case, i)
         problem = self.problem
         problem.move(*ends)
         state = self.state
@@ -284,14 +310,14 @@ class Followed:
         )  # fmt: skip
         return state
 
-    def _follow(self, state: Network, first: int) -> int:
-        """From an instant on as far as compiled code goes: the first one that it leaves."""
+    def _follow(self, state: Network, first: int, last: int) -> int:
+        """From an instant on as far as compiled code goes, and before `last`: the first one that it leaves."""
         rows, case = self.rows, self.case
-        starts = case.frames["start"]
+        starts = case.frames["start"][:last]
         instants = follow_rows.Instants(
             state.knots,
             starts,
-            case.frames.get("end", starts),
+            case.frames.get("end", starts)[:last],
             self.links,
             self.problem.tolerance,
             state.too_fine_below,

@@ -102,7 +102,7 @@ def test_tolerances_and_the_best_point(tmp_path: Path, capsys: pytest.CaptureFix
     assert len(re.findall(r"% alone,", told)) == 3 * 5
     page = (out / "report.html").read_text(encoding="utf-8")
     assert page.count("<svg") == 2 + 3
-    assert page.count(">exact<") == 2 * 5
+    assert page.count(">exact<") == 3 * 5
     out = tmp_path / "best"
     options = ["--grid", "3", "--starts", "1", "--precision", "0.05", "-o", str(out)]
     assert main(["optimise", str(EXAMPLES / "clips.yaml"), *options]) == 0
