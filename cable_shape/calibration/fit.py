@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from cable_shape import checks
 from cable_shape.cable.cable import Cable
 from cable_shape.cable.harness import Harness
+from cable_shape.calibration.cables_forward import CablesForward, forward_of
 from cable_shape.calibration.fitted import fitted_in_two, told_of_fit
-from cable_shape.calibration.forward import Forward
 from cable_shape.calibration.harness_fit import calibrate_harness
 from cable_shape.calibration.harness_observation import HarnessObservation
 from cable_shape.calibration.harness_result import HarnessCalibration
@@ -139,15 +139,17 @@ def calibrate(
     with Progress(progress, proceed) as told:
         choice = chosen(supports, more, Task(seen, cable, names, known, loads), told.step)
         parameters = Parameters(cable, choice.names, priors_of(known, choice.names), choice.supports)
-        forward = Forward(parameters, seen, **loads)
+        forward = forward_of(parameters, seen, **loads)
         if np.isnan(forward.misses(parameters.start)[:, 0]).all():
             raise ArgumentError.of(
                 "observations", f"{len(seen)} items", "none has a usable shape with the cable given",
                 "Is its length in metres, and at least the distance of the grips?",
             )  # fmt: skip
         found = fitted_in_two(
-            lambda some: forward if len(some) == len(seen) else Forward(parameters, some, **loads), seen, told.step
+            lambda some: forward if len(some) == len(seen) else forward_of(parameters, some, **loads), seen, told.step
         )
+        if isinstance(forward, CablesForward):
+            forward.refuse_untold(found.values)
     return Calibration(
         cable=parameters.make_cable(found.values),
         **told_of_fit(

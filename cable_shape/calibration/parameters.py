@@ -126,7 +126,7 @@ class Parameters:
         named = {ALONG: along, STIFF_ALONG: pieces}.get(name)
         return KNOWN[name][0] if named is None else named(self.supports)
 
-    def _where(self, name: str) -> slice:
+    def where(self, name: str) -> slice:
         """Where the components of `name` are."""
         first = sum(len(self._parts(before)) for before in self.names[: self.names.index(name)])
         return slice(first, first + len(self._parts(name)))
@@ -139,7 +139,7 @@ class Parameters:
         """
         out = np.diag(np.array([p.prior for p in self.each]) ** -2.0)
         for name, width in self._varying():
-            own = self._where(name)
+            own = self.where(name)
             out[own, own] += np.kron(smoothness(self.supports, self._wanders[name]), np.eye(width))
         return out
 
@@ -151,7 +151,7 @@ class Parameters:
         """Of what varies along the cable, between which places in % of the length the data say hardly anything."""
         out = []
         for name, width in self._varying():
-            own = covariance[self._where(name), self._where(name)]
+            own = covariance[self.where(name), self.where(name)]
             names, before = self._parts(name), np.linalg.pinv(smoothness(self.supports, self._wanders[name]))
             for i in range(len(names) - width):
                 k, j = i // width, i + width
@@ -193,12 +193,12 @@ class Parameters:
         for name in self.names:
             if name not in other.names:
                 continue
-            theirs = values[other._where(name)]
+            theirs = values[other.where(name)]
             if name in VARYING:
                 at, places = (np.linspace(0.0, 1.0, rows) for rows in (self.supports, other.supports))
                 columns = theirs.reshape(other.supports, -1).T
                 theirs = np.stack([np.interp(at, places, column) for column in columns], axis=1).ravel()
-            out[self._where(name)] = theirs
+            out[self.where(name)] = theirs
         return out
 
     def by_name(self, values: Array) -> dict[str, float]:
@@ -216,10 +216,10 @@ class Parameters:
         if "rest_curvature_1" in now:
             changes["rest_curvature"] = (now["rest_curvature_1"], now["rest_curvature_2"], cable.rest_curvature[2])
         if ALONG in self.names:
-            changes["rest_curvature"] = self._along(np.asarray(values)[self._where(ALONG)])
+            changes["rest_curvature"] = self._along(np.asarray(values)[self.where(ALONG)])
         cable = changed(cable, **changes) if changes else cable
         return (
-            self._in_pieces(cable, np.asarray(values)[self._where(STIFF_ALONG)]) if STIFF_ALONG in self.names else cable
+            self._in_pieces(cable, np.asarray(values)[self.where(STIFF_ALONG)]) if STIFF_ALONG in self.names else cable
         )
 
     def _in_pieces(self, cable: Cable, now: Array) -> Cable:

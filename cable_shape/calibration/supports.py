@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, final
 import numpy as np
 
 from cable_shape.cable.cable import Cable
+from cable_shape.calibration.cables_forward import CablesForward, forward_of
 from cable_shape.calibration.fitted import fitted, fitted_in_two, groups_of
 from cable_shape.calibration.forward import Forward
 from cable_shape.calibration.observation import Observation
@@ -144,6 +145,6 @@ def priors_of(priors: Mapping[str, float], names: Sequence[str]) -> dict[str, fl
     return {name: prior for name, prior in priors.items() if name in names}
 
 
-def _forward(task: Task, parameters: Parameters, some: Sequence[Observation]) -> Forward:
+def _forward(task: Task, parameters: Parameters, some: Sequence[Observation]) -> Forward | CablesForward:
     """Predictions of some of the observations."""
-    return Forward(parameters, some, **task.loads)
+    return forward_of(parameters, some, **task.loads)

@@ -18,7 +18,8 @@ from cable_shape.cable.harness import Harness
 from cable_shape.cycle.cable_cycle import CableCycle
 from cable_shape.cycle.harness_cycle import HarnessCycle, beside_each_other
 from cable_shape.errors import ArgumentError, StaleInputError
-from cable_shape.pose import Ends, FreeEnd, Grip, Pose
+from cable_shape.pose import Ends, Pose
+from cable_shape.prediction.cables_predictor import accelerate, check_ends, check_models, joined
 from cable_shape.prediction.predictor import Predictor
 from cable_shape.safety.near import CableNear
 from cable_shape.safety.report import CycleReport
@@ -32,7 +33,6 @@ from cable_shape.uncertainty.tube_watch import TubeWatch
 from cable_shape.uncertainty.uncertainty import Uncertainty
 
 _LATEST = 2**63 - 1  # ns
-_HELD, _ENDS = (Pose, Grip), (Pose, Grip, FreeEnd)
 
 
 @final
@@ -170,7 +170,7 @@ class Cycle:
             cable.predictor.problem.solves_crossing for cable in self._cables.values()
         )
         if self._solves_crossing:
-            self._check_models()
+            check_models({name: cable.predictor for name, cable in self._cables.items()}, self.scene)
         self.last_stamp: int | None = None
 
     @property
@@ -252,12 +252,12 @@ class Cycle:
             if cable is None:
                 known_ones = ", ".join((*self._cables, *self._harnesses))
                 raise ArgumentError.of("cable", name, "no such cable", f"Known: {known_ones}.")
-            _check_ends(name, grips[name])
+            check_ends(name, grips[name])
             cables[name] = cable
         moving = checks.mapping("acceleration", acceleration, grips, "Write {name of the cable: (ax, ay, az)}.")
         if moving or self._solves_crossing:
             for name, cable in cables.items():
-                _accelerate(name, cable.predictor, moving.get(name))
+                accelerate(name, cable.predictor, moving.get(name))
         placed = (links() if self._pushed else None) if callable(links) else links
         together = self._together(grips, placed) if self._solves_crossing else {}
         shapes: dict[str, Any] = {
@@ -347,10 +347,7 @@ class Cycle:
         names = tuple(grips)
         predictors = [self._cables[name].predictor for name in names]
         if self._crossing is None or self._crossing[0] != names:
-            crossing = Crossing(names, predictors, predictors[0].time_budget)
-            self._crossing = names, crossing
-            for i, predictor in enumerate(predictors):
-                predictor.join(crossing, i)
+            self._crossing = names, joined(names, predictors)
         for predictor, (start, end) in zip(predictors, grips.values(), strict=True):
             predictor.problem.move(start, end, links)
         return dict(zip(names, self._crossing[1].solve(), strict=True))
@@ -360,17 +357,6 @@ class Cycle:
         if self._crossing is not None:
             return self._crossing[1].culled
         return sum(cable.predictor.pairs_apart for cable in cables.values())
-
-    def _check_models(self) -> None:
-        """Only the rod rests on other cables."""
-        for name, cable in self._cables.items():
-            if not cable.predictor.is_rod:
-                raise ArgumentError.of(
-                    "scene.contact",
-                    self.scene.contact,
-                    f"the model of cable {name!r} knows no contact with other cables",
-                    "Write contact='warn', or choose model='cosserat' and a bending stiffness above 0 N m^2.",
-                )
 
     def reset(self) -> None:
         """Forgets the last stamp, the warm start, speeds and standing warnings: the next step starts afresh."""
@@ -400,23 +386,3 @@ def _named(cables: Cable | Mapping[str, Cable | Harness]) -> tuple[dict[str, Cab
         {name: cable for name, cable in cables.items() if isinstance(cable, Cable)},
         {name: cable for name, cable in cables.items() if isinstance(cable, Harness)},
     )
-
-
-def _accelerate(name: str, predictor: Predictor, acceleration: ArrayLike | None) -> None:
-    """Tells how a cable moves; what is refused, before any is predicted, is said to be this cable's."""
-    try:
-        predictor.accelerate(acceleration)
-    except ArgumentError as error:
-        raise ArgumentError(f"acceleration[{name!r}]: {error}") from None
-
-
-def _check_ends(name: str, ends: Any) -> None:
-    """Refuses what is no pair of ends."""
-    if not isinstance(ends, (tuple, list)) or len(ends) != 2:
-        raise ArgumentError.of(f"grips[{name!r}]", ends, "it must be (start, end)", "Write (Pose(...), Pose(...)).")
-    start, end = ends
-    if not isinstance(start, _HELD):
-        raise ArgumentError.of(f"grips[{name!r}][0]", start, "it must be a Pose or a Grip", "Write Pose(position, ..).")
-    if end is not None and not isinstance(end, _ENDS):
-        bound = "it must be a Pose, a Grip, a FreeEnd or None"
-        raise ArgumentError.of(f"grips[{name!r}][1]", end, bound, "Write Pose(position, quaternion).")

@@ -14,7 +14,6 @@ from cable_shape.cable.cable import Cable
 from cable_shape.cable.pieces import pieces_of
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
-from cable_shape.motion.seen import seen_of
 from cable_shape.motion.swing import ELEMENTS, LAYERS, MOST_ELEMENTS, Swing, spread_evenly
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.scene.scene import Scene
@@ -23,6 +22,7 @@ from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
 from cable_shape.solve.outcome import no_room
 from cable_shape.solve.problem import GRAVITY, Problem
+from cable_shape.solve.seen import seen_of
 
 MODEL = "motion"
 

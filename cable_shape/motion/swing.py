@@ -14,10 +14,10 @@ from cable_shape.kernels.network.momentum import ENERGY, KINETIC, PERIOD
 from cable_shape.kernels.network.newton import CONVERGED
 from cable_shape.kernels.network.settle import INFO
 from cable_shape.kernels.network.tables import LENGTH, NOW, SOFTEST
-from cable_shape.motion.seen import Seen
 from cable_shape.pose import FreeEnd
 from cable_shape.solve.network import Network
 from cable_shape.solve.problem import Problem
+from cable_shape.solve.seen import Seen
 from cable_shape.solve.settle import Settling
 
 #: Default spectral radius at infinity of the steps in time: what a step cannot follow is gone after it.

@@ -296,6 +296,14 @@ class Predictor:
         other._solver = self._solver.twin(other.problem, self._last)
         return other
 
+    def onto(self, cable: Cable) -> Predictor:
+        """Of a cable almost alike, alone: it goes on from the last shape, and this one stays as it is."""
+        other = self.twin()
+        other._problem_in = functools.partial(Problem, cable, **self._problem_in.keywords)
+        other._still = other._checked(other._problem_in(scene=self.scene))
+        other._load(other._still)
+        return other
+
     def _with_itself(self) -> Crossing | None:
         """What keeps the cable out of itself, where the scene asks for it and the model can."""
         if not self.problem.solves_crossing or self._others is not None or not self.is_rod:

@@ -88,13 +88,16 @@ class Crossing:
 
     def beside(self, cable: int, solo: Solo) -> CableShape:
         """The shape of one cable as it would be now if it were another; all here stays as it is."""
-        other = self.twin()
-        other._solos[cable] = solo
-        return other.solve()[cable]
+        solos = [solo if i == cable else one.twin() for i, one in enumerate(self._solos)]
+        return self.among(solos).solve()[cable]
 
     def twin(self) -> Crossing:
         """Once more: it goes on from the last equilibrium, and this one stays as it is."""
-        other = Crossing(self._names, [solo.twin() for solo in self._solos], self._time_budget)
+        return self.among([solo.twin() for solo in self._solos])
+
+    def among(self, solos: Sequence[Solo]) -> Crossing:
+        """The same with these for its cables, which are almost alike: it goes on from the last equilibrium."""
+        other = Crossing(self._names, solos, self._time_budget)
         other._last = self._last
         other._go_on()
         return other
@@ -113,9 +116,13 @@ class Crossing:
     def _spots(self) -> list[Spot]:
         return self._group.spots if self._group is not None else []
 
-    def state_of(self, cable: int) -> Member | None:
-        """What has solved for a cable along with others, or itself; None if nothing has."""
-        return self._group.member(cable) if cable in self.touching and self._group is not None else None
+    def state_of(self, cable: int, told: int | None = None) -> Member | None:
+        """What has solved for a cable along with others, or itself; None if nothing has.
+
+        told: the cable that is asked how it answers; default: the same one.
+        """
+        both = {cable, cable if told is None else told}
+        return self._group.member(cable, told) if both <= self.touching and self._group is not None else None
 
     def solve(self) -> list[CableShape]:
         """The shapes between the problems' ends; never raises for a physical reason: see `status`."""
@@ -125,7 +132,7 @@ class Crossing:
         if any(solo.problem is not problem for solo, problem in zip(self._solos, self.problems, strict=True)):
             self._load()
         frames = all_frames(self.problems)
-        kinds = [(problem.start.kind, getattr(problem.end, "kind", "free")) for problem in self.problems]
+        kinds = self._kinds_now()
         still = kinds == self._kinds and frames.tobytes() == self._frames.tobytes()
         if self._shapes is not None and still and all(kind != "free" for _, kind in kinds):
             return [shape.again() for shape in self._shapes]
@@ -177,6 +184,51 @@ class Crossing:
             self._group = Pile(self._names, self.problems, self._shapes, self._frames, [spot.copy() for spot in old])
             free = [shape if i not in self.touching else None for i, shape in enumerate(free)]
         return self._give_up(free, _LOST)
+
+    def close(self, seen: Sequence[CableShape]) -> set[int]:
+        """The cables that touch another one or themselves, or nearly do, in shapes as they were seen."""
+        return {cable for spot in self._places.close(seen) for cable in spot.cables}
+
+    def begin(self, seen: Sequence[CableShape]) -> list[CableShape]:
+        """Where cables come to rest from shapes that are no equilibrium, as they were seen between the problems' ends.
+
+        Those that touch there, or nearly do, lie over each other as there. The others, all if none do, are solved for
+        alone.
+        """
+        began = perf_counter()
+        self.reset()
+        self._deadline = began + self._time_budget
+        given, spots = list(seen), self._places.close(seen)
+        if not spots:
+            return self.solve()
+        frames = all_frames(self.problems)
+        free: list[CableShape | None] = [None] * len(given)
+        for _ in range(_ROUNDS):
+            wrong = self._places.along_each_other(given, spots) or self._places.crowded(spots)
+            if wrong or len(spots) > MOST:
+                break
+            for spot in spots:
+                self._places.part(spot, given)
+            held = {cable for spot in spots for cable in spot.cables}
+            free = [solo.alone() if i not in held else None for i, solo in enumerate(self._solos)]
+            if any(shape is not None and _no_place(shape) for shape in free):
+                break
+            self._group = Pile(self._names, self.problems, given, frames, [spot.copy() for spot in spots])
+            if self._group.buried or not (self._group.go(frames, search=True) and self._group.refined()):
+                break
+            shapes = self._reported(free, Status.OK, began)
+            missed = self._places.missed(shapes, given, self._spots)
+            if not missed:
+                self._kinds = self._kinds_now()
+                return self._accept(shapes, frames)
+            spots += missed
+        self._forget()
+        lost = Status.NOT_CONVERGED
+        return [_graded(shape, lost, _LOST + lost.remedy) for shape in given]
+
+    def _kinds_now(self) -> list[tuple[str, str]]:
+        """How the ends of the cables are held."""
+        return [(problem.start.kind, getattr(problem.end, "kind", "free")) for problem in self.problems]
 
     def _load(self) -> None:
         """Goes on from the last equilibrium under the loads that the problems now have."""

@@ -239,14 +239,18 @@ class Pile:
             out -= mass * float(problem.gravity @ at)
         return out
 
-    def member(self, cable: int) -> Member:
-        """One of the cables, to ask for derivatives of its shape."""
-        return Member(self._state, self._every[cable], self.cables.index(cable), f"c{cable}")
+    def member(self, cable: int, told: int | None = None) -> Member:
+        """One of the cables, to ask for derivatives of its shape, or by it of that of another one, `told`."""
+        row = self.cables.index(cable if told is None else told)
+        return Member(self._state, self._every[cable], row, f"c{cable}")
 
 
 @final
 class Member:
-    """One cable of a pile as what has solved for it, see :class:`cable_shape.solve.answers.Solved`."""
+    """One cable of a pile as what has solved for it, see :class:`cable_shape.solve.answers.Solved`.
+
+    row: among the cables of the pile that of the shape which is asked for.
+    """
 
     history = 1
     rings: tuple[int, ...] = ()

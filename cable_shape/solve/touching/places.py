@@ -20,6 +20,7 @@ SHORTEST = math.pi  #: diameters of cable between two points of it that may touc
 _PARALLEL = math.cos(math.radians(15.0))  #: cables that cross at a smaller angle lie along each other
 _ASIDE = 2.0  #: of the distance to be kept: a place nearer to a contact along both cables is that contact
 _APART = 0.05  #: of the distance to be kept: nearer points tell no direction in which to part
+_CLOSE = 2.0  #: of the distance to be kept: cables that are seen nearer touch, or may
 _MOST_LOOKS = 40  #: at shapes between two
 _MIDDLE = 0.5  #: of the distance to be kept: cables that come nearer, looked at so often, go through each other
 _OFF = 2.0  #: of the distance to be kept: so near to an end a cable may slip off the other one
@@ -87,6 +88,14 @@ class Places:
         for pair in self._pairs:
             a, b = shapes[pair[0]], shapes[pair[1]]
             found += self._spots(pair, a, b, a.positions, b.positions, self.reach(pair) - DEEPEST, known)
+        return found
+
+    def close(self, shapes: Sequence[CableShape]) -> list[Spot]:
+        """Where the shapes overlap, or touch but for an inexact look at them."""
+        found: list[Spot] = []
+        for pair in self._pairs:
+            a, b = shapes[pair[0]], shapes[pair[1]]
+            found += self._spots(pair, a, b, a.positions, b.positions, _CLOSE * self.reach(pair), ())
         return found
 
     def involved(self, shapes: list[CableShape]) -> set[int]:
@@ -173,7 +182,7 @@ class Places:
             return cull and bool(apart.apart_from_itself(p, arcs, p_then, shortest, reach, 0.25 * reach))
         return cull and bool(apart.boxes_apart(p, p_then, shapes[b].positions, before[b].positions, reach))
 
-    def part(self, spot: Spot, shapes: list[CableShape]) -> None:
+    def part(self, spot: Spot, shapes: Sequence[CableShape]) -> None:
         """Puts two points that are all but one a little apart, across both cables, the second one above."""
         least = _APART * self.reach(spot.cables)
         if spot.distance >= least:
@@ -192,7 +201,7 @@ class Places:
         """(3,), of a shape at an arc length."""
         return np.asarray(shape.tangents[np.abs(shape.arc_length - arc).argmin()])
 
-    def along_each_other(self, shapes: list[CableShape], spots: Sequence[Spot]) -> str:
+    def along_each_other(self, shapes: Sequence[CableShape], spots: Sequence[Spot]) -> str:
         """Which cables do not cross at these places but lie along each other, in words; empty if none do."""
         for spot in spots:
             t, u = (self._tangent(shapes[cable], arc) for cable, arc in zip(spot.cables, spot.arcs, strict=True))

@@ -1,7 +1,8 @@
-"""Where a motion begins that was seen: :func:`path_of`, from points on the cable to its nodes."""
+"""What was seen of a cable: the smooth path through its points, :func:`seen_of`, and a shape on it, :func:`laid_on`."""
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -11,9 +12,13 @@ from scipy.interpolate import CubicSpline
 from cable_shape import checks
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
-from cable_shape.pose import FreeEnd, Grip, rotate
+from cable_shape.pose import FreeEnd, Grip, multiply, rotate
+from cable_shape.shape import NUMBERS_PER_POINT, CableShape, Status
+from cable_shape.solve.cables import FREE_ROTATIONS
+from cable_shape.solve.rod_common import MODEL
 
 _ALONG = np.array((0.0, 0.0, 1.0))
+_TWO_PI = 2.0 * math.pi
 
 
 class Seen(NamedTuple):
@@ -56,6 +61,39 @@ def seen_of(
     rate = CubicSpline(s, v) if s.size > 1 else CubicSpline(at[[0, -1]], v[[0, 0]])
     return Seen(CubicSpline(at, np.array(known)[np.concatenate(([True], inside, [True] * held))], bc_type=tuple(sides)),
                 rate, length / s.size)  # fmt: skip
+
+
+def laid_on(seen: Seen, start: Grip, end: Grip | FreeEnd, length: float, points: int, turns: int = 0) -> CableShape:
+    """A shape without loads on the path of a cable of this length [m], as a start: it is no equilibrium.
+
+    Its frames twist evenly from grip to grip, by less than half a turn and `turns` more; not at all where an end may
+    turn about the cable.
+    """
+    s = np.linspace(0.0, length, points)
+    places, tangents = seen.places(s), seen.places(s, 1)
+    tangents /= np.linalg.norm(tangents, axis=1)[:, None]
+    q = np.empty((points, 4))
+    q[0] = multiply(_turned(rotate(start.cable_frame.quaternion, _ALONG), tangents[0]), start.cable_frame.quaternion)
+    for i in range(1, points):
+        q[i] = multiply(_turned(tangents[i - 1], tangents[i]), q[i - 1])
+    twist = 0.0
+    if isinstance(end, Grip) and not (FREE_ROTATIONS[start.kind][2] or FREE_ROTATIONS[end.kind][2]):
+        _, _, z, w = multiply(q[-1] * (-1.0, -1.0, -1.0, 1.0), end.cable_frame.quaternion)
+        twist = math.remainder(2.0 * math.atan2(z, w), _TWO_PI) + _TWO_PI * turns
+    half = 0.5 * twist * s / length
+    none = np.zeros(points)
+    buffer = np.zeros(NUMBERS_PER_POINT * points)
+    buffer[:points], buffer[points : 4 * points] = s, places.ravel()
+    buffer[4 * points : 8 * points] = multiply(q.T, np.array((none, none, np.sin(half), np.cos(half)))).T.ravel()
+    return CableShape(buffer, points, length=length, model=MODEL, status=Status.OK, twist=twist)
+
+
+def _turned(a: Array, b: Array) -> Array:
+    """(4,), the quaternion of the least rotation that takes the unit vector a to b."""
+    w = 1.0 + float(a @ b)
+    axis = np.cross(a, b) if w > 1e-12 else np.cross(a, np.eye(3)[np.abs(a).argmin()])
+    q = np.array((*axis, w))
+    return np.asarray(q / np.linalg.norm(q))
 
 
 def _tangent(grip: Grip) -> Array | None:
