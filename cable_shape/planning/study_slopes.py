@@ -1,9 +1,10 @@
 """How a study's measures change with what varies: :func:`slopes`.
 
-All that can be told of a rod that touches nothing has an exact derivative, by any number that varies: the shapes on
-both sides of it, STEP away, follow from the factors of the solution at that instant (:mod:`cable_shape.solve.nearby`),
-and nothing is solved for. A measure that is the worst along the cable has the derivative at its worst point. What
-touches bodies or cables, harnesses and closed forms are told by differences of whole motions.
+All that can be told of a rod has an exact derivative, by any number that varies: the shapes on both sides of it, STEP
+away, follow from the factors of the solution at that instant (:mod:`cable_shape.prediction.nearby`), and nothing is
+solved for. A measure that is the worst along the cable has the derivative at its worst point. What touches itself,
+harnesses and closed forms are told by differences of whole motions, and so is, on bodies, what such a shape does not
+tell: how stable it is, and whatever a function of the user's asks of it.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ from cable_shape.planning.study_walk import (
     rows_of,
 )
 from cable_shape.pose import Grip
-from cable_shape.solve.nearby import nearby
+from cable_shape.prediction.nearby import Memory, nearby
 from cable_shape.solve.network import Network
 
 #: Steps of exact derivatives and of differences of motions, of the scale of what varies; the former not less than LEAST
@@ -89,7 +90,8 @@ def _of_shapes(
 ) -> Slopes:
     """By the shapes beside those of the instants."""
     instants, solves = sorted({one.instant for one in asked}), 0
-    told = [study.measures[m].name == "stability" for m, _ in asked]
+    stable = [study.measures[m].name == "stability" for m, _ in asked]
+    alone = [stable[k] or study.measures[one.measure].function is not None for k, one in enumerate(asked)]
     steps = [max(STEP * float(scale[a]), LEAST * abs(float(point[a]))) for a in by]
     sides = [[_side(study, point, a, sign * step) for sign in (1.0, -1.0)] for a, step in zip(by, steps, strict=True)]
     middle = _Side(case)
@@ -97,7 +99,9 @@ def _of_shapes(
         solves += 1
         own = [k for k, one in enumerate(asked) if one.instant == instant]
         state.refresh()
-        mode = _mode(state) if any(told[k] for k in own) else None
+        if not isinstance(state, Network):  # contacts are not told, nor how stable they are
+            own = [k for k in own if not alone[k]]
+        mode = _mode(state) if isinstance(state, Network) and any(stable[k] for k in own) else None
         for column, (pair, step) in enumerate(zip(sides, steps, strict=True)):
             ways = [side is not None and side.find(state, instant, mode) for side in pair]
             if not any(ways):
@@ -153,7 +157,7 @@ class _Side:
         self.problem = predictor.problem
         self.rows = rows_of(case._replace(frames={end: table[:1] for end, table in case.frames.items()}), predictor)
 
-    def find(self, state: Network, instant: int, mode: Array | None) -> bool:
+    def find(self, state: Memory, instant: int, mode: Array | None) -> bool:
         """Whether there is a shape beside that of `state`; mode (n, 3): the softest one, if stability is asked for."""
         start, end = ends_at(self.case, instant)
         found = nearby(state, self.problem.move(start, end, links_at(self.case, instant)))
@@ -162,7 +166,7 @@ class _Side:
         rows, (shape, network) = self.rows, found
         judged = judged_by(rows, isinstance(end, Grip), np.empty((0, 4)))
         rows.take(0, shape, judged, link_rows_of(rows, links_at(self.case, instant)))
-        if mode is not None:
+        if network is not None and mode is not None:
             memory = np.array((math.nan, 0.0, 0.0))
             follow_rows.tell_stability(
                 network.ints, network.floats, network.sols, network.work, sliding.new_slides(network.ints, True),

@@ -23,6 +23,7 @@ from cable_shape.kernels.safety import follow_rows
 from cable_shape.kernels.safety import loads_used as margins
 from cable_shape.planning.study_case import Case
 from cable_shape.pose import FreeEnd, Grip, Pose
+from cable_shape.prediction.nearby import Memory, memory_of
 from cable_shape.prediction.predictor import Predictor
 from cable_shape.robots.robot import Robot
 from cable_shape.safety.clearance import NOT_JUDGED, ClearanceChecker
@@ -164,9 +165,8 @@ def walk(case: Case) -> dict[str, Rows]:
     return {"": rows}
 
 
-def memories(case: Case, instants: Sequence[int]) -> Iterator[tuple[int, Network]]:
-    """The memory of the rod, to be kept, after each of these ascending instants at which a shape is found that touches
-    nothing."""
+def memories(case: Case, instants: Sequence[int]) -> Iterator[tuple[int, Memory]]:
+    """What solved for the shape at each of these ascending instants that has one, until the next is asked for."""
     predictor = predictor_of(case)
     if follows(case, predictor):
         rows = rows_of(case, predictor)
@@ -174,13 +174,13 @@ def memories(case: Case, instants: Sequence[int]) -> Iterator[tuple[int, Network
         for i in instants:
             followed.run(i + 1)
             if rows.usable[i] and followed.state is not None and followed.state.history:
-                yield i, followed.state.copied()
+                yield i, followed.state.copied()  # what reads it leaves no trace in what follows
         return
     for i in range(instants[-1] + 1):
         shape = predictor.predict(*ends_at(case, i), links_at(case, i))
-        state = predictor.rod_state
-        if i in instants and shape.status and isinstance(state, Network) and state.history:
-            yield i, state.copied()
+        state = memory_of(predictor)
+        if i in instants and shape.status and state is not None:
+            yield i, state.copied() if isinstance(state, Network) else state
 
 
 def predictor_of(case: Case) -> Predictor:

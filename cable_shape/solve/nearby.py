@@ -12,13 +12,14 @@ import numpy as np
 
 from cable_shape.cable.pieces import energy_of_sections
 from cable_shape.checks import Array
-from cable_shape.kernels.network import correct, drive, graph, mesh, newton, respond, sliding, system, tables
+from cable_shape.kernels.network import correct, drive, mesh, newton, respond, sliding, system, tables
 from cable_shape.kernels.network.tables import NOW, TRIAL
 from cable_shape.kernels.rod_algebra import qconj, qexp, qlog, qmul, scale
 from cable_shape.kernels.rod_guess import angle_axis, tangent
 from cable_shape.pose import FreeEnd
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve.network import Network
+from cable_shape.solve.plan import Whole
 from cable_shape.solve.problem import Problem
 from cable_shape.solve.rod_common import MODEL
 
@@ -31,21 +32,18 @@ def nearby(state: Network, problem: Problem) -> tuple[CableShape, Network] | Non
     """
     other = Network(problem)
     poses = other.aim(problem.start, problem.end)
-    places = _places(state, other)
-    if places is None:
+    moved = places(state, other)
+    if moved is None:
         return None
-    before, after = places
+    before, after = moved
     ints, sols, space = state.ints, state.sols.copy(), state.work.copy()
     floats = mesh.neighbours(state.bare, other.held[None], ints, state.floats, before, after[None])[0]
     run = sliding.new_slides(ints, True)
     respond.at_rest(ints, sols)
     if len(run):
         sliding.columns(ints, state.floats.copy(), sols, space, run)
-    _follow(state, sols, space, run, poses[: len(poses) - isinstance(problem.end, FreeEnd)])
-    sliding.move_along(ints, floats, run, 1.0)
-    drive.strip(ints, floats, sols)
-    system.gradient(ints, floats, sols, space)
-    graph.solve(ints, floats, space)
+    differ(ints, state.floats, floats, sols, space)
+    follow(ints, state.floats, sols, space, poses[: len(poses) - isinstance(problem.end, FreeEnd)])
     if len(run):
         sliding.slide_step(ints, floats, sols, space, run, 1.0)
     newton.advance(ints, sols, space, 1.0)
@@ -57,7 +55,23 @@ def nearby(state: Network, problem: Problem) -> tuple[CableShape, Network] | Non
     return _told(other, run), other
 
 
-def _places(state: Network, other: Network) -> tuple[Array, Array] | None:
+def differ(ints: Whole, floats: Array, others: Array, sols: Array, space: Array) -> None:
+    """Makes the right-hand side by how much the gradient at the trial is more under a model `others` than `floats`.
+
+    Forces of spans that only carry what hangs on them become those of `others`.
+    """
+    work = tables.work_of.py_func(ints, space)
+    respond.still(ints, space)
+    parts = work.G, work.sums[:, :3], work.pull
+    system.gradient(ints, floats, sols, space)
+    before = [part.copy() for part in parts]
+    drive.strip(ints, others, sols)
+    system.gradient(ints, others, sols, space)
+    for part, was in zip(parts, before, strict=True):
+        part -= was
+
+
+def places(state: Network, other: Network) -> tuple[Array, Array] | None:
     """Ascending arc lengths (a,) of supports, masses and kinks of one cable, and where they are on the other one."""
     own, its = state.material.stops, other.material.stops
     alike = other.structure == state.structure and own.size == its.size and other.points.size == state.points.size
@@ -71,29 +85,27 @@ def _places(state: Network, other: Network) -> tuple[Array, Array] | None:
     return before[order], np.concatenate((arcs, other.points, its[kinks]))[order]
 
 
-def _follow(state: Network, sols: Array, space: Array, run: Array, poses: Array) -> None:
-    """Moves the trial, to first order, as knots move to `poses` (k, 7), the first ones, and eyelets answer."""
-    ints, floats = state.ints, state.floats
-    plan = tables.plan_of.py_func(ints)
-    loose, trial = state.model.loose, tables.solution_of.py_func(ints, sols, TRIAL)
+def follow(ints: Whole, floats: Array, sols: Array, space: Array, poses: Array) -> None:
+    """Answers to the right-hand side and to knots, the first ones, that move to `poses` (k, 7): the trial takes these.
+
+    The step of all else is left in the work space.
+    """
+    plan, model = tables.plan_of.py_func(ints), tables.model_of.py_func(ints, floats)
+    trial = tables.solution_of.py_func(ints, sols, TRIAL)
     twists, goal = np.zeros((len(trial.pose), 6)), trial.pose.copy()
     for k, pose in enumerate(poses):
         now, rotation = tuple(trial.pose[k, 3:]), tuple(pose[3:])
         twists[k, :3] = pose[:3] - trial.pose[k, :3]
         if plan.vertices[k, 0] >= 0:  # it turns by itself, but for where it holds d3
-            holds = loose[k, 0] == 0.0
+            holds = model.loose[k, 0] == 0.0
             rotation = qmul(qexp(scale(*angle_axis(tangent(now), tangent(rotation)))), now) if holds else now
         spin = qmul(rotation, qconj(now))
         twists[k, 3:] = qlog(spin if spin[3] >= 0.0 else tuple(-x for x in spin))
         goal[k, :3] = pose[:3]
         goal[k, 3:] = qmul(qexp(tuple(twists[k, 3:])), now)
-    respond.still(ints, space)
     respond.move_knots(ints, floats, sols, space, twists)
     respond.answer(ints, floats, sols, space, twists)
-    if len(run):
-        sliding.slide_step(ints, floats, sols, space, run, 0.0)
-    trial.pose[: len(poses)] = goal[: len(poses)]
-    newton.advance(ints, sols, space, 1.0)
+    trial.pose[...] = goal
 
 
 def _told(state: Network, run: Array) -> CableShape:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
 from cable_shape.planning.study_slopes import Asked, slopes
@@ -130,14 +131,47 @@ def test_out_of_reach_there_is_no_slope():
     assert found.solves == 1
 
 
-def test_what_touches_is_told_by_differences_of_motions():
-    asked = study(vary={"cable.length": [1.2], "end.position.x": [0.8]}, tolerance=None, measure=["lowest", "tension"],
-                  scene={"obstacles": [{"name": "floor", "box": [2, 2, 0.1], "position": [0, 0, 0.65]}],
-                         "contact": "solve"})  # fmt: skip
-    found = slopes(asked, np.array([1.2, 0.8]), [Asked(0, 0), Asked(1, 0)], np.array([0.02, 0.02]), [1])
-    assert found.slope.shape == (2, 1)
-    assert not found.exact.any()
+def on_a_body(**changes):
+    ball = {"name": "ball", "sphere": 0.1, "position": [0.42, 0.06, 0.66]}
+    motion = {"instants": 3, "end": [{"position": [x, 0.1, 0.93], "quaternion": ALONG} for x in (0.79, 0.81)]}
+    more = {"motion": motion, "scene": {"obstacles": [ball], "contact": "solve"}, "tolerance": 1e-6, **changes}
+    return study(**more)
+
+
+def test_on_a_body_slopes_are_those_on_the_same_points_of_it():
+    vary = {"cable.length": [1.2], "start.position.z": [1.0], "scene.obstacles.ball.position.z": [0.66],
+            "cable.linear_density": [0.1]}  # fmt: skip
+    asked = on_a_body(vary=vary, measure=["bend_radius", "stress", "moment:end", "energy", "clearance:ball"])
+    point, scale = np.array([1.2, 1.0, 0.66, 0.1]), np.array([0.02, 0.02, 0.02, 0.01])
+    found = slopes(asked, point, [Asked(m, 1) for m in range(5)], scale, range(4))
+    expected = differences(asked, point, [1] * 5, scale, 0.1)[:4]  # less would be the noise of their meshes
+    size = np.abs(expected * scale).max(axis=1, keepdims=True)
+    assert found.exact.all()
+    assert found.solves == 1
+    assert np.all(np.abs(found.slope[:4] - expected) * scale < 2e-3 * size)
+    assert np.all(np.abs(found.slope[4]) < 2e-3)  # it stays on the body
+
+
+def test_what_is_told_of_contacts_and_of_stability_there_is_told_by_motions():
+    asked = on_a_body(vary={"cable.length": [1.2]}, measure=["stability", "inward", "lowest"])
+    found = slopes(asked, np.array([1.2]), [Asked(m, 1) for m in range(3)], np.array([0.02]), [0])
+    assert found.exact[:, 0].tolist() == [False, False, True]
     assert np.isfinite(found.slope).all()
+    assert found.solves == 1 + 2 * 3
+
+
+def test_of_a_cable_on_itself_they_are_told_by_differences_of_motions():
+    turns = np.pi * np.arange(0.3, 1.2, 0.01)
+    ends = [(Rotation.from_rotvec((2.0 * turn, 0, 0)) * Rotation.from_quat(ALONG)).as_quat() for turn in turns]
+    cable = {"length": 1.0, "linear_density": 0.005, "bending_stiffness": [0.004, 0.003], "diameter": 0.008}
+    motion = {"end": [{"position": [0.3, 0, 1], "quaternion": q.tolist()} for q in ends]}
+    asked = study(cable=cable, end=None, motion=motion,
+                  vary={"start.position.z": [1.0]}, measure=["lowest", "energy"], tolerance=None, points=100,
+                  scene={"contact": "solve"})  # fmt: skip
+    found = slopes(asked, np.array([1.0]), [Asked(0, 89), Asked(1, 89)], np.array([0.02]), [0])
+    assert np.isfinite(found.slope).all()
+    assert not found.exact.any()
+    assert found.solves == 2 * 90
 
 
 def test_so_are_closed_forms():
