@@ -284,7 +284,10 @@ class HarnessNetwork(Network):
         """(m, 2) [m]: arc lengths at which the spans begin and end."""
         if not self.rings or not self.elements:
             return self.layout.arcs
-        return np.array([(self.nodes[a], self.nodes[b]) for a, b in self.runs])
+        arcs, runs = self.layout.arcs.copy(), self.runs
+        for _, j in self.layout.rings:
+            arcs[j, 1] = arcs[j + 1, 0] = self.nodes[runs[j][1]]
+        return arcs
 
     def ring_name(self, ring: int) -> str:
         """What an eyelet is called."""

@@ -72,6 +72,22 @@ def test_no_eyelet_of_a_fork_pulls_along_its_segment_and_shapes_answer_grips() -
             np.testing.assert_allclose(one[:, :, 6 * grips.index("b.end") + axis], wanted, atol=2e-3)
 
 
+def test_clips_beside_an_eyelet_may_hold_other_points_from_one_shape_to_the_next() -> None:
+    def scene(arc: float) -> cs.Scene:
+        ball = cs.Clip(arc, cs.Pose((0.48, 0.02, -0.05), ALONG), "ball", segment="a")
+        return cs.Scene(clips=[cs.Clip(0.3, PLACES[0.3], "slide", segment="a"), ball])
+
+    ends = {"a.start": START, "b.end": END}
+    predictor = cs.Predictor(halves(), scene=scene(0.55))
+    predictor.predict(ends)
+    predictor.scene = scene(0.556)
+    warm, cold = predictor.predict(ends), cs.predict(halves(), ends, scene=scene(0.556))
+    assert warm.clips[1].arc_length == 0.556
+    assert warm.clips[0].arc_length == pytest.approx(cold.clips[0].arc_length, abs=1e-6)
+    for name, shape in warm.segments.items():
+        np.testing.assert_allclose(shape.positions, cold.segments[name].positions, atol=1e-5)
+
+
 def test_a_segment_that_nothing_stops_runs_out_of_its_eyelet() -> None:
     heavy = {"a.start": START, "c.end": cs.FreeEnd(mass=0.5)}
     clip = cs.Clip(0.1, cs.Pose((0.05, 0.0, 0.3), ALONG), "slide", segment="b", name="ring")
