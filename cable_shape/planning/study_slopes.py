@@ -1,16 +1,17 @@
 """How a study's measures change with what varies: :func:`slopes`.
 
-All that can be told of a rod has an exact derivative, by any number that varies: the shapes on both sides of it, STEP
-away, follow from the factors of the solution at that instant (:mod:`cable_shape.prediction.nearby`), and nothing is
-solved for. A measure that is the worst along the cable has the derivative at its worst point. What touches itself,
-harnesses and closed forms are told by differences of whole motions, and so is, on bodies, what such a shape does not
-tell: how stable it is, and whatever a function of the user's asks of it.
+All that can be told of a rod, or of a harness of them, has an exact derivative, by any number that varies: the shapes
+on both sides of it, STEP away, follow from the factors of the solution at that instant
+(:mod:`cable_shape.prediction.nearby`), and nothing is solved for. A measure that is the worst along the cable has the
+derivative at its worst point. What touches itself, harnesses on bodies and closed forms are told by differences of
+whole motions, and so is, on bodies, what such a shape does not tell: how stable it is, and whatever a function of the
+user's asks of it.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple, final
 
 import numpy as np
@@ -28,16 +29,20 @@ from cable_shape.planning.study_measure import Measure
 from cable_shape.planning.study_result import Question
 from cable_shape.planning.study_walk import (
     Rows,
+    any_predictor_of,
     ends_at,
+    held_at,
     judged_by,
     link_rows_of,
     links_at,
     memories,
     predictor_of,
     rows_of,
+    rows_of_harness,
 )
 from cable_shape.pose import Grip
 from cable_shape.prediction.nearby import Memory, nearby
+from cable_shape.shape import CableShape
 from cable_shape.solve.network import Network
 
 #: Steps of exact derivatives and of differences of motions, of the scale of what varies; the former not less than LEAST
@@ -76,7 +81,7 @@ def slopes(study: Question, point: Array, asked: Sequence[Asked], scale: Array, 
     """
     out = Slopes(np.full((len(asked), len(by)), math.nan), np.zeros((len(asked), len(by)), np.bool_), 0)
     case = study.cases.at(point.tolist())
-    if asked and not isinstance(case.cable, Harness) and predictor_of(case).is_rod:
+    if asked and (isinstance(case.cable, Harness) or predictor_of(case).is_rod):
         out = _of_shapes(study, case, point, asked, scale, by, out)
     left = [column for column in range(len(by)) if not out.exact[:, column].all()]
     if left:
@@ -133,8 +138,10 @@ def _of_motions(
     return out._replace(solves=out.solves + over.shape[0] * over.shape[1])
 
 
-def _value(measure: Measure, rows: Rows) -> float:
-    return float(measure.of(rows)[0][0])
+def _value(measure: Measure, found: Mapping[str, Rows]) -> float:
+    """The worst of all segments."""
+    told = [x for rows in found.values() if not math.isnan(x := float(measure.of(rows)[0][0]))]
+    return (min if measure.worst == "least" else max)(told, default=math.nan)
 
 
 def _side(study: Question, point: Array, axis: int, step: float) -> _Side | None:
@@ -149,29 +156,41 @@ def _side(study: Question, point: Array, axis: int, step: float) -> _Side | None
 
 @final
 class _Side:
-    """A case beside another one; `rows` has its shape at one instant."""
+    """A case beside another one; `rows` has its shape at one instant, by segment; of a cable under the name ""."""
 
     def __init__(self, case: Case) -> None:
         self.case = case
-        predictor = predictor_of(case)
+        predictor = any_predictor_of(case)
         self.problem = predictor.problem
-        self.rows = rows_of(case._replace(frames={end: table[:1] for end, table in case.frames.items()}), predictor)
+        one = case._replace(frames={end: table[:1] for end, table in case.frames.items()})
+        if isinstance(case.cable, Harness):
+            self.rows = rows_of_harness(one, case.cable, self.problem.points)
+        else:
+            self.rows = {"": rows_of(one, predictor)}
 
     def find(self, state: Memory, instant: int, mode: Array | None) -> bool:
         """Whether there is a shape beside that of `state`; mode (n, 3): the softest one, if stability is asked for."""
-        start, end = ends_at(self.case, instant)
-        found = nearby(state, self.problem.move(start, end, links_at(self.case, instant)))
+        case, links, held = self.case, links_at(self.case, instant), False
+        if isinstance(case.cable, Harness):
+            self.problem.move(held_at(case, instant))
+        else:
+            start, end = ends_at(case, instant)
+            self.problem.move(start, end, links)
+            held = isinstance(end, Grip)
+        found = nearby(state, self.problem)
         if found is None:
             return False
-        rows, (shape, network) = self.rows, found
-        judged = judged_by(rows, isinstance(end, Grip), np.empty((0, 4)))
-        rows.take(0, shape, judged, link_rows_of(rows, links_at(self.case, instant)))
-        if network is not None and mode is not None:
-            memory = np.array((math.nan, 0.0, 0.0))
-            follow_rows.tell_stability(
-                network.ints, network.floats, network.sols, network.work, sliding.new_slides(network.ints, True),
-                judged.soft, mode.copy(), MODE_STEPS, True, memory, rows.margins[0],
-            )  # fmt: skip
+        shape, network = found
+        shapes = {"": shape} if isinstance(shape, CableShape) else shape.segments
+        for name, rows in self.rows.items():
+            judged = judged_by(rows, held, np.empty((0, 4)))
+            rows.take(0, shapes[name], judged, link_rows_of(rows, links))
+            if network is not None and mode is not None:
+                memory = np.array((math.nan, 0.0, 0.0))
+                follow_rows.tell_stability(
+                    network.ints, network.floats, network.sols, network.work, sliding.new_slides(network.ints, True),
+                    judged.soft, mode.copy(), MODE_STEPS, True, memory, rows.margins[0],
+                )  # fmt: skip
         return True
 
 

@@ -167,8 +167,9 @@ def walk(case: Case) -> dict[str, Rows]:
 
 def memories(case: Case, instants: Sequence[int]) -> Iterator[tuple[int, Memory]]:
     """What solved for the shape at each of these ascending instants that has one, until the next is asked for."""
-    predictor = predictor_of(case)
-    if follows(case, predictor):
+    predictor: Any = any_predictor_of(case)
+    harness = isinstance(case.cable, Harness)
+    if not harness and follows(case, predictor):
         rows = rows_of(case, predictor)
         followed = Followed(case, rows, predictor.problem)
         for i in instants:
@@ -177,10 +178,20 @@ def memories(case: Case, instants: Sequence[int]) -> Iterator[tuple[int, Memory]
                 yield i, followed.state.copied()  # what reads it leaves no trace in what follows
         return
     for i in range(instants[-1] + 1):
-        shape = predictor.predict(*ends_at(case, i), links_at(case, i))
+        if harness:
+            shape: Any = predictor.predict(held_at(case, i))
+        else:
+            shape = predictor.predict(*ends_at(case, i), links_at(case, i))
         state = memory_of(predictor)
         if i in instants and shape.status and state is not None:
             yield i, state.copied() if isinstance(state, Network) else state
+
+
+def any_predictor_of(case: Case) -> Any:
+    """What solves for a case, of a cable or of a harness."""
+    if isinstance(case.cable, Harness):
+        return Predictor(case.cable, scene=case.scene, **case.options)
+    return predictor_of(case)
 
 
 def predictor_of(case: Case) -> Predictor:
@@ -209,28 +220,37 @@ def follows(case: Case, predictor: Predictor) -> bool:
 
 def _harness(case: Case, harness: Harness) -> dict[str, Rows]:
     """The same of a harness."""
-    predictor: Any = Predictor(harness, scene=case.scene, **case.options)
-    points = predictor.problem.points
-    named = list(zip(clip_names(case.scene.clips), case.scene.clips, strict=True))
-    of = {segment: [name for name, clip in named if clip.segment == segment] for segment in harness.segments}
-    out = {n: Rows(one, case.scene, None, case.instants, points, of[n]) for n, one in harness.segments.items()}
+    predictor = any_predictor_of(case)
+    out = rows_of_harness(case, harness, predictor.problem.points)
     judged = {name: judged_by(rows, False, np.empty((0, 4))) for name, rows in out.items()}
     for i in range(case.instants):
-        held = {}
-        for end, grip in case.held.items():
-            held[end] = grip.at(Pose.trusted(case.frames[end][i])) if isinstance(grip, Grip) else grip
-        shape = predictor.predict(held)
+        shape = predictor.predict(held_at(case, i))
         for name, one in shape.segments.items():
-            out[name].take(i, one, judged[name], _NO_LINKS)
+            out[name].take(i, one, judged[name], NO_LINKS)
             out[name].status[i] = shape.status.value
     return out
 
 
-_NO_LINKS: Array = np.empty((0, 7))
+def rows_of_harness(case: Case, harness: Harness, points: int) -> dict[str, Rows]:
+    """Room for the shapes of its segments."""
+    named = list(zip(clip_names(case.scene.clips), case.scene.clips, strict=True))
+    of = {segment: [name for name, clip in named if clip.segment == segment] for segment in harness.segments}
+    return {n: Rows(one, case.scene, None, case.instants, points, of[n]) for n, one in harness.segments.items()}
+
+
+def held_at(case: Case, instant: int) -> dict[str, Grip | FreeEnd]:
+    """How the ends of a harness are held at an instant."""
+    return {
+        end: grip.at(Pose.trusted(case.frames[end][instant])) if isinstance(grip, Grip) else grip
+        for end, grip in case.held.items()
+    }
+
+
+NO_LINKS: Array = np.empty((0, 7))
 
 
 def link_rows_of(rows: Rows, links: Mapping[str, Pose] | None) -> Array:
-    return _NO_LINKS if links is None else link_rows(links, dict.fromkeys(rows.checker.links, "the robot"))
+    return NO_LINKS if links is None else link_rows(links, dict.fromkeys(rows.checker.links, "the robot"))
 
 
 def judged_by(rows: Rows, held: bool, masses: Array) -> follow_rows.Judged:

@@ -8,11 +8,14 @@ of two such shapes, one above and one below, are derivatives of all that is told
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from cable_shape.cable.pieces import energy_of_sections
 from cable_shape.checks import Array
-from cable_shape.kernels.network import correct, drive, mesh, newton, respond, sliding, system, tables
+from cable_shape.kernels.network import correct as correction
+from cable_shape.kernels.network import drive, mesh, newton, respond, sliding, system, tables
 from cable_shape.kernels.network.tables import NOW, TRIAL
 from cable_shape.kernels.rod_algebra import qconj, qexp, qlog, qmul, scale
 from cable_shape.kernels.rod_guess import angle_axis, tangent
@@ -36,14 +39,25 @@ def nearby(state: Network, problem: Problem) -> tuple[CableShape, Network] | Non
     if moved is None:
         return None
     before, after = moved
-    ints, sols, space = state.ints, state.sols.copy(), state.work.copy()
+    ints = state.ints
     floats = mesh.neighbours(state.bare, other.held[None], ints, state.floats, before, after[None])[0]
-    run = sliding.new_slides(ints, True)
+    given = range(len(poses) - isinstance(problem.end, FreeEnd))
+    run = first_order(state, other, floats, poses, given)
+    return _told(other, run), other
+
+
+def first_order(state: Network, other: Network, floats: Array, poses: Array, given: Sequence[int]) -> Array:
+    """Makes the solution of `other`, of the model `floats`, that beside the last one of `state`; room for its eyelets.
+
+    poses (k, 7): of the knots, of which those `given` move there.
+    """
+    ints, sols, space = state.ints, state.sols.copy(), state.work.copy()
+    run: Array = sliding.new_slides(ints, True)
     respond.at_rest(ints, sols)
     if len(run):
         sliding.columns(ints, state.floats.copy(), sols, space, run)
     differ(ints, state.floats, floats, sols, space)
-    follow(ints, state.floats, sols, space, poses[: len(poses) - isinstance(problem.end, FreeEnd)])
+    follow(ints, state.floats, sols, space, poses, given)
     if len(run):
         sliding.slide_step(ints, floats, sols, space, run, 1.0)
     newton.advance(ints, sols, space, 1.0)
@@ -52,7 +66,7 @@ def nearby(state: Network, problem: Problem) -> tuple[CableShape, Network] | Non
     sols[:size] = sols[2 * size : 3 * size]
     other.take_arrays(ints, floats, sols, space)
     other.history = 1
-    return _told(other, run), other
+    return run
 
 
 def differ(ints: Whole, floats: Array, others: Array, sols: Array, space: Array) -> None:
@@ -85,15 +99,16 @@ def places(state: Network, other: Network) -> tuple[Array, Array] | None:
     return before[order], np.concatenate((arcs, other.points, its[kinks]))[order]
 
 
-def follow(ints: Whole, floats: Array, sols: Array, space: Array, poses: Array) -> None:
-    """Answers to the right-hand side and to knots, the first ones, that move to `poses` (k, 7): the trial takes these.
+def follow(ints: Whole, floats: Array, sols: Array, space: Array, poses: Array, given: Sequence[int]) -> None:
+    """Answers to the right-hand side and to knots `given` that move to `poses` (k, 7), which the trial takes.
 
     The step of all else is left in the work space.
     """
     plan, model = tables.plan_of.py_func(ints), tables.model_of.py_func(ints, floats)
     trial = tables.solution_of.py_func(ints, sols, TRIAL)
     twists, goal = np.zeros((len(trial.pose), 6)), trial.pose.copy()
-    for k, pose in enumerate(poses):
+    for k in given:
+        pose = poses[k]
         now, rotation = tuple(trial.pose[k, 3:]), tuple(pose[3:])
         twists[k, :3] = pose[:3] - trial.pose[k, :3]
         if plan.vertices[k, 0] >= 0:  # it turns by itself, but for where it holds d3
@@ -108,21 +123,27 @@ def follow(ints: Whole, floats: Array, sols: Array, space: Array, poses: Array) 
     trial.pose[...] = goal
 
 
-def _told(state: Network, run: Array) -> CableShape:
-    """The shape of the solution now, its discretisation error taken off, as `drive.solve` tells it."""
-    problem, ints, floats = state.problem, state.ints, state.floats
-    sols, space = state.sols, state.work
-    out, info = CableShape.new_buffer(problem.points), np.zeros(drive.INFO + 2)
-    loads = np.zeros((len(state.solution(NOW).pose), 7))
+def correct(state: Network, run: Array, points: int, out: Array, info: Array, loads: Array) -> None:
+    """Fills what `drive.solve` tells of the solution now, its discretisation error taken off; run: of `first_order`."""
+    ints, floats, sols, space = state.ints, state.floats, state.sols, state.work
     state.refresh()
     if len(run):
         sliding.columns(ints, floats, sols, space, run)
-    correct.correct(ints, floats, sols, space, run, np.empty(correct.ERRORS))
+    correction.correct(ints, floats, sols, space, run, np.empty(correction.ERRORS))
     drive.settle_leaves(ints, floats, sols, space)
     kept = floats.copy()  # the mesh stays that of the solution that is corrected
     sliding.move_along(ints, floats, run, 1.0)
-    drive.sample(ints, floats, sols, space, problem.points, out, info)
+    drive.sample(ints, floats, sols, space, points, out, info)
     drive.knot_loads(ints, floats, space, loads)
+    floats[:] = kept
+
+
+def _told(state: Network, run: Array) -> CableShape:
+    """The shape of the solution now."""
+    problem = state.problem
+    out, info = CableShape.new_buffer(problem.points), np.zeros(drive.INFO + 2)
+    loads = np.zeros((len(state.knots), 7))
+    correct(state, run, problem.points, out, info, loads)
     shape = CableShape(
         out,
         problem.points,
@@ -136,5 +157,4 @@ def _told(state: Network, run: Array) -> CableShape:
     )
     if problem.cable.sections:
         shape.energy += energy_of_sections(problem.cable, shape, problem.gravity)
-    floats[:] = kept
     return shape

@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
+from cable_shape.planning.study_chunk import solve_chunk
 from cable_shape.planning.study_slopes import Asked, slopes
 
 ALONG = (0.5, 0.5, 0.5, 0.5)
@@ -172,6 +173,49 @@ def test_of_a_cable_on_itself_they_are_told_by_differences_of_motions():
     assert np.isfinite(found.slope).all()
     assert not found.exact.any()
     assert found.solves == 2 * 90
+
+
+HARNESS = {
+    "segments": {
+        "trunk": {"length": 0.6, "linear_density": 0.12, "bending_stiffness": 0.01, "diameter": 0.012},
+        "left": {"length": 0.4, "linear_density": 0.05, "bending_stiffness": 0.003, "diameter": 0.006},
+        "right": {"length": 0.45, "linear_density": 0.05, "bending_stiffness": 0.003, "diameter": 0.006},
+    },
+    "junctions": [{"name": "fork", "ends": ["trunk.end", "left.start", "right.start"], "mass": 0.01}],
+}
+ALONG_X = (0.0, 0.7071067811865476, 0.0, 0.7071067811865476)
+
+
+def test_of_a_harness():
+    ends = {"trunk.start": {"position": [0, 0, 1], "quaternion": ALONG_X},
+            "left.end": {"position": [0.8, 0.12, 0.9], "quaternion": ALONG_X}}  # fmt: skip
+    clip = {"name": "mid", "segment": "trunk", "arc_length": 0.3, "position": [0.27, 0.03, 1.0]}
+    motion = {
+        "instants": 4,
+        "ends": {"left.end": [{"position": [x, 0.12, 0.9], "quaternion": ALONG_X} for x in (0.77, 0.8)]},
+    }
+    obstacle = {"name": "ball", "sphere": 0.05, "position": [0.6, 0.05, 0.78]}
+    vary = {"harness.segments.trunk.length": [0.6], "harness.segments.left.linear_density": [0.05],
+            "scene.clips.mid.position.z": [1.0], "scene.clips.mid.arc_length": [0.3],
+            "harness.junctions.fork.mass": [0.01], "scene.obstacles.ball.position.z": [0.78]}  # fmt: skip
+    measure = ["bend_radius", "stress", "tension", "clip:mid", "lowest", "energy", "clearance"]
+    asked = cs.Study.from_mapping(
+        {"harness": HARNESS, "ends": ends, "motion": motion, "scene": {"clips": [clip], "obstacles": [obstacle]},
+         "vary": vary, "measure": measure, "tolerance": 1e-7, "points": 100}
+    )  # fmt: skip
+    point = [axis.middle for axis in asked.axes]
+    scale = np.array([0.004, 0.002, 0.004, 0.004, 0.002, 0.004])
+    found = slopes(asked, np.array(point), [Asked(m, 3) for m in range(len(measure))], scale, range(len(point)))
+    told = []
+    for a, step in enumerate(scale.tolist()):
+        moved = [[*point[:a], point[a] + side * 1e-2 * step, *point[a + 1 :]] for side in (1.0, -1.0)]
+        high, low = solve_chunk(asked.cases, asked.measures, np.array(moved), True).over[:, 3]
+        told.append((high - low) / (2e-2 * step))
+    expected = np.array(told).T
+    size = np.abs(expected * scale).max(axis=1, keepdims=True)
+    assert found.exact.all()
+    assert found.solves == 1
+    assert np.all(np.abs(found.slope - expected) * scale < 1e-3 * size)
 
 
 def test_so_are_closed_forms():

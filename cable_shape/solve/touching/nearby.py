@@ -40,7 +40,7 @@ def nearby(state: TouchState, problem: Problem) -> CableShape | None:
     if len(run):
         sliding.columns(ints, net.floats.copy(), sols, space, run)
     differ(ints, net.floats, floats, sols, space)
-    follow(ints, net.floats, sols, space, poses[: len(poses) - isinstance(problem.end, FreeEnd)])
+    follow(ints, net.floats, sols, space, poses, range(len(poses) - isinstance(problem.end, FreeEnd)))
     _follow_bodies(state, other, sols, space)
     if len(run):
         sliding.slide_step(ints, floats, sols, space, run, 1.0)
