@@ -1,5 +1,7 @@
 """Derivatives of measures against differences of cables that were solved anew."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -7,7 +9,10 @@ from scipy.spatial.transform import Rotation
 import cable_shape as cs
 from cable_shape.planning.study_chunk import solve_chunk
 from cable_shape.planning.study_slopes import Asked, slopes
+from cable_shape.robots.robot import Robot
 
+ROOT = Path(__file__).resolve().parents[2]
+ROBOT = ROOT / "config/robots/dual_arm.yaml"
 ALONG = (0.5, 0.5, 0.5, 0.5)
 CLIPS = [{"name": "mid", "arc_length": 0.55, "position": [0.35, 0.1, 0.82], "quaternion": ALONG, "kind": "ball"}]
 #: Nothing about it is symmetric: a place that is as bad as another one would be a kink.
@@ -173,6 +178,25 @@ def test_of_a_cable_on_itself_they_are_told_by_differences_of_motions():
     assert np.isfinite(found.slope).all()
     assert not found.exact.any()
     assert found.solves == 2 * 90
+
+
+@pytest.mark.parametrize("contact", ["warn", "solve"])
+def test_of_a_cable_that_arms_move(contact):
+    robot = Robot.from_yaml(ROBOT)
+    lifted = robot.home.copy()
+    lifted[robot.joint_names.index("left_shoulder_lift_joint")] += 0.05
+    joints = {"names": list(robot.joint_names), "positions": [robot.home.tolist(), lifted.tolist()]}
+    wrist = robot.joint_names.index("right_wrist_1_joint")
+    asked = cs.Study.from_mapping({
+        "cable": str(ROOT / "config/cables/demo.yaml"), "robot": str(ROBOT), "scene": {"contact": contact},
+        "motion": {"joints": joints, "instants": 3}, "measure": ["bend_radius", "tension"], "tolerance": 1e-7,
+        "vary": {"cable.length": [1.0], f"motion.joints.positions.1.{wrist}": [robot.home[wrist]]}, "points": 100,
+    })  # fmt: skip
+    point, scale = np.array([axis.middle for axis in asked.axes]), np.array([0.01, 0.01])
+    found = slopes(asked, point, [Asked(0, 2), Asked(1, 2)], scale, range(2))
+    expected = differences(asked, point.tolist(), [2, 2], scale, 0.05)
+    assert found.exact.all()
+    assert np.allclose(found.slope, expected, rtol=2e-3, atol=1e-3 * np.abs(expected).max())
 
 
 HARNESS = {
