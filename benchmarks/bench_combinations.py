@@ -10,7 +10,7 @@ call asks for, or none should, is no cell to be tried, and says why. --write put
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -173,34 +173,46 @@ def distributed_load(around: Around) -> None:
     balanced(shape, cable, cable.length * load[0])
 
 
-def tables(around: Around) -> tuple[np.ndarray, np.ndarray]:
-    """(steps, 7) of both ends along the way."""
-    ways = [around.way(float(x))["cable"] for x in np.linspace(0.0, 1.0, around.steps)]
-    return np.array([start.array for start, _ in ways]), np.array([end.array for _, end in ways])
+def tables(around: Around, places: Sequence[float]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Of each cable (k, 7) of both ends at places of the way, 0 to 1."""
+    ways = [around.way(x) for x in places]
+    return {name: tuple(np.array([way[name][i].array for way in ways]) for i in (0, 1)) for name in around.cables}
+
+
+def asked(around: Around, places: Sequence[float], **more: object) -> tuple[object, dict[str, cs.ShapeBatch]]:
+    """What predict_batch gives at places of the way, and of each cable."""
+    given = {"scene": around.scene, "model": "cosserat", "tolerance": 1e-6, **more}
+    rows = tables(around, places)
+    if len(around.cables) > 1:
+        found = cs.predict_batch(around.cables, rows, **given)
+        return found, found.cables
+    found = cs.predict_batch(around.cables["cable"], *rows["cable"], **given)
+    return found, {"cable": found}
 
 
 def batch(around: Around) -> None:
-    """Rows are predictions."""
-    cable, (starts, ends) = alone(around), tables(around)
-    found = cs.predict_batch(cable, starts[:2], ends[:2], scene=around.scene, model="cosserat", tolerance=1e-6)
-    for row in range(2):
-        one = cs.predict(
-            cable, cs.Pose(starts[row, :3], starts[row, 3:]), cs.Pose(ends[row, :3], ends[row, 3:]),
-            scene=around.scene, model="cosserat", tolerance=1e-6,
-        )  # fmt: skip
-        assert np.abs(found.positions[row] - one.positions).max() < 1e-5
+    """Rows are what a cycle finds from nothing, and forces balance in them."""
+    places = (0.0, 0.4)
+    found, cables = asked(around, places)
+    assert found.usable.all(), found.details
+    assert cables["cable"][1].contacts or around not in (AROUND["bodies"], AROUND["another cable"]), "nothing touches"
+    for row, x in enumerate(places):
+        cycle = cs.Cycle(around.cables, scene=around.scene, model="cosserat", tolerance=1e-6)
+        for name, one in cycle.step(around.way(x), 0).shapes.items():
+            assert np.abs(cables[name].positions[row] - one.positions).max() < 1e-5
+            balanced(cables[name][row], around.cables[name], np.zeros(3))
 
 
 def batch_tube(around: Around) -> None:
     """Rows have the tube of a prediction from nothing."""
-    cable, (starts, ends), off = alone(around), tables(around), 2e-4
+    off, x = 2e-4, 0.4
     known = cs.Uncertainty({"length": off})
-    given = {"scene": around.scene, "model": "cosserat", "tolerance": 1e-6}
-    found = cs.predict_batch(cable, starts[:1], ends[:1], uncertainty=known, **given)
-    predictor = cs.Predictor(cable, **given)
-    shape = predictor.predict(cs.Pose(starts[0, :3], starts[0, 3:]), cs.Pose(ends[0, :3], ends[0, 3:]))
-    way = off * predictor.sensitivity(("length",))
-    near(found.radius[0], known.radius(way @ way.transpose(0, 2, 1), shape.tangents), 0.02)
+    _, cables = asked(around, (x,), uncertainty=known)
+    cycle = cs.Cycle(around.cables, scene=around.scene, model="cosserat", tolerance=1e-6)
+    shapes = cycle.step(around.way(x), 0).shapes
+    for name, shape in shapes.items():
+        way = off * cycle._cables[name].predictor.sensitivity(("length",))
+        near(cables[name].radius[0], known.radius(way @ way.transpose(0, 2, 1), shape.tangents), 0.02)
 
 
 def calibrate(around: Around) -> None:
@@ -217,7 +229,8 @@ def calibrate(around: Around) -> None:
 def trajectory(around: Around) -> None:
     """The whole way is followed, and nothing is wrong with it but that bodies, and itself, are near."""
     cable = alone(around)
-    found = cs.check_trajectory(cable, around.scene, None, cs.GripPath(*tables(around)))
+    path = cs.GripPath(*tables(around, np.linspace(0.0, 1.0, around.steps))["cable"])
+    found = cs.check_trajectory(cable, around.scene, None, path)
     assert found.done.all(), found.first
     assert found.first is None or found.first.reason is cs.Reason.CLEARANCE, found.first
 

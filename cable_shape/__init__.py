@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     )
     from cable_shape.motion.motion import Motion
     from cable_shape.planning.batch import predict_batch
+    from cable_shape.planning.cables_batch import CablesBatch
     from cable_shape.planning.export import export
     from cable_shape.planning.harness_batch import HarnessBatch
     from cable_shape.planning.paths import EndsPath, GripPath, JointPath
@@ -96,6 +97,7 @@ __all__ = [
     "CableShape",
     "CableShapeError",
     "CableWarning",
+    "CablesBatch",
     "Calibration",
     "Capsule",
     "Centreline",
@@ -202,6 +204,7 @@ _HOMES = {
     "cable.junction": ("Junction",),
     "cable.imported": ("Imported",),
     "motion.motion": ("Motion",),
+    "planning.cables_batch": ("CablesBatch",),
     "planning.harness_batch": ("HarnessBatch",),
     "solve.harness_shape": ("HarnessShape",),
     "planning.paths": ("EndsPath", "GripPath", "JointPath"),

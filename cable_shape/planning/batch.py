@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from time import perf_counter
 from typing import Any, final, overload
@@ -27,16 +27,14 @@ from cable_shape.errors import ArgumentError
 from cable_shape.kernels.network import batch_cells, beside, drive
 from cable_shape.kernels.network.newton import CONVERGED, I_ITERATIONS
 from cable_shape.kernels.safety import batch_rows
-from cable_shape.kernels.safety import loads_used as margins
 from cable_shape.planning.batch_spread import BatchTube, check_tube
+from cable_shape.planning.cables_batch import CablesBatch, predict_cables
 from cable_shape.planning.harness_batch import MOST_NUMBERS, HarnessBatch, Tables, pose_table, predict_rows
+from cable_shape.planning.row_judge import RowJudge
 from cable_shape.planning.shape_batch import ShapeBatch
 from cable_shape.pose import GRIP_KINDS, FreeEnd, Grip, Pose
 from cable_shape.prediction.predictor import _NOT_GIVEN, Predictor
-from cable_shape.safety.clearance import ClearanceChecker
-from cable_shape.safety.margins import MarginWatch
-from cable_shape.safety.report import LOAD_MARGINS
-from cable_shape.scene.scene import Scene
+from cable_shape.scene.scene import Clip, Scene
 from cable_shape.shape import NUMBERS_PER_POINT, CableShape, Status
 from cable_shape.solve import cosserat
 from cable_shape.solve.answers import Solved
@@ -65,8 +63,10 @@ Rows = NDArray[np.int64]
 def predict_batch(cable: Cable, starts: ArrayLike, ends: ArrayLike | FreeEnd | None, **_: Any) -> ShapeBatch: ...
 @overload
 def predict_batch(cable: Harness, starts: Tables, **_: Any) -> HarnessBatch: ...
+@overload
+def predict_batch(cable: Mapping[str, Cable], starts: Mapping[str, Any], **_: Any) -> CablesBatch: ...
 def predict_batch(  # type: ignore[misc]
-    cable: Cable | Harness,
+    cable: Cable | Harness | Mapping[str, Cable],
     starts: Any,
     ends: Any = _NOT_GIVEN,
     *,
@@ -81,10 +81,12 @@ def predict_batch(  # type: ignore[misc]
     acceleration: Any = None,
     threads: int | None = None,
     time_limit: float | None = None,
-    uncertainty: Uncertainty | None = None,
+    uncertainty: Uncertainty | Mapping[str, Uncertainty] | None = None,
     kinds: Mapping[str, str] | None = None,
+    clips: Mapping[str, Sequence[Clip]] | None = None,
 ) -> Any:
-    """The shapes of one cable for many pairs of ends, or of one harness for many rows, with clearance and margins.
+    """The shapes of one cable for many pairs of ends, or of a harness or several cables for many rows, with clearance
+    and margins.
 
     The order of the rows, the other rows and the number of threads change no bit of a row.
 
@@ -94,13 +96,19 @@ def predict_batch(  # type: ignore[misc]
         Position [m] and quaternion x y z w of the cable frame at each end, in the world. `ends` may be a FreeEnd, which
         is that of all rows, or None: free without load. Of a harness `starts` alone: a mapping of held ends to such
         tables, and of free ones to FreeEnd; the answer is a :class:`cable_shape.planning.harness_batch.HarnessBatch`.
+        Of several cables, a mapping of name to Cable, `starts` alone, too: a mapping of name to (starts, ends), every
+        row a scene of all of them; the answer is a :class:`cable_shape.planning.cables_batch.CablesBatch`.
     start_kind, end_kind : str
         How grips hold the ends: "clamped", "swivel" or "pinned", as of :class:`Grip`.
     kinds : mapping of end to str, optional
-        The same of a harness.
+        The same of a harness, and of several cables, by "name.start" and "name.end".
+    clips : mapping of cable name to sequence of Clip, optional
+        Of several cables: what holds that one, in place of the scene's `clips`, which hold every cable.
     model, gravity, points, tolerance, scene, distributed_load, acceleration
         As for :func:`predict`, the same for all rows. Other models than the rod, clips of kind "slide" and contact are
-        solved row by row and far more slowly, and so are harnesses. Obstacles on robot links are left out.
+        solved row by row and far more slowly, and so are harnesses. Obstacles on robot links are left out. Of several
+        cables `acceleration` is a mapping by their names, and `distributed_load` may be one. With ``contact="solve"``
+        these are kept out of each other and of themselves: rows in which they touch are solved row by row.
     threads : int, optional
         Default: as many as there are cores to run on.
     time_limit : float, optional
@@ -108,7 +116,8 @@ def predict_batch(  # type: ignore[misc]
     uncertainty : Uncertainty, optional
         Gives every row a tube, to first order in all that is not known, see `ShapeBatch.radius`; distances and what
         they use of their margins are those of the tube then. Of the rod. The poses that are not exactly known are those
-        of `starts` and `ends`. Rows in eyelets, of sections or in contact take two shapes more for every direction.
+        of `starts` and `ends`. Rows in eyelets, of sections or in contact take two shapes more for every direction. Of
+        several cables one for all, or a mapping by their names.
 
     Raises
     ------
@@ -119,7 +128,9 @@ def predict_batch(  # type: ignore[misc]
     if threads is not None:
         checks.integer("threads", threads, at_least=1, at_most=MOST_THREADS)
     if isinstance(cable, Harness):
-        of_cables = {"start_kind": start_kind, "end_kind": end_kind, "uncertainty": uncertainty, "ends": ends}
+        of_cables = {
+            "start_kind": start_kind, "end_kind": end_kind, "uncertainty": uncertainty, "ends": ends, "clips": clips,
+        }  # fmt: skip
         for name, value in of_cables.items():
             given = value is not None and value is not _NOT_GIVEN
             if given and not (isinstance(value, str) and value == "clamped"):
@@ -129,10 +140,22 @@ def predict_batch(  # type: ignore[misc]
             cable, starts, kinds=kinds, scene=scene, acceleration=acceleration, time_limit=time_limit, model=model,
             gravity=gravity, points=points, tolerance=tolerance, distributed_load=distributed_load,
         )  # fmt: skip
+    if isinstance(cable, Mapping):
+        return _predict_several(
+            cable, starts, ends, (start_kind, end_kind), kinds=kinds, clips=clips, scene=scene, model=model,
+            acceleration=acceleration, uncertainty=uncertainty, threads=threads, time_limit=time_limit, gravity=gravity,
+            points=points, tolerance=tolerance, distributed_load=distributed_load,
+        )  # fmt: skip
     if ends is _NOT_GIVEN:
         raise ArgumentError("ends is missing. Write predict_batch(cable, starts, ends); None is a free end.")
     if kinds is not None:
         raise ArgumentError.of("kinds", kinds, "a cable has two ends", "Write start_kind=.., end_kind=...")
+    if clips is not None:
+        raise ArgumentError.of("clips", clips, "those of one cable are the scene's", "Write scene=Scene(clips=[...]).")
+    if isinstance(uncertainty, Mapping):
+        raise ArgumentError.of(
+            "uncertainty", uncertainty, "there is one cable", "Write uncertainty=Uncertainty({...})."
+        )
     options = {"gravity": gravity, "points": points, "scene": scene, "distributed_load": distributed_load}
     predictor = Predictor(cable, model=model, tolerance=tolerance, **options)
     if threads is None:
@@ -163,6 +186,17 @@ def predict_batch(  # type: ignore[misc]
     batch.partial = not bool((batch.done | work.invalid).all())
     batch.time = perf_counter() - began
     return batch
+
+
+def _predict_several(cables: Mapping[str, Cable], starts: Any, ends: Any, held: tuple[str, str], **more: Any) -> Any:
+    """Several cables, which take what one does in mappings by their names."""
+    remedy = "Write predict_batch({'a': cable, ..}, {'a': (starts, ends), ..}, kinds={'a.start': 'swivel'})."
+    if ends is not _NOT_GIVEN:
+        raise ArgumentError.of("ends", "given", "tables of several cables are one mapping", remedy)
+    for name, kind in zip(("start_kind", "end_kind"), held, strict=True):
+        if kind != "clamped":
+            raise ArgumentError.of(name, kind, "it is of one cable", remedy)
+    return predict_cables(cables, starts, predict_batch, **more)
 
 
 _Task = tuple[Rows, Rows]
@@ -206,15 +240,8 @@ class _Work:
         self.beside: TubeWatch | None = None  # of rows that are solved one by one
         if uncertainty is not None and self.network is None:
             self.beside = TubeWatch(cable, uncertainty, **options)
-        judged = [] if scene.contact == "off" else [body for body in scene.obstacles if body.link is None]
-        self.checker = ClearanceChecker(
-            Scene(obstacles=judged, warn_distance=scene.warn_distance, error_distance=scene.error_distance),
-            cable=cable,
-        )
-        self.watch = MarginWatch(cable, scene)
-        self.batch = ShapeBatch(
-            len(starts), problem.points, cable.length, self.checker.names, self.checker.horizon, len(problem.clips)
-        )
+        self.judge = RowJudge(cable, scene)
+        self.batch = self.judge.batch(len(starts), problem)
         if uncertainty is not None:
             self.batch.confidence = uncertainty.confidence
             self.batch.radius = np.full((len(starts), problem.points), math.nan)
@@ -289,7 +316,7 @@ class _Work:
 
     def _judged(self) -> batch_rows.Judged:
         """What shapes are judged by, likewise."""
-        watch, checker = self.watch, self.checker
+        watch, checker = self.judge.watch, self.judge.checker
         assert self.network is not None
         end = self._grips(Pose(), Pose())[1]
         masses, held = self.network.masses(end), isinstance(end, Grip)
@@ -345,40 +372,12 @@ class _Work:
             self.predictor.reset()
             shape = self.predictor.predict(start, end, acceleration=self.acceleration)
             state = self.predictor.rod_state
-        batch.buffer[row] = shape.buffer
-        info = batch.info[row]
-        info[:] = math.nan
-        info[drive.I_ENERGY], error = shape.energy, shape.unread_error
-        if callable(error):
-            batch.unread_errors[row] = error
-        else:
-            info[drive.I_ESTIMATE] = error
-        info[drive.I_RESIDUAL], info[drive.INFO] = shape.residual, shape.twist
-        info[drive.I_FORCE], info[drive.I_MOMENT] = shape.force_error, shape.moment_error
-        batch.iterations[row], batch.turns[row] = shape.iterations, shape.turns
-        batch.models[row] = shape.model
-        batch.missing_length[row] = shape.missing_length
-        if shape.supports is not None and len(batch.loads[row]):
-            batch.loads[row, 1:-1] = shape.supports
-        batch.status[row] = shape.status.value
-        if shape.detail:
-            batch.details[row] = shape.detail
         swell = None
         if batch.radius is not None and shape.status:
             swell = self._radius(state, shape, start, end)
             batch.radius[row] = math.nan if swell is None else swell
-        clearance = self.checker.check(shape, swell=swell)
-        batch.tables[row] = math.nan if clearance.table is None else clearance.table
-        rows = batch.margin_rows[row]
-        rows[:] = math.nan
-        self.watch.reset()
-        columns = {kind: i for i, kind in enumerate(LOAD_MARGINS)} | {
-            n: margins.BODIES + i for i, n in enumerate(batch.bodies)
-        }
-        for margin in self.watch.margins(shape, clearance, 0, state=state, held=isinstance(end, Grip)):
-            column = columns[margin.other or margin.kind]
-            rows[column, : margins.TIME] = margin.used, margin.limit, margin.value, margin.arc_length
-        batch.done[row] = True
+        clearance = self.judge.checker.check(shape, swell=swell)
+        self.judge.keep(batch, row, shape, clearance, state, isinstance(end, Grip))
 
     def _radius(self, state: Solved | None, shape: CableShape, start: Grip, end: Grip | FreeEnd) -> Array | None:
         """(points,) [m], of the tube of a row's shape; None where there is none."""

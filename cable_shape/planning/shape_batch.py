@@ -19,7 +19,7 @@ from cable_shape.safety.report import BodyDistance, Clearance
 from cable_shape.shape import NUMBERS_PER_POINT, CableShape, Status
 from cable_shape.solve.harness_shape import HarnessShape
 
-_Shape = TypeVar("_Shape", CableShape, HarnessShape)
+_Shape = TypeVar("_Shape", CableShape, HarnessShape, dict[str, CableShape])
 _NOT_JUDGED = [status.value for status in NOT_JUDGED]
 
 
@@ -111,6 +111,7 @@ class ShapeBatch(Rows[CableShape]):
         self.turns: NDArray[np.int64] = np.zeros(rows, np.int64)
         self.models: NDArray[np.str_] = np.full(rows, "cosserat", dtype="<U9")
         self.unread_errors: dict[int, Callable[[Array], float]] = {}  # see CableShape.unread_error
+        self.touches: dict[int, tuple[tuple[str, ...], Array]] = {}  # bodies and touches of rows in contact
         self.radius: Array | None = None
         self.confidence = 0.0
 
@@ -135,6 +136,14 @@ class ShapeBatch(Rows[CableShape]):
         def find() -> None:
             keys, which = np.unique(cells, axis=0, return_inverse=True)
             self._several[rows] |= look(keys)[which.ravel()]
+
+        self._unread_several = find
+
+    def tell_several_as(self, other: ShapeBatch) -> None:
+        """When `several` is first read it is that of another batch, of the same rows."""
+
+        def find() -> None:
+            self._several |= other.several
 
         self._unread_several = find
 
@@ -252,4 +261,6 @@ class ShapeBatch(Rows[CableShape]):
         )
         if self.loads.shape[1]:
             shape.supports = self.loads[row, 1:-1]
+        if row in self.touches:
+            shape.bodies, shape.touches = self.touches[row]
         return shape

@@ -170,6 +170,10 @@ class CablesPredictor:
             return {name: predictor.alone() for name, predictor in self.predictors.items()}
         return dict(zip(self.predictors, self._crossing.solve(), strict=True))
 
+    def overlapping(self, shapes: Mapping[str, CableShape]) -> bool:
+        """Whether these shapes overlap each other or themselves; never, where cables are not kept out of each other."""
+        return self._crossing is not None and self._crossing.overlap([shapes[name] for name in self.predictors])
+
     def wound(self, seen: Mapping[str, CableShape]) -> frozenset[str]:
         """The cables that touch another one or themselves, or nearly do, in shapes as they were seen."""
         close = set[int]() if self._crossing is None else self._crossing.close([seen[name] for name in self.predictors])

@@ -81,7 +81,7 @@ class CableNear:
                     "Rename the obstacle.",
                 )
 
-    def _bodies(self, name: str) -> list[str]:
+    def bodies(self, name: str) -> list[str]:
         """What is near a cable: the others, and itself."""
         return [other for other in self._diameters if other != name] + [ITSELF]
 
@@ -130,9 +130,9 @@ class CableNear:
         normal = (spot[3:6] - spot[6:9]) / spot[0] if spot[0] > 0.0 else np.zeros(3)
         on = spot[3:6] - radii[0] * normal, spot[6:9] + radii[1] * normal
         distance = float(spot[0]) - sum(radii)
-        found[a][self._bodies(a).index(ITSELF if a == b else b)] = (distance, float(spot[1]), *on[0], *on[1])
+        found[a][self.bodies(a).index(ITSELF if a == b else b)] = (distance, float(spot[1]), *on[0], *on[1])
         if a != b:
-            found[b][self._bodies(b).index(a)] = (distance, float(spot[2]), *on[1], *on[0])
+            found[b][self.bodies(b).index(a)] = (distance, float(spot[2]), *on[1], *on[0])
 
     def _joined(
         self, name: str, clearance: Clearance, rows: Mapping[int, Row], counts: Counts, all_in: bool
@@ -143,7 +143,7 @@ class CableNear:
         table = np.concatenate((before, self._nothing[: others + 1]))
         bodies = clearance.bodies
         if rows:
-            names = self._bodies(name)
+            names = self.bodies(name)
             for place, row in sorted(rows.items()):
                 table[len(before) + place] = row
                 bodies = (*bodies, BodyDistance(names[place], row[0], row[1], np.array(row[2:5]), np.array(row[5:8])))

@@ -189,6 +189,10 @@ class Crossing:
         """The cables that touch another one or themselves, or nearly do, in shapes as they were seen."""
         return {cable for spot in self._places.close(seen) for cable in spot.cables}
 
+    def overlap(self, shapes: Sequence[CableShape]) -> bool:
+        """Whether shapes overlap each other or themselves."""
+        return bool(self._places.overlaps(list(shapes)))
+
     def begin(self, seen: Sequence[CableShape]) -> list[CableShape]:
         """Where cables come to rest from shapes that are no equilibrium, as they were seen between the problems' ends.
 
