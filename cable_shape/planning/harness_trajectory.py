@@ -157,14 +157,14 @@ class _Walk(Walk[_Sample]):
             advance.twist(start, end, way[6 * i : 6 * i + 6])
         for name, judge in self.judges.items():
             one, other = a.looks[name], b.looks[name]
-            far, off = _motion(one, other, a.sensitivity[name], b.sensitivity[name], way, 0.125 * turned**2, reach)
+            far, off = motion_of(one, other, a.sensitivity[name], b.sensitivity[name], way, 0.125 * turned**2, reach)
             links = a.links[name], b.links[name]
             if not judge.sure(one, other, links, far, off, 0.25 * turned**2 * reach):
                 return False
         return True
 
 
-def _motion(
+def motion_of(
     a: Look, b: Look, slopes_a: Array, slopes_b: Array, way: Array, bend: float, reach: float
 ) -> tuple[float, float]:
     """[m]: `advance.motion` for any number g of grips: slopes (n, 3, 6 g), way (6 g,), the twists of the ends."""

@@ -17,7 +17,7 @@ move by w more, nearly evenly: the cubic is off by 4/27 \\|v_a - v_b\\| then, an
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from time import perf_counter
 from typing import Any, NamedTuple, final
 
@@ -30,23 +30,24 @@ from cable_shape.cable.harness import Harness
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels.safety import advance
+from cable_shape.planning.cables_trajectory import check_cables
 from cable_shape.planning.harness_trajectory import check_harness
 from cable_shape.planning.paths import EndsPath, GripPath, JointPath, Motion, Path
 from cable_shape.planning.trajectory_report import TrajectoryCheck, Violation
-from cable_shape.planning.trajectory_walk import JUMP, Judge, Look, Walk
-from cable_shape.pose import FreeEnd, Grip
+from cable_shape.planning.trajectory_walk import JUMP, Judge, Look, Walk, accelerations_of
+from cable_shape.pose import Grip
 from cable_shape.prediction.predictor import Predictor
 from cable_shape.robots.robot import Robot
-from cable_shape.scene.scene import Scene
+from cable_shape.scene.scene import Clip, Scene
 from cable_shape.shape import Status
-from cable_shape.solve.problem import GRAVITY, swing_of
+from cable_shape.solve.problem import GRAVITY
 
 #: Of the length, and [rad]: by which ends are moved for differences.
 _STEP = 1e-3
 
 
 def check_trajectory(
-    cable: Cable | Harness,
+    cable: Cable | Harness | Mapping[str, Cable],
     scene: Scene | None,
     robot: Robot | None,
     trajectory: Path | EndsPath | Mapping[str, Any] | object,
@@ -55,36 +56,47 @@ def check_trajectory(
     points: int = 150,
     tolerance: float | None = None,
     distributed_load: Any = None,
-    acceleration: ArrayLike | None = None,
+    acceleration: Any = None,
     time_limit: float | None = None,
     proceed: Callable[[TrajectoryCheck], bool] | None = None,
-    ends: Mapping[str, str | FreeEnd] | None = None,
+    ends: Mapping[str, Any] | None = None,
+    clips: Mapping[str, Sequence[Clip]] | None = None,
 ) -> TrajectoryCheck:
-    """Whether a cable or harness and its loads stay within their limits along a trajectory, waypoints and all between.
+    """Whether cables, or a harness, and loads stay within their limits along a trajectory, waypoints and all between.
 
     A place is not valid where a body is nearer than the scene's `error_distance`, a margin is at its limit, the cable
     is unstable, snaps or has no shape, or a joint is beyond its limit.
 
     Parameters
     ----------
+    cable : Cable, Harness or mapping of name to Cable
+        With ``contact="solve"`` several cables are kept out of each other and of themselves; else they are not to come
+        nearer to each other than the scene's `error_distance`.
     robot : Robot, optional
         Needed for paths of joints. Its links are bodies around the cable.
     trajectory : JointPath, GripPath or trajectory_msgs/JointTrajectory
-        Of a harness an EndsPath, or the mapping that makes one, in place of a GripPath.
+        Of a harness an EndsPath, or the mapping that makes one, in place of a GripPath. Of several cables a mapping of
+        name to (starts, ends), tables (k, 7), ends may be a FreeEnd or None; or an EndsPath by "name.start" and
+        "name.end".
     tolerance : float, optional
         [m], of the shapes. Default: 1e-4 of the length.
     distributed_load : (2, 3) array_like, optional
-        [N/m], world, at s = 0 and s = length, linear between, added to the weight. Of a harness one by segment.
+        [N/m], world, at s = 0 and s = length, linear between, added to the weight. Of a harness one by segment, of
+        several cables one for all, or each its own.
     acceleration : (k, 3) or (k, m, 3) array_like, optional
         [m/s^2], world, of the cable at each of the k waypoints, linear between them; with m rows uniform in arc length
         and linear between them, see :meth:`cable_shape.Predictor.predict`. With two, those of start and end. Default:
-        the cable is at rest everywhere, whatever the path's times. Not of a harness.
+        the cable is at rest everywhere, whatever the path's times. Of several cables a mapping by their names. Not of a
+        harness.
     time_limit : float, optional
         [s]; after it what is done is returned, marked partial.
     proceed : callable, optional
         Asked before every shape, with `done` and `first` of what is found so far; False ends the check, marked partial.
-    ends : mapping of end to "left", "right" or FreeEnd, optional
-        Of a harness on a path of joints: what the robot's grippers hold.
+    ends : mapping of end to "left", "right", FreeEnd, Pose or Grip, optional
+        Of a harness or of several cables on a path of joints: what the robot's grippers hold. Of these other ends may
+        stand still in a Pose or a Grip.
+    clips : mapping of cable name to sequence of Clip, optional
+        Of several cables: what holds that one, in place of the scene's `clips`, which hold every cable.
 
     Raises
     ------
@@ -93,14 +105,22 @@ def check_trajectory(
         an acceleration that is not of the path's waypoints, or that is not linear along the cable in contact.
     """
     began = perf_counter()
-    if not isinstance(cable, (Cable, Harness)):
-        raise ArgumentError.of("cable", cable, "it must be a Cable or a Harness", "Write Cable(length=..., ...).")
+    checks.instance("cable", cable, (Cable, Harness, Mapping), "Write Cable(length=..., ...).")
     if robot is not None:
         checks.instance("robot", robot, (Robot,), "Write Robot.from_yaml(path).")
     _callable("proceed", proceed)
     deadline = math.inf
     if time_limit is not None:
         deadline = began + checks.number("time_limit", time_limit, above=0.0, unit="s")
+    if isinstance(cable, Mapping):
+        several = check_cables(
+            cable, scene, robot, trajectory, ends, deadline, proceed, gravity=gravity, points=points, clips=clips,
+            tolerance=tolerance, distributed_load=distributed_load, acceleration=acceleration,
+        )  # fmt: skip
+        several.time = perf_counter() - began
+        return several
+    if clips is not None:
+        raise ArgumentError.of("clips", clips, "it is of several cables", "Write scene=Scene(clips=[...]).")
     if isinstance(cable, Harness):
         if acceleration is not None:
             bound = "the inertia of a harness is not followed along a trajectory"
@@ -122,7 +142,7 @@ def check_trajectory(
         distributed_load=distributed_load,
     )
     motion = Motion(path, robot)
-    moving = None if acceleration is None else _accelerations(acceleration, motion.waypoints, predictor)
+    moving = None if acceleration is None else accelerations_of(acceleration, motion.waypoints, predictor)
     check = _Check(predictor, scene or Scene(), motion, moving, deadline, proceed)
     check.run()
     check.found.time = perf_counter() - began
@@ -132,26 +152,6 @@ def check_trajectory(
 def _callable(name: str, value: object) -> None:
     if value is not None and not callable(value):
         raise ArgumentError.of(name, value, "it must be a function", "Leave it out, or give one.")
-
-
-def _accelerations(value: ArrayLike, waypoints: int, predictor: Predictor) -> Array:
-    """(k, 3) or (k, m, 3), of the waypoints; what the predictor refuses of them is refused at once."""
-    remedy = "Give three numbers in m/s^2 for each waypoint, or a table (m, 3), uniform in arc length."
-    a = checks.numbers("acceleration", value, remedy)
-    if a.ndim not in (2, 3) or len(a) != waypoints or a.shape[-1] != 3:
-        bound = f"it must be ({waypoints}, 3) or ({waypoints}, m, 3), a row a waypoint"
-        raise ArgumentError.of("acceleration", f"shape {a.shape}", bound, remedy)
-    bad = np.flatnonzero(~(np.abs(a) <= checks.MOST).reshape(waypoints, -1).all(axis=1))
-    if bad.size:
-        bound = f"every entry must be finite, none above {checks.MOST:g}"
-        raise ArgumentError.of(f"acceleration[{bad[0]}]", a[bad[0]].tolist(), bound, remedy)
-    predictor.accelerate(a[0])
-    if a.ndim == 3:
-        swings = next((table for table in a if swing_of(table) is not None), None)
-        if swings is None:
-            return a[:, [0, -1]]  # also between waypoints, whatever is lost there to rounding
-        predictor.accelerate(swings)
-    return a
 
 
 class _Sample(NamedTuple):

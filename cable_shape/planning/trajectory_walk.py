@@ -9,22 +9,26 @@ from time import perf_counter
 from typing import Generic, NamedTuple, Protocol, TypeVar, final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from cable_shape import checks
 from cable_shape.cable.cable import Cable
 from cable_shape.checks import Array
+from cable_shape.errors import ArgumentError
 from cable_shape.kernels.safety import advance
 from cable_shape.planning.paths import Motion
 from cable_shape.planning.trajectory_report import Reason, TrajectoryCheck, Violation
 from cable_shape.pose import Pose
+from cable_shape.prediction.predictor import Predictor
 from cable_shape.robots.robot import Robot
 from cable_shape.safety.clearance import DEEPEST_REST, ClearanceChecker
 from cable_shape.safety.margins import MarginWatch
-from cable_shape.safety.report import LOAD_MARGINS, Margin, WarningKind
+from cable_shape.safety.report import LOAD_MARGINS, Clearance, Margin, WarningKind
 from cable_shape.safety.warnings import metres
 from cable_shape.scene.scene import Scene
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve.answers import Solved
+from cable_shape.solve.problem import swing_of
 
 #: [m]: what may hide between two places is smaller than this, ...
 RESOLUTION = 1e-4
@@ -48,6 +52,26 @@ _CLEARANCE = WarningKind.CLEARANCE
 _LOADS = {kind.value: i for i, kind in enumerate(LOAD_MARGINS)}
 
 
+def accelerations_of(value: ArrayLike, waypoints: int, predictor: Predictor) -> Array:
+    """(k, 3) or (k, m, 3), of the waypoints; what the predictor refuses of them is refused at once."""
+    remedy = "Give three numbers in m/s^2 for each waypoint, or a table (m, 3), uniform in arc length."
+    a = checks.numbers("acceleration", value, remedy)
+    if a.ndim not in (2, 3) or len(a) != waypoints or a.shape[-1] != 3:
+        bound = f"it must be ({waypoints}, 3) or ({waypoints}, m, 3), a row a waypoint"
+        raise ArgumentError.of("acceleration", f"shape {a.shape}", bound, remedy)
+    bad = np.flatnonzero(~(np.abs(a) <= checks.MOST).reshape(waypoints, -1).all(axis=1))
+    if bad.size:
+        bound = f"every entry must be finite, none above {checks.MOST:g}"
+        raise ArgumentError.of(f"acceleration[{bad[0]}]", a[bad[0]].tolist(), bound, remedy)
+    predictor.accelerate(a[0])
+    if a.ndim == 3:
+        swings = next((table for table in a if swing_of(table) is not None), None)
+        if swings is None:
+            return a[:, [0, -1]]  # also between waypoints, whatever is lost there to rounding
+        predictor.accelerate(swings)
+    return a
+
+
 class Sample(Protocol):
     """One place that was solved for."""
 
@@ -63,6 +87,8 @@ S = TypeVar("S", bound=Sample)
 
 class Walk(ABC, Generic[S]):
     """One check of a trajectory; what is carried along it, a subclass knows."""
+
+    part = "segment"  #: what a violation's `segment` is
 
     def __init__(self, motion: Motion, deadline: float, proceed: Callable[[TrajectoryCheck], bool] | None) -> None:
         self.motion, self.deadline, self.proceed = motion, deadline, proceed
@@ -138,7 +164,7 @@ class Walk(ABC, Generic[S]):
             return None
         return self.violation(Reason.SNAP, b.place, f"the cable snaps to another shape {metres(far)} away", value=far)
 
-    def no_shape(self, place: float, status: Status, detail: str) -> Violation | None:
+    def no_shape(self, place: float, status: Status, detail: str, segment: str = "") -> Violation | None:
         """A joint beyond its limits, or no shape that may be used; the gravest first."""
         beyond = self._beyond_limits(place)
         if beyond is not None:
@@ -146,7 +172,7 @@ class Walk(ABC, Generic[S]):
         if status is Status.OK or status is Status.BUDGET:
             return None
         reason = {Status.SNAPPED: Reason.SNAP, Status.OVERSTRETCHED: Reason.OVERSTRETCHED}.get(status, Reason.STATUS)
-        return self.violation(reason, place, f"{status.name}: {detail or status.remedy}")
+        return self.violation(reason, place, f"{status.name}: {detail or status.remedy}", segment=segment)
 
     def _beyond_limits(self, place: float) -> Violation | None:
         """A joint beyond its limits: between two waypoints it is no further out than at them."""
@@ -177,7 +203,7 @@ class Walk(ABC, Generic[S]):
         """What is wrong at a place, with its time."""
         times = self.motion.times
         time = math.nan if times is None else float(np.interp(place, np.arange(len(times)), times))
-        of = f"segment {segment!r}: " if segment else ""
+        of = f"{self.part} {segment!r}: " if segment else ""
         text = f"waypoint {place:.4g}: {of}{text}"
         return Violation(reason, place, time, text, value, limit, other, arc_length, segment)
 
@@ -212,18 +238,24 @@ class Judge:
         self._limits: Array = np.where(resting, -DEEPEST_REST, scene.error_distance)
 
     def look(
-        self, shape: CableShape, links: Mapping[str, Pose] | None, state: Solved | None = None, held: bool = False
+        self,
+        shape: CableShape,
+        links: Mapping[str, Pose] | None,
+        state: Solved | None = None,
+        held: bool = False,
+        clearance: Clearance | None = None,
     ) -> Look:
-        """Distances and margins of a shape; held: grips hold both ends."""
-        clearance = self.checker.check(shape, links)
+        """Distances and margins of a shape; held: grips hold both ends; clearance: if it is known, and of more."""
+        if clearance is None:
+            clearance = self.checker.check(shape, links)
         margins = self.watch.margins(shape, clearance, 0, state=state, held=held)
         used = [math.nan] * len(_LOADS)
         for margin in margins:
             if margin.kind is _CLEARANCE:
                 break  # those of bodies come last
             used[_LOADS[margin.kind.value]] = margin.used
-        table = clearance.table
-        distances = np.empty(0) if table is None else np.minimum(table[:, 0], self.checker.horizon)
+        table, known = clearance.table, len(self.checker.names)
+        distances = np.empty(0) if table is None else np.minimum(table[:known, 0], self.checker.horizon)
         return Look(shape, distances, np.array(used), margins)
 
     def frames(self, links: Mapping[str, Pose] | None) -> Array:

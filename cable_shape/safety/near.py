@@ -66,7 +66,7 @@ class CableNear:
         self._nothing = np.full((max(self._bodies_before, len(cables)), RESULT_COLUMNS), math.inf)
         self._spot = np.empty(cable_near.SPOT)
         self._swell: Mapping[str, float] = {}
-        self._horizon = max(HORIZON_FACTOR * max(scene.warn_distance, scene.error_distance), LEAST_HORIZON)
+        self.horizon = max(HORIZON_FACTOR * max(scene.warn_distance, scene.error_distance), LEAST_HORIZON)
         taken = {body.name for body in (*scene.obstacles, *robot_links)}
         if ITSELF in cables:
             raise ArgumentError.of(
@@ -123,7 +123,7 @@ class CableNear:
         radii = tuple(0.5 * self._diameters[k] + (0.0 if resting else self._swell.get(k, 0.0)) for k in (a, b))
         near = cable_near.nearest(
             first.positions, first.arc_length, other.positions, other.arc_length, a == b, SHORTEST * self._diameters[a],
-            self._horizon + radii[0] + radii[1], self.cull, spot, counts[a], counts[b],
+            self.horizon + radii[0] + radii[1], self.cull, spot, counts[a], counts[b],
         )  # fmt: skip
         if not near:
             return
@@ -149,7 +149,7 @@ class CableNear:
                 bodies = (*bodies, BodyDistance(names[place], row[0], row[1], np.array(row[2:5]), np.array(row[5:8])))
         beyond = clearance.beyond if all_in else 0.0
         if sum(place < others for place in rows) < others:
-            beyond = min(beyond, self._horizon)
+            beyond = min(beyond, self.horizon)
         culled, exact = counts.tolist()
         return Clearance(
             bodies,
