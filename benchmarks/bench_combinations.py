@@ -117,13 +117,6 @@ def balanced(shape: cs.CableShape, cable: cs.Cable, more: np.ndarray) -> None:
     assert np.abs(carried + load).max() <= 1e-4 * np.linalg.norm(load), f"out of balance by {carried + load} N"
 
 
-def alone(around: Around) -> cs.Cable:
-    """The one cable."""
-    if len(around.cables) > 1:
-        raise cs.ArgumentError("one cable at a time")
-    return around.cables["cable"]
-
-
 # -- what is asked: each fails where it does not hold, or is refused
 
 
@@ -216,14 +209,22 @@ def batch_tube(around: Around) -> None:
 
 
 def calibrate(around: Around) -> None:
-    """The stiffness comes back from a shape."""
-    cable = alone(around)
-    shape = led(around)[1].shapes["cable"]
-    seen = cs.Observation(*around.way(1.0)["cable"], shape.positions[5::5], shape.arc_length[5::5])
-    true = cable.mean_bending_stiffness
-    begin = cable.replace(bending_stiffness=1.1 * true)
-    found = cs.calibrate([seen], begin, scene=around.scene, progress=False).cable.mean_bending_stiffness
-    assert abs(found / true - 1.0) < 0.02, f"{found:g} N m^2 found, {true:g} is true"
+    """The stiffness comes back from a shape; of several cables each its own."""
+    shapes, ways = led(around)[1].shapes, around.way(1.0)
+    seen = {
+        name: cs.Observation(*ways[name], shape.positions[5:-5:5], shape.arc_length[5:-5:5])
+        for name, shape in shapes.items()
+    }
+    begin = {
+        name: one.replace(bending_stiffness=1.1 * one.mean_bending_stiffness) for name, one in around.cables.items()
+    }
+    if len(begin) > 1:
+        found = cs.calibrate([seen], begin, "bending_stiffness:each", scene=around.scene, progress=False).cables
+    else:
+        found = {"cable": cs.calibrate(seen.values(), begin["cable"], scene=around.scene, progress=False).cable}
+    for name, one in around.cables.items():
+        told, true = found[name].mean_bending_stiffness, one.mean_bending_stiffness
+        assert abs(told / true - 1.0) < 0.02, f"{told:g} N m^2 found, {true:g} is true"
 
 
 def trajectory(around: Around) -> None:

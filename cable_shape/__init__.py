@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from cable_shape.cable.junction import Junction
     from cable_shape.cable.section import Section
     from cable_shape.cable.wires import Wire
+    from cable_shape.calibration.cables_result import CablesCalibration
     from cable_shape.calibration.fit import calibrate
     from cable_shape.calibration.harness_observation import HarnessObservation
     from cable_shape.calibration.harness_result import HarnessCalibration
@@ -98,6 +99,7 @@ __all__ = [
     "CableShapeError",
     "CableWarning",
     "CablesBatch",
+    "CablesCalibration",
     "Calibration",
     "Capsule",
     "Centreline",
@@ -177,6 +179,7 @@ _HOMES = {
     "planning.batch": ("predict_batch",),
     "cable.cable": ("Cable",),
     "cable.cable_file": ("CableFile", "Held"),
+    "calibration.cables_result": ("CablesCalibration",),
     "calibration.fit": ("calibrate",),
     "calibration.harness_observation": ("HarnessObservation",),
     "calibration.harness_result": ("HarnessCalibration",),

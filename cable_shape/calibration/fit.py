@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import reduce
-from typing import overload
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,7 +13,9 @@ from numpy.typing import ArrayLike
 from cable_shape import checks
 from cable_shape.cable.cable import Cable
 from cable_shape.cable.harness import Harness
+from cable_shape.calibration.cables_fit import calibrate_cables
 from cable_shape.calibration.cables_forward import CablesForward, forward_of
+from cable_shape.calibration.cables_result import CablesCalibration
 from cable_shape.calibration.fitted import fitted_in_two, told_of_fit
 from cable_shape.calibration.harness_fit import calibrate_harness
 from cable_shape.calibration.harness_observation import HarnessObservation
@@ -25,7 +27,7 @@ from cable_shape.calibration.result import Calibration, grips_of
 from cable_shape.calibration.supports import Task, chosen, joined, priors_of
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import Grip
-from cable_shape.scene.scene import Scene
+from cable_shape.scene.scene import Clip, Scene
 from cable_shape.solve.cables import FREE_ROTATIONS
 from cable_shape.solve.problem import GRAVITY
 from cable_shape.solve.quasistatic import inertia_of
@@ -56,9 +58,23 @@ def calibrate(
     proceed: Callable[[int, float], bool] | None = ...,
     progress: bool = ...,
 ) -> HarnessCalibration: ...
+@overload
 def calibrate(
-    observations: Iterable[Observation] | Iterable[HarnessObservation] | Harness,
-    cable: Cable | Harness | Iterable[HarnessObservation],
+    observations: Iterable[Mapping[str, Observation]],
+    cable: Mapping[str, Cable],
+    fit: str | Sequence[str] = ...,
+    *,
+    priors: Mapping[str, float] | None = ...,
+    supports: int = ...,
+    gravity: ArrayLike = ...,
+    scene: Scene | None = ...,
+    clips: Mapping[str, Sequence[Clip]] | None = ...,
+    proceed: Callable[[int, float], bool] | None = ...,
+    progress: bool = ...,
+) -> CablesCalibration: ...
+def calibrate(
+    observations: Any,
+    cable: Any,
     fit: str | Sequence[str] = ("bending_stiffness",),
     *,
     priors: Mapping[str, float] | None = None,
@@ -66,9 +82,10 @@ def calibrate(
     optional: str | Sequence[str] = (),
     gravity: ArrayLike = GRAVITY,
     scene: Scene | None = None,
+    clips: Mapping[str, Sequence[Clip]] | None = None,
     proceed: Callable[[int, float], bool] | None = None,
     progress: bool = True,
-) -> Calibration | HarnessCalibration:
+) -> Calibration | HarnessCalibration | CablesCalibration:
     """The cable whose predicted shapes come nearest to the observed points, and how well it is known.
 
     Each observation is predicted by the Cosserat rod. Stray points are weighted down (see
@@ -83,7 +100,8 @@ def calibrate(
     observations : iterable of Observation
     cable : Cable or Harness
         Where the fit begins, and all that is not fitted. With a harness, before its observations or after them, this is
-        :func:`cable_shape.calibration.harness_fit.calibrate_harness`.
+        :func:`cable_shape.calibration.harness_fit.calibrate_harness`; with a mapping of name to Cable, and a mapping
+        of name to Observation for each look, :func:`cable_shape.calibration.cables_fit.calibrate_cables`.
     fit : sequence of str
         "bending_stiffness" (its two values keep their ratio; GJ follows unless fitted), "bending_stiffness_along" (on
         pieces of one length, a smooth change of its logarithm), "twisting_stiffness", "axial_stiffness",
@@ -103,7 +121,10 @@ def calibrate(
     gravity : (3,) array_like
         [m/s^2], world.
     scene : Scene, optional
-        Its clips held the cable, its masses loaded it, and with ``contact="solve"`` it lay on its obstacles.
+        Its clips held the cable, its masses loaded it, and with ``contact="solve"`` it lay on its obstacles, and on
+        itself: then the points tell how it is wound.
+    clips : mapping, optional
+        Of several cables only.
     proceed : callable, optional
         Is asked before each iteration, with its number and the scale of the misses [m], whether to go on. If not, the
         result is where the fit is then, not converged.
@@ -115,11 +136,20 @@ def calibrate(
     ArgumentError
         For wrong arguments, or if no observation has a usable shape with the cable given.
     """
+    if isinstance(cable, Mapping):
+        if optional:
+            raise ArgumentError.of("optional", optional, "several cables have none", "Name them in fit.")
+        return calibrate_cables(
+            observations, cable, fit, priors=priors, supports=supports, gravity=gravity, scene=scene, clips=clips,  # type: ignore[arg-type]
+            proceed=proceed, progress=progress,
+        )  # fmt: skip
+    if clips is not None:
+        raise ArgumentError.of("clips", clips, "it is of several cables", "Write scene=Scene(clips=[...]).")
     if isinstance(observations, Harness) or isinstance(cable, Harness):
         harness, looks = (observations, cable) if isinstance(observations, Harness) else (cable, observations)
         _refuse_of_cables(supports, optional, scene)
         return calibrate_harness(
-            looks, harness, fit, priors=priors, gravity=gravity, proceed=proceed, progress=progress,  # type: ignore[arg-type]
+            looks, harness, fit, priors=priors, gravity=gravity, proceed=proceed, progress=progress,
         )  # fmt: skip
     seen = checks.entries("observations", observations, Observation)
     if not seen:
