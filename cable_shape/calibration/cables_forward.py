@@ -225,33 +225,36 @@ class CablesForward:
                 for name, path in known.items()
             }
 
-        def begun(turns: Mapping[str, int] | None) -> tuple[float, dict[str, CableShape]]:
-            """How far the shapes with these twists, None: from nothing, are from what was seen [1], and the shapes."""
-            if turns is None:
-                made.reset()
-                shapes = made.predict(ends, acceleration=moves)
-            else:
-                shapes = made.begin(ends, laid(turns), acceleration=moves)
-            far = 0.0
-            for name, shape in shapes.items():
-                way = np.linalg.norm(shape.positions - lines[name], axis=1)
-                far = max(far, float(way.mean()) / shape.length if shape.status else np.inf)
-            return far, shapes
+        lines = {name: path.places(np.linspace(0.0, cables[name].length, POINTS)) for name, path in known.items()}
+
+        def far(shapes: Mapping[str, CableShape]) -> dict[str, float]:
+            """How far shapes are from what was seen [1]."""
+            return {
+                name: float(np.linalg.norm(shape.positions - lines[name], axis=1).mean()) / shape.length
+                if shape.status
+                else np.inf
+                for name, shape in shapes.items()
+            }
 
         even = dict.fromkeys(look, 0)
         wound = made.wound(laid(even))
-        if not wound:
-            return _Followed(made, made.predict(ends, acceleration=moves), ends, True)
-        lines = {name: path.places(np.linspace(0.0, cables[name].length, POINTS)) for name, path in known.items()}
-        least, shapes = begun(even)
-        if least > _NEAR:
-            best: dict[str, int] | None = even
-            others = [{**even, name: turns} for name in sorted(wound) for turns in (-1, 1)]
-            for other in (*others, None):
-                far, _ = begun(other)
-                if far < least:
-                    least, best = far, other
-            _, shapes = begun(best)
+
+        def begun(turns: Mapping[str, int] | None, more: Sequence[str] = ()) -> dict[str, CableShape]:
+            """The shapes from those seen with these twists, None: from nothing; more: also of cables not wound."""
+            if turns is not None:
+                return made.begin(ends, laid(turns), more=more, acceleration=moves)
+            made.reset()
+            return made.predict(ends, acceleration=moves)
+
+        shapes = begun(even if wound else None)
+        least = far(shapes)
+        if max(least.values()) > _NEAR:
+            apart = [name for name, off in least.items() if off > _NEAR and name not in wound]
+            ways: list[tuple[dict[str, int] | None, list[str]]] = [(even if wound else None, []), (even, apart)]
+            ways += [({**even, name: turns}, apart) for name in sorted(wound) for turns in (-1, 1)]
+            ways += [(None, [])] if wound else []
+            off = [max(least.values()), *(max(far(begun(*way)).values()) for way in ways[1:])]
+            shapes = begun(*ways[int(np.argmin(off))])
         return _Followed(made, shapes, ends, True)
 
 

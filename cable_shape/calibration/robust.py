@@ -133,6 +133,9 @@ class Robust:
             fixed = None if best is None else scale  # else each descent would go on to where fewer points count
             there = self._descend(place.values, place.misses if misses is None else misses, about, proceed, fixed)
             misses = self._afresh(there.values)
+            if np.isnan(misses[:, 0]).all():  # nothing is known of what is predicted from nothing there
+                place, misses = (place, self._afresh(place.values)) if best else (there, there.misses)
+                return self._finish(place._replace(converged=False), misses)
             scale = self.scale(misses) if best is None else scale
             lost = int(np.isnan(misses[:, 0]).sum())
             loss = lost, self._loss(misses, scale, there.values - about)

@@ -29,7 +29,14 @@ from cable_shape.kernels.network.newton import CONVERGED, I_ITERATIONS
 from cable_shape.kernels.safety import batch_rows
 from cable_shape.planning.batch_spread import BatchTube, check_tube
 from cable_shape.planning.cables_batch import CablesBatch, predict_cables
-from cable_shape.planning.harness_batch import MOST_NUMBERS, HarnessBatch, Tables, pose_table, predict_rows
+from cable_shape.planning.harness_batch import (
+    MOST_NUMBERS,
+    HarnessBatch,
+    Tables,
+    normalise,
+    pose_table,
+    predict_rows,
+)
 from cable_shape.planning.row_judge import RowJudge
 from cable_shape.planning.shape_batch import ShapeBatch
 from cable_shape.pose import GRIP_KINDS, FreeEnd, Grip, Pose
@@ -263,16 +270,10 @@ class _Work:
 
     def _check(self, name: str, poses: Array) -> None:
         """Normalises the quaternions, and puts rows that are not valid into the errors."""
-        given = poses.copy()
-        off = np.empty(len(poses))
-        batch_cells.normalise(poses, off)
-        for row in np.flatnonzero(~(off <= checks.QUATERNION_TOLERANCE)).tolist():
-            try:
-                Pose(given[row, :3], given[row, 3:])
-            except ArgumentError as error:
-                self.invalid[row] = True
-                self.batch.errors.setdefault(row, ArgumentError(f"{name}[{row}]: {error}"))
-                self.batch.details.setdefault(row, f"{name}[{row}]: {error}")
+        for row, error in normalise(name, poses).items():
+            self.invalid[row] = True
+            self.batch.errors.setdefault(row, error)
+            self.batch.details.setdefault(row, str(error))
 
     # -- many rows from one shape
 

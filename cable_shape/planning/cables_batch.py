@@ -21,7 +21,7 @@ from cable_shape.cable.cable import Cable
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.planning.batch_spread import check_tube
-from cable_shape.planning.harness_batch import MOST_NUMBERS, pose_table
+from cable_shape.planning.harness_batch import MOST_NUMBERS, normalise, pose_table
 from cable_shape.planning.row_judge import RowJudge
 from cable_shape.planning.shape_batch import Rows, ShapeBatch
 from cable_shape.pose import GRIP_KINDS, Ends, FreeEnd, Grip, Pose
@@ -187,12 +187,9 @@ class _Given:
         self.invalid: NDArray[np.bool_] = np.zeros(self.rows, np.bool_)
         self.errors: dict[int, ArgumentError] = {}
         for end, table in self.tables.items():
-            for row, numbers in enumerate(table):
-                try:
-                    numbers[3:] = Pose(numbers[:3], numbers[3:]).quaternion
-                except ArgumentError as error:
-                    self.invalid[row] = True
-                    self.errors.setdefault(row, ArgumentError(f"{end}[{row}]: {error}"))
+            for row, error in normalise(end, table).items():
+                self.invalid[row] = True
+                self.errors.setdefault(row, error)
 
     def kind(self, name: str, side: str) -> str:
         """How an end is held."""
@@ -257,13 +254,13 @@ class _Work:
                 good &= (one.status == Status.OK.value) & ~(one.clearance < 0.0)
         for name, one in found.items():
             self.batch.cables[name].tell_several_as(one)
-        for row in np.flatnonzero(good).tolist():
-            shapes = {name: one[row] for name, one in found.items()}
-            if self.predictor.solves_crossing and self.predictor.overlapping(shapes):
-                continue
-            for name, one in found.items():
-                _copy(one, self.batch.cables[name], row, self.fixed)
-            self._add_others(row, shapes, {name: one.clearance_of(row) for name, one in found.items()})
+        shapes = {row: {name: one[row] for name, one in found.items()} for row in np.flatnonzero(good).tolist()}
+        if self.predictor.solves_crossing:
+            shapes = {row: each for row, each in shapes.items() if not self.predictor.overlapping(each)}
+        for name, one in found.items():
+            _copy(one, self.batch.cables[name], np.array(list(shapes), np.int64), self.fixed)
+        for row, each in shapes.items():
+            self._add_others(row, each, {name: one.clearance_of(row) for name, one in found.items()})
             self.batch.tell(row)
 
     def _each(
@@ -344,15 +341,15 @@ class _Work:
         self.batch.tell(row)
 
 
-def _copy(one: ShapeBatch, other: ShapeBatch, row: int, bodies: int) -> None:
-    """Makes a row of one batch that of another, which knows more than its first bodies."""
+def _copy(one: ShapeBatch, other: ShapeBatch, rows: NDArray[np.int64], bodies: int) -> None:
+    """Makes rows of one batch those of another, which knows more than its first bodies."""
     for name in ("buffer", "info", "loads", "missing_length", "turns", "models", "status", "iterations"):
-        getattr(other, name)[row] = getattr(one, name)[row]
-    other.tables[row, :bodies] = one.tables[row]
-    other.margin_rows[row, : one.margin_rows.shape[1]] = one.margin_rows[row]
+        getattr(other, name)[rows] = getattr(one, name)[rows]
+    other.tables[rows, :bodies] = one.tables[rows]
+    other.margin_rows[rows, : one.margin_rows.shape[1]] = one.margin_rows[rows]
     if one.radius is not None and other.radius is not None:
-        other.radius[row] = one.radius[row]
+        other.radius[rows] = one.radius[rows]
     for kept in ("details", "unread_errors", "touches"):
-        if row in getattr(one, kept):
-            getattr(other, kept)[row] = getattr(one, kept)[row]
-    other.done[row] = True
+        told = getattr(one, kept)
+        getattr(other, kept).update({row: told[row] for row in rows.tolist() if row in told})
+    other.done[rows] = True

@@ -17,6 +17,7 @@ from cable_shape import checks
 from cable_shape.cable.harness import Harness
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
+from cable_shape.kernels.network import batch_cells
 from cable_shape.planning.shape_batch import Rows
 from cable_shape.pose import GRIP_KINDS, IDENTITY, FreeEnd, Grip, Pose
 from cable_shape.prediction.harness_predictor import HarnessPredictor
@@ -198,6 +199,18 @@ def pose_table(name: str, value: Any) -> Array:
     if table.ndim != 2 or table.shape[1] != 7:
         raise ArgumentError.of(name, f"array of shape {table.shape}", "it must have shape (k, 7)", remedy)
     return table
+
+
+def normalise(name: str, poses: Array) -> dict[int, ArgumentError]:
+    """Makes the quaternions of poses (k, 7) unit ones; what is wrong with rows that are not valid."""
+    given, off, errors = poses.copy(), np.empty(len(poses)), {}
+    batch_cells.normalise(poses, off)
+    for row in np.flatnonzero(~(off <= checks.QUATERNION_TOLERANCE)).tolist():
+        try:
+            Pose(given[row, :3], given[row, 3:])
+        except ArgumentError as error:
+            errors[row] = ArgumentError(f"{name}[{row}]: {error}")
+    return errors
 
 
 def _pose(where: str, row: Array) -> Pose:

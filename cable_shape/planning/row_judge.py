@@ -75,9 +75,11 @@ class RowJudge:
 
     def keep_others(self, batch: ShapeBatch, row: int, shape: CableShape, clearance: Clearance, known: int) -> None:
         """Adds the clearance from all bodies but the first, `known` ones to a row that is done but for these."""
-        if clearance.table is not None:
-            batch.tables[row, known:] = clearance.table[known:]
-        batch.margin_rows[row, margins.BODIES + known :] = self._margins(shape, clearance)[margins.BODIES + known :]
+        if clearance.table is None:
+            return
+        batch.tables[row, known:] = clearance.table[known:]
+        if np.isfinite(clearance.table[known:, 0]).any():
+            batch.margin_rows[row, margins.BODIES + known :] = self._margins(shape, clearance)[margins.BODIES + known :]
 
     def _margins(
         self, shape: CableShape, clearance: Clearance, state: Solved | None = None, held: bool = False

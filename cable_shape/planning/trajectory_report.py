@@ -38,7 +38,8 @@ class Violation:
     place : float, counted in waypoints: 3.25 is a quarter of the way from waypoint 3 to 4.
     time : float [s], NaN where the trajectory has no times.
     value, limit : in the unit of the margin (m, N, rad/m, Pa), or rad or m of a joint; NaN where there is none.
-    other : body or joint. arc_length : [m] of the worst point. segment : of a harness; empty: it is not of one.
+    other : body or joint. arc_length : [m] of the worst point. segment : of a harness, or the one of
+    several cables; empty: it is of neither.
     """
 
     reason: Reason
@@ -70,8 +71,8 @@ class TrajectoryCheck:
     clearance : (k,) [m]
         To the nearest body, infinite beyond the horizon; NaN where not told.
     margins : tuple of the margins at each waypoint, see :mod:`cable_shape.safety.margins`; of a harness those of all
-        segments
-    margins_of : mapping of segment to the same, of a harness
+        segments, of several cables of all
+    margins_of : mapping of segment to the same, of a harness, or of cable name of several cables
     solved : int, shapes solved for
     robot_checked : bool
         Whether clearance to the robot's links was checked: of paths of joints only.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, final
 
 import numpy as np
@@ -184,13 +184,16 @@ class CablesPredictor:
         grips: Mapping[str, Ends],
         seen: Mapping[str, CableShape],
         *,
+        more: Collection[str] = (),
         acceleration: Mapping[str, ArrayLike] | None = None,
     ) -> dict[str, CableShape]:
         """Where the cables come to rest from shapes as they were seen, between these ends; see `Crossing.begin`."""
         self._move(grips, None, acceleration)
         if self._crossing is None:
             return {name: predictor.alone() for name, predictor in self.predictors.items()}
-        return dict(zip(self.predictors, self._crossing.begin([seen[name] for name in self.predictors]), strict=True))
+        names = list(self.predictors)
+        found = self._crossing.begin([seen[name] for name in names], [names.index(name) for name in more])
+        return dict(zip(names, found, strict=True))
 
     def _move(
         self,

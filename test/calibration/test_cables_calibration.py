@@ -178,6 +178,27 @@ def test_how_they_lie_over_each_other_is_what_the_points_say() -> None:
         assert found.cables[name].mean_bending_stiffness == pytest.approx(cable.mean_bending_stiffness, rel=0.02)
 
 
+def test_cables_that_cross_on_a_table_are_found() -> None:
+    """On it one of them bows to a side, and lies on the other."""
+    table = cs.Obstacle("table", cs.HalfSpace(), cs.Pose((0.0, 0.0, -0.2)))
+    scene = cs.Scene(obstacles=[table], contact="solve")
+    cycle = cs.Cycle(TRUE, scene=scene, model="cosserat", tolerance=1e-6)
+    for i, height in enumerate(np.linspace(0.12, -0.1, 45)):
+        grips = {"under": pair(0.0, 0.0, 0.7), "over": pair(75.0, float(height), 0.6, 0.03)}
+        shapes = cycle.step(grips, i * 10**9).shapes
+    rng = np.random.default_rng(4)
+    look = {}
+    for name, shape in shapes.items():
+        assert "table" in {contact.body for contact in shape.contacts}
+        points = shape.positions[6:-6:6] + 1e-4 * rng.normal(size=shape.positions[6:-6:6].shape)
+        look[name] = cs.Observation(*grips[name], points, shape.arc_length[6:-6:6])
+    found = cs.calibrate([look], begin(), "bending_stiffness:each", scene=scene, progress=False)
+    assert found.converged
+    assert found.scale == pytest.approx(1e-4, rel=0.3)
+    for name, cable in TRUE.items():
+        assert found.cables[name].mean_bending_stiffness == pytest.approx(cable.mean_bending_stiffness, rel=0.03)
+
+
 def test_what_does_not_tell_how_they_lie_is_refused() -> None:
     look = looks()[0]
     untold = {**look, "over": looks(arcs=False)[0]["over"]}

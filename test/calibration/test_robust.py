@@ -47,3 +47,24 @@ def test_one_group_tells_nothing_of_others() -> None:
     square = np.mean([one.values @ np.linalg.solve(one.covariance, one.values) / SIZE
                       for one in (fit(rng, 1, 5e-4) for _ in range(30))])  # fmt: skip
     assert square > 5.0
+
+
+def test_where_nothing_is_predicted_from_nothing_a_fit_ends_and_says_that_it_did_not_converge() -> None:
+    """Its numbers are those where the branch that it followed led."""
+    rng = np.random.default_rng(5)
+    design = rng.normal(size=(40, 3, 2))
+    seen = 1e-3 * rng.normal(size=(40, 3))
+
+    def misses(v: np.ndarray) -> np.ndarray:
+        return seen - design @ v
+
+    def afresh(v: np.ndarray) -> np.ndarray:
+        return misses(v) if np.abs(v).max() > 0.015 else np.full(seen.shape, np.nan)
+
+    own = np.arange(40)
+    whole = Robust(misses, lambda v, r: -design, afresh, np.full(40, 3), own, np.full(2, 10.0), np.zeros((2, 2)))
+    found = whole.run(np.full(2, 0.02))
+    assert not found.converged
+    assert np.abs(found.values).max() < 1e-3
+    assert np.isfinite(found.misses).all()
+    assert np.isfinite(found.covariance).all()

@@ -116,6 +116,27 @@ def test_a_cable_that_does_not_touch_itself_needs_no_arc_lengths() -> None:
     assert found.cable.mean_bending_stiffness == pytest.approx(TRUE.mean_bending_stiffness, rel=1e-3)
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_cable_that_bows_on_a_table_is_found_on_the_side_on_which_it_lay(side: float) -> None:
+    """From nothing it bows to one side, whichever it was led to."""
+    table = cs.Obstacle("table", cs.HalfSpace(), cs.Pose((0.0, 0.0, -0.2)))
+    scene, cable = cs.Scene(obstacles=[table], contact="solve"), cs.Cable(1.0, 0.05, 0.02, 0.016, diameter=0.008)
+    predictor = cs.Predictor(cable, model="cosserat", tolerance=1e-6, scene=scene)
+    for twist in (*np.linspace(0.5, 0.0, 11),):
+        turned = (Rotation.from_rotvec((0.0, 0.0, sign * side * float(twist))) * ALONG_X for sign in (1.0, -1.0))
+        held = [cs.Pose((x, 0.0, 0.0), q.as_quat()) for x, q in zip((-0.35, 0.35), turned, strict=True)]
+        shape = predictor.predict(*held)
+    assert side * shape.positions[75, 1] > 0.1
+    points = shape.positions[6:-6:6] + 1e-4 * np.random.default_rng(2).normal(size=shape.positions[6:-6:6].shape)
+    look = cs.Observation(held[0], held[1], points, shape.arc_length[6:-6:6])
+    begin = cable.replace(bending_stiffness=0.03, twisting_stiffness=0.024)
+    found = cs.calibrate([look], begin, scene=scene, progress=False)
+    assert found.converged
+    assert not found.remarks
+    assert np.nanmax(found.distances) < 1e-3
+    assert found.cable.mean_bending_stiffness == pytest.approx(0.02, rel=0.02)
+
+
 def test_without_contact_solved_for_nothing_is_asked() -> None:
     parameters = Parameters(TRUE, ("bending_stiffness",))
     assert isinstance(forward_of(parameters, [seen()]), Forward)

@@ -7,7 +7,7 @@ are one network, with a push where they come nearest (`pile`).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from time import perf_counter
 from typing import Protocol, final
 
@@ -74,7 +74,8 @@ class Crossing:
 
     def reset(self) -> None:
         """Forgets the last equilibrium, and which way cables lie over each other."""
-        self._last: tuple[list[CableShape], Array, list[Spot]] | None = None  # that equilibrium
+        #: That equilibrium, and which cables were held in it though they touched none.
+        self._last: tuple[list[CableShape], Array, list[Spot], frozenset[int]] | None = None
         self._reached: Pile | None = None  # how far its cables got from there to where none was found
         self._patience.succeed()
         self._forget()
@@ -111,6 +112,10 @@ class Crossing:
     def culled(self) -> int:
         """Pairs of cables, each with itself included, that bounds ruled out in the last solve."""
         return self._places.culled
+
+    @property
+    def _more(self) -> frozenset[int]:
+        return self._group.more if self._group is not None else frozenset()
 
     @property
     def _spots(self) -> list[Spot]:
@@ -181,7 +186,8 @@ class Crossing:
             crowded = self._places.crowded(old)
             if crowded:
                 return self._give_up(free, crowded)
-            self._group = Pile(self._names, self.problems, self._shapes, self._frames, [spot.copy() for spot in old])
+            spots = [spot.copy() for spot in old]
+            self._group = Pile(self._names, self.problems, self._shapes, self._frames, spots, self._more)
             free = [shape if i not in self.touching else None for i, shape in enumerate(free)]
         return self._give_up(free, _LOST)
 
@@ -193,17 +199,17 @@ class Crossing:
         """Whether shapes overlap each other or themselves."""
         return bool(self._places.overlaps(list(shapes)))
 
-    def begin(self, seen: Sequence[CableShape]) -> list[CableShape]:
+    def begin(self, seen: Sequence[CableShape], more: Collection[int] = ()) -> list[CableShape]:
         """Where cables come to rest from shapes that are no equilibrium, as they were seen between the problems' ends.
 
         Those that touch there, or nearly do, lie over each other as there. The others, all if none do, are solved for
-        alone.
+        alone, but for those of `more`, which come to rest from what was seen, too.
         """
         began = perf_counter()
         self.reset()
         self._deadline = began + self._time_budget
         given, spots = list(seen), self._places.close(seen)
-        if not spots:
+        if not (spots or more):
             return self.solve()
         frames = all_frames(self.problems)
         free: list[CableShape | None] = [None] * len(given)
@@ -213,11 +219,11 @@ class Crossing:
                 break
             for spot in spots:
                 self._places.part(spot, given)
-            held = {cable for spot in spots for cable in spot.cables}
+            held = {cable for spot in spots for cable in spot.cables}.union(more)
             free = [solo.alone() if i not in held else None for i, solo in enumerate(self._solos)]
             if any(shape is not None and _no_place(shape) for shape in free):
                 break
-            self._group = Pile(self._names, self.problems, given, frames, [spot.copy() for spot in spots])
+            self._group = Pile(self._names, self.problems, given, frames, [spot.copy() for spot in spots], more)
             if self._group.buried or not (self._group.go(frames, search=True) and self._group.refined()):
                 break
             shapes = self._reported(free, Status.OK, began)
@@ -240,7 +246,7 @@ class Crossing:
         self._kinds, self._reached = [], None
         if self._group is not None and self._shapes is not None:
             spots = [spot.copy() for spot in self._spots]
-            self._group = Pile(self._names, self.problems, self._shapes, self._frames, spots)
+            self._group = Pile(self._names, self.problems, self._shapes, self._frames, spots, self._more)
 
     # -- attempts
 
@@ -384,10 +390,12 @@ class Crossing:
                 spot.before = spot.arcs.copy()
             staying = [spot for spot in group.spots if spot.press > 0.0 or spot.distance < 2.0 * spot.reach]
             if len(staying) < len(group.spots):
-                held = {cable for spot in staying for cable in spot.cables}
+                held = group.more.union(cable for spot in staying for cable in spot.cables)
                 if all(self._comes_free(cable, shapes[cable]) for cable in group.cables if cable not in held):
-                    self._group = Pile(self._names, self.problems, shapes, frames, staying) if staying else None
-        self._last = shapes, frames, [spot.copy() for spot in self._spots]
+                    more = group.more
+                    kept = staying or more
+                    self._group = Pile(self._names, self.problems, shapes, frames, staying, more) if kept else None
+        self._last = shapes, frames, [spot.copy() for spot in self._spots], self._more
         self._reached = None
         return shapes
 
@@ -422,10 +430,11 @@ class Crossing:
         """Makes the last equilibrium that there was, if any, the one from which the next solve starts."""
         if self._last is None:
             return
-        self._shapes, self._frames, spots = self._last
+        self._shapes, self._frames, spots, more = self._last
         self._group, self._reached = self._reached, None
-        if spots and self._group is None:
-            self._group = Pile(self._names, self.problems, self._shapes, self._frames, [s.copy() for s in spots])
+        if (spots or more) and self._group is None:
+            spots = [spot.copy() for spot in spots]
+            self._group = Pile(self._names, self.problems, self._shapes, self._frames, spots, more)
 
     def _give_up(
         self, shapes: Sequence[CableShape | None], detail: str, status: Status = Status.NOT_CONVERGED

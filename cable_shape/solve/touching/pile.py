@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from time import perf_counter
 from typing import Any, final
 
@@ -54,12 +54,19 @@ class Pile:
     """
 
     def __init__(
-        self, names: Sequence[str], problems: list[Problem], shapes: list[CableShape], frames: Array, spots: list[Spot]
+        self,
+        names: Sequence[str],
+        problems: list[Problem],
+        shapes: list[CableShape],
+        frames: Array,
+        spots: list[Spot],
+        more: Collection[int] = (),
     ) -> None:
-        """From the shapes of all the cables between these frames."""
+        """From the shapes of all the cables between these frames; more: cables that it has though they touch none."""
         self._names, self._every = tuple(names), problems
         self.spots, self.frames = spots, frames.copy()
-        self.cables = sorted({cable for spot in spots for cable in spot.cables})
+        self.more = frozenset(more)
+        self.cables = sorted(self.more.union(cable for spot in spots for cable in spot.cables))
         self._problem = HarnessProblem.of_cables(self._problems)
         self._state = HarnessTouchState(self._problem)  # type: ignore[arg-type]
         self._state.move_bodies(self._links(frames))
