@@ -56,6 +56,17 @@ if TYPE_CHECKING:
     from cable_shape.planning.trajectory import check_trajectory
     from cable_shape.planning.trajectory_report import Reason, TrajectoryCheck, Violation
     from cable_shape.pose import FreeEnd, Grip, Pose
+    from cable_shape.prediction.edits import (
+        Add,
+        EditResult,
+        Insert,
+        Move,
+        Open,
+        Regrip,
+        Release,
+        Remove,
+        SetCable,
+    )
     from cable_shape.prediction.predictor import Predictor, predict
     from cable_shape.prediction.tails import predict_tails
     from cable_shape.safety.report import (
@@ -89,6 +100,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "Add",
     "ArgumentError",
     "BagError",
     "BodyDistance",
@@ -111,6 +123,7 @@ __all__ = [
     "CycleReport",
     "Cylinder",
     "DependencyError",
+    "EditResult",
     "EndsPath",
     "Estimate",
     "FileError",
@@ -126,22 +139,29 @@ __all__ = [
     "Held",
     "Imported",
     "InputError",
+    "Insert",
     "JointPath",
     "Junction",
     "Margin",
     "Mesh",
     "Motion",
+    "Move",
     "Observation",
     "Obstacle",
+    "Open",
     "Plug",
     "PlugError",
     "PointMass",
     "Pose",
     "Predictor",
     "Reason",
+    "Regrip",
+    "Release",
+    "Remove",
     "RobotError",
     "Scene",
     "Section",
+    "SetCable",
     "Severity",
     "ShapeBatch",
     "Sphere",
@@ -213,6 +233,17 @@ _HOMES = {
     "planning.paths": ("EndsPath", "GripPath", "JointPath"),
     "scene.plug": ("Plug", "PlugError"),
     "pose": ("FreeEnd", "Grip", "Pose"),
+    "prediction.edits": (
+        "Add",
+        "EditResult",
+        "Insert",
+        "Move",
+        "Open",
+        "Regrip",
+        "Release",
+        "Remove",
+        "SetCable",
+    ),
     "prediction.predictor": ("Predictor", "predict"),
     "safety.report": ("BodyDistance", "CableWarning", "Clearance", "CycleReport", "Margin", "Severity", "WarningKind"),
     "scene.scene": (

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import final
+from dataclasses import dataclass
+from typing import Any, NamedTuple, final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cable_shape import checks
+from cable_shape.cable.cable import Cable
+from cable_shape.errors import ArgumentError
 from cable_shape.kernels.distance import bounds
 from cable_shape.pose import Ends, Grip, Pose
 from cable_shape.prediction.predictor import Predictor
@@ -23,9 +27,19 @@ from cable_shape.scene.scene import Obstacle, Scene
 from cable_shape.shape import CableShape
 from cable_shape.solve.answers import Solved
 from cable_shape.uncertainty.tube_watch import TubeWatch, left_out
-from cable_shape.uncertainty.uncertainty import Tube
+from cable_shape.uncertainty.uncertainty import Tube, Uncertainty
 
 Links = Mapping[str, Pose] | None
+
+
+@final
+class Found(NamedTuple):
+    """A usable shape of a cable with its tails, by side, and between what ends it was found, with links where."""
+
+    shape: CableShape
+    tails: Mapping[str, CableShape]
+    ends: Ends
+    links: Links
 
 
 @final
@@ -96,6 +110,16 @@ class CableCycle:
         self._rod: Solved | None = None  # of the last shape
         self._acceleration: ArrayLike | None = None  # that it was loaded with
         self.tails: dict[str, CableShape] = {}  # by side
+        self.found: Found | None = None  # the last usable shape
+
+    def go_on_from(self, other: CableCycle, *, held_alike: bool) -> None:
+        """Takes over what another one remembers of the same cable beside its shape.
+
+        held_alike: its grips hold the same points of it.
+        """
+        self._standing.go_on_from(other._standing)
+        if held_alike:
+            self._watch.go_on_from(other._watch)
 
     def predict(
         self, ends: Ends, links: Links, solved: CableShape | None = None, acceleration: ArrayLike | None = None
@@ -105,12 +129,30 @@ class CableCycle:
         self._acceleration = acceleration
         shape = self.predictor.predict(start, end, links, acceleration=acceleration) if solved is None else solved
         self._rod = self.predictor.rod_state
-        self.tails = {}
-        for side, tail in self._tails.items():
-            grip = start if side == "start" else end
-            if isinstance(grip, (Pose, Grip)):
-                self.tails[side] = tail.predict(held_frame(grip, shape, side))
+        self.tails = self.hang(shape, ends)
+        if shape.status:
+            self.found = Found(shape, self.tails, ends, links)
         return shape
+
+    def begin(self, shape: CableShape, ends: Ends, links: Links) -> None:
+        """Takes over a shape at which its predictor has arrived: the next step is not that shape again, but goes on."""
+        self.predictor.look_again()
+        if self._tubes is not None and shape.length == self.predictor.cable.length:
+            self._tubes.begin(shape, ends, links)
+        self.found = Found(shape, self.hang(shape, ends), ends, links)
+
+    def hang(self, shape: CableShape, ends: Ends) -> dict[str, CableShape]:
+        """The tails of a shape between these ends, by side."""
+        tails = {}
+        for side, tail in self._tails.items():
+            grip = ends[0] if side == "start" else ends[1]
+            if isinstance(grip, (Pose, Grip)):
+                tails[side] = tail.predict(held_frame(grip, shape, side))
+        return tails
+
+    def check_shape(self, shape: CableShape, links: Links) -> Clearance:
+        """The clearance of a shape, without its tails."""
+        return self._checker.check(shape, links)
 
     def spread(self, shape: CableShape, ends: Ends, links: Links, stamp: int) -> Tube | None:
         """The tube of the shape just predicted, if it is asked for and known; kept, and those of the tails."""
@@ -190,6 +232,44 @@ class CableCycle:
         if self._plug is None or not shape.status:
             return None
         return plug_error(self._plug, self.scene.sockets[self._plug.socket], shape)
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class CableCycles:
+    """Makes the :class:`CableCycle` of each of `count` cables, as often as its cable or scene is another one.
+
+    options: of predictors and tubes. distributed_load, plugs and uncertainty are by cable.
+    """
+
+    model: str
+    tolerance: float | None
+    options: Mapping[str, Any]
+    distributed_load: Mapping[str, ArrayLike | None]
+    plugs: Mapping[str, Plug]
+    uncertainty: Mapping[str, Uncertainty]
+    snap_horizon: float
+    quasistatic_limit: float | None
+    count: int
+
+    def make(self, name: str, cable: Cable, scene: Scene, load: ArrayLike | None) -> CableCycle:
+        """The part of a cable in its scene, under a distributed load (2, 3) [N/m]."""
+        options = {**self.options, "scene": scene, "distributed_load": load}
+        predictor = Predictor(cable, model=self.model, tolerance=self.tolerance, **options)
+        tubes = None
+        if self.uncertainty.get(name) is not None:
+            if not predictor.is_rod:
+                bound = "only the Cosserat rod knows how its shapes change"
+                raise ArgumentError.of("model", self.model, bound, "Choose 'cosserat' or 'auto', or no uncertainty.")
+            tubes = TubeWatch(cable, self.uncertainty[name], **options)
+        plug = self.plugs.get(name, scene.plug)
+        if plug is not None:
+            checks.instance(f"plugs[{name!r}]", plug, (Plug,), "Write Plug(socket).")
+            checks.one_of(f"plugs[{name!r}].socket", plug.socket, scene.sockets)
+        return CableCycle(
+            name, predictor, scene, self.options["robot_links"], self.options["gripping_links"], plug,
+            self.snap_horizon, self.count, tubes, self.quasistatic_limit,
+        )  # fmt: skip
 
 
 def check_parts(

@@ -15,11 +15,14 @@ from numpy.typing import ArrayLike
 from cable_shape import checks
 from cable_shape.cable.cable import Cable
 from cable_shape.cable.harness import Harness
-from cable_shape.cycle.cable_cycle import CableCycle
+from cable_shape.cycle.cable_cycle import CableCycle, CableCycles
+from cable_shape.cycle.editing import Editing
 from cable_shape.cycle.harness_cycle import HarnessCycle, beside_each_other
 from cable_shape.errors import ArgumentError, StaleInputError
-from cable_shape.pose import Ends, Pose
+from cable_shape.pose import Ends, Grip, Pose
 from cable_shape.prediction.cables_predictor import accelerate, check_ends, check_models, joined
+from cable_shape.prediction.edits import EDITS, Edit, EditResult
+from cable_shape.prediction.layout import Layout
 from cable_shape.prediction.predictor import Predictor
 from cable_shape.safety.near import CableNear
 from cable_shape.safety.report import CycleReport
@@ -29,7 +32,6 @@ from cable_shape.shape import CableShape
 from cable_shape.solve.problem import GRAVITY
 from cable_shape.solve.quasistatic import LIMIT
 from cable_shape.solve.touching.crossing import Crossing
-from cable_shape.uncertainty.tube_watch import TubeWatch
 from cable_shape.uncertainty.uncertainty import Uncertainty
 
 _LATEST = 2**63 - 1  # ns
@@ -116,35 +118,20 @@ class Cycle:
             checks.instance(f"uncertainty[{name!r}]", one, (Uncertainty,), "Write Uncertainty(...).")
         self._named = named
         self._scene = scene or Scene()
+        options: dict[str, Any] = {
+            "gravity": gravity,
+            "points": points,
+            "time_budget": time_budget,
+            "robot_links": robot_links,
+            "gripping_links": gripping_links,
+        }
+        limit = ratio if ratio > 0.0 else None
+        self._maker = CableCycles(model, tolerance, options, loads, own_plugs, known, horizon, limit, len(named))
         self._cables = {}
         for name, cable in named.items():
-            own = self.scene
-            if name in own_clips:
-                own = dataclasses.replace(own, clips=own_clips[name])
-            options: dict[str, Any] = {
-                "gravity": gravity,
-                "points": points,
-                "scene": own,
-                "distributed_load": loads.get(name),
-                "time_budget": time_budget,
-                "robot_links": robot_links,
-                "gripping_links": gripping_links,
-            }
-            predictor = Predictor(cable, model=model, tolerance=tolerance, **options)
-            tubes = None
-            if known.get(name) is not None:
-                if not predictor.is_rod:
-                    bound = "only the Cosserat rod knows how its shapes change"
-                    raise ArgumentError.of("model", model, bound, "Choose 'cosserat' or 'auto', or no uncertainty.")
-                tubes = TubeWatch(cable, known[name], **options)
-            plug = own_plugs.get(name, self.scene.plug)
-            if plug is not None:
-                checks.instance(f"plugs[{name!r}]", plug, (Plug,), "Write Plug(socket).")
-                checks.one_of(f"plugs[{name!r}].socket", plug.socket, self.scene.sockets)
-            self._cables[name] = CableCycle(
-                name, predictor, own, robot_links, gripping_links, plug, horizon, len(named), tubes,
-                ratio if ratio > 0.0 else None,
-            )  # fmt: skip
+            own = dataclasses.replace(self.scene, clips=own_clips[name]) if name in own_clips else self.scene
+            self._cables[name] = self._maker.make(name, cable, own, loads.get(name))
+        self._layout: Layout | None = None  # from the first edit on
         self._harnesses: dict[str, HarnessCycle] = {}
         segments: dict[str, Cable] = {}
         joined: set[frozenset[str]] = set()
@@ -155,27 +142,20 @@ class Cycle:
                 "time_budget": time_budget, "distributed_load": loads.get(name),
             }  # fmt: skip
             made = self._harnesses[name] = HarnessCycle(
-                name, harness, own, robot_links, gripping_links, keywords, horizon, ratio if ratio > 0.0 else None,
-                known.get(name),
+                name, harness, own, robot_links, gripping_links, keywords, horizon, limit, known.get(name),
             )  # fmt: skip
             segments.update(made.cables)
             joined |= beside_each_other(name, harness)
-        self._parts = {**named, **segments}
-        self._near = CableNear(self._parts, self.scene, robot_links, joined=joined)
+        self._segments, self._joined = segments, joined
         self._crossing: tuple[tuple[str, ...], Crossing] | None = None
-        bodies = [body for cable in self._cables.values() for body in cable.predictor.problem.bodies]
-        bodies += [body for harness in self._harnesses.values() for body in harness.predictor.problem.bodies]
-        self._pushed = any(body.link is not None for body in bodies)
-        self._solves_crossing = len(named) > 1 and all(
-            cable.predictor.problem.solves_crossing for cable in self._cables.values()
-        )
+        self._look_about()
         if self._solves_crossing:
             check_models({name: cable.predictor for name, cable in self._cables.items()}, self.scene)
         self.last_stamp: int | None = None
 
     @property
     def cables(self) -> dict[str, Cable]:
-        """By name; of a Cycle they are fixed."""
+        """By name, as they are between the grips; `edit` changes them."""
         return self._named
 
     @property
@@ -185,14 +165,91 @@ class Cycle:
 
     @property
     def scene(self) -> Scene:
-        """Of a Cycle it is fixed."""
+        """As it is now: its bodies, and the clips and masses that every cable has; `edit` changes it."""
         return self._scene
 
     @scene.setter
     def scene(self, scene: Scene) -> None:
         raise ArgumentError(
-            "scene of a Cycle cannot be changed: what is known of it is worked out once. Make another one, "
-            "Cycle(cables, scene=scene), and step that; its first step starts afresh."
+            "scene of a Cycle cannot be exchanged: what is known of it is worked out once. Change it by "
+            "edit(Add(...), ...), or make another one, Cycle(cables, scene=scene); its first step starts afresh."
+        )
+
+    @property
+    def scenes(self) -> dict[str, Scene]:
+        """What holds and surrounds each cable now, by name."""
+        return {name: cable.scene for name, cable in self._cables.items()}
+
+    def edit(self, *edits: Edit, cable: str | None = None, stamp: int | None = None) -> EditResult:
+        """Changes cables, clips and bodies, all of these edits in their order or none; each cable goes on from there.
+
+        A cable keeps its place between bodies, clips and other cables: what is moved takes it along on the straight
+        way, what lets go of it lets it slide to where it comes to rest. The next `step` tells its shape.
+
+        Parameters
+        ----------
+        *edits : Add, Remove, Move, Insert, Release, Regrip, Open, SetCable
+        cable : str, optional
+            Whose clips, grips and numbers are meant. Of several cables it must be named, but for bodies, and for
+            `Move`, `Release` and `Remove` of a clip, which then is that of every cable in it.
+        stamp : int, optional
+            [ns], when it happens; older inputs are refused from then on. Default: at the last step.
+
+        Returns
+        -------
+        EditResult
+            Not `done`, with the `reason`, where an edit cannot be or the cable cannot follow it. Nothing has changed
+            then, to the bit.
+
+        Raises
+        ------
+        StaleInputError
+            If `stamp` is older than that of the last step.
+        ArgumentError
+            For what is no edit, and with harnesses, which cannot be edited.
+        """
+        for i, edit in enumerate(edits):
+            checks.instance(f"edits[{i}]", edit, EDITS, "Write Add(Obstacle(...)), Release(name), ...")
+        if stamp is not None:
+            stamp = self._checked_stamp(stamp)
+        if self._harnesses:
+            bound = "a cycle with a harness cannot be edited"
+            raise ArgumentError.of("edits", f"{len(edits)} edits", bound, "Make another Cycle, in the new scene.")
+        editing = Editing(self._layout or self._laid(), self._cables, self._maker, self._crossing)
+        try:
+            if cable is not None:
+                checks.one_of("cable", cable, self._cables)
+            for edit in edits:
+                editing.take(edit, cable)
+            near = self._made_near(editing.cables, editing.layout.common)
+        except ArgumentError as error:
+            return EditResult(False, str(error))
+        self._layout, self._scene = editing.layout, editing.layout.common
+        self._cables, self._crossing = editing.cycles, editing.crossing
+        self._named = editing.cables
+        self._look_about(near)
+        if stamp is not None:
+            self.last_stamp = stamp
+        return EditResult(True)
+
+    def _laid(self) -> Layout:
+        """The cables before any edit."""
+        return Layout.of(self.scene, self._named, {name: one.scene.clips for name, one in self._cables.items()})
+
+    def _made_near(self, cables: Mapping[str, Cable], scene: Scene) -> CableNear:
+        """What checks these cables against each other."""
+        parts = {**cables, **self._segments}
+        return CableNear(parts, scene, self._maker.options["robot_links"], joined=self._joined)
+
+    def _look_about(self, near: CableNear | None = None) -> None:
+        """What depends on all cables and bodies."""
+        self._parts = {**self._named, **self._segments}
+        self._near = near or self._made_near(self._named, self.scene)
+        bodies = [body for cable in self._cables.values() for body in cable.predictor.problem.bodies]
+        bodies += [body for harness in self._harnesses.values() for body in harness.predictor.problem.bodies]
+        self._pushed = any(body.link is not None for body in bodies)
+        self._solves_crossing = len(self._named) > 1 and all(
+            cable.predictor.problem.solves_crossing for cable in self._cables.values()
         )
 
     def step(
@@ -231,17 +288,11 @@ class Cycle:
         ArgumentError
             For a cable that does not exist, or an acceleration that is none, or that the model does not know.
         """
-        if type(stamp) is not int or not -_LATEST <= stamp <= _LATEST:
-            stamp = checks.integer("stamp", stamp, at_least=-_LATEST, at_most=_LATEST)
+        stamp = self._checked_stamp(stamp)
         if type(grips) is not dict and not isinstance(grips, Mapping):
             raise ArgumentError.of("grips", grips, "it must be a mapping", "Write {name of the cable: (start, end)}.")
         if early is not None and not callable(early):
             raise ArgumentError.of("early", early, "it must be a function", "Leave it out, or give one.")
-        if self.last_stamp is not None and stamp < self.last_stamp:
-            raise StaleInputError(
-                f"stamp = {stamp} ns is {(self.last_stamp - stamp) * 1e-9:.6f} s older than the last one, "
-                f"{self.last_stamp} ns. Drop it, or call reset() if the clock was set back or a bag loops."
-            )
         began = perf_counter()
         cables = {}
         held = {name: self._harnesses[name] for name in grips if name in self._harnesses}
@@ -253,6 +304,8 @@ class Cycle:
                 known_ones = ", ".join((*self._cables, *self._harnesses))
                 raise ArgumentError.of("cable", name, "no such cable", f"Known: {known_ones}.")
             check_ends(name, grips[name])
+            if self._layout is not None and self._layout.cables[name].opened and isinstance(grips[name][1], (Pose, Grip)):
+                grips = {**grips, name: (grips[name][0], None)}
             cables[name] = cable
         moving = checks.mapping("acceleration", acceleration, grips, "Write {name of the cable: (ax, ay, az)}.")
         if moving or self._solves_crossing:
@@ -341,6 +394,17 @@ class Cycle:
                 (name, side): tube for name, cable in cables.items() for side, tube in cable.tail_tubes.items()
             },
         )
+
+    def _checked_stamp(self, stamp: int) -> int:
+        """A stamp [ns], if it is one and not older than the last one."""
+        if type(stamp) is not int or not -_LATEST <= stamp <= _LATEST:
+            stamp = checks.integer("stamp", stamp, at_least=-_LATEST, at_most=_LATEST)
+        if self.last_stamp is not None and stamp < self.last_stamp:
+            raise StaleInputError(
+                f"stamp = {stamp} ns is {(self.last_stamp - stamp) * 1e-9:.6f} s older than the last one, "
+                f"{self.last_stamp} ns. Drop it, or call reset() if the clock was set back or a bag loops."
+            )
+        return stamp
 
     def _together(self, grips: Mapping[str, Ends], links: Mapping[str, Pose] | None) -> dict[str, CableShape]:
         """The shapes of all the cables in `grips`, out of each other."""

@@ -31,10 +31,10 @@ from cable_shape.solve.network import Network
 from cable_shape.solve.problem import GRAVITY, Problem, longest_delay
 from cable_shape.solve.touching.crossing import Crossing
 from cable_shape.solve.touching.pile import Member
+from cable_shape.solve.touching.places import Spot
 from cable_shape.solve.touching.state import TouchState
 
 _NOT_GIVEN = object()
-#: Keywords that say who is not to be touched.
 
 
 @final
@@ -97,9 +97,8 @@ class Predictor:
         if not isinstance(cable, Cable):
             raise ArgumentError.of("cable", cable, "it must be a Cable or a Harness", "Write Cable(length=..., ...).")
         self.model = checks.one_of("model", model, MODELS)
-        self._problem_in = functools.partial(
+        self._problem_of = functools.partial(
             Problem,
-            cable,
             gravity=gravity,
             points=points,
             tolerance=tolerance,
@@ -107,7 +106,7 @@ class Predictor:
             robot_links=checks.entries("robot_links", robot_links, Obstacle),
             gripping_links=checks.entries("gripping_links", gripping_links, str, "Give a list of link names."),
         )
-        problem = self._problem_in(scene=scene)
+        problem = self._problem_of(cable, scene=scene)
         checks.optional_number("time_budget", time_budget, above=0.0, unit="s")
         self._solver = solver_of(self.model, cable, time_budget)
         self.problem = self._still = self._checked(problem)
@@ -130,7 +129,7 @@ class Predictor:
 
     @scene.setter
     def scene(self, scene: Scene | None) -> None:
-        self._still = self._checked(self._problem_in(scene=scene))
+        self._still = self._checked(self._problem_of(self.cable, scene=scene))
         self._load(self._still)
         self._crossing = self._with_itself()
 
@@ -165,7 +164,7 @@ class Predictor:
         """
         self.accelerate(acceleration)
         self.problem.move(start, end, links)
-        return self.alone() if self._crossing is None else self._crossing.solve()[0]
+        return self.solve()
 
     def alone(self) -> CableShape:
         """The shape between the problem's ends, whatever it or other cables touch."""
@@ -186,6 +185,60 @@ class Predictor:
         if self.problem.bodies:
             self._solver.go_on_from(self.problem, shape, frames, links)
             self._last = None
+
+    def begin(
+        self,
+        shape: CableShape,
+        ends: tuple[Pose | Grip, Pose | Grip | FreeEnd | None],
+        links: Links,
+        *,
+        cable: Cable | None = None,
+        scene: Scene | None = None,
+        loose: bool = False,
+        memory: Network | None = None,
+        spots: list[Spot] | None = None,
+    ) -> None:
+        """Makes a shape that was found otherwise the last one.
+
+        It is that of `cable` between these ends in `scene`, both with as many parts as those of this predictor, or its
+        own. loose: it is none, since something has let go of it, and slides to where it comes to rest. memory: of the
+        rod that has found it, which is left as it is. spots: where it touches itself; None: not known. `head_for` says
+        where to go on from there, `solve` goes.
+        """
+        self.head_for(cable, scene)
+        self.problem.move(*ends, links)
+        self._solver.begin(self.problem, shape, memory, loose=loose)
+        self._others = None
+        self._crossing = self._with_itself()
+        if self._crossing is not None and spots is not None:
+            self._crossing.begin([shape], spots)
+
+    def head_for(self, cable: Cable | None = None, scene: Scene | None = None) -> None:
+        """Makes the problem that of another cable in another scene, or its own; ends and links stay."""
+        last = self.problem
+        self._load(self._still if cable is None else self._checked(self._problem_of(cable, scene=scene)))
+        self.problem.move(last.start, last.end, last.links)
+
+    def solve(self) -> CableShape:
+        """The shape of the problem as it is."""
+        return self.alone() if self._crossing is None else self._crossing.solve()[0]
+
+    def look_again(self) -> None:
+        """The next prediction is made anew, from the last one, wherever its ends are."""
+        self._last = None
+        if self.crossing is not None:
+            self.crossing.look_again()
+
+    @property
+    def crossing(self) -> Crossing | None:
+        """What keeps the cable out of itself, and out of others that are solved for along with it."""
+        return self._crossing if self._others is None else self._others[0]
+
+    @property
+    def memory(self) -> Network | None:
+        """That of the rod which gave the last shape without contact; None if none did."""
+        state = self.rod_state
+        return state if isinstance(state, Network) else None
 
     def reset(self) -> None:
         """Forgets the last solution: the next one starts cold."""
@@ -316,7 +369,7 @@ class Predictor:
             if self.problem is not self._still:
                 self._load(self._still)
             return
-        problem = self._problem_in(scene=self.scene, acceleration=acceleration)
+        problem = self._problem_of(self.cable, scene=self.scene, acceleration=acceleration)
         if _moves_alike(self.problem, problem):
             return
         self._load(self._checked(problem))

@@ -36,6 +36,9 @@ class Solver(Protocol):
     def go_on_from(self, problem: Problem, shape: CableShape, frames: Array, links: Array) -> None:
         """Makes a shape that was found otherwise the last one in contact with bodies."""
 
+    def begin(self, problem: Problem, shape: CableShape, memory: Network | None, *, loose: bool) -> None:
+        """Makes a shape that was found otherwise the last one, see `Predictor.begin`."""
+
     def rod_state(self) -> Network | TouchState | None:
         """The Cosserat rod of the last shape; None: there is none."""
 
@@ -59,6 +62,9 @@ class ClosedForm:
     def go_on_from(self, problem: Problem, shape: CableShape, frames: Array, links: Array) -> None:
         return
 
+    def begin(self, problem: Problem, shape: CableShape, memory: Network | None, *, loose: bool) -> None:
+        return
+
     def rod_state(self) -> None:
         return None
 
@@ -67,13 +73,14 @@ class ClosedForm:
 class Rod:
     """The Cosserat rod, in clips, in contact or neither; its warm start is the last solution with its mesh."""
 
-    __slots__ = ("_spare", "_time_budget", "_touch", "state")
+    __slots__ = ("_loose", "_spare", "_time_budget", "_touch", "state")
 
     def __init__(self, time_budget: float = math.inf) -> None:
         self.state: Network | None = None
         self._spare: Network | None = None  # a memory to be used again
         self._time_budget = time_budget  # s
         self._touch: TouchState | None = None
+        self._loose = False  # what was let go slides to rest, whether it touches anything or not
 
     def solve(self, problem: Problem) -> CableShape:
         deadline = math.inf if self._time_budget == math.inf else perf_counter() + self._time_budget
@@ -81,12 +88,42 @@ class Rod:
             spare = self._spare
             self.state = spare if spare is not None and spare.forget(problem) else Network(problem)
             self._spare = None
+        if self._loose and self._touch is not None:
+            shape = touching.solve(problem, self._touch, self.state, deadline=deadline)
+            self._loose = not shape.status
+            if not self._touch.touching and shape.status:
+                self._resume(problem, shape)
+            return shape
         if not problem.bodies:
             self._touch = None
             return cosserat.solve(problem, self.state, deadline=deadline)
         if self._touch is None:
             self._touch = TouchState(problem)
         return touching.solve(problem, self._touch, self.state, deadline=deadline)
+
+    def begin(self, problem: Problem, shape: CableShape, memory: Network | None, *, loose: bool) -> None:
+        self._loose, self._touch = loose, None
+        self.state = Network(problem, shape) if memory is None else memory.copied()
+        self._resume(problem, shape)
+        if loose or problem.bodies:
+            self._touch = touch = TouchState(problem)
+            frames = touch.aimed()
+            touch.move_bodies(touch.bodies.link_rows(problem.links))
+            if loose:
+                touch.lie(shape, frames)
+            else:
+                touch.resume(shape, frames)
+
+    def _resume(self, problem: Problem, shape: CableShape) -> None:
+        """Has the rod without contact go on from a shape, or from its own last solution if that is of this problem."""
+        state = self.state
+        assert state is not None
+        if state.problem is not problem:
+            state.take(problem)
+        poses = state.aim(problem.start, problem.end)
+        if state.history == 0:
+            state.last = shape
+            state.resume(poses)
 
     def go_on_from(self, problem: Problem, shape: CableShape, frames: Array, links: Array) -> None:
         """Makes a shape that was found otherwise, ends in `frames` (2, 7), the last one in contact with bodies.
@@ -95,6 +132,7 @@ class Rod:
         """
         if not problem.bodies:
             return
+        self._loose = False
         if self._touch is None:
             self._touch = TouchState(problem)
         supports = self._touch.aim(problem.start, problem.end)
@@ -118,6 +156,7 @@ class Rod:
 
     def reset(self) -> None:
         self._spare, self.state, self._touch = self.state or self._spare, None, None
+        self._loose = False
 
     def rod_state(self) -> Network | TouchState | None:
         touch = self._touch

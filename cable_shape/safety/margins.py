@@ -134,6 +134,7 @@ class MarginWatch:
 
     def reset(self) -> None:
         """Forgets the last cycle."""
+        self._history: Array = np.full((2, BODIES), math.nan)  # of loads, and of bodies, see `kernels.margin_watch`
         self._mode: Array = _NO_MODE
         self._stamp = self._older_stamp = -math.inf
         self.stability: Margin | None = None  # of the last shape
@@ -142,8 +143,19 @@ class MarginWatch:
         self._near, self._far, self._held = "", "", False  # kinds of the ends, and whether the second is held
         self._lay_out(np.concatenate(((self.warn, self.soft), unknown, self._swing, (0.0,))), 0)
 
+    def go_on_from(self, other: MarginWatch) -> None:
+        """Remembers how the ends moved, and the last loads if the cable is the same, as another one does."""
+        self._stamp, self._older_stamp = other._stamp, other._older_stamp
+        first, last = kernels.SWING, kernels.SWING + swing.MEMORY
+        found = first + np.array((swing.RATIO, swing.WHERE, swing.PERIOD))
+        for rows in (slice(kernels.TWISTS, last), found, slice(kernels.TURN, kernels.HEAD)):
+            self._memory[rows] = other._memory[rows]
+        if np.array_equal(self.pieces, other.pieces, equal_nan=True):
+            self._history[:, :BODIES] = other._history[:, :BODIES]
+
     def _lay_out(self, head: Array, bodies: int) -> None:
-        """Makes the kernel's memory one for so many bodies; times to loads and bodies are not known then."""
+        """Makes the kernel's memory one for so many bodies; times to these are not known then."""
+        loads = self._history[:, :BODIES]
         k, head_size = BODIES + bodies + 1, int(kernels.HEAD)
         until = head_size + 2 * (COLUMNS + 1) * k + bodies
         memory = np.concatenate((np.full(until, math.nan), self.pieces.ravel()))
@@ -156,6 +168,8 @@ class MarginWatch:
         self._start: Array = memory[kernels.NOW : kernels.NOW + 7]
         self._end: Array = memory[kernels.NOW + 7 : kernels.SWING]
         self._twists: Array = memory[kernels.TWISTS : kernels.BEFORE]
+        self._history = memory[until - bodies - 2 * k : until - bodies].reshape(2, k)
+        self._history[:, :BODIES] = loads
         self._told: Array = memory[head_size + COLUMNS * k : head_size + 2 * COLUMNS * k].reshape(COLUMNS, k)
 
     @property

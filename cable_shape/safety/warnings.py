@@ -72,6 +72,10 @@ class Standing:
         """Forgets them all."""
         self._severities = {}
 
+    def go_on_from(self, other: Standing) -> None:
+        """Takes over those of another one."""
+        self._severities = dict(other._severities)
+
     def judge(self, margins: tuple[Margin, ...]) -> list[tuple[Margin, Severity]]:
         """The margins to warn of; those that are gone no longer stand."""
         before, now = self._severities, {}

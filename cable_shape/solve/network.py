@@ -68,6 +68,7 @@ class Network:
     def __init__(self, problem: Problem, last: CableShape | None = None) -> None:
         self.last = last
         self.history = self.elements = 0
+        self._resumed = False  # whether the last solution is a shape that was found otherwise
         self.factored = False  # whether `work` has factors at, or next to, the last solution
         self.fewest = 0  # elements with which a coarser mesh has failed
         self.info: Array = np.zeros(INFO + 2)
@@ -266,8 +267,14 @@ class Network:
         """Abscissae and density of a span's nodes as they are."""
         return nodes.copy(), 1.0 / np.gradient(nodes)
 
+    @property
+    def doubtful(self) -> bool:
+        """Whether no error estimate has told yet of the mesh that the last solution is on."""
+        return self.history == 0 or self._resumed
+
     def settle(self) -> None:
         """The last solution is one under these loads: from it only a motion of the supports turns frames far."""
+        self._resumed = False
         self.history = min(2, self.history + 1)
         self.at_rest = self.held[tables.TURN_AT_REST] = self.floats[tables.TURN_AT_REST] = _UNMOVED
 
@@ -344,7 +351,7 @@ class Network:
 
     def too_coarse(self, info: list[float]) -> bool:
         """Whether the error is above its tolerance, or an element turns too far for the inertia to be trusted."""
-        doubt = info[I_DOUBT] if self.history == 0 else 0.0  # beside a shape that was found without any there is none
+        doubt = info[I_DOUBT] if self.doubtful else 0.0  # beside a shape that was found without any there is none
         return info[I_ESTIMATE] + doubt > self.tolerance or info[I_TURN] > LARGEST_TURN
 
     def far_too_coarse(self, info: list[float]) -> bool:
@@ -477,7 +484,7 @@ class Network:
             now.pose[j + 1, 3:] = now.q[b]
         now.turns[0] = shape.turns
         now.arc[...] = bounds[self.rings]
-        self.history = 1
+        self.history, self._resumed = 1, True
         return True
 
     def masses(self, end: Grip | FreeEnd) -> Array:

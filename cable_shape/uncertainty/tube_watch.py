@@ -18,6 +18,7 @@ from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels.safety import spread as tube
 from cable_shape.pose import Ends, FreeEnd, Grip, Pose, as_grip
+from cable_shape.prediction.carried import stretched
 from cable_shape.prediction.predictor import Predictor
 from cable_shape.prediction.tails import Tail, held_frame
 from cable_shape.shape import CableShape
@@ -138,6 +139,12 @@ class TubeWatch:
             rod.reset()
             for tail in tails.values():
                 tail.reset()
+
+    def begin(self, shape: CableShape, ends: Ends, links: Mapping[str, Pose] | None) -> None:
+        """Has all rods go on from a shape between these ends, so that they are on its branch."""
+        for rod, _, _ in (*self._beside, *self._loaded):
+            rod.begin(stretched(shape, rod.cable.length), ends, links)
+            rod.head_for()
 
     def _forget(self) -> None:
         self._last: Tube | None = None

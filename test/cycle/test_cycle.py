@@ -105,7 +105,7 @@ def test_a_cycle_needs_a_cable() -> None:
 
 def test_the_scene_of_a_cycle_cannot_be_exchanged() -> None:
     cycle = cs.Cycle(CABLE, scene=cs.Scene(warn_distance=0.1))
-    with pytest.raises(cs.ArgumentError, match=r"scene of a Cycle cannot be changed.*Cycle\(cables, scene=scene\)"):
+    with pytest.raises(cs.ArgumentError, match=r"scene of a Cycle cannot be exchanged.*Cycle\(cables, scene=scene\)"):
         cycle.scene = cs.Scene()
     assert cycle.scene.warn_distance == 0.1
     with pytest.raises(AttributeError):

@@ -87,6 +87,20 @@ class Crossing:
         self._frames: Array = np.empty(0)
         self._kinds: list[tuple[str, str]] = []
 
+    @property
+    def last(self) -> tuple[list[CableShape], list[Spot]] | None:
+        """The last equilibrium, and where the cables touched; None if there is none."""
+        return None if self._last is None else (self._last[0], self._last[2])
+
+    def begin(self, shapes: list[CableShape], spots: list[Spot]) -> None:
+        """Makes shapes between the problems' ends, that touch in these places, the last equilibrium."""
+        self._last = shapes, all_frames(self.problems), spots
+        self._go_on()
+
+    def look_again(self) -> None:
+        """The next solve is a new one, though no end moves."""
+        self._kinds = []
+
     def beside(self, cable: int, solo: Solo) -> CableShape:
         """The shape of one cable as it would be now if it were another; all here stays as it is."""
         solos = [solo if i == cable else one.twin() for i, one in enumerate(self._solos)]

@@ -498,11 +498,15 @@ class TouchState:
         """Makes an equilibrium that another solver has found the last one, in contact or not."""
         self.unfactored()
         if len(resume.pressed_rows(shape, self.bodies.names)):
-            self.start_from(shape, frames)
-            self.touching = True
-            self.remember(shape.positions)
+            self.lie(shape, frames)
         else:
             self.rest(shape, frames)
+
+    def lie(self, shape: CableShape, frames: Array) -> None:
+        """Makes it the last one as one in contact, which is followed among the bodies wherever it goes."""
+        self.start_from(shape, frames)
+        self.touching = True
+        self.remember(shape.positions)
 
     def slide_to(self, arcs: Array) -> None:
         """Makes supports hold the cable at other arc lengths: the nodes between them and masses are spread anew."""
