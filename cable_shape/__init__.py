@@ -81,6 +81,7 @@ if TYPE_CHECKING:
     from cable_shape.safety.stress import Stress, stress_of
     from cable_shape.scene.plug import Plug, PlugError
     from cable_shape.scene.scene import (
+        Allow,
         Box,
         Capsule,
         Clip,
@@ -101,6 +102,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "Add",
+    "Allow",
     "ArgumentError",
     "BagError",
     "BodyDistance",
@@ -247,6 +249,7 @@ _HOMES = {
     "prediction.predictor": ("Predictor", "predict"),
     "safety.report": ("BodyDistance", "CableWarning", "Clearance", "CycleReport", "Margin", "Severity", "WarningKind"),
     "scene.scene": (
+        "Allow",
         "Box",
         "Capsule",
         "Clip",

@@ -17,6 +17,7 @@ from cable_shape.kernels.distance import bounds
 from cable_shape.pose import Ends, Grip, Pose
 from cable_shape.prediction.predictor import Predictor
 from cable_shape.prediction.tails import Tail, held_frame
+from cable_shape.safety.allowed import Allowed
 from cable_shape.safety.clearance import ClearanceChecker
 from cable_shape.safety.margins import MarginWatch
 from cable_shape.safety.report import BodyDistance, CableWarning, Clearance, Margin, WarningKind
@@ -87,6 +88,7 @@ class CableCycle:
         }
         checker = ClearanceChecker(scene, cable=cable, robot_links=robot_links, gripping_links=gripping_links)
         self._checker = checker
+        self._allowed = Allowed(scene, cable, robot_links, gripping_links)
         self._plug = plug
         self._snaps = SnapWatch(snap_horizon)
         moving = np.concatenate((checker.moving, np.ones(cables, dtype=np.bool_)))  # other cables, and itself
@@ -111,6 +113,8 @@ class CableCycle:
         self._acceleration: ArrayLike | None = None  # that it was loaded with
         self.tails: dict[str, CableShape] = {}  # by side
         self.found: Found | None = None  # the last usable shape
+        self._links: Links = None  # where they were in the last check
+        self._judged = Clearance()  # of which there may be alarm
 
     def go_on_from(self, other: CableCycle, *, held_alike: bool) -> None:
         """Takes over what another one remembers of the same cable beside its shape.
@@ -171,6 +175,7 @@ class CableCycle:
 
     def check(self, shape: CableShape, links: Links) -> Clearance:
         """The clearance of span and tails, as thick as their tubes: for each body that of the nearest part."""
+        self._links = links
         if self.scene.contact == "off":
             return Clearance(beyond=0.0, robot_checked=links is not None)
         hanging = [(self._tails[side], tail, self.tail_tubes.get(side)) for side, tail in self.tails.items()]
@@ -178,11 +183,25 @@ class CableCycle:
 
     def margins(self, shape: CableShape, clearance: Clearance, ends: Ends, stamp: int) -> tuple[Margin, ...]:
         """How far trouble is, and with it whether the cable is about to snap."""
-        margins = self._watch.margins(shape, clearance, stamp, state=self._rod, ends=ends)
+        self._judged, forces = self._judge(shape, clearance)
+        margins = self._watch.margins(shape, self._judged, stamp, state=self._rod, ends=ends) + forces
         if self._acceleration is not None:  # the prediction does not leave it out
             margins = tuple(margin for margin in margins if margin.kind is not WarningKind.QUASISTATIC)
         self._snaps.look(self._watch.stability, stamp, None if self._watch.twists is None else self._snap_within)
         return margins
+
+    def _judge(self, shape: CableShape, clearance: Clearance) -> tuple[Clearance, tuple[Margin, ...]]:
+        """The clearance of which there may be alarm, and the margins of forces of contact that is meant."""
+        if not self._allowed:
+            return clearance, ()
+        lines = [(shape.arc_length, shape.positions)]
+        for side, tail in self.tails.items():
+            arcs = np.array([self._tails[side].along(at, shape.length) for at in tail.arc_length])
+            order = slice(None, None, -1 if side == "start" else 1)
+            lines.append((arcs[order], tail.positions[order]))
+        known = [tube for tube in (self.tube, *self.tail_tubes.values()) if tube is not None]
+        swell = max((float(tube.radius.max()) for tube in known), default=0.0)
+        return self._allowed.judged(shape, clearance, lines, self._links, swell)
 
     def _snap_within(self, horizon: float) -> tuple[float, float, CableShape] | None:
         """See `predicted_snap`."""
@@ -200,16 +219,14 @@ class CableCycle:
         """There was no need to look for a snap."""
         return self._snaps.skipped
 
-    def warnings(
-        self, shape: CableShape, clearance: Clearance, margins: tuple[Margin, ...]
-    ) -> tuple[CableWarning, ...]:
-        """What to say."""
+    def warnings(self, shape: CableShape, margins: tuple[Margin, ...]) -> tuple[CableWarning, ...]:
+        """What to say of a shape with these margins, see `margins`."""
         found = warnings_of(
             self.name,
             self.predictor.cable,
             self.scene,
             shape,
-            clearance,
+            self._judged,
             tolerance=self.predictor.problem.tolerance,
             margins=margins,
             standing=self._standing,

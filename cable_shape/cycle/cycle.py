@@ -349,12 +349,10 @@ class Cycle:
             margins.update(harness.margins(shapes[name], clearance, stamp))
         measured = perf_counter()
         warnings = tuple(
-            warning
-            for name, cable in cables.items()
-            for warning in cable.warnings(shapes[name], clearance[name], margins[name])
+            warning for name, cable in cables.items() for warning in cable.warnings(shapes[name], margins[name])
         )
         for name, harness in held.items():
-            warnings = (*warnings, *harness.warnings(parts[name], clearance, margins))
+            warnings = (*warnings, *harness.warnings(parts[name], margins))
         plugs = {name: cable.plug_error(shapes[name]) for name, cable in cables.items()}
         ended = perf_counter()
         self.last_stamp = stamp

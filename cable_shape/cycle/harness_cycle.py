@@ -15,6 +15,7 @@ from cable_shape.cycle.harness_stability import HarnessStability
 from cable_shape.pose import Grip, Pose
 from cable_shape.prediction.harness_predictor import HarnessPredictor
 from cable_shape.prediction.tails import Tail, held_frame
+from cable_shape.safety.allowed import Allowed
 from cable_shape.safety.clearance import ClearanceChecker
 from cable_shape.safety.margins import MarginWatch
 from cable_shape.safety.report import CableWarning, Clearance, Margin, WarningKind
@@ -77,6 +78,12 @@ class HarnessCycle:
             )
             for one, cable in self.cables.items()
         }
+        self._allowed = {
+            one: Allowed(scene, cable, robot_links, gripping_links if one in may_be_held else ())
+            for one, cable in self.cables.items()
+        }
+        self._judged: dict[str, Clearance] = {}  # of which there may be alarm
+        self._links: Links = None  # where they were in the last check
         gravity = self.predictor.problem.gravity
         self._watches = {
             one: MarginWatch(cable, scene, gravity=gravity, quasistatic_limit=quasistatic_limit)
@@ -142,6 +149,7 @@ class HarnessCycle:
 
     def check(self, shapes: Mapping[str, CableShape], links: Links) -> dict[str, Clearance]:
         """The clearance of every segment."""
+        self._links = links
         if self.scene.contact == "off":
             return {one: Clearance(beyond=0.0, robot_checked=links is not None) for one in shapes}
         hanging: dict[str, list[tuple[Tail, CableShape, Tube | None]]] = {one: [] for one in shapes}
@@ -156,9 +164,10 @@ class HarnessCycle:
         self, shape: HarnessShape, clearance: Mapping[str, Clearance], stamp: int
     ) -> dict[str, tuple[Margin, ...]]:
         """How far trouble is of every segment, stability with the one that turns most; times from two cycles."""
-        found = {
-            one: self._watches[one].margins(part, clearance[one], stamp) for one, part in self.parts(shape).items()
-        }
+        found = {}
+        for one, part in self.parts(shape).items():
+            self._judged[one], forces = self._judge(one, part, clearance[one])
+            found[one] = self._watches[one].margins(part, self._judged[one], stamp) + forces
         if self._moving is not None:  # the prediction does not leave it out
             found = {
                 one: tuple(m for m in margins if m.kind is not WarningKind.QUASISTATIC)
@@ -170,6 +179,20 @@ class HarnessCycle:
             found[softest] = (*found[softest], self.stability.margin)
         return found
 
+    def _judge(self, one: str, shape: CableShape, clearance: Clearance) -> tuple[Clearance, tuple[Margin, ...]]:
+        """The clearance of a segment of which there may be alarm, and the margins of forces of meant contact."""
+        if not self._allowed[one]:
+            return clearance, ()
+        lines = [(shape.arc_length, shape.positions)]
+        for (segment, side), tail in self.tails.items():
+            if segment == one:
+                own = self._tails[f"{one.rpartition('/')[2]}.{side}"]
+                arcs = np.array([own.along(at, shape.length) for at in tail.arc_length])
+                order = slice(None, None, -1 if side == "start" else 1)
+                lines.append((arcs[order], tail.positions[order]))
+        swell = float(self.tubes[one].radius.max()) if one in self.tubes else 0.0
+        return self._allowed[one].judged(shape, clearance, lines, self._links, swell)
+
     @property
     def after_snap(self) -> dict[str, CableShape]:
         """The segments after a snap that is about to come."""
@@ -179,7 +202,6 @@ class HarnessCycle:
     def warnings(
         self,
         shapes: Mapping[str, CableShape],
-        clearance: Mapping[str, Clearance],
         margins: Mapping[str, tuple[Margin, ...]],
     ) -> list[CableWarning]:
         """What to say of every segment."""
@@ -199,7 +221,7 @@ class HarnessCycle:
                 self.cables[one],
                 self.scene,
                 shape,
-                clearance[one],
+                self._judged[one],
                 tolerance=tolerance,
                 margins=margins[one],
                 standing=self._standing[one],

@@ -14,7 +14,7 @@ from cable_shape.cable.cut import reach_of, stretch_of
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import Pose, between
 from cable_shape.prediction.edits import Add, Edit, Insert, Move, Open, Regrip, Release, SetCable
-from cable_shape.scene.scene import Clip, Obstacle, PointMass, Scene
+from cable_shape.scene.scene import Allow, Clip, Obstacle, PointMass, Scene
 from cable_shape.scene.scene_parts import clip_names
 
 #: Where the cable `name` is at an arc length [m] from its start grip; None: it has no shape yet.
@@ -50,7 +50,10 @@ class Laid:
 @final
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """All cables by name, and the scene that they share: its bodies count, what holds the cables is theirs."""
+    """All cables by name, and the scene that they share: its bodies count, what holds the cables is theirs.
+
+    Where it allows contact is told by arc lengths of the cables as they were made.
+    """
 
     scene: Scene
     cables: Mapping[str, Laid]
@@ -68,11 +71,16 @@ class Layout:
     def scene_of(self, name: str) -> Scene:
         """What holds and surrounds one cable."""
         laid = self.cables[name]
-        return self.scene.replace(clips=laid.clips, masses=laid.masses)
+        allow = self.scene.allow
+        if laid.first:
+            allow = [_shifted(one, laid.first) for one in allow]
+        return self.scene.replace(clips=laid.clips, masses=laid.masses, allow=allow)
 
     @property
     def common(self) -> Scene:
         """The bodies, and what holds every cable."""
+        if len(self.cables) == 1:
+            return self.scene_of(next(iter(self.cables)))
         first, *others = self.cables.values()
         clips = [clip for clip in first.clips if all(clip in one.clips for one in others)]
         masses = [mass for mass in first.masses if all(mass in one.masses for one in others)]
@@ -86,6 +94,12 @@ class Layout:
     def with_bodies(self, bodies: Sequence[Obstacle]) -> Layout:
         """The same with other bodies."""
         return dataclasses.replace(self, scene=self.scene.replace(obstacles=bodies))
+
+
+def _shifted(allow: Allow, by: float) -> Allow:
+    """The same stretch of cable, told from a start grip that is by so much [m] further on."""
+    start, end = (None if at is None else at - by for at in (allow.start, allow.end))
+    return dataclasses.replace(allow, start=start, end=end)
 
 
 @final

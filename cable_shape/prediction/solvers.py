@@ -88,18 +88,16 @@ class Rod:
             spare = self._spare
             self.state = spare if spare is not None and spare.forget(problem) else Network(problem)
             self._spare = None
-        if self._loose and self._touch is not None:
-            shape = touching.solve(problem, self._touch, self.state, deadline=deadline)
-            self._loose = not shape.status
-            if not self._touch.touching and shape.status:
-                self._resume(problem, shape)
-            return shape
-        if not problem.bodies:
+        if not problem.bodies and not self._loose:
             self._touch = None
             return cosserat.solve(problem, self.state, deadline=deadline)
         if self._touch is None:
             self._touch = TouchState(problem)
-        return touching.solve(problem, self._touch, self.state, deadline=deadline)
+        shape = touching.solve(problem, self._touch, self.state, deadline=deadline)
+        self._loose = self._loose and not shape.status
+        if shape.status and not self._touch.touching and self.state.last is shape:
+            self._resume(problem, shape)  # out of contact: the branch goes on
+        return shape
 
     def begin(self, problem: Problem, shape: CableShape, memory: Network | None, *, loose: bool) -> None:
         self._loose, self._touch = loose, None
@@ -115,7 +113,10 @@ class Rod:
                 touch.resume(shape, frames)
 
     def _resume(self, problem: Problem, shape: CableShape) -> None:
-        """Has the rod without contact go on from a shape, or from its own last solution if that is of this problem."""
+        """Has the rod without contact go on from a shape, or from its own last solution if that is of this problem.
+
+        Where it runs through eyelets the next solve looks for where it is in them first.
+        """
         state = self.state
         assert state is not None
         if state.problem is not problem:
@@ -123,7 +124,10 @@ class Rod:
         poses = state.aim(problem.start, problem.end)
         if state.history == 0:
             state.last = shape
-            state.resume(poses)
+            if state.rings:
+                state.arcs[state.rings] = shape.supports[[ring - 1 for ring in state.rings], 0]
+            else:
+                state.resume(poses)
 
     def go_on_from(self, problem: Problem, shape: CableShape, frames: Array, links: Array) -> None:
         """Makes a shape that was found otherwise, ends in `frames` (2, 7), the last one in contact with bodies.

@@ -29,6 +29,7 @@ class WarningKind(enum.Enum):
     STABILITY = 7
     SNAP = 8
     QUASISTATIC = 9
+    CONTACT_FORCE = 11
 
 
 #: The kinds of margin that a shape has by itself, in the order of the kernels' rows; those of bodies come after them.

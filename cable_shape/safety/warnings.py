@@ -334,6 +334,11 @@ def _words(margin: Margin, length: float) -> str:
         return f"{where}bend radius {metres(value)} of at least {metres(limit)}. {remedy}"
     if margin.kind is WarningKind.TWIST_RATE:
         return f"{where}twist rate {value:.3g} rad/m of at most {limit:.3g} rad/m. Turn the end grip back."
+    if margin.kind is WarningKind.CONTACT_FORCE:
+        return (
+            f"is pressed on {margin.other!r}, most {where}with {value:.3g} N of at most {limit:.3g} N. "
+            "Lift the cable, or let it be pressed harder."
+        )
     if margin.kind is WarningKind.STRESS:
         stress = f"stress {value * 1e-6:.3g} MPa of at most {limit * 1e-6:.3g} MPa"
         return f"{where}{stress}, safety factor {limit / value:.3g}. Unload the cable there."

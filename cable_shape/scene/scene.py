@@ -14,13 +14,13 @@ from cable_shape.errors import ArgumentError
 from cable_shape.files.files import path_of
 from cable_shape.pose import Pose, pose_entry
 from cable_shape.scene.plug import Plug
-from cable_shape.scene.scene_files import clip_entry, keywords_of, mass_entry, obstacle_entry, plug_entry
-from cable_shape.scene.scene_parts import CLIP_KINDS, Clip, Obstacle, PointMass, clip_names
+from cable_shape.scene.scene_files import allow_entry, clip_entry, keywords_of, mass_entry, obstacle_entry, plug_entry
+from cable_shape.scene.scene_parts import CLIP_KINDS, Allow, Clip, Obstacle, PointMass, clip_names
 from cable_shape.scene.solids import Box, Capsule, Cylinder, HalfSpace, Mesh, Solid, Sphere
 
 __all__ = [
-    "CLIP_KINDS", "CONTACT_KINDS", "SCENE_KEYS", "Box", "Capsule", "Clip", "Cylinder", "HalfSpace", "Mesh", "Obstacle",
-    "PointMass", "Scene", "Solid", "Sphere",
+    "CLIP_KINDS", "CONTACT_KINDS", "SCENE_KEYS", "Allow", "Box", "Capsule", "Clip", "Cylinder", "HalfSpace", "Mesh",
+    "Obstacle", "PointMass", "Scene", "Solid", "Sphere",
 ]  # fmt: skip
 
 CONTACT_KINDS = ("off", "warn", "solve")
@@ -45,6 +45,9 @@ class Scene:
         What obstacles and robot links do: "warn" (default) of the clearance to them; "solve" keeps the cable out of
         them in the equilibrium, and out of each other and of themselves, without friction (Cosserat rod only), and
         warns, too; "off" neither. With eyelets, cables are not kept out of each other.
+    allow : sequence of Allow
+        Contact that is meant, of which no clearance warns. What holds for a body holds where any of them allows it; a
+        `max_force` needs contact="solve".
 
     Raises
     ------
@@ -60,10 +63,11 @@ class Scene:
     sockets: Mapping[str, Pose] = dataclasses.field(default_factory=dict, hash=False)
     plug: Plug | None = None
     contact: str = "warn"
+    allow: Sequence[Allow] = ()
 
     def __post_init__(self) -> None:
         checks.one_of("contact", self.contact, CONTACT_KINDS)
-        for name, kind in (("obstacles", Obstacle), ("clips", Clip), ("masses", PointMass)):
+        for name, kind in (("obstacles", Obstacle), ("clips", Clip), ("masses", PointMass), ("allow", Allow)):
             object.__setattr__(self, name, checks.entries(name, getattr(self, name), kind))
         for name in ("warn_distance", "error_distance"):
             object.__setattr__(self, name, checks.number(name, getattr(self, name), at_least=0.0, unit="m"))
@@ -88,6 +92,12 @@ class Scene:
                         "List the clips in the order in which the cable runs through them, no two at one arc length.",
                     )
         _unique_names("clips", clip_names(self.clips))
+        for i, allow in enumerate(self.allow):
+            if allow.max_force is not None and self.contact != "solve":
+                bound = f"contact={self.contact!r} knows no forces"
+                raise ArgumentError.of(
+                    f"allow[{i}].max_force", allow.max_force, bound, "Write contact='solve', or leave it out."
+                )
 
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any], where: str = "scene", folder: str | Path = ".") -> Scene:
@@ -120,6 +130,7 @@ class Scene:
             "sockets": {name: pose_entry(pose) for name, pose in self.sockets.items()},
             "plug": self.plug and plug_entry(self.plug),
             "contact": self.contact,
+            "allow": [allow_entry(allow) for allow in self.allow],
         }
 
     def replace(self, **changes: Any) -> Scene:

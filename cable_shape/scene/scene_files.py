@@ -20,6 +20,8 @@ One entry a list item; exactly one of the solids in an obstacle::
     sockets:
       port_a: {position: [0.9, 0, 0.3], quaternion: [0, 0.7071, 0, 0.7071]}
     plug: {socket: port_a, position: [0, 0, 0.02]}   # of the plug's frame in the cable frame at the end
+    allow:
+      - {body: table, start: 0.2, end: 0.9, max_force: 5.0}   # all but body may be left out
 """
 
 from __future__ import annotations
@@ -33,7 +35,7 @@ from cable_shape.errors import ArgumentError
 from cable_shape.files.files import path_of
 from cable_shape.pose import Pose, pose_entry
 from cable_shape.scene.plug import Plug
-from cable_shape.scene.scene_parts import Clip, Obstacle, PointMass
+from cable_shape.scene.scene_parts import Allow, Clip, Obstacle, PointMass
 from cable_shape.scene.solids import Box, Capsule, Cylinder, HalfSpace, Mesh, Solid, Sphere
 
 SOLID_KEYS = ("box", "sphere", "cylinder", "capsule", "half_space", "mesh")
@@ -58,6 +60,7 @@ def keywords_of(values: Mapping[str, Any], where: str, folder: Path) -> dict[str
         "obstacles": entries("obstacles", lambda v, w: _obstacle(v, w, folder)),
         "clips": entries("clips", _clip),
         "masses": entries("masses", _mass),
+        "allow": entries("allow", _allow),
         "sockets": _sockets(values.get("sockets"), f"{where}: sockets"),
     }
     if values.get("plug") is not None:
@@ -127,6 +130,11 @@ def _mass(values: Mapping[str, Any], where: str) -> PointMass:
     return PointMass(values["arc_length"], values["mass"], values.get("segment"))
 
 
+def _allow(values: Mapping[str, Any], where: str) -> Allow:
+    _required(values, where, ("body",), ("start", "end", "max_force"))
+    return Allow(values["body"], values.get("start"), values.get("end"), values.get("max_force"))
+
+
 def _sockets(values: Mapping[str, Any] | None, where: str) -> dict[str, Pose]:
     if values is None:
         return {}
@@ -171,6 +179,12 @@ def clip_entry(clip: Clip) -> dict[str, Any]:
 def mass_entry(mass: PointMass) -> dict[str, Any]:
     """An item of `masses`."""
     return {"arc_length": mass.arc_length, "mass": mass.mass, **_segment_entry(mass)}
+
+
+def allow_entry(allow: Allow) -> dict[str, Any]:
+    """An item of `allow`."""
+    told = {key: getattr(allow, key) for key in ("start", "end", "max_force")}
+    return {"body": allow.body, **{key: value for key, value in told.items() if value is not None}}
 
 
 def _segment_entry(part: Clip | PointMass) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import count
@@ -90,6 +91,38 @@ class PointMass:
             checks.word("PointMass.segment", self.segment)
         _number(self, "arc_length", "m")
         _number(self, "mass", "kg")
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Allow:
+    """Contact that is meant: of the cable with `body` (an obstacle, a robot link, another cable, or "itself").
+
+    Clearance to it is no alarm from arc length `start` to `end` [m] from the start grip (None: from the very start, to
+    the very end, tails and all) as long as the body presses there with at most `max_force` [N] in all (None: whatever
+    it is), and the cable is bent there no more than its `min_bend_radius` allows.
+    """
+
+    body: str
+    start: float | None = None
+    end: float | None = None
+    max_force: float | None = None
+
+    def __post_init__(self) -> None:
+        checks.word("Allow.body", self.body)
+        for name, unit in (("start", "m"), ("end", "m")):
+            value = getattr(self, name)
+            object.__setattr__(self, name, checks.optional_number(f"Allow.{name}", value, unit=unit))
+        force = checks.optional_number("Allow.max_force", self.max_force, above=0.0, unit="N")
+        object.__setattr__(self, "max_force", force)
+        if self.start is not None and self.end is not None and not self.start < self.end:
+            bound = f"it must be above start, {self.start:g} m"
+            raise ArgumentError.of("Allow.end", self.end, bound, "Give start and end in the order along the cable.")
+
+    @property
+    def stretch(self) -> tuple[float, float]:
+        """[m], from where to where."""
+        return -math.inf if self.start is None else self.start, math.inf if self.end is None else self.end
 
 
 def _number(part: Any, name: str, unit: str) -> None:

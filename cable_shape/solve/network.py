@@ -442,7 +442,8 @@ class Network:
         for name, part in vars(self).items():
             if isinstance(part, np.ndarray) and part is not self.ints:
                 setattr(other, name, part.copy())
-        other.take_arrays(other.ints, other.floats, other.sols, other.work)
+        if self.ints is not None:
+            other.take_arrays(other.ints, other.floats, other.sols, other.work)
         return other
 
     def start_from(self, poses: Array, kind: int, sag: float, turns: float = 0.0) -> None:

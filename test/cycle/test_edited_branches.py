@@ -248,7 +248,7 @@ def test_warm_and_from_nothing_are_one_where_there_is_one_branch(contact: str, s
             continue
         assert shape.usable, (count, edit, result)
         compared += 1
-        same = 2.0 * (5e-4 if shape.contacts else 1e-5) * shape.length
+        same = 2.0 * (5e-4 if contact == "solve" else 1e-5) * shape.length
         assert float(np.abs(again.positions - shape.positions).max()) < same, (count, edit, result)
     assert done > 40
     assert compared > 50

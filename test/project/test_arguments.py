@@ -154,6 +154,15 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, Any]]] = {
     "Grip.at": (cs.Grip(START).at, {"pose": START}),
     "FreeEnd": (cs.FreeEnd, {"mass": 0.1, "force": (0, 0, 1), "moment": (0, 0, 0)}),
     "Box": (cs.Box, {"size": (1, 1, 1)}),
+    "Allow": (cs.Allow, {"body": "table", "start": 0.1, "end": 0.2, "max_force": 1.0}),
+    "Add": (cs.Add, {"part": cs.PointMass(0.1, 0.1)}),
+    "Remove": (cs.Remove, {"name": "a"}),
+    "Move": (cs.Move, {"name": "a", "pose": START}),
+    "Insert": (cs.Insert, {"clip": cs.Clip(0.1, START)}),
+    "Release": (cs.Release, {"name": "a"}),
+    "Regrip": (cs.Regrip, {"end": "start", "arc_length": 0.1}),
+    "Open": (cs.Open, {"end": "end"}),
+    "SetCable": (cs.SetCable, {"cable": CABLE}),
     "Sphere": (cs.Sphere, {"radius": 1}),
     "Cylinder": (cs.Cylinder, {"radius": 1, "length": 1}),
     "Capsule": (cs.Capsule, {"radius": 1, "length": 1}),
@@ -320,9 +329,9 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, Any]]] = {
 #: What a call returns, errors, and what takes nothing.
 NOT_CALLED = {
     "BodyDistance", "CableShape", "CableWarning", "CablesBatch", "CablesCalibration", "Calibration", "Clearance",
-    "ClipLoad", "Contact", "CycleReport", "Estimate", "HarnessBatch", "HarnessCalibration", "HarnessShape", "Imported",
-    "Margin", "PlugError", "Reason", "Severity", "ShapeBatch", "Status", "Stress", "StudyResult", "Swept",
-    "TrajectoryCheck", "Tube", "Violation", "WarningKind", "warm_up",
+    "ClipLoad", "Contact", "CycleReport", "EditResult", "Estimate", "HarnessBatch", "HarnessCalibration",
+    "HarnessShape", "Imported", "Margin", "PlugError", "Reason", "Severity", "ShapeBatch", "Status", "Stress",
+    "StudyResult", "Swept", "TrajectoryCheck", "Tube", "Violation", "WarningKind", "warm_up",
 }  # fmt: skip
 
 numbers = st.sampled_from(

@@ -29,6 +29,7 @@ _ROUNDS = 8  #: of adding nodes where the cable dips into a body between them
 #: Of half a body's thickness and the cable's: how deep a point is that stands for one in the middle of the body, where
 #: points and times are at most so much apart.
 _MIDDLE = 0.4
+_LONGEST_WAY = 2.0  #: of the length: further ways are not looked at, and count as past a body
 _ANYWHERE: Array = np.empty((0, 3))
 #: Cosine of the angle by which the direction between two cables that press on each other may turn in one step: further,
 #: and they may have come past each other.
@@ -202,6 +203,8 @@ class Steps:
             far = float(np.linalg.norm(after - start, axis=1).max())
             if far <= middle or self._least_gap(start, arcs, b, c) > far:
                 continue
+            if far > _LONGEST_WAY * self.state.length:
+                return True
             apart = max(float(np.linalg.norm(np.diff(line, axis=0), axis=1).max()) for line in (start, after))
             if apart > middle:
                 return True
