@@ -91,7 +91,8 @@ def warm_up_cycles() -> None:
         resting.sensitivity(("start", "body:table", "length"))
     limp = Predictor(cable.replace(tails={}, bending_stiffness=1e-4), model="cosserat", scene=table)
     for height in (0.3, 0.2, 0.15, 0.1, 0.08, 0.06, 0.05, 0.05, 0.06, 0.08, 0.1):  # nodes come and go
-        limp.predict(*(Pose((x, 0.0, height), start.quaternion) for x in (0.0, 0.8)))
+        near, far_end = (Pose((x, 0.0, height), start.quaternion) for x in (0.0, 0.8))
+        limp.predict(near, far_end)
     across_it = Pose((0.0, 0.0, 0.0), (0.7071067811865476, 0.0, 0.0, 0.7071067811865476))
     bar = Obstacle("bar", Capsule(0.03, 0.6), across_it, link="tool")
     pushed = Predictor(cable.replace(tails={}), model="cosserat", scene=Scene(obstacles=[bar], contact="solve"))

@@ -19,11 +19,10 @@ from cable_shape.cycle.cable_cycle import CableCycle, CableCycles
 from cable_shape.cycle.editing import Editing
 from cable_shape.cycle.harness_cycle import HarnessCycle, beside_each_other
 from cable_shape.errors import ArgumentError, StaleInputError
-from cable_shape.pose import Ends, Grip, Pose
+from cable_shape.pose import Ends, FreeEnd, Pose
 from cable_shape.prediction.cables_predictor import accelerate, check_ends, check_models, joined
 from cable_shape.prediction.edits import EDITS, Edit, EditResult
 from cable_shape.prediction.layout import Layout
-from cable_shape.prediction.predictor import Predictor
 from cable_shape.safety.near import CableNear
 from cable_shape.safety.report import CycleReport
 from cable_shape.scene.plug import Plug
@@ -304,8 +303,9 @@ class Cycle:
                 known_ones = ", ".join((*self._cables, *self._harnesses))
                 raise ArgumentError.of("cable", name, "no such cable", f"Known: {known_ones}.")
             check_ends(name, grips[name])
-            if self._layout is not None and self._layout.cables[name].opened and isinstance(grips[name][1], (Pose, Grip)):
-                grips = {**grips, name: (grips[name][0], None)}
+            if self._layout is not None and self._layout.cables[name].opened:
+                start, end = grips[name]
+                grips = {**grips, name: (start, end if isinstance(end, FreeEnd) else None)}
             cables[name] = cable
         moving = checks.mapping("acceleration", acceleration, grips, "Write {name of the cable: (ax, ay, az)}.")
         if moving or self._solves_crossing:

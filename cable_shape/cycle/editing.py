@@ -225,7 +225,7 @@ class _Way:
         crossing = joined(self._names, predictors)
         lengths = [predictor.cable.length for predictor in predictors]
         shapes = [stretched(self._known[name].shape, x) for name, x in zip(self._names, lengths, strict=True)]
-        crossing.begin(shapes, self._spots[""])
+        crossing.take_up(shapes, self._spots[""])
         return self._names, crossing
 
 

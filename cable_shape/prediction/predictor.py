@@ -211,7 +211,7 @@ class Predictor:
         self._others = None
         self._crossing = self._with_itself()
         if self._crossing is not None and spots is not None:
-            self._crossing.begin([shape], spots)
+            self._crossing.take_up([shape], spots)
 
     def head_for(self, cable: Cable | None = None, scene: Scene | None = None) -> None:
         """Makes the problem that of another cable in another scene, or its own; ends and links stay."""
@@ -352,8 +352,7 @@ class Predictor:
     def onto(self, cable: Cable) -> Predictor:
         """Of a cable almost alike, alone: it goes on from the last shape, and this one stays as it is."""
         other = self.twin()
-        other._problem_in = functools.partial(Problem, cable, **self._problem_in.keywords)
-        other._still = other._checked(other._problem_in(scene=self.scene))
+        other._still = other._checked(self._problem_of(cable, scene=self.scene))
         other._load(other._still)
         return other
 

@@ -125,7 +125,7 @@ def test_without_solving_what_overlaps_alarms() -> None:
 def test_tails_may_touch_where_they_are_meant_to() -> None:
     cable = CABLE.replace(tails={"end": 0.6})
     report = report_of(cs.Allow("table", end=1.2), cable=cable)
-    below = [tail.positions[:, 2].min() for tail in report.tails.values()][0]
+    below = next(tail.positions[:, 2].min() for tail in report.tails.values())
     assert below < 0.004
     assert kinds(report)[cs.WarningKind.CLEARANCE].arc_length > 1.2
     assert "overlaps" in kinds(report)[cs.WarningKind.CLEARANCE].text

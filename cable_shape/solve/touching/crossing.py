@@ -92,7 +92,7 @@ class Crossing:
         """The last equilibrium, and where the cables touched; None if there is none."""
         return None if self._last is None else (self._last[0], self._last[2])
 
-    def begin(self, shapes: list[CableShape], spots: list[Spot]) -> None:
+    def take_up(self, shapes: list[CableShape], spots: list[Spot]) -> None:
         """Makes shapes between the problems' ends, that touch in these places, the last equilibrium."""
         self._last = shapes, all_frames(self.problems), spots
         self._go_on()
