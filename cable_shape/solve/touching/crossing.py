@@ -94,7 +94,7 @@ class Crossing:
 
     def take_up(self, shapes: list[CableShape], spots: list[Spot]) -> None:
         """Makes shapes between the problems' ends, that touch in these places, the last equilibrium."""
-        self._last = shapes, all_frames(self.problems), spots
+        self._last = shapes, all_frames(self.problems), spots, frozenset()
         self._go_on()
 
     def look_again(self) -> None:
