@@ -178,7 +178,8 @@ class _Way:
             self._accept(shapes)
         elif self._change.forced:
             name, shape = next((name, shape) for name, shape in shapes.items() if not shape.status)
-            bound = f"cable {name!r} cannot follow further: {shape.detail or shape.status.remedy}"
+            why = (shape.detail or shape.status.remedy).removesuffix(".")
+            bound = f"cable {name!r} cannot follow further: {why}"
             raise ArgumentError.of(
                 f"{self._change.what}, share of its way", done, bound, "Bring the cable nearer, or move in between."
             )
