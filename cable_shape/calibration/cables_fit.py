@@ -98,7 +98,7 @@ def calibrate_cables(
     return CablesCalibration(
         cables=parameters.make(found.values),
         grips={name: _grips(name, looks, parameters, found.values) for name in named},
-        **told_of_fit(found, parameters, [flat(look) for look in looks]),
+        **told_of_fit(found, parameters, [flat(look) for look in looks], more=forward.remarks(found.values)),
         inertia=math.sqrt(sum(inertia_of(o.acceleration, gravity) ** 2 for o in seen) / len(seen)),
     )
 

@@ -20,10 +20,11 @@ from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels.distance.misses import changes, misses
 from cable_shape.pose import FreeEnd, Grip
-from cable_shape.prediction.cables_predictor import CablesPredictor
+from cable_shape.prediction.cables_predictor import CablesPredictor, lies_on_itself
 from cable_shape.shape import CableShape
+from cable_shape.solve.cables import FREE_ROTATIONS
 from cable_shape.solve.problem import Problem
-from cable_shape.solve.seen import Seen, laid_on, seen_of
+from cable_shape.solve.seen import Seen, laid_on, seen_of, turns_of
 
 #: [1], of the longest cable: discretisation error of a prediction.
 TOLERANCE = 1e-5
@@ -122,6 +123,19 @@ class CablesForward:
                 f"as long as the cable but for {100.0 * OFF:g} %",
                 "Give the arc lengths of points all along it, or leave out contact='solve'.",
             )  # fmt: skip
+
+    def remarks(self, values: Array) -> tuple[str, ...]:
+        """What is taken for granted of the cables that lie on themselves with these numbers."""
+        count = 0
+        for one in self._found(values):
+            itself = [name for name, shape in one.shapes.items() if shape.status and lies_on_itself(shape)]
+            count += any(_holds_roll(one.ends[name]) and not _turns(one.ends[name]) for name in itself)
+        if not count:
+            return ()
+        return (
+            f"{count} observations show a cable on itself: beside its windings it is taken to be twisted by less than "
+            "half a turn, or as is nearest to the points; the turns of its end's pose would tell.",
+        )
 
     def _elsewhere(self, look: Look, shapes: Mapping[str, CableShape]) -> bool:
         """Whether the usual point is missed by so much that what was seen may be wound."""
@@ -237,6 +251,9 @@ class CablesForward:
             }
 
         even = dict.fromkeys(look, 0)
+        told = {name: _turns(both) for name, both in ends.items() if _turns(both)}
+        for name, shape in laid(even).items():
+            even[name] = told[name] - turns_of(shape) if name in told else 0
         wound = made.wound(laid(even))
 
         def begun(turns: Mapping[str, int] | None, more: Sequence[str] = ()) -> dict[str, CableShape]:
@@ -251,11 +268,21 @@ class CablesForward:
         if max(least.values()) > _NEAR:
             apart = [name for name, off in least.items() if off > _NEAR and name not in wound]
             ways: list[tuple[dict[str, int] | None, list[str]]] = [(even if wound else None, []), (even, apart)]
-            ways += [({**even, name: turns}, apart) for name in sorted(wound) for turns in (-1, 1)]
+            ways += [({**even, name: turns}, apart) for name in sorted(wound - set(told)) for turns in (-1, 1)]
             ways += [(None, [])] if wound else []
             off = [max(least.values()), *(max(far(begun(*way)).values()) for way in ways[1:])]
             shapes = begun(*ways[int(np.argmin(off))])
         return _Followed(made, shapes, ends, True)
+
+
+def _turns(ends: Held) -> int:
+    """How many times the end is told to have been turned; 0: no more is told than how it is held."""
+    return ends[1].cable_frame.turns if isinstance(ends[1], Grip) else 0
+
+
+def _holds_roll(ends: Held) -> bool:
+    """Whether the grips at both ends hold the cable's roll."""
+    return all(isinstance(end, Grip) and not FREE_ROTATIONS[end.kind][2] for end in ends)
 
 
 def forward_of(parameters: Parameters, seen: Sequence[Observation], **loads: Any) -> Forward | CablesForward:

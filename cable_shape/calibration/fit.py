@@ -178,12 +178,18 @@ def calibrate(
         found = fitted_in_two(
             lambda some: forward if len(some) == len(seen) else forward_of(parameters, some, **loads), seen, told.step
         )
+        wound: tuple[str, ...] = ()
         if isinstance(forward, CablesForward):
             forward.refuse_untold(found.values)
+            wound = forward.remarks(found.values)
     return Calibration(
         cable=parameters.make_cable(found.values),
         **told_of_fit(
-            found, parameters, seen, choice.remarks, (*parameters.by_prior(found.covariance), *_direction(names, seen))
+            found,
+            parameters,
+            seen,
+            choice.remarks,
+            (*parameters.by_prior(found.covariance), *_direction(names, seen), *wound),
         ),
         points=tuple(o.points for o in seen),
         centrelines=tuple(forward.centrelines(found.values)),

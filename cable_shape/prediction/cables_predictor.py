@@ -19,6 +19,7 @@ from cable_shape.scene.scene import Clip, Scene
 from cable_shape.shape import CableShape
 from cable_shape.solve.answers import Solved, sensitivity
 from cable_shape.solve.touching.crossing import Crossing
+from cable_shape.solve.touching.pile import ITSELF
 
 _REMEDY = "Write {name of the cable: ..}."
 _HELD, _ENDS = (Pose, Grip), (Pose, Grip, FreeEnd)
@@ -60,6 +61,11 @@ def check_ends(name: str, ends: Any) -> None:
     if end is not None and not isinstance(end, _ENDS):
         bound = "it must be a Pose, a Grip, a FreeEnd or None"
         raise ArgumentError.of(f"grips[{name!r}][1]", end, bound, "Write Pose(position, quaternion).")
+
+
+def lies_on_itself(shape: CableShape) -> bool:
+    """Whether a cable touches itself."""
+    return any(contact.body == ITSELF for contact in shape.contacts)
 
 
 def named_cables(cables: object) -> dict[str, Cable]:

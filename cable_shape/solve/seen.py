@@ -19,6 +19,8 @@ from cable_shape.solve.rod_common import MODEL
 
 _ALONG = np.array((0.0, 0.0, 1.0))
 _TWO_PI = 2.0 * math.pi
+#: Of the length: so far a path is run on straight beyond its ends.
+_FAR = 100.0
 
 
 class Seen(NamedTuple):
@@ -86,6 +88,36 @@ def laid_on(seen: Seen, start: Grip, end: Grip | FreeEnd, length: float, points:
     buffer[:points], buffer[points : 4 * points] = s, places.ravel()
     buffer[4 * points : 8 * points] = multiply(q.T, np.array((none, none, np.sin(half), np.cos(half)))).T.ravel()
     return CableShape(buffer, points, length=length, model=MODEL, status=Status.OK, twist=twist)
+
+
+def turns_of(shape: CableShape) -> int:
+    """How many times the end of a shape has been turned right-handed, as the `turns` of its pose count it.
+
+    By its twist and the writhe of its centreline, run on straight beyond both ends: their sum is the angle between the
+    frames of the ends, and whole turns (Calugareanu, White, Fuller).
+    """
+    x, y, z, w = shape.quaternions[0]
+    _, _, c, d = multiply(np.array((-x, -y, -z, w)), shape.quaternions[-1])
+    angle = 2.0 * math.atan2(c, d) if d >= 0.0 else 2.0 * math.atan2(-c, -d)
+    far = _FAR * shape.length
+    first, last = shape.positions[0] - far * shape.tangents[0], shape.positions[-1] + far * shape.tangents[-1]
+    return round((shape.twist - angle) / _TWO_PI + writhe(np.vstack((first, shape.positions, last))))
+
+
+def writhe(points: Array) -> float:
+    """[1], of the polygon through points (n, 3): crossings seen, right-handed less left-handed, mean over all views.
+
+    Each pair of edges is seen to cross in a solid angle that is a spherical quadrangle (Klenin and Langowski 2000).
+    """
+    i, j = np.triu_indices(len(points) - 1, 2)
+    a, b, c, d = points[i], points[i + 1], points[j], points[j + 1]
+    sides = [np.cross(c - a, d - a), np.cross(d - a, d - b), np.cross(d - b, c - b), np.cross(c - b, c - a)]
+    sizes = [np.linalg.norm(side, axis=1) for side in sides]
+    good = np.min(sizes, axis=0) > 0.0
+    n = [side[good] / size[good, None] for side, size in zip(sides, sizes, strict=True)]
+    area = sum(np.arcsin(np.clip((n[k] * n[(k + 1) % 4]).sum(axis=1), -1.0, 1.0)) for k in range(4))
+    sign = np.sign((np.cross(d - c, b - a) * (c - a)).sum(axis=1)[good])
+    return float((area * sign).sum() / _TWO_PI)
 
 
 def _turned(a: Array, b: Array) -> Array:

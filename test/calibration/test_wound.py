@@ -14,7 +14,7 @@ from cable_shape.calibration.cables_forward import CablesForward, forward_of, pa
 from cable_shape.calibration.forward import Forward
 from cable_shape.calibration.parameters import Parameters
 from cable_shape.errors import ArgumentError
-from cable_shape.solve.seen import laid_on
+from cable_shape.solve.seen import laid_on, turns_of, writhe
 
 TRUE = cs.Cable(1.0, 0.005, 0.004, 0.003, diameter=0.008)
 SOLVED = cs.Scene(contact="solve")
@@ -56,7 +56,8 @@ def stiffer(factor: float) -> cs.Cable:
 def test_its_stiffness_is_found(sign: float, factor: float) -> None:
     found = cs.calibrate([seen(sign)], stiffer(factor), scene=SOLVED, progress=False)
     assert found.converged
-    assert not found.remarks
+    assert len(found.remarks) == 1
+    assert "1 observations show a cable on itself" in found.remarks[0]
     assert found.cable.mean_bending_stiffness == pytest.approx(TRUE.mean_bending_stiffness, rel=0.01)
     assert np.abs(found.distances).max() < 5e-4
 
@@ -68,6 +69,45 @@ def test_points_that_scatter_tell_it_within_the_errors_told() -> None:
     assert found.converged
     assert found.scale == pytest.approx(2e-3, rel=0.2)
     assert told.low < TRUE.mean_bending_stiffness < told.high < 1.5 * TRUE.mean_bending_stiffness
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_one_that_is_twisted_by_two_turns_more_is_found_where_its_turns_are_told(sign: float) -> None:
+    """Not otherwise: nothing that is seen tells how often it has been turned, and a remark says what was assumed."""
+    cable = TRUE.replace(twisting_stiffness=0.0008)
+    predictor = cs.Predictor(cable, model="cosserat", tolerance=1e-6, scene=SOLVED)
+    for turns in np.linspace(0.3, 3.0, 271):
+        shape = predictor.predict(*ends(sign * float(turns)))
+    assert shape.contacts
+    assert abs(shape.twist) > 12.0
+    assert shape.turns == turns_of(shape) == sign * 3
+    start, end = ends(3.0 * sign)
+    told = cs.Pose(end.position, end.quaternion, turns=round(3 * sign))
+    points = shape.positions[5:-5:5] + 1e-4 * np.random.default_rng(3).normal(size=shape.positions[5:-5:5].shape)
+    arc, begin = shape.arc_length[5:-5:5], cable.replace(bending_stiffness=0.006, twisting_stiffness=0.0012)
+    found = cs.calibrate([cs.Observation(start, told, points, arc)], begin, scene=SOLVED, progress=False)
+    assert found.converged
+    assert not found.remarks
+    assert found.cable.mean_bending_stiffness == pytest.approx(0.004, rel=0.01)
+    guessed = cs.calibrate([cs.Observation(start, end, points, arc)], begin, scene=SOLVED, progress=False)
+    assert abs(guessed.cable.mean_bending_stiffness / 0.004 - 1.0) > 0.1
+    assert any("turns of its end's pose would tell" in remark for remark in guessed.remarks)
+
+
+def test_turns_are_twist_and_writhe() -> None:
+    """As the solver counts them on the way; a circle in a plane has no writhe, a helix 1 less the sine of its slope."""
+    predictor = cs.Predictor(TRUE, model="cosserat", tolerance=1e-6, scene=SOLVED)
+    for turns in np.linspace(0.1, 1.1, 41):
+        shape = predictor.predict(*ends(float(turns)))
+        assert turns_of(shape) == shape.turns
+    angle = np.linspace(0.0, 2.0 * np.pi, 201)
+    circle = np.column_stack((np.cos(angle), np.sin(angle), np.zeros(201)))
+    assert writhe(circle) == pytest.approx(0.0, abs=1e-9)
+    around, pitch, radius = np.linspace(0.0, 80.0 * np.pi, 2001), 0.5, 0.05  # of 40 turns
+    helix = np.column_stack((radius * np.cos(around), radius * np.sin(around), pitch * around / (2.0 * np.pi)))
+    slope = pitch / math.hypot(pitch, 2.0 * np.pi * radius)
+    assert writhe(helix) == pytest.approx(40.0 * (1.0 - slope), rel=0.03)
+    assert writhe(helix * (1.0, 1.0, -1.0)) == pytest.approx(-writhe(helix), rel=1e-9)
 
 
 def test_derivatives_are_differences() -> None:
