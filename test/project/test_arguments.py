@@ -67,6 +67,16 @@ def stepped(**given: Any) -> object:
     return cycle.step(**{**step, **{name: value for name, value in given.items() if name not in names}})
 
 
+def edited(part: Any, pose: Any, clip: Any, arc_length: Any, other: Any, **given: Any) -> object:
+    cycle = cs.Cycle(CABLE, points=30)
+    cycle.step({"cable": (START, END)}, 0)
+    makers: list[Callable[[], Any]] = [
+        lambda: cs.Add(part), lambda: cs.Move("box", pose), lambda: cs.Insert(clip), lambda: cs.SetCable(other),
+        lambda: cs.Regrip("end", arc_length), lambda: given["edit"],
+    ]  # fmt: skip
+    return [cycle.edit(make(), cable=given["cable"], stamp=given["stamp"]) for make in makers]
+
+
 def held(**given: Any) -> object:
     names = inspect.signature(cs.Predictor).parameters
     predictor = cs.Predictor(
@@ -202,6 +212,13 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, Any]]] = {
             "quasistatic_limit": 0.25, "uncertainty": None,
             "distributed_load": {"cable": np.zeros((2, 3))}, "acceleration": {"cable": (0, 0, 1)},
             "grips": {"cable": (START, END)}, "stamp": 0, "links": {"tool": START}, "early": None,
+        },
+    ),
+    "Cycle.edit": (
+        edited,
+        {
+            "part": cs.Obstacle("box", cs.Sphere(0.1)), "pose": START, "clip": cs.Clip(0.5, cs.Pose((0.4, 0, 0.8))),
+            "other": CABLE, "arc_length": 0.9, "edit": cs.Open("end"), "cable": "cable", "stamp": 1,
         },
     ),
     "predict_batch": (
