@@ -110,6 +110,25 @@ def test_tubes_are_behind_the_post_as_well() -> None:
     assert cycle.step(ends(-0.15), 101).tubes["cable"].radius.max() == pytest.approx(before, rel=0.05)
 
 
+@pytest.mark.parametrize("softness", [1e-2, 1e-4, 1e-6])
+def test_a_limp_cable_keeps_its_bow_on_the_table(softness: float) -> None:
+    """It may lie to either side, EI = softness w L^3; where it lies is asked for 5e-4 of its length."""
+    cable = cs.Cable(1.2, linear_density=0.1, bending_stiffness=softness * 0.981 * 1.2**3, diameter=0.008)
+    table = cs.Obstacle("table", cs.Box((4.0, 4.0, 0.1)), cs.Pose((0.4, 0.0, -0.05)))
+    cycle = cs.Cycle(cable, scene=cs.Scene(contact="solve", obstacles=[table]))
+    for k, z in enumerate(np.linspace(0.4, 0.1, 16)):
+        grips = {"cable": (cs.Pose((0.0, 0.0, z), ALONG_X), cs.Pose((0.8, 0.0, z), ALONG_X))}
+        before = cycle.step(grips, 10_000_000 * k).shapes["cable"]
+    assert before.contacts
+    lifted = cs.Clip(0.6, cs.Pose(at(before, 0.6) + np.array((0.0, 0.0, 1e-4))), name="a")
+    for edit in (cs.Add(FAR), cs.Insert(lifted), cs.Release("a"), cs.Remove("far")):
+        assert cycle.edit(edit, stamp=200_000_000), edit
+        after = cycle.step(grips, 200_000_000).shapes["cable"]
+        assert after.status is cs.Status.OK
+        if not isinstance(edit, cs.Insert):
+            assert float(np.abs(after.positions - before.positions).max()) < 2.0 * 5e-4 * 1.2, edit
+
+
 def turned(pose: cs.Pose, angle: float) -> cs.Pose:
     """About its own third axis."""
     roll = np.array((0.0, 0.0, math.sin(0.5 * angle), math.cos(0.5 * angle)))
