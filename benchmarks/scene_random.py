@@ -2,8 +2,9 @@
 
     python benchmarks/scene_random.py [--motions N] [--kind KIND] [--only NUMBER]
 
-Every step without a usable shape counts, but for those whose ends are further apart than the cable is long. What is
-wrong with a usable shape is found by `scene_certificate`, in numpy.
+Every step without a usable shape counts, but for those for which the cable is too short: whose ends are further apart,
+or whose shortest way on the side of the bodies where it was last (a polygon, of which bodies cut off corners) is longer
+by a thousandth than the cable. What is wrong with a usable shape is found by `scene_certificate`, in numpy.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 from figures import Figures, heading
+from scene_band import too_short
 from scene_certificate import Array, crossed, distances, judged, passed
 from scipy.spatial.transform import Rotation
 from tqdm import tqdm
@@ -199,13 +201,19 @@ def run(kind: str, number: int) -> Found:
     statuses: Counter[str] = Counter()
     wrong: Counter[str] = Counter()
     first, before = "", None
+    sides: dict[str, cs.CableShape] = {}
     for k, grips in enumerate(given.steps):
         shapes = cycle.step(grips, stamp=10_000_000 * k).shapes
         texts = []
         for name, shape in shapes.items():
-            none = not shape.usable and short(given.clips.get(name, []), shape.length, *grips[name])
+            clips = given.clips.get(name, [])
+            none = not shape.usable and (
+                short(clips, shape.length, *grips[name])
+                or (name in sides and too_short(given.cables[name], given.scene, clips, sides[name], *grips[name]))
+            )
             statuses["too far apart" if none else shape.status.name] += 1
             if shape.usable:
+                sides[name] = shape
                 texts += judged(given.cables[name], given.scene, shape, shape.supports)
         if all(shape.usable for shape in shapes.values()):
             if before is not None:

@@ -97,12 +97,12 @@ def begin(lying: Lying, net: Net, a: float) -> bool:
 def solve(
     lying: Lying, bodies: Bodies, net: Net, before: Array, out: Array, loads: Array, info: Array, points: int,
     cables: int, history: int, most: int, far: float, weight: float, limp: bool, sunk: float, drag: float,
-    horizon: float, deepest: float, fine: float,
+    running: int, horizon: float, deepest: float, fine: float,
 ) -> int:  # fmt: skip
     """Solves for what holds the cable in the trial of `lying`, to an equilibrium there: CONVERGED or UNSETTLED.
 
     Else STALLED, NOT_FINITE, BROKEN or FAR. history: so many solutions, 1 or 2, to start from. far [rad]: largest turn
-    of a frame from its prediction that is accepted. weight to drag: see `press`. out: 17 points a cable, as
+    of a frame from its prediction that is accepted. weight to running: see `press`. out: 17 points a cable, as
     CableShape.buffer; loads (k, 7): what knots carry, as `network.drive.knot_loads` has it. cables: so many of the
     first ones touch bodies. info takes three numbers of each cable, too, see `network.drive.INFO`. before to fine: see
     `look_over`; UNSETTLED is what it says, and if it finds nothing the trial has become the solution now. A failure
@@ -118,7 +118,7 @@ def solve(
     info[AGE] = math.inf
     if not there:
         return STALLED
-    status = press(lying, bodies, net, weight, limp, sunk, most, drag, factored, info)
+    status = press(lying, bodies, net, weight, limp, sunk, most, drag, running, factored, info)
     if status != CONVERGED:
         return status
     info[I_TURNED] = turned(lying.start, q)

@@ -46,6 +46,7 @@ GRIP_EXCLUSION = 0.05  # [m] of arc length at either end, within which what grip
 NONE = (0.0, 0.0, 0.0)
 # from which a contact runs: curvature of the body times the length of two elements, of the gap times that of the cable
 SHARP, ROUND = 0.6, 0.05
+STANDS = -1.0  # in place of the latter: nothing runs
 
 
 @kernel
@@ -144,9 +145,9 @@ def along_cable(q: Array, h: Array, near: Array, on: Array, k: int, least: float
     """Second derivative of the distance along the cable at a contact that runs along it [1/m]; 0 if it does not.
 
     On a body that is not sharp a contact runs if it has no neighbour; one of a pair goes where that goes. least [1/m]:
-    second derivative from which on.
+    second derivative from which on; STANDS: none runs.
     """
-    if on[k, LINK] != BARE:
+    if on[k, LINK] != BARE or least < 0.0:
         return 0.0
     edge = sharpness(q, near, k) * (h[k - 1] + h[k]) > SHARP
     if not edge and (on[k - 1, 0] != BARE or on[k + 1, 0] != BARE):

@@ -40,6 +40,7 @@ from cable_shape.kernels.contact.near import (
     PUSH,
     PUSHED,
     ROUND,
+    STANDS,
     STEP,
     TOWARD,
     allowed,
@@ -131,14 +132,15 @@ I_ITERATIONS, I_STEP, I_EXCESS, I_KNOTS, I_ASSEMBLIES, I_KICKS, I_CHANGES, I_GAP
 @kernel
 def press(
     lying: Lying, bodies: Bodies, net: Net, weight: float, limp: bool, sunk: float, most: int, drag: float,
-    factored: bool, info: Array,
+    running: int, factored: bool, info: Array,
 ) -> int:  # fmt: skip
     """Solves for the trial; CONVERGED, STALLED or NOT_FINITE.
 
     `lying` takes the last step, the network's solution does not: it is left in the right-hand sides, to be corrected.
 
     weight [N]: of all cables; limp: whether one of them is, see LIMP. sunk [m]: see `near.look`. drag [N]: moment per
-    length and angle that holds the rotations back from `Lying.start`. factored: the factors in `net` are a nearby
+    length and angle that holds the rotations back from `Lying.start`. running: iterations in which contacts run along
+    the cable, see RUNNING; 0: none does, not even on a sharp body. factored: the factors in `net` are a nearby
     solution's, and serve while steps are short. info: see I_ITERATIONS and the rest.
     """
     ints, floats, sols, space = net.ints, net.floats, net.sols, net.space
@@ -163,8 +165,8 @@ def press(
             changed += drop(near, on, s, least, one)
         deep = min(ADD + length * largest * largest, MOST)
         changed += change_links(lying, near, on, least if settled else math.inf, deep)
-        runs = ROUND / length if iterations <= RUNNING else math.inf
-        slid = slide(lying, q, near, on, masses, runs, iterations <= MERGING)
+        runs = STANDS if running == 0 else (ROUND / length if iterations <= running else math.inf)
+        slid = slide(lying, q, near, on, masses, runs, iterations <= min(MERGING, running))
         slid = max(slid, slide_pairs(lying, q, near, on))
         reuse = reuse and changed == 0 and slid < RESTLESS * length
         if laid(net, lying, on):

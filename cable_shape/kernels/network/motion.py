@@ -5,8 +5,8 @@ at the end of a step, a mass m and a drag c at the node, `hold` is m A + c C, an
 
     y = a + (lam_right - lam_left) / hold.
 
-Without mass C is 1 / dt and a is where the node was. What else may act on a node, such as bodies that it touches, has a
-place here: it changes its place and the derivative of it, `give`, and nothing else.
+Without mass C is 1 / dt and a is where the node was. What else acts on a node, the planes of bodies that it may touch
+(`touched`), changes its place and the derivative of it, `give`, and nothing else.
 
 At the end of a span the mass may sit beside the node, at y + lever d3: it turns with it.
 """
@@ -21,12 +21,15 @@ from cable_shape.kernels.rod_algebra import (
     Matrix,
     Vector,
     add,
+    apply,
+    dot,
     get3,
     get4,
     get9,
     madd,
     mscale,
     mshift,
+    msub,
     outer,
     put3,
     put9,
@@ -38,11 +41,17 @@ from cable_shape.kernels.rod_algebra import (
     tapply,
     transpose,
 )
-from cable_shape.kernels.rod_element import E3
+from cable_shape.kernels.rod_element import E3, IDENTITY
 
 #: Numbers of a node in `Motion.chain` and of a span in `Motion.ends`, see `chain`.
 CHAIN, ENDS = 87, 69
+#: Planes that a node may have, and columns of each in `Motion.walls`: body, outward normal 3, n . x at the surface [m],
+#: stiffness [N/m], push that it has at the surface [N], push.
+WALLS, WALL = 4, 8
+BODY, OUT, AT, STIFF, KEPT, PUSHED = 0, 1, 4, 5, 6, 7
 B2 = 18  # column of `Work.parts`
+MOST_SETS = 12  # that planes push
+ROUNDING = 1e-12  # [m] a node this near to a plane is as it was, in front of it or pushed by it
 
 
 class Motion(NamedTuple):
@@ -65,6 +74,7 @@ class Motion(NamedTuple):
     aim: Floats  # (n, 3) [m], to which masses beside their nodes are held
     loose: Floats  # (n,) 1: nothing but its mass holds the end of the cable, whose place is one of those inside
     tilt: Floats  # (m, 18) derivative of the force at the start and the end of a span in the rotation there [N]
+    walls: Floats  # (n, 1 + WALLS WALL) how many planes a node has, and those, see `touched`
 
 
 @viewing(forceinline=True)
@@ -88,6 +98,7 @@ def motion_of(ints: Whole, moving: Floats) -> Motion:
     o14 = o13 + k
     o15 = o14 + 3 * k
     o16 = o15 + k
+    o17 = o16 + 18 * m
     return Motion(
         part(moving, 0, (n, 3)),
         part(moving, o1, (n, 3)),
@@ -106,13 +117,15 @@ def motion_of(ints: Whole, moving: Floats) -> Motion:
         part(moving, o14, (k, 3)),
         part(moving, o15, (k,)),
         part(moving, o16, (m, 18)),
+        part(moving, o17, (k, 1 + WALLS * WALL)),
     )  # fmt: skip
 
 
 @viewing
 def motion_size(ints: Whole) -> int:
     """Numbers of what motion adds to a network with this head."""
-    return 21 * ints[0] + (22 + CHAIN) * (ints[0] + ints[1]) + (21 + ENDS) * ints[1]
+    nodes = ints[0] + ints[1]
+    return 21 * ints[0] + (23 + WALLS * WALL + CHAIN) * nodes + (21 + ENDS) * ints[1]
 
 
 @inline
@@ -134,7 +147,9 @@ def put_places(plan: Plan, model: Model, sol: Solution, motion: Motion) -> None:
             soft = 1.0 / motion.hold[node] if inner or motion.loose[node] != 0.0 else 0.0
             for c in range(9):
                 motion.give[node, c] = soft if c % 4 == 0 else 0.0
-            if inner:
+            if inner and motion.walls[node, 0] > 0.0:
+                touched(motion, node, pull_of(motion, e))
+            elif inner:
                 put3(motion.place, node, 0, add(get3(motion.origin, node), scale(soft, pull_of(motion, e))))
             elif soft != 0.0:
                 knot = plan.ends[j, 1]
@@ -142,6 +157,45 @@ def put_places(plan: Plan, model: Model, sol: Solution, motion: Motion) -> None:
                 place = add(beside_aim(motion, sol, node), scale(soft, pull))
                 put3(motion.place, node, 0, place)
                 put3(sol.pose, knot, 0, place)
+
+
+@viewing
+def touched(motion: Motion, node: int, pull: Vector) -> None:
+    """Fills place and give of a node that planes keep in front of them, and their pushes.
+
+    Plane k pushes by p_k n_k, p_k = max(0, kept_k + stiff_k (at_k - n_k . x)): x is the minimum of a convex function,
+    whose Newton steps change the set of planes that push.
+    """
+    walls, hold = motion.walls, motion.hold[node]
+    count = int(walls[node, 0])
+    a = get3(motion.origin, node)
+    x, D = add(a, scale(1.0 / hold, pull)), mscale(1.0 / hold, IDENTITY)
+    pushing = -1
+    for _ in range(MOST_SETS):
+        now = 0
+        for k in range(count):
+            i = 1 + WALL * k
+            push = walls[node, i + KEPT] + walls[node, i + STIFF] * (
+                walls[node, i + AT] - dot(take3(walls, node, i + OUT), x)
+            )
+            walls[node, i + PUSHED] = max(push, 0.0)
+            pushed = pushing >= 0 and (pushing & (1 << k)) != 0
+            now += (1 << k) if push > (-ROUNDING if pushed else ROUNDING) * walls[node, i + STIFF] else 0
+        if now == pushing:
+            break
+        pushing = now
+        force, D = pull, mscale(1.0 / hold, IDENTITY)
+        for k in range(count):
+            if now & (1 << k) == 0:
+                continue
+            i = 1 + WALL * k
+            n, stiff = take3(walls, node, i + OUT), walls[node, i + STIFF]
+            force = add(force, scale(walls[node, i + KEPT] + stiff * (walls[node, i + AT] - dot(n, a)), n))
+            Dn = apply(D, n)
+            D = msub(D, outer(scale(stiff / (1.0 + stiff * dot(n, Dn)), Dn), Dn))
+        x = add(a, apply(D, force))
+    put3(motion.place, node, 0, x)
+    put9(motion.give, node, 0, D)
 
 
 @inline

@@ -16,7 +16,7 @@ from cable_shape.kernels.network.chain import B1, B2, CC
 from cable_shape.kernels.network.compiled import inline, viewing
 from cable_shape.kernels.network.depart import energy
 from cable_shape.kernels.network.momentum import strain_of
-from cable_shape.kernels.network.motion import Motion, motion_of, pull_of, put_places, tilt_ends
+from cable_shape.kernels.network.motion import Motion, motion_of, put_places, tilt_ends
 from cable_shape.kernels.network.moving import factor, solve
 from cable_shape.kernels.network.newton import CONVERGED, NOT_FINITE, STALLED, advance
 from cable_shape.kernels.network.predict import extrapolate, follow, turn_ends, turn_knots
@@ -314,8 +314,8 @@ def strongest(plan: Plan, model: Model, motion: Motion, info: Floats) -> None:
             n = add(take3(motion.load, e, 3), get3(motion.lam, e))
             force = max(force, dot(n, n))
             if e > plan.first[j]:
-                f = pull_of(motion, e)
-                drag = max(drag, dot(f, f))
+                way = subtract(get3(motion.place, e + j), get3(motion.origin, e + j))
+                drag = max(drag, motion.hold[e + j] ** 2 * dot(way, way))
         for end in range(2):
             if plan.vertices[plan.ends[j, end], 1] >= 0:
                 node = plan.first[j + end] + j

@@ -20,7 +20,8 @@ from cable_shape.solve.harness_problem import HarnessProblem
 from cable_shape.solve.harness_shape import HarnessShape
 from cable_shape.solve.rod_common import MODEL
 from cable_shape.solve.touching.harness_state import HarnessTouchState, Laid
-from cable_shape.solve.touching.touching import TAUT, Solve
+from cable_shape.solve.touching.road import TAUT
+from cable_shape.solve.touching.touching import Solve
 
 
 def solve(

@@ -11,9 +11,23 @@ import numpy as np
 
 from cable_shape.cable.cable import Cable
 from cable_shape.checks import Array
-from cable_shape.kernels.contact import check, drive, press, respond
+from cable_shape.kernels.contact import check, drive, press, respond, run
 from cable_shape.kernels.contact.lay import room_for
-from cable_shape.kernels.contact.near import ACTIVE, APART, BARE, LINK, LINKED, NEAR, ON, PUSH, PUSHED, SPOT, TOWARD
+from cable_shape.kernels.contact.near import (
+    ACTIVE,
+    APART,
+    BARE,
+    LINK,
+    LINKED,
+    NEAR,
+    ON,
+    PUSH,
+    PUSHED,
+    ROUND,
+    SPOT,
+    TOWARD,
+    sharpness,
+)
 from cable_shape.kernels.contact.tables import Lying, Net
 from cable_shape.kernels.network import material, tables
 from cable_shape.kernels.network import respond as network_respond
@@ -32,6 +46,7 @@ MOST_ELEMENTS = 600
 #: Times as many elements as at first, from which on nodes are taken away again, if contacts make a smaller error [L];
 #: and from which on inside of rows whatever the error is.
 MANY, COARSE, FULL = 1.15, 1e-4, 1.3
+EDGE = 0.3  #: radii of the cable: a body whose surface, moved out by one, is curved by more than 1 / that has an edge
 LEAST_LENGTH = 5e-4  #: of the cable's length: shorter elements are not divided
 _NEUTRAL = 1e-6  #: modes softer than this fraction of the stiffness / length^2 count as neutral, and neutral as stable
 #: Least stretch of a cable under weight + 10 EI / L^2 + the force on a free end: between two contacts nothing else lets
@@ -87,6 +102,7 @@ class TouchState:
     def __init__(self, problem: Problem) -> None:
         self.history = self.elements = 0
         self.touching = False  # whether the last solution is in contact
+        self.tight = 1.0  # of the least stretch
         self.untidy = False  # whether contacts may have run up to nodes in it
         self.patience = Patience()  # until another way is looked for where none led on
         self.free: CableShape | None = None  # the last shape, if it is not, and the frames of its supports (b+1, 7)
@@ -216,7 +232,7 @@ class TouchState:
         self.chains = self._chained()
         cable, made = self.cable, self.cable.held.copy()
         pull = self.weight + 10.0 * self.bend_of_cables / self.length**2
-        self.stretch = max(self._stretch, _LEAST_STRETCH / (pull + self._pull_of_tips()))
+        self.stretch = max(self._stretch, self.tight * _LEAST_STRETCH / (pull + self._pull_of_tips()))
         pieces = made[cable.parts.piece].reshape(-1, tables.PIECE)
         np.maximum(pieces[:, material.COMPLIANCE + 2], self.stretch, out=pieces[:, material.COMPLIANCE + 2])
         made[tables.ELASTIC], made[tables.RIGID] = 1.0, 0.0
@@ -242,6 +258,11 @@ class TouchState:
         """Makes the cable so many times as stiff as it is."""
         self.cable.stiffen(factor)
         self.bend = factor * self.problem.cable.mean_bending_stiffness
+        self._tell()
+
+    def tighten(self, tight: float) -> None:
+        """Lets a cable that does not stretch give by this part of what it may."""
+        self.tight = tight
         self._tell()
 
     # -- the mesh
@@ -362,13 +383,14 @@ class TouchState:
             self.near, self.on, self.ends, self._grips, self.turns, self.slid, self.frames, self.reach, self._pairs,
         )  # fmt: skip
 
-    def insert(self, arcs: Array) -> bool:
-        """Adds nodes at these arc lengths; False if there is one at each already."""
+    def insert(self, arcs: Array, shortest: float = LEAST_LENGTH) -> bool:
+        """Adds nodes at these arc lengths; False if there is one at each already, or in an element shorter than this
+        part of the length."""
         nodes = self.nodes.copy()
         for arc in arcs:
             j = min(max(int(np.searchsorted(nodes, arc)), 1), nodes.size - 1)
             h = nodes[j] - nodes[j - 1]
-            if h < LEAST_LENGTH * self.length:
+            if h < shortest * self.length:
                 continue
             at = min(max(arc, nodes[j - 1] + 0.2 * h), nodes[j] - 0.2 * h)
             nodes = np.insert(nodes, j, at)
@@ -377,9 +399,9 @@ class TouchState:
         self.lay_out(nodes)
         return True
 
-    def ends_of_rows(self) -> Array:
-        """Arc lengths that `mesh.ends_of_rows` has for the last solution."""
-        least = LEAST_LENGTH * self.length
+    def ends_of_rows(self, shortest: float = LEAST_LENGTH) -> Array:
+        """Arc lengths that `mesh.ends_of_rows` has for the last solution; shortest: as for `insert`."""
+        least = shortest * self.length
         return mesh.ends_of_rows(self.nodes, self.q[NOW], self.near[NOW], self.on[NOW], least)
 
     def too_coarse(self) -> Array:
@@ -393,6 +415,25 @@ class TouchState:
         if nodes is not None:
             self.lay_out(nodes)
         return nodes is not None
+
+    @property
+    def on_edges(self) -> bool:
+        """Whether a contact of the last solution is on an edge: at a node there a cable stays where it should slide."""
+        nodes = np.flatnonzero(self.on[NOW, :, 0] != BARE)
+        return any(sharpness(self.q[NOW], self.near[NOW], k) * self.thick[k] > EDGE for k in nodes)
+
+    def run(self) -> float:
+        """Takes contacts of the last solution that have no neighbour to where the cable is nearest, with their nodes.
+
+        Returns how far [m].
+        """
+        q, near, on = self.q[NOW], self.near[NOW], self.on[NOW].copy()
+        touches = self.on[NOW, :, 0] != BARE
+        on[1:][touches[:-1]] = on[:-1][touches[1:]] = BARE
+        before = self.s.copy()
+        way = float(run.slide(self.lying, q, near, on, self.points, ROUND / self.length, False))
+        near[self.s != before, SPOT : SPOT + 3] = 0.0  # where they are now is not known
+        return way
 
     def thin(self) -> None:
         """If many nodes were added, takes away every other one that is far from where a row ends.

@@ -13,18 +13,22 @@ from cable_shape.kernels.contact import check, drive
 from cable_shape.kernels.contact.drive import UNSETTLED
 from cable_shape.kernels.contact.errors import AMISS
 from cable_shape.kernels.contact.near import GRIP_EXCLUSION
-from cable_shape.kernels.contact.press import RUNNING
+from cable_shape.kernels.contact.press import RESTLESS, RUNNING
 from cable_shape.kernels.distance import bounds, surface
 from cable_shape.kernels.network.newton import CONVERGED
 from cable_shape.shape import NUMBERS_PER_POINT
 from cable_shape.solve.problem import Problem
-from cable_shape.solve.touching.state import MOST_ELEMENTS, TouchState
+from cable_shape.solve.touching.road import Road
+from cable_shape.solve.touching.state import LEAST_LENGTH, MOST_ELEMENTS, TouchState
 
 DEEPEST = 1e-4  #: [m] a shape deeper in a body than this between nodes gets a node there
 WARM_ITERATIONS, STEP_ITERATIONS = 30, 20
 FAR = 0.7  #: A warm solve that turns a frame by more than this [rad] from its prediction is checked by small steps.
 FINE = 1.9e-4  #: of the length: an error from contacts above this, or AMISS times it in all, asks for a finer mesh
 _EXACT = 1e-5  #: of the length: an error from contacts below this is none of nodes in their way
+#: Of the length: elements shorter than this are not divided where contacts stand; their pushes would mean nothing.
+SHORTEST = 1.25e-3
+_RUNS = 8  #: of taking contacts that stand along the cable
 _ROUNDS = 8  #: of adding nodes where the cable dips into a body between them
 #: Of half a body's thickness and the cable's: how deep a point is that stands for one in the middle of the body, where
 #: points and times are at most so much apart.
@@ -41,15 +45,15 @@ class Steps:
     """The steps of one prediction; the last one's shape is in `buffer`.
 
     links (k, 7): where the links that carry bodies are to be. iterations: of all steps. loads (k, 7): of the last
-    shape on the clips. late: whether `out_of_time` has been true.
+    shape on the clips. late: whether `out_of_time` has been true. still: contacts stand at their nodes.
     """
 
-    __slots__ = ("buffer", "deadline", "iterations", "late", "links", "loads", "problem", "state")
+    __slots__ = ("buffer", "deadline", "iterations", "late", "links", "loads", "problem", "state", "still")
 
     def __init__(self, problem: Problem, state: TouchState, deadline: float) -> None:
         self.problem, self.state, self.deadline = problem, state, deadline
         self.iterations = 0
-        self.late = False
+        self.late = self.still = False
         self.links = state.bodies.link_rows(problem.links)
         self.loads: Array = np.empty((0, 7))
         self.buffer = state.new_buffer()
@@ -71,7 +75,7 @@ class Steps:
         False: the last solution is as it was.
         """
         state = self.state
-        if state.untidy:
+        if state.untidy and not self.still:
             state.tidy()
         state.target(frames)
         before = _ANYWHERE if jump else state.positions
@@ -119,10 +123,12 @@ class Steps:
     ) -> int:
         """One compiled solve."""
         state, bodies = self.state, self.state.bodies
+        running = 0 if self.still else RUNNING
         state.s_then[:] = state.s
         code: int = drive.solve(
             state.lying, bodies.kernel, state.net, before, self.buffer, state.loads, state.info, self.problem.points,
-            state.bodied, history, most, far, state.weight, state.limp, sunk, drag, bodies.horizon, deepest, fine,
+            state.bodied, history, most, far, state.weight, state.limp, sunk, drag, running, bodies.horizon, deepest,
+            fine,
         )  # fmt: skip
         self.iterations += int(state.info[0])
         if code not in (CONVERGED, UNSETTLED):
@@ -134,26 +140,60 @@ class Steps:
     def settle(self, frames: Array, sunk: float = 0.0, drag: float = 0.0, *, refine: bool = True) -> bool:
         """Adds nodes where the cable dips into a body between them and, to `refine`, where contacts are too inexact."""
         state = self.state
-        fine, exact = (share * state.length for share in (FINE, _EXACT))
+        exact, shortest = _EXACT * state.length, SHORTEST if self.still else LEAST_LENGTH
         for _ in range(_ROUNDS):
             # contacts that run were stopped: by their iterations, or by a node that is moved now
-            if refine and (state.info[0] > RUNNING or (state.info[16] > exact and state.tidy())):
+            if refine and not self.still and (state.info[0] > RUNNING or (state.info[16] > exact and state.tidy())):
                 state.target(frames)
                 if not self.again(WARM_ITERATIONS, sunk=sunk):
                     return False
             arcs = self._dips(sunk)
             deep = arcs.size > 0
-            if not deep and refine and (state.info[16] > fine or state.info[7] > AMISS * fine):
+            if not deep and refine and not self._exact():
                 of_contacts = AMISS * state.info[16]
-                arcs = state.ends_of_rows() if of_contacts > 0.5 * state.info[7] else state.too_coarse()
+                arcs = state.ends_of_rows(shortest) if of_contacts > 0.5 * state.info[7] else state.too_coarse()
             if not arcs.size:
                 return True
-            if state.elements + arcs.size > MOST_ELEMENTS or not state.insert(arcs):
+            kept = (state.copy(), self.buffer.copy(), state.info.copy()) if self.still else None
+            if state.elements + arcs.size > MOST_ELEMENTS or not state.insert(arcs, shortest):
                 return not deep
             state.target(frames)
-            if not self.again(WARM_ITERATIONS, sunk=sunk, drag=drag):
-                return False
+            if not (self.stand(frames) if self.still else self.again(WARM_ITERATIONS, sunk=sunk, drag=drag)):
+                if kept is not None:
+                    state.restore(kept[0])
+                    self.buffer[:], state.info[:] = kept[1:]
+                return kept is not None and not deep
         return not self._dips(sunk, 2.0 * DEEPEST).size
+
+    def _exact(self) -> bool:
+        """Whether the last solution's contacts make as small an error as is asked for."""
+        fine = FINE * self.state.length
+        return bool(self.state.info[16] <= fine and self.state.info[7] <= AMISS * fine)
+
+    def by_road(self, frames: Array) -> Road | None:
+        """Against drag to `frames`, in front of all bodies, to rest, which becomes the last solution; None: no way."""
+        road = Road(self.state, self.links, self.out_of_time)
+        if not road.go(frames):
+            return None
+        road.hand_over()
+        return road
+
+    def stand(self, frames: Array) -> bool:
+        """An equilibrium whose contacts stand at their nodes, from the last solution, which is near one.
+
+        Between one and the next, those without neighbours are taken along the cable to where it is nearest. None
+        are on edges.
+        """
+        self.still = True
+        for _ in range(_RUNS):
+            if self.by_road(frames) is None:
+                return False
+            self.state.target(frames)
+            if not self.again(WARM_ITERATIONS) or self.state.on_edges:
+                return False
+            if self._exact() or self.state.run() < RESTLESS * self.state.length:
+                break
+        return True
 
     def own(self, buffer: Array, c: int) -> tuple[Array, Array]:
         """Arc lengths (n,) [m] and positions (n, 3) [m] of cable c of a shape."""

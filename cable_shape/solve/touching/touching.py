@@ -23,11 +23,15 @@ from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
 from cable_shape.solve.problem import Problem
 from cable_shape.solve.rod_common import MODEL, straight_line
+from cable_shape.solve.touching.road import TAUT
 from cable_shape.solve.touching.search import approach, follow, grow, relax
 from cable_shape.solve.touching.soften import LIMP, STIFF, soften
 from cable_shape.solve.touching.state import TouchState
 from cable_shape.solve.touching.step import DEEPEST, FAR, WARM_ITERATIONS, Steps
 
+#: A cable that lacks something is let stretch so many times less, at least this part of what it may; if it lacks hardly
+#: less then, it is too short. Once it is stretched by no more than this part of its length it is let again.
+_TIGHTER, _TIGHTEST, _LESS, _EASED = 0.1, 1e-5, 0.5, 1e-6
 BURIED = 2e-4  #: [m] a grip deeper in a body than this has no shape
 _STUCK = (
     "no way from the last shape leads to one between these ends but past an obstacle, behind which the cable cannot "
@@ -36,10 +40,6 @@ _STUCK = (
 _ATTEMPTS = (1.0, 0.0, -1.0)  #: bodies come from below, grow, come from above
 _LEAST_CHORD = 1e-3  #: of the length: ends that are nearer, seen from above, tell no side
 ACCURACY = 5e-4  #: of the length: what a shape in contact is asked for where the tolerance is below
-#: Of the length: what a cable that does not stretch may seem to stretch by. It gives a little, for between two contacts
-#: a straight piece could not give otherwise: by 3.5e-5 under a tension of 35 times its weight, which leaves it as much
-#: sag. From there on what it is stretched by is what it lacks.
-TAUT = 1e-4
 
 
 def solve(problem: Problem, state: TouchState, rod: Network, *, deadline: float = math.inf) -> CableShape:
@@ -64,6 +64,14 @@ def inexact(estimate: float, allowed: float) -> str:
     return (
         f"an equilibrium in contact, but its error estimate, {estimate:.3g} m, is above {allowed:.3g} m, the larger of "
         f"`tolerance` and {ACCURACY:g} of the length. Raise `tolerance` above the estimate to accept it."
+    )
+
+
+def too_short(missing: float) -> str:
+    """What is the matter with a cable that lacks so much [m]."""
+    return (
+        f"the cable is {missing:.3g} m too short for its way past the obstacles that it lies on. "
+        "Bring the ends closer. "
     )
 
 
@@ -114,25 +122,66 @@ class Solve:
         state, steps = self.state, self.steps
         state.thin()
         if steps.go(frames, state.history, WARM_ITERATIONS, FAR) or follow(steps, frames):
-            return self._finish(Status.OK)
+            shape = self._finish(Status.OK)
+            return shape if shape.status or not state.touching else self._better(frames, shape)
+        reached = state.put_aside()
+        found = self._by_road(frames)
+        if found is not None:
+            return found
+        state.put_back(reached)
         state.move_bodies(steps.links)
         if state.patience.left > 0 and not steps.late:
             state.patience.left -= 1
             return self._no_shape(Status.NOT_CONVERGED, _STUCK)
-        reached = state.put_aside()
         if relax(steps, frames):
             return self._finish(Status.SNAPPED)
+        state.put_back(reached)
         state.move_bodies(steps.links)
         if steps.late:
             return self._no_shape(Status.BUDGET_EXCEEDED, "")
-        shape = self._anew(frames)
-        if shape is not None:
-            return shape
+        found = self._anew(frames)
+        if found is not None:
+            return found
         state.put_back(reached)
         if steps.out_of_time():
             return self._no_shape(Status.BUDGET_EXCEEDED, "")
         state.patience.fail()
         return self._no_shape(Status.NOT_CONVERGED, _STUCK)
+
+    def _better(self, frames: Array, shape: CableShape) -> CableShape:
+        """An equilibrium whose error is too large, or the same with contacts that stand, if that is exact enough."""
+        state = self.state
+        kept, info = state.put_aside(), state.info.copy()
+        found = self._by_road(frames)
+        if found is not None:
+            return found
+        state.put_back(kept)
+        state.info[:] = info
+        return shape
+
+    def _by_road(self, frames: Array) -> CableShape | None:
+        """Against drag, in front of all bodies; None if no way leads to a shape that is exact enough."""
+        state, steps = self.state, self.steps
+        road = steps.by_road(frames) if state.gaps.size == 1 else None  # not yet of several segments
+        if road is None:
+            return None
+        status = Status.SNAPPED if road.far else Status.OK
+        if not road.taut and steps.go(frames, 1, WARM_ITERATIONS, FAR):
+            shape = self._finish(status)
+            if shape.status or shape.missing_length > 0.0:
+                return shape
+        found = steps.stand(frames) and not steps.passes(state.positions, steps.buffer)
+        found = found and (steps.settle(frames) or road.taut)
+        steps.still = False
+        if found:
+            state.remember(steps.positions(steps.buffer))
+            shape = self._finish(status)
+            return shape if shape.status or shape.missing_length > 0.0 else None
+        if not road.taut:
+            return None
+        shape = self._no_shape(Status.OVERSTRETCHED, too_short(road.missing))
+        shape.missing_length = road.missing
+        return shape
 
     def _anew(self, frames: Array) -> CableShape | None:
         """From nothing, where the last solution leads nowhere; None if the cable may have come past a body on the way.
@@ -218,10 +267,46 @@ class Solve:
         state.history = 2
         shape = self._shape(status)
         self._grade(shape)
+        if shape.missing_length > 0.0 and not self.steps.late and self._tightened(shape.missing_length):
+            shape = self._shape(status)
+            self._grade(shape)
+        elif state.tight < 1.0 and self._stretch()[0] < _EASED * state.length:
+            state.tighten(1.0)
         if not state.touching:
             state.rest(shape, state.grips[NOW].copy())
             self._leave(shape)
         return shape
+
+    def _tightened(self, missing: float) -> bool:
+        """Whether a cable that lacks so much [m] has an equilibrium if it stretches less: then it is taut, no more.
+
+        That is the last solution, else it stays as it is.
+        """
+        state, steps = self.state, self.steps
+        kept, tight = (state.copy(), steps.buffer.copy(), state.info.copy()), state.tight
+        frames = state.grips[NOW].copy()
+        while missing > TAUT * state.length:
+            state.tighten(_TIGHTER * state.tight)
+            state.target(frames)
+            found = state.tight > _TIGHTEST and steps.again(WARM_ITERATIONS)
+            before, missing = missing, self._stretch()[1] if found else math.inf
+            if missing > _LESS * before:
+                break
+        else:  # the layers at what holds it have become thin
+            state.start_from(self._shape(Status.OK), frames)
+            if steps.go(frames, 1, WARM_ITERATIONS, FAR, jump=True) and steps.settle(frames):
+                return True
+        state.tighten(tight)
+        state.restore(kept[0])
+        steps.buffer[:], state.info[:] = kept[1:]
+        return False
+
+    def _stretch(self) -> tuple[float, float]:
+        """[m] by how much the cable is stretched in all, and what it lacks."""
+        state = self.state
+        last = state.arcs[state.forces]
+        found: tuple[float, float] = afterwards.stretched(self.steps.buffer, self.problem.points, state.stretch, last)
+        return found
 
     def _shape(self, status: Status) -> CableShape:
         """The solution in the buffer."""
@@ -264,10 +349,7 @@ class Solve:
         detail = ""
         if shape.missing_length > 0.0:
             shape.status, shape.error_estimate = Status.OVERSTRETCHED, math.inf
-            detail = (
-                f"the cable is {shape.missing_length:.3g} m too short for its way past the obstacles that it lies on. "
-                "Bring the ends closer; it is drawn as if it were longer."
-            )
+            detail = too_short(shape.missing_length) + "It is drawn as if it were longer."
         elif self.steps.late:
             shape.status = Status.BUDGET if within else Status.BUDGET_EXCEEDED
         elif not within:
@@ -281,11 +363,9 @@ class Solve:
 
         A free end pulls it as long as it is: only up to the last support with a given place it can be too short.
         """
-        state = self.state
         if self.problem.cable.axial_stiffness is not None:
             return 0.0
-        last = state.arcs[state.forces]
-        whole, missing = afterwards.stretched(self.steps.buffer, shape.points, state.stretch, last)
+        whole, missing = self._stretch()
         shape.error_estimate += max(0.0, whole)
         return missing if missing > TAUT * shape.length else 0.0
 

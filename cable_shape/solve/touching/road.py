@@ -1,0 +1,273 @@
+"""The road of a cable in contact: where Newton's method finds no way, it moves against drag, in front of all bodies.
+
+Every step in time is a minimum of energy and drag together (`solve.settle`), with the planes of near bodies as part
+of it (`kernels.contact.guard`): contacts are no unknowns, and nothing has to be known of what touches what. At rest the
+drag is gone, and the pushes that planes have are what the solver of contact starts from.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import final
+
+import numpy as np
+
+from cable_shape.checks import Array
+from cable_shape.kernels.contact import check, knots, lay
+from cable_shape.kernels.contact.guard import guard
+from cable_shape.kernels.contact.near import BARE, NORMAL, PRESS, SPOT
+from cable_shape.kernels.network import tables
+from cable_shape.kernels.network.motion import BODY, KEPT, OUT, PUSHED, STIFF, WALL, WALLS
+from cable_shape.kernels.network.settle import I_EXCESS, I_ITERATIONS
+from cable_shape.kernels.network.tables import BEFORE, NOW, TRIAL
+from cable_shape.solve.search import between
+from cable_shape.solve.settle import Settling
+from cable_shape.solve.touching.state import TouchState
+
+#: Of the length: what a cable that does not stretch may seem to stretch by. It gives a little, for between two contacts
+#: a straight piece could not give otherwise: by 3.5e-5 under a tension of 35 times its weight, which leaves it as much
+#: sag. From there on what it is stretched by is what it lacks.
+TAUT = 1e-4
+#: [m] bodies nearer than this to a node have a plane there.
+REACH = 0.05
+#: Stiffness of planes, in that of the elements beside them against bending, EI / h^3, of which none counts as shorter
+#: than this part of the mean.
+_FIRM, _FINEST = 100.0, 0.05
+#: Steps in time, in units of `Settling.unit`: the longest one, and the shortest one before the way is cut.
+_LONGEST, _EASY, _SHORTEST = 30.0, 0.1, 1e-7
+_LONGER, _SHORTER, _CEILING = 8.0, 0.1, 0.3
+_MOST = 100  #: steps that are tried
+#: A cable that goes more than so many times as far as what holds and pushes it, and that part of its length, snaps.
+_FAR, _LITTLE = 10.0, 2e-3
+#: Cosine of the angle by which a plane that pushes may turn in a step.
+_TURNED = 0.9
+#: What drag may still take at a node, of the largest force.
+_AT_REST = 1e-7
+#: [m] nodes that are pressed are nearer to their planes than this.
+_CLOSED = 2e-8
+#: The same of a cable that is too short, of its length, and how much stiffer its planes become until then.
+_NEARLY, _STIFFER = 1e-6, 4.0
+
+
+@final
+class Road:
+    """The last solution of a cable in contact, with drag.
+
+    links (k, 7): where the links that carry bodies are to be. out_of_time: whether to give up.
+    """
+
+    def __init__(self, state: TouchState, links: Array, out_of_time: Callable[[], bool]) -> None:
+        self.state, self.links, self.out_of_time = state, links, out_of_time
+        self.taken = self.iterations = 0
+        self.gap = self._let_in = 0.0
+        self._begin()
+        self.began = self.places.copy()
+
+    def _begin(self) -> None:
+        """Takes over the last solution, on its mesh."""
+        state = self.state
+        lying, net = state.lying, state.net
+        near, on = state.near[NOW], state.on[NOW]
+        bare = np.full_like(on, BARE)
+        if not lay.laid(net, lying, bare):
+            knots.place_nodes(net, lying.s)
+        knots.put(net, lying, NOW, near, NORMAL)
+        size = 3 * int(tables.solution_size.py_func(net.ints))
+        self.settling = settling = Settling(net.ints, net.floats, net.sols[:size], TRIAL)
+        self.rows = np.concatenate([np.arange(a, b + 1) for a, b in self.runs])  # which of the state's nodes they are
+        for j, (a, b) in enumerate(self.runs):
+            pull = settling.solution(NOW).lam[j].copy()
+            first = settling.plan.first[j]
+            for k in range(b - 1, a - 1, -1):
+                settling.motion.lam[first + k - a] = pull
+                if k > a and on[k, 0] != BARE:
+                    pull = pull + near[k, PRESS] * near[k, NORMAL : NORMAL + 3]
+        settling.motion.kept[...] = settling.motion.lam
+        known = near[self.rows, SPOT : SPOT + 3].any(axis=1)  # nodes are new where the mesh is finer than it was
+        off, s = near[self.rows[known], SPOT : SPOT + 3] - self.places[known], settling.model.s
+        for c in range(3 if known.any() else 0):
+            settling.motion.origin[:, c] += np.interp(s, s[known], off[:, c])
+        settling.motion.place[...] = settling.motion.origin
+        self.thick = state.thick[self.rows].copy()
+        self.wholes = np.full(self.rows.size, state.length)
+        around = np.gradient(settling.model.s)
+        self.stiff = _FIRM * state.bend / np.maximum(around, _FINEST * around.mean()) ** 3
+        state.unfactored()
+
+    @property
+    def runs(self) -> list[tuple[int, int]]:
+        """First and last of the state's nodes of each span."""
+        held = self.state.held.tolist()
+        return list(pairwise(held))
+
+    @property
+    def places(self) -> Array:
+        """(n, 3) [m], of the network's nodes."""
+        return self.settling.motion.origin
+
+    def go(self, frames: Array) -> bool:
+        """To rest between the supports `frames` and with the bodies at `links`; False where no way leads on."""
+        state, settling, bodies = self.state, self.settling, self.state.bodies
+        origin, links = state.grips[NOW].copy(), bodies.links_then
+        self._then = bodies.frames_then
+        self.led = float(np.linalg.norm(frames[:, :3] - origin[:, :3], axis=1).max())
+        self.led += float(np.abs(bodies.frames - bodies.frames_then).max(initial=0.0))
+        self.moved = not np.array_equal(origin, frames) or not np.array_equal(links, self.links)
+        done, part = (0.0, 1.0) if self.moved else (1.0, 1.0)
+        longest = dt = _LONGEST * settling.unit
+        for _ in range(_MOST):
+            if self.out_of_time():
+                return False
+            at = min(1.0, done + part)
+            state.move_bodies(between(links, self.links, at))
+            settling.poses[...] = between(origin, frames, at)
+            if self._step(dt):
+                self.taken += 1
+                done, part = at, _LONGER * part
+                if at == 1.0 and settling.at_rest(_AT_REST):
+                    taut = self.taut
+                    if self.gap < (_NEARLY * state.length if taut else _CLOSED):
+                        return True
+                    self.stiff *= _STIFFER if taut else 1.0
+                dt = min(_LONGER * dt, longest)
+                continue
+            if settling.info[I_EXCESS] < 0.0:  # rounding: next to what a plane holds the nodes go too easily
+                longest = dt * _CEILING
+            dt *= _SHORTER
+            if dt < _EASY * settling.unit:  # what hardly moves would be crushed at the grips
+                part = min(part, 1.0 - done) * _SHORTER if done < 1.0 else part
+            if dt < _SHORTEST * settling.unit:
+                return False
+        return False
+
+    def _step(self, dt: float) -> bool:
+        """One step in time [s] that passes nothing."""
+        settling, motion, bodies = self.settling, self.settling.motion, self.state.bodies
+        sols, kept, origin, walls = settling.sols.copy(), motion.kept.copy(), motion.origin.copy(), motion.walls.copy()
+        then = self._then
+        clear, _ = self._guard()
+        done = settling.step(dt)
+        self.iterations += int(settling.info[I_ITERATIONS])
+        if done:
+            self._told()
+            way = np.linalg.norm(motion.origin - origin, axis=1).max()
+            done = way <= clear and not self._passes(origin, then) and self._guard()[1] > _TURNED
+        if not done:
+            settling.sols[...], motion.kept[...], motion.origin[...], motion.walls[...] = sols, kept, origin, walls
+            return False
+        self._then = bodies.frames.copy()
+        return True
+
+    def _guard(self) -> tuple[float, float]:
+        """Planes where the nodes are, see `guard`."""
+        settling, bodies = self.settling, self.state.bodies.kernel
+        clear, cosine = guard(
+            settling.ints, settling.floats, settling.moving, bodies, self.thick, self.wholes, REACH, self.stiff
+        )
+        return float(clear), float(cosine)
+
+    def _passes(self, before: Array, then: Array) -> bool:
+        """Whether a node, or the middle of an element, may have come past a body."""
+        state, bodies = self.state, self.state.bodies
+        s = self.settling.model.s
+        arcs = np.empty(2 * s.size - 1)
+        arcs[::2], arcs[1::2] = s, 0.5 * (s[1:] + s[:-1])
+        found: bool = check.passes(
+            arcs, _with_middles(before), _with_middles(self.places), bodies.table, bodies.frames, then,
+            bodies.triangles, bodies.tree, state.radius, bodies.stack,
+        )  # fmt: skip
+        return found
+
+    def pushes(self) -> tuple[Array, Array, Array]:
+        """Of each of the network's nodes the body that pushes it most (n,), how hard (n,) [N] and its normal (n, 3)."""
+        walls = self.settling.motion.walls
+        rows = walls[:, 1:].reshape(-1, WALLS, WALL)
+        there = np.arange(WALLS) < walls[:, :1]
+        push = np.where(there, rows[:, :, PUSHED], 0.0)
+        k = push.argmax(axis=1)
+        at = np.arange(len(k))
+        return rows[at, k, BODY], push[at, k], rows[at, k, OUT : OUT + 3]
+
+    def _told(self) -> None:
+        """Remembers how deep nodes are in the planes that push them [m], and pushes times that [J]."""
+        walls = self.settling.motion.walls
+        rows = walls[:, 1:].reshape(-1, WALLS, WALL)[np.arange(WALLS) < walls[:, :1]]
+        rows = rows[rows[:, PUSHED] > 0.0]
+        gaps = (rows[:, PUSHED] - rows[:, KEPT]) / rows[:, STIFF]
+        self.gap, self._let_in = float(np.abs(gaps).max(initial=0.0)), float((rows[:, PUSHED] * gaps).sum())
+
+    @property
+    def far(self) -> bool:
+        """Whether the cable has gone much further than what holds and pushes it."""
+        return bool(
+            np.linalg.norm(self.places - self.began, axis=1).max() > _FAR * self.led + _LITTLE * self.state.length
+        )
+
+    @property
+    def taut(self) -> bool:
+        """Whether a cable that does not stretch is too short for its way past the bodies.
+
+        In all of its stretches, where it could run from one into the next; whose end a force pulls is not too short.
+        """
+        state = self.state
+        if state.problem.cable.axial_stiffness is not None or state.chains[-1].free[1]:
+            return False
+        if self.missing <= TAUT * state.length:
+            return False
+        h, first = self.settling.model.h, self.settling.plan.first[:-1]
+        means = np.add.reduceat(self._tension * h, first) / np.add.reduceat(h, first)
+        return not state.rings.size or bool(means.min() * state.stretch > TAUT)
+
+    @property
+    def _tension(self) -> Array:
+        """(N,) [N], of the elements."""
+        settling = self.settling
+        force = settling.motion.load[:, 3:6] + settling.motion.lam
+        q = settling.solution(NOW).q
+        middles = q[settling.plan.left] + q[settling.plan.left + 1]
+        x, y, z, w = (middles / np.linalg.norm(middles, axis=1, keepdims=True)).T
+        along = np.stack((2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)), axis=1)
+        return np.asarray((force * along).sum(axis=1))
+
+    @property
+    def missing(self) -> float:
+        """[m], by how much a cable that does not stretch is stretched, and let into the planes, by its tension."""
+        h = self.settling.model.h
+        mean = float((self._tension * h).sum() / h.sum())
+        if mean <= 0.0:
+            return 0.0
+        return mean * self.state.length * self.state.stretch + self._let_in / mean
+
+    def hand_over(self) -> None:
+        """Makes the shape at rest the last solution, and what was that the one before it."""
+        state, settling = self.state, self.settling
+        if self.moved:
+            for array in (state.q, state.near, state.on, state.ends, state.grips, state.turns, state.slid):
+                array[BEFORE] = array[NOW]
+        now = settling.solution(NOW)
+        body, push, normal = self.pushes()
+        q, near, on = state.q[NOW], state.near[NOW], state.on[NOW]
+        on[:, :2] = BARE
+        near[:, PRESS] = 0.0
+        for row, k in enumerate(self.rows):
+            q[k] = now.q[row]
+            near[k, SPOT : SPOT + 3] = self.places[row]
+            if push[row] > 0.0:
+                on[k, :2] = int(body[row])
+                near[k, PRESS], near[k, NORMAL : NORMAL + 3] = push[row], normal[row]
+        for j in range(len(self.runs)):
+            state.ends[NOW, j] = settling.motion.lam[settling.plan.first[j + 1] - 1]
+        state.grips[NOW], state.turns[NOW] = now.pose, now.turns
+        state.history, state.untidy = 1, False
+        arcs = np.linspace(0.0, state.length, state.problem.points)
+        s = settling.model.s
+        state.remember(np.stack([np.interp(arcs, s, column) for column in self.places.T], axis=1))
+        state.unfactored()
+
+
+def _with_middles(rows: Array) -> Array:
+    """(2 n - 1, 3), rows and their means in between."""
+    out = np.empty((2 * len(rows) - 1, 3))
+    out[::2], out[1::2] = rows, 0.5 * (rows[1:] + rows[:-1])
+    return out

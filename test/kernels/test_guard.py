@@ -1,0 +1,141 @@
+"""Planes of bodies at the nodes of a network in motion: where they put a node, and that nothing is behind them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as some
+from scene_certificate import distances
+from scipy.optimize import minimize
+
+import cable_shape as cs
+from cable_shape.kernels.contact.guard import guard
+from cable_shape.kernels.network import motion, tables
+from cable_shape.kernels.network.motion import AT, BODY, KEPT, OUT, PUSHED, STIFF, WALL, WALLS
+from cable_shape.kernels.network.tables import NOW
+from cable_shape.solve import cosserat
+from cable_shape.solve.network import Network
+from cable_shape.solve.problem import Problem
+from cable_shape.solve.settle import Settling
+from cable_shape.solve.touching.bodies import TouchBodies
+
+ALONG_X = (0.5, 0.5, 0.5, 0.5)
+RADIUS, REACH = 0.004, 0.3
+CABLE = cs.Cable(1.0, 0.05, 2e-3, diameter=2.0 * RADIUS)
+
+
+@pytest.fixture(scope="module")
+def settling():
+    problem = Problem(CABLE).move(cs.Pose((0, 0, 0), ALONG_X), cs.Pose((0.7, 0.1, 0.1), ALONG_X))
+    state = Network(problem)
+    assert cosserat.solve(problem, state).status is cs.Status.OK
+    return Settling(state.ints, state.floats, state.sols, NOW)
+
+
+def walled(settling, node, planes, hold):
+    """Gives a node planes (normal, at, stiff, kept)."""
+    settling.motion.walls[node] = 0.0
+    settling.motion.walls[node, 0] = len(planes)
+    for k, (normal, at, stiff, kept) in enumerate(planes):
+        row = settling.motion.walls[node, 1 + WALL * k : 1 + WALL * (k + 1)]
+        row[OUT : OUT + 3], row[AT], row[STIFF], row[KEPT] = normal, at, stiff, kept
+    settling.motion.hold[node] = hold
+
+
+def value(x, settling, node, pull, planes, hold):
+    """What a node minimises [J]."""
+    out = 0.5 * hold * float((x - settling.motion.origin[node]) @ (x - settling.motion.origin[node])) - float(pull @ x)
+    for normal, at, stiff, kept in planes:
+        out += 0.5 * max(0.0, kept + stiff * (at - normal @ x)) ** 2 / stiff
+    return out
+
+
+@given(some.integers(0, 10**6))
+def test_a_node_goes_where_planes_and_drag_hold_it_and_gives_as_differences_say(settling, seed):
+    rng = np.random.default_rng(seed)
+    node, hold = 5, 10.0 ** rng.uniform(-2, 2)
+    a, pull = settling.motion.origin[node].copy(), rng.normal(size=3)
+    planes = []
+    for _ in range(rng.integers(1, WALLS + 1)):
+        normal = rng.normal(size=3)
+        normal /= np.linalg.norm(normal)
+        planes.append((normal, normal @ a + 0.02 * rng.normal(), 10.0 ** rng.uniform(1, 3), rng.choice((0.0, 0.5))))
+
+    def place(pull):
+        walled(settling, node, planes, hold)
+        motion.touched(settling.motion, node, tuple(pull))
+        return settling.motion.place[node].copy()
+
+    x = place(pull)
+    give = settling.motion.give[node].reshape(3, 3).copy()
+    pushes = settling.motion.walls[node, 1:].reshape(WALLS, WALL)[: len(planes), PUSHED].copy()
+    assert pushes == pytest.approx([max(0.0, k + s * (at - n @ x)) for n, at, s, k in planes], abs=1e-9)
+    forces = pull - hold * (x - a) + sum(p * plane[0] for p, plane in zip(pushes, planes, strict=True))
+    assert np.abs(forces).max() < 1e-9 * (1.0 + hold)
+    best = minimize(value, x, (settling, node, pull, planes, hold), tol=1e-14)
+    assert value(x, settling, node, pull, planes, hold) <= best.fun + 1e-12
+    step = 1e-7
+    turned = np.array([(place(pull + step * e) - place(pull - step * e)) / (2.0 * step) for e in np.eye(3)]).T
+    same = settling.motion.walls[node, 1:].reshape(WALLS, WALL)[: len(planes), PUSHED] > 0.0
+    if ((pushes > 0.0) == same).all() and np.abs(pushes[pushes > 0.0]).min(initial=1.0) > 1e-3:
+        assert give == pytest.approx(turned, rel=1e-5, abs=1e-8 / hold)
+
+
+SOLIDS = (cs.Sphere(0.05), cs.Box((0.2, 0.1, 0.05)), cs.Cylinder(0.04, 0.3), cs.Capsule(0.03, 0.2), cs.HalfSpace())
+
+
+@given(some.integers(0, 10**6))
+def test_all_of_a_body_is_behind_the_planes_that_nodes_have(settling, seed):
+    rng = np.random.default_rng(seed)
+    solid = SOLIDS[rng.integers(len(SOLIDS))]
+    turn = rng.normal(size=4)
+    pose = cs.Pose((0.35, 0.0, -0.15) + 0.1 * rng.normal(size=3), turn / np.linalg.norm(turn))
+    bodies = TouchBodies()
+    bodies.take((cs.Obstacle("it", solid, pose),), frozenset(), None, RADIUS)
+    n = settling.motion.walls.shape[0]
+    settling.motion.walls[...] = 0.0
+    one = np.ones(n)
+    clear, _ = guard(
+        settling.ints, settling.floats, settling.moving, bodies.kernel, RADIUS * one, one, REACH, 100.0 * one
+    )
+    inside = []
+    for node in range(1, n - 1):
+        gap = float(distances(solid, pose, settling.places[node][None])[0]) - RADIUS
+        if not settling.motion.walls[node, 0]:
+            assert gap > REACH - 1e-9
+            assert clear <= gap + 1e-9
+            continue
+        row = settling.motion.walls[node, 1 : 1 + WALL]
+        assert row[BODY] == 0.0
+        assert row[OUT : OUT + 3] @ settling.places[node] - row[AT] == pytest.approx(gap, abs=1e-9)
+        if gap > -RADIUS:  # with the node outside of the body itself
+            inside.append(row[[OUT, OUT + 1, OUT + 2, AT]])
+    cloud = rng.uniform(-0.2, 0.2, (2000, 3)) + pose.position
+    within = cloud[distances(solid, pose, cloud) < 0.0]
+    for *normal, at in inside:
+        assert (within @ np.array(normal) < at - RADIUS + 1e-9).all()
+
+
+def test_pushes_go_with_their_bodies(settling):
+    table = cs.Obstacle("table", cs.HalfSpace(), cs.Pose((0, 0, -0.3)))
+    ball = cs.Obstacle("ball", cs.Sphere(0.05), cs.Pose((0.35, 0.0, -0.2)))
+    n = settling.motion.walls.shape[0]
+    settling.motion.walls[...] = 0.0
+    one = np.ones(n)
+
+    def look(*found):
+        bodies = TouchBodies()
+        bodies.take(found, frozenset(), None, RADIUS)
+        guard(settling.ints, settling.floats, settling.moving, bodies.kernel, RADIUS * one, one, 1.0, 100.0 * one)
+        return settling.motion.walls[1:-1, 1:].reshape(n - 2, WALLS, WALL)
+
+    rows = look(ball, table)
+    assert (settling.motion.walls[1:-1, 0] == 2).all()
+    rows[:, 0, PUSHED], rows[:, 1, PUSHED] = 0.25, 0.5
+    again = look(ball, table)
+    assert (again[:, 0, KEPT] == 0.25).all()
+    assert (again[:, 1, KEPT] == 0.5).all()
+    assert (again[:, 0, STIFF] == 100.0).all()
+    settling.motion.walls[...] = 0.0
+    assert tables.plan_of.py_func(settling.ints).ends.shape == (1, 2)
