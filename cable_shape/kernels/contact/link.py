@@ -3,7 +3,8 @@
 Two cables touch where they come nearest, without friction: D, the least distance of the centrelines around the knots a
 and b, is at least the `reach` R, and the push p along n = (y_a - y_b) / |y_a - y_b| is its multiplier. With arc lengths
 s_a, s_b counted from the knots, r = (n . t_a, -n . t_b) are the slopes of the distance and S its second derivatives
-there. Both are eliminated: in z = (theta_a, y_a, theta_b, y_b) the energy - p D has the second derivative
+there. Both are eliminated, but for one that leads to the mouth of a grip or a clip, where the knot stays: in
+z = (theta_a, y_a, theta_b, y_b) the energy - p D has the second derivative
 
     -p (D_zz - B^T S^-1 B),   B = D_sz,
 
@@ -61,6 +62,8 @@ from cable_shape.kernels.rod_algebra import (
 REACH, CREEP = 0.6, 0.05  # of the distance to be kept, that two cables come nearer in one step, at most and at least
 SOON = 0.9  # of that distance: a pair nearer than this does not wait
 LEAST = 1e-3  # of the square of the second derivatives without bending: where less is left of them, bending is left out
+# of the distance to be kept, and of the least way to the next node: a knot nearer to a grip or a clip goes no further
+MOUTH, STOPS = 0.25, 1.1
 MOST_SLIDE = 2.0  # of the distance to be kept, that a pair runs at a time
 # of its way that a knot has before it, and of the least that it may have: where there is less the next node moves
 ROOM, ROOMY = 3.0, 1.5
@@ -129,7 +132,31 @@ def slopes(lying: Lying, q: Array, near: Array, i: int) -> tuple[float, float, f
     if not (h11 > 0.0 and det > LEAST * f * f):
         h11, h22 = g11, g22
         det = max(h11 * h22 - g12 * g12, LEAST * f * f)
+    stop_a = stopped(lying, a, g12 * rb - h22 * ra, lying.reach[i])
+    stop_b = stopped(lying, b, g12 * ra - h11 * rb, lying.reach[i])
+    if stop_a or stop_b:
+        return (
+            0.0 if stop_a else ra, 0.0 if stop_b else rb, 0.0 if stop_a else 1.0 / max(h11, LEAST * f), 0.0,
+            0.0 if stop_b else 1.0 / max(h22, LEAST * f),
+        )  # fmt: skip
     return ra, rb, h22 / det, -g12 / det, h11 / det
+
+
+@viewing
+def stopped(lying: Lying, k: int, way: float, reach: float) -> bool:
+    """Whether node k, which would go that way along its cable, has come to the mouth of what holds it there."""
+    j = k + 1 if way > 0.0 else k - 1
+    apart = lying.h[k] if way > 0.0 else lying.h[k - 1]
+    return bool(is_support(lying, j) and apart <= max(MOUTH * reach, STOPS * NARROWEST * (lying.h[k - 1] + lying.h[k])))
+
+
+@viewing
+def is_support(lying: Lying, k: int) -> bool:
+    """Whether a node is a support."""
+    count = 0
+    for held in lying.held:
+        count += held == k
+    return count > 0
 
 
 @viewing
@@ -312,9 +339,6 @@ def make_room(lying: Lying, q: Array, near: Array, on: Array, k: int, way: float
     if ahead > max(ROOM * abs(way), ROOMY * NARROWEST * both):
         return 0.0
     j = k + 1 if way > 0.0 else k - 1
-    taken = is_knot(on, j)
-    for held in lying.held:
-        taken = taken or held == j
-    if taken:
+    if is_knot(on, j) or is_support(lying, j):
         return 0.0
     return abs(run_by(lying, q, near, j, math.copysign(max(ROOM * abs(way), NARROWEST * both), way)))

@@ -12,9 +12,12 @@ import numpy as np
 
 from cable_shape.checks import Array
 from cable_shape.kernels.distance import apart, cable_near
+from cable_shape.pose import FreeEnd
 from cable_shape.shape import CableShape
 from cable_shape.solve.problem import CLIP_SPACING, Problem
 
+_TIP = 1.0  #: diameters: nearer to a free end another cable slips off
+_MOUTH = 0.3  #: of the distance to be kept, from a grip to where a cable may be touched at least
 DEEPEST = 1e-4  #: [m] cables that overlap by more than this between their points touch
 SHORTEST = math.pi  #: diameters of cable between two points of it that may touch
 _PARALLEL = math.cos(math.radians(15.0))  #: cables that cross at a smaller angle lie along each other
@@ -168,7 +171,8 @@ class Places:
             own = [float(arc) for spot in spots for arc, i in zip(spot.arcs, spot.cables, strict=True) if i == cable]
             length = problem.cable.length
             held = sorted([0.0, *(clip.arc_length for clip in problem.clips), length, *own])
-            if own and min(b - a for a, b in pairwise(held)) < CLIP_SPACING * length:
+            slips = isinstance(problem.end, FreeEnd) and own and length - max(own) < _TIP * self._diameters[cable]
+            if own and (slips or min(b - a for a, b in pairwise(held)) < CLIP_SPACING * length):
                 where = "at a grip, at a clip or by two others in one place"
                 return f"cable {self._names[cable]!r} is touched {where}, which is not solved for. "
         return ""
@@ -220,12 +224,23 @@ class Places:
         shortest = SHORTEST * self._diameters[pair[0]]
         count = cable_near.spots(p, a.arc_length, r, b.arc_length, own, shortest, reach, aside, self._out)
         rows = self._out[:count].copy()
+        for row in rows:
+            self._keep_off_mouths(row, pair, ((a, p), (b, r)))
         found = [
             Spot(pair, row[1:3], row[3:9].reshape(2, 3), self.reach(pair), row[1:3].copy())
             for row in rows
             if not any(_slopes_to(row, other, a, b, p, r) for other in rows)
         ]
         return [spot for spot in found if not any(_same(spot, other, aside) for other in known)]
+
+    def _keep_off_mouths(self, row: Array, pair: Pair, lines: tuple[tuple[CableShape, Array], ...]) -> None:
+        """Puts a place next to a grip at its mouth: there the knot of a pair stops."""
+        off = _MOUTH * self.reach(pair)
+        for side, (shape, line) in enumerate(lines):
+            arc = min(max(row[1 + side], off), shape.length - off)
+            if arc != row[1 + side]:
+                row[1 + side] = arc
+                row[3 + 3 * side : 6 + 3 * side] = [np.interp(arc, shape.arc_length, c) for c in line.T]
 
 
 def _slopes_to(row: Array, other: Array, a: CableShape, b: CableShape, p: Array, r: Array) -> bool:

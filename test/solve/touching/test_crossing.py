@@ -418,3 +418,30 @@ def test_a_cable_on_itself_has_a_tube():
     way = 0.5 * np.subtract(*(wound(TWISTED.replace(length=x)).shapes["cable"].positions for x in lengths))
     expected = way[:, :, None] * way[:, None, :]
     assert report.tubes["cable"].covariance == pytest.approx(expected, abs=0.02 * np.abs(expected).max())
+
+
+def test_a_cable_that_slides_to_the_mouth_of_a_grip_is_held_there_until_it_slips_off():
+    half = math.sqrt(0.5)
+    across = (-half, 0.0, 0.0, half)
+    lower, upper = cs.Cable(0.8, 0.05, 5e-3, diameter=0.008), cs.Cable(0.9, 0.08, 5e-3, diameter=0.006)
+    cycle = cs.Cycle({"lower": lower, "upper": upper}, scene=cs.Scene(contact="solve"), model="cosserat", points=400)
+    held = cs.Pose((0.0, 0.0, 0.0), (0.5, 0.5, 0.5, 0.5)), cs.Pose((0.7, 0.0, 0.0), (0.5, 0.5, 0.5, 0.5))
+    way = [(0.02, z) for z in np.linspace(0.3, 0.23, 15)] + [(x, 0.23) for x in np.linspace(0.02, -0.16, 91)]
+    nearest, slipped = [], False
+    for k, (x, z) in enumerate(way):
+        ends = tuple(cs.Pose((x, y, z), across) for y in (-0.35, 0.35))
+        shapes = cycle.step({"lower": held, "upper": ends}, stamp=k * 10_000_000).shapes
+        assert all(shape.usable for shape in shapes.values()), (x, z)
+        if shapes["lower"].contacts:
+            assert not slipped
+            (own,), (other,) = shapes["lower"].contacts, shapes["upper"].contacts
+            assert own.force == pytest.approx(other.force, rel=1e-9)
+            assert other.arc_length == pytest.approx(0.45, abs=0.002)
+            nearest.append(own.arc_length)
+        slipped = bool(nearest) and not shapes["lower"].contacts
+    assert nearest[10:] == sorted(nearest[10:], reverse=True)
+    assert 0.0005 < nearest[-1] < 0.006
+    assert slipped
+    below = shapes["upper"].positions[200]
+    assert below[2] < -0.02
+    assert below[0] < -0.1
