@@ -103,6 +103,7 @@ class TouchState:
         self.history = self.elements = 0
         self.touching = False  # whether the last solution is in contact
         self.tight = 1.0  # of the least stretch
+        self.layer = math.inf  # [m], at what holds the cable, for which the mesh was made because tension is high
         self.untidy = False  # whether contacts may have run up to nodes in it
         self.patience = Patience()  # until another way is looked for where none led on
         self.free: CableShape | None = None  # the last shape, if it is not, and the frames of its supports (b+1, 7)

@@ -29,6 +29,8 @@ from cable_shape.solve.touching.soften import LIMP, STIFF, soften
 from cable_shape.solve.touching.state import TouchState
 from cable_shape.solve.touching.step import DEEPEST, FAR, WARM_ITERATIONS, Steps
 
+#: Of the layers of the last mesh: of thinner ones a new one is made.
+_THINNER = 0.7
 #: A cable that lacks something is let stretch so many times less, at least this part of what it may; if it lacks hardly
 #: less then, it is too short. Once it is stretched by no more than this part of its length it is let again.
 _TIGHTER, _TIGHTEST, _LESS, _EASED = 0.1, 1e-5, 0.5, 1e-6
@@ -272,6 +274,9 @@ class Solve:
             self._grade(shape)
         elif state.tight < 1.0 and self._stretch()[0] < _EASED * state.length:
             state.tighten(1.0)
+        if shape.status and state.touching and not self.steps.late and self._layered(shape):
+            shape = self._shape(status)
+            self._grade(shape)
         if not state.touching:
             state.rest(shape, state.grips[NOW].copy())
             self._leave(shape)
@@ -292,11 +297,27 @@ class Solve:
             before, missing = missing, self._stretch()[1] if found else math.inf
             if missing > _LESS * before:
                 break
-        else:  # the layers at what holds it have become thin
-            state.start_from(self._shape(Status.OK), frames)
-            if steps.go(frames, 1, WARM_ITERATIONS, FAR, jump=True) and steps.settle(frames):
-                return True
+        else:
+            return True
         state.tighten(tight)
+        state.restore(kept[0])
+        steps.buffer[:], state.info[:] = kept[1:]
+        return False
+
+    def _layered(self, shape: CableShape) -> bool:
+        """Whether the solution is one on a new mesh, for tension has made the layers at what holds the cable thin."""
+        state, steps = self.state, self.steps
+        if state.gaps.size > 1:
+            return False
+        layer = math.sqrt(state.bend / max(float(np.linalg.norm(shape.force, axis=1).max()), 1e-300))
+        beside = state.held[:-1]
+        if layer > min(float(state.h[beside].max()), _THINNER * state.layer):
+            return False
+        kept, frames = (state.copy(), steps.buffer.copy(), state.info.copy()), state.grips[NOW].copy()
+        state.layer = layer
+        state.start_from(shape, frames)
+        if steps.go(frames, 1, WARM_ITERATIONS, FAR, jump=True) and steps.settle(frames):
+            return True
         state.restore(kept[0])
         steps.buffer[:], state.info[:] = kept[1:]
         return False

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from scene_random import run
 
 import cable_shape as cs
 from cable_shape.safety.clearance import ClearanceChecker
@@ -209,3 +210,10 @@ def test_bodies_that_leave_no_way_from_below_or_above_come_from_a_side():
     assert shape.contacts
     clearance = ClearanceChecker(cs.Scene(obstacles=bars), cable=cable).check(shape)
     assert min(body.distance for body in clearance.bodies) > -3e-4
+
+
+@pytest.mark.parametrize("number", [62, 95])
+def test_a_cable_in_a_clip_and_in_contact_that_is_all_but_taut_has_moments_that_balance_its_forces(number):
+    found = run("clips and contact", number)
+    assert not found.wrong, found.first
+    assert found.statuses["OK"] >= 7
