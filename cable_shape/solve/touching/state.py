@@ -103,6 +103,7 @@ class TouchState:
         self.history = self.elements = 0
         self.touching = False  # whether the last solution is in contact
         self.tight = 1.0  # of the least stretch
+        self.widest = 0.0  # [m], element behind a support, when the mesh was laid out
         self.layer = math.inf  # [m], at what holds the cable, for which the mesh was made because tension is high
         self.untidy = False  # whether contacts may have run up to nodes in it
         self.patience = Patience()  # until another way is looked for where none led on
@@ -325,6 +326,7 @@ class TouchState:
         self.frames: Array = np.zeros((self._arcs.size, 7))
         self.held: Any = np.abs(nodes[:, None] - self._arcs).argmin(axis=0)
         self._pairs: Any = np.zeros((len(self.links), 2), np.int64)
+        self.widest = float(self.h[self.held[:-1]].max())
         self.loads: Array = np.zeros((n + 1, 7))
         self.s_then: Array = self.s.copy()  # before the last step
         self.unfactored()

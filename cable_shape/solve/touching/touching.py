@@ -307,11 +307,11 @@ class Solve:
     def _layered(self, shape: CableShape) -> bool:
         """Whether the solution is one on a new mesh, for tension has made the layers at what holds the cable thin."""
         state, steps = self.state, self.steps
-        if state.gaps.size > 1:
+        pull = float(np.abs(state.ends[NOW]).max())  # within sqrt(3) of the largest force, but for what lies on bodies
+        if pull * state.widest**2 < state.bend or state.gaps.size > 1:
             return False
-        layer = math.sqrt(state.bend / max(float(np.linalg.norm(shape.force, axis=1).max()), 1e-300))
-        beside = state.held[:-1]
-        if layer > min(float(state.h[beside].max()), _THINNER * state.layer):
+        layer = math.sqrt(state.bend / pull)
+        if layer > _THINNER * state.layer:
             return False
         kept, frames = (state.copy(), steps.buffer.copy(), state.info.copy()), state.grips[NOW].copy()
         state.layer = layer
