@@ -8,7 +8,17 @@ import numpy as np
 
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.contact.near import BARE, EXACT, GRIP_EXCLUSION, NONE, NORMAL, SPOT
+from cable_shape.kernels.contact.near import (
+    BARE,
+    EXACT,
+    GRIP_EXCLUSION,
+    NONE,
+    NORMAL,
+    SECOND,
+    SECOND_EXACT,
+    SECOND_NORMAL,
+    SPOT,
+)
 from cable_shape.kernels.distance.surface import reach_of, touch
 from cable_shape.kernels.rod_algebra import (
     Vector,
@@ -113,7 +123,7 @@ def passes(
 
 @kernel
 def touches(s: Array, near: Array, on: Array, thick: Array, out: Array) -> int:
-    """Fills out (N, 9) with the contacts of a solution, see TOUCH; returns how many there are."""
+    """Fills out (2 N, 9) with the contacts of a solution, see TOUCH; returns how many there are."""
     count = 0
     for k in range(s.shape[0]):
         if on[k, 0] == BARE or not near[k, EXACT] > 0.0:
@@ -125,4 +135,10 @@ def touches(s: Array, near: Array, on: Array, thick: Array, out: Array) -> int:
         put3(out, count, 5, n)
         out[count, 8] = near[k, EXACT]
         count += 1
+        if on[k, SECOND] != BARE and near[k, SECOND_EXACT] > 0.0:
+            n = take3(near, k, SECOND_NORMAL)
+            out[count, 0], out[count, 1], out[count, 8] = s[k], on[k, SECOND], near[k, SECOND_EXACT]
+            put3(out, count, 2, subtract(take3(near, k, SPOT), scale(thick[k], n)))
+            put3(out, count, 5, n)
+            count += 1
     return count

@@ -15,15 +15,22 @@ from cable_shape.kernels.contact.near import (
     ACTIVE,
     BARE,
     CURVED,
+    FLATTEST,
     GAP,
     LINKED,
     NONE,
     NORMAL,
     PRESS,
     PUSH,
+    SECOND,
+    SECOND_CURVED,
+    SECOND_GAP,
+    SECOND_NORMAL,
+    SECOND_PRESS,
     SPOT,
     TOWARD,
     along_cable,
+    pressed,
     tangent_of,
 )
 from cable_shape.kernels.contact.tables import Lying, Net
@@ -50,6 +57,7 @@ from cable_shape.kernels.rod_algebra import (
     get3,
     get4,
     get9,
+    madd,
     mscale,
     put3,
     put9,
@@ -108,7 +116,7 @@ def put(net: Net, lying: Lying, which: int, near: Array, normal: int) -> None:
         else:
             k = net.where[knot]
             force = add(add(get3(sol.lam, x + 1), get3(model.weight, x + 1)), get3(model.force, knot))
-            force = add(force, scale(near[k, PRESS], take3(near, k, normal)))
+            force = add(force, pressed(near, k, normal))
             force = add(force, scale(near[k, PUSH], take3(near, k, TOWARD)))
         put3(sol.lam, x, 0, force)
     for i in range(plan.vertices.shape[0]):
@@ -210,6 +218,9 @@ def press_on(net: Net, q: Array, h: Array, near: Array, on: Array, least: float,
         n = take3(near, k, NORMAL)
         force = max(near[k, PRESS], 0.0)
         H = get9(near, k, CURVED)
+        if on[k, SECOND] != BARE:
+            largest = max(largest, press_into_corner(net, near, i, k, drag, factored))
+            continue
         pull = get3(work.pull, i)  # no force out of the surface is unbalanced, whatever plane the factors are of
         put3(work.pull, i, 0, subtract(pull, scale(dot(pull, n), n)))
         if not factored:
@@ -237,6 +248,26 @@ def press_on(net: Net, q: Array, h: Array, near: Array, on: Array, least: float,
 
 
 @viewing
+def press_into_corner(net: Net, near: Array, i: int, k: int, drag: float, factored: bool) -> float:
+    """The same of contact i, at node k between two bodies: its place is free along the edge where they meet."""
+    model, work = model_of(net.ints, net.floats), work_of(net.ints, net.space)
+    e = cross(take3(near, k, NORMAL), take3(near, k, SECOND_NORMAL))
+    e = scale(1.0 / math.sqrt(max(dot(e, e), FLATTEST)), e)
+    pull = get3(work.pull, i)
+    put3(work.pull, i, 0, scale(dot(pull, e), e))
+    if not factored:
+        put9(model.along, i, 0, (e[0], 0.0, 0.0, e[1], 0.0, 0.0, e[2], 0.0, 0.0))
+        put9(model.bent, i, 0, mscale(-max(near[k, PRESS], 0.0), get9(near, k, CURVED)))
+        second = mscale(-max(near[k, SECOND_PRESS], 0.0), get9(near, k, SECOND_CURVED))
+        put9(model.bent, i, 0, madd(get9(model.bent, i, 0), second))
+        for c in range(3):
+            model.bent[i, 4 * c] -= drag / model.par[LENGTH]
+        for c in range(6):
+            model.lean[i, c] = 0.0
+    return max(abs(near[k, GAP]), abs(near[k, SECOND_GAP]))
+
+
+@viewing
 def stand_free(model: Model, i: int, drag: float) -> None:
     """Tells the model that no body presses on contact i."""
     put9(model.along, i, 0, IDENTITY)
@@ -256,7 +287,14 @@ def step_out(net: Net, lying: Lying, near: Array, on: Array, share: float) -> No
         if on[k, 0] == BARE:
             put3(given, i, 0, NONE)
             continue
-        put3(given, i, 0, scale(-share * near[k, GAP], take3(near, k, NORMAL)))
+        step = scale(-share * near[k, GAP], take3(near, k, NORMAL))
+        if on[k, SECOND] != BARE:
+            n, m = take3(near, k, NORMAL), take3(near, k, SECOND_NORMAL)
+            c = dot(n, m)
+            f = -share / max(1.0 - c * c, FLATTEST)
+            step = scale(f * (near[k, GAP] - c * near[k, SECOND_GAP]), n)
+            step = add(step, scale(f * (near[k, SECOND_GAP] - c * near[k, GAP]), m))
+        put3(given, i, 0, step)
 
 
 @viewing

@@ -1,11 +1,13 @@
 """Which nodes of a cable touch which bodies: gaps, normals and curvatures at the nodes.
 
-    near  (N+1, 28) of a node: contact force p [N] | gap to the nearest body [m] | its outward normal 3 | curvature of
+    near  (N+1, 43) of a node: contact force p [N] | gap to the nearest body [m] | its outward normal 3 | curvature of
                     its surface 9 | place 3 | change of place in the last step 3 | contact force corrected [N] | 1: its
                     contact has just ended | push of another cable [N] | direction from there 3 | how far that is [m] |
-                    the push corrected [N]
-    on    (N+1, 4)  row of the body that the node is pressed on, -1: none | row of the nearest body, -1: none near |
-                    2 i or 2 i + 1 at pair i, -1: of none, see `link` | 1: the pair's cables touch
+                    the push corrected [N] | of a second body: contact force, gap, normal 3, curvature 9, force
+                    corrected
+    on    (N+1, 5)  row of the body that the node is pressed on, -1: none | row of the nearest body, -1: none near |
+                    2 i or 2 i + 1 at pair i, -1: of none, see `link` | 1: the pair's cables touch | row of a second
+                    body that the node is pressed on
 
 A cable cannot come nearer to a body faster than along its arc length, so that a node at the distance d rules out all
 nodes within d of it.
@@ -36,11 +38,13 @@ from cable_shape.kernels.rod_algebra import (
 )
 from cable_shape.kernels.rod_element import relative
 
-NEAR, ON = 28, 4  # columns of `near` and `on`
+NEAR, ON = 43, 5  # columns of `near` and `on`
 PRESS, GAP, NORMAL, CURVED, SPOT, STEP, EXACT, ENDED = 0, 1, 2, 5, 14, 17, 20, 21
 PUSH, TOWARD, APART, PUSHED = 22, 23, 26, 27
-LINK, LINKED = 2, 3
+SECOND_PRESS, SECOND_GAP, SECOND_NORMAL, SECOND_CURVED, SECOND_EXACT = 28, 29, 30, 33, 42
+LINK, LINKED, SECOND = 2, 3, 4
 BARE, ACTIVE, WAITS = -1, 1, 2
+FLATTEST = 1e-3  # of the square of the sine between two normals at a node: as far as flatter corners count
 MARGIN = 0.03  # [m] bodies further from a node than this are not looked at
 GRIP_EXCLUSION = 0.05  # [m] of arc length at either end, within which what grips the cable is no body to it
 NONE = (0.0, 0.0, 0.0)
@@ -69,7 +73,7 @@ def look(
         exclusion = GRIP_EXCLUSION if bodies[b, 12] != 0.0 else 0.0
         k = first_node + 1
         while k < last_node:
-            if s[k] < exclusion or s[k] > s[last_node] - exclusion:
+            if s[k] < exclusion or s[k] > s[last_node] - exclusion or on[k, SECOND] == b:
                 k += 1
                 continue
             held = on[k, 0] == b
@@ -92,8 +96,15 @@ def look(
                     k += 1
     for k in range(first_node + 1, last_node):
         if on[k, 1] == BARE:
-            on[k, 0] = BARE
-            near[k, PRESS] = 0.0
+            on[k, 0] = on[k, SECOND] = BARE
+            near[k, PRESS] = near[k, SECOND_PRESS] = 0.0
+        b = on[k, SECOND]
+        if b != BARE:
+            side = take3(near, k, SECOND_NORMAL)
+            d, n, H = touch(bodies[b], frames[b], triangles, nodes, take3(near, k, SPOT), side, True, stack)
+            near[k, SECOND_GAP] = d - thick[k] + sunk
+            put3(near, k, SECOND_NORMAL, n)
+            put9(near, k, SECOND_CURVED, H)
 
 
 @viewing
@@ -101,6 +112,22 @@ def tangent_of(q: Array, k: int) -> Vector:
     """Third axis of the frame of node k."""
     x, y, z, w = q[k, 0], q[k, 1], q[k, 2], q[k, 3]
     return (2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y))
+
+
+@viewing
+def pressed(near: Array, k: int, normal: int) -> Vector:
+    """[N], of the bodies on node k; normal: column with the first one's direction."""
+    own = scale(near[k, PRESS], take3(near, k, normal))
+    return add(own, scale(near[k, SECOND_PRESS], take3(near, k, SECOND_NORMAL)))
+
+
+@viewing
+def split(near: Array, k: int, v: Vector) -> tuple[float, float]:
+    """The parts along both normals of a vector in the plane that they span."""
+    n, m = take3(near, k, NORMAL), take3(near, k, SECOND_NORMAL)
+    c, a, b = dot(n, m), dot(v, n), dot(v, m)
+    f = 1.0 / max(1.0 - c * c, FLATTEST)
+    return f * (a - c * b), f * (b - c * a)
 
 
 @viewing
@@ -113,7 +140,7 @@ def turning(q: Array, h: Array, near: Array, k: int, flex: Array) -> Vector:
     a, b = h[k - 1], h[k]
     f = 1.0 / (a + b)
     u = add(scale(2.0 * f * b / a, left), scale(2.0 * f * a / b, right))
-    force = add(scale(near[k, PRESS], take3(near, k, NORMAL)), scale(near[k, PUSH], take3(near, k, TOWARD)))
+    force = add(pressed(near, k, NORMAL), scale(near[k, PUSH], take3(near, k, TOWARD)))
     N = tapply(rotation(get4(q, k)), force)
     bend = -0.5 * f * a * b * flex[k]
     return add(u, (-bend * N[1], bend * N[0], 0.0))
@@ -147,7 +174,7 @@ def along_cable(q: Array, h: Array, near: Array, on: Array, k: int, least: float
     On a body that is not sharp a contact runs if it has no neighbour; one of a pair goes where that goes. least [1/m]:
     second derivative from which on; STANDS: none runs.
     """
-    if on[k, LINK] != BARE or least < 0.0:
+    if on[k, LINK] != BARE or on[k, SECOND] != BARE or least < 0.0:
         return 0.0
     edge = sharpness(q, near, k) * (h[k - 1] + h[k]) > SHARP
     if not edge and (on[k - 1, 0] != BARE or on[k + 1, 0] != BARE):

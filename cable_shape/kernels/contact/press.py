@@ -40,15 +40,19 @@ from cable_shape.kernels.contact.near import (
     PUSH,
     PUSHED,
     ROUND,
+    SECOND,
+    SECOND_EXACT,
+    SECOND_PRESS,
     STANDS,
     STEP,
     TOWARD,
     allowed,
     lean,
     look,
+    split,
 )
 from cable_shape.kernels.contact.run import slide
-from cable_shape.kernels.contact.sets import drop, grow, misplaced, spare_clips
+from cable_shape.kernels.contact.sets import drop, grow, meet, misplaced, spare_clips
 from cable_shape.kernels.contact.tables import Bodies, Lying, Net
 from cable_shape.kernels.network.compiled import inline, viewing
 from cable_shape.kernels.network.graph import factor, solve, step_of_force
@@ -186,6 +190,10 @@ def press(
         look_around(net, lying, near, on, bodies, sunk)
         look_at_links(lying, near)
         spare_clips(near, on, lying.held)
+        if meet(near, on, min(ADD + length * largest * largest, MOST)) > 0:
+            changed += 1
+            reuse = False
+            look_around(net, lying, near, on, bodies, sunk)
         off = misplaced(near, on) if limp else 0.0
         changed += grow(near, on, min(ADD + length * largest * largest, MOST), off, one)
         if laid(net, lying, on):
@@ -352,8 +360,8 @@ def change_of(work: Work, slides: Slides, x: int, e: int) -> Vector:
 
 
 @viewing
-def pushed(net: Net, near: Array, on: Array, i: int, fraction: float) -> float:
-    """[N], the push of a body on contact i with a fraction of the step."""
+def jump_at(net: Net, near: Array, on: Array, i: int) -> Vector:
+    """[N], what bodies push contact i by with the step: the jump of the force there."""
     sol, work = solution_of(net.ints, net.sols, TRIAL), work_of(net.ints, net.space)
     model = model_of(net.ints, net.floats)
     x, k = net.span[i], net.where[i]
@@ -362,8 +370,27 @@ def pushed(net: Net, near: Array, on: Array, i: int, fraction: float) -> float:
     if on[k, LINKED] == ACTIVE:
         push = pushed_apart(net, near, on, k, 1.0)
         jump = subtract(jump, scale(push, take3(near, k, TOWARD)))
-    p = near[k, PRESS]
-    return float(p + fraction * (dot(jump, take3(near, k, NORMAL)) - p))
+    return jump
+
+
+@viewing
+def pushed(net: Net, near: Array, on: Array, i: int, fraction: float) -> float:
+    """[N], the push of a body on contact i with a fraction of the step."""
+    k, jump = net.where[i], jump_at(net, near, on, i)
+    own = dot(jump, take3(near, k, NORMAL))
+    if on[k, SECOND] != BARE:
+        own, _ = split(near, k, jump)
+    return float(near[k, PRESS] + fraction * (own - near[k, PRESS]))
+
+
+@viewing
+def pushed_second(net: Net, near: Array, on: Array, i: int, fraction: float) -> float:
+    """The same of the second body; 0 without one."""
+    k = net.where[i]
+    if on[k, SECOND] == BARE:
+        return 0.0
+    _, own = split(near, k, jump_at(net, near, on, i))
+    return float(near[k, SECOND_PRESS] + fraction * (own - near[k, SECOND_PRESS]))
 
 
 @viewing
@@ -373,6 +400,7 @@ def pulls(net: Net, near: Array, on: Array, least: float) -> bool:
     for i in range(net.bare[N_KNOTS], net.ints[N_KNOTS]):
         k = net.where[i]
         count += on[k, 0] != BARE and pushed(net, near, on, i, 1.0) < -least
+        count += pushed_second(net, near, on, i, 1.0) < -least
         count += on[k, LINKED] == ACTIVE and pushed_apart(net, near, on, k, 1.0) < -least
     return count > 0
 
@@ -385,7 +413,9 @@ def forces_on(net: Net, lying: Lying, near: Array, on: Array, ends: Array, fract
         knot = plan.ends[x, 1]
         if knot >= net.bare[N_KNOTS]:
             if on[net.where[knot], 0] != BARE:
+                second = pushed_second(net, near, on, knot, fraction)
                 near[net.where[knot], PRESS] = pushed(net, near, on, knot, fraction)
+                near[net.where[knot], SECOND_PRESS] = second
         elif plan.known[x] != 0:
             put3(ends, net.stretch[x], 0, get3(sol.lam, x))
         else:
@@ -448,6 +478,8 @@ def tell_pushes(net: Net, near: Array, on: Array) -> None:
                 if on[k, LINKED] == ACTIVE:
                     jump = subtract(jump, scale(near[k, PUSHED], n))
                 near[k, EXACT] = dot(jump, take3(near, k, NORMAL))
+                if on[k, SECOND] != BARE:
+                    near[k, EXACT], near[k, SECOND_EXACT] = split(near, k, jump)
         for i in range(links.shape[0]):
             a, b = net.where[links[i, 0]], net.where[links[i, 1]]
             if turn == 0 and on[a, LINKED] == ACTIVE:

@@ -10,9 +10,22 @@ from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.contact.knots import slot_of
 from cable_shape.kernels.contact.lay import copy_cable
-from cable_shape.kernels.contact.near import CURVED, NONE, NORMAL, PRESS, SPOT, tangent_of
+from cable_shape.kernels.contact.near import (
+    BARE,
+    CURVED,
+    FLATTEST,
+    NONE,
+    NORMAL,
+    PRESS,
+    SECOND,
+    SECOND_CURVED,
+    SECOND_NORMAL,
+    SECOND_PRESS,
+    SPOT,
+    tangent_of,
+)
 from cable_shape.kernels.contact.tables import Net
-from cable_shape.kernels.network.compiled import part
+from cable_shape.kernels.network.compiled import part, viewing
 from cable_shape.kernels.network.graph import lead, solve
 from cable_shape.kernels.network.mesh import move_nodes
 from cable_shape.kernels.network.respond import pull_change, spread, still
@@ -55,7 +68,9 @@ def follow_body(net: Net, q: Array, near: Array, on: Array, body: int, origin: A
     unit = (1.0 if axis % 3 == 0 else 0.0, 1.0 if axis % 3 == 1 else 0.0, 1.0 if axis % 3 == 2 else 0.0)
     for i in range(net.bare[N_KNOTS], model.given.shape[0]):
         k = net.where[i]
-        if on[k, 0] != body:
+        if on[k, SECOND] != BARE:
+            follow_corner(net, near, on, i, k, body, origin, axis)
+        if on[k, 0] != body or on[k, SECOND] != BARE:
             continue
         n = take3(near, k, NORMAL)
         way = unit
@@ -68,6 +83,29 @@ def follow_body(net: Net, q: Array, near: Array, on: Array, body: int, origin: A
         c = math.sqrt(dot(a, a)) * dot(tangent_of(q, k), turn) - dot(b, way)  # by how much it runs on
         put3(work.pull, i, 0, add(scale(-near[k, PRESS], bend), scale(c, b)))
         put3(work.G, slot_of(net, i), 0, scale(c, a))
+
+
+@viewing
+def follow_corner(net: Net, near: Array, on: Array, i: int, k: int, body: int, origin: Array, axis: int) -> None:
+    """The same of contact i, at node k between two bodies."""
+    model, work = model_of(net.ints, net.floats), work_of(net.ints, net.space)
+    unit = (1.0 if axis % 3 == 0 else 0.0, 1.0 if axis % 3 == 1 else 0.0, 1.0 if axis % 3 == 2 else 0.0)
+    way = unit if axis < 3 else cross(unit, subtract(take3(near, k, SPOT), get3(origin, 0)))
+    n, m = take3(near, k, NORMAL), take3(near, k, SECOND_NORMAL)
+    a = dot(way, n) if on[k, 0] == body else 0.0
+    b = dot(way, m) if on[k, SECOND] == body else 0.0
+    c = dot(n, m)
+    f = 1.0 / max(1.0 - c * c, FLATTEST)
+    put3(model.given, i, 0, add(scale(f * (a - c * b), n), scale(f * (b - c * a), m)))
+    pull = NONE
+    if on[k, 0] == body:
+        turn = NONE if axis < 3 else cross(unit, n)
+        pull = scale(-near[k, PRESS], subtract(turn, apply(get9(near, k, CURVED), way)))
+    if on[k, SECOND] == body:
+        turn = NONE if axis < 3 else cross(unit, m)
+        bend = subtract(turn, apply(get9(near, k, SECOND_CURVED), way))
+        pull = add(pull, scale(-near[k, SECOND_PRESS], bend))
+    put3(work.pull, i, 0, pull)
 
 
 @kernel

@@ -6,7 +6,20 @@ import math
 
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.contact.near import BARE, ENDED, GAP, PRESS
+from cable_shape.kernels.contact.near import (
+    BARE,
+    CURVED,
+    ENDED,
+    GAP,
+    NORMAL,
+    PRESS,
+    SECOND,
+    SECOND_CURVED,
+    SECOND_GAP,
+    SECOND_NORMAL,
+    SECOND_PRESS,
+)
+from cable_shape.kernels.rod_algebra import get9, put3, put9, take3
 
 
 @kernel
@@ -16,6 +29,17 @@ def drop(near: Array, on: Array, s: Array, least: float, one: bool) -> int:
     What they pulled by goes to the contacts beside them, see `hand_on`.
     """
     count = 0
+    for k in range(near.shape[0]):
+        if on[k, SECOND] != BARE and min(near[k, PRESS], near[k, SECOND_PRESS]) < -least:
+            if near[k, PRESS] < near[k, SECOND_PRESS]:
+                on[k, 0] = on[k, 1] = on[k, SECOND]
+                near[k, PRESS], near[k, GAP] = near[k, SECOND_PRESS], near[k, SECOND_GAP]
+                put3(near, k, NORMAL, take3(near, k, SECOND_NORMAL))
+                put9(near, k, CURVED, get9(near, k, SECOND_CURVED))
+            on[k, SECOND], near[k, SECOND_PRESS] = BARE, 0.0
+            count += 1
+    if count > 0 and one:
+        return count
     worst, at = -least, -1
     for k in range(near.shape[0]):
         if on[k, 0] != BARE and near[k, PRESS] < worst:
@@ -28,7 +52,7 @@ def drop(near: Array, on: Array, s: Array, least: float, one: bool) -> int:
     if at >= 0:
         on[at, 0] = BARE
         near[at, ENDED] = 1.0
-        count = 1
+        count += 1
     if count > 0:
         hand_on(near, on, s)
     return count
@@ -72,6 +96,24 @@ def misplaced(near: Array, on: Array) -> float:
         if on[k, 0] != BARE and on[k, 0] == on[k, 1]:
             largest = max(largest, abs(near[k, GAP]))
     return largest
+
+
+@kernel
+def meet(near: Array, on: Array, deepest: float) -> int:
+    """Makes corners of the contacts that are deeper in another body than `deepest` [m]; returns how many.
+
+    What there is of the first body has to be looked for again.
+    """
+    count = 0
+    for k in range(1, near.shape[0] - 1):
+        if on[k, 0] != BARE and on[k, 1] != BARE and on[k, 1] != on[k, 0] and on[k, SECOND] == BARE:
+            if near[k, GAP] < -deepest:
+                on[k, SECOND] = on[k, 1]
+                put3(near, k, SECOND_NORMAL, take3(near, k, NORMAL))
+                near[k, SECOND_PRESS] = 0.0
+                count += 1
+            on[k, 1] = on[k, 0]
+    return count
 
 
 @kernel

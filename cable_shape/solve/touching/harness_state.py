@@ -53,6 +53,7 @@ class HarnessTouchState(TouchState):
 
     problem: HarnessProblem  # type: ignore[assignment]
     cable: HarnessNetwork
+    single = False
 
     # -- what is solved
 

@@ -16,7 +16,7 @@ import numpy as np
 from cable_shape.checks import Array
 from cable_shape.kernels.contact import check, knots, lay
 from cable_shape.kernels.contact.guard import guard
-from cable_shape.kernels.contact.near import BARE, NORMAL, PRESS, SPOT
+from cable_shape.kernels.contact.near import BARE, NORMAL, PRESS, SECOND, SECOND_NORMAL, SECOND_PRESS, SPOT
 from cable_shape.kernels.network import tables
 from cable_shape.kernels.network.motion import BODY, KEPT, OUT, PUSHED, STIFF, WALL, WALLS
 from cable_shape.kernels.network.settle import I_EXCESS, I_ITERATIONS
@@ -83,6 +83,7 @@ class Road:
                 settling.motion.lam[first + k - a] = pull
                 if k > a and on[k, 0] != BARE:
                     pull = pull + near[k, PRESS] * near[k, NORMAL : NORMAL + 3]
+                    pull = pull + near[k, SECOND_PRESS] * near[k, SECOND_NORMAL : SECOND_NORMAL + 3]
         settling.motion.kept[...] = settling.motion.lam
         known = near[self.rows, SPOT : SPOT + 3].any(axis=1)  # nodes are new where the mesh is finer than it was
         off, s = near[self.rows[known], SPOT : SPOT + 3] - self.places[known], settling.model.s
@@ -180,13 +181,13 @@ class Road:
         return found
 
     def pushes(self) -> tuple[Array, Array, Array]:
-        """Of each of the network's nodes the body that pushes it most (n,), how hard (n,) [N] and its normal (n, 3)."""
+        """The two bodies that push each of the network's nodes most (n, 2), how hard [N], and normals (n, 2, 3)."""
         walls = self.settling.motion.walls
         rows = walls[:, 1:].reshape(-1, WALLS, WALL)
         there = np.arange(WALLS) < walls[:, :1]
         push = np.where(there, rows[:, :, PUSHED], 0.0)
-        k = push.argmax(axis=1)
-        at = np.arange(len(k))
+        k = np.argsort(-push, axis=1)[:, :2]
+        at = np.arange(len(k))[:, None]
         return rows[at, k, BODY], push[at, k], rows[at, k, OUT : OUT + 3]
 
     def _told(self) -> None:
@@ -248,14 +249,17 @@ class Road:
         now = settling.solution(NOW)
         body, push, normal = self.pushes()
         q, near, on = state.q[NOW], state.near[NOW], state.on[NOW]
-        on[:, :2] = BARE
-        near[:, PRESS] = 0.0
+        on[:, :2] = on[:, SECOND] = BARE
+        near[:, PRESS] = near[:, SECOND_PRESS] = 0.0
         for row, k in enumerate(self.rows):
             q[k] = now.q[row]
             near[k, SPOT : SPOT + 3] = self.places[row]
-            if push[row] > 0.0:
-                on[k, :2] = int(body[row])
-                near[k, PRESS], near[k, NORMAL : NORMAL + 3] = push[row], normal[row]
+            if push[row, 0] > 0.0:
+                on[k, :2] = int(body[row, 0])
+                near[k, PRESS], near[k, NORMAL : NORMAL + 3] = push[row, 0], normal[row, 0]
+            if push[row, 1] > 0.0:
+                on[k, SECOND] = int(body[row, 1])
+                near[k, SECOND_PRESS], near[k, SECOND_NORMAL : SECOND_NORMAL + 3] = push[row, 1], normal[row, 1]
         for j in range(len(self.runs)):
             state.ends[NOW, j] = settling.motion.lam[settling.plan.first[j + 1] - 1]
         state.grips[NOW], state.turns[NOW] = now.pose, now.turns

@@ -98,6 +98,7 @@ class TouchState:
     gaps: Array = np.zeros(1)
     bodied = 1  #: so many of them, the first ones, are kept out of bodies
     rows = slice(None)  #: of a shape's points, those of the cable
+    single = True  #: whether it is one cable, and no harness
 
     def __init__(self, problem: Problem) -> None:
         self.history = self.elements = 0
@@ -582,7 +583,7 @@ class TouchState:
 
     def touches(self) -> Array:
         """(k, 9), the contacts of the last solution as `check.touches` has them."""
-        out = np.empty((self.elements, check.TOUCH))
+        out = np.empty((2 * self.elements, check.TOUCH))
         return out[: check.touches(self.nodes, self.near[NOW], self.on[NOW], self.thick, out)]
 
     def copy(self, *, then: bool = False) -> Kept:

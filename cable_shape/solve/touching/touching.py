@@ -164,7 +164,7 @@ class Solve:
     def _by_road(self, frames: Array) -> CableShape | None:
         """Against drag, in front of all bodies; None if no way leads to a shape that is exact enough."""
         state, steps = self.state, self.steps
-        road = steps.by_road(frames) if state.gaps.size == 1 else None  # not yet of several segments
+        road = steps.by_road(frames) if state.single else None  # not yet of several segments
         if road is None:
             return None
         status = Status.SNAPPED if road.far else Status.OK
@@ -269,7 +269,12 @@ class Solve:
         state.history = 2
         shape = self._shape(status)
         self._grade(shape)
-        if shape.missing_length > 0.0 and not self.steps.late and self._tightened(shape.missing_length):
+        if (
+            shape.missing_length > 0.0
+            and state.single
+            and not self.steps.late
+            and self._tightened(shape.missing_length)
+        ):
             shape = self._shape(status)
             self._grade(shape)
         elif state.tight < 1.0 and self._stretch()[0] < _EASED * state.length:
@@ -308,7 +313,7 @@ class Solve:
         """Whether the solution is one on a new mesh, for tension has made the layers at what holds the cable thin."""
         state, steps = self.state, self.steps
         pull = float(np.abs(state.ends[NOW]).max())  # within sqrt(3) of the largest force, but for what lies on bodies
-        if pull * state.widest**2 < state.bend or state.gaps.size > 1:
+        if pull * state.widest**2 < state.bend or not state.single:
             return False
         layer = math.sqrt(state.bend / pull)
         if layer > _THINNER * state.layer:

@@ -1,0 +1,120 @@
+"""Cables between two bodies: grooves and channels, by statics, by a table, by balance and by differences."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scene_certificate import judged
+from scipy.spatial.transform import Rotation
+
+import cable_shape as cs
+
+ALONG_X = (0.5, 0.5, 0.5, 0.5)
+CABLE = cs.Cable(1.0, 0.1, 2e-3, diameter=0.008)
+RADIUS = 0.004
+HEIGHTS = np.linspace(0.3, 0.21, 10)  # from the air to where some of the cable lies, and does not yet bow aside
+
+
+def tilted(name, degrees):
+    """A plane through the x axis, turned about it."""
+    turn = Rotation.from_euler("x", degrees, degrees=True).as_quat()
+    return cs.Obstacle(name, cs.HalfSpace(), cs.Pose((0.0, 0.0, 0.0), tuple(turn)))
+
+
+def groove(left, right):
+    return cs.Scene(obstacles=[tilted("left", -left), tilted("right", right)], contact="solve")
+
+
+def lowered(scene, heights=HEIGHTS, lift=0.0, **options):
+    predictor = cs.Predictor(CABLE, scene=scene, model="cosserat", **options)
+    for z in heights:
+        shape = predictor.predict(cs.Pose((0.0, 0.0, z + lift), ALONG_X), cs.Pose((0.85, 0.0, z + lift), ALONG_X))
+        assert shape.usable, (z, shape)
+    return shape, predictor
+
+
+def carried(shape):
+    """[N], by body, along its normal."""
+    out: dict[str, float] = {}
+    for contact in shape.contacts:
+        out[contact.body] = out.get(contact.body, 0.0) + contact.force
+    return out
+
+
+def test_in_a_groove_a_cable_lies_as_on_a_table():
+    scene = groove(45, 45)
+    found, _ = lowered(scene, lift=math.sqrt(2.0) * RADIUS - RADIUS)
+    table, _ = lowered(cs.Scene(obstacles=[cs.Obstacle("table", cs.HalfSpace())], contact="solve"))
+    lifted = table.positions + np.array((0.0, 0.0, math.sqrt(2.0) * RADIUS - RADIUS))
+    apart = np.linalg.norm(found.positions - lifted, axis=1).max()
+    assert apart <= found.error_estimate + table.error_estimate
+    forces = carried(found)
+    assert forces["left"] == pytest.approx(forces["right"], rel=1e-4)
+    assert forces["left"] == pytest.approx(carried(table)["table"] / math.sqrt(2.0), rel=5e-3)
+    assert judged(CABLE, scene, found, found.supports) == ()
+
+
+def test_walls_of_a_groove_carry_as_statics_have_it():
+    scene = groove(30, 60)
+    shape, _ = lowered(scene)
+    by_place: dict[float, dict[str, float]] = {}
+    for contact in shape.contacts:
+        by_place.setdefault(round(contact.arc_length, 9), {})[contact.body] = contact.force
+    both = [row for row in by_place.values() if len(row) == 2]
+    assert len(both) > 5
+    walls = {name: sum(row[name] for row in both) for name in ("left", "right")}
+    assert walls["left"] / walls["right"] == pytest.approx(math.tan(math.radians(60.0)), rel=0.02)
+    assert judged(CABLE, scene, shape, shape.supports) == ()
+
+
+def test_derivatives_in_a_groove_are_those_of_differences():
+    scene = groove(40, 50)
+    step = 1e-6
+
+    def at(z=0.2, y=0.0, moved=0.0):
+        scene_then = scene
+        if moved:
+            first, second = scene.obstacles
+            place = cs.Pose((0.0, moved, 0.0), first.pose.quaternion)
+            scene_then = cs.Scene(obstacles=[cs.Obstacle("left", first.solid, place), second], contact="solve")
+        predictor.scene = scene_then
+        return predictor.predict(cs.Pose((0.0, y, z), ALONG_X), cs.Pose((0.85, 0.0, z), ALONG_X)).positions
+
+    _, predictor = lowered(scene, np.linspace(0.3, 0.2, 11), tolerance=1e-9)
+    at()
+    columns = predictor.sensitivity(("start", "body:left"))
+    shape = lowered(scene, np.linspace(0.3, 0.2, 11), tolerance=1e-9)[0]
+    arcs = [contact.arc_length for contact in shape.contacts]
+    assert len(set(arcs)) < len(arcs)
+    for column, change in ((1, {"y": step}), (6 + 1, {"moved": step})):
+        ahead, behind = at(**change), at(**{name: -value for name, value in change.items()})
+        turned = (ahead - behind) / (2.0 * step)
+        assert np.abs(columns[:, :, column] - turned).max() < 2e-2 * np.abs(turned).max()
+
+
+@pytest.mark.parametrize("width", [0.012, 0.03])
+def test_a_cable_is_laid_into_a_channel_and_taken_out(width):
+    wall = cs.Box((1.2, 0.02, 0.03))
+    scene = cs.Scene(
+        obstacles=[
+            cs.Obstacle("floor", cs.HalfSpace()),
+            cs.Obstacle("near", wall, cs.Pose((0.4, -0.5 * width - 0.01, 0.015))),
+            cs.Obstacle("far", wall, cs.Pose((0.4, 0.5 * width + 0.01, 0.015))),
+        ],
+        contact="solve",
+    )
+    predictor = cs.Predictor(CABLE, scene=scene, model="cosserat", points=301)
+    way = [(0.0, z) for z in np.linspace(0.3, 0.21, 19)]
+    way += [(y, 0.21) for y in np.linspace(0.0, 0.02, 9)] + [(0.02, z) for z in np.linspace(0.21, 0.3, 10)]
+    usable, walls = 0, set()
+    for y, z in way:
+        shape = predictor.predict(cs.Pose((0.0, y, z), ALONG_X), cs.Pose((0.85, y, z), ALONG_X))
+        usable += shape.usable
+        if shape.usable:
+            assert judged(CABLE, scene, shape, shape.supports) == (), (y, z)
+            walls |= {contact.body for contact in shape.contacts}
+    assert usable >= 0.95 * len(way)
+    assert walls == {"floor", "far"} | ({"near"} & walls)
+    assert "floor" in walls
