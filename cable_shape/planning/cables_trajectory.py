@@ -16,7 +16,7 @@ from cable_shape.kernels.safety import advance
 from cable_shape.planning.harness_trajectory import GRIPPERS, motion_of
 from cable_shape.planning.paths import EndsPath, GripPath, JointPath, Motion
 from cable_shape.planning.trajectory_report import Reason, TrajectoryCheck, Violation
-from cable_shape.planning.trajectory_walk import JUMP, RESOLUTION, Judge, Look, Walk, accelerations_of
+from cable_shape.planning.trajectory_walk import RESOLUTION, Judge, Look, Walk, accelerations_of, jumped
 from cable_shape.pose import FreeEnd, Grip, Pose, as_grip
 from cable_shape.prediction.cables_predictor import CablesPredictor, named_cables, of_all
 from cable_shape.robots.robot import Robot
@@ -165,11 +165,7 @@ class _Walk(Walk[_Sample]):
 
     def jump(self, a: _Sample, b: _Sample) -> float:
         """See the base."""
-        ways = [0.0]
-        for name, look in a.looks.items():
-            far = float(np.linalg.norm(b.looks[name].shape.positions - look.shape.positions, axis=1).max())
-            ways.append(0.0 if far < JUMP * look.shape.length else far)
-        return max(ways)
+        return jumped(a.looks, b.looks)
 
     def sample(self, place: float) -> _Sample:
         """The shapes there and all that is told of them."""

@@ -17,7 +17,7 @@ from cable_shape.errors import ArgumentError
 from cable_shape.kernels.safety import advance
 from cable_shape.planning.paths import EndsPath, GripPath, JointPath, Motion
 from cable_shape.planning.trajectory_report import TrajectoryCheck, Violation
-from cable_shape.planning.trajectory_walk import JUMP, Judge, Look, Walk
+from cable_shape.planning.trajectory_walk import Judge, Look, Walk, jumped
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.prediction.harness_predictor import HarnessPredictor
 from cable_shape.robots.robot import Robot
@@ -123,11 +123,7 @@ class _Walk(Walk[_Sample]):
 
     def jump(self, a: _Sample, b: _Sample) -> float:
         """See the base."""
-        ways = [0.0]
-        for name, look in a.looks.items():
-            far = float(np.linalg.norm(b.looks[name].shape.positions - look.shape.positions, axis=1).max())
-            ways.append(0.0 if far < JUMP * look.shape.length else far)
-        return max(ways)
+        return jumped(a.looks, b.looks)
 
     def sample(self, place: float) -> _Sample:
         """The shape there and all that is told of it."""

@@ -217,6 +217,15 @@ class Look(NamedTuple):
     margins: tuple[Margin, ...]
 
 
+def jumped(a: Mapping[str, Look], b: Mapping[str, Look]) -> float:
+    """[m], how far the cable is that has come furthest from one look at all of them to the next; 0: none has jumped."""
+    ways = [0.0]
+    for name, look in a.items():
+        far = float(np.linalg.norm(b[name].shape.positions - look.shape.positions, axis=1).max())
+        ways.append(0.0 if far < JUMP * look.shape.length else far)
+    return max(ways)
+
+
 @final
 class Judge:
     """One cable, or one segment of a harness, among the bodies of scene and robot; gripped: a gripper holds it."""
