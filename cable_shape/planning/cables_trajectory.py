@@ -16,7 +16,15 @@ from cable_shape.kernels.safety import advance
 from cable_shape.planning.harness_trajectory import GRIPPERS, motion_of
 from cable_shape.planning.paths import EndsPath, GripPath, JointPath, Motion
 from cable_shape.planning.trajectory_report import Reason, TrajectoryCheck, Violation
-from cable_shape.planning.trajectory_walk import RESOLUTION, Judge, Look, Walk, accelerations_of, jumped
+from cable_shape.planning.trajectory_walk import (
+    RESOLUTION,
+    Judge,
+    Look,
+    Walk,
+    accelerations_of,
+    bodies_of,
+    jumped,
+)
 from cable_shape.pose import FreeEnd, Grip, Pose, as_grip
 from cable_shape.prediction.cables_predictor import CablesPredictor, named_cables, of_all
 from cable_shape.robots.robot import Robot
@@ -48,7 +56,9 @@ def check_cables(
     """What :func:`cable_shape.check_trajectory` says; options: keywords of a CablesPredictor."""
     longest = max(cable.length for cable in named_cables(cables).values())
     allowed = 1e-4 * longest if tolerance is None else tolerance
-    predictor = CablesPredictor(cables, model="cosserat", scene=scene, tolerance=allowed, **options)
+    predictor = CablesPredictor(
+        cables, model="cosserat", scene=scene, tolerance=allowed, **bodies_of(robot), **options
+    )  # fmt: skip
     if isinstance(trajectory, GripPath):
         raise ArgumentError.of("trajectory", trajectory, "there are several cables", _WRITE)
     path = _path(trajectory, predictor) if isinstance(trajectory, Mapping) else trajectory
@@ -173,7 +183,7 @@ class _Walk(Walk[_Sample]):
         ends = {**self.still, **dict(zip(self.held, grips, strict=True))}
         both: dict[str, Any] = {name: (ends[f"{name}.start"], ends.get(f"{name}.end")) for name in self.judges}
         moves = {name: self.motion.between(table, place) for name, table in self.moving.items()}
-        shapes = self.predictor.predict(both, acceleration=moves)
+        shapes = self.predictor.predict(both, links, acceleration=moves)
         clearance = {name: judge.checker.check(shapes[name], links) for name, judge in self.judges.items()}
         if self.near is not None:
             clearance = self.near.added(shapes, clearance)

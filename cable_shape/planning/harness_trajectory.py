@@ -17,7 +17,7 @@ from cable_shape.errors import ArgumentError
 from cable_shape.kernels.safety import advance
 from cable_shape.planning.paths import EndsPath, GripPath, JointPath, Motion
 from cable_shape.planning.trajectory_report import TrajectoryCheck, Violation
-from cable_shape.planning.trajectory_walk import Judge, Look, Walk, jumped
+from cable_shape.planning.trajectory_walk import Judge, Look, Walk, bodies_of, jumped
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.prediction.harness_predictor import HarnessPredictor
 from cable_shape.robots.robot import Robot
@@ -46,7 +46,7 @@ def check_harness(
     began = perf_counter()
     predictor = HarnessPredictor(
         harness, scene=scene, gravity=gravity, points=points, distributed_load=distributed_load,
-        tolerance=1e-4 * harness.longest if tolerance is None else tolerance,
+        tolerance=1e-4 * harness.longest if tolerance is None else tolerance, **bodies_of(robot),
     )  # fmt: skip
     path = EndsPath(trajectory) if isinstance(trajectory, Mapping) else trajectory
     if isinstance(path, GripPath):
@@ -128,7 +128,7 @@ class _Walk(Walk[_Sample]):
     def sample(self, place: float) -> _Sample:
         """The shape there and all that is told of it."""
         grips, links = self.motion.at(place)
-        shape = self.predictor.predict({**dict(zip(self.held, grips, strict=True)), **self.free})
+        shape = self.predictor.predict({**dict(zip(self.held, grips, strict=True)), **self.free}, links=links)
         looks = {name: judge.look(shape.segments[name], links) for name, judge in self.judges.items()}
         self.found.solved += 1
         ends = [self.predictor.problem.ends[end] for end in self.predictor.grips]

@@ -33,8 +33,8 @@ from cable_shape.kernels.safety import advance
 from cable_shape.planning.cables_trajectory import check_cables
 from cable_shape.planning.harness_trajectory import check_harness
 from cable_shape.planning.paths import EndsPath, GripPath, JointPath, Motion, Path
-from cable_shape.planning.trajectory_report import TrajectoryCheck, Violation
-from cable_shape.planning.trajectory_walk import JUMP, Judge, Look, Walk, accelerations_of
+from cable_shape.planning.trajectory_report import Reason, TrajectoryCheck, Violation
+from cable_shape.planning.trajectory_walk import JUMP, Judge, Look, Walk, accelerations_of, bodies_of
 from cable_shape.pose import Grip
 from cable_shape.prediction.predictor import Predictor
 from cable_shape.robots.robot import Robot
@@ -42,8 +42,10 @@ from cable_shape.scene.scene import Clip, Scene
 from cable_shape.shape import Status
 from cable_shape.solve.problem import GRAVITY
 
-#: Of the length, and [rad]: by which ends are moved for differences.
-_STEP = 1e-3
+#: A step in contact deviates from the straight by no more than this part of it, ...
+_CROOKED = 0.25
+#: ... if it is longer than this part of the length.
+_SHORT = 2e-3
 
 
 def check_trajectory(
@@ -65,7 +67,9 @@ def check_trajectory(
     """Whether cables, or a harness, and loads stay within their limits along a trajectory, waypoints and all between.
 
     A place is not valid where a body is nearer than the scene's `error_distance`, a margin is at its limit, the cable
-    is unstable, snaps or has no shape, or a joint is beyond its limit.
+    is unstable, snaps or has no shape, or a joint is beyond its limit. With ``contact="solve"`` obstacles and the
+    robot's links hold the cable out; what it may touch, and how hard, says the scene's `allow`, or, if it names
+    nothing, it may touch all obstacles, and no link.
 
     Parameters
     ----------
@@ -140,6 +144,7 @@ def check_trajectory(
         tolerance=1e-4 * cable.length if tolerance is None else tolerance,
         scene=scene,
         distributed_load=distributed_load,
+        **bodies_of(robot),
     )
     motion = Motion(path, robot)
     moving = None if acceleration is None else accelerations_of(acceleration, motion.waypoints, predictor)
@@ -163,6 +168,7 @@ class _Sample(NamedTuple):
     links: Array  # (l, 7)
     sensitivity: Array  # (n, 3, 12)
     violation: Violation | None
+    spots: Any  # where the cable touches itself
 
 
 @final
@@ -198,7 +204,7 @@ class _Check(Walk[_Sample]):
         """The shape there and all that is told of it."""
         (start, end), links = self.motion.at(place)
         moving = None if self.accelerations is None else self.motion.between(self.accelerations, place)
-        shape = self.predictor.predict(start, end, acceleration=moving)
+        shape = self.predictor.predict(start, end, links, acceleration=moving)
         look = self.judge.look(shape, links, self.predictor.rod_state, held=True)
         self.found.solved += 1
         frames = [(grip.cable_frame if isinstance(grip, Grip) else grip).array for grip in (start, end)]
@@ -207,13 +213,47 @@ class _Check(Walk[_Sample]):
         if good:
             slopes = self.predictor.sensitivity()
         wrong = self.no_shape(place, shape.status, shape.detail) or self.judge.wrong(look, place, self)
-        return _Sample(place, look, np.array(frames), self.judge.frames(links), slopes, wrong)
+        crossing = self.predictor.crossing
+        spots = None if crossing is None or crossing.last is None else crossing.last[1]
+        return _Sample(place, look, np.array(frames), self.judge.frames(links), slopes, wrong, spots)
+
+    def astray(self, a: _Sample, b: _Sample) -> bool:
+        """See the base."""
+        if b.violation is not None:
+            return b.violation.reason in (Reason.SNAP, Reason.STATUS)
+        return not self._followed(a, b, *self._moved(a, b))
+
+    def go_back(self, a: _Sample) -> None:
+        """See the base."""
+        ends, links = self.motion.at(a.place)
+        self.predictor.begin(a.look.shape, (ends[0], ends[1]), links, spots=a.spots)
+        self.predictor.look_again()
 
     def sure(self, a: _Sample, b: _Sample) -> bool:
         """See the base."""
         turned, reach = self.motion.turned(a.place, b.place), self.motion.reach
+        aside = 0.25 * turned * turned * reach
+        way, off = self._moved(a, b)
+        return self._followed(a, b, way, off) and self.judge.sure(
+            a.look, b.look, (a.links, b.links), way, off, aside
+        )  # fmt: skip
+
+    def _followed(self, a: _Sample, b: _Sample, way: float, off: float) -> bool:
+        """Whether the cable has moved as its sensitivities say, by `way` [m] and off it by `off`: on one branch.
+
+        In contact, branches begin near each other: there a step that is not short is to be straight.
+        """
+        length = a.look.shape.length
+        if off > JUMP * length:
+            return False
+        free = not a.look.shape.touches.size and not b.look.shape.touches.size
+        return free or way <= _SHORT * length or off <= _CROOKED * way
+
+    def _moved(self, a: _Sample, b: _Sample) -> tuple[float, float]:
+        """[m], how far the cable's points move from a to b, and off the straight."""
+        turned = self.motion.turned(a.place, b.place)
         way, off = advance.motion(
             a.look.shape.positions, b.look.shape.positions, a.sensitivity, b.sensitivity, a.ends, b.ends,
-            0.125 * turned * turned, reach,
+            0.125 * turned * turned, self.motion.reach,
         )  # fmt: skip
-        return self.judge.sure(a.look, b.look, (a.links, b.links), way, off, 0.25 * turned * turned * reach)
+        return way, off

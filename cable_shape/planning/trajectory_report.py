@@ -25,6 +25,7 @@ class Reason(enum.Enum):
     TWIST_RATE = "twist_rate"
     STRESS = "stress"
     STABILITY = "stability"
+    CONTACT_FORCE = "contact_force"
     SNAP = "snap"
     STATUS = "status"
     JOINT_LIMIT = "joint_limit"

@@ -6,7 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from time import perf_counter
-from typing import Generic, NamedTuple, Protocol, TypeVar, final
+from typing import Any, Generic, NamedTuple, Protocol, TypeVar, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,11 +21,12 @@ from cable_shape.planning.trajectory_report import Reason, TrajectoryCheck, Viol
 from cable_shape.pose import Pose
 from cable_shape.prediction.predictor import Predictor
 from cable_shape.robots.robot import Robot
+from cable_shape.safety.allowed import Allowed
 from cable_shape.safety.clearance import DEEPEST_REST, ClearanceChecker
 from cable_shape.safety.margins import MarginWatch
 from cable_shape.safety.report import LOAD_MARGINS, Clearance, Margin, WarningKind
 from cable_shape.safety.warnings import metres
-from cable_shape.scene.scene import Scene
+from cable_shape.scene.scene import Allow, Scene
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve.answers import Solved
 from cable_shape.solve.problem import swing_of
@@ -47,7 +48,10 @@ _PLACE = 1e-3
 #: Joints are not beyond their limits by less than this [rad] or [m].
 _ROUNDING = 1e-9
 
-_CLEARANCE = WarningKind.CLEARANCE
+#: Of the length: by no more than this may a body that may be touched turn the cable from its way, unseen.
+_INTRUSION = 1e-3
+
+_CLEARANCE, _FORCE = WarningKind.CLEARANCE, WarningKind.CONTACT_FORCE
 #: Where each margin but those of bodies stands in a look, by the value of its kind.
 _LOADS = {kind.value: i for i, kind in enumerate(LOAD_MARGINS)}
 
@@ -70,6 +74,11 @@ def accelerations_of(value: ArrayLike, waypoints: int, predictor: Predictor) -> 
             return a[:, [0, -1]]  # also between waypoints, whatever is lost there to rounding
         predictor.accelerate(swings)
     return a
+
+
+def bodies_of(robot: Robot | None) -> dict[str, Any]:
+    """A predictor's keywords of the robot's links, which hold the cable out where contact is solved for."""
+    return {} if robot is None else {"robot_links": robot.link_geometry, "gripping_links": robot.gripping_links}
 
 
 class Sample(Protocol):
@@ -128,7 +137,7 @@ class Walk(ABC, Generic[S]):
             if not samples:
                 found.first = now.violation
             elif samples[-1].violation is None:
-                between = self._first(samples[-1], now, 0)
+                between, now = self._first(samples[-1], now, 0)
                 found.segments[i - 1] = between is None and not self.late
                 found.first = found.first or between
             samples.append(now)
@@ -143,19 +152,37 @@ class Walk(ABC, Generic[S]):
         self.late = self.late or (self.proceed is not None and not self.proceed(self.found))
         return self.late
 
-    def _first(self, a: S, b: S, halvings: int) -> Violation | None:
-        """The first violation after the valid place a, up to b; None if there is none."""
+    def _first(self, a: S, b: S, halvings: int) -> tuple[Violation | None, S]:
+        """The first violation after the valid place a, up to b, None if there is none; and b, solved for again if the
+        cable had to be led there in smaller steps.
+        """
         if b.violation is None:
             if self.sure(a, b):
-                return None
+                return None, b
             if halvings == MOST_HALVINGS:
-                return self._jump(a, b)
+                return self._jump(a, b), b
         elif b.place - a.place <= _PLACE or halvings == MOST_HALVINGS:
-            return b.violation
+            return b.violation, b
         if self._out_of_time():
-            return b.violation
-        middle = self.sample(0.5 * (a.place + b.place))
-        return self._first(a, middle, halvings + 1) or (middle.violation or self._first(middle, b, halvings + 1))
+            return b.violation, b
+        astray = self.astray(a, b)
+        if astray:
+            self.go_back(a)
+        found, middle = self._first(a, self.sample(0.5 * (a.place + b.place)), halvings + 1)
+        if found is not None or self.late:
+            return found or b.violation, b
+        if astray:
+            self.go_back(middle)
+            b = self.sample(b.place)
+        return self._first(middle, b, halvings + 1)
+
+    def astray(self, a: S, b: S) -> bool:
+        """Whether the step from a to b may have led to another branch; then smaller ones `go_back` to a first."""
+        return False
+
+    def go_back(self, a: S) -> None:
+        """The next place is solved for from this one."""
+        raise NotImplementedError
 
     def _jump(self, a: S, b: S) -> Violation | None:
         """Two places as good as one: the cable has snapped between them, or nothing is wrong."""
@@ -212,8 +239,10 @@ class Look(NamedTuple):
     """What a judge has seen at one place."""
 
     shape: CableShape
-    distances: Array  # (m,) [m], at most the horizon
-    used: Array  # of the loads, by _LOADS
+    distances: Array  # (m,) [m], of what is judged: at most the horizon, infinite where contact is meant
+    bare: Array  # (m,) [m], of all of the cable, at most the horizon
+    touched: NDArray[np.bool_]  # (m,)
+    used: Array  # of the loads, by _LOADS, then of the forces of contact that is meant
     margins: tuple[Margin, ...]
 
 
@@ -226,25 +255,43 @@ def jumped(a: Mapping[str, Look], b: Mapping[str, Look]) -> float:
     return max(ways)
 
 
+def _reached(margin: Margin) -> bool:
+    """Whether a load, or the force of a body, is at its limit."""
+    return margin.used >= 1.0 and margin.kind is not _CLEARANCE
+
+
 @final
 class Judge:
-    """One cable, or one segment of a harness, among the bodies of scene and robot; gripped: a gripper holds it."""
+    """One cable, or one segment of a harness, among the bodies of scene and robot; gripped: a gripper holds it.
+
+    Where contact is solved for it is meant with what the scene's `allow` names, or with all obstacles if it names none.
+    """
 
     def __init__(
         self, cable: Cable, scene: Scene, robot: Robot | None, segment: str = "", gripped: bool = True
     ) -> None:
         self.segment = segment
+        checked = scene.contact != "off"
+        robot_links = robot.link_geometry if robot is not None and checked else ()
+        gripping = robot.gripping_links if robot is not None and gripped else ()
         self.checker = ClearanceChecker(
-            Scene(obstacles=() if scene.contact == "off" else scene.obstacles, error_distance=scene.error_distance),
+            Scene(obstacles=scene.obstacles if checked else (), error_distance=scene.error_distance),
             cable=cable,
-            robot_links=() if robot is None or scene.contact == "off" else robot.link_geometry,
-            gripping_links=robot.gripping_links if robot is not None and gripped else (),
+            robot_links=robot_links,
+            gripping_links=gripping,
         )
         self.watch = MarginWatch(cable, scene, self.checker.moving)
+        self._solves = scene.contact == "solve"
+        if self._solves and not scene.allow:
+            scene = scene.replace(allow=[Allow(body.name) for body in scene.obstacles])
+        self._allowed = Allowed(scene, cable, robot_links, gripping)
+        self._forces = list(dict.fromkeys(allow.body for allow in scene.allow if allow.max_force is not None))
         #: (m,), row in the links of each body, -1: it stands still
         self._on_link = self.checker.tables[0][:, 11].astype(np.int64)
-        resting = np.full(len(self._on_link), scene.contact == "solve") & (self._on_link < 0)
-        self._limits: Array = np.where(resting, -DEEPEST_REST, scene.error_distance)
+        self._limits: Array = np.full(len(self._on_link), scene.error_distance)
+        meant = {allow.body for allow in scene.allow}
+        self._meant = np.array([name in meant for name in self.checker.names], dtype=np.bool_)
+        self._intrusion = RESOLUTION if self._forces else _INTRUSION * cable.length
 
     def look(
         self,
@@ -257,15 +304,23 @@ class Judge:
         """Distances and margins of a shape; held: grips hold both ends; clearance: if it is known, and of more."""
         if clearance is None:
             clearance = self.checker.check(shape, links)
-        margins = self.watch.margins(shape, clearance, 0, state=state, held=held)
-        used = [math.nan] * len(_LOADS)
+        judged, forces = self._allowed.judged(shape, clearance, [(shape.arc_length, shape.positions)], links)
+        margins = self.watch.margins(shape, judged, 0, state=state, held=held) + forces
+        used = [math.nan] * len(_LOADS) + [0.0] * len(self._forces)
         for margin in margins:
-            if margin.kind is _CLEARANCE:
-                break  # those of bodies come last
-            used[_LOADS[margin.kind.value]] = margin.used
-        table, known = clearance.table, len(self.checker.names)
-        distances = np.empty(0) if table is None else np.minimum(table[:known, 0], self.checker.horizon)
-        return Look(shape, distances, np.array(used), margins)
+            if margin.kind is _FORCE:
+                used[len(_LOADS) + self._forces.index(margin.other)] = margin.used
+            elif margin.kind is not _CLEARANCE:
+                used[_LOADS[margin.kind.value]] = margin.used
+        table, names = clearance.table, self.checker.names
+        if table is None or judged.table is None:
+            none: NDArray[np.bool_] = np.zeros(0, np.bool_)
+            return Look(shape, np.empty(0), np.empty(0), none, np.array(used), margins)
+        bare, horizon = table[: len(names), 0], self.checker.horizon
+        distances = np.where(self._meant & (bare < horizon), judged.table[: len(names), 0], np.minimum(bare, horizon))
+        bodies = {shape.bodies[int(row)] for row in np.unique(shape.touches[:, 1])}
+        touched = np.array([name in bodies for name in names], dtype=np.bool_)
+        return Look(shape, distances, np.minimum(bare, horizon), touched, np.array(used), margins)
 
     def frames(self, links: Mapping[str, Pose] | None) -> Array:
         """(l, 7), of the links that carry bodies."""
@@ -274,30 +329,32 @@ class Judge:
 
     def nearest(self, look: Look) -> float:
         """[m], infinite beyond the horizon."""
-        if not look.distances.size:
+        if not look.bare.size:
             return math.inf
-        least = float(look.distances.min())
+        least = float(look.bare.min())
         return math.inf if least >= self.checker.horizon else least
 
     def wrong(self, look: Look, place: float, walk: Walk[S]) -> Violation | None:
-        """A body that is too near, or a margin at its limit."""
+        """A body that is too near, or a margin at its limit: that first where it is of contact that is meant."""
         distances, margins = look.distances, look.margins
         near = distances - self._limits[: len(distances)]
         body = int(near.argmin()) if near.size else -1
-        if body >= 0 and near[body] < 0.0:
+        found = [self._too_much(margin, place, walk) for margin in margins if _reached(margin)][:1]
+        if body >= 0 and near[body] < 0.0 and not (found and self._meant[body]):
             name = self.checker.names[body]
             at = next((m.arc_length for m in margins if m.other == name), math.nan)
             distance, limit = float(distances[body]), float(self._limits[body])
             text = f"{metres(distance)} from {name!r}, at least {metres(limit)} asked"
             return walk.violation(Reason.CLEARANCE, place, text, distance, limit, name, at, self.segment)
-        for margin in margins:
-            if margin.used >= 1.0 and margin.kind is not _CLEARANCE:
-                reason = Reason[margin.kind.name]
-                text = f"{reason.value} {margin.value:.4g}, limit {margin.limit:.4g}"
-                return walk.violation(
-                    reason, place, text, margin.value, margin.limit, "", margin.arc_length, self.segment
-                )
-        return None
+        return found[0] if found else None
+
+    def _too_much(self, margin: Margin, place: float, walk: Walk[S]) -> Violation:
+        """What a load, or the force of a body, is beyond."""
+        reason = Reason[margin.kind.name]
+        by = f" by {margin.other!r}" if margin.other else ""
+        text = f"{reason.value}{by} {margin.value:.4g}, limit {margin.limit:.4g}"
+        value, limit, other, at = margin.value, margin.limit, margin.other, margin.arc_length
+        return walk.violation(reason, place, text, value, limit, other, at, self.segment)
 
     def sure(self, a: Look, b: Look, links: tuple[Array, Array], way: float, off: float, aside: float) -> bool:
         """Whether nothing can be wrong between two valid places, between which the cable's points move by `way` [m]
@@ -306,11 +363,22 @@ class Judge:
             return False
         if not a.distances.size:
             return True
-        left = advance.least_left(
-            a.shape.positions, b.shape.positions, a.distances, b.distances, self._limits, self._on_link, *links,
-            way, off, aside, RESOLUTION,
-        )  # fmt: skip
-        return bool(left >= 0.0)
+        asked = [(a.distances, b.distances, self._limits, RESOLUTION)]
+        if self._meant.any():
+            asked.append((a.bare, b.bare, self._least(a, b), 2.0 * self._intrusion))
+        line = a.shape.positions, b.shape.positions
+        return all(
+            advance.least_left(*line, one, other, limits, self._on_link, *links, way, off, aside, small) >= 0.0
+            for one, other, limits, small in asked
+        )
+
+    def _least(self, a: Look, b: Look) -> Array:
+        """(m,) [m], how near a body that may be touched may come between two places: contact changes the loads, so that
+        where it may come or go the places have to be near each other.
+        """
+        if not self._solves:
+            return np.where(self._meant, -DEEPEST_REST, -math.inf)
+        return np.where(self._meant & ~(a.touched & b.touched), -self._intrusion, -math.inf)
 
     def _loads_sure(self, a: Look, b: Look, off: float) -> bool:
         """Whether no load reaches its limit between; off: deviation from the chord / chord.
@@ -322,7 +390,7 @@ class Judge:
         if not np.fmax.reduce(most, initial=0.0) > _CALM:
             return True
         force, bend, twist = advance.load_changes(a.shape.buffer, b.shape.buffer, a.shape.points)
-        changes = np.array((0.0, force, bend, twist, max(force, bend), bend))
+        changes = np.array((0.0, force, bend, twist, max(force, bend), bend, *[force] * len(self._forces)))
         step = np.fmax(np.abs(b.used - a.used), most * changes)
         near = (step > MARGIN_RESOLUTION) & (most + (_CROOKED + 2.0 * off) * step >= 1.0)
         return not bool(near.any())
