@@ -136,7 +136,7 @@ class _Run:
         """All messages of the recording."""
         from cable_shape.warm_up import warm_up_cycles, warm_up_harnesses
 
-        warm_up_cycles()
+        warm_up_cycles(self.settings.model)
         if self.settings.harness is not None:
             warm_up_harnesses()
         total = sum(self.bag.counts.get(topic, 0) for topic in self.topics)

@@ -103,7 +103,7 @@ class Assembly:
             uncertainty=known,
         )
         with ends_when_told():
-            warm_up_cycles()
+            warm_up_cycles(settings.model)
             if self.harnesses:
                 warm_up_harnesses()
         self.workers: dict[str, WorkerProcess] = {}  # processes beside the node by what they are

@@ -1,16 +1,37 @@
-"""Compiling or loading kernels once, before the first cycle.
-
-What is warmed is imported where it is warmed: `import cable_shape`, which exports :func:`warm_up`, loads none of it.
-"""
+"""Small problems that run every kernel once; what is run is imported where it is run."""
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from cable_shape.cable.cable import Cable
+    from cable_shape.scene.scene import Scene
 
 
 def warm_up() -> None:
     """Runs every kernel on a small problem, so that nothing has to wait for the compiler.
 
-    The first call on a machine compiles and fills the cache on disk, later ones load from it. Set-up calls it.
+    The first call on a machine compiles and fills the cache on disk, on one core; later ones load from it. `python -m
+    cable_shape.warm_up` does it on all cores, and set-up by that.
     """
+    for run in STAGES.values():
+        run()
+
+
+def warm_up_shapes() -> None:
+    """Runs the kernels of single shapes of a plain cable."""
+    from cable_shape.cable.cable import Cable
+    from cable_shape.pose import Pose
+    from cable_shape.prediction.predictor import predict
+
+    along = (0.5, 0.5, 0.5, 0.5)
+    cable = Cable(length=1.2, linear_density=0.1, bending_stiffness=0.01)
+    predict(cable, Pose((0.0, 0.0, 1.0), along), Pose((0.8, 0.0, 1.0), along))
+
+
+def warm_up_plans() -> None:
+    """Runs the kernels of batches, trajectories and calibrations."""
     import numpy as np
 
     from cable_shape.cable.cable import Cable
@@ -22,9 +43,6 @@ def warm_up() -> None:
     from cable_shape.pose import IDENTITY, Pose
     from cable_shape.scene.scene import Capsule, HalfSpace, Obstacle, Scene
 
-    warm_up_cycles()
-    warm_up_harnesses()
-    warm_up_motion()
     cable = Cable(length=1.0, linear_density=0.1, bending_stiffness=0.01, max_tension=1e3, allowable_stress=1e9)
     scene = Scene(
         obstacles=(Obstacle("capsule", Capsule(0.05, 0.1), IDENTITY, link="tool"), Obstacle("floor", HalfSpace()))
@@ -37,17 +55,17 @@ def warm_up() -> None:
     check_trajectory(cable, scene, None, GripPath(starts, ends))
 
 
-def warm_up_cycles() -> None:
-    """Runs the kernels of cycles and of single shapes alone: all that the node and a replay need."""
-    from cable_shape.cable.cable import Cable
-    from cable_shape.cycle.cycle import Cycle
-    from cable_shape.pose import IDENTITY, FreeEnd, Grip, Pose
-    from cable_shape.prediction.predictor import Predictor, predict
-    from cable_shape.prediction.solvers import MODELS
-    from cable_shape.scene.scene import Box, Capsule, Clip, Cylinder, HalfSpace, Obstacle, PointMass, Scene, Sphere
-    from cable_shape.uncertainty.uncertainty import Uncertainty
+def warm_up_forms() -> None:
+    """Runs the kernels of the gradient cables, which cycles need that name them."""
+    for model in ("gradient4", "gradient6"):
+        _run_model(model)
 
-    cable = Cable(
+
+def _cable() -> Cable:
+    """With all that cycles look at."""
+    from cable_shape.cable.cable import Cable
+
+    return Cable(
         length=1.0,
         linear_density=0.1,
         bending_stiffness=0.01,
@@ -55,9 +73,14 @@ def warm_up_cycles() -> None:
         allowable_stress=1e9,
         tails={"end": 0.1},
     )
-    start = Pose((0.0, 0.0, 0.5), (0.5, 0.5, 0.5, 0.5))
-    end, later = (Pose((x, 0.0, 0.5), (0.5, 0.5, 0.5, 0.5)) for x in (0.8, 0.79))
-    scene = Scene(
+
+
+def _scene() -> Scene:
+    """One of each body."""
+    from cable_shape.pose import IDENTITY, Pose
+    from cable_shape.scene.scene import Box, Capsule, Cylinder, HalfSpace, Obstacle, PointMass, Scene, Sphere
+
+    return Scene(
         obstacles=(
             Obstacle("box", Box((0.1, 0.1, 0.1)), Pose((0.4, 0.0, 0.1))),
             Obstacle("sphere", Sphere(0.05), Pose((0.4, 0.1, 0.1))),
@@ -67,12 +90,36 @@ def warm_up_cycles() -> None:
         ),
         masses=(PointMass(0.5, 0.01),),
     )
-    for model in MODELS[:-1]:
-        for far in (end, Grip(end, kind="pinned"), FreeEnd(mass=0.01)):
-            predict(cable, start, far, model=model, scene=scene)
-        cycle = Cycle(cable, model=model, scene=scene)
-        for stamp, far in enumerate((end, later, end)):
-            cycle.step({"cable": (start, far)}, stamp=stamp * 10_000_000, links={"tool": start})
+
+
+def _run_model(model: str) -> None:
+    """Shapes and cycles of one model."""
+    from cable_shape.cycle.cycle import Cycle
+    from cable_shape.pose import FreeEnd, Grip, Pose
+    from cable_shape.prediction.predictor import predict
+
+    cable, scene = _cable(), _scene()
+    start = Pose((0.0, 0.0, 0.5), (0.5, 0.5, 0.5, 0.5))
+    end, later = (Pose((x, 0.0, 0.5), (0.5, 0.5, 0.5, 0.5)) for x in (0.8, 0.79))
+    for far in (end, Grip(end, kind="pinned"), FreeEnd(mass=0.01)):
+        predict(cable, start, far, model=model, scene=scene)
+    cycle = Cycle(cable, model=model, scene=scene)
+    for stamp, far in enumerate((end, later, end)):
+        cycle.step({"cable": (start, far)}, stamp=stamp * 10_000_000, links={"tool": start})
+
+
+def warm_up_cycles(model: str = "auto") -> None:
+    """Runs the kernels of cycles and of single shapes alone: all that the node and a replay of a model need."""
+    from cable_shape.cycle.cycle import Cycle
+    from cable_shape.pose import Pose
+    from cable_shape.prediction.predictor import Predictor, predict
+    from cable_shape.scene.scene import Capsule, Clip, HalfSpace, Obstacle, Scene
+    from cable_shape.uncertainty.uncertainty import Uncertainty
+
+    for one in dict.fromkeys(("cosserat", "catenary", "cosserat" if model == "auto" else model)):
+        _run_model(one)
+    cable, scene = _cable(), _scene()
+    start, end = (Pose((x, 0.0, 0.5), (0.5, 0.5, 0.5, 0.5)) for x in (0.0, 0.8))
     spread = Cycle(cable, model="cosserat", scene=scene, uncertainty=Uncertainty({"length": 1e-3}, (1e-3, 0.0)))
     spread.step({"cable": (start, end)}, stamp=0, links={"tool": start})
     predict(cable, start, Pose((1.2, 0.0, 0.5), end.quaternion))  # overstretched
@@ -142,3 +189,14 @@ def warm_up_motion() -> None:
     motion = Motion(Cable(length=1.0, linear_density=0.1, bending_stiffness=0.01), points=12)
     motion.begin(start, end)
     motion.step(start, end, 0.01)
+
+
+#: In the order in which they are compiled ahead: who wants a later one needs those before.
+STAGES = {
+    "shapes": warm_up_shapes,
+    "cycles": warm_up_cycles,
+    "harnesses": warm_up_harnesses,
+    "forms": warm_up_forms,
+    "plans": warm_up_plans,
+    "motion": warm_up_motion,
+}
