@@ -18,7 +18,6 @@ from typing import Any
 from cable_shape.warm_up.kernel_list import Entry, all_kernels
 from cable_shape.warm_up.signatures import types_of
 
-
 MOST = 8  # processes, of up to a gigabyte each
 
 
