@@ -1,5 +1,5 @@
 #!/usr/bin/env python
-"""The first minutes: a clone set up from nothing, downloads apart, to a first shape, the demo's picture and all kernels.
+"""The first minutes: a clone set up from nothing, downloads apart, to a shape, the demo's picture and all kernels.
 
     scripts/bench setup [--wheels FOLDER] [--save FILE] [--compare FILE]
 
@@ -76,7 +76,9 @@ def measured(wheels: Path) -> tuple[dict[str, float], float]:
         said = clone / "said.log"
         began = monotonic()
         with said.open("w") as log:
-            demo = subprocess.Popen(["scripts/demo"], cwd=clone, env=environment, stdout=log, stderr=subprocess.STDOUT)
+            demo = subprocess.Popen(
+                [clone / "scripts/demo"], cwd=clone, env=environment, stdout=log, stderr=subprocess.STDOUT
+            )
         shape = threading.Thread(target=try_shape, args=(clone, environment, came))
         shape.start()
         while demo.poll() is None:

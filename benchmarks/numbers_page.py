@@ -19,7 +19,8 @@ Everything that is measured, on one page: `scripts/bench` runs all benches, says
 writes it (`--quick`, `--save FILE`, `--compare FILE`; `--draw FILE` writes it of figures that were kept); with
 a name, one of them: {names}. `certify` judges random shapes that say OK by a check of its own in numpy,
 `evidence` redraws [performance](performance.md), [stability](stability.md) and the first table below. MuJoCo
-and PyElastica are measured after `scripts/bench rivals --install`."""
+and PyElastica are measured after `scripts/bench rivals --install`, a set-up from nothing by `scripts/bench
+setup` alone."""
 
 MACHINE = """\
 Times are those of one machine, and of what else it does: {load} processes wanted one of its cores when this
