@@ -44,7 +44,6 @@ class Part(NamedTuple):
 PARTS = (
     Part("gradient"),
     Part("cosserat"),
-    Part("network"),
     Part("scene"),
     Part("combinations", steady=True),
     Part("harness"),

@@ -23,7 +23,6 @@ def main() -> int:
     planner_service.print_cycles(figures, 2 if quick else 6)
     if not options.service:
         planner_batch.print_rates(figures, 10_000, 3 if quick else 7)
-        planner_batch.print_agreement(50 if quick else 500)
         planner_trajectory.print_time(figures)
         planner_trajectory.print_agreement(figures, 20 if quick else 200)
         planner_steer.print_steering(figures, 20 if quick else 200)

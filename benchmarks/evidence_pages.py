@@ -1,4 +1,4 @@
-"""Where the evidence goes: two pages, the first table of the page of numbers, and figures to keep and compare."""
+"""Where the evidence goes: a page, the first table of the page of numbers, and figures to keep and compare."""
 
 from __future__ import annotations
 
@@ -14,11 +14,7 @@ import matplotlib.pyplot as plt
 from figures import Figures, machine
 from matplotlib.figure import Figure
 
-TITLES = {
-    "performance": "Run time against error",
-    "stability": "Stability under stress",
-}
-#: Marks around what `scripts/bench certify` writes on a page, which stays when the page is written anew.
+#: Marks around what `scripts/bench certify` writes on its page.
 CERTIFIED, END = "<!-- written by scripts/bench certify -->", "<!-- to here -->"
 #: Mark before the first table of docs/numbers.md.
 BEGIN = "<!-- written by scripts/bench evidence -->"
@@ -55,28 +51,20 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
-def certified(page: Path) -> list[str]:
-    """What `scripts/bench certify` has written on a page, with its marks; empty if nothing."""
-    text = page.read_text(encoding="utf-8") if page.exists() else ""
-    if CERTIFIED not in text:
-        return []
-    return [f"{CERTIFIED}{text.partition(CERTIFIED)[2].partition(END)[0]}{END}"]
-
-
 class Pages:
-    """Texts, pictures and ratios, as they come."""
+    """Texts, pictures and ratios of docs/performance.md, as they come."""
 
     def __init__(self, folder: Path, quick: bool) -> None:
         self.folder, self.quick = folder, quick
         self.figures = Figures()
         self.front = ""
         self.ratios: dict[str, tuple[float, str]] = {}
-        self.texts: dict[str, list[str]] = {page: [] for page in TITLES}
+        self.texts: list[str] = []
         (folder / "images").mkdir(parents=True, exist_ok=True)
 
-    def add(self, page: str, *texts: str) -> None:
-        """Paragraphs and tables of a page, printed, too."""
-        self.texts[page] += texts
+    def add(self, *texts: str) -> None:
+        """Paragraphs and tables, printed, too."""
+        self.texts += texts
         print("\n\n".join(texts), end="\n\n", flush=True)
 
     def ratio(self, name: str, value: float, meaning: str = "") -> None:
@@ -84,31 +72,20 @@ class Pages:
         self.ratios[name] = (value, meaning)
         self.figures.ratio(name, value)
 
-    def picture(self, page: str, figure: Figure, name: str, alt: str) -> None:
+    def picture(self, figure: Figure, name: str, alt: str) -> None:
         """Writes a picture and shows it on the page."""
         figure.savefig(self.folder / "images" / f"{name}.png", dpi=90)
         plt.close(figure)
-        self.add(page, f"![{alt}](images/{name}.png)")
+        self.add(f"![{alt}](images/{name}.png)")
 
     def write(self) -> None:
-        """Both pages."""
+        """The page."""
         note = "\n\nA quick run: few points and repetitions." if self.quick else ""
-        for page, texts in self.texts.items():
-            head = [f"# {TITLES[page]}", f"Written by `scripts/bench evidence` on {machine()}.{note}"]
-            if page == "performance":
-                head.append(self._ratio_table())
-            file = self.folder / f"{page}.md"
-            file.write_text("\n\n".join((*head, *texts, *certified(file))) + "\n", encoding="utf-8")
-
-    def _ratio_table(self) -> str:
         found = sorted(self.ratios.items(), key=lambda item: -item[1][0])
-        ahead = [(name, figures(value, 3), note) for name, (value, note) in found if value >= 1.0]
-        behind = [(name, figures(value, 3), note) for name, (value, note) in found if not value >= 1.0]
-        head = ("a : b", "a is so many times as fast", "")
-        parts = ["## Ratios", "Both in turns, or in the same run.", table(head, ahead)]
-        if behind:
-            parts += ["Where nothing is gained, or time is lost:", table(head, behind)]
-        return "\n\n".join(parts)
+        rows = [(name, figures(value, 3), note) for name, (value, note) in found]
+        head = ["# Run time against error", f"Written by `scripts/bench evidence` on {machine()}.{note}", "## Ratios"]
+        head += ["Both in turns, or in the same run.", table(("a : b", "a is so many times as fast", ""), rows)]
+        (self.folder / "performance.md").write_text("\n\n".join((*head, *self.texts)) + "\n", encoding="utf-8")
 
 
 def front(series: Mapping[str, Series], default: str) -> str:

@@ -211,7 +211,6 @@ def evidence(pages: Pages) -> None:
     pages.figures.at_most("solve_bvp at its finest: mean distance / L to the rod, cold", max(agree), 1e-4)
     pages.figures.at_most("M, warm: mean error / L", at_default(results["M, warm"]).error, 1e-5)
     pages.add(
-        "performance",
         "## Work and precision",
         "Time of one shape of 150 points against its mean distance at equal arc length from the reference, the rod at "
         f"a tolerance of {REFERENCE:.0e} of the length. solve_bvp, which knows nothing of the rod's code, is at its "
@@ -228,6 +227,6 @@ def evidence(pages: Pages) -> None:
         f"gradient4 takes {figures(1e3 * results['B, cold']['gradient4'][0].time)} ms here on grasp B.",
     )
     alt = "Time against error of six problems, of all models"
-    pages.picture("performance", drawn(results), "work_precision", alt)
+    pages.picture(drawn(results), "work_precision", alt)
     head = ("problem", "model", "setting", "elements or links", "time / rod at 1e-05 L", "mean error / L")
-    pages.add("performance", table(head, [row for name, series in results.items() for row in rows_of(name, series)]))
+    pages.add(table(head, [row for name, series in results.items() for row in rows_of(name, series)]))

@@ -18,7 +18,7 @@ INTRODUCTION = """\
 Everything that is measured, on one page: `scripts/bench` runs all benches, says whether each figure holds, and
 writes it (`--quick`, `--save FILE`, `--compare FILE`; `--draw FILE` writes it of figures that were kept); with
 a name, one of them: {names}. `certify` judges random shapes that say OK by a check of its own in numpy,
-`evidence` redraws [performance](performance.md), [stability](stability.md) and the first table below. MuJoCo
+`evidence` redraws [performance](performance.md) and the first table below. MuJoCo
 and PyElastica are measured after `scripts/bench rivals --install`, a set-up from nothing by `scripts/bench
 setup` alone."""
 
@@ -36,7 +36,7 @@ with which solve_bvp agrees. It solves the same equations with an analytic Jacob
 answer. The simulators start from the rod's own first guess and are told, at no cost, when they have come to
 rest, at settings searched for each grasp."""
 
-MORE = "Ratios, diagrams of time against error, and what every shortcut saves: [performance](performance.md)."
+MORE = "Ratios, and a diagram of time against error: [performance](performance.md)."
 
 
 class Peer(NamedTuple):
@@ -103,14 +103,13 @@ BENCHES = {
     "gradient": Told("The closed forms", "scipy's solve_bvp on the same equations, and the rod"),
     "cosserat": Told("The rod", "shapes of the literature, and itself a thousand times finer"),
     "combinations": Told("What goes together", "no peer; [what does](limits.md#what-goes-together)"),
-    "network": Told("Cables in clips and trees", "no peer; the plain cable and itself at another size"),
-    "scene": Told("Clips, clearance, margins and contact", "no peer in time; closed forms and finer meshes in error"),
+    "scene": Told("Clips, clearance, margins and contact", "finer meshes, and a certificate in numpy"),
     "harness": Told("Harnesses", "no peer; the balance of forces at every junction"),
     "motion": Told("Cables that swing", "no peer; itself in shorter steps"),
     "planner": Told("For planners", "single predictions, a check 100 times finer, an echo as large"),
     "studies": Told("Studies", "a scan of all lengths, one worker, processes without a cluster"),
     "cell": Told("The node over DDS", "a node in Python that only answers"),
-    "evidence": Told("Time against error, shortcuts", "solve_bvp, MuJoCo, PyElastica, and itself without a shortcut"),
+    "evidence": Told("Time against error", "solve_bvp, MuJoCo, PyElastica"),
     "truth": Told("Real cables", "motion capture of five cables, and random cables whose numbers are known"),
     "certify": Told("Certificates", "a check in numpy that shares no formula with the kernels"),
 }

@@ -1,4 +1,4 @@
-"""How many grasps a second `predict_batch` answers, and how near its answers are to cold predictions."""
+"""How many grasps a second `predict_batch` answers."""
 
 from __future__ import annotations
 
@@ -103,26 +103,3 @@ def print_rates(figures: Figures, rows: int, repeats: int) -> None:
     figures.at_least(f"predict_batch, {near}, with 20 bodies", clear, WITH_CLEARANCE, "{:.0f}", "/s")
     figures.at_least(f"predict_batch, {wide}, one core", scattered, SCATTERED, "{:.0f}", "/s")
     figures.at_least(f"predict_batch, {wide}: beside the same one by one from nothing", scattered, cold, "{:.0f}", "/s")
-
-
-def print_agreement(rows: int) -> None:
-    """Prints how far rows are from cold predictions to 1e-7 of the length, and how many are on another branch."""
-    heading(f"predict_batch against cold predictions at 1e-7 of the length, {rows} rows each")
-    print(f"{'':20s} {'error / tolerance: median':>26s} {'largest':>9s}   other branch (flagged), flagged in all")
-    for name, reach, turn in SPREADS:
-        starts, ends = grasps(rows, reach, turn, seed=2)
-        batch = cs.predict_batch(CABLE, starts, ends, model="cosserat", tolerance=TOLERANCE)
-        errors, others = [], []
-        for i, (start, end) in enumerate(zip(starts, ends, strict=True)):
-            there = cs.Pose(start[:3], start[3:]), cs.Pose(end[:3], end[3:])
-            shape = cs.predict(CABLE, *there, model="cosserat", tolerance=1e-7 * CABLE.length)
-            if not shape.status:
-                continue
-            apart = float(np.linalg.norm(batch.positions[i] - shape.positions, axis=1).max())
-            if apart > 0.02 * CABLE.length:
-                others.append(i)
-            else:
-                errors.append(apart / TOLERANCE)
-        flagged = int(batch.several[others].sum())
-        middle, most = np.median(errors), max(errors)
-        print(f"{name:20s} {middle:26.3f} {most:9.3f}   {len(others)} ({flagged}), {batch.several.sum()}")

@@ -1,18 +1,13 @@
-"""Contact in the equilibrium: seeded motions, finer meshes, and times.
-
-python benchmarks/scene_contact.py [--quick]
-"""
+"""Contact in the equilibrium: seeded motions, finer meshes, and times."""
 
 from __future__ import annotations
 
-import sys
 from time import thread_time
 
 import numpy as np
 from clocks import Turns, clocked
 from contact_reference import HEAD, Tally
 from figures import Figures, heading
-from scene_eyelets import print_eyelets, sway
 
 import cable_shape as cs
 from cable_shape.scene.scene import Solid
@@ -24,6 +19,15 @@ CABLE = cs.Cable(
 ACROSS_Y = cs.Pose((0, 0, 0), (np.sqrt(0.5), 0, 0, np.sqrt(0.5)))  # z of the obstacle along -y of the world
 
 Ends = tuple[cs.Pose, cs.Pose]
+
+
+def sway(rng: np.random.Generator, steps: int, amplitude: float) -> np.ndarray:
+    """(steps, 3), a random smooth way that begins at 0: three waves along each axis."""
+    t = np.linspace(0.0, 1.0, steps)
+    waves = sum(
+        rng.normal(size=(1, 3)) / f * np.sin(2.0 * np.pi * f * t + rng.uniform(0, 6.0))[:, None] for f in (1, 2, 3)
+    )
+    return amplitude * (waves - waves[0])
 
 
 def turned(axis: tuple[float, float, float], angle: float) -> cs.Pose:
@@ -142,10 +146,5 @@ def print_contact(figures: Figures, *, quick: bool = False) -> None:
     """Prints everything; `quick` with fewer steps and comparisons."""
     heading("Contact: seeded motions, and times beside the plain cable")
     print_motions(figures, 100 if quick else 300, 20 if quick else 5)
-    print_eyelets(figures, 50 if quick else 150, 10 if quick else 5)
     for speed in (1e-4, 1e-3):
         print_table(figures, speed)
-
-
-if __name__ == "__main__":
-    print_contact(Figures(), quick="--quick" in sys.argv[1:])

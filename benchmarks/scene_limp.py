@@ -2,13 +2,10 @@
 
 The legs of a limp cable are steep, and bend into the table within (EI / w)^(1/3); what lies there carries no pressure
 along its axis and bows sideways.
-
-python benchmarks/scene_limp.py [--quick]
 """
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 
 import numpy as np
@@ -98,7 +95,3 @@ def print_limp(figures: Figures, cases: int) -> None:
         total.tell(figures, f"limp cables on a table, {how}", usable)
         lost = 100.0 * total.lost / max(total.compared + total.lost, 1)
         figures.at_most(f"limp cables on a table, {how}: no finer mesh on the same branch", lost, 5.0, "{:.1f}", " %")
-
-
-if __name__ == "__main__":
-    print_limp(Figures(), 3 if "--quick" in sys.argv[1:] else 15)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from contact_reference import compared, deepest, finer
-from scene_eyelets import motions
+from eyelets import motions
 
 import cable_shape as cs
 from cable_shape.solve.touching.touching import DEEPEST
