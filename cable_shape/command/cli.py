@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NoReturn
 
@@ -23,7 +23,8 @@ LOOPBACK = "127.0.0.1"
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs one command and returns its exit code."""
-    arguments = build_parser().parse_args(argv)
+    given = sys.argv[1:] if argv is None else list(argv)
+    arguments = build_parser(next((word for word in given if word in COMMANDS), None)).parse_args(given)
     try:
         code: int = arguments.run(arguments)
     except CableShapeError as error:
@@ -66,8 +67,8 @@ def run_node() -> NoReturn:
     run()
 
 
-def build_parser() -> argparse.ArgumentParser:
-    """All commands and their options."""
+def build_parser(command: str | None = None) -> argparse.ArgumentParser:
+    """All commands and their options; of one command, that alone, which imports no more than it needs."""
     parser = argparse.ArgumentParser(
         prog="cable-shape",
         description="Predicts the quasistatic shape of the cable held between two grippers.",
@@ -77,22 +78,9 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"cable-shape {cable_shape.__version__}")
     parser.add_argument("--debug", action="store_true", help="show the traceback of an error")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    predictions.add_replay(commands)
-    predictions.add_predict(commands)
-    _add_import(commands)
-    _add_study(commands)
-    _add_optimise(commands)
-    _add_tolerances(commands)
-    _add_sweep(commands)
-    _add_export(commands)
-    _add_view(commands)
-    _add_calibrate(commands)
-    _add_status(commands)
-    _add_bench(commands)
-    doctor = commands.add_parser("doctor", help="check libraries, messages, compiled kernels, and your files")
-    for name in ("cable", "harness", "scene", "robot"):
-        doctor.add_argument(f"--{name}", type=Path, metavar=f"{name.upper()}.yaml", help=f"also look at this {name}")
-    doctor.set_defaults(run=_doctor)
+    for name, add in COMMANDS.items():
+        if command in (None, name):
+            add(commands)
     return parser
 
 
@@ -267,6 +255,13 @@ def _bench(arguments: argparse.Namespace) -> int:
     return subprocess.run([str(script), *named, *arguments.options], check=False).returncode
 
 
+def _add_doctor(commands: Commands) -> None:
+    doctor = commands.add_parser("doctor", help="check libraries, messages, compiled kernels, and your files")
+    for name in ("cable", "harness", "scene", "robot"):
+        doctor.add_argument(f"--{name}", type=Path, metavar=f"{name.upper()}.yaml", help=f"also look at this {name}")
+    doctor.set_defaults(run=_doctor)
+
+
 def _doctor(arguments: argparse.Namespace) -> int:
     from cable_shape.command.doctor import examine
     from cable_shape.command.doctor_files import examine_files
@@ -279,6 +274,23 @@ def _doctor(arguments: argparse.Namespace) -> int:
     faults = sum(1 for finding in findings if finding.remedy)
     print("all is well" if not faults else f"{faults} to repair")
     return EXIT_UNWELL if faults else 0
+
+
+COMMANDS: dict[str, Callable[[Commands], None]] = {
+    "replay": predictions.add_replay,
+    "predict": predictions.add_predict,
+    "import": _add_import,
+    "study": _add_study,
+    "optimise": _add_optimise,
+    "tolerances": _add_tolerances,
+    "sweep": _add_sweep,
+    "export": _add_export,
+    "view": _add_view,
+    "calibrate": _add_calibrate,
+    "status": _add_status,
+    "bench": _add_bench,
+    "doctor": _add_doctor,
+}
 
 
 if __name__ == "__main__":

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import final
 
+import numpy as np
 import rerun as rr
 
 from cable_shape.safety.report import Margin
 from cable_shape.viewer import colour as colours
 from cable_shape.viewer import text
+from cable_shape.viewer.columns import Columns, rgba, strips
 from cable_shape.viewer.plots import MOST_USED
 
 #: In the plane of the bars kinds are 1 apart, downwards; where each limit is, and what is seen of the plane.
@@ -22,10 +24,11 @@ _STEP = 0.01  # of the limit; a smaller change of a bar is not seen
 
 @final
 class Bars:
-    """Writes the entities below /margins at the recording's present time: of each kind the margin most used up."""
+    """Writes the entities below /margins at the columns' present time: of each kind the margin most used up."""
 
-    def __init__(self, recording: rr.RecordingStream) -> None:
+    def __init__(self, recording: rr.RecordingStream, columns: Columns) -> None:
         self._recording = recording
+        self._columns = columns
         self._shown: list[tuple[int, str]] = []
 
     def begin(self) -> None:
@@ -48,16 +51,18 @@ class Bars:
         if shown == self._shown:
             return
         self._shown = shown
-        self._recording.log("/margins/bars", _strips(used, [colours.KINDS[text.MARGIN_KINDS[row]] for row in used]))
+        self._columns.write("/margins/bars", _strips(used, [colours.KINDS[text.MARGIN_KINDS[row]] for row in used]))
         names = rr.Points2D(
             [(AT_LIMIT, row - _ABOVE) for row in used], radii=0.0, colors=colours.MARKER, show_labels=True,
             labels=[worst[row][1] for row in used],
         )  # fmt: skip
-        self._recording.log("/margins/names", names)
+        self._columns.write("/margins/names", names)
 
 
 def _strips(used: Mapping[int, float], colour: Sequence[colours.Colour]) -> rr.LineStrips2D:
     """Bars in these rows: their ends are round, and within what is used."""
     half = [min(_HALF, 0.5 * AT_LIMIT * value) for value in used.values()]
     ends = [((r, row), (AT_LIMIT * value - r, row)) for r, (row, value) in zip(half, used.items(), strict=True)]
-    return rr.LineStrips2D(ends, colors=colour, radii=half)
+    return rr.LineStrips2D(
+        strips(np.reshape(ends, (-1, 2, 2))), colors=rgba(np.array(colour, dtype=np.uint8)), radii=half
+    )

@@ -45,8 +45,9 @@ from cable_shape.viewer import colour as colours
 from cable_shape.viewer import text
 from cable_shape.viewer.bars import Bars
 from cable_shape.viewer.blueprint import blueprint, eye
+from cable_shape.viewer.columns import TIMELINE, Columns, rgba, strips
 from cable_shape.viewer.forces import Forces
-from cable_shape.viewer.plots import TIMELINE, Plots, part, path
+from cable_shape.viewer.plots import Plots, part, path
 from cable_shape.viewer.tubes import capsules
 
 #: Stamps below this are the clock of a simulation, which begins near 0, and not a date. [ns], March 1973.
@@ -82,7 +83,7 @@ class ReportLogger:
     live : bool
         Whether the viewer follows the newest report, or plays the recording from its beginning.
     later : bool
-        Whether plots wait until they are flushed, in columns, which takes a fraction of the time.
+        Whether all that moves waits until it is flushed, in columns, which takes a fraction of the time.
     """
 
     def __init__(
@@ -108,7 +109,8 @@ class ReportLogger:
         self.markers = markers
         self.live = live
         self._plots = Plots(recording, self.cables, scene, times, later)
-        self._bars = Bars(recording)
+        self._columns = Columns(recording, later)
+        self._bars = Bars(recording, self._columns)
         self._forces = {
             name: Forces(f"/world/cables/{path(name)}/forces", cable) for name, cable in self.cables.items()
         }
@@ -167,22 +169,21 @@ class ReportLogger:
         self._plots.markers(distances, radii)
 
     def _write(self, entity: str, *what: Any, static: bool = False) -> None:
-        self.recording.log(entity, *what, static=static)
+        if static:
+            self.recording.log(entity, *what, static=True)
+        else:
+            self._columns.write(entity, *what)
 
     def _at(self, stamp: int) -> None:
         if self._dates is None:
             self._dates = stamp >= FIRST_DATE
-        if self._dates:
-            date = np.datetime64(stamp, "ns")
-            self.recording.set_time(TIMELINE, timestamp=date)
-            self._plots.at(date)
-        else:
-            since = np.timedelta64(stamp, "ns")
-            self.recording.set_time(TIMELINE, duration=since)
-            self._plots.at(since)
+        time = np.datetime64(stamp, "ns") if self._dates else np.timedelta64(stamp, "ns")
+        self._columns.at(time)
+        self._plots.at(time)
 
     def flush(self) -> None:
-        """Writes the plots that wait."""
+        """Writes what waits."""
+        self._columns.flush()
         self._plots.flush()
 
     def _changed(self, entity: str, what: object) -> bool:
@@ -270,18 +271,18 @@ class ReportLogger:
         """The cable in short straight strips, each in its own colour, and the masses it carries."""
         cable = self.cables[name]
         if not shape.status:
-            rgba = np.tile(np.array(colours.UNUSABLE, dtype=np.uint8), (shape.points, 1))
+            colour = np.tile(np.array(colours.UNUSABLE, dtype=np.uint8), (shape.points, 1))
         elif self.colour == "curvature":
-            rgba = colours.scale(colours.by_curvature(cable, shape))
+            colour = colours.scale(colours.by_curvature(cable, shape))
         else:
-            rgba = colours.scale(colours.by_clearance(cable, shape, self.scene, self.links, report.links))
+            colour = colours.scale(colours.by_clearance(cable, shape, self.scene, self.links, report.links))
         shown = np.unique(np.linspace(0, shape.points - 1, min(shape.points, MAX_SEGMENTS + 1)).round().astype(int))
         points = shape.positions[shown].astype(np.float32)
-        strips = np.stack((points[:-1], points[1:]), axis=1)
+        line = strips(np.stack((points[:-1], points[1:]), axis=1))
         arc, radius = shape.arc_length, 0.5 * cable.diameter
         more = thicker(cable, 0.5 * (arc[shown[:-1]] + arc[shown[1:]]))
         radii = radius if more is None else radius_of(cable) + more
-        self._write(f"{base}/line", rr.LineStrips3D(strips, colors=rgba[shown[:-1]], radii=radii))
+        self._write(f"{base}/line", rr.LineStrips3D(line, colors=rgba(colour[shown[:-1]]), radii=radii))
         masses = [mass for mass in self.scene.masses if self._concerns(name, mass.segment)]
         if masses:
             at = np.array([mass.arc_length for mass in masses])

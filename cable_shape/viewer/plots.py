@@ -15,9 +15,9 @@ from cable_shape.scene.scene import Scene
 from cable_shape.shape import CableShape
 from cable_shape.viewer import colour as colours
 from cable_shape.viewer import text
+from cable_shape.viewer.columns import Time, times_of
 
 MOST_USED = 2.0  # of a limit, that is plotted
-TIMELINE = "stamp"
 
 
 @final
@@ -32,22 +32,18 @@ class Plots:
         self._scene = scene
         self._times = times
         self._later = later
-        self._now: np.datetime64 | np.timedelta64 = np.timedelta64(0, "ns")
-        self._waiting: dict[str, list[tuple[np.datetime64 | np.timedelta64, tuple[float, ...]]]] = {}
+        self._now: Time = np.timedelta64(0, "ns")
+        self._waiting: dict[str, list[tuple[Time, tuple[float, ...]]]] = {}
 
-    def at(self, time: np.datetime64 | np.timedelta64) -> None:
+    def at(self, time: Time) -> None:
         """Of what is plotted from now on."""
         self._now = time
 
     def flush(self) -> None:
         """Writes what waits: a column takes as long as a few numbers by themselves."""
         for entity, rows in self._waiting.items():
-            times = np.array([time for time, _ in rows])
-            dates = times.dtype.kind == "M"
-            index = rr.TimeColumn(TIMELINE, timestamp=times) if dates else rr.TimeColumn(TIMELINE, duration=times)
-            self._recording.send_columns(
-                entity, [index], rr.Scalars.columns(scalars=np.array([values for _, values in rows]))
-            )
+            numbers = rr.Scalars.columns(scalars=np.array([values for _, values in rows]))
+            self._recording.send_columns(entity, [times_of([time for time, _ in rows])], numbers)
         self._waiting.clear()
 
     def _plot(self, entity: str, *values: float) -> None:
