@@ -91,6 +91,7 @@ class Seen:
     resting: Counter[str] = field(default_factory=Counter)  # body: cycles
     robot_checked: bool = False
     diagnostics: dict[str, str] = field(default_factory=dict)
+    told: int = 0  # messages of diagnostics
 
     def shape(self, message: CableShape) -> None:
         """Counts one shape."""
@@ -121,6 +122,7 @@ class Seen:
 
     def diagnostic(self, message: DiagnosticArray) -> None:
         """Keeps the newest value of every key."""
+        self.told += 1
         for status in message.status:
             self.diagnostics.update({pair.key: pair.value for pair in status.values})
 
@@ -143,13 +145,13 @@ def watch(seen: Seen, node_process: Process, cell_command: list[str], out: Path,
     try:
         print("waiting for the node ...", file=sys.stderr)
         deadline = time.monotonic() + STARTUP_S
-        while seen.diagnostics.get("state") != "active":
-            executor.spin_once(timeout_sec=0.1)
-            if node_process.ended is not None:
-                return [f"the node ended early with exit status {node_process.ended}; see {node_process.log}"]
-            if time.monotonic() > deadline:
-                return [f"the node was not active within {STARTUP_S:.0f} s; see {node_process.log}"]
-        with Process("cell", cell_command, out / "cell.log") as cell:
+        with Process("cell", cell_command, out / "cell.log") as cell:  # it plans meanwhile, and waits for the node
+            while seen.diagnostics.get("state") != "active":
+                executor.spin_once(timeout_sec=0.1)
+                if node_process.ended is not None:
+                    return [f"the node ended early with exit status {node_process.ended}; see {node_process.log}"]
+                if time.monotonic() > deadline:
+                    return [f"the node was not active within {STARTUP_S:.0f} s; see {node_process.log}"]
             return _follow(seen, executor, node_process, cell, duration)
     finally:
         executor.shutdown()
@@ -170,8 +172,8 @@ def _follow(seen: Seen, executor: SingleThreadedExecutor, node: Process, cell: P
                 return [f"the node ended early with exit status {node.ended}; see {node.log}"]
             if time.monotonic() > deadline:
                 return [f"the cell did not end within {duration + STARTUP_S:.0f} s; see {cell.log}"]
-    settle = time.monotonic() + 1.5  # the last diagnostics come within a period of 1 s
-    while time.monotonic() < settle:
+    settle, told = time.monotonic() + 5.0, seen.told + 2  # the second one from now on has all cycles
+    while seen.told < told and time.monotonic() < settle:
         executor.spin_once(timeout_sec=0.1)
     return [f"the cell failed with exit status {cell.ended}; see {cell.log}"] if cell.ended else []
 
@@ -233,7 +235,7 @@ def main() -> int:
     parser.add_argument("--view", action="store_true", help="open the viewer instead of writing an .rrd file")
     parser.add_argument("--harness", action="store_true", help="carry a harness: a trunk in a clip, two branches")
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "demo", help="folder for logs and the recording")
-    parser.add_argument("--duration", type=float, default=20.0, help="[s] of motion")
+    parser.add_argument("--duration", type=float, default=18.0, help="[s] of motion")
     args = parser.parse_args()
     out = args.out.resolve()
     out.mkdir(parents=True, exist_ok=True)
@@ -246,11 +248,13 @@ def main() -> int:
         "robot_file": CONFIG / "robots" / "dual_arm.yaml",
         "view": "window" if rrd is None else rrd,
         "output_folder": out,
+        "diagnostics_period": 0.25,
     }
     node_command = [sys.executable, "-m", "cable_shape.ros.node", "--ros-args"]
     for name, value in parameters.items():
         node_command += ["-p", f"{name}:={value}"]
     cell_command = [sys.executable, str(ROOT / "demo" / "demo_cell.py"), "--duration", str(args.duration)]
+    cell_command += ["--wait", str(STARTUP_S)]
     cell_command += ["--lift", str(LIFT)] if args.harness else []
 
     seen = Seen()
