@@ -88,6 +88,7 @@ def add_replay(commands: Commands) -> None:
         "--frame-id", default="world", metavar="FRAME", help="frame of the shapes, for --input tf (world)"
     )
     replay.add_argument("--markers-topic", default="/cable/markers", metavar="TOPIC", help="PoseArray to compare with")
+    replay.add_argument("--edits-topic", default="/cable/edits", metavar="TOPIC", help="CableEdits to repeat")
     replay.add_argument("--inertia", action="store_true", help="the markers' accelerations load the cable")
     replay.add_argument("--no-rrd", action="store_true", help="do not write replay.rrd")
     replay.add_argument("--no-picture", action="store_true", help="do not write report.png")
@@ -132,6 +133,7 @@ def _replay(arguments: argparse.Namespace) -> int:
         right_frame=arguments.right_frame,
         frame_id=arguments.frame_id,
         markers_topic=arguments.markers_topic,
+        edits_topic=arguments.edits_topic,
         inertia=arguments.inertia,
         rrd=not arguments.no_rrd,
         picture=not arguments.no_picture,

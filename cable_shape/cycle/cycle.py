@@ -214,7 +214,7 @@ class Cycle:
         if self._harnesses:
             bound = "a cycle with a harness cannot be edited"
             raise ArgumentError.of("edits", f"{len(edits)} edits", bound, "Make another Cycle, in the new scene.")
-        editing = Editing(self._layout or self._laid(), self._cables, self._maker, self._crossing)
+        editing = Editing(self.layout, self._cables, self._maker, self._crossing)
         try:
             if cable is not None:
                 checks.one_of("cable", cable, self._cables)
@@ -230,6 +230,11 @@ class Cycle:
         if stamp is not None:
             self.last_stamp = stamp
         return EditResult(True)
+
+    @property
+    def layout(self) -> Layout:
+        """How the cables are held now, among which bodies; harnesses are not in it."""
+        return self._layout or self._laid()
 
     def _laid(self) -> Layout:
         """The cables before any edit."""

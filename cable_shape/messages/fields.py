@@ -21,6 +21,9 @@ ARRAYS = (("arc_length", 1), ("positions", 3), ("quaternions", 4), ("curvature",
 POINT_FIELDS = ("x", "y", "z", "arc_length", "tension")
 POINT_BYTES = 4 * len(POINT_FIELDS)
 
+#: [m], of grips, bodies and clips from their frame; farther away, doubles no longer tell tenths of a micrometre
+FARTHEST = 1e6
+
 
 def point_rows(shapes: Mapping[str, CableShape]) -> Any:
     """(points of all shapes, 5) little-endian float32, see `POINT_FIELDS`."""

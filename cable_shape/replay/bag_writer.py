@@ -23,6 +23,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from cable_shape.errors import BagError, DependencyError
+from cable_shape.messages.edits import scene_fields
 from cable_shape.messages.fields import (
     POINT_BYTES,
     POINT_FIELDS,
@@ -32,22 +33,28 @@ from cable_shape.messages.fields import (
     warning_fields,
 )
 from cable_shape.messages.pairing import SECOND
+from cable_shape.prediction.layout import Layout
 from cable_shape.safety.report import CableWarning, CycleReport
 
 PACKAGE = "cable_shape_msgs"
-MESSAGES = ("CableMargin", "CableMargins", "CableWarning", "CableWarnings", "CableShape")
+MESSAGES = (
+    "CableEdit", "CableEdits", "CableMargin", "CableMargins", "CableScene", "CableShape", "CableWarning",
+    "CableWarnings",
+)  # fmt: skip
 SHAPE_TYPE = f"{PACKAGE}/msg/CableShape"
 WARNING_TYPE = f"{PACKAGE}/msg/CableWarning"
 WARNINGS_TYPE = f"{PACKAGE}/msg/CableWarnings"
 MARGIN_TYPE = f"{PACKAGE}/msg/CableMargin"
 MARGINS_TYPE = f"{PACKAGE}/msg/CableMargins"
+EDITS_TYPE = f"{PACKAGE}/msg/CableEdits"
+SCENE_TYPE = f"{PACKAGE}/msg/CableScene"
 POINTS_TYPE = "sensor_msgs/msg/PointCloud2"
 
 
 @final
 class BagWriter:
     """A new rosbag2 folder (mcap) with /cable/shape, /cable/warnings, /cable/margins and, to be drawn by others,
-    /cable/points; a context manager.
+    /cable/points, and where there are edits /cable/edits and /cable/scene; a context manager.
 
     An earlier folder made by this class is replaced, anything else is left alone.
 
@@ -68,6 +75,7 @@ class BagWriter:
         points_topic: str = "/cable/points",
     ) -> None:
         self.store = cable_shape_store()
+        self._edits: tuple[Connection, Connection] | None = None
         self._broken = False  # a write failed, so that another one would come after half a record
         _make_room(folder)
         self._writer = Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP)
@@ -109,6 +117,19 @@ class BagWriter:
         cloud = {"height": 1, "width": len(rows), "fields": self._point_fields, "is_bigendian": False, "is_dense": True}
         cloud |= {"point_step": POINT_BYTES, "row_step": rows.nbytes, "data": rows.view(np.uint8).ravel()}
         self._write(self._points, POINTS_TYPE, report.stamp, frame_id, cloud)
+
+    def write_edits(self, message: Any, layout: Layout, stamp: int, frame_id: str) -> None:
+        """A CableEdits that was repeated before the cycle of `stamp` [ns], and what it made."""
+        if self._edits is None:
+            topics = (("/cable/edits", EDITS_TYPE), ("/cable/scene", SCENE_TYPE))
+            one, other = (self._connect(topic, kind, QosDurability.TRANSIENT_LOCAL) for topic, kind in topics)
+            self._edits = one, other
+        fields = {"number": message.number, "cable_id": message.cable_id, "edits": message.edits}
+        self._write(self._edits[0], EDITS_TYPE, stamp, frame_id, fields)
+        scene: dict[str, Any] = {"number": message.number, **scene_fields(layout)}
+        for name, kind in (("starts", np.float64), ("ends", np.float64), ("opened", np.uint8)):
+            scene[name] = np.array(scene[name], dtype=kind)
+        self._write(self._edits[1], SCENE_TYPE, stamp, frame_id, scene)
 
     def _write(self, connection: Connection, kind: str, stamp: int, frame_id: str, fields: dict[str, Any]) -> None:
         types = self.store.types

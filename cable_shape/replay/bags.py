@@ -15,6 +15,7 @@ import apsw
 from rosbags.rosbag2 import Reader, ReaderError
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.store import Typestore
 
 from cable_shape.errors import BagError
 from cable_shape.files.files import path_of, regular
@@ -63,18 +64,20 @@ class Bag:
     A damaged recording is read as far as it goes. After `messages` has run to its end, `problems` says what could not
     be read and `unread` how many messages of each topic that were.
 
+    store: of the types of messages; default: those of ROS 2 Jazzy.
+
     Raises
     ------
     BagError
         If nothing can be read; it says why and what to do.
     """
 
-    def __init__(self, path: str | Path) -> None:
+    def __init__(self, path: str | Path, store: Typestore | None = None) -> None:
         self.path = path_of(path, "recording")
         self.problems: list[str] = []  # what could not be read
         self.notes: list[str] = []  # what is odd, though nothing is missing
         self.read: Counter[str] = Counter()  # topic -> messages given so far
-        self._store = get_typestore(Stores.ROS2_JAZZY)
+        self._store = store or get_typestore(Stores.ROS2_JAZZY)
         self._parts = self._open()
         self.types = {topic: kind for part in self._parts for topic, kind in part.types.items()}
         self.counts = self._expected()

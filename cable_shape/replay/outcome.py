@@ -33,3 +33,4 @@ class Outcome:
     inertia: Inertia | None
     problems: tuple[str, ...]
     notes: tuple[str, ...]
+    edits: int = 0  # requests that were repeated

@@ -67,6 +67,7 @@ def summarise(outcome: Outcome) -> dict[str, Any]:
             "picture": settings.picture,
         },
         "replay": outcome.tally.as_dict(),
+        "edits": outcome.edits,
         "inertia": _inertia(outcome),
         "markers": _markers(outcome),
     }
@@ -207,6 +208,8 @@ def _headline(summary: dict[str, Any]) -> Iterator[Row]:
     yield "status", ", ".join(f"{status} {count}" for status, count in replayed["status"].items())
     if replayed["clock_restarts"]:
         yield "clock set back", f"{replayed['clock_restarts']} times; the shapes after it start afresh"
+    if summary["edits"]:
+        yield "edits repeated", str(summary["edits"])
     refused = sum(entry["messages"] for entry in summary["input"]["refused"])
     if refused or summary["input"]["unpaired"]:
         yield "input left out", f"{refused} messages refused, {summary['input']['unpaired']} without a partner"

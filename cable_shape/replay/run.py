@@ -22,6 +22,7 @@ from cable_shape.pose import Grip, Pose
 from cable_shape.replay.bag_writer import BagWriter
 from cable_shape.replay.bags import Bag
 from cable_shape.replay.carried import Carried, carried
+from cable_shape.replay.edits import RecordedEdits
 from cable_shape.replay.inertia import Inertia
 from cable_shape.replay.inputs import (
     JOINTS_TYPE,
@@ -105,8 +106,11 @@ class _Run:
         self.settings = settings
         self.refusals = Refusals()
         self.carried = carried(settings)
-        self.source, self.source_name = self._source()
+        self.source, self.source_name = self._source(self.refusals)
         self.tally = Tally()
+        self.edits: RecordedEdits | None = None
+        if RecordedEdits.in_bag(bag, settings.edits_topic):
+            self.edits = RecordedEdits(bag.path, settings.edits_topic, self._source(Refusals())[0])
         skew = round(settings.max_skew * SECOND)
         marked = self.marked = self.carried.marked
         self.inertia: Inertia | None = None
@@ -156,6 +160,7 @@ class _Run:
                     sinks = _Sinks(self.out, self.settings, self.carried, self.links, has_markers)
                     self.sinks = stack.enter_context(sinks)
                 self._take(sample, self.sinks)
+            self._make_edits(None)
             self.source.finish()
             if self.markers is not None:
                 self.markers.finish()
@@ -165,6 +170,7 @@ class _Run:
 
     def _take(self, sample: Sample, sinks: _Sinks) -> None:
         """One cycle."""
+        self._make_edits(sample.stamp)
         moving = None if self.inertia is None else self.inertia.at(sample.stamp, self.tally.restarts)
         name, loads = self.carried.name, None
         if moving is not None:
@@ -176,6 +182,12 @@ class _Run:
         if self.markers is not None and self.marked is not None:
             self.markers.add_shape(sample.stamp, self.marked.lines(report), self.marked.radii(report))
         sinks.write(parts, self.source.frame_id or "")
+
+    def _make_edits(self, stamp: int | None) -> None:
+        """Repeats what was edited before the cycle of `stamp` [ns], or before the clock is set back."""
+        for message in () if self.edits is None else self.edits.make(self.cycle, self.tally.restarts, stamp):
+            if self.sinks is not None and stamp is not None:
+                self.sinks.edited(message, self.cycle, stamp, self.source.frame_id or "")
 
     def _take_markers(self, topic: str, message: Any) -> None:
         frame, expected = message.header.frame_id, self.source.frame_id
@@ -208,6 +220,7 @@ class _Run:
 
     def _restart(self) -> None:
         """The clock was set back: what follows has nothing to do with what was before."""
+        self._make_edits(None)
         self.cycle.reset()
         if self.markers is not None:
             self.markers.finish()
@@ -215,22 +228,26 @@ class _Run:
 
     def _outcome(self) -> Outcome:
         read, counts = self.bag.read, self.bag.counts
+        topics = {topic: (read[topic], counts.get(topic)) for topic in self.topics}
+        if self.edits is not None:
+            topics[self.edits.topic] = self.edits.read, counts.get(self.edits.topic)
         return Outcome(
             settings=self.settings,
             bag=self.bag.path,
             source=self.source_name,
             frame_id=self.source.frame_id or "",
-            topics={topic: (read[topic], counts.get(topic)) for topic in self.topics},
+            topics=topics,
             tally=self.tally,
             refusals=self.refusals,
             unpaired=self.source.unpaired,
             markers=self.markers,
             inertia=self.inertia,
-            problems=tuple(self.bag.problems),
+            problems=(*self.bag.problems, *(() if self.edits is None else self.edits.problems)),
+            edits=0 if self.edits is None else self.edits.done,
             notes=tuple(self.bag.notes),
         )
 
-    def _source(self) -> tuple[Source, str]:
+    def _source(self, refusals: Refusals) -> tuple[Source, str]:
         """Where the grips come from, by the settings and by what was recorded."""
         settings, types = self.settings, self.bag.types
         grips = self.carried.topics
@@ -242,13 +259,13 @@ class _Run:
         if chosen == "poses":
             for topic in grips:
                 self._require(topic, POSE_TYPE)
-            return PoseSource(self.carried, settings.max_skew, self.refusals), chosen
+            return PoseSource(self.carried, settings.max_skew, refusals), chosen
         if chosen == "tf":
             self.carried.held([Grip(Pose())] * 2)  # as many as there are frames
             static = f"{settings.tf_topic}_static"
             for topic in (settings.tf_topic, *((static,) if static in types else ())):
                 self._require(topic, TRANSFORM_TYPE)
-            frames, more = (settings.left_frame, settings.right_frame), (settings.max_skew, self.refusals)
+            frames, more = (settings.left_frame, settings.right_frame), (settings.max_skew, refusals)
             return TransformSource(settings.tf_topic, frames, settings.frame_id, self.carried, *more), chosen
         self._require(settings.joints_topic, JOINTS_TYPE)
         if settings.robot is None:
@@ -257,7 +274,7 @@ class _Run:
                 "Give --robot ROBOT.yaml (urdf, grippers)."
             )
         self.carried.held(settings.robot.grips(settings.robot.home))  # as many as there are
-        return JointSource(settings.joints_topic, settings.robot, self.carried, self.refusals), chosen
+        return JointSource(settings.joints_topic, settings.robot, self.carried, refusals), chosen
 
     def _require(self, topic: str, kind: str) -> None:
         """The topic must have been recorded, as messages of this type."""
@@ -320,6 +337,13 @@ class _Sinks:
             if self.recording is not None:
                 self.recording.log(dataclasses.replace(report, times={}))
         except (OSError, RuntimeError) as error:  # the latter is rerun's
+            raise self._unwritable(error) from error
+
+    def edited(self, message: Any, cycle: Cycle, stamp: int, frame_id: str) -> None:
+        """What was edited before the cycle of `stamp` [ns]."""
+        try:
+            self.bag.write_edits(message, cycle.layout, stamp, frame_id)
+        except OSError as error:
             raise self._unwritable(error) from error
 
     def __enter__(self) -> _Sinks:

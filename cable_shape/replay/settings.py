@@ -34,6 +34,7 @@ class Settings:
     input : "poses", "joints", "tf", or "auto": transforms if frames of the grippers are given, joint states if a robot
         is given and they were recorded, else poses.
     left_frame, right_frame : of the grippers on tf_topic and tf_topic + "_static", in frame_id.
+    edits_topic : of what was edited between the cycles, which the replay repeats where it was recorded.
     max_skew : [s], gripper poses further apart are not paired; markers and transforms likewise.
     start, end : how the grippers hold the cable, where that is not left to the robot's file or to the defaults of Grip.
     uncertainty : makes a tube about every shape; clearance and warnings are those of the tube then.
@@ -62,6 +63,7 @@ class Settings:
     right_frame: str = ""
     frame_id: str = "world"
     markers_topic: str = "/cable/markers"
+    edits_topic: str = "/cable/edits"
     inertia: bool = False
     harness: HarnessFile | None = None
     held_ends: tuple[str, ...] = ()

@@ -11,6 +11,7 @@ import numpy as np
 from builtin_interfaces.msg import Duration, Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Point, PoseStamped, Quaternion, TransformStamped, Vector3
+from geometry_msgs.msg import Pose as PoseMessage
 from nav_msgs.msg import Path
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import ColorRGBA, Header
@@ -19,7 +20,9 @@ from visualization_msgs.msg import Marker, MarkerArray
 from cable_shape.cable.cable import TAIL_SIDES
 from cable_shape.checks import QUATERNION_TOLERANCE
 from cable_shape.errors import ArgumentError
+from cable_shape.messages.edits import edit_fields, scene_fields
 from cable_shape.messages.fields import (
+    FARTHEST,
     POINT_BYTES,
     POINT_FIELDS,
     margin_fields,
@@ -29,6 +32,8 @@ from cable_shape.messages.fields import (
 )
 from cable_shape.messages.pairing import SECOND
 from cable_shape.pose import Pose
+from cable_shape.prediction.edits import Edit
+from cable_shape.prediction.layout import Layout
 from cable_shape.ros import messages
 from cable_shape.ros.diagnostics import Verdict
 from cable_shape.safety.report import CableWarning, CycleReport, Severity, WarningKind
@@ -38,9 +43,6 @@ from cable_shape.uncertainty.uncertainty import Tube
 #: colours of the markers, as red, green, blue: fine, near a limit, beyond it
 FINE, WARN, ERROR = (0.10, 0.65, 0.60), (0.95, 0.60, 0.10), (0.85, 0.15, 0.15)
 COLOURS = {None: FINE, Severity.WARN: WARN, Severity.ERROR: ERROR}
-
-#: [m], of a gripper from the origin of its frame; farther away, doubles no longer tell tenths of a micrometre
-FARTHEST = 1e6
 
 #: opacity of the shape after a snap
 GHOST = 0.35
@@ -82,6 +84,27 @@ def transform_of(message: TransformStamped) -> Pose:
         As `pose_of`.
     """
     return _pose(message.transform.translation, message.transform.rotation)
+
+
+def edits_message(done: Any, stamp: int, frame_id: str, number: int) -> messages.CableEdits:
+    """What was done of a request, after the cycle of `stamp` [ns]."""
+    header = header_of(stamp, frame_id)
+    return messages.CableEdits(header=header, number=number, cable_id=done.cable_id, edits=done.edits)
+
+
+def edit_message(edit: Edit) -> messages.CableEdit:
+    """One edit."""
+    fields = edit_fields(edit)
+    if "pose" in fields:
+        x, y, z, qx, qy, qz, qw = fields["pose"].array.tolist()
+        place, turn = Point(x=x, y=y, z=z), Quaternion(x=qx, y=qy, z=qz, w=qw)
+        fields["pose"] = PoseMessage(position=place, orientation=turn)
+    return messages.CableEdit(**fields)
+
+
+def scene_message(layout: Layout, stamp: int, frame_id: str, number: int) -> messages.CableScene:
+    """What holds and surrounds the cables after the cycle of `stamp` [ns]."""
+    return messages.CableScene(header=header_of(stamp, frame_id), number=number, **scene_fields(layout))
 
 
 def _pose(p: Point | Vector3, q: Quaternion) -> Pose:

@@ -83,6 +83,9 @@ class Health:
     failure: str = ""  # why the last transition failed
     turned_away: dict[str, tuple[str, int]] = field(default_factory=dict)  # what peers asked for -> text, when
     refusals: int = 0  # of what peers asked for
+    edits_done: int = 0  # requests
+    edits_refused: int = 0
+    _edit_refused: tuple[str, int] | None = None  # the last one: why, and when
     troubles: dict[str, str] = field(default_factory=dict)  # of the node itself: code -> text
     hint: str = ""  # why there are no pairs, if that is known
     publishers: tuple[Complaint, ...] = ()  # about who publishes the input
@@ -126,6 +129,11 @@ class Health:
         self.refusals += 1
         self.turned_away[what] = (text, now)
 
+    def refuse_edit(self, text: str, now: int) -> None:
+        """An edit was asked for and cannot be, for the reason in `text`."""
+        self.edits_refused += 1
+        self._edit_refused = (f"an edit was refused: {text}", now)
+
     def remark(self, reason: str, text: str, now: int) -> None:
         """A message was used although something about it is odd."""
         self.refuse(reason, text, now)
@@ -149,7 +157,7 @@ class Health:
     def verdicts(self, now: int) -> list[Verdict]:
         """The lines of /diagnostics."""
         self._forget_future(now)
-        return [self._lifecycle(now), self._input(now), self._prediction(now), self._cable()]
+        return [self._lifecycle(now), self._input(now), self._prediction(now), self._cable(now)]
 
     def _forget_future(self, now: int) -> None:
         """After the node's clock was set back, ages count from now."""
@@ -160,6 +168,9 @@ class Health:
             refusal.when = min(refusal.when, now)
         for what, (text, when) in self.turned_away.items():
             self.turned_away[what] = (text, min(when, now))
+        if self._edit_refused is not None:
+            text, when = self._edit_refused
+            self._edit_refused = (text, min(when, now))
 
     def _lifecycle(self, now: int) -> Verdict:
         wrong = [Complaint("failure", Level.ERROR, self.failure)] if self.failure else []
@@ -254,10 +265,14 @@ class Health:
         values.update({f"skipped {what}": str(count) for what, count in self.skipped.items()})
         return _verdict("prediction", wrong, "; ".join(f"{c}: OK" for c in self.report.shapes), values)
 
-    def _cable(self) -> Verdict:
+    def _cable(self, now: int) -> Verdict:
+        values = {"edits done": str(self.edits_done), "edits refused": str(self.edits_refused)}
+        wrong = []
+        if self._edit_refused is not None and now - self._edit_refused[1] < self.hold * SECOND:
+            wrong.append(Complaint("edit refused", Level.WARN, self._edit_refused[0]))
         if self.report is None:
-            return _verdict("cable", [], "no prediction yet", {})
-        wrong = [
+            return _verdict("cable", wrong, "no prediction yet", values)
+        wrong += [
             Complaint(
                 f"{w.cable_id} {w.kind.name} {w.other}",
                 Level.ERROR if w.severity is Severity.ERROR else Level.WARN,
@@ -268,7 +283,7 @@ class Health:
         if self.robot_expected and not self.report.robot_checked:
             text = "clearance to the robot is not checked: no usable joint_states within stale_after of the poses. "
             wrong.append(Complaint("robot", Level.WARN, text + "Start its publisher, or clear robot_file."))
-        values = {"clearance to the robot checked": str(self.report.robot_checked).lower()}
+        values["clearance to the robot checked"] = str(self.report.robot_checked).lower()
         return _verdict("cable", wrong, "no warnings", values)
 
 

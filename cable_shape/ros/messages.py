@@ -6,15 +6,18 @@ try:
     from cable_shape_msgs.action import CalibrateCable, CheckTrajectory
     from cable_shape_msgs.msg import (
         CableCalibration,
+        CableEdit,
+        CableEdits,
         CableMargin,
         CableMargins,
+        CableScene,
         CableShape,
         CableTube,
         CableViolation,
         CableWarning,
         CableWarnings,
     )
-    from cable_shape_msgs.srv import PredictShapes
+    from cable_shape_msgs.srv import EditCable, PredictShapes
 except ImportError as error:
     raise DependencyError(
         f"The messages cable_shape_msgs cannot be imported ({error}). Run scripts/test once, which builds them into "
@@ -23,8 +26,11 @@ except ImportError as error:
 
 __all__ = [
     "CableCalibration",
+    "CableEdit",
+    "CableEdits",
     "CableMargin",
     "CableMargins",
+    "CableScene",
     "CableShape",
     "CableTube",
     "CableViolation",
@@ -32,5 +38,6 @@ __all__ = [
     "CableWarnings",
     "CalibrateCable",
     "CheckTrajectory",
+    "EditCable",
     "PredictShapes",
 ]

@@ -33,6 +33,7 @@ from cable_shape.ros import conversions
 from cable_shape.ros.assembly import Assembly
 from cable_shape.ros.complaint_log import ComplaintLog
 from cable_shape.ros.diagnostics import Health
+from cable_shape.ros.edits import Edits
 from cable_shape.ros.executor import InputFirstExecutor
 from cable_shape.ros.log_folder import find_log_folder
 from cable_shape.ros.outputs import Outputs
@@ -63,6 +64,7 @@ class CableShapeNode(LifecycleNode):
         self._assembly: Assembly | None = None
         self._outputs: Outputs | None = None
         self._scene: PlanningScene | None = None
+        self._edits: Edits | None = None
         self._source: Source | None = None
         self._rate_timer: Any = None
         self._waiting: Ready | None = None  # the newest input, when cycles run at a set rate
@@ -158,6 +160,8 @@ class CableShapeNode(LifecycleNode):
     def on_deactivate(self, state: LifecycleState) -> Return:
         """Closes the input."""
         self._waiting = None
+        if self._edits is not None:
+            self._edits.refuse_waiting("the node was deactivated before. Activate it, and ask again.")
         if self._scene is not None:
             self._scene.remove()
         self._health.state = "inactive"
@@ -215,7 +219,7 @@ class CableShapeNode(LifecycleNode):
         self.get_logger().info("configuring; where kernels are not compiled yet, this takes some minutes")
         began = time.perf_counter()
         assembly = self._assembly = Assembly(settings)
-        sink = Sink(self._health, self._now, self._deliver, self._restart)
+        sink = Sink(self._health, self._now, self._deliver, self._set_back)
         self._outputs = Outputs(self, assembly.cycle.parts)
         if settings.input == "joints":
             assert assembly.robot is not None
@@ -229,6 +233,7 @@ class CableShapeNode(LifecycleNode):
         self._health.robot_expected = assembly.robot is not None
         if settings.moveit_rate > 0.0:
             self._scene = PlanningScene(self, settings, assembly.cycle.parts)
+        self._edits = Edits(self, settings, assembly.cycle, self._health, self._now)
         start_workers(self, settings, assembly)
         if settings.rate > 0.0:
             self._rate_timer = self.create_timer(1.0 / settings.rate, self._tick)
@@ -259,6 +264,9 @@ class CableShapeNode(LifecycleNode):
         if self._outputs is not None:
             self._outputs.destroy()
             self._outputs = None
+        if self._edits is not None:
+            self._edits.destroy()
+            self._edits = None
         if self._scene is not None:
             self._scene.destroy()
             self._scene = None
@@ -282,6 +290,12 @@ class CableShapeNode(LifecycleNode):
         self._superseded += self._waiting is not None
         self._waiting = ready
 
+    def _set_back(self) -> None:
+        """The input's clock was set back."""
+        if self._edits is not None:
+            self._edits.restart()
+        self._restart()
+
     def _restart(self) -> None:
         """The input's clock starts anew: nothing from before may be used."""
         self._waiting = None
@@ -296,9 +310,10 @@ class CableShapeNode(LifecycleNode):
 
     def _run(self, ready: Ready) -> None:
         """One cycle: grips, shapes, which are sent at once, then the rest."""
-        assembly, outputs = self._assembly, self._outputs
-        if assembly is None or outputs is None:
+        assembly, outputs, edits = self._assembly, self._outputs, self._edits
+        if assembly is None or outputs is None or edits is None:
             return
+        edits.make_due(ready.stamp, ready.frame_id)
         began = time.perf_counter()
         try:
             grips, links = ready.ends()
@@ -342,6 +357,8 @@ class CableShapeNode(LifecycleNode):
             viewer.flush()
             self._health.counts["reports that the viewer did not take"] = viewer.dropped
         now, steady = self._now(), time.monotonic()
+        if self._edits is not None:
+            self._edits.tend(steady)
         if self._around.tend(self._assembly, steady):
             self._health.troubles = self._around.troubles
             if self._source is not None:

@@ -144,6 +144,7 @@ SPECS = (
     Spec("workers_make_way", True, "Planner and calibrator run only where no other thread wants the core."),
     Spec("output_folder", "", "Files are written only below it; empty: none is written.", read_only=True),
     Spec("lock", False, "Once active: no parameter changes, configure, cleanup by peers.", read_only=True),
+    Spec("allow_edits", False, "Locked, take edits of peers all the same; not locked, they are taken.", read_only=True),
     Spec("autostart", True, "Configure and activate at start.", read_only=True),
     Spec("rate", 0.0, "Cycles a second, each with the newest input; 0: one for every input.", "Hz", 0.0, 10000.0),
     Spec("max_skew", 0.02, "Poses further apart in time are not paired.", "s", 0.0, 10.0, live=True),
@@ -197,6 +198,7 @@ class Settings:
     workers_make_way: bool
     output_folder: str
     lock: bool
+    allow_edits: bool
     autostart: bool
     rate: float  # Hz
     max_skew: float  # s

@@ -68,6 +68,33 @@ def keywords_of(values: Mapping[str, Any], where: str, folder: Path) -> dict[str
     return keywords
 
 
+def part_of(values: Any, where: str) -> Obstacle | Clip | PointMass:
+    """One item of `obstacles`, `clips` or `masses`, whichever its keys tell, of somebody who may name no files.
+
+    Raises
+    ------
+    ArgumentError
+        Naming `where`, the key and the remedy.
+    """
+    if not isinstance(values, Mapping):
+        raise ArgumentError.of(where, values, "it must be a mapping", "Write {name: post, sphere: 0.03, position: ..}.")
+    if isinstance(values.get("mesh"), str):
+        bound, remedy = "no file is read for an edit", "Write mesh: {vertices: .., faces: ..}."
+        raise ArgumentError.of(f"{where}: mesh", values["mesh"], bound, remedy)
+    if "mass" in values:
+        return _named(where, values, _mass)  # type: ignore[no-any-return]
+    if "arc_length" in values:
+        return clip_of(values, where)
+    return _named(where, values, lambda v, w: _obstacle(v, w, Path()))  # type: ignore[no-any-return]
+
+
+def clip_of(values: Any, where: str) -> Clip:
+    """One item of `clips`; see :func:`part_of`."""
+    if not isinstance(values, Mapping):
+        raise ArgumentError.of(where, values, "it must be a mapping", "Write {arc_length: 0.5, position: [x, y, z]}.")
+    return _named(where, values, _clip)  # type: ignore[no-any-return]
+
+
 def _named(where: str, item: Any, make: Callable[[Mapping[str, Any], str], Any]) -> Any:
     """`make(item)`, with errors that name the place of the entry and, where it has one, its name."""
     name = item.get("name") if isinstance(item, Mapping) else None

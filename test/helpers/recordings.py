@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
 
-STORE = get_typestore(Stores.ROS2_JAZZY)
+from cable_shape.replay.bag_writer import cable_shape_store
+
+STORE = cable_shape_store()
 TYPES = STORE.types
 LEFT, RIGHT, JOINTS, MARKERS = "/left_gripper/pose", "/right_gripper/pose", "/joint_states", "/cable/markers"
 POSE, JOINT_STATE, POSE_ARRAY = (
