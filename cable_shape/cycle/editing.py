@@ -151,19 +151,21 @@ class _Way:
         ArgumentError
             If they cannot follow, where they would have to.
         """
-        done, step = 0.0, 1.0
+        done, step, longest = 0.0, 1.0, 1.0
         whole = self._change.goal is self._change.origin  # there is no way between the two
         while self._known and done < 1.0:
             at = min(1.0, done + step)
-            shapes = self._step(done, at)
+            shapes = self._step(done, at, leap=whole)
             if all(self._followed(name, shape, done) for name, shape in shapes.items()):
                 self._accept(shapes)
-                done, step = at, 2.0 * step
+                done, step = at, min(2.0 * step, longest)
                 continue
-            step *= 0.25
-            if whole or step < _SMALLEST_STEP:
-                self._jump(done, shapes if at == 1.0 else self._step(done, 1.0))
+            if whole or step < 4.0 * _SMALLEST_STEP:
+                self._jump(done, shapes if whole else self._step(done, 1.0, leap=True))
                 break
+            longest, step = 0.5 * step, 0.25 * step
+        for name in self._known:
+            self._made[name].predictor.leap(allowed=True)
         for name, known in self._known.items():
             self._made[name].begin(known.shape, known.ends, known.links)
 
@@ -195,11 +197,15 @@ class _Way:
         if self.crossing is not None and self.crossing[1].last is not None:
             self._spots[""] = self.crossing[1].last[1]
 
-    def _step(self, done: float, at: float) -> dict[str, CableShape]:
-        """The shapes at a share of the way, from where the cables are at another one."""
+    def _step(self, done: float, at: float, *, leap: bool) -> dict[str, CableShape]:
+        """The shapes at a share of the way, from where the cables are at another one.
+
+        leap: also where no small steps lead to them.
+        """
         then, now = on_the_way(self._change, done), on_the_way(self._change, at)
         for name, known in self._known.items():
             cable = now.cables[name].cable
+            self._made[name].predictor.leap(allowed=leap)
             self._made[name].predictor.begin(
                 stretched(known.shape, cable.length),
                 known.ends,

@@ -223,6 +223,14 @@ class Predictor:
         """The shape of the problem as it is."""
         return self.alone() if self._crossing is None else self._crossing.solve()[0]
 
+    def leap(self, *, allowed: bool) -> None:
+        """Whether a cable in contact may come to an equilibrium to which no small steps lead; it may at first.
+
+        Where it may not, such a shape is NOT_CONVERGED, which is told sooner.
+        """
+        if isinstance(self._solver, Rod):
+            self._solver.leaps = allowed
+
     def look_again(self) -> None:
         """The next prediction is made anew, from the last one, wherever its ends are."""
         self._last = None

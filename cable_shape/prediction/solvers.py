@@ -73,13 +73,14 @@ class ClosedForm:
 class Rod:
     """The Cosserat rod, in clips, in contact or neither; its warm start is the last solution with its mesh."""
 
-    __slots__ = ("_loose", "_spare", "_time_budget", "_touch", "state")
+    __slots__ = ("_loose", "_spare", "_time_budget", "_touch", "leaps", "state")
 
     def __init__(self, time_budget: float = math.inf) -> None:
         self.state: Network | None = None
         self._spare: Network | None = None  # a memory to be used again
         self._time_budget = time_budget  # s
         self._touch: TouchState | None = None
+        self.leaps = True  # in contact, see `touching.solve`
         self._loose = False  # what was let go slides to rest, whether it touches anything or not
 
     def solve(self, problem: Problem) -> CableShape:
@@ -93,7 +94,7 @@ class Rod:
             return cosserat.solve(problem, self.state, deadline=deadline)
         if self._touch is None:
             self._touch = TouchState(problem)
-        shape = touching.solve(problem, self._touch, self.state, deadline=deadline)
+        shape = touching.solve(problem, self._touch, self.state, deadline=deadline, leaps=self.leaps)
         self._loose = self._loose and not shape.status
         if shape.status and not self._touch.touching and self.state.last is shape:
             self._resume(problem, shape)  # out of contact: the branch goes on

@@ -10,6 +10,7 @@ import pytest
 
 import cable_shape as cs
 from cable_shape.pose import multiply
+from cable_shape.solve.touching.touching import Solve
 
 ALONG_X = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))
 HOOKED = cs.Cable(length=1.0, linear_density=0.05, bending_stiffness=0.005, diameter=0.006)
@@ -271,3 +272,26 @@ def test_warm_and_from_nothing_are_one_where_there_is_one_branch(contact: str, s
         assert float(np.abs(again.positions - shape.positions).max()) < same, (count, edit, result)
     assert done > 40
     assert compared > 50
+
+
+def test_what_the_cable_cannot_follow_is_looked_for_from_nothing_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where one step of the way leads nowhere, a shorter one is made, and no other equilibrium is looked for."""
+    looked: list[int] = []
+    anew = Solve._anew
+
+    def spied(self: Solve, frames: np.ndarray) -> cs.CableShape | None:
+        looked.append(1)
+        return anew(self, frames)
+
+    table = cs.Obstacle("table", cs.Box((4.0, 4.0, 0.1)), cs.Pose((0.4, 0.0, -0.05)))
+    cable = cs.Cable(1.2, linear_density=0.1, bending_stiffness=1e-4 * 0.981 * 1.2**3, diameter=0.008)
+    cycle = cs.Cycle(cable, scene=cs.Scene(contact="solve", obstacles=[table]))
+    for k, z in enumerate(np.linspace(0.4, 0.1, 16)):
+        grips = {"cable": (cs.Pose((0.0, 0.0, z), ALONG_X), cs.Pose((0.8, 0.0, z), ALONG_X))}
+        shape = cycle.step(grips, k).shapes["cable"]
+    monkeypatch.setattr(Solve, "_anew", spied)
+    result = cycle.edit(cs.Insert(cs.Clip(0.2, cs.Pose(at(shape, 0.2) + np.array((0.0, 0.0, 0.3))), name="high")))
+    assert "cannot follow further" in result.reason
+    assert len(looked) <= 1
+    assert cycle.edit(cs.Insert(cs.Clip(0.6, cs.Pose(at(shape, 0.6) + np.array((0.0, 0.0, 0.05))), name="low")))
+    assert cycle.step(grips, 100).shapes["cable"].status is cs.Status.OK

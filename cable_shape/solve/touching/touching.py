@@ -44,11 +44,14 @@ _LEAST_CHORD = 1e-3  #: of the length: ends that are nearer, seen from above, te
 ACCURACY = 5e-4  #: of the length: what a shape in contact is asked for where the tolerance is below
 
 
-def solve(problem: Problem, state: TouchState, rod: Network, *, deadline: float = math.inf) -> CableShape:
+def solve(
+    problem: Problem, state: TouchState, rod: Network, *, deadline: float = math.inf, leaps: bool = True
+) -> CableShape:
     """The rod between the problem's ends and in its clips, outside its bodies.
 
-    `rod` is the memory of the rod without contact. Never raises for a physical reason: see
-    `status`.
+    `rod` is the memory of the rod without contact. leaps: where no small step leads there, the cable may slide to
+    another equilibrium, or be found from nothing; else it is NOT_CONVERGED then, soon. Never raises for a physical
+    reason: see `status`.
 
     Raises
     ------
@@ -58,7 +61,7 @@ def solve(problem: Problem, state: TouchState, rod: Network, *, deadline: float 
     began = perf_counter()
     if state.problem is not problem:
         state.take(problem)
-    return Solve(problem, state, rod, deadline, began).run()
+    return Solve(problem, state, rod, deadline, began, leaps).run()
 
 
 def inexact(estimate: float, allowed: float) -> str:
@@ -80,11 +83,13 @@ def too_short(missing: float) -> str:
 class Solve:
     """One call of :func:`solve`: free, then warm from the last shape, then in small steps, then from nothing."""
 
-    __slots__ = ("began", "deadline", "problem", "rod", "state", "steps")
+    __slots__ = ("began", "deadline", "leaps", "problem", "rod", "state", "steps")
 
-    def __init__(self, problem: Problem, state: TouchState, rod: Network, deadline: float, began: float) -> None:
+    def __init__(
+        self, problem: Problem, state: TouchState, rod: Network, deadline: float, began: float, leaps: bool = True
+    ) -> None:
         self.problem, self.state, self.rod = problem, state, rod
-        self.deadline, self.began = deadline, began
+        self.deadline, self.began, self.leaps = deadline, began, leaps
         self.steps = Steps(problem, state, deadline)
 
     def run(self) -> CableShape:
@@ -126,6 +131,8 @@ class Solve:
         if steps.go(frames, state.history, WARM_ITERATIONS, FAR) or follow(steps, frames):
             shape = self._finish(Status.OK)
             return shape if shape.status or not state.touching else self._better(frames, shape)
+        if not self.leaps:
+            return self._no_shape(Status.NOT_CONVERGED, _STUCK)
         reached = state.put_aside()
         found = self._by_road(frames)
         if found is not None:
