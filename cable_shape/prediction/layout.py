@@ -78,7 +78,9 @@ class Layout:
 
     @property
     def common(self) -> Scene:
-        """The bodies, and what holds every cable."""
+        """The bodies, and what holds every cable; all that holds something where there are only harnesses."""
+        if not self.cables:
+            return self.scene
         if len(self.cables) == 1:
             return self.scene_of(next(iter(self.cables)))
         first, *others = self.cables.values()

@@ -251,3 +251,14 @@ def test_a_locked_node_takes_edits_only_where_it_is_told_so(start, files, allowe
         assert int(values_of(status)["turned away"]) >= 2
     assert not node.set(allow_edits=True).successful
     assert node.process.stop() == 0
+
+
+def test_a_node_with_a_harness_tells_its_scene_and_refuses_edits(start):
+    node = start(cable_file=None, harness_file="harnesses/demo.yaml", scene_file="scenes/harness.yaml", active=False)
+    node.until(lambda: node.state() == "active", "state active")
+    scenes = node.listen(CableScene, "cable/scene", LATCHED)
+    node.until(lambda: scenes, "the scene")
+    assert "clips" in scenes[0].scene
+    assert scenes[0].cable_ids == []
+    assert "a cycle with a harness cannot be edited" in refused(node, cs.Add(POST))
+    assert node.process.stop() == 0
