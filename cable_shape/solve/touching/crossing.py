@@ -25,6 +25,7 @@ MOST = 8  #: contacts at a time
 GROWTH = 0.3  #: of the cables' distance: by how much overlapping ones are pushed apart at a time
 _FIRST_STEP, _SMALLEST_STEP = 0.25, 1.0 / 256.0
 _MOST_STEPS = 60  #: on one way
+_FINER, _FINEST = (1.5, 2.25), 8.0  #: times as many elements, where no way leads on; than usual, at most
 _ROUNDS = 6  #: of finding places that were missed
 _SAME = 1e-3  #: of the length: a shape found alone is the one that has come free, if it is no further away
 _LOST = "no equilibrium of cables that touch was found. "
@@ -265,9 +266,27 @@ class Crossing:
     # -- attempts
 
     def _along(self, goal: Array) -> bool:
-        """Goes with the ends from where they were to `goal` (k, 2, 7), in steps as small as it takes."""
-        group = self._group
-        assert group is not None
+        """Goes with the ends from where they were to `goal` (k, 2, 7).
+
+        Where no way leads there on the mesh as it is, on finer ones: a crossing may have come next to a contact.
+        """
+        usual, shapes = self._group, self._shapes
+        assert usual is not None
+        if self._in_steps(usual, goal):
+            return True
+        if shapes is None or perf_counter() > self._deadline:
+            return False
+        for finer in (usual.finer * factor for factor in _FINER if usual.finer * factor < _FINEST):
+            spots = [spot.copy() for spot in usual.spots]
+            finer_one = Pile(self._names, self.problems, shapes, self._frames, spots, self._more, finer)
+            self._group = finer_one
+            if self._in_steps(finer_one, goal):
+                return True
+        self._group = usual
+        return False
+
+    def _in_steps(self, group: Pile, goal: Array) -> bool:
+        """Whether a pile goes with the ends from where they were to `goal`, in steps as small as it takes."""
         origin, kept = group.frames.copy(), group.keep()
         start, first = kept, True
         done, step = 0.0, 1.0

@@ -61,8 +61,12 @@ class Pile:
         frames: Array,
         spots: list[Spot],
         more: Collection[int] = (),
+        finer: float = 1.0,
     ) -> None:
-        """From the shapes of all the cables between these frames; more: cables that it has though they touch none."""
+        """From the shapes of all the cables between these frames; more: cables that it has though they touch none.
+
+        finer: of so many times as many elements as usual.
+        """
         self._names, self._every = tuple(names), problems
         self.spots, self.frames = spots, frames.copy()
         self.more = frozenset(more)
@@ -70,7 +74,7 @@ class Pile:
         self._problem = HarnessProblem.of_cables(self._problems)
         self._state = HarnessTouchState(self._problem)  # type: ignore[arg-type]
         self._state.move_bodies(self._links(frames))
-        self._finer = 1.0
+        self.finer = finer
         least = ACCURACY * self._problem.harness.longest if self._problem.bodies else 0.0
         self.tolerance = max(self._problem.tolerance, least)
         self._steps = Steps(self._problem, self._state, math.inf)  # type: ignore[arg-type]
@@ -89,7 +93,7 @@ class Pile:
             Pair(s.arcs + [gaps[cable] for cable in s.cables], s.reach, s.press, s.places) for s in self.spots
         )
         poses = self._poses(self.frames)
-        state.start_from(shapes, poses, self._finer)  # type: ignore[arg-type]
+        state.start_from(shapes, poses, self.finer)  # type: ignore[arg-type]
         state.remember(self._steps.positions(shapes.buffer))
         if not any(spot.press > 0.0 for spot in self.spots):  # on this mesh, before anything presses
             state.reach = np.zeros(len(self.spots))
@@ -172,8 +176,8 @@ class Pile:
 
     def refined(self) -> bool:
         """A finer mesh where it is too coarse; False if the equilibrium is lost on it."""
-        while self.coarse and self._finer < _FINEST:
-            self._finer *= 2.0
+        while self.coarse and self.finer < _FINEST:
+            self.finer *= 2.0
             shapes = [self.shape(cable, Status.OK, "", 0.0) for cable in self.cables]
             self._start(Shapes(shapes))
             if not self.go(self.frames):

@@ -106,9 +106,10 @@ def test_a_mirrored_scene_has_the_mirrored_answer():
         assert a.shapes[name].contacts[0].force == pytest.approx(b.shapes[name].contacts[0].force, rel=1e-4)
 
 
-@pytest.mark.parametrize("angle", [35.0, 110.0, 145.0])
-def test_forces_agree_with_a_much_finer_mesh(angle):
-    (rough, _), (fine, _) = pressed(DOWN, angle=angle), pressed(DOWN, angle=angle, tolerance=1e-5 * 0.6 / 256)
+@pytest.mark.parametrize(("angle", "heights"), [(35.0, DOWN), (110.0, DOWN), (145.0, DOWN), (8.0, DOWN[:24])])
+def test_forces_agree_with_a_much_finer_mesh(angle, heights):
+    """At 8 degrees the upper one slides off the lower one if it is pressed further."""
+    (rough, _), (fine, _) = pressed(heights, angle=angle), pressed(heights, angle=angle, tolerance=1e-5 * 0.6 / 256)
     ours, reference = (r.shapes["under"].contacts[0] for r in (rough, fine))
     assert ours.force == pytest.approx(reference.force, rel=2e-3)
     assert ours.arc_length == pytest.approx(reference.arc_length, abs=1e-4)
@@ -272,14 +273,14 @@ def test_cables_along_each_other_are_not_solved_for_and_named():
     cycle = cs.Cycle({"under": HEAVY, "over": HEAVY}, scene=SOLVE, model="cosserat")
     seen = []
     for k, height in enumerate(np.linspace(0.015, -0.003, 19)):
-        grips = {"under": across(0.0, 0.5, 0.0), "over": across(4.0, 0.5, height)}
+        grips = {"under": across(0.0, 0.5, 0.0), "over": across(2.0, 0.5, height)}
         report = cycle.step(grips, stamp=k)
         seen.append(report.shapes["over"].status)
     assert seen[0] is cs.Status.OK
     assert seen[-1] is cs.Status.NOT_CONVERGED
     assert "lie along each other" in report.shapes["over"].detail
     assert {w.kind for w in report.warnings} == {cs.WarningKind.STATUS}
-    above = cycle.step({"under": across(0.0, 0.5, 0.0), "over": across(4.0, 0.5, 0.05)}, stamp=100)
+    above = cycle.step({"under": across(0.0, 0.5, 0.0), "over": across(2.0, 0.5, 0.05)}, stamp=100)
     assert all(shape.status is cs.Status.OK for shape in above.shapes.values())
 
 

@@ -242,3 +242,17 @@ def test_a_pile_keeps_and_restores():
     assert np.array_equal(group.frames, frames)
     assert group.go(frames)
     assert group.spots[0].press == pytest.approx(spot.press, rel=1e-5)
+
+
+def test_a_crossing_is_followed_over_the_edge_that_its_cable_lies_on():
+    """There the meshes that lead nowhere are those on which the crossing comes next to the contact on the edge."""
+    box = cs.Scene(obstacles=[cs.Obstacle("box", cs.Box((0.3, 0.5, 0.2)))], contact="solve")
+    cycle = cs.Cycle(PAIR, scene=box, model="cosserat")
+    down = [(height, 0.0) for height in np.linspace(0.3, 0.13, 60)]
+    for k, (height, drawn) in enumerate([*down, *((0.13, along) for along in np.linspace(0.0, 0.05, 40))]):
+        grips = {"under": across(0.0, 0.9, 0.1), "over": across(120.0, 0.9, height, (0.02 + drawn, 0.01))}
+        report = cycle.step(grips, stamp=10_000_000 * k)
+        assert all(shape.status for shape in report.shapes.values()), (k, report.shapes)
+        shapes = report.shapes.values()
+        held = sum((s.force[-1] - s.force[0] + total(s.contacts, "box") for s in shapes), np.zeros(3))
+        assert held == pytest.approx((0.0, 0.0, 2.0 * WEIGHT), abs=2e-3 * WEIGHT)
