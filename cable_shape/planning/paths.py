@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, final
+from typing import Any, NamedTuple, final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +12,7 @@ from cable_shape import checks
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError, UnknownKeyError
 from cable_shape.pose import FreeEnd, Grip, Pose, between
+from cable_shape.prediction.edits import EDITS, Edit
 from cable_shape.robots.robot import Robot
 
 MOST_WAYPOINTS = 100_000
@@ -98,6 +99,70 @@ class EndsPath:
 
 
 Path = JointPath | GripPath
+
+
+@final
+class Routing(NamedTuple):
+    """Paths one after the other, as one, and what is changed before its waypoints: an edit has no place of its own.
+
+    edits: by the waypoint that comes next; the number of waypoints for those after the last one.
+    """
+
+    path: Path
+    edits: Mapping[int, tuple[Edit, ...]]
+
+    @classmethod
+    def of(cls, parts: Sequence[Any]) -> Routing:
+        """Of paths of one kind, with edits between and after them."""
+        remedy = "Write [path, Insert(clip), path, ...], the first one a path."
+        paths: list[Path] = []
+        edits: dict[int, tuple[Edit, ...]] = {}
+        done = 0
+        for i, part in enumerate(parts):
+            if isinstance(part, EDITS):
+                if not paths:
+                    raise ArgumentError.of(f"trajectory[{i}]", part, "there is no shape yet to be edited", remedy)
+                edits[done] = (*edits.get(done, ()), part)
+                continue
+            path = part if isinstance(part, (JointPath, GripPath)) else JointPath.from_message(part)
+            if paths and type(path) is not type(paths[0]):
+                bound = f"the first path is a {type(paths[0]).__name__}"
+                raise ArgumentError.of(f"trajectory[{i}]", part, bound, "Give paths of one kind.")
+            edits.setdefault(done, ())
+            paths.append(path)
+            done += len(path.starts if isinstance(path, GripPath) else path.positions)
+        if not paths:
+            raise ArgumentError.of("trajectory", list(parts), "it holds no path", remedy)
+        edits.pop(0)
+        return cls(_joined(paths, remedy), edits)
+
+
+def _joined(paths: Sequence[Path], remedy: str) -> Path:
+    """One path through the waypoints of all; the times of each go on from the end of the one before."""
+    times = None
+    given = [path.times for path in paths]
+    if all(one is not None for one in given):
+        told: list[Array] = []
+        for one in given:
+            assert one is not None
+            told.append(one if not told else one - one[0] + told[-1][-1])
+        times = np.concatenate(told)
+    first = paths[0]
+    whole: Path
+    if isinstance(first, JointPath):
+        rows = []
+        for path in paths:
+            assert isinstance(path, JointPath)
+            if sorted(path.joint_names) != sorted(first.joint_names):
+                bound = f"the first path has {list(first.joint_names)}"
+                raise ArgumentError.of("joint_names", list(path.joint_names), bound, remedy)
+            rows.append(path.positions[:, [path.joint_names.index(name) for name in first.joint_names]])
+        whole = JointPath(first.joint_names, np.concatenate(rows))
+    else:
+        grips = [path.tables for path in paths if isinstance(path, GripPath)]
+        whole = GripPath(*(np.concatenate(tables) for tables in zip(*grips, strict=True)))
+    whole.times = times
+    return whole
 
 
 @final

@@ -28,20 +28,24 @@ from cable_shape import checks
 from cable_shape.cable.cable import Cable
 from cable_shape.cable.harness import Harness
 from cable_shape.checks import Array
+from cable_shape.cycle.cable_cycle import CableCycles
+from cable_shape.cycle.editing import Editing
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels.safety import advance
 from cable_shape.planning.cables_trajectory import check_cables
 from cable_shape.planning.harness_trajectory import check_harness
-from cable_shape.planning.paths import EndsPath, GripPath, JointPath, Motion, Path
+from cable_shape.planning.paths import EndsPath, Motion, Path, Routing
 from cable_shape.planning.trajectory_report import Reason, TrajectoryCheck, Violation
 from cable_shape.planning.trajectory_walk import JUMP, Judge, Look, Walk, accelerations_of, bodies_of
-from cable_shape.pose import Grip
-from cable_shape.prediction.predictor import Predictor
+from cable_shape.pose import Grip, Pose
+from cable_shape.prediction.edits import Edit
+from cable_shape.prediction.layout import Layout
 from cable_shape.robots.robot import Robot
 from cable_shape.scene.scene import Clip, Scene
 from cable_shape.shape import Status
 from cable_shape.solve.problem import GRAVITY
 
+_NAME = "cable"
 #: A step in contact deviates from the straight by no more than this part of it, ...
 _CROOKED = 0.25
 #: ... if it is longer than this part of the length.
@@ -52,7 +56,7 @@ def check_trajectory(
     cable: Cable | Harness | Mapping[str, Cable],
     scene: Scene | None,
     robot: Robot | None,
-    trajectory: Path | EndsPath | Mapping[str, Any] | object,
+    trajectory: Path | EndsPath | Mapping[str, Any] | Sequence[Any] | object,
     *,
     gravity: ArrayLike = GRAVITY,
     points: int = 150,
@@ -78,7 +82,10 @@ def check_trajectory(
         nearer to each other than the scene's `error_distance`.
     robot : Robot, optional
         Needed for paths of joints. Its links are bodies around the cable.
-    trajectory : JointPath, GripPath or trajectory_msgs/JointTrajectory
+    trajectory : JointPath, GripPath or trajectory_msgs/JointTrajectory, or a list of these with edits between them
+        Edits (:class:`cable_shape.Insert` and the others) are made where the path before them ends; the next one begins
+        at its own first waypoint, after `Regrip` where the gripper holds the cable then. Waypoints are counted through
+        all paths; one that cannot be made is the violation of the waypoint before it, and ends the check. Of one cable.
         Of a harness an EndsPath, or the mapping that makes one, in place of a GripPath. Of several cables a mapping of
         name to (starts, ends), tables (k, 7), ends may be a FreeEnd or None; or an EndsPath by "name.start" and
         "name.end".
@@ -135,20 +142,14 @@ def check_trajectory(
         )  # fmt: skip
     if ends is not None:
         raise ArgumentError.of("ends", ends, "a cable has a start and an end", "Leave them out, or give a Harness.")
-    path = trajectory if isinstance(trajectory, (JointPath, GripPath)) else JointPath.from_message(trajectory)
-    predictor = Predictor(
-        cable,
-        model="cosserat",
-        gravity=gravity,
-        points=points,
-        tolerance=1e-4 * cable.length if tolerance is None else tolerance,
-        scene=scene,
-        distributed_load=distributed_load,
-        **bodies_of(robot),
-    )
-    motion = Motion(path, robot)
-    moving = None if acceleration is None else accelerations_of(acceleration, motion.waypoints, predictor)
-    check = _Check(predictor, scene or Scene(), motion, moving, deadline, proceed)
+    routing = Routing.of(trajectory if isinstance(trajectory, (list, tuple)) else (trajectory,))
+    motion = Motion(routing.path, robot)
+    allowed = 1e-4 * cable.length if tolerance is None else tolerance
+    options = {"gravity": gravity, "points": points, "robot_links": (), "gripping_links": (), **bodies_of(robot)}
+    maker = CableCycles("cosserat", allowed, options, {_NAME: distributed_load}, {}, {}, 0.0, None, 1)
+    check = _Check(cable, scene or Scene(), maker, motion, deadline, proceed, routing.edits)
+    if acceleration is not None:
+        check.accelerations = accelerations_of(acceleration, motion.waypoints, check.cycle.predictor)
     check.run()
     check.found.time = perf_counter() - began
     return check.found
@@ -177,16 +178,19 @@ class _Check(Walk[_Sample]):
 
     def __init__(
         self,
-        predictor: Predictor,
+        cable: Cable,
         scene: Scene,
+        maker: CableCycles,
         motion: Motion,
-        accelerations: Array | None,
         deadline: float,
         proceed: Callable[[TrajectoryCheck], bool] | None,
+        edits: Mapping[int, tuple[Edit, ...]],
     ) -> None:
-        super().__init__(motion, deadline, proceed)
-        self.predictor, self.accelerations = predictor, accelerations
-        self.judge = Judge(predictor.cable, scene, motion.robot)
+        super().__init__(motion, deadline, proceed, edits)
+        self.maker, self.layout = maker, Layout.of(scene, {_NAME: cable}, {})
+        self.cycle = maker.make(_NAME, cable, scene, maker.distributed_load[_NAME])
+        self.accelerations: Array | None = None
+        self.judge = Judge(cable, scene, motion.robot)
 
     def tell(self, samples: list[_Sample]) -> None:
         """See the base."""
@@ -202,18 +206,19 @@ class _Check(Walk[_Sample]):
 
     def sample(self, place: float) -> _Sample:
         """The shape there and all that is told of it."""
-        (start, end), links = self.motion.at(place)
+        (start, end), links = self._at(place)
         moving = None if self.accelerations is None else self.motion.between(self.accelerations, place)
-        shape = self.predictor.predict(start, end, links, acceleration=moving)
-        look = self.judge.look(shape, links, self.predictor.rod_state, held=True)
+        predictor = self.cycle.predictor
+        shape = self.cycle.predict((start, end), links, acceleration=moving)
+        look = self.judge.look(shape, links, predictor.rod_state, held=end is not None)
         self.found.solved += 1
-        frames = [(grip.cable_frame if isinstance(grip, Grip) else grip).array for grip in (start, end)]
+        frames = [(grip.cable_frame if isinstance(grip, Grip) else grip).array for grip in (start, end or start)]
         good = bool(shape.status) and shape.status is not Status.UNSTABLE
         slopes = np.empty(0)
         if good:
-            slopes = self.predictor.sensitivity()
+            slopes = predictor.sensitivity()
         wrong = self.no_shape(place, shape.status, shape.detail) or self.judge.wrong(look, place, self)
-        crossing = self.predictor.crossing
+        crossing = predictor.crossing
         spots = None if crossing is None or crossing.last is None else crossing.last[1]
         return _Sample(place, look, np.array(frames), self.judge.frames(links), slopes, wrong, spots)
 
@@ -225,9 +230,29 @@ class _Check(Walk[_Sample]):
 
     def go_back(self, a: _Sample) -> None:
         """See the base."""
-        ends, links = self.motion.at(a.place)
-        self.predictor.begin(a.look.shape, (ends[0], ends[1]), links, spots=a.spots)
-        self.predictor.look_again()
+        ends, links = self._at(a.place)
+        self.cycle.predictor.begin(a.look.shape, ends, links, spots=a.spots)
+        self.cycle.predictor.look_again()
+
+    def _at(self, place: float) -> tuple[tuple[Pose | Grip, Pose | Grip | None], Mapping[str, Pose] | None]:
+        """What holds the ends there, and the links."""
+        (start, end), links = self.motion.at(place)
+        return (start, None if self.layout.cables[_NAME].opened else end), links
+
+    def edit(self, edits: tuple[Edit, ...], last: _Sample) -> str:
+        """See the base."""
+        if last.look.shape.status:
+            self.go_back(last)
+            self.sample(last.place)
+        editing = Editing(self.layout, {_NAME: self.cycle}, self.maker, None)
+        try:
+            for edit in edits:
+                editing.take(edit, None)
+        except ArgumentError as error:
+            return str(error)
+        self.layout, self.cycle = editing.layout, editing.cycles[_NAME]
+        self.judge = Judge(self.cycle.predictor.cable, self.cycle.scene, self.motion.robot)
+        return ""
 
     def sure(self, a: _Sample, b: _Sample) -> bool:
         """See the base."""

@@ -28,6 +28,7 @@ class Reason(enum.Enum):
     CONTACT_FORCE = "contact_force"
     SNAP = "snap"
     STATUS = "status"
+    EDIT = "edit"
     JOINT_LIMIT = "joint_limit"
 
 

@@ -19,6 +19,7 @@ from cable_shape.kernels.safety import advance
 from cable_shape.planning.paths import Motion
 from cable_shape.planning.trajectory_report import Reason, TrajectoryCheck, Violation
 from cable_shape.pose import Pose
+from cable_shape.prediction.edits import Edit
 from cable_shape.prediction.predictor import Predictor
 from cable_shape.robots.robot import Robot
 from cable_shape.safety.allowed import Allowed
@@ -99,8 +100,14 @@ class Walk(ABC, Generic[S]):
 
     part = "segment"  #: what a violation's `segment` is
 
-    def __init__(self, motion: Motion, deadline: float, proceed: Callable[[TrajectoryCheck], bool] | None) -> None:
-        self.motion, self.deadline, self.proceed = motion, deadline, proceed
+    def __init__(
+        self,
+        motion: Motion,
+        deadline: float,
+        proceed: Callable[[TrajectoryCheck], bool] | None,
+        edits: Mapping[int, tuple[Edit, ...]] | None = None,
+    ) -> None:
+        self.motion, self.deadline, self.proceed, self.edits = motion, deadline, proceed, edits or {}
         robot = motion.robot
         self._outside: NDArray[np.bool_] = np.zeros(motion.waypoints, np.bool_)
         if robot is not None:
@@ -130,22 +137,40 @@ class Walk(ABC, Generic[S]):
         found = self.found
         samples: list[S] = []
         for i in range(self.motion.waypoints):
-            if self._out_of_time():
+            if self._out_of_time() or self._refused(i, samples):
                 break
             now = self.sample(float(i))
             found.done[i] = True
             if not samples:
                 found.first = now.violation
+            elif i in self.edits:
+                found.segments[i - 1] = samples[-1].violation is None and now.violation is None
+                found.first = found.first or now.violation
             elif samples[-1].violation is None:
                 between, now = self._first(samples[-1], now, 0)
                 found.segments[i - 1] = between is None and not self.late
                 found.first = found.first or between
             samples.append(now)
         rest = self.motion.waypoints - len(samples)
+        if not rest and not self.late:
+            self._refused(len(samples), samples)
         found.partial = self.late
         found.waypoints = (*(sample.violation for sample in samples), *(None,) * rest)
         found.robot_checked = self.motion.robot is not None
         self.tell(samples)
+
+    def _refused(self, waypoint: int, samples: list[S]) -> bool:
+        """Makes the edits that come before a waypoint; True if one cannot be, which is told then."""
+        if not self.edits.get(waypoint):
+            return False
+        why = self.edit(self.edits[waypoint], samples[-1])
+        if why:
+            self.found.first = self.found.first or self.violation(Reason.EDIT, waypoint - 1.0, why)
+        return bool(why)
+
+    def edit(self, edits: tuple[Edit, ...], last: S) -> str:
+        """Makes edits where the cable is at the last waypoint; says why if one cannot be."""
+        raise NotImplementedError
 
     def _out_of_time(self) -> bool:
         self.late = self.late or perf_counter() > self.deadline
