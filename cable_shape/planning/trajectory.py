@@ -142,6 +142,8 @@ def check_trajectory(
         )  # fmt: skip
     if ends is not None:
         raise ArgumentError.of("ends", ends, "a cable has a start and an end", "Leave them out, or give a Harness.")
+    if scene is not None:
+        checks.instance("scene", scene, (Scene,), "Write Scene(obstacles=[...]), or Scene.from_yaml(path).")
     routing = Routing.of(trajectory if isinstance(trajectory, (list, tuple)) else (trajectory,))
     motion = Motion(routing.path, robot)
     allowed = 1e-4 * cable.length if tolerance is None else tolerance
