@@ -183,9 +183,15 @@ class Search:
         return np.array([self.joints(state) for state in path.getStates()])
 
 
-def timed(robot: Robot, rows: np.ndarray) -> cs.JointPath:
+def begin(seed: int) -> None:
+    """Has OMPL say little, and search as it did with this seed before."""
+    ou.setLogLevel(ou.LogLevel.LOG_WARN)
+    ou.RNG.setSeed(seed)
+
+
+def timed(robot: Robot, rows: np.ndarray, speed: float = SPEED) -> cs.JointPath:
     """The waypoints with times, at a part of the joints' velocity limits."""
-    spans = np.abs(np.diff(rows, axis=0)) / (SPEED * robot.velocity_limits)
+    spans = np.abs(np.diff(rows, axis=0)) / (speed * robot.velocity_limits)
     times = np.concatenate(([0.0], np.cumsum(np.maximum(spans.max(axis=1), 0.01))))
     return cs.JointPath(robot.joint_names, rows, times)
 
@@ -199,8 +205,7 @@ def plan(robot: Robot, *, scene: cs.Scene = SCENE, seed: int = 1, seconds: float
         If one of the places is out of reach.
     """
     began = perf_counter()
-    ou.setLogLevel(ou.LogLevel.LOG_WARN)
-    ou.RNG.setSeed(seed)
+    begin(seed)
     kinematics = DualArmIK(robot)
     places = []
     for place in (FROM, TO):

@@ -122,7 +122,7 @@ def test_a_wall_all_across_leaves_no_way(robot: Robot) -> None:
 
 def test_the_recording_holds_the_whole_motion(robot: Robot, found, tmp_path: Path) -> None:
     out = tmp_path / "plan.rrd"
-    reports = plan_run.record(robot, found, out)
+    reports = plan_run.record(robot, plan_cable.cable(), plan_cable.SCENE, [found.path], out)
     assert out.stat().st_size > 50_000
     assert reports[-1].stamp == pytest.approx(1e9 * found.path.times[-1], abs=1.0)
     assert not any(w.severity is cs.Severity.ERROR for report in reports for w in report.warnings)

@@ -34,6 +34,7 @@ class TouchBodies:
         self.frames_then = self.frames  # where they were at the last solution
         self.measured: Array = np.zeros((0, bounds.RESULT_COLUMNS))
         self._shift: Array = np.zeros(3)
+        self.standing = False  # those on links are not shifted
         self.links: Array = np.empty((0, 7))
         self.stack: Any = np.empty(STACK_SIZE, np.int64)
 
@@ -87,11 +88,12 @@ class TouchBodies:
         return others
 
     def shift(self, by: Array) -> None:
-        """Moves the bodies by a vector (3,) [m] from where scene and links have them."""
+        """Moves the bodies by a vector (3,) [m] from where scene and links have them, or those of the scene alone."""
         self._shift = by
         self.table[: self._fixed, 4:7] = self._origins[: self._fixed] + by
         self.moved_links = self.links.copy()
-        self.moved_links[:, :3] += by
+        if not self.standing:
+            self.moved_links[:, :3] += by
         surface.place_bodies(self.table, self.moved_links, self.frames)
 
     @property

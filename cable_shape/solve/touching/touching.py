@@ -39,6 +39,7 @@ _STUCK = (
     "no way from the last shape leads to one between these ends but past an obstacle, behind which the cable cannot "
     "have come. It stays so until the ends are back where a way leads on, or until reset: then any shape is taken. "
 )
+_AWAY = 10.0  #: of the length: so far away, a body is in nobody's way
 _ATTEMPTS = (1.0, 0.0, -1.0)  #: bodies come from below, grow, come from above
 _LEAST_CHORD = 1e-3  #: of the length: ends that are nearer, seen from above, tell no side
 ACCURACY = 5e-4  #: of the length: what a shape in contact is asked for where the tolerance is below
@@ -223,6 +224,7 @@ class Solve:
         aside /= max(float(np.linalg.norm(aside)), _LEAST_CHORD * state.length)
         ways = [attempt * down for attempt in _ATTEMPTS] + [sign * aside for sign in (1.0, -1.0) if aside.any()]
         softer = partial(soften, steps, frames, lambda stiffer: self._lay(frames, stiffer, down))
+        self._stand(free, down)
         attempts: list[Callable[[], bool]] = [partial(self._bring, frames, free, way) for way in ways]
         if state.limpness < STIFF:
             attempts.insert(0 if state.limpness < LIMP else len(attempts), softer)
@@ -232,6 +234,17 @@ class Solve:
             if attempt() and steps.settle(frames):
                 return self._finish(status)
         return self._lost() if not steps.late else self._no_shape(Status.BUDGET_EXCEEDED, "")
+
+    def _stand(self, free: CableShape, down: Array) -> None:
+        """Has bodies on links stay where they are if the free shape is clear of them: arms above a table, for example,
+        would else come through the cable from below, with the table.
+        """
+        bodies = self.state.bodies
+        bodies.standing = bool(len(bodies.links))
+        if bodies.standing:
+            bodies.shift(_AWAY * self.state.length * down)
+            bodies.standing = self.steps.depth(free.buffer) > 0.0
+            bodies.shift(np.zeros(3))
 
     def _bring(self, frames: Array, free: CableShape, away: Array) -> bool:
         """Whether the bodies come to the free shape from `away`, or grow if that is nowhere."""

@@ -161,3 +161,16 @@ def test_a_cable_rests_on_the_arms_of_a_robot(seed, body):
             assert "rests on" in said[0]
     assert deepest > 0.005
     assert body in touched
+
+
+def test_from_nothing_arms_above_a_table_stay_above_the_cable():
+    """The table comes from below; what is on links and in nobody's way does not come with it."""
+    table = cs.Obstacle("table", cs.Box((3.0, 3.0, 0.1)), cs.Pose((0.4, 0.0, 0.3)))
+    bar = cs.Obstacle("tool", cs.Box((0.3, 2.0, 0.02)), link="tool")
+    alone = cs.predict(CABLE, START, END, scene=scene(table))
+    assert alone.status is cs.Status.OK
+    predictor = cs.Predictor(CABLE, model="cosserat", scene=scene(table), robot_links=[bar])
+    shape = predictor.predict(START, END, {"tool": cs.Pose((0.4, 0.0, 0.45))})
+    assert shape.status is cs.Status.OK
+    assert {contact.body for contact in shape.contacts} == {"table"}
+    assert np.abs(shape.positions) == pytest.approx(np.abs(alone.positions), abs=1e-3)  # it bows to either side
