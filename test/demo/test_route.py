@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -60,7 +61,7 @@ def test_the_cable_comes_from_the_table_round_the_post_into_the_channel(reports:
     assert any(not touched(report) for report in reports)
     assert {"table", "post"} <= touched(reports[-1])
     shape = reports[-1].shapes["cable"]
-    x, y = shape.positions[np.abs(shape.positions[:, 1] - task.POST.pose.position[1]).argmin(), :2]
+    x = shape.positions[np.abs(shape.positions[:, 1] - task.POST.pose.position[1]).argmin(), 0]
     assert x == pytest.approx(task.POST.pose.position[0] + 0.024, abs=2e-3)
     across = np.array((np.cos(task.TURN), np.sin(task.TURN)))
     along = np.array((np.sin(task.TURN), -np.cos(task.TURN)))
@@ -83,7 +84,7 @@ def test_the_clips_hold_the_cable_and_the_right_hand_has_another_grip(reports: l
 def test_the_hands_and_the_arms_stay_off_what_is_there(robot: Robot, found: task.Task) -> None:
     arms = task.Arms(robot, task.SCENE)
     paths = [part.positions for part in found.parts if isinstance(part, cs.JointPath)]
-    for before, after in zip(paths[:-1], paths[1:], strict=True):
+    for before, after in itertools.pairwise(paths):
         assert np.array_equal(before[-1], after[0])  # an edit moves no hand
     for rows in paths:
         assert all(arms.apart(q) for q in rows)
