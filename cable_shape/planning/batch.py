@@ -81,7 +81,7 @@ def predict_batch(  # type: ignore[misc]
     end_kind: str = "clamped",
     model: str = "auto",
     gravity: ArrayLike = GRAVITY,
-    scene: Scene | None = None,
+    scene: Scene | Sequence[Scene] | None = None,
     points: int = 150,
     tolerance: float | None = None,
     distributed_load: Any = None,
@@ -113,7 +113,9 @@ def predict_batch(  # type: ignore[misc]
         Of several cables: what holds that one, in place of the scene's `clips`, which hold every cable.
     model, gravity, points, tolerance, scene, distributed_load, acceleration
         As for :func:`predict`, the same for all rows. Other models than the rod, clips of kind "slide" and contact are
-        solved row by row and far more slowly, and so are harnesses. Obstacles on robot links are left out. Of several
+        solved row by row and far more slowly, and so are harnesses. Obstacles on robot links are left out. `scene` may
+        be a list, a scene for each row, which differ by where bodies and clips are, not in how many: a scene of many
+        rows given once is worked out once. Of several
         cables `acceleration` is a mapping by their names, and `distributed_load` may be one. With ``contact="solve"``
         these are kept out of each other and of themselves: rows in which they touch are solved row by row.
     threads : int, optional
@@ -134,6 +136,10 @@ def predict_batch(  # type: ignore[misc]
     began = perf_counter()
     if threads is not None:
         checks.integer("threads", threads, at_least=1, at_most=MOST_THREADS)
+    one: Any = scene
+    if isinstance(scene, (list, tuple)) and isinstance(cable, (Harness, Mapping)):
+        bound = "a row's own scene is known of one cable only"
+        raise ArgumentError.of("scene", f"{len(scene)} scenes", bound, "Give one scene, or call it scene by scene.")
     if isinstance(cable, Harness):
         of_cables = {
             "start_kind": start_kind, "end_kind": end_kind, "uncertainty": uncertainty, "ends": ends, "clips": clips,
@@ -144,7 +150,7 @@ def predict_batch(  # type: ignore[misc]
                 remedy = "Write predict_batch(harness, {'a.start': table, ...}, kinds={...})."
                 raise ArgumentError.of(name, value, "it is known of cables only", remedy)
         return predict_rows(
-            cable, starts, kinds=kinds, scene=scene, acceleration=acceleration, time_limit=time_limit, model=model,
+            cable, starts, kinds=kinds, scene=one, acceleration=acceleration, time_limit=time_limit, model=model,
             gravity=gravity, points=points, tolerance=tolerance, distributed_load=distributed_load,
         )  # fmt: skip
     if isinstance(cable, Mapping):
@@ -163,36 +169,55 @@ def predict_batch(  # type: ignore[misc]
         raise ArgumentError.of(
             "uncertainty", uncertainty, "there is one cable", "Write uncertainty=Uncertainty({...})."
         )
-    options = {"gravity": gravity, "points": points, "scene": scene, "distributed_load": distributed_load}
-    predictor = Predictor(cable, model=model, tolerance=tolerance, **options)
     if threads is None:
         threads = len(os.sched_getaffinity(0))
     deadline = math.inf
     if time_limit is not None:
         deadline = began + checks.number("time_limit", time_limit, above=0.0, unit="s")
-    if acceleration is not None:
-        predictor.accelerate(acceleration)
-        if predictor.problem.velocity is not None:
-            bound = "a batch takes accelerations only"
-            raise ArgumentError.of("acceleration", "with a velocity", bound, "Give three columns.")
     checks.one_of("start_kind", start_kind, GRIP_KINDS)
     checks.one_of("end_kind", end_kind, GRIP_KINDS)
     poses = pose_table("starts", starts)
     free = FreeEnd() if ends is None else ends if isinstance(ends, FreeEnd) else None
     how = start_kind, end_kind if free is None else free
     others = poses.copy() if isinstance(ends, FreeEnd) or ends is None else pose_table("ends", ends)
-    work = _Work(predictor, poses, others, how, acceleration, deadline, uncertainty, options)
-    if work.network is not None:
-        work.solve_cells(threads)
-    work.solve_left()
-    batch = work.batch
+    batch: ShapeBatch | None = None
+    for rows, own in _scenes(scene, len(poses)):
+        options = {"gravity": gravity, "points": points, "scene": own, "distributed_load": distributed_load}
+        predictor = Predictor(cable, model=model, tolerance=tolerance, **options)
+        if acceleration is not None:
+            predictor.accelerate(acceleration)
+            if predictor.problem.velocity is not None:
+                bound = "a batch takes accelerations only"
+                raise ArgumentError.of("acceleration", "with a velocity", bound, "Give three columns.")
+        work = _Work(predictor, poses, others, how, acceleration, deadline, uncertainty, options, batch, rows)
+        batch = work.batch
+        if work.network is not None:
+            work.solve_cells(threads)
+            work.judge_meant()
+        work.solve_left()
+    assert batch is not None
     for kept in (batch.buffer, batch.info, batch.tables, batch.margin_rows):
         kept[~batch.done] = math.nan
     batch.tables[np.isinf(batch.distances), 1:] = math.nan
     batch.margin_rows[np.isnan(batch.used)] = math.nan
-    batch.partial = not bool((batch.done | work.invalid).all())
+    batch.partial = int(batch.done.sum()) + len(batch.errors) < len(batch)
     batch.time = perf_counter() - began
     return batch
+
+
+def _scenes(scene: Any, rows: int) -> list[tuple[Rows | None, Scene | None]]:
+    """Each scene with its rows; None: all of them."""
+    if not isinstance(scene, (list, tuple)):
+        return [(None, scene)]
+    for i, one in enumerate(scene):
+        checks.instance(f"scene[{i}]", one, (Scene,), "Write Scene(obstacles=[...]), or Scene.from_yaml(path).")
+    if len(scene) != rows or not rows:
+        bound = f"there must be one a row, and there are {rows}"
+        raise ArgumentError.of("scene", f"{len(scene)} scenes", bound, "Give as many starts and ends as scenes.")
+    of: dict[int, list[int]] = {}
+    for i, one in enumerate(scene):
+        of.setdefault(id(one), []).append(i)
+    return [(np.array(those), scene[those[0]]) for those in of.values()]
 
 
 def _predict_several(cables: Mapping[str, Cable], starts: Any, ends: Any, held: tuple[str, str], **more: Any) -> Any:
@@ -211,7 +236,7 @@ _Task = tuple[Rows, Rows]
 
 @final
 class _Work:
-    """One call of :func:`predict_batch`."""
+    """One call of :func:`predict_batch`, or its rows in one scene; batch: that it shares with those in others."""
 
     def __init__(
         self,
@@ -223,6 +248,8 @@ class _Work:
         deadline: float,
         uncertainty: Uncertainty | None,
         options: Mapping[str, Any],
+        batch: ShapeBatch | None = None,
+        rows: Rows | None = None,
     ) -> None:
         if starts.shape != ends.shape:
             raise ArgumentError.of(
@@ -248,11 +275,21 @@ class _Work:
         if uncertainty is not None and self.network is None:
             self.beside = TubeWatch(cable, uncertainty, **options)
         self.judge = RowJudge(cable, scene)
-        self.batch = self.judge.batch(len(starts), problem)
-        if uncertainty is not None:
+        made = self.judge.batch(len(starts), problem)
+        self.batch = batch or made
+        if not self.batch.stacks_with(made):
+            bound = (
+                f"it must have the bodies, the number of clips and the distances of the first one, {self.batch.bodies}"
+            )
+            what = f"scene[{0 if rows is None else rows[0]}]"
+            raise ArgumentError.of(what, made.bodies, bound, "What a row's scene may differ by is where things are.")
+        if uncertainty is not None and batch is None:
             self.batch.confidence = uncertainty.confidence
             self.batch.radius = np.full((len(starts), problem.points), math.nan)
         self.invalid: NDArray[np.bool_] = np.zeros(len(starts), np.bool_)
+        if rows is not None:
+            self.invalid[:] = True
+            self.invalid[rows] = False
         for name, poses in (("starts", starts), ("ends", ends)):
             self._check(name, poses)
 
@@ -351,6 +388,12 @@ class _Work:
         batch.iterations[good] = batch.info[good, I_ITERATIONS]
         batch.done[good] = True
         batch.flag_several(rows[~np.isin(codes, _ALONE)])
+
+    def judge_meant(self) -> None:
+        """Judges what is done by the contact that the scene allows."""
+        if self.judge.allowed:
+            for row in np.flatnonzero(self.batch.done & ~self.invalid).tolist():
+                self.judge.judge_meant(self.batch, row)
 
     # -- one row by itself
 

@@ -13,6 +13,7 @@ from cable_shape.checks import Array
 from cable_shape.kernels.network import drive
 from cable_shape.kernels.safety import loads_used as margins
 from cable_shape.planning.shape_batch import ShapeBatch
+from cable_shape.safety.allowed import Allowed
 from cable_shape.safety.clearance import ClearanceChecker
 from cable_shape.safety.margins import MarginWatch
 from cable_shape.safety.report import LOAD_MARGINS, Clearance, WarningKind
@@ -33,6 +34,7 @@ class RowJudge:
         moving = np.concatenate((self.checker.moving, np.ones(len(others), np.bool_)))
         self.watch = MarginWatch(cable, scene, moving)
         self.names = (*self.checker.names, *others)
+        self.allowed = Allowed(scene, cable)
 
     def batch(self, rows: int, problem: Problem) -> ShapeBatch:
         """Rows of the problem's cable, none of them done."""
@@ -70,8 +72,15 @@ class RowJudge:
         if shape.detail:
             batch.details[row] = shape.detail
         batch.tables[row] = math.nan if clearance.table is None else clearance.table
-        batch.margin_rows[row] = self._margins(shape, clearance, state, held)
+        batch.margin_rows[row] = self._margins(
+            shape, clearance, batch.radius[row] if batch.radius is not None else None, state, held
+        )
         batch.done[row] = True
+
+    def judge_meant(self, batch: ShapeBatch, row: int) -> None:
+        """Judges the bodies of a row again whose margins are those of clearance, whatever contact is meant."""
+        rows = self._margins(batch[row], batch.clearance_of(row), None if batch.radius is None else batch.radius[row])
+        batch.margin_rows[row, margins.BODIES :] = rows[margins.BODIES :]
 
     def keep_others(self, batch: ShapeBatch, row: int, shape: CableShape, clearance: Clearance, known: int) -> None:
         """Adds the clearance from all bodies but the first, `known` ones to a row that is done but for these."""
@@ -82,14 +91,22 @@ class RowJudge:
             batch.margin_rows[row, margins.BODIES + known :] = self._margins(shape, clearance)[margins.BODIES + known :]
 
     def _margins(
-        self, shape: CableShape, clearance: Clearance, state: Solved | None = None, held: bool = False
+        self,
+        shape: CableShape,
+        clearance: Clearance,
+        radius: Array | None = None,
+        state: Solved | None = None,
+        held: bool = False,
     ) -> Array:
-        """(6 + m, COLUMNS), NaN where there is none."""
+        """(6 + m, COLUMNS), NaN where there is none; radius (n,) [m]: of the tube that the clearance is of."""
+        swell = 0.0 if radius is None else float(np.nan_to_num(radius).max())
+        judged, forces = self.allowed.judged(shape, clearance, [(shape.arc_length, shape.positions)], None, swell)
         rows = np.full((margins.BODIES + len(self.names), margins.COLUMNS), math.nan)
         self.watch.reset()
         columns: dict[str | WarningKind, int] = {kind: i for i, kind in enumerate(LOAD_MARGINS)}
         columns |= {name: margins.BODIES + i for i, name in enumerate(self.names)}
-        for margin in self.watch.margins(shape, clearance, 0, state=state, held=held):
+        for margin in (*self.watch.margins(shape, judged, 0, state=state, held=held), *forces):
             column = columns[margin.other or margin.kind]
-            rows[column, : margins.TIME] = margin.used, margin.limit, margin.value, margin.arc_length
+            if not margin.used < rows[column, margins.USED]:
+                rows[column, : margins.TIME] = margin.used, margin.limit, margin.value, margin.arc_length
         return rows

@@ -83,7 +83,8 @@ class ShapeBatch(Rows[CableShape]):
         From the cable's surface to each of `bodies`, negative on overlap, infinite beyond `horizon` [m]; NaN where
         not told.
     used : (k, 6 + m)
-        Margins, 1 at the limit (see :mod:`cable_shape.safety.margins`): `LOAD_MARGINS`, then each body; NaN: none.
+        Margins, 1 at the limit (see :mod:`cable_shape.safety.margins`): `LOAD_MARGINS`, then each body; NaN: none. Of a
+        body that the scene allows to be touched, clearance counts where it may not be, and its force against the limit.
     radius : (k, n) [m], optional
         Of the tube that holds a point of the row's cable with the `confidence`, if an uncertainty was given: distances
         and `used` of bodies are those of a cable so much thicker. NaN where there is no usable shape.
@@ -107,7 +108,7 @@ class ShapeBatch(Rows[CableShape]):
         self.loads: Array = np.full((rows, clips + 2 if clips else 0, 7), math.nan)  # see kernels.network.drive
         self.missing_length: Array = np.zeros(rows)
         self._several: NDArray[np.bool_] = np.zeros(rows, np.bool_)
-        self._unread_several: Callable[[], None] | None = None
+        self._unread_several: list[Callable[[], None]] = []
         self.turns: NDArray[np.int64] = np.zeros(rows, np.int64)
         self.models: NDArray[np.str_] = np.full(rows, "cosserat", dtype="<U9")
         self.unread_errors: dict[int, Callable[[Array], float]] = {}  # see CableShape.unread_error
@@ -115,12 +116,18 @@ class ShapeBatch(Rows[CableShape]):
         self.radius: Array | None = None
         self.confidence = 0.0
 
+    def stacks_with(self, other: ShapeBatch) -> bool:
+        """Whether rows of another one, of the same cable, are laid out as these are."""
+        mine, theirs = (
+            (one.bodies, one.horizon, one.loads.shape, one.buffer.shape) for one in (self, other)
+        )  # fmt: skip
+        return mine == theirs
+
     @property
     def several(self) -> NDArray[np.bool_]:
         """(k,), see the class."""
-        if self._unread_several is not None:
-            look, self._unread_several = self._unread_several, None
-            look()
+        while self._unread_several:
+            self._unread_several.pop()()
         return self._several
 
     def flag_several(self, rows: NDArray[np.int64]) -> None:
@@ -137,7 +144,7 @@ class ShapeBatch(Rows[CableShape]):
             keys, which = np.unique(cells, axis=0, return_inverse=True)
             self._several[rows] |= look(keys)[which.ravel()]
 
-        self._unread_several = find
+        self._unread_several.append(find)
 
     def tell_several_as(self, other: ShapeBatch) -> None:
         """When `several` is first read it is that of another batch, of the same rows."""
@@ -145,7 +152,7 @@ class ShapeBatch(Rows[CableShape]):
         def find() -> None:
             self._several |= other.several
 
-        self._unread_several = find
+        self._unread_several.append(find)
 
     @property
     def arc_length(self) -> Array:
