@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import final
+from typing import Any, final
 
 import numpy as np
 import rerun as rr
@@ -11,14 +11,14 @@ import rerun as rr
 from cable_shape.safety.report import Margin
 from cable_shape.viewer import colour as colours
 from cable_shape.viewer import text
-from cable_shape.viewer.columns import Columns, rgba, strips
+from cable_shape.viewer.columns import Columns
 from cable_shape.viewer.plots import MOST_USED
 
 #: In the plane of the bars kinds are 1 apart, downwards; where each limit is, and what is seen of the plane.
 AT_LIMIT = 6.5
-SEEN = ((-0.2, MOST_USED * AT_LIMIT + 0.2), (-0.6, len(text.MARGIN_KINDS) - 0.4))
+SEEN = ((-8.6, MOST_USED * AT_LIMIT + 0.2), (-0.6, len(text.MARGIN_KINDS) - 0.4))
 _HALF = 0.36  # of a bar's height
-_ABOVE = 0.45  # a name is drawn below its point
+_NAMES, _ABOVE = -4.3, 0.45  # where names are, beside the bars: their middle, and how far below its point one is drawn
 _STEP = 0.01  # of the limit; a smaller change of a bar is not seen
 
 
@@ -33,8 +33,8 @@ class Bars:
 
     def begin(self) -> None:
         """The room up to each limit, pale, and a line at it."""
-        rows = range(len(text.MARGIN_KINDS))
-        self._recording.log("/margins/room", _strips(dict.fromkeys(rows, 1.0), [colours.ROOM] * len(rows)), static=True)
+        room = _bars(dict.fromkeys(range(len(text.MARGIN_KINDS)), 1.0), colours.ROOM)
+        self._recording.log("/margins/room", rr.LineStrips2D(**room), static=True)
         line = rr.LineStrips2D([[(AT_LIMIT, end) for end in SEEN[1]]], colors=colours.RED, radii=0.03)
         self._recording.log("/margins/limit", line, static=True)
 
@@ -51,18 +51,22 @@ class Bars:
         if shown == self._shown:
             return
         self._shown = shown
-        self._columns.write("/margins/bars", _strips(used, [colours.KINDS[text.MARGIN_KINDS[row]] for row in used]))
-        names = rr.Points2D(
-            [(AT_LIMIT, row - _ABOVE) for row in used], radii=0.0, colors=colours.MARKER, show_labels=True,
-            labels=[worst[row][1] for row in used],
+        self._columns.put("/margins/bars", rr.LineStrips2D, **_bars(used))
+        places = np.array([(_NAMES, row - _ABOVE) for row in used]).reshape(-1, 2)
+        white = np.array([colours.MARKER], dtype=np.uint8)
+        self._columns.put(
+            "/margins/names", rr.Points2D, positions=places, radii=np.zeros(1), colors=white,
+            labels=[worst[row][1] for row in used], show_labels=[True],
         )  # fmt: skip
-        self._columns.write("/margins/names", names)
 
 
-def _strips(used: Mapping[int, float], colour: Sequence[colours.Colour]) -> rr.LineStrips2D:
-    """Bars in these rows: their ends are round, and within what is used."""
-    half = [min(_HALF, 0.5 * AT_LIMIT * value) for value in used.values()]
+def _bars(used: Mapping[int, float], colour: colours.Colour | None = None) -> dict[str, Any]:
+    """Bars in these rows, in one colour or in those of the kinds: their ends are round, and within what is used."""
+    half = np.array([min(_HALF, 0.5 * AT_LIMIT * value) for value in used.values()])
     ends = [((r, row), (AT_LIMIT * value - r, row)) for r, (row, value) in zip(half, used.items(), strict=True)]
-    return rr.LineStrips2D(
-        strips(np.reshape(ends, (-1, 2, 2))), colors=rgba(np.array(colour, dtype=np.uint8)), radii=half
-    )
+    own = [colour or colours.KINDS[text.MARGIN_KINDS[row]] for row in used]
+    return {
+        "strips": np.array(ends).reshape(-1, 2, 2),
+        "colors": np.array(own, dtype=np.uint8).reshape(-1, 4),
+        "radii": half,
+    }

@@ -15,7 +15,7 @@ from cable_shape.scene.scene import HalfSpace, Scene
 from cable_shape.viewer.bars import SEEN
 
 BACKGROUND = (27, 30, 36, 255)
-#: A plot of more cables has no legend, which would hide it: the names are told where the mouse is.
+#: One plot names the lines of several cables, up to so many: a legend hides what is behind it, the mouse tells names.
 MOST_NAMED = 5
 ELEVATION = np.radians(24.0)  # of the line of sight above the horizon
 ASIDE = np.radians(28.0)  # of the line of sight from square on to the cable, for depth
@@ -84,13 +84,13 @@ def blueprint(
         ),
     )
     several = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=1 < len(cables) <= MOST_NAMED)
-    named = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop)
+    nobody, named = rrb.PlotLegend(visible=False), rrb.PlotLegend(corner=rrb.Corner2D.LeftTop)
     plots = [
-        ("margins", "limits used (1: at the limit)", rrb.PlotLegend(visible=False), True),  # the bars name them
-        ("clearance", "clearance [mm]", rrb.PlotLegend(visible=len(cables) <= MOST_NAMED), bodies),
-        ("bend_radius", "smallest bend radius [mm]", several, True),
+        ("margins", "limits used (1: at the limit)", nobody, True),  # the bars name them
+        ("clearance", "clearance [mm], warn (amber), error (red)", nobody, bodies),
+        ("bend_radius", "smallest bend radius [mm]", nobody, True),
         ("tension", "largest tension [N]", several, True),
-        ("time", "cycle time [ms]", named, times),
+        ("time", "cycle time [ms], of it prediction (yellow)", nobody, times),
         ("markers", "markers to centreline [mm], inside the tube [%]", named, markers),
     ]
     numbers = [

@@ -17,11 +17,11 @@ Time = np.datetime64 | np.timedelta64
 
 
 class _Row(NamedTuple):
-    """An entity at one time: descriptors of its components, by name, and what they hold."""
+    """An entity at one time: the components of an archetype and what they hold, one row of an array an instance."""
 
     time: Time
-    descriptors: dict[str, Any]
-    arrays: list[pa.Array]
+    kind: Any
+    values: dict[str, Any]
 
 
 class _Arrow(NamedTuple):
@@ -46,6 +46,7 @@ class Columns:
         self._later = later
         self._now: Time = np.timedelta64(0, "ns")
         self._waiting: dict[str, list[_Row]] = {}
+        self._batches: dict[Any, dict[str, Any]] = {}  # of an archetype with these components: one of each, by name
 
     def at(self, time: Time) -> None:
         """Of what is written from now on."""
@@ -62,23 +63,60 @@ class Columns:
         if not self._later:
             self._recording.log(entity, *archetypes)
             return
-        batches = [batch for one in archetypes for batch in one.as_component_batches()]
-        descriptors = {str(batch.component_descriptor()): batch.component_descriptor() for batch in batches}
-        arrays = [batch.as_arrow_array() for batch in batches]
-        self._waiting.setdefault(entity, []).append(_Row(self._now, descriptors, arrays))
+        for one in archetypes:
+            batches = _named(one)
+            key = type(one), *batches
+            self._batches.setdefault(key, batches)
+            arrays = {name: batch.as_arrow_array() for name, batch in batches.items()}
+            self._waiting.setdefault(entity, []).append(_Row(self._now, key, arrays))
+
+    def put(self, entity: str, kind: Any, **values: Any) -> None:
+        """Writes an archetype that is written again and again: of each component an array or list of its instances.
+
+        Numbers are arrays with a row for each instance, colours (n, 4), texts lists of str.
+        """
+        if not self._later:
+            self._recording.log(entity, kind(**values))
+            return
+        key = kind, *values
+        if key not in self._batches:
+            self._batches[key] = _named(kind(**values))
+        self._waiting.setdefault(entity, []).append(_Row(self._now, key, values))
 
     def flush(self) -> None:
         """Writes what waits."""
         for entity, waiting in self._waiting.items():
-            for _, alike in groupby(waiting, key=lambda row: tuple(row.descriptors)):
+            for key, alike in groupby(waiting, key=lambda row: row.kind):
                 rows = list(alike)
                 columns = []
-                for k, descriptor in enumerate(rows[0].descriptors.values()):
-                    lengths = [len(row.arrays[k]) for row in rows]
-                    values = _Arrow(pa.concat_arrays([row.arrays[k] for row in rows]))
-                    columns.append(rr.ComponentColumn(descriptor, values, lengths=lengths))
+                for name, batch in self._batches[key].items():
+                    parts = [row.values[name] for row in rows]
+                    values = _Arrow(_joined(parts, batch.as_arrow_array().type))
+                    descriptor = batch.component_descriptor()
+                    columns.append(rr.ComponentColumn(descriptor, values, lengths=[len(part) for part in parts]))
                 self._recording.send_columns(entity, [times_of([row.time for row in rows])], columns)
         self._waiting.clear()
+
+
+def _named(archetype: Any) -> dict[str, Any]:
+    """Its components by name."""
+    batches = archetype.as_component_batches()
+    return {batch.component_descriptor().component.rpartition(":")[2]: batch for batch in batches}
+
+
+def _joined(parts: list[Any], kind: pa.DataType) -> pa.Array:
+    """Values of several rows as rerun holds them: what it makes of each of them itself is slow."""
+    if isinstance(parts[0], pa.Array):
+        return pa.concat_arrays(parts)
+    if pa.types.is_string(kind) or pa.types.is_boolean(kind):
+        return pa.array([value for part in parts for value in part], type=kind)
+    values = np.concatenate(parts)
+    if pa.types.is_list(kind):
+        return strips(values)
+    if kind == pa.uint32():
+        return rgba(values)
+    flat = pa.array(np.ascontiguousarray(values, dtype=np.float32).ravel())
+    return pa.FixedSizeListArray.from_arrays(flat, type=kind) if pa.types.is_fixed_size_list(kind) else flat
 
 
 def times_of(times: list[Time]) -> rr.TimeColumn:

@@ -45,7 +45,7 @@ from cable_shape.viewer import colour as colours
 from cable_shape.viewer import text
 from cable_shape.viewer.bars import Bars
 from cable_shape.viewer.blueprint import blueprint, eye
-from cable_shape.viewer.columns import TIMELINE, Columns, rgba, strips
+from cable_shape.viewer.columns import TIMELINE, Columns
 from cable_shape.viewer.forces import Forces
 from cable_shape.viewer.plots import Plots, part, path
 from cable_shape.viewer.tubes import capsules
@@ -265,7 +265,7 @@ class ReportLogger:
 
     def _move(self, entity: str, pose: Pose) -> None:
         if self._changed(entity, pose.array.tobytes()):
-            self._write(entity, _transform(pose))
+            self._columns.put(entity, rr.Transform3D, translation=pose.position[None], quaternion=pose.quaternion[None])
 
     def _log_line(self, base: str, name: str, shape: CableShape, report: CycleReport) -> None:
         """The cable in short straight strips, each in its own colour, and the masses it carries."""
@@ -278,11 +278,11 @@ class ReportLogger:
             colour = colours.scale(colours.by_clearance(cable, shape, self.scene, self.links, report.links))
         shown = np.unique(np.linspace(0, shape.points - 1, min(shape.points, MAX_SEGMENTS + 1)).round().astype(int))
         points = shape.positions[shown].astype(np.float32)
-        line = strips(np.stack((points[:-1], points[1:]), axis=1))
+        line = np.stack((points[:-1], points[1:]), axis=1)
         arc, radius = shape.arc_length, 0.5 * cable.diameter
         more = thicker(cable, 0.5 * (arc[shown[:-1]] + arc[shown[1:]]))
-        radii = radius if more is None else radius_of(cable) + more
-        self._write(f"{base}/line", rr.LineStrips3D(line, colors=rgba(colour[shown[:-1]]), radii=radii))
+        radii = np.array([radius]) if more is None else radius_of(cable) + more
+        self._columns.put(f"{base}/line", rr.LineStrips3D, strips=line, colors=colour[shown[:-1]], radii=radii)
         masses = [mass for mass in self.scene.masses if self._concerns(name, mass.segment)]
         if masses:
             at = np.array([mass.arc_length for mass in masses])
@@ -355,10 +355,11 @@ class ReportLogger:
 
     def _log_words(self, report: CycleReport) -> None:
         for severity, said in self._warnings.changes(report.warnings):
-            whole = textwrap.fill(said, _WARNING_WIDTH)
-            self._write("/warnings", rr.TextLog(whole, level=_LEVELS[severity]))
+            for line in textwrap.wrap(said, _WARNING_WIDTH):  # a row of the log shows one
+                self._write("/warnings", rr.TextLog(line, level=_LEVELS[severity]))
         legend = f"Colour: {_LEGENDS[self.colour]}"
-        self._write("/state", rr.TextDocument(text.state(report, legend, self.times), media_type="text/markdown"))
+        page = text.state(report, legend)
+        self._columns.put("/state", rr.TextDocument, text=[page], media_type=["text/markdown"])
         if self.times and "total" in report.times:
             self._plots.times(report.times["total"], report.times.get("predict", 0.0))
 

@@ -27,9 +27,9 @@ def kind_name(kind: WarningKind) -> str:
     return "stretch" if kind is WarningKind.OVERSTRETCHED else kind.name.lower().replace("_", " ")
 
 
-def state(report: CycleReport, legend: str, times: bool) -> str:
+def state(report: CycleReport, legend: str) -> str:
     """The report as a page of Markdown: the warnings that stand, then a table with a row for each cable."""
-    rows = [dict(_cells(report, name, shape, times)) for name, shape in report.shapes.items()]
+    rows = [dict(_cells(report, name, shape)) for name, shape in report.shapes.items()]
     heads = list(rows[0]) if rows else []
     lines = []
     for name, shape in report.shapes.items():
@@ -42,7 +42,7 @@ def state(report: CycleReport, legend: str, times: bool) -> str:
     return "\n".join([*lines, "", f"*{legend}*"])
 
 
-def _cells(report: CycleReport, name: str, shape: CableShape, times: bool) -> Iterator[tuple[str, str]]:
+def _cells(report: CycleReport, name: str, shape: CableShape) -> Iterator[tuple[str, str]]:
     """Head and text of each cell in a cable's row."""
     yield "cable", f"**{name}**"
     yield "status", f"{shape.status.name} (reused)" if shape.reused else shape.status.name
@@ -56,8 +56,6 @@ def _cells(report: CycleReport, name: str, shape: CableShape, times: bool) -> It
         plug = report.plugs[name]
         yield f"plug to {plug.socket}", f"{millimetres(plug.position)}, {np.degrees(plug.angle):.1f}°"
     yield "model", f"{shape.model} ±{millimetres(shape.error_estimate)}"
-    if times:
-        yield "solved in", f"{shape.solve_time * 1e6:.0f} µs"
 
 
 def _clearance(clearance: Clearance | None) -> str:

@@ -157,6 +157,17 @@ def test_warnings_are_told_when_they_begin_and_end(recorded: dict[str, list[tupl
     assert [v[0] for _, v in recorded["/warnings:TextLog:level"]] == ["WARN", "INFO"]
 
 
+def test_a_long_warning_is_told_whole_in_rows_that_the_log_has_room_for(tmp_path: Path) -> None:
+    text = "cable: 28.9 mm from 'post' at 0.240 m from the start grip (warning below 30.0 mm). Keep away from it."
+    near = report(3)
+    write(
+        tmp_path / "out.rrd", [dataclasses.replace(near, warnings=(dataclasses.replace(near.warnings[0], text=text),))]
+    )
+    rows = [v[0] for _, v in columns(tmp_path / "out.rrd")["/warnings:TextLog:text"]]
+    assert " ".join(rows) == text
+    assert max(map(len, rows)) <= 52
+
+
 def test_two_runs_decode_to_the_same_columns(tmp_path: Path) -> None:
     """The second run takes other times, and another process with another hash seed."""
     write(tmp_path / "a.rrd", [report(k) for k in range(6)])
