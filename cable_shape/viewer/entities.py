@@ -24,6 +24,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import Any, final
 
 import numpy as np
@@ -276,7 +277,7 @@ class ReportLogger:
             colour = colours.scale(colours.by_curvature(cable, shape))
         else:
             colour = colours.scale(colours.by_clearance(cable, shape, self.scene, self.links, report.links))
-        shown = np.unique(np.linspace(0, shape.points - 1, min(shape.points, MAX_SEGMENTS + 1)).round().astype(int))
+        shown = _shown(shape.points)
         points = shape.positions[shown].astype(np.float32)
         line = np.stack((points[:-1], points[1:]), axis=1)
         arc, radius = shape.arc_length, 0.5 * cable.diameter
@@ -368,6 +369,12 @@ _LEGENDS = {
     "curvature": "bending, from straight (blue) to the smallest bend radius (red).",
     "clearance": "clearance, from ample (blue) to the error distance (red).",
 }
+
+
+@lru_cache
+def _shown(points: int) -> np.ndarray[Any, np.dtype[np.int64]]:
+    """Which points of a cable are drawn."""
+    return np.unique(np.linspace(0, points - 1, min(points, MAX_SEGMENTS + 1)).round().astype(np.int64))
 
 
 def _junction(harness: str, junction: str) -> str:
