@@ -25,7 +25,7 @@ from tqdm import tqdm
 import cable_shape as cs
 
 #: Kinds of motions, with how many steps [%] may be without a usable shape.
-KINDS = {"contact": 1.0, "clips and contact": 1.0, "cables": 0.7, "itself": 0.7}
+KINDS = {"contact": 1.0, "clips and contact": 1.0, "cables": 0.7, "itself": 0.7, "cables on bodies": 0.7}
 STEPS, SEED = 30, 16
 ALONG_X = Rotation.from_quat((0.5, 0.5, 0.5, 0.5))
 TRIES = 200
@@ -143,6 +143,8 @@ def _motion(kind: str, rng: np.random.Generator) -> Motion | None:
     chord = rng.uniform(0.45, 0.9) * length
     if kind == "cables":
         return let_down(rng, cable, chord)
+    if kind == "cables on bodies":
+        return laid_down(rng, let_down(rng, cable, chord))
     steps = held(rng, cable, np.zeros(3), rng.uniform(0.0, 2.0 * math.pi), chord, 0.06 * length)
     free = cs.predict(cable, *steps[0])
     if not free.usable:
@@ -181,6 +183,19 @@ def let_down(rng: np.random.Generator, cable: cs.Cable, chord: float) -> Motion:
         ]
     scene = cs.Scene(contact="solve")
     return Motion(cables, scene, {}, [{name: way[k] for name, way in ways.items()} for k in range(STEPS)])
+
+
+def laid_down(rng: np.random.Generator, cables: Motion) -> Motion | None:
+    """The same with bodies below the first cable's lowest place; None if grips are in their way."""
+    ways = {name: [step[name] for step in cables.steps] for name in cables.cables}
+    first = next(iter(cables.cables))
+    free = cs.predict(cables.cables[first], *ways[first][0])
+    if not free.usable:
+        return None
+    scene = cs.Scene(obstacles=bodies(rng, free.positions[free.positions[:, 2].argmin()], free.length), contact="solve")
+    if not all(clear(scene, cables.cables[name], way, []) for name, way in ways.items()):
+        return None
+    return cables._replace(scene=scene)
 
 
 def twisted(rng: np.random.Generator, cable: cs.Cable) -> Motion:
