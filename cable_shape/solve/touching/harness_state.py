@@ -23,7 +23,8 @@ from cable_shape.solve.harness_problem import HarnessProblem
 from cable_shape.solve.harness_shape import HarnessShape
 from cable_shape.solve.plan import Whole, moving
 from cable_shape.solve.touching import mesh
-from cable_shape.solve.touching.state import Chain, TouchState
+from cable_shape.solve.touching.laid import Chain
+from cable_shape.solve.touching.state import TouchState
 
 _OF_LEVER = 3  #: nodes
 

@@ -21,9 +21,9 @@ from cable_shape.solve.harness_problem import HarnessProblem
 from cable_shape.solve.problem import Problem
 from cable_shape.solve.rod_common import MODEL
 from cable_shape.solve.touching.harness_state import HarnessTouchState
+from cable_shape.solve.touching.laid import Pair
 from cable_shape.solve.touching.places import Spot
 from cable_shape.solve.touching.search import relax
-from cable_shape.solve.touching.state import Pair
 from cable_shape.solve.touching.step import FAR, WARM_ITERATIONS, Steps
 from cable_shape.solve.touching.touching import ACCURACY, BURIED, inexact
 

@@ -18,8 +18,9 @@ from cable_shape.kernels.distance import bounds, surface
 from cable_shape.kernels.network.newton import CONVERGED
 from cable_shape.shape import NUMBERS_PER_POINT
 from cable_shape.solve.problem import Problem
+from cable_shape.solve.touching.laid import LEAST_LENGTH, MOST_ELEMENTS
 from cable_shape.solve.touching.road import Road
-from cable_shape.solve.touching.state import LEAST_LENGTH, MOST_ELEMENTS, TouchState
+from cable_shape.solve.touching.state import TouchState
 
 DEEPEST = 1e-4  #: [m] a shape deeper in a body than this between nodes gets a node there
 WARM_ITERATIONS, STEP_ITERATIONS = 30, 20

@@ -14,7 +14,8 @@ import cable_shape as cs
 from cable_shape.kernels.contact import near as contact_near
 from cable_shape.kernels.contact import sets as contact_set
 from cable_shape.kernels.contact.near import BARE, GAP, ON, PRESS
-from cable_shape.solve.touching import mesh, state
+from cable_shape.solve.touching import laid as laid_out
+from cable_shape.solve.touching import mesh
 from cable_shape.solve.touching.touching import ACCURACY, DEEPEST
 
 ALONG_X = (0.5, 0.5, 0.5, 0.5)
@@ -185,4 +186,4 @@ def test_nodes_are_no_contacts_where_places_are_not_known_that_well():
 
 
 def test_more_elements_than_allowed_are_not_asked_for():
-    assert mesh.first_count(1.0, 1e-9 * WEIGHT, WEIGHT) == mesh.MOST_AT_FIRST < state.MOST_ELEMENTS
+    assert mesh.first_count(1.0, 1e-9 * WEIGHT, WEIGHT) == mesh.MOST_AT_FIRST < laid_out.MOST_ELEMENTS
