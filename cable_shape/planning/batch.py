@@ -38,6 +38,7 @@ from cable_shape.planning.harness_batch import (
     predict_rows,
 )
 from cable_shape.planning.row_judge import RowJudge
+from cable_shape.planning.row_slopes import COLUMNS, RowSlopes
 from cable_shape.planning.shape_batch import ShapeBatch
 from cable_shape.pose import GRIP_KINDS, FreeEnd, Grip, Pose
 from cable_shape.prediction.predictor import _NOT_GIVEN, Predictor
@@ -91,6 +92,7 @@ def predict_batch(  # type: ignore[misc]
     uncertainty: Uncertainty | Mapping[str, Uncertainty] | None = None,
     kinds: Mapping[str, str] | None = None,
     clips: Mapping[str, Sequence[Clip]] | None = None,
+    slopes: bool = False,
 ) -> Any:
     """The shapes of one cable for many pairs of ends, or of a harness or several cables for many rows, with clearance
     and margins.
@@ -128,6 +130,10 @@ def predict_batch(  # type: ignore[misc]
         of `starts` and `ends`. Rows in eyelets, of sections or in contact take two shapes more for every direction. Of
         several cables one for all, or a mapping by their names.
 
+    slopes : bool
+        Of one cable, of the rod: also how margins change with the grips, see `ShapeBatch.slopes`, in clips and in
+        contact, too. It takes a row as long as some ten shapes.
+
     Raises
     ------
     ArgumentError
@@ -137,6 +143,8 @@ def predict_batch(  # type: ignore[misc]
     if threads is not None:
         checks.integer("threads", threads, at_least=1, at_most=MOST_THREADS)
     one: Any = scene
+    if slopes and (isinstance(cable, (Harness, Mapping)) or model not in ("auto", "cosserat")):
+        raise ArgumentError.of("slopes", slopes, "they are of one cable, by the rod", "Leave them out.")
     if isinstance(scene, (list, tuple)) and isinstance(cable, (Harness, Mapping)):
         bound = "a row's own scene is known of one cable only"
         raise ArgumentError.of("scene", f"{len(scene)} scenes", bound, "Give one scene, or call it scene by scene.")
@@ -195,6 +203,8 @@ def predict_batch(  # type: ignore[misc]
             work.solve_cells(threads)
             work.judge_meant()
         work.solve_left()
+        if slopes:
+            work.tell_slopes(cable, {**options, "tolerance": tolerance})
     assert batch is not None
     for kept in (batch.buffer, batch.info, batch.tables, batch.margin_rows):
         kept[~batch.done] = math.nan
@@ -403,6 +413,16 @@ class _Work:
             if perf_counter() > self.deadline:
                 return
             self._solve_alone(row)
+
+    def tell_slopes(self, cable: Cable, keywords: dict[str, Any]) -> None:
+        """How the margins of what is done change with the grips."""
+        batch = self.batch
+        if batch.slopes is None:
+            batch.slopes = np.full((*batch.used.shape, COLUMNS), math.nan)
+        told = RowSlopes(self.judge, cable, keywords, self.acceleration)
+        for row in np.flatnonzero(batch.done & ~self.invalid).tolist():
+            ends = self._grips(Pose.trusted(self.starts[row]), Pose.trusted(self.ends[row]))
+            told.take(batch, row, *ends)
 
     def _solve_alone(self, row: int) -> None:
         """A row from nothing."""

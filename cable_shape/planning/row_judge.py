@@ -72,14 +72,14 @@ class RowJudge:
         if shape.detail:
             batch.details[row] = shape.detail
         batch.tables[row] = math.nan if clearance.table is None else clearance.table
-        batch.margin_rows[row] = self._margins(
+        batch.margin_rows[row] = self.margins_of(
             shape, clearance, batch.radius[row] if batch.radius is not None else None, state, held
         )
         batch.done[row] = True
 
     def judge_meant(self, batch: ShapeBatch, row: int) -> None:
         """Judges the bodies of a row again whose margins are those of clearance, whatever contact is meant."""
-        rows = self._margins(batch[row], batch.clearance_of(row), None if batch.radius is None else batch.radius[row])
+        rows = self.margins_of(batch[row], batch.clearance_of(row), None if batch.radius is None else batch.radius[row])
         batch.margin_rows[row, margins.BODIES :] = rows[margins.BODIES :]
 
     def keep_others(self, batch: ShapeBatch, row: int, shape: CableShape, clearance: Clearance, known: int) -> None:
@@ -88,9 +88,11 @@ class RowJudge:
             return
         batch.tables[row, known:] = clearance.table[known:]
         if np.isfinite(clearance.table[known:, 0]).any():
-            batch.margin_rows[row, margins.BODIES + known :] = self._margins(shape, clearance)[margins.BODIES + known :]
+            batch.margin_rows[row, margins.BODIES + known :] = self.margins_of(shape, clearance)[
+                margins.BODIES + known :
+            ]
 
-    def _margins(
+    def margins_of(
         self,
         shape: CableShape,
         clearance: Clearance,

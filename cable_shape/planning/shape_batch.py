@@ -85,6 +85,9 @@ class ShapeBatch(Rows[CableShape]):
     used : (k, 6 + m)
         Margins, 1 at the limit (see :mod:`cable_shape.safety.margins`): `LOAD_MARGINS`, then each body; NaN: none. Of a
         body that the scene allows to be touched, clearance counts where it may not be, and its force against the limit.
+    slopes : (k, 6 + m, 12), optional
+        How `used` changes with the ends, if it was asked for: twists of start and end in world axes, per m and per rad,
+        as of :meth:`cable_shape.Predictor.sensitivity`. Of the forces of bodies and of stability not; NaN: not told.
     radius : (k, n) [m], optional
         Of the tube that holds a point of the row's cable with the `confidence`, if an uncertainty was given: distances
         and `used` of bodies are those of a cable so much thicker. NaN where there is no usable shape.
@@ -114,6 +117,7 @@ class ShapeBatch(Rows[CableShape]):
         self.unread_errors: dict[int, Callable[[Array], float]] = {}  # see CableShape.unread_error
         self.touches: dict[int, tuple[tuple[str, ...], Array]] = {}  # bodies and touches of rows in contact
         self.radius: Array | None = None
+        self.slopes: Array | None = None
         self.confidence = 0.0
 
     def stacks_with(self, other: ShapeBatch) -> bool:
