@@ -23,7 +23,7 @@ from cable_shape.robots.robot import Robot
 from cable_shape.viewer.recording import RecordingWriter
 
 RATE = 50.0  # Hz, of the recording
-PAUSE = 0.5  # s, for an edit
+PAUSE = 0.5  # s, to look at what an edit has done
 
 
 def record(
@@ -43,13 +43,14 @@ def record(
                 continue
             times = part.times
             assert times is not None
-            for t in np.linspace(times[0], times[-1], int((times[-1] - times[0]) * RATE) + 2):
+            first = times[0] - (PAUSE if reports else 0.0)  # the hands stand still after edits
+            for t in np.linspace(first, times[-1], int((times[-1] - first) * RATE) + 2):
                 q = np.array([np.interp(t, times, column) for column in part.positions.T])
                 stamp = round(1e9 * (began + t))
                 report = cycle.step({"cable": robot.grips(q)}, stamp, robot.link_poses())
                 writer.log(report)
                 reports.append(report)
-            began += times[-1] + PAUSE
+            began += times[-1] + PAUSE + 1.0 / RATE
     return reports
 
 
