@@ -17,7 +17,7 @@ from types import TracebackType
 
 import numpy as np
 import rclpy
-from cable_shape_msgs.msg import CableShape, CableWarning, CableWarnings
+from cable_shape_msgs.msg import CableMargin, CableMargins, CableShape, CableWarning, CableWarnings
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -34,7 +34,6 @@ HARNESS = {"harness_file": CONFIG / "harnesses" / "demo.yaml", "scene_file": CON
 LIFT = 0.21  # m, by which the harness is carried higher than the cable: its connector hangs above the table
 STARTUP_S = 120.0  # the node compiles its kernels if set-up could not cache them
 SHUTDOWN_S = 20.0
-RESTING = 2e-4  # m, of a cable that rests on a body, from it
 KINDS = {kind.value: kind.name for kind in WarningKind}
 
 
@@ -88,7 +87,8 @@ class Seen:
     last_stamp: float = 0.0
     warnings: Counter[tuple[str, str]] = field(default_factory=Counter)
     nearest: dict[str, tuple[float, float]] = field(default_factory=dict)  # body: distance, seconds from the start
-    resting: Counter[str] = field(default_factory=Counter)  # body: cycles
+    resting: Counter[str] = field(default_factory=Counter)  # body: cycles that it presses in
+    pressed: dict[str, float] = field(default_factory=dict)  # body: N, at most
     robot_checked: bool = False
     diagnostics: dict[str, str] = field(default_factory=dict)
     told: int = 0  # messages of diagnostics
@@ -116,9 +116,15 @@ class Seen:
             self.warnings[KINDS[warning.kind], warning.other] += 1
             if warning.kind != CableWarning.CLEARANCE:
                 continue
-            self.resting[warning.other] += warning.value < RESTING
             if warning.value < self.nearest.get(warning.other, (np.inf, 0.0))[0]:
                 self.nearest[warning.other] = (warning.value, stamp - (self.first_stamp or stamp))
+
+    def margins(self, message: CableMargins) -> None:
+        """Counts on what the cable rests that it is meant to rest on, and how hard it is pressed."""
+        for margin in message.margins:
+            if margin.kind == CableMargin.CONTACT_FORCE and margin.value > 0.0:
+                self.resting[margin.other] += 1
+                self.pressed[margin.other] = max(self.pressed.get(margin.other, 0.0), margin.value)
 
     def diagnostic(self, message: DiagnosticArray) -> None:
         """Keeps the newest value of every key."""
@@ -128,11 +134,12 @@ class Seen:
 
 
 def subscribe(node: Node, seen: Seen) -> None:
-    """The monitor's three topics."""
+    """The monitor's four topics."""
     latest = QoSProfile(depth=50, reliability=ReliabilityPolicy.RELIABLE)
     kept = QoSProfile(depth=50, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     node.create_subscription(CableShape, "cable/shape", seen.shape, latest)
     node.create_subscription(CableWarnings, "cable/warnings", seen.warning, kept)
+    node.create_subscription(CableMargins, "cable/margins", seen.margins, latest)
     node.create_subscription(DiagnosticArray, "/diagnostics", seen.diagnostic, latest)
 
 
@@ -216,9 +223,8 @@ def summary(seen: Seen, rrd: Path | None) -> str:
         ("clearance to the robot checked", "yes" if seen.robot_checked else "no"),
     ]
     for body, count in seen.resting.items():
-        if count:
-            rows.append(("rests on", f"{body} in {count} cycles"))
-    apart = [(*near, body) for body, near in seen.nearest.items() if not seen.resting[body]]
+        rows.append(("rests on", f"{body} in {count} cycles, pressed with {seen.pressed[body]:.2f} N at most"))
+    apart = [(*near, body) for body, near in seen.nearest.items()]
     if apart:
         distance, when, body = min(apart)
         rows.append(("closest approach", f"{distance * 1e3:.1f} mm to {body} at {when:.1f} s"))

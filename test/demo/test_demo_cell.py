@@ -20,6 +20,7 @@ from cable_shape.cable.cable import Cable
 from cable_shape.cycle.cycle import Cycle
 from cable_shape.cycle.harness_ends import HarnessFile
 from cable_shape.robots.robot import Robot
+from cable_shape.safety.report import WarningKind
 from cable_shape.scene.scene import Scene
 from cable_shape.shape import Status
 
@@ -94,6 +95,23 @@ def test_the_cable_is_never_stretched(robot: Robot, motion) -> None:
     for t in np.linspace(0.0, motion.duration, 101):
         start, end = robot.grips(motion.path(t))
         assert np.linalg.norm(end.cable_frame.position - start.cable_frame.position) < 0.95 * CABLE.length
+
+
+def test_resting_on_the_table_is_no_alarm(robot: Robot, motion) -> None:
+    scene = Scene.from_yaml(ROOT / "config/scenes/demo.yaml")
+    links = {"robot_links": robot.link_geometry, "gripping_links": robot.gripping_links}
+    pressed = []
+    for allow in (scene.allow, ()):
+        cycle = Cycle(CABLE, scene=scene.replace(allow=allow), **links)
+        others, forces = set(), [0.0]
+        for k, t in enumerate(np.arange(0.5, 4.0, 0.05)):
+            report = cycle.step({"cable": robot.grips(motion.path(t))}, round(5e7 * k), robot.link_poses)
+            others |= {warning.other for warning in report.warnings}
+            forces += [m.value for m in report.margins["cable"] if m.kind is WarningKind.CONTACT_FORCE]
+        assert ("table" in others) == (not allow)
+        pressed.append(max(forces))
+    assert 0.5 < pressed[0] < scene.allow[0].max_force
+    assert pressed[1] == 0.0
 
 
 def test_the_harness_hangs_above_the_table_all_the_time(robot: Robot, lifted) -> None:
