@@ -78,6 +78,8 @@ class Release:
 class Regrip:
     """A gripper takes the cable elsewhere, or takes an end that was open.
 
+    Where a "fixed" clip holds it, which may be a third gripper, it takes it over: that clip is gone.
+
     end : str
         "start" or "end".
     arc_length : float

@@ -26,6 +26,10 @@ _NUMBERS = (
 )  # fmt: skip
 
 
+#: [m], a grip that takes the cable where a fixed clip holds it takes it over from that.
+_SAME_PLACE = 1e-9
+
+
 @final
 @dataclass(frozen=True, slots=True)
 class Laid:
@@ -258,7 +262,9 @@ def _regrip(layout: Layout, edit: Regrip, name: str) -> Change:
         bound = f"the grips hold {laid.first:g} m and {laid.last:g} m of arc length"
         raise ArgumentError.of("Regrip.arc_length", at, bound, "The start must be before the end.")
     stretch_of(laid.made, first, last)
-    for clip in laid.clips:
+    handed = [c for c in laid.clips if c.kind == "fixed" and abs(laid.first + c.arc_length - at) <= _SAME_PLACE]
+    held = tuple(clip for clip in laid.clips if clip not in handed)
+    for clip in held:
         there = laid.first + clip.arc_length
         if not first < there < last:
             bound = f"clip {clip.name!r} holds the cable at {there:g} m, beyond that grip"
@@ -273,7 +279,7 @@ def _regrip(layout: Layout, edit: Regrip, name: str) -> Change:
         name,
         first=first,
         last=last,
-        clips=tuple(dataclasses.replace(clip, arc_length=clip.arc_length + shift) for clip in laid.clips),
+        clips=tuple(dataclasses.replace(clip, arc_length=clip.arc_length + shift) for clip in held),
         masses=tuple(dataclasses.replace(mass, arc_length=mass.arc_length + shift) for mass in laid.masses),
         opened=laid.opened and edit.end == "start",
     )

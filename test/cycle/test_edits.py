@@ -345,3 +345,28 @@ def test_standing_warnings_are_remembered() -> None:
     assert cycle.edit(cs.Move("ball", cs.Pose(low - (0.0, 0.0, 0.054 + 0.031))))
     assert [warning.other for warning in cycle.step(GRIPS, 4).warnings] == ["ball"]
     assert cs.Cycle(CABLE, scene=cycle.scene).step(GRIPS, 0).warnings == ()
+
+
+def test_a_third_gripper_takes_the_cable_and_hands_it_over() -> None:
+    cycle = stepped()
+    before = cycle.step(GRIPS, 2).shapes["cable"]
+    k = int(np.abs(before.arc_length - 0.9).argmin())
+    s, place = float(before.arc_length[k]), cs.Pose(before.positions[k], before.quaternions[k])
+    assert cycle.edit(cs.Insert(cs.Clip(s, place, "fixed", name="third")))
+    assert cycle.edit(cs.Open("end"))
+    lifted = cs.Pose(place.position + (-0.05, 0.02, 0.1), place.quaternion)
+    assert cycle.edit(cs.Move("third", lifted))
+    hanging = cycle.step(GRIPS, 3).shapes["cable"]
+    assert at(hanging, s) == pytest.approx(lifted.position, abs=SAME)
+    refused = cycle.edit(cs.Regrip("end", s - 0.1))
+    assert "clip 'third' holds the cable" in refused.reason
+    assert cycle.edit(cs.Regrip("end", s))
+    assert cycle.scene.clips == ()
+    report = cycle.step({"cable": (ENDS[0], lifted)}, 4)
+    handed = report.shapes["cable"]
+    assert handed.length == s
+    assert report.tails["cable", "end"].length == pytest.approx(1.4 - s)
+    for arc in np.linspace(0.0, s, 20):
+        h = float(hanging.arc_length[1])  # between points of a shape straight lines are off by curvature h^2 / 8
+        assert at(handed, arc) == pytest.approx(at(hanging, arc), abs=SAME + 20.0 * h**2 / 8.0)
+    assert apart(handed, from_nothing(cycle, {"cable": (ENDS[0], lifted)})) < SAME
