@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 import rclpy
+import soak_edits
 import soak_files
 import soak_fuzz
 import soak_peers
@@ -120,7 +121,10 @@ def main() -> int:
     parser.add_argument(
         "--files", type=float, metavar="S", help="mutate YAML files, URDFs and recordings for S seconds"
     )
-    parser.add_argument("--seed", type=int, default=1, help="of --fuzz and --files")
+    parser.add_argument(
+        "--edits", type=int, nargs="?", const=1000, metavar="N", help="ask a node for N (1000) random edits instead"
+    )
+    parser.add_argument("--seed", type=int, default=1, help="of --fuzz, --files and --edits")
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--rate", type=float, default=250.0, help="[Hz]")
     parser.add_argument("--settle", type=float, default=15.0, help="[s] before the first look")
@@ -132,7 +136,9 @@ def main() -> int:
         wrong = soak_files.mutate(options.files, options.seed)
     else:
         rclpy.init()
-        if options.fuzz:
+        if options.edits:
+            wrong = soak_edits.edits(options.edits, options.seed)
+        elif options.fuzz:
             wrong = soak_fuzz.fuzz(options.fuzz, options.seed)
             for lock in (False, True):
                 wrong += soak_peers.harass(max(1, options.fuzz // PEERS), options.seed, lock)

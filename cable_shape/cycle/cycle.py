@@ -205,14 +205,14 @@ class Cycle:
         StaleInputError
             If `stamp` is older than that of the last step.
         ArgumentError
-            For what is no edit, and with harnesses, which cannot be edited.
+            For what is no edit, and where there are only harnesses, which cannot be edited.
         """
         for i, edit in enumerate(edits):
             checks.instance(f"edits[{i}]", edit, EDITS, "Write Add(Obstacle(...)), Release(name), ...")
         if stamp is not None:
             stamp = self._checked_stamp(stamp)
-        if self._harnesses:
-            bound = "a cycle with a harness cannot be edited"
+        if not self._cables:
+            bound = "harnesses cannot be edited, and there is nothing else"
             raise ArgumentError.of("edits", f"{len(edits)} edits", bound, "Make another Cycle, in the new scene.")
         editing = Editing(self.layout, self._cables, self._maker, self._crossing)
         try:
@@ -220,6 +220,7 @@ class Cycle:
                 checks.one_of("cable", cable, self._cables)
             for edit in edits:
                 editing.take(edit, cable)
+            self._refuse_beside_harnesses(editing.layout)
             near = self._made_near(editing.cables, editing.layout.common)
         except ArgumentError as error:
             return EditResult(False, str(error))
@@ -230,6 +231,19 @@ class Cycle:
         if stamp is not None:
             self.last_stamp = stamp
         return EditResult(True)
+
+    def _refuse_beside_harnesses(self, layout: Layout) -> None:
+        """Bodies concern harnesses, too, which cannot be edited; what holds cables does not.
+
+        Raises
+        ------
+        ArgumentError
+        """
+        then, now = ({body.name: body for body in scene.obstacles} for scene in (self.scene, layout.scene))
+        changed = [name for name in {**then, **now} if then.get(name) != now.get(name)]
+        if self._harnesses and changed:
+            bound = f"{', '.join(self._harnesses)}, beside the cables, cannot be taken along: it is a harness"
+            raise ArgumentError.of("bodies", changed, bound, "Make another Cycle, in the new scene.")
 
     @property
     def layout(self) -> Layout:

@@ -281,8 +281,27 @@ def test_what_is_no_edit_is_no_argument() -> None:
         cs.Regrip("middle", 0.1)
     with pytest.raises(cs.ArgumentError, match=r"Regrip\.arc_length = nan"):
         cs.Regrip("end", math.nan)
-    with pytest.raises(cs.ArgumentError, match="a cycle with a harness cannot be edited"):
+    with pytest.raises(cs.ArgumentError, match="harnesses cannot be edited, and there is nothing else"):
         cs.Cycle({"h": cs.Harness({"a": CABLE.replace(tails=None)}, [])}).edit(cs.Add(POST))
+
+
+def test_a_cable_beside_a_harness_is_edited_and_bodies_are_not() -> None:
+    harness = cs.Harness({"a": CABLE.replace(tails=None)}, [])
+    aside = tuple(cs.Pose(pose.position + np.array((0.0, 0.5, 0.0)), ALONG_X) for pose in ENDS)
+    grips = {"cable": ENDS, "h": {"a.start": aside[0], "a.end": aside[1]}}
+    cycle = cs.Cycle({"cable": CABLE, "h": harness})
+    alone = stepped()
+    for stamp in (0, 1):
+        first = cycle.step(grips, stamp)  # type: ignore[arg-type]
+    for edit in (cs.Insert(CLIP), cs.Regrip("end", 1.3), cs.Release("middle")):
+        assert cycle.edit(edit)
+        assert alone.edit(edit)
+        report = cycle.step(grips, 2)  # type: ignore[arg-type]
+        assert everything(alone.step(GRIPS, 2))[:1000] == everything(report)[:1000]
+        assert np.array_equal(report.shapes["h"].segments["a"].positions, first.shapes["h"].segments["a"].positions)
+    refused = cycle.edit(cs.Add(POST))
+    assert "bodies = ['post'] is not allowed: h, beside the cables, cannot be taken along" in refused.reason
+    assert cycle.scene.obstacles == ()
 
 
 # -- stamps
@@ -354,7 +373,7 @@ def test_a_third_gripper_takes_the_cable_and_hands_it_over() -> None:
     s, place = float(before.arc_length[k]), cs.Pose(before.positions[k], before.quaternions[k])
     assert cycle.edit(cs.Insert(cs.Clip(s, place, "fixed", name="third")))
     assert cycle.edit(cs.Open("end"))
-    lifted = cs.Pose(place.position + (-0.05, 0.02, 0.1), place.quaternion)
+    lifted = cs.Pose(place.position + np.array((-0.05, 0.02, 0.1)), place.quaternion)
     assert cycle.edit(cs.Move("third", lifted))
     hanging = cycle.step(GRIPS, 3).shapes["cable"]
     assert at(hanging, s) == pytest.approx(lifted.position, abs=SAME)

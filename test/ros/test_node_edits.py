@@ -260,5 +260,5 @@ def test_a_node_with_a_harness_tells_its_scene_and_refuses_edits(start):
     node.until(lambda: scenes, "the scene")
     assert "clips" in scenes[0].scene
     assert scenes[0].cable_ids == []
-    assert "a cycle with a harness cannot be edited" in refused(node, cs.Add(POST))
+    assert "harnesses cannot be edited, and there is nothing else" in refused(node, cs.Add(POST))
     assert node.process.stop() == 0

@@ -40,6 +40,13 @@ def test_replays_are_the_same():
     assert "3 replays of 200 frames, replay/replay.mcap: sha256 " in said_by("--replay", "3")
 
 
+def test_random_edits_are_those_of_a_cycle_and_of_a_replay():
+    said = said_by("--edits", "60").splitlines()
+    assert any(line.startswith("60 edits, ") for line in said)
+    (replayed,) = (line for line in said if line.startswith("replay: "))
+    assert replayed.endswith("shapes to the bit")
+
+
 def test_damaged_files_are_read_or_refused():
     kinds = [line.split(":")[0] for line in said_by("--files", "20").splitlines()]
     assert kinds == ["yaml", "json", "urdf", "stl", "obj", "csv", "npz", "mcap", "db3"]
