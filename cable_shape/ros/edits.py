@@ -49,13 +49,20 @@ class Edits:
     """Takes requests, has each done between two cycles, in the order of the input's stamps, and tells of it.
 
     What is done is published as it was asked for, with the stamp of the cycle that it came after: with the input all
-    that a replay needs. What the cables are held and surrounded by then follows within a tenth of a second.
+    that a replay needs. What the cables are held and surrounded by then follows within a tenth of a second. `edited` is
+    called each time.
     """
 
     def __init__(
-        self, node: LifecycleNode, settings: Settings, cycle: Cycle, health: Health, now: Callable[[], int]
+        self,
+        node: LifecycleNode,
+        settings: Settings,
+        cycle: Cycle,
+        health: Health,
+        now: Callable[[], int],
+        edited: Callable[[], None],
     ) -> None:
-        self._node, self._cycle, self._health, self._now = node, cycle, health, now
+        self._node, self._cycle, self._health, self._now, self._edited = node, cycle, health, now, edited
         self._locked = settings.lock and not settings.allow_edits
         self._frame = settings.frame_id
         self._after = 0  # ns, stamp of the last cycle
@@ -175,6 +182,7 @@ class Edits:
             return self._refused(response, text + "traceback in the log.")
         if not result:
             return self._refused(response, result.reason)
+        self._edited()
         self._number += 1
         self._health.edits_done += 1
         self._done.publish(conversions.edits_message(request, self._after, self._frame, self._number))

@@ -233,7 +233,7 @@ class CableShapeNode(LifecycleNode):
         self._health.robot_expected = assembly.robot is not None
         if settings.moveit_rate > 0.0:
             self._scene = PlanningScene(self, settings, assembly.cycle.parts)
-        self._edits = Edits(self, settings, assembly.cycle, self._health, self._now)
+        self._edits = Edits(self, settings, assembly.cycle, self._health, self._now, self._edited)
         start_workers(self, settings, assembly)
         if settings.rate > 0.0:
             self._rate_timer = self.create_timer(1.0 / settings.rate, self._tick)
@@ -344,6 +344,12 @@ class CableShapeNode(LifecycleNode):
         if assembly.viewer is not None:
             assembly.viewer.offer(parts)
         self._health.cycled(report, time.perf_counter() - began, self._now())
+
+    def _edited(self) -> None:
+        """The cables are others."""
+        for output in (self._outputs, self._scene):
+            if output is not None and self._assembly is not None:
+                output.take(self._assembly.cycle.parts)
 
     # Health
 

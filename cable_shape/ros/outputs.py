@@ -35,7 +35,7 @@ class Outputs:
 
     def __init__(self, node: LifecycleNode, cables: Mapping[str, Cable]) -> None:
         self._node = node
-        self._diameters = {name: widest(cable) for name, cable in cables.items()}
+        self.take(cables)
         self._drawn = -DRAWING_PERIOD
         make = node.create_lifecycle_publisher
         each = QoSProfile(depth=len(cables), reliability=ReliabilityPolicy.RELIABLE)  # a message for each cable
@@ -46,6 +46,10 @@ class Outputs:
         self._path: LifecyclePublisher = make(Path, "cable/path", each)
         self._points: LifecyclePublisher = make(PointCloud2, "cable/points", LATEST)
         self._tube: LifecyclePublisher = make(messages.CableTube, "cable/tube", each)
+
+    def take(self, cables: Mapping[str, Cable]) -> None:
+        """The cables are these now."""
+        self._diameters = {name: widest(cable) for name, cable in cables.items()}
 
     def publish_shapes(self, shapes: Mapping[str, CableShape], stamp: int, frame_id: str) -> None:
         """Sends the shapes under the `stamp` [ns] of their input."""

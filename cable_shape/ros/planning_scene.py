@@ -55,12 +55,16 @@ class PlanningScene:
         self._node = node
         self._period = SECOND / settings.moveit_rate
         self._count, self._padding = settings.moveit_capsules, settings.moveit_padding
-        self._diameters = {name: widest(cable) for name, cable in cables.items()}
+        self.take(cables)
         self._sent: dict[str, tuple[Capsules, int, str]] = {}  # with stamp [ns] and frame
         qos = QoSProfile(depth=2 * len(cables), reliability=ReliabilityPolicy.RELIABLE)
         self._publisher: LifecyclePublisher = node.create_lifecycle_publisher(
             self._messages.CollisionObject, TOPIC, qos
         )
+
+    def take(self, cables: Mapping[str, Cable]) -> None:
+        """The cables are these now."""
+        self._diameters = {name: widest(cable) for name, cable in cables.items()}
 
     def publish(self, report: CycleReport, frame_id: str) -> None:
         """Sends the cables that have left what was sent of them; a shape that cannot be used changes nothing."""

@@ -14,6 +14,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from recordings import BEGIN, LEFT, PERIOD, RIGHT, Entry, pose_entry, write_bag
 from replays import messages
+from visualization_msgs.msg import Marker, MarkerArray
 
 import cable_shape as cs
 from cable_shape.messages.edits import edits_of
@@ -251,6 +252,20 @@ def test_a_locked_node_takes_edits_only_where_it_is_told_so(start, files, allowe
         assert int(values_of(status)["turned away"]) >= 2
     assert not node.set(allow_edits=True).successful
     assert node.process.stop() == 0
+
+
+def test_markers_are_as_wide_as_the_cable_is_now(edited):
+    node, stamp = edited
+    markers = node.listen(MarkerArray, "cable/markers")
+    wide = cs.Cable(length=1.2, linear_density=0.1, bending_stiffness=0.01, diameter=0.02)
+    assert ask(node, cs.SetCable(wide)).done
+
+    def widths():
+        return {m.scale.x for message in markers for m in message.markers if m.type == Marker.LINE_STRIP}
+
+    steps = iter(range(1000))
+    node.send_until(lambda: node.shape_at(stamp + next(steps) * PERIOD, *place(0)), widths, "markers")
+    assert 0.02 in widths()
 
 
 def test_a_node_with_a_harness_tells_its_scene_and_refuses_edits(start):
