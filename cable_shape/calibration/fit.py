@@ -20,6 +20,7 @@ from cable_shape.calibration.fitted import fitted_in_two, told_of_fit
 from cable_shape.calibration.harness_fit import calibrate_harness
 from cable_shape.calibration.harness_observation import HarnessObservation
 from cable_shape.calibration.harness_result import HarnessCalibration
+from cable_shape.calibration.motion_fit import calibrate_motion
 from cable_shape.calibration.observation import Observation
 from cable_shape.calibration.parameters import ROWS, Parameters
 from cable_shape.calibration.progress import Progress
@@ -42,6 +43,7 @@ def calibrate(
     priors: Mapping[str, float] | None = ...,
     supports: int | str = ...,
     optional: str | Sequence[str] = ...,
+    motion: bool = ...,
     gravity: ArrayLike = ...,
     scene: Scene | None = ...,
     proceed: Callable[[int, float], bool] | None = ...,
@@ -80,6 +82,7 @@ def calibrate(
     priors: Mapping[str, float] | None = None,
     supports: int | str = ROWS,
     optional: str | Sequence[str] = (),
+    motion: bool = False,
     gravity: ArrayLike = GRAVITY,
     scene: Scene | None = None,
     clips: Mapping[str, Sequence[Clip]] | None = None,
@@ -108,7 +111,7 @@ def calibrate(
         "retardation_time", "drag" (of cables seen with their velocities), "length", "rest_curvature" (constant, about
         d1 and d2), "rest_curvature_along" (of hat functions of arc length, a smooth change of what the cable has),
         "start_offset", "end_offset" (of the cable in the grip's cable frame), "start_tilt", "end_tilt" (about d1 and d2
-        there), "roll" (of the end's), "start_roll".
+        there), "start_pitch", "end_pitch" (about d1 alone), "roll" (of the end's), "start_roll".
     priors : mapping, optional
         Standard deviation about where the fit begins, by name and in the unit of what is fitted; of what is fitted by
         its logarithm as a fraction of it; of "rest_curvature_along" and "bending_stiffness_along" that of its change
@@ -118,6 +121,9 @@ def calibrate(
         with which groups of observations that are left out are predicted best.
     optional : sequence of str
         What is fitted, too, where groups of observations that are left out are then predicted better by 1 %.
+    motion : bool
+        The observations are looks at a cable that swings, with times, each recording a group: from its first two looks
+        on it is run through in steps of time (:class:`cable_shape.Motion`), and all later points count. Of one cable.
     gravity : (3,) array_like
         [m/s^2], world.
     scene : Scene, optional
@@ -136,6 +142,9 @@ def calibrate(
     ArgumentError
         For wrong arguments, or if no observation has a usable shape with the cable given.
     """
+    checks.instance("motion", motion, (bool,), "Write True or False.")
+    if motion and (isinstance(observations, Harness) or not isinstance(cable, Cable)):
+        raise ArgumentError.of("motion", motion, "only one cable is fitted as it swings", "Leave it out.")
     if isinstance(cable, Mapping):
         if optional:
             raise ArgumentError.of("optional", optional, "several cables have none", "Name them in fit.")
@@ -161,6 +170,14 @@ def calibrate(
     if any(o.group is not None and o.group < 0 for o in seen):
         least = min(o.group for o in seen if o.group is not None)
         raise ArgumentError.of("group", least, "it must be at least 0", "Number the recordings from 0.")
+    if motion:
+        if isinstance(supports, str) or optional:
+            remedy = "Give a whole number of supports, and name all that is fitted in fit."
+            raise ArgumentError.of("motion", motion, "nothing is chosen by cross validation with it", remedy)
+        return calibrate_motion(
+            seen, cable, fit, priors=priors, supports=supports, proceed=proceed, progress=progress, gravity=gravity,
+            scene=scene,
+        )  # fmt: skip
     names, loads = Parameters(cable, fit).names, {"gravity": gravity, "scene": scene}
     more = (optional,) if isinstance(optional, str) else checks.entries("optional", optional, str)
     known = checks.mapping("priors", priors, (*names, *more), "Write {name: standard deviation}.")

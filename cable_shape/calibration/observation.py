@@ -34,6 +34,9 @@ class Observation:
         them the same number. Default: every observation for itself.
     planar : bool
         The points were seen in a plane only, that of a photograph: they have no scatter across it.
+    time : float, optional
+        [s], on any clock, of looks at a cable that swings, see `motion` of :func:`cable_shape.calibrate`; points are
+        then in their order along the cable.
 
     Raises
     ------
@@ -41,7 +44,7 @@ class Observation:
         Naming the value, the bound and the remedy.
     """
 
-    __slots__ = ("acceleration", "arc_length", "end", "group", "planar", "points", "start")
+    __slots__ = ("acceleration", "arc_length", "end", "group", "planar", "points", "start", "time")
 
     start: Grip
     end: Grip | FreeEnd
@@ -50,6 +53,7 @@ class Observation:
     acceleration: Array | None
     group: int | None
     planar: bool
+    time: float | None
 
     def __init__(
         self,
@@ -60,6 +64,7 @@ class Observation:
         acceleration: ArrayLike | None = None,
         group: int | None = None,
         planar: bool = False,
+        time: float | None = None,
     ) -> None:
         self.start = as_grip("start", start)
         self.end = FreeEnd() if end is None else end if isinstance(end, FreeEnd) else as_grip("end", end)
@@ -85,6 +90,7 @@ class Observation:
         self.acceleration = None if acceleration is None else numbers_of("acceleration", acceleration)
         checks.instance("planar", planar, (bool, np.bool_), "Write True or False.")
         self.planar = bool(planar)
+        self.time = None if time is None else checks.number("time", time, unit="s")
         self.group = None if group is None else checks.integer("group", group, at_least=-(2**62), at_most=2**62)
 
 

@@ -55,6 +55,8 @@ KNOWN: dict[str, tuple[tuple[str, ...], str, float, float, bool]] = {
     "end_offset": (("end_x", "end_y", "end_z"), "m", 1e-4, 0.01, False),
     "start_tilt": (("start_tilt_1", "start_tilt_2"), "rad", 2e-3, 0.2, False),
     "end_tilt": (("end_tilt_1", "end_tilt_2"), "rad", 2e-3, 0.2, False),
+    "start_pitch": (("start_tilt_1",), "rad", 2e-3, 0.2, False),
+    "end_pitch": (("end_tilt_1",), "rad", 2e-3, 0.2, False),
     "roll": (("roll",), "rad", 2e-3, 0.5, False),
     "start_roll": (("start_roll",), "rad", 2e-3, 0.5, False),
 }
@@ -105,6 +107,9 @@ class Parameters:
         for name in ("rest_curvature", "bending_stiffness"):
             if {name, f"{name}_along"} <= set(names):
                 raise ArgumentError.of("fit", names, f"{name} is a part of {name}_along", "Fit one of them.")
+        for side in ("start", "end"):
+            if {f"{side}_pitch", f"{side}_tilt"} <= set(names):
+                raise ArgumentError.of("fit", names, f"{side}_pitch is a part of {side}_tilt", "Fit one of them.")
         self.cable = cable
         self.names = names
         self.supports = checks.integer("supports", supports, at_least=FEWEST_ROWS, at_most=MOST_ROWS)

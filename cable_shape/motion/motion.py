@@ -14,6 +14,7 @@ from cable_shape.cable.cable import Cable
 from cable_shape.cable.pieces import pieces_of
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
+from cable_shape.motion.run import Run
 from cable_shape.motion.swing import ELEMENTS, LAYERS, MOST_ELEMENTS, Swing, spread_evenly
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.scene.scene import Scene
@@ -171,6 +172,35 @@ class Motion:
         shape.lost = lost
         self._last = shape
         return shape
+
+    def run(self, starts: ArrayLike, ends: ArrayLike | None, steps: ArrayLike) -> Run:
+        """Many steps at once, for what needs the centreline alone: the last of them leaves no shape to step from.
+
+        Parameters
+        ----------
+        starts, ends : (T, 7) array_like
+            Position [m] and quaternion x, y, z, w of the cable frames after each step, grasp offsets included; ends of
+            a free end: None.
+        steps : (T,) array_like
+            [s].
+
+        Raises
+        ------
+        ArgumentError
+            Before `begin`, and for wrong arguments.
+        """
+        swing, state = self._swing, self._state
+        if swing is None or state is None:
+            raise ArgumentError("run() needs a state to step from, and there is none. Call begin first.")
+        dt = checks.numbers("steps", steps, "Give them in s.").ravel()
+        if not (np.isfinite(dt).all() and (dt > 0.0).all()):
+            raise ArgumentError.of("steps", dt.tolist(), "each must be above 0 s", "Leave out frames of one time.")
+        goals = np.repeat(state.aim(self.problem.start, self.problem.end)[None], len(dt), axis=0)
+        goals[:, 0] = checks.numbers("starts", starts, "Give (T, 7).").reshape(len(dt), 7)
+        last = starts if ends is None else ends
+        goals[:, -1] = checks.numbers("ends", last, "Give (T, 7).").reshape(len(dt), 7)
+        self._last = None
+        return Run(swing.model.s.copy(), *swing.run(goals, dt))
 
     def _buffers(self) -> tuple[Array, Array]:
         """For a shape, and its velocity."""

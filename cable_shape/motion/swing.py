@@ -9,7 +9,7 @@ import numpy as np
 
 from cable_shape.cable.pieces import cable_at
 from cable_shape.checks import Array
-from cable_shape.kernels.network import momentum, motion, settle, swing_output, swinging, tables
+from cable_shape.kernels.network import momentum, motion, settle, swing_output, swing_run, swinging, tables
 from cable_shape.kernels.network.momentum import ENERGY, KINETIC, PERIOD
 from cable_shape.kernels.network.newton import CONVERGED
 from cable_shape.kernels.network.settle import INFO
@@ -161,6 +161,18 @@ class Swing:
             self._scratch, self.points, out, velocity, self.told,
         )  # fmt: skip
         return bool(code == CONVERGED)
+
+    def run(self, goals: Array, steps: Array) -> tuple[Array, Array, Array, int]:
+        """Steps (T,) [s] to the knots goals (T, k, 7), one after the other.
+
+        Returns places, tangents and velocities (T, n, 3) of the nodes, and how many steps could not be taken.
+        """
+        told = np.empty((3, len(steps), len(self.model.s), 3))
+        lost = swing_run.run(
+            self.ints, self.floats, self.sols, self.work, self.moving, self.remembered, goals, steps, self.kept,
+            self.info, self._scratch, told[0], told[1], told[2],
+        )  # fmt: skip
+        return told[0], told[1], told[2], int(lost)
 
     def load_end(self, end: FreeEnd, fall: Array) -> None:
         """Takes over what loads a free end; fall (3,) [m/s^2]: of its plug."""

@@ -37,7 +37,7 @@ def seen_of(
 ) -> Seen:  # fmt: skip
     """The smooth path from grip to grip through points (k, 3), and velocities (k, 3) along it.
 
-    arc_length (k,) [m], ascending; None: as their distances share the length.
+    arc_length (k,) [m], ascending; None: as their distances share the length, of a free end as far apart as they are.
     """
     r = _rows("points", points, None, "m")
     known = [start.cable_frame.position, *r]
@@ -46,7 +46,8 @@ def seen_of(
         known.append(end.cable_frame.position)
     if arc_length is None:
         chords = np.linalg.norm(np.diff(known, axis=0), axis=1)
-        s = (np.cumsum(chords) / chords.sum() * length)[: len(r)]
+        share = length / chords.sum()  # of a free end it is not known what lies beyond the last point
+        s = (np.cumsum(chords) * (share if held else min(share, 1.0)))[: len(r)]
     else:
         s = checks.vector("arc_length", arc_length, len(r), "m")
         if not (np.diff(s) > 0.0).all() or s[0] < 0.0 or s[-1] > length:
@@ -61,8 +62,8 @@ def seen_of(
     bounds = [_tangent(start), _tangent(end) if isinstance(end, Grip) else None]
     sides = [(2, np.zeros(3)) if t is None else (1, t) for t in bounds]
     rate = CubicSpline(s, v) if s.size > 1 else CubicSpline(at[[0, -1]], v[[0, 0]])
-    return Seen(CubicSpline(at, np.array(known)[np.concatenate(([True], inside, [True] * held))], bc_type=tuple(sides)),
-                rate, length / s.size)  # fmt: skip
+    kept = np.array([True, *inside, *[True] * held])
+    return Seen(CubicSpline(at, np.array(known)[kept], bc_type=tuple(sides)), rate, length / s.size)
 
 
 def laid_on(seen: Seen, start: Grip, end: Grip | FreeEnd, length: float, points: int, turns: int = 0) -> CableShape:
