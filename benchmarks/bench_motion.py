@@ -2,9 +2,14 @@
 """Cables that swing: what a step costs, how fast what it loses falls, and random whips, with the steps that are lost.
 
     scripts/bench motion [--quick] [--save FILE] [--compare FILE]
+    scripts/bench motion --data FOLDER [--train FOLDER] [--cables K ...] [--all] [--save FILE]
 
 Times are medians of steps of 10 ms of a cable whose grips move. Whips throw both grips about in all directions, with
 0.1 m and up to 2.5 Hz, for 2 s, cables from stiff to limp.
+
+--data judges predictions of real cables instead: the recordings of FOLDER, cableK_motion.npz, in DEFORM's measure, each
+by a fit of eight numbers (--all: of all that helps) to those recordings of --train (../shared/data/motion) that are not
+among those judged; recordings that are in both are held back by halves. Some minutes a cable.
 """
 
 from __future__ import annotations
@@ -17,11 +22,13 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import sys
 from collections.abc import Iterator
 from itertools import pairwise
+from pathlib import Path
 from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
 from figures import Figures, bench_options, bench_parser, finish, heading, machine
+from motion_real import TRAIN, measure_real
 from tqdm import tqdm
 
 import cable_shape as cs
@@ -143,9 +150,17 @@ def measure_whips(figures: Figures, tries: int) -> None:
 
 def main() -> int:
     """All tables."""
-    options = bench_options(bench_parser(__doc__, "few steps and whips"))
+    parser = bench_parser(__doc__, "few steps and whips")
+    parser.add_argument("--data", type=Path, metavar="FOLDER", help="recordings to judge predictions by")
+    parser.add_argument("--train", type=Path, default=TRAIN, metavar="FOLDER", help="recordings to fit to")
+    parser.add_argument("--cables", type=int, nargs="+", choices=range(1, 6), default=range(1, 6), metavar="K")
+    parser.add_argument("--all", action="store_true", help="fit all that helps, not eight numbers")
+    options = bench_options(parser)
     figures = Figures()
     print(machine())
+    if options.data is not None:
+        measure_real(figures, options.data, options.train, list(options.cables), options.all)
+        return finish(figures, options)
     measure_steps(figures, 200 if options.quick else 1000)
     measure_order(figures, options.quick)
     measure_whips(figures, 3 if options.quick else 50)

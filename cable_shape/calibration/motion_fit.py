@@ -11,14 +11,15 @@ from cable_shape.cable.cable import Cable
 from cable_shape.calibration.fitted import ONE_GROUP, fitted, told_of_fit
 from cable_shape.calibration.motion_forward import MotionForward, Recording, recordings_of
 from cable_shape.calibration.observation import Observation
-from cable_shape.calibration.parameters import Parameters
+from cable_shape.calibration.parameters import KNOWN, VARYING, Parameters
 from cable_shape.calibration.progress import Progress
 from cable_shape.calibration.result import Calibration, grips_of
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 
 #: [s], of each recording that is fitted first, and in so many iterations at most: what is far off swings out of step.
-FIRST, _ROUGH = (0.5, 1.0), 8
+#: There logarithms have a prior of this, lest what is not seen so soon runs away.
+FIRST, _ROUGH, _NEAR = (0.5, 1.0), 8, 1.0
 #: Points of a centreline, and how many of a fit are told, evenly spread.
 _POINTS, _TOLD = 101, 12
 
@@ -50,9 +51,11 @@ def calibrate_motion(
                 "observations", f"{len(recordings)} recordings", "none has a usable shape with the cable given",
                 "Is its length in metres, and at least the distance of the grips?",
             )  # fmt: skip
+        logs = {name: _NEAR for name in parameters.names if KNOWN[name][-1] and name not in VARYING}
+        near = Parameters(cable, fit, {**logs, **(priors or {})}, supports)
         for most in FIRST:
             if any(one.steps.sum() > most for one in recordings):
-                short = MotionForward(parameters, recordings, most, **loads)
+                short = MotionForward(near, recordings, most, **loads)
                 values = fitted(short, lambda i, scale: i <= _ROUGH and told.step(i, scale), values).values
         found = fitted(forward, told.step, values)
         forward.misses(found.values)

@@ -29,8 +29,8 @@ _TIMES = "Write Observation(..., time=), in seconds."
 class Recording:
     """Looks at one cable, one after the other, from one group of observations.
 
-    It begins at its second look, in which the cable moves as from the first one to it, and what comes after is compared.
-    Where these two do not see the same points it begins at rest.
+    It begins at its second look, in which the cable moves as from the first one to it, and what comes after is
+    compared. Where these two do not see the same points it begins at rest.
     """
 
     def __init__(self, looks: Sequence[Observation]) -> None:

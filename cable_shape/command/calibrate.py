@@ -74,6 +74,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         )
     parser.add_argument("--frames", type=int, default=50, metavar="N", help="of a recording, evenly spread (50)")
     parser.add_argument("--inertia", action="store_true", help="of a recording: markers' accelerations load the cable")
+    parser.add_argument(
+        "--motion", action="store_true", help="the cable swings: run through whole recordings; every frame counts"
+    )
     parser.add_argument("--left-topic", default="/left_gripper/pose", metavar="TOPIC")
     parser.add_argument("--right-topic", default="/right_gripper/pose", metavar="TOPIC")
     parser.add_argument("--markers-topic", default="/cable/markers", metavar="TOPIC")
@@ -184,7 +187,7 @@ def _from_source(arguments: argparse.Namespace, cable: Cable) -> Calibration:
     recorded = arguments.source.suffix not in (".npz", ".csv")
     options: dict[str, Any] = {}
     if recorded:
-        names = ("left_topic", "right_topic", "markers_topic", "frames", "inertia")
+        names = ("left_topic", "right_topic", "markers_topic", "frames", "inertia", "motion")
         options = {name: getattr(arguments, name) for name in names}
     kinds = (arguments.start_kind, arguments.end_kind or ("swivel" if recorded else "clamped"))
     start, end = (_offset(side, getattr(arguments, f"{side}_offset")) for side in SIDES)
@@ -194,7 +197,7 @@ def _from_source(arguments: argparse.Namespace, cable: Cable) -> Calibration:
         one.end = end.grip(one.end) if isinstance(one.end, Grip) else one.end
     return calibrate(
         observations, cable, _names(arguments.fit), priors=_priors(arguments), supports=_supports(arguments.supports),
-        optional=_names(arguments.optional),
+        optional=_names(arguments.optional), motion=arguments.motion,
     )  # fmt: skip
 
 

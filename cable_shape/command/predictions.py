@@ -90,6 +90,9 @@ def add_replay(commands: Commands) -> None:
     replay.add_argument("--markers-topic", default="/cable/markers", metavar="TOPIC", help="PoseArray to compare with")
     replay.add_argument("--edits-topic", default="/cable/edits", metavar="TOPIC", help="CableEdits to repeat")
     replay.add_argument("--inertia", action="store_true", help="the markers' accelerations load the cable")
+    replay.add_argument(
+        "--motion", choices=("quasistatic", "dynamic"), default="quasistatic", help="dynamic: as the cable swings"
+    )
     replay.add_argument("--no-rrd", action="store_true", help="do not write replay.rrd")
     replay.add_argument("--no-picture", action="store_true", help="do not write report.png")
     replay.set_defaults(run=_replay)
@@ -135,6 +138,7 @@ def _replay(arguments: argparse.Namespace) -> int:
         markers_topic=arguments.markers_topic,
         edits_topic=arguments.edits_topic,
         inertia=arguments.inertia,
+        motion=arguments.motion,
         rrd=not arguments.no_rrd,
         picture=not arguments.no_picture,
     )

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from cable_shape import checks
 from cable_shape.cable.cable import Cable
+from cable_shape.cycle.dynamic import DYNAMIC, Dynamic
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels.distance import bounds
 from cable_shape.pose import Ends, Grip, Pose
@@ -20,9 +21,18 @@ from cable_shape.prediction.tails import Tail, held_frame
 from cable_shape.safety.allowed import Allowed
 from cable_shape.safety.clearance import ClearanceChecker
 from cable_shape.safety.margins import MarginWatch
-from cable_shape.safety.report import BodyDistance, CableWarning, Clearance, Margin, WarningKind
+from cable_shape.safety.report import Ahead, BodyDistance, CableWarning, Clearance, Margin, WarningKind
 from cable_shape.safety.snap import SnapWatch, predicted_snap
-from cable_shape.safety.warnings import Standing, narrow_warning, snap_warning, tail_warning, tube_warning, warnings_of
+from cable_shape.safety.warnings import (
+    Standing,
+    ahead_warnings,
+    bridged_warning,
+    narrow_warning,
+    snap_warning,
+    tail_warning,
+    tube_warning,
+    warnings_of,
+)
 from cable_shape.scene.plug import Plug, PlugError, plug_error
 from cable_shape.scene.scene import Obstacle, Scene
 from cable_shape.shape import CableShape
@@ -63,6 +73,10 @@ class CableCycle:
         Makes clearance that of the cable's tube, and of those of its tails.
     quasistatic_limit : float, optional
         Of the load of inertia as a fraction of the weight; None: it is not told.
+    dynamic : Dynamic, optional
+        The cable swings; without it, it is at rest in every instant.
+    look_ahead : float
+        [s], how far to look where it swings if the grips stop now; 0: not at all.
     """
 
     def __init__(
@@ -77,8 +91,11 @@ class CableCycle:
         cables: int = 1,
         tubes: TubeWatch | None = None,
         quasistatic_limit: float | None = None,
+        dynamic: Dynamic | None = None,
+        look_ahead: float = 0.0,
     ) -> None:
         self.name = name
+        self._dynamic, self._look_ahead = dynamic, look_ahead
         self.predictor = predictor
         self.scene = scene
         cable, problem = predictor.cable, predictor.problem
@@ -100,6 +117,9 @@ class CableCycle:
     def reset(self) -> None:
         """Forgets everything from before."""
         self.predictor.reset()
+        if self._dynamic is not None:
+            self._dynamic.reset()
+        self.ahead: Ahead | None = None  # of the last shape
         for tail in self._tails.values():
             tail.reset()
         self._watch.reset()
@@ -126,13 +146,20 @@ class CableCycle:
             self._watch.go_on_from(other._watch)
 
     def predict(
-        self, ends: Ends, links: Links, solved: CableShape | None = None, acceleration: ArrayLike | None = None
-    ) -> CableShape:
+        self, ends: Ends, links: Links, solved: CableShape | None = None, acceleration: ArrayLike | None = None,
+        stamp: int = 0,
+    ) -> CableShape:  # fmt: skip
         """The shape of the span, unless it has been solved for, and of the tails into `tails`."""
         start, end = ends
         self._acceleration = acceleration
-        shape = self.predictor.predict(start, end, links, acceleration=acceleration) if solved is None else solved
-        self._rod = self.predictor.rod_state
+        if self._dynamic is not None:
+            if acceleration is not None:
+                bound = "motion='dynamic' knows its inertia itself"
+                raise ArgumentError.of("acceleration", self.name, bound, "Leave it out, or write motion='quasistatic'.")
+            shape, self._rod = self._dynamic.predict(ends, stamp), None
+        else:
+            shape = self.predictor.predict(start, end, links, acceleration=acceleration) if solved is None else solved
+            self._rod = self.predictor.rod_state
         self.tails = self.hang(shape, ends)
         if shape.status:
             self.found = Found(shape, self.tails, ends, links)
@@ -178,6 +205,10 @@ class CableCycle:
         self._links = links
         if self.scene.contact == "off":
             return Clearance(beyond=0.0, robot_checked=links is not None)
+        if self._dynamic is not None and self._look_ahead > 0.0 and shape.status and not shape.reused:
+            self.ahead = self._dynamic.ahead(self._look_ahead, lambda there: self._checker.check(there, links))
+        elif not shape.reused:
+            self.ahead = None
         hanging = [(self._tails[side], tail, self.tail_tubes.get(side)) for side, tail in self.tails.items()]
         return check_parts(self._checker, shape, self.tube, hanging, links)
 
@@ -239,6 +270,10 @@ class CableCycle:
             more.append(tube_warning(self.name, shape, self._tubes.trouble))
         elif self.tube is not None and not self.tube.holds:
             more.append(narrow_warning(self.name, self.tube))
+        if self._dynamic is not None and self._dynamic.bridged:
+            more.append(bridged_warning(self.name, shape, self._dynamic.bridged))
+        if self.ahead is not None:
+            more += ahead_warnings(self.name, self.scene, shape, self._judged, *self.ahead)
         more += [tail_warning(self.name, side, tail) for side, tail in self.tails.items() if not tail.status]
         if not more:
             return found
@@ -268,6 +303,8 @@ class CableCycles:
     snap_horizon: float
     quasistatic_limit: float | None
     count: int
+    motion: str
+    look_ahead: float
 
     def make(self, name: str, cable: Cable, scene: Scene, load: ArrayLike | None) -> CableCycle:
         """The part of a cable in its scene, under a distributed load (2, 3) [N/m]."""
@@ -283,10 +320,25 @@ class CableCycles:
         if plug is not None:
             checks.instance(f"plugs[{name!r}]", plug, (Plug,), "Write Plug(socket).")
             checks.one_of(f"plugs[{name!r}].socket", plug.socket, scene.sockets)
+        dynamic = None
+        if self.motion == DYNAMIC:
+            self._check_dynamic(predictor, tubes, load)
+            dynamic = Dynamic(cable, scene, predictor.problem.gravity, predictor.problem.points)
         return CableCycle(
             name, predictor, scene, self.options["robot_links"], self.options["gripping_links"], plug,
-            self.snap_horizon, self.count, tubes, self.quasistatic_limit,
+            self.snap_horizon, self.count, tubes, self.quasistatic_limit if dynamic is None else None, dynamic,
+            self.look_ahead,
         )  # fmt: skip
+
+    def _check_dynamic(self, predictor: Predictor, tubes: TubeWatch | None, load: ArrayLike | None) -> None:
+        """Refuses what a cable that swings does not go together with."""
+        remedy = "Leave it out, or write motion='quasistatic'."
+        if not predictor.is_rod:
+            raise ArgumentError.of("model", self.model, "only the Cosserat rod swings", "Choose 'cosserat' or 'auto'.")
+        if tubes is not None:
+            raise ArgumentError.of("uncertainty", "given", "a tube is about a cable at rest", remedy)
+        if load is not None:
+            raise ArgumentError.of("distributed_load", "given", "motion='dynamic' knows none", remedy)
 
 
 def check_parts(

@@ -16,6 +16,7 @@ from cable_shape import checks
 from cable_shape.cable.cable import Cable
 from cable_shape.cable.harness import Harness
 from cable_shape.cycle.cable_cycle import CableCycle, CableCycles
+from cable_shape.cycle.dynamic import DYNAMIC, MOTIONS, QUASISTATIC
 from cable_shape.cycle.editing import Editing
 from cable_shape.cycle.harness_cycle import HarnessCycle, beside_each_other
 from cable_shape.errors import ArgumentError, StaleInputError
@@ -70,6 +71,14 @@ class Cycle:
     uncertainty : Uncertainty or mapping of cable name to Uncertainty, optional
         Makes a tube about every shape (`report.tubes`, `report.tail_tubes`); clearance is that of the tube then, and
         margins and warnings of it, too.
+    motion : str
+        "quasistatic": at rest in every instant; "dynamic": as it swings (:class:`cable_shape.Motion`), in steps of the
+        stamps, with the swing in shapes, clearance, loads and warnings; a late input is bridged along the straight way,
+        with a warning, and after a second without one the cable begins anew, at rest. Cables alone, without contact
+        that is solved for, eyelets, clips on links, tubes and edits; stability and snaps are not told.
+    look_ahead : float
+        [s], with motion="dynamic": how far to look where each cable swings if its grips stop now (`report.ahead`, and
+        a warning where that is too near to something); 0: not at all.
     """
 
     def __init__(
@@ -91,6 +100,8 @@ class Cycle:
         time_budget: float | None = None,
         quasistatic_limit: float = LIMIT,
         uncertainty: Uncertainty | Mapping[str, Uncertainty] | None = None,
+        motion: str = QUASISTATIC,
+        look_ahead: float = 0.0,
     ) -> None:
         named, harnesses = _named(cables)
         if scene is not None:
@@ -109,6 +120,15 @@ class Cycle:
             loads = dict.fromkeys(named, distributed_load)
         horizon = checks.number("snap_horizon", snap_horizon, at_least=0.0, unit="s")
         ratio = checks.number("quasistatic_limit", quasistatic_limit, at_least=0.0)
+        checks.one_of("motion", motion, MOTIONS)
+        look = checks.number("look_ahead", look_ahead, at_least=0.0, at_most=10.0, unit="s")
+        if look > 0.0 and motion != DYNAMIC:
+            remedy_of_look = "Write motion='dynamic', or leave it out."
+            raise ArgumentError.of(
+                "look_ahead", look, "only a cable that swings goes on when its grips stop", remedy_of_look
+            )
+        if harnesses and motion == DYNAMIC:
+            raise ArgumentError.of("motion", motion, "harnesses do not swing", "Write motion='quasistatic'.")
         if isinstance(uncertainty, Uncertainty):
             known: dict[str, Uncertainty] = dict.fromkeys(every, uncertainty)
         else:
@@ -125,7 +145,9 @@ class Cycle:
             "gripping_links": gripping_links,
         }
         limit = ratio if ratio > 0.0 else None
-        self._maker = CableCycles(model, tolerance, options, loads, own_plugs, known, horizon, limit, len(named))
+        self._maker = CableCycles(
+            model, tolerance, options, loads, own_plugs, known, horizon, limit, len(named), motion, look
+        )
         self._cables = {}
         for name, cable in named.items():
             own = dataclasses.replace(self.scene, clips=own_clips[name]) if name in own_clips else self.scene
@@ -213,6 +235,9 @@ class Cycle:
             stamp = self._checked_stamp(stamp)
         if not self._cables:
             bound = "harnesses cannot be edited, and there is nothing else"
+            raise ArgumentError.of("edits", f"{len(edits)} edits", bound, "Make another Cycle, in the new scene.")
+        if self._maker.motion == DYNAMIC:
+            bound = "a cycle with motion='dynamic' cannot be edited"
             raise ArgumentError.of("edits", f"{len(edits)} edits", bound, "Make another Cycle, in the new scene.")
         editing = Editing(self.layout, self._cables, self._maker, self._crossing)
         try:
@@ -333,7 +358,7 @@ class Cycle:
         placed = (links() if self._pushed else None) if callable(links) else links
         together = self._together(grips, placed) if self._solves_crossing else {}
         shapes: dict[str, Any] = {
-            name: cable.predict(grips[name], placed, together.get(name), moving.get(name))
+            name: cable.predict(grips[name], placed, together.get(name), moving.get(name), stamp)
             for name, cable in cables.items()
         }
         single = dict(shapes)
@@ -406,6 +431,7 @@ class Cycle:
                 **{one: shape for harness in held.values() for one, shape in harness.after_snap.items()},
             },
             plugs={name: error for name, error in plugs.items() if error is not None},
+            ahead={name: cable.ahead for name, cable in cables.items() if cable.ahead is not None},
             tubes=known,
             tail_tubes={
                 (name, side): tube for name, cable in cables.items() for side, tube in cable.tail_tubes.items()

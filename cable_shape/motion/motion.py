@@ -202,6 +202,30 @@ class Motion:
         self._last = None
         return Run(swing.model.s.copy(), *swing.run(goals, dt))
 
+    def ahead(self, count: int, dt: float) -> list[CableShape]:
+        """So many steps dt [s] on, with the ends held where they are now; the state stays as it is.
+
+        Fewer where a step cannot be taken.
+
+        Raises
+        ------
+        ArgumentError
+            Before `begin`.
+        """
+        swing, last = self._swing, self._last
+        if swing is None or last is None:
+            raise ArgumentError("ahead() needs a state to go on from, and there is none. Call begin first.")
+        start, end = self.problem.start, self.problem.end
+        found: list[CableShape] = []
+        with swing.kept_as_it_is():
+            for _ in range(count):
+                shape = self.step(start, end, dt)
+                if not shape.status:
+                    break
+                found.append(shape)
+        self._last = last
+        return found
+
     def _buffers(self) -> tuple[Array, Array]:
         """For a shape, and its velocity."""
         n = self.problem.points

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from itertools import pairwise
 from typing import final
 
@@ -173,6 +175,15 @@ class Swing:
             self.info, self._scratch, told[0], told[1], told[2],
         )  # fmt: skip
         return told[0], told[1], told[2], int(lost)
+
+    @contextmanager
+    def kept_as_it_is(self) -> Iterator[None]:
+        """What is stepped meanwhile is forgotten."""
+        state = self.floats, self.sols, self.moving, self.remembered
+        before = [array.copy() for array in state]
+        yield
+        for array, old in zip(state, before, strict=True):
+            array[...] = old
 
     def load_end(self, end: FreeEnd, fall: Array) -> None:
         """Takes over what loads a free end; fall (3,) [m/s^2]: of its plug."""

@@ -18,7 +18,7 @@ from cable_shape.pose import Grip, Pose
 
 #: Frames taken from one recording, evenly spread.
 FRAMES = 50
-_KEYS = ("start", "end", "points", "arc_length", "acceleration", "velocity", "group")
+_KEYS = ("start", "end", "points", "arc_length", "acceleration", "velocity", "group", "time")
 _COLUMNS = ("observation", "what", "x", "y", "z", "qx", "qy", "qz", "qw", "arc_length")
 _MAX_SKEW = 20_000_000  # ns
 #: [s], of markers that a cubic goes through whose second derivative is their acceleration.
@@ -35,7 +35,8 @@ def load_observations(
     """Observations from a file, by its kind.
 
     - NPZ: `start`, `end` (n, 7) poses x y z qx qy qz qw; `points` (n, m, 3), NaN where there is none; optional
-      `arc_length` (m,) or (n, m), `acceleration` (n, k, 3) and, beside it, `velocity` (n, k, 3), `group` (n,).
+      `arc_length` (m,) or (n, m), `acceleration` (n, k, 3) and, beside it, `velocity` (n, k, 3), `group` (n,),
+      `time` (n,) [s].
     - CSV with a header: `observation` (a number), `what` (start, end or point), `x`, `y`, `z`, for start and end `qx`,
       `qy`, `qz`, `qw`, for points `arc_length` where it is known.
     - a rosbag2 folder, .mcap or .db3: see :func:`from_bag`, which takes the keywords `bag`.
@@ -72,6 +73,7 @@ def from_arrays(arrays: Mapping[str, Array], kinds: tuple[str, str], where: str 
         arc = np.broadcast_to(arc, (count, each))
     rows = 1 if acceleration is None or acceleration.ndim != 3 else acceleration.shape[1]
     wanted = {"start": (count, 7), "end": (count, 7), "points": (count, each, 3), "group": (count,)}
+    wanted["time"] = (count,)
     wanted |= {"acceleration": (count, rows, 3), "velocity": (count, rows, 3), "arc_length": (count, each)}
     for key, array in {**given, **({} if arc is None else {"arc_length": arc})}.items():
         if array.shape != wanted[key]:
@@ -88,6 +90,7 @@ def from_arrays(arrays: Mapping[str, Array], kinds: tuple[str, str], where: str 
             None if arc is None else arc[i],
             None if acceleration is None else acceleration[i],
             None if group is None else int(group[i]),
+            time=float(given["time"][i]) if "time" in given else None,
         )
         for i in range(count)
     ]
@@ -140,11 +143,13 @@ def from_bag(
     frames: int = FRAMES,
     inertia: bool = False,
     group: int | None = None,
+    motion: bool = False,
 ) -> list[Observation]:
     """Evenly spread frames of a recording of gripper poses (PoseStamped) and markers on the cable (PoseArray).
 
     Markers come in their order along the cable, the first and the last at the grips. Frames of one second are a group,
     unless `group` is given: so soon a cable does not hang much otherwise, and they share what the model does not know.
+    motion: all frames, with their times; one group.
     inertia: accelerations and velocities of the markers, differences of what was recorded (smoothed over 0.11 s at
     100 Hz), load the cable.
     """
@@ -153,6 +158,8 @@ def from_bag(
     if not seen:
         raise BagError(f"{path}: no markers within {_MAX_SKEW * 1e-6:g} ms of both grippers' poses.")
     moving = motions(markers) if inertia else None
+    if motion:
+        frames, group = len(seen), group or 0
     chosen = [seen[i] for i in np.unique(np.linspace(0, len(seen) - 1, frames).round().astype(int))]
     return [
         Observation(
@@ -161,6 +168,7 @@ def from_bag(
             markers[i][1][1:-1],
             acceleration=None if moving is None else moving[i],
             group=max(0, markers[i][0] // _TOGETHER) if group is None else group,
+            time=1e-9 * (markers[i][0] - markers[0][0]) if motion else None,
         )
         for i in chosen
         if moving is None or np.isfinite(moving[i]).all()

@@ -134,6 +134,7 @@ class _Run:
             points=settings.points,
             tolerance=settings.tolerance,
             uncertainty=settings.uncertainty,
+            motion=settings.motion,
         )
 
     def run(self, progress: Progress) -> Outcome:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, final
 from cable_shape import checks
 from cable_shape.cable.cable import Cable
 from cable_shape.cable.cable_file import AS_GIVEN, Held
+from cable_shape.cycle.dynamic import DYNAMIC, MOTIONS, QUASISTATIC
 from cable_shape.cycle.harness_ends import HarnessFile
 from cable_shape.errors import ArgumentError
 from cable_shape.prediction.predictor import Predictor
@@ -40,6 +41,7 @@ class Settings:
     uncertainty : makes a tube about every shape; clearance and warnings are those of the tube then.
     inertia : whether the markers' accelerations load it; else it is predicted as if it were at rest. Where markers are
         on a harness is in the key `markers` of its file.
+    motion : "quasistatic", or "dynamic": as the cable swings, see :class:`cable_shape.Cycle`.
     rrd, picture : whether to write replay.rrd and report.png.
     """
 
@@ -65,6 +67,7 @@ class Settings:
     markers_topic: str = "/cable/markers"
     edits_topic: str = "/cable/edits"
     inertia: bool = False
+    motion: str = QUASISTATIC
     harness: HarnessFile | None = None
     held_ends: tuple[str, ...] = ()
     end_topics: Mapping[str, str] = field(default_factory=dict, hash=False)
@@ -74,6 +77,10 @@ class Settings:
     def __post_init__(self) -> None:
         checks.number("max_skew", self.max_skew, above=0.0, unit="s")
         checks.one_of("input", self.input, INPUTS)
+        checks.one_of("motion", self.motion, MOTIONS)
+        if self.inertia and self.motion == DYNAMIC:
+            bound = "motion='dynamic' knows its inertia itself"
+            raise ArgumentError.of("inertia", True, bound, "Leave it out, or write motion='quasistatic'.")
         frames = bool(self.left_frame), bool(self.right_frame)
         if (self.input == "tf" and not all(frames)) or frames[0] != frames[1]:
             raise ArgumentError(

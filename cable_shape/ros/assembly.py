@@ -10,6 +10,7 @@ from cable_shape.cable.cable import Cable
 from cable_shape.cable.cable_file import CableFile, Held
 from cable_shape.cable.harness import Harness
 from cable_shape.cycle.cycle import Cycle
+from cable_shape.cycle.dynamic import DYNAMIC
 from cable_shape.cycle.harness_ends import HarnessFile
 from cable_shape.errors import ArgumentError
 from cable_shape.files.files import find_file
@@ -23,7 +24,7 @@ from cable_shape.ros.worker import WorkerProcess
 from cable_shape.scene.scene import Scene
 from cable_shape.uncertainty.uncertainty import Uncertainty
 from cable_shape.viewer.process import ViewerProcess
-from cable_shape.warm_up import warm_up_cycles, warm_up_harnesses
+from cable_shape.warm_up import warm_up_cycles, warm_up_harnesses, warm_up_motion
 
 #: name of a cable that is alone
 CABLE = "cable"
@@ -101,11 +102,15 @@ class Assembly:
             snap_horizon=settings.snap_horizon,
             quasistatic_limit=settings.quasistatic_limit,
             uncertainty=known,
+            motion=settings.motion,
+            look_ahead=settings.look_ahead,
         )
         with ends_when_told():
             warm_up_cycles(settings.model)
             if self.harnesses:
                 warm_up_harnesses()
+            if settings.motion == DYNAMIC:
+                warm_up_motion()
         self.workers: dict[str, WorkerProcess] = {}  # processes beside the node by what they are
         self.stand_ins: list[StandIn] = []  # that answer for those of them that have died
         self.viewer: ViewerProcess | None = None

@@ -13,6 +13,7 @@ from rclpy.parameter import Parameter
 from cable_shape import checks
 from cable_shape.cable.cable_file import AS_GIVEN, Held
 from cable_shape.calibration.parameters import KNOWN
+from cable_shape.cycle.dynamic import MOTIONS, QUASISTATIC
 from cable_shape.errors import ArgumentError, UnknownKeyError
 from cable_shape.files.files import config_folders, find_file, safe_output
 from cable_shape.messages.capsules import MAX_CAPSULES
@@ -116,6 +117,10 @@ SPECS = (
     Spec("time_budget", 0.0, "Of one prediction, after which the best shape so far is given; 0: none.", "s", 0.0, 60.0),
     Spec("snap_horizon", 1.0, "A snap nearer than this is predicted; 0: never.", "s", 0.0, 60.0),
     Spec("quasistatic_limit", 0.25, "Inertial load / weight beyond which it is warned; 0: never.", "1", 0.0, 10.0),
+    Spec("motion", QUASISTATIC, "The cable at rest in every instant, or as it swings.", options=MOTIONS),
+    Spec(
+        "look_ahead", 0.0, "With dynamic: where it swings in this time if the grips stop now; 0: not.", "s", 0.0, 10.0
+    ),
     Spec("uncertainty_file", "", "YAML file of how well cable and grips are known: a tube; empty: none."),
     Spec(
         "input",
@@ -175,6 +180,8 @@ class Settings:
     time_budget: float  # s
     snap_horizon: float  # s
     quasistatic_limit: float
+    motion: str
+    look_ahead: float  # s
     uncertainty_file: str
     input: str
     left_gripper_frame: str

@@ -92,6 +92,14 @@ class Clearance:
         return min(self.bodies, key=lambda b: b.distance, default=None)
 
 
+class Ahead(NamedTuple):
+    """Where a cable swings if its grips stop now: nearest to another body after `time` [s], or where it is last."""
+
+    time: float
+    shape: CableShape
+    body: BodyDistance | None
+
+
 class Margin(NamedTuple):
     """How far one kind of trouble is; the fields are those of ``cable_shape_msgs/CableMargin``, with their units.
 
@@ -144,6 +152,7 @@ class CycleReport:
         part of the clearance, their arc lengths negative or beyond the length of the cable.
     after_snap : by cable, the shape after a snap that is about to come.
     plugs : by cable, how far its plug is from being in the socket.
+    ahead : by cable, where it swings if its grips stop now, with motion="dynamic" and a `look_ahead`.
     tubes : by cable, how well its shape is known, where that is asked for; clearance is that of the tube then.
     tail_tubes : the same of the tails, by cable and side.
     """
@@ -160,6 +169,7 @@ class CycleReport:
     tails: Mapping[tuple[str, str], CableShape] = field(default_factory=dict)
     after_snap: Mapping[str, CableShape] = field(default_factory=dict)
     plugs: Mapping[str, PlugError] = field(default_factory=dict)
+    ahead: Mapping[str, Ahead] = field(default_factory=dict)
     tubes: Mapping[str, Tube] = field(default_factory=dict)
     tail_tubes: Mapping[tuple[str, str], Tube] = field(default_factory=dict)
 

@@ -11,7 +11,7 @@ import numpy as np
 from cable_shape.cable.cable import Cable
 from cable_shape.safety.clearance import DEEPEST_REST, NOT_JUDGED
 from cable_shape.safety.margins import margins_of
-from cable_shape.safety.report import CableWarning, Clearance, Margin, Severity, WarningKind
+from cable_shape.safety.report import BodyDistance, CableWarning, Clearance, Margin, Severity, WarningKind
 from cable_shape.scene.scene import Scene
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve.problem import TAIL_TOLERANCE
@@ -177,6 +177,47 @@ def narrow_warning(cable_id: str, tube: Tube) -> CableWarning:
     return _doubt(cable_id, shape, Severity.WARN, text, math.nan, math.nan, "tube", margin=1.0)
 
 
+def bridged_warning(cable_id: str, shape: CableShape, seconds: float) -> CableWarning:
+    """Inputs were late or missing, and how the grips moved meanwhile is not known."""
+    text = f"{cable_id}: no input for {seconds:.2g} s: as if the grips had gone the straight way. Send them steadily."
+    return _doubt(cable_id, shape, Severity.WARN, text, seconds, math.nan, "input", margin=1.0)
+
+
+def ahead_warnings(
+    cable_id: str, scene: Scene, shape: CableShape, clearance: Clearance, time: float, ahead: CableShape,
+    body: BodyDistance | None,
+) -> list[CableWarning]:  # fmt: skip
+    """The cable swings too near to a body after `time` [s] if its grips stop now, and is not there yet."""
+    limit = max(scene.warn_distance, scene.error_distance)
+    if body is None or body.distance >= limit:
+        return []
+    if any(now.body == body.body and now.distance < limit for now in clearance.bodies):
+        return []
+    where = f"{body.body!r} {_at(body.arc_length, shape.length)}"
+    near = (
+        f"overlaps {where} by {metres(-body.distance)}"
+        if body.distance < 0.0
+        else f"{metres(body.distance)} from {where}"
+    )
+    text = f"{cable_id}: swings on when the grips stop: {near} in {time:.2g} s. Stop more gently, or further away."
+    return [
+        CableWarning(
+            cable_id=cable_id,
+            kind=WarningKind.CLEARANCE,
+            severity=Severity.WARN,
+            text=text,
+            value=body.distance,
+            limit=limit,
+            margin=2.0 - body.distance / limit,
+            arc_length=body.arc_length,
+            point_on_cable=body.point_on_cable,
+            point_on_other=body.point_on_body,
+            other=body.body,
+            time_to_limit=time,
+        )
+    ]
+
+
 def _doubt(
     cable_id: str,
     shape: CableShape,
@@ -317,7 +358,7 @@ def _moving(margin: Margin, period: float) -> str:
     return (
         f"moves too fast to be taken for at rest: its inertia loads it with {100.0 * margin.value:.2g} % of its weight "
         f"or has done so a moment ago, most at the {side} grip; {100.0 * margin.limit:.2g} % is allowed, and the shape "
-        f"leaves it out.{swings} Accelerate less, or keep further away."
+        f"leaves it out.{swings} Write motion='dynamic', accelerate less, or keep further away."
     )
 
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 import cable_shape as cs
+from cable_shape.command.cli import main
 
 ALONG = (0.5, 0.5, 0.5, 0.5)  # d3 along x
 TRUE = cs.Cable(
@@ -67,7 +70,10 @@ def test_numbers_of_a_cable_that_swings_are_found_again():
     assert found["length"].value == pytest.approx(1.0, abs=2e-4)
     assert found.scale < 2e-4
     assert len(found.points) == len(found.centrelines)
-    off = [np.linalg.norm(line[KEPT] - seen, axis=1).max() for line, seen in zip(found.centrelines, found.points)]
+    off = [
+        np.linalg.norm(line[KEPT] - seen, axis=1).max()
+        for line, seen in zip(found.centrelines, found.points, strict=True)
+    ]
     assert max(off) < 2e-3
 
 
@@ -114,3 +120,23 @@ def test_what_it_needs_and_what_it_refuses():
         cs.calibrate(seen, TRUE.replace(length=0.5), motion=True)
     with pytest.raises(cs.ArgumentError, match="part of"):
         cs.calibrate(seen, TRUE, ("start_tilt", "start_pitch"), motion=True)
+
+
+def test_the_command_fits_a_file_of_a_motion(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    seen = recordings((0, 1), arc_length=arc)
+    np.savez(
+        tmp_path / "seen.npz",
+        start=[one.start.pose.array for one in seen],
+        end=[one.end.pose.array for one in seen if isinstance(one.end, cs.Grip)],
+        points=[one.points for one in seen],
+        arc_length=seen[0].arc_length,
+        group=[one.group for one in seen],
+        time=[one.time for one in seen],
+    )
+    rough = TRUE.replace(bending_stiffness=0.005, twisting_stiffness=0.00375).as_dict()
+    (tmp_path / "rough.yaml").write_text(yaml.safe_dump({k: v for k, v in rough.items() if v is not None}))
+    asked = [str(tmp_path / "seen.npz"), "--motion", "--cable", str(tmp_path / "rough.yaml")]
+    assert main(["calibrate", *asked, "-o", str(tmp_path / "cable.yaml")]) == 0
+    assert "bending_stiffness" in capsys.readouterr().out
+    found = cs.Cable.from_yaml(tmp_path / "cable.yaml")
+    assert found.bending_stiffness[0] == pytest.approx(0.004, rel=0.03)

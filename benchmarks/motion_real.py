@@ -1,0 +1,155 @@
+"""Real cables that were thrown about: DEFORM's measure on recordings that a fit has not seen."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from figures import Figures, heading
+from scipy.spatial.transform import Rotation
+from tqdm import tqdm
+
+import cable_shape as cs
+from cable_shape.calibration.motion_forward import MotionForward, recordings_of
+
+TRAIN = Path(__file__).resolve().parents[2] / "shared" / "data" / "motion"
+DENSITY = 0.05  # kg/m, not measured: only EI / weight and what slows it shape these cables
+BEGIN = 1e-3  # m^3, EI / weight where fits begin
+RATE = 100.0  # Hz
+EIGHT = (
+    "bending_stiffness", "twisting_stiffness", "retardation_time", "drag", "length", "start_pitch", "end_pitch", "roll",
+)  # fmt: skip
+ALL = (*EIGHT[:5], "start_tilt", "end_tilt", "roll", "start_offset", "end_offset", "rest_curvature_along")
+SUPPORTS = 3
+PRIORS = {
+    "length": 0.01, "start_pitch": 0.3, "end_pitch": 0.3, "start_tilt": 0.3, "end_tilt": 0.3, "start_offset": 0.01,
+    "end_offset": 0.01,
+}  # fmt: skip
+#: Mean over 5 s [mm] that is asked of cables 1 to 5 with eight numbers, and with all.
+ASKED = {"eight": (11.0, 5.5, 6.0, 6.0, 6.5), "all": (10.5, 5.0, 5.0, 5.0, 6.0)}
+#: Parts of the recordings, each held back once, where there are no others to judge.
+PARTS = 2
+
+
+class Seen(NamedTuple):
+    """Recordings of one cable: markers (n, T, m, 3) [m], and their arc length (m,) [m]."""
+
+    markers: np.ndarray
+    arc: np.ndarray
+
+
+class Frames(NamedTuple):
+    """Directions about which grips turn as little as they can: of start and end, and across both, level."""
+
+    start: np.ndarray
+    end: np.ndarray
+    level: np.ndarray
+
+
+def load(folder: Path, number: int) -> Seen:
+    """Of cableK_motion.npz."""
+    with np.load(folder / f"cable{number}_motion.npz", allow_pickle=False) as d:
+        return Seen(d["markers"].astype(np.float64), d["arc"].astype(np.float64))
+
+
+def unit(v: np.ndarray) -> np.ndarray:
+    """Of length 1."""
+    return np.asarray(v / np.linalg.norm(v, axis=-1, keepdims=True))
+
+
+def frames_of(seen: Seen) -> Frames:
+    """From all recordings of a cable."""
+    x = seen.markers
+    ends = (unit(x[:, :, 1] - x[:, :, 0]), unit(x[:, :, -1] - x[:, :, -2]))
+    chord = (x[:, :, -2] - x[:, :, 1]).mean(axis=(0, 1))
+    return Frames(*(unit(t.mean(axis=(0, 1))) for t in ends), unit(np.cross((0.0, 0.0, 1.0), chord)))
+
+
+def turned(tangents: np.ndarray, mean: np.ndarray, level: np.ndarray) -> np.ndarray:
+    """(..., 4): frames with these third axes, turned the shortest way from that on the mean whose first is level.
+
+    The roll of the grippers was not measured: so they would turn if they did not roll.
+    """
+    across = unit(level - (level @ mean) * mean)
+    middle = Rotation.from_matrix(np.stack((across, np.cross(mean, across), mean), axis=1))
+    t = unit(tangents).reshape(-1, 3)
+    axes = np.cross(mean, t)
+    sines = np.linalg.norm(axes, axis=1)
+    turns = Rotation.from_rotvec(axes * (np.arctan2(sines, t @ mean) / np.maximum(sines, 1e-12))[:, None])
+    return (turns * middle).as_quat().reshape(*tangents.shape[:-1], 4)
+
+
+def looks(seen: Seen, frames: Frames, which: np.ndarray) -> list[cs.Observation]:
+    """Every frame of these recordings."""
+    at, out = seen.arc[2:-2] - seen.arc[1], []
+    for k in which.tolist():
+        x = seen.markers[k]
+        start = turned(x[:, 1] - x[:, 0], frames.start, frames.level)
+        end = turned(x[:, -1] - x[:, -2], frames.end, frames.level)
+        out += [
+            cs.Observation(cs.Pose(r[1], start[i]), cs.Pose(r[-2], end[i]), r[2:-2], at, group=k, time=i / RATE)
+            for i, r in enumerate(x)
+        ]
+    return out
+
+
+def misses(found: cs.Calibration, seen: list[cs.Observation], markers: int) -> np.ndarray:
+    """(recordings, T - 2) [mm]: mean |difference| over x, y, z and all markers, the four given ones with none."""
+    assert found.parameters is not None
+    assert found.values is not None
+    recordings = recordings_of(seen)
+    each = np.abs(MotionForward(found.parameters, recordings).misses(found.values))
+    assert np.isfinite(each).all(), "a recording does not begin"
+    return 1e3 * each.reshape(len(recordings), -1, (markers - 4) * 3).sum(axis=2) / (3 * markers)
+
+
+def judged(number: int, folder: Path, train: Path, names: tuple[str, ...]) -> tuple[np.ndarray, list[cs.Calibration]]:
+    """Misses of all recordings in a folder by fits to recordings in `train` that are not the same, and these fits."""
+    judge = load(folder, number)
+    learn = load(train, number) if (train / f"cable{number}_motion.npz").is_file() else judge
+    frames = frames_of(learn)
+    length = float(learn.arc[-2] - learn.arc[1])
+    cable = cs.Cable(
+        length,
+        DENSITY,
+        BEGIN * DENSITY * 9.81,
+        retardation_time=0.1,
+        drag=0.01,
+        twisting_stiffness=5e-4 * DENSITY * 9.81,
+    )
+    same = np.array([[np.array_equal(a[0], b[0]) for b in learn.markers] for a in judge.markers])
+    count = len(judge.markers)
+    parts = np.arange(count) % PARTS if same.any() else np.zeros(count, dtype=np.int64)
+    out, fits = np.zeros((count, judge.markers.shape[1] - 2)), []
+    for part in tqdm(np.unique(parts).tolist(), desc=f"cable {number}", leave=False, disable=None):
+        held = np.flatnonzero(parts == part)
+        others = np.flatnonzero(~same[held].any(axis=0))
+        priors = {name: PRIORS[name] for name in names if name in PRIORS}
+        fits.append(
+            cs.calibrate(looks(learn, frames, others), cable, names, priors=priors, supports=SUPPORTS, motion=True)
+        )
+        out[held] = misses(fits[-1], looks(judge, frames, held), judge.markers.shape[2])
+    return out, fits
+
+
+def measure_real(figures: Figures, folder: Path, train: Path, numbers: list[int], every: bool) -> None:
+    """The table of docs/accuracy.md."""
+    what, names = ("all", ALL) if every else ("eight", EIGHT)
+    heading(f"Real cables in fast motion, {what} numbers: held-back recordings, open loop over 5 s, DEFORM's measure")
+    print(
+        "| cable | recordings | mean [mm] | median | first second | EI / weight [m^3] | retardation [s] | free [mm] |"
+    )
+    print("| --- | --- | --- | --- | --- | --- | --- | --- |")
+    for number in numbers:
+        each, fits = judged(number, folder, train, names)
+        means, first = each.mean(axis=1), each[:, : round(RATE)].mean()
+        error = means.std(ddof=1) / np.sqrt(len(means))
+        stiff = fits[0].cable.mean_bending_stiffness / (DENSITY * 9.81)
+        print(
+            f"| {number} | {len(means)} | {means.mean():.1f} ± {error:.1f} | {np.median(means):.1f} | {first:.1f} | "
+            f"{stiff:.2g} | {fits[0].cable.retardation_time:.3f} | {1e3 * fits[0].cable.length:.1f} |",
+            flush=True,
+        )
+        asked = ASKED[what][number - 1]
+        figures.at_most(f"cable {number}, {what} numbers: mean over 5 s", float(means.mean()), asked, "{:.1f}", " mm")

@@ -1,0 +1,136 @@
+"""Cycles of cables that swing: the steps of `cs.Motion` by stamps, gaps, looks ahead, and what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import cable_shape as cs
+
+ALONG = (0.5, 0.5, 0.5, 0.5)
+CABLE = cs.Cable(
+    length=1.0, linear_density=0.1, bending_stiffness=0.01, retardation_time=0.02, drag=0.02, max_tension=0.8
+)
+MS = 1_000_000  # ns
+
+
+def ends(t: float) -> tuple[cs.Pose, cs.Pose]:
+    """Both grips go 0.3 m sideways in 0.3 s, and stop."""
+    x = min(max(t / 0.3, 0.0), 1.0)
+    y = 0.3 * x * x * (3.0 - 2.0 * x)
+    return cs.Pose((0.0, y, 1.0), ALONG), cs.Pose((0.7, y, 1.0), ALONG)
+
+
+def test_a_cycle_takes_the_steps_of_a_motion():
+    cycle, motion = cs.Cycle(CABLE, motion="dynamic", points=41), cs.Motion(CABLE, points=41)
+    shape = motion.begin(*ends(0.0))
+    still, most = cs.Cycle(CABLE, points=41), 0.0
+    for k in range(60):
+        report = cycle.step({"cable": ends(0.01 * k)}, 10 * k * MS)
+        if k:
+            shape = motion.step(*ends(0.01 * k), 0.01)
+        assert report.shapes["cable"].usable
+        np.testing.assert_array_equal(report.shapes["cable"].buffer, shape.buffer)
+        assert report.shapes["cable"].velocity is not None
+        at_rest = still.step({"cable": ends(0.01 * k)}, 10 * k * MS)
+        most = max(most, np.abs(at_rest.shapes["cable"].positions - shape.positions).max())
+        kinds = {margin.kind for margin in report.margins["cable"]}
+        assert cs.WarningKind.QUASISTATIC not in kinds
+    assert most > 0.02  # it swings
+    tension = [margin for margin in report.margins["cable"] if margin.kind is cs.WarningKind.TENSION]
+    assert tension[0].value == pytest.approx((shape.force * shape.tangents).sum(axis=1).max(), rel=1e-9)
+
+
+def test_the_same_inputs_make_the_same_swing_to_the_bit():
+    rng = np.random.default_rng(3)
+    stamps = np.cumsum(rng.integers(2, 40, 80)) * MS
+    runs = []
+    cycle = cs.Cycle(CABLE, motion="dynamic", look_ahead=0.1)
+    for _ in range(2):
+        cycle.reset()
+        runs.append([cycle.step({"cable": ends(1e-9 * int(t))}, int(t)).shapes["cable"].buffer.copy() for t in stamps])
+    np.testing.assert_array_equal(runs[0], runs[1])
+    plain = cs.Cycle(CABLE, motion="dynamic")
+    for t, before in zip(stamps.tolist(), runs[0], strict=True):  # a look ahead changes nothing
+        np.testing.assert_array_equal(plain.step({"cable": ends(1e-9 * t)}, t).shapes["cable"].buffer, before)
+
+
+def test_late_inputs_are_bridged_and_said():
+    cycle, whole = (cs.Cycle(CABLE, motion="dynamic", points=41) for _ in range(2))
+    for k in range(40):
+        steady = whole.step({"cable": ends(0.01 * k)}, 10 * k * MS)
+        if 20 <= k < 28:
+            continue
+        report = cycle.step({"cable": ends(0.01 * k)}, 10 * k * MS)
+        texts = [warning.text for warning in report.warnings if warning.other == "input"]
+        assert bool(texts) == (k == 28)
+        assert not texts or "0.09 s" in texts[0]
+    off = np.abs(report.shapes["cable"].positions - steady.shapes["cable"].positions).max()
+    assert 0.0 < off < 0.02
+    again = cycle.step({"cable": ends(0.39)}, 390 * MS)
+    assert again.shapes["cable"].reused
+    np.testing.assert_array_equal(again.shapes["cable"].buffer, report.shapes["cable"].buffer)
+    later = cycle.step({"cable": ends(0.39)}, 3000 * MS)
+    assert np.abs(later.shapes["cable"].velocity).max() < 1e-9  # it begins anew, at rest
+    assert any(warning.other == "input" for warning in later.warnings)
+
+
+def test_out_of_reach_and_back():
+    cycle = cs.Cycle(CABLE, motion="dynamic", points=41)
+    far = cs.Pose((1.3, 0.0, 1.0), ALONG)
+    for k in range(10):
+        cycle.step({"cable": ends(0.01 * k)}, 10 * k * MS)
+    report = cycle.step({"cable": (ends(0.1)[0], far)}, 100 * MS)
+    assert report.shapes["cable"].status is cs.Status.OVERSTRETCHED
+    back = cycle.step({"cable": ends(0.11)}, 110 * MS).shapes["cable"]
+    assert back.usable
+    np.testing.assert_allclose(back.positions[-1], ends(0.11)[1].position, atol=1e-9)
+
+
+def test_it_looks_ahead_where_the_cable_swings_if_the_grips_stop():
+    wall = cs.Obstacle("wall", cs.Box((2.0, 0.02, 2.0)), cs.Pose((0.35, 0.4, 0.8)))
+    cycle = cs.Cycle(CABLE, scene=cs.Scene(obstacles=[wall]), motion="dynamic", look_ahead=0.4)
+    said = []
+    for k in range(31):
+        report = cycle.step({"cable": ends(0.01 * k)}, 10 * k * MS)
+        said += [warning for warning in report.warnings if "when the grips stop" in warning.text]
+        if said:
+            break
+    assert said
+    assert said[0].kind is cs.WarningKind.CLEARANCE
+    assert said[0].other == "wall"
+    ahead = report.ahead["cable"]
+    assert ahead.body is not None
+    assert ahead.body.distance < 0.03 < distance(report)
+    stop, nearest = ends(0.01 * k), np.inf
+    for i in range(1, 41):  # and so it comes
+        now = cycle.step({"cable": stop}, (10 * k + 10 * i) * MS)
+        nearest = min(nearest, distance(now))
+    assert nearest == pytest.approx(ahead.body.distance, abs=1e-3)
+
+
+def distance(report: cs.CycleReport) -> float:
+    """[m], to the nearest body, infinite if none is near."""
+    closest = report.clearance["cable"].closest
+    return np.inf if closest is None else closest.distance
+
+
+def test_what_does_not_go_together():
+    for more, match in (
+        ({"model": "catenary"}, "model"),
+        ({"uncertainty": cs.Uncertainty({"length": 1e-3})}, "uncertainty"),
+        ({"distributed_load": ((0, 0, -1), (0, 0, -1))}, "distributed_load"),
+        ({"scene": cs.Scene(contact="solve")}, "contact"),
+        ({"motion": "fast"}, "motion"),
+    ):
+        with pytest.raises(cs.ArgumentError, match=match):
+            cs.Cycle(CABLE, **{"motion": "dynamic", **more})
+    with pytest.raises(cs.ArgumentError, match="look_ahead"):
+        cs.Cycle(CABLE, look_ahead=0.5)
+    with pytest.raises(cs.ArgumentError, match="harnesses"):
+        cs.Cycle({"h": cs.Harness({"a": CABLE}, [])}, motion="dynamic")
+    cycle = cs.Cycle(CABLE, motion="dynamic")
+    with pytest.raises(cs.ArgumentError, match="inertia"):
+        cycle.step({"cable": ends(0.0)}, 0, acceleration={"cable": (0.0, 0.0, 1.0)})
+    with pytest.raises(cs.ArgumentError, match="edited"):
+        cycle.edit(cs.Open("end"))
