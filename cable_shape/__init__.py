@@ -50,11 +50,12 @@ if TYPE_CHECKING:
     from cable_shape.planning.harness_batch import HarnessBatch
     from cable_shape.planning.paths import EndsPath, GripPath, JointPath
     from cable_shape.planning.shape_batch import ShapeBatch
+    from cable_shape.planning.shape_stop import ShapedStop, shape_stop
     from cable_shape.planning.study import Study
     from cable_shape.planning.study_result import StudyResult
     from cable_shape.planning.swept import Swept, swept
     from cable_shape.planning.trajectory import check_trajectory
-    from cable_shape.planning.trajectory_report import Reason, TrajectoryCheck, Violation
+    from cable_shape.planning.trajectory_report import Reason, Stop, TrajectoryCheck, Violation
     from cable_shape.pose import FreeEnd, Grip, Pose
     from cable_shape.prediction.edits import (
         Add,
@@ -166,10 +167,12 @@ __all__ = [
     "SetCable",
     "Severity",
     "ShapeBatch",
+    "ShapedStop",
     "Sphere",
     "StaleInputError",
     "Status",
     "SteeringError",
+    "Stop",
     "Stress",
     "Study",
     "StudyResult",
@@ -191,6 +194,7 @@ __all__ = [
     "predict_tails",
     "predict_tube",
     "rest_curvature_from",
+    "shape_stop",
     "stress_of",
     "swept",
     "warm_up",
@@ -270,8 +274,9 @@ _HOMES = {
     "planning.study": ("Study",),
     "planning.study_result": ("StudyResult",),
     "planning.swept": ("Swept", "swept"),
+    "planning.shape_stop": ("ShapedStop", "shape_stop"),
     "planning.trajectory": ("check_trajectory",),
-    "planning.trajectory_report": ("Reason", "TrajectoryCheck", "Violation"),
+    "planning.trajectory_report": ("Reason", "Stop", "TrajectoryCheck", "Violation"),
     "uncertainty.uncertainty": ("Tube", "Uncertainty"),
     "cable.wires": ("Wire",),
 }

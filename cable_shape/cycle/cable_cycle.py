@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from cable_shape import checks
 from cable_shape.cable.cable import Cable
-from cable_shape.cycle.dynamic import DYNAMIC, Dynamic
+from cable_shape.cycle.dynamic import DYNAMIC, QUASISTATIC, Dynamic
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels.distance import bounds
 from cable_shape.pose import Ends, Grip, Pose
@@ -303,8 +303,8 @@ class CableCycles:
     snap_horizon: float
     quasistatic_limit: float | None
     count: int
-    motion: str
-    look_ahead: float
+    motion: str = QUASISTATIC
+    look_ahead: float = 0.0
 
     def make(self, name: str, cable: Cable, scene: Scene, load: ArrayLike | None) -> CableCycle:
         """The part of a cable in its scene, under a distributed load (2, 3) [N/m]."""

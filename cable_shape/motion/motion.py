@@ -76,6 +76,19 @@ class Motion:
         """The cable, as given."""
         return self.problem.cable
 
+    @property
+    def last(self) -> CableShape:
+        """The last shape.
+
+        Raises
+        ------
+        ArgumentError
+            Before `begin`.
+        """
+        if self._last is None:
+            raise ArgumentError("there is no last shape. Call begin first.")
+        return self._last
+
     def begin(
         self,
         start: Pose | Grip,

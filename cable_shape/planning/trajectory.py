@@ -34,7 +34,8 @@ from cable_shape.errors import ArgumentError
 from cable_shape.kernels.safety import advance
 from cable_shape.planning.cables_trajectory import check_cables
 from cable_shape.planning.harness_trajectory import check_harness
-from cable_shape.planning.paths import EndsPath, Motion, Path, Routing
+from cable_shape.planning.paths import EndsPath, GripPath, JointPath, Motion, Path, Routing
+from cable_shape.planning.swing_trajectory import check_swing
 from cable_shape.planning.trajectory_report import Reason, TrajectoryCheck, Violation
 from cable_shape.planning.trajectory_walk import JUMP, Judge, Look, Walk, accelerations_of, bodies_of
 from cable_shape.pose import Grip, Pose
@@ -67,6 +68,7 @@ def check_trajectory(
     proceed: Callable[[TrajectoryCheck], bool] | None = None,
     ends: Mapping[str, Any] | None = None,
     clips: Mapping[str, Sequence[Clip]] | None = None,
+    motion: bool = False,
 ) -> TrajectoryCheck:
     """Whether cables, or a harness, and loads stay within their limits along a trajectory, waypoints and all between.
 
@@ -108,6 +110,10 @@ def check_trajectory(
         stand still in a Pose or a Grip.
     clips : mapping of cable name to sequence of Clip, optional
         Of several cables: what holds that one, in place of the scene's `clips`, which hold every cable.
+    motion : bool
+        As the cable swings (:class:`cable_shape.Motion`) when the trajectory is run at its times, from rest, judged
+        every 10 ms and until it has settled after the end; `stops` tells how it comes to rest. Of one cable, without
+        loads, accelerations and contact.
 
     Raises
     ------
@@ -123,6 +129,13 @@ def check_trajectory(
     deadline = math.inf
     if time_limit is not None:
         deadline = began + checks.number("time_limit", time_limit, above=0.0, unit="s")
+    if motion:
+        _refuse_of_motion(cable, distributed_load=distributed_load, acceleration=acceleration, clips=clips, ends=ends)
+        assert isinstance(cable, Cable)
+        path = trajectory if isinstance(trajectory, (JointPath, GripPath)) else JointPath.from_message(trajectory)
+        swung = check_swing(cable, scene, robot, path, deadline, proceed, gravity=gravity, points=points)
+        swung.time = perf_counter() - began
+        return swung
     if isinstance(cable, Mapping):
         several = check_cables(
             cable, scene, robot, trajectory, ends, deadline, proceed, gravity=gravity, points=points, clips=clips,
@@ -145,16 +158,26 @@ def check_trajectory(
     if scene is not None:
         checks.instance("scene", scene, (Scene,), "Write Scene(obstacles=[...]), or Scene.from_yaml(path).")
     routing = Routing.of(trajectory if isinstance(trajectory, (list, tuple)) else (trajectory,))
-    motion = Motion(routing.path, robot)
+    way = Motion(routing.path, robot)
     allowed = 1e-4 * cable.length if tolerance is None else tolerance
     options = {"gravity": gravity, "points": points, "robot_links": (), "gripping_links": (), **bodies_of(robot)}
     maker = CableCycles("cosserat", allowed, options, {_NAME: distributed_load}, {}, {}, 0.0, None, 1)
-    check = _Check(cable, scene or Scene(), maker, motion, deadline, proceed, routing.edits)
+    check = _Check(cable, scene or Scene(), maker, way, deadline, proceed, routing.edits)
     if acceleration is not None:
-        check.accelerations = accelerations_of(acceleration, motion.waypoints, check.cycle.predictor)
+        check.accelerations = accelerations_of(acceleration, way.waypoints, check.cycle.predictor)
     check.run()
     check.found.time = perf_counter() - began
     return check.found
+
+
+def _refuse_of_motion(cable: object, **given: object) -> None:
+    """Refuses what is not for a cable that swings."""
+    remedy = "Leave it out, or motion=True."
+    if not isinstance(cable, Cable):
+        raise ArgumentError.of("motion", True, "only one cable is followed as it swings", remedy)
+    for name, value in given.items():
+        if value is not None:
+            raise ArgumentError.of(name, value, "it is not known of a cable that swings", remedy)
 
 
 def _callable(name: str, value: object) -> None:

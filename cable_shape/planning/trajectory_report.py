@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 import math
 from dataclasses import dataclass
-from typing import final
+from typing import NamedTuple, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +55,21 @@ class Violation:
     segment: str = ""
 
 
+class Stop(NamedTuple):
+    """How the cable comes to rest where the grips stop.
+
+    place : of the waypoint. time : [s], when the grips arrive.
+    settling : [s] from then on until no point is further than 2e-3 of the length from where it hangs at last; infinite:
+        not within 10 s.
+    swing : [m], how far from there a point is at most.
+    """
+
+    place: float
+    time: float
+    settling: float
+    swing: float
+
+
 @final
 class TrajectoryCheck:
     """What :func:`check_trajectory` found.
@@ -78,6 +93,7 @@ class TrajectoryCheck:
     solved : int, shapes solved for
     robot_checked : bool
         Whether clearance to the robot's links was checked: of paths of joints only.
+    stops : tuple of Stop, of a check with the cable's motion: every waypoint at which the grips come to stand
     time : float [s], spent
     """
 
@@ -90,6 +106,7 @@ class TrajectoryCheck:
         self.margins_of: dict[str, tuple[tuple[Margin, ...], ...]] = {}
         self.first: Violation | None = None
         self.solved = 0
+        self.stops: tuple[Stop, ...] = ()
         self.partial = self.robot_checked = False
         self.time = 0.0
 

@@ -1,0 +1,172 @@
+"""A timed trajectory with the cable as it swings, `check_trajectory(..., motion=True)`, and how it settles at stops."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple, final
+
+import numpy as np
+
+from cable_shape.cable.cable import Cable
+from cable_shape.errors import ArgumentError
+from cable_shape.motion.motion import Motion
+from cable_shape.planning.paths import Motion as PathMotion
+from cable_shape.planning.paths import Path
+from cable_shape.planning.trajectory_report import Stop, TrajectoryCheck, Violation
+from cable_shape.planning.trajectory_walk import Judge, Look, Walk
+from cable_shape.pose import Grip
+from cable_shape.robots.robot import Robot
+from cable_shape.scene.scene import Scene
+from cable_shape.shape import CableShape
+
+#: [s], the longest step in time; how long a cable is followed after a stop.
+STEP, AFTER = 0.0101, 10.0
+#: Of the length: as near to where it hangs at last a cable is settled.
+SETTLED = 2e-3
+#: m, of a pose: what moves less between two waypoints stands still.
+_STILL = 1e-9
+
+
+class _Place(NamedTuple):
+    """The cable when the grips are at a place."""
+
+    place: float
+    violation: Violation | None
+    look: Look | None
+
+
+def check_swing(
+    cable: Cable,
+    scene: Scene | None,
+    robot: Robot | None,
+    path: Path,
+    deadline: float,
+    proceed: Callable[[TrajectoryCheck], bool] | None,
+    **options: Any,
+) -> TrajectoryCheck:
+    """See :func:`cable_shape.check_trajectory` with `motion`; options: `gravity` and `points`.
+
+    Raises
+    ------
+    ArgumentError
+        For a path without times, and for what does not swing.
+    """
+    if path.times is None:
+        raise ArgumentError.of("times", None, "a cable swings in time", "Write GripPath(starts, ends, times).")
+    judge = Judge(cable, scene or Scene(), robot)
+    swing = _Swing(Motion(cable, scene, **options), judge, PathMotion(path, robot))
+    swing.deadline, swing.proceed = deadline, proceed
+    swing.run()
+    return swing.found
+
+
+@final
+class _Swing(Walk[_Place]):
+    """One run of a trajectory, from rest at its first waypoint to rest after the last one."""
+
+    def __init__(self, swung: Motion, judge: Judge, path: PathMotion) -> None:
+        super().__init__(path, math.inf, None)
+        self.swung, self.judge = swung, judge
+
+    def run(self) -> None:
+        """Step by step; see the base for what is told."""
+        found, motion, times = self.found, self.motion, self.motion.times
+        assert times is not None
+        looks = [self._begin()]
+        stops: list[Stop] = []
+        for i in range(motion.waypoints):
+            if i > 0:
+                if looks[-1].look is None or self._out_of_time():
+                    break
+                there, between = self._go(i, float(times[i] - times[i - 1]))
+                looks.append(there)
+                found.segments[i - 1] = between is None and looks[-2].violation is None
+                found.first = found.first or between
+            found.done[i] = True
+            found.first = found.first or looks[-1].violation
+            if looks[-1].look is not None and i > 0 and self._stands(i):
+                stops.append(self._stop(i))
+        found.partial, found.stops = self.late, tuple(stops)
+        found.waypoints = (*(one.violation for one in looks), *(None,) * (motion.waypoints - len(looks)))
+        found.robot_checked = motion.robot is not None
+        self.tell(looks)
+
+    def tell(self, samples: list[_Place]) -> None:
+        """See the base."""
+        for i, one in enumerate(samples):
+            self.found.clearance[i] = math.nan if one.look is None else self.judge.nearest(one.look)
+        margins = (() if one.look is None else one.look.margins for one in samples)
+        self.found.margins = (*margins, *((),) * (self.motion.waypoints - len(samples)))
+
+    def sample(self, place: float) -> _Place:
+        """See the base: there is no shape of a place alone."""
+        raise NotImplementedError
+
+    def sure(self, a: _Place, b: _Place) -> bool:
+        """See the base."""
+        raise NotImplementedError
+
+    def jump(self, a: _Place, b: _Place) -> float:
+        """See the base."""
+        return 0.0
+
+    def _begin(self) -> _Place:
+        """At rest at the first waypoint."""
+        (start, end), _ = self.motion.at(0.0)
+        return self._judged(self.swung.begin(start, end), 0.0)
+
+    def _judged(self, shape: CableShape, place: float) -> _Place:
+        """A shape with the grips at this place."""
+        self.found.solved += 1
+        _, links = self.motion.at(place)
+        look = self.judge.look(shape, links, held=True) if shape.status else None
+        wrong = self.no_shape(place, shape.status, shape.detail)
+        if wrong is None and look is not None:
+            wrong = self.judge.wrong(look, place, self)
+        return _Place(place, wrong, look)
+
+    def _go(self, i: int, seconds: float) -> tuple[_Place, Violation | None]:
+        """To waypoint i from the one before; and the first that is wrong on the way, that waypoint included."""
+        first = None
+        steps = max(1, math.ceil(seconds / STEP))
+        for k in range(1, steps + 1):
+            place = i - 1 + k / steps if k < steps else float(i)
+            (start, end), _ = self.motion.at(place)
+            there = self._judged(self.swung.step(start, end, seconds / steps), place)
+            first = first or there.violation
+            if there.look is None:
+                break
+        return there, first
+
+    def _stands(self, i: int) -> bool:
+        """Whether the grips stand still from waypoint i on, and moved to it."""
+        if i + 1 < self.motion.waypoints and self._way(i, i + 1) > _STILL:
+            return False
+        return self._way(i - 1, i) > _STILL
+
+    def _way(self, a: int, b: int) -> float:
+        """By how much poses of the grips differ between two waypoints."""
+        frames = [
+            [(grip.cable_frame if isinstance(grip, Grip) else grip).array for grip in self.motion.at(float(i))[0]]
+            for i in (a, b)
+        ]
+        return float(np.abs(np.array(frames[0]) - np.array(frames[1])).max())
+
+    def _stop(self, i: int) -> Stop:
+        """How the cable comes to rest if the grips stay at waypoint i, where it is judged, too, if that is the last."""
+        assert self.motion.times is not None
+        steps = round(AFTER / 0.01)
+        shapes = [self.swung.last, *self.swung.ahead(steps, 0.01)]
+        places = np.array([shape.positions for shape in shapes])
+        rest, still = places[-1], SETTLED * shapes[0].length
+        off = np.linalg.norm(places - rest, axis=2).max(axis=1)
+        velocity = shapes[-1].velocity
+        moving = velocity is None or float(np.abs(velocity).max()) > still  # in a second it is elsewhere
+        late = np.flatnonzero(off > still)
+        settling = math.inf if moving or len(shapes) <= steps else 0.01 * (int(late[-1]) + 1 if late.size else 0)
+        if i == self.motion.waypoints - 1:
+            until = len(shapes) if settling == math.inf else 1 + round(settling / 0.01)
+            for shape in shapes[1:until]:
+                self.found.first = self.found.first or self._judged(shape, float(i)).violation
+        return Stop(float(i), float(self.motion.times[i]), settling, float(off.max()))
