@@ -189,6 +189,7 @@ def warm_up_motion() -> None:
     motion = Motion(Cable(length=1.0, linear_density=0.1, bending_stiffness=0.01), points=12)
     motion.begin(start, end)
     motion.step(start, end, 0.01)
+    motion.run([start.array], [end.array], [0.01])
 
 
 #: In the order in which they are compiled ahead: who wants a later one needs those before.
