@@ -20,6 +20,8 @@ from cable_shape.solve.problem import GRAVITY
 
 #: [s], between waypoints of what is returned and steps in time; how long after the stop a cable is looked at.
 STEP, AFTER = 0.01, 1.0
+#: [s], of a duration at most.
+LONGEST = 60.0
 #: Hills of the speed in time, how high each may be, in mean speeds, and what their second differences cost, in lengths.
 _HILLS, _HIGHEST, _COST = 12, 4.0, 1e-4
 #: Of its duration, in which a trapezoid speeds up, and in which it slows down.
@@ -80,7 +82,7 @@ def shape_stop(
         if path.times is None:
             raise ArgumentError.of("duration", None, "the path has no times", "Give it in s.")
         duration = float(path.times[-1] - path.times[0])
-    seconds = checks.number("duration", duration, above=0.0, unit="s")
+    seconds = checks.number("duration", duration, above=0.0, at_most=LONGEST, unit="s")
     if len(path.starts) < 2:
         raise ArgumentError.of("path", "1 waypoint", "two at least make a way", "Write GripPath(starts, ends, times).")
     way = _Way(Motion(cable, scene, gravity, _POINTS), path, max(8, round(seconds / STEP)), seconds)

@@ -22,6 +22,8 @@ from cable_shape.shape import CableShape
 
 #: [s], the longest step in time; how long a cable is followed after a stop.
 STEP, AFTER = 0.0101, 10.0
+#: [s], of a trajectory at most.
+LONGEST = 3600.0
 #: Of the length: as near to where it hangs at last a cable is settled.
 SETTLED = 2e-3
 #: m, of a pose: what moves less between two waypoints stands still.
@@ -54,6 +56,10 @@ def check_swing(
     """
     if path.times is None:
         raise ArgumentError.of("times", None, "a cable swings in time", "Write GripPath(starts, ends, times).")
+    whole = float(path.times[-1] - path.times[0])
+    if whole > LONGEST:
+        bound = f"with motion=True they may take {LONGEST:g} s at most"
+        raise ArgumentError.of("times", whole, bound, "Give seconds, or check parts of it.")
     judge = Judge(cable, scene or Scene(), robot)
     swing = _Swing(Motion(cable, scene, **options), judge, PathMotion(path, robot))
     swing.deadline, swing.proceed = deadline, proceed

@@ -72,6 +72,8 @@ def test_a_trajectory_that_swings_needs_times_and_one_cable():
         cs.check_trajectory(CABLE, None, None, cs.GripPath(path.starts, path.ends), motion=True)
     with pytest.raises(cs.ArgumentError, match="one cable"):
         cs.check_trajectory({"a": CABLE}, None, None, {"a": (path.starts, path.ends)}, motion=True)
+    with pytest.raises(cs.ArgumentError, match="3600 s at most"):
+        cs.check_trajectory(CABLE, None, None, sideways([0.0, 0.1], [0.0, 1e9]), motion=True)
     far = cs.GripPath(path.starts, path.ends + np.array((0.5, 0, 0, 0, 0, 0, 0)), [0.0, 1.0])
     lost = cs.check_trajectory(CABLE, None, None, far, motion=True)
     assert lost.first is not None

@@ -249,6 +249,10 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, Any]]] = {
             "gravity": (0, 0, -9.81), "sample": {"points": 2}, "motion": {"instants": 2}, "folder": ".",
         },
     ),
+    "shape_stop": (
+        cs.shape_stop,
+        {"cable": CABLE, "path": TWO, "duration": 0.05, "scene": None, "gravity": (0.0, 0.0, -9.81)},
+    ),
     "swept": (cs.swept, {"shapes": [SHAPE, SHAPE], "margin": 0.05, "looseness": 0.05}),
     "export": (cs.export, {"shapes": SHAPE, "path": "nowhere/a.stl", "cable": CABLE, "period": 0.1}),
     "Study.from_mapping": (cs.Study.from_mapping, {"values": {"cable": GOOD, "start": {"position": (0, 0, 0)}}}),
@@ -347,7 +351,8 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, Any]]] = {
 NOT_CALLED = {
     "BodyDistance", "CableShape", "CableWarning", "CablesBatch", "CablesCalibration", "Calibration", "Clearance",
     "ClipLoad", "Contact", "CycleReport", "EditResult", "Estimate", "HarnessBatch", "HarnessCalibration",
-    "HarnessShape", "Imported", "Margin", "PlugError", "Reason", "Severity", "ShapeBatch", "Status", "Stress",
+    "HarnessShape", "Imported", "Margin", "PlugError", "Reason", "Severity", "ShapeBatch", "ShapedStop", "Status",
+    "Stop", "Stress",
     "StudyResult", "Swept", "TrajectoryCheck", "Tube", "Violation", "WarningKind", "warm_up",
 }  # fmt: skip
 
