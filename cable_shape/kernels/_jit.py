@@ -15,6 +15,8 @@ import contextlib
 import fcntl
 import grp
 import hashlib
+import importlib
+import itertools
 import os
 import pwd
 import re
@@ -23,14 +25,17 @@ import tempfile
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
-from typing import Any, final
+from typing import Any, ClassVar, final
 
+import llvmlite.binding as llvm
 import numba
 from numba import types
+from numba.core import cgutils, imputils
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
 
 HERE = Path(__file__).parent
 _IMPORT = re.compile(rb"^from cable_shape\.kernels([\w.]*) import (?:\(([^)]*)\)|([^\n]*))", re.MULTILINE)
+LARGE = 120  # instructions of a kernel that is not put in line
 _GROUP, _OTHERS = stat.S_IWGRP, stat.S_IWOTH
 
 
@@ -108,9 +113,10 @@ def _locked(folder: str) -> Iterator[None]:
         yield  # closing the file gives the lock back
 
 
-@final
 class _Locator(_CacheLocator):
     """Finds a kernel's machine code by what its source says, wherever that lies and whenever it was written."""
+
+    caller = ""
 
     def __init__(self, function: Any, file: str) -> None:
         self._py_file = file
@@ -130,15 +136,35 @@ class _Locator(_CacheLocator):
         return ""  # the folder's name has the digest of the sources
 
     def get_disambiguator(self) -> str:
-        return str(self._line)
+        return f"{self._line}{self.caller}"
 
 
 @final
+class _LocatorWithin(_Locator):
+    caller = "-within"
+
+
 class _Implementation(CompileResultCacheImpl):
+    """Machine code together with the names of the kernels that it calls: they are there before it is loaded."""
+
     _locator_classes = [_Locator]  # noqa: RUF012, as numba declares it
 
+    def reduce(self, cres: Any) -> Any:
+        called = [f.name for f in cres.library._final_module.functions if f.is_declaration and f.name in _Apart.known]
+        return [_Apart.known[name] for name in called], super().reduce(cres)
+
+    def rebuild(self, target_context: Any, payload: Any) -> Any:
+        called, code = payload
+        for module, name, args in called:
+            getattr(importlib.import_module(module), name).load(args)
+        return super().rebuild(target_context, code)
+
 
 @final
+class _ImplementationWithin(_Implementation):
+    _locator_classes = [_LocatorWithin]  # noqa: RUF012
+
+
 class _Cache(FunctionCache):
     """numba's cache of one function, which reads, changes and writes its index unlocked and trusts what it reads.
 
@@ -161,13 +187,80 @@ class _Cache(FunctionCache):
             super().save_overload(sig, data)
 
 
-def _whatever_number(template: Callable[..., Any]) -> Callable[..., Any]:
-    """What a kernel makes of a call by another: one machine code, not one for each number written into a call."""
+@final
+class _CacheWithin(_Cache):
+    _impl_class = _ImplementationWithin
 
-    def plain(args: Any, kws: Any) -> Any:
-        return template(tuple(map(types.unliteral, args)), {name: types.unliteral(arg) for name, arg in kws.items()})
 
-    return plain
+@final
+class _Apart:
+    """What a kernel is to kernels that call it, if it is too large to be put into them: a name, and where that leads.
+
+    numba puts the machine code of all that a function calls into that function's own, so that what lies below is
+    compiled again in each room above. What is not put in line is called by name here instead: each is compiled once.
+    """
+
+    known: ClassVar[dict[str, tuple[str, str, tuple[types.Type, ...]]]] = {}
+
+    def __init__(self, function: Any, compiled: Any) -> None:
+        self.descriptor = compiled.fndesc
+        args = tuple(compiled.signature.args)
+        digest = hashlib.sha256(repr(args).encode()).hexdigest()[:16]
+        self.symbol = f"{function.__module__}.{function.__qualname__}.{digest}"
+        self.known[self.symbol] = function.__module__, function.__name__, args
+        address = compiled.library.get_pointer_to_function(self.descriptor.llvm_func_name)
+        llvm.add_symbol(self.symbol, address)
+        compiled.target_context.insert_func_defn([(self.call, self, args)])
+
+    def call(self, context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        """Writes a call into a kernel, as numba.core.imputils.user_function does, without linking what is called."""
+        to = self.descriptor
+        kind = context.call_conv.get_function_type(to.restype, to.argtypes)
+        called = cgutils.get_or_insert_function(builder.module, kind, self.symbol)
+        status, value = context.call_conv.call_function(builder, called, to.restype, to.argtypes, args)
+        with cgutils.if_unlikely(builder, status.is_error):
+            context.call_conv.return_status_propagate(builder, status)
+        value = imputils.fix_returning_optional(context, builder, sig, status, value)
+        return imputils.impl_ret_new_ref(context, builder, to.restype, value)
+
+
+def _large(compiled: Any) -> bool:
+    """Whether a kernel is larger than what a compiler puts in line."""
+    body = compiled.library._get_module_for_linking().get_function(compiled.fndesc.llvm_func_name)
+    written = (None for block in body.blocks for _ in block.instructions)
+    return next(itertools.islice(written, LARGE, None), written) is None
+
+
+@final
+class _Within:
+    """A kernel as others call it: compiled without what takes arguments from Python, called by name if it is large."""
+
+    def __init__(self, function: Any, options: dict[str, Any]) -> None:
+        self.function = function
+        self.compiled = numba.njit(error_model="numpy", **{"no_cpython_wrapper": True, **options})(function)
+        self.compiled._cache = _CacheWithin(function)
+        self.inline = bool(options.get("forceinline")) or options.get("inline") == "always"
+        self.keys: dict[Any, Any] = {}
+
+    def template(self, args: Any, kws: Any) -> Any:
+        """What a kernel makes of a call by another: one machine code, not one for each number written into a call."""
+        plain = {name: types.unliteral(arg) for name, arg in kws.items()}
+        return self.compiled.get_call_template(tuple(map(types.unliteral, args)), plain)
+
+    def key(self, args: Any) -> Any:
+        """By what the context knows how to call it."""
+        args = tuple(args)
+        if args not in self.keys:
+            compiled = self.compiled.overloads[args]
+            apart = not self.inline and _large(compiled)
+            self.keys[args] = _Apart(self.function, compiled) if apart else compiled.entry_point
+        return self.keys[args]
+
+    def load(self, args: tuple[types.Type, ...]) -> None:
+        """Makes its name known to machine code that calls it."""
+        if args not in self.keys:
+            self.compiled.compile(args)
+            self.keys[args] = _Apart(self.function, self.compiled.overloads[args])
 
 
 def kernel(function: Callable[..., Any] | None = None, **options: Any) -> Any:
@@ -180,7 +273,9 @@ def kernel(function: Callable[..., Any] | None = None, **options: Any) -> Any:
         compiled = numba.njit(error_model="numpy", **options)(f)
         if hasattr(compiled, "enable_caching"):  # not where NUMBA_DISABLE_JIT leaves the function as it is
             compiled._cache = _Cache(f)
-            compiled.get_call_template = _whatever_number(compiled.get_call_template)
+            within = _Within(f, options)
+            compiled.get_call_template, compiled.get_overload = within.template, within.key
+            compiled.load, compiled.within = within.load, within.compiled
         return compiled
 
     return decorate if function is None else decorate(function)

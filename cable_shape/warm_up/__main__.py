@@ -29,7 +29,7 @@ SAY_S = 15.0  # between lines where nobody watches a bar
 def compile_until(stage: str, cores: int | None = None) -> None:
     """Compiles what the list has for stages up to this one, then runs them: what it lacks is compiled by that."""
     names = list(STAGES)[: list(STAGES).index(stage) + 1]
-    here = {(module, name, types) for _, module, name, types in kernel_list.cached()}
+    here = {one[1:] for one in kernel_list.cached()}
     wanted = [entry for entry in kernel_list.read() if entry.stage in names and entry[1:] not in here]
     began = said = monotonic()
     left = Counter(entry.stage for entry in wanted)
@@ -52,14 +52,14 @@ def compile_until(stage: str, cores: int | None = None) -> None:
 
 def record() -> None:
     """Writes the list: runs each stage in a process of its own on one cache, and looks at what has come."""
-    known: set[tuple[str, str, str]] = set()
+    known: set[tuple[str, str, str, bool]] = set()
     entries = []
     with tempfile.TemporaryDirectory(prefix="warm_up_") as folder:
         os.environ["NUMBA_CACHE_DIR"] = folder
         for stage in tqdm(STAGES, desc="record", unit="stage"):
             run = f"from cable_shape.warm_up.runs import STAGES; STAGES[{stage!r}]()"
             subprocess.run([sys.executable, "-c", run], check=True)
-            found = [(module, name, types) for _, module, name, types in kernel_list.cached()]
+            found = [one[1:] for one in kernel_list.cached()]
             entries += [kernel_list.Entry(stage, *one) for one in found if one not in known]
             known.update(found)
     kernel_list.write(entries)

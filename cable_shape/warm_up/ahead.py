@@ -59,7 +59,8 @@ def called_by(entries: Sequence[Entry]) -> list[set[int]]:
             function = kernels[own].py_func if own in kernels else None
             calls[own] = {names[id(one)] for one in _named(function) if id(one) in names} - {own}
         out.append({i for other in calls[own] for i in above.get(other, ())})
-        above.setdefault(own, []).append(k)
+        if entry.called:
+            above.setdefault(own, []).append(k)
     return out
 
 
@@ -75,17 +76,10 @@ def _named(function: Any) -> Iterator[Any]:
         yield one
 
 
-def work_of(entries: Sequence[Entry], above: Sequence[set[int]]) -> list[float]:
-    """How long compiling each takes beside the others, about.
-
-    A kernel's own code counts, and a part of all that it calls, which is copied into it and optimised with it.
-    """
+def work_of(entries: Sequence[Entry]) -> list[float]:
+    """How long compiling each takes beside the others, about: by its own code, what it calls is compiled apart."""
     kernels = all_kernels()
-    own = [_length(kernels.get((entry.module, entry.name))) for entry in entries]
-    whole: list[set[int]] = []
-    for k, direct in enumerate(above):
-        whole.append({k}.union(*(whole[i] for i in direct)))
-    return [length + 0.25 * sum(own[i] for i in all_of) for length, all_of in zip(own, whole, strict=True)]
+    return [_length(kernels.get((entry.module, entry.name))) for entry in entries]
 
 
 def _length(kernel: Any) -> float:
@@ -104,7 +98,7 @@ def compile_all(entries: Sequence[Entry], cores: int | None = None) -> Iterator[
         If the system ends one of the processes.
     """
     above = called_by(entries)
-    work = work_of(entries, above)
+    work = work_of(entries)
     below: list[list[int]] = [[] for _ in entries]
     for k, direct in enumerate(above):
         for i in direct:

@@ -1,8 +1,8 @@
 """The kernels with the types that they are compiled for, in the order in which they can be: the file kernels.txt.
 
 Each stage of :data:`cable_shape.warm_up.runs.STAGES` has those that the stages before it do not need. A kernel stands
-below all that it calls. What is missing in the list, or no longer right, costs time alone: it is compiled when it is
-first called.
+below all that it calls; what others call has a star, and is compiled without what takes arguments from Python. What is
+missing in the list, or no longer right, costs time alone: it is compiled when it is first called.
 """
 
 from __future__ import annotations
@@ -22,17 +22,22 @@ _NAMED = re.compile(r"[a-z][\w.]*\([^()]*\)")
 
 
 class Entry(NamedTuple):
-    """A kernel and the types of its arguments, as text; `module` is below :mod:`cable_shape.kernels`."""
+    """A kernel and the types of its arguments, as text; `module` is below :mod:`cable_shape.kernels`.
+
+    called: by another kernel, and not from Python.
+    """
 
     stage: str
     module: str
     name: str
     types: str
+    called: bool
 
     @property
     def kernel(self) -> Any:
         """numba's dispatcher. AttributeError or ImportError: it is no longer there."""
-        return getattr(importlib.import_module(KERNELS + self.module), self.name)
+        kernel = getattr(importlib.import_module(KERNELS + self.module), self.name)
+        return kernel.within if self.called else kernel
 
 
 def read(file: Path = FILE) -> list[Entry]:
@@ -48,8 +53,8 @@ def read(file: Path = FILE) -> list[Entry]:
             kernel, _, types = line.partition(" ")
             for name, long in short.items():
                 types = types.replace(f"{name};", long)
-            module, _, name = kernel.rpartition(".")
-            entries.append(Entry(stage, module, name, types))
+            module, _, name = kernel.rstrip("*").rpartition(".")
+            entries.append(Entry(stage, module, name, types, kernel.endswith("*")))
     return entries
 
 
@@ -68,7 +73,7 @@ def write(entries: Iterable[Entry], file: Path = FILE) -> None:
                 short[long] = f"@{len(short)}"
                 lines.append(f"{short[long]} = {long}")
             text = text.replace(long, f"{short[long]};")
-        lines.append(f"{entry.module}.{entry.name} {text}")
+        lines.append(f"{entry.module}.{entry.name}{'*' if entry.called else ''} {text}")
     file.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
@@ -82,13 +87,14 @@ def all_kernels() -> dict[tuple[str, str], Any]:
     return found
 
 
-def cached() -> list[tuple[float, str, str, str]]:
-    """What is in the cache, oldest first: when it came [s], module, name and types."""
+def cached() -> list[tuple[float, str, str, str, bool]]:
+    """What is in the cache, oldest first: when it came [s], and but for its stage what an entry says."""
     found = []
     for (module, name), kernel in all_kernels().items():
-        files = kernel._cache._impl and kernel._cache._cache_file
-        for key, data in files._load_index().items():
-            path = Path(files._data_path(data))
-            if path.exists():
-                found.append((path.stat().st_mtime_ns * 1e-9, module, name, text_of(key[0])))
+        for called, one in ((False, kernel), (True, kernel.within)):
+            files = one._cache._impl and one._cache._cache_file
+            for key, data in files._load_index().items():
+                path = Path(files._data_path(data))
+                if path.exists():
+                    found.append((path.stat().st_mtime_ns * 1e-9, module, name, text_of(key[0]), called))
     return sorted(found)

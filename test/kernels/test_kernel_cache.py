@@ -205,6 +205,60 @@ def test_a_kernel_is_loaded_from_a_warm_read_only_cache(tmp_path: Path) -> None:
     assert sorted((tmp_path / "cache").rglob("*")) == kept
 
 
+LARGE = """
+import math
+from _jit import kernel
+
+@kernel
+def large(x):
+    out = 0.0
+{steps}
+    return out
+
+@kernel
+def small(x):
+    return large(x) + 1.0
+
+@kernel
+def top(x):
+    return large(x) - small(x)
+"""
+CALLED = """
+import sys
+sys.path.insert(0, sys.argv[1])
+import own
+assert own.top(0.5) == -1.0
+(one,) = own.top.overloads.values()
+names = [f.name for f in one.library._get_module_for_linking().functions]
+print(sum("large" in name for name in names), sum("small" in name for name in names), len(own.top.stats.cache_hits))
+own.large(0.5)
+own.small(0.5)
+"""
+
+
+def test_a_large_kernel_is_called_by_its_name_and_compiled_again_if_it_is_lost(tmp_path: Path) -> None:
+    (tmp_path / "source").mkdir()
+    shutil.copy(_jit.__file__, tmp_path / "source")
+    steps = "\n".join(f"    out += math.sin(out + {k}.5 * x)" for k in range(60))
+    (tmp_path / "source" / "own.py").write_text(LARGE.format(steps=steps))
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+
+    def told() -> list[int]:
+        command = [sys.executable, "-c", CALLED, str(tmp_path / "source")]
+        said = subprocess.run(command, env=environment, check=True, capture_output=True, text=True).stdout
+        return [int(word) for word in said.split()]
+
+    names, _, hits = told()
+    assert (names, hits) == (1, 0)  # one declaration, for both who call it
+    assert told()[2] == 1
+    lost = list((tmp_path / "cache").rglob("*.large-*-within*"))
+    assert lost
+    for path in lost:
+        path.unlink()
+    assert told()[2] == 1
+    assert all(path.exists() for path in lost)
+
+
 def test_all_kernel_files_that_a_kernel_imports_are_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     files = {
         "top.py": "from cable_shape.kernels.one import a\nfrom cable_shape.kernels.several import (\n    b,\n    c,\n)",

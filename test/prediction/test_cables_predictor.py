@@ -94,11 +94,12 @@ def test_shapes_that_touch_nowhere_begin_from_nothing() -> None:
 
 def test_cables_that_were_seen_along_each_other_have_no_shape_and_say_so() -> None:
     made = predictor()
-    shapes = made.predict(ends(0.02, 3.0))
+    along = {height: {**ends(height), "over": pair(0.0, (0.02, 0.0, height))} for height in (0.02, 0.006)}
+    shapes = made.predict(along[0.02])
     low = {name: shape.again() for name, shape in shapes.items()}
     low["over"].buffer = shapes["over"].buffer.copy()
     low["over"].buffer[150 : 4 * 150].reshape(150, 3)[:, 2] -= 0.014
-    found = predictor().begin(ends(0.006, 3.0), low)
+    found = predictor().begin(along[0.006], low)
     assert found["over"].status is cs.Status.NOT_CONVERGED
     assert "no equilibrium of cables that touch" in found["over"].detail
 
