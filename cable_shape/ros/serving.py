@@ -27,6 +27,7 @@ from cable_shape.ros.goals import MOST_GOALS
 from cable_shape.ros.workers import CalibratorSetup, PlannerSetup, clients
 from cable_shape.warm_up import warm_up
 
+_END = 0.2  # s, for threads that still hold the node, and for the middleware to say that it is gone
 _AGAIN = 0.05  # s, between tries to shut down, and between looks for clients
 #: Sleeps of _AGAIN within which a client that this process knows knows this process, too; longer where cores are busy.
 _SETTLED = 100
@@ -91,8 +92,8 @@ def serve(setup: PlannerSetup | CalibratorSetup, make: Callable[[Node, Gate], st
         if ok():
             raise
         return 0
+    executor = MultiThreadedExecutor(num_threads=MOST_GOALS + 4)
     try:
-        executor = MultiThreadedExecutor(num_threads=MOST_GOALS + 4)
         executor.add_node(node)
         gate = Gate(shut=asking > 0)
         node.get_logger().info(make(node, gate))
@@ -105,6 +106,7 @@ def serve(setup: PlannerSetup | CalibratorSetup, make: Callable[[Node, Gate], st
         if ok():
             raise
     finally:
+        executor.shutdown(timeout_sec=_END)  # its threads hold the node
         node.destroy_node()
         try_shutdown()
     return 0
@@ -131,6 +133,8 @@ def make_way() -> None:
 def leave(code: int) -> NoReturn:
     """Ends the process without waiting for work under way."""
     gc.collect()  # only then does the middleware tell the others that the node is gone
+    time.sleep(_END)  # if it is let, and no thread holds the node any more
+    gc.collect()
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(code)
