@@ -70,6 +70,14 @@ if TYPE_CHECKING:
     )
     from cable_shape.prediction.predictor import Predictor, predict
     from cable_shape.prediction.tails import predict_tails
+    from cable_shape.robots.servo import Servo
+    from cable_shape.robots.servo_targets import (
+        CentrelineTarget,
+        KeepClear,
+        MouthTarget,
+        PointsTarget,
+        TangentTarget,
+    )
     from cable_shape.safety.report import (
         BodyDistance,
         CableWarning,
@@ -118,6 +126,7 @@ __all__ = [
     "Calibration",
     "Capsule",
     "Centreline",
+    "CentrelineTarget",
     "Clearance",
     "Clip",
     "ClipLoad",
@@ -145,9 +154,11 @@ __all__ = [
     "Insert",
     "JointPath",
     "Junction",
+    "KeepClear",
     "Margin",
     "Mesh",
     "Motion",
+    "MouthTarget",
     "Move",
     "Observation",
     "Obstacle",
@@ -155,6 +166,7 @@ __all__ = [
     "Plug",
     "PlugError",
     "PointMass",
+    "PointsTarget",
     "Pose",
     "Predictor",
     "Reason",
@@ -164,6 +176,7 @@ __all__ = [
     "RobotError",
     "Scene",
     "Section",
+    "Servo",
     "SetCable",
     "Severity",
     "ShapeBatch",
@@ -177,6 +190,7 @@ __all__ = [
     "Study",
     "StudyResult",
     "Swept",
+    "TangentTarget",
     "TrajectoryCheck",
     "Tube",
     "Uncertainty",
@@ -266,6 +280,8 @@ _HOMES = {
         "Sphere",
     ),
     "cable.section": ("Section",),
+    "robots.servo": ("Servo",),
+    "robots.servo_targets": ("CentrelineTarget", "KeepClear", "MouthTarget", "PointsTarget", "TangentTarget"),
     "shape": ("CableShape", "ClipLoad", "Contact", "Status"),
     "planning.shape_batch": ("ShapeBatch",),
     "safety.stress": ("Stress", "stress_of"),

@@ -9,8 +9,11 @@ from dataclasses import dataclass
 from typing import Any, final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from cable_shape import checks
 from cable_shape.checks import Array
+from cable_shape.errors import ArgumentError
 
 #: Numbers per point in a shape's buffer: arc length 1, position 3, quaternion 4, curvature 3, force 3, moment 3.
 NUMBERS_PER_POINT = 17
@@ -183,6 +186,30 @@ class CableShape:
         self.work = work  # J, in the last step, of what holds and pulls the cable
         self.dissipated = dissipated  # J, in the last step, by drag and retardation
         self.lost = lost  # J, in the last step, to the scheme: work less dissipated less change of energies
+
+    @classmethod
+    def of_points(cls, positions: ArrayLike, length: float) -> CableShape:
+        """What was seen of a cable of `length` [m]: positions (n, 3) [m], uniform in arc length, of model "seen".
+
+        All else is not known: NaN.
+
+        Raises
+        ------
+        ArgumentError
+            Naming the value, the bound and the remedy.
+        """
+        length = checks.number("length", length, above=0.0, unit="m")
+        places = checks.numbers("positions", positions, "Give three numbers [m] for each point.")
+        if places.ndim != 2 or places.shape[1] != 3 or len(places) < 2 or not np.isfinite(places).all():
+            bound = "it must be finite, of shape (n, 3), n at least 2"
+            remedy = "Leave out what was not seen, and interpolate to uniform arc lengths."
+            raise ArgumentError.of("positions", f"array of shape {places.shape}", bound, remedy)
+        n = len(places)
+        buffer = cls.new_buffer(n)
+        buffer[:] = math.nan
+        buffer[:n], buffer[n : 4 * n] = np.linspace(0.0, length, n), places.ravel()
+        unknown = {"energy": math.nan, "error_estimate": math.nan, "residual": math.nan, "twist": math.nan}
+        return cls(buffer, n, length=length, model="seen", status=Status.OK, **unknown)
 
     @property
     def error_estimate(self) -> float:

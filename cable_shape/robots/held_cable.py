@@ -103,14 +103,18 @@ class HeldCable:
         joints = [self.model.joint(name).id for name in robot.single_joints]
         single: NDArray[np.intp] = np.array(self.model.jnt_dofadr[joints], dtype=np.intp)
         n = len(robot.joint_names)
+        #: (n,) where the robot's joints stand among mink's velocities
+        self.velocities: NDArray[np.intp] = single[robot.leading]
         rest = robot.single_positions(np.zeros(n))
         #: (nv, nv): velocities of all joints where those that lead are free and those that mimic follow
         self._follow = np.zeros((self.model.nv, self.model.nv))
-        for column, leader in zip(np.eye(n), single[robot.leading], strict=True):
+        for column, leader in zip(np.eye(n), self.velocities, strict=True):
             self._follow[single, leader] = robot.single_positions(column) - rest
         self._data = mujoco.MjData(self.model)  # at what was looked at last, followers in their places
         self._tools = [self.model.body(gripper.frame).id for gripper in robot.grippers.values()]
         self._last: tuple[bytes, Any, Held] | None = None
+        self._correction: Array | None = None
+        self._corrected: Held | None = None
 
     def _check_ends(self) -> None:
         """Refuses ends of a cable, and of a harness what cannot be held by both grippers."""
@@ -140,8 +144,47 @@ class HeldCable:
         """The robot's joint positions (n,) [rad] or [m], in the order of its `joint_names`."""
         return self._mujoco.q(configuration.q)
 
+    @property
+    def correction(self) -> Array | None:
+        """(points, 3) [m], world: what was seen less what is predicted, which `at` adds to the positions of a cable.
+
+        None, as at first: nothing was seen.
+        """
+        return self._correction
+
+    @correction.setter
+    def correction(self, apart: ArrayLike | None) -> None:
+        if apart is not None:
+            if isinstance(self.predictor, HarnessPredictor):
+                raise ArgumentError("correction is not allowed for a harness: only cables have one. Set None.")
+            apart = checks.numbers("correction", apart, "Give three numbers [m] for each point of the shape.")
+            shape = (self.predictor.problem.points, 3)
+            if apart.shape != shape or not np.isfinite(apart).all():
+                bound = f"it must be finite, of shape {shape}"
+                raise ArgumentError.of("correction", f"array of shape {apart.shape}", bound, "See shape.positions.")
+        self._correction, self._corrected = apart, None
+
     def at(self, configuration: mink.Configuration) -> Held:
-        """The shape there, and how it answers the joints.
+        """The shape there, corrected by what was seen, and how it answers the joints.
+
+        Raises
+        ------
+        SteeringError
+            As for `predicted`.
+        """
+        held = self.predicted(configuration)
+        if self._correction is None:
+            return held
+        if self._corrected is None:
+            assert isinstance(held.shape, CableShape)
+            shape = held.shape.again()
+            shape.buffer, shape.reused = held.shape.buffer.copy(), False
+            shape.positions[:] += self._correction
+            self._corrected = held._replace(shape=shape)
+        return self._corrected
+
+    def predicted(self, configuration: mink.Configuration) -> Held:
+        """The shape there as it is predicted, whatever was seen.
 
         Raises
         ------
@@ -151,7 +194,7 @@ class HeldCable:
         key = configuration.q.tobytes()
         if self._last is not None and self._last[0] == key and self._last[1] is self.predictor.problem:
             return self._last[2]
-        self._last = None
+        self._last = self._corrected = None
         q = self.q(configuration)
         self._data.qpos[:] = self._mujoco.qpos(q)
         mujoco.mj_kinematics(self.model, self._data)
@@ -196,19 +239,31 @@ class HeldCable:
         mujoco.mj_jac(self.model, self._data, out, None, point, self.model.body(link).id)
         return out @ self._follow
 
+    def weights(self, arc_length: float, *, slope: bool = False) -> Array:
+        """(points,), of the points of a shape for the value at an arc length [m], or for the slope by it.
+
+        By one polynomial through the nearest points, a cubic for the value, one of 4th degree for the slope.
+        """
+        points = self.predictor.problem.points
+        spacing = next(iter(self.parts.values())).length / (points - 1)
+        first, near = _near(arc_length / spacing, points, slope=slope)
+        out = np.zeros(points)
+        out[first : first + len(near)] = near / spacing if slope else near
+        return out
+
     def point(self, held: Held, arc_length: float, segment: str = "") -> tuple[Array, Array]:
         """The centreline there (3,) [m], world, and its Jacobian (3, nv), by one cubic through the nearest points."""
         shape, jacobian = held.part(segment)
-        first, weights = _cubic(shape.arc_length, arc_length)
+        first, weights = _near(arc_length / shape.arc_length[1], len(shape.arc_length))
         near = slice(first, first + len(weights))
         return weights @ shape.positions[near], np.tensordot(weights, jacobian[near], 1)
 
 
-def _cubic(places: Array, at: float) -> tuple[int, Array]:
-    """Lagrange's weights of the uniform `places` around `at`, and the first of them that has one."""
-    count = min(_NODES, len(places))
-    x = at / places[1]
-    first = min(max(int(x) - (count - 1) // 2, 0), len(places) - count)
+def _near(x: float, points: int, *, slope: bool = False) -> tuple[int, Array]:
+    """Lagrange's weights for the value at `x`, or its slope, among `points` at 0, 1, 2, and the first that has one."""
+    count = min(_NODES + slope, points)
+    first = min(max(int(x + 0.5 * slope) - (count - 1) // 2, 0), points - count)
     x -= first
-    weights = [np.prod([(x - j) / (i - j) for j in range(count) if j != i]) for i in range(count)]
-    return first, np.array(weights)
+    powers = np.arange(count)
+    asked = powers * x ** np.maximum(powers - 1, 0) if slope else x**powers
+    return first, np.linalg.solve(np.vander(powers.astype(float), count, increasing=True).T, asked)

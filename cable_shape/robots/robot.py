@@ -313,6 +313,11 @@ class Robot:
         return every
 
     @property
+    def carrying(self) -> NDArray[np.bool_]:
+        """(n,), which joints the grippers hang on: those of the arms, not of the fingers."""
+        return self._needed
+
+    @property
     def reach(self) -> float:
         """[m], no origin of a link is further from a joint that moves it: the longest chain, stretched out."""
         travel = {}

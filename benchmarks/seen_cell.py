@@ -1,0 +1,108 @@
+"""A simulated cell for servoing: two arms that hold a cable which is not as the model says, and a camera that is late.
+
+The cable there is at rest at every instant, and its shape is this package's own rod with other numbers: stiffness,
+length and grips. `seen_mujoco.py` puts MuJoCo's cable in its place.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+import cable_shape as cs
+from cable_shape.robots.robot import Robot
+
+ROBOT = Path(__file__).resolve().parents[1] / "config" / "robots" / "dual_arm.yaml"
+#: What the servo takes the cable for.
+CABLE = cs.Cable(length=1.0, linear_density=0.1, bending_stiffness=0.01, twisting_stiffness=0.008, diameter=0.008)
+POINTS = 101
+DT = 0.02  # s, of a cycle
+WIDE = 0.25  # rad, of the postures that targets come from, around home
+PATH = 12  # steps on the way there
+MOST_CHORD = 0.95  # of the length
+MOVED = 0.05  # m, in the mean: targets are no nearer
+
+
+@dataclass(frozen=True)
+class Wrong:
+    """How the cable in the cell differs from the model, and what the camera sees of it."""
+
+    stiffness: float = 3.0  # times, of bending and of twisting
+    length: float = 1.01  # times
+    grips: float = 3e-3  # m, each elsewhere, in whatever direction
+    noise: float = 3e-3  # m, of each coordinate of a point seen
+    delay: float = 0.05  # s
+    seen: int = 60  # points, at known arc lengths
+
+
+NOTHING_WRONG = Wrong(1.0, 1.0, 0.0, 0.0, 0.0)
+
+
+class Cell:
+    """The arms, the cable that they hold, and what a camera sees of it."""
+
+    def __init__(self, robot: Robot, wrong: Wrong, seed: int) -> None:
+        self.robot, self.wrong = robot, wrong
+        random = self.random = np.random.default_rng(seed)
+        stiffer = random.choice((wrong.stiffness, 1.0 / wrong.stiffness))
+        longer = random.choice((wrong.length, 2.0 - wrong.length))
+        self.cable = CABLE.replace(
+            length=CABLE.length * longer,
+            bending_stiffness=CABLE.mean_bending_stiffness * stiffer,
+            twisting_stiffness=CABLE.twisting_stiffness * stiffer,
+        )
+        off = random.normal(size=(2, 3))
+        self.slips = [cs.Pose(wrong.grips * row / np.linalg.norm(row)) for row in off]
+        self._rod = cs.Predictor(self.cable, model="cosserat", points=POINTS)
+        self.begin(robot.home)
+
+    def ends(self, q: np.ndarray) -> list[cs.Pose]:
+        """Where the cable's ends really are."""
+        grips = self.robot.grips(q)
+        return [grip.cable_frame * slip for grip, slip in zip(grips, self.slips, strict=True)]
+
+    def begin(self, q: np.ndarray) -> None:
+        """The arms stand there, the cable hangs as it does from nothing."""
+        self._rod.reset()
+        self._past: deque[np.ndarray] = deque(maxlen=1 + round(self.wrong.delay / DT))
+        self.move(q)
+
+    def move(self, q: np.ndarray) -> cs.CableShape:
+        """The arms move there, and the cable with them."""
+        self.q = q
+        self.shape = self._rod.predict(*self.ends(q))
+        self._past.append(self.shape.positions.copy())
+        return self.shape
+
+    def seen(self) -> cs.CableShape:
+        """Noisy points of the centreline as it was a while ago, as a shape that has nothing but positions."""
+        wrong = self.wrong
+        share = np.linspace(0.0, 1.0, wrong.seen)
+        rows = np.linspace(0.0, 1.0, POINTS)
+        points = np.stack([np.interp(share, rows, column) for column in self._past[0].T], axis=1)
+        return cs.CableShape.of_points(points + self.random.normal(0.0, wrong.noise, points.shape), CABLE.length)
+
+    def goal(self) -> np.ndarray:
+        """(POINTS, 3) [m], the cable's own shape at a random other posture, to which it comes without a snap."""
+        while (goal := self._tried()) is None:
+            pass
+        return goal
+
+    def _tried(self) -> np.ndarray | None:
+        """One posture; None: beyond the limits, or the cable comes there taut, by a snap or hardly moved."""
+        robot = self.robot
+        q = robot.home + self.random.normal(0.0, WIDE, len(robot.home)) * robot.carrying
+        if (q > robot.upper).any() or (q < robot.lower).any():
+            return None
+        self.begin(robot.home)
+        for part in np.linspace(0.0, 1.0, PATH + 1)[1:]:
+            shape = self.move(robot.home + part * (q - robot.home))
+            chord = np.linalg.norm(shape.positions[-1] - shape.positions[0])
+            if shape.status is not cs.Status.OK or chord > MOST_CHORD * min(CABLE.length, self.cable.length):
+                return None
+        goal = self.shape.positions.copy()
+        self.begin(robot.home)
+        return goal if np.linalg.norm(goal - self.shape.positions, axis=1).mean() > MOVED else None
