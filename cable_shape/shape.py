@@ -208,8 +208,11 @@ class CableShape:
         buffer = cls.new_buffer(n)
         buffer[:] = math.nan
         buffer[:n], buffer[n : 4 * n] = np.linspace(0.0, length, n), places.ravel()
-        unknown = {"energy": math.nan, "error_estimate": math.nan, "residual": math.nan, "twist": math.nan}
-        return cls(buffer, n, length=length, model="seen", status=Status.OK, **unknown)
+        nan = math.nan
+        return cls(
+            buffer, n, length=length, model="seen", status=Status.OK, energy=nan, error_estimate=nan, residual=nan,
+            twist=nan,
+        )  # fmt: skip
 
     @property
     def error_estimate(self) -> float:

@@ -1,4 +1,4 @@
-"""Two arms lay a cable into the mouth of a clip by what a camera sees, though it is three times as stiff as they know."""
+"""Two arms lay a cable into the mouth of a clip by what a camera sees, three times as stiff as they know."""
 
 from pathlib import Path
 
@@ -33,7 +33,7 @@ for name, closed in (("open loop", False), ("closed loop", True)):
     held = HeldCable(cs.Predictor(known, model="cosserat", points=101), robot)
     servo = cs.Servo(held, targets)
     cell.reset()
-    for k in range(400):
+    for k in range(400):  # noqa: B007
         velocity = servo.step(seen(servo.q) if closed else None, DT)  # to the robot's drivers, [rad/s]
         if servo.reached or servo.stalled:
             break

@@ -6,6 +6,8 @@ import inspect
 import math
 from collections.abc import Callable
 from fractions import Fraction
+from functools import cache
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -93,6 +95,22 @@ def swung(**given: Any) -> object:
     motion = cs.Motion(**{name: given[name] for name in ("cable", "scene", "gravity", "points", "elements")})
     motion.begin(given["start"], given["end"])
     return motion.step(given["start"], given["end"], given["dt"])
+
+
+@cache
+def held_by_arms() -> Any:
+    from cable_shape.robots.robot import Robot
+    from cable_shape.robots.steering import HeldCable
+
+    robot = Robot.from_yaml(Path(__file__).resolve().parents[2] / "config/robots/dual_arm.yaml")
+    return HeldCable(cs.Predictor(CABLE, points=12), robot)
+
+
+def servoed(**given: Any) -> object:
+    names = ("targets", "rate", "speed", "delay", "settling", "q")
+    servo = cs.Servo(held_by_arms(), limits=given["limits"], **{name: given[name] for name in names})
+    servo.q = given["measured"]
+    return servo.step(given["shape"], given["dt"])
 
 
 def gripped(**given: Any) -> object:
@@ -279,6 +297,27 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, Any]]] = {
             "end": cs.Grip(END), "dt": 0.01,
         },
     ),
+    "PointsTarget": (
+        cs.PointsTarget, {"arc_length": 0.5, "positions": (0.4, 0.0, 0.2), "weight": 1.0, "tolerance": 1e-3}
+    ),
+    "CentrelineTarget": (cs.CentrelineTarget, {"positions": np.eye(3), "weight": 1.0, "tolerance": 1e-3}),
+    "TangentTarget": (
+        cs.TangentTarget, {"arc_length": 0.5, "direction": (0, 0, 1), "weight": 1.0, "tolerance": 1e-2}
+    ),
+    "MouthTarget": (
+        cs.MouthTarget,
+        {"arc_length": 0.5, "pose": START, "outward": (0, 1, 0), "approach": 0.1, "weight": 1.0, "tolerance": 1e-3},
+    ),
+    "MouthTarget.of": (cs.MouthTarget.of, {"clip": cs.Clip(0.5, START), "outward": (0, 1, 0), "approach": 0.1}),
+    "KeepClear": (cs.KeepClear, {"scene": SCENE, "minimum": 0.01}),
+    "CableShape.of_points": (cs.CableShape.of_points, {"positions": np.eye(3), "length": 1.0}),
+    "Servo": (
+        servoed,
+        {
+            "targets": [cs.PointsTarget(0.5, (0.4, 0.0, 0.2))], "limits": [], "rate": 3.0, "speed": 0.1, "delay": 0.05,
+            "settling": 0.2, "q": None, "measured": np.zeros(14), "shape": SHAPE, "dt": 0.02,
+        },
+    ),
     "Observation": (
         cs.Observation,
         {
@@ -349,7 +388,7 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, Any]]] = {
 
 #: What a call returns, errors, and what takes nothing.
 NOT_CALLED = {
-    "BodyDistance", "CableShape", "CableWarning", "CablesBatch", "CablesCalibration", "Calibration", "Clearance",
+    "BodyDistance", "CableWarning", "CablesBatch", "CablesCalibration", "Calibration", "Clearance",
     "ClipLoad", "Contact", "CycleReport", "EditResult", "Estimate", "HarnessBatch", "HarnessCalibration",
     "HarnessShape", "Imported", "Margin", "PlugError", "Reason", "Severity", "ShapeBatch", "ShapedStop", "Status",
     "Stop", "Stress",

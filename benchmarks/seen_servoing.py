@@ -1,0 +1,99 @@
+#!/usr/bin/env python
+"""How near the servo brings a cable that is not as its model says to shapes within its reach, seen and unseen.
+
+python benchmarks/seen_servoing.py [--quick] [--save FILE] [--compare FILE]
+
+Each target is the whole centreline which that very cable takes at a random other posture of the arms, so that it is
+within reach. The cable is three times as stiff as the model, or a third, 1 % longer or shorter, gripped 3 mm elsewhere,
+and what is seen of it is 3 mm noisy and 50 ms late. It is judged by where it really is after TIME.
+"""
+
+from __future__ import annotations
+
+from time import perf_counter
+from typing import NamedTuple
+
+import numpy as np
+from figures import Figures, bench_options, bench_parser, finish, heading
+from seen_cell import CABLE, DT, POINTS, ROBOT, Cell, Wrong
+from tqdm import tqdm
+
+import cable_shape as cs
+from cable_shape.robots.robot import Robot
+from cable_shape.robots.steering import HeldCable
+
+TIME = 10.0  # s, given to each target
+NEAR = 5e-3  # m, in the mean over the centreline, ...
+SHARE = 95.0  # % ... in so many of the tries
+
+
+class Try(NamedTuple):
+    """How one target was approached."""
+
+    off: float  # m, mean distance of the real cable from its target in the end
+    said: float  # m, what the servo took it for
+    within: bool  # positions and velocities of the joints, all the way
+    seconds: float  # of a step of the servo, in the mean
+    reached: float  # s, until it said so; NaN: never
+
+
+def approach(cell: Cell, held: HeldCable, goal: np.ndarray, closed: bool) -> Try:
+    """From home, for TIME."""
+    robot = cell.robot
+    cell.begin(robot.home)
+    held.predictor.reset()
+    servo = cs.Servo(held, cs.CentrelineTarget(goal), delay=cell.wrong.delay)
+    servo.reset()
+    spent, within, reached = 0.0, True, np.nan
+    for k in range(round(TIME / DT)):
+        shape = cell.seen() if closed else None
+        began = perf_counter()
+        velocity = servo.step(shape, DT)
+        spent += perf_counter() - began
+        q = servo.q
+        within &= bool((np.abs(velocity) <= robot.velocity_limits + 1e-6).all())
+        within &= bool((q <= robot.upper).all() and (q >= robot.lower).all())
+        cell.move(q)
+        if servo.reached and np.isnan(reached):
+            reached = (k + 1) * DT
+    off = float(np.linalg.norm(cell.shape.positions - goal, axis=1).mean())
+    return Try(off, servo.errors[0], within, spent / (k + 1), reached)
+
+
+def print_servoing(figures: Figures, tries: int) -> None:
+    """How many targets are reached, seen and unseen."""
+    heading(f"Servoing: {tries} centrelines within reach, from home, by a cable that is not as the model says")
+    robot = Robot.from_yaml(ROBOT)
+    held = HeldCable(cs.Predictor(CABLE, model="cosserat", points=POINTS), robot)
+    found: dict[bool, list[Try]] = {True: [], False: []}
+    for seed in tqdm(range(tries), desc="servoing", unit="target", leave=False, disable=None):
+        cell = Cell(robot, Wrong(), seed)
+        goal = cell.goal()
+        for closed, rows in found.items():
+            rows.append(approach(cell, held, goal, closed))
+    print("distance from the target in the end [mm]: mean over the targets, median, 95 % of them, largest; within 5 mm")
+    for closed, rows in found.items():
+        off = 1e3 * np.array([one.off for one in rows])
+        told = f"{off.mean():7.2f} {np.median(off):7.2f} {np.quantile(off, 0.95):7.2f} {off.max():7.2f}"
+        print(f"{'closed loop' if closed else 'open loop':12} {told}  {100.0 * (off <= 1e3 * NEAR).mean():5.1f} %")
+    seen, unseen = found[True], found[False]
+    near = [100.0 * float(np.mean([one.off <= NEAR for one in rows])) for rows in (seen, unseen)]
+    reached = np.array([one.reached for one in seen])
+    if np.isfinite(reached).any():
+        print(f"closed loop: it says that it is there after {np.nanmedian(reached):.1f} s in the median")
+    print(f"a step of the servo: {1e3 * np.median([one.seconds for one in seen]):.2f} ms in the median")
+    figures.at_least("servoing, closed loop: within 5 mm", near[0], SHARE, "{:.1f}", " %")
+    figures.at_least("servoing, open loop beside it: within 5 mm", near[1], 0.0, "{:.1f}", " %")
+    figures.check("servoing: joints within their limits", all(one.within for one in (*seen, *unseen)))
+
+
+def main() -> int:
+    """This part of the bench by itself."""
+    options = bench_options(bench_parser(__doc__, "10 targets"))
+    figures = Figures()
+    print_servoing(figures, 10 if options.quick else 100)
+    return finish(figures, options)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
