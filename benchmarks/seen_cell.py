@@ -1,7 +1,7 @@
 """A simulated cell for servoing: two arms that hold a cable which is not as the model says, and a camera that is late.
 
-The cable there is at rest at every instant, and its shape is this package's own rod with other numbers: stiffness,
-length and grips. `seen_mujoco.py` puts MuJoCo's cable in its place.
+The cable there is this package's own rod with other numbers (stiffness, length and grips), at rest at every instant; or
+MuJoCo's, of :mod:`seen_mujoco`, which swings and shares nothing with the model.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ DT = 0.02  # s, of a cycle
 WIDE = 0.25  # rad, of the postures that targets come from, around home
 PATH = 12  # steps on the way there
 MOST_CHORD = 0.95  # of the length
+SLOW, REST = 0.2, 3.0  # s, of each, and until it hangs still
 MOVED = 0.05  # m, in the mean: targets are no nearer
 
 
@@ -44,7 +45,7 @@ NOTHING_WRONG = Wrong(1.0, 1.0, 0.0, 0.0, 0.0)
 class Cell:
     """The arms, the cable that they hold, and what a camera sees of it."""
 
-    def __init__(self, robot: Robot, wrong: Wrong, seed: int) -> None:
+    def __init__(self, robot: Robot, wrong: Wrong, seed: int, *, mujoco: bool = False) -> None:
         self.robot, self.wrong = robot, wrong
         random = self.random = np.random.default_rng(seed)
         stiffer = random.choice((wrong.stiffness, 1.0 / wrong.stiffness))
@@ -57,6 +58,11 @@ class Cell:
         off = random.normal(size=(2, 3))
         self.slips = [cs.Pose(wrong.grips * row / np.linalg.norm(row)) for row in off]
         self._rod = cs.Predictor(self.cable, model="cosserat", points=POINTS)
+        self._swinging = None
+        if mujoco:
+            from seen_mujoco import MujocoCable
+
+            self._swinging = MujocoCable(self.cable)
         self.begin(robot.home)
 
     def ends(self, q: np.ndarray) -> list[cs.Pose]:
@@ -68,13 +74,19 @@ class Cell:
         """The arms stand there, the cable hangs as it does from nothing."""
         self._rod.reset()
         self._past: deque[np.ndarray] = deque(maxlen=1 + round(self.wrong.delay / DT))
+        shape = self._rod.predict(*self.ends(q))
+        if self._swinging is not None:
+            self._swinging.begin(shape, self.ends(q))
         self.move(q)
 
-    def move(self, q: np.ndarray) -> cs.CableShape:
-        """The arms move there, and the cable with them."""
-        self.q = q
+    def move(self, q: np.ndarray, seconds: float = DT) -> cs.CableShape:
+        """The arms move there, and the cable with them; what the model of the cell takes for its shape."""
         self.shape = self._rod.predict(*self.ends(q))
-        self._past.append(self.shape.positions.copy())
+        self.positions = self.shape.positions.copy()
+        if self._swinging is not None:
+            self._swinging.move(self.ends(q), seconds)
+            self.positions = self._swinging.at(self.shape.arc_length / self.shape.length)
+        self._past.append(self.positions)
         return self.shape
 
     def seen(self) -> cs.CableShape:
@@ -99,10 +111,12 @@ class Cell:
             return None
         self.begin(robot.home)
         for part in np.linspace(0.0, 1.0, PATH + 1)[1:]:
-            shape = self.move(robot.home + part * (q - robot.home))
+            shape = self.move(robot.home + part * (q - robot.home), SLOW)
             chord = np.linalg.norm(shape.positions[-1] - shape.positions[0])
             if shape.status is not cs.Status.OK or chord > MOST_CHORD * min(CABLE.length, self.cable.length):
                 return None
-        goal = self.shape.positions.copy()
+        if self._swinging is not None:
+            self.move(q, REST)
+        goal = self.positions
         self.begin(robot.home)
-        return goal if np.linalg.norm(goal - self.shape.positions, axis=1).mean() > MOVED else None
+        return goal if np.linalg.norm(goal - self.positions, axis=1).mean() > MOVED else None

@@ -77,6 +77,7 @@ if TYPE_CHECKING:
         MouthTarget,
         PointsTarget,
         TangentTarget,
+        TwistTarget,
     )
     from cable_shape.safety.report import (
         BodyDistance,
@@ -193,6 +194,7 @@ __all__ = [
     "TangentTarget",
     "TrajectoryCheck",
     "Tube",
+    "TwistTarget",
     "Uncertainty",
     "UnknownKeyError",
     "Violation",
@@ -281,7 +283,14 @@ _HOMES = {
     ),
     "cable.section": ("Section",),
     "robots.servo": ("Servo",),
-    "robots.servo_targets": ("CentrelineTarget", "KeepClear", "MouthTarget", "PointsTarget", "TangentTarget"),
+    "robots.servo_targets": (
+        "CentrelineTarget",
+        "KeepClear",
+        "MouthTarget",
+        "PointsTarget",
+        "TangentTarget",
+        "TwistTarget",
+    ),
     "shape": ("CableShape", "ClipLoad", "Contact", "Status"),
     "planning.shape_batch": ("ShapeBatch",),
     "safety.stress": ("Stress", "stress_of"),

@@ -33,6 +33,7 @@ from cable_shape.solve.touching.crossing import Crossing
 from cable_shape.solve.touching.pile import Member
 from cable_shape.solve.touching.places import Spot
 from cable_shape.solve.touching.state import TouchState
+from cable_shape.solve.turning import turning
 
 _NOT_GIVEN = object()
 
@@ -303,14 +304,32 @@ class Predictor:
             by = (by,)
         elif by is not ENDS:
             by = checks.entries("by", by, str, "Write ('start', 'end'), for example.")
+        return cosserat.sensitivity(self._solved("sensitivity"), by, at=at)
+
+    def turning(self, arc_length: float, *, at: str = "cable") -> Array:
+        """(3, 12): how the cable frame at an arc length [m] turns, in its own axes [rad], with the poses of both ends.
+
+        Of the last solved shape, exact; columns, and `at`, as for `sensitivity`.
+
+        Raises
+        ------
+        ArgumentError
+            As `sensitivity` does; and in eyelets, and of cables that touch each other or themselves.
+        """
+        checks.one_of("at", at, ("cable", "gripper"))
+        checks.number("arc_length", arc_length, at_least=0.0, at_most=self.cable.length, unit="m")
+        return turning(self._solved("turning"), arc_length, at=at)
+
+    def _solved(self, asked: str) -> Solved:
+        """What the rod has solved last; refused where there is none."""
         if isinstance(self._solver, ClosedForm):
             raise ArgumentError.of(
-                "model", self.model, "sensitivity needs the Cosserat rod", "Choose model='cosserat' or 'auto'."
+                "model", self.model, f"{asked} needs the Cosserat rod", "Choose model='cosserat' or 'auto'."
             )
         state: Solved | None = self._together() or self._solver.rod_state()
         if state is None:
-            raise ArgumentError("sensitivity() needs a solution, and there is none yet. Call predict first.")
-        return cosserat.sensitivity(state, by, at=at)
+            raise ArgumentError(f"{asked}() needs a solution, and there is none yet. Call predict first.")
+        return state
 
     def _together(self) -> Member | None:
         """What solved for the last shape along with what its cable touches; None if it touches no cable."""

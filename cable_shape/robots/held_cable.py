@@ -21,7 +21,7 @@ from cable_shape import checks
 from cable_shape.cable.cable import Cable
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError, SteeringError
-from cable_shape.pose import Grip, Pose
+from cable_shape.pose import Grip, Pose, between
 from cable_shape.prediction.harness_predictor import HarnessPredictor
 from cable_shape.prediction.predictor import Predictor
 from cable_shape.robots.mujoco_model import MujocoModel
@@ -257,6 +257,21 @@ class HeldCable:
         first, weights = _near(arc_length / shape.arc_length[1], len(shape.arc_length))
         near = slice(first, first + len(weights))
         return weights @ shape.positions[near], np.tensordot(weights, jacobian[near], 1)
+
+    def frame(self, configuration: mink.Configuration, arc_length: float) -> Array:
+        """(4,) x, y, z, w: the cable frame at an arc length [m], as it is predicted, between the nearest two points."""
+        shape = self.predicted(configuration).part()[0]
+        x = arc_length / shape.arc_length[1]
+        first = min(int(x), shape.points - 2)
+        near = slice(first, first + 2)
+        poses = np.concatenate((shape.positions[near], shape.quaternions[near]), axis=1)
+        return between(poses[0], poses[1], x - first)[3:]
+
+    def turning(self, configuration: mink.Configuration, arc_length: float) -> Array:
+        """(3, nv), how that frame turns about its own axes. Only of a cable."""
+        held = self.predicted(configuration)
+        assert isinstance(self.predictor, Predictor)
+        return np.asarray(self.predictor.turning(arc_length, at="gripper") @ held.grippers)
 
 
 def _near(x: float, points: int, *, slope: bool = False) -> tuple[int, Array]:

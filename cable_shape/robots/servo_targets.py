@@ -100,6 +100,31 @@ class TangentTarget:
 
 
 @final
+class TwistTarget:
+    """The cable is rolled about its tangent at a point, so that its frame's d1 lies towards a direction.
+
+    The roll is that of the prediction: points that are seen do not tell it.
+
+    Parameters
+    ----------
+    arc_length : float
+        [m]
+    direction : (3,) array_like
+        World; what it has along the tangent counts for nothing.
+    weight : float
+    tolerance : float
+        [rad]
+    """
+
+    def __init__(
+        self, arc_length: float, direction: ArrayLike, *, weight: float = 1.0, tolerance: float = _TURNED
+    ) -> None:
+        self.arc_length = checks.number("arc_length", arc_length, at_least=0.0, unit="m")
+        self.direction = _unit("direction", direction)
+        self.weight, self.tolerance = _weight(weight), _tolerance(tolerance, "rad")
+
+
+@final
 class MouthTarget:
     """A point of the cable goes into the mouth of a clip: along its tangent, from outside in.
 
@@ -168,8 +193,8 @@ class KeepClear:
         self.minimum = checks.number("minimum", scene.warn_distance if minimum is None else minimum, unit="m")
 
 
-Target = PointsTarget | CentrelineTarget | TangentTarget | MouthTarget | KeepClear
-TARGETS = (PointsTarget, CentrelineTarget, TangentTarget, MouthTarget, KeepClear)
+Target = PointsTarget | CentrelineTarget | TangentTarget | TwistTarget | MouthTarget | KeepClear
+TARGETS = (PointsTarget, CentrelineTarget, TangentTarget, TwistTarget, MouthTarget, KeepClear)
 
 
 def as_targets(targets: Target | Sequence[Target]) -> tuple[Target, ...]:

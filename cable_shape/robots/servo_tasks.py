@@ -10,17 +10,20 @@ import numpy as np
 
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
+from cable_shape.pose import rotate
 from cable_shape.robots.held_cable import HeldCable
-from cable_shape.robots.servo_targets import CentrelineTarget, MouthTarget, PointsTarget, TangentTarget
+from cable_shape.robots.servo_targets import CentrelineTarget, MouthTarget, PointsTarget, TangentTarget, TwistTarget
 
 #: m, 1 rad counts as much: a point so far away moves so much.
 ARM = 0.1
 _STENCIL = 5  # points of the shape through which its slope is taken
 _IN_LINE = 0.1  # rad, of the tangent in a mouth
 _FUNNEL = 0.5  # half width / depth of the way into a mouth
+_INVERSE = np.array((-1.0, -1.0, -1.0, 1.0))  # times a unit quaternion
+_ALONG = 1e-6  # of a unit vector: along the tangent there is no roll to speak of
 _WIDE = 0.5  # of the tolerance: so far from the line of the mouth nothing holds the cable off
 
-Reached = PointsTarget | CentrelineTarget | TangentTarget | MouthTarget
+Reached = PointsTarget | CentrelineTarget | TangentTarget | TwistTarget | MouthTarget
 
 
 def task_of(held: HeldCable, target: Reached) -> ServoTask:
@@ -32,6 +35,8 @@ def task_of(held: HeldCable, target: Reached) -> ServoTask:
         return PointsTask(held, target, np.linspace(0.0, length, len(target.positions)))
     if isinstance(target, TangentTarget):
         return TangentTask(held, target)
+    if isinstance(target, TwistTarget):
+        return TwistTask(held, target)
     return MouthTask(held, target)
 
 
@@ -106,6 +111,39 @@ class TangentTask(ServoTask):
     def off(self, configuration: mink.Configuration) -> float:
         """[rad], between the two."""
         return angle(tangent(self.held, configuration, self._slopes)[0], self._direction)
+
+
+@final
+class TwistTask(ServoTask):
+    """The roll of the cable frame at a point: error (1,) [rad], from the direction to d1 about the tangent."""
+
+    unit = "rad"
+
+    def __init__(self, held: HeldCable, target: TwistTarget) -> None:
+        super().__init__(held, target, np.full(1, ARM))
+        self.name = f"the twist at {target.arc_length:g} m"
+        self._arc_length, self._direction = on_cable(held, target.arc_length), target.direction
+
+    def _seen(self, configuration: mink.Configuration) -> Array:
+        """(3,), the direction in the cable frame."""
+        return rotate(self.held.frame(configuration, self._arc_length) * _INVERSE, self._direction)
+
+    def compute_error(self, configuration: mink.Configuration) -> Array:
+        """(1,) [rad]"""
+        x, y, _ = self._seen(configuration)
+        return np.array([-math.atan2(y, x)])
+
+    def compute_jacobian(self, configuration: mink.Configuration) -> Array:
+        """(1, nv); zero where the direction is that of the tangent."""
+        x, y, z = self._seen(configuration)
+        turned = self.held.turning(configuration, self._arc_length)
+        square = x * x + y * y
+        leaning = z * (x * turned[0] + y * turned[1]) / square if square > _ALONG**2 else 0.0
+        return np.asarray(turned[2] - leaning)[None]
+
+    def off(self, configuration: mink.Configuration) -> float:
+        """[rad]"""
+        return abs(float(self.compute_error(configuration)[0]))
 
 
 @final

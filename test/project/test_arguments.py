@@ -304,6 +304,7 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, Any]]] = {
     "TangentTarget": (
         cs.TangentTarget, {"arc_length": 0.5, "direction": (0, 0, 1), "weight": 1.0, "tolerance": 1e-2}
     ),
+    "TwistTarget": (cs.TwistTarget, {"arc_length": 0.5, "direction": (0, 0, 1), "weight": 1.0, "tolerance": 1e-2}),
     "MouthTarget": (
         cs.MouthTarget,
         {"arc_length": 0.5, "pose": START, "outward": (0, 1, 0), "approach": 0.1, "weight": 1.0, "tolerance": 1e-3},
