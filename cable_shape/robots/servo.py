@@ -74,7 +74,8 @@ class Servo:
     errors : tuple of float
         What is left of each target but KeepClear, in their order: [m], or [rad] of a tangent.
     reached : bool
-        Whether each is within its tolerance.
+        Whether each is within its tolerance; closed loop, for as long as it takes to see it: `delay` and twice
+        `settling`.
     stalled : bool
         Not reached, and for a second no nearer: this is the nearest that was found.
     binds : tuple of str
@@ -131,7 +132,7 @@ class Servo:
                 self._tasks.append(task_of(self.held, target))
         self.errors, self.reached = (math.nan,) * len(self._tasks), False
         self.stalled, self.binds = False, tuple[str, ...]()
-        self._best, self._since = math.inf, self._time
+        self._best, self._since, self._there = math.inf, self._time, 0.0
 
     @property
     def q(self) -> Array:
@@ -170,7 +171,7 @@ class Servo:
         try:
             now = self.held.predicted(self._configuration)
         except SteeringError as error:
-            self.binds, self.reached = (str(error),), False
+            self.binds, self.reached, self._there = (str(error),), False, 0.0
             return self._told(still, math.inf, dt)
         assert isinstance(now.shape, CableShape)
         self._seen.predict(self._time, now.shape.positions)
@@ -184,10 +185,12 @@ class Servo:
             task.gain = -math.expm1(-self.rate * dt)
         moved, binds = self._solve(dt)
         moved, refused = self._bounded(now, moved, dt)
-        self.binds = (*binds, *refused)
+        self.binds = (*refused, *binds)
         self.errors = tuple(task.off(self._configuration) for task in self._tasks)
-        self.reached = all(task.reached(self._configuration) for task in self._tasks)
-        cost = math.sqrt(sum(_square(task, self._configuration) for task in self._tasks))
+        there = all(task.reached(self._configuration) for task in self._tasks)
+        self._there = self._there + dt if there else 0.0
+        self.reached = there and self._there >= self._seen.lag
+        cost = math.sqrt(sum(task.left(self._configuration) ** 2 for task in self._tasks))
         return self._told(moved[self.held.velocities], cost, dt)
 
     def predicted(self) -> CableShape | None:
@@ -213,7 +216,7 @@ class Servo:
         self._time += dt
         if cost < (1.0 - _PROGRESS) * self._best:
             self._best, self._since = cost, self._time
-        self.stalled = not self.reached and self._time - self._since >= _PATIENCE
+        self.stalled = not self._there and self._time - self._since >= _PATIENCE
         return np.asarray((further - q) / dt)
 
     def _solve(self, dt: float) -> tuple[Array, tuple[str, ...]]:
@@ -273,12 +276,14 @@ class Servo:
         assert isinstance(now.shape, CableShape)
         grips = self.held.robot.grips(now.q + moved[self.held.velocities])
         shape = self._predictor.ahead()(*grips)
-        if not shape.usable or shape.status in (Status.SNAPPED, Status.UNSTABLE):
-            return f"the cable would not stay as it is: {shape.status.name}. {shape.detail or shape.status.remedy}"
+        if shape.status in (Status.SNAPPED, Status.UNSTABLE):
+            return "the cable would snap: it would jump to another stable shape"
+        if not shape.usable:
+            return f"the cable would be {shape.status.name}: {shape.detail or shape.status.remedy}"
         expected = now.shape.positions + answer
         unlike = float(np.linalg.norm(shape.positions - expected, axis=1).max())
         if unlike > _UNLIKE_AT_LEAST + _UNLIKE * float(np.linalg.norm(answer, axis=1).max()):
-            return "the cable would jump: it is about to snap"
+            return "the cable would move on by itself: it is about to snap"
         before = {margin.kind: margin.used for margin in self._watch.margins(now.shape, Clearance(), 0, held=True)}
         for margin in self._watch.margins(shape, Clearance(), 0, held=True):
             if margin.used > max(1.0, before.get(margin.kind, 0.0)):
@@ -293,9 +298,3 @@ def _always(held: HeldCable, others: tuple[mink.Limit, ...]) -> list[mink.Limit]
     speeds = np.where(robot.carrying, robot.velocity_limits, 0.0)
     named = {name: float(v) for name, v in zip(robot.joint_names, speeds, strict=True) if math.isfinite(v)}
     return [mink.ConfigurationLimit(held.model), mink.VelocityLimit(held.model, named), CableChordLimit(held), *others]
-
-
-def _square(task: ServoTask, configuration: mink.Configuration) -> float:
-    """The part of a task in what is made least."""
-    error = task.cost * task.compute_error(configuration)
-    return float(error @ error)

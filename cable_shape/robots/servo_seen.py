@@ -53,6 +53,11 @@ class Seen:
         self._times_seen = 0
         self._past.clear()
 
+    @property
+    def lag(self) -> float:
+        """[s], after which what is seen is of the cable as it stands; 0 while nothing was seen."""
+        return 0.0 if self.correction is None else self.delay + 2.0 * self.settling
+
     def predict(self, time: float, positions: Array) -> None:
         """Remembers what was predicted at a time [s]."""
         self._past.append((time, positions.copy()))

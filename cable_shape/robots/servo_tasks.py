@@ -19,6 +19,7 @@ ARM = 0.1
 _STENCIL = 5  # points of the shape through which its slope is taken
 _IN_LINE = 0.1  # rad, of the tangent in a mouth
 _FUNNEL = 0.5  # half width / depth of the way into a mouth
+_SLACK = 5e-3  # m, so much further in than the funnel is wide nothing is held; twice as much, and nothing goes across
 _INVERSE = np.array((-1.0, -1.0, -1.0, 1.0))  # times a unit quaternion
 _ALONG = 1e-6  # of a unit vector: along the tangent there is no roll to speak of
 _WIDE = 0.5  # of the tolerance: so far from the line of the mouth nothing holds the cable off
@@ -55,6 +56,10 @@ class ServoTask(mink.Task):
     def off(self, configuration: mink.Configuration) -> float:
         """[m] or [rad], what is left."""
         raise NotImplementedError
+
+    def left(self, configuration: mink.Configuration) -> float:
+        """What is left, weighted: it becomes less as long as the cable comes nearer."""
+        return float(np.linalg.norm(self.cost * self.compute_error(configuration)))
 
     def reached(self, configuration: mink.Configuration) -> bool:
         """Whether that is within the tolerance."""
@@ -150,7 +155,8 @@ class TwistTask(ServoTask):
 class MouthTask(ServoTask):
     """A point goes into a clip: error (6,), of the point [m] from where it may be by now, and of the tangent.
 
-    How far in it may be, `depth` [m] before its place, is decided by `begin` before each step.
+    Where it may be by now, `ahead` (3,) [m] from its place, is decided by `begin` before each step: as far in as the
+    funnel is wide where the cable is, and where it is further in than that, out of there first, not across.
     """
 
     def __init__(self, held: HeldCable, target: MouthTarget) -> None:
@@ -159,34 +165,41 @@ class MouthTask(ServoTask):
         arc_length = on_cable(held, target.arc_length)
         self._weights, self._slopes = held.weights(arc_length), held.weights(arc_length, slope=True)
         self._target = target
-        self.depth = target.approach
+        self.ahead: Array = target.approach * target.outward
 
     def _point(self, configuration: mink.Configuration) -> Array:
         """(3,) [m], from its place in the clip to the point."""
         return np.asarray(self._weights @ self.held.at(configuration).part()[0].positions - self._target.pose.position)
 
     def begin(self, configuration: mink.Configuration) -> None:
-        """As far in as the funnel is wide where the cable is."""
+        """Decides where the point may be."""
         target, apart = self._target, self._point(configuration)
-        aside = float(np.linalg.norm(apart - (apart @ target.outward) * target.outward))
+        out = float(apart @ target.outward)
+        aside = apart - out * target.outward
         turned = angle(tangent(self.held, configuration, self._slopes)[0], target.tangent)
-        wide = max(aside, self.tolerance / _IN_LINE * turned) - _WIDE * self.tolerance
-        self.depth = min(max(wide / _FUNNEL, 0.0), target.approach)
+        wide = max(float(np.linalg.norm(aside)), self.tolerance / _IN_LINE * turned) - _WIDE * self.tolerance
+        outside = min(max(wide / _FUNNEL, 0.0), target.approach)
+        stays = min(max((outside - out) / _SLACK - 1.0, 0.0), 1.0)
+        self.ahead = outside * target.outward + stays * aside
 
     def compute_error(self, configuration: mink.Configuration) -> Array:
         """(6,), of the point [m], then of the tangent."""
         target = self._target
-        place = self._point(configuration) - self.depth * target.outward
+        place = self._point(configuration) - self.ahead
         return np.concatenate((place, tangent(self.held, configuration, self._slopes)[0] - target.tangent))
 
     def compute_jacobian(self, configuration: mink.Configuration) -> Array:
-        """(6, nv), the depth staying as it is."""
+        """(6, nv), what is `ahead` staying as it is."""
         point = np.tensordot(self._weights, self.held.at(configuration).jacobian, 1)
         return np.concatenate((point, tangent(self.held, configuration, self._slopes)[1]))
 
     def off(self, configuration: mink.Configuration) -> float:
         """[m], of the point from its place in the clip."""
         return float(np.linalg.norm(self._point(configuration)))
+
+    def left(self, configuration: mink.Configuration) -> float:
+        """Weighted, on the way through where it may be by now."""
+        return super().left(configuration) + float(self.cost[0] * np.linalg.norm(self.ahead))
 
     def reached(self, configuration: mink.Configuration) -> bool:
         """In its place, and in line with it."""
