@@ -105,6 +105,7 @@ if TYPE_CHECKING:
     )
     from cable_shape.shape import CableShape, ClipLoad, Contact, Status
     from cable_shape.solve.harness_shape import HarnessShape
+    from cable_shape.tracking.tracker import Tracker
     from cable_shape.uncertainty.calibrated_tube import predict_tube
     from cable_shape.uncertainty.uncertainty import Tube, Uncertainty
 
@@ -192,6 +193,7 @@ __all__ = [
     "StudyResult",
     "Swept",
     "TangentTarget",
+    "Tracker",
     "TrajectoryCheck",
     "Tube",
     "TwistTarget",
@@ -302,6 +304,7 @@ _HOMES = {
     "planning.shape_stop": ("ShapedStop", "shape_stop"),
     "planning.trajectory": ("check_trajectory",),
     "planning.trajectory_report": ("Reason", "Stop", "TrajectoryCheck", "Violation"),
+    "tracking.tracker": ("Tracker",),
     "uncertainty.uncertainty": ("Tube", "Uncertainty"),
     "cable.wires": ("Wire",),
 }

@@ -21,10 +21,10 @@ from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
 from rclpy.node import Node
 from rclpy.utilities import ok, try_shutdown
 
-from cable_shape.children import be_ordinary
 from cable_shape.errors import InputError
 from cable_shape.ros.goals import MOST_GOALS
 from cable_shape.ros.workers import CalibratorSetup, PlannerSetup, clients
+from cable_shape.viewer.children import be_ordinary
 from cable_shape.warm_up import warm_up
 
 _END = 0.2  # s, for threads that still hold the node, and for the middleware to say that it is gone

@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import final
 
-from cable_shape.children import ended, left
+from cable_shape.viewer.children import ended, left
 
 _GRACE = 1.0  # s, from telling the process to end until it is ended
 _FIRST_WAIT, _LONGEST_WAIT = 1.0, 60.0  # s, before a start after an end; twice as long after each that was soon

@@ -14,6 +14,7 @@ from cable_shape.errors import ArgumentError
 from cable_shape.kernels.network import respond
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.scene.scene_parts import clip_names
+from cable_shape.solve.network import Network
 from cable_shape.solve.problem import Problem
 
 ENDS = ("start", "end")
@@ -104,6 +105,21 @@ def answers(state: Solved, changes: Changes) -> Array:
     slides = refreshed(state)
     models = state.models_beside(changes.cables, changes.kept)
     respond.answers(state.ints, state.floats, models, changes.steps, state.sols, state.work, points, out, df)
+    return run_on(out, df, slides)[state.rows]
+
+
+def pushed(state: Network, rows: int) -> Array:
+    """(n, 3, 3 rows): change of the last solution's positions, by accelerations about x, y, z at each of `rows` places.
+
+    These are evenly along the cable, accelerations linear between them; where the cable accelerates, or has kinks, it
+    does so at these places alone. Point masses at other places bear theirs as they are.
+    """
+    points, count = state.problem.points, 3 * rows
+    out, df = np.empty((state.sampled, 3, count)), np.empty((len(state.rings), count))
+    slides = refreshed(state)
+    models = np.repeat(state.models_loaded(rows), 2, axis=0)
+    models[1::2] = state.floats[: models.shape[1]]
+    respond.answers(state.ints, state.floats, models, np.full(count, 0.5), state.sols, state.work, points, out, df)
     return run_on(out, df, slides)[state.rows]
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from cable_shape.cable.cable import Cable
-from cable_shape.cable.pieces import pieces_of
+from cable_shape.cable.pieces import cable_at, pieces_of
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels.network import drive, guess, material, mesh, respond, start, tables
@@ -579,6 +579,27 @@ class Network:
         held, before, after = self.beside(cables, kept)
         models: Array = mesh.neighbours(self.bare, held, self.ints, self.floats, before, after)
         return models
+
+    def models_loaded(self, rows: int) -> Array:
+        """(3 rows, size): models on the mesh as it is of the same cable, faster by 1 m/s^2 about x, y and z at each of
+        `rows` places, evenly along it, and linear between; it has kinks there now, or `rows` is 2."""
+        problem, density = self.problem, self.problem.cable.linear_density
+        breaks, at = self.material.breaks, np.linspace(0.0, self.length, rows)
+        hats = np.stack([np.interp(breaks, at, one) for one in np.eye(rows)])  # (rows, breaks)
+        middles = 0.5 * (breaks[1:] + breaks[:-1])
+        weights = np.array([cable_at(problem.cable, s).linear_density for s in middles.tolist()])
+        weights = weights if problem.cable.sections else np.full(len(middles), density)
+        pieces = np.tile(self.material.pieces, (rows, 3, 1, 1))
+        models = np.tile(self.held, (rows, 3, 1))
+        for axis in range(3):
+            pieces[:, axis, :, LOADS[axis]] -= weights * hats[:, :-1]
+            pieces[:, axis, :, LOADS[3 + axis]] -= weights * hats[:, 1:]
+        models[:, :, self._bare.piece] = pieces.reshape(rows, 3, -1)
+        places = np.union1d(self.bounds(), self.stops)
+        same = np.tile(places, (3 * rows, 1))
+        flat = models.reshape(3 * rows, -1)
+        out: Array = mesh.neighbours(self.bare, flat, self.ints, self.floats, places, same)
+        return out
 
     @property
     def sampled(self) -> int:

@@ -21,8 +21,8 @@ import rerun as rr
 
 from cable_shape.cable.cable import Cable
 from cable_shape.cable.harness import Harness
-from cable_shape.children import be_ordinary
 from cable_shape.scene.scene import Obstacle, Scene
+from cable_shape.viewer.children import be_ordinary
 from cable_shape.viewer.entities import ReportLogger
 from cable_shape.viewer.letters import decode
 from cable_shape.viewer.mailbox import Mailbox

@@ -17,11 +17,11 @@ from typing import Any, Self, final
 from cable_shape import checks
 from cable_shape.cable.cable import Cable
 from cable_shape.cable.harness import Harness
-from cable_shape.children import ended, left
 from cable_shape.cycle.parts import in_parts
 from cable_shape.errors import ArgumentError, DependencyError, how_to_get
 from cable_shape.safety.report import CycleReport
 from cable_shape.scene.scene import Obstacle, Scene
+from cable_shape.viewer.children import ended, left
 from cable_shape.viewer.colour import check_colouring
 from cable_shape.viewer.letters import encode
 from cable_shape.viewer.mailbox import Mailbox

@@ -106,6 +106,13 @@ def held_by_arms() -> Any:
     return HeldCable(cs.Predictor(CABLE, points=12), robot)
 
 
+def tracked(**given: Any) -> Any:
+    """One look."""
+    names = ("stamp", "start", "end")
+    tracker = cs.Tracker(**{name: x for name, x in given.items() if name not in (*names, "seen")})
+    return tracker.update(given["seen"], **{name: given[name] for name in names})
+
+
 def servoed(**given: Any) -> object:
     names = ("targets", "rate", "speed", "delay", "settling", "q")
     servo = cs.Servo(held_by_arms(), limits=given["limits"], **{name: given[name] for name in names})
@@ -311,6 +318,14 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, Any]]] = {
     ),
     "MouthTarget.of": (cs.MouthTarget.of, {"clip": cs.Clip(0.5, START), "outward": (0, 1, 0), "approach": 0.1}),
     "KeepClear": (cs.KeepClear, {"scene": SCENE, "minimum": 0.01}),
+    "Tracker": (
+        tracked,
+        {
+            "cable": CABLE, "scene": SCENE, "uncertainty": SPREAD, "noise": 0.005, "outliers": 0.1,
+            "gravity": (0, 0, -9.81), "points": 21, "segment": None, "seen": np.eye(3), "stamp": 1, "start": START,
+            "end": END,
+        },
+    ),
     "CableShape.of_points": (cs.CableShape.of_points, {"positions": np.eye(3), "length": 1.0}),
     "Servo": (
         servoed,

@@ -60,7 +60,7 @@ import os, threading
 os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
 wait = threading.Event()
 threading.Thread(target=wait.wait, daemon=True).start()
-from cable_shape.children import be_ordinary
+from cable_shape.viewer.children import be_ordinary
 be_ordinary()
 print({os.sched_getscheduler(int(thread)) for thread in os.listdir("/proc/self/task")} == {os.SCHED_OTHER})
 """
@@ -79,7 +79,7 @@ def test_every_process_beside_the_node_does_so(module):
 
 
 def test_the_priority_of_an_ordinary_process_stays():
-    from cable_shape.children import be_ordinary
+    from cable_shape.viewer.children import be_ordinary
 
     before = os.sched_getscheduler(0)
     be_ordinary()

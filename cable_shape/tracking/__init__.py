@@ -1,0 +1,1 @@
+"""Cables as a camera sees them: :class:`cable_shape.Tracker`."""

@@ -1,0 +1,138 @@
+"""The rod's own shape for numbers that are not known, and how it answers them: :class:`Rod`."""
+
+from __future__ import annotations
+
+from typing import Any, final
+
+import numpy as np
+
+from cable_shape.cable.cable import Cable
+from cable_shape.calibration.answers import Answers
+from cable_shape.checks import Array
+from cable_shape.pose import FreeEnd, Grip, Pose
+from cable_shape.prediction import solvers
+from cable_shape.shape import CableShape
+from cable_shape.solve.answers import pushed, sensitivity
+from cable_shape.solve.network import Network
+from cable_shape.solve.problem import Problem
+from cable_shape.tracking.unknown import Unknown
+
+#: m/s^2: that the places of the swing are nodes of the rod, whatever it is.
+_KINK = 1e-6
+#: Answers to the material are taken anew when it has changed by this many steps of its finite differences.
+_ANEW = 50.0
+
+
+@final
+class Rod:
+    """One cable between two ends, warm from shape to shape.
+
+    Parameters
+    ----------
+    cable : Cable
+    unknown : Unknown
+        Of it.
+    **options
+        Keywords of :class:`cable_shape.solve.problem.Problem`, without acceleration.
+    """
+
+    def __init__(self, cable: Cable, unknown: Unknown, **options: Any) -> None:
+        self.cable, self.unknown = cable, unknown
+        self._options = options
+        self._rod, self._before = solvers.Rod(), solvers.Rod()
+        self._answers: Answers | None = None
+        parameters = unknown.parameters
+        self._steps = np.array([] if parameters is None else [p.step for p in parameters.each])
+        self._at = np.empty(0) if parameters is None else parameters.start
+        self._frames: tuple[Array, Array] = (np.eye(3), np.eye(3))
+        self._ends: tuple[Grip, Grip | FreeEnd]
+        self._z = np.zeros(unknown.size)
+
+    @property
+    def points(self) -> int:
+        """Of its shapes."""
+        return Problem(self.cable, **self._options).points
+
+    def reset(self) -> None:
+        """Forgets the last shape."""
+        self._rod, self._before = solvers.Rod(), solvers.Rod()
+
+    def go_back(self) -> None:
+        """Forgets the last shape, and goes on from the one before."""
+        self._rod, self._before = self._before, solvers.Rod()
+
+    def solve(self, z: Array, start: Grip, end: Grip | FreeEnd) -> CableShape:
+        """The shape with deviations z (k,) of what is told of these ends, from the last one on."""
+        unknown = self.unknown
+        parameters, cable = unknown.parameters, self.cable
+        values = np.empty(0)
+        if parameters is not None:
+            values = parameters.start + z[unknown.material]
+            cable = parameters.make_cable(values)
+        swing = z[unknown.swing].reshape(-1, 3)
+        acceleration = None
+        if unknown.rows:
+            acceleration = swing.copy()
+            acceleration[1, 2] += _KINK
+        problem = Problem(cable, acceleration=acceleration, **self._options)
+        near, far = displaced(start, z[:6]), end if isinstance(end, FreeEnd) else displaced(end, z[6:12])
+        problem.move(near, far)
+        self._z, self._ends = z, (near, far)
+        self._values = values
+        self._before = self._rod.twin(problem, None)
+        return self._rod.solve(problem)
+
+    def moves(self) -> Array:
+        """(n, 3, k): how the last shape moves with the deviations, at the same share of the length."""
+        unknown, state, z = self.unknown, self._rod.rod_state(), self._z
+        assert state is not None
+        out = np.zeros((state.problem.points, 3, unknown.size))
+        ends = sensitivity(state)
+        near, far = self._ends
+        out[:, :, :6] = carried(ends[:, :, :6], near, z[:6])
+        if isinstance(far, Grip):
+            out[:, :, 6:12] = carried(ends[:, :, 6:], far, z[6:12])
+        if unknown.parameters is not None:
+            if self._answers is None or (np.abs(self._values - self._at) > _ANEW * self._steps).any():
+                self._answers, self._at = Answers(unknown.parameters, self._values), self._values
+            out[:, :, unknown.material] = self._answers.moves(state, *self._ends)
+        if unknown.rows:
+            assert isinstance(state, Network)
+            out[:, :, unknown.swing] = pushed(state, unknown.rows)
+        return out
+
+
+def displaced(grip: Grip, by: Array) -> Grip:
+    """A grip whose cable frame is moved by by[:3] [m] and turned by the rotation vector by[3:] [rad], in itself."""
+    return Grip(grip.pose, grip.kind, grip.offset * small(by), grip.curvature) if by.any() else grip
+
+
+def small(by: Array) -> Pose:
+    """The pose of a displacement (3,) [m] and a rotation vector (3,) [rad]."""
+    angle = float(np.linalg.norm(by[3:]))
+    half = 0.5 if angle < 1e-9 else np.sin(0.5 * angle) / angle
+    q = np.array((*(half * by[3:]), np.cos(0.5 * angle)))
+    array = np.concatenate((by[:3], q))
+    array.flags.writeable = False
+    return Pose.trusted(array)
+
+
+def carried(columns: Array, displaced_grip: Grip, by: Array) -> Array:
+    """(n, 3, 6): columns by velocity and angular velocity in the world as those by `displaced`."""
+    frame = displaced_grip.cable_frame.matrix()[:3, :3]
+    x, y, z = by[3:].tolist()
+    turn = np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
+    square = x * x + y * y + z * z
+    angle = np.sqrt(square)
+    a, b = (
+        (0.5, 1.0 / 6.0) if angle < 1e-4 else ((1.0 - np.cos(angle)) / square, (1.0 - np.sin(angle) / angle) / square)
+    )
+    out = np.empty_like(columns)
+    out[:, :, :3] = columns[:, :, :3] @ (frame @ turned_back(by[3:]))
+    out[:, :, 3:] = columns[:, :, 3:] @ (frame @ (np.eye(3) - a * turn + b * turn @ turn))
+    return out
+
+
+def turned_back(turn: Array) -> Array:
+    """(3, 3): of the inverse of a rotation vector."""
+    return small(np.concatenate((np.zeros(3), -turn))).matrix()[:3, :3]
