@@ -20,7 +20,7 @@ ROBOT = Path(__file__).resolve().parents[1] / "config" / "robots" / "dual_arm.ya
 CABLE = cs.Cable(length=1.0, linear_density=0.1, bending_stiffness=0.01, twisting_stiffness=0.008, diameter=0.008)
 POINTS = 101
 DT = 0.02  # s, of a cycle
-WIDE = 0.25  # rad, of the postures that targets come from, around home
+WIDE = 0.5  # rad, of the postures that targets come from, around home
 PATH = 12  # steps on the way there
 MOST_CHORD = 0.95  # of the length
 SLOW, REST = 0.2, 3.0  # s, of each, and until it hangs still

@@ -25,8 +25,8 @@ from cable_shape.safety.report import Clearance
 from cable_shape.scene.scene import Scene
 from cable_shape.shape import CableShape, Status
 
-#: of the quadratic cost, (0.01 m)^2 a rad^2: joints that move the cable less are hardly used
-_DAMPING = 1e-4
+#: of the quadratic cost, (3 mm)^2 a rad^2: joints that move the cable less are hardly used
+_DAMPING = 1e-5
 #: A step that turns out so much longer or shorter than to first order, in its own part and [m], is halved, ...
 _UNLIKE, _UNLIKE_AT_LEAST = 0.5, 1e-4
 _HALVINGS = 5  # ... at most so often, and then not made

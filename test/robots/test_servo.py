@@ -321,6 +321,36 @@ def test_a_delay_that_is_not_told_is_survived(robot: Robot) -> None:
     assert np.linalg.norm(cell.positions - goal, axis=1).mean() < 1e-3
 
 
+def test_seen_a_target_out_of_reach_stalls_at_the_nearest(robot: Robot) -> None:
+    """Noise does not keep it going: the real cable comes as near as that of a right model does unseen."""
+    cell = Cell(robot, Wrong(stiffness=1.0, length=1.0, grips=0.0), 0)
+    places = ((0.4, 0.8, 0.2), (0.4, -0.8, 0.2))
+    unseen, seen = (cs.Servo(held_by(robot), cs.PointsTarget((0.0, 1.0), places), delay=delay) for delay in (0.0, 0.05))
+    run(unseen)
+    for _ in range(500):
+        seen.step(cell.seen(), DT)
+        cell.move(seen.q)
+    assert unseen.stalled
+    assert seen.stalled
+    off = np.linalg.norm(cell.positions[[0, -1]] - places, axis=1).mean()
+    assert off == pytest.approx(unseen.errors[0], abs=3e-3)
+    assert any("taut" in words for words in seen.binds)
+
+
+def test_a_robot_that_lags_is_told_where_it_is(robot: Robot) -> None:
+    """Its velocities follow with 0.1 s; set to what is measured, the servo goes on from there."""
+    cell, held = Cell(robot, Wrong(), 3), held_by(robot)
+    servo = cs.Servo(held, cs.CentrelineTarget(cell.goal()), delay=cell.wrong.delay)
+    q, velocity = robot.home.copy(), np.zeros(len(robot.home))
+    for _ in range(600):
+        servo.q = q
+        velocity += (1.0 - np.exp(-DT / 0.1)) * (servo.step(cell.seen(), DT) - velocity)
+        q = q + DT * velocity
+        cell.move(q)
+    goal = servo.targets[0].positions
+    assert np.linalg.norm(cell.positions - goal, axis=1).mean() < 1e-3
+
+
 def test_what_is_not_usable_counts_for_nothing(robot: Robot) -> None:
     held = held_by(robot)
     servo = cs.Servo(held, cs.PointsTarget(0.5, (0.4, 0.0, 0.2)))
