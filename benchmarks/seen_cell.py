@@ -19,11 +19,12 @@ ROBOT = Path(__file__).resolve().parents[1] / "config" / "robots" / "dual_arm.ya
 #: What the servo takes the cable for.
 CABLE = cs.Cable(length=1.0, linear_density=0.1, bending_stiffness=0.01, twisting_stiffness=0.008, diameter=0.008)
 POINTS = 101
-DT = 0.02  # s, of a cycle
+DT = 0.025  # s, of a cycle; the delay is a multiple of it
 WIDE = 0.5  # rad, of the postures that targets come from, around home
 PATH = 12  # steps on the way there
 MOST_CHORD = 0.95  # of the length
 SLOW, REST = 0.2, 3.0  # s, of each, and until it hangs still
+CLOUD, STRAY = 200, 0.1  # points, and the share of them that are of something else
 MOVED = 0.05  # m, in the mean: targets are no nearer
 
 
@@ -73,7 +74,8 @@ class Cell:
     def begin(self, q: np.ndarray) -> None:
         """The arms stand there, the cable hangs as it does from nothing."""
         self._rod.reset()
-        self._past: deque[np.ndarray] = deque(maxlen=1 + round(self.wrong.delay / DT))
+        # (positions, joints) of the cycles in which what the camera saw is still on its way
+        self._past: deque[tuple[np.ndarray, np.ndarray]] = deque(maxlen=1 + round(self.wrong.delay / DT))
         shape = self._rod.predict(*self.ends(q))
         if self._swinging is not None:
             self._swinging.begin(shape, self.ends(q))
@@ -86,16 +88,28 @@ class Cell:
         if self._swinging is not None:
             self._swinging.move(self.ends(q), seconds)
             self.positions = self._swinging.at(self.shape.arc_length / self.shape.length)
-        self._past.append(self.positions)
+        self._past.append((self.positions, q))
         return self.shape
 
     def seen(self) -> cs.CableShape:
         """Noisy points of the centreline as it was a while ago, as a shape that has nothing but positions."""
-        wrong = self.wrong
-        share = np.linspace(0.0, 1.0, wrong.seen)
+        points = self._points(np.linspace(0.0, 1.0, self.wrong.seen))
+        return cs.CableShape.of_points(points, CABLE.length)
+
+    def cloud(self) -> tuple[np.ndarray, tuple[cs.Grip, cs.Grip]]:
+        """(n, 3) [m], such points in any order, a tenth of them of something else, and where the grips were then."""
+        random = self.random
+        points = self._points(random.uniform(0.0, 1.0, CLOUD))
+        stray = random.random(CLOUD) < STRAY
+        low, high = points.min(axis=0), points.max(axis=0)
+        points[stray] = random.uniform(low - 0.1, high + 0.1, (int(stray.sum()), 3))
+        return points, self.robot.grips(self._past[0][1])
+
+    def _points(self, shares: np.ndarray) -> np.ndarray:
+        """At these shares of the length, as the camera gives them now."""
         rows = np.linspace(0.0, 1.0, POINTS)
-        points = np.stack([np.interp(share, rows, column) for column in self._past[0].T], axis=1)
-        return cs.CableShape.of_points(points + self.random.normal(0.0, wrong.noise, points.shape), CABLE.length)
+        points = np.stack([np.interp(shares, rows, column) for column in self._past[0][0].T], axis=1)
+        return np.asarray(points + self.random.normal(0.0, self.wrong.noise, points.shape))
 
     def goal(self) -> np.ndarray:
         """(POINTS, 3) [m], the cable's own shape at a random other posture, to which it comes without a snap."""

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 import cable_shape as cs
 
 LINKS = 40
-STEP = 2e-3  # s
+STEP = 2.5e-3  # s
 DAMPING = 3.0  # 1/s
 ARMATURE = 1e-5  # kg m^2
 

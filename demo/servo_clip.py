@@ -26,7 +26,7 @@ KNOWN = cs.Cable.from_yaml(ROOT / "config" / "cables" / "demo.yaml")
 REAL = KNOWN.replace(length=1.01, bending_stiffness=0.03, twisting_stiffness=0.024)
 SLIPS = (cs.Pose((0.002, 0.002, -0.001)), cs.Pose((-0.001, 0.002, 0.002)))  # 3 mm
 NOISE, DELAY = 0.003, 0.05  # m, s
-DT, LONGEST, AFTER = 0.02, 15.0, 0.5  # s: of a cycle, of all of it, and of standing still in the end
+DT, LONGEST, AFTER = 0.025, 15.0, 0.5  # s: of a cycle, of all of it, and of standing still in the end
 POINTS = 101
 ALONG = (0.70710678, 0.0, 0.0, 0.70710678)  # the tangent along -y
 CLIP = cs.Clip(0.5, cs.Pose((0.45, 0.02, 0.032), ALONG), "hinge", name="clip")
