@@ -10,12 +10,13 @@ and what is seen of it is 3 mm noisy and 50 ms late. It is judged by where it re
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
 from figures import Figures, bench_options, bench_parser, finish, heading
-from seen_cell import CABLE, DT, POINTS, ROBOT, Cell, Wrong
+from seen_cell import CABLE, DT, POINTS, ROBOT, STRAY, Cell, Wrong
 from tqdm import tqdm
 
 import cable_shape as cs
@@ -23,6 +24,7 @@ from cable_shape.robots.robot import Robot
 from cable_shape.robots.steering import HeldCable
 
 TIME = 10.0  # s, given to each target
+LOOK = 2  # the tracker is given points in every so manieth cycle, 20 Hz
 NEAR = 5e-3  # m, in the mean over the centreline, ...
 NEARER = 5.0  # times, closed loop than open loop
 SHARE = 95.0  # % ... in so many of the tries
@@ -38,16 +40,35 @@ class Try(NamedTuple):
     reached: float  # s, until it said so; NaN: never
 
 
-def approach(cell: Cell, held: HeldCable, goal: np.ndarray, closed: bool) -> Try:
+def look_of(cell: Cell, how: str) -> Callable[[int], cs.CableShape | None]:
+    """What the servo is given in cycle k."""
+    if how == "open loop":
+        return lambda k: None
+    if how == "closed loop":
+        return lambda k: cell.seen()
+    tracker = cs.Tracker(CABLE, noise=cell.wrong.noise, outliers=STRAY)
+
+    def tracked(k: int) -> cs.CableShape | None:
+        if k % LOOK:
+            return None
+        points, (start, end) = cell.cloud()
+        shape = tracker.update(points, stamp=round(1e9 * k * DT), start=start, end=end)
+        return None if tracker.lost else shape
+
+    return tracked
+
+
+def approach(cell: Cell, held: HeldCable, goal: np.ndarray, how: str) -> Try:
     """From home, for TIME."""
     robot = cell.robot
     cell.begin(robot.home)
     held.predictor.reset()
     servo = cs.Servo(held, cs.CentrelineTarget(goal), delay=cell.wrong.delay)
     servo.reset()
+    look = look_of(cell, how)
     spent, within, reached = 0.0, True, np.nan
     for k in range(round(TIME / DT)):
-        shape = cell.seen() if closed else None
+        shape = look(k)
         began = perf_counter()
         velocity = servo.step(shape, DT)
         spent += perf_counter() - began
@@ -61,45 +82,50 @@ def approach(cell: Cell, held: HeldCable, goal: np.ndarray, closed: bool) -> Try
     return Try(off, servo.errors[0], within, spent / (k + 1), reached)
 
 
-def print_servoing(figures: Figures, tries: int, swinging: int) -> None:
-    """How many targets are reached, seen and unseen, by the rod with other numbers, and by MuJoCo's cable."""
+def print_servoing(figures: Figures, tries: int, swinging: int, tracked: int) -> None:
+    """How many targets are reached: `tries` by the rod with other numbers, `swinging` by MuJoCo's cable, and `tracked`
+    by the rod seen by the tracker, as a cloud of points in any order."""
     robot = Robot.from_yaml(ROBOT)
     held = HeldCable(cs.Predictor(CABLE, model="cosserat", points=POINTS), robot)
-    for mujoco, count, what in ((False, tries, "at rest"), (True, swinging, "MuJoCo's, which swings")):
+    for name, count, what, ways in (
+        ("servoing", tries, "at rest", ("closed loop", "open loop")),
+        ("servoing, MuJoCo's cable", swinging, "MuJoCo's, which swings", ("closed loop", "open loop")),
+        ("servoing, tracked", tracked, "at rest, seen by the tracker", ("tracked", "open loop")),
+    ):
         heading(f"Servoing: {count} centrelines within reach, from home, by a cable not as the model says, {what}")
-        found: dict[bool, list[Try]] = {True: [], False: []}
-        for seed in tqdm(range(count), desc="servoing", unit="target", leave=False, disable=None):
-            cell = Cell(robot, Wrong(), seed, mujoco=mujoco)
+        found: dict[str, list[Try]] = {how: [] for how in ways}
+        for seed in tqdm(range(count), desc=name, unit="target", leave=False, disable=None):
+            cell = Cell(robot, Wrong(), seed, mujoco="MuJoCo" in name)
             goal = cell.goal()
-            for closed, rows in found.items():
-                rows.append(approach(cell, held, goal, closed))
-        tell(figures, found, "servoing, MuJoCo's cable" if mujoco else "servoing")
+            for how, rows in found.items():
+                rows.append(approach(cell, held, goal, how))
+        tell(figures, found, name)
 
 
-def tell(figures: Figures, found: dict[bool, list[Try]], name: str) -> None:
+def tell(figures: Figures, found: dict[str, list[Try]], name: str) -> None:
     """Prints what came out, and holds it to what is asked."""
     print("distance from the target in the end [mm]: mean over the targets, median, 95 % of them, largest; within 5 mm")
-    for closed, rows in found.items():
+    for how, rows in found.items():
         off = 1e3 * np.array([one.off for one in rows])
         told = f"{off.mean():7.2f} {np.median(off):7.2f} {np.quantile(off, 0.95):7.2f} {off.max():7.2f}"
-        print(f"{'closed loop' if closed else 'open loop':12} {told}  {100.0 * (off <= 1e3 * NEAR).mean():5.1f} %")
-    seen, unseen = found[True], found[False]
+        print(f"{how:12} {told}  {100.0 * (off <= 1e3 * NEAR).mean():5.1f} %")
+    seen, unseen = found.values()
     nearer = float(np.mean([one.off for one in unseen]) / np.mean([one.off for one in seen]))
     near = 100.0 * float(np.mean([one.off <= NEAR for one in seen]))
     reached = np.array([one.reached for one in seen])
     if np.isfinite(reached).any():
-        print(f"closed loop: it says that it is there after {np.nanmedian(reached):.1f} s in the median")
+        print(f"seen, it says that it is there after {np.nanmedian(reached):.1f} s in the median")
     print(f"a step of the servo: {1e3 * np.median([one.seconds for one in seen]):.2f} ms in the median")
-    figures.at_least(f"{name}, closed loop: within 5 mm", near, SHARE, "{:.1f}", " %")
+    figures.at_least(f"{name}: within 5 mm", near, SHARE, "{:.1f}", " %")
     figures.at_least(f"{name}: nearer than open loop, times", nearer, NEARER, "{:.0f}")
     figures.check(f"{name}: joints within their limits", all(one.within for one in (*seen, *unseen)))
 
 
 def main() -> int:
     """This part of the bench by itself."""
-    options = bench_options(bench_parser(__doc__, "10 targets, and 2 of MuJoCo's cable"))
+    options = bench_options(bench_parser(__doc__, "10 targets, 2 of MuJoCo's cable, 1 tracked"))
     figures = Figures()
-    print_servoing(figures, *((10, 2) if options.quick else (100, 20)))
+    print_servoing(figures, *((10, 2, 1) if options.quick else (100, 20, 20)))
     return finish(figures, options)
 
 
