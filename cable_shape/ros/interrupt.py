@@ -1,4 +1,4 @@
-"""Ends the process although the main thread is where Python cannot interrupt it: :func:`ends_when_told`."""
+"""How a process of rclpy ends: :func:`ends_when_told`, :func:`shut_down`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import sys
 import threading
 from collections.abc import Iterator
 
-from rclpy.utilities import ok
+from rclpy.utilities import ok, try_shutdown
 
 #: [s], between looks, and given to the main thread to end by itself.
 LOOK, GRACE = 0.1, 0.5
@@ -35,3 +35,12 @@ def ends_when_told() -> Iterator[None]:
         yield
     finally:
         done.set()
+
+
+def shut_down() -> None:
+    """Shuts rclpy down, unless a signal has: its own thread may do so between rclpy's look and its call."""
+    try:
+        try_shutdown()
+    except RuntimeError:  # rclpy's own
+        if ok():
+            raise

@@ -25,7 +25,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.lifecycle import LifecycleNode, LifecycleState
 from rclpy.lifecycle import TransitionCallbackReturn as Return
 from rclpy.parameter import Parameter
-from rclpy.utilities import ok, try_shutdown
+from rclpy.utilities import ok
 
 from cable_shape.cycle.parts import in_parts, parts_of
 from cable_shape.errors import ArgumentError, CableShapeError, shown
@@ -35,6 +35,7 @@ from cable_shape.ros.complaint_log import ComplaintLog
 from cable_shape.ros.diagnostics import Health
 from cable_shape.ros.edits import Edits
 from cable_shape.ros.executor import InputFirstExecutor
+from cable_shape.ros.interrupt import shut_down
 from cable_shape.ros.log_folder import find_log_folder
 from cable_shape.ros.outputs import Outputs
 from cable_shape.ros.parameters import BY_NAME, SPECS, Settings, unknown_overrides, widened
@@ -389,7 +390,7 @@ def main(args: list[str] | None = None) -> int:
     try:
         node = CableShapeNode()
     except KeyboardInterrupt:
-        try_shutdown()
+        shut_down()
         return 0
     except (NotInitializedException, RuntimeError):  # rclpy's own, when the signal comes while the node is made
         if ok():
@@ -420,7 +421,7 @@ def take_down(node: CableShapeNode) -> None:
         return
     node.close(leave=True)
     node.destroy_node()
-    try_shutdown()
+    shut_down()
 
 
 def run() -> NoReturn:

@@ -19,10 +19,11 @@ import rclpy
 from rclpy.exceptions import NotInitializedException
 from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
 from rclpy.node import Node
-from rclpy.utilities import ok, try_shutdown
+from rclpy.utilities import ok
 
 from cable_shape.errors import InputError
 from cable_shape.ros.goals import MOST_GOALS
+from cable_shape.ros.interrupt import shut_down
 from cable_shape.ros.workers import CalibratorSetup, PlannerSetup, clients
 from cable_shape.viewer.children import be_ordinary
 from cable_shape.warm_up import warm_up
@@ -108,7 +109,7 @@ def serve(setup: PlannerSetup | CalibratorSetup, make: Callable[[Node, Gate], st
     finally:
         executor.shutdown(timeout_sec=_END)  # its threads hold the node
         node.destroy_node()
-        try_shutdown()
+        shut_down()
     return 0
 
 
@@ -148,6 +149,6 @@ def _end_with_parent(serving: threading.Event) -> None:
         os._exit(0)
     latest = time.monotonic() + _LATEST
     while time.monotonic() < latest:  # it may just be starting
-        try_shutdown()
+        shut_down()
         time.sleep(_AGAIN)
     os._exit(1)  # shutting down hangs, and nobody is left to end this process

@@ -1,0 +1,37 @@
+"""How a process of rclpy ends, whoever else ends it."""
+
+import pytest
+import rclpy
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import get_default_context, ok
+
+from cable_shape.ros import interrupt
+
+
+@pytest.fixture
+def running():
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    yield
+    rclpy.try_shutdown()
+
+
+@pytest.mark.usefixtures("running")
+def test_a_signal_may_shut_rclpy_down_between_its_look_and_its_call(monkeypatch):
+    def overtaken():
+        handle = get_default_context().handle
+        rclpy.shutdown()  # by the thread of signals
+        handle.shutdown()
+
+    monkeypatch.setattr(interrupt, "try_shutdown", overtaken)
+    interrupt.shut_down()
+    assert not ok()
+
+
+@pytest.mark.usefixtures("running")
+def test_that_it_cannot_be_shut_down_is_told(monkeypatch):
+    def fails():
+        raise RuntimeError("cannot")
+
+    monkeypatch.setattr(interrupt, "try_shutdown", fails)
+    with pytest.raises(RuntimeError, match="cannot"):
+        interrupt.shut_down()
