@@ -31,12 +31,12 @@ def cable_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def _starter(folder: Path, cable_file: Path, cells: list[Cell]) -> Start:
-    def start(*arguments: str, active: bool = True, **parameters: Any) -> Cell:
+    def start(*arguments: str, active: bool = True, fresh: bool = False, **parameters: Any) -> Cell:
         # else a test of the planner takes as long as others keep the cores busy
         given = {"cable_file": cable_file, "workers_make_way": "false", **parameters}
         told = [f"{name.replace('__', '.')}:={value}" for name, value in given.items() if value is not None]
         flags = [flag for one in told for flag in ("-p", one)]
-        process = NodeProcess(f"n{os.getpid()}_{next(_count)}", folder, [*flags, *arguments])
+        process = NodeProcess(f"n{os.getpid()}_{next(_count)}", folder, [*flags, *arguments], fresh=fresh)
         cell = Cell(process)
         cells.append(cell)
         if active:

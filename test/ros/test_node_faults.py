@@ -188,7 +188,7 @@ def test_a_signal_leaves_a_recording_that_can_be_read(start, tmp_path, number):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_during_configure_ends_it(start, number, tmp_path, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cold"))  # configure compiles for minutes
-    node = start(active=False)
+    node = start(active=False, fresh=True)
     end = time.monotonic() + TIMEOUT
     while "configuring" not in node.process.text():
         assert time.monotonic() < end
@@ -328,7 +328,7 @@ def test_a_rotten_kernel_cache_and_a_closed_home(tmp_path, cable_file):
             file.write_bytes(b"rubbish")
     arguments = ["-p", f"cable_file:={cable_file}"]
     closed = {"HOME": "/proc", "XDG_CACHE_HOME": str(tmp_path / "cache")}
-    node = Cell(NodeProcess(f"closed{os.getpid()}", tmp_path, arguments, **closed))
+    node = Cell(NodeProcess(f"closed{os.getpid()}", tmp_path, arguments, fresh=True, **closed))
     try:
         node.active()
         node.predicted()

@@ -57,7 +57,7 @@ def test_a_transition_that_is_not_possible_is_answered_and_the_node_lives(cell):
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_it_with_exit_code_0(start, number):
-    node = start()
+    node = start(fresh=True)
     node.predicted()
     assert node.process.stop(number) == 0
     assert "Traceback" not in node.process.text()
