@@ -1,7 +1,7 @@
 """Nodes forked from a process that has loaded all they need: nodes as from nothing, but for the three seconds of that.
 
-The process is this module run as a program: it reads from standard input what to start, a JSON object a line, and writes
-"PID" for each, and "PID CODE" for each that has ended.
+The process is this module run as a program: it reads from standard input what to start, a JSON object a line, and
+writes "PID" for each, and "PID CODE" for each that has ended.
 """
 
 from __future__ import annotations
