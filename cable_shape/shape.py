@@ -95,11 +95,14 @@ class Contact:
 class CableShape:
     """The predicted shape of one cable at n points, uniform in arc length.
 
-    Arrays are views of one buffer, made when asked for. See the properties for shapes, units and frames.
+    Arrays are views of one buffer, made when asked for; those that are worked out of others are so once, and cannot be
+    written. See the properties for shapes, units and frames.
     """
 
     __slots__ = (
+        "_bend_radius",
         "_error",
+        "_tension",
         "before",
         "bodies",
         "buffer",
@@ -186,6 +189,8 @@ class CableShape:
         self.work = work  # J, in the last step, of what holds and pulls the cable
         self.dissipated = dissipated  # J, in the last step, by drag and retardation
         self.lost = lost  # J, in the last step, to the scheme: work less dissipated less change of energies
+        self._tension: Array | None = None
+        self._bend_radius: Array | None = None
 
     @classmethod
     def of_points(cls, positions: ArrayLike, length: float) -> CableShape:
@@ -301,17 +306,23 @@ class CableShape:
     @property
     def tension(self) -> Array:
         """(n,) [N]: the force along the tangent, negative in compression."""
-        return np.asarray(np.einsum("ij,ij->i", self.force, self.tangents))
+        if self._tension is None:
+            self._tension = np.asarray(np.einsum("ij,ij->i", self.force, self.tangents))
+            self._tension.setflags(write=False)
+        return self._tension
 
     @property
     def bend_radius(self) -> Array:
         """(n,) [m]: 1 over the bending curvature, infinite where straight."""
-        with np.errstate(divide="ignore"):
-            return 1.0 / np.hypot(self.curvature[:, 0], self.curvature[:, 1])
+        if self._bend_radius is None:
+            with np.errstate(divide="ignore"):
+                self._bend_radius = np.asarray(1.0 / np.hypot(self.curvature[:, 0], self.curvature[:, 1]))
+            self._bend_radius.setflags(write=False)
+        return self._bend_radius
 
     def again(self) -> CableShape:
         """The same shape, marked as reused: arrays are shared, the time is 0."""
-        keywords: dict[str, Any] = {name: getattr(self, name) for name in self.__slots__ if name != "_error"}
+        keywords: dict[str, Any] = {name: getattr(self, name) for name in self.__slots__ if name[0] != "_"}
         keywords.update(error_estimate=self._error, reused=True, solve_time=0.0, iterations=0)
         return CableShape(**keywords)
 

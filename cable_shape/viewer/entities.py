@@ -142,9 +142,7 @@ class ReportLogger:
                 self._log_tube(f"{base}/tails/{side}/tube", name, report.tail_tubes.get((name, side)))
             self._log_strip(f"{base}/after_snap", name, report.after_snap.get(name), colours.GHOST)
             self._log_tube(f"{base}/tube", name, report.tubes.get(name))
-            force = self._forces[name].of(shape)
-            if force is not None:
-                self._write(self._forces[name].entity, *force)
+            self._forces[name].write(shape, self._columns)
             self._log_closest(f"{base}/closest", report.clearance.get(name), shape)
             self._plots.shape(name, shape, report.clearance.get(name))
             self._plots.margins(name, report.margins.get(name, ()))
@@ -346,13 +344,15 @@ class ReportLogger:
                 self._write(entity, rr.Clear(recursive=True))
             return
         self._logged[entity] = closest
-        pair = [closest.point_on_cable, closest.point_on_body]
-        colour = colours.of_distance(closest.distance, self.scene)
+        pair = np.array([closest.point_on_cable, closest.point_on_body])
+        colour = np.array([colours.of_distance(closest.distance, self.scene)], dtype=np.uint8)
         label = f"{closest.body}  {text.millimetres(closest.distance)}"
-        radius = float(np.clip(0.002 * shape.length, 0.001, 0.004))
-        line = rr.LineStrips3D([pair], colors=colour, radii=radius, labels=[label], show_labels=True)
-        self._write(f"{entity}/line", line)
-        self._write(f"{entity}/points", rr.Points3D(pair, colors=colour, radii=2.5 * radius))
+        radius = np.clip([0.002 * shape.length], 0.001, 0.004)
+        self._columns.put(
+            f"{entity}/line", rr.LineStrips3D, strips=pair[None], colors=colour, radii=radius, labels=[label],
+            show_labels=[True],
+        )  # fmt: skip
+        self._columns.put(f"{entity}/points", rr.Points3D, positions=pair, colors=colour, radii=2.5 * radius)
 
     def _log_words(self, report: CycleReport) -> None:
         for severity, said in self._warnings.changes(report.warnings):

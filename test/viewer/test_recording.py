@@ -7,6 +7,7 @@ import math
 import subprocess
 import sys
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -255,14 +256,15 @@ def test_forces_of_clips_are_drawn_where_they_act_and_go_with_the_shape() -> Non
     before, after = shape.force[shape.arc_length < 0.5][-1], shape.force[shape.arc_length > 0.5][0]
     weight_between = 0.981 * 2.0 * shape.arc_length[1]  # from the point before it to the one after it
     np.testing.assert_allclose(forces[0], before - after - (0, 0, -weight_between), atol=1e-6)
+    columns = Mock()
     drawn = Forces("/forces", cable)
-    shown = drawn.of(shape)
-    assert shown is not None
-    assert "Arrows3D" in type(shown[0]).__name__
-    gone = drawn.of(predict(cable, *grips))
-    assert gone is not None
-    assert type(gone[0]).__name__ == "Clear"
-    assert drawn.of(predict(cable, *grips)) is None
+    drawn.write(shape, columns)
+    assert columns.put.call_args.args[1].__name__ == "Arrows3D"
+    assert columns.put.call_args.kwargs["labels"] == [f"{np.linalg.norm(forces[0]):.2g} N"]
+    for _ in range(2):
+        drawn.write(predict(cable, *grips), columns)
+    ((_, gone),) = (call.args for call in columns.write.call_args_list)
+    assert type(gone).__name__ == "Clear"
     sent = CycleReport(0, {"cable": grips}, None, {"cable": shape}, {}, ())
     np.testing.assert_array_equal(decode(encode(sent)).shapes["cable"].supports, shape.supports)
     table = Scene(obstacles=[Obstacle("table", HalfSpace(), Pose((0, 0, 0.8)))], contact="solve")
