@@ -1,5 +1,8 @@
 """How a process of rclpy ends, whoever else ends it."""
 
+import subprocess
+import sys
+
 import pytest
 import rclpy
 from rclpy.signals import SignalHandlerOptions
@@ -35,3 +38,18 @@ def test_that_it_cannot_be_shut_down_is_told(monkeypatch):
     monkeypatch.setattr(interrupt, "try_shutdown", fails)
     with pytest.raises(RuntimeError, match="cannot"):
         interrupt.shut_down()
+
+
+WITHOUT = """
+import time
+from cable_shape.ros import interrupt
+interrupt.GRACE = 0.0
+with interrupt.ends_when_told():
+    time.sleep(5.0 * interrupt.LOOK)
+print("to its end")
+"""
+
+
+def test_what_is_compiled_where_rclpy_is_not_up_is_not_ended():
+    done = subprocess.run([sys.executable, "-c", WITHOUT], capture_output=True, text=True, timeout=300)
+    assert done.stdout == "to its end\n", done.stderr

@@ -248,8 +248,11 @@ def test_a_locked_node_takes_edits_only_where_it_is_told_so(start, files, allowe
     if not allowed:
         assert "with allow_edits: true" in answer.reason
         text = "an edit was asked for by a peer and is refused"
-        status = node.diagnosis("lifecycle", text, DiagnosticStatus.WARN, lambda: ask(node, cs.Add(POST)))
-        assert int(values_of(status)["turned away"]) >= 2
+        node.diagnosis("lifecycle", text, DiagnosticStatus.WARN, lambda: ask(node, cs.Add(POST)))
+        ask(node, cs.Add(POST))
+        node.until(
+            lambda: int(values_of(node.diagnosis("lifecycle", ""))["turned away"]) >= 2, "both that were refused"
+        )
     assert not node.set(allow_edits=True).successful
     assert node.process.stop() == 0
 

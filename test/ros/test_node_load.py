@@ -51,7 +51,6 @@ def test_of_input_faster_than_the_node_the_newest_is_used_and_the_rest_counted(s
 
 
 def test_a_defect_inside_a_cycle_is_told_and_the_node_goes_on(cable_file, monkeypatch):
-    context = rclpy.get_default_context()
     rclpy.init(args=["--ros-args", "-p", f"cable_file:={cable_file}", "-r", "__ns:=/defect"])
     node = CableShapeNode()
     try:
@@ -73,7 +72,7 @@ def test_a_defect_inside_a_cycle_is_told_and_the_node_goes_on(cable_file, monkey
     finally:
         node.close()
         node.destroy_node()
-        rclpy.shutdown(context=context)
+        rclpy.shutdown()
 
 
 def listed(node):
