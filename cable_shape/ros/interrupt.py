@@ -18,8 +18,8 @@ LOOK, GRACE = 0.1, 0.5
 def ends_when_told() -> Iterator[None]:
     """While the body runs, a shutdown of rclpy (SIGINT, SIGTERM) ends the process within a second, with exit code 0.
 
-    For bodies that hold nothing that must be closed, and stay in compiled code for long: the compiler. Where rclpy is not
-    up, as in a program that uses parts of the node by themselves, nothing ends it.
+    For bodies that hold nothing that must be closed, and stay in compiled code for long: the compiler. Where rclpy is
+    not up, as in a program that uses parts of the node by themselves, nothing ends it.
     """
     if not ok():
         yield

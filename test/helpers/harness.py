@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from nursery import Forked, nursery
+from nursery import NODES, Forked, nursery
 
 with warnings.catch_warnings():
     # its parser imports a deprecated module of the standard library
@@ -62,7 +62,7 @@ class NodeProcess:
                 command = [sys.executable, "-m", "cable_shape.ros.node", *given]
                 self.process = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, cwd=folder, env=env)
             else:
-                self.process = nursery().start(given, self.log, folder, env)
+                self.process = nursery(NODES).start(given, self.log, self.log, folder, env)
 
     def stop(self, number: int = signal.SIGINT) -> int:
         """Its exit code after a signal."""

@@ -1,4 +1,4 @@
-"""Nodes forked from a process that has loaded all they need: nodes as from nothing, but for the three seconds of that.
+"""Nodes and programs forked from a process that has loaded all they need: as from nothing, without three seconds of it.
 
 The process is this module run as a program: it reads from standard input what to start, a JSON object a line, and
 writes "PID" for each, and "PID CODE" for each that has ended.
@@ -16,11 +16,14 @@ import selectors
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
-import traceback
+import types
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
+
+NODES, PROGRAMS = "nodes", "programs"
 
 
 class Forked:
@@ -59,12 +62,12 @@ class Forked:
 
 
 class Nursery:
-    """Starts nodes, each as `python -m cable_shape.ros.node` would."""
+    """Starts processes as `python` would: with `-m cable_shape.ros.node`, or with `-W error` and a program."""
 
-    def __init__(self) -> None:
-        self._process = subprocess.Popen(
-            [sys.executable, __file__], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-        )
+    def __init__(self, kind: str) -> None:
+        strict = ["-W", "error"] if kind == PROGRAMS else []
+        command = [sys.executable, *strict, __file__, kind]
+        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         self._begun: list[Forked] = []
         self._one_more = threading.Condition()
         threading.Thread(target=self._listen, daemon=True).start()
@@ -82,14 +85,19 @@ class Nursery:
                 self._begun.append(nodes[pid])
                 self._one_more.notify()
 
-    def start(self, arguments: Sequence[str], log: Path, folder: Path, environment: Mapping[str, str]) -> Forked:
-        """A node in `folder` that writes to `log`."""
-        what: dict[str, Any] = {"arguments": list(arguments), "log": str(log), "folder": str(folder)}
+    def start(
+        self, arguments: Sequence[str], out: Path, error: Path, folder: Path, environment: Mapping[str, str]
+    ) -> Forked:
+        """A process in `folder` that writes to `out` and `error`, which may be one.
+
+        arguments: as of a command line; of a program "-c", CODE or a path, ...
+        """
+        what: dict[str, Any] = {"arguments": list(arguments), "environment": dict(environment)}
         assert self._process.stdin is not None
-        self._process.stdin.write(json.dumps({**what, "environment": dict(environment)}) + "\n")
+        self._process.stdin.write(json.dumps({**what, "files": [str(out), str(error)], "folder": str(folder)}) + "\n")
         self._process.stdin.flush()
         with self._one_more:
-            assert self._one_more.wait_for(lambda: self._begun, 120.0), "the nursery has started no node"
+            assert self._one_more.wait_for(lambda: self._begun, 120.0), "the nursery has started nothing"
             return self._begun.pop()
 
     def close(self) -> None:
@@ -100,55 +108,77 @@ class Nursery:
 
 
 @functools.cache
-def nursery() -> Nursery:
+def nursery(kind: str) -> Nursery:
     """The one of this process, which ends with it."""
-    made = Nursery()
+    made = Nursery(kind)
     atexit.register(made.close)
     return made
 
 
-def _load() -> None:
-    """All that nodes need, without a thread, a participant or a socket."""
-    import tqdm
-    from rclpy.utilities import get_rmw_implementation_identifier
+def run_program(*arguments: str, folder: Path, timeout: float = 600.0) -> subprocess.CompletedProcess[str]:
+    """A program that has ended, see :meth:`Nursery.start`."""
+    with tempfile.TemporaryDirectory() as told:
+        out, error = Path(told, "out"), Path(told, "error")
+        program = nursery(PROGRAMS).start(arguments, out, error, folder, os.environ)
+        try:
+            code = program.wait(timeout)
+        finally:
+            program.kill()
+        return subprocess.CompletedProcess(arguments, code, out.read_text(), error.read_text())
 
-    from cable_shape import warm_up
-    from cable_shape.ros import node  # noqa: F401
+
+def _load(kind: str) -> None:
+    """All that is needed, without a thread, a participant or a socket."""
+    import tqdm
+
+    import cable_shape
 
     tqdm.tqdm.monitor_interval = 0  # its thread
-    get_rmw_implementation_identifier()  # loads it
-    warm_up()
+    if kind == NODES:
+        from rclpy.utilities import get_rmw_implementation_identifier
+
+        from cable_shape.ros import node  # noqa: F401
+
+        get_rmw_implementation_identifier()  # loads it
+    cable_shape.warm_up()
     gc.collect()
-    gc.freeze()  # nodes collect what is theirs
+    gc.freeze()  # those that are forked collect what is theirs
 
 
-def _be(what: Mapping[str, Any]) -> NoReturn:
-    """This process is the node from now on."""
-    from cable_shape.ros import node
+def _be(kind: str, what: Mapping[str, Any]) -> None:
+    """This process is another from now on."""
+    signal.set_wakeup_fd(-1)
+    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    for number, (name, how) in enumerate(((os.devnull, "rb"), *((name, "ab") for name in what["files"]))):
+        with open(name, how) as file:
+            os.dup2(file.fileno(), number)
+    os.chdir(what["folder"])
+    os.environ.clear()
+    os.environ.update(what["environment"])
+    if kind == NODES:
+        from cable_shape.ros import node
 
-    try:
-        signal.set_wakeup_fd(-1)
-        signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-        with open(what["log"], "wb", buffering=0) as log, open(os.devnull, "rb") as nothing:
-            for file, number in ((nothing, 0), (log, 1), (log, 2)):
-                os.dup2(file.fileno(), number)
-        os.chdir(what["folder"])
-        os.environ.clear()
-        os.environ.update(what["environment"])
         sys.argv[1:] = what["arguments"]
         node.run()
-    except BaseException:  # noqa: BLE001, as Python itself ends
-        traceback.print_exc()
-    sys.stdout.flush()
-    sys.stderr.flush()
-    os._exit(1)
+    sys.argv[:] = what["arguments"]
+    main_module = sys.modules["__main__"] = types.ModuleType("__main__")
+    if sys.argv[0] == "-c":
+        sys.path[0] = ""
+        code = sys.argv.pop(1)
+    else:
+        sys.path[0] = str(Path(sys.argv[0]).parent)
+        main_module.__file__ = sys.argv[0]
+        code = Path(sys.argv[0]).read_text(encoding="utf-8")
+    exec(compile(code, sys.argv[0], "exec"), main_module.__dict__)  # noqa: S102, as python does
+    sys.exit()
 
 
 def main() -> None:
     """Until standard input ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # of the terminal: it is for nodes and tests
-    _load()
+    kind = sys.argv[1]
+    _load(kind)
     ended, tells = os.pipe()
     for end in (ended, tells):
         os.set_blocking(end, False)
@@ -169,7 +199,7 @@ def main() -> None:
                 for line in lines:
                     pid = os.fork()
                     if not pid:
-                        _be(json.loads(line))
+                        _be(kind, json.loads(line))
                     os.write(1, f"{pid}\n".encode())
             with contextlib.suppress(ChildProcessError):
                 while (gone := os.waitpid(-1, os.WNOHANG))[0]:

@@ -1,15 +1,16 @@
 """What README and docs promise: Python that runs, files that exist, commands that are the repository's own."""
 
+import ast
 import re
 import shlex
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from nursery import run_program
 from recordings import motion, write_bag
 from replays import bag_of, mounted
 
+import cable_shape as cs
 from cable_shape.command.cli import build_parser, main
 from cable_shape.prediction.solvers import MODELS
 from cable_shape.safety.report import WarningKind
@@ -41,16 +42,17 @@ SCREENS, LINES, WIDTH = 3, 45, 120
 @pytest.mark.parametrize("number", range(len(PYTHON)))
 def test_python_blocks_run_as_they_stand(number: int, tmp_path: Path) -> None:
     (tmp_path / "config").symlink_to(ROOT / "config")
-    result = subprocess.run(
-        [sys.executable, "-W", "error", "-c", PYTHON[number]],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
+    result = run_program("-c", PYTHON[number], folder=tmp_path)
     assert result.returncode == 0, result.stderr
     assert result.stdout, "an example shows something"
+
+
+@pytest.mark.parametrize("program", [*PYTHON, *(file.read_text() for file in sorted(ROOT.glob("examples/*.py")))])
+def test_programs_take_what_the_package_exports(program: str) -> None:
+    """And modules only by importing them, as the processes that run them here have imported all."""
+    for node in ast.walk(ast.parse(program)):
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "cs":
+            assert node.attr in cs.__all__
 
 
 def test_there_are_python_blocks() -> None:
