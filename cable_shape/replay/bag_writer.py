@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, final
 
@@ -25,6 +26,7 @@ from rosbags.typesys.store import Typestore
 from cable_shape.errors import BagError, DependencyError
 from cable_shape.messages.edits import scene_fields
 from cable_shape.messages.fields import (
+    ARRAYS,
     POINT_BYTES,
     POINT_FIELDS,
     margin_fields,
@@ -34,7 +36,8 @@ from cable_shape.messages.fields import (
 )
 from cable_shape.messages.pairing import SECOND
 from cable_shape.prediction.layout import Layout
-from cable_shape.safety.report import CableWarning, CycleReport
+from cable_shape.replay.cdr import packed
+from cable_shape.safety.report import CycleReport
 
 PACKAGE = "cable_shape_msgs"
 MESSAGES = (
@@ -42,13 +45,24 @@ MESSAGES = (
     "CableWarnings",
 )  # fmt: skip
 SHAPE_TYPE = f"{PACKAGE}/msg/CableShape"
-WARNING_TYPE = f"{PACKAGE}/msg/CableWarning"
 WARNINGS_TYPE = f"{PACKAGE}/msg/CableWarnings"
-MARGIN_TYPE = f"{PACKAGE}/msg/CableMargin"
 MARGINS_TYPE = f"{PACKAGE}/msg/CableMargins"
 EDITS_TYPE = f"{PACKAGE}/msg/CableEdits"
 SCENE_TYPE = f"{PACKAGE}/msg/CableScene"
 POINTS_TYPE = "sensor_msgs/msg/PointCloud2"
+
+# The messages' fields in their order, as codes of cdr.
+_HEAD = "iIs"
+_SHAPE_FIELDS = (
+    "cable_id", "model", "status", "usable", "detail", "length", *(name for name, _ in ARRAYS), "energy",
+    "error_estimate", "reused", "solve_time",
+)  # fmt: skip
+_SHAPE = "ssB?sdDDDDDDdd?d"
+_WARNING = "sBBsddddddddddds"
+_MARGIN = "sBsddddd"
+_FLOAT32 = 7
+_POINT_FIELDS = [len(POINT_FIELDS), *(v for i, name in enumerate(POINT_FIELDS) for v in (name, 4 * i, _FLOAT32, 1))]
+_POINTS = f"III{len(POINT_FIELDS) * 'sIBI'}?IIy?"
 
 
 @final
@@ -84,8 +98,6 @@ class BagWriter:
         self._warnings = self._connect(warnings_topic, WARNINGS_TYPE, QosDurability.TRANSIENT_LOCAL)
         self._margins = self._connect(margins_topic, MARGINS_TYPE, QosDurability.VOLATILE)
         self._points = self._connect(points_topic, POINTS_TYPE, QosDurability.VOLATILE)
-        field: Any = self.store.types["sensor_msgs/msg/PointField"]
-        self._point_fields = [field(n, 4 * i, field.FLOAT32, 1) for i, n in enumerate(POINT_FIELDS)]
 
     def _connect(self, topic: str, kind: str, durability: QosDurability) -> Connection:
         """A topic with the quality of service that the node offers."""
@@ -105,18 +117,21 @@ class BagWriter:
 
     def write(self, report: CycleReport, frame_id: str) -> None:
         """The messages that the node would have sent for this report, at its stamp and with solve_time 0."""
+        head = (*divmod(report.stamp, SECOND), frame_id)
         for cable_id, shape in report.shapes.items():
             fields = {**shape_fields(cable_id, shape), "solve_time": 0.0}
-            self._write(self._shape, SHAPE_TYPE, report.stamp, frame_id, fields)
-        fields = {"robot_checked": report.robot_checked, "warnings": [self._warning(w) for w in report.warnings]}
-        self._write(self._warnings, WARNINGS_TYPE, report.stamp, frame_id, fields)
-        kind = self.store.types[MARGIN_TYPE]
-        margins = [kind(**margin_fields(name, m)) for name, found in report.margins.items() for m in found]
-        self._write(self._margins, MARGINS_TYPE, report.stamp, frame_id, {"margins": margins})
+            values = [fields[name] for name in _SHAPE_FIELDS]
+            self._put(self._shape, report.stamp, packed(_HEAD + _SHAPE, (*head, *values)))
+        told = [value for warning in report.warnings for value in _flat(warning_fields(warning))]
+        codes, values = f"{_HEAD}?I{len(report.warnings) * _WARNING}", [report.robot_checked, len(report.warnings)]
+        self._put(self._warnings, report.stamp, packed(codes, (*head, *values, *told)))
+        margins = [margin_fields(name, margin) for name, found in report.margins.items() for margin in found]
+        told = [value for margin in margins for value in margin.values()]
+        codes = f"{_HEAD}I{len(margins) * _MARGIN}"
+        self._put(self._margins, report.stamp, packed(codes, (*head, len(margins), *told)))
         rows = point_rows(report.shapes)
-        cloud = {"height": 1, "width": len(rows), "fields": self._point_fields, "is_bigendian": False, "is_dense": True}
-        cloud |= {"point_step": POINT_BYTES, "row_step": rows.nbytes, "data": rows.view(np.uint8).ravel()}
-        self._write(self._points, POINTS_TYPE, report.stamp, frame_id, cloud)
+        values = [1, len(rows), *_POINT_FIELDS, False, POINT_BYTES, rows.nbytes, rows, True]
+        self._put(self._points, report.stamp, packed(_HEAD + _POINTS, (*head, *values)))
 
     def write_edits(self, message: Any, layout: Layout, stamp: int, frame_id: str) -> None:
         """A CableEdits that was repeated before the cycle of `stamp` [ns], and what it made."""
@@ -135,18 +150,14 @@ class BagWriter:
         types = self.store.types
         time = types["builtin_interfaces/msg/Time"](*divmod(stamp, SECOND))
         message = types[kind](header=types["std_msgs/msg/Header"](time, frame_id), **fields)
+        self._put(connection, stamp, self.store.serialize_cdr(message, kind))
+
+    def _put(self, connection: Connection, stamp: int, message: bytes | memoryview) -> None:
         try:
-            self._writer.write(connection, stamp, self.store.serialize_cdr(message, kind))
+            self._writer.write(connection, stamp, message)
         except OSError:
             self._broken = True
             raise
-
-    def _warning(self, warning: CableWarning) -> Any:
-        """A CableWarning message."""
-        types, fields = self.store.types, warning_fields(warning)
-        for name in ("point_on_cable", "point_on_other"):
-            fields[name] = types["geometry_msgs/msg/Point"](**fields[name])
-        return types[WARNING_TYPE](**fields)
 
     def close(self) -> None:
         """Finishes the files; after an OSError they stay as they are, to be read up to the last whole message."""
@@ -171,6 +182,15 @@ class BagWriter:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def _flat(fields: Mapping[str, Any]) -> Iterator[Any]:
+    """Values, those of points one by one."""
+    for value in fields.values():
+        if isinstance(value, dict):
+            yield from value.values()
+        else:
+            yield value
 
 
 def cable_shape_store() -> Typestore:

@@ -259,6 +259,9 @@ def test_what_was_written_is_read_back(tmp_path: Path) -> None:
         shape, warnings = store.deserialize_cdr(raw, SHAPE_TYPE), store.deserialize_cdr(raw2, WARNINGS_TYPE)
         margins = store.deserialize_cdr(raw3, MARGINS_TYPE)
         points = store.deserialize_cdr(last[2], POINTS_TYPE)
+        for connection, _, written in reader.messages():
+            message = store.deserialize_cdr(written, connection.msgtype)
+            assert bytes(store.serialize_cdr(message, connection.msgtype)) == written
         durability = [c.ext.offered_qos_profiles[0].durability.name for c in reader.connections]
     assert (first.topic, first.msgtype, first_time) == ("/cable/shape", SHAPE_TYPE, stamp)
     assert (second.topic, second.msgtype, second_time) == ("/cable/warnings", WARNINGS_TYPE, stamp)
