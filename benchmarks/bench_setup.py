@@ -1,7 +1,7 @@
 #!/usr/bin/env python
 """The first minutes: a clone set up from nothing, downloads apart, to a shape, the demo's picture and all kernels.
 
-    scripts/bench setup [--wheels FOLDER] [--save FILE] [--compare FILE]
+    scripts/bench setup [--quick] [--wheels FOLDER] [--save FILE] [--compare FILE]
 
 Downloads what requirements.txt names into FOLDER (out/wheels) unless it is there, then clones what is committed into a
 folder of its own, with a home, and so a cache of kernels, of its own, and runs `scripts/demo` there without network. A
@@ -56,22 +56,16 @@ def try_shape(clone: Path, environment: dict[str, str], came: dict[str, float]) 
     came["first shape"] = monotonic()
 
 
-def measured(wheels: Path) -> tuple[dict[str, float], float]:
-    """[s] until each came, and processor time of all."""
+def measured(wheels: Path, cached: bool) -> tuple[dict[str, float], float]:
+    """[s] until each came, and processor time of all; cached: with the kernels that are compiled on this machine."""
     with tempfile.TemporaryDirectory(prefix="bench_setup_") as place:
         clone = Path(place) / "clone"
         run(["git", "clone", "-q", ROOT, clone])
-        local = {"HOME": place, "PIP_NO_INDEX": "1", "PIP_FIND_LINKS": str(wheels), "UV_NO_INDEX": "1"}
-        local |= {
-            "UV_FIND_LINKS": str(wheels),
-            "UV_OFFLINE": "1",
-            "UV_CACHE_DIR": f"{place}/uv",
-            "PYTHONUNBUFFERED": "1",
-        }
-        inherited = {
-            name: value for name, value in os.environ.items() if not name.startswith(("XDG_", "PYTHON", "NUMBA_"))
-        }
-        environment = {**inherited, **local}
+        dropped = ("PYTHON",) if cached else ("HOME", "PYTHON", "NUMBA_", "XDG_")
+        environment = {name: value for name, value in os.environ.items() if not name.startswith(dropped)}
+        environment.setdefault("HOME", place)
+        environment |= {"PIP_NO_INDEX": "1", "PIP_FIND_LINKS": str(wheels), "UV_NO_INDEX": "1", "UV_OFFLINE": "1"}
+        environment |= {"UV_FIND_LINKS": str(wheels), "UV_CACHE_DIR": f"{place}/uv", "PYTHONUNBUFFERED": "1"}
         came: dict[str, float] = {}
         said = clone / "said.log"
         began = monotonic()
@@ -96,14 +90,14 @@ def measured(wheels: Path) -> tuple[dict[str, float], float]:
 
 def main() -> int:
     """The three times."""
-    parser = bench_parser(__doc__, "nothing")
+    parser = bench_parser(__doc__, "with the kernels that are compiled already: to see that it works")
     parser.add_argument("--wheels", type=Path, metavar="FOLDER", help="what is downloaded (out/wheels)")
     options = bench_options(parser)
     wheels = (options.wheels or ROOT / "out" / "wheels").resolve()
     if not (wheels.is_dir() and any(wheels.iterdir())):
         downloaded(wheels)
     heading(f"From nothing on {len(os.sched_getaffinity(0))} cores; {os.getloadavg()[0]:.1f} processes ran before")
-    came, processor = measured(wheels)
+    came, processor = measured(wheels, options.quick)
     figures = Figures()
     for name, seconds in came.items():
         figures.at_most(f"from nothing to {name}", seconds, ASKED[name], "{:.0f}", " s")
