@@ -48,6 +48,7 @@ PARTS = (
     Part("combinations", steady=True),
     Part("harness"),
     Part("motion"),
+    Part("seen"),
     Part("planner"),
     Part("studies"),
     Part("cell", ("--seconds", "5")),

@@ -106,6 +106,7 @@ BENCHES = {
     "scene": Told("Clips, clearance, margins and contact", "finer meshes, and a certificate in numpy"),
     "harness": Told("Harnesses", "no peer; the balance of forces at every junction"),
     "motion": Told("Cables that swing", "no peer; itself in shorter steps"),
+    "seen": Told("Cables that are seen", "coherent point drift, with terms of TrackDLO; servoing open loop"),
     "planner": Told("For planners", "single predictions, a check 100 times finer, an echo as large"),
     "studies": Told("Studies", "a scan of all lengths, one worker, processes without a cluster"),
     "cell": Told("The node over DDS", "a node in Python that only answers"),

@@ -105,7 +105,9 @@ def fitted(
                 better = seen.cost(there.positions, variance) + float(trial @ covariance @ trial)
                 if better <= cost + _WORSE:
                     moved = float(np.abs(there.positions - shape.positions).max())
-                    y, shape, moves = trial, there, rod.moves()
+                    y, shape = trial, there
+                    if moved >= _STILL * math.sqrt(noise.variance):
+                        moves = rod.moves()
                     break
             rod.go_back()
         sharp = soft < _SHARP * math.sqrt(noise.variance)

@@ -27,7 +27,7 @@ from cable_shape.uncertainty.uncertainty import Tube, Uncertainty
 #: What is not known of a cable of which nothing is said: logarithm of EI, share of the length; of its grips m, rad.
 STIFFNESS, LENGTH, GRIP = 0.5, 0.005, (0.003, 0.05)
 #: Of a cable of which something is: bends beside it times the length; else.
-BENDS, BENDS_OF_ANY = 0.5, 1.5
+BENDS, BENDS_OF_ANY = 0.5, 0.8
 #: Shares of the length: what the centreline of a rod with the right numbers is off by on a piece of it, and the
 #: quantile of all that real cables are off by.
 MODEL, MISSES = 0.001, 0.012
