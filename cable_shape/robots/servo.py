@@ -114,6 +114,7 @@ class Servo:
         self._time = 0.0
         self.targets = targets
         self.q = held.robot.home if q is None else q
+        held.correction = None
 
     @property
     def targets(self) -> tuple[Target, ...]:
