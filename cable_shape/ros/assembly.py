@@ -88,7 +88,9 @@ class Assembly:
             raise ArgumentError.of("cable_file, harness_file", [one.cable_id for one in self.holdings], bound, remedy)
         robot_file = find_file(settings.robot_file) if settings.robot_file else None
         self.robot = None if robot_file is None else Robot.from_yaml(robot_file)
-        known = Uncertainty.from_yaml(find_file(settings.uncertainty_file)) if settings.uncertainty_file else None
+        self.uncertainty: Uncertainty | None = None
+        if settings.uncertainty_file:
+            self.uncertainty = Uncertainty.from_yaml(find_file(settings.uncertainty_file))
         self.cycle = Cycle(
             cables,
             scene=scene,
@@ -101,7 +103,7 @@ class Assembly:
             time_budget=settings.time_budget or None,
             snap_horizon=settings.snap_horizon,
             quasistatic_limit=settings.quasistatic_limit,
-            uncertainty=known,
+            uncertainty=self.uncertainty,
             motion=settings.motion,
             look_ahead=settings.look_ahead,
         )

@@ -41,6 +41,7 @@ from cable_shape.ros.outputs import Outputs
 from cable_shape.ros.parameters import BY_NAME, SPECS, Settings, unknown_overrides, widened
 from cable_shape.ros.planning_scene import PlanningScene
 from cable_shape.ros.pose_source import PoseSource
+from cable_shape.ros.seeing import Seeing
 from cable_shape.ros.sources import JointSource, Ready, Sink, Source
 from cable_shape.ros.surroundings import Surroundings
 from cable_shape.ros.transitions import guard_transitions
@@ -66,6 +67,7 @@ class CableShapeNode(LifecycleNode):
         self._outputs: Outputs | None = None
         self._scene: PlanningScene | None = None
         self._edits: Edits | None = None
+        self._seeing: Seeing | None = None
         self._source: Source | None = None
         self._rate_timer: Any = None
         self._waiting: Ready | None = None  # the newest input, when cycles run at a set rate
@@ -235,6 +237,8 @@ class CableShapeNode(LifecycleNode):
         if settings.moveit_rate > 0.0:
             self._scene = PlanningScene(self, settings, assembly.cycle.parts)
         self._edits = Edits(self, settings, assembly.cycle, self._health, self._now, self._edited)
+        if settings.points_seen:
+            self._seeing = Seeing(self, settings, assembly, self._health, self._now)
         start_workers(self, settings, assembly)
         if settings.rate > 0.0:
             self._rate_timer = self.create_timer(1.0 / settings.rate, self._tick)
@@ -268,6 +272,9 @@ class CableShapeNode(LifecycleNode):
         if self._edits is not None:
             self._edits.destroy()
             self._edits = None
+        if self._seeing is not None:
+            self._seeing.destroy()
+            self._seeing = None
         if self._scene is not None:
             self._scene.destroy()
             self._scene = None
@@ -302,6 +309,8 @@ class CableShapeNode(LifecycleNode):
         self._waiting = None
         if self._assembly is not None:
             self._assembly.cycle.reset()
+        if self._seeing is not None:
+            self._seeing.restart()
 
     def _tick(self) -> None:
         """Time for a cycle; without new input there is none."""
@@ -322,7 +331,9 @@ class CableShapeNode(LifecycleNode):
                 grips,
                 ready.stamp,
                 links,
-                lambda shapes: outputs.publish_shapes(parts_of(shapes), ready.stamp, ready.frame_id),
+                lambda shapes: outputs.publish_shapes(
+                    parts_of(self._as_seen(shapes, grips, ready)), ready.stamp, ready.frame_id
+                ),
             )
         except CableShapeError as error:
             self._health.refuse("cycle", str(error), self._now())
@@ -346,8 +357,14 @@ class CableShapeNode(LifecycleNode):
             assembly.viewer.offer(parts)
         self._health.cycled(report, time.perf_counter() - began, self._now())
 
+    def _as_seen(self, shapes: Any, grips: Any, ready: Ready) -> Any:
+        """The shapes of a cycle, corrected by what is seen if that is asked for."""
+        return shapes if self._seeing is None else self._seeing.corrected(shapes, grips, ready.stamp, ready.frame_id)
+
     def _edited(self) -> None:
         """The cables are others."""
+        if self._seeing is not None:
+            self._seeing.take()
         for output in (self._outputs, self._scene):
             if output is not None and self._assembly is not None:
                 output.take(self._assembly.cycle.parts)
@@ -359,6 +376,8 @@ class CableShapeNode(LifecycleNode):
         if self._source is not None:
             self._health.hint = self._source.hint()
             self._health.counts = {**self._source.counts(), "superseded": self._superseded}
+            if self._seeing is not None:
+                self._health.counts |= self._seeing.counts
         viewer = None if self._assembly is None else self._assembly.viewer
         if viewer is not None:
             viewer.flush()

@@ -140,6 +140,7 @@ SPECS = (
     Spec("moveit_rate", 0.0, "The cable goes to MoveIt's planning scene at most so often; 0: never.", "Hz", 0.0, 5.0),
     Spec("moveit_capsules", 8, "Capsules that it is made of there.", low=1, high=MAX_CAPSULES),
     Spec("moveit_padding", 0.01, "Capsules are wider by this; a cable within is not sent anew.", "m", 0.0, 1.0),
+    Spec("points_seen", False, "Correct cable/shape by what is seen of the cable, on cable/points_seen."),
     Spec("calibration", False, "Serve the action cable/calibrate in a process of its own."),
     Spec("calibration_points", "", "Topic of points seen on the cable, to calibrate by all the time; empty: none."),
     Spec("calibration_fit", "bending_stiffness", "What to fit, with commas, see docs/calibration.md."),
@@ -196,6 +197,7 @@ class Settings:
     moveit_rate: float  # Hz
     moveit_capsules: int
     moveit_padding: float  # m
+    points_seen: bool
     calibration: bool
     calibration_points: str
     calibration_fit: str
@@ -304,6 +306,7 @@ class Settings:
         if self.cable_file:
             return
         refused = {
+            "points_seen": "one cable is tracked, no harness",
             "calibration": "cables are calibrated one by one",
             "calibration_points": "cables are calibrated one by one",
         }

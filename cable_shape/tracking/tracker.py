@@ -93,6 +93,8 @@ class Tracker:
         Naming the value, the bound and the remedy.
     """
 
+    ODD = ODD  #: [1], innovation above which this is another cable
+
     def __init__(
         self,
         cable: Cable,
@@ -211,6 +213,25 @@ class Tracker:
         radius = self.uncertainty.radius(covariance, shape.tangents)
         self._tube = Tube(shape, covariance, radius, self.uncertainty.confidence, 0.0)
         return shape
+
+    def predicted(
+        self, *, stamp: int, start: Pose | Grip | None = None, end: Pose | Grip | FreeEnd | None = None
+    ) -> CableShape:
+        """The shape to be expected at a stamp [ns] not before the last, with the grips there; no look is counted.
+
+        Raises
+        ------
+        ArgumentError, StaleInputError
+            As `update`, and where a grip is neither told nor was ever.
+        """
+        stamp = self._checked(stamp)
+        seen = start is None, end is None
+        last: tuple[Any, Any] = self._ends or (None, None)
+        near, far = start if start is not None else last[0], end if end is not None else last[1]
+        if near is None or far is None:
+            raise ArgumentError("start and end are not known: no look was had yet. Give both, or call update first.")
+        ends = as_grip("start", near), far if isinstance(far, FreeEnd) else as_grip("end", far)
+        return self._filter.rod.solve(self._filter.expected(stamp, seen).mean, *ends)
 
     def _look(
         self, cloud: Array, stamp: int, near: Grip | None, far: Grip | FreeEnd | None, seen: tuple[bool, bool]

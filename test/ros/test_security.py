@@ -61,6 +61,7 @@ def node(start_for_all):
     node = start_for_all(
         "--enclave", "/cable_shape/node",
         planner="true", calibration="true", calibration_points="seen/points", robot_file="robots/dual_arm.yaml",
+        points_seen="true",
     )  # fmt: skip
     counted = ("cable/predict_shapes", "cable/calibrate/_action/send_goal")
     node.until(lambda: all(node.node.count_services(name) == 2 for name in counted), "the workers and their stand-ins")
