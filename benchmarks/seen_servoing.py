@@ -1,7 +1,4 @@
-#!/usr/bin/env python
 """How near the servo brings a cable that is not as its model says to shapes within its reach, seen and unseen.
-
-python benchmarks/seen_servoing.py [--quick] [--save FILE] [--compare FILE]
 
 Each target is the whole centreline which that very cable takes at a random other posture of the arms, so that it is
 within reach. The cable is three times as stiff as the model, or a third, 1 % longer or shorter, gripped 3 mm elsewhere,
@@ -15,7 +12,7 @@ from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
-from figures import Figures, bench_options, bench_parser, finish, heading
+from figures import Figures, heading
 from seen_cell import CABLE, DT, POINTS, ROBOT, STRAY, Cell, Wrong
 from tqdm import tqdm
 
@@ -119,15 +116,3 @@ def tell(figures: Figures, found: dict[str, list[Try]], name: str) -> None:
     figures.at_least(f"{name}: within 5 mm", near, SHARE, "{:.1f}", " %")
     figures.at_least(f"{name}: nearer than open loop, times", nearer, NEARER, "{:.0f}")
     figures.check(f"{name}: joints within their limits", all(one.within for one in (*seen, *unseen)))
-
-
-def main() -> int:
-    """This part of the bench by itself."""
-    options = bench_options(bench_parser(__doc__, "10 targets, 2 of MuJoCo's cable, 2 tracked"))
-    figures = Figures()
-    print_servoing(figures, 10 if options.quick else 100)
-    return finish(figures, options)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())
