@@ -131,6 +131,8 @@ class Cell:
                 return None
         if self._swinging is not None:
             self.move(q, REST)
+            if self._swinging.lost:
+                return None
         goal = self.positions
         self.begin(robot.home)
         return goal if np.linalg.norm(goal - self.positions, axis=1).mean() > MOVED else None

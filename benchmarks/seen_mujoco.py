@@ -14,9 +14,11 @@ from scipy.spatial.transform import Rotation
 import cable_shape as cs
 
 LINKS = 40
-STEP = 2.5e-3  # s
+STEP = 1.25e-3  # s
 DAMPING = 3.0  # 1/s
-ARMATURE = 1e-5  # kg m^2
+ARMATURE = 1e-4  # kg m^2, of each joint: no equilibrium is another by it
+
+_DIVERGED = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
 
 HEAD = """
 <mujoco>
@@ -59,6 +61,7 @@ class MujocoCable:
         ]
         xml = HEAD.format(step=STEP, twice=2.0 * STEP, links="".join(bodies) + "</body>" * len(bodies), last=LINKS)
         xml = xml.replace('relpose="0 0 0 1 0 0 0"', f'relpose="0 0 {-0.5 * h} 1 0 0 0"')
+        mujoco.set_mju_user_warning(lambda words: None)  # no file of its own: `lost` tells
         self.model = mujoco.MjModel.from_xml_string(xml)
         self.data = mujoco.MjData(self.model)
         self.length, self.h = cable.length, h
@@ -93,6 +96,11 @@ class MujocoCable:
         if not count:
             data.mocap_pos[:], data.mocap_quat[:] = wanted, turned
             mujoco.mj_forward(self.model, data)
+
+    @property
+    def lost(self) -> bool:
+        """Whether the simulation has diverged since it began."""
+        return any(self.data.warning[kind].number > 0 for kind in _DIVERGED)
 
     def at(self, shares: np.ndarray) -> np.ndarray:
         """(n, 3) [m], the centreline at these shares of its length, through the middles of the links."""

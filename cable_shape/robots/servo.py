@@ -19,7 +19,7 @@ from cable_shape.robots.held_cable import Held, HeldCable
 from cable_shape.robots.servo_seen import Seen
 from cable_shape.robots.servo_targets import KeepClear, Target, as_targets
 from cable_shape.robots.servo_tasks import ServoTask, task_of
-from cable_shape.robots.steering import CableChordLimit, CableClearanceLimit
+from cable_shape.robots.steering import CableChordLimit, CableClearanceLimit, CableLoadLimit
 from cable_shape.safety.margins import MarginWatch
 from cable_shape.safety.report import Clearance
 from cable_shape.scene.scene import Scene
@@ -29,6 +29,7 @@ from cable_shape.shape import CableShape, Status
 _DAMPING = 1e-5
 #: A step that turns out so much longer or shorter than to first order, in its own part and [m], is halved, ...
 _UNLIKE, _UNLIKE_AT_LEAST = 0.5, 1e-4
+_OVER = 1.001  # of a load's limit: steps are to first order
 _HALVINGS = 5  # ... at most so often, and then not made
 #: Stalled: the errors, weighted, have fallen by less than this part for so long [s].
 _PROGRESS, _PATIENCE = 0.02, 1.0
@@ -55,8 +56,8 @@ class Servo:
         :class:`PointsTarget`, :class:`CentrelineTarget`, :class:`TangentTarget`, :class:`MouthTarget`, and beside them
         :class:`KeepClear`.
     limits : sequence of mink.Limit
-        Beside those that always hold: positions and velocities of the joints as the URDF has them, and that the cable
-        is not pulled taut.
+        Beside those that always hold: positions and velocities of the joints as the URDF has them, that the cable is
+        not pulled taut, and the limits that it has itself.
     rate : float
         [1/s]: errors fall like exp(-rate t), where limits let them.
     speed : float
@@ -109,8 +110,8 @@ class Servo:
         delay = checks.number("delay", delay, at_least=0.0, unit="s")
         settling = checks.number("settling", settling, above=0.0, unit="s")
         self._seen = Seen(self._predictor.problem.points, delay, settling)
-        self._limits = _always(held, checks.entries("limits", limits, _LIMIT))
         self._watch = MarginWatch(self._predictor.cable, Scene())
+        self._limits = [*_always(held), *checks.entries("limits", limits, _LIMIT)]
         self._time = 0.0
         self.targets = targets
         self.q = held.robot.home if q is None else q
@@ -254,6 +255,8 @@ class Servo:
         if isinstance(limit, CableClearanceLimit):
             bodies = limit.distances(self._configuration)[0]
             return [f"{body.body} is to be kept {limit.minimum:g} m clear of" for body in bodies]
+        if isinstance(limit, CableLoadLimit):
+            return [words for _, _, words in limit.near_limit(self._configuration)]
         if isinstance(limit, CableChordLimit):
             return [f"the cable would be taut: its ends are {limit.most:g} of its length apart"]
         return ["" if isinstance(limit, mink.VelocityLimit) else type(limit).__name__] * count
@@ -287,15 +290,16 @@ class Servo:
             return "the cable would move on by itself: it is about to snap"
         before = {margin.kind: margin.used for margin in self._watch.margins(now.shape, Clearance(), 0, held=True)}
         for margin in self._watch.margins(shape, Clearance(), 0, held=True):
-            if margin.used > max(1.0, before.get(margin.kind, 0.0)):
+            if margin.used > max(_OVER, before.get(margin.kind, 0.0)):
                 where = f"{margin.kind.name} at {margin.arc_length:.3g} m"
-                return f"{where} would be {margin.value:.3g}, its limit is {margin.limit:.3g}"
+                return f"{where} would be beyond its limit, {margin.limit:.3g}"
         return ""
 
 
-def _always(held: HeldCable, others: tuple[mink.Limit, ...]) -> list[mink.Limit]:
-    """Limits that always hold, and those."""
+def _always(held: HeldCable) -> list[mink.Limit]:
+    """Limits of the joints, of the chord and of loads."""
     robot = held.robot
     speeds = np.where(robot.carrying, robot.velocity_limits, 0.0)
     named = {name: float(v) for name, v in zip(robot.joint_names, speeds, strict=True) if math.isfinite(v)}
-    return [mink.ConfigurationLimit(held.model), mink.VelocityLimit(held.model, named), CableChordLimit(held), *others]
+    joints = [mink.ConfigurationLimit(held.model), mink.VelocityLimit(held.model, named)]
+    return [*joints, CableChordLimit(held), CableLoadLimit(held)]

@@ -13,7 +13,7 @@ keep the steps short, with ``mink.VelocityLimit`` or a small dt.
 
 from __future__ import annotations
 
-from typing import final
+from typing import NamedTuple, final
 
 import mink
 import numpy as np
@@ -25,17 +25,24 @@ from cable_shape.cable.pieces import widest
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.prediction.harness_predictor import HarnessPredictor
+from cable_shape.prediction.predictor import Predictor
 from cable_shape.robots.held_cable import Held, HeldCable
 from cable_shape.safety.clearance import ClearanceChecker
-from cable_shape.safety.report import BodyDistance
+from cable_shape.safety.report import BodyDistance, WarningKind
 from cable_shape.scene.scene import Scene
+from cable_shape.shape import CableShape
 
-__all__ = ["CableChordLimit", "CableClearanceLimit", "CablePointTask", "Held", "HeldCable"]
+__all__ = ["CableChordLimit", "CableClearanceLimit", "CableLoadLimit", "CablePointTask", "Held", "HeldCable"]
 
 #: The part of what is left to a bound that one step may use up.
 _GAIN = 0.85
 #: The chord stays below this part of the cable's length.
 _MOST_CHORD = 0.98
+#: A load counts from this part of its limit on.
+_NEAR = 0.9
+#: rad or m, of predictions beside another: far above what they are solved to.
+_BESIDE = 1e-3
+_PIECES = 10  # of the cable, each of whose worst places counts
 
 
 @final
@@ -229,6 +236,87 @@ class CableChordLimit(mink.Limit):
         row = across / chord @ (far[1][to] - near[1][at])
         left = self.most * self._length - chord
         return mink.Constraint(G=row[None], h=np.array([self.gain * left]))
+
+
+class Load(NamedTuple):
+    """How much a shape uses of a limit at each of its points."""
+
+    kind: WarningKind
+    limit: float
+    used: Array  # (points,), 1 at the limit
+
+
+@final
+class CableLoadLimit(mink.Limit):
+    """Keeps a cable's tension, bend radius and twist rate within its limits; one with sections has no rows here.
+
+    Of what is used by more than a part, at the worst place of each piece of the cable, a step uses up at most a part of
+    what is left, to first order: how it answers the joints is found from predictions beside the last, one for each
+    joint. Loads are those of the prediction, whatever was seen.
+
+    Parameters
+    ----------
+    held : HeldCable
+        Of a cable.
+    near : float
+        The part of a limit from which on it counts, above 0 and at most 1.
+    gain : float
+        The part of what is left that one step may use up, above 0 and at most 1.
+    """
+
+    def __init__(self, held: HeldCable, *, near: float = _NEAR, gain: float = _GAIN) -> None:
+        if not isinstance(held.predictor, Predictor):
+            raise ArgumentError("held of a harness is not allowed: loads are those of one cable. Hold a cable.")
+        self.held, self.near, self.gain = held, _part("near", near), _part("gain", gain)
+        self._predictor = held.predictor
+
+    def loads(self, shape: CableShape) -> list[Load]:
+        """Of each limit that the cable has."""
+        cable, found = self._predictor.cable, []
+        if cable.sections:
+            return []
+        if cable.max_tension is not None:
+            found.append(Load(WarningKind.TENSION, cable.max_tension, shape.tension / cable.max_tension))
+        if cable.min_bend_radius is not None:
+            used = cable.min_bend_radius * np.hypot(shape.curvature[:, 0], shape.curvature[:, 1])
+            found.append(Load(WarningKind.BEND_RADIUS, cable.min_bend_radius, used))
+        if cable.max_twist_rate is not None:
+            used = np.abs(shape.curvature[:, 2]) / cable.max_twist_rate
+            found.append(Load(WarningKind.TWIST_RATE, cable.max_twist_rate, used))
+        return found
+
+    def near_limit(self, configuration: mink.Configuration) -> list[tuple[int, int, str]]:
+        """Those that count now: which of the loads, at which point, and in words."""
+        shape = self.held.predicted(configuration).part()[0]
+        pieces = np.array_split(np.arange(shape.points), min(_PIECES, shape.points))
+        out = []
+        for which, load in enumerate(self.loads(shape)):
+            for piece in pieces:
+                row = int(piece[np.argmax(load.used[piece])])
+                if load.used[row] > self.near:
+                    where = f"{load.kind.name} at {shape.arc_length[row]:.3g} m"
+                    out.append((which, row, f"{where} would be beyond its limit, {load.limit:.3g}"))
+        return out
+
+    def compute_qp_inequalities(self, configuration: mink.Configuration, dt: float) -> mink.Constraint:
+        """d used <= gain (1 - used), a row each."""
+        near = self.near_limit(configuration)
+        if not near:
+            return mink.Constraint()
+        held, robot = self.held.predicted(configuration), self.held.robot
+        used = self._used(held.part()[0], near)
+        rows = np.zeros((len(near), self.held.model.nv))
+        for joint in np.flatnonzero(robot.carrying):
+            q = held.q.copy()
+            q[joint] += _BESIDE
+            beside = self._used(self._predictor.ahead()(*robot.grips(q)), near)
+            rows[:, self.held.velocities[joint]] = (beside - used) / _BESIDE
+        robot.update(held.q)
+        return mink.Constraint(G=rows, h=self.gain * (1.0 - used))
+
+    def _used(self, shape: CableShape, near: list[tuple[int, int, str]]) -> Array:
+        loads = self.loads(shape)
+        return np.array([loads[which].used[row] for which, row, _ in near])
 
 
 def _part(name: str, value: float) -> float:

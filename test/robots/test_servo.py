@@ -21,7 +21,7 @@ import cable_shape as cs
 from cable_shape.robots.robot import Robot
 from cable_shape.robots.servo_seen import Seen
 from cable_shape.robots.servo_tasks import MouthTask, task_of
-from cable_shape.robots.steering import CableClearanceLimit, HeldCable
+from cable_shape.robots.steering import CableClearanceLimit, CableLoadLimit, HeldCable
 
 ROOT = Path(__file__).resolve().parents[2]
 STEP = 1e-4  # rad, of the differences
@@ -224,17 +224,63 @@ def test_clearance_is_kept(robot: Robot) -> None:
     assert any("ball" in words for words in servo.binds)
 
 
-def test_a_cable_is_not_bent_beyond_its_limit(robot: Robot) -> None:
-    cable = CABLE.replace(min_bend_radius=0.08)
-    radius = predicted(robot, robot.home, cable).bend_radius.min()
-    assert radius > 0.08
-    held = held_by(robot, cable)
+def test_a_cable_is_bent_up_to_its_limit_and_no_further(robot: Robot) -> None:
+    """Where it stops is the constrained optimum, found by scipy with shapes from nothing."""
+    cable = CABLE.replace(min_bend_radius=0.13)
+    free = ("left_shoulder_pan_joint", "left_elbow_joint", "right_shoulder_lift_joint", "right_wrist_1_joint")
+    small = narrowed(robot, free, 0.6)
+    rows = [small.joint_names.index(name) for name in free]
+    held = held_by(small, cable)
     middle = held.at(held.configuration()).part()[0].positions[[0, -1]].mean(axis=0)
+
+    def shape_at(x: np.ndarray) -> cs.CableShape:
+        q = small.home.copy()
+        q[rows] = x
+        return predicted(small, q, cable)
+
+    def apart(x: np.ndarray) -> float:
+        return float(np.square(shape_at(x).positions[[0, -1]] - middle).sum())
+
+    bounds = list(zip(small.lower[rows], small.upper[rows], strict=True))
+    options = {"ftol": 1e-7, "eps": 1e-5}
+    limit = {"type": "ineq", "fun": lambda x: float(shape_at(x).bend_radius.min()) / 0.13 - 1.0}
+    best = minimize(apart, small.home[rows], bounds=bounds, constraints=[limit], method="SLSQP", options=options)
+    assert best.success
+    assert shape_at(best.x).bend_radius.min() == pytest.approx(0.13, rel=1e-3)
     servo = cs.Servo(held, cs.PointsTarget((0.0, 1.0), np.tile(middle, (2, 1))))
     run(servo)
     assert servo.stalled
     assert any("BEND_RADIUS" in words for words in servo.binds)
-    assert 0.08 - 1e-4 < predicted(robot, servo.q, cable).bend_radius.min() < 0.09
+    assert predicted(small, servo.q, cable).bend_radius.min() > 0.13 * 0.998
+    assert apart(servo.q[rows]) == pytest.approx(best.fun, rel=5e-3)
+
+
+def test_loads_count_where_they_are_near_their_limits(robot: Robot) -> None:
+    """Rows are differences of the worst places of the cable's pieces; far from every limit there are none."""
+    free = held_by(robot)
+    shape = free.at(free.configuration()).part()[0]
+    pulled, twisted = shape.tension.max(), np.abs(shape.curvature[:, 2]).max()
+    assert twisted < 1e-3
+    cable = CABLE.replace(max_tension=1.02 * pulled, min_bend_radius=0.98 * shape.bend_radius.min(), max_twist_rate=1.0)
+    held = held_by(robot, cable)
+    limit, configuration = CableLoadLimit(held, gain=0.5), held.configuration()
+    names = [words.split()[0] for _, _, words in limit.near_limit(configuration)]
+    assert set(names) == {"TENSION", "BEND_RADIUS"}
+    constraint = limit.compute_qp_inequalities(configuration, DT)
+    worst = min(h for h, name in zip(constraint.h, names, strict=True) if name == "TENSION")
+    assert worst == pytest.approx(0.5 * (1.0 - 1.0 / 1.02), rel=1e-3)
+    row = constraint.G[int(np.argmin(constraint.h))]
+    which, place, _ = limit.near_limit(configuration)[int(np.argmin(constraint.h))]
+    step, used = 5e-4 * row / np.linalg.norm(row), []
+    for sign in (1.0, -1.0):
+        there = held.configuration()
+        there.integrate_inplace(sign * step, 1.0)
+        shape = cs.predict(cable, *robot.grips(held.q(there)), model="cosserat", points=POINTS, tolerance=1e-7)
+        used.append(limit.loads(shape)[which].used[place])
+    assert used[0] - used[1] == pytest.approx(2.0 * row @ step, rel=1e-2)
+    assert CableLoadLimit(free).compute_qp_inequalities(configuration, DT).inactive
+    with pytest.raises(cs.ArgumentError, match=r"near = 1.5.*at most 1"):
+        CableLoadLimit(held, near=1.5)
 
 
 def test_the_cable_is_not_brought_over_a_snap(robot: Robot) -> None:
