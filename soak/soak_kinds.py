@@ -81,7 +81,7 @@ def sound(kind: str, folder: Path) -> list[bytes]:
     if kind in ("yaml", "urdf"):
         return [file.read_bytes() for file in sorted(CONFIG.rglob(f"*.{kind}"))]
     if kind in ("mcap", "db3"):
-        from soak_replay import write_recording
+        from cell_replay import write_recording
 
         write_recording(folder / kind, kind, 6)
         return [(folder / kind / f"{kind}.{kind}").read_bytes()]
