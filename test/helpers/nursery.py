@@ -184,6 +184,7 @@ def main() -> None:
         os.set_blocking(end, False)
     signal.set_wakeup_fd(tells)
     signal.signal(signal.SIGCHLD, lambda *_: None)
+    alive: set[int] = set()
     with selectors.DefaultSelector() as waiting:
         waiting.register(0, selectors.EVENT_READ)
         waiting.register(ended, selectors.EVENT_READ)
@@ -194,15 +195,19 @@ def main() -> None:
                 if key.fd == ended:
                     continue
                 if not given:
+                    for pid in alive:  # of tests that were broken off
+                        os.kill(pid, signal.SIGTERM)
                     return
                 *lines, rest = (rest + given).split(b"\n")
                 for line in lines:
                     pid = os.fork()
                     if not pid:
                         _be(kind, json.loads(line))
+                    alive.add(pid)
                     os.write(1, f"{pid}\n".encode())
             with contextlib.suppress(ChildProcessError):
                 while (gone := os.waitpid(-1, os.WNOHANG))[0]:
+                    alive.discard(gone[0])
                     os.write(1, f"{gone[0]} {os.waitstatus_to_exitcode(gone[1])}\n".encode())
 
 
