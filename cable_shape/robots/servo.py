@@ -66,7 +66,8 @@ class Servo:
         [s], how old a shape is when `step` is given it. A delay of which nothing is known, of 0.1 s, say, makes the way
         longer and does no more.
     settling : float
-        [s], over which what is seen is averaged.
+        [s], over which what is seen is averaged: half a period of the cable's swing, or more. With less its swing comes
+        back through the arms, and may grow.
     q : (n,) array_like, optional
         [rad] or [m], where the joints are at first; default: the robot's home.
 
@@ -98,7 +99,7 @@ class Servo:
         rate: float = 3.0,
         speed: float = 0.25,
         delay: float = 0.0,
-        settling: float = 0.2,
+        settling: float = 0.5,
         q: ArrayLike | None = None,
     ) -> None:
         checks.instance("held", held, (HeldCable,), "Write HeldCable(Predictor(cable), robot).")
