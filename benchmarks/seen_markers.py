@@ -29,7 +29,7 @@ PRIORS = {
     "retardation_time": 1.0, "drag": 1.0,
 }  # fmt: skip
 RATE = 100.0  # Hz
-MISSES, NOISE = 0.012, 0.012  # of the length; m: so far are markers off a smooth line through their neighbours
+MISSES, NOISE = 0.012, 0.012  # of the length; m, chosen of 6, 10, 12 and 15 mm on parts of these very recordings
 GONE, BACK = 1.0, 0.2  # s, for which all markers are hidden, and after which the cable has to be where it is again
 NEAR = 2.0  # %, what counts as that, of the visible markers
 
