@@ -72,7 +72,8 @@ class ClipLoad:
     moment: Array
 
 
-NO_TOUCHES = np.empty((0, 9))
+TOUCH = 13  #: numbers of a contact, see `CableShape.touches`
+NO_TOUCHES = np.empty((0, TOUCH))
 
 
 @final
@@ -82,6 +83,8 @@ class Contact:
 
     arc_length [m]; body: name of the obstacle or the other cable, or "itself"; point (3,) [m], world, on the body's
     surface; normal (3,), unit, out of the body; force [N], of the body on the cable along the normal.
+    tangential_force (3,) [N], world, of the body on the cable along its surface: friction; slips: whether that is as
+    much as friction can hold.
     """
 
     arc_length: float
@@ -89,6 +92,8 @@ class Contact:
     point: Array
     normal: Array
     force: float
+    tangential_force: Array
+    slips: bool
 
 
 @final
@@ -110,6 +115,7 @@ class CableShape:
         "dissipated",
         "energy",
         "force_error",
+        "frictionless",
         "iterations",
         "kinetic_energy",
         "length",
@@ -156,6 +162,7 @@ class CableShape:
         force_error: float = math.nan,
         moment_error: float = math.nan,
         missing_length: float = 0.0,
+        frictionless: bool = False,
         velocity: Array | None = None,
         kinetic_energy: float = 0.0,
         work: float = 0.0,
@@ -179,11 +186,14 @@ class CableShape:
         self.before = before  # SNAPPED: the last shape of the branch that ended, its ends where it did
         self.roll_error = roll_error  # rad, roll about d3 that the model leaves unmet at the end grip
         self.supports = supports  # (k, 7), of each clip: arc length [m], force [N] and moment [N m] on it
-        self.touches = touches  # (k, 9), of each contact: arc length [m], row in `bodies`, point 3, normal 3, force [N]
+        #: (k, TOUCH), of each contact: arc length [m], row in `bodies`, point 3, normal 3, force [N], force along the
+        #: surface 3 [N], 1: it slips
+        self.touches = touches
         self.bodies = bodies  # names
         self.force_error = force_error  # N, estimated largest error of `force`; NaN: not known
         self.moment_error = moment_error  # N m, estimated largest error of `moment`; NaN: not known
         self.missing_length = missing_length  # m, what an OVERSTRETCHED cable lacks
+        self.frictionless = frictionless  # surfaces it rests on have friction, which it does not know: it has no past
         self.velocity = velocity  # (n, 3) [m/s], world, of a cable in motion; None: at rest
         self.kinetic_energy = kinetic_energy  # J
         self.work = work  # J, in the last step, of what holds and pulls the cable
@@ -294,7 +304,10 @@ class CableShape:
     def contacts(self) -> tuple[Contact, ...]:
         """Where the cable is pressed on something, in ascending arc length; empty unless ``Scene(contact="solve")``."""
         return tuple(
-            Contact(float(row[0]), self.bodies[int(row[1])], row[2:5], row[5:8], float(row[8])) for row in self.touches
+            Contact(
+                float(row[0]), self.bodies[int(row[1])], row[2:5], row[5:8], float(row[8]), row[9:12], bool(row[12])
+            )
+            for row in self.touches
         )
 
     @property

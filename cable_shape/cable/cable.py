@@ -66,6 +66,8 @@ class Cable:
         [s], of a cable in motion: its moment is that of its stiffness times (u - u0) + retardation_time du/dt.
     drag : float
         [N s/m^2], of a cable in motion: the air holds a metre of it back with drag times its velocity.
+    friction : float
+        Coulomb's coefficient on bodies that it rests on, 0 to 10; of cable and body the larger one counts.
 
     Raises
     ------
@@ -79,6 +81,7 @@ class Cable:
         "bending_stiffness",
         "diameter",
         "drag",
+        "friction",
         "gradient_length",
         "inner_diameter",
         "length",
@@ -114,6 +117,7 @@ class Cable:
     stiffness_interval: tuple[float, float] | None
     retardation_time: float
     drag: float
+    friction: float
 
     def __init__(
         self,
@@ -136,6 +140,7 @@ class Cable:
         stiffness_interval: ArrayLike | None = None,
         retardation_time: float = 0.0,
         drag: float = 0.0,
+        friction: float = 0.0,
     ) -> None:
         put = object.__setattr__
         put(self, "length", _length("length", length))
@@ -167,6 +172,7 @@ class Cable:
         put(self, "stiffness_interval", _interval(stiffness_interval))
         put(self, "retardation_time", checks.number("retardation_time", retardation_time, at_least=0.0, unit="s"))
         put(self, "drag", checks.number("drag", drag, at_least=0.0, unit="N s/m^2"))
+        put(self, "friction", checks.number("friction", friction, at_least=0.0, at_most=10.0))
         put(self, "sections", sections_of(sections, self.length))
         for i, section in enumerate(self.sections):
             _check_section(self, section, f"sections[{i}]")

@@ -108,7 +108,7 @@ def _named(where: str, item: Any, make: Callable[[Mapping[str, Any], str], Any])
 
 
 def _obstacle(values: Mapping[str, Any], where: str, folder: Path) -> Obstacle:
-    checks.known_keys(where, values, ("name", *SOLID_KEYS, "scale", "position", "quaternion", "link"))
+    checks.known_keys(where, values, ("name", *SOLID_KEYS, "scale", "position", "quaternion", "link", "friction"))
     if "name" not in values:
         raise ArgumentError("the key 'name' is missing. Name the obstacle; reports and warnings use the name.")
     given = [key for key in SOLID_KEYS if key in values]
@@ -117,7 +117,7 @@ def _obstacle(values: Mapping[str, Any], where: str, folder: Path) -> Obstacle:
     if "scale" in values and given[0] != "mesh":
         raise ArgumentError.of("scale", values["scale"], "only a mesh has one", "Remove it.")
     solid = _solid(given[0], values[given[0]], where, folder, values.get("scale", 1.0))
-    return Obstacle(values["name"], solid, _pose(values), values.get("link"))
+    return Obstacle(values["name"], solid, _pose(values), values.get("link"), values.get("friction", 0.0))
 
 
 def _solid(kind: str, value: Any, where: str, folder: Path, scale: Any) -> Solid:

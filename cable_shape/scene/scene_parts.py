@@ -21,13 +21,15 @@ CLIP_KINDS = ("ball", "fixed", "hinge", "slide")
 class Obstacle:
     """A solid body, fixed in the world (`link` None) or attached to a robot link.
 
-    pose: in the world, or in the frame of `link`.
+    pose: in the world, or in the frame of `link`. friction: Coulomb's coefficient, 0 to 10, of cables that rest on it;
+    of cable and body the larger one counts.
     """
 
     name: str
     solid: Solid
     pose: Pose = IDENTITY
     link: str | None = None
+    friction: float = 0.0
 
     def __post_init__(self) -> None:
         checks.word("Obstacle.name", self.name)
@@ -35,6 +37,8 @@ class Obstacle:
         checks.instance("Obstacle.pose", self.pose, (Pose,), "Write Pose(position, quaternion).")
         if self.link is not None:
             checks.word("Obstacle.link", self.link)
+        friction = checks.number("Obstacle.friction", self.friction, at_least=0.0, at_most=10.0)
+        object.__setattr__(self, "friction", friction)
 
 
 @final

@@ -92,7 +92,7 @@ class HarnessShape:
         self.before = before
         self.supports = np.empty((0, 7)) if clips is None else clips  # (k, 7), of each clip, in the scene's order
         self._clips_of = clips_of or {}
-        self.touches = touches  # of each segment (k, 9), or none at all, see CableShape
+        self.touches = touches  # of each segment (k, TOUCH), or none at all, see CableShape
         self.bodies = bodies
 
     @property

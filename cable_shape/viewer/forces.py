@@ -55,4 +55,4 @@ def arrows(shape: CableShape) -> tuple[Array, Array]:
     clips, contacts = shape.supports, shape.touches
     at = np.concatenate((clips[:, 0], contacts[:, 0]))
     origins = np.stack([np.interp(at, shape.arc_length, shape.positions[:, i]) for i in range(3)], axis=1)
-    return origins, np.concatenate((-clips[:, 1:4], contacts[:, 8:] * contacts[:, 5:8]))
+    return origins, np.concatenate((-clips[:, 1:4], contacts[:, 8:9] * contacts[:, 5:8] + contacts[:, 9:12]))

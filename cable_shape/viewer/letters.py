@@ -11,7 +11,7 @@ from cable_shape.checks import Array
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.safety.report import BodyDistance, CableWarning, Clearance, CycleReport, Margin, Severity, WarningKind
 from cable_shape.scene.plug import PlugError
-from cable_shape.shape import CableShape, Status
+from cable_shape.shape import TOUCH, CableShape, Status
 from cable_shape.uncertainty.uncertainty import Tube
 
 
@@ -141,7 +141,7 @@ def _read_shape(
     buffer: bytes, points: int, status: int, fields: tuple[Any, ...], supports: bytes, touches: bytes, bodies: list[str]
 ) -> CableShape:
     keywords: dict[str, Any] = dict(zip(_SHAPE_FIELDS, fields, strict=True))
-    keywords.update(supports=_rows(supports, 7), touches=_rows(touches, 9), bodies=tuple(bodies))
+    keywords.update(supports=_rows(supports, 7), touches=_rows(touches, TOUCH), bodies=tuple(bodies))
     return CableShape(np.frombuffer(buffer, dtype=np.float64), points, status=Status(status), **keywords)
 
 

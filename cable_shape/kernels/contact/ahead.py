@@ -6,7 +6,7 @@ import math
 
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.contact.near import ACTIVE, BARE, LINK, LINKED, PRESS, PUSH, TOWARD
+from cable_shape.kernels.contact.near import ACTIVE, BARE, LINK, LINKED, PRESS, PUSH, TOWARD, let_go
 from cable_shape.kernels.contact.tables import Lying, Net
 from cable_shape.kernels.network.tables import BEFORE, LENGTH, NOW, TRIAL, model_of, plan_of
 from cable_shape.kernels.rod_algebra import (
@@ -108,6 +108,7 @@ def predict(lying: Lying, net: Net, history: int) -> float:
             if near[TRIAL, k, PRESS] < 0.0:
                 near[TRIAL, k, PRESS] = 0.0
                 on[TRIAL, k, 0] = BARE
+                let_go(near[TRIAL], k)
         if on[NOW, k, LINKED] == ACTIVE and on[BEFORE, k, LINK] == on[NOW, k, LINK]:
             push_on(near, on, k, a if on[BEFORE, k, LINKED] == ACTIVE else 0.0)
     for j in range(ends.shape[1]):

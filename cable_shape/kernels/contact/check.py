@@ -12,11 +12,14 @@ from cable_shape.kernels.contact.near import (
     BARE,
     EXACT,
     GRIP_EXCLUSION,
+    MATE,
     NONE,
     NORMAL,
+    RUB,
     SECOND,
     SECOND_EXACT,
     SECOND_NORMAL,
+    SLIPS,
     SPOT,
 )
 from cable_shape.kernels.distance.surface import reach_of, touch
@@ -31,7 +34,7 @@ from cable_shape.kernels.rod_algebra import (
     take3,
 )
 
-TOUCH = 9  # numbers of a contact: arc length, body, point 3, normal 3, force
+TOUCH = 13  # numbers of a contact: arc length, body, point 3, normal 3, force, force along the surface 3, 1: slips
 
 
 @kernel
@@ -123,7 +126,7 @@ def passes(
 
 @kernel
 def touches(s: Array, near: Array, on: Array, thick: Array, out: Array) -> int:
-    """Fills out (2 N, 9) with the contacts of a solution, see TOUCH; returns how many there are."""
+    """Fills out (2 N, TOUCH) with the contacts of a solution, see TOUCH; returns how many there are."""
     count = 0
     for k in range(s.shape[0]):
         if on[k, 0] == BARE or not near[k, EXACT] > 0.0:
@@ -134,11 +137,18 @@ def touches(s: Array, near: Array, on: Array, thick: Array, out: Array) -> int:
         put3(out, count, 2, subtract(take3(near, k, SPOT), scale(thick[k], n)))
         put3(out, count, 5, n)
         out[count, 8] = near[k, EXACT]
+        t, share = take3(near, k, RUB), 1.0
+        if on[k, SECOND] != BARE and near[k, SECOND_EXACT] > 0.0:
+            share = near[k, EXACT] / (near[k, EXACT] + near[k, SECOND_EXACT])
+        put3(out, count, 9, scale(share, t))
+        out[count, 12] = near[k, SLIPS] if near[k, MATE] != 0.0 else 0.0
         count += 1
         if on[k, SECOND] != BARE and near[k, SECOND_EXACT] > 0.0:
             n = take3(near, k, SECOND_NORMAL)
             out[count, 0], out[count, 1], out[count, 8] = s[k], on[k, SECOND], near[k, SECOND_EXACT]
             put3(out, count, 2, subtract(take3(near, k, SPOT), scale(thick[k], n)))
             put3(out, count, 5, n)
+            put3(out, count, 9, scale(1.0 - share, t))
+            out[count, 12] = out[count - 1, 12]
             count += 1
     return count

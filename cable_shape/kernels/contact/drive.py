@@ -11,6 +11,7 @@ from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.contact.ahead import meet_supports, predict
 from cable_shape.kernels.contact.check import passes
 from cable_shape.kernels.contact.errors import AMISS, SAFETY, contact_error, position_error
+from cable_shape.kernels.contact.friction import FAINT, goes_on, remember
 from cable_shape.kernels.contact.knots import close, from_model, place_nodes, press_on, put, walk
 from cable_shape.kernels.contact.lay import laid
 from cable_shape.kernels.contact.link import find_pairs, look_at_links, tie_pairs
@@ -33,6 +34,7 @@ from cable_shape.kernels.network.tables import (
     N_CABLES,
     N_KNOTS,
     NOW,
+    SOFTEST,
     TRIAL,
     copy,
     copy_rows,
@@ -43,7 +45,7 @@ from cable_shape.kernels.network.tables import (
     still_knots,
     work_of,
 )
-from cable_shape.kernels.rod_algebra import get4, qconj, qmul
+from cable_shape.kernels.rod_algebra import dot, get4, qconj, qmul, take3
 from cable_shape.kernels.rod_output import all_finite
 
 #: What `solve` tells in `info` besides `press`: residual, estimated error [m], energy [J], twist [rad], error of the
@@ -97,12 +99,12 @@ def begin(lying: Lying, net: Net, a: float) -> bool:
 def solve(
     lying: Lying, bodies: Bodies, net: Net, before: Array, out: Array, loads: Array, info: Array, points: int,
     cables: int, history: int, most: int, far: float, weight: float, limp: bool, sunk: float, drag: float,
-    running: int, horizon: float, deepest: float, fine: float,
+    running: int, horizon: float, deepest: float, fine: float, gentle: bool,
 ) -> int:  # fmt: skip
     """Solves for what holds the cable in the trial of `lying`, to an equilibrium there: CONVERGED or UNSETTLED.
 
     Else STALLED, NOT_FINITE, BROKEN or FAR. history: so many solutions, 1 or 2, to start from. far [rad]: largest turn
-    of a frame from its prediction that is accepted. weight to running: see `press`. out: 17 points a cable, as
+    of a frame from its prediction that is accepted. weight to running, gentle: see `press`. out: 17 points a cable, as
     CableShape.buffer; loads (k, 7): what knots carry, as `network.drive.knot_loads` has it. cables: so many of the
     first ones touch bodies. info takes three numbers of each cable, too, see `network.drive.INFO`. before to fine: see
     `look_over`; UNSETTLED is what it says, and if it finds nothing the trial has become the solution now. A failure
@@ -118,7 +120,7 @@ def solve(
     info[AGE] = math.inf
     if not there:
         return STALLED
-    status = press(lying, bodies, net, weight, limp, sunk, most, drag, running, factored, info)
+    status = press(lying, bodies, net, weight, limp, sunk, most, drag, running, factored, gentle, info)
     if status != CONVERGED:
         return status
     info[I_TURNED] = turned(lying.start, q)
@@ -129,6 +131,8 @@ def solve(
         lying.slid[TRIAL, j] = lying.s[lying.held[j]]
     off = position_error(net, lying.errors)
     uncorrected(lying, net)
+    par = model_of(net.bare, net.made).par
+    remember(lying, bodies, FAINT * (weight + par[SOFTEST]), par[LENGTH])
     seen = np.zeros(network.INFO + 3 * lying.turns.shape[1])
     sample(ints, floats, sols, space, points, out, seen)
     knot_loads(ints, floats, space, loads[: ints[N_KNOTS]])
@@ -186,7 +190,7 @@ def look_over(
 ) -> bool:  # fmt: skip
     """Whether anything is left to be done about the trial, whose shape is `out`.
 
-    That is a cable deeper in a body than `deepest` [m], see `closest_points` for horizon; a body that it may have
+    That is a cable deeper in a body than `deepest` [m], but for `sagitta`, see `closest_points` for horizon; a body that it may have
     passed since it was at `before` (cables n, 3; n = 0: anywhere) and the bodies in `Bodies.then`; contacts whose part
     of the error [m] is above `fine` (infinite: may be), or AMISS times that in all; contacts that were stopped while
     they ran, or that have come up to a node. A negative `deepest`: who calls will see.
@@ -205,7 +209,8 @@ def look_over(
             bodies.tree, bodies.measured, bodies.counts,
         )  # fmt: skip
         for m in range(bodies.measured.shape[0]):
-            if bodies.measured[m, 0] + sunk < -deepest:
+            sag = sagitta(own, points, bodies.measured[m, 1]) if bodies.measured[m, 0] + sunk < -deepest else 0.0
+            if bodies.measured[m, 0] + sunk + sag < -deepest:
                 return True
         if before.shape[0] > 0 and passes(
             s, before[points * c : points * (c + 1)], positions, bodies.table, bodies.frames, bodies.then,
@@ -216,6 +221,21 @@ def look_over(
         while node < lying.h.shape[0] and lying.h[node - 1] != 0.0:
             node += 1
     return bool(any_crowded(lying.near[TRIAL], lying.on[TRIAL], lying.q[TRIAL], lying.h, lying.flex))
+
+
+@kernel
+def sagitta(own: Array, points: int, arc: float) -> float:
+    """[m], by how much the straight line between the two points of a shape about `arc` [m] is off the cable.
+
+    own: the shape's numbers, as CableShape.buffer.
+    """
+    h = own[points - 1] / (points - 1)
+    first = min(int(arc / h), points - 2)
+    largest = 0.0
+    for k in range(first, first + 2):
+        u = take3(own[8 * points : 11 * points].reshape(points, 3), k, 0)
+        largest = max(largest, dot(u, u))
+    return 0.125 * h * h * math.sqrt(largest)
 
 
 @kernel
@@ -243,6 +263,7 @@ def refresh(lying: Lying, net: Net) -> None:
     close(net, near)
     par = model_of(ints, floats).par
     press_on(net, q, lying.h, near, on, ROUND / par[LENGTH], lying.flex, 0.0, False)
+    goes_on(net, near, on)
     find_pairs(lying, on)
     look_at_links(lying, near)
     tie_pairs(net, lying, q, near, on, False)

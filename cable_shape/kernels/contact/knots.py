@@ -196,7 +196,8 @@ def slot_of(net: Net, i: int) -> int:
 @viewing
 def press_on(net: Net, q: Array, h: Array, near: Array, on: Array, least: float, flex: Array, drag: float,
              factored: bool) -> float:  # fmt: skip
-    """Tells the model how contacts press, but for the steps that close gaps; returns the largest gap [m].
+    """Tells the model how contacts press without friction, but for the steps that close gaps; returns the largest gap
+    [m].
 
     factored: the factors at hand serve, and the model they are of stays.
 

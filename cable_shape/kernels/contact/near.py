@@ -1,6 +1,6 @@
 """Which nodes of a cable touch which bodies: gaps, normals and curvatures at the nodes.
 
-    near  (N+1, 43) of a node: contact force p [N] | gap to the nearest body [m] | its outward normal 3 | curvature of
+    near  (N+1, 56) of a node: contact force p [N] | gap to the nearest body [m] | its outward normal 3 | curvature of
                     its surface 9 | place 3 | change of place in the last step 3 | contact force corrected [N] | 1: its
                     contact has just ended | push of another cable [N] | direction from there 3 | how far that is [m] |
                     the push corrected [N] | of a second body: contact force, gap, normal 3, curvature 9, force
@@ -38,10 +38,11 @@ from cable_shape.kernels.rod_algebra import (
 )
 from cable_shape.kernels.rod_element import relative
 
-NEAR, ON = 43, 5  # columns of `near` and `on`
+NEAR, ON = 56, 5  # columns of `near` and `on`
 PRESS, GAP, NORMAL, CURVED, SPOT, STEP, EXACT, ENDED = 0, 1, 2, 5, 14, 17, 20, 21
 PUSH, TOWARD, APART, PUSHED = 22, 23, 26, 27
 SECOND_PRESS, SECOND_GAP, SECOND_NORMAL, SECOND_CURVED, SECOND_EXACT = 28, 29, 30, 33, 42
+RUB, WAS, HELD, ARC, FIRM, SLIPS, MATE = 43, 46, 49, 52, 53, 54, 55
 LINK, LINKED, SECOND = 2, 3, 4
 BARE, ACTIVE, WAITS = -1, 1, 2
 FLATTEST = 1e-3  # of the square of the sine between two normals at a node: as far as flatter corners count
@@ -98,6 +99,7 @@ def look(
         if on[k, 1] == BARE:
             on[k, 0] = on[k, SECOND] = BARE
             near[k, PRESS] = near[k, SECOND_PRESS] = 0.0
+            let_go(near, k)
         b = on[k, SECOND]
         if b != BARE:
             side = take3(near, k, SECOND_NORMAL)
@@ -117,8 +119,15 @@ def tangent_of(q: Array, k: int) -> Vector:
 @viewing
 def pressed(near: Array, k: int, normal: int) -> Vector:
     """[N], of the bodies on node k; normal: column with the first one's direction."""
-    own = scale(near[k, PRESS], take3(near, k, normal))
+    own = add(scale(near[k, PRESS], take3(near, k, normal)), take3(near, k, RUB))
     return add(own, scale(near[k, SECOND_PRESS], take3(near, k, SECOND_NORMAL)))
+
+
+@viewing
+def let_go(near: Array, k: int) -> None:
+    """Takes off what a body pulls node k by along its surface, and the memory of it."""
+    put3(near, k, RUB, NONE)
+    near[k, MATE] = 0.0
 
 
 @viewing
@@ -211,8 +220,14 @@ def allowed(near: Array, on: Array, bodies: Array, thick: Array) -> float:
 @viewing
 def lean(near: Array, k: int, fraction: float) -> None:
     """Turns the normal at node k with the surface under the step, to first order."""
-    H = get9(near, k, CURVED)
+    put3(near, k, NORMAL, leant(near, k, fraction))
+
+
+@viewing
+def leant(near: Array, k: int, fraction: float) -> Vector:
+    """The normal at node k as the surface under the step turns it, to first order."""
+    H, n = get9(near, k, CURVED), take3(near, k, NORMAL)
     if H == FLAT:
-        return
-    n = add(take3(near, k, NORMAL), scale(fraction, apply(H, take3(near, k, STEP))))
-    put3(near, k, NORMAL, scale(1.0 / math.sqrt(dot(n, n)), n))
+        return n
+    n = add(n, scale(fraction, apply(H, take3(near, k, STEP))))
+    return scale(1.0 / math.sqrt(dot(n, n)), n)

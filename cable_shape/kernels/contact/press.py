@@ -16,6 +16,7 @@ import math
 
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
+from cable_shape.kernels.contact.friction import FAINT, any_rough, go_along, pull_along
 from cable_shape.kernels.contact.knots import close, from_model, mesh, press_on, put, step_out, walk
 from cable_shape.kernels.contact.lay import laid
 from cable_shape.kernels.contact.link import (
@@ -35,6 +36,7 @@ from cable_shape.kernels.contact.near import (
     BARE,
     EXACT,
     LINKED,
+    MATE,
     NORMAL,
     PRESS,
     PUSH,
@@ -48,6 +50,7 @@ from cable_shape.kernels.contact.near import (
     TOWARD,
     allowed,
     lean,
+    let_go,
     look,
     split,
 )
@@ -125,6 +128,9 @@ MERGING = 3  # iterations in which two contacts with a dip between them become o
 BLOCK = 8  # iterations in which all contacts that are wrong change at once
 RESTLESS = 1e-4  # of the length: contacts that run further along the cable have changed the system
 CHORD_TOLERANCE, SURE = 2e-6, 0.05  # rad, of a step with old factors that is so much shorter than the one before
+LOOSE, FIRMER = 1e-2, 5.0  # of how firm contacts are, at first and from solution to solution of a gentle solve
+TIGHTENED = 1e-3  # rad: a step below which such a solution counts as found
+RUBBED = 1e-5  # of the largest limit: by how much a force along a surface may miss the law of friction
 LIMP = 2e-3  # EI / (w L^3): in softer cables errors of rotation carry nodes of steep legs far off their places
 CALM = 0.1  # rad: contacts are dropped after steps below this only
 #: What `press` tells in `info`: iterations, last step [rad], negative eigenvalues beyond those of the forces (0:
@@ -136,7 +142,7 @@ I_ITERATIONS, I_STEP, I_EXCESS, I_KNOTS, I_ASSEMBLIES, I_KICKS, I_CHANGES, I_GAP
 @kernel
 def press(
     lying: Lying, bodies: Bodies, net: Net, weight: float, limp: bool, sunk: float, most: int, drag: float,
-    running: int, factored: bool, info: Array,
+    running: int, factored: bool, gentle: bool, info: Array,
 ) -> int:  # fmt: skip
     """Solves for the trial; CONVERGED, STALLED or NOT_FINITE.
 
@@ -145,7 +151,8 @@ def press(
     weight [N]: of all cables; limp: whether one of them is, see LIMP. sunk [m]: see `near.look`. drag [N]: moment per
     length and angle that holds the rotations back from `Lying.start`. running: iterations in which contacts run along
     the cable, see RUNNING; 0: none does, not even on a sharp body. factored: the factors in `net` are a nearby
-    solution's, and serve while steps are short. info: see I_ITERATIONS and the rest.
+    solution's, and serve while steps are short. gentle: friction gives way more easily at first, by LOOSE, and then less
+    and less, where it would else not be found what sticks and what slips. info: see I_ITERATIONS and the rest.
     """
     ints, floats, sols, space = net.ints, net.floats, net.sols, net.space
     q, near, on = lying.q[TRIAL], lying.near[TRIAL], lying.on[TRIAL]
@@ -160,6 +167,11 @@ def press(
     iterations = changed = 0
     reuse = factored
     gone = 0.0 if reuse else math.inf  # rad, since the matrix was assembled
+    rough, faint = any_rough(lying, bodies), FAINT * (weight + softest)
+    flips, off_law, firm = 0, 0.0, 0.0 if gentle and rough else 1.0
+    if not rough:
+        for k in range(near.shape[0]):
+            let_go(near, k)
     find_pairs(lying, on)
     while iterations < most:
         iterations += 1
@@ -210,6 +222,8 @@ def press(
         close(net, near)
         info[I_GAP] = press_on(net, q, h, near, on, runs, flex, drag, reuse)
         info[I_GAP] = max(info[I_GAP], tie_pairs(net, lying, q, near, on, reuse))
+        if rough:
+            flips, off_law = pull_along(net, lying, bodies, q, near, on, firm, faint, length, reuse)
         if drag > 0.0:
             hold_back(net, q, start, drag)
         wanted = ints[UNKNOWN] + active_pairs(lying, on)
@@ -276,7 +290,10 @@ def press(
                 or (again and max(largest, before) < NEUTRAL_TOLERANCE)
                 or (again and largest < CHORD_TOLERANCE and largest < SURE * before)
             )
-            done = small and not pulls(net, near, on, least)
+            if firm < 1.0 and largest < TIGHTENED:
+                firm = min(max(FIRMER * firm, LOOSE), 1.0)
+                changed = 1
+            done = small and changed == 0 and off_law < RUBBED and not pulls(net, near, on, least)
         forces_on(net, lying, near, on, lying.ends[TRIAL], fraction)
         for k in range(near.shape[0]):
             if lies(on, k):
@@ -293,7 +310,7 @@ def press(
                 pulling = pulling or (lies(on, k) and near[k, PRESS] < -least)
             if again and largest > 0.3 * before:
                 gone = math.inf
-            reuse = largest < CHORD_FROM and not pulling and gone < math.inf
+            reuse = largest < CHORD_FROM and not pulling and gone < math.inf and flips == 0
         else:
             reuse = False
         changed = 0
@@ -414,6 +431,8 @@ def forces_on(net: Net, lying: Lying, near: Array, on: Array, ends: Array, fract
         if knot >= net.bare[N_KNOTS]:
             if on[net.where[knot], 0] != BARE:
                 second = pushed_second(net, near, on, knot, fraction)
+                if near[net.where[knot], MATE] != 0.0:
+                    go_along(near, on, net.where[knot], jump_at(net, near, on, knot), fraction)
                 near[net.where[knot], PRESS] = pushed(net, near, on, knot, fraction)
                 near[net.where[knot], SECOND_PRESS] = second
         elif plan.known[x] != 0:

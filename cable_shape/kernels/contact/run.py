@@ -17,9 +17,11 @@ from cable_shape.kernels.contact.near import (
     LINK,
     NORMAL,
     PRESS,
+    RUB,
     SHARP,
     along_cable,
     is_knot,
+    let_go,
     parting,
     tangent_of,
     turning,
@@ -114,6 +116,8 @@ def merge(q: Array, near: Array, on: Array, h: Array, k: int, least: float, flex
         stays, goes = (k, k + 1) if near[k, PRESS] >= near[k + 1, PRESS] else (k + 1, k)
         near[stays, PRESS] += near[goes, PRESS]
         near[goes, PRESS] = 0.0
+        put3(near, stays, RUB, add(take3(near, stays, RUB), take3(near, goes, RUB)))
+        let_go(near, goes)
         on[goes, 0] = BARE
 
 

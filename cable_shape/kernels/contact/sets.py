@@ -18,6 +18,7 @@ from cable_shape.kernels.contact.near import (
     SECOND_GAP,
     SECOND_NORMAL,
     SECOND_PRESS,
+    let_go,
 )
 from cable_shape.kernels.rod_algebra import get9, put3, put9, take3
 
@@ -48,10 +49,12 @@ def drop(near: Array, on: Array, s: Array, least: float, one: bool) -> int:
             else:
                 on[k, 0] = BARE
                 near[k, ENDED] = 1.0
+                let_go(near, k)
                 count += 1
     if at >= 0:
         on[at, 0] = BARE
         near[at, ENDED] = 1.0
+        let_go(near, at)
         count += 1
     if count > 0:
         hand_on(near, on, s)
@@ -139,10 +142,12 @@ def grow(near: Array, on: Array, deepest: float, off: float, one: bool) -> int:
             else:
                 on[k, 0] = on[k, 1]
                 near[k, PRESS] = 0.0
+                let_go(near, k)
                 count += 1
     if at >= 0:
         on[at, 0] = on[at, 1]
         near[at, PRESS] = 0.0
+        let_go(near, at)
         count = 1
     return count
 
@@ -153,4 +158,5 @@ def spare_clips(near: Array, on: Array, held: Array) -> None:
     for i in range(held.shape[0]):
         on[held[i], :] = BARE
         near[held[i], PRESS] = 0.0
+        let_go(near, held[i])
         near[held[i], GAP] = math.inf

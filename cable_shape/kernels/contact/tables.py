@@ -25,8 +25,8 @@ class Lying(NamedTuple):
     errors: Array  # (N,) each element's share of the last solution's error
     start: Array  # (n, 4) rotations that Newton's method starts from
     q: Array  # (3, n, 4) rotations
-    near: Array  # (3, n, 28) see `near`
-    on: Any  # (3, n, 4) see `near`
+    near: Array  # (3, n, 56) see `near`
+    on: Any  # (3, n, 5) see `near`
     ends: Array  # (3, m, 3) internal force at the end of each stretch, the loads there included [N]
     grips: Array  # (3, k, 7) poses of the knots of the network without contacts
     turns: Array  # (3, C)
@@ -34,6 +34,7 @@ class Lying(NamedTuple):
     frames: Array  # (b, 7) scratch: frames of the supports
     reach: Array  # (l,) [m] least distance of the centrelines of a pair, see `link`
     pairs: Any  # (l, 2) scratch: nodes of the pairs
+    rough: Array  # (n,) coefficient of friction there
 
 
 class Bodies(NamedTuple):
@@ -48,6 +49,7 @@ class Bodies(NamedTuple):
     links: Array  # (l, 7) poses of the robot's links
     measured: Array  # (m, 8) room for what `bounds.closest_points` finds
     counts: Any
+    rough: Array  # (m,) coefficients of friction
 
 
 class Net(NamedTuple):

@@ -53,6 +53,7 @@ class TouchBodies:
             if isinstance(body.solid, Mesh):
                 row[14] = half_thickness(body.solid)
         self._origins = self._tables[0][:, 4:7].copy()
+        self.rough: Array = np.array([body.friction for body in bodies])
         self._fixed = sum(body.link is None for body in bodies)
         self.horizon = radius + HORIZON
         self.counts: Any = np.empty(2, np.int64)
@@ -97,11 +98,16 @@ class TouchBodies:
         surface.place_bodies(self.table, self.moved_links, self.frames)
 
     @property
+    def smooth(self) -> Bodies:
+        """The same without friction."""
+        return self.kernel._replace(rough=np.zeros(len(self.table)))
+
+    @property
     def kernel(self) -> Bodies:
         """As the compiled solver takes them."""
         return Bodies(
             self.table, self.frames, self.frames_then, self.triangles, self.tree, self.stack, self.moved_links,
-            self.measured, self.counts,
+            self.measured, self.counts, self.rough[: len(self.table)],
         )  # fmt: skip
 
     def remember(self) -> None:

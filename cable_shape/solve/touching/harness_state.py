@@ -16,7 +16,7 @@ from cable_shape.kernels.network import material, tables
 from cable_shape.kernels.network.mesh import move_nodes
 from cable_shape.kernels.network.tables import NOW
 from cable_shape.pose import FreeEnd
-from cable_shape.shape import NUMBERS_PER_POINT
+from cable_shape.shape import NUMBERS_PER_POINT, TOUCH
 from cable_shape.solve.cables import Structure
 from cable_shape.solve.harness_network import HarnessNetwork
 from cable_shape.solve.harness_problem import HarnessProblem
@@ -44,8 +44,8 @@ class Laid:
         self.supports: Array = np.empty((0, 7))
         self.turns: Any = getattr(shape, "turns", 0)
         self.bodies = shape.bodies
-        rows = [row + np.eye(9)[0] * gap for own, gap in zip(shape.touches, gaps, strict=False) for row in own]
-        self.touches: Array = np.array(rows).reshape(-1, 9)
+        rows = [row + np.eye(TOUCH)[0] * gap for own, gap in zip(shape.touches, gaps, strict=False) for row in own]
+        self.touches: Array = np.array(rows).reshape(-1, TOUCH)
 
 
 @final
@@ -141,9 +141,11 @@ class HarnessTouchState(TouchState):
             if c < self.bodied:
                 name, cable = segments[c]
                 free = tuple(type(self.problem.ends.get(f"{name}.{side}")) is FreeEnd for side in ("start", "end"))
-                out.append(Chain(supports, cable.mean_bending_stiffness, 0.5 * cable.diameter, (free[0], free[1])))
+                free_ends = (free[0], free[1])
+                radius = 0.5 * cable.diameter
+                out.append(Chain(supports, cable.mean_bending_stiffness, radius, cable.friction, free_ends))
             else:
-                out.append(Chain(supports, self.cable.stiffest, self.radius, (False, False)))
+                out.append(Chain(supports, self.cable.stiffest, self.radius, 0.0, (False, False)))
         return tuple(out)
 
     def _count_of(self, chain: Chain) -> int:
@@ -223,7 +225,7 @@ class HarnessTouchState(TouchState):
         return -1, -1, 0.0
 
     def touches_of_segments(self) -> list[Array]:
-        """Of each segment (k, 9), the contacts of the last solution as `check.touches` has them."""
+        """Of each segment (k, TOUCH), the contacts of the last solution as `check.touches` has them."""
         ends = self._ends_of(self.nodes) + 1
         found = []
         for a, b in zip([0, *ends[:-1]], ends[: self.bodied], strict=False):

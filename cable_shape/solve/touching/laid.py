@@ -56,6 +56,7 @@ class Chain(NamedTuple):
     supports: slice
     bend: float  # [N m^2]
     radius: float  # [m]
+    rough: float  # coefficient of friction
     free: tuple[bool, bool]  # whether nothing holds the place of its start, of its end
 
 
@@ -86,6 +87,7 @@ class Laid:
         self.tight = 1.0  # of the least stretch
         self.widest = 0.0  # [m], element behind a support, when the mesh was laid out
         self.layer = math.inf  # [m], at what holds the cable, for which the mesh was made because tension is high
+        self.rubs = True  # whether there is friction: not on ways that are no steps of the cable
         self.untidy = False  # whether contacts may have run up to nodes in it
         self.patience = Patience()  # until another way is looked for where none led on
         self.free: CableShape | None = None  # the last shape, if it is not, and the frames of its supports (b+1, 7)
@@ -208,7 +210,7 @@ class Laid:
     def _chained(self) -> tuple[Chain, ...]:
         """The cables."""
         free = (False, self.forces < self._arcs.size - 1)
-        return (Chain(slice(0, self._arcs.size), self.bend, self.radius, free),)
+        return (Chain(slice(0, self._arcs.size), self.bend, self.radius, self.problem.cable.friction, free),)
 
     def _tell(self) -> None:
         """Tells the network what the cable is made of: it stretches a little, whatever it is."""
@@ -232,6 +234,7 @@ class Laid:
         self._gap_of_nodes: Array = np.repeat(self.gaps, counts)
         self.flex: Array = np.repeat([1.0 / chain.bend for chain in self.chains], counts)
         self.thick: Array = np.repeat([chain.radius for chain in self.chains], counts)
+        self.rough: Array = np.repeat([chain.rough for chain in self.chains], counts)
 
     def _pull_of_tips(self) -> float:
         """[N], force on free ends."""
@@ -323,6 +326,8 @@ class Laid:
             self.on[which, same] = on[which, match[same]]
             if np.count_nonzero(same) <= n_old:
                 mesh.share_out(self.nodes, self.near[which], self.on[which], old_nodes, near[which], on[which])
+            if self.has_friction and not same.all():
+                mesh.share_in(self.nodes, self.near[which], self.on[which], ~same)
 
     def _put(self, nodes: Array) -> None:
         """Puts the nodes there."""
@@ -360,11 +365,22 @@ class Laid:
         return self.bend < press.LIMP * self.weight * self.length**2
 
     @property
+    def has_friction(self) -> bool:
+        """Whether bodies have friction, or the cables."""
+        return bool(self.bodies.rough.any() or any(chain.rough for chain in self.chains))
+
+    @property
+    def smooth(self) -> Lying:
+        """`lying` without friction."""
+        return self.lying._replace(rough=np.zeros(self.elements + 1))
+
+    @property
     def lying(self) -> Lying:
         """What the solver is told of the cable."""
         return Lying(
             self.held, self.held_mask, self.s, self.h, self.flex, self.thick, self.errors, self.start, self.q,
             self.near, self.on, self.ends, self._grips, self.turns, self.slid, self.frames, self.reach, self._pairs,
+            self.rough,
         )  # fmt: skip
 
     def insert(self, arcs: Array, shortest: float = LEAST_LENGTH) -> bool:
@@ -387,6 +403,12 @@ class Laid:
         """Arc lengths that `mesh.ends_of_rows` has for the last solution; shortest: as for `insert`."""
         least = shortest * self.length
         return mesh.ends_of_rows(self.nodes, self.q[NOW], self.near[NOW], self.on[NOW], least)
+
+    def steep(self) -> Array:
+        """Arc lengths in the middle of elements beside contacts that tension makes bend in less than their length."""
+        pull = float(np.abs(self.ends[NOW]).max(initial=0.0))
+        layer = 0.7 * math.sqrt(self.bend / pull) if pull > 0.0 else math.inf
+        return mesh.steep(self.nodes, self.h, self.q[NOW], self.on[NOW], layer)
 
     def too_coarse(self) -> Array:
         """Arc lengths in the middle of the elements that most of the error of the last solution comes from."""

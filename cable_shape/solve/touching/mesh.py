@@ -11,7 +11,7 @@ import numpy as np
 from cable_shape.checks import Array
 from cable_shape.kernels import rod_mesh
 from cable_shape.kernels.contact import afterwards, run
-from cable_shape.kernels.contact.near import BARE, LINK, NORMAL, PRESS
+from cable_shape.kernels.contact.near import ARC, BARE, HELD, LINK, NORMAL, PRESS, RUB, SPOT, WAS
 from cable_shape.shape import CableShape
 
 ELEMENTS = 48  #: of a mesh before nodes are added, at least
@@ -20,6 +20,7 @@ FINENESS = 2.0  #: elements over which bending takes up the weight: where a limp
 MOST_AT_FIRST = 320
 FEWEST_ELEMENTS = 16  #: of them between two clips
 SHARE_OF_WORST = 0.1  #: of the largest share in the error that an element has: those above are divided
+TURN = 0.03  #: rad: elements that turn by less are fine enough for what bends around a body
 WORST = 0.5  #: of the contact that misses most: those above get nodes beside them
 STRETCHED = 1.6  #: times as long as at first: elements that an eyelet has stretched so far are divided
 TIP = 5e-5  #: [m] from a free end, which is no support itself, to the node that stands in for it
@@ -80,6 +81,13 @@ def ends_of_rows(nodes: Array, q: Array, near: Array, on: Any, least: float) -> 
     return np.unique(0.5 * np.concatenate((nodes[k] + nodes[k - 1], nodes[k] + nodes[k + 1])))
 
 
+def steep(nodes: Array, h: Array, q: Array, on: Any, layer: float) -> Array:
+    """Middles of the elements (N,) beside a contact that are longer than `layer` [m] and turn by more than TURN."""
+    touched = on[:, 0] != BARE
+    turn = 2.0 * np.arccos(np.minimum(np.abs((q[1:] * q[:-1]).sum(axis=1)), 1.0))
+    return 0.5 * (nodes[1:] + nodes[:-1])[(touched[1:] | touched[:-1]) & (h > layer) & (turn > TURN)]
+
+
 def worst(nodes: Array, errors: Array, inside: Any) -> Array:
     """Middles of the elements with the largest `errors` (N,); inside: which pieces between nodes are elements."""
     return np.asarray(0.5 * (nodes[1:] + nodes[:-1])[inside][errors >= SHARE_OF_WORST * errors.max()])
@@ -125,7 +133,43 @@ def share_out(nodes: Array, near: Array, on: Any, old_nodes: Array, old_near: Ar
         share = (old_nodes[k] - nodes[j - 1]) / (nodes[j] - nodes[j - 1])
         for i, part in ((j - 1, 1.0 - share), (j, share)):
             if on[i, 0] == old_on[k, 0]:
-                near[i, PRESS] += part * old_near[k, PRESS]
+                for column in (PRESS, *range(RUB, RUB + 3), *range(HELD, HELD + 3)):
+                    near[i, column] += part * old_near[k, column]
+
+
+def share_in(nodes: Array, near: Array, on: Any, new: Any) -> None:
+    """Gives `new` nodes in rows of contacts their parts of what those beside them are held by: the rest stays as it is.
+
+    What a row is pulled by along a surface is linear in arc length between its nodes.
+    """
+    old = np.flatnonzero(~new)
+    pairs = [(a, b) for a, b in pairwise(old.tolist()) if on[a, 0] != BARE and on[a, 0] == on[b, 0]]
+    if not near[old, RUB : RUB + 3].any() or not pairs:
+        return
+    around, before = np.zeros(nodes.size), near.copy()
+    for a, b in pairs:
+        around[[a, b]] += 0.5 * (nodes[b] - nodes[a])
+    forces = [PRESS, *range(RUB, RUB + 3), *range(HELD, HELD + 3)]
+    directions = [*range(NORMAL, NORMAL + 3), *range(WAS, WAS + 3)]
+    for a, b in pairs:
+        if b == a + 1:
+            continue
+        share = (nodes[a : b + 1, None] - nodes[a]) / (nodes[b] - nodes[a])
+        whole = 0.5 * (nodes[b] - nodes[a])
+        first, last = before[a] / around[a], before[b] / around[b]
+        part = np.zeros(b + 1 - a)
+        part[1:] += 0.5 * np.diff(nodes[a : b + 1])
+        part[:-1] += 0.5 * np.diff(nodes[a : b + 1])
+        given = ((1.0 - share) * first + share * last) * part[:, None]
+        near[a + 1 : b] = before[a]
+        near[a + 1 : b, forces] = given[1:-1, forces]
+        near[a + 1 : b, directions] = ((1.0 - share) * before[a] + share * before[b])[1:-1, directions]
+        near[a, forces] += given[0, forces] - whole * first[forces]
+        near[b, forces] += given[-1, forces] - whole * last[forces]
+        near[a + 1 : b, ARC] = before[a, ARC] + share[1:-1, 0] * (before[b, ARC] - before[a, ARC])
+        near[a + 1 : b, SPOT : SPOT + 3] = 0.0
+        on[a + 1 : b] = on[a]
+        on[a + 1 : b, LINK:] = BARE
 
 
 def stretched(nodes: Array, inside: Any, spacing: Array, middles: Array) -> Array:

@@ -16,7 +16,7 @@ from cable_shape.kernels.contact.press import I_EXCESS
 from cable_shape.kernels.network.tables import NOW
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.scene.body_tables import carried_by, link_rows
-from cable_shape.shape import NUMBERS_PER_POINT, CableShape, Status
+from cable_shape.shape import NUMBERS_PER_POINT, TOUCH, CableShape, Status
 from cable_shape.solve.harness_problem import HarnessProblem
 from cable_shape.solve.problem import Problem
 from cable_shape.solve.rod_common import MODEL
@@ -27,6 +27,7 @@ from cable_shape.solve.touching.search import relax
 from cable_shape.solve.touching.step import FAR, WARM_ITERATIONS, Steps
 from cable_shape.solve.touching.touching import ACCURACY, BURIED, inexact
 
+NO_FRICTION = (0.0, 0.0, 0.0, 0.0)  #: along the surfaces of cables that touch
 ITSELF = "itself"  #: the body's name, where a cable touches itself
 _FINEST = 4.0  #: times as many elements as usual, where they make too large an error
 
@@ -200,7 +201,7 @@ class Pile:
         if status and not estimate <= self.tolerance:
             status, detail = Status.NOT_CONVERGED, inexact(estimate, self.tolerance)
         bodies, rows = self._contacts(cable)
-        touches = np.vstack((state.touches_of_segments()[row], np.array(rows).reshape(-1, 9)))
+        touches = np.vstack((state.touches_of_segments()[row], np.array(rows).reshape(-1, TOUCH)))
         return CableShape(
             buffer,
             n,
@@ -233,7 +234,7 @@ class Pile:
                 if name not in bodies:
                     bodies.append(name)
                 point = spot.places[1 - side] + 0.5 * self._every[other].cable.diameter * normal
-                rows.append(np.array((spot.arcs[side], bodies.index(name), *point, *normal, spot.press)))
+                rows.append(np.array((spot.arcs[side], bodies.index(name), *point, *normal, spot.press, *NO_FRICTION)))
         return tuple(bodies), rows
 
     def _energy_of_masses(self, cable: int, buffer: Array) -> float:

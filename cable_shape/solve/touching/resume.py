@@ -8,20 +8,20 @@ import numpy as np
 
 from cable_shape.checks import Array
 from cable_shape.kernels.contact.near import NORMAL, PRESS
-from cable_shape.shape import CableShape
+from cable_shape.shape import TOUCH, CableShape
 
 _ALONE = 1.5  #: of an element: contacts that are further than this from the next one of their body are no row
 _NEAR = 0.1  #: of an element: a node nearer to a contact is its node
 
 
 def pressed_rows(shape: CableShape, names: tuple[str, ...]) -> Array:
-    """(k, 9), the shape's contacts with the bodies of these names, with the row of the name in place of the body."""
+    """(k, TOUCH), the shape's contacts with the bodies of these names, with the row of the name in place of the body."""
     rows = [
         (row[0], names.index(shape.bodies[int(row[1])]), *row[2:])
         for row in shape.touches
         if shape.bodies[int(row[1])] in names
     ]
-    return np.array(rows).reshape(-1, 9)
+    return np.array(rows).reshape(-1, TOUCH)
 
 
 def with_lone(nodes: Array, rows: Array) -> Array:

@@ -171,7 +171,7 @@ class TouchState(Laid):
         self.remember(self.seen(shape))
 
     def touches(self) -> Array:
-        """(k, 9), the contacts of the last solution as `check.touches` has them."""
+        """(k, TOUCH), the contacts of the last solution as `check.touches` has them."""
         out = np.empty((2 * self.elements, check.TOUCH))
         return out[: check.touches(self.nodes, self.near[NOW], self.on[NOW], self.thick, out)]
 

@@ -24,6 +24,7 @@ from cable_shape.solve.touching.state import TouchState
 
 DEEPEST = 1e-4  #: [m] a shape deeper in a body than this between nodes gets a node there
 WARM_ITERATIONS, STEP_ITERATIONS = 30, 20
+GENTLE_ITERATIONS = 20  #: more, where friction gives way more easily at first
 FAR = 0.7  #: A warm solve that turns a frame by more than this [rad] from its prediction is checked by small steps.
 FINE = 1.9e-4  #: of the length: an error from contacts above this, or AMISS times it in all, asks for a finer mesh
 _EXACT = 1e-5  #: of the length: an error from contacts below this is none of nodes in their way
@@ -126,16 +127,20 @@ class Steps:
         state, bodies = self.state, self.state.bodies
         running = 0 if self.still else RUNNING
         state.s_then[:] = state.s
-        code: int = drive.solve(
-            state.lying, bodies.kernel, state.net, before, self.buffer, state.loads, state.info, self.problem.points,
-            state.bodied, history, most, far, state.weight, state.limp, sunk, drag, running, bodies.horizon, deepest,
-            fine,
-        )  # fmt: skip
-        self.iterations += int(state.info[0])
-        if code not in (CONVERGED, UNSETTLED):
+        smooth = not state.rubs or drag > 0.0 or sunk > 0.0
+        lying, kernel = (state.smooth, bodies.smooth) if smooth else (state.lying, bodies.kernel)
+        for gentle in (False, True) if state.has_friction and not smooth else (False,):
+            code: int = drive.solve(
+                lying, kernel, state.net, before, self.buffer, state.loads, state.info, self.problem.points,
+                state.bodied, history, most + gentle * GENTLE_ITERATIONS, far, state.weight, state.limp, sunk, drag, running, bodies.horizon,
+                deepest, fine, gentle,
+            )  # fmt: skip
+            self.iterations += int(state.info[0])
+            if code in (CONVERGED, UNSETTLED):
+                if len(state.clip_knots):
+                    self.loads = state.loads[state.clip_knots].copy()
+                break
             state.put_nodes_back()
-        elif len(state.clip_knots):
-            self.loads = state.loads[state.clip_knots].copy()
         return code
 
     def settle(self, frames: Array, sunk: float = 0.0, drag: float = 0.0, *, refine: bool = True) -> bool:
@@ -153,6 +158,7 @@ class Steps:
             if not deep and refine and not self._exact():
                 of_contacts = AMISS * state.info[16]
                 arcs = state.ends_of_rows(shortest) if of_contacts > 0.5 * state.info[7] else state.too_coarse()
+                arcs = np.union1d(arcs, state.steep())
             if not arcs.size:
                 return True
             kept = (state.copy(), self.buffer.copy(), state.info.copy()) if self.still else None
@@ -285,5 +291,9 @@ class Steps:
         deep = []
         for c in range(self.state.bodied):
             found = self._measured(self.buffer, c)
-            deep.append(found[found[:, 0] + sunk < -deepest, 1] + self.state.gaps[c])
+            found = found[found[:, 0] + sunk < -deepest]
+            n = self.problem.points
+            own = self.buffer[NUMBERS_PER_POINT * n * c : NUMBERS_PER_POINT * n * (c + 1)]
+            sags = np.array([drive.sagitta(own, n, arc) for arc in found[:, 1]])
+            deep.append(found[found[:, 0] + sunk + sags < -deepest, 1] + self.state.gaps[c])
         return np.unique(np.concatenate(deep))

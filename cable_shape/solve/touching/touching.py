@@ -96,6 +96,7 @@ class Solve:
     def run(self) -> CableShape:
         """The shape, whatever comes."""
         state = self.state
+        state.rubs = True
         state.move_bodies(self.steps.links)
         frames = state.aimed()
         buried = self._buried(frames)
@@ -143,6 +144,7 @@ class Solve:
         if state.patience.left > 0 and not steps.late:
             state.patience.left -= 1
             return self._no_shape(Status.NOT_CONVERGED, _STUCK)
+        state.rubs = False
         if relax(steps, frames):
             return self._finish(Status.SNAPPED)
         state.put_back(reached)
@@ -225,6 +227,7 @@ class Solve:
         ways = [attempt * down for attempt in _ATTEMPTS] + [sign * aside for sign in (1.0, -1.0) if aside.any()]
         softer = partial(soften, steps, frames, lambda stiffer: self._lay(frames, stiffer, down))
         self._stand(free, down)
+        state.rubs = False
         attempts: list[Callable[[], bool]] = [partial(self._bring, frames, free, way) for way in ways]
         if state.limpness < STIFF:
             attempts.insert(0 if state.limpness < LIMP else len(attempts), softer)
@@ -379,6 +382,7 @@ class Solve:
             supports=steps.loads,
             touches=found,
             bodies=state.bodies.names,
+            frictionless=state.touching and not state.rubs and state.has_friction,
         )
 
     def _leave(self, shape: CableShape) -> None:
