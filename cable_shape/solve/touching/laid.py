@@ -404,11 +404,11 @@ class Laid:
         least = shortest * self.length
         return mesh.ends_of_rows(self.nodes, self.q[NOW], self.near[NOW], self.on[NOW], least)
 
-    def steep(self) -> Array:
+    def steep(self, least: float = mesh.TURN) -> Array:
         """Arc lengths in the middle of elements beside contacts that tension makes bend in less than their length."""
         pull = float(np.abs(self.ends[NOW]).max(initial=0.0))
         layer = 0.7 * math.sqrt(self.bend / pull) if pull > 0.0 else math.inf
-        return mesh.steep(self.nodes, self.h, self.q[NOW], self.on[NOW], layer)
+        return mesh.steep(self.nodes, self.h, self.q[NOW], self.on[NOW], layer, least)
 
     def too_coarse(self) -> Array:
         """Arc lengths in the middle of the elements that most of the error of the last solution comes from."""
@@ -444,8 +444,10 @@ class Laid:
     def thin(self) -> None:
         """If many nodes were added, takes away every other one that is far from where a row ends.
 
-        Adds some where an eyelet has stretched the mesh.
+        Adds some where an eyelet has stretched the mesh, and where the cable is drawn around a body.
         """
+        if self.elements < MOST_ELEMENTS:
+            self.insert(self.steep(mesh.WIDE))
         if self.rings.size and self.elements < MOST_ELEMENTS:
             self.insert(mesh.stretched(self.nodes, self.h > 0.0, self._spacing, self._middles))
         coarse = bool(self.info[16] > COARSE * self.length)

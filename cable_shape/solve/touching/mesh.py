@@ -20,7 +20,7 @@ FINENESS = 2.0  #: elements over which bending takes up the weight: where a limp
 MOST_AT_FIRST = 320
 FEWEST_ELEMENTS = 16  #: of them between two clips
 SHARE_OF_WORST = 0.1  #: of the largest share in the error that an element has: those above are divided
-TURN = 0.03  #: rad: elements that turn by less are fine enough for what bends around a body
+TURN, WIDE = 0.03, 0.15  #: rad: elements beside a contact that turn by less are fine enough, at last and at first
 WORST = 0.5  #: of the contact that misses most: those above get nodes beside them
 STRETCHED = 1.6  #: times as long as at first: elements that an eyelet has stretched so far are divided
 TIP = 5e-5  #: [m] from a free end, which is no support itself, to the node that stands in for it
@@ -81,11 +81,11 @@ def ends_of_rows(nodes: Array, q: Array, near: Array, on: Any, least: float) -> 
     return np.unique(0.5 * np.concatenate((nodes[k] + nodes[k - 1], nodes[k] + nodes[k + 1])))
 
 
-def steep(nodes: Array, h: Array, q: Array, on: Any, layer: float) -> Array:
-    """Middles of the elements (N,) beside a contact that are longer than `layer` [m] and turn by more than TURN."""
+def steep(nodes: Array, h: Array, q: Array, on: Any, layer: float, least: float) -> Array:
+    """Middles of the elements (N,) beside a contact that are longer than `layer` [m] and turn by more than `least` [rad]."""
     touched = on[:, 0] != BARE
     turn = 2.0 * np.arccos(np.minimum(np.abs((q[1:] * q[:-1]).sum(axis=1)), 1.0))
-    return 0.5 * (nodes[1:] + nodes[:-1])[(touched[1:] | touched[:-1]) & (h > layer) & (turn > TURN)]
+    return 0.5 * (nodes[1:] + nodes[:-1])[(touched[1:] | touched[:-1]) & (h > layer) & (turn > least)]
 
 
 def worst(nodes: Array, errors: Array, inside: Any) -> Array:
