@@ -1,7 +1,7 @@
 """A certificate of shapes in contact from their own numbers, in numpy: nothing of the solver's code takes part.
 
 From point to point n' = -w but for the forces of contacts and clips, which jump, and m' = n x r'; contacts push, along
-the normal of their body, where the cable is on it; no point is inside a body; and on the straight way from the shape
+the normal of their body, where the cable is on it, and rub along it by no more than friction holds; no point is inside a body; and on the straight way from the shape
 before no body or cable is passed.
 """
 
@@ -18,6 +18,7 @@ import cable_shape as cs
 Array = np.ndarray
 
 DEEP = 3e-4  # m, beside the error estimate: what a cable may seem to be inside a body, or a contact off one
+CONE = 1e-3  # of the largest push: friction beyond its limit, which is that of the push before corrections
 BALANCE = 1e-5  # of the largest force or the weight
 MOMENT = 1e-3  # of the largest moment, by Hermite's rule on the shape's points ...
 LAYER = 1.5  # ... where the shortest boundary layer is so many times as long as they are apart
@@ -87,6 +88,7 @@ def judged(cable: cs.Cable, scene: cs.Scene, shape: cs.CableShape, clips: Array)
         gap = float(distances(body.solid, body.pose, line).min()) - radius
         if gap < -allowed:
             wrong.append(f"inside: {body.name} by {-1e3 * gap:.2f} mm")
+    largest = max((contact.force for contact in shape.contacts), default=0.0)
     for contact in shape.contacts:
         if not contact.force > 0.0:
             wrong.append(f"pull: {contact.body} {contact.force:.3g} N")
@@ -99,6 +101,10 @@ def judged(cable: cs.Cable, scene: cs.Scene, shape: cs.CableShape, clips: Array)
                 wrong.append(f"off: contact with {contact.body} is {1e3 * off:.2f} mm off")
             if along < 0.98:
                 wrong.append(f"normal: {contact.body} {along:.3f}")
+            rubs = contact.tangential_force
+            limit, size = max(cable.friction, body.friction) * contact.force, float(np.linalg.norm(rubs))
+            if size > 1.01 * limit + CONE * largest or abs(rubs @ contact.normal) > 1e-6 * largest:
+                wrong.append(f"cone: {size:.3g} N along {contact.body}, {limit:.3g} N can be held")
     wrong += balance(cable, shape, clips)
     return tuple(wrong)
 
@@ -108,7 +114,7 @@ def balance(cable: cs.Cable, shape: cs.CableShape, clips: Array) -> list[str]:
     wrong = []
     s, n, m, t = shape.arc_length, shape.force, shape.moment, shape.tangents
     weight = np.array((0.0, 0.0, -9.81 * cable.linear_density))
-    pushed = [(contact.arc_length, contact.force * contact.normal) for contact in shape.contacts]
+    pushed = [(contact.arc_length, contact.force * contact.normal + contact.tangential_force) for contact in shape.contacts]
     pushed += [(row[0], -row[1:4]) for row in clips]
     size = max(float(np.linalg.norm(n, axis=1).max()), float(np.linalg.norm(weight)) * shape.length)
     left = n[-1] - n[0] + weight * shape.length + sum((force for _, force in pushed), np.zeros(3))

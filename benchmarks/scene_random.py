@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import math
 from collections import Counter
+from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -25,8 +26,8 @@ from tqdm import tqdm
 import cable_shape as cs
 
 #: Kinds of motions, with how many steps [%] may be without a usable shape.
-KINDS = {"contact": 1.0, "clips and contact": 1.0, "cables": 0.7, "itself": 0.7, "cables on bodies": 0.7}
-STEPS, SEED = 30, 16
+KINDS = {"contact": 1.0, "clips and contact": 1.0, "cables": 0.7, "itself": 0.7, "cables on bodies": 0.7, "contact with friction": 1.5}
+STEPS, SEED, FRICTION = 30, 16, 0.4
 ALONG_X = Rotation.from_quat((0.5, 0.5, 0.5, 0.5))
 TRIES = 200
 
@@ -143,6 +144,7 @@ def _motion(kind: str, rng: np.random.Generator) -> Motion | None:
     chord = rng.uniform(0.45, 0.9) * length
     if kind == "cables":
         return let_down(rng, cable, chord)
+    rubs = FRICTION if kind == "contact with friction" else 0.0
     if kind == "cables on bodies":
         return laid_down(rng, let_down(rng, cable, chord))
     steps = held(rng, cable, np.zeros(3), rng.uniform(0.0, 2.0 * math.pi), chord, 0.06 * length)
@@ -159,7 +161,8 @@ def _motion(kind: str, rng: np.random.Generator) -> Motion | None:
             clips.append(cs.Clip(float(free.arc_length[at]), cs.Pose(place, free.quaternions[at]), kind=str(name)))
         if len(clips) == 2 and clips[1].arc_length - clips[0].arc_length < 0.15 * length:
             return None
-    scene = cs.Scene(obstacles=bodies(rng, lowest, length), contact="solve")
+    obstacles = [replace(body, friction=rubs) for body in bodies(rng, lowest, length)]
+    scene = cs.Scene(obstacles=obstacles, contact="solve")
     if not clear(scene, cable, steps, clips):
         return None
     return Motion({"cable": cable}, scene, {"cable": clips}, [{"cable": pair} for pair in steps])

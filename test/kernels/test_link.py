@@ -35,7 +35,7 @@ def pair(seed):
     lying = Lying(
         np.zeros(0, np.int64), empty, np.zeros(6), np.full(5, STEP), np.ones(6), np.ones(6), np.zeros(5), q, q[None],
         near[None], np.zeros((3, 6, ON), np.int64), empty, empty, empty, empty, empty, np.array((REACH,)),
-        np.array(((1, 4),)),
+        np.array(((1, 4),)), np.zeros(6),
     )  # fmt: skip
     return lying, q, near, frames, bends, across
 

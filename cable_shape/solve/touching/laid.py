@@ -408,7 +408,7 @@ class Laid:
         """Arc lengths in the middle of elements beside contacts that tension makes bend in less than their length."""
         pull = float(np.abs(self.ends[NOW]).max(initial=0.0))
         layer = 0.7 * math.sqrt(self.bend / pull) if pull > 0.0 else math.inf
-        return mesh.steep(self.nodes, self.h, self.q[NOW], self.on[NOW], layer, least)
+        return mesh.steep(self.nodes, self.h, self.q[NOW], self.near[NOW], self.on[NOW], layer, least)
 
     def too_coarse(self) -> Array:
         """Arc lengths in the middle of the elements that most of the error of the last solution comes from."""
@@ -447,7 +447,7 @@ class Laid:
         Adds some where an eyelet has stretched the mesh, and where the cable is drawn around a body.
         """
         if self.elements < MOST_ELEMENTS:
-            self.insert(self.steep(mesh.WIDE))
+            self.insert(self.steep(mesh.SOON))
         if self.rings.size and self.elements < MOST_ELEMENTS:
             self.insert(mesh.stretched(self.nodes, self.h > 0.0, self._spacing, self._middles))
         coarse = bool(self.info[16] > COARSE * self.length)

@@ -11,7 +11,7 @@ import numpy as np
 from cable_shape.checks import Array
 from cable_shape.kernels import rod_mesh
 from cable_shape.kernels.contact import afterwards, run
-from cable_shape.kernels.contact.near import ARC, BARE, HELD, LINK, NORMAL, PRESS, RUB, SPOT, WAS
+from cable_shape.kernels.contact.near import ARC, BARE, HELD, LINK, NORMAL, PRESS, RUB, SHARP, SPOT, WAS, sharpness
 from cable_shape.shape import CableShape
 
 ELEMENTS = 48  #: of a mesh before nodes are added, at least
@@ -20,7 +20,7 @@ FINENESS = 2.0  #: elements over which bending takes up the weight: where a limp
 MOST_AT_FIRST = 320
 FEWEST_ELEMENTS = 16  #: of them between two clips
 SHARE_OF_WORST = 0.1  #: of the largest share in the error that an element has: those above are divided
-TURN, WIDE = 0.03, 0.15  #: rad: elements beside a contact that turn by less are fine enough, at last and at first
+TURN, SOON, WIDE = 0.03, 0.12, 0.2  #: rad: elements beside a contact that turn by less are fine enough, see `steep`
 WORST = 0.5  #: of the contact that misses most: those above get nodes beside them
 STRETCHED = 1.6  #: times as long as at first: elements that an eyelet has stretched so far are divided
 TIP = 5e-5  #: [m] from a free end, which is no support itself, to the node that stands in for it
@@ -81,11 +81,18 @@ def ends_of_rows(nodes: Array, q: Array, near: Array, on: Any, least: float) -> 
     return np.unique(0.5 * np.concatenate((nodes[k] + nodes[k - 1], nodes[k] + nodes[k + 1])))
 
 
-def steep(nodes: Array, h: Array, q: Array, on: Any, layer: float, least: float) -> Array:
-    """Middles of the elements (N,) beside a contact that are longer than `layer` [m] and turn by more than `least` [rad]."""
+def steep(nodes: Array, h: Array, q: Array, near: Array, on: Any, layer: float, least: float) -> Array:
+    """Middles of the elements (N,) beside a contact that turn by more than WIDE, or if they are longer than `layer` [m]
+    by more than `least` [rad]; but beside contacts that run over edges."""
     touched = on[:, 0] != BARE
+    if not touched.any():
+        return np.empty(0)
+    for k in np.flatnonzero(touched):
+        touched[k] = sharpness(q, near, k) * (h[k - 1] + h[k]) <= SHARP
     turn = 2.0 * np.arccos(np.minimum(np.abs((q[1:] * q[:-1]).sum(axis=1)), 1.0))
-    return 0.5 * (nodes[1:] + nodes[:-1])[(touched[1:] | touched[:-1]) & (h > layer) & (turn > least)]
+    return np.asarray(
+        0.5 * (nodes[1:] + nodes[:-1])[(touched[1:] | touched[:-1]) & (turn > np.where(h > layer, least, WIDE))]
+    )
 
 
 def worst(nodes: Array, errors: Array, inside: Any) -> Array:
