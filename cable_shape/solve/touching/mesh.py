@@ -82,17 +82,17 @@ def ends_of_rows(nodes: Array, q: Array, near: Array, on: Any, least: float) -> 
 
 
 def steep(nodes: Array, h: Array, q: Array, near: Array, on: Any, layer: float, least: float) -> Array:
-    """Middles of the elements (N,) beside a contact that turn by more than WIDE, or if they are longer than `layer` [m]
-    by more than `least` [rad]; but beside contacts that run over edges."""
+    """Middles of the elements (N,) beside a contact that are longer than `layer` [m] and turn by more than `least`
+    [rad], or between two and turn by more than WIDE; but beside contacts that run over edges."""
     touched = on[:, 0] != BARE
     if not touched.any():
         return np.empty(0)
     for k in np.flatnonzero(touched):
         touched[k] = sharpness(q, near, k) * (h[k - 1] + h[k]) <= SHARP
     turn = 2.0 * np.arccos(np.minimum(np.abs((q[1:] * q[:-1]).sum(axis=1)), 1.0))
-    return np.asarray(
-        0.5 * (nodes[1:] + nodes[:-1])[(touched[1:] | touched[:-1]) & (turn > np.where(h > layer, least, WIDE))]
-    )
+    beside, between = touched[1:] | touched[:-1], touched[1:] & touched[:-1]
+    wanted = (beside & (h > layer) & (turn > least)) | (between & (turn > WIDE))
+    return np.asarray(0.5 * (nodes[1:] + nodes[:-1])[wanted])
 
 
 def worst(nodes: Array, errors: Array, inside: Any) -> Array:
