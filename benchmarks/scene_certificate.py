@@ -1,8 +1,8 @@
 """A certificate of shapes in contact from their own numbers, in numpy: nothing of the solver's code takes part.
 
 From point to point n' = -w but for the forces of contacts and clips, which jump, and m' = n x r'; contacts push, along
-the normal of their body, where the cable is on it, and rub along it by no more than friction holds; no point is inside a body; and on the straight way from the shape
-before no body or cable is passed.
+the normal of their body, where the cable is on it, and rub along it by no more than friction holds; no point is inside
+a body; and on the straight way from the shape before no body or cable is passed.
 """
 
 from __future__ import annotations
@@ -114,7 +114,9 @@ def balance(cable: cs.Cable, shape: cs.CableShape, clips: Array) -> list[str]:
     wrong = []
     s, n, m, t = shape.arc_length, shape.force, shape.moment, shape.tangents
     weight = np.array((0.0, 0.0, -9.81 * cable.linear_density))
-    pushed = [(contact.arc_length, contact.force * contact.normal + contact.tangential_force) for contact in shape.contacts]
+    pushed = [
+        (contact.arc_length, contact.force * contact.normal + contact.tangential_force) for contact in shape.contacts
+    ]
     pushed += [(row[0], -row[1:4]) for row in clips]
     size = max(float(np.linalg.norm(n, axis=1).max()), float(np.linalg.norm(weight)) * shape.length)
     left = n[-1] - n[0] + weight * shape.length + sum((force for _, force in pushed), np.zeros(3))

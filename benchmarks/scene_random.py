@@ -26,7 +26,14 @@ from tqdm import tqdm
 import cable_shape as cs
 
 #: Kinds of motions, with how many steps [%] may be without a usable shape.
-KINDS = {"contact": 1.0, "clips and contact": 1.0, "cables": 0.7, "itself": 0.7, "cables on bodies": 0.7, "contact with friction": 1.5}
+KINDS = {
+    "contact": 1.0,
+    "clips and contact": 1.0,
+    "cables": 0.7,
+    "itself": 0.7,
+    "cables on bodies": 0.7,
+    "contact with friction": 1.5,
+}
 STEPS, SEED, FRICTION = 30, 16, 0.4
 ALONG_X = Rotation.from_quat((0.5, 0.5, 0.5, 0.5))
 TRIES = 200

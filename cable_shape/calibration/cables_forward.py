@@ -225,7 +225,7 @@ class CablesForward:
     ) -> _Followed:
         """The shapes of one look, found anew."""
         tolerance = TOLERANCE * max(cable.length for cable in cables.values())
-        options = {"model": "cosserat", "points": POINTS, "tolerance": tolerance, **self._loads}
+        options = {"model": "cosserat", "points": POINTS, "tolerance": tolerance, "friction": False, **self._loads}
         made = CablesPredictor(cables, **options)
         paths = {name: path_of(seen, *ends[name], cables[name].length) for name, seen in look.items()}
         known = {name: path for name, path in paths.items() if path is not None}

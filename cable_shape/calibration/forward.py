@@ -115,7 +115,7 @@ class Forward:
             return self._last[1]
         cable = self.parameters.make_cable(values)
         near, far = self.parameters.offset(values, "start"), self.parameters.offset(values, "end")
-        options = {"points": POINTS, "tolerance": TOLERANCE * cable.length, **self._loads}
+        options = {"points": POINTS, "tolerance": TOLERANCE * cable.length, "friction": False, **self._loads}
         plain = Problem(cable, **options)
         found: list[CableShape] = []
         states: list[_Followed | None] = []

@@ -127,7 +127,7 @@ def problem_of(harness: Harness, look: HarnessObservation | None = None, **loads
     scene, acceleration = (None, None) if look is None else (look.scene, look.acceleration)
     tolerance = TOLERANCE * harness.longest
     return HarnessProblem(
-        harness, points=POINTS, tolerance=tolerance, scene=scene, acceleration=acceleration, **loads
+        harness, points=POINTS, tolerance=tolerance, scene=scene, acceleration=acceleration, friction=False, **loads
     )  # fmt: skip
 
 

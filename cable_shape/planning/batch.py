@@ -190,7 +190,13 @@ def predict_batch(  # type: ignore[misc]
     others = poses.copy() if isinstance(ends, FreeEnd) or ends is None else pose_table("ends", ends)
     batch: ShapeBatch | None = None
     for rows, own in _scenes(scene, len(poses)):
-        options = {"gravity": gravity, "points": points, "scene": own, "distributed_load": distributed_load}
+        options = {
+            "gravity": gravity,
+            "points": points,
+            "scene": own,
+            "distributed_load": distributed_load,
+            "friction": False,
+        }
         predictor = Predictor(cable, model=model, tolerance=tolerance, **options)
         if acceleration is not None:
             predictor.accelerate(acceleration)

@@ -121,7 +121,7 @@ def predict_cables(
     deadline = math.inf
     if time_limit is not None:
         deadline = began + checks.number("time_limit", time_limit, above=0.0, unit="s")
-    predictor = CablesPredictor(cables, scene=scene, clips=clips, **options)
+    predictor = CablesPredictor(cables, scene=scene, clips=clips, friction=False, **options)
     given = _Given(predictor, ends, kinds)
     moves = checks.mapping("acceleration", acceleration, predictor.predictors, "Write {name of the cable: ..}.")
     work = _Work(predictor, given, moves, _known(uncertainty, predictor), deadline)

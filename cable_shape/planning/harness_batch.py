@@ -142,7 +142,7 @@ def predict_rows(
     deadline = math.inf
     if time_limit is not None:
         deadline = began + checks.number("time_limit", time_limit, above=0.0, unit="s")
-    predictor = HarnessPredictor(harness, scene=scene, **options)
+    predictor = HarnessPredictor(harness, scene=scene, friction=False, **options)
     tables, grips, free = _told(harness, ends, kinds)
     predictor.problem.move({**grips, **free})  # refuses what cannot be held
     judged = _Judged(harness, scene or Scene())

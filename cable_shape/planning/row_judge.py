@@ -67,7 +67,7 @@ class RowJudge:
         if shape.supports is not None and len(batch.loads[row]):
             batch.loads[row, 1:-1] = shape.supports
         if len(shape.touches):
-            batch.touches[row] = shape.bodies, shape.touches
+            batch.touches[row] = shape.bodies, shape.touches, shape.frictionless
         batch.status[row] = shape.status.value
         if shape.detail:
             batch.details[row] = shape.detail

@@ -115,7 +115,9 @@ class ShapeBatch(Rows[CableShape]):
         self.turns: NDArray[np.int64] = np.zeros(rows, np.int64)
         self.models: NDArray[np.str_] = np.full(rows, "cosserat", dtype="<U9")
         self.unread_errors: dict[int, Callable[[Array], float]] = {}  # see CableShape.unread_error
-        self.touches: dict[int, tuple[tuple[str, ...], Array]] = {}  # bodies and touches of rows in contact
+        self.touches: dict[
+            int, tuple[tuple[str, ...], Array, bool]
+        ] = {}  # of rows in contact: bodies, touches, frictionless
         self.radius: Array | None = None
         self.slopes: Array | None = None
         self.confidence = 0.0
@@ -273,5 +275,5 @@ class ShapeBatch(Rows[CableShape]):
         if self.loads.shape[1]:
             shape.supports = self.loads[row, 1:-1]
         if row in self.touches:
-            shape.bodies, shape.touches = self.touches[row]
+            shape.bodies, shape.touches, shape.frictionless = self.touches[row]
         return shape

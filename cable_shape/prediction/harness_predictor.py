@@ -69,6 +69,7 @@ class HarnessPredictor:
         time_budget: float | None = None,
         robot_links: Iterable[Obstacle] = (),
         gripping_links: Iterable[str] = (),
+        friction: bool = True,
     ) -> None:
         self.model = checks.one_of("model", model, MODELS)
         checks.optional_number("time_budget", time_budget, above=0.0, unit="s")
@@ -77,6 +78,7 @@ class HarnessPredictor:
             "gravity": gravity, "points": points, "tolerance": tolerance, "distributed_load": distributed_load,
             "robot_links": checks.entries("robot_links", robot_links, Obstacle),
             "gripping_links": checks.entries("gripping_links", gripping_links, str, "Give a list of link names."),
+            "friction": friction,
         }  # fmt: skip
         self.problem = self._still = _checked(HarnessProblem(harness, scene=scene, **self._keywords))
         self._state: HarnessNetwork | None = None

@@ -66,6 +66,9 @@ class Predictor:
     time_budget : float, optional
         [s] of one prediction by the Cosserat rod, looked at between its attempts. After it the best shape so far is
         given, graded BUDGET if it is within tolerance, else BUDGET_EXCEEDED. Default: none.
+    friction : bool
+        Whether bodies hold the cable by their friction and its own, which depends on the way here: what this predictor
+        has seen of it. False: as if they had none, and `shape.frictionless` says so.
 
     Raises
     ------
@@ -94,6 +97,7 @@ class Predictor:
         time_budget: float | None = None,
         robot_links: Iterable[Obstacle] = (),
         gripping_links: Iterable[str] = (),
+        friction: bool = True,
     ) -> None:
         if not isinstance(cable, Cable):
             raise ArgumentError.of("cable", cable, "it must be a Cable or a Harness", "Write Cable(length=..., ...).")
@@ -106,6 +110,7 @@ class Predictor:
             distributed_load=distributed_load,
             robot_links=checks.entries("robot_links", robot_links, Obstacle),
             gripping_links=checks.entries("gripping_links", gripping_links, str, "Give a list of link names."),
+            friction=friction,
         )
         problem = self._problem_of(cable, scene=scene)
         checks.optional_number("time_budget", time_budget, above=0.0, unit="s")

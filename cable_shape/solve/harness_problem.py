@@ -34,13 +34,14 @@ class HarnessProblem:
     gravity : (3,) [m/s^2]
     points : int, of each segment
     tolerance : float [m], largest position error allowed
+    rubs : whether there is friction, where surfaces have some
     ends : mapping of open end to Grip or FreeEnd
     laid_out : mapping of how the ends are held to the network that this makes, see `solve.harness_layout`
     """
 
     __slots__ = (
         "_given", "_keywords", "_loads", "_scenes", "bodies", "clip_names", "clips", "ends", "gravity", "gripping",
-        "harness", "laid_out", "links", "points", "scene", "segments", "tolerance",
+        "harness", "laid_out", "links", "points", "rubs", "scene", "segments", "tolerance",
     )  # fmt: skip
 
     def __init__(
@@ -55,6 +56,7 @@ class HarnessProblem:
         acceleration: Mapping[str, ArrayLike] | None = None,
         robot_links: Iterable[Obstacle] = (),
         gripping_links: Iterable[str] = (),
+        friction: bool = True,
     ) -> None:
         checks.instance("harness", harness, (Harness,), "Write Harness(segments={...}, junctions=[...]).")
         self.harness = harness
@@ -62,6 +64,8 @@ class HarnessProblem:
             tolerance = NAMED_TOLERANCE * harness.longest
         self.tolerance = checks.number("tolerance", tolerance, above=0.0, unit="m")
         self.scene = scene
+        checks.instance("friction", friction, (bool,), "Write True or False.")
+        self.rubs = friction
         self._scenes, self.clips = _scenes_of(harness, scene)
         self.clip_names = () if scene is None else clip_names(scene.clips)
         self._loads = _of_segments("distributed_load", distributed_load, harness)

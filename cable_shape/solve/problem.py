@@ -60,6 +60,7 @@ class Problem:
     bodies : what the cable is kept out of in the equilibrium: first the bodies fixed in the world, then those on links
     gripping : links that hold the cable, whose bodies it may touch near its ends
     links : where the links are, None if that is not known: then their bodies are left out
+    rubs : whether there is friction, where surfaces have some
     start : Grip
     end : Grip or FreeEnd
     cache : what a model derives once from all but the ends, by the model's name
@@ -82,6 +83,7 @@ class Problem:
         "load_force",
         "masses",
         "points",
+        "rubs",
         "scene",
         "start",
         "swing",
@@ -101,6 +103,7 @@ class Problem:
         acceleration: ArrayLike | None = None,
         robot_links: Iterable[Obstacle] = (),
         gripping_links: Iterable[str] = (),
+        friction: bool = True,
     ) -> None:
         if not isinstance(cable, Cable):
             raise ArgumentError.of("cable", cable, "it must be a Cable", "Write Cable(length=..., ...).")
@@ -121,6 +124,8 @@ class Problem:
         self.velocity: Array | None = None
         self.lag: Array | None = None
         self.swing: Array | None = None
+        checks.instance("friction", friction, (bool,), "Write True or False.")
+        self.rubs = friction
         if acceleration is not None:
             self._accelerate(_table(acceleration))
         self.scene = scene

@@ -99,7 +99,7 @@ def begin(lying: Lying, net: Net, a: float) -> bool:
 def solve(
     lying: Lying, bodies: Bodies, net: Net, before: Array, out: Array, loads: Array, info: Array, points: int,
     cables: int, history: int, most: int, far: float, weight: float, limp: bool, sunk: float, drag: float,
-    running: int, horizon: float, deepest: float, fine: float, gentle: bool,
+    running: int, horizon: float, deepest: float, fine: float, gentle: int,
 ) -> int:  # fmt: skip
     """Solves for what holds the cable in the trial of `lying`, to an equilibrium there: CONVERGED or UNSETTLED.
 
@@ -190,9 +190,10 @@ def look_over(
 ) -> bool:  # fmt: skip
     """Whether anything is left to be done about the trial, whose shape is `out`.
 
-    That is a cable deeper in a body than `deepest` [m], but for `sagitta`, see `closest_points` for horizon; a body that it may have
-    passed since it was at `before` (cables n, 3; n = 0: anywhere) and the bodies in `Bodies.then`; contacts whose part
-    of the error [m] is above `fine` (infinite: may be), or AMISS times that in all; contacts that were stopped while
+    That is a cable deeper in a body than `deepest` [m], but for `sagitta`, see `closest_points` for horizon; a body
+    that it may have passed since it was at `before` (cables n, 3; n = 0: anywhere) and the bodies in `Bodies.then`;
+    contacts whose part of the error [m] is above `fine` (infinite: may be), or AMISS times that in all; contacts that
+    were stopped while
     they ran, or that have come up to a node. A negative `deepest`: who calls will see.
     """
     if deepest < 0.0:

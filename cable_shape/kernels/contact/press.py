@@ -128,7 +128,9 @@ MERGING = 3  # iterations in which two contacts with a dip between them become o
 BLOCK = 8  # iterations in which all contacts that are wrong change at once
 RESTLESS = 1e-4  # of the length: contacts that run further along the cable have changed the system
 CHORD_TOLERANCE, SURE = 2e-6, 0.05  # rad, of a step with old factors that is so much shorter than the one before
-LOOSE, FIRMER = 1e-2, 5.0  # of how firm contacts are, at first and from solution to solution of a gentle solve
+#: Of how firm contacts are, what they are at first in a gentle solve, or one that is more so, and how much firmer they
+#: are from solution to solution.
+FIRST, FIRMER = (1.0, 1e-2, 0.0), 5.0
 TIGHTENED = 1e-3  # rad: a step below which such a solution counts as found
 RUBBED = 1e-5  # of the largest limit: by how much a force along a surface may miss the law of friction
 LIMP = 2e-3  # EI / (w L^3): in softer cables errors of rotation carry nodes of steep legs far off their places
@@ -142,7 +144,7 @@ I_ITERATIONS, I_STEP, I_EXCESS, I_KNOTS, I_ASSEMBLIES, I_KICKS, I_CHANGES, I_GAP
 @kernel
 def press(
     lying: Lying, bodies: Bodies, net: Net, weight: float, limp: bool, sunk: float, most: int, drag: float,
-    running: int, factored: bool, gentle: bool, info: Array,
+    running: int, factored: bool, gentle: int, info: Array,
 ) -> int:  # fmt: skip
     """Solves for the trial; CONVERGED, STALLED or NOT_FINITE.
 
@@ -151,8 +153,8 @@ def press(
     weight [N]: of all cables; limp: whether one of them is, see LIMP. sunk [m]: see `near.look`. drag [N]: moment per
     length and angle that holds the rotations back from `Lying.start`. running: iterations in which contacts run along
     the cable, see RUNNING; 0: none does, not even on a sharp body. factored: the factors in `net` are a nearby
-    solution's, and serve while steps are short. gentle: friction gives way more easily at first, by LOOSE, and then less
-    and less, where it would else not be found what sticks and what slips. info: see I_ITERATIONS and the rest.
+    solution's, and serve while steps are short. gentle: friction gives way more easily at first, and less
+    and less then, where it would else not be found what sticks and what slips. info: see I_ITERATIONS and the rest.
     """
     ints, floats, sols, space = net.ints, net.floats, net.sols, net.space
     q, near, on = lying.q[TRIAL], lying.near[TRIAL], lying.on[TRIAL]
@@ -168,7 +170,7 @@ def press(
     reuse = factored
     gone = 0.0 if reuse else math.inf  # rad, since the matrix was assembled
     rough, faint = any_rough(lying, bodies), FAINT * (weight + softest)
-    flips, off_law, firm = 0, 0.0, 0.0 if gentle and rough else 1.0
+    flips, off_law, firm = 0, 0.0, FIRST[gentle] if rough else 1.0
     if not rough:
         for k in range(near.shape[0]):
             let_go(near, k)
@@ -291,7 +293,7 @@ def press(
                 or (again and largest < CHORD_TOLERANCE and largest < SURE * before)
             )
             if firm < 1.0 and largest < TIGHTENED:
-                firm = min(max(FIRMER * firm, LOOSE), 1.0)
+                firm = min(max(FIRMER * firm, FIRST[1]), 1.0)
                 changed = 1
             done = small and changed == 0 and off_law < RUBBED and not pulls(net, near, on, least)
         forces_on(net, lying, near, on, lying.ends[TRIAL], fraction)

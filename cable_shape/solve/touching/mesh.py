@@ -147,15 +147,17 @@ def share_out(nodes: Array, near: Array, on: Any, old_nodes: Array, old_near: Ar
 def share_in(nodes: Array, near: Array, on: Any, new: Any) -> None:
     """Gives `new` nodes in rows of contacts their parts of what those beside them are held by: the rest stays as it is.
 
-    What a row is pulled by along a surface is linear in arc length between its nodes.
+    What a row is pulled by along a surface is linear in arc length between its nodes; what acts at its ends, where
+    the cable lifts off, stays there, but for as much as the next node carries.
     """
     old = np.flatnonzero(~new)
     pairs = [(a, b) for a, b in pairwise(old.tolist()) if on[a, 0] != BARE and on[a, 0] == on[b, 0]]
     if not near[old, RUB : RUB + 3].any() or not pairs:
         return
-    around, before = np.zeros(nodes.size), near.copy()
+    around, sides, before = np.zeros(nodes.size), np.zeros(nodes.size), near.copy()
     for a, b in pairs:
         around[[a, b]] += 0.5 * (nodes[b] - nodes[a])
+        sides[[a, b]] += 1
     forces = [PRESS, *range(RUB, RUB + 3), *range(HELD, HELD + 3)]
     directions = [*range(NORMAL, NORMAL + 3), *range(WAS, WAS + 3)]
     for a, b in pairs:
@@ -163,7 +165,11 @@ def share_in(nodes: Array, near: Array, on: Any, new: Any) -> None:
             continue
         share = (nodes[a : b + 1, None] - nodes[a]) / (nodes[b] - nodes[a])
         whole = 0.5 * (nodes[b] - nodes[a])
-        first, last = before[a] / around[a], before[b] / around[b]
+        first, last = (before[k] / around[k] * (sides[k] == 2) for k in (a, b))
+        if sides[a] != 2:
+            first = last
+        elif sides[b] != 2:
+            last = first
         part = np.zeros(b + 1 - a)
         part[1:] += 0.5 * np.diff(nodes[a : b + 1])
         part[:-1] += 0.5 * np.diff(nodes[a : b + 1])

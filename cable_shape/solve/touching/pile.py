@@ -74,6 +74,7 @@ class Pile:
         self.cables = sorted(self.more.union(cable for spot in spots for cable in spot.cables))
         self._problem = HarnessProblem.of_cables(self._problems)
         self._state = HarnessTouchState(self._problem)  # type: ignore[arg-type]
+        self._state.rubs = False  # what cables lie on below each other does not hold them
         self._state.move_bodies(self._links(frames))
         self.finer = finer
         least = ACCURACY * self._problem.harness.longest if self._problem.bodies else 0.0
@@ -219,6 +220,7 @@ class Pile:
             supports=self._steps.loads[self._problem.clips[f"c{cable}"]],
             touches=touches[np.argsort(touches[:, 0], kind="stable")],
             bodies=bodies,
+            frictionless=state.has_friction,
         )
 
     def _contacts(self, cable: int) -> tuple[tuple[str, ...], list[Array]]:

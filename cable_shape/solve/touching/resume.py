@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from cable_shape.checks import Array
-from cable_shape.kernels.contact.near import NORMAL, PRESS
+from cable_shape.kernels.contact.near import ARC, BARE, HELD, MATE, NORMAL, PRESS, RUB, WAS
 from cable_shape.shape import TOUCH, CableShape
 
 _ALONE = 1.5  #: of an element: contacts that are further than this from the next one of their body are no row
@@ -15,7 +15,7 @@ _NEAR = 0.1  #: of an element: a node nearer to a contact is its node
 
 
 def pressed_rows(shape: CableShape, names: tuple[str, ...]) -> Array:
-    """(k, TOUCH), the shape's contacts with the bodies of these names, with the row of the name in place of the body."""
+    """(k, TOUCH), the shape's contacts with the bodies of these names, the row of the name in place of the body."""
     rows = [
         (row[0], names.index(shape.bodies[int(row[1])]), *row[2:])
         for row in shape.touches
@@ -49,3 +49,14 @@ def press_nodes(rows: Array, nodes: Array, held: Any, near: Array, on: Array) ->
                 on[k, :2] = row[1]
                 near[k, PRESS] += part * row[8]
                 near[k, NORMAL : NORMAL + 3] = row[5:8]
+                near[k, RUB : RUB + 3] += part * row[9:12]
+
+
+def hold_nodes(nodes: Array, shape: CableShape, frames: Array, near: Array, on: Any) -> None:
+    """Has friction count from this shape on, at the nodes that `press_nodes` has pressed; frames (m, 4, 3): bodies'."""
+    for k in np.flatnonzero(on[:, 0] != BARE):
+        axes, origin = frames[on[k, 0], :3], frames[on[k, 0], 3]
+        spot = np.array([np.interp(nodes[k], shape.arc_length, column) for column in shape.positions.T])
+        near[k, WAS : WAS + 3] = axes @ (spot - origin)
+        near[k, HELD : HELD + 3] = axes @ near[k, RUB : RUB + 3]
+        near[k, ARC], near[k, MATE] = nodes[k], 1.0 + on[k, 0]

@@ -66,6 +66,8 @@ class TouchState(Laid):
         self._grips[NOW] = frames
         self._align()
         resume.press_nodes(rows, nodes, self.held, self.near[NOW], self.on[NOW])
+        if self.has_friction and self.single:
+            resume.hold_nodes(nodes, shape, self.bodies.frames, self.near[NOW], self.on[NOW])
         for i, pair in enumerate(self.links):
             self._link(i, pair)
         j = 0

@@ -129,10 +129,11 @@ class Steps:
         state.s_then[:] = state.s
         smooth = not state.rubs or drag > 0.0 or sunk > 0.0
         lying, kernel = (state.smooth, bodies.smooth) if smooth else (state.lying, bodies.kernel)
-        for gentle in (False, True) if state.has_friction and not smooth else (False,):
+        for gentle in (0,) if smooth or not state.has_friction else (0, 1, 2):
+            tries = most + (GENTLE_ITERATIONS if gentle else 0)
             code: int = drive.solve(
                 lying, kernel, state.net, before, self.buffer, state.loads, state.info, self.problem.points,
-                state.bodied, history, most + gentle * GENTLE_ITERATIONS, far, state.weight, state.limp, sunk, drag, running, bodies.horizon,
+                state.bodied, history, tries, far, state.weight, state.limp, sunk, drag, running, bodies.horizon,
                 deepest, fine, gentle,
             )  # fmt: skip
             self.iterations += int(state.info[0])

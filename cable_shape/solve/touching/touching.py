@@ -96,7 +96,7 @@ class Solve:
     def run(self) -> CableShape:
         """The shape, whatever comes."""
         state = self.state
-        state.rubs = True
+        state.rubs = self.problem.rubs
         state.move_bodies(self.steps.links)
         frames = state.aimed()
         buried = self._buried(frames)

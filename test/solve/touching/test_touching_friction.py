@@ -1,0 +1,204 @@
+"""Friction with memory: the capstan, loops over a table, what sticks and what slips, by statics and by differences."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scene_certificate import judged
+from scene_random import run
+
+import cable_shape as cs
+
+ALONG_X = (0.5, 0.5, 0.5, 0.5)
+CABLE = cs.Cable(1.0, 0.1, 2e-3, diameter=0.008)
+POST, RADIUS = 0.05, 0.002
+
+
+def table(friction, link=None):
+    return cs.Scene(obstacles=[cs.Obstacle("table", cs.HalfSpace(), link=link, friction=friction)], contact="solve")
+
+
+def grips(y, height=0.05, chord=0.93):
+    return cs.Pose((0.0, y, height), ALONG_X), cs.Pose((chord, y, height), ALONG_X)
+
+
+def rubbed(shape):
+    """(3,) [N], of all bodies along their surfaces."""
+    return sum((contact.tangential_force for contact in shape.contacts), np.zeros(3))
+
+
+def on_post(friction, degrees, stretch=2.0, axial=500.0):
+    """A limp cable drawn around a post by this angle, and what holds it `pull` further to one side."""
+    cable = cs.Cable(1.0, 0.01, 1e-6, diameter=2.0 * RADIUS, axial_stiffness=axial)
+    along_y = cs.Pose((0.0, 0.0, 0.0), (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)))
+    post = cs.Obstacle("post", cs.Cylinder(POST, 0.5), along_y, friction=friction)
+    predictor = cs.Predictor(cable, scene=cs.Scene(obstacles=[post], contact="solve"))
+    r = POST + RADIUS
+
+    def ends(first, last, pull):
+        free = 0.5 * (1.0 + stretch / axial - r * (first - last))
+        out = np.array((-math.sin(first), 0.0, math.cos(first))), np.array((math.sin(last), 0.0, -math.cos(last)))
+        touch = np.array((math.cos(first), 0.0, math.sin(first))), np.array((math.cos(last), 0.0, math.sin(last)))
+        quaternion = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))
+        places = r * touch[0] + (free + pull) * out[0], r * touch[1] + (free - pull) * out[1]
+        return [cs.Grip(cs.Pose(place, quaternion), kind="pinned") for place in places]
+
+    half = 0.5 * math.pi
+    wound = math.radians(degrees)
+    for x in np.linspace(0.0, 1.0, 41):
+        shape = predictor.predict(*ends(half + (wound - half) * x, half - half * x, 0.0))
+        assert shape.usable, (x, shape)
+    return predictor, lambda pull: ends(wound, 0.0, pull)
+
+
+@pytest.mark.parametrize("degrees", [100, 180])
+@pytest.mark.parametrize("friction", [0.1, 0.4])
+def test_a_limp_cable_that_slips_round_a_post_is_a_capstan(friction, degrees):
+    predictor, ends = on_post(friction, degrees)
+    found = []
+    for pull in np.arange(1, 31) * 5e-4:
+        shape = predictor.predict(*ends(pull))
+        assert shape.usable, (pull, shape)
+        contacts = shape.contacts
+        if sum(contact.slips for contact in contacts) < 0.9 * len(contacts):
+            continue
+        before = np.searchsorted(shape.arc_length, contacts[0].arc_length) - 1
+        after = np.searchsorted(shape.arc_length, contacts[-1].arc_length) + 1
+        tight, slack = (float(np.linalg.norm(shape.force[k])) for k in (before, after))
+        angle = math.acos(np.clip(shape.tangents[before] @ shape.tangents[after], -1.0, 1.0))
+        found.append(tight / slack / math.exp(friction * angle))
+    assert len(found) >= 3
+    np.testing.assert_allclose(found, 1.0, atol=0.01)
+
+
+def loops(step):
+    """Friction [N] across, when a cable was dragged over a table to and fro three times; (3, k)."""
+    scene = table(0.4)
+    predictor = cs.Predictor(CABLE, scene=scene)
+    rows = []
+    ways = np.arange(0.0, 1.0, step)
+    for loop in range(3):
+        row = []
+        for at in ways:
+            shape = predictor.predict(*grips(0.03 * math.sin(2.0 * math.pi * at)))
+            assert shape.usable, (loop, at, shape)
+            row.append(rubbed(shape)[1])
+        rows.append(row)
+    assert judged(CABLE, scene, shape, shape.supports) == ()
+    return np.array(rows)
+
+
+def test_loops_over_a_table_coincide():
+    found = loops(1.0 / 80.0)
+    size = np.abs(found).max()
+    assert size > 0.1
+    assert np.abs(found[2] - found[1]).max() < 0.02 * size
+
+
+def test_the_first_touch_carries_nothing_along_the_surface():
+    predictor = cs.Predictor(CABLE, scene=table(0.4))
+    first = predictor.predict(*grips(0.0))
+    assert first.contacts
+    assert first.frictionless
+    assert not rubbed(first).any()
+    second = predictor.predict(*grips(0.01))
+    assert not second.frictionless
+    assert rubbed(second)[1] < -0.1
+    for contact in second.contacts:
+        size = np.linalg.norm(contact.tangential_force)
+        assert size <= 0.4 * contact.force * 1.001 + 1e-6
+        assert contact.slips == pytest.approx(1.0) or size < 0.4 * contact.force
+
+
+def test_without_friction_its_coefficients_change_no_bit():
+    smooth, rough = cs.Predictor(CABLE, scene=table(0.0)), cs.Predictor(CABLE, scene=table(0.4), friction=False)
+    for y in np.linspace(0.0, 0.02, 8):
+        one, other = smooth.predict(*grips(y)), rough.predict(*grips(y))
+        assert np.array_equal(one.buffer, other.buffer)
+        assert not one.frictionless
+        assert other.frictionless
+
+
+def test_what_sticks_stays_where_it_is_and_what_has_moved_slips_against_its_way():
+    predictor = cs.Predictor(CABLE, scene=table(0.4))
+    shape = predictor.predict(*grips(0.0))
+    place = shape.positions[75].copy()
+    near = predictor.predict(*grips(2e-4))
+    assert abs(near.positions[75, 1] - place[1]) < 2e-4
+    for y in np.linspace(0.0, 0.03, 16)[1:]:
+        far = predictor.predict(*grips(y))
+    slips = [contact for contact in far.contacts if contact.slips]
+    assert len(slips) > 5
+    assert all(contact.tangential_force[1] < 0.0 for contact in slips)
+
+
+def test_the_larger_coefficient_counts():
+    shapes = []
+    for cable, scene in ((CABLE.replace(friction=0.4), table(0.1)), (CABLE, table(0.4))):
+        predictor = cs.Predictor(cable, scene=scene)
+        for y in (0.0, 0.01, 0.02):
+            shape = predictor.predict(*grips(y))
+        shapes.append(shape)
+    assert np.array_equal(shapes[0].buffer, shapes[1].buffer)
+
+
+def test_a_table_that_moves_takes_the_cable_along():
+    predictor = cs.Predictor(CABLE, scene=table(0.4, link="belt"))
+    for x in np.linspace(0.0, 0.01, 11):
+        shape = predictor.predict(*grips(0.0), links={"belt": cs.Pose((0.0, x, 0.0))})
+        assert shape.usable
+    assert rubbed(shape)[1] > 0.1
+    other = cs.Predictor(CABLE, scene=table(0.4))
+    for x in np.linspace(0.0, 0.01, 11):
+        fixed = other.predict(*grips(-x))
+    np.testing.assert_allclose(rubbed(shape), rubbed(fixed), atol=2e-3)
+    np.testing.assert_allclose(shape.positions - (0.0, 0.01, 0.0), fixed.positions, atol=5e-4)
+
+
+def test_where_all_sticks_derivatives_are_those_of_the_next_step():
+    def held():
+        predictor = cs.Predictor(CABLE, scene=table(0.9), tolerance=1e-6)
+        for y in (0.0, 2e-4, 1e-4):
+            shape = predictor.predict(*grips(y))
+        assert not any(contact.slips for contact in shape.contacts)
+        return predictor
+
+    J = held().sensitivity()
+    step = 2e-6
+    for axis in (0, 1, 2):
+        shapes = []
+        for sign in (1.0, -1.0):
+            start, end = grips(1e-4)
+            moved = cs.Pose(np.array(start.position) + sign * step * np.eye(3)[axis], ALONG_X)
+            shapes.append(held().predict(moved, end).positions)
+        found = (shapes[0] - shapes[1]) / (2.0 * step)
+        assert np.abs(found - J[:, :, axis]).max() < 5e-3 * np.abs(found).max()
+
+
+def test_what_has_no_past_is_without_friction_and_says_so():
+    scene = table(0.4)
+    assert cs.predict(CABLE, *grips(0.0), scene=scene).frictionless
+    starts, ends = (
+        np.array([pose.array for pose in side]) for side in zip(*[grips(y) for y in (0.0, 0.01)], strict=True)
+    )
+    batch = cs.predict_batch(CABLE, starts, ends, scene=scene)
+    for row in (0, 1):
+        assert batch[row].contacts
+        assert batch[row].frictionless
+        assert not rubbed(batch[row]).any()
+
+
+@pytest.mark.parametrize("number", [1, 3, 6])
+def test_random_motions_with_friction_are_in_balance(number):
+    found = run("contact with friction", number)
+    assert not found.wrong, found.first
+    assert found.statuses.total() == sum(found.statuses[name] for name in ("OK", "SNAPPED", "UNSTABLE"))
+
+
+@pytest.mark.parametrize("value", [-0.1, math.nan, 11.0, "much"])
+def test_coefficients_that_make_no_sense_are_refused(value):
+    for make in (lambda: CABLE.replace(friction=value), lambda: cs.Obstacle("a", cs.Sphere(0.1), friction=value)):
+        with pytest.raises(cs.CableShapeError, match="friction"):
+            make()
