@@ -17,6 +17,7 @@ from cable_shape.kernels.contact.near import (
     NEAR,
     ON,
     ROUND,
+    RUB,
     SPOT,
     sharpness,
 )
@@ -37,6 +38,7 @@ MOST_ELEMENTS = 600
 #: Times as many elements as at first, from which on nodes are taken away again, if contacts make a smaller error [L];
 #: and from which on inside of rows whatever the error is.
 MANY, COARSE, FULL = 1.15, 1e-4, 1.3
+KEPT = 2.0  #: the same of a cable that friction holds
 EDGE = 0.3  #: radii of the cable: a body whose surface, moved out by one, is curved by more than 1 / that has an edge
 LEAST_LENGTH = 5e-4  #: of the cable's length: shorter elements are not divided
 _NEUTRAL = 1e-6  #: modes softer than this fraction of the stiffness / length^2 count as neutral, and neutral as stable
@@ -454,6 +456,8 @@ class Laid:
         full = self.elements > FULL * self._spacing.size
         if self.elements <= MANY * self._spacing.size or (coarse and not full):
             return
+        if self.elements <= KEPT * self._spacing.size and self.near[NOW, :, RUB : RUB + 3].any():
+            return  # what nodes carry along surfaces is best left to them
         nodes = mesh.thinned(
             self.nodes, self.near[NOW], self.on[NOW], self._spacing, self._middles, self.stops, full=full, coarse=coarse
         )

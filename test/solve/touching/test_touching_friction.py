@@ -62,7 +62,7 @@ def test_a_limp_cable_that_slips_round_a_post_is_a_capstan(friction, degrees):
         shape = predictor.predict(*ends(pull))
         assert shape.usable, (pull, shape)
         contacts = shape.contacts
-        if sum(contact.slips for contact in contacts) < 0.9 * len(contacts):
+        if sum(contact.slips for contact in contacts) < 0.97 * len(contacts):
             continue
         before = np.searchsorted(shape.arc_length, contacts[0].arc_length) - 1
         after = np.searchsorted(shape.arc_length, contacts[-1].arc_length) + 1
@@ -73,28 +73,26 @@ def test_a_limp_cable_that_slips_round_a_post_is_a_capstan(friction, degrees):
     np.testing.assert_allclose(found, 1.0, atol=0.01)
 
 
-def loops(step):
-    """Friction [N] across, when a cable was dragged over a table to and fro three times; (3, k)."""
-    scene = table(0.4)
-    predictor = cs.Predictor(CABLE, scene=scene)
+@pytest.mark.parametrize("strain", [0.01, 0.004])
+def test_loops_over_a_table_coincide(strain):
+    """A taut cable, so that no bow of it flips, dragged across a table to and fro three times."""
+    cable, scene = CABLE.replace(axial_stiffness=500.0), table(0.4)
+    predictor = cs.Predictor(cable, scene=scene, points=301)
     rows = []
-    ways = np.arange(0.0, 1.0, step)
-    for loop in range(3):
-        row = []
-        for at in ways:
-            shape = predictor.predict(*grips(0.03 * math.sin(2.0 * math.pi * at)))
-            assert shape.usable, (loop, at, shape)
-            row.append(rubbed(shape)[1])
-        rows.append(row)
-    assert judged(CABLE, scene, shape, shape.supports) == ()
-    return np.array(rows)
-
-
-def test_loops_over_a_table_coincide():
-    found = loops(1.0 / 80.0)
-    size = np.abs(found).max()
-    assert size > 0.1
-    assert np.abs(found[2] - found[1]).max() < 0.02 * size
+    for _ in range(3):
+        rows.append([])
+        for at in np.arange(60) / 60.0:
+            shape = predictor.predict(*grips(0.02 * math.sin(2.0 * math.pi * at), 0.005, 1.0 + strain))
+            assert shape.status is cs.Status.OK
+            rows[-1].append(rubbed(shape)[1])
+    assert judged(cable, scene, shape, shape.supports) == ()
+    first, second, third = np.array(rows)
+    size = np.abs(second).max()
+    assert size > 0.2
+    assert np.abs(third - second).max() < 1e-3 * size
+    assert np.abs(second - first).max() > 0.1 * size  # the first touch carried nothing
+    assert second.max() > 0.2
+    assert second.min() < -0.2
 
 
 def test_the_first_touch_carries_nothing_along_the_surface():
