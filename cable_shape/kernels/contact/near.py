@@ -125,9 +125,9 @@ def pressed(near: Array, k: int, normal: int) -> Vector:
 
 @viewing
 def let_go(near: Array, k: int) -> None:
-    """Takes off what a body pulls node k by along its surface, and the memory of it."""
+    """Takes off what a body pulls node k by along its surface; what it has been is remembered until the end of the
+    step, should it come back."""
     put3(near, k, RUB, NONE)
-    near[k, MATE] = 0.0
 
 
 @viewing

@@ -174,6 +174,7 @@ def press(
     if not rough:
         for k in range(near.shape[0]):
             let_go(near, k)
+            near[k, MATE] = 0.0
     find_pairs(lying, on)
     while iterations < most:
         iterations += 1
