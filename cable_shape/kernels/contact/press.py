@@ -170,6 +170,7 @@ def press(
     reuse = factored
     gone = 0.0 if reuse else math.inf  # rad, since the matrix was assembled
     rough, faint = any_rough(lying, bodies), FAINT * (weight + softest)
+    unchanged = True
     flips, off_law, firm = 0, 0.0, FIRST[gentle] if rough else 1.0
     if not rough:
         for k in range(near.shape[0]):
@@ -180,6 +181,8 @@ def press(
         iterations += 1
         one = iterations > BLOCK
         settled = iterations > 1 and largest < (LARGEST_STEP if one else CALM)
+        if rough and one:  # what friction holds has to have found its place before it tells who pulls
+            settled = settled and unchanged
         if settled:
             changed += drop(near, on, s, least, one)
         deep = min(ADD + length * largest * largest, MOST)
@@ -221,6 +224,7 @@ def press(
             gone = 0.0
             assemble(ints, floats, sols, space)
         info[I_CHANGES] += changed
+        unchanged = changed == 0
         info[I_KNOTS] = ints[N_KNOTS]
         close(net, near)
         info[I_GAP] = press_on(net, q, h, near, on, runs, flex, drag, reuse)
