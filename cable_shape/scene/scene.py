@@ -43,8 +43,8 @@ class Scene:
         At the end of every cable that has no other one.
     contact : str
         What obstacles and robot links do: "warn" (default) of the clearance to them; "solve" keeps the cable out of
-        them in the equilibrium, and out of each other and of themselves, held along bodies by their friction (Cosserat rod only), and
-        warns, too; "off" neither. With eyelets, cables are not kept out of each other.
+        them in the equilibrium, and out of each other and of themselves, held along bodies by their friction
+        (Cosserat rod only), and warns, too; "off" neither. With eyelets, cables are not kept out of each other.
     allow : sequence of Allow
         Contact that is meant, of which no clearance warns. What holds for a body holds where any of them allows it; a
         `max_force` needs contact="solve".
