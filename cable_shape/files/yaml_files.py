@@ -35,7 +35,7 @@ WORDS = frozenset((
     "frame", "offset", "gripping_links", "confidence", "misses", "start", "end", "cable", "covariance", "angle",
     "names", "matrix", "scene", "model", "gravity", "points", "tolerance", "distributed_load", "turns", "curvature",
     "force", "moment", "solution", "quantity", "grips", "correction", "harness", "segments", "junctions", "segment",
-    "ends", "frames", "sections", "stiffness_interval", "retardation_time", "drag",
+    "ends", "frames", "sections", "stiffness_interval", "retardation_time", "drag", "friction",
     "allow", "body", "max_force",
 ))  # fmt: skip
 

@@ -269,6 +269,7 @@ class _Work:
         """The rows of one cable as if nothing touched it."""
         given, options = self.given, dict(self.predictor.options[name])
         scene: Scene = options.pop("scene")
+        options.pop("friction")
         if self.predictor.solves_crossing:
             scene = dataclasses.replace(scene, contact="warn")
         left = self.deadline - perf_counter()

@@ -193,8 +193,10 @@ def _pose(values: Mapping[str, Any]) -> Pose:
 
 def obstacle_entry(obstacle: Obstacle) -> dict[str, Any]:
     """An item of `obstacles`; a mesh is written out."""
-    link = {"link": obstacle.link} if obstacle.link else {}
-    return {"name": obstacle.name, **_solid_entry(obstacle.solid), **pose_entry(obstacle.pose), **link}
+    more: dict[str, Any] = {"link": obstacle.link} if obstacle.link else {}
+    if obstacle.friction:
+        more["friction"] = obstacle.friction
+    return {"name": obstacle.name, **_solid_entry(obstacle.solid), **pose_entry(obstacle.pose), **more}
 
 
 def clip_entry(clip: Clip) -> dict[str, Any]:

@@ -141,7 +141,7 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, Any]]] = {
             "rest_curvature": (0.0, 0.1, 0.0), "gradient_length": 0.01, "min_bend_radius": 0.01, "max_tension": 1.0,
             "max_twist_rate": 1.0, "inner_diameter": 0.0, "allowable_stress": 1e6, "tails": {"end": 0.1},
             "sections": [cs.Section(0.1, 0.2, diameter=0.02)], "stiffness_interval": (0.1, 0.2),
-            "retardation_time": 0.01, "drag": 0.1,
+            "retardation_time": 0.01, "drag": 0.1, "friction": 0.1,
         },
     ),
     "Cable.from_material": (
@@ -204,7 +204,7 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, Any]]] = {
     "HalfSpace": (cs.HalfSpace, {}),
     "Mesh": (cs.Mesh, {"vertices": np.eye(3), "faces": [[0, 1, 2]]}),
     "Mesh.from_file": (cs.Mesh.from_file, {"path": "nowhere.stl", "scale": 1.0}),
-    "Obstacle": (cs.Obstacle, {"name": "a", "solid": cs.Sphere(1), "pose": START, "link": None}),
+    "Obstacle": (cs.Obstacle, {"name": "a", "solid": cs.Sphere(1), "pose": START, "link": None, "friction": 0.1}),
     "Clip": (cs.Clip, {"arc_length": 0.1, "pose": START, "kind": "ball"}),
     "PointMass": (cs.PointMass, {"arc_length": 0.1, "mass": 0.1}),
     "Plug": (cs.Plug, {"socket": "port", "offset": START}),
@@ -225,7 +225,7 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, Any]]] = {
         {
             "cable": CABLE, "model": "cosserat", "time_budget": 1.0, "robot_links": [LINKED], "points": 12,
             "gripping_links": ["tool"], "start": START, "end": cs.Grip(END), "links": {"tool": START}, "at": "gripper",
-            "scene": None, "tolerance": 1e-3, "new_scene": None,
+            "scene": None, "tolerance": 1e-3, "new_scene": None, "friction": True,
         },
     ),
     "Cycle": (

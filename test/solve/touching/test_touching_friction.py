@@ -199,3 +199,10 @@ def test_coefficients_that_make_no_sense_are_refused(value):
     for make in (lambda: CABLE.replace(friction=value), lambda: cs.Obstacle("a", cs.Sphere(0.1), friction=value)):
         with pytest.raises(cs.CableShapeError, match="friction"):
             make()
+
+
+def test_a_scene_tells_its_friction_as_it_was_told():
+    scene = cs.Scene.from_mapping({"obstacles": [{"name": "table", "half_space": True, "friction": 0.3}]})
+    assert scene.obstacles[0].friction == 0.3
+    assert cs.Scene.from_mapping(scene.as_dict()) == scene
+    assert cs.Cable.from_mapping(CABLE.replace(friction=0.2).as_dict()).friction == 0.2
