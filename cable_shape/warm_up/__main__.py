@@ -1,8 +1,9 @@
 """Compiles all kernels, or those that some stages need, on all cores: python -m cable_shape.warm_up [--until STAGE].
 
 Stages, each with those before it: shapes (single shapes of a plain cable), cycles (what node, demo and replay need),
-harnesses, forms (gradient cables), plans (batches, trajectories, calibrations), motion. --record writes the list of
-kernels anew, on one core from an empty cache: where kernels have come or are called with other types.
+harnesses, forms (gradient cables), plans (batches, trajectories, calibrations), motion (cables that swing, or are
+seen). --record writes the list of kernels anew, on one core from an empty cache: where kernels have come or are called
+with other types.
 """
 
 from __future__ import annotations

@@ -179,10 +179,12 @@ def warm_up_harnesses() -> None:
 
 
 def warm_up_motion() -> None:
-    """Runs the kernels of cables that swing."""
+    """Runs the kernels of cables that swing, and of those that are seen."""
     from cable_shape.cable.cable import Cable
     from cable_shape.motion.motion import Motion
     from cable_shape.pose import Pose
+    from cable_shape.prediction.predictor import Predictor
+    from cable_shape.tracking.tracker import Tracker
 
     along = (0.5, 0.5, 0.5, 0.5)
     start, end = Pose((0.0, 0.0, 0.5), along), Pose((0.8, 0.0, 0.5), along)
@@ -190,6 +192,12 @@ def warm_up_motion() -> None:
     motion.begin(start, end)
     motion.step(start, end, 0.01)
     motion.run([start.array], [end.array], [0.01])
+    predictor = Predictor(motion.problem.cable, model="cosserat")
+    seen = predictor.predict(start, end).positions
+    predictor.turning(0.5)
+    tracker = Tracker(motion.problem.cable)
+    for k in range(2):
+        tracker.update(seen, stamp=k * 100_000_000, start=start, end=end)
 
 
 #: In the order in which they are compiled ahead: who wants a later one needs those before.
