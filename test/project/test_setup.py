@@ -82,22 +82,18 @@ def test_it_runs_again_in_seconds_and_drops_a_sourced_ros() -> None:
     """In this very checkout, which the test command has just set up."""
     if not (ROOT / ".venv/.cable_shape/package").exists():
         pytest.skip("this checkout was not set up by scripts/test")
-    script = 'source scripts/_setup; echo "[${PYTHONPATH-}][${AMENT_PREFIX_PATH-}][${LD_LIBRARY_PATH-}][$python]"'
+    named = ("PYTHONPATH", "AMENT_PREFIX_PATH", "LD_LIBRARY_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE")
+    script = "source scripts/_setup; echo " + "".join(f"[${{{name}-}}]" for name in named) + "[$python]"
     result = subprocess.run(
         ["bash", "-c", script],
         cwd=ROOT,
-        env={
-            **os.environ,
-            "PYTHONPATH": "/opt/ros/x",
-            "AMENT_PREFIX_PATH": "/opt/ros/x",
-            "LD_LIBRARY_PATH": "/opt/ros/x",
-        },
+        env={**os.environ, **dict.fromkeys(named, "/opt/ros/x")},
         capture_output=True,
         text=True,
         timeout=300,
         check=True,
     )
-    assert result.stdout.strip() == f"[][][][{ROOT}/.venv/bin/python]"
+    assert result.stdout.strip() == f"[][][][][{ROOT}/.venv/bin/python]"
     assert "installing" not in result.stderr
 
 
