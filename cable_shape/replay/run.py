@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-from collections.abc import Callable, Iterable
+import gc
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, final
 
@@ -50,6 +51,19 @@ if TYPE_CHECKING:
     from cable_shape.viewer.recording import RecordingWriter
 
 Progress = Callable[[Iterable[Any], int], Iterable[Any]]
+
+
+@contextlib.contextmanager
+def _settled() -> Iterator[None]:
+    """Meanwhile what is there already stays: nobody looks again and again whether it is garbage."""
+    if gc.get_freeze_count():  # somebody else has seen to that
+        yield
+        return
+    gc.freeze()
+    try:
+        yield
+    finally:
+        gc.unfreeze()
 
 
 def replay(bag: str | Path, out: str | Path, settings: Settings, progress: Progress | None = None) -> Outcome:
@@ -146,6 +160,7 @@ class _Run:
             warm_up_harnesses()
         total = sum(self.bag.counts.get(topic, 0) for topic in self.topics)
         with contextlib.ExitStack() as stack:
+            stack.enter_context(_settled())
             for topic, _, message in progress(self.bag.messages(self.topics), total):
                 if topic == self.settings.markers_topic:
                     self._take_markers(topic, message)
