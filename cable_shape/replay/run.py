@@ -52,18 +52,22 @@ if TYPE_CHECKING:
 
 Progress = Callable[[Iterable[Any], int], Iterable[Any]]
 
+_SELDOM = 50_000, 20, 50  #: how many objects come before garbage is looked for, and so on, see `gc.set_threshold`
+
 
 @contextlib.contextmanager
 def _settled() -> Iterator[None]:
-    """Meanwhile what is there already stays: nobody looks again and again whether it is garbage."""
-    if gc.get_freeze_count():  # somebody else has seen to that
-        yield
-        return
-    gc.freeze()
+    """Meanwhile what is there already stays, and what comes is seldom garbage: nobody looks again and again."""
+    often, frozen = gc.get_threshold(), gc.get_freeze_count()
+    gc.set_threshold(*_SELDOM)
+    if not frozen:  # else somebody has seen to that
+        gc.freeze()
     try:
         yield
     finally:
-        gc.unfreeze()
+        gc.set_threshold(*often)
+        if not frozen:
+            gc.unfreeze()
 
 
 def replay(bag: str | Path, out: str | Path, settings: Settings, progress: Progress | None = None) -> Outcome:
