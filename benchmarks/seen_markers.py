@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from bench_truth import HELPS, PRIORS
 from figures import Figures, heading
 from seen_drift import Drift
 from tqdm import tqdm
@@ -20,14 +21,6 @@ from cable_shape.replay.observations import from_bag
 #: Share of the inner markers hidden in one stretch -> mean distance asked of them, % of the length.
 ASKED = {0.3: 0.8, 0.5: 1.0, 0.7: 1.8}
 INSIDE = (90.0, 99.0)  # %, in the 95 % tube
-FIT = (
-    "bending_stiffness", "length", "start_tilt", "end_tilt", "start_offset", "end_offset", "rest_curvature_along",
-    "retardation_time", "drag",
-)  # fmt: skip
-PRIORS = {
-    "length": 0.002, "start_tilt": 0.06, "end_tilt": 0.06, "start_offset": 0.002, "end_offset": 0.002,
-    "retardation_time": 1.0, "drag": 1.0,
-}  # fmt: skip
 RATE = 100.0  # Hz
 MISSES, NOISE = 0.012, 0.012  # of the length; m, chosen of 6, 10, 12 and 15 mm on parts of these very recordings
 GONE, BACK = 1.0, 0.2  # s, for which all markers are hidden, and after which the cable has to be where it is again
@@ -56,7 +49,7 @@ def calibrated(number: int, folder: Path, every: int) -> Known:
     learn = np.flatnonzero(~np.isin(frames.traj, frames.recorded))[::every]
     seen = [held_as(frames.moving[i], "swivel") for i in learn]
     one = cs.calibrate(seen, frames.cable, progress=False).cable.replace(retardation_time=0.05, drag=0.01)
-    found = cs.calibrate(seen, one, FIT, priors=PRIORS, supports=9, progress=False)
+    found = cs.calibrate(seen, one, HELPS, priors=PRIORS, supports=9, progress=False)
     assert found.parameters is not None
     assert found.values is not None
     offsets = {side: found.parameters.offset(found.values, side) for side in ("start", "end")}

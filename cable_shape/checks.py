@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cable_shape.errors import ArgumentError, UnknownKeyError
+from cable_shape.errors import ArgumentError, StaleInputError, UnknownKeyError
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
@@ -67,6 +67,21 @@ def integer(name: str, value: Any, *, at_least: int, at_most: int | None = None)
         raise ArgumentError.of(name, value, bound, "")
     if value < at_least or (at_most is not None and value > at_most):
         raise ArgumentError.of(name, int(value), bound, f"Choose {name} within these bounds.")
+    return int(value)
+
+
+_LATEST = 2**63 - 1  # ns
+
+
+def stamp(value: Any, last: int | None) -> int:
+    """`value` as a stamp [ns] that is not older than the last one, if there is one."""
+    if type(value) is not int or not -_LATEST <= value <= _LATEST:
+        value = integer("stamp", value, at_least=-_LATEST, at_most=_LATEST)
+    if last is not None and value < last:
+        raise StaleInputError(
+            f"stamp = {value} ns is {(last - value) * 1e-9:.6f} s older than the last one, "
+            f"{last} ns. Drop it, or call reset() if the clock was set back or a bag loops."
+        )
     return int(value)
 
 

@@ -19,7 +19,7 @@ from cable_shape.cycle.cable_cycle import CableCycle, CableCycles
 from cable_shape.cycle.dynamic import DYNAMIC, MOTIONS, QUASISTATIC
 from cable_shape.cycle.editing import Editing
 from cable_shape.cycle.harness_cycle import HarnessCycle, beside_each_other
-from cable_shape.errors import ArgumentError, StaleInputError
+from cable_shape.errors import ArgumentError
 from cable_shape.pose import Ends, FreeEnd, Pose
 from cable_shape.prediction.cables_predictor import accelerate, check_ends, check_models, joined
 from cable_shape.prediction.edits import EDITS, Edit, EditResult
@@ -33,8 +33,6 @@ from cable_shape.solve.problem import GRAVITY
 from cable_shape.solve.quasistatic import LIMIT
 from cable_shape.solve.touching.crossing import Crossing
 from cable_shape.uncertainty.uncertainty import Uncertainty
-
-_LATEST = 2**63 - 1  # ns
 
 
 @final
@@ -232,7 +230,7 @@ class Cycle:
         for i, edit in enumerate(edits):
             checks.instance(f"edits[{i}]", edit, EDITS, "Write Add(Obstacle(...)), Release(name), ...")
         if stamp is not None:
-            stamp = self._checked_stamp(stamp)
+            stamp = checks.stamp(stamp, self.last_stamp)
         if not self._cables:
             bound = "harnesses cannot be edited, and there is nothing else"
             raise ArgumentError.of("edits", f"{len(edits)} edits", bound, "Make another Cycle, in the new scene.")
@@ -331,7 +329,7 @@ class Cycle:
         ArgumentError
             For a cable that does not exist, or an acceleration that is none, or that the model does not know.
         """
-        stamp = self._checked_stamp(stamp)
+        stamp = checks.stamp(stamp, self.last_stamp)
         if type(grips) is not dict and not isinstance(grips, Mapping):
             raise ArgumentError.of("grips", grips, "it must be a mapping", "Write {name of the cable: (start, end)}.")
         if early is not None and not callable(early):
@@ -437,17 +435,6 @@ class Cycle:
                 (name, side): tube for name, cable in cables.items() for side, tube in cable.tail_tubes.items()
             },
         )
-
-    def _checked_stamp(self, stamp: int) -> int:
-        """A stamp [ns], if it is one and not older than the last one."""
-        if type(stamp) is not int or not -_LATEST <= stamp <= _LATEST:
-            stamp = checks.integer("stamp", stamp, at_least=-_LATEST, at_most=_LATEST)
-        if self.last_stamp is not None and stamp < self.last_stamp:
-            raise StaleInputError(
-                f"stamp = {stamp} ns is {(self.last_stamp - stamp) * 1e-9:.6f} s older than the last one, "
-                f"{self.last_stamp} ns. Drop it, or call reset() if the clock was set back or a bag loops."
-            )
-        return stamp
 
     def _together(self, grips: Mapping[str, Ends], links: Mapping[str, Pose] | None) -> dict[str, CableShape]:
         """The shapes of all the cables in `grips`, out of each other."""

@@ -76,8 +76,19 @@ class CentrelineTarget:
         self.weight, self.tolerance = _weight(weight), _tolerance(tolerance, "m")
 
 
+class _Aimed:
+    """A point of the cable, and a direction."""
+
+    def __init__(
+        self, arc_length: float, direction: ArrayLike, *, weight: float = 1.0, tolerance: float = _TURNED
+    ) -> None:
+        self.arc_length = checks.number("arc_length", arc_length, at_least=0.0, unit="m")
+        self.direction = _unit("direction", direction)
+        self.weight, self.tolerance = _weight(weight), _tolerance(tolerance, "rad")
+
+
 @final
-class TangentTarget:
+class TangentTarget(_Aimed):
     """The centreline's tangent at a point goes along a direction.
 
     Parameters
@@ -91,16 +102,9 @@ class TangentTarget:
         [rad]
     """
 
-    def __init__(
-        self, arc_length: float, direction: ArrayLike, *, weight: float = 1.0, tolerance: float = _TURNED
-    ) -> None:
-        self.arc_length = checks.number("arc_length", arc_length, at_least=0.0, unit="m")
-        self.direction = _unit("direction", direction)
-        self.weight, self.tolerance = _weight(weight), _tolerance(tolerance, "rad")
-
 
 @final
-class TwistTarget:
+class TwistTarget(_Aimed):
     """The cable is rolled about its tangent at a point, so that its frame's d1 lies towards a direction.
 
     The roll is that of the prediction: points that are seen do not tell it.
@@ -115,13 +119,6 @@ class TwistTarget:
     tolerance : float
         [rad]
     """
-
-    def __init__(
-        self, arc_length: float, direction: ArrayLike, *, weight: float = 1.0, tolerance: float = _TURNED
-    ) -> None:
-        self.arc_length = checks.number("arc_length", arc_length, at_least=0.0, unit="m")
-        self.direction = _unit("direction", direction)
-        self.weight, self.tolerance = _weight(weight), _tolerance(tolerance, "rad")
 
 
 @final

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from cable_shape import checks
 from cable_shape.cable.cable import Cable
 from cable_shape.checks import Array
-from cable_shape.errors import ArgumentError, StaleInputError
+from cable_shape.errors import ArgumentError
 from cable_shape.pose import FreeEnd, Grip, Pose, as_grip
 from cable_shape.scene.scene import Scene
 from cable_shape.shape import CableShape, Status
@@ -45,7 +45,6 @@ ODD = 3.0
 _FOUND = (0.03, 0.4)
 #: Points of a shape: pieces of the line that points are compared with.
 _FEWEST, _MOST = 11, 1001
-_LATEST = 2**63 - 1
 
 
 class _Look(NamedTuple):
@@ -193,7 +192,7 @@ class Tracker:
         StaleInputError
             If the stamp goes backwards.
         """
-        stamp = self._checked(stamp)
+        stamp = checks.stamp(stamp, self._stamp)
         cloud = _cloud(points if self._segment is None else self._segment(points))
         near = None if start is None else as_grip("start", start)
         far = end if isinstance(end, FreeEnd) or end is None else as_grip("end", end)
@@ -224,7 +223,7 @@ class Tracker:
         ArgumentError, StaleInputError
             As `update`, and where a grip is neither told nor was ever.
         """
-        stamp = self._checked(stamp)
+        stamp = checks.stamp(stamp, self._stamp)
         seen = start is None, end is None
         last: tuple[Any, Any] = self._ends or (None, None)
         near, far = start if start is not None else last[0], end if end is not None else last[1]
@@ -319,16 +318,6 @@ class Tracker:
         empty = np.full((n, 3, 3), math.nan)
         self._tube = Tube(shape, empty, np.full(n, math.nan), self.uncertainty.confidence, math.nan)
         return shape
-
-    def _checked(self, stamp: int) -> int:
-        """A stamp [ns], if it is one and not older than the last one."""
-        stamp = checks.integer("stamp", stamp, at_least=-_LATEST, at_most=_LATEST)
-        if self._stamp is not None and stamp < self._stamp:
-            raise StaleInputError(
-                f"stamp = {stamp} ns is {(self._stamp - stamp) * 1e-9:.6f} s older than the last one, "
-                f"{self._stamp} ns. Drop it, or call reset() if the clock was set back or a recording loops."
-            )
-        return stamp
 
 
 def _cloud(points: Any) -> Array:

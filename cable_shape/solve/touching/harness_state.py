@@ -140,10 +140,9 @@ class HarnessTouchState(TouchState):
             at += size
             if c < self.bodied:
                 name, cable = segments[c]
-                free = tuple(type(self.problem.ends.get(f"{name}.{side}")) is FreeEnd for side in ("start", "end"))
-                free_ends = (free[0], free[1])
+                start, end = (type(self.problem.ends.get(f"{name}.{side}")) is FreeEnd for side in ("start", "end"))
                 radius = 0.5 * cable.diameter
-                out.append(Chain(supports, cable.mean_bending_stiffness, radius, cable.friction, free_ends))
+                out.append(Chain(supports, cable.mean_bending_stiffness, radius, cable.friction, (start, end)))
             else:
                 out.append(Chain(supports, self.cable.stiffest, self.radius, 0.0, (False, False)))
         return tuple(out)

@@ -217,6 +217,8 @@ class Laid:
     def _tell(self) -> None:
         """Tells the network what the cable is made of: it stretches a little, whatever it is."""
         self.chains = self._chained()
+        #: whether bodies have friction, or the cables
+        self.has_friction = bool(self.bodies.rough.any() or any(chain.rough for chain in self.chains))
         cable, made = self.cable, self.cable.held.copy()
         pull = self.weight + 10.0 * self.bend_of_cables / self.length**2
         self.stretch = max(self._stretch, self.tight * _LEAST_STRETCH / (pull + self._pull_of_tips()))
@@ -365,11 +367,6 @@ class Laid:
     def limp(self) -> bool:
         """Whether the cable is as soft as `press.LIMP` says."""
         return self.bend < press.LIMP * self.weight * self.length**2
-
-    @property
-    def has_friction(self) -> bool:
-        """Whether bodies have friction, or the cables."""
-        return bool(self.bodies.rough.any() or any(chain.rough for chain in self.chains))
 
     @property
     def smooth(self) -> Lying:

@@ -1,7 +1,8 @@
 """The quasistatic Cosserat rod that rests on bodies (see docs/method.md).
 
 The plain rod, or that in clips, answers as long as its shape is clear of every body. Otherwise nodes that would be
-inside a body are pressed out of it along its normal, without friction; which ones is found along with the shape.
+inside a body are pressed out of it along its normal, and held along it by friction; which ones is found along with the
+shape.
 Bodies on robot links move with them: what they push follows in steps that no body is passed in.
 """
 

@@ -9,6 +9,8 @@ import pytest
 from scene_random import run
 
 import cable_shape as cs
+from cable_shape.kernels.contact import check
+from cable_shape.shape import TOUCH
 
 ALONG_X = (0.5, 0.5, 0.5, 0.5)
 CABLE = cs.Cable(1.0, 0.1, 2e-3, diameter=0.008)
@@ -203,3 +205,7 @@ def test_a_scene_tells_its_friction_as_it_was_told():
     assert scene.obstacles[0].friction == 0.3
     assert cs.Scene.from_mapping(scene.as_dict()) == scene
     assert cs.Cable.from_mapping(CABLE.replace(friction=0.2).as_dict()).friction == 0.2
+
+
+def test_shapes_and_kernels_write_contacts_alike():
+    assert check.TOUCH == TOUCH
