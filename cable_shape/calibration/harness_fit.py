@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
@@ -17,6 +18,7 @@ from cable_shape.calibration.harness_result import HarnessCalibration
 from cable_shape.calibration.progress import Progress
 from cable_shape.errors import ArgumentError
 from cable_shape.solve.problem import GRAVITY
+from cable_shape.solve.quasistatic import inertia_of
 
 
 def calibrate_harness(
@@ -77,6 +79,9 @@ def calibrate_harness(
                 "Are its lengths in metres, and does it reach its grips?",
             )  # fmt: skip
         found = fitted_in_two(lambda some: HarnessForward(parameters, some, gravity=gravity), looks, told.step)
+    moved = [max((inertia_of(a, gravity) for a in (look.acceleration or {}).values()), default=0.0) for look in looks]
     return HarnessCalibration(
-        harness=parameters.make(found.values), **told_of_fit(found, parameters, forward.observations)
+        harness=parameters.make(found.values),
+        inertia=math.sqrt(sum(x * x for x in moved) / len(looks)),
+        **told_of_fit(found, parameters, forward.observations),
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -40,7 +39,8 @@ class HarnessCalibration(Found):
     parameters, values, covariance : what was fitted, where the fit ended (k,), and (k, k) of it.
     freedom : degrees of freedom behind the covariance.
     groups : how many groups the observations came in; 0: none were named.
-    inertia : root mean square of the accelerations given with them, as a fraction of gravity; infinite: not told.
+    inertia : root mean square of the accelerations given with them, of the segment with the largest, as a fraction of
+        gravity.
     """
 
     harness: Harness
@@ -57,7 +57,7 @@ class HarnessCalibration(Found):
     covariance: Array
     freedom: int
     groups: int = 0
-    inertia: float = math.inf
+    inertia: float = 0.0
 
     @property
     def trouble(self) -> str:

@@ -432,7 +432,8 @@ class Cycle:
             ahead={name: cable.ahead for name, cable in cables.items() if cable.ahead is not None},
             tubes=known,
             tail_tubes={
-                (name, side): tube for name, cable in cables.items() for side, tube in cable.tail_tubes.items()
+                **{(name, side): tube for name, cable in cables.items() for side, tube in cable.tail_tubes.items()},
+                **{key: tube for harness in held.values() for key, tube in harness.tail_tubes.items()},
             },
         )
 

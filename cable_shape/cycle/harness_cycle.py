@@ -99,6 +99,7 @@ class HarnessCycle:
             self._tails[end] = Tail(harness.segments[segment], side, long, gravity=gravity, points=points)
         self.tails: dict[tuple[str, str], CableShape] = {}  # by id of the segment and side
         self.tubes: dict[str, Tube] = {}  # of the last shape's segments, if they are asked for and known
+        self.tail_tubes: dict[tuple[str, str], Tube] = {}  # of its tails, likewise
         self._moving: Mapping[str, ArrayLike] | None = None  # acceleration of the last shape
 
     def reset(self) -> None:
@@ -111,7 +112,7 @@ class HarnessCycle:
         self.stability.reset()
         for tail in self._tails.values():
             tail.reset()
-        self.tubes, self.tails = {}, {}
+        self.tubes, self.tails, self.tail_tubes = {}, {}, {}
         if self._known is not None:
             self._known.reset()
 
@@ -140,8 +141,17 @@ class HarnessCycle:
             inertia = math.nan if any(map(math.isnan, ratios)) else max(ratios, default=math.nan)
         if self._known is not None:
             found = self._known.tubes(self.predictor, shape, ends, self._moving, inertia)
-            self.tubes = {cable_id(self.name, segment): tube for segment, tube in found.items()}
+            self.tubes, self.tail_tubes = {cable_id(self.name, segment): tube for segment, tube in found.items()}, {}
+            for key, tail in self.tails.items():
+                end = self._end_of(key)
+                tube = self._known.tail_tube(end, self._tails[end], tail, ends)
+                if tube is not None:
+                    self.tail_tubes[key] = tube
         return self.tubes
+
+    def _end_of(self, key: tuple[str, str]) -> str:
+        """The end "a.start" of a tail by its segment's id and side."""
+        return f"{key[0].rpartition('/')[2]}.{key[1]}"
 
     def parts(self, shape: HarnessShape) -> dict[str, CableShape]:
         """The shapes of the segments, by their ids."""
@@ -153,8 +163,8 @@ class HarnessCycle:
         if self.scene.contact == "off":
             return {one: Clearance(beyond=0.0, robot_checked=links is not None) for one in shapes}
         hanging: dict[str, list[tuple[Tail, CableShape, Tube | None]]] = {one: [] for one in shapes}
-        for (one, side), tail in self.tails.items():
-            hanging[one].append((self._tails[f"{one.rpartition('/')[2]}.{side}"], tail, None))
+        for key, tail in self.tails.items():
+            hanging[key[0]].append((self._tails[self._end_of(key)], tail, self.tail_tubes.get(key)))
         return {
             one: check_parts(self._checkers[one], shape, self.tubes.get(one), hanging[one], links)
             for one, shape in shapes.items()
@@ -184,13 +194,15 @@ class HarnessCycle:
         if not self._allowed[one]:
             return clearance, ()
         lines = [(shape.arc_length, shape.positions)]
-        for (segment, side), tail in self.tails.items():
-            if segment == one:
-                own = self._tails[f"{one.rpartition('/')[2]}.{side}"]
+        known = [self.tubes[one]] if one in self.tubes else []
+        for key, tail in self.tails.items():
+            if key[0] == one:
+                own = self._tails[self._end_of(key)]
                 arcs = np.array([own.along(at, shape.length) for at in tail.arc_length])
-                order = slice(None, None, -1 if side == "start" else 1)
+                order = slice(None, None, -1 if key[1] == "start" else 1)
                 lines.append((arcs[order], tail.positions[order]))
-        swell = float(self.tubes[one].radius.max()) if one in self.tubes else 0.0
+                known += [self.tail_tubes[key]] if key in self.tail_tubes else []
+        swell = max((float(tube.radius.max()) for tube in known), default=0.0)
         return self._allowed[one].judged(shape, clearance, lines, self._links, swell)
 
     @property

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from typing import final
+from typing import Any, final
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from cable_shape.safety.warnings import snap_warning
 from cable_shape.scene.scene import Scene
 from cable_shape.solve.harness_network import HarnessNetwork
 from cable_shape.solve.harness_shape import HarnessShape
+from cable_shape.solve.touching.harness_state import HarnessTouchState
 
 
 @final
@@ -47,30 +48,34 @@ class HarnessStability:
 
     def judge(self, shape: HarnessShape, stamp: int) -> None:
         """Takes over the shape that was just predicted, and looks ahead where a snap may be near."""
-        state, self._shape = self._predictor.state, shape
+        state, self._shape = self._predictor.rod_state, shape
         if state is None or state.history == 0:
             self._watch.reset()
             self.margin = None
             return
-        if self._watch.soft != state.softest:
-            self._watch.soft = state.softest
+        network = state if isinstance(state, HarnessNetwork) else state.cable
+        if self._watch.soft != network.softest:
+            self._watch.soft = network.softest
             self._watch.reset()
-        self._watch.margins(shape.segments[self._lead], Clearance(), stamp, state=state)
+        rod: Any = state
+        self._watch.margins(shape.segments[self._lead], Clearance(), stamp, state=rod)
         self.margin = self._watch.stability
         if self.margin is not None:
             self.segment = self._softest(state)
         twists = self._moved(stamp)
-        find = None if twists is None else partial(predicted_harness_snap, state, twists)
+        find = None if twists is None else partial(self._snap, twists)
         self.snaps.look(self.margin, stamp, find)
 
-    def _softest(self, state: HarnessNetwork) -> str:
+    def _snap(self, twists: dict[str, Array], horizon: float) -> tuple[float, float, HarnessShape] | None:
+        predictor = self._predictor
+        return predicted_harness_snap(predictor.ahead(), dict(predictor.problem.ends), twists, horizon)
+
+    def _softest(self, state: HarnessNetwork | HarnessTouchState) -> str:
         """The segment that turns most in the softest mode."""
         mode = self._watch.mode
-        size = (mode * mode).sum(axis=1)
-        most = {
-            name: max(float(size[a : b + 1].max()) for a, b in state.runs[spans.start : spans.stop])
-            for name, spans in state.layout.spans.items()
-        }
+        largest = state.largest_of_spans((mode * mode).sum(axis=1))
+        layout = state.layout if isinstance(state, HarnessNetwork) else state.cable.layout
+        most = {name: float(largest[spans.start : spans.stop].max()) for name, spans in layout.spans.items()}
         return max(most, key=most.__getitem__)
 
     def _moved(self, stamp: int) -> dict[str, Array] | None:

@@ -127,8 +127,8 @@ def predict_batch(  # type: ignore[misc]
     uncertainty : Uncertainty, optional
         Gives every row a tube, to first order in all that is not known, see `ShapeBatch.radius`; distances and what
         they use of their margins are those of the tube then. Of the rod. The poses that are not exactly known are those
-        of `starts` and `ends`. Rows in eyelets, of sections or in contact take two shapes more for every direction. Of
-        several cables one for all, or a mapping by their names.
+        of `starts` and `ends`. Rows in eyelets, of sections, of harnesses or in contact take two shapes more for every
+        direction. Of several cables one for all, or a mapping by their names.
 
     slopes : bool
         Of one cable, of the rod: also how margins change with the grips, see `ShapeBatch.slopes`, in clips and in
@@ -143,6 +143,7 @@ def predict_batch(  # type: ignore[misc]
     if threads is not None:
         checks.integer("threads", threads, at_least=1, at_most=MOST_THREADS)
     one: Any = scene
+    known: Any = uncertainty
     if slopes and (isinstance(cable, (Harness, Mapping)) or model not in ("auto", "cosserat")):
         raise ArgumentError.of("slopes", slopes, "they are of one cable, by the rod", "Leave them out.")
     if isinstance(scene, (list, tuple)) and isinstance(cable, (Harness, Mapping)):
@@ -150,7 +151,7 @@ def predict_batch(  # type: ignore[misc]
         raise ArgumentError.of("scene", f"{len(scene)} scenes", bound, "Give one scene, or call it scene by scene.")
     if isinstance(cable, Harness):
         of_cables = {
-            "start_kind": start_kind, "end_kind": end_kind, "uncertainty": uncertainty, "ends": ends, "clips": clips,
+            "start_kind": start_kind, "end_kind": end_kind, "ends": ends, "clips": clips,
         }  # fmt: skip
         for name, value in of_cables.items():
             given = value is not None and value is not _NOT_GIVEN
@@ -158,8 +159,8 @@ def predict_batch(  # type: ignore[misc]
                 remedy = "Write predict_batch(harness, {'a.start': table, ...}, kinds={...})."
                 raise ArgumentError.of(name, value, "it is known of cables only", remedy)
         return predict_rows(
-            cable, starts, kinds=kinds, scene=one, acceleration=acceleration, time_limit=time_limit, model=model,
-            gravity=gravity, points=points, tolerance=tolerance, distributed_load=distributed_load,
+            cable, starts, kinds=kinds, scene=one, acceleration=acceleration, uncertainty=known, time_limit=time_limit,
+            model=model, gravity=gravity, points=points, tolerance=tolerance, distributed_load=distributed_load,
         )  # fmt: skip
     if isinstance(cable, Mapping):
         return _predict_several(

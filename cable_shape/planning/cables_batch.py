@@ -23,7 +23,7 @@ from cable_shape.errors import ArgumentError
 from cable_shape.planning.batch_spread import check_tube
 from cable_shape.planning.harness_batch import MOST_NUMBERS, normalise, pose_table
 from cable_shape.planning.row_judge import RowJudge
-from cable_shape.planning.shape_batch import Rows, ShapeBatch
+from cable_shape.planning.shape_batch import Several, ShapeBatch
 from cable_shape.pose import GRIP_KINDS, Ends, FreeEnd, Grip, Pose
 from cable_shape.prediction.cables_predictor import CablesPredictor, of_all
 from cable_shape.safety.near import CableNear
@@ -40,52 +40,26 @@ Tables = tuple[ArrayLike, ArrayLike | FreeEnd | None]
 
 
 @final
-class CablesBatch(Rows[dict[str, CableShape]]):
+class CablesBatch(Several[dict[str, CableShape]]):
     """Shapes of several cables for k rows of ends; `batch[i]` is a mapping of cable name to CableShape.
 
     Attributes
     ----------
     cables : mapping of cable name to ShapeBatch
         All that is told of each. Of its `bodies` the last ones are the other cables and "itself".
+    positions, distances, used, radius : mapping of cable name to what its ShapeBatch has
+    clearance, worst : (k,)
+        Of all cables.
     status : (k,) int
         The gravest of the cables'.
     done, partial, usable, errors, details, iterations, time
         As of :class:`cable_shape.ShapeBatch`.
     """
 
-    def __init__(self, cables: Mapping[str, ShapeBatch]) -> None:
-        super().__init__(len(next(iter(cables.values()))))
-        self.cables = dict(cables)
-
     @property
-    def positions(self) -> dict[str, Array]:
-        """{cable: (k, n, 3)} [m], world; NaN where not done."""
-        return {name: batch.positions for name, batch in self.cables.items()}
-
-    @property
-    def distances(self) -> dict[str, Array]:
-        """{cable: (k, m)} [m], from its surface to each of its `bodies`."""
-        return {name: batch.distances for name, batch in self.cables.items()}
-
-    @property
-    def used(self) -> dict[str, Array]:
-        """{cable: (k, 6 + m)}, margins, 1 at the limit."""
-        return {name: batch.used for name, batch in self.cables.items()}
-
-    @property
-    def radius(self) -> dict[str, Array | None]:
-        """{cable: (k, n)} [m], of the tubes, where an uncertainty of that cable was given."""
-        return {name: batch.radius for name, batch in self.cables.items()}
-
-    @property
-    def clearance(self) -> Array:
-        """(k,) [m], of any cable to the nearest body or cable; infinite beyond the horizon, NaN where not told."""
-        return np.asarray(np.min([batch.clearance for batch in self.cables.values()], axis=0))
-
-    @property
-    def worst(self) -> Array:
-        """(k,), the greatest of `used` of all cables; NaN where there is none."""
-        return np.asarray(np.fmax.reduce([batch.worst for batch in self.cables.values()], axis=0))
+    def cables(self) -> dict[str, ShapeBatch]:
+        """See the class."""
+        return self.parts
 
     def tell(self, row: int) -> None:
         """Takes over what became of a row's cables."""

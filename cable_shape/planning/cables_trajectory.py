@@ -83,7 +83,7 @@ def check_cables(
     moving = {}
     for name, table in moves.items():
         try:
-            moving[name] = accelerations_of(table, motion.waypoints, predictor.predictors[name])
+            moving[name] = accelerations_of(table, motion.waypoints, predictor.predictors[name].accelerate)
         except ArgumentError as error:
             raise ArgumentError(f"acceleration[{name!r}]: {error}") from None
     walk = _Walk(predictor, scene or Scene(), motion, held, still, moving, deadline, proceed)

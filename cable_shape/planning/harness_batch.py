@@ -16,17 +16,19 @@ from numpy.typing import ArrayLike
 from cable_shape import checks
 from cable_shape.cable.harness import Harness
 from cable_shape.checks import Array
+from cable_shape.cycle.harness_stability import HarnessStability
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels.network import batch_cells
-from cable_shape.planning.shape_batch import Rows
+from cable_shape.kernels.safety import loads_used
+from cable_shape.planning.row_judge import RowJudge
+from cable_shape.planning.shape_batch import Several, ShapeBatch
 from cable_shape.pose import GRIP_KINDS, IDENTITY, FreeEnd, Grip, Pose
 from cable_shape.prediction.harness_predictor import HarnessPredictor
-from cable_shape.safety.clearance import ClearanceChecker
-from cable_shape.safety.margins import MarginWatch
-from cable_shape.safety.report import LOAD_MARGINS, Clearance
 from cable_shape.scene.scene import Scene
 from cable_shape.shape import NUMBERS_PER_POINT, Status
 from cable_shape.solve.harness_shape import HarnessShape
+from cable_shape.uncertainty.harness_tube_watch import HarnessTubeWatch
+from cable_shape.uncertainty.uncertainty import Tube, Uncertainty
 
 #: More numbers than this are not kept: 8 GB of shapes.
 MOST_NUMBERS = 1_000_000_000
@@ -36,85 +38,79 @@ Tables = Mapping[str, ArrayLike | FreeEnd | None]
 
 
 @final
-class HarnessBatch(Rows[HarnessShape]):
+class HarnessBatch(Several[HarnessShape]):
     """Shapes of one harness for k rows of ends; `batch[i]` is a HarnessShape whose arrays are views of these.
 
     Attributes
     ----------
+    segments : mapping of segment to ShapeBatch
+        All that is told of each. Stability, of which there is one of the whole, is with the segment that turns most in
+        the softest mode.
+    positions, distances, used, radius : mapping of segment to what its ShapeBatch has
+    clearance, worst : (k,)
+        Of all segments; they are not checked against each other.
     points : int, of each segment
-    status, done, partial, usable, errors, details, iterations, time, energy, error_estimate
-        As of :class:`cable_shape.ShapeBatch`.
-    positions, quaternions, curvature, force, moment : mapping of segment to (k, n, 3) or (k, n, 4)
-        As of it, too.
     bodies : tuple of str
     horizon : float [m]
-    distances : mapping of segment to (k, m) [m]
-        From its surface to each of `bodies`, negative on overlap, infinite beyond `horizon`; NaN where not told.
-    used : mapping of segment to (k, 6 + m)
-        Margins, 1 at the limit: `report.LOAD_MARGINS`, then each body; NaN where none. Stability is not told.
+    status, done, partial, usable, errors, details, iterations, time, energy, error_estimate
+        As of :class:`cable_shape.ShapeBatch`.
     """
 
-    def __init__(self, harness: Harness, rows: int, points: int, bodies: tuple[str, ...], horizon: float) -> None:
-        super().__init__(rows)
-        self.harness, self.points, self.bodies, self.horizon = harness, points, bodies, horizon
-        names, width = tuple(harness.segments), len(LOAD_MARGINS) + len(bodies)
-        self.buffer: Array = np.full((rows, NUMBERS_PER_POINT * points * len(names)), math.nan)
-        self.distances: dict[str, Array] = {name: np.full((rows, len(bodies)), math.nan) for name in names}
-        self.used: dict[str, Array] = {name: np.full((rows, width), math.nan) for name in names}
-        self.energy: Array = np.full(rows, math.nan)
-        self.error_estimate: Array = np.full(rows, math.nan)
+    def __init__(self, harness: Harness, parts: Mapping[str, ShapeBatch]) -> None:
+        super().__init__(parts)
+        self.harness = harness
+        first = next(iter(parts.values()))
+        self.points, self.bodies, self.horizon = first.points, first.bodies, first.horizon
+        size = NUMBERS_PER_POINT * self.points
+        self.buffer: Array = np.full((len(self), size * len(parts)), math.nan)
+        for i, part in enumerate(parts.values()):
+            part.buffer = self.buffer[:, i * size : (i + 1) * size]
+        self.energy: Array = np.full(len(self), math.nan)
+        self.error_estimate: Array = np.full(len(self), math.nan)
         self._shapes: dict[int, HarnessShape] = {}
 
     @property
-    def positions(self) -> dict[str, Array]:
-        """{segment: (k, n, 3)} [m], world; NaN where not done."""
-        return self._part(1, 3)
+    def segments(self) -> dict[str, ShapeBatch]:
+        """See the class."""
+        return self.parts
 
     @property
     def quaternions(self) -> dict[str, Array]:
         """{segment: (k, n, 4)} x, y, z, w."""
-        return self._part(4, 4)
+        return {name: batch.quaternions for name, batch in self.parts.items()}
 
     @property
     def curvature(self) -> dict[str, Array]:
         """{segment: (k, n, 3)} [1/m], cable frame."""
-        return self._part(8, 3)
+        return {name: batch.curvature for name, batch in self.parts.items()}
 
     @property
     def force(self) -> dict[str, Array]:
         """{segment: (k, n, 3)} [N], world."""
-        return self._part(11, 3)
+        return {name: batch.force for name, batch in self.parts.items()}
 
     @property
     def moment(self) -> dict[str, Array]:
         """{segment: (k, n, 3)} [N m], world."""
-        return self._part(14, 3)
-
-    def _part(self, first: int, width: int) -> dict[str, Array]:
-        n = self.points
-        whole = self.buffer.reshape(len(self), len(self.harness.segments), NUMBERS_PER_POINT * n)
-        own = whole[:, :, first * n : (first + width) * n]
-        return {name: own[:, i].reshape(len(self), n, width) for i, name in enumerate(self.harness.segments)}
-
-    @property
-    def clearance(self) -> Array:
-        """(k,) [m], to the nearest body; infinite beyond the horizon or without bodies, NaN where not told."""
-        return np.asarray(np.concatenate(list(self.distances.values()), axis=1).min(axis=1, initial=math.inf))
-
-    @property
-    def worst(self) -> Array:
-        """(k,), the greatest of `used` of all segments; NaN where there is none."""
-        return np.asarray(np.fmax.reduce(np.concatenate(list(self.used.values()), axis=1), axis=1))
+        return {name: batch.moment for name, batch in self.parts.items()}
 
     def keep(self, row: int, shape: HarnessShape) -> None:
         """Takes the shape of a row, whose arrays are those of the batch from now on."""
         self.buffer[row] = shape.buffer
         shape.buffer = self.buffer[row]
+        vars(shape).pop("segments", None)  # made anew, of these
         self._shapes[row] = shape
         self.status[row], self.iterations[row] = shape.status.value, shape.iterations
         self.energy[row], self.error_estimate[row] = shape.energy, shape.error_estimate
         if shape.detail:
             self.details[row] = shape.detail
+        self.done[row] = True
+
+    def refuse(self, row: int, error: ArgumentError) -> None:
+        """Says what is wrong with a row's input."""
+        self.errors[row], self.details[row] = error, str(error)
+        for part in self.parts.values():
+            part.errors[row], part.details[row] = error, str(error)
 
     def __getitem__(self, row: int) -> HarnessShape:
         """Row `row`; of one that was not done the status is NOT_CONVERGED and positions are NaN."""
@@ -134,6 +130,7 @@ def predict_rows(
     kinds: Mapping[str, str] | None = None,
     scene: Scene | None = None,
     acceleration: Mapping[str, ArrayLike] | None = None,
+    uncertainty: Uncertainty | None = None,
     time_limit: float | None = None,
     **options: Any,
 ) -> HarnessBatch:
@@ -142,16 +139,17 @@ def predict_rows(
     deadline = math.inf
     if time_limit is not None:
         deadline = began + checks.number("time_limit", time_limit, above=0.0, unit="s")
-    predictor = HarnessPredictor(harness, scene=scene, friction=False, **options)
+    options["friction"] = False
+    predictor = HarnessPredictor(harness, scene=scene, **options)
     tables, grips, free = _told(harness, ends, kinds)
     predictor.problem.move({**grips, **free})  # refuses what cannot be held
-    judged = _Judged(harness, scene or Scene())
     rows, points = len(next(iter(tables.values()))), predictor.problem.points
     most = MOST_NUMBERS // (NUMBERS_PER_POINT * points * len(harness.segments))
     if rows > most:
         bound = f"{most} rows of {points} points are allowed"
         raise ArgumentError.of("ends", f"{rows} rows", bound, "Split them.")
-    batch = HarnessBatch(harness, rows, points, judged.names, judged.horizon)
+    judged = _Judged(predictor, rows, uncertainty, {"scene": scene, **options})
+    batch = judged.batch
     for row in range(rows):
         if perf_counter() > deadline:
             batch.partial = True
@@ -159,12 +157,13 @@ def predict_rows(
         try:
             held = {end: grips[end].at(_pose(f"{end}[{row}]", table[row])) for end, table in tables.items()}
         except ArgumentError as error:
-            batch.errors[row], batch.details[row] = error, str(error)
+            batch.refuse(row, error)
             continue
-        predictor.reset()
-        batch.keep(row, predictor.predict({**held, **free}, acceleration=acceleration))
-        judged.judge(batch, row)
-        batch.done[row] = True
+        judged.solve(row, {**held, **free}, acceleration)
+    for one in batch.parts.values():
+        one.partial = batch.partial
+        for kept in (one.info, one.tables, one.margin_rows):
+            kept[~one.done] = math.nan
     batch.time = perf_counter() - began
     return batch
 
@@ -222,26 +221,42 @@ def _pose(where: str, row: Array) -> Pose:
 
 @final
 class _Judged:
-    """What the segments of every row are judged by: the obstacles of the scene that stand still, and limits."""
+    """The rows, each found from nothing and judged: every segment by the obstacles that stand still and its limits."""
 
-    def __init__(self, harness: Harness, scene: Scene) -> None:
-        bodies = [] if scene.contact == "off" else [body for body in scene.obstacles if body.link is None]
-        around = Scene(obstacles=bodies, warn_distance=scene.warn_distance, error_distance=scene.error_distance)
-        cables = harness.segments.items()
-        self._checkers = {name: ClearanceChecker(around, cable=cable) for name, cable in cables}
-        self._watches = {name: MarginWatch(cable, scene) for name, cable in cables}
-        first = next(iter(self._checkers.values()))
-        self.names, self.horizon = first.names, first.horizon
-        kinds: dict[Any, int] = {kind: i for i, kind in enumerate(LOAD_MARGINS)}
-        self._columns = kinds | {name: len(kinds) + i for i, name in enumerate(self.names)}
+    def __init__(
+        self, predictor: HarnessPredictor, rows: int, uncertainty: Uncertainty | None, options: Mapping[str, Any]
+    ) -> None:
+        self.predictor = predictor
+        segments = predictor.problem.segments
+        self.judges = {name: RowJudge(one.cable, predictor.scene or Scene()) for name, one in segments.items()}
+        made = {name: judge.batch(rows, segments[name]) for name, judge in self.judges.items()}
+        self.batch = HarnessBatch(predictor.harness, made)
+        self.stability = HarnessStability(predictor, 0.0)
+        self.known: HarnessTubeWatch | None = None
+        if uncertainty is not None:
+            checks.instance("uncertainty", uncertainty, (Uncertainty,), "Write Uncertainty({...}).")
+            self.known = HarnessTubeWatch(predictor.harness, uncertainty, **options)
+            for one in made.values():
+                one.confidence, one.radius = uncertainty.confidence, np.full((rows, one.points), math.nan)
 
-    def judge(self, batch: HarnessBatch, row: int) -> None:
-        """Clearance and margins of a row's segments."""
-        for name, shape in batch[row].segments.items():
-            clearance: Clearance = self._checkers[name].check(shape)
-            if clearance.table is not None:
-                batch.distances[name][row] = clearance.table[:, 0]
-            watch = self._watches[name]
-            watch.reset()
-            for margin in watch.margins(shape, clearance, 0):
-                batch.used[name][row, self._columns[margin.other or margin.kind]] = margin.used
+    def solve(self, row: int, ends: Mapping[str, Grip | FreeEnd], acceleration: Mapping[str, ArrayLike] | None) -> None:
+        """One row."""
+        batch, tubes = self.batch, dict[str, Tube]()
+        self.predictor.reset()
+        shape = self.predictor.predict(ends, acceleration=acceleration)
+        batch.keep(row, shape)
+        if self.known is not None:
+            self.known.reset()
+            tubes = self.known.tubes(self.predictor, shape, ends, acceleration)
+        for name, judge in self.judges.items():
+            part, segment = batch.segments[name], shape.segments[name]
+            swell = tubes[name].radius if name in tubes else None
+            if part.radius is not None:
+                part.radius[row] = math.nan if swell is None else swell
+            judge.keep(part, row, segment, judge.checker.check(segment, swell=swell))
+        self.stability.reset()
+        self.stability.judge(shape, 0)
+        margin = self.stability.margin
+        if margin is not None:
+            told = batch.segments[self.stability.segment].margin_rows[row, loads_used.STABILITY]
+            told[: loads_used.TIME] = margin.used, margin.limit, margin.value, margin.arc_length

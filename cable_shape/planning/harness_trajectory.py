@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from functools import partial
 from time import perf_counter
 from typing import Any, NamedTuple, final
 
@@ -13,11 +14,12 @@ from numpy.typing import ArrayLike
 from cable_shape import checks
 from cable_shape.cable.harness import Harness, split_end
 from cable_shape.checks import Array
+from cable_shape.cycle.harness_stability import HarnessStability
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels.safety import advance
 from cable_shape.planning.paths import EndsPath, GripPath, JointPath, Motion
 from cable_shape.planning.trajectory_report import TrajectoryCheck, Violation
-from cable_shape.planning.trajectory_walk import Judge, Look, Walk, bodies_of, jumped
+from cable_shape.planning.trajectory_walk import Judge, Look, Walk, accelerations_of, bodies_of, jumped
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.prediction.harness_predictor import HarnessPredictor
 from cable_shape.robots.robot import Robot
@@ -41,6 +43,7 @@ def check_harness(
     points: int,
     tolerance: float | None,
     distributed_load: Mapping[str, ArrayLike] | None,
+    acceleration: Mapping[str, ArrayLike] | None = None,
 ) -> TrajectoryCheck:
     """What :func:`cable_shape.check_trajectory` says."""
     began = perf_counter()
@@ -63,9 +66,21 @@ def check_harness(
     grips, _ = motion.at(0.0)
     predictor.problem.move({**dict(zip(held, grips, strict=True)), **free})  # refuses what cannot be held
     walk = _Walk(predictor, scene or Scene(), motion, held, free, deadline, proceed)
+    moves = checks.mapping("acceleration", acceleration, harness.segments, "Write {segment: (k, 3)}.")
+    for name, table in moves.items():
+        try:
+            own = partial(_accelerate, predictor, name)
+            walk.accelerations[name] = accelerations_of(table, motion.waypoints, own)
+        except ArgumentError as error:
+            raise ArgumentError(f"segment {name!r}: {error}") from None
     walk.run()
     walk.found.time = perf_counter() - began
     return walk.found
+
+
+def _accelerate(predictor: HarnessPredictor, name: str, acceleration: Array) -> None:
+    """Refuses what a segment cannot be accelerated by."""
+    predictor.problem.moving({name: acceleration})
 
 
 def _held(ends: Mapping[str, str | FreeEnd] | None) -> tuple[tuple[str, ...], dict[str, FreeEnd]]:
@@ -107,6 +122,8 @@ class _Walk(Walk[_Sample]):
     ) -> None:
         super().__init__(motion, deadline, proceed)
         self.predictor, self.held, self.free = predictor, held, free
+        self.accelerations: dict[str, Array] = {}
+        self.stability = HarnessStability(predictor, 0.0)
         segments = predictor.harness.segments
         gripped = {split_end(end)[0] for end in held}
         self.judges = {
@@ -128,10 +145,15 @@ class _Walk(Walk[_Sample]):
     def sample(self, place: float) -> _Sample:
         """The shape there and all that is told of it."""
         grips, links = self.motion.at(place)
-        shape = self.predictor.predict({**dict(zip(self.held, grips, strict=True)), **self.free}, links=links)
+        ends = {**dict(zip(self.held, grips, strict=True)), **self.free}
+        moves = {name: self.motion.between(table, place) for name, table in self.accelerations.items()}
+        shape = self.predictor.predict(ends, links=links, acceleration=moves or None)
         looks = {name: judge.look(shape.segments[name], links) for name, judge in self.judges.items()}
+        self.stability.judge(shape, 0)
+        if self.stability.margin is not None:
+            looks[self.stability.segment] = looks[self.stability.segment].with_stability(self.stability.margin)
         self.found.solved += 1
-        ends = [self.predictor.problem.ends[end] for end in self.predictor.grips]
+        frames = [self.predictor.problem.ends[end] for end in self.predictor.grips]
         good = bool(shape.status) and shape.status is not Status.UNSTABLE
         wrong = self.no_shape(place, shape.status, shape.detail)
         for name, judge in self.judges.items():
@@ -139,7 +161,7 @@ class _Walk(Walk[_Sample]):
         return _Sample(
             place,
             looks,
-            np.array([end.cable_frame.array for end in ends if isinstance(end, Grip)]),
+            np.array([grip.cable_frame.array for grip in frames if isinstance(grip, Grip)]),
             {name: judge.frames(links) for name, judge in self.judges.items()},
             self.predictor.sensitivity() if good else {},
             wrong,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Generic, TypeVar, final
 
 import numpy as np
@@ -277,3 +277,41 @@ class ShapeBatch(Rows[CableShape]):
         if row in self.touches:
             shape.bodies, shape.touches, shape.frictionless = self.touches[row]
         return shape
+
+
+class Several(Rows[_Shape]):
+    """Rows that are several cables each, or segments of a harness: a :class:`ShapeBatch` of each, by its name."""
+
+    def __init__(self, parts: Mapping[str, ShapeBatch]) -> None:
+        super().__init__(len(next(iter(parts.values()))))
+        self.parts = dict(parts)
+
+    @property
+    def positions(self) -> dict[str, Array]:
+        """{name: (k, n, 3)} [m], world; NaN where not done."""
+        return {name: batch.positions for name, batch in self.parts.items()}
+
+    @property
+    def distances(self) -> dict[str, Array]:
+        """{name: (k, m)} [m], from its surface to each of its `bodies`, see `ShapeBatch.distances`."""
+        return {name: batch.distances for name, batch in self.parts.items()}
+
+    @property
+    def used(self) -> dict[str, Array]:
+        """{name: (k, 6 + m)}, margins, 1 at the limit, see `ShapeBatch.used`."""
+        return {name: batch.used for name, batch in self.parts.items()}
+
+    @property
+    def radius(self) -> dict[str, Array | None]:
+        """{name: (k, n)} [m], of the tubes, where an uncertainty was given."""
+        return {name: batch.radius for name, batch in self.parts.items()}
+
+    @property
+    def clearance(self) -> Array:
+        """(k,) [m], of any of them to the nearest body; infinite beyond the horizon, NaN where not told."""
+        return np.asarray(np.min([batch.clearance for batch in self.parts.values()], axis=0))
+
+    @property
+    def worst(self) -> Array:
+        """(k,), the greatest of `used` of all of them; NaN where there is none."""
+        return np.asarray(np.fmax.reduce([batch.worst for batch in self.parts.values()], axis=0))

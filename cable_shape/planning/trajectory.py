@@ -99,8 +99,8 @@ def check_trajectory(
     acceleration : (k, 3) or (k, m, 3) array_like, optional
         [m/s^2], world, of the cable at each of the k waypoints, linear between them; with m rows uniform in arc length
         and linear between them, see :meth:`cable_shape.Predictor.predict`. With two, those of start and end. Default:
-        the cable is at rest everywhere, whatever the path's times. Of several cables a mapping by their names. Not of a
-        harness.
+        the cable is at rest everywhere, whatever the path's times. Of several cables, and of a harness's segments, a
+        mapping by their names.
     time_limit : float, optional
         [s]; after it what is done is returned, marked partial.
     proceed : callable, optional
@@ -146,12 +146,9 @@ def check_trajectory(
     if clips is not None:
         raise ArgumentError.of("clips", clips, "it is of several cables", "Write scene=Scene(clips=[...]).")
     if isinstance(cable, Harness):
-        if acceleration is not None:
-            bound = "the inertia of a harness is not followed along a trajectory"
-            raise ArgumentError.of("acceleration", acceleration, bound, "Leave it out.")
         return check_harness(
             cable, scene, robot, trajectory, ends, deadline, proceed, gravity=gravity, points=points,
-            tolerance=tolerance, distributed_load=distributed_load,
+            tolerance=tolerance, distributed_load=distributed_load, acceleration=acceleration,
         )  # fmt: skip
     if ends is not None:
         raise ArgumentError.of("ends", ends, "a cable has a start and an end", "Leave them out, or give a Harness.")
@@ -164,7 +161,7 @@ def check_trajectory(
     maker = CableCycles("cosserat", allowed, options, {_NAME: distributed_load}, {}, {}, 0.0, None, 1)
     check = _Check(cable, scene or Scene(), maker, way, deadline, proceed, routing.edits)
     if acceleration is not None:
-        check.accelerations = accelerations_of(acceleration, way.waypoints, check.cycle.predictor)
+        check.accelerations = accelerations_of(acceleration, way.waypoints, check.cycle.predictor.accelerate)
     check.run()
     check.found.time = perf_counter() - began
     return check.found

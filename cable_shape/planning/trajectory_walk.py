@@ -20,7 +20,6 @@ from cable_shape.planning.paths import Motion
 from cable_shape.planning.trajectory_report import Reason, TrajectoryCheck, Violation
 from cable_shape.pose import Pose
 from cable_shape.prediction.edits import Edit
-from cable_shape.prediction.predictor import Predictor
 from cable_shape.robots.robot import Robot
 from cable_shape.safety.allowed import Allowed
 from cable_shape.safety.clearance import DEEPEST_REST, ClearanceChecker
@@ -57,8 +56,8 @@ _CLEARANCE, _FORCE = WarningKind.CLEARANCE, WarningKind.CONTACT_FORCE
 _LOADS = {kind.value: i for i, kind in enumerate(LOAD_MARGINS)}
 
 
-def accelerations_of(value: ArrayLike, waypoints: int, predictor: Predictor) -> Array:
-    """(k, 3) or (k, m, 3), of the waypoints; what the predictor refuses of them is refused at once."""
+def accelerations_of(value: ArrayLike, waypoints: int, accelerate: Callable[[Array], object]) -> Array:
+    """(k, 3) or (k, m, 3), of the waypoints; what `accelerate`, a predictor's, refuses of them is refused at once."""
     remedy = "Give three numbers in m/s^2 for each waypoint, or a table (m, 3), uniform in arc length."
     a = checks.numbers("acceleration", value, remedy)
     if a.ndim not in (2, 3) or len(a) != waypoints or a.shape[-1] != 3:
@@ -68,12 +67,12 @@ def accelerations_of(value: ArrayLike, waypoints: int, predictor: Predictor) -> 
     if bad.size:
         bound = f"every entry must be finite, none above {checks.MOST:g}"
         raise ArgumentError.of(f"acceleration[{bad[0]}]", a[bad[0]].tolist(), bound, remedy)
-    predictor.accelerate(a[0])
+    accelerate(a[0])
     if a.ndim == 3:
         swings = next((table for table in a if swing_of(table) is not None), None)
         if swings is None:
             return a[:, [0, -1]]  # also between waypoints, whatever is lost there to rounding
-        predictor.accelerate(swings)
+        accelerate(swings)
     return a
 
 
@@ -269,6 +268,12 @@ class Look(NamedTuple):
     touched: NDArray[np.bool_]  # (m,)
     used: Array  # of the loads, by _LOADS, then of the forces of contact that is meant
     margins: tuple[Margin, ...]
+
+    def with_stability(self, margin: Margin) -> Look:
+        """The same with the margin of a whole of which this is the part that turns most."""
+        used = self.used.copy()
+        used[_LOADS[margin.kind.value]] = margin.used
+        return self._replace(used=used, margins=(*self.margins, margin))
 
 
 def jumped(a: Mapping[str, Look], b: Mapping[str, Look]) -> float:

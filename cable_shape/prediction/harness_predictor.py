@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from time import perf_counter
 from typing import Any, final
 
@@ -114,6 +115,23 @@ class HarnessPredictor:
         """The solver's memory of the last shape; None before there is one, and of one in contact or just out of it."""
         solved = self._state is not None and self._state.factored
         return self._state if solved and not self.touching else None
+
+    @property
+    def rod_state(self) -> HarnessNetwork | HarnessTouchState | None:
+        """The solver's memory of the last shape, in contact or not; None before there is one, and just out of it."""
+        return self._touch if self.touching else self.state
+
+    def ahead(self) -> Callable[[Mapping[str, End]], HarnessShape]:
+        """What predicts from the last shape on, with links where they are; this predictor stays as it is."""
+        assert self._last is not None
+        other: HarnessPredictor = copy.copy(self)
+        problem = other.problem = other._still = copy.copy(self.problem)
+        if self._state is not None:
+            state: Any = self._state.copied()
+            state.problem, other._state = problem, state
+        if self._touch is not None:
+            other._touch = self._touch.twin(problem, self._last)
+        return lambda ends: other.predict(ends, links=problem.links)
 
     @property
     def grips(self) -> tuple[str, ...]:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import copy
 import math
 from collections.abc import Callable, Mapping
 from typing import TypeVar, final
@@ -14,8 +13,6 @@ from cable_shape.checks import Array
 from cable_shape.pose import FreeEnd, Grip, Pose, multiply
 from cable_shape.safety.report import Margin
 from cable_shape.shape import CableShape, Status
-from cable_shape.solve import harness_search
-from cable_shape.solve.harness_network import HarnessNetwork
 from cable_shape.solve.harness_shape import HarnessShape
 
 #: Solves on the way to the horizon.
@@ -61,17 +58,13 @@ def predicted_snap(
 
 
 def predicted_harness_snap(
-    state: HarnessNetwork, twists: Mapping[str, Array], horizon: float
-) -> tuple[float, float, HarnessShape] | None:
+    predict: Callable[[Mapping[str, Grip | FreeEnd]], HarnessShape], ends: Mapping[str, Grip | FreeEnd],
+    twists: Mapping[str, Array], horizon: float,
+) -> tuple[float, float, HarnessShape] | None:  # fmt: skip
     """The same of a harness; twists: (6,) of each held end."""
-    ahead, problem = state.copied(), copy.copy(state.problem)
-    assert isinstance(ahead, HarnessNetwork)
-    ahead.problem, ends = problem, dict(problem.ends)
-    problem.ends, problem._given = ends, None
 
     def shape_at(time: float) -> HarnessShape:
-        later = {end: moved(how, twists[end], time) if isinstance(how, Grip) else how for end, how in ends.items()}
-        return harness_search.solve(problem.move(later), ahead)[0]
+        return predict({end: moved(how, twists[end], time) if type(how) is Grip else how for end, how in ends.items()})
 
     return _first(shape_at, horizon)
 

@@ -402,6 +402,10 @@ class HarnessNetwork(Network):
         last = self.runs[spans[-1]][1] + 1  # levers are beyond
         return s[:last], positions[:last]
 
+    def largest_of_spans(self, values: Array) -> Array:
+        """(m,): of values (n,) at the network's nodes the largest in each span."""
+        return np.array([values[a : b + 1].max() for a, b in self.runs])
+
     def resume_from(self, whole: Any, gaps: Array, poses: Array) -> None:
         """Makes a shape the last solution: `whole` is all its cables in turn, `gaps` (c,) [m] added to arc lengths.
 

@@ -13,18 +13,19 @@ from numpy.typing import ArrayLike
 from cable_shape import checks
 from cable_shape.cable.cable import Cable
 from cable_shape.calibration.parameters import Parameters, held
-from cable_shape.calibration.result import Calibration
+from cable_shape.calibration.result import Found
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels.safety import spread as tube
 from cable_shape.pose import Ends, FreeEnd, Grip, Pose, as_grip
 from cable_shape.prediction.carried import stretched
 from cable_shape.prediction.predictor import Predictor
-from cable_shape.prediction.tails import Tail, held_frame
+from cable_shape.prediction.tails import Tail
 from cable_shape.shape import CableShape
 from cable_shape.solve.outcome import MODEL
 from cable_shape.solve.problem import GRAVITY
 from cable_shape.solve.quasistatic import inertia_of
+from cable_shape.uncertainty.hanging import hanging, tail_answers, turned_by
 from cable_shape.uncertainty.uncertainty import Tube, Uncertainty, directions_of
 
 #: Load of the rods that show how a shape answers its inertia, as a fraction of the weight.
@@ -36,7 +37,7 @@ SHARE = 3.0**-0.5
 LEFT = 0.6
 
 
-def left_out(known: Uncertainty | Calibration, acceleration: ArrayLike, gravity: ArrayLike = GRAVITY) -> float:
+def left_out(known: Uncertainty | Found, acceleration: ArrayLike, gravity: ArrayLike = GRAVITY) -> float:
     """The load that a prediction with this acceleration leaves out, as a fraction of the weight: a part of what it has
     beyond the accelerations of the data of a calibration, whose misses tell of these already."""
     return LEFT * math.sqrt(max(inertia_of(acceleration, gravity) ** 2 - known.inertia**2, 0.0))
@@ -234,43 +235,29 @@ class TubeWatch:
             lines.append((there, predictor.beside(rod, (start, there["end"]), links, acceleration)))
         return lines
 
-    def tail_tube(self, tail: Tail, hanging: CableShape, ends: Ends) -> Tube | None:
+    def tail_tube(self, tail: Tail, shape: CableShape, ends: Ends) -> Tube | None:
         """The tube of the shape that a tail has beyond the last span; None where that has none."""
-        if self._last is None or not hanging.status:
+        if self._last is None or not shape.status:
             return None
         still, swing = self._tails.get(tail.side, (None, None))
         if still is None:
-            still = self._tail_covariance(tail, hanging, _held(ends))
+            still = self._tail_covariance(tail, shape, _held(ends))
         if swing is None and self._swing is not None:
-            places = _hanging(self._swung, self._loaded, tail.side)
-            swing = loaded(places, hanging.positions)
+            swing = loaded(_hanging(self._swung, self._loaded, tail.side), shape.positions)
         self._tails[tail.side] = still, swing
-        return self._tube(hanging, still, swing, self._last.inertia)
+        return self._tube(shape, still, swing, self._last.inertia)
 
-    def _tail_covariance(self, tail: Tail, hanging: CableShape, ends: Mapping[str, Grip | FreeEnd]) -> Array:
+    def _tail_covariance(self, tail: Tail, shape: CableShape, ends: Mapping[str, Grip | FreeEnd]) -> Array:
         """(n, 3, 3) [m^2], without its inertia."""
-        side = tail.side
-        grip = ends[side]
+        side, errors = tail.side, self._poses.shape[1]
+        grip, root = ends[side], np.empty((6, 0))
         assert isinstance(grip, Grip)
-        root, answers = np.empty((6, 0)), np.empty((hanging.points, 3, 6))
-        if self._poses.shape[1]:
-            root = self._root(grip, side)
-            answers = np.ascontiguousarray(tail.predictor.sensitivity()[:, :, :6])
-        return covariance_of(_hanging(self._lines, self._beside, side), hanging.positions, answers, root)
-
-    def _root(self, grip: Grip, side: str) -> Array:
-        """(6, m): velocity and angular velocity of the frame that holds a tail, for each column of `_poses`."""
-        twists = self._ways[:6] if side == "start" else self._ways[6:]
-        if grip.kind == "clamped":
-            return twists
-        assert self._last is not None
-        span = self._last.shape
-        near = self._answers[:3] if side == "start" else self._answers[:-4:-1]
-        answers = near @ self._ways
-        apart = span.arc_length[1] if side == "start" else -span.arc_length[1]
-        turned = (4.0 * answers[1] - 3.0 * answers[0] - answers[2]) / (2.0 * apart)  # of the tangent, of second order
-        along = span.tangents[0 if side == "start" else -1]
-        return np.concatenate((twists[:3], np.cross(along, turned, axisb=0, axisc=0)))
+        if errors:
+            assert self._last is not None
+            twists = self._ways[:6] if side == "start" else self._ways[6:]
+            root = turned_by(grip, side, self._last.shape, twists, self._answers, self._ways)
+        lines = _hanging(self._lines, self._beside, side)
+        return covariance_of(lines, shape.positions, tail_answers(tail, shape.points, errors), root)
 
     def _tube(self, shape: CableShape, still: Array, swing: Array | None, inertia: float) -> Tube:
         """From covariances (n, 3, 3) [m^2] without the inertia, and by it for a ratio of 1."""
@@ -288,13 +275,12 @@ def _held(ends: Ends) -> dict[str, Grip | FreeEnd]:
 
 def _hanging(lines: list[_Line], rods: list[_Beside], side: str) -> list[Array | None]:
     """(n, 3) [m] of the tails that rods beside the predicted one have there; None without a usable shape."""
-    places: list[Array | None] = []
-    for (there, line), beside in zip(lines, rods, strict=True):
+    beside = []
+    for (there, line), (_, _, tails) in zip(lines, rods, strict=True):
         own = there[side]
         assert isinstance(own, Grip)
-        found = beside.tails[side].predict(held_frame(own, line, side)) if line.status else None
-        places.append(found.positions if found is not None and found.status else None)
-    return places
+        beside.append((tails[side], own, line))
+    return hanging(beside)
 
 
 def loaded(lines: Sequence[Array | None], middle: Array) -> Array:

@@ -10,6 +10,7 @@ from rods import arch_ends, arch_predictor
 
 import cable_shape as cs
 from cable_shape.safety.report import WarningKind
+from cable_shape.uncertainty.harness_tube_watch import HarnessTubeWatch
 
 ALONG = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))  # d3 along x
 CABLE = cs.Cable(length=1.0, linear_density=0.1, bending_stiffness=0.02, twisting_stiffness=0.015)
@@ -155,15 +156,78 @@ def test_a_calibration_leaves_its_uncertainty() -> None:
         cs.Cycle({"h": found.harness}, uncertainty=known)
 
 
+def test_predict_tube_of_a_harness_is_that_of_its_uncertainty() -> None:
+    """The ends are those of the grips, beside which the calibration holds the segments."""
+    looks = []
+    for y in (-0.1, 0.0, 0.1):
+        ends = {"a.start": START, "b.end": cs.Pose((0.8, y, 0.05), ALONG)}
+        shape = cs.predict(halves(), ends)
+        noise = np.random.default_rng(3)
+        seen = {name: one.positions[10::20] for name, one in shape.segments.items()}
+        looks.append(cs.HarnessObservation(ends, {n: x + 2e-3 * noise.normal(size=x.shape) for n, x in seen.items()}))
+    found = cs.calibrate(looks, halves(), ("bending_stiffness", "tilt:a.start"), progress=False)
+    moving = {"a": (0.0, 0.5, 0.0)}
+    tubes = cs.predict_tube(found, ends, start_error=(0.001, 0.01), acceleration=moving, inertia=0.02, points=150)
+    known = cs.Uncertainty.of(found, (0.001, 0.01))
+    cycle = HarnessTubeWatch(found.harness, known)
+    predictor, there = cs.Predictor(found.harness), found.held(ends)
+    wanted = cycle.tubes(predictor, predictor.predict(there, acceleration=moving), there, moving, 0.02)
+    for name, tube in tubes.items():
+        np.testing.assert_allclose(tube.radius, wanted[name].radius, rtol=1e-9)
+        assert tube.holds
+    assert not any(tube.holds for tube in cs.predict_tube(found, ends).values())
+    left = cs.predict_tube(found, ends, acceleration=moving)
+    assert left["a"].inertia == left["b"].inertia == pytest.approx(0.6 * 0.5 / 9.81)
+    far = cs.predict_tube(found, {**ends, "b.end": cs.Pose((2.0, 0.0, 0.0), ALONG)})
+    assert np.isnan(far["b"].radius).all()
+    assert far["b"].shape.status is cs.Status.OVERSTRETCHED
+    with pytest.raises(cs.ArgumentError, match="the ends of a harness are one mapping"):
+        cs.predict_tube(found, START, END)
+    with pytest.raises(cs.ArgumentError, match=r"'c\.end' is not allowed: there is no such end"):
+        cs.predict_tube(found, {"c.end": START})
+
+
+def with_tails() -> tuple[cs.Cable, cs.Harness]:
+    """A cable with a tail at both ends, and two segments that are the same."""
+    cable, parts = CABLE.replace(tails={"start": 0.2, "end": 0.7}), halves()
+    sides = zip(parts.segments.items(), ("start", "end"), strict=True)
+    return cable, parts.replace({name: one.replace(tails={side: cable.tails[side]}) for (name, one), side in sides})
+
+
+@pytest.mark.parametrize("kind", ["clamped", "swivel"])
+def test_tails_have_the_tubes_of_the_same_cable(kind: str) -> None:
+    """By grips, stiffness, length and inertia; where a grip lets it turn a tail goes with its segment's tangent."""
+    cable, harness = with_tails()
+    known = cs.Uncertainty({"bending_stiffness": 0.1, "length": 0.01}, (0.001, 0.02), (0.002, 0.01))
+    start, moved = (cs.Grip(cs.Pose((0.0, y, 0.0), ALONG), kind) for y in (0.0, 0.03))
+    single, several = both(cable, harness, uncertainty=known, scene=FLOOR)
+    fresh = both(cable, harness, uncertainty=known)
+
+    def step(cycles: tuple[cs.Cycle, cs.Cycle], grip: cs.Grip, stamp: int) -> tuple[cs.CycleReport, cs.CycleReport]:
+        one, two = cycles
+        return one.step({"cable": (grip, END)}, stamp), two.step({"h": {"a.start": grip, "b.end": END}}, stamp)
+
+    one, two = step((single, several), start, 0)
+    assert set(two.tail_tubes) == {("h/a", "start"), ("h/b", "end")}
+    for (name, side), tube in two.tail_tubes.items():
+        assert tube.shape is two.tails[name, side]
+        told, places = one.tail_tubes["cable", side], np.linspace(0.0, 1.0, tube.shape.points)
+        wanted = np.interp(places, np.linspace(0.0, 1.0, told.shape.points), told.radius)
+        np.testing.assert_allclose(tube.radius, wanted, rtol=0.01, atol=1e-5)
+    lowest = two.tails["h/b", "end"].positions[:, 2] - two.tail_tubes["h/b", "end"].radius
+    assert two.clearance["h/b"].closest.distance == pytest.approx(0.5 + lowest.min() - 0.5 * CABLE.diameter, abs=2e-3)
+    sway = [], []
+    swaying, still = step((single, several), moved, 200_000_000), step(fresh, moved, 0)
+    for told, now, rest in zip(sway, swaying, still, strict=True):
+        for key, tube in now.tail_tubes.items():
+            assert tube.inertia > 0.0
+            told.append((tube.covariance[-1] - rest.tail_tubes[key].covariance[-1]) / tube.inertia**2)
+    np.testing.assert_allclose(sway[0], sway[1], atol=0.02 * np.abs(sway).max())  # judged by the whole, and by halves
+
+
 def test_tails_hang_beyond_grips_and_count_for_clearance() -> None:
-    cable = CABLE.replace(tails={"start": 0.2, "end": 0.7})
-    parts = halves()
     ends = {"a.start": START, "b.end": END}
-    harness = parts.replace(
-        {name: one.replace(tails={side: cable.tails[side]}) for (name, one), side in zip(
-            parts.segments.items(), ("start", "end"), strict=True
-        )}
-    )  # fmt: skip
+    cable, harness = with_tails()
     single, several = both(cable, harness, scene=FLOOR)
     one, two = single.step({"cable": (START, END)}, 0), several.step({"h": ends}, 0)
     assert set(two.tails) == {("h/a", "start"), ("h/b", "end")}

@@ -60,11 +60,51 @@ def test_every_row_is_the_cold_prediction_and_judged_as_in_a_cycle() -> None:
 
 
 def test_no_bit_of_a_row_depends_on_others() -> None:
-    given = tables()
-    whole = cs.predict_batch(HARNESS, given, points=60)
+    given, known = tables(), cs.Uncertainty({"bending_stiffness": 0.1}, (0.001, 0.01), (0.002, 0.01))
+    whole = cs.predict_batch(HARNESS, given, points=60, uncertainty=known)
     order = np.random.default_rng(1).permutation(ROWS)[:7]
-    some = cs.predict_batch(HARNESS, {end: table[order] for end, table in given.items()}, points=60)
+    some = cs.predict_batch(HARNESS, {end: table[order] for end, table in given.items()}, points=60, uncertainty=known)
     np.testing.assert_array_equal(some.buffer, whole.buffer[order])
+    for name, radius in some.radius.items():
+        np.testing.assert_array_equal(radius, whole.radius[name][order])
+        np.testing.assert_array_equal(some.used[name], whole.used[name][order])
+
+
+@pytest.mark.parametrize("contact", ["warn", "solve"])
+def test_rows_have_the_tubes_and_the_stability_of_a_cycle(contact: str) -> None:
+    """In contact, too; the clearance is that of the tubes."""
+    given, scene = tables(3), cs.Scene(obstacles=SCENE.obstacles, warn_distance=0.05, contact=contact)
+    known = cs.Uncertainty({"bending_stiffness": 0.1, "length:b": 0.002}, (0.001, 0.01), (0.002, 0.01))
+    heights = (1.0, 0.35, 0.2)
+    for table in given.values():
+        table[:, 2] = heights
+    batch = cs.predict_batch(HARNESS, given, scene=scene, points=60, uncertainty=known)
+    assert batch.usable.all(), batch.details
+    stability, touching = LOAD_MARGINS.index(WarningKind.STABILITY), 0
+    for row, shape in enumerate(batch):
+        cycle = cs.Cycle({"h": HARNESS}, scene=scene, points=60, uncertainty=known, quasistatic_limit=0.0)
+        report = cycle.step({"h": {end: pose(table[row]) for end, table in given.items()}}, stamp=0)
+        touching += any(one.contacts for one in shape.segments.values())
+        for name, radius in batch.radius.items():
+            np.testing.assert_array_equal(radius[row], report.tubes[f"h/{name}"].radius)
+            assert radius[row].max() > 1e-4
+            body = next((b.distance for b in report.clearance[f"h/{name}"].bodies if b.body == "table"), math.inf)
+            assert batch.distances[name][row, 0] == body
+        told = {n: [m for m in report.margins[f"h/{n}"] if m.kind is WarningKind.STABILITY] for n in HARNESS.segments}
+        (softest,) = (name for name, margins in told.items() if margins)
+        assert batch.used[softest][row, stability] == pytest.approx(told[softest][0].used, rel=1e-6)
+        assert all(np.isnan(batch.used[name][row, stability]) for name in HARNESS.segments if name != softest)
+    assert touching == (2 if contact == "solve" else 0)
+
+
+def test_a_row_without_a_shape_has_no_tube() -> None:
+    given = tables(2)
+    given["b.end"][1, 0] = 1.5
+    batch = cs.predict_batch(HARNESS, given, points=60, uncertainty=cs.Uncertainty({"bending_stiffness": 0.1}))
+    assert batch.usable.tolist() == [True, False]
+    assert all(np.isfinite(radius[0]).all() and np.isnan(radius[1]).all() for radius in batch.radius.values())
+    assert all(one.confidence == 0.95 for one in batch.segments.values())
+    assert batch.segments["b"].clearance_of(0).confidence == 0.0  # nothing is near
 
 
 def test_a_row_that_is_not_valid_fails_alone_and_with_its_index() -> None:
@@ -113,7 +153,8 @@ def test_an_empty_batch_is_empty() -> None:
         ({"starts": np.zeros((2, 7))}, r"ends = .* must be a mapping"),
         ({"ends": np.zeros((2, 7))}, r"ends = .* is not allowed: it is known of cables only"),
         ({"start_kind": "swivel"}, "start_kind = 'swivel' is not allowed: it is known of cables only"),
-        ({"uncertainty": cs.Uncertainty({"length": 1e-3})}, "uncertainty = .* it is known of cables only"),
+        ({"uncertainty": {"a": cs.Uncertainty({"length": 1e-3})}}, "uncertainty = .* it must be an? Uncertainty"),
+        ({"uncertainty": cs.Uncertainty({"length": 2.0})}, "uncertainty, one standard deviation away: .*length"),
         ({"kinds": {"c.end": "swivel"}}, r"kinds: unknown key 'c.end'"),
         ({"kinds": {"a.start": "glued"}}, r"kinds\['a.start'\] = 'glued'"),
         ({"model": "catenary"}, "model = 'catenary'"),

@@ -53,6 +53,24 @@ def test_a_free_way_is_valid_and_told_segment_by_segment() -> None:
     assert (found.clearance == np.inf).all()
 
 
+def test_accelerations_of_segments_are_followed_and_stability_is_told() -> None:
+    """At the waypoints it is what single predictions, and cycles, say."""
+    moves = {"a": np.array([(0.0, 0.0, 0.0), (0.0, 4.0, 0.0), (1.0, 2.0, 0.0)]), "c": np.full((3, 2, 3), 0.5)}
+    found = cs.check_trajectory(HARNESS, cs.Scene(), None, EndsPath(path(3)), acceleration=moves)
+    assert found.valid, found.first
+    cycle = cs.Cycle({"h": HARNESS}, tolerance=1e-4 * 0.6)
+    for k, y in enumerate((0.0, 0.15, 0.3)):
+        now = {name: table[k] for name, table in moves.items()}
+        report = cycle.step({"h": ends_at(y)}, k * 10**9, acceleration={"h": now})
+        for name, margins in found.margins_of.items():
+            told = {m.kind: m.value for m in margins[k]}
+            wanted = {m.kind: m.value for m in report.margins[f"h/{name}"]}
+            assert told == pytest.approx(wanted, rel=2e-3)
+    assert any(m.kind is cs.WarningKind.STABILITY for m in found.margins[2])
+    still = cs.check_trajectory(HARNESS, cs.Scene(), None, EndsPath(path(3)))
+    assert len(still.margins[1]) == len(found.margins[1])
+
+
 def test_a_thin_post_between_two_waypoints_is_found_and_names_the_segment() -> None:
     """What it is hit at is where a fine walk of single predictions first comes too near."""
     scene = cs.Scene(obstacles=[post(0.16)], error_distance=0.002)
@@ -133,7 +151,9 @@ def test_a_check_may_be_stopped() -> None:
         ({**path(2), "b.end": path(3)["b.end"]}, {}, "b.end = '3 waypoints' is not allowed: a.start has 2"),
         (cs.GripPath(path(2)["a.start"], path(2)["b.end"]), {}, "the ends of a harness have names"),
         (path(2), {"ends": {"a.start": "left"}}, "the trajectory says which are held"),
-        (path(2), {"acceleration": np.zeros((2, 3))}, "the inertia of a harness is not followed"),
+        (path(2), {"acceleration": np.zeros((2, 3))}, "acceleration = .* it must be a mapping"),
+        (path(2), {"acceleration": {"d": np.zeros((2, 3))}}, "acceleration: unknown key 'd'"),
+        (path(2), {"acceleration": {"a": np.zeros((3, 3))}}, r"segment 'a': acceleration = 'shape \(3, 3\)'"),
     ],
 )
 def test_bad_arguments_are_named(trajectory: object, change: dict[str, object], told: str) -> None:

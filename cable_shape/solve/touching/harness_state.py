@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any, final
 
 import numpy as np
@@ -173,7 +174,7 @@ class HarnessTouchState(TouchState):
 
     def start_from(self, shape: HarnessShape, frames: Array, finer: float = 1.0) -> None:  # type: ignore[override]
         """Makes a shape the last solution, on a new mesh; `frames` (k, 7) are those of the knots that are held."""
-        whole = Laid(shape, self.gaps)
+        whole: Any = self.whole(shape)
         poses = frames.copy()
         spans = self.cable.structure.spans
         of_frames = self.cable.layout.frames
@@ -190,7 +191,18 @@ class HarnessTouchState(TouchState):
                         there = whole.quaternions[k : k + 1], conjugate(of_frames[span, end])[None]
                         poses[knot, 3:] = times(*there)[0]
             at, j = at + size, j + size - 1
-        super().start_from(whole, poses, finer)  # type: ignore[arg-type]
+        super().start_from(whole, poses, finer)
+
+    def twin(self, problem: HarnessProblem, shape: HarnessShape) -> HarnessTouchState:
+        """Once more: it goes on from the last shape, that of `problem`, and this one stays as it is."""
+        other = HarnessTouchState(problem)  # type: ignore[arg-type]
+        frames = other.aimed()
+        other.move_bodies(self.bodies.links_then)
+        other.resume(shape, frames)  # type: ignore[arg-type]
+        return other
+
+    def whole(self, shape: HarnessShape) -> Any:  # type: ignore[override]
+        return Laid(shape, self.gaps)
 
     def _align(self) -> None:
         """Signs of the quaternions of what is held, those of the nodes there."""
@@ -232,6 +244,14 @@ class HarnessTouchState(TouchState):
             count = check.touches(self.s[a:b], self.near[NOW, a:b], self.on[NOW, a:b], self.thick[a:b], out)
             found.append(out[:count])
         return found
+
+    def largest_of_spans(self, values: Array) -> Array:
+        """(m,): of values (n,) at the network's nodes the largest in each span that there is without contacts."""
+        plan, out = tables.plan_of.py_func(self.net.ints), np.full(len(self.cable.structure.spans), -math.inf)
+        for x, (a, b) in enumerate(pairwise(plan.first.tolist())):
+            j = self.net.stretch[x]
+            out[j] = max(out[j], values[a + x : b + x + 1].max())
+        return out
 
     def energy_of_masses(self) -> float:
         gravity = self.problem.gravity

@@ -133,7 +133,7 @@ class TouchState(Laid):
     def resume(self, shape: CableShape, frames: Array) -> None:
         """Makes an equilibrium that another solver has found the last one, in contact or not."""
         self.unfactored()
-        if len(resume.pressed_rows(shape, self.bodies.names)):
+        if len(resume.pressed_rows(self.whole(shape), self.bodies.names)):
             self.lie(shape, frames)
         else:
             self.rest(shape, frames)
@@ -142,7 +142,7 @@ class TouchState(Laid):
         """Makes it the last one as one in contact, which is followed among the bodies wherever it goes."""
         self.start_from(shape, frames)
         self.touching = True
-        self.remember(shape.positions)
+        self.remember(self.seen(shape))
 
     def slide_to(self, arcs: Array) -> None:
         """Makes supports hold the cable at other arc lengths: the nodes between them and masses are spread anew."""
@@ -302,6 +302,10 @@ class TouchState(Laid):
     def seen(self, shape: CableShape) -> Array:
         """(c n, 3) [m], positions of a shape, one cable after the other."""
         return shape.positions
+
+    def whole(self, shape: CableShape) -> CableShape:
+        """A shape as that of one long cable, gaps between what is joined in it."""
+        return shape
 
     def new_buffer(self) -> Array:
         """Room for a shape."""
