@@ -109,6 +109,7 @@ class CableCycle:
         self._plug = plug
         self._snaps = SnapWatch(snap_horizon)
         moving = np.concatenate((checker.moving, np.ones(cables, dtype=np.bool_)))  # other cables, and itself
+        moving |= problem.clips_move  # the grips do not tell alone then how it comes nearer
         self._watch = MarginWatch(cable, scene, moving, gravity=problem.gravity, quasistatic_limit=quasistatic_limit)
         self._standing = Standing(scene)
         self._tubes = tubes

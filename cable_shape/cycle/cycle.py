@@ -286,9 +286,8 @@ class Cycle:
         """What depends on all cables and bodies."""
         self._parts = {**self._named, **self._segments}
         self._near = near or self._made_near(self._named, self.scene)
-        bodies = [body for cable in self._cables.values() for body in cable.predictor.problem.bodies]
-        bodies += [body for harness in self._harnesses.values() for body in harness.predictor.problem.bodies]
-        self._pushed = any(body.link is not None for body in bodies)
+        parts: list[CableCycle | HarnessCycle] = [*self._cables.values(), *self._harnesses.values()]
+        self._pushed = any(part.predictor.problem.carried for part in parts)
         self._solves_crossing = len(self._named) > 1 and all(
             cable.predictor.problem.solves_crossing for cable in self._cables.values()
         )
@@ -314,7 +313,7 @@ class Cycle:
             [ns], must not be older than the stamp of the last step.
         links : mapping of robot link to its Pose in the world, optional
             Without it, clearance to the robot is reported as not checked, and its links keep no cable out. A function
-            is asked for them after `early`, or before the prediction where links keep the cable out.
+            is asked for them after `early`, or before the prediction where links keep the cable out or carry a clip.
         early : callable, optional
             Is given the shapes as soon as they are predicted, before clearance, margins and warnings.
         acceleration : mapping of cable name to (3,), (m, 3) or (m, 6) array_like, optional
@@ -327,7 +326,8 @@ class Cycle:
         StaleInputError
             If `stamp` goes backwards. `reset` forgets the last stamp (a bag that loops).
         ArgumentError
-            For a cable that does not exist, or an acceleration that is none, or that the model does not know.
+            For a cable that does not exist, or an acceleration that is none, or that the model does not know, and
+            where it is not known where the link of a clip is.
         """
         stamp = checks.stamp(stamp, self.last_stamp)
         if type(grips) is not dict and not isinstance(grips, Mapping):
@@ -374,7 +374,7 @@ class Cycle:
         tubes = {name: cable.spread(shapes[name], grips[name], placed, stamp) for name, cable in cables.items()}
         known = {name: tube for name, tube in tubes.items() if tube is not None}
         for name, harness in held.items():
-            known.update(harness.spread(shapes[name], grips[name], stamp))  # type: ignore[arg-type]
+            known.update(harness.spread(shapes[name], grips[name], placed, stamp))  # type: ignore[arg-type]
         swell = {name: float(tube.radius.max()) for name, tube in known.items()}
         clearance = {name: cable.check(shapes[name], placed) for name, cable in cables.items()}
         for name, harness in held.items():

@@ -20,6 +20,7 @@ from cable_shape.prediction.cables_predictor import joined
 from cable_shape.prediction.carried import carried, place_of, stretched
 from cable_shape.prediction.edits import Edit
 from cable_shape.prediction.layout import Change, Laid, Layout, change_of, on_the_way
+from cable_shape.scene.scene import Clip
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve.network import Network
 from cable_shape.solve.touching.crossing import Crossing
@@ -76,10 +77,20 @@ class Editing:
         self.cycles.update(made)
         self.layout, self.crossing = goal, way.crossing
 
-    def _place(self, name: str, arc_length: float) -> Pose | None:
-        """Where a cable is."""
+    def _place(self, name: str, clip: Clip) -> Pose | None:
+        """Where a cable is that a clip is to hold, in the frame in which the clip's pose is."""
         found = self.cycles[name].found
-        return None if found is None else place_of(found.shape, arc_length)
+        if found is None:
+            return None
+        there = place_of(found.shape, clip.arc_length)
+        if clip.link is None:
+            return there
+        link = None if found.links is None else found.links.get(clip.link)
+        if link is None:
+            known = "none" if not found.links else ", ".join(sorted(found.links))
+            bound = "where this link is was not known at the last step"
+            raise ArgumentError.of("Insert.clip.link", clip.link, bound, f"Known: {known}.")
+        return link.inverse() * there
 
     def _made(self, layout: Layout, name: str) -> CableCycle:
         """A cable's part in its new scene."""

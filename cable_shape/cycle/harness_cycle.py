@@ -130,7 +130,7 @@ class HarnessCycle:
                 self.tails[cable_id(self.name, segment), side] = tail.predict(there)
         return shape
 
-    def spread(self, shape: HarnessShape, ends: Mapping[str, End], stamp: int) -> dict[str, Tube]:
+    def spread(self, shape: HarnessShape, ends: Mapping[str, End], links: Links, stamp: int) -> dict[str, Tube]:
         """The tubes of the segments of the shape just predicted, if they are asked for and known; kept."""
         inertia = 0.0  # in the load already
         if self._moving is None:
@@ -140,7 +140,7 @@ class HarnessCycle:
             ]
             inertia = math.nan if any(map(math.isnan, ratios)) else max(ratios, default=math.nan)
         if self._known is not None:
-            found = self._known.tubes(self.predictor, shape, ends, self._moving, inertia)
+            found = self._known.tubes(self.predictor, shape, ends, self._moving, inertia, links)
             self.tubes, self.tail_tubes = {cable_id(self.name, segment): tube for segment, tube in found.items()}, {}
             for key, tail in self.tails.items():
                 end = self._end_of(key)

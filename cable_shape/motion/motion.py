@@ -299,6 +299,9 @@ def _check(problem: Problem) -> None:
         raise ArgumentError.of("bending_stiffness", 0.0, "Motion needs it above 0 N m^2", remedy)
     if any(clip.kind == "slide" for clip in problem.clips):
         raise ArgumentError.of("Clip.kind", "slide", "Motion knows no eyelets", "Hold the cable in a 'ball' clip.")
+    if problem.clips_move:
+        bound = "Motion knows no links"
+        raise ArgumentError.of("Clip.link", sorted(problem.carried), bound, "Hold the clip in the world.")
     if scene is not None and scene.contact == "solve":
         raise ArgumentError.of("scene.contact", "solve", "Motion knows no contact", "Write contact='warn'.")
 

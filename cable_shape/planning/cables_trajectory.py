@@ -27,6 +27,7 @@ from cable_shape.planning.trajectory_walk import (
 )
 from cable_shape.pose import FreeEnd, Grip, Pose, as_grip
 from cable_shape.prediction.cables_predictor import CablesPredictor, named_cables, of_all
+from cable_shape.robots.on_links import check_links
 from cable_shape.robots.robot import Robot
 from cable_shape.safety.near import CableNear
 from cable_shape.safety.report import Clearance
@@ -79,6 +80,8 @@ def check_cables(
         if f"{name}.start" not in held and not isinstance(still.get(f"{name}.start"), (Pose, Grip)):
             raise ArgumentError.of("ends", sorted((*held, *still)), f"nothing holds the start of cable {name!r}", _HELD)
     motion = Motion(path, robot)
+    for own in predictor.scenes.values():
+        check_links(motion.robot, own)
     moves = checks.mapping("acceleration", acceleration, predictor.predictors, "Write {name of the cable: (k, 3)}.")
     moving = {}
     for name, table in moves.items():
@@ -120,9 +123,9 @@ class _Sample(NamedTuple):
     place: float
     looks: dict[str, Look]
     clearance: dict[str, Clearance]  # the other cables in it
-    ends: dict[str, Array]  # (2, 7)
+    ends: dict[str, Array]  # (g, 7), of both ends, and of clips on links
     links: dict[str, Array]  # (l, 7)
-    sensitivity: dict[str, Array]  # (n, 3, 12 k), by the ends of all k cables
+    sensitivity: dict[str, Array]  # (n, 3, 6 g), by these of all cables
     violation: Violation | None
 
 
@@ -198,12 +201,16 @@ class _Walk(Walk[_Sample]):
             place,
             looks,
             clearance,
-            {name: _frames(*both[name]) for name in self.judges},
+            {name: self._held(name, both[name]) for name in self.judges},
             {name: judge.frames(links) for name, judge in self.judges.items()},
-            self.predictor.sensitivity() if good else {},
+            self.predictor.sensitivity(by_clips=True) if good else {},
             None,
         )
         return found._replace(violation=self._wrong(found))
+
+    def _held(self, name: str, ends: tuple[Pose | Grip, End | None]) -> Array:
+        """(g, 7), where a cable's ends are, and its clips on links."""
+        return np.concatenate((_frames(*ends), self.predictor.predictors[name].problem.moving_clips[1]))
 
     def _wrong(self, sample: _Sample) -> Violation | None:
         """What is wrong at a place; the gravest first."""
@@ -226,17 +233,17 @@ class _Walk(Walk[_Sample]):
     def sure(self, a: _Sample, b: _Sample) -> bool:
         """See the base."""
         turned, reach = self.motion.turned(a.place, b.place), self.motion.reach
-        way = np.empty(12 * len(a.ends))
-        for i, (name, first) in enumerate(a.ends.items()):
-            for side in (0, 1):
-                advance.twist(first[side], b.ends[name][side], way[12 * i + 6 * side : 12 * i + 6 * side + 6])
+        first, last = (np.concatenate(list(sample.ends.values())) for sample in (a, b))
+        way = np.empty(6 * len(first))
+        for i, (one, other) in enumerate(zip(first, last, strict=True)):
+            advance.twist(one, other, way[6 * i : 6 * i + 6])
         moved = {}
         for name, judge in self.judges.items():
-            one, other = a.looks[name], b.looks[name]
+            looks = a.looks[name], b.looks[name]
             slopes = a.sensitivity[name], b.sensitivity[name]
-            moved[name] = far, off = motion_of(one, other, *slopes, way, 0.125 * turned**2, reach)
+            moved[name] = far, off = motion_of(*looks, *slopes, way, 0.125 * turned**2, reach)
             links = a.links[name], b.links[name]
-            if not judge.sure(one, other, links, far, off, 0.25 * turned**2 * reach):
+            if not judge.sure(*looks, links, far, off, 0.25 * turned**2 * reach):
                 return False
         return self._apart_between(a, b, moved)
 

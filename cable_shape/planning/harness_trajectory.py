@@ -22,6 +22,7 @@ from cable_shape.planning.trajectory_report import TrajectoryCheck, Violation
 from cable_shape.planning.trajectory_walk import Judge, Look, Walk, accelerations_of, bodies_of, jumped
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.prediction.harness_predictor import HarnessPredictor
+from cable_shape.robots.on_links import check_links
 from cable_shape.robots.robot import Robot
 from cable_shape.scene.scene import Scene
 from cable_shape.shape import Status
@@ -63,8 +64,9 @@ def check_harness(
         path = path if isinstance(path, JointPath) else JointPath.from_message(path)
         held, free = _held(ends)
     motion = Motion(path, robot)
-    grips, _ = motion.at(0.0)
-    predictor.problem.move({**dict(zip(held, grips, strict=True)), **free})  # refuses what cannot be held
+    check_links(motion.robot, scene)
+    grips, links = motion.at(0.0)
+    predictor.problem.move({**dict(zip(held, grips, strict=True)), **free}, links)  # refuses what cannot be held
     walk = _Walk(predictor, scene or Scene(), motion, held, free, deadline, proceed)
     moves = checks.mapping("acceleration", acceleration, harness.segments, "Write {segment: (k, 3)}.")
     for name, table in moves.items():
@@ -100,7 +102,7 @@ class _Sample(NamedTuple):
 
     place: float
     looks: dict[str, Look]  # by segment
-    ends: Array  # (g, 7), of the held ends, in the predictor's order
+    ends: Array  # (g, 7), of the held ends, in the predictor's order, and of clips on links
     links: dict[str, Array]  # (l, 7), by segment
     sensitivity: dict[str, Array]  # (n, 3, 6 g), by segment
     violation: Violation | None
@@ -155,15 +157,18 @@ class _Walk(Walk[_Sample]):
         self.found.solved += 1
         frames = [self.predictor.problem.ends[end] for end in self.predictor.grips]
         good = bool(shape.status) and shape.status is not Status.UNSTABLE
+        problem = self.predictor.problem
+        placed = [grip.cable_frame.array for grip in frames if isinstance(grip, Grip)]
+        placed += list(problem.clip_frames[problem.moving_clips])
         wrong = self.no_shape(place, shape.status, shape.detail)
         for name, judge in self.judges.items():
             wrong = wrong or judge.wrong(looks[name], place, self)
         return _Sample(
             place,
             looks,
-            np.array([grip.cable_frame.array for grip in frames if isinstance(grip, Grip)]),
+            np.array(placed),
             {name: judge.frames(links) for name, judge in self.judges.items()},
-            self.predictor.sensitivity() if good else {},
+            self.predictor.sensitivity(by_clips=True) if good else {},
             wrong,
         )
 

@@ -213,9 +213,9 @@ def rows_of(case: Case, predictor: Predictor) -> Rows:
 
 
 def follows(case: Case, predictor: Predictor) -> bool:
-    """Whether compiled code can follow the cable: a rod that touches nothing and runs through no eyelet."""
-    slides = any(clip.kind == "slide" for clip in predictor.problem.clips)
-    return predictor.is_rod and case.scene.contact != "solve" and not (predictor.cable.sections or slides)
+    """Whether compiled code can follow the cable: a rod that touches nothing, in no eyelet and no clip that moves."""
+    runs = any(clip.kind == "slide" or clip.link is not None for clip in predictor.problem.clips)
+    return predictor.is_rod and case.scene.contact != "solve" and not (predictor.cable.sections or runs)
 
 
 def _harness(case: Case, harness: Harness) -> dict[str, Rows]:

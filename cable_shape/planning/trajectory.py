@@ -41,9 +41,11 @@ from cable_shape.planning.trajectory_walk import JUMP, Judge, Look, Walk, accele
 from cable_shape.pose import Grip, Pose
 from cable_shape.prediction.edits import Edit
 from cable_shape.prediction.layout import Layout
+from cable_shape.robots.on_links import check_links
 from cable_shape.robots.robot import Robot
 from cable_shape.scene.scene import Clip, Scene
 from cable_shape.shape import Status
+from cable_shape.solve.answers import ENDS
 from cable_shape.solve.problem import GRAVITY
 
 _NAME = "cable"
@@ -156,6 +158,7 @@ def check_trajectory(
         checks.instance("scene", scene, (Scene,), "Write Scene(obstacles=[...]), or Scene.from_yaml(path).")
     routing = Routing.of(trajectory if isinstance(trajectory, (list, tuple)) else (trajectory,))
     way = Motion(routing.path, robot)
+    check_links(way.robot, scene)
     allowed = 1e-4 * cable.length if tolerance is None else tolerance
     options = {"gravity": gravity, "points": points, "robot_links": (), "gripping_links": (), **bodies_of(robot)}
     maker = CableCycles("cosserat", allowed, options, {_NAME: distributed_load}, {}, {}, 0.0, None, 1)
@@ -187,9 +190,9 @@ class _Sample(NamedTuple):
 
     place: float
     look: Look
-    ends: Array  # (2, 7), of the cable
+    ends: Array  # (k, 7), of the cable, and of its clips on links
     links: Array  # (l, 7)
-    sensitivity: Array  # (n, 3, 12)
+    sensitivity: Array  # (n, 3, 6 k)
     violation: Violation | None
     spots: Any  # where the cable touches itself
 
@@ -235,14 +238,15 @@ class _Check(Walk[_Sample]):
         look = self.judge.look(shape, links, predictor.rod_state, held=end is not None)
         self.found.solved += 1
         frames = [(grip.cable_frame if isinstance(grip, Grip) else grip).array for grip in (start, end or start)]
+        names, placed = predictor.problem.moving_clips
         good = bool(shape.status) and shape.status is not Status.UNSTABLE
         slopes = np.empty(0)
         if good:
-            slopes = predictor.sensitivity()
+            slopes = predictor.sensitivity((*ENDS, *names))
         wrong = self.no_shape(place, shape.status, shape.detail) or self.judge.wrong(look, place, self)
         crossing = predictor.crossing
         spots = None if crossing is None or crossing.last is None else crossing.last[1]
-        return _Sample(place, look, np.array(frames), self.judge.frames(links), slopes, wrong, spots)
+        return _Sample(place, look, np.array([*frames, *placed]), self.judge.frames(links), slopes, wrong, spots)
 
     def astray(self, a: _Sample, b: _Sample) -> bool:
         """See the base."""

@@ -17,7 +17,7 @@ from cable_shape.pose import Ends, FreeEnd, Grip, Pose
 from cable_shape.prediction.predictor import Predictor
 from cable_shape.scene.scene import Clip, Scene
 from cable_shape.shape import CableShape
-from cable_shape.solve.answers import Solved, sensitivity
+from cable_shape.solve.answers import ENDS, Solved, sensitivity
 from cable_shape.solve.touching.crossing import Crossing
 from cable_shape.solve.touching.pile import ITSELF
 
@@ -251,19 +251,21 @@ class CablesPredictor:
             return None if self._crossing is None else self._crossing.state_of(names.index(name), names.index(told))
         return self.predictors[name].rod_state
 
-    def sensitivity(self) -> dict[str, Array]:
+    def sensitivity(self, *, by_clips: bool = False) -> dict[str, Array]:
         """{cable: (n, 3, 12 k)}: how the centrelines move with the ends of all k cables, in their order, start and end.
 
-        Six columns an end, world axes, as of :meth:`cable_shape.Predictor.sensitivity`.
+        Six columns an end, world axes, as of :meth:`cable_shape.Predictor.sensitivity`. by_clips: after those of a
+        cable's ends come those of its clips on robot links.
         """
         out = {}
         for told, predictor in self.predictors.items():
             parts = []
-            for name in self.predictors:
+            for name, other in self.predictors.items():
                 state = self.state_of(name, told)
+                by = (*ENDS, *(other.problem.moving_clips[0] if by_clips else ()))
                 if state is None:
-                    parts.append(np.zeros((predictor.problem.points, 3, 12)))
+                    parts.append(np.zeros((predictor.problem.points, 3, 6 * len(by))))
                 else:
-                    parts.append(sensitivity(state))
+                    parts.append(sensitivity(state, by))
             out[told] = np.concatenate(parts, axis=2)
         return out

@@ -16,7 +16,7 @@ from cable_shape.cable.pieces import refuse
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import FreeEnd, Grip, Pose
-from cable_shape.prediction.reuse import links_same, same_end
+from cable_shape.prediction.reuse import kept, links_same, same_end
 from cable_shape.scene.mesh_convex import check_convex
 from cable_shape.scene.scene import Scene
 from cable_shape.scene.scene_parts import Obstacle
@@ -152,7 +152,8 @@ class HarnessPredictor:
         ends : mapping of open end to Pose, Grip or FreeEnd
             "a.start" or "a.end"; a bare Pose is clamped, ends not named are free.
         links : mapping of robot link to its Pose in the world, optional
-            Where the bodies are that are attached to links, if contact is solved for; without it they are left out.
+            Where the clips are that are on links, and the bodies, if contact is solved for; without it these are left
+            out.
         acceleration : mapping of segment to (3,) or (m, 3) array_like, optional
             [m/s^2], world, of the segment, uniform in arc length, linear between the rows; segments not named are at
             rest. For this prediction only; `energy` leaves it out.
@@ -183,18 +184,19 @@ class HarnessPredictor:
             shape, self._state = harness_solve.solve(problem, self._touch, self._state, deadline=deadline)
         else:
             shape, self._state = harness_search.solve(problem, self._state, deadline=deadline)
-        self._last, self._last_ends, self._last_links = shape, dict(problem.ends), problem.links
+        self._last, self._last_ends, self._last_links = shape, dict(problem.ends), kept(problem.links)
         return shape
 
     def reset(self) -> None:
         """Forgets the last solution: the next one starts cold."""
         self._state = self._last = self._touch = None
 
-    def sensitivity(self, *, at: str = "cable") -> dict[str, Array]:
+    def sensitivity(self, *, at: str = "cable", by_clips: bool = False) -> dict[str, Array]:
         """{segment: (points, 3, 6 g)}: how the centrelines move with the g held ends, in the order of `grips`.
 
         Six columns a grip: d positions at fixed arc length / d (vx vy vz [m/s] wx wy wz [rad/s]), world axes, rotation
         about that end, or with ``at="gripper"`` about the gripper's own origin. Of the last solved shape, exact.
+        by_clips: after them six for each clip on a robot link, in the order of the scene, about its own origin.
 
         Raises
         ------
@@ -206,7 +208,7 @@ class HarnessPredictor:
         if state is None or state.history == 0:
             raise ArgumentError("sensitivity() needs a solution, and there is none yet. Call predict first.")
         grips = self.grips
-        out = state.sensitivities(grips)
+        out = state.sensitivities(grips, self.problem.moving_clips if by_clips else ())
         if at == "gripper":
             for i, name in enumerate(grips):
                 end = self.problem.ends[name]

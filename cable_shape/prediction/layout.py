@@ -17,8 +17,8 @@ from cable_shape.prediction.edits import Add, Edit, Insert, Move, Open, Regrip, 
 from cable_shape.scene.scene import Allow, Clip, Obstacle, PointMass, Scene
 from cable_shape.scene.scene_parts import clip_names
 
-#: Where the cable `name` is at an arc length [m] from its start grip; None: it has no shape yet.
-Whereabouts = Callable[[str, float], Pose | None]
+#: Of a cable and a clip that is to hold it: where it is now, told as the clip's pose is; None: it has no shape yet.
+Whereabouts = Callable[[str, Clip], Pose | None]
 #: Numbers of a cable that change on a straight way; those of a section, and limits, change at once.
 _NUMBERS = (
     "length", "linear_density", "bending_stiffness", "twisting_stiffness", "rest_curvature", "diameter",
@@ -224,7 +224,7 @@ def _insert(layout: Layout, clip: Clip, name: str, where: Whereabouts, taken: Se
     if not 0.0 < clip.arc_length < length:
         bound = f"it must be between the grips, above 0 m and below {length:g} m"
         raise ArgumentError.of("Insert.clip.arc_length", clip.arc_length, bound, "It counts from the start grip.")
-    there = where(name, clip.arc_length)
+    there = where(name, clip)
     goal = layout.with_cable(name, clips=_in_order((*laid.clips, clip)))
     if there is None:
         return Change(goal, goal, what=f"clip {clip.name!r}")

@@ -19,7 +19,7 @@ from cable_shape.cable.pieces import refuse
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import FreeEnd, Grip, Pose
-from cable_shape.prediction.reuse import Ends, Links, unmoved
+from cable_shape.prediction.reuse import Ends, Links, kept, unmoved
 from cable_shape.prediction.solvers import MODELS, ClosedForm, Rod, solver_of
 from cable_shape.scene.mesh_convex import check_convex
 from cable_shape.scene.scene import Obstacle, Scene
@@ -154,8 +154,8 @@ class Predictor:
         start, end : Pose or Grip
             A bare Pose is clamped; `end` may be a FreeEnd, None is a free end without load.
         links : mapping of robot link to its Pose in the world, optional
-            Where the bodies are that are attached to links, if contact with them is solved for; without it they are
-            left out.
+            Where the clips are that are on links, and the bodies, if contact with them is solved for; without it these
+            are left out.
         acceleration : (3,), (m, 3) or (m, 6) array_like, optional
             [m/s^2], world, of the cable, uniform in arc length, linear between the rows: the cable is in equilibrium
             under density * (gravity - acceleration), masses likewise. For this prediction only; `energy` leaves it out.
@@ -166,7 +166,7 @@ class Predictor:
         Raises
         ------
         ArgumentError
-            For wrong arguments, or if `links` lacks a link that carries such a body.
+            For wrong arguments, or if `links` lacks a link that carries such a body or a clip.
         """
         self.accelerate(acceleration)
         self.problem.move(start, end, links)
@@ -180,7 +180,7 @@ class Predictor:
         shape = self._solver.solve(problem)
         self._last = shape
         self._last_ends = (problem.start, problem.end)
-        self._last_links = problem.links
+        self._last_links = kept(problem.links)
         return shape
 
     def go_on_from(self, shape: CableShape, frames: Array, links: Array) -> None:
@@ -311,10 +311,11 @@ class Predictor:
             by = checks.entries("by", by, str, "Write ('start', 'end'), for example.")
         return cosserat.sensitivity(self._solved("sensitivity"), by, at=at)
 
-    def turning(self, arc_length: float, *, at: str = "cable") -> Array:
+    def turning(self, arc_length: float, *, at: str = "cable", by_clips: bool = False) -> Array:
         """(3, 12): how the cable frame at an arc length [m] turns, in its own axes [rad], with the poses of both ends.
 
-        Of the last solved shape, exact; columns, and `at`, as for `sensitivity`.
+        Of the last solved shape, exact; columns, and `at`, as for `sensitivity`. by_clips: after them come six for each
+        clip on a robot link, in order of arc length.
 
         Raises
         ------
@@ -323,7 +324,7 @@ class Predictor:
         """
         checks.one_of("at", at, ("cable", "gripper"))
         checks.number("arc_length", arc_length, at_least=0.0, at_most=self.cable.length, unit="m")
-        return turning(self._solved("turning"), arc_length, at=at)
+        return turning(self._solved("turning"), arc_length, at=at, by_clips=by_clips)
 
     def _solved(self, asked: str) -> Solved:
         """What the rod has solved last; refused where there is none."""
@@ -484,6 +485,7 @@ def predict(  # type: ignore[misc]
     scene: Scene | None = None,
     distributed_load: ArrayLike | None = None,
     acceleration: ArrayLike | None = None,
+    links: Mapping[str, Pose] | None = None,
 ) -> Any:
     """The shape of a cable between two ends, solved once from nothing; of a harness, between ends by their names.
 
@@ -514,7 +516,7 @@ def predict(  # type: ignore[misc]
         if end is not _NOT_GIVEN:
             raise ArgumentError.of("end", end, "the ends of a harness are one mapping", "Write {'a.start': Pose(...)}.")
         of_harness: Any = predictor
-        return of_harness.predict(start, acceleration=acceleration)
+        return of_harness.predict(start, links=links, acceleration=acceleration)
     if end is _NOT_GIVEN:
         raise ArgumentError("end is missing. Write predict(cable, start, end); None is a free end.")
-    return predictor.predict(start, end, acceleration=acceleration)
+    return predictor.predict(start, end, links, acceleration=acceleration)

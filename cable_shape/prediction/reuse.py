@@ -15,6 +15,11 @@ Ends = tuple[Grip, Grip | FreeEnd]
 Links = Mapping[str, Pose] | None
 
 
+def kept(links: Links) -> Links:
+    """Where links are, whatever becomes of the mapping that was given."""
+    return None if links is None else dict(links)
+
+
 def unmoved(ends: Ends | None, links: Links, problem: Problem) -> bool:
     """Whether the problem's ends and links are `ends` and `links`, those of the last shape, to the bit."""
     if ends is None:
@@ -48,14 +53,10 @@ def _same_place(before: Pose, now: Pose) -> bool:
 
 
 def links_same(before: Links, problem: Problem | HarnessProblem) -> bool:
-    """Whether the links that carry bodies are where they were."""
+    """Whether the links that carry bodies or clips are where they were."""
     links = problem.links
-    if links is before or not problem.bodies:
+    if not problem.carried:
         return True
     if links is None or before is None:
-        return False
-    return all(
-        _same_place(before[body.link], links[body.link])
-        for body in problem.bodies
-        if body.link is not None and body.link in links and body.link in before
-    )
+        return links is before
+    return all(_same_place(before[name], links[name]) for name in problem.carried if name in links and name in before)

@@ -133,7 +133,7 @@ class Rod:
     def go_on_from(self, problem: Problem, shape: CableShape, frames: Array, links: Array) -> None:
         """Makes a shape that was found otherwise, ends in `frames` (2, 7), the last one in contact with bodies.
 
-        links (m, 7): where the links were then that carry bodies.
+        links (m, 7): where the links were then that carry bodies or clips.
         """
         if not problem.bodies:
             return
@@ -142,6 +142,8 @@ class Rod:
             self._touch = TouchState(problem)
         supports = self._touch.aim(problem.start, problem.end)
         supports[0], supports[-1] = frames
+        if problem.clips_move:
+            supports[1:-1] = problem.clips_at(links)
         self._touch.move_bodies(links)
         self._touch.resume(shape, supports)
 

@@ -44,6 +44,7 @@ from cable_shape.replay.report import write_report
 from cable_shape.replay.settings import Settings
 from cable_shape.replay.tally import Tally
 from cable_shape.replay.transform_input import TRANSFORM_TYPE, TransformSource
+from cable_shape.robots.on_links import check_links
 from cable_shape.safety.report import CycleReport
 from cable_shape.scene.scene import Scene
 
@@ -141,6 +142,7 @@ class _Run:
         has_markers = marked is not None and bag.types.get(settings.markers_topic) == MARKERS_TYPE
         self.topics = (*self.source.topics, *((settings.markers_topic,) if has_markers else ()))
         robot = settings.robot if self.source_name == "joints" else None
+        check_links(robot, settings.scene)
         self.links = () if robot is None else robot.link_geometry
         self.cycle = Cycle(
             {self.carried.name: self.carried.what},

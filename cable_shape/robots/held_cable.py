@@ -4,7 +4,8 @@ The centreline answers the grippers by the rod's sensitivity, the grippers answe
 
     d r(s) / d q = d r(s) / d (twists of both grippers) . d (twists of both grippers) / d q,
 
-twists in world axes about the grippers' own origins. Both factors are exact, so that their product is.
+twists in world axes about the grippers' own origins; clips on links of the robot count as grippers do. Both factors are
+exact, so that their product is.
 """
 
 from __future__ import annotations
@@ -25,8 +26,10 @@ from cable_shape.pose import Grip, Pose, between
 from cable_shape.prediction.harness_predictor import HarnessPredictor
 from cable_shape.prediction.predictor import Predictor
 from cable_shape.robots.mujoco_model import MujocoModel
+from cable_shape.robots.on_links import check_links
 from cable_shape.robots.robot import Robot
 from cable_shape.shape import CableShape
+from cable_shape.solve.answers import ENDS
 from cable_shape.solve.harness_problem import End
 from cable_shape.solve.harness_shape import HarnessShape
 
@@ -40,7 +43,7 @@ class Held(NamedTuple):
     grips: tuple[Grip, Grip]
     links: Mapping[str, Pose]  # of the robot, in the world
     shape: CableShape | HarnessShape
-    grippers: Array  # (12, nv), twists of both grippers: v, w of the start, then of the end; world axes
+    twists: Array  # (12 + 6 m, nv), v and w of the start's gripper, the end's, and clips on links; world axes
     jacobian: Array  # (points, 3, nv), of the shape's positions at fixed arc length; those of all segments of a harness
 
     def part(self, segment: str = "") -> tuple[CableShape, Array]:
@@ -95,6 +98,7 @@ class HeldCable:
         grips: Sequence[str] = (),
         ends: Mapping[str, End] | None = None,
     ) -> None:
+        check_links(robot, predictor.scene)
         self.predictor, self.robot = predictor, robot
         self.grips, self._ends = tuple(grips), dict(ends or {})
         self._check_ends()
@@ -206,26 +210,43 @@ class HeldCable:
                 f"the cable cannot be steered: {shape.status.name}, {shape.detail or shape.status.remedy} Keep the "
                 "grips nearer (CableChordLimit) and the steps shorter (mink.VelocityLimit)."
             )
-        grippers = np.concatenate([self._twist(body) for body in self._tools])
-        jacobian = self._answers() @ grippers
-        held = Held(q, grips, links, shape, grippers, jacobian)
+        twists = np.concatenate([*[self._twist(body) for body in self._tools], *self._clips(links)])
+        held = Held(q, grips, links, shape, twists, self._answers() @ twists)
         self._last = key, self.predictor.problem, held
         return held
 
     def _shape(self, grips: tuple[Grip, Grip], links: Mapping[str, Pose]) -> CableShape | HarnessShape:
         """Between these grips."""
         if isinstance(self.predictor, HarnessPredictor):
-            return self.predictor.predict({**self._ends, **dict(zip(self.grips, grips, strict=True))})
+            ends = {**self._ends, **dict(zip(self.grips, grips, strict=True))}
+            return self.predictor.predict(ends, links=links)
         return self.predictor.predict(*grips, links)
 
     def _answers(self) -> Array:
-        """(points, 3, 12), to the twists of both grippers; of a harness the points of all its segments."""
+        """(points, 3, 6 k), to the twists of both grippers and of the clips on links, in the order of the scene.
+
+        Of a harness the points of all its segments.
+        """
         predictor = self.predictor
         if not isinstance(predictor, HarnessPredictor):
-            return predictor.sensitivity(at="gripper")
-        whole = np.concatenate(list(predictor.sensitivity(at="gripper").values()))
-        columns = [6 * predictor.grips.index(end) + np.arange(6) for end in self.grips]
-        return np.asarray(whole[:, :, np.concatenate(columns)])
+            return predictor.sensitivity((*ENDS, *predictor.problem.moving_clips[0]), at="gripper")
+        whole = np.concatenate(list(predictor.sensitivity(at="gripper", by_clips=True).values()))
+        ends = [6 * predictor.grips.index(end) for end in self.grips]
+        clips = range(6 * len(predictor.grips), whole.shape[2], 6)
+        return np.asarray(whole[:, :, np.concatenate([first + np.arange(6) for first in (*ends, *clips)])])
+
+    def _clips(self, links: Mapping[str, Pose]) -> list[Array]:
+        """(6, nv) each, the twists of the clips on links, at their own origins; world axes."""
+        scene = self.predictor.scene
+        out = []
+        for clip in () if scene is None else scene.clips:
+            if clip.link is not None:
+                twist = self._twist(self.model.body(clip.link).id)
+                link = links[clip.link]
+                x, y, z = (link * clip.pose).position - link.position
+                twist[:3] += np.array(((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0))) @ twist[3:]
+                out.append(twist)
+        return out
 
     def _twist(self, body: int) -> Array:
         """(6, nv), v and w of a body's frame in world axes, at its origin."""
@@ -271,7 +292,7 @@ class HeldCable:
         """(3, nv), how that frame turns about its own axes. Only of a cable."""
         held = self.predicted(configuration)
         assert isinstance(self.predictor, Predictor)
-        return np.asarray(self.predictor.turning(arc_length, at="gripper") @ held.grippers)
+        return np.asarray(self.predictor.turning(arc_length, at="gripper", by_clips=True) @ held.twists)
 
 
 def _near(x: float, points: int, *, slope: bool = False) -> tuple[int, Array]:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import difflib
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, final
@@ -18,6 +17,7 @@ from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError, CableShapeError, InputError, RobotError
 from cable_shape.files.yaml_files import load_yaml
 from cable_shape.pose import GRIP_KINDS, IDENTITY, Grip, Pose
+from cable_shape.robots.on_links import no_such
 from cable_shape.robots.robot_files import (
     build,
     leader_of,
@@ -124,7 +124,7 @@ class Robot:
         self._configuration: Array = np.array(pin.neutral(self._model))
         self._read_joints(home or {})
         self.link_geometry: tuple[Obstacle, ...] = obstacles_of(pin, self._model, geometry)
-        self._links = tuple(dict.fromkeys(obstacle.link or "" for obstacle in self.link_geometry))
+        self._links: tuple[str, ...] = ()  # all of them, those with geometry first
         self._find_grippers(pin)
         self._permutations: dict[tuple[str, ...], tuple[NDArray[np.intp], NDArray[np.intp]]] = {}
         self.update(self.home)
@@ -186,7 +186,7 @@ class Robot:
         self.home = np.clip(np.zeros(len(column)), self.lower, self.upper)
         for name, value in home.items():
             if name not in column:
-                raise RobotError(f"home: {_no_such('joint', name, column)}")
+                raise RobotError(f"home: {no_such('joint', name, column)}")
             self.home[column[name]] = checks.number(f"home.{name}", value)
         self.home.flags.writeable = False
 
@@ -210,7 +210,7 @@ class Robot:
         for i, (side, gripper) in enumerate(self.grippers.items()):
             for link in (gripper.frame, *gripper.gripping_links):
                 if link not in bodies:
-                    raise RobotError(f"{side} gripper: {_no_such('link', link, bodies)}")
+                    raise RobotError(f"{side} gripper: {no_such('link', link, bodies)}")
             tool = model.frames[bodies[gripper.frame]]
             for joint in list(model.supports[tool.parentJoint])[1:]:
                 needed.add(self._leader_of(model.names[joint], side))
@@ -226,6 +226,8 @@ class Robot:
         self._data = model.createData()
         placements = self._data.oMf  # entries are references: they follow every update
         self._gripper_placements = [placements[i] for i in frames]
+        solid = [obstacle.link or "" for obstacle in self.link_geometry]
+        self._links = tuple(dict.fromkeys((*solid, *bodies)))
         self._link_placements = [placements[bodies[link]] for link in self._links]
 
     def _leader_of(self, joint: str, side: str) -> str:
@@ -340,7 +342,7 @@ class Robot:
         return start.at(left, left_cable), end.at(right, right_cable)
 
     def link_poses(self) -> dict[str, Pose]:
-        """The frames in the world of all links that have collision geometry, at the last update."""
+        """The frames of all links in the world, at the last update; those with collision geometry come first."""
         return dict(zip(self._links, self._poses(self._link_placements), strict=True))
 
     def _poses(self, placements: list[Any]) -> list[Pose]:
@@ -349,11 +351,3 @@ class Robot:
         for row in rows:
             row.setflags(write=False)
         return list(map(Pose.trusted, rows))
-
-
-def _no_such(what: str, name: str, known: Iterable[str]) -> str:
-    """The wording for a link or joint that the URDF does not have, with the nearest that it has."""
-    names = sorted(known)
-    near = difflib.get_close_matches(name, names, n=1, cutoff=0.0)
-    nearest = f" The nearest is {near[0]!r}." if near else ""
-    return f"the URDF has no {what} {name!r}.{nearest} It has: {', '.join(names)}."

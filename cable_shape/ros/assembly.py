@@ -15,6 +15,7 @@ from cable_shape.cycle.harness_ends import HarnessFile
 from cable_shape.errors import ArgumentError
 from cable_shape.files.files import find_file
 from cable_shape.files.yaml_files import load_yaml
+from cable_shape.robots.on_links import check_links
 from cable_shape.robots.robot import Robot
 from cable_shape.ros.holding import NAME, Holding
 from cable_shape.ros.interrupt import ends_when_told
@@ -88,6 +89,7 @@ class Assembly:
             raise ArgumentError.of("cable_file, harness_file", [one.cable_id for one in self.holdings], bound, remedy)
         robot_file = find_file(settings.robot_file) if settings.robot_file else None
         self.robot = None if robot_file is None else Robot.from_yaml(robot_file)
+        check_links(self.robot, scene)
         self.uncertainty: Uncertainty | None = None
         if settings.uncertainty_file:
             self.uncertainty = Uncertainty.from_yaml(find_file(settings.uncertainty_file))

@@ -1,4 +1,4 @@
-"""Bodies as the tables that compiled code reads, and where links that carry some are: :func:`body_tables`."""
+"""Bodies as the tables that compiled code reads, and where links are that carry some, or clips."""
 
 from __future__ import annotations
 
@@ -11,21 +11,46 @@ from cable_shape.errors import ArgumentError
 from cable_shape.kernels.distance import bounds, distance, triangles
 from cable_shape.pose import Pose
 from cable_shape.scene.mesh_tree import mesh_tables
-from cable_shape.scene.scene_parts import Obstacle
+from cable_shape.scene.scene_parts import Clip, Obstacle, clip_names
 from cable_shape.scene.solids import Box, Capsule, Cylinder, HalfSpace, Mesh, Solid, Sphere
 
+#: Kinds of clips that hold no rotation.
+_TURNING = ("ball", "slide")
 
-def carried_by(bodies: Iterable[Obstacle]) -> dict[str, str]:
-    """The links that carry bodies, in the order of the bodies, and the first body of each."""
+
+def carried_by(bodies: Iterable[Obstacle], clips: Sequence[Clip] = ()) -> dict[str, str]:
+    """The links that carry bodies and clips, in their order, and the first thing on each."""
     carried: dict[str, str] = {}
     for body in bodies:
         if body.link is not None:
             carried.setdefault(body.link, body.name)
+    for name, clip in zip(clip_names(clips), clips, strict=True):
+        if clip.link is not None:
+            carried.setdefault(clip.link, name)
     return carried
 
 
+def clip_frames(clips: Sequence[Clip], links: Array, carried: Mapping[str, str]) -> Array:
+    """(k, 7), where clips are in the world, with the links in rows (m, 7), see `link_rows`; without rows NaN.
+
+    What holds no rotation has that of the world.
+    """
+    out = np.empty((len(clips), 7))
+    order = list(carried)
+    for row, clip in zip(out, clips, strict=True):
+        if clip.link is None:
+            row[:] = clip.pose.array
+        elif len(links):
+            row[:] = (Pose.trusted(links[order.index(clip.link)]) * clip.pose).array
+        else:
+            row[:] = np.nan
+        if clip.kind in _TURNING:
+            row[3:] = (0.0, 0.0, 0.0, 1.0)
+    return out
+
+
 def link_rows(links: Mapping[str, Pose], carried: Mapping[str, str]) -> Array:
-    """(k, 7) poses of the links that carry bodies, see `carried_by`; one dummy row if there are none.
+    """(k, 7) poses of the links that carry something, see `carried_by`; one dummy row if there are none.
 
     Raises
     ------
@@ -42,7 +67,7 @@ def link_rows(links: Mapping[str, Pose], carried: Mapping[str, str]) -> Array:
                 "links",
                 sorted(map(str, links)),
                 f"the pose of link {name!r} is missing, which carries {body!r}",
-                "Give the pose of every link that carries a body, or None if the robot is not known.",
+                "Give the pose of every link that carries a body or a clip, or None if the robot is not known.",
             )
         if not isinstance(pose, Pose):
             raise ArgumentError.of(f"links[{name!r}]", pose, "it must be a Pose", "Write Pose(position, quaternion).")

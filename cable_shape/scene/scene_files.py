@@ -15,6 +15,7 @@ One entry a list item; exactly one of the solids in an obstacle::
       - {name: camera, box: [0.03, 0.09, 0.03], position: [0, 0.06, 0], link: left_tool}
     clips:
       - {arc_length: 0.5, position: [0.5, 0, 0.3], quaternion: [0, 0, 0, 1], kind: ball, name: guide}
+      - {arc_length: 0.7, position: [0, 0.05, 0], kind: hinge, link: forearm}
     masses:
       - {arc_length: 0.5, mass: 0.02}         # segment: a, too, of a harness; likewise in clips
     sockets:
@@ -147,9 +148,9 @@ def _solid(kind: str, value: Any, where: str, folder: Path, scale: Any) -> Solid
 
 
 def _clip(values: Mapping[str, Any], where: str) -> Clip:
-    _required(values, where, ("arc_length", "position"), ("quaternion", "kind", "name", "segment"))
-    kind, name, segment = values.get("kind", "ball"), values.get("name"), values.get("segment")
-    return Clip(values["arc_length"], _pose(values), kind, name, segment)
+    more = ("kind", "name", "segment", "link")
+    _required(values, where, ("arc_length", "position"), ("quaternion", *more))
+    return Clip(values["arc_length"], _pose(values), **{key: values[key] for key in more if key in values})
 
 
 def _mass(values: Mapping[str, Any], where: str) -> PointMass:
@@ -201,8 +202,9 @@ def obstacle_entry(obstacle: Obstacle) -> dict[str, Any]:
 
 def clip_entry(clip: Clip) -> dict[str, Any]:
     """An item of `clips`."""
-    name = {} if clip.name is None else {"name": clip.name}
-    return {"arc_length": clip.arc_length, **pose_entry(clip.pose), "kind": clip.kind, **name, **_segment_entry(clip)}
+    told = {key: getattr(clip, key) for key in ("name", "link")}
+    more = {key: value for key, value in told.items() if value is not None}
+    return {"arc_length": clip.arc_length, **pose_entry(clip.pose), "kind": clip.kind, **more, **_segment_entry(clip)}
 
 
 def mass_entry(mass: PointMass) -> dict[str, Any]:

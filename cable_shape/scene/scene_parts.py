@@ -49,7 +49,8 @@ class Clip:
     "ball" holds the place of the material point, "fixed" its frame, "hinge" its place and d3: the cable may roll.
     "slide" is an eyelet without friction through which the cable runs: it holds a place, `arc_length` is about which
     point is in it, and what is found is in the shape's `clips`. Of a scene's clips those without a `name` are "clip0",
-    "clip1" and so on, in order of arc length. `segment`: of a harness, whose arc length is meant.
+    "clip1" and so on, in order of arc length. `segment`: of a harness, whose arc length is meant. With a `link` it is
+    on that link of the robot, `pose` is in the link's frame, and it moves with the `links` that a prediction is given.
     """
 
     arc_length: float
@@ -57,15 +58,15 @@ class Clip:
     kind: str = "ball"
     name: str | None = None
     segment: str | None = None
+    link: str | None = None
 
     def __post_init__(self) -> None:
         _number(self, "arc_length", "m")
-        if self.segment is not None:
-            checks.word("Clip.segment", self.segment)
+        for key in ("name", "segment", "link"):
+            if getattr(self, key) is not None:
+                checks.word(f"Clip.{key}", getattr(self, key))
         checks.instance("Clip.pose", self.pose, (Pose,), "Write Pose(position, quaternion).")
         checks.one_of("Clip.kind", self.kind, CLIP_KINDS)
-        if self.name is not None:
-            checks.word("Clip.name", self.name)
         if self.pose.turns:
             raise ArgumentError.of(
                 "Clip.pose.turns",

@@ -97,8 +97,8 @@ class HarnessNetwork(Network):
         self._load_tips()
         trial = trial and self.elements > 0
         poses = self.target if trial else self._frames.copy()
-        if trial and self.clip_rows:
-            poses[self._fixed] = self._frames[self._fixed]
+        if self.clip_rows:
+            poses[self.clip_rows] = self.problem.clip_frames
         for row, name in self._held:
             held = ends[name]
             assert isinstance(held, Grip)
@@ -129,16 +129,6 @@ class HarnessNetwork(Network):
         self._tips = [(layout.knots["end", end], end) for end, how in problem.ends.items() if type(how) is FreeEnd]
         self._frames = np.zeros((len(layout.knots), 7))
         self._frames[:, 3:] = IDENTITY
-        fixed = []
-        for name, row in layout.knots.items():
-            if name[0] == "clip":
-                assert problem.scene is not None
-                clip = problem.scene.clips[int(name[1])]
-                self._frames[row] = clip.pose.array
-                if clip.kind in ("ball", "slide"):
-                    self._frames[row, 3:] = IDENTITY
-                fixed.append(row)
-        self._fixed = np.array(fixed, dtype=np.int64)
         self._given_turns = {k for k, knot in enumerate(layout.structure.knots) if not (knot.moves or knot.turns)}
         clips = range(0 if problem.scene is None else len(problem.scene.clips))
         self.clip_rows = [layout.knots["clip", i] for i in clips]
@@ -424,16 +414,16 @@ class HarnessNetwork(Network):
         now.pose[...] = poses
         self.history = 1
 
-    def sensitivities(self, ends: tuple[str, ...]) -> Array:
-        """(c points, 3, 6 g): change of the positions of all segments with the poses of these held ends."""
-        return self.columns_of(self, ends)
+    def sensitivities(self, ends: Sequence[str], clips: Sequence[int] = ()) -> Array:
+        """(c points, 3, 6 g): change of the positions of all segments with the poses of these held ends, then clips."""
+        return self.columns_of(self, ends, clips)
 
-    def columns_of(self, state: Any, ends: Sequence[str]) -> Array:
+    def columns_of(self, state: Any, ends: Sequence[str], clips: Sequence[int] = ()) -> Array:
         """The same of another memory of the harness, of which the knots are the first ones."""
-        points = self.problem.points
-        rows = np.array([self.layout.knots["end", end] for end in ends], dtype=np.int64)
-        out, df = np.zeros((self.cables * points, 3, 6 * len(ends))), np.empty((len(self.rings), 6 * len(ends)))
-        if len(ends):
+        points, knots = self.problem.points, self.layout.knots
+        rows = np.array([*[knots["end", end] for end in ends], *[knots["clip", i] for i in clips]], dtype=np.int64)
+        out, df = np.zeros((self.cables * points, 3, 6 * rows.size)), np.empty((len(self.rings), 6 * rows.size))
+        if rows.size:
             slides = refreshed(state)
             respond.sensitivities(state.ints, state.floats, state.sols, state.work, points, rows, out, df)
             run_on(out, df, slides)

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, final
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from cable_shape import checks
@@ -13,13 +14,15 @@ from cable_shape.cable.harness import SIDES, Harness
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import FreeEnd, Grip, Pose
+from cable_shape.scene.body_tables import carried_by, clip_frames, link_rows
 from cable_shape.scene.scene import Scene
 from cable_shape.scene.scene_parts import Clip, Obstacle, PointMass, clip_names
-from cable_shape.solve.problem import GRAVITY, NAMED_TOLERANCE, Problem
+from cable_shape.solve.problem import GRAVITY, NAMED_TOLERANCE, Problem, refuse_unplaced
 
 End = Pose | Grip | FreeEnd | None
 _FREE = FreeEnd()
 _CLAMPED = Grip(Pose())
+_NO_LINKS: Array = np.empty((0, 7))
 
 
 @final
@@ -35,13 +38,15 @@ class HarnessProblem:
     points : int, of each segment
     tolerance : float [m], largest position error allowed
     rubs : whether there is friction, where surfaces have some
+    carried : the links that carry bodies or clips, and what is on them, see :func:`carried_by`
     ends : mapping of open end to Grip or FreeEnd
     laid_out : mapping of how the ends are held to the network that this makes, see `solve.harness_layout`
     """
 
     __slots__ = (
-        "_given", "_keywords", "_loads", "_scenes", "bodies", "clip_names", "clips", "ends", "gravity", "gripping",
-        "harness", "laid_out", "links", "points", "rubs", "scene", "segments", "tolerance",
+        "_clip_frames", "_given", "_keywords", "_loads", "_scenes", "_unplaced", "bodies", "carried", "clip_names",
+        "clips", "ends", "gravity", "gripping", "harness", "laid_out", "links", "points", "rubs", "scene", "segments",
+        "tolerance",
     )  # fmt: skip
 
     def __init__(
@@ -82,6 +87,10 @@ class HarnessProblem:
             links = checks.entries("robot_links", robot_links, Obstacle)
             self.bodies = tuple(sorted((*scene.obstacles, *links), key=lambda body: body.link is not None))
         self.gripping = frozenset(checks.entries("gripping_links", gripping_links, str, "Give a list of link names."))
+        held = () if scene is None else tuple(scene.clips)
+        self.carried = carried_by(self.bodies, held)
+        self._unplaced = any(clip.link is not None for clip in held)
+        self._clip_frames = clip_frames(held, _NO_LINKS, self.carried)
         self.links: Mapping[str, Pose] | None = None
         self._given: dict[str, End] | None = None
         self.ends: dict[str, Grip | FreeEnd] = dict.fromkeys(harness.open_ends, _FREE)
@@ -94,12 +103,14 @@ class HarnessProblem:
         other.harness = Harness({name: one.cable for name, one in problems.items()})
         other.segments = dict(problems)
         other.gravity, other.points, other.tolerance = first.gravity, first.points, first.tolerance
-        clips = [replace(clip, segment=name) for name, one in problems.items() for clip in one.clips]
+        # a scene's clips may hold each of them, under one name
+        clips = [replace(clip, segment=name, name=None) for name, one in problems.items() for clip in one.clips]
         other.scene = Scene(clips=clips)
         _, other.clips = _scenes_of(other.harness, other.scene)
         other.clip_names = clip_names(other.scene.clips)
         other.laid_out = {}
         other.bodies, other.gripping, other.links = first.bodies, first.gripping, first.links
+        other.carried = carried_by(first.bodies, [clip for one in problems.values() for clip in one.clips])
         other.follow(problems)
         return other
 
@@ -107,6 +118,7 @@ class HarnessProblem:
         """Puts the ends and links where these cables' are."""
         self._given = None
         self.links = next(iter(problems.values())).links
+        self._unplaced, self._clip_frames = False, np.concatenate([one.clip_frames for one in problems.values()])
         self.ends = {f"{name}.{side}": getattr(one, side) for name, one in problems.items() for side in SIDES}
 
     def _segment(self, name: str, acceleration: ArrayLike | None) -> Problem:
@@ -141,6 +153,24 @@ class HarnessProblem:
         return other
 
     @property
+    def clip_frames(self) -> Array:
+        """(k, 7), where the scene's clips are, see :attr:`Problem.clip_frames`."""
+        if self._unplaced:
+            assert self.scene is not None
+            refuse_unplaced(self.scene.clips)
+        return self._clip_frames
+
+    @property
+    def clips_move(self) -> bool:
+        """Whether some clip is on a link."""
+        return bool(self.moving_clips)
+
+    @property
+    def moving_clips(self) -> list[int]:
+        """The numbers of those on links."""
+        return [] if self.scene is None else [i for i, clip in enumerate(self.scene.clips) if clip.link is not None]
+
+    @property
     def grips(self) -> tuple[str, ...]:
         """Names of the held ends, in the order of the segments."""
         return tuple(end for end, held in self.ends.items() if type(held) is Grip)
@@ -156,6 +186,9 @@ class HarnessProblem:
         checks.instance("ends", ends, (Mapping,), "Write {'a.start': Pose(...), ...}.")
         if links is not None:
             checks.instance("links", links, (Mapping,), "Write {link: Pose(...)}.")
+        if self.scene is not None and self.clips_move:
+            rows = _NO_LINKS if links is None else link_rows(links, self.carried)
+            self._clip_frames, self._unplaced = clip_frames(self.scene.clips, rows, self.carried), links is None
         self.links = links
         given, now = self._given, self.ends
         if given is not None and given.keys() == ends.keys():

@@ -20,7 +20,7 @@ from cable_shape.kernels.network.drive import I_DOUBT, I_ESTIMATE, I_TURN, INFO,
 from cable_shape.kernels.network.tables import BEFORE, NOW, TRIAL
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.shape import CableShape
-from cable_shape.solve.bare import IDENTITY, Bare, bare_of
+from cable_shape.solve.bare import Bare, bare_of
 from cable_shape.solve.cables import (
     AT,
     LOADS,
@@ -137,11 +137,6 @@ class Network:
         if problem.swing is not None:
             rows = len(problem.swing)
             self.mean_load = self.mean_load - cable.linear_density * problem.swing.sum(axis=0) / (rows - 1)
-        self._frames: Array = np.zeros((arcs.size, 7))
-        for row, clip in zip(self._frames[1:], problem.clips, strict=False):
-            row[:] = clip.pose.array
-            if clip.kind in ("ball", "slide"):
-                row[3:] = IDENTITY
         self._clips = tuple(clip.kind for clip in problem.clips)
         self.spans = self.forces = arcs.size - 1
         self.rings = [i for i, kind in enumerate(self._clips, 1) if kind == "slide"]
@@ -180,7 +175,7 @@ class Network:
             kinds = (start.kind, end.kind)
             if kinds != self._kinds:
                 self.hold(kinds, _NOTHING, _NOTHING)
-            poses = self.target if trial else self._frames.copy()
+            poses = self.target if trial else self.knots
             poses[0], poses[-1] = start.cable_frame.array, end.cable_frame.array
         else:
             assert isinstance(end, FreeEnd)
@@ -190,10 +185,10 @@ class Network:
                 np.array_equal(tip, self._tip) and np.array_equal(end.moment, self._moment)
             ):
                 self.hold(kinds, tip, end.moment)
-            poses = self.target if trial else self._frames.copy()
+            poses = self.target if trial else self.knots
             poses[0] = poses[-1] = start.cable_frame.array
         if trial and self._clips:
-            poses[1:-1] = self._frames[1:-1]
+            poses[1:-1] = self.problem.clip_frames
         return poses
 
     def hold(self, kinds: tuple[str, ...], tip: Array, moment: Array) -> None:
@@ -644,7 +639,10 @@ class Network:
     @property
     def knots(self) -> Array:
         """(k, 7): poses of the supports, without those of the ends."""
-        return self._frames
+        out = np.zeros((self.arcs.size, 7))
+        if self._clips:
+            out[1:-1] = self.problem.clip_frames
+        return out
 
     @property
     def parts(self) -> Bare:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,9 @@ from cable_shape.cable.pieces import pieces_of
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import FreeEnd, Grip, Pose, as_grip
+from cable_shape.scene.body_tables import carried_by, clip_frames, link_rows
 from cable_shape.scene.scene import Clip, Obstacle, PointMass, Scene
+from cable_shape.scene.scene_parts import clip_names
 
 #: Default `tolerance` / length, of the discretisation; and that of a tail, whose place is all that is asked of it.
 NAMED_TOLERANCE, TAIL_TOLERANCE = 1e-5, 1e-3
@@ -36,6 +38,7 @@ _UNLOADED = FreeEnd()
 _NOWHERE = Grip(Pose())
 _NO_PLACES: Array = np.empty(0)
 _NO_FORCES: Array = np.empty((0, 3))
+_NO_LINKS: Array = np.empty((0, 7))
 
 
 class Problem:
@@ -58,6 +61,7 @@ class Problem:
     masses : the point masses behind the concentrated loads
     clips : what holds the cable between its ends, in ascending arc length
     bodies : what the cable is kept out of in the equilibrium: first the bodies fixed in the world, then those on links
+    carried : the links that carry bodies or clips, and what is on them, see :func:`carried_by`
     gripping : links that hold the cable, whose bodies it may touch near its ends
     links : where the links are, None if that is not known: then their bodies are left out
     rubs : whether there is friction, where surfaces have some
@@ -67,11 +71,14 @@ class Problem:
     """
 
     __slots__ = (
+        "_clip_frames",
         "_given",
+        "_unplaced",
         "acceleration",
         "bodies",
         "cable",
         "cache",
+        "carried",
         "clips",
         "end",
         "gravity",
@@ -149,10 +156,52 @@ class Problem:
             links = checks.entries("robot_links", robot_links, Obstacle)
             self.bodies = tuple(sorted((*scene.obstacles, *links), key=lambda body: body.link is not None))
         self.gripping = frozenset(checks.entries("gripping_links", gripping_links, str, "Give a list of link names."))
+        self.carried = carried_by(self.bodies, self.clips)
+        self._clip_frames = self.clips_at(_NO_LINKS)
+        self._unplaced = any(clip.link is not None for clip in self.clips)
         self.links: Mapping[str, Pose] | None = None
         self._given: Pose | Grip | None = None
         self.start = _NOWHERE
         self.end: Grip | FreeEnd = _UNLOADED
+
+    def clips_at(self, links: Array) -> Array:
+        """(k, 7), where the clips are with the links in these rows, see `link_rows`; NaN where that is not known."""
+        return clip_frames(self.clips, links, self.carried)
+
+    @property
+    def clip_frames(self) -> Array:
+        """(k, 7), where the clips are; those that leave rotation free have that of the world.
+
+        Raises
+        ------
+        ArgumentError
+            If one is on a link and it is not known where that is.
+        """
+        if self._unplaced:
+            refuse_unplaced(self.clips)
+        return self._clip_frames
+
+    def link_rows(self, links: Mapping[str, Pose] | None) -> Array:
+        """(m, 7), where the links are that carry bodies or clips; (0, 7): not known, or there are none.
+
+        Raises
+        ------
+        ArgumentError
+            If `links` lacks one of them.
+        """
+        return _NO_LINKS if links is None or not self.carried else link_rows(links, self.carried)
+
+    @property
+    def clips_move(self) -> bool:
+        """Whether some clip is on a link."""
+        return any(clip.link is not None for clip in self.clips)
+
+    @property
+    def moving_clips(self) -> tuple[list[str], Array]:
+        """Those on links, as `sensitivity` names them, and where they are (m, 7)."""
+        on = [i for i, clip in enumerate(self.clips) if clip.link is not None]
+        names = clip_names(self.clips)
+        return [f"clip:{names[i]}" for i in on], self.clip_frames[on]
 
     @property
     def solves_crossing(self) -> bool:
@@ -311,6 +360,8 @@ class Problem:
         """Puts the ends there (None: a free end), and the links, and returns itself."""
         if links is not None and type(links) is not dict and not isinstance(links, Mapping):
             raise ArgumentError.of("links", links, "it must be a mapping", "Write {link: Pose(...)}.")
+        if self.clips and self.clips_move:
+            self._clip_frames, self._unplaced = self.clips_at(self.link_rows(links)), links is None
         self.links = links
         if start is not self._given:  # often only one end moves
             self.start = start if type(start) is Grip else as_grip("start", start)
@@ -322,6 +373,22 @@ class Problem:
         else:
             self.end = as_grip("end", end)
         return self
+
+
+def refuse_unplaced(clips: Sequence[Clip]) -> None:
+    """Refuses a clip on a link of which nobody knows where it is.
+
+    Raises
+    ------
+    ArgumentError
+    """
+    name, clip = next((n, c) for n, c in zip(clip_names(clips), clips, strict=True) if c.link is not None)
+    raise ArgumentError.of(
+        "links",
+        None,
+        f"clip {name!r} is on link {clip.link!r}, and where that is must be known",
+        "Give links={link: Pose(...)} where they are taken, or hold the clip in the world, without a link.",
+    )
 
 
 def longest_delay(cable: Cable) -> float:

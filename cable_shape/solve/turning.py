@@ -12,8 +12,10 @@ from cable_shape.pose import FreeEnd, Grip
 from cable_shape.solve.answers import Solved, about_gripper
 
 
-def turning(state: Solved, arc_length: float, *, at: str = "cable") -> Array:
+def turning(state: Solved, arc_length: float, *, at: str = "cable", by_clips: bool = False) -> Array:
     """(3, 12): how the cable frame at an arc length [m] turns, in its own axes, with the poses of start and end.
+
+    by_clips: after them come six columns for each clip on a robot link.
 
     Columns as those of `sensitivity`; those of a free end are zero. Exact at the nodes, a cubic through the
     nearest ones between them.
@@ -29,8 +31,10 @@ def turning(state: Solved, arc_length: float, *, at: str = "cable") -> Array:
         what = "clips of kind 'slide'" if len(state.rings) else "cables that touch each other"
         raise ArgumentError.of("arc_length", arc_length, f"how frames turn is not known with {what}", "Leave them out.")
     state.refresh()
-    out = np.empty((12, state.network_nodes, 3))
-    turns(ints, state.floats, state.sols, state.work, state.knots_of([0, 1 + len(problem.clips)]), out)
+    clips = [i for i, clip in enumerate(problem.clips, 1) if by_clips and clip.link is not None]
+    knots = state.knots_of([0, 1 + len(problem.clips), *clips])
+    out = np.empty((6 * len(knots), state.network_nodes, 3))
+    turns(ints, state.floats, state.sols, state.work, knots, out)
     places, rows = np.unique(tables.model_of.py_func(ints, state.floats).s, return_index=True)
     first = min(max(int(np.searchsorted(places, arc_length)) - 2, 0), max(len(places) - 4, 0))
     near = slice(first, first + 4)

@@ -14,7 +14,7 @@ from cable_shape import checks
 from cable_shape.cable.harness import Harness, split_end
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
-from cable_shape.pose import Grip, as_grip
+from cable_shape.pose import Grip, Pose, as_grip
 from cable_shape.prediction.harness_predictor import HarnessPredictor
 from cable_shape.prediction.tails import Tail
 from cable_shape.shape import CableShape
@@ -54,6 +54,7 @@ class HarnessTubeWatch:
     def __init__(self, harness: Harness, uncertainty: Uncertainty, **options: Any) -> None:
         self.uncertainty = uncertainty
         self.trouble = ""  # why the last shape has no tubes
+        self._links: Mapping[str, Pose] | None = None  # at the last shape
         self._known, steps = uncertainty.harness_parameters(harness)
         middle = np.empty(0) if self._known is None else self._known.start
         self._of_grip = {side: directions_of(getattr(uncertainty, side)).T for side in ("start", "end")}
@@ -104,6 +105,7 @@ class HarnessTubeWatch:
         ends: Ends,
         acceleration: Mapping[str, ArrayLike] | None = None,
         inertia: float = math.nan,
+        links: Mapping[str, Pose] | None = None,
     ) -> dict[str, Tube]:
         """The tubes of the segments of the shape that `predictor` has just given; none where they are not known.
 
@@ -115,6 +117,7 @@ class HarnessTubeWatch:
         self.trouble = ""
         if not shape.reused or self._still is None:
             self._forget()
+            self._links = links
             self._still = self._at_rest(predictor, shape, ends, acceleration)
         if self._still is not None and inertia > 0.0 and self._swing is None:
             self._swung = self._predict(self._loaded, ends, acceleration)
@@ -170,7 +173,7 @@ class HarnessTubeWatch:
         lines = []
         for predictor, at, _ in beside:
             held = dict(ends) if self._known is None else self._known.held(at, ends)
-            lines.append((held, predictor.predict(held, acceleration=acceleration)))
+            lines.append((held, predictor.predict(held, links=self._links, acceleration=acceleration)))
         return lines
 
     def tail_tube(self, end: str, tail: Tail, shape: CableShape, ends: Ends) -> Tube | None:

@@ -203,7 +203,8 @@ class ReportLogger:
         self.recording.send_blueprint(layout)
         self._write("/world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         for body in self.scene.obstacles:
-            entity = f"/world/obstacles/{part(body.name)}"
+            above = "/world/obstacles" if body.link is None else f"/world/robot/{part(body.link)}"
+            entity = f"{above}/{part(body.name)}"
             flat = isinstance(body.solid, HalfSpace)
             self._log_solid(entity, body.solid, body.pose, colours.FLOOR if flat else colours.OBSTACLE)
         for body in self.links:
@@ -251,12 +252,13 @@ class ReportLogger:
         self._write(entity, _transform(pose), shown, static=True)
 
     def _log_held(self, base: str, name: str, cable: Cable) -> None:
-        """Clips, which stand still; point masses move with the cable and are drawn as it is."""
+        """Clips, in the world or on a link; point masses move with the cable and are drawn as it is."""
         for k, clip in enumerate(self.scene.clips):
             if not self._concerns(name, clip.segment):
                 continue
             ring = rr.Points3D([(0.0, 0.0, 0.0)], radii=1.2 * cable.diameter, colors=colours.CLIP)
-            self._write(f"{base}/clips/{k}", _transform(clip.pose), ring, static=True)
+            above = base if clip.link is None else f"/world/robot/{part(clip.link)}/{path(name)}"
+            self._write(f"{above}/clips/{k}", _transform(clip.pose), ring, static=True)
 
     def _concerns(self, name: str, segment: str | None) -> bool:
         """Whether a clip or a mass of this segment is one of this cable's, or of every cable."""

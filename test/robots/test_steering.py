@@ -9,6 +9,7 @@ import mink
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
 from cable_shape.robots.robot import Robot
@@ -224,3 +225,25 @@ def test_a_cable_without_a_shape_is_not_steered(robot: Robot) -> None:
     held = HeldCable(cs.Predictor(CABLE.replace(length=0.5), model="cosserat"), robot)
     with pytest.raises(cs.SteeringError, match=r"OVERSTRETCHED.*CableChordLimit"):
         held.at(held.configuration())
+
+
+def test_the_jacobian_counts_clips_on_links(robot: Robot) -> None:
+    """One on the left tool, which turns with its wrist, and how a frame turns beyond it."""
+    clips = [cs.Clip(0.35, cs.Pose((0.05, 0.2, 0.05)), link="left_tool")]
+    held, q = held_by(robot, scene=cs.Scene(clips=clips)), around_home(robot, 1, 0.05)
+    configuration = held.configuration(q)
+    task = CablePointTask(held, 0.6)
+    task.set_target((0.0, 0.0, 0.0))
+    alone = cs.Predictor(CABLE, model="cosserat", tolerance=1e-7, scene=held.predictor.scene, points=601)
+
+    def shape(p: np.ndarray) -> cs.CableShape:
+        return alone.predict(*robot.grips(p), robot.link_poses())
+
+    jacobian, turning = task.compute_jacobian(configuration), held.turning(configuration, 0.6)
+    wanted = differences(held, q, lambda p: place_on(shape(p), 0.6))
+    np.testing.assert_allclose(jacobian, wanted, atol=5e-5)
+    without = np.array(held.predictor.sensitivity(at="gripper")[90] @ held.predicted(configuration).twists[:12])
+    assert np.abs(without - wanted).max() > 0.05, "the clip counts"
+    here = Rotation.from_quat(shape(q).quaternions[360])
+    turned = differences(held, q, lambda p: (here.inv() * Rotation.from_quat(shape(p).quaternions[360])).as_rotvec())
+    np.testing.assert_allclose(turning, turned, atol=1e-3)

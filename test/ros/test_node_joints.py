@@ -1,7 +1,9 @@
 """The node over DDS, fed with joint states of the dual-arm robot."""
 
+import json
 import math
 
+import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
 from cable_shape_msgs.msg import CableWarnings
@@ -9,6 +11,8 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from harness import LATCHED, nanoseconds
 from sensor_msgs.msg import JointState
 
+import cable_shape as cs
+from cable_shape.cable.cable_file import CableFile
 from cable_shape.messages.fields import shape_from
 from cable_shape.robots.robot import Robot
 from cable_shape.ros.parameters import find_file
@@ -94,3 +98,34 @@ def test_a_robot_file_that_does_not_exist_fails_configure(start):
     node = start(input="joints", robot_file="robots/none.yaml", active=False)
     node.diagnosis("lifecycle", "robots/none.yaml: no such file", ERROR)
     assert node.process.stop() == 0
+
+
+def test_a_clip_on_a_link_goes_with_the_joints(start, robot, tmp_path):
+    """One on the left tool, which has no collision geometry; what the node says is what a predictor says."""
+    scene = cs.Scene(clips=[cs.Clip(0.3, cs.Pose((0.02, 0.15, 0.05)), name="guide", link="left_tool")])
+    file = tmp_path / "scene.yaml"
+    file.write_text(json.dumps(scene.as_dict()))
+    files = {"robot_file": "robots/dual_arm.yaml", "cable_file": "cables/demo.yaml", "scene_file": file}
+    node = start(input="joints", model="cosserat", **files)
+    predictor = cs.Predictor(CableFile.from_yaml(find_file("cables/demo.yaml")).cable, model="cosserat", scene=scene)
+    for angle in (-1.0, -0.9):
+        message = shape_from(answered(node, robot, left_wrist_1_joint=angle))
+        q = dict(zip(robot.joint_names, robot.home.tolist(), strict=True)) | {"left_wrist_1_joint": angle}
+        grips = robot.grips(robot.positions(list(q), list(q.values())))
+        own = predictor.predict(*grips, robot.link_poses())
+        assert message.status is own.status is cs.Status.OK
+        assert message.positions == pytest.approx(own.positions, abs=2e-5)
+        there = [np.interp(0.3, message.arc_length, x) for x in message.positions.T]
+        assert there == pytest.approx((robot.link_poses()["left_tool"] * scene.clips[0].pose).position, abs=1e-4)
+    assert node.process.stop() == 0
+
+
+def test_a_clip_on_a_link_that_is_not_there_is_told_at_configure(start, tmp_path):
+    scene = cs.Scene(clips=[cs.Clip(0.3, cs.Pose(), name="guide", link="left_tol")])
+    file = tmp_path / "scene.yaml"
+    file.write_text(json.dumps(scene.as_dict()))
+    files = {"robot_file": "robots/dual_arm.yaml", "cable_file": "cables/demo.yaml", "scene_file": file}
+    node = start(input="joints", model="cosserat", active=False, **files)
+    text = "'guide' is on a link of the scene: the URDF has no link 'left_tol'. The nearest is 'left_tool'"
+    node.until(lambda: text in node.process.text(), "why it cannot be configured")
+    assert node.state() == "unconfigured"

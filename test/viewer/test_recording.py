@@ -122,6 +122,23 @@ def test_what_stands_still_is_written_once(recorded: dict[str, list[tuple[object
     assert recorded["/world/cables/cable/clips/0:Transform3D:translation"][0][1] == [pytest.approx([0.1, 0.0, 0.4])]
 
 
+def test_what_is_on_a_link_moves_with_it(tmp_path: Path) -> None:
+    """Clips and bodies of a scene hang below the link, whose place is written when it moves."""
+    clip, body = Clip(0.2, Pose((0.1, 0.0, 0.4)), link="wrist"), Obstacle("camera", Sphere(0.02), link="wrist")
+    scene = Scene(obstacles=[body], clips=[clip, Clip(0.3, Pose((0.2, 0.0, 0.4)))])
+    reports = [dataclasses.replace(report(k), links={"wrist": Pose((0.0, 0.0, 0.1 * k))}) for k in range(2)]
+    with RecordingWriter(tmp_path / "out.rrd", {"cable": CABLE}, scene) as writer:
+        for one in reports:
+            writer.log(one)
+    held = columns(tmp_path / "out.rrd")
+    assert held["/world/robot/wrist/cable/clips/0:Transform3D:translation"][0][1] == [pytest.approx([0.1, 0.0, 0.4])]
+    assert "/world/cables/cable/clips/1:Transform3D:translation" in held
+    assert "/world/cables/cable/clips/0:Transform3D:translation" not in held
+    assert "/world/robot/wrist/camera:Ellipsoids3D:half_sizes" in held
+    heights = [rows[0][2] for _, rows in held["/world/robot/wrist:Transform3D:translation"]]
+    assert heights == pytest.approx([0.0, 0.1])
+
+
 def test_a_harness_is_shown_segment_by_segment_with_its_junctions(tmp_path: Path) -> None:
     """Written by itself, and as it comes out of a letter to the viewer's process."""
     along = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))

@@ -33,19 +33,19 @@ def motion(
 ) -> tuple[float, float]:  # fmt: skip
     """[m]: how far the cable's points move at most from positions `first` to `last` (n, 3), and off that chord.
 
-    slopes (n, 3, 12): sensitivities at both; ends (2, 7): the cable's ends. bend [rad]: by how much the grips' frames
-    turn off the straight motion between, times `reach` [m] they shift.
+    slopes (n, 3, 6 k): sensitivities at both; ends (k, 7): the cable's ends, and clips that move. bend [rad]: by how
+    much their frames turn off the straight motion between, times `reach` [m] they shift.
     """
-    t = np.empty(12)
-    twist(ends_a[0], ends_b[0], t[:6])
-    twist(ends_a[1], ends_b[1], t[6:])
+    t = np.empty(6 * ends_a.shape[0])
+    for k in range(ends_a.shape[0]):
+        twist(ends_a[k], ends_b[k], t[6 * k : 6 * k + 6])
     way = off = 0.0
     for i in range(first.shape[0]):
         far = a = b = shifted = turned = 0.0
         for j in range(3):
             chord = last[i, j] - first[i, j]
             va = vb = 0.0
-            for k in range(12):
+            for k in range(t.size):
                 va += slopes_a[i, j, k] * t[k]
                 vb += slopes_b[i, j, k] * t[k]
                 if k % 6 < 3:

@@ -13,7 +13,7 @@ from cable_shape.kernels.contact.tables import Bodies
 from cable_shape.kernels.distance import bounds, surface
 from cable_shape.kernels.distance.triangles import STACK_SIZE
 from cable_shape.pose import Pose
-from cable_shape.scene.body_tables import body_tables, carried_by, link_rows
+from cable_shape.scene.body_tables import body_tables, link_rows
 from cable_shape.scene.mesh_convex import half_thickness
 from cable_shape.scene.scene import Mesh, Obstacle
 
@@ -43,11 +43,19 @@ class TouchBodies:
         return [(b.name, b.solid, b.link) for b in bodies] == [(b.name, b.solid, b.link) for b in self._bodies]
 
     def take(
-        self, bodies: tuple[Obstacle, ...], gripping: frozenset[str], links: Mapping[str, Pose] | None, radius: float
+        self,
+        bodies: tuple[Obstacle, ...],
+        gripping: frozenset[str],
+        links: Mapping[str, Pose] | None,
+        radius: float,
+        carried: dict[str, str],
     ) -> bool:
-        """Takes over a problem's bodies, for a cable of this radius [m]; True if other ones are now known."""
+        """Takes over a problem's bodies, for a cable of this radius [m]; True if other ones are now known.
+
+        carried: the links that carry bodies, and after them clips.
+        """
         self._bodies = bodies
-        self._carried = carried_by(bodies)
+        self._carried = carried
         self._tables = body_tables(bodies, tuple(self._carried), gripping)
         for row, body in zip(self._tables[0], bodies, strict=True):
             if isinstance(body.solid, Mesh):
@@ -61,7 +69,7 @@ class TouchBodies:
         return self._put(self.link_rows(links))
 
     def link_rows(self, links: Mapping[str, Pose] | None) -> Array:
-        """(k, 7), poses of the links that carry bodies; (0, 7) if they are not known, or if there are none.
+        """(k, 7), poses of the links that carry bodies or clips; (0, 7): not known, or there are none.
 
         Raises
         ------

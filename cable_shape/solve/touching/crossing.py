@@ -18,7 +18,7 @@ from cable_shape.shape import CableShape, Status
 from cable_shape.solve.problem import Problem
 from cable_shape.solve.rod_common import Patience
 from cable_shape.solve.search import between
-from cable_shape.solve.touching.pile import Member, Pile, all_frames
+from cable_shape.solve.touching.pile import Member, Pile, all_frames, carried_of
 from cable_shape.solve.touching.places import Places, Spot
 
 MOST = 8  #: contacts at a time
@@ -439,8 +439,12 @@ class Crossing:
                 self._solos[cable].go_on_from(self._shapes[cable], *self._ends_and_links(cable))
 
     def _ends_and_links(self, cable: int) -> tuple[Array, Array]:
-        """The cable's ends (2, 7) and the links that carry bodies (m, 7) at the last equilibrium."""
-        return self._frames[2 * cable : 2 * cable + 2], self._frames[2 * len(self.problems) :]
+        """The cable's ends (2, 7) and the links that carry its bodies and clips (m, 7) at the last equilibrium."""
+        links = self._frames[2 * len(self.problems) :]
+        if len(links):
+            order = list(carried_of(self.problems))
+            links = links[[order.index(name) for name in self.problems[cable].carried]]
+        return self._frames[2 * cable : 2 * cable + 2], links
 
     def _comes_free(self, cable: int, shape: CableShape) -> bool:
         """Whether the cable alone has this shape."""

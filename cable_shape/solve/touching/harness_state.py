@@ -105,7 +105,7 @@ class HarnessTouchState(TouchState):
             self._grips = np.zeros((3, count, 7))
         self.unfactored()
         thickest = 0.5 * max(cable.diameter for cable in segments)
-        if self.bodies.take(problem.bodies, problem.gripping, problem.links, thickest):
+        if self.bodies.take(problem.bodies, problem.gripping, problem.links, thickest, problem.carried):
             self.forget()
 
     @property
@@ -291,6 +291,6 @@ class HarnessTouchState(TouchState):
                 move_nodes(self.net.ints, model, still, still, model)
         return models
 
-    def sensitivities(self, ends: Sequence[str]) -> Array:
+    def sensitivities(self, ends: Sequence[str], clips: Sequence[int] = ()) -> Array:
         """As `HarnessNetwork.sensitivities`, the same points staying in contact."""
-        return self.cable.columns_of(self, ends)
+        return self.cable.columns_of(self, ends, clips)

@@ -149,13 +149,8 @@ class Laid:
         self.points: Array = at[inside]
         self._stops: Array = np.union1d(self.points, arcs[1:-1])
         self.radius = 0.5 * cable.diameter
-        if self.bodies.take(problem.bodies, problem.gripping, problem.links, self.radius):
+        if self.bodies.take(problem.bodies, problem.gripping, problem.links, self.radius, problem.carried):
             self.forget()
-        self._frames = np.zeros((arcs.size, 7))
-        for row, clip in zip(self._frames[1:], problem.clips, strict=False):
-            row[:] = clip.pose.array
-            if clip.kind in ("ball", "slide"):
-                row[3:] = (0.0, 0.0, 0.0, 1.0)
         self._kinds = ()
 
     def move_bodies(self, links: Array) -> None:
@@ -167,8 +162,10 @@ class Laid:
 
     def aim(self, start: Grip, end: Grip | FreeEnd) -> Array:
         """The frames of the supports (b+1, 7), after what holds the ends has been taken into account."""
-        frames = self._frames.copy()
+        frames = np.zeros((self._arcs.size, 7))
         frames[0] = start.cable_frame.array
+        if len(frames) > 2:
+            frames[1:-1] = self.problem.clip_frames
         if isinstance(end, Grip):
             frames[-1] = end.cable_frame.array
             self._hold(start.kind, end.kind, _NOTHING, _NOTHING)

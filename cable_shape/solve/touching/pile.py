@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from time import perf_counter
 from typing import Any, final
 
@@ -15,7 +16,7 @@ from cable_shape.kernels.contact import drive
 from cable_shape.kernels.contact.press import I_EXCESS
 from cable_shape.kernels.network.tables import NOW
 from cable_shape.pose import FreeEnd, Grip
-from cable_shape.scene.body_tables import carried_by, link_rows
+from cable_shape.scene.body_tables import carried_by, clip_frames, link_rows
 from cable_shape.shape import NUMBERS_PER_POINT, TOUCH, CableShape, Status
 from cable_shape.solve.harness_problem import HarnessProblem
 from cable_shape.solve.problem import Problem
@@ -102,13 +103,17 @@ class Pile:
             self._steps.go(poses, 1, WARM_ITERATIONS, FAR)
 
     def _links(self, frames: Array) -> Array:
-        """(m, 7), those of the links that carry bodies."""
+        """(m, 7), those of the links that carry bodies or clips."""
         return frames[2 * len(self._every) :]
 
     def _poses(self, frames: Array) -> Array:
         """(k, 7), of the knots, with the ends in `frames`."""
         out = self._state.aimed()
         knots = self._state.cable.layout.knots
+        if self._problem.clips_move:
+            links, carried = self._links(frames), carried_of(self._every)
+            placed = [clip_frames(self._every[i].clips, links, carried) for i in self.cables]
+            out[self._state.cable.clip_rows] = np.concatenate(placed)
         for cable in self.cables:
             for side, end in enumerate(("start", "end")):
                 if type(getattr(self._every[cable], end)) is Grip:
@@ -298,10 +303,15 @@ class Member:
         return out[self.rows], df
 
 
+def carried_of(problems: Sequence[Problem]) -> dict[str, str]:
+    """The links that carry bodies, and those that carry clips of any of these cables."""
+    return carried_by(problems[0].bodies, [replace(c, name=None) for one in problems for c in one.clips])
+
+
 def all_frames(problems: list[Problem]) -> Array:
-    """(n, 7), of both ends of all the cables, and of the links that carry bodies, where they are known."""
+    """(n, 7), of both ends of all the cables, and of the links that carry bodies or clips, where they are known."""
     links = problems[0].links
-    carried = {} if links is None else carried_by(problems[0].bodies)
+    carried = {} if links is None else carried_of(problems)
     frames = np.empty((2 * len(problems) + len(carried), 7))
     for i, problem in enumerate(problems):
         start, end = problem.start.cable_frame.array, problem.end
