@@ -19,6 +19,7 @@ from cable_shape.solve.network import Network
 from cable_shape.solve.problem import Problem
 from cable_shape.solve.settle import Settling
 from cable_shape.solve.touching.bodies import TouchBodies
+from cable_shape.solve.touching.held_along import pulls
 
 ALONG_X = (0.5, 0.5, 0.5, 0.5)
 RADIUS, REACH = 0.004, 0.3
@@ -80,6 +81,49 @@ def test_a_node_goes_where_planes_and_drag_hold_it_and_gives_as_differences_say(
     same = settling.motion.walls[node, 1:].reshape(WALLS, WALL)[: len(planes), PUSHED] > 0.0
     if ((pushes > 0.0) == same).all() and np.abs(pushes[pushes > 0.0]).min(initial=1.0) > 1e-3:
         assert give == pytest.approx(turned, rel=1e-5, abs=1e-8 / hold)
+
+
+@given(some.integers(0, 10**6))
+def test_a_node_that_rubs_on_its_planes_is_in_balance_and_gives_as_differences_say(settling, seed):
+    rng = np.random.default_rng(seed)
+    node, hold = 5, 10.0 ** rng.uniform(-1, 5)
+    a, pull = settling.motion.origin[node].copy(), rng.normal(size=3)
+    normals = rng.normal(size=(rng.integers(1, 4), 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    planes = [(n, n @ a + 1e-4 * rng.normal(), 10.0 ** rng.uniform(3, 5), rng.choice((0.0, 0.5))) for n in normals]
+    edge = len(planes) > 1 and rng.random() < 0.5
+    axis = np.cross(normals[0], normals[1]) if edge else normals[0]
+    axis = axis / np.linalg.norm(axis)
+    firm, limit = 10.0 ** rng.uniform(2, 5), 10.0 ** rng.uniform(-3, 0)
+    centre = a + 1e-3 * rng.normal(size=3)
+    row = settling.motion.rough[node]
+
+    def place(pull):
+        walled(settling, node, planes, hold)
+        row[motion.FIRM], row[motion.LIMIT], row[motion.EDGE] = firm, limit, edge
+        row[motion.CENTRE : motion.CENTRE + 3], row[motion.AXIS : motion.AXIS + 3] = centre, axis
+        motion.touched(settling.motion, node, tuple(pull))
+        return settling.motion.place[node].copy()
+
+    def rubs(x):
+        along = ((centre - x) @ axis) * axis
+        way = firm * (along if edge else centre - x - along)
+        return way * min(1.0, limit / np.linalg.norm(way))
+
+    x = place(pull)
+    give = settling.motion.give[node].reshape(3, 3).copy()
+    pushes = np.array([max(0.0, k + s * (at - n @ x)) for n, at, s, k in planes])
+    forces = pull - hold * (x - a) + pushes @ normals + rubs(x)
+    assert np.abs(forces).max() < 1e-8 * (1.0 + hold)
+    assert pulls(settling.motion.rough, x)[node] == pytest.approx(rubs(x), abs=1e-12)
+    step = 1e-6
+    beside = [place(pull + sign * step * e) for e in np.eye(3) for sign in (1.0, -1.0)]
+    kinks = [(np.linalg.norm(rubs(y)) < limit * (1.0 - 1e-9), *[n @ y < at + k / s for n, at, s, k in planes])
+             for y in (x, *beside)]  # fmt: skip
+    turned = (np.array(beside[::2]) - beside[1::2]).T / (2.0 * step)
+    if len(set(kinks)) == 1:
+        assert give == pytest.approx(turned, rel=1e-4, abs=1e-4 * np.abs(give).max())
+    row[:] = 0.0
 
 
 SOLIDS = (cs.Sphere(0.05), cs.Box((0.2, 0.1, 0.05)), cs.Cylinder(0.04, 0.3), cs.Capsule(0.03, 0.2), cs.HalfSpace())

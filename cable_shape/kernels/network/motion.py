@@ -13,6 +13,7 @@ At the end of a span the mass may sit beside the node, at y + lever d3: it turns
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from cable_shape.kernels.network.compiled import inline, part, viewing
@@ -49,8 +50,12 @@ CHAIN, ENDS = 87, 69
 #: stiffness [N/m], push that it has at the surface [N], push.
 WALLS, WALL = 4, 8
 BODY, OUT, AT, STIFF, KEPT, PUSHED = 0, 1, 4, 5, 6, 7
+#: Columns of `Motion.rough`: firmness [N/m], 0: nothing rubs; how much it may pull [N]; place to which it pulls 3 [m];
+#: direction 3, along which (EDGE not 0) or across which it does.
+FIRM, LIMIT, CENTRE, AXIS, EDGE, ROUGH = 0, 1, 2, 5, 8, 9
 B2 = 18  # column of `Work.parts`
 MOST_SETS = 12  # that planes push
+MOST_RUBS, MOST_CUTS, UPHILL = 40, 40, 0.5  # Newton steps of a node that is held along planes, and how they are cut
 ROUNDING = 1e-12  # [m] a node this near to a plane is as it was, in front of it or pushed by it
 
 
@@ -75,6 +80,7 @@ class Motion(NamedTuple):
     loose: Floats  # (n,) 1: nothing but its mass holds the end of the cable, whose place is one of those inside
     tilt: Floats  # (m, 18) derivative of the force at the start and the end of a span in the rotation there [N]
     walls: Floats  # (n, 1 + WALLS WALL) how many planes a node has, and those, see `touched`
+    rough: Floats  # (n, ROUGH) what holds a node along the planes, see `rubbing`
 
 
 @viewing(forceinline=True)
@@ -99,6 +105,7 @@ def motion_of(ints: Whole, moving: Floats) -> Motion:
     o15 = o14 + 3 * k
     o16 = o15 + k
     o17 = o16 + 18 * m
+    o18 = o17 + (1 + WALLS * WALL) * k
     return Motion(
         part(moving, 0, (n, 3)),
         part(moving, o1, (n, 3)),
@@ -118,6 +125,7 @@ def motion_of(ints: Whole, moving: Floats) -> Motion:
         part(moving, o15, (k,)),
         part(moving, o16, (m, 18)),
         part(moving, o17, (k, 1 + WALLS * WALL)),
+        part(moving, o18, (k, ROUGH)),
     )  # fmt: skip
 
 
@@ -125,7 +133,7 @@ def motion_of(ints: Whole, moving: Floats) -> Motion:
 def motion_size(ints: Whole) -> int:
     """Numbers of what motion adds to a network with this head."""
     nodes = ints[0] + ints[1]
-    return 21 * ints[0] + (23 + WALLS * WALL + CHAIN) * nodes + (21 + ENDS) * ints[1]
+    return 21 * ints[0] + (23 + WALLS * WALL + ROUGH + CHAIN) * nodes + (21 + ENDS) * ints[1]
 
 
 @inline
@@ -166,6 +174,9 @@ def touched(motion: Motion, node: int, pull: Vector) -> None:
     Plane k pushes by p_k n_k, p_k = max(0, kept_k + stiff_k (at_k - n_k . x)): x is the minimum of a convex function,
     whose Newton steps change the set of planes that push.
     """
+    if motion.rough[node, FIRM] > 0.0:
+        rub(motion, node, pull)
+        return
     walls, hold = motion.walls, motion.hold[node]
     count = int(walls[node, 0])
     a = get3(motion.origin, node)
@@ -196,6 +207,88 @@ def touched(motion: Motion, node: int, pull: Vector) -> None:
         x = add(a, apply(D, force))
     put3(motion.place, node, 0, x)
     put9(motion.give, node, 0, D)
+
+
+@viewing
+def rub(motion: Motion, node: int, pull: Vector) -> None:
+    """The same of a node that is held along its planes, too, see `rubbing`: by Newton's method for a convex function.
+
+    It begins where planes alone would hold it, but for the ways along which it is held. A step that leads up again is
+    cut short.
+    """
+    hold, x = motion.hold[node], free_along(motion, node, pull)
+    force, K = forces(motion, node, pull, x)
+    for _ in range(MOST_RUBS):
+        way = apply(held_by(hold, K), force)
+        downhill, fraction = dot(force, way), 1.0
+        for _ in range(MOST_CUTS):
+            after, K = forces(motion, node, pull, add(x, scale(fraction, way)))
+            if dot(after, way) >= -UPHILL * downhill:
+                break
+            fraction *= 0.5
+        x, force = add(x, scale(fraction, way)), after
+        if fraction == 1.0 and dot(way, way) <= ROUNDING * ROUNDING:
+            break
+    put3(motion.place, node, 0, x)
+    put9(motion.give, node, 0, held_by(hold, K))
+
+
+@viewing
+def free_along(motion: Motion, node: int, pull: Vector) -> Vector:
+    """Where a node is that `rubbing` alone holds along its planes, and nothing moves off them."""
+    rough, hold, a = motion.rough, motion.hold[node], get3(motion.origin, node)
+    e, centre = take3(rough, node, AXIS), take3(rough, node, CENTRE)
+    P = outer(e, e) if rough[node, EDGE] != 0.0 else msub(IDENTITY, outer(e, e))
+    load = apply(P, add(pull, scale(hold, subtract(a, centre))))
+    size, firm, limit = math.sqrt(dot(load, load)), rough[node, FIRM], rough[node, LIMIT]
+    if size * firm <= limit * (hold + firm):
+        way = scale(1.0 / (hold + firm), load)
+    else:
+        way = scale((1.0 - limit / size) / hold, load)
+    return add(a, add(apply(P, subtract(centre, a)), way))
+
+
+@viewing
+def forces(motion: Motion, node: int, pull: Vector, x: Vector) -> tuple[Vector, Matrix]:
+    """What pulls a node at x [N], and minus its derivative in x but for `hold` [N/m]; fills in the planes' pushes."""
+    walls = motion.walls
+    t, K = rubbing(motion, node, x)
+    force = add(add(pull, t), scale(-motion.hold[node], subtract(x, get3(motion.origin, node))))
+    for k in range(int(walls[node, 0])):
+        i = 1 + WALL * k
+        n, stiff = take3(walls, node, i + OUT), walls[node, i + STIFF]
+        push = walls[node, i + KEPT] + stiff * (walls[node, i + AT] - dot(n, x))
+        walls[node, i + PUSHED] = max(push, 0.0)
+        if push > 0.0:
+            force, K = add(force, scale(push, n)), madd(K, outer(scale(stiff, n), n))
+    return force, K
+
+
+@viewing
+def rubbing(motion: Motion, node: int, x: Vector) -> tuple[Vector, Matrix]:
+    """What a node at x is pulled by along the planes [N], and minus its derivative in x [N/m].
+
+    That is firm times its way from the centre, and no more than the limit: the gradient of a convex function.
+    """
+    rough = motion.rough
+    firm, limit, e = rough[node, FIRM], rough[node, LIMIT], take3(rough, node, AXIS)
+    P = outer(e, e) if rough[node, EDGE] != 0.0 else msub(IDENTITY, outer(e, e))
+    pull = scale(-firm, apply(P, subtract(x, take3(rough, node, CENTRE))))
+    size = math.sqrt(dot(pull, pull))
+    if size <= limit:
+        return pull, mscale(firm, P)
+    along = scale(1.0 / size, pull)
+    return scale(limit, along), mscale(firm * limit / size, msub(P, outer(along, along)))
+
+
+@inline
+def held_by(hold: float, K: Matrix) -> Matrix:
+    """(hold + K)^-1, for a symmetric K that is not negative."""
+    a, b, c = K[0] + hold, K[4] + hold, K[8] + hold
+    d, e, f = K[1], K[2], K[5]
+    A, B, C = b * c - f * f, e * f - d * c, d * f - e * b
+    E, F, G = a * c - e * e, d * e - a * f, a * b - d * d
+    return mscale(1.0 / (a * A + d * B + e * C), (A, B, C, B, E, F, C, F, G))
 
 
 @inline

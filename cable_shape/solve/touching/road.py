@@ -16,13 +16,14 @@ import numpy as np
 from cable_shape.checks import Array
 from cable_shape.kernels.contact import check, knots, lay
 from cable_shape.kernels.contact.guard import guard
-from cable_shape.kernels.contact.near import BARE, NORMAL, PRESS, SECOND, SECOND_NORMAL, SECOND_PRESS, SPOT
+from cable_shape.kernels.contact.near import BARE, NORMAL, PRESS, RUB, SECOND, SECOND_NORMAL, SECOND_PRESS, SPOT
 from cable_shape.kernels.network import tables
 from cable_shape.kernels.network.motion import BODY, KEPT, OUT, PUSHED, STIFF, WALL, WALLS
 from cable_shape.kernels.network.settle import I_EXCESS, I_ITERATIONS
-from cable_shape.kernels.network.tables import BEFORE, NOW, TRIAL
+from cable_shape.kernels.network.tables import BEFORE, NOW, SOFTEST, TRIAL
 from cable_shape.solve.search import between
 from cable_shape.solve.settle import Settling
+from cable_shape.solve.touching.held_along import HeldAlong, pulls
 from cable_shape.solve.touching.state import TouchState
 
 #: Of the length: what a cable that does not stretch may seem to stretch by. It gives a little, for between two contacts
@@ -82,7 +83,7 @@ class Road:
             for k in range(b - 1, a - 1, -1):
                 settling.motion.lam[first + k - a] = pull
                 if k > a and on[k, 0] != BARE:
-                    pull = pull + near[k, PRESS] * near[k, NORMAL : NORMAL + 3]
+                    pull = pull + near[k, PRESS] * near[k, NORMAL : NORMAL + 3] + near[k, RUB : RUB + 3]
                     pull = pull + near[k, SECOND_PRESS] * near[k, SECOND_NORMAL : SECOND_NORMAL + 3]
         settling.motion.kept[...] = settling.motion.lam
         known = near[self.rows, SPOT : SPOT + 3].any(axis=1)  # nodes are new where the mesh is finer than it was
@@ -91,6 +92,11 @@ class Road:
             settling.motion.origin[:, c] += np.interp(s, s[known], off[:, c])
         settling.motion.place[...] = settling.motion.origin
         self.thick = state.thick[self.rows].copy()
+        self._rubs = state.rubs and state.has_friction
+        self._pressed = pressed_by(near[self.rows], on[self.rows])
+        least = state.weight + float(settling.model.par[SOFTEST])
+        rough = state.rough[self.rows], state.bodies.rough
+        self.along = HeldAlong(near[self.rows], state.s[self.rows], *rough, least, state.length)
         self.wholes = np.full(self.rows.size, state.length)
         around = np.gradient(settling.model.s)
         self.stiff = _FIRM * state.bend / np.maximum(around, _FINEST * around.mean()) ** 3
@@ -166,6 +172,9 @@ class Road:
         clear, cosine = guard(
             settling.ints, settling.floats, settling.moving, bodies, self.thick, self.wholes, REACH, self.stiff
         )
+        if self._rubs:
+            pushes = self.pushes() if self.taken else self._pressed
+            self.along.tell(settling.motion.rough, *pushes, self.state.bodies.frames, self._tangents)
         return float(clear), float(cosine)
 
     def _passes(self, before: Array, then: Array) -> bool:
@@ -181,12 +190,16 @@ class Road:
         return found
 
     def pushes(self) -> tuple[Array, Array, Array]:
-        """The two bodies that push each of the network's nodes most (n, 2), how hard [N], and normals (n, 2, 3)."""
+        """The two bodies that push each of the network's nodes most (n, 2), how hard [N], and normals (n, 2, 3).
+
+        With friction that on which the node was comes first.
+        """
         walls = self.settling.motion.walls
         rows = walls[:, 1:].reshape(-1, WALLS, WALL)
         there = np.arange(WALLS) < walls[:, :1]
         push = np.where(there, rows[:, :, PUSHED], 0.0)
-        k = np.argsort(-push, axis=1)[:, :2]
+        known = (rows[:, :, BODY] == self.along.mate[:, None]) & (push > 0.0) if self._rubs else False
+        k = np.argsort(np.where(known, -np.inf, -push), axis=1, kind="stable")[:, :2]
         at = np.arange(len(k))[:, None]
         return rows[at, k, BODY], push[at, k], rows[at, k, OUT : OUT + 3]
 
@@ -221,6 +234,12 @@ class Road:
         return not state.rings.size or bool(means.min() * state.stretch > TAUT)
 
     @property
+    def _tangents(self) -> Array:
+        """(n, 3) of the nodes."""
+        x, y, z, w = self.settling.solution(NOW).q.T
+        return np.stack((2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)), axis=1)
+
+    @property
     def _tension(self) -> Array:
         """(N,) [N], of the elements."""
         settling = self.settling
@@ -248,15 +267,18 @@ class Road:
                 array[BEFORE] = array[NOW]
         now = settling.solution(NOW)
         body, push, normal = self.pushes()
+        rubbed = pulls(settling.motion.rough, self.places)
         q, near, on = state.q[NOW], state.near[NOW], state.on[NOW]
         on[:, :2] = on[:, SECOND] = BARE
         near[:, PRESS] = near[:, SECOND_PRESS] = 0.0
+        near[:, RUB : RUB + 3] = 0.0
         for row, k in enumerate(self.rows):
             q[k] = now.q[row]
             near[k, SPOT : SPOT + 3] = self.places[row]
             if push[row, 0] > 0.0:
                 on[k, :2] = int(body[row, 0])
                 near[k, PRESS], near[k, NORMAL : NORMAL + 3] = push[row, 0], normal[row, 0]
+                near[k, RUB : RUB + 3] = rubbed[row]
             if push[row, 1] > 0.0:
                 on[k, SECOND] = int(body[row, 1])
                 near[k, SECOND_PRESS], near[k, SECOND_NORMAL : SECOND_NORMAL + 3] = push[row, 1], normal[row, 1]
@@ -268,6 +290,14 @@ class Road:
         s = settling.model.s
         state.remember(np.stack([np.interp(arcs, s, column) for column in self.places.T], axis=1))
         state.unfactored()
+
+
+def pressed_by(near: Array, on: Array) -> tuple[Array, Array, Array]:
+    """`Road.pushes`, of rows of a solution."""
+    body = on[:, [0, SECOND]].astype(float)
+    push = np.where(body != BARE, near[:, [PRESS, SECOND_PRESS]], 0.0)
+    normal = np.stack((near[:, NORMAL : NORMAL + 3], near[:, SECOND_NORMAL : SECOND_NORMAL + 3]), axis=1)
+    return body, push, normal
 
 
 def _with_middles(rows: Array) -> Array:

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from scene_certificate import judged
 from scene_random import run
 
 import cable_shape as cs
@@ -91,6 +92,27 @@ def test_loops_over_a_table_coincide(strain):
     assert np.abs(second - first).max() > 0.1 * size  # the first touch carried nothing
     assert second.max() > 0.2
     assert second.min() < -0.2
+
+
+@pytest.mark.parametrize(("stiffness", "friction"), [(0.0005, 0.2), (0.002, 0.2), (0.002, 0.4)])
+def test_a_hairpin_that_is_drawn_against_a_rough_post_is_held_in_front_of_it(stiffness, friction):
+    """Until it is all but taut, at 0.322; one contact becomes several on the way, and the road leads there."""
+    half = math.sqrt(0.5)
+    out, back = (0.0, half, 0.0, half), (0.0, -half, 0.0, half)
+    post = cs.Obstacle("post", cs.Cylinder(0.04, 2.0), friction=friction)
+    scene = cs.Scene(obstacles=[post], contact="solve")
+    cable = cs.Cable(0.8, 0.05, stiffness)
+    predictor = cs.Predictor(cable, model="cosserat", scene=scene)
+    rubs = 0
+    for at in np.arange(0.0, 0.3151, 0.005):
+        shape = predictor.predict(cs.Pose((-at, -0.12, 0.0), out), cs.Pose((-at, 0.12, 0.0), back))
+        assert shape.usable, at
+        assert shape.positions[:, 0].max() > 0.04
+        rubs += not shape.frictionless
+        wrong = [text for text in judged(cable, scene, shape, shape.supports) if not text.startswith("moment")]
+        assert not wrong, at
+    assert len(shape.contacts) > 3
+    assert rubs > 60
 
 
 def test_the_first_touch_carries_nothing_along_the_surface():
