@@ -45,6 +45,7 @@ PARTS = (
     Part("gradient"),
     Part("cosserat"),
     Part("scene"),
+    Part("contact", ("--motions", "50")),
     Part("combinations", steady=True),
     Part("harness"),
     Part("motion"),

@@ -104,6 +104,7 @@ BENCHES = {
     "cosserat": Told("The rod", "shapes of the literature, and itself a thousand times finer"),
     "combinations": Told("What goes together", "no peer; [what does](limits.md#what-goes-together)"),
     "scene": Told("Clips, clearance, margins and contact", "finer meshes, and a certificate in numpy"),
+    "contact": Told("Cables that are routed", "no peer; a certificate in numpy, and a bound on length"),
     "harness": Told("Harnesses", "no peer; the balance of forces at every junction"),
     "motion": Told("Cables that swing", "no peer; itself in shorter steps"),
     "seen": Told("Cables that are seen", "coherent point drift, with terms of TrackDLO; servoing open loop"),

@@ -29,7 +29,11 @@ LOOKS = 24  # at shapes between two
 
 def distances(solid: object, pose: cs.Pose, points: Array) -> Array:
     """(n,) signed distances [m] of points (n, 3) from a solid, negative inside."""
-    p = Rotation.from_quat(pose.quaternion).inv().apply(points - pose.position)
+    return signed(solid, (points - pose.position) @ Rotation.from_quat(pose.quaternion).as_matrix())
+
+
+def signed(solid: object, p: Array) -> Array:
+    """The same of points in the solid's own frame, which may change."""
     if isinstance(solid, cs.HalfSpace):
         return p[:, 2]
     if isinstance(solid, cs.Sphere):

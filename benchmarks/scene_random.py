@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 from figures import Figures, heading
-from scene_band import too_short
+from scene_band import Band
 from scene_certificate import Array, crossed, distances, judged, passed
 from scipy.spatial.transform import Rotation
 from tqdm import tqdm
@@ -54,6 +54,7 @@ class Found(NamedTuple):
     statuses: Counter[str]
     wrong: Counter[str]
     first: str  # the first that is wrong, and where
+    lost: tuple[int, ...] = ()  # steps without a shape, but for those for which the cable is too short
 
 
 def random_cable(rng: np.random.Generator) -> cs.Cable:
@@ -221,33 +222,38 @@ def twisted(rng: np.random.Generator, cable: cs.Cable) -> Motion:
 
 def run(kind: str, number: int) -> Found:
     """Predicts a motion's steps and judges them."""
-    given = motion(kind, number)
+    return run_motion(motion(kind, number), f"{kind} {number}")
+
+
+def run_motion(given: Motion, title: str) -> Found:
+    """The same of any motion."""
     cycle = cs.Cycle(given.cables, scene=given.scene, clips=given.clips or None, model="cosserat", points=301)
     statuses: Counter[str] = Counter()
     wrong: Counter[str] = Counter()
-    first, before = "", None
-    sides: dict[str, cs.CableShape] = {}
+    first, before, lost = "", None, []
+    bands = {name: Band(cable, given.scene, given.clips.get(name, [])) for name, cable in given.cables.items()}
     for k, grips in enumerate(given.steps):
         shapes = cycle.step(grips, stamp=10_000_000 * k).shapes
         texts = []
         for name, shape in shapes.items():
             clips = given.clips.get(name, [])
             none = not shape.usable and (
-                short(clips, shape.length, *grips[name])
-                or (name in sides and too_short(given.cables[name], given.scene, clips, sides[name], *grips[name]))
+                short(clips, shape.length, *grips[name]) or bands[name].too_short(*grips[name])
             )
             statuses["too far apart" if none else shape.status.name] += 1
             if shape.usable:
-                sides[name] = shape
+                bands[name].lie(shape)
                 texts += judged(given.cables[name], given.scene, shape, shape.supports)
+            elif not none:
+                lost.append(k)
         if all(shape.usable for shape in shapes.values()):
             if before is not None:
                 texts += ways(given, before, shapes)
             before = shapes
         for text in texts:
             wrong[text.split(":")[0]] += 1
-            first = first or f"{kind} {number}, step {k}: {text}"
-    return Found(statuses, wrong, first)
+            first = first or f"{title}, step {k}: {text}"
+    return Found(statuses, wrong, first, tuple(lost))
 
 
 def short(clips: list[cs.Clip], length: float, start: cs.Pose, end: cs.Pose) -> bool:

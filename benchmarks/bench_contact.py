@@ -1,0 +1,35 @@
+#!/usr/bin/env python
+"""Cables that are routed: random motions judged by a check in numpy, and times of steps with many contacts.
+
+    scripts/bench contact [--quick] [--motions N] [--only routing times] [--save FILE] [--compare FILE]
+
+Takes hours in full: 500 motions of 200 steps, each shape certified.
+"""
+
+from __future__ import annotations
+
+from contact_routing import print_routing
+from contact_times import print_road, print_times
+from figures import Figures, bench_options, bench_parser, finish, machine
+
+PARTS = ("routing", "times")
+
+
+def main() -> int:
+    """All tables."""
+    parser = bench_parser(__doc__, "20 motions")
+    parser.add_argument("--motions", type=int, metavar="N", help="random motions of all kinds together (500)")
+    parser.add_argument("--only", nargs="+", choices=PARTS, default=PARTS, help="parts of it")
+    options = bench_options(parser)
+    figures = Figures()
+    print(machine())
+    if "times" in options.only:
+        print_times(figures)
+        print_road(figures)
+    if "routing" in options.only:
+        print_routing(figures, options.motions or (20 if options.quick else 500))
+    return finish(figures, options)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,86 @@
+"""Warm steps with some twenty contacts, on a table, with friction, in a channel; and steps that need the road."""
+
+from __future__ import annotations
+
+import math
+from time import thread_time
+from unittest.mock import patch
+
+import numpy as np
+from clocks import Turns
+from figures import Figures, heading
+
+import cable_shape as cs
+from cable_shape.solve.touching.road import Road
+
+ALONG_X = (0.5, 0.5, 0.5, 0.5)
+CABLE = cs.Cable(1.2, 0.1, 0.003, 0.003, diameter=0.004)
+HALF = math.sqrt(0.5)
+OUT, BACK = (0.0, HALF, 0.0, HALF), (0.0, -HALF, 0.0, HALF)
+STEPS, SPEED = 200, 1e-4  # of the grips, and by how much they move in each [m]
+ASKED = {"without friction": 80.0, "friction 0.4": 160.0, "in a channel": 160.0}  # us
+ASKED_OF_ROAD = 1000.0  # us
+
+
+def scenes() -> dict[str, cs.Scene]:
+    """What the cable lies on, by name."""
+    wall = cs.Box((1.0, 0.02, 0.03))
+    table, rough = (cs.Obstacle("table", cs.HalfSpace(), friction=rubs) for rubs in (0.0, 0.4))
+    walls = [cs.Obstacle(f"wall{y}", wall, cs.Pose((0.565, y, 0.015))) for y in (-0.012, 0.013)]
+    bodies = {"without friction": [table], "friction 0.4": [rough], "in a channel": [table, *walls]}
+    return {name: cs.Scene(obstacles=found, contact="solve") for name, found in bodies.items()}
+
+
+def print_times(figures: Figures) -> None:
+    """Medians of whole warm predictions in turns, and ratios to the plain cable's."""
+    heading("Warm steps of a cable with many contacts")
+    predictors = {name: cs.Predictor(CABLE, scene=scene, model="cosserat") for name, scene in scenes().items()}
+    plain = cs.Predictor(CABLE, model="cosserat")
+    turns = Turns(*predictors, "plain", clock=thread_time)
+    contacts: dict[str, list[int]] = {name: [] for name in predictors}
+    for k in range(STEPS):
+        t = SPEED * k / 0.02
+        start = cs.Pose((0, 0.002 * np.sin(t), 0.03 + 0.02 * np.sin(t)), ALONG_X)
+        end = cs.Pose((1.13 + 0.01 * np.sin(1.4 * t), 0.002 * np.sin(t), start.position[2]), ALONG_X)
+        turns.of("plain", lambda a=start, b=end: plain.predict(a, b))
+        for name, predictor in predictors.items():
+            shape = turns.of(name, lambda p=predictor, a=start, b=end: p.predict(a, b))
+            contacts[name].append(len(shape.contacts))
+    for name, asked in ASKED.items():
+        spent = turns.medians[name]
+        times = spent / turns.medians["plain"]
+        print(f"{name}: {np.median(contacts[name]):.0f} contacts, {times:.1f} times the plain cable")
+        figures.at_most(f"warm step, {name}", 1e6 * spent, asked, "{:.0f}", " us")
+
+
+def print_road(figures: Figures) -> None:
+    """Steps of hairpins drawn against posts, those whose shape the road has led to."""
+    heading("Steps that need the road: hairpins drawn against posts")
+    spent: list[float] = []
+    roads: list[bool] = []
+    went = Road.go
+
+    def go(road: Road, frames: np.ndarray) -> bool:
+        roads.append(went(road, frames))
+        return roads[-1]
+
+    with patch.object(Road, "go", go):
+        draw(spent, roads)
+    print(f"{len(spent)} steps")
+    figures.at_most("step that needs the road, median", 1e6 * float(np.median(spent)), ASKED_OF_ROAD, "{:.0f}", " us")
+
+
+def draw(spent: list[float], roads: list[bool]) -> None:
+    """Adds the times of the steps in which a road was gone."""
+    for stiffness in (0.0005, 0.002):
+        for rubs in (0.0, 0.2):
+            post = cs.Obstacle("post", cs.Cylinder(0.04, 2.0), friction=rubs)
+            scene = cs.Scene(obstacles=[post], contact="solve")
+            predictor = cs.Predictor(cs.Cable(0.8, 0.05, stiffness), model="cosserat", scene=scene)
+            for back in np.arange(0.0, 0.31, 0.005):
+                ends = cs.Pose((-back, -0.12, 0.0), OUT), cs.Pose((-back, 0.12, 0.0), BACK)
+                roads.clear()
+                began = thread_time()
+                shape = predictor.predict(*ends)
+                if shape.usable and roads:
+                    spent.append(thread_time() - began)
