@@ -16,6 +16,7 @@ import sys
 import tempfile
 from collections import Counter
 from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
 from time import monotonic
 
 from tqdm import tqdm
@@ -27,8 +28,11 @@ from cable_shape.warm_up.runs import STAGES
 SAY_S = 15.0  # between lines where nobody watches a bar
 
 
-def compile_until(stage: str, cores: int | None = None) -> None:
-    """Compiles what the list has for stages up to this one, then runs them: what it lacks is compiled by that."""
+def compile_until(stage: str, cores: int | None = None, touch: Path | None = None) -> None:
+    """Compiles what the list has for stages up to this one, then runs them: what it lacks is compiled by that.
+
+    touch: a file to be made once the kernels of the first stage are there.
+    """
     names = list(STAGES)[: list(STAGES).index(stage) + 1]
     here = {one[1:] for one in kernel_list.cached()}
     wanted = [entry for entry in kernel_list.read() if entry.stage in names and entry[1:] not in here]
@@ -47,8 +51,12 @@ def compile_until(stage: str, cores: int | None = None) -> None:
             left[entry.stage] -= 1
             if not left[entry.stage]:
                 tqdm.write(f"kernels of {entry.stage} after {now - began:.0f} s", file=sys.stderr)
+            if touch and not left[names[0]]:
+                touch.touch()
     for name in names:
         STAGES[name]()
+        if touch:
+            touch.touch()
 
 
 def record() -> None:
@@ -71,6 +79,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--until", choices=STAGES, default=list(STAGES)[-1], help="the last stage (all)")
     parser.add_argument("--cores", type=int, help="on so many processes (all cores)")
+    parser.add_argument("--touch", type=Path, metavar="FILE", help="make it once the kernels of shapes are there")
     parser.add_argument("--record", action="store_true", help="write the list of kernels")
     options = parser.parse_args(arguments)
     if options.cores is not None and options.cores < 1:
@@ -78,7 +87,7 @@ def main(arguments: list[str] | None = None) -> int:
     if options.record:
         record()
     else:
-        compile_until(options.until, options.cores)
+        compile_until(options.until, options.cores, options.touch)
     return 0
 
 
