@@ -35,6 +35,7 @@ def room_of(module: str) -> str:
     return module if modules()[module].stem == "__init__" else module.rpartition(".")[0] or module
 
 
+@cache
 def imported_by(module: str) -> set[str]:
     """Modules of the package that one imports."""
     found = set()
