@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple, final
+from typing import TYPE_CHECKING, Any, NamedTuple, final
 
 import numpy as np
 
 from cable_shape.checks import Array
 from cable_shape.kernels.distance import cloud
 from cable_shape.kernels.distance.cloud import MISS, PLACE, SUMS, WEIGHT
-from cable_shape.pose import FreeEnd, Grip
-from cable_shape.shape import CableShape, Status
-from cable_shape.tracking.rod import Rod
+from cable_shape.shape import Status
+from cable_shape.tracking.rod import Ends, Rod
+
+if TYPE_CHECKING:
+    from cable_shape.tracking.harness_rod import HarnessRod
 
 #: Rounds of a fit at most, shares of its step that are tried.
 ROUNDS, SHARES = 12, (1.0, 0.5, 0.2, 0.05)
@@ -54,14 +56,15 @@ class Noise:
 class Fit(NamedTuple):
     """What was found.
 
-    z (k,), covariance (k, k); shape, with moves (n, 3, k); told (m,): how likely each point is of the cable; residual:
-    sum of squares of normalised misses of so many pieces; shift: square of the normalised change of z; directions: how
-    many numbers the points tell.
+    z (k,), covariance (k, k); shape, with its line (n, 3) and moves (n, 3, k); told (m,): how likely each point is of
+    the cable; residual: sum of squares of normalised misses of so many pieces; shift: square of the normalised change
+    of z; directions: how many numbers the points tell.
     """
 
     z: Array
     covariance: Array
-    shape: CableShape
+    shape: Any
+    line: Array
     moves: Array
     told: Array
     residual: float
@@ -72,7 +75,7 @@ class Fit(NamedTuple):
 
 
 def fitted(
-    rod: Rod, points: Array, ends: tuple[Grip, Grip | FreeEnd], mean: Array, covariance: Array, noise: Noise,
+    rod: Rod | HarnessRod, points: Array, ends: Ends, mean: Array, covariance: Array, noise: Noise,
     pulled: tuple[bool, bool] = (False, False),
 ) -> Fit | None:  # fmt: skip
     """Begins at the mean (k,) with its covariance (k, k); None where the rod has no usable shape there.
@@ -81,31 +84,32 @@ def fitted(
     on the rod's own derivatives, cut until the points become more likely), about lines that are the sharper the nearer
     they have come.
     """
-    shape = rod.solve(mean, *ends)
+    shape: Any = rod.solve(mean, ends)
     if not shape.status:
         return None
-    moves, unit = rod.moves(), np.eye(len(mean))
+    line, moves, unit = rod.line(shape), rod.moves(), np.eye(len(mean))
     y = np.zeros(len(mean))  # z = mean + covariance y: numbers without a spread stay
-    seen = _Seen(points, shape.length, noise, pulled)
-    soft = seen.softness(shape.positions, moves, covariance)
+    seen = _Seen(points, rod.length, rod.gaps, noise, pulled)
+    soft = seen.softness(line, moves, covariance)
     for _ in range(ROUNDS):
         variance = noise.variance + soft**2
-        A, b, cost = seen.equations(shape.positions, moves, variance)
+        A, b, cost = seen.equations(line, moves, variance)
         cost += float(y @ covariance @ y)
         to = np.linalg.solve(unit + A @ covariance, b + A @ (covariance @ y))
         if soft > 0.0:
-            line = shape.positions + moves @ (covariance @ (to - y))
-            A, b, _ = seen.equations(line, moves, variance)
+            ahead = line + moves @ (covariance @ (to - y))
+            A, b, _ = seen.equations(ahead, moves, variance)
             to = np.linalg.solve(unit + A @ covariance, b + A @ (covariance @ to))
         moved = math.inf
         for share in SHARES:
             trial = y + share * (to - y)
-            there = rod.solve(mean + covariance @ trial, *ends)
+            there: Any = rod.solve(mean + covariance @ trial, ends)
             if there.status and there.status is not Status.SNAPPED:
-                better = seen.cost(there.positions, variance) + float(trial @ covariance @ trial)
+                moved_to = rod.line(there)
+                better = seen.cost(moved_to, variance) + float(trial @ covariance @ trial)
                 if better <= cost + _WORSE:
-                    moved = float(np.abs(there.positions - shape.positions).max())
-                    y, shape = trial, there
+                    moved = float(np.abs(moved_to - line).max())
+                    y, shape, line = trial, there, moved_to
                     if moved >= _STILL * math.sqrt(noise.variance):
                         moves = rod.moves()
                     break
@@ -114,10 +118,10 @@ def fitted(
         if sharp and (moved == math.inf or moved < _STILL * math.sqrt(noise.variance)):
             break
         soft = 0.0 if sharp else soft / _SHARPER
-    A, _, cost = seen.equations(shape.positions, moves, noise.variance)
+    A, _, cost = seen.equations(line, moves, noise.variance)
     now = np.linalg.solve(unit + covariance @ A, covariance)
     return Fit(
-        mean + covariance @ y, 0.5 * (now + now.T), shape, moves, seen.told, seen.residual, seen.pieces,
+        mean + covariance @ y, 0.5 * (now + now.T), shape, line, moves, seen.told, seen.residual, seen.pieces,
         float(y @ covariance @ y), float(np.trace(A @ now)), cost,
     )  # fmt: skip
 
@@ -125,10 +129,17 @@ def fitted(
 class _Seen:
     """The points, and the normal equations of one assignment."""
 
-    def __init__(self, points: Array, length: float, noise: Noise, pulled: tuple[bool, bool]) -> None:
+    def __init__(self, points: Array, length: float, gaps: Array, noise: Noise, pulled: tuple[bool, bool]) -> None:
         self._points, self._length, self._noise, self._pulled = points, length, noise, pulled
+        self._pieces = 1.0 - gaps  # 0: none
         self.told = np.zeros(len(points))
         self.residual = self.pieces = 0.0
+
+    def _tangents(self, line: Array) -> Array:
+        """(n - 1, 3), of the pieces; anything where there is none."""
+        steps = line[1:] - line[:-1]
+        steps[self._pieces == 0.0] = (1.0, 0.0, 0.0)
+        return np.asarray(steps / np.linalg.norm(steps, axis=1)[:, None])
 
     def _assign(self, line: Array, spread: Array) -> tuple[Array, float]:
         sums = np.empty((len(line) + 1, SUMS))
@@ -138,25 +149,23 @@ class _Seen:
 
     def softness(self, line: Array, moves: Array, covariance: Array) -> float:
         """[m]: how far the line is expected to be off where points are."""
-        steps = line[1:] - line[:-1]
-        tangents = steps / np.linalg.norm(steps, axis=1)[:, None]
+        tangents = self._tangents(line)
         middle = 0.5 * (moves[1:] + moves[:-1])
         across = middle - tangents[:, :, None] * np.einsum("ni,nik->nk", tangents, middle)[:, None, :]
         known = 0.5 * np.einsum("nik,kl,nil->n", across, covariance, across, optimize=True)
-        sums, _ = self._assign(line, self._noise.variance + known)
+        sums, _ = self._assign(line, self._pieces * (self._noise.variance + known))
         w = sums[:-2, WEIGHT]
         return math.sqrt(float(w @ known) / float(w.sum())) if w.sum() > 0.0 else 0.0
 
     def cost(self, line: Array, variance: float) -> float:
         """Minus twice the logarithm of the likelihood."""
-        return -2.0 * self._assign(line, np.full(len(line) - 1, variance))[1]
+        return -2.0 * self._assign(line, self._pieces * variance)[1]
 
     def equations(self, line: Array, moves: Array, variance: float) -> tuple[Array, Array, float]:
         """(k, k), (k,): information of the points, and what pulls; and the cost."""
         n = len(line)
-        steps = line[1:] - line[:-1]
-        tangents = steps / np.linalg.norm(steps, axis=1)[:, None]
-        sums, likely = self._assign(line, np.full(n - 1, variance))
+        tangents = self._tangents(line)
+        sums, likely = self._assign(line, self._pieces * variance)
         weights = sums[:, WEIGHT]
         some = weights > 1e-9
         w, rows = weights[some], np.flatnonzero(some)

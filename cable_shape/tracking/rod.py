@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, final
+from collections.abc import Mapping
+from typing import Any, cast, final
 
 import numpy as np
 
 from cable_shape.cable.cable import Cable
 from cable_shape.calibration.answers import Answers
+from cable_shape.calibration.parameters import Parameters
 from cable_shape.checks import Array
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.prediction import solvers
@@ -17,10 +19,12 @@ from cable_shape.solve.network import Network
 from cable_shape.solve.problem import Problem
 from cable_shape.tracking.unknown import Unknown
 
+Ends = Mapping[str, Grip | FreeEnd]
+
 #: m/s^2: that the places of the swing are nodes of the rod, whatever it is.
-_KINK = 1e-6
+KINK = 1e-6
 #: Answers to the material are taken anew when it has changed by this many steps of its finite differences.
-_ANEW = 50.0
+ANEW = 50.0
 
 
 @final
@@ -41,17 +45,20 @@ class Rod:
         self._options = options
         self._rod, self._before = solvers.Rod(), solvers.Rod()
         self._answers: Answers | None = None
-        parameters = unknown.parameters
+        parameters = self._parameters = cast("Parameters | None", unknown.parameters)
         self._steps = np.array([] if parameters is None else [p.step for p in parameters.each])
         self._at = np.empty(0) if parameters is None else parameters.start
         self._frames: tuple[Array, Array] = (np.eye(3), np.eye(3))
         self._ends: tuple[Grip, Grip | FreeEnd]
         self._z = np.zeros(unknown.size)
 
+        self.points = Problem(cable, **options).points
+        self.length = self.longest = cable.length  # m
+
     @property
-    def points(self) -> int:
-        """Of its shapes."""
-        return Problem(self.cable, **self._options).points
+    def rod_state(self) -> Any:
+        """The solver's memory of the last shape, in contact or not."""
+        return self._rod.rod_state()
 
     def reset(self) -> None:
         """Forgets the last shape."""
@@ -61,10 +68,27 @@ class Rod:
         """Forgets the last shape, and goes on from the one before."""
         self._rod, self._before = self._before, solvers.Rod()
 
-    def solve(self, z: Array, start: Grip, end: Grip | FreeEnd) -> CableShape:
+    @property
+    def at(self) -> Array:
+        """(rows,): points of the places of the swing."""
+        return np.round(np.linspace(0, self.points - 1, self.unknown.rows)).astype(np.int64)
+
+    @property
+    def gaps(self) -> Array:
+        """(n - 1,): whether nothing is between two points of the line, which is that of several cables."""
+        return np.zeros(self.points - 1, dtype=np.bool_)
+
+    @staticmethod
+    def line(shape: CableShape) -> Array:
+        """(n, 3) [m]."""
+        return shape.positions
+
+    def solve(self, z: Array, ends: Ends) -> CableShape:
         """The shape with deviations z (k,) of what is told of these ends, from the last one on."""
+        start, end = ends["start"], ends["end"]
+        assert isinstance(start, Grip)
         unknown = self.unknown
-        parameters, cable = unknown.parameters, self.cable
+        parameters, cable = self._parameters, self.cable
         values = np.empty(0)
         if parameters is not None:
             values = parameters.start + z[unknown.material]
@@ -73,7 +97,7 @@ class Rod:
         acceleration = None
         if unknown.rows:
             acceleration = swing.copy()
-            acceleration[1, 2] += _KINK
+            acceleration[1, 2] += KINK
         problem = Problem(cable, acceleration=acceleration, **self._options)
         near, far = displaced(start, z[:6]), end if isinstance(end, FreeEnd) else displaced(end, z[6:12])
         problem.move(near, far)
@@ -92,9 +116,9 @@ class Rod:
         out[:, :, :6] = carried(ends[:, :, :6], near, z[:6])
         if isinstance(far, Grip):
             out[:, :, 6:12] = carried(ends[:, :, 6:], far, z[6:12])
-        if unknown.parameters is not None:
-            if self._answers is None or (np.abs(self._values - self._at) > _ANEW * self._steps).any():
-                self._answers, self._at = Answers(unknown.parameters, self._values), self._values
+        if self._parameters is not None:
+            if self._answers is None or (np.abs(self._values - self._at) > ANEW * self._steps).any():
+                self._answers, self._at = Answers(self._parameters, self._values), self._values
             out[:, :, unknown.material] = self._answers.moves(state, *self._ends)
         if unknown.rows:
             assert isinstance(state, Network)

@@ -11,6 +11,7 @@ each with damping z and shaken by noise, so that in the long run it spreads by w
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -22,15 +23,20 @@ DAMPED, QUICK, AT_GRIPS = 0.5, 8.0, 0.3
 _LEAST, _MOST = 1e-5, 1.0
 
 
-def swung(dt: float, swing: float, gives: Array, forced: Array) -> tuple[Array, Array, Array]:
+def swung(
+    dt: float, swing: float, gives: Array, forced: Array, inner: Array, masses: Array
+) -> tuple[Array, Array, Array]:
     """Over dt [s], of accelerations and their rates (6 rows,): transition, covariance of what comes, and the goal.
 
-    swing [m/s^2]: how far they spread in the long run; gives (rows, 3, rows, 3) [s^2]: C; forced (rows, 3): x0''.
+    swing [m/s^2]: how far they spread in the long run, a lighter place further; gives (rows, 3, rows, 3) [s^2]: C;
+    forced (rows, 3): x0''; inner (i,): places that vibrate; masses (rows,): by which C is symmetric.
     """
     rows = len(gives)
-    inner = slice(1, rows - 1)
-    size, whole = 3 * (rows - 2), 3 * rows
-    own = gives[inner, :, inner, :].reshape(size, size)
+    whole = 3 * rows
+    at: Any = (3 * inner[:, None] + np.arange(3)).ravel()
+    weights = np.repeat(masses[inner] / masses[inner].mean(), 3)
+    roots = np.sqrt(weights)
+    own = roots[:, None] * gives.reshape(whole, whole)[np.ix_(at, at)] / roots
     squares, modes = np.linalg.eigh(0.5 * (own + own.T))
     w = 1.0 / np.sqrt(np.clip(squares, _LEAST, _MOST))  # rad/s
     d, z = w * math.sqrt(1.0 - DAMPED**2), DAMPED * w
@@ -41,11 +47,11 @@ def swung(dt: float, swing: float, gives: Array, forced: Array) -> tuple[Array, 
     qab = -aa * ba * va - ab * bb * vb
     qbb = vb - ba**2 * va - bb**2 * vb
     change, added = np.zeros((2 * whole, 2 * whole)), np.zeros((2 * whole, 2 * whole))
-    a, b = slice(3, whole - 3), slice(whole + 3, 2 * whole - 3)
+    a, b = at, whole + at
     for i, j, x, y in ((a, a, aa, qaa), (a, b, ab, qab), (b, a, ba, qab), (b, b, bb, qbb)):
-        change[i, j] = (modes * x) @ modes.T
-        added[i, j] = (modes * y) @ modes.T
-    for at in (*range(3), *range(whole - 3, whole)):
-        added[at, at] = AT_GRIPS**2
-        added[whole + at, whole + at] = 1.0
+        change[np.ix_(i, j)] = (modes * x) @ modes.T * (roots / roots[:, None])
+        added[np.ix_(i, j)] = (modes * y) @ modes.T / (roots * roots[:, None])
+    held = np.setdiff1d(np.arange(whole), at)
+    added[held, held] = AT_GRIPS**2
+    added[whole + held, whole + held] = 1.0
     return change, added, np.concatenate((forced.ravel(), np.zeros(whole)))

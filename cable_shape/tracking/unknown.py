@@ -12,16 +12,22 @@ exp(-distance / reach).
 
 from __future__ import annotations
 
-from typing import final
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cable_shape.cable.cable import Cable
 from cable_shape.calibration.parameters import ALONG, ROWS, Parameters
 from cable_shape.checks import Array
+from cable_shape.pose import FreeEnd, Grip
 from cable_shape.tracking.swing import QUICK
 from cable_shape.uncertainty.uncertainty import Uncertainty
 
+if TYPE_CHECKING:
+    from cable_shape.calibration.harness_parameters import HarnessParameters
+
+ENDS = ("start", "end")
 #: Names of material by which the shape at rest changes.
 MATERIAL = (
     "bending_stiffness", "bending_stiffness_along", "twisting_stiffness", "axial_stiffness", "length", "rest_curvature",
@@ -39,7 +45,6 @@ _OF_GRIPS = {
 } | {"roll": 11}
 
 
-@final
 class Unknown:
     """Where each number is in the vector, how far they spread at first, and how far they drift.
 
@@ -54,6 +59,11 @@ class Unknown:
         [1], standard deviation of the bends times the length of the cable.
     """
 
+    parameters: Parameters | HarnessParameters | None
+    first: Array  # (k, k), at first, the swing left out
+    masses: Array  # (rows,) [kg], that swing with each place, times any number
+    at_ends: Mapping[str, int]  # the places that are ends, by their names
+
     def __init__(self, cable: Cable, uncertainty: Uncertainty, rows: int, bends: float) -> None:
         told, _ = uncertainty.parameters(cable)
         names = [] if told is None else [name for name in told.names if name in MATERIAL]
@@ -61,19 +71,13 @@ class Unknown:
         if bent and ALONG not in names:
             names.append(ALONG)
         supports = told.supports if told is not None and ALONG in told.names else ROWS
-        self.parameters = Parameters(cable, names, supports=supports) if names else None
-        count = 0 if self.parameters is None else len(self.parameters.start)
-        self.grips, self.material = slice(0, 12), slice(12, 12 + count)
-        self.stays = slice(0, 12 + count)
-        self.swing = slice(12 + count, 12 + count + 3 * rows)
-        self.rates = slice(self.swing.stop, self.swing.stop + 3 * rows)
-        self.moving = slice(self.swing.start, self.rates.stop)
-        self.rows, self.size = rows, self.rates.stop
-        #: What belongs together of what stays: place and direction of each grip, each number of the cable, its bends.
-        self.parts = [slice(i, i + 3) for i in range(0, 12, 3)]
+        known = self.parameters = Parameters(cable, names, supports=supports) if names else None
+        self.lay_out(ENDS, 0 if known is None else len(known.start), rows)
+        self.at_ends = {"start": 0, "end": rows - 1} if rows else {}
+        self.masses = np.ones(rows)
         for name in names:
-            assert self.parameters is not None
-            own = self.parameters.where(name)
+            assert known is not None
+            own = known.where(name)
             self.parts.append(slice(12 + own.start, 12 + own.stop))
         first = np.zeros((self.size, self.size))
         first[:6, :6], first[6:12, 6:12] = uncertainty.start, uncertainty.end
@@ -86,12 +90,35 @@ class Unknown:
             here = places >= 0
             first[np.ix_(places[here], places[here])] += spread[np.ix_(here, here)]
         if bent:
-            assert self.parameters is not None
-            bends_at = self.parameters.where(ALONG)
+            assert known is not None
+            bends_at = known.where(ALONG)
             at = np.arange(12 + bends_at.start, 12 + bends_at.stop)
             field = (bends / cable.length) ** 2 * correlated(supports, REACH)
             first[np.ix_(at, at)] += np.kron(field, np.eye(2))
-        self.first: Array = first  # (k, k), at first, the swing left out
+        self.first = first
+
+    def lay_out(self, ends: Sequence[str], count: int, rows: int) -> None:
+        """Where things are: grips at these ends, so many numbers of material, so many places of the swing."""
+        grips = 6 * len(ends)
+        self.ends, self.rows = tuple(ends), rows
+        self.grips = {end: slice(6 * i, 6 * i + 6) for i, end in enumerate(ends)}
+        self.material = slice(grips, grips + count)
+        self.stays = slice(0, grips + count)
+        self.swing = slice(grips + count, grips + count + 3 * rows)
+        self.rates = slice(self.swing.stop, self.swing.stop + 3 * rows)
+        self.moving = slice(self.swing.start, self.rates.stop)
+        self.size = self.rates.stop
+        #: What belongs together of what stays: place and direction of each grip, each number of the cable, its bends.
+        self.parts = [slice(i, i + 3) for i in range(0, grips, 3)]
+
+    def end_of(self, part: slice) -> str | None:
+        """The end of which a part is; None: of the cable."""
+        return self.ends[part.start // 6] if part.start < self.material.start else None
+
+    def vibrate(self, ends: Mapping[str, Grip | FreeEnd]) -> Array:
+        """(i,): the places that no grip holds."""
+        held = [place for end, place in self.at_ends.items() if isinstance(ends.get(end), Grip)]
+        return np.setdiff1d(np.arange(self.rows), held)
 
     def _places(self, told: Parameters) -> list[int]:
         """Where in the vector the numbers of a calibration are; -1: nowhere."""

@@ -13,6 +13,7 @@ import numpy as np
 
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.network.compiled import inline, part, viewing
+from cable_shape.kernels.network.drive import strip
 from cable_shape.kernels.network.graph import factor, lead, solve, step_of_force
 from cable_shape.kernels.network.newton import size_at
 from cable_shape.kernels.network.sliding import columns, slide_step
@@ -391,7 +392,11 @@ def column_of(
 
 @viewing
 def add_gradient(ints: Whole, floats: Floats, sols: Floats, space: Floats, by: float, kept: Floats) -> None:
-    """Adds `by` times the gradient of a model at the solution to `kept`, see `differ`."""
+    """Adds `by` times the gradient of a model at the solution to `kept`, see `differ`.
+
+    Forces of spans beyond which nothing holds a place are those that the model makes them carry.
+    """
+    strip(ints, floats, sols)
     plan, model = plan_of(ints), model_of(ints, floats)
     sol, work = solution_of(ints, sols, TRIAL), work_of(ints, space)
     gradient(ints, floats, sols, space)
@@ -425,6 +430,7 @@ def differ(
     kept[:] = 0.0
     add_gradient(ints, plus, sols, space, 0.5 / step, kept)
     add_gradient(ints, minus, sols, space, -0.5 / step, kept)
+    strip(ints, floats, sols)
     gradient(ints, floats, sols, space)  # for forces and moments as they are
     n, m, work = ints[0], ints[1], work_of(ints, space)
     copy_rows(work.slack, part(kept, 6 * n, (n, 3)), 3)
