@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from cable_shape import checks
 from cable_shape.cable.cable import Cable
 from cable_shape.cycle.dynamic import DYNAMIC, QUASISTATIC, Dynamic
+from cable_shape.cycle.seen import AsSeen
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels.distance import bounds
 from cable_shape.pose import Ends, Grip, Pose
@@ -131,6 +132,7 @@ class CableCycle:
         self.tube: Tube | None = None  # of the last shape, if it is asked for and known
         self.tail_tubes: dict[str, Tube] = {}  # of the tails, by side
         self._rod: Solved | None = None  # of the last shape
+        self._seen: AsSeen | None = None  # the last shape was seen, not predicted
         self._acceleration: ArrayLike | None = None  # that it was loaded with
         self.tails: dict[str, CableShape] = {}  # by side
         self.found: Found | None = None  # the last usable shape
@@ -166,6 +168,18 @@ class CableCycle:
             self.found = Found(shape, self.tails, ends, links)
         return shape
 
+    def take_seen(self, seen: AsSeen, ends: Ends) -> None:
+        """Judges a shape that was seen in place of that which was just predicted."""
+        assert isinstance(seen.shape, CableShape)
+        self._seen, self._rod = seen, seen.rod
+        self.tails = self.hang(seen.shape, ends)
+
+    def look_again(self) -> None:
+        """Before the next prediction: after a shape that was seen it is no repetition, though ends stood still."""
+        if self._seen is not None:
+            self._seen = None
+            self.predictor.look_again()
+
     def begin(self, shape: CableShape, ends: Ends, links: Links) -> None:
         """Takes over a shape at which its predictor has arrived: the next step is not that shape again, but goes on."""
         self.predictor.look_again()
@@ -189,7 +203,10 @@ class CableCycle:
     def spread(self, shape: CableShape, ends: Ends, links: Links, stamp: int) -> Tube | None:
         """The tube of the shape just predicted, if it is asked for and known; kept, and those of the tails."""
         self.tail_tubes = {}
-        if self._tubes is not None:
+        if self._tubes is not None and self._seen is not None:
+            self._tubes.trouble = ""
+            self.tube = self._seen.tube  # type: ignore[assignment]
+        elif self._tubes is not None:
             if self._acceleration is not None:
                 inertia = left_out(self._tubes.uncertainty, self._acceleration, self.predictor.problem.gravity)
             else:

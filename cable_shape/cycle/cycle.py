@@ -19,6 +19,7 @@ from cable_shape.cycle.cable_cycle import CableCycle, CableCycles
 from cable_shape.cycle.dynamic import DYNAMIC, MOTIONS, QUASISTATIC
 from cable_shape.cycle.editing import Editing
 from cable_shape.cycle.harness_cycle import HarnessCycle, beside_each_other
+from cable_shape.cycle.seen import AsSeen
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import Ends, FreeEnd, Pose
 from cable_shape.prediction.cables_predictor import accelerate, check_ends, check_models, joined
@@ -300,6 +301,7 @@ class Cycle:
         early: Callable[[Mapping[str, CableShape]], None] | None = None,
         *,
         acceleration: Mapping[str, ArrayLike] | None = None,
+        seen: Callable[[Mapping[str, Any]], Mapping[str, AsSeen]] | None = None,
     ) -> CycleReport:
         """Predicts every cable in `grips` and checks it against the scene.
 
@@ -315,11 +317,15 @@ class Cycle:
             Without it, clearance to the robot is reported as not checked, and its links keep no cable out. A function
             is asked for them after `early`, or before the prediction where links keep the cable out or carry a clip.
         early : callable, optional
-            Is given the shapes as soon as they are predicted, before clearance, margins and warnings.
+            Is given the shapes as soon as they are known, before clearance, margins and warnings.
         acceleration : mapping of cable name to (3,), (m, 3) or (m, 6) array_like, optional
             [m/s^2], world, of cables in `grips` in this step, uniform in arc length, see
             :meth:`cable_shape.Predictor.predict`; the others are at rest, and so are tails. Of a cable whose
             acceleration is given no QUASISTATIC margin is told: its inertia is part of the load.
+        seen : callable, optional
+            Is given the predicted shapes, and gives those that were seen instead, by name of the cable: clearance,
+            margins, warnings and all else are of these then, and of stability, too, where they come with their rod. A
+            snap is looked for ahead from the predicted shape.
 
         Raises
         ------
@@ -334,6 +340,8 @@ class Cycle:
             raise ArgumentError.of("grips", grips, "it must be a mapping", "Write {name of the cable: (start, end)}.")
         if early is not None and not callable(early):
             raise ArgumentError.of("early", early, "it must be a function", "Leave it out, or give one.")
+        if seen is not None and not callable(seen):
+            raise ArgumentError.of("seen", seen, "it must be a function", "Leave it out, or give one.")
         began = perf_counter()
         cables = {}
         held = {name: self._harnesses[name] for name in grips if name in self._harnesses}
@@ -349,6 +357,10 @@ class Cycle:
                 start, end = grips[name]
                 grips = {**grips, name: (start, end if isinstance(end, FreeEnd) else None)}
             cables[name] = cable
+        for cable in cables.values():
+            cable.look_again()
+        for harness in held.values():
+            harness.look_again()
         moving = checks.mapping("acceleration", acceleration, grips, "Write {name of the cable: (ax, ay, az)}.")
         if moving or self._solves_crossing:
             for name, cable in cables.items():
@@ -365,6 +377,16 @@ class Cycle:
             shapes[name] = harness.predict(grips[name], placed, moving.get(name))  # type: ignore[arg-type]
             parts[name] = harness.parts(shapes[name])
             single.update(parts[name])
+        if seen is not None:
+            for name, look in seen(shapes).items():
+                shapes[name] = look.shape
+                if name in held:
+                    held[name].take_seen(look, grips[name])  # type: ignore[arg-type]
+                    parts[name] = held[name].parts(shapes[name])
+                    single.update(parts[name])
+                else:
+                    cables[name].take_seen(look, grips[name])
+                    single[name] = shapes[name]
         predicted = perf_counter()
         if early is not None:
             early(shapes)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from cable_shape.cable.harness import Harness, split_end
 from cable_shape.cycle.cable_cycle import check_parts
 from cable_shape.cycle.harness_stability import HarnessStability
+from cable_shape.cycle.seen import AsSeen
 from cable_shape.pose import Grip, Pose
 from cable_shape.prediction.harness_predictor import HarnessPredictor
 from cable_shape.prediction.tails import Tail, held_frame
@@ -101,6 +102,7 @@ class HarnessCycle:
         self.tubes: dict[str, Tube] = {}  # of the last shape's segments, if they are asked for and known
         self.tail_tubes: dict[tuple[str, str], Tube] = {}  # of its tails, likewise
         self._moving: Mapping[str, ArrayLike] | None = None  # acceleration of the last shape
+        self._seen: AsSeen | None = None  # the last shape was seen, not predicted
 
     def reset(self) -> None:
         """Forgets everything from before."""
@@ -113,6 +115,7 @@ class HarnessCycle:
         for tail in self._tails.values():
             tail.reset()
         self.tubes, self.tails, self.tail_tubes = {}, {}, {}
+        self._seen = None
         if self._known is not None:
             self._known.reset()
 
@@ -122,13 +125,29 @@ class HarnessCycle:
         """The shape of the harness, and those of tails beyond its grips into `tails`."""
         self._moving = acceleration
         shape = self.predictor.predict(ends, links=links, acceleration=acceleration)
+        self._hang(shape, ends)
+        return shape
+
+    def take_seen(self, seen: AsSeen, ends: Mapping[str, End]) -> None:
+        """Judges a shape that was seen in place of that which was just predicted."""
+        assert isinstance(seen.shape, HarnessShape)
+        self._seen = seen
+        self._hang(seen.shape, ends)
+
+    def look_again(self) -> None:
+        """Before the next prediction: after a shape that was seen it is no repetition, though ends stood still."""
+        if self._seen is not None:
+            self._seen = None
+            self.predictor.look_again()
+
+    def _hang(self, shape: HarnessShape, ends: Mapping[str, End]) -> None:
+        """Predicts the tails of a shape."""
         self.tails = {}
         for end, tail in self._tails.items():
             held, (segment, side) = ends.get(end), split_end(end)
             if isinstance(held, (Pose, Grip)):
                 there = held_frame(held, shape.segments[segment], side)
                 self.tails[cable_id(self.name, segment), side] = tail.predict(there)
-        return shape
 
     def spread(self, shape: HarnessShape, ends: Mapping[str, End], links: Links, stamp: int) -> dict[str, Tube]:
         """The tubes of the segments of the shape just predicted, if they are asked for and known; kept."""
@@ -139,7 +158,11 @@ class HarnessCycle:
                 for one, part in (self.parts(shape) if shape.status else {}).items()
             ]
             inertia = math.nan if any(map(math.isnan, ratios)) else max(ratios, default=math.nan)
-        if self._known is not None:
+        if self._known is not None and self._seen is not None:
+            self._known.trouble = ""
+            told: Any = self._seen.tube or {}
+            self.tubes, self.tail_tubes = {cable_id(self.name, segment): tube for segment, tube in told.items()}, {}
+        elif self._known is not None:
             found = self._known.tubes(self.predictor, shape, ends, self._moving, inertia, links)
             self.tubes, self.tail_tubes = {cable_id(self.name, segment): tube for segment, tube in found.items()}, {}
             for key, tail in self.tails.items():
@@ -183,7 +206,7 @@ class HarnessCycle:
                 one: tuple(m for m in margins if m.kind is not WarningKind.QUASISTATIC)
                 for one, margins in found.items()
             }
-        self.stability.judge(shape, stamp)
+        self.stability.judge(shape, stamp, None if self._seen is None else self._seen.rod)
         if self.stability.margin is not None:
             softest = cable_id(self.name, self.stability.segment)
             found[softest] = (*found[softest], self.stability.margin)

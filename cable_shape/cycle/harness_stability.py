@@ -46,9 +46,9 @@ class HarnessStability:
         self.segment = ""  # that turns most in its softest mode
         self._shape: HarnessShape | None = None
 
-    def judge(self, shape: HarnessShape, stamp: int) -> None:
-        """Takes over the shape that was just predicted, and looks ahead where a snap may be near."""
-        state, self._shape = self._predictor.rod_state, shape
+    def judge(self, shape: HarnessShape, stamp: int, rod: HarnessNetwork | HarnessTouchState | None = None) -> None:
+        """Takes over the shape just predicted, or that of another rod; looks ahead where a snap may be near."""
+        state, self._shape = self._predictor.rod_state if rod is None else rod, shape
         if state is None or state.history == 0:
             self._watch.reset()
             self.margin = None
@@ -57,8 +57,8 @@ class HarnessStability:
         if self._watch.soft != network.softest:
             self._watch.soft = network.softest
             self._watch.reset()
-        rod: Any = state
-        self._watch.margins(shape.segments[self._lead], Clearance(), stamp, state=rod)
+        told: Any = state
+        self._watch.margins(shape.segments[self._lead], Clearance(), stamp, state=told)
         self.margin = self._watch.stability
         if self.margin is not None:
             self.segment = self._softest(state)

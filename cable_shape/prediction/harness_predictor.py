@@ -187,6 +187,10 @@ class HarnessPredictor:
         self._last, self._last_ends, self._last_links = shape, dict(problem.ends), kept(problem.links)
         return shape
 
+    def look_again(self) -> None:
+        """The next prediction is made anew, from the last one, wherever its ends are."""
+        self._last = None
+
     def reset(self) -> None:
         """Forgets the last solution: the next one starts cold."""
         self._state = self._last = self._touch = None

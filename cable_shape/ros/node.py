@@ -327,13 +327,13 @@ class CableShapeNode(LifecycleNode):
         began = time.perf_counter()
         try:
             grips, links = ready.ends()
+            seeing = self._seeing
             report = assembly.cycle.step(
                 grips,
                 ready.stamp,
                 links,
-                lambda shapes: outputs.publish_shapes(
-                    parts_of(self._as_seen(shapes, grips, ready)), ready.stamp, ready.frame_id
-                ),
+                lambda shapes: outputs.publish_shapes(parts_of(shapes), ready.stamp, ready.frame_id),
+                seen=None if seeing is None else lambda _: seeing.seen(grips, ready.stamp, ready.frame_id),
             )
         except CableShapeError as error:
             self._health.refuse("cycle", str(error), self._now())
@@ -356,10 +356,6 @@ class CableShapeNode(LifecycleNode):
         if assembly.viewer is not None:
             assembly.viewer.offer(parts)
         self._health.cycled(report, time.perf_counter() - began, self._now())
-
-    def _as_seen(self, shapes: Any, grips: Any, ready: Ready) -> Any:
-        """The shapes of a cycle, corrected by what is seen if that is asked for."""
-        return shapes if self._seeing is None else self._seeing.corrected(shapes, grips, ready.stamp, ready.frame_id)
 
     def _edited(self) -> None:
         """The cables are others."""

@@ -306,7 +306,6 @@ class Settings:
         if self.cable_file:
             return
         refused = {
-            "points_seen": "one cable is tracked, no harness",
             "calibration": "cables are calibrated one by one",
             "calibration_points": "cables are calibrated one by one",
         }

@@ -12,6 +12,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 
 from cable_shape.checks import Array
+from cable_shape.cycle.seen import AsSeen
 from cable_shape.errors import ArgumentError, CableShapeError, InputError
 from cable_shape.messages.pairing import SECOND
 from cable_shape.pose import FreeEnd, Grip, Pose, as_grip, between
@@ -23,6 +24,8 @@ from cable_shape.ros.parameters import Settings
 from cable_shape.ros.qos import SENSOR
 from cable_shape.tracking.tracker import Tracker
 
+Held = Mapping[str, Grip | FreeEnd]
+
 TOPIC = "cable/points_seen"
 #: Cycles whose grips are kept, for clouds that come late; points of a cloud at most.
 _KEPT, _MOST = 2000, 20_000
@@ -30,7 +33,7 @@ _KEPT, _MOST = 2000, 20_000
 
 @final
 class Seeing:
-    """A tracker of the node's one cable, which hears clouds and is asked for the shape of every cycle.
+    """A tracker of the node's one cable or harness, which hears clouds and is asked for the shape of every cycle.
 
     A cloud is compared with the grips at its own stamp, between those of the cycles before and after; the newest one
     that is ahead of the grips waits for them.
@@ -40,8 +43,8 @@ class Seeing:
         self, node: Node, settings: Settings, assembly: Assembly, health: Health, now: Callable[[], int]
     ) -> None:
         if len(assembly.holdings) != 1:
-            bound = f"one cable is tracked; there are {len(assembly.holdings)}"
-            raise ArgumentError.of("points_seen", True, bound, "Leave it out, or name a file of one cable.")
+            bound = f"one cable or harness is tracked; there are {len(assembly.holdings)}"
+            raise ArgumentError.of("points_seen", True, bound, "Leave it out, or name a file of one.")
         self._node, self._settings, self._assembly = node, settings, assembly
         self._health, self._now = health, now
         self._name = assembly.holdings[0].cable_id
@@ -59,41 +62,36 @@ class Seeing:
 
     def take(self) -> None:
         """The cable, or what is around it, is another one: all begins anew."""
-        cycle = self._assembly.cycle
-        self._tracker = Tracker(
-            cycle.cables[self._name],
-            cycle.scene,
-            uncertainty=self._assembly.uncertainty,
-            gravity=self._settings.gravity,
-            points=self._settings.points,
-        )
+        cycle, known = self._assembly.cycle, self._assembly.uncertainty
+        options: dict[str, Any] = {"gravity": self._settings.gravity, "points": self._settings.points}
+        file = self._assembly.harnesses.get(self._name)
+        what = cycle.cables[self._name] if file is None else file.harness
+        self._tracker: Any = Tracker(what, cycle.scene, uncertainty=known, **options)
+        self._tubes = known is not None
         self.restart()
 
     def restart(self) -> None:
         """The input's clock was set back."""
         self._tracker.reset()
-        self._grips: deque[tuple[int, Grip, Grip | FreeEnd]] = deque(maxlen=_KEPT)
+        self._grips: deque[tuple[int, Held]] = deque(maxlen=_KEPT)
         self._waiting: tuple[int, Array] | None = None
 
     def destroy(self) -> None:
         """Takes the topic away."""
         self._node.destroy_subscription(self._subscription)
 
-    def corrected(
-        self, shapes: Mapping[str, Any], grips: Mapping[str, Any], stamp: int, frame_id: str
-    ) -> Mapping[str, Any]:
-        """The shapes of a cycle, the cable's by what was seen of it; as they are while it is lost."""
-        start, end = grips[self._name]
-        far = end if isinstance(end, FreeEnd) else FreeEnd() if end is None else as_grip("end", end)
+    def seen(self, grips: Mapping[str, Any], stamp: int, frame_id: str) -> dict[str, AsSeen]:
+        """Of a cycle with these grips the shape by what was seen; nothing while the cable is lost."""
+        held = _held(grips[self._name])
         self._frame_id = frame_id
-        self._grips.append((stamp, as_grip("start", start), far))
+        self._grips.append((stamp, held))
         if self._waiting is not None and self._waiting[0] <= stamp:
             seen, self._waiting = self._waiting, None
             self._look(*seen)
         if self._tracker.lost:
-            return shapes
-        shape = self._tracker.predicted(stamp=stamp, start=self._grips[-1][1], end=far)
-        return {**shapes, self._name: shape} if shape.usable else shapes
+            return {}
+        shape, tube = self._tracker.expected(stamp, tube=self._tubes, **_keywords(held))
+        return {self._name: AsSeen(shape, tube, self._tracker.rod_state)} if shape.usable else {}
 
     def _hear(self, message: PointCloud2) -> None:
         """A cloud came."""
@@ -117,9 +115,9 @@ class Seeing:
 
     def _look(self, stamp: int, points: Array) -> None:
         """Takes points seen at a stamp that the grips' have reached."""
-        start, end = self._then(stamp)
+        held = self._then(stamp)
         try:
-            self._tracker.update(points, stamp=stamp, start=start, end=end)
+            self._tracker.update(points, stamp=stamp, **_keywords(held))
         except CableShapeError as error:
             self._health.remark(TOPIC, f"{TOPIC}: not used: {error}", self._now())
             return
@@ -136,7 +134,7 @@ class Seeing:
             )
             self._health.remark(TOPIC, text + "Calibrate it, or name its file.", self._now())
 
-    def _then(self, stamp: int) -> tuple[Grip, Grip | FreeEnd]:
+    def _then(self, stamp: int) -> Held:
         """The ends at a stamp, between two cycles on the straight way.
 
         Raises
@@ -150,12 +148,27 @@ class Seeing:
             ago = (stamps[-1] - stamp) / SECOND
             raise InputError(f"stamp {ago:.3f} s before the newest grips: older than all grips that are kept.")
         if i == len(stamps) or stamps[i - 1] == stamp:
-            return self._grips[i - 1][1:]
-        (before, *old), (after, *new) = self._grips[i - 1], self._grips[i]
+            return self._grips[i - 1][1]
+        (before, old), (after, new) = self._grips[i - 1], self._grips[i]
         share = (stamp - before) / (after - before)
-        start, end = (_between(a, b, share) for a, b in zip(old, new, strict=True))
-        assert isinstance(start, Grip)
-        return start, end
+        return {name: _between(old[name], end, share) if name in old else end for name, end in new.items()}
+
+
+def _held(ends: Any) -> Held:
+    """What holds each end, of a cable or of a harness."""
+    if isinstance(ends, Mapping):
+        return {name: _end(name, end) for name, end in ends.items()}
+    start, end = ends
+    return {"start": _end("start", start), "end": _end("end", end)}
+
+
+def _end(name: str, end: Any) -> Grip | FreeEnd:
+    return FreeEnd() if end is None else end if isinstance(end, FreeEnd) else as_grip(name, end)
+
+
+def _keywords(held: Held) -> dict[str, Any]:
+    """Of a tracker's methods, which takes the ends of a harness in one."""
+    return dict(held) if held.keys() == {"start", "end"} else {"ends": held}
 
 
 def _between(a: Grip | FreeEnd, b: Grip | FreeEnd, share: float) -> Grip | FreeEnd:

@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from nursery import NODES, Forked, nursery
 
@@ -32,7 +33,7 @@ from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import JointState, PointCloud2, PointField
 
 TIMEOUT = 120.0  # s, bound of every wait; the kernels may have to be compiled within it
 FIRST_PATIENCE, LONGEST_PATIENCE = 0.1, 10.0  # s, for what a message leads to, which may be lost; each time longer
@@ -360,6 +361,18 @@ def wait_until_gone(*pids: int) -> None:
     while any(map(alive, pids)):
         assert time.monotonic() < end, pids
         time.sleep(0.05)
+
+
+def cloud_message(points: np.ndarray, stamp: int, frame: str = "world") -> PointCloud2:
+    """Of points (n, 3) [m] seen at a stamp [ns]."""
+    message = PointCloud2(height=1, width=len(points), point_step=12, row_step=12 * len(points), is_dense=True)
+    message.header.frame_id = frame
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
+    message.fields = [
+        PointField(name=name, offset=4 * i, datatype=PointField.FLOAT32, count=1) for i, name in enumerate("xyz")
+    ]
+    message.data = np.ascontiguousarray(points, dtype=np.float32).tobytes()
+    return message
 
 
 def nanoseconds(stamp: Any) -> int:

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
 from cable_shape_msgs.msg import CableMargins, CableShape, CableWarnings
+from clouds import cloud
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped, TransformStamped
-from harness import LATCHED, nanoseconds, values_of
+from harness import LATCHED, cloud_message, nanoseconds, values_of
 from nav_msgs.msg import Path
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState, PointCloud2
@@ -383,3 +384,35 @@ def test_what_cannot_be_held_fails_at_once(name, changes, told, tmp_path):
     path.write_text(HARNESS)
     with pytest.raises(ArgumentError, match=told):
         Assembly(settings(harness_file=str(path), **changes))
+
+
+def test_what_is_seen_of_a_harness_corrects_its_shapes(start, file):
+    cell = start(cable_file=None, harness_file=file, active=False, stale_after=0.4, points=41, points_seen="true")
+    hands = Hands(cell, PLACES)
+    sensor = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+    publisher = cell.node.create_publisher(PointCloud2, "cable/points_seen", sensor)
+    cell.until(publisher.get_subscription_count, "subscription to cable/points_seen")
+    given = cs.Harness.from_yaml(file)
+    other = given.segments["b"].replace(bending_stiffness=0.03, rest_curvature=(0.0, 1.0, 0.0))
+    grips = {end: cs.Pose(place, ALONG) for end, place in PLACES.items()}
+    true = cs.predict(given.replace(segments={**given.segments, "b": other}), grips, points=41)
+
+    def off(messages):
+        apart = [shape_from(messages[f"h/{n}"]).positions - one.positions for n, one in true.segments.items()]
+        return float(np.linalg.norm(np.concatenate(apart), axis=1).mean())
+
+    before = off(hands.predicted())
+    assert before > 0.01
+    stamps = []
+
+    def send():
+        stamps.append(hands.all())
+        if len(stamps) > 1:
+            clouds = [cloud(one, len(stamps), count=150) for one in true.segments.values()]
+            publisher.publish(cloud_message(np.concatenate(clouds), stamps[-2]))
+
+    def near():
+        messages = next(filter(None, (hands.shapes_at(stamp) for stamp in reversed(stamps))), None)
+        return messages and off(messages) < 0.3 * before
+
+    cell.send_until(send, near, "shapes that are corrected")

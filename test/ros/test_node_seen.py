@@ -7,9 +7,9 @@ import pytest
 from cable_shape_msgs.msg import CableShape
 from clouds import ALONG_X, cloud
 from diagnostic_msgs.msg import DiagnosticStatus
-from harness import nanoseconds
+from harness import cloud_message, nanoseconds
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from sensor_msgs.msg import PointCloud2, PointField
+from sensor_msgs.msg import PointCloud2
 
 import cable_shape as cs
 from cable_shape.messages.fields import shape_from
@@ -29,14 +29,7 @@ def seen(start):
     cell.until(publisher.get_subscription_count, "subscription to cable/points_seen")
 
     def send(points: np.ndarray, stamp: int, frame: str = "world") -> None:
-        message = PointCloud2(height=1, width=len(points), point_step=12, row_step=12 * len(points), is_dense=True)
-        message.header.frame_id = frame
-        message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
-        message.fields = [
-            PointField(name=name, offset=4 * i, datatype=PointField.FLOAT32, count=1) for i, name in enumerate("xyz")
-        ]
-        message.data = np.ascontiguousarray(points, dtype=np.float32).tobytes()
-        publisher.publish(message)
+        publisher.publish(cloud_message(points, stamp, frame))
 
     cell.send = send
     return cell
@@ -94,4 +87,6 @@ def test_several_cables_are_not_tracked(start, tmp_path):
     file = tmp_path / "two.yaml"
     file.write_text(f"cables: {{a: {one}, b: {one}}}\n")
     cell = start(cable_file=file, points_seen="true", active=False)
-    cell.diagnosis("lifecycle", "points_seen = True is not allowed: one cable is tracked; there are 2", level=None)
+    cell.diagnosis(
+        "lifecycle", "points_seen = True is not allowed: one cable or harness is tracked; there are 2", level=None
+    )
