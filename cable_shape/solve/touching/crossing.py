@@ -14,10 +14,12 @@ from typing import Protocol, final
 import numpy as np
 
 from cable_shape.checks import Array
+from cable_shape.pose import Grip
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve.problem import Problem
 from cable_shape.solve.rod_common import Patience
 from cable_shape.solve.search import between
+from cable_shape.solve.touching.lift import levels, lifted
 from cable_shape.solve.touching.pile import Member, Pile, all_frames, carried_of
 from cable_shape.solve.touching.places import Places, Spot
 
@@ -27,6 +29,8 @@ _FIRST_STEP, _SMALLEST_STEP = 0.25, 1.0 / 256.0
 _MOST_STEPS = 60  #: on one way
 _FINER, _FINEST = (1.5, 2.25), 8.0  #: times as many elements, where no way leads on; than usual, at most
 _ROUNDS = 6  #: of finding places that were missed
+_HIGHER, _HIGHEST = 1.5, 2.0  #: times as high, until cables touch none; of the length
+_WAYS = (1, 5, 25)  #: in so many steps cables are let down
 _SAME = 1e-3  #: of the length: a shape found alone is the one that has come free, if it is no further away
 _LOST = "no equilibrium of cables that touch was found. "
 _THROUGH = (
@@ -70,6 +74,7 @@ class Crossing:
         self._solos = list(solos)
         self._time_budget, self._deadline = time_budget, math.inf
         self._patience, self._why = Patience(), ""
+        self._leaps = True  # whether another equilibrium is looked for where no way leads on
         self._places = Places(names, self.problems)
         self.reset()
 
@@ -319,6 +324,8 @@ class Crossing:
         late = Status.BUDGET_EXCEEDED
         if perf_counter() > self._deadline:  # what has been reached is where the next solve starts
             return [_graded(shape, late, late.remedy) for shape in self._shapes]
+        if not self._leaps:
+            return self._give_up([None] * len(free), _LOST)
         kept = group.keep()
         found = group.go(frames, search=True)
         if found and group.refined():
@@ -335,7 +342,7 @@ class Crossing:
         return self._cold(alone, frames, Status.SNAPPED, began)
 
     def _cold(self, shapes: list[CableShape], frames: Array, status: Status, began: float) -> list[CableShape]:
-        """From the shapes alone: where they overlap they are pushed apart, the way that is nearest.
+        """From the shapes alone: where they overlap they are pushed apart, the way that is nearest, or else let down.
 
         Those that run through each other's middle go over each other in the order of their names, or of arc length.
         """
@@ -365,8 +372,10 @@ class Crossing:
                 return self._give_up(list(shapes), crowded)
             self._group = Pile(self._names, self.problems, given, frames, spots)
             if not self._grown(frames):
-                break
-            spots = self._group.spots
+                let_down = self._let_down(spots, frames)
+                if not let_down:
+                    break
+                given = let_down
             given = self._reported(list(given), status, began)
         return self._give_up(list(shapes), _LOST)
 
@@ -393,6 +402,64 @@ class Crossing:
                 if step < _SMALLEST_STEP:
                     break
         return False
+
+    def _let_down(self, spots: Sequence[Spot], frames: Array) -> list[CableShape]:
+        """The shapes of cables that are held higher the more others lie below them, and let down on those; none: no
+        way.
+
+        Those that touch are the group then. Cables in clips are not lifted.
+        """
+        level = levels(spots, self._places.down) if self._leaps else {}
+        if not level or any(self.problems[i].clips for i, k in level.items() if k > 0):
+            return []
+        height = max(self._places.reach(spot.cables) for spot in spots)
+        most = _HIGHEST * max(problem.cable.length for problem in self.problems)
+        while self._held_higher(level, height) is None:
+            height *= _HIGHER
+            if height > most or perf_counter() > self._deadline:
+                return []
+        for steps in _WAYS:
+            other = self._held_higher(level, height)
+            shapes: list[CableShape] = []
+            for k in range(steps - 1, -1, -1):
+                if other is None or perf_counter() > self._deadline:
+                    return []
+                other._lift(self.problems, level, height * k / steps)
+                shapes = other.solve()
+                if not all(shape.usable for shape in shapes) or other._places.overlaps(shapes, other._spots):
+                    break
+            else:
+                if other is not None and self._take_over(other, shapes, frames):
+                    return shapes
+        return []
+
+    def _held_higher(self, level: dict[int, int], height: float) -> Crossing | None:
+        """These cables, held so many times this height [m] higher; None if they touch there, or have no shape."""
+        other = Crossing(self._names, [solo.twin() for solo in self._solos], self._time_budget)
+        other._leaps = False
+        other._lift(self.problems, level, height)
+        alone = [solo.alone() for solo in other._solos]
+        if not all(shape.usable for shape in alone) or other._places.overlaps(alone):
+            return None
+        return other if all(shape.usable for shape in other.solve()) else None
+
+    def _lift(self, given: Sequence[Problem], level: dict[int, int], height: float) -> None:
+        """Holds the cables so many times a height [m] above where they are given."""
+        for i, (problem, one) in enumerate(zip(self.problems, given, strict=True)):
+            way = -level.get(i, 0) * height * self._places.down
+            start, end = (lifted(grip, way) if isinstance(grip, Grip) else grip for grip in (one.start, one.end))
+            assert isinstance(start, Grip)
+            problem.move(start, end, one.links)
+
+    def _take_over(self, other: Crossing, shapes: list[CableShape], frames: Array) -> bool:
+        """Goes on from shapes that the same cables have elsewhere, between the same ends."""
+        for i, (solo, shape) in enumerate(zip(self._solos, shapes, strict=True)):
+            solo.go_on_from(shape, *self._ends_and_links(i, frames))
+        self._group = None
+        if other.touching:
+            spots = [spot.copy() for spot in other._spots]
+            self._group = Pile(self._names, self.problems, shapes, frames, spots, other._more)
+        return self._group is None or (self._group.go(frames) and self._group.refined())
 
     # -- results
 
@@ -436,19 +503,19 @@ class Crossing:
         """Has those that are held go on alone from where they last were."""
         for cable in self.touching:
             if self._shapes is not None:
-                self._solos[cable].go_on_from(self._shapes[cable], *self._ends_and_links(cable))
+                self._solos[cable].go_on_from(self._shapes[cable], *self._ends_and_links(cable, self._frames))
 
-    def _ends_and_links(self, cable: int) -> tuple[Array, Array]:
-        """The cable's ends (2, 7) and the links that carry its bodies and clips (m, 7) at the last equilibrium."""
-        links = self._frames[2 * len(self.problems) :]
+    def _ends_and_links(self, cable: int, frames: Array) -> tuple[Array, Array]:
+        """The cable's ends (2, 7) and the links that carry its bodies and clips (m, 7) in `frames`."""
+        links = frames[2 * len(self.problems) :]
         if len(links):
             order = list(carried_of(self.problems))
             links = links[[order.index(name) for name in self.problems[cable].carried]]
-        return self._frames[2 * cable : 2 * cable + 2], links
+        return frames[2 * cable : 2 * cable + 2], links
 
     def _comes_free(self, cable: int, shape: CableShape) -> bool:
         """Whether the cable alone has this shape."""
-        self._solos[cable].go_on_from(shape, *self._ends_and_links(cable))
+        self._solos[cable].go_on_from(shape, *self._ends_and_links(cable, self._frames))
         alone = self._solos[cable].alone()
         if not alone.status:
             return False

@@ -67,15 +67,16 @@ class Spot:
 class Places:
     """Looks for places where some cables, with these names, touch; `known` are contacts to leave out.
 
-    culled: how many pairs, those of a cable with itself included, bounds ruled out when missed places were last looked
-    for; cull: whether they may.
+    down (3,): unit, where weight pulls. culled: how many pairs, those of a cable with itself included, bounds ruled out
+    when missed places were last looked for; cull: whether they may.
     """
 
     def __init__(self, names: Sequence[str], problems: list[Problem]) -> None:
         self._names = tuple(names)
         self._problems = problems
         self._diameters = [problem.cable.diameter for problem in problems]
-        self._down = problems[0].gravity if problems[0].gravity.any() else np.array((0.0, 0.0, -1.0))
+        down = problems[0].gravity if problems[0].gravity.any() else np.array((0.0, 0.0, -1.0))
+        self.down: Array = down / np.linalg.norm(down)
         count = len(problems)
         self._pairs: list[Pair] = [(a, b) for a in range(count) for b in range(a, count)]
         self.culled, self.cull = 0, True
@@ -195,7 +196,7 @@ class Places:
         across = np.cross(t, u)
         size = float(np.linalg.norm(across))
         normal = across / size if size > 0.0 else np.array((0.0, 0.0, 1.0))
-        if float(normal @ self._down) < 0.0:
+        if float(normal @ self.down) < 0.0:
             normal = -normal
         middle = spot.places.mean(axis=0)
         spot.places = np.array((middle + 0.5 * least * normal, middle - 0.5 * least * normal))

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
 from cable_shape.solve.problem import Problem
+from cable_shape.solve.touching.crossing import Crossing
 from cable_shape.solve.touching.pile import Pile
 from cable_shape.solve.touching.places import Places, Spot
 
@@ -256,3 +257,28 @@ def test_a_crossing_is_followed_over_the_edge_that_its_cable_lies_on():
         shapes = report.shapes.values()
         held = sum((s.force[-1] - s.force[0] + total(s.contacts, "box") for s in shapes), np.zeros(3))
         assert held == pytest.approx((0.0, 0.0, 2.0 * WEIGHT), abs=2e-3 * WEIGHT)
+
+
+def test_limp_cables_on_a_table_are_let_down_on_each_other_from_nothing(monkeypatch):
+    bending = 2e-3 * 9.81 * 0.05 * 0.5**3
+    thin = cs.Cable(0.5, 0.05, bending, 0.8 * bending, diameter=0.006)
+    cables = {"thin": thin, "thick": thin.replace(diameter=0.0075)}
+    scene = cs.Scene(obstacles=[cs.Obstacle("table", cs.HalfSpace(), cs.Pose((0.0, 0.0, -0.133)))], contact="solve")
+    grips = {"thin": across(0.0, 0.205, 0.0), "thick": across(61.0, 0.205, -0.004, (-0.01, -0.001))}
+
+    def shapes():
+        return cs.Cycle(cables, scene=scene, model="cosserat").step(grips, stamp=0).shapes
+
+    found = shapes()
+    assert all(shape.status is cs.Status.OK for shape in found.values())
+    press = total(found["thin"].contacts, "thick")
+    assert abs(press[2]) > 1e-3
+    assert total(found["thick"].contacts, "thin") == pytest.approx(-press, abs=1e-9)
+    for name, shape in found.items():
+        carried = shape.force[-1] - shape.force[0] + sum((c.force * c.normal for c in shape.contacts), np.zeros(3))
+        weight = 9.81 * cables[name].linear_density * cables[name].length
+        assert carried - np.array((0.0, 0.0, weight)) == pytest.approx(np.zeros(3), abs=1e-5 * weight)
+    gaps = np.linalg.norm(found["thin"].positions[:, None] - found["thick"].positions, axis=2)
+    assert gaps.min() > 0.5 * (0.006 + 0.0075) - 1e-4
+    monkeypatch.setattr(Crossing, "_let_down", lambda *_: [])  # pushed apart where they lie, they have none
+    assert not any(shape.usable for shape in shapes().values())

@@ -1,0 +1,34 @@
+"""Cables that lie over others, held higher: from there they are let down."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from cable_shape.checks import Array
+from cable_shape.pose import Grip, Pose
+from cable_shape.solve.touching.places import Spot
+
+
+def levels(spots: Sequence[Spot], down: Array) -> dict[int, int]:
+    """For each cable of these spots how many lie below it at most; none at all where no order tells.
+
+    That is where a cable touches itself, or each of two lies over the other, directly or not.
+    """
+    over = set()
+    for spot in spots:
+        first, second = spot.cables
+        over.add((first, second) if float(spot.normal @ down) < 0.0 else (second, first))
+    out = dict.fromkeys({cable for pair in over for cable in pair}, 0)
+    for _ in out:
+        before = dict(out)
+        for upper, lower in over:
+            out[upper] = max(out[upper], out[lower] + 1)
+        if out == before:
+            return out
+    return {}
+
+
+def lifted(grip: Grip, way: Array) -> Grip:
+    """The grip, moved by `way` (3,) [m]."""
+    pose = grip.pose
+    return grip.at(Pose(pose.position + way, pose.quaternion))
