@@ -27,6 +27,7 @@ from cable_shape.errors import CableShapeError
 from cable_shape.messages.fields import ARRAYS
 from cable_shape.pose import between
 from cable_shape.prediction.predictor import Predictor
+from cable_shape.prediction.turned import TurnedPredictor
 from cable_shape.replay.bag_writer import EDITS_TYPE, SHAPE_TYPE, cable_shape_store
 from cable_shape.replay.run import replay
 from cable_shape.replay.settings import Settings
@@ -124,8 +125,9 @@ class Twin:
         kind = draw.choice(
             ("add", "body", "body", "insert", "clip", "clip", "regrip", "cable", "mass", "open", "wrong")
         )
-        if self.cycle.layout.cables["cable"].opened and draw.random() < 0.5:
-            return cs.Regrip("end", draw.uniform(0.95, 1.05))
+        opened = self.cycle.layout.cables["cable"].opened
+        if opened and draw.random() < 0.5:
+            return cs.Regrip(opened, draw.uniform(-0.05, 0.05) + (0.0 if opened == "start" else 1.0))
         if kind == "add" and len(bodies) < 6:
             below = self.at(s) - draw.uniform(0.02, 0.1) * down
             return cs.Add(cs.Obstacle(f"body{count}", cs.Sphere(draw.uniform(0.01, 0.03)), cs.Pose(below)))
@@ -148,18 +150,20 @@ class Twin:
         if kind == "mass" and not self.cycle.scene.masses:
             return cs.Add(cs.PointMass(0.5, 0.01))
         if kind == "open":
-            return cs.Open("end")
+            return cs.Open(draw.choice(("start", "end")))
         if kind == "wrong":
             return draw.choice((
-                cs.Release("nothing"), cs.Regrip("end", 5.0), cs.Insert(cs.Clip(3.0, cs.Pose())), cs.Open("start"),
+                cs.Release("nothing"), cs.Regrip("end", 5.0), cs.Insert(cs.Clip(3.0, cs.Pose())),
                 cs.Insert(cs.Clip(s, cs.Pose(near + 5.0 * down), name="too far")),
             ))  # fmt: skip
         return cs.SetCable(cs.Cable.from_mapping({**_cable(), "bending_stiffness": draw.uniform(0.015, 0.03)}))
 
     def branch(self) -> str:
         """Whether the shape is the one from nothing: one of `KNOWN`, or what is wrong."""
-        ends = (self.ends[0], None) if self.cycle.layout.cables["cable"].opened else self.ends
-        again = cs.Cycle(dict(self.cycle.cables), scene=self.cycle.scene).step({"cable": ends}, 0).shapes["cable"]
+        opened = self.cycle.layout.cables["cable"].opened
+        start, end = self.ends
+        ends = None if opened == "start" else start, None if opened == "end" else end
+        again = self._predictor().predict(*ends)
         if not again.usable:
             return "not from nothing"
         if not self.shape.usable:
@@ -179,9 +183,14 @@ class Twin:
         words = ", ".join(f"{shape.status.name} {1e3 * way:.3g} mm" for shape, way in zip(finer, moved, strict=True))
         return f"{1e3 * _apart(self.shape, again):.3g} mm from that from nothing; from itself each comes to {words}"
 
+    def _predictor(self, **options: Any) -> Any:
+        """Of the cable as it is held now, from nothing."""
+        kind = TurnedPredictor if self.cycle.layout.cables["cable"].opened == "start" else Predictor
+        return kind(self.cycle.cables["cable"], scene=self.cycle.scene, **options)
+
     def _again(self, shape: cs.CableShape, ends: Any) -> cs.CableShape:
         """The shape found from itself, at a tenth of the tolerance."""
-        predictor = Predictor(self.cycle.cables["cable"], scene=self.cycle.scene, tolerance=1e-6 * shape.length)
+        predictor = self._predictor(tolerance=1e-6 * shape.length)
         predictor.begin(shape, ends, None)
         predictor.look_again()
         return predictor.solve()

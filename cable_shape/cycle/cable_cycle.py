@@ -14,11 +14,13 @@ from cable_shape import checks
 from cable_shape.cable.cable import Cable
 from cable_shape.cycle.dynamic import DYNAMIC, QUASISTATIC, Dynamic
 from cable_shape.cycle.seen import AsSeen
+from cable_shape.cycle.turned_watch import TurnedWatch
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels.distance import bounds
 from cable_shape.pose import Ends, Grip, Pose
 from cable_shape.prediction.predictor import Predictor
 from cable_shape.prediction.tails import Tail, held_frame
+from cable_shape.prediction.turned import TurnedPredictor
 from cable_shape.safety.allowed import Allowed
 from cable_shape.safety.clearance import ClearanceChecker
 from cable_shape.safety.margins import MarginWatch
@@ -83,7 +85,7 @@ class CableCycle:
     def __init__(
         self,
         name: str,
-        predictor: Predictor,
+        predictor: Predictor | TurnedPredictor,
         scene: Scene,
         robot_links: Sequence[Obstacle],
         gripping_links: Sequence[str],
@@ -111,7 +113,8 @@ class CableCycle:
         self._snaps = SnapWatch(snap_horizon)
         moving = np.concatenate((checker.moving, np.ones(cables, dtype=np.bool_)))  # other cables, and itself
         moving |= problem.clips_move  # the grips do not tell alone then how it comes nearer
-        self._watch = MarginWatch(cable, scene, moving, gravity=problem.gravity, quasistatic_limit=quasistatic_limit)
+        watch = TurnedWatch if isinstance(predictor, TurnedPredictor) else MarginWatch
+        self._watch = watch(cable, scene, moving, gravity=problem.gravity, quasistatic_limit=quasistatic_limit)
         self._standing = Standing(scene)
         self._tubes = tubes
         self.reset()
@@ -145,7 +148,7 @@ class CableCycle:
         held_alike: its grips hold the same points of it.
         """
         self._standing.go_on_from(other._standing)
-        if held_alike:
+        if held_alike and isinstance(self._watch, MarginWatch) and isinstance(other._watch, MarginWatch):
             self._watch.go_on_from(other._watch)
 
     def predict(
@@ -210,8 +213,9 @@ class CableCycle:
             if self._acceleration is not None:
                 inertia = left_out(self._tubes.uncertainty, self._acceleration, self.predictor.problem.gravity)
             else:
+                assert isinstance(self._watch, MarginWatch)  # tubes are of cables whose start is held
                 inertia = self._watch.inertia(shape, ends, stamp) if shape.status else math.nan
-            self.tube = self._tubes.tube(self.predictor, shape, ends, links, self._acceleration, inertia=inertia)
+            self.tube = self._tubes.tube(self.predictor.solo, shape, ends, links, self._acceleration, inertia=inertia)
             for side, tail in self.tails.items():
                 tube = self._tubes.tail_tube(self._tails[side], tail, ends)
                 if tube is not None:
@@ -324,11 +328,17 @@ class CableCycles:
     motion: str = QUASISTATIC
     look_ahead: float = 0.0
 
-    def make(self, name: str, cable: Cable, scene: Scene, load: ArrayLike | None) -> CableCycle:
-        """The part of a cable in its scene, under a distributed load (2, 3) [N/m]."""
+    def make(
+        self, name: str, cable: Cable, scene: Scene, load: ArrayLike | None, *, turned: bool = False
+    ) -> CableCycle:
+        """The part of a cable in its scene, under a distributed load (2, 3) [N/m]; turned: its start hangs free."""
         options = {**self.options, "scene": scene, "distributed_load": load}
-        predictor = Predictor(cable, model=self.model, tolerance=self.tolerance, **options)
+        kind = TurnedPredictor if turned else Predictor
+        predictor = kind(cable, model=self.model, tolerance=self.tolerance, **options)
         tubes = None
+        if turned and self.uncertainty.get(name) is not None:
+            bound = f"how well cable {name!r} is known is told from its start, which a grip holds"
+            raise ArgumentError.of("Open.end", "start", bound, "Open the end, or leave its uncertainty out.")
         if self.uncertainty.get(name) is not None:
             if not predictor.is_rod:
                 bound = "only the Cosserat rod knows how its shapes change"
@@ -340,7 +350,7 @@ class CableCycles:
             checks.one_of(f"plugs[{name!r}].socket", plug.socket, scene.sockets)
         dynamic = None
         if self.motion == DYNAMIC:
-            self._check_dynamic(predictor, tubes, load)
+            self._check_dynamic(predictor.solo, tubes, load)
             dynamic = Dynamic(cable, scene, predictor.problem.gravity, predictor.problem.points)
         return CableCycle(
             name, predictor, scene, self.options["robot_links"], self.options["gripping_links"], plug,

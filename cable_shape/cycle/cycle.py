@@ -17,8 +17,8 @@ from cable_shape.cable.cable import Cable
 from cable_shape.cable.harness import Harness
 from cable_shape.cycle.cable_cycle import CableCycle, CableCycles
 from cable_shape.cycle.dynamic import DYNAMIC, MOTIONS, QUASISTATIC
-from cable_shape.cycle.editing import Editing
-from cable_shape.cycle.harness_cycle import HarnessCycle, beside_each_other
+from cable_shape.cycle.editing import Editing, Part
+from cable_shape.cycle.harness_cycle import HarnessCycle, HarnessCycles, beside_each_other
 from cable_shape.cycle.seen import AsSeen
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import Ends, FreeEnd, Pose
@@ -152,25 +152,20 @@ class Cycle:
             own = dataclasses.replace(self.scene, clips=own_clips[name]) if name in own_clips else self.scene
             self._cables[name] = self._maker.make(name, cable, own, loads.get(name))
         self._layout: Layout | None = None  # from the first edit on
+        keywords = {"model": model, "gravity": gravity, "points": points, "tolerance": tolerance}
+        self._harness_maker = HarnessCycles(
+            robot_links, gripping_links, {**keywords, "time_budget": time_budget}, loads, horizon, limit, known
+        )
         self._harnesses: dict[str, HarnessCycle] = {}
-        segments: dict[str, Cable] = {}
-        joined: set[frozenset[str]] = set()
+        self._joined: set[frozenset[str]] = set()
         for name, harness in harnesses.items():
             own = dataclasses.replace(self.scene, clips=own_clips[name]) if name in own_clips else self.scene
-            keywords = {
-                "model": model, "gravity": gravity, "points": points, "tolerance": tolerance,
-                "time_budget": time_budget, "distributed_load": loads.get(name),
-            }  # fmt: skip
-            made = self._harnesses[name] = HarnessCycle(
-                name, harness, own, robot_links, gripping_links, keywords, horizon, limit, known.get(name),
-            )  # fmt: skip
-            segments.update(made.cables)
-            joined |= beside_each_other(name, harness)
-        self._segments, self._joined = segments, joined
+            self._harnesses[name] = self._harness_maker.make(name, harness, own, loads.get(name))
+            self._joined |= beside_each_other(name, harness)
         self._crossing: tuple[tuple[str, ...], Crossing] | None = None
         self._look_about()
         if self._solves_crossing:
-            check_models({name: cable.predictor for name, cable in self._cables.items()}, self.scene)
+            check_models({name: cable.predictor.solo for name, cable in self._cables.items()}, self.scene)
         self.last_stamp: int | None = None
 
     @property
@@ -211,7 +206,9 @@ class Cycle:
         *edits : Add, Remove, Move, Insert, Release, Regrip, Open, SetCable
         cable : str, optional
             Whose clips, grips and numbers are meant. Of several cables it must be named, but for bodies, and for
-            `Move`, `Release` and `Remove` of a clip, which then is that of every cable in it.
+            `Move`, `Release` and `Remove` of a clip, which then is that of every cable in it. Of a harness clips and
+            masses name their `segment`, `Regrip` and `Open` the end, "a.start"; or it is one segment of it, "h/a", as
+            it must be for `SetCable`.
         stamp : int, optional
             [ns], when it happens; older inputs are refused from then on. Default: at the last step.
 
@@ -226,67 +223,55 @@ class Cycle:
         StaleInputError
             If `stamp` is older than that of the last step.
         ArgumentError
-            For what is no edit, and where there are only harnesses, which cannot be edited.
+            For what is no edit, and where motion="dynamic".
         """
         for i, edit in enumerate(edits):
             checks.instance(f"edits[{i}]", edit, EDITS, "Write Add(Obstacle(...)), Release(name), ...")
         if stamp is not None:
             stamp = checks.stamp(stamp, self.last_stamp)
-        if not self._cables:
-            bound = "harnesses cannot be edited, and there is nothing else"
-            raise ArgumentError.of("edits", f"{len(edits)} edits", bound, "Make another Cycle, in the new scene.")
         if self._maker.motion == DYNAMIC:
             bound = "a cycle with motion='dynamic' cannot be edited"
             raise ArgumentError.of("edits", f"{len(edits)} edits", bound, "Make another Cycle, in the new scene.")
-        editing = Editing(self.layout, self._cables, self._maker, self._crossing)
+        parts: dict[str, Part] = {**self._cables, **self._harnesses}
+        editing = Editing(self.layout, parts, self._maker, self._harness_maker, self._crossing)
         try:
             if cable is not None:
-                checks.one_of("cable", cable, self._cables)
+                checks.one_of("cable", cable, (*parts, *editing.layout.cables))
             for edit in edits:
                 editing.take(edit, cable)
-            self._refuse_beside_harnesses(editing.layout)
             near = self._made_near(editing.cables, editing.layout.common)
         except ArgumentError as error:
             return EditResult(False, str(error))
         self._layout, self._scene = editing.layout, editing.layout.common
-        self._cables, self._crossing = editing.cycles, editing.crossing
-        self._named = editing.cables
+        self._cables, self._harnesses, self._crossing = editing.singles, editing.harnesses, editing.crossing
+        self._named = {name: laid.cable for name, laid in editing.layout.single.items()}
         self._look_about(near)
         if stamp is not None:
             self.last_stamp = stamp
         return EditResult(True)
 
-    def _refuse_beside_harnesses(self, layout: Layout) -> None:
-        """Bodies concern harnesses, too, which cannot be edited; what holds cables does not.
-
-        Raises
-        ------
-        ArgumentError
-        """
-        then, now = ({body.name: body for body in scene.obstacles} for scene in (self.scene, layout.scene))
-        changed = [name for name in {**then, **now} if then.get(name) != now.get(name)]
-        if self._harnesses and changed:
-            bound = f"{', '.join(self._harnesses)}, beside the cables, cannot be taken along: it is a harness"
-            raise ArgumentError.of("bodies", changed, bound, "Make another Cycle, in the new scene.")
-
     @property
     def layout(self) -> Layout:
-        """How the cables are held now, among which bodies; harnesses are not in it."""
+        """How the cables, and the segments of harnesses, are held now, among which bodies."""
         return self._layout or self._laid()
 
     def _laid(self) -> Layout:
         """The cables before any edit."""
-        return Layout.of(self.scene, self._named, {name: one.scene.clips for name, one in self._cables.items()})
+        harnesses = {name: one.predictor.harness for name, one in self._harnesses.items()}
+        parts: dict[str, Part] = {**self._cables, **self._harnesses}
+        own_clips = {name: one.scene.clips for name, one in parts.items()}
+        return Layout.of(self.scene, self._named, own_clips, harnesses)
 
     def _made_near(self, cables: Mapping[str, Cable], scene: Scene) -> CableNear:
-        """What checks these cables against each other."""
-        parts = {**cables, **self._segments}
-        return CableNear(parts, scene, self._maker.options["robot_links"], joined=self._joined)
+        """What checks these cables, and segments, against each other."""
+        return CableNear(cables, scene, self._maker.options["robot_links"], joined=self._joined)
 
     def _look_about(self, near: CableNear | None = None) -> None:
         """What depends on all cables and bodies."""
-        self._parts = {**self._named, **self._segments}
-        self._near = near or self._made_near(self._named, self.scene)
+        self._parts = dict(self._named)
+        for harness in self._harnesses.values():
+            self._parts.update(harness.cables)
+        self._near = near or self._made_near(self._parts, self.scene)
         parts: list[CableCycle | HarnessCycle] = [*self._cables.values(), *self._harnesses.values()]
         self._pushed = any(part.predictor.problem.carried for part in parts)
         self._solves_crossing = len(self._named) > 1 and all(
@@ -345,6 +330,8 @@ class Cycle:
         began = perf_counter()
         cables = {}
         held = {name: self._harnesses[name] for name in grips if name in self._harnesses}
+        if held and self._layout is not None:
+            grips = {**grips, **{name: self._opened_ends(name, grips[name]) for name in held}}
         for name in grips:
             if name in held:
                 continue
@@ -352,10 +339,10 @@ class Cycle:
             if cable is None:
                 known_ones = ", ".join((*self._cables, *self._harnesses))
                 raise ArgumentError.of("cable", name, "no such cable", f"Known: {known_ones}.")
-            check_ends(name, grips[name])
-            if self._layout is not None and self._layout.cables[name].opened:
-                start, end = grips[name]
-                grips = {**grips, name: (start, end if isinstance(end, FreeEnd) else None)}
+            opened = "" if self._layout is None else self._layout.cables[name].opened
+            check_ends(name, grips[name], opened)
+            if opened:
+                grips = {**grips, name: _opened(grips[name], opened)}
             cables[name] = cable
         for cable in cables.values():
             cable.look_again()
@@ -459,15 +446,27 @@ class Cycle:
             },
         )
 
+    def _opened_ends(self, name: str, ends: Any) -> Any:
+        """The ends of a harness, free where a gripper is open, whatever pose it has."""
+        if not isinstance(ends, Mapping):
+            return ends
+        out = dict(ends)
+        for segment, laid in self.layout.segments(name).items():
+            end = f"{segment}.{laid.opened}"
+            if laid.opened and not isinstance(out.get(end), FreeEnd):
+                out[end] = None
+        return out
+
     def _together(self, grips: Mapping[str, Ends], links: Mapping[str, Pose] | None) -> dict[str, CableShape]:
         """The shapes of all the cables in `grips`, out of each other."""
         names = tuple(grips)
         predictors = [self._cables[name].predictor for name in names]
         if self._crossing is None or self._crossing[0] != names:
-            self._crossing = names, joined(names, predictors)
+            self._crossing = names, joined(names, [predictor.solo for predictor in predictors])
         for predictor, (start, end) in zip(predictors, grips.values(), strict=True):
-            predictor.problem.move(start, end, links)
-        return dict(zip(names, self._crossing[1].solve(), strict=True))
+            predictor.move(start, end, links)
+        found = zip(names, predictors, self._crossing[1].solve(), strict=True)
+        return {name: predictor.told(shape) for name, predictor, shape in found}
 
     def _crossings_skipped(self, cables: Mapping[str, CableCycle]) -> int:
         """Pairs of cables, each with itself included, that bounds told not to have touched."""
@@ -484,6 +483,12 @@ class Cycle:
             cable.reset()
         for harness in self._harnesses.values():
             harness.reset()
+
+
+def _opened(ends: Ends, side: str) -> Ends:
+    """The ends of a cable whose gripper at one of them is open, whatever pose it has."""
+    free = [end if isinstance(end, FreeEnd) else None for end in ends]
+    return (free[0], ends[1]) if side == "start" else (ends[0], free[1])  # type: ignore[return-value]
 
 
 def _named(cables: Cable | Mapping[str, Cable | Harness]) -> tuple[dict[str, Cable], dict[str, Harness]]:

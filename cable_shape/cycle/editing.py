@@ -7,21 +7,27 @@ cable to keep to its branch. Each step goes on from the shape of the one before.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import final
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cable_shape.cable.cable import Cable
+from cable_shape.cable.cable import TAIL_SIDES, Cable
+from cable_shape.cable.harness import Harness
 from cable_shape.cycle.cable_cycle import CableCycle, CableCycles, Found
+from cable_shape.cycle.harness_cycle import Found as FoundHarness
+from cable_shape.cycle.harness_cycle import HarnessCycle, HarnessCycles
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import Ends, FreeEnd, Grip, Pose
 from cable_shape.prediction.cables_predictor import joined
 from cable_shape.prediction.carried import carried, place_of, stretched
+from cable_shape.prediction.changes import Change, change_of, on_the_way
 from cable_shape.prediction.edits import Edit
-from cable_shape.prediction.layout import Change, Laid, Layout, change_of, on_the_way
+from cable_shape.prediction.layout import Laid, Layout, cable_id
+from cable_shape.safety.report import Clearance
 from cable_shape.scene.scene import Clip
 from cable_shape.shape import CableShape, Status
+from cable_shape.solve.harness_shape import HarnessShape
 from cable_shape.solve.network import Network
 from cable_shape.solve.touching.crossing import Crossing
 from cable_shape.solve.touching.places import Spot
@@ -32,27 +38,43 @@ _SMALLEST_STEP = 1.0 / 64.0
 _FOLLOWED = (Status.OK, Status.UNSTABLE, Status.BUDGET)
 
 _Crossing = tuple[tuple[str, ...], Crossing]
+Part = CableCycle | HarnessCycle
 
 
 @final
 class Editing:
     """Some edits, one after the other.
 
-    layout, cycles, crossing: what there is, which is left as it is; afterwards what the edits have made of it. maker:
-    of the parts of cables.
+    layout, cycles, crossing: what there is, cables and harnesses, which is left as it is; afterwards what the edits
+    have made of it. maker, harness_maker: of their parts.
     """
 
     def __init__(
-        self, layout: Layout, cycles: Mapping[str, CableCycle], maker: CableCycles, crossing: _Crossing | None
+        self,
+        layout: Layout,
+        cycles: Mapping[str, Part],
+        maker: CableCycles,
+        harness_maker: HarnessCycles | None,
+        crossing: _Crossing | None,
     ) -> None:
         self.layout, self.cycles, self.crossing = layout, dict(cycles), crossing
-        self._maker = maker
+        self._maker, self._harness_maker = maker, harness_maker
         self._taken = [body.name for body in maker.options["robot_links"]]
 
     @property
     def cables(self) -> dict[str, Cable]:
-        """What is between the grips, by name."""
+        """What is between the grips, and the segments of harnesses, by name."""
         return {name: laid.cable for name, laid in self.layout.cables.items()}
+
+    @property
+    def singles(self) -> dict[str, CableCycle]:
+        """The parts of the cables."""
+        return {name: one for name, one in self.cycles.items() if isinstance(one, CableCycle)}
+
+    @property
+    def harnesses(self) -> dict[str, HarnessCycle]:
+        """The parts of the harnesses."""
+        return {name: one for name, one in self.cycles.items() if isinstance(one, HarnessCycle)}
 
     def take(self, edit: Edit, cable: str | None) -> None:
         """One edit more.
@@ -65,27 +87,37 @@ class Editing:
         change = change_of(self.layout, edit, cable, self._place, self._taken)
         goal = change.goal
         bodies = goal.scene.obstacles != self.layout.scene.obstacles
-        names = [n for n, laid in goal.cables.items() if bodies or laid != self.layout.cables[n] or self.crossing]
-        made = {name: self._made(goal, name) for name in names}
+        changed = {n for n, laid in goal.cables.items() if laid != self.layout.cables[n]}
+        names = [n for n in goal.single if bodies or n in changed or self.crossing]
+        made: dict[str, Part] = {name: self._made(goal, name) for name in names}
+        for name in goal.harnesses:
+            if bodies or any(cable_id(name, one) in changed for one in goal.segments(name)):
+                made[name] = self._made_harness(goal, name)
         way = _Way(self.layout, change, self.cycles, made, self.crossing)
         self._refuse_inside(change, made)
         way.go()
         for name, new in made.items():
-            old, laid, then = self.cycles[name], goal.cables[name], self.layout.cables[name]
-            ends = (laid.first, laid.last, laid.opened) == (then.first, then.last, then.opened)
-            new.go_on_from(old, held_alike=ends)
+            old = self.cycles[name]
+            if isinstance(new, CableCycle) and isinstance(old, CableCycle):
+                laid, then = goal.cables[name], self.layout.cables[name]
+                ends = (laid.first, laid.last, laid.opened) == (then.first, then.last, then.opened)
+                new.go_on_from(old, held_alike=ends)
+            elif isinstance(new, HarnessCycle) and isinstance(old, HarnessCycle):
+                new.go_on_from(old)
         self.cycles.update(made)
         self.layout, self.crossing = goal, way.crossing
 
     def _place(self, name: str, clip: Clip) -> Pose | None:
-        """Where a cable is that a clip is to hold, in the frame in which the clip's pose is."""
-        found = self.cycles[name].found
+        """Where a cable, or a segment, is that a clip is to hold, in the frame in which the clip's pose is."""
+        harness = self.layout.harness_with(name)
+        found: Any = self.cycles[harness or name].found
         if found is None:
             return None
-        there = place_of(found.shape, clip.arc_length)
+        shape = found.shape.segments[name.rpartition("/")[2]] if harness else found.shape
+        there = place_of(shape, clip.arc_length)
         if clip.link is None:
             return there
-        link = None if found.links is None else found.links.get(clip.link)
+        link: Pose | None = None if found.links is None else found.links.get(clip.link)
         if link is None:
             known = "none" if not found.links else ", ".join(sorted(found.links))
             bound = "where this link is was not known at the last step"
@@ -96,19 +128,33 @@ class Editing:
         """A cable's part in its new scene."""
         laid = layout.cables[name]
         load = _load_between(self._maker.distributed_load.get(name), laid)
-        return self._maker.make(name, laid.cable, layout.scene_of(name), load)
+        return self._maker.make(name, laid.cable, layout.scene_of(name), load, turned=laid.opened == "start")
 
-    def _refuse_inside(self, change: Change, made: Mapping[str, CableCycle]) -> None:
+    def _made_harness(self, layout: Layout, name: str) -> HarnessCycle:
+        """A harness's part in its new scene."""
+        maker = self._harness_maker
+        assert maker is not None
+        given: Mapping[str, Any] = maker.distributed_load.get(name) or {}
+        laid = layout.segments(name)
+        loads = {one: _load_between(load, laid[one]) for one, load in given.items()}
+        return maker.make(name, layout.harness_of(name), layout.scene_of_harness(name), loads or None)
+
+    def _refuse_inside(self, change: Change, made: Mapping[str, Part]) -> None:
         """A body that is added must not have the middle of a cable in it: on which side is that to be?"""
         new = {b.name for b in change.goal.scene.obstacles} - {b.name for b in self.layout.scene.obstacles}
         if not new or change.goal.scene.contact != "solve":
             return
+        checked: list[tuple[str, Cable, Clearance]] = []
         for name, cycle in made.items():
-            found = self.cycles[name].found
-            if found is None:
-                continue
-            radius = 0.5 * cycle.predictor.cable.diameter
-            for body in cycle.check_shape(found.shape, found.links).bodies:
+            found: Any = self.cycles[name].found
+            if found is not None and isinstance(cycle, CableCycle):
+                clearance = cycle.check_shape(found.shape, found.links)
+                checked.append((name, cycle.predictor.cable, clearance))
+            elif found is not None and isinstance(cycle, HarnessCycle):
+                checked += cycle.check_shape(found.shape, found.links)
+        for name, cable, clearance in checked:
+            radius = 0.5 * cable.diameter
+            for body in clearance.bodies:
                 if body.body in new and body.distance < -radius:
                     raise ArgumentError.of(
                         f"body {body.body!r}: depth of cable {name!r} in it",
@@ -129,25 +175,32 @@ class _Way:
         self,
         layout: Layout,
         change: Change,
-        cycles: Mapping[str, CableCycle],
-        made: Mapping[str, CableCycle],
+        cycles: Mapping[str, Part],
+        made: Mapping[str, Part],
         crossing: _Crossing | None,
     ) -> None:
         self._change, self._made = change, made
-        self._known: dict[str, Found] = {}  # by cable: where it is on the way
+        self._known: dict[str, Any] = {}  # by cable, or harness: a Found, where it is on the way
         self._memories: dict[str, Network | None] = {}
         self._spots: dict[str, list[Spot]] = {}  # where it touches itself, or, of all cables, each other
-        for name in made:
-            found, old = cycles[name].found, cycles[name].predictor
-            if found is None:
+        for name, new in made.items():
+            old = cycles[name]
+            if old.found is None:
                 continue
+            if isinstance(new, HarnessCycle):
+                self._known[name] = _carried_harness(old.found, layout, change, name, new)
+                continue
+            assert isinstance(old, CableCycle)
+            found, predictor = old.found, old.predictor
+            assert found is not None
             before, after = layout.cables[name], change.origin.cables[name]
             shape = carried(found.shape, found.tails, before, after)
             self._known[name] = Found(shape, {}, _ends(found, shape, before, after), found.links)
-            stays = (before.first, before.last) == (after.first, after.last)
-            self._memories[name] = old.memory if stays else None
-            if crossing is None and old.crossing is not None:
-                self._spots[name] = _carried_spots(old.crossing, (name,), layout, change)
+            alike = (before.opened == "start") == (after.opened == "start")
+            stays = alike and (before.first, before.last) == (after.first, after.last)
+            self._memories[name] = predictor.memory if stays else None
+            if crossing is None and predictor.crossing is not None:
+                self._spots[name] = _carried_spots(predictor.crossing, (name,), layout, change)
         self.crossing: _Crossing | None = None
         self._names: tuple[str, ...] = ()
         if crossing is not None and all(name in self._known for name in crossing[0]):
@@ -180,12 +233,16 @@ class _Way:
         for name, known in self._known.items():
             self._made[name].begin(known.shape, known.ends, known.links)
 
-    def _followed(self, name: str, shape: CableShape, done: float) -> bool:
+    def _followed(self, name: str, shape: CableShape | HarnessShape, done: float) -> bool:
         """Whether a shape is where the last one leads to."""
-        slid = done == 0.0 and name in self._change.loose and shape.status is Status.SNAPPED
+        slid = done == 0.0 and self._loose(name) and shape.status is Status.SNAPPED
         return slid or shape.status in _FOLLOWED
 
-    def _jump(self, done: float, shapes: Mapping[str, CableShape]) -> None:
+    def _loose(self, name: str) -> bool:
+        """Whether something has let go of a cable, or of a segment of a harness."""
+        return any(name in (one, self._change.goal.harness_with(one)) for one in self._change.loose)
+
+    def _jump(self, done: float, shapes: Mapping[str, CableShape | HarnessShape]) -> None:
         """Takes what was found at the end of the way, wherever that is."""
         if all(shape.status for shape in shapes.values()):
             self._accept(shapes)
@@ -197,69 +254,122 @@ class _Way:
                 f"{self._change.what}, share of its way", done, bound, "Bring the cable nearer, or move in between."
             )
 
-    def _accept(self, shapes: Mapping[str, CableShape]) -> None:
+    def _accept(self, shapes: Mapping[str, CableShape | HarnessShape]) -> None:
         """These are where the cables are now."""
         for name, shape in shapes.items():
             self._known[name] = self._known[name]._replace(shape=shape)
-            self._memories[name] = self._made[name].predictor.memory
-            own = self._made[name].predictor.crossing
+            part = self._made[name]
+            if isinstance(part, HarnessCycle):
+                continue
+            self._memories[name] = part.predictor.memory
+            own = part.predictor.crossing
             if not self._names and own is not None and own.last is not None:
                 self._spots[name] = own.last[1]
         if self.crossing is not None and self.crossing[1].last is not None:
             self._spots[""] = self.crossing[1].last[1]
 
-    def _step(self, done: float, at: float, *, leap: bool) -> dict[str, CableShape]:
+    def _step(self, done: float, at: float, *, leap: bool) -> dict[str, CableShape | HarnessShape]:
         """The shapes at a share of the way, from where the cables are at another one.
 
         leap: also where no small steps lead to them.
         """
         then, now = on_the_way(self._change, done), on_the_way(self._change, at)
         for name, known in self._known.items():
+            part, loose = self._made[name], done == 0.0 and self._loose(name)
+            part.predictor.leap(allowed=leap)
+            if isinstance(part, HarnessCycle):
+                harness, scene = now.harness_of(name), then.scene_of_harness(name)
+                shape = _stretched_harness(known.shape, harness, part)
+                part.predictor.begin(shape, known.ends, known.links, harness=harness, scene=scene, loose=loose)
+                continue
             cable = now.cables[name].cable
-            self._made[name].predictor.leap(allowed=leap)
-            self._made[name].predictor.begin(
+            part.predictor.begin(
                 stretched(known.shape, cable.length),
                 known.ends,
                 known.links,
                 cable=cable,
                 scene=then.scene_of(name),
-                loose=done == 0.0 and name in self._change.loose,
+                loose=loose,
                 memory=self._memories[name],
                 spots=self._spots.get(name),
             )
         self.crossing = self._crossed()
         for name in self._known:
-            own = (None, None) if at == 1.0 else (now.cables[name].cable, now.scene_of(name))
-            self._made[name].predictor.head_for(*own)
-        if self.crossing is None:
-            return {name: self._made[name].predictor.solve() for name in self._known}
-        return dict(zip(self._names, self.crossing[1].solve(), strict=True))
+            part = self._made[name]
+            if at == 1.0:
+                part.predictor.head_for()
+            elif isinstance(part, HarnessCycle):
+                part.predictor.head_for(now.harness_of(name), now.scene_of_harness(name))
+            else:
+                part.predictor.head_for(now.cables[name].cable, now.scene_of(name))
+        found: dict[str, CableShape | HarnessShape] = {}
+        if self.crossing is not None:
+            for name, told in zip(self._names, self.crossing[1].solve(), strict=True):
+                part = self._made[name]
+                assert isinstance(part, CableCycle)
+                found[name] = part.predictor.told(told)
+        for name in self._known:
+            if name not in found:
+                found[name] = self._made[name].predictor.solve()
+        return found
 
     def _crossed(self) -> _Crossing | None:
         """What keeps the cables out of each other from where they are; None: nothing does, or did so far."""
-        predictors = [self._made[name].predictor for name in self._names]
+        parts = (self._made[name] for name in self._names)
+        predictors = [part.predictor for part in parts if isinstance(part, CableCycle)]
         if not predictors or not all(one.problem.solves_crossing for one in predictors):
             return None
-        crossing = joined(self._names, predictors)
-        lengths = [predictor.cable.length for predictor in predictors]
-        shapes = [stretched(self._known[name].shape, x) for name, x in zip(self._names, lengths, strict=True)]
+        solos = [predictor.solo for predictor in predictors]
+        crossing = joined(self._names, solos)
+        shapes = [
+            predictor.told(stretched(self._known[name].shape, solo.cable.length))
+            for name, predictor, solo in zip(self._names, predictors, solos, strict=True)
+        ]
         crossing.take_up(shapes, self._spots[""])
         return self._names, crossing
 
 
 def _ends(found: Found, shape: CableShape, before: Laid, after: Laid) -> Ends:
     """What holds the ends of a shape after an edit: what held them before, or a grip there where the cable is."""
-    start, end = found.ends
-    if after.first != before.first:
-        start = _grip_at(place_of(shape, 0.0), start)
-    if after.opened:
-        end = end if isinstance(end, FreeEnd) else None
-    elif after.last != before.last or before.opened:
-        end = _grip_at(place_of(shape, shape.length), end)
-    return start, end
+    held: list[Any] = list(found.ends)
+    places = ((before.first, after.first, 0.0), (before.last, after.last, shape.length))
+    for i, (side, (then, now, at)) in enumerate(zip(TAIL_SIDES, places, strict=True)):
+        if after.opened == side:
+            held[i] = held[i] if isinstance(held[i], FreeEnd) else None
+        elif now != then or before.opened == side:
+            held[i] = _grip_at(place_of(shape, at), held[i])
+    return held[0], held[1]
 
 
-def _grip_at(place: Pose, before: Pose | Grip | FreeEnd | None) -> Pose | Grip:
+def _carried_harness(found: Any, layout: Layout, change: Change, name: str, new: HarnessCycle) -> FoundHarness:
+    """Where a harness is after an edit, as `carried` has it of each segment, and what holds its ends."""
+    before, after = layout.segments(name), change.origin.segments(name)
+    parts, ends = {}, dict(found.ends)
+    for one, laid in after.items():
+        then, id_of = before[one], cable_id(name, one)
+        tails = {side: tail for (of, side), tail in found.tails.items() if of == id_of}
+        old = found.shape.segments[one]
+        parts[one] = shape = carried(old, tails, then, laid)
+        held: Any = tuple(ends.get(f"{one}.{side}") for side in TAIL_SIDES)
+        for side, way in zip(TAIL_SIDES, _ends(Found(old, {}, held, None), shape, then, laid), strict=True):
+            if f"{one}.{side}" in ends or way is not None:
+                ends[f"{one}.{side}"] = way
+    harness = change.origin.harness_of(name)
+    return FoundHarness(_as_one(found.shape, harness, parts, new), {}, ends, found.links)
+
+
+def _stretched_harness(shape: HarnessShape, harness: Harness, part: HarnessCycle) -> HarnessShape:
+    """A shape as one of segments of other lengths."""
+    parts = {one: stretched(shape.segments[one], cable.length) for one, cable in harness.segments.items()}
+    return _as_one(shape, harness, parts, part)
+
+
+def _as_one(shape: HarnessShape, harness: Harness, parts: Mapping[str, CableShape], part: HarnessCycle) -> HarnessShape:
+    """The segments' shapes as one, in the clips of this part."""
+    return shape.on(harness, parts, part.predictor.problem.clips)
+
+
+def _grip_at(place: Pose, before: Any) -> Pose | Grip:
     """Holds the cable where it is as it was held before."""
     return Grip(place, before.kind) if isinstance(before, Grip) else place
 
@@ -271,12 +381,22 @@ def _carried_spots(crossing: Crossing, names: Sequence[str], layout: Layout, cha
         moved, inside = spot.copy(), True
         for side, number in enumerate(spot.cables):
             before, after = (one.cables[names[number]] for one in (layout, change.origin))
-            moved.arcs[side] += before.first - after.first
+            moved.arcs[side] = _solved_at(after, _made_at(before, moved.arcs[side]))
             inside = inside and 0.0 < moved.arcs[side] < after.cable.length
         moved.before = moved.arcs.copy()
         if inside:
             out.append(moved)
     return out
+
+
+def _made_at(laid: Laid, arc: float) -> float:
+    """[m], arc length of a cable as it was made, of one as it is solved for: from its end, where its start is open."""
+    return laid.last - arc if laid.opened == "start" else laid.first + arc
+
+
+def _solved_at(laid: Laid, arc: float) -> float:
+    """[m], the other way round."""
+    return laid.last - arc if laid.opened == "start" else arc - laid.first
 
 
 def _load_between(load: ArrayLike | None, laid: Laid) -> ArrayLike | None:

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, final
+from dataclasses import dataclass
+from typing import Any, NamedTuple, final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cable_shape.cable.cable import Cable
 from cable_shape.cable.harness import Harness, split_end
 from cable_shape.cycle.cable_cycle import check_parts
 from cable_shape.cycle.harness_stability import HarnessStability
 from cable_shape.cycle.seen import AsSeen
 from cable_shape.pose import Grip, Pose
 from cable_shape.prediction.harness_predictor import HarnessPredictor
+from cable_shape.prediction.layout import cable_id
 from cable_shape.prediction.tails import Tail, held_frame
 from cable_shape.safety.allowed import Allowed
 from cable_shape.safety.clearance import ClearanceChecker
@@ -31,9 +34,14 @@ from cable_shape.uncertainty.uncertainty import Tube, Uncertainty
 Links = Mapping[str, Pose] | None
 
 
-def cable_id(name: str, segment: str) -> str:
-    """What a segment of a harness is called in reports and messages: "harness/segment"."""
-    return f"{name}/{segment}"
+@final
+class Found(NamedTuple):
+    """A usable shape of a harness with its tails, and between what ends it was found, with links where."""
+
+    shape: HarnessShape
+    tails: Mapping[tuple[str, str], CableShape]
+    ends: Mapping[str, End]
+    links: Links
 
 
 def beside_each_other(name: str, harness: Harness) -> set[frozenset[str]]:
@@ -103,6 +111,7 @@ class HarnessCycle:
         self.tail_tubes: dict[tuple[str, str], Tube] = {}  # of its tails, likewise
         self._moving: Mapping[str, ArrayLike] | None = None  # acceleration of the last shape
         self._seen: AsSeen | None = None  # the last shape was seen, not predicted
+        self.found: Found | None = None  # the last usable shape
 
     def reset(self) -> None:
         """Forgets everything from before."""
@@ -116,6 +125,7 @@ class HarnessCycle:
             tail.reset()
         self.tubes, self.tails, self.tail_tubes = {}, {}, {}
         self._seen = None
+        self.found = None
         if self._known is not None:
             self._known.reset()
 
@@ -125,14 +135,16 @@ class HarnessCycle:
         """The shape of the harness, and those of tails beyond its grips into `tails`."""
         self._moving = acceleration
         shape = self.predictor.predict(ends, links=links, acceleration=acceleration)
-        self._hang(shape, ends)
+        self.tails = self._hang(shape, ends)
+        if shape.status:
+            self.found = Found(shape, self.tails, ends, links)
         return shape
 
     def take_seen(self, seen: AsSeen, ends: Mapping[str, End]) -> None:
         """Judges a shape that was seen in place of that which was just predicted."""
         assert isinstance(seen.shape, HarnessShape)
         self._seen = seen
-        self._hang(seen.shape, ends)
+        self.tails = self._hang(seen.shape, ends)
 
     def look_again(self) -> None:
         """Before the next prediction: after a shape that was seen it is no repetition, though ends stood still."""
@@ -140,14 +152,31 @@ class HarnessCycle:
             self._seen = None
             self.predictor.look_again()
 
-    def _hang(self, shape: HarnessShape, ends: Mapping[str, End]) -> None:
-        """Predicts the tails of a shape."""
-        self.tails = {}
+    def begin(self, shape: HarnessShape, ends: Mapping[str, End], links: Links) -> None:
+        """Takes over a shape at which its predictor has arrived: the next step is not that shape again, but goes on."""
+        self.predictor.look_again()
+        self.found = Found(shape, self._hang(shape, ends), ends, links)
+
+    def go_on_from(self, other: HarnessCycle) -> None:
+        """Takes over what another one remembers of the same harness beside its shape."""
+        for one, standing in self._standing.items():
+            standing.go_on_from(other._standing[one])
+
+    def _hang(self, shape: HarnessShape, ends: Mapping[str, End]) -> dict[tuple[str, str], CableShape]:
+        """The tails of a shape between these ends."""
+        tails = {}
         for end, tail in self._tails.items():
             held, (segment, side) = ends.get(end), split_end(end)
             if isinstance(held, (Pose, Grip)):
                 there = held_frame(held, shape.segments[segment], side)
-                self.tails[cable_id(self.name, segment), side] = tail.predict(there)
+                tails[cable_id(self.name, segment), side] = tail.predict(there)
+        return tails
+
+    def check_shape(self, shape: HarnessShape, links: Links) -> list[tuple[str, Cable, Clearance]]:
+        """Every segment by its id, and the clearance of its shape, without tails."""
+        return [
+            (one, self.cables[one], self._checkers[one].check(part, links)) for one, part in self.parts(shape).items()
+        ]
 
     def spread(self, shape: HarnessShape, ends: Mapping[str, End], links: Links, stamp: int) -> dict[str, Tube]:
         """The tubes of the segments of the shape just predicted, if they are asked for and known; kept."""
@@ -263,6 +292,31 @@ class HarnessCycle:
                 period=self._watches[one].period,
             )
         ]
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class HarnessCycles:
+    """Makes the :class:`HarnessCycle` of each harness, as often as it, or its scene, is another one.
+
+    options: keywords of its predictor. distributed_load and uncertainty are by harness.
+    """
+
+    robot_links: Sequence[Obstacle]
+    gripping_links: Sequence[str]
+    options: Mapping[str, Any]
+    distributed_load: Mapping[str, Any]
+    snap_horizon: float
+    quasistatic_limit: float | None
+    uncertainty: Mapping[str, Uncertainty]
+
+    def make(self, name: str, harness: Harness, scene: Scene, load: Any) -> HarnessCycle:
+        """The part of a harness in its scene, under distributed loads by segment."""
+        keywords = {**self.options, "distributed_load": load}
+        return HarnessCycle(
+            name, harness, scene, self.robot_links, self.gripping_links, keywords, self.snap_horizon,
+            self.quasistatic_limit, self.uncertainty.get(name),
+        )  # fmt: skip
 
 
 def _frame(shape: CableShape, row: int) -> Pose:

@@ -8,7 +8,7 @@ from typing import Any
 
 from cable_shape.cable.cable import Cable
 from cable_shape.cable.harness import SIDES, Harness
-from cable_shape.cycle.harness_cycle import cable_id
+from cable_shape.prediction.layout import cable_id as cable_id
 from cable_shape.safety.report import CycleReport
 from cable_shape.shape import CableShape
 from cable_shape.solve.harness_shape import HarnessShape

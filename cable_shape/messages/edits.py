@@ -23,6 +23,7 @@ from cable_shape.scene.scene_files import clip_entry, clip_of, mass_entry, obsta
 #: CableEdit.kind
 KINDS: dict[int, type] = dict(enumerate((Add, Remove, Move, Insert, Release, Regrip, Open, SetCable)))
 _NUMBERS = {kind: number for number, kind in KINDS.items()}
+_OPENED = ("", "end", "start")
 _WORDS = "0 ADD, 1 REMOVE, 2 MOVE, 3 INSERT, 4 RELEASE, 5 REGRIP, 6 OPEN, 7 SET_CABLE"
 
 MOST_EDITS = 1000  # of one request
@@ -117,7 +118,7 @@ def scene_fields(layout: Layout) -> dict[str, Any]:
         "cables": [_text(one.made.as_dict()) for one in held],
         "starts": [float(one.first) for one in held],
         "ends": [float(one.last) for one in held],
-        "opened": [int(one.opened) for one in held],
+        "opened": [_OPENED.index(one.opened) for one in held],
         "clips": [_text([clip_entry(clip) for clip in one.clips]) for one in held],
         "masses": [_text([mass_entry(mass) for mass in one.masses]) for one in held],
     }

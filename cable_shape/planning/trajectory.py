@@ -41,6 +41,7 @@ from cable_shape.planning.trajectory_walk import JUMP, Judge, Look, Walk, accele
 from cable_shape.pose import Grip, Pose
 from cable_shape.prediction.edits import Edit
 from cable_shape.prediction.layout import Layout
+from cable_shape.prediction.turned import TurnedPredictor
 from cable_shape.robots.on_links import check_links
 from cable_shape.robots.robot import Robot
 from cable_shape.scene.scene import Clip, Scene
@@ -235,9 +236,9 @@ class _Check(Walk[_Sample]):
         moving = None if self.accelerations is None else self.motion.between(self.accelerations, place)
         predictor = self.cycle.predictor
         shape = self.cycle.predict((start, end), links, acceleration=moving)
-        look = self.judge.look(shape, links, predictor.rod_state, held=end is not None)
+        look = self.judge.look(shape, links, predictor.rod_state, held=start is not None and end is not None)
         self.found.solved += 1
-        frames = [(grip.cable_frame if isinstance(grip, Grip) else grip).array for grip in (start, end or start)]
+        frames = [(grip.cable_frame if isinstance(grip, Grip) else grip).array for grip in (start or end, end or start)]
         names, placed = predictor.problem.moving_clips
         good = bool(shape.status) and shape.status is not Status.UNSTABLE
         slopes = np.empty(0)
@@ -260,24 +261,26 @@ class _Check(Walk[_Sample]):
         self.cycle.predictor.begin(a.look.shape, ends, links, spots=a.spots)
         self.cycle.predictor.look_again()
 
-    def _at(self, place: float) -> tuple[tuple[Pose | Grip, Pose | Grip | None], Mapping[str, Pose] | None]:
+    def _at(self, place: float) -> tuple[Any, Mapping[str, Pose] | None]:
         """What holds the ends there, and the links."""
         (start, end), links = self.motion.at(place)
-        return (start, None if self.layout.cables[_NAME].opened else end), links
+        opened = self.layout.cables[_NAME].opened
+        return (None if opened == "start" else start, None if opened == "end" else end), links
 
     def edit(self, edits: tuple[Edit, ...], last: _Sample) -> str:
         """See the base."""
         if last.look.shape.status:
             self.go_back(last)
             self.sample(last.place)
-        editing = Editing(self.layout, {_NAME: self.cycle}, self.maker, None)
+        editing = Editing(self.layout, {_NAME: self.cycle}, self.maker, None, None)
         try:
             for edit in edits:
                 editing.take(edit, None)
         except ArgumentError as error:
             return str(error)
-        self.layout, self.cycle = editing.layout, editing.cycles[_NAME]
-        self.judge = Judge(self.cycle.predictor.cable, self.cycle.scene, self.motion.robot)
+        self.layout, self.cycle = editing.layout, editing.singles[_NAME]
+        turned = isinstance(self.cycle.predictor, TurnedPredictor)
+        self.judge = Judge(self.cycle.predictor.cable, self.cycle.scene, self.motion.robot, turned=turned)
         return ""
 
     def sure(self, a: _Sample, b: _Sample) -> bool:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from cable_shape import checks
 from cable_shape.cable.cable import Cable
 from cable_shape.checks import Array
+from cable_shape.cycle.turned_watch import TurnedWatch
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels.safety import advance
 from cable_shape.planning.paths import Motion
@@ -294,11 +295,20 @@ def _reached(margin: Margin) -> bool:
 class Judge:
     """One cable, or one segment of a harness, among the bodies of scene and robot; gripped: a gripper holds it.
 
+    turned: it is solved for as told from its end.
+
     Where contact is solved for it is meant with what the scene's `allow` names, or with all obstacles if it names none.
     """
 
     def __init__(
-        self, cable: Cable, scene: Scene, robot: Robot | None, segment: str = "", gripped: bool = True
+        self,
+        cable: Cable,
+        scene: Scene,
+        robot: Robot | None,
+        segment: str = "",
+        gripped: bool = True,
+        *,
+        turned: bool = False,
     ) -> None:
         self.segment = segment
         checked = scene.contact != "off"
@@ -310,7 +320,7 @@ class Judge:
             robot_links=robot_links,
             gripping_links=gripping,
         )
-        self.watch = MarginWatch(cable, scene, self.checker.moving)
+        self.watch = (TurnedWatch if turned else MarginWatch)(cable, scene, self.checker.moving)
         self._solves = scene.contact == "solve"
         if self._solves and not scene.allow:
             scene = scene.replace(allow=[Allow(body.name) for body in scene.obstacles])

@@ -43,7 +43,7 @@ def check_models(predictors: Mapping[str, Predictor], scene: Scene) -> None:
             )  # fmt: skip
 
 
-def accelerate(name: str, predictor: Predictor, acceleration: ArrayLike | None) -> None:
+def accelerate(name: str, predictor: Any, acceleration: ArrayLike | None) -> None:
     """Tells how a cable moves; what is refused is said to be this cable's."""
     try:
         predictor.accelerate(acceleration)
@@ -51,12 +51,15 @@ def accelerate(name: str, predictor: Predictor, acceleration: ArrayLike | None) 
         raise ArgumentError(f"acceleration[{name!r}]: {error}") from None
 
 
-def check_ends(name: str, ends: Any) -> None:
-    """Refuses what is no pair of ends."""
+def check_ends(name: str, ends: Any, opened: str = "") -> None:
+    """Refuses what is no pair of ends; opened: the one that nothing holds, "start" or "end", if any."""
     if not isinstance(ends, (tuple, list)) or len(ends) != 2:
         raise ArgumentError.of(f"grips[{name!r}]", ends, "it must be (start, end)", "Write (Pose(...), Pose(...)).")
     start, end = ends
-    if not isinstance(start, _HELD):
+    if opened == "start" and not isinstance(end, _HELD):
+        bound = "the start is open: something must hold the cable"
+        raise ArgumentError.of(f"grips[{name!r}][1]", end, bound, "Write Pose(position, ..).")
+    if not isinstance(start, _HELD) and not (opened == "start" and isinstance(start, (FreeEnd, type(None)))):
         raise ArgumentError.of(f"grips[{name!r}][0]", start, "it must be a Pose or a Grip", "Write Pose(position, ..).")
     if end is not None and not isinstance(end, _ENDS):
         bound = "it must be a Pose, a Grip, a FreeEnd or None"

@@ -13,6 +13,12 @@ from cable_shape.scene.scene import Clip, Obstacle, PointMass
 _WRITE_CLIP = "Write Clip(arc_length, pose)."
 
 
+def _check_end(name: str, end: object) -> None:
+    """ "start" or "end", of a harness with its segment before it."""
+    checks.word(name, end)
+    checks.one_of(name, str(end).rpartition(".")[2], TAIL_SIDES)
+
+
 @final
 @dataclass(frozen=True, slots=True)
 class Add:
@@ -81,7 +87,7 @@ class Regrip:
     Where a "fixed" clip holds it, which may be a third gripper, it takes it over: that clip is gone.
 
     end : str
-        "start" or "end".
+        "start" or "end"; of a harness "a.start" or "a.end", an open end.
     arc_length : float
         [m] of the cable as it was made: 0 at its start, negative or beyond its length on its tails.
     """
@@ -90,19 +96,19 @@ class Regrip:
     arc_length: float
 
     def __post_init__(self) -> None:
-        checks.one_of("Regrip.end", self.end, TAIL_SIDES)
+        _check_end("Regrip.end", self.end)
         object.__setattr__(self, "arc_length", checks.number("Regrip.arc_length", self.arc_length, unit="m"))
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class Open:
-    """The gripper at this end opens: what it held hangs free, its tail with it, until `Regrip`. "start" is refused."""
+    """The gripper at this end opens: what it held hangs free, its tail with it, until `Regrip`; not both ends do."""
 
     end: str
 
     def __post_init__(self) -> None:
-        checks.one_of("Open.end", self.end, TAIL_SIDES)
+        _check_end("Open.end", self.end)
 
 
 @final

@@ -27,7 +27,7 @@ from cable_shape.solve.harness_problem import End, HarnessProblem
 from cable_shape.solve.harness_shape import HarnessShape
 from cable_shape.solve.problem import GRAVITY
 from cable_shape.solve.touching import harness_solve
-from cable_shape.solve.touching.harness_state import HarnessTouchState
+from cable_shape.solve.touching.harness_state import HarnessTouchState, Laid
 
 MODELS = ("cosserat", "auto")
 
@@ -87,6 +87,8 @@ class HarnessPredictor:
         self._last_links: Mapping[str, Pose] | None = None
         self._last: HarnessShape | None = None
         self._last_ends: dict[str, Grip | FreeEnd] = {}
+        self._loose = False  # what was let go slides to rest, whether it touches anything or not
+        self._leaps = True  # in contact, see `Predictor.leap`
 
     @property
     def harness(self) -> Harness:
@@ -177,15 +179,66 @@ class HarnessPredictor:
         if still and all(same_end(last[name], end) for name, end in problem.ends.items()):
             assert self._last is not None
             return self._last.again()
+        return self.solve()
+
+    def solve(self) -> HarnessShape:
+        """The shape of the problem as it is."""
+        problem = self.problem
         deadline = math.inf if self.time_budget == math.inf else perf_counter() + self.time_budget
-        if problem.bodies:
+        if problem.bodies or self._loose:
             if self._touch is None:
                 self._touch = HarnessTouchState(problem)  # type: ignore[arg-type]
-            shape, self._state = harness_solve.solve(problem, self._touch, self._state, deadline=deadline)
+            shape, self._state = harness_solve.solve(
+                problem, self._touch, self._state, deadline=deadline, leaps=self._leaps
+            )
+            self._loose = self._loose and not shape.status
+            if not (problem.bodies or self._loose):
+                self._touch = None
         else:
             shape, self._state = harness_search.solve(problem, self._state, deadline=deadline)
         self._last, self._last_ends, self._last_links = shape, dict(problem.ends), kept(problem.links)
         return shape
+
+    def begin(
+        self,
+        shape: HarnessShape,
+        ends: Mapping[str, End],
+        links: Mapping[str, Pose] | None,
+        *,
+        harness: Harness | None = None,
+        scene: Scene | None = None,
+        loose: bool = False,
+    ) -> None:
+        """Makes a shape that was found otherwise the last one, see :meth:`cable_shape.Predictor.begin`."""
+        self.head_for(harness, scene)
+        problem = self.problem.move(ends, links)
+        self._loose = loose
+        touch = HarnessTouchState(problem)  # type: ignore[arg-type]
+        frames = touch.aimed()
+        touch.move_bodies(touch.bodies.link_rows(problem.links))
+        self._state = HarnessNetwork(problem)
+        self._state.aim()
+        self._state.resume_from(Laid(shape, touch.gaps), touch.gaps, touch.knots_at(shape, frames))
+        self._touch = touch if loose or problem.bodies else None
+        if loose:
+            touch.lie(shape, frames)  # type: ignore[arg-type]
+        elif problem.bodies:
+            touch.resume(shape, frames)  # type: ignore[arg-type]
+
+    def head_for(self, harness: Harness | None = None, scene: Scene | None = None) -> None:
+        """Makes the problem that of another harness in another scene, or its own; ends and links stay."""
+        last, touch = self.problem, self._touch
+        if harness is None:
+            problem = self._still
+        else:
+            problem = _checked(HarnessProblem(harness, scene=scene, **self._keywords))
+        problem.ends, problem.links, problem._given = last.ends, last.links, None
+        self._load(problem)
+        self._touch = touch
+
+    def leap(self, *, allowed: bool) -> None:
+        """See :meth:`cable_shape.Predictor.leap`."""
+        self._leaps = allowed
 
     def look_again(self) -> None:
         """The next prediction is made anew, from the last one, wherever its ends are."""
@@ -194,6 +247,7 @@ class HarnessPredictor:
     def reset(self) -> None:
         """Forgets the last solution: the next one starts cold."""
         self._state = self._last = self._touch = None
+        self._loose = False
 
     def sensitivity(self, *, at: str = "cable", by_clips: bool = False) -> dict[str, Array]:
         """{segment: (points, 3, 6 g)}: how the centrelines move with the g held ends, in the order of `grips`.

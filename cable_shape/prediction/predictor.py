@@ -172,6 +172,20 @@ class Predictor:
         self.problem.move(start, end, links)
         return self.solve()
 
+    @property
+    def solo(self) -> Predictor:
+        """What solves for the cable: this one, see :class:`cable_shape.prediction.turned.TurnedPredictor`."""
+        return self
+
+    @staticmethod
+    def told(shape: CableShape) -> CableShape:
+        """A shape as `solo` tells it from one as the cable was given, and the other way round: the same."""
+        return shape
+
+    def move(self, start: Pose | Grip, end: Pose | Grip | FreeEnd | None, links: Links) -> None:
+        """Puts the ends and the links there."""
+        self.problem.move(start, end, links)
+
     def alone(self) -> CableShape:
         """The shape between the problem's ends, whatever it or other cables touch."""
         problem = self.problem

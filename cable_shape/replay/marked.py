@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from cable_shape.cable.cable import Cable
 from cable_shape.cable.harness import run_of
 from cable_shape.checks import Array
-from cable_shape.cycle.harness_cycle import cable_id
 from cable_shape.cycle.harness_ends import HarnessFile
+from cable_shape.prediction.layout import cable_id
 from cable_shape.safety.report import CycleReport
 
 #: [m], a marker this near to the end of a segment that is held sits at the grip.

@@ -95,6 +95,26 @@ class HarnessShape:
         self.touches = touches  # of each segment (k, TOUCH), or none at all, see CableShape
         self.bodies = bodies
 
+    def on(
+        self, harness: Harness, segments: Mapping[str, CableShape], clips_of: Mapping[str, list[int]]
+    ) -> HarnessShape:
+        """These shapes of a harness's segments, with as many parts as this one's, as one; the rest is as here.
+
+        clips_of: the numbers of each segment's clips in the scene.
+        """
+        size = NUMBERS_PER_POINT * self.points
+        levers = self.buffer[size * len(self.harness.segments) :]
+        clips = np.zeros((sum(map(len, clips_of.values())), 7))
+        for name, numbers in clips_of.items():
+            clips[numbers] = segments[name].supports
+        other = self.again()
+        other.harness, other.reused = harness, False
+        other.buffer = np.concatenate([*(segments[name].buffer for name in harness.segments), levers])
+        other.supports, other._clips_of = clips, clips_of
+        other.touches = [segments[name].touches for name in harness.segments]
+        other.twists = np.array([segments[name].twist for name in harness.segments])
+        return other
+
     @property
     def usable(self) -> bool:
         """Whether the shape may be acted on: what the status says."""

@@ -34,8 +34,7 @@ from cable_shape.cable.cable import TAIL_SIDES, Cable
 from cable_shape.cable.harness import Harness, split_end
 from cable_shape.cable.pieces import radius_of, thicker
 from cable_shape.checks import Array
-from cable_shape.cycle.harness_cycle import cable_id
-from cable_shape.cycle.parts import cables_of, in_parts
+from cable_shape.cycle.parts import cable_id, cables_of, in_parts
 from cable_shape.pose import IDENTITY, FreeEnd, Grip, Pose
 from cable_shape.safety.report import Clearance, CycleReport, Severity
 from cable_shape.scene.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Obstacle, Scene, Solid, Sphere

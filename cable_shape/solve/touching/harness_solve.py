@@ -25,7 +25,12 @@ from cable_shape.solve.touching.touching import Solve
 
 
 def solve(
-    problem: HarnessProblem, state: HarnessTouchState, rod: HarnessNetwork | None, *, deadline: float = math.inf
+    problem: HarnessProblem,
+    state: HarnessTouchState,
+    rod: HarnessNetwork | None,
+    *,
+    deadline: float = math.inf,
+    leaps: bool = True,
 ) -> tuple[HarnessShape, HarnessNetwork | None]:
     """The harness between the problem's ends and in its clips, outside its bodies, and the memory without contact.
 
@@ -34,7 +39,7 @@ def solve(
     began = perf_counter()
     if state.problem is not problem:
         state.take(problem)
-    one = HarnessSolve(problem, state, rod, deadline, began)  # type: ignore[arg-type]
+    one = HarnessSolve(problem, state, rod, deadline, began, leaps)  # type: ignore[arg-type]
     shape: Any = one.run()
     return shape, one.rod
 

@@ -175,6 +175,11 @@ class HarnessTouchState(TouchState):
     def start_from(self, shape: HarnessShape, frames: Array, finer: float = 1.0) -> None:  # type: ignore[override]
         """Makes a shape the last solution, on a new mesh; `frames` (k, 7) are those of the knots that are held."""
         whole: Any = self.whole(shape)
+        super().start_from(whole, self.knots_at(shape, frames), finer)
+
+    def knots_at(self, shape: HarnessShape, frames: Array) -> Array:
+        """(k, 7): poses of all knots in a shape, of which `frames` (k, 7) has those that are held."""
+        whole: Any = self.whole(shape)
         poses = frames.copy()
         spans = self.cable.structure.spans
         of_frames = self.cable.layout.frames
@@ -191,7 +196,7 @@ class HarnessTouchState(TouchState):
                         there = whole.quaternions[k : k + 1], conjugate(of_frames[span, end])[None]
                         poses[knot, 3:] = times(*there)[0]
             at, j = at + size, j + size - 1
-        super().start_from(whole, poses, finer)
+        return poses
 
     def twin(self, problem: HarnessProblem, shape: HarnessShape) -> HarnessTouchState:
         """Once more: it goes on from the last shape, that of `problem`, and this one stays as it is."""
