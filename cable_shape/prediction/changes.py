@@ -146,10 +146,10 @@ def _the_cable(layout: Layout, cable: str | None, what: str) -> str:
     """The cable that is meant."""
     if cable is not None:
         return cable
-    if len(layout.cables) > 1:
+    if len(layout.single) != 1:
         known = ", ".join((*layout.single, *layout.harnesses))
         raise ArgumentError.of("cable", None, f"{what} is about one of several cables", f"Name it: {known}.")
-    return next(iter(layout.cables))
+    return next(iter(layout.single))
 
 
 def _body_named(layout: Layout, name: str) -> Obstacle | None:

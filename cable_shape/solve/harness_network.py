@@ -412,7 +412,7 @@ class HarnessNetwork(Network):
                 force = np.interp(middles, whole.arc_length, whole.force[:, i])
                 now.lam[j, i] = (force - self.model.load[a - j : b - j, 3 + i]).mean()
         now.pose[...] = poses
-        self.history = 1
+        self.history, self._resumed = 1, True
 
     def sensitivities(self, ends: Sequence[str], clips: Sequence[int] = ()) -> Array:
         """(c points, 3, 6 g): change of the positions of all segments with the poses of these held ends, then clips."""

@@ -271,12 +271,13 @@ def test_markers_are_as_wide_as_the_cable_is_now(edited):
     assert 0.02 in widths()
 
 
-def test_a_node_with_a_harness_tells_its_scene_and_refuses_edits(start):
+def test_a_node_with_a_harness_tells_its_scene_and_says_what_an_edit_must_name(start):
     node = start(cable_file=None, harness_file="harnesses/demo.yaml", scene_file="scenes/harness.yaml", active=False)
     node.until(lambda: node.state() == "active", "state active")
     scenes = node.listen(CableScene, "cable/scene", LATCHED)
     node.until(lambda: scenes, "the scene")
     assert "clips" in scenes[0].scene
-    assert scenes[0].cable_ids == []
-    assert "harnesses cannot be edited, and there is nothing else" in refused(node, cs.Add(POST))
+    assert scenes[0].cable_ids
+    assert all(name.startswith("demo/") for name in scenes[0].cable_ids)
+    assert "'demo' is a harness: it must be an end of a segment" in refused(node, cs.Open("end"))
     assert node.process.stop() == 0

@@ -95,7 +95,7 @@ class HarnessSolve(Solve):
         state = self.state
         self.rod = HarnessNetwork(self.problem)
         self.rod.aim()
-        self.rod.resume_from(Laid(shape, state.gaps), state.gaps, state.grips[NOW])
+        self.rod.resume_from(Laid(shape, state.gaps), state.gaps, state.knots_at(shape, state.grips[NOW]))
 
     def _stretched(self, shape: HarnessShape) -> float:  # type: ignore[override]
         """[m] what the segment lacks that lacks most, 0 if that is next to nothing; errors grow by what all lack."""

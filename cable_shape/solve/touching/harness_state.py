@@ -178,7 +178,10 @@ class HarnessTouchState(TouchState):
         super().start_from(whole, self.knots_at(shape, frames), finer)
 
     def knots_at(self, shape: HarnessShape, frames: Array) -> Array:
-        """(k, 7): poses of all knots in a shape, of which `frames` (k, 7) has those that are held."""
+        """(k, 7): poses of all knots in a shape, of which `frames` (k, 7) has those that are held.
+
+        The signs of their quaternions are those of the shape.
+        """
         whole: Any = self.whole(shape)
         poses = frames.copy()
         spans = self.cable.structure.spans
@@ -187,14 +190,15 @@ class HarnessTouchState(TouchState):
         for size in self._of_cables:
             for i in range(size):
                 span, end = (j + i, 0) if i < size - 1 else (j + i - 1, 1)
-                knot = self._knots[at + i]
+                knot, arc = self._knots[at + i], self._arcs[at + i]
+                k = int(np.abs(whole.arc_length - arc).argmin())
+                there = times(whole.quaternions[k : k + 1], conjugate(of_frames[span, end])[None])[0]
                 if self._moves[knot]:
-                    arc = self._arcs[at + i]
-                    k = int(np.abs(whole.arc_length - arc).argmin())
                     poses[knot, :3] = [np.interp(arc, whole.arc_length, x) for x in whole.positions.T]
-                    if spans[span].tied[end]:
-                        there = whole.quaternions[k : k + 1], conjugate(of_frames[span, end])[None]
-                        poses[knot, 3:] = times(*there)[0]
+                if spans[span].tied[end] and (self._moves[knot] or self.cable.structure.knots[knot].turns):
+                    poses[knot, 3:] = there
+                elif poses[knot, 3:] @ there < 0.0:
+                    poses[knot, 3:] *= -1.0
             at, j = at + size, j + size - 1
         return poses
 
