@@ -10,6 +10,7 @@ import numpy as np
 
 from cable_shape.cable.cable import Cable
 from cable_shape.checks import Array
+from cable_shape.errors import ArgumentError
 from cable_shape.motion.motion import Motion
 from cable_shape.pose import Ends, FreeEnd, Grip, Pose, between
 from cable_shape.safety.report import Ahead, Clearance
@@ -37,6 +38,9 @@ class Dynamic:
     """
 
     def __init__(self, cable: Cable, scene: Scene, gravity: Array, points: int) -> None:
+        if scene.contact == "solve":
+            bound = "a cycle in which cables swing knows no contact"
+            raise ArgumentError.of("scene.contact", "solve", bound, "Write contact='warn', or motion='quasistatic'.")
         self.motion = Motion(cable, scene, gravity, points)
         self.reset()
 

@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
+import inspect
 import math
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
 from time import perf_counter
-from typing import final
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from cable_shape import checks
 from cable_shape.cable.cable import Cable
-from cable_shape.cable.pieces import pieces_of
+from cable_shape.cable.harness import Harness
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
+from cable_shape.motion.among import Among
+from cable_shape.motion.common import MODEL, check_moves, enough, work_of
 from cable_shape.motion.run import Run
-from cable_shape.motion.swing import ELEMENTS, LAYERS, MOST_ELEMENTS, Swing, spread_evenly
+from cable_shape.motion.swing import Swing, load_of, spread_evenly
 from cable_shape.pose import FreeEnd, Grip, Pose
+from cable_shape.scene.mesh_convex import check_convex
 from cable_shape.scene.scene import Scene
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve import cosserat
@@ -24,8 +31,8 @@ from cable_shape.solve.network import Network
 from cable_shape.solve.outcome import no_room
 from cable_shape.solve.problem import GRAVITY, Problem
 from cable_shape.solve.seen import seen_of
-
-MODEL = "motion"
+from cable_shape.solve.touching import touching
+from cable_shape.solve.touching.state import TouchState
 
 
 @final
@@ -37,10 +44,12 @@ class Motion:
 
     Parameters
     ----------
-    cable : Cable
-        Its linear density is above 0; `retardation_time` and `drag` damp it.
+    cable : Cable or Harness
+        Its linear density is above 0; `retardation_time` and `drag` damp it. A harness makes a
+        :class:`cable_shape.motion.harness_motion.HarnessMotion`.
     scene : Scene, optional
-        Clips hold the cable, other than eyelets; masses load it and have inertia. Obstacles keep nothing out here.
+        Clips hold the cable, in eyelets it runs; masses load it and have inertia. With ``contact="solve"`` obstacles
+        keep it out and hold it by their friction.
     gravity : (3,) array_like
         [m/s^2], world.
     points : int
@@ -55,17 +64,32 @@ class Motion:
         Naming the value, the bound and the remedy.
     """
 
+    def __new__(cls, cable: Any, *arguments: Any, **keywords: Any) -> Any:
+        """A :class:`HarnessMotion` for a harness."""
+        if not isinstance(cable, Harness):
+            return super().__new__(cls)
+        from cable_shape.motion.harness_motion import HarnessMotion
+
+        return HarnessMotion(cable, *arguments, **keywords)
+
     def __init__(
         self,
-        cable: Cable,
+        cable: Cable | Harness,
         scene: Scene | None = None,
         gravity: ArrayLike = GRAVITY,
         points: int = 150,
         elements: int | None = None,
     ) -> None:
-        self.problem = Problem(cable, gravity=gravity, points=points, scene=scene)
+        if not isinstance(cable, Cable):
+            raise ArgumentError.of("cable", cable, "it must be a Cable or a Harness", "Write Cable(length=..., ...).")
+        self._still = Problem(cable, gravity=gravity, points=points, scene=scene, friction=False)
+        self.problem = Problem(cable, gravity=gravity, points=points, scene=_without_eyelets(scene))
         self.elements = None if elements is None else checks.integer("elements", elements, at_least=4, at_most=2000)
-        _check(self.problem)
+        check_moves(cable)
+        check_convex(self._still.bodies)
+        if self._still.clips_move:
+            bound = "Motion knows no links"
+            raise ArgumentError.of("Clip.link", sorted(self._still.carried), bound, "Hold the clip in the world.")
         self._state: Network | None = None
         self._swing: Swing | None = None
         self._last: CableShape | None = None
@@ -96,6 +120,7 @@ class Motion:
         arc_length: ArrayLike | None = None,
         points: ArrayLike | None = None,
         velocity: ArrayLike | None = None,
+        links: Mapping[str, Pose] | None = None,
     ) -> CableShape:
         """Starts at rest between these ends, or as the cable is seen; returns that shape.
 
@@ -111,6 +136,8 @@ class Motion:
             [m], world, on the cable, at the instant at which the ends are here.
         velocity : (k, 3) array_like, optional
             [m/s], world, of the points.
+        links : mapping, optional
+            Poses in the world of the links that carry bodies which are solved for; None: those are left out.
 
         Raises
         ------
@@ -119,7 +146,7 @@ class Motion:
         """
         began = perf_counter()
         self._swing = self._last = None
-        problem = self.problem.move(start, end)
+        problem = self.problem.move(start, end, links)
         seen = None
         if points is not None:
             seen = seen_of(problem.start, problem.end, self.cable.length, arc_length, points, velocity)
@@ -129,8 +156,14 @@ class Motion:
         shape = cosserat.solve(problem, state)
         if not shape.status:
             return shape
-        spread_evenly(state, self.elements or _enough(shape, self.cable))
-        swing = Swing(problem, state)
+        among, lying = None, None
+        if problem.bodies or len(self._still.clips) > len(problem.clips):
+            lying = _lying(self._still.move(start, end, links))
+            if not lying.status:
+                return lying
+            among, shape = partial(Among, self._still), lying
+        spread_evenly(state, self.elements or enough(shape, self.cable))
+        swing = Swing(load_of(problem), state, among, lying)
         if not swing.alive:
             return _failed(shape, Status.NOT_CONVERGED, "The cable does not come to rest on the mesh of its motion. ")
         self._state, self._swing = state, swing
@@ -146,11 +179,18 @@ class Motion:
         self._last = self._shape(out, rates, began, status, "" if seen is not None else shape.detail)
         return self._last
 
-    def step(self, start: Pose | Grip, end: Pose | Grip | FreeEnd | None, dt: float) -> CableShape:
+    def step(
+        self,
+        start: Pose | Grip,
+        end: Pose | Grip | FreeEnd | None,
+        dt: float,
+        links: Mapping[str, Pose] | None = None,
+    ) -> CableShape:
         """The cable dt [s] later, when its ends have come here; never raises for a physical reason: look at `status`.
 
-        Between the last ends and these they move in a straight line. OVERSTRETCHED, and NOT_CONVERGED where not even 16
-        shorter steps do: the state is kept as it was, and the shape is the last one.
+        Between the last ends and these they move in a straight line, and so do links; without `links` those
+        stay. OVERSTRETCHED, and NOT_CONVERGED where not even shorter steps do: the state is kept as it was, and the
+        shape is the last one.
 
         Raises
         ------
@@ -164,7 +204,7 @@ class Motion:
             raise ArgumentError("step() needs a state to step from, and there is none. Call begin first.")
         before = self.problem.end
         kinds = self._kinds()
-        problem = self.problem.move(start, end)
+        problem = self.problem.move(start, end, links)
         if self._kinds() != kinds:
             ends = f"{kinds[0]} and {kinds[1]}"
             raise ArgumentError.of("ends", self._kinds(), f"they were {ends} at begin", "Hold them so, or begin again.")
@@ -174,12 +214,14 @@ class Motion:
             return _failed(last, Status.OVERSTRETCHED, taut[2].split(". ")[0] + ". The state is kept. ", taut[3])
         if isinstance(problem.end, FreeEnd):
             swing.load_end(problem.end, problem.end_fall)
+        if swing.among is not None:
+            swing.among.move(links)
         place, frame = last.positions[-1], last.quaternions[-1]
         out, velocity = self._buffers()
         if not swing.step(poses, dt, out, velocity):
             return _failed(last, Status.NOT_CONVERGED, "A step could not be taken. The state is kept. ")
         shape = self._shape(out, velocity, began, Status.OK, "")
-        shape.work += _work_of(before, problem.end, shape, place, frame)
+        shape.work += work_of(before, problem.end, shape, place, frame)
         lost = shape.work - shape.dissipated
         lost -= shape.energy + shape.kinetic_energy - last.energy - last.kinetic_energy
         shape.lost = lost
@@ -244,6 +286,21 @@ class Motion:
         n = self.problem.points
         return CableShape.new_buffer(n), np.empty((n, 3))
 
+    def _supports(self, swing: Swing) -> Array:
+        """(k, 7), of each clip: arc length [m], force [N] and moment [N m] on it."""
+        clips = self._still.clips
+        out, knot, ring = np.zeros((len(clips), 7)), 1, 0
+        for row, clip in zip(out, clips, strict=True):
+            if clip.kind == "slide":
+                assert swing.among is not None
+                rings = swing.among.skin.rings
+                row[0], row[1:4] = rings[ring, 4], -rings[ring, 5:8]
+                ring += 1
+            else:
+                row[0], row[1:] = clip.arc_length, -swing.memory.reaction[knot]
+                knot += 1
+        return out
+
     def _kinds(self) -> tuple[str, str, float]:
         """How the ends are held, and the mass of a plug."""
         end = self.problem.end
@@ -269,7 +326,7 @@ class Motion:
             status=status,
             detail=detail,
             energy=energy,
-            error_estimate=self._error + float(swing.told[1]),
+            error_estimate=self._error + float(swing.told[1]) + swing.depth,
             iterations=int(info[0]),
             solve_time=perf_counter() - began,
             turns=swing.turns,
@@ -278,32 +335,24 @@ class Motion:
             kinetic_energy=swing.kinetic_energy,
             work=float(info[2]),
             dissipated=float(info[3]),
+            supports=self._supports(swing),
+            touches=swing.touches(),
+            bodies=() if swing.among is None else swing.among.bodies.names,
         )
 
 
-def _enough(shape: CableShape, cable: Cable) -> int:
-    """How many elements a cable needs that none is much longer than its boundary layers."""
-    stiffness = min(min(one.bending_stiffness) for _, _, one in pieces_of(cable))
-    layer = math.sqrt(stiffness / max(float(np.linalg.norm(shape.force, axis=1).max()), 1e-300))
-    return int(min(max(ELEMENTS, math.ceil(cable.length / (LAYERS * layer))), MOST_ELEMENTS))
+def _without_eyelets(scene: Scene | None) -> Scene | None:
+    """The same scene without what the cable runs through: that is no support of a network that swings."""
+    if scene is None or all(clip.kind != "slide" for clip in scene.clips):
+        return scene
+    return replace(scene, clips=[clip for clip in scene.clips if clip.kind != "slide"])
 
 
-def _check(problem: Problem) -> None:
-    """Refuses what does not move, or not yet."""
-    cable, scene = problem.cable, problem.scene
-    if cable.linear_density == 0.0:
-        remedy = "Give it in kg/m: without mass there is no motion."
-        raise ArgumentError.of("linear_density", 0.0, "Motion needs it above 0 kg/m", remedy)
-    if cable.mean_bending_stiffness == 0.0:
-        remedy = "Give EI in N m^2, however small it is."
-        raise ArgumentError.of("bending_stiffness", 0.0, "Motion needs it above 0 N m^2", remedy)
-    if any(clip.kind == "slide" for clip in problem.clips):
-        raise ArgumentError.of("Clip.kind", "slide", "Motion knows no eyelets", "Hold the cable in a 'ball' clip.")
-    if problem.clips_move:
-        bound = "Motion knows no links"
-        raise ArgumentError.of("Clip.link", sorted(problem.carried), bound, "Hold the clip in the world.")
-    if scene is not None and scene.contact == "solve":
-        raise ArgumentError.of("scene.contact", "solve", "Motion knows no contact", "Write contact='warn'.")
+def _lying(problem: Problem) -> CableShape:
+    """At rest among bodies and in eyelets, without friction: how friction would hold it nothing tells."""
+    if problem.bodies:
+        return touching.solve(problem, TouchState(problem), Network(problem))
+    return cosserat.solve(problem)
 
 
 def _failed(shape: CableShape, status: Status, detail: str, missing: float = 0.0) -> CableShape:
@@ -315,17 +364,6 @@ def _failed(shape: CableShape, status: Status, detail: str, missing: float = 0.0
     return kept
 
 
-def _work_of(before: Grip | FreeEnd, end: Grip | FreeEnd, shape: CableShape, place: Array, frame: Array) -> float:
-    """[J], of the dead loads on a free end in the last step, from `place` (3,) and `frame` (4,)."""
-    if not isinstance(end, FreeEnd) or not isinstance(before, FreeEnd):
-        return 0.0
-    work = float(0.5 * (before.force + end.force) @ (shape.positions[-1] - place))
-    if not (before.moment.any() or end.moment.any()):
-        return work
-    x, y, z, w = -frame[0], -frame[1], -frame[2], frame[3]
-    a, b, c, d = shape.quaternions[-1]
-    turn = np.array(
-        (d * x + a * w + b * z - c * y, d * y - a * z + b * w + c * x, d * z + a * y - b * x + c * w)
-    )  # fmt: skip
-    turn *= math.copysign(2.0, d * w - a * x - b * y - c * z)
-    return work + float(0.5 * (before.moment + end.moment) @ turn)
+_MADE_FROM = inspect.signature(Motion.__init__)
+_MADE_FROM = _MADE_FROM.replace(parameters=list(_MADE_FROM.parameters.values())[1:])
+Motion.__signature__ = _MADE_FROM  # type: ignore[attr-defined]  # not that of __new__

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
-from typing import final
+from typing import NamedTuple, final
 
 import numpy as np
 
+from cable_shape.cable.cable import Cable
 from cable_shape.cable.pieces import cable_at
 from cable_shape.checks import Array
+from cable_shape.kernels.contact import swung
 from cable_shape.kernels.network import momentum, motion, settle, swing_output, swing_run, swinging, tables
 from cable_shape.kernels.network.momentum import ENERGY, KINETIC, PERIOD
 from cable_shape.kernels.network.newton import CONVERGED
 from cable_shape.kernels.network.settle import INFO
 from cable_shape.kernels.network.tables import LENGTH, NOW, SOFTEST
+from cable_shape.motion.among import Among
 from cable_shape.pose import FreeEnd
+from cable_shape.shape import TOUCH, CableShape
 from cable_shape.solve.network import Network
 from cable_shape.solve.problem import Problem
 from cable_shape.solve.seen import Seen
@@ -47,36 +51,72 @@ def spread_evenly(state: Network, elements: int) -> None:
     state.lay_out(pieces, counts.tolist())
 
 
+class Load(NamedTuple):
+    """What a network that swings has for mass, and on its free ends."""
+
+    points: int  # of the shape of each cable
+    cables: Sequence[Cable | None]  # of each cable of the network; None: one without mass
+    masses: Sequence[tuple[float, float]]  # arc length on the first cable [m], and mass [kg]
+    at_knots: Sequence[tuple[int, float]]  # knot, and mass [kg]
+    tips: Sequence[tuple[int, FreeEnd, Array]]  # knot, what loads it, and what weighs there (3,) [m/s^2]
+
+
+def load_of(problem: Problem) -> Load:
+    """That of one cable."""
+    end, knot = problem.end, len(problem.clips) + 1 - sum(clip.kind == "slide" for clip in problem.clips)
+    masses = [(mass.arc_length, mass.mass) for mass in problem.masses]
+    tips = [(knot, end, problem.end_fall)] if isinstance(end, FreeEnd) else []
+    return Load(problem.points, [problem.cable], masses, [], tips)
+
+
 @final
 class Swing:
-    """A network with mass, on the mesh and from the shape at rest that `state` has; `alive` tells whether it is one."""
+    """A network with mass, on the mesh and from the shape at rest that `state` has; `alive` tells whether it is one.
 
-    def __init__(self, problem: Problem, state: Network, radius: float = RADIUS) -> None:
+    among: what makes the bodies of the problem known to it, and lets it come to rest among them.
+    """
+
+    def __init__(
+        self,
+        load: Load,
+        state: Network,
+        among: Callable[[Settling, Array], Among] | None = None,
+        lying: CableShape | None = None,
+        radius: float = RADIUS,
+    ) -> None:
         settling = Settling(state.ints, state.floats, state.sols, NOW, swings=True)
-        self.alive = settling.settle(tolerance=_AT_REST) or settling.at_rest(_NEAR_REST)
-        self.points = problem.points
+        self.points = load.points
         self.ints, self.floats, self.sols, self.work = settling.ints, settling.floats, settling.sols, settling.work
         self.moving, self.plan, self.model = settling.moving, settling.plan, settling.model
         self.motion: motion.Motion = settling.motion
         self.remembered = np.zeros(momentum.momentum_size.py_func(self.ints))
         self.memory: momentum.Momentum = momentum.momentum_of.py_func(self.ints, self.remembered)
-        self.kept = np.empty(self.sols.size + self.remembered.size)
+        self.among = None if among is None else among(settling, self.remembered)
+        if self.among is None or lying is None:
+            self.alive = settling.settle(tolerance=_AT_REST) or settling.at_rest(_NEAR_REST)
+        else:
+            self.alive = self.among.rest(settling, self.memory, self.remembered, lying)
+        whole = self.sols.size + self.remembered.size
+        self.kept = np.empty(whole if self.among is None else whole + self.moving.size)
         self.info, self._scratch = np.zeros(swinging.INFO), np.zeros(INFO)
         self.told = np.zeros(2 * int(self.ints[tables.N_CABLES]))
         self.memory.par[momentum.RADIUS] = radius
         self.memory.rest[...], self.memory.section[...] = self.model.rest, self.model.section
-        self._put_masses(problem)
+        self._put_masses(load)
         self._rest()
 
-    def _put_masses(self, problem: Problem) -> None:
-        """Mass, drag and damping of the cable and what it carries, at the nodes."""
+    def _put_masses(self, load: Load) -> None:
+        """Mass, drag and damping of the cables and what they carry, at the nodes."""
         plan, model, memory, moving = self.plan, self.model, self.memory, self.motion
         moving.drag[...] = 0.0
-        for e, node in enumerate(plan.left.tolist()):
-            here, h = cable_at(problem.cable, 0.5 * (model.s[node] + model.s[node + 1])), model.h[e]
-            memory.mass[node : node + 2] += 0.5 * here.linear_density * h
-            moving.drag[node : node + 2] += 0.5 * here.drag * h
-            memory.delay[e] = here.retardation_time
+        for c, cable in enumerate(load.cables):
+            for e in range(plan.first[plan.cables[c]], plan.first[plan.cables[c + 1]]) if cable is not None else ():
+                assert cable is not None
+                node, h = plan.left[e], model.h[e]
+                here = cable_at(cable, 0.5 * (model.s[node] + model.s[node + 1]))
+                memory.mass[node : node + 2] += 0.5 * here.linear_density * h
+                moving.drag[node : node + 2] += 0.5 * here.drag * h
+                memory.delay[e] = here.retardation_time
         masses, drags = memory.mass.copy(), moving.drag.copy()
         for j, (a, b) in enumerate(zip(plan.first[:-1], plan.first[1:], strict=True)):
             for end, inner, e in ((a + j, a + j + 1, a), (b + j, b + j - 1, b - 1)):
@@ -84,16 +124,21 @@ class Swing:
                 for whole, before in ((memory.mass, masses), (moving.drag, drags)):
                     whole[end] += 2.0 * _MORE * before[end]
                     whole[inner] -= 2.0 * _MORE * before[end]
-        for mass in problem.masses:
-            memory.point[np.abs(model.s - mass.arc_length).argmin()] += mass.mass
-        end = problem.end
-        self._tip = np.zeros(3)
-        if isinstance(end, FreeEnd):
-            memory.point[-1] += end.mass
-            self._tip = end.mass * problem.end_fall + end.force
+        for arc, mass in load.masses:
+            memory.point[np.abs(model.s - arc).argmin()] += mass
+        self._tips = {knot: end.mass * fall + end.force for knot, end, fall in load.tips}
+        for knot, mass in (*load.at_knots, *((knot, end.mass) for knot, end, _ in load.tips)):
+            memory.point[self._node_at(knot)] += mass
         memory.par[PERIOD] = (memory.mass.sum() + memory.point.sum()) * model.par[LENGTH] / model.par[SOFTEST]
         carried = memory.mass > 0.0
         moving.lever[carried] *= memory.mass[carried] / (memory.mass + memory.point)[carried]
+        moving.lever[~carried] = 0.0
+
+    def _node_at(self, knot: int) -> int:
+        """A node that is in a knot, of a cable that has mass where there is one."""
+        first, ends = self.plan.first, self.plan.ends
+        nodes = [first[j + i] + j for j in range(len(ends)) for i in range(2) if ends[j, i] == knot]
+        return int(max(nodes, key=lambda node: self.memory.mass[node]))
 
     def _rest(self) -> None:
         """Makes the shape one at rest."""
@@ -158,11 +203,24 @@ class Swing:
 
     def step(self, poses: Array, dt: float, out: Array, velocity: Array) -> bool:
         """One step dt [s] to the knots `poses` (k, 7); False, and nothing has changed, if it could not be taken."""
-        code = swing_output.swing(
-            self.ints, self.floats, self.sols, self.work, self.moving, self.remembered, poses, dt, self.kept, self.info,
-            self._scratch, self.points, out, velocity, self.told,
-        )  # fmt: skip
+        among = self.among
+        if among is None:
+            code = swing_output.swing(
+                self.ints, self.floats, self.sols, self.work, self.moving, self.remembered, poses, dt, self.kept,
+                self.info, self._scratch, self.points, out, velocity, self.told,
+            )  # fmt: skip
+        else:
+            code = swung.swing(
+                self.ints, self.floats, self.sols, self.work, self.moving, self.remembered, poses, dt, self.kept,
+                self.info, self._scratch, self.points, out, velocity, self.told, among.kernel, among.skin,
+            )  # fmt: skip
         return bool(code == CONVERGED)
+
+    def touches(self) -> Array:
+        """(k, TOUCH), what bodies do to it, see `kernels.contact.check`."""
+        if self.among is None:
+            return np.empty((0, TOUCH))
+        return self.among.touches(self.ints, self.floats, self.moving)
 
     def run(self, goals: Array, steps: Array) -> tuple[Array, Array, Array, int]:
         """Steps (T,) [s] to the knots goals (T, k, 7), one after the other.
@@ -170,26 +228,37 @@ class Swing:
         Returns places, tangents and velocities (T, n, 3) of the nodes, and how many steps could not be taken.
         """
         told = np.empty((3, len(steps), len(self.model.s), 3))
-        lost = swing_run.run(
+        arrays = (
             self.ints, self.floats, self.sols, self.work, self.moving, self.remembered, goals, steps, self.kept,
             self.info, self._scratch, told[0], told[1], told[2],
         )  # fmt: skip
+        among = self.among
+        lost = swing_run.run(*arrays) if among is None else swung.run(*arrays, among.kernel, among.skin)
         return told[0], told[1], told[2], int(lost)
 
     @contextmanager
     def kept_as_it_is(self) -> Iterator[None]:
         """What is stepped meanwhile is forgotten."""
-        state = self.floats, self.sols, self.moving, self.remembered
+        state = [self.floats, self.sols, self.moving, self.remembered]
+        if self.among is not None:
+            state += self.among.state
         before = [array.copy() for array in state]
         yield
         for array, old in zip(state, before, strict=True):
             array[...] = old
 
-    def load_end(self, end: FreeEnd, fall: Array) -> None:
-        """Takes over what loads a free end; fall (3,) [m/s^2]: of its plug."""
-        self.model.force[-1] += end.mass * fall + end.force - self._tip
-        self.model.moment[-1] = end.moment
-        self._tip = end.mass * fall + end.force
+    def load_end(self, end: FreeEnd, fall: Array, knot: int = -1) -> None:
+        """Takes over what loads a free end, of the cable by default; fall (3,) [m/s^2]: of its plug."""
+        knot = knot if knot >= 0 else len(self.model.force) - 1
+        tip = end.mass * fall + end.force
+        self.model.force[knot] += tip - self._tips[knot]
+        self.model.moment[knot] = end.moment
+        self._tips[knot] = tip
+
+    @property
+    def depth(self) -> float:
+        """[m], how deep it is in a body between its nodes."""
+        return float(self.motion.par[motion.DEPTH])
 
     @property
     def turns(self) -> int:

@@ -42,6 +42,8 @@ class HarnessShape:
         [m], [N], [N m], estimated largest errors over all segments.
     residual, iterations, solve_time, missing_length, reused, before
         As of a CableShape.
+    kinetic_energy, work, dissipated, lost : float
+        [J], of a harness in motion, as of a CableShape.
     clips : tuple of ClipLoad
         What the harness does to the scene's clips, in their order.
     """
@@ -71,6 +73,11 @@ class HarnessShape:
         clips_of: Mapping[str, list[int]] | None = None,
         touches: Sequence[Array] = (),
         bodies: tuple[str, ...] = (),
+        velocity: Array | None = None,
+        kinetic_energy: float = 0.0,
+        work: float = 0.0,
+        dissipated: float = 0.0,
+        lost: float = 0.0,
     ) -> None:
         self.harness = harness
         self.buffer = buffer  # (17 n c,): that of one CableShape a segment
@@ -94,6 +101,11 @@ class HarnessShape:
         self._clips_of = clips_of or {}
         self.touches = touches  # of each segment (k, TOUCH), or none at all, see CableShape
         self.bodies = bodies
+        self.velocity = velocity  # (c n, 3) [m/s], world, of one segment after the other; None: at rest
+        self.kinetic_energy = kinetic_energy
+        self.work = work
+        self.dissipated = dissipated
+        self.lost = lost
 
     def on(
         self, harness: Harness, segments: Mapping[str, CableShape], clips_of: Mapping[str, list[int]]
@@ -150,6 +162,7 @@ class HarnessShape:
                 moment_error=self.moment_error,
                 touches=self.touches[i] if len(self.touches) else NO_TOUCHES,
                 bodies=self.bodies,
+                velocity=None if self.velocity is None else self.velocity[i * self.points : (i + 1) * self.points],
             )
         return out
 

@@ -125,7 +125,8 @@ def moving(ints: Whole, loose: bool = False) -> Whole:
     loose: but for those of cables' free ends, which go like those inside, see `kernels.network.motion`.
     """
     plan: tables.Plan = tables.plan_of.py_func(ints)
-    leaves = {int(plan.ends[j, end]) for j, end in plan.stripped if not (loose and end == 1)}
+    inside = set(loose_spans(plan)) if loose else set()
+    leaves = {int(plan.ends[j, end]) for j, end in plan.stripped if int(j) not in inside}
     knots = [Knot(bool(a >= 0), bool(b >= 0) or k in leaves) for k, (a, b) in enumerate(plan.vertices)]
     spans = [
         Span(int(a), int(b), (bool(t[0]), bool(t[1])), (bool(f[0]), bool(f[1])))
@@ -136,6 +137,11 @@ def moving(ints: Whole, loose: bool = False) -> Whole:
     rings = [(int(knot), int(span)) for knot, span in plan.rings]
     pressed = [[int(k) for k in row[1:] if k >= 0] for row in pushes(ints)]
     return make_plan(knots, spans, cables, np.diff(plan.first).tolist(), rings, stripping=False, pressed=pressed)
+
+
+def loose_spans(plan: tables.Plan) -> list[int]:
+    """Spans at whose end, which is no junction, nothing holds the cable."""
+    return [int(j) for j, end in plan.stripped if end == 1 and int((plan.ends == plan.ends[j, 1]).sum()) == 1]
 
 
 def strip(knots: Sequence[Knot], spans: Sequence[Span]) -> list[tuple[int, int]]:

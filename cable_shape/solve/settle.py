@@ -12,7 +12,7 @@ from cable_shape.kernels.network import depart, motion, settle, tables
 from cable_shape.kernels.network.newton import CONVERGED
 from cable_shape.kernels.network.settle import I_DRAG, I_ENERGY, I_EXCESS, I_FORCE, I_ITERATIONS, I_TURNED, INFO
 from cable_shape.kernels.network.tables import LENGTH, NOW, SOFTEST, TRIAL
-from cable_shape.solve.plan import Whole, moving
+from cable_shape.solve.plan import Whole, loose_spans, moving
 
 #: The first step in time, the shortest and the longest, in drag length^2 / softest (softest: stiffness / length^2): the
 #: slowest mode of a cantilever takes a twelfth of it to fall to 1/e.
@@ -55,7 +55,7 @@ class Settling:
             self.motion.drag[a + j : b + j + 1] = drag * around
         if swings:
             at_rest: tables.Plan = tables.plan_of.py_func(ints)
-            for j, _ in at_rest.stripped:
+            for j in loose_spans(at_rest):
                 self.motion.loose[self.plan.first[j + 1] + j] = 1.0
         self.motion.load[...], self.motion.weight[...] = self.model.load, self.model.weight
         self.unit = drag * self.model.par[LENGTH] ** 2 / self.model.par[SOFTEST]  # s

@@ -228,10 +228,6 @@ def test_what_it_takes_and_what_it_refuses():
         cs.Motion(CABLE.replace(linear_density=0.0))
     with pytest.raises(cs.ArgumentError, match="bending_stiffness"):
         cs.Motion(CABLE.replace(bending_stiffness=0.0, twisting_stiffness=0.0))
-    with pytest.raises(cs.ArgumentError, match="slide"):
-        cs.Motion(CABLE, scene=cs.Scene(clips=[cs.Clip(0.5, START, "slide")]))
-    with pytest.raises(cs.ArgumentError, match="contact"):
-        cs.Motion(CABLE, scene=cs.Scene(contact="solve"))
     for bad in ({"retardation_time": -1.0}, {"drag": -0.1}):
         with pytest.raises(cs.ArgumentError, match=next(iter(bad))):
             CABLE.replace(**bad)

@@ -11,13 +11,29 @@ import math
 
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
+from cable_shape.kernels.contact.check import carried
 from cable_shape.kernels.contact.near import GRIP_EXCLUSION, NONE
 from cable_shape.kernels.contact.tables import Bodies
 from cable_shape.kernels.distance.surface import touch
 from cable_shape.kernels.network.compiled import inline, viewing
-from cable_shape.kernels.network.motion import AT, BODY, KEPT, OUT, PUSHED, STIFF, WALL, WALLS, Motion, motion_of
+from cable_shape.kernels.network.motion import Motion, motion_of
 from cable_shape.kernels.network.tables import Floats, Whole, model_of, plan_of
-from cable_shape.kernels.rod_algebra import Vector, dot, get3, put3, take3
+from cable_shape.kernels.network.walls import (
+    AT,
+    BODY,
+    FIRM,
+    KEPT,
+    OUT,
+    PUSHED,
+    REF,
+    ROUGH,
+    RUB,
+    STIFF,
+    WALL,
+    WALLS,
+    along,
+)
+from cable_shape.kernels.rod_algebra import Vector, add, dot, get3, put3, scale
 
 
 @kernel
@@ -36,7 +52,8 @@ def guard(
     for j in range(plan.ends.shape[0]):
         for node in range(plan.first[j] + j + 1, plan.first[j + 1] + j):
             own, turned = look_around(
-                motion, bodies, node, model.s[node], thick[node], wholes[node], reach, stiff[node]
+                motion, bodies, bodies.frames, node, get3(motion.origin, node), model.s[node], thick[node],
+                wholes[node], reach, stiff[node], 0.0, True, 0.0,
             )  # fmt: skip
             clear, cosine = min(clear, own), min(cosine, turned)
     return clear, cosine
@@ -44,46 +61,53 @@ def guard(
 
 @viewing
 def look_around(
-    motion: Motion, bodies: Bodies, node: int, arc: float, thick: float, whole: float, reach: float, stiff: float
+    motion: Motion, bodies: Bodies, then: Array, node: int, place: Vector, arc: float, thick: float, whole: float,
+    reach: float, stiff: float, firm: float, keeps: bool, rough: float,
 ) -> tuple[float, float]:  # fmt: skip
-    """The planes of one node; returns the least gap [m] to a body without one, and the cosine as `guard`."""
-    walls, p, clear, cosine = motion.walls, get3(motion.origin, node), math.inf, 1.0
-    had = int(walls[node, 0])
-    first, second = pushed(walls, node, 0, had), pushed(walls, node, 1, had)
-    third, fourth = pushed(walls, node, 2, had), pushed(walls, node, 3, had)
+    """The planes of a node at `place`; returns the least gap [m] to a body without one, and the cosine as `guard`.
+
+    The bodies were in the frames `then`, and what they do to the node goes with them. keeps: pushes are those that it
+    has at the surface, and bodies stay. firm [N/m]: stiffness of asperities, 0: no friction; rough: coefficient of the
+    cable.
+    """
+    walls, was, clear, cosine = motion.walls, motion.was, math.inf, 1.0
+    for i in range(was.shape[0]):
+        was[i] = walls[node, i]
     count = 0
     for b in range(bodies.table.shape[0]):
-        exclusion = GRIP_EXCLUSION if bodies.table[b, 12] != 0.0 else 0.0
-        if arc < exclusion or arc > whole - exclusion:
+        if excluded(bodies, b, arc, whole):
             continue
+        p = place if keeps else carried(place, then[b], bodies.frames[b])
         d, n, _ = touch(bodies.table[b], bodies.frames[b], bodies.triangles, bodies.tree, p, NONE, False, bodies.stack)
         gap = d - thick
         if gap > reach or count == WALLS:
             clear = min(clear, max(gap, 0.0))
             continue
-        kept = 0.0
-        for body, push, x, y, z in (first, second, third, fourth):
-            if body == b and push > 0.0:
-                kept = push
-                cosine = min(cosine, dot(n, (x, y, z)))
-        put_wall(walls, node, count, b, n, dot(n, p) - gap, stiff, kept)
+        at, kept, t = 1 + WALL * count, 0.0, NONE
+        for k in range(int(was[0])):
+            o = 1 + WALL * k
+            if int(was[o + BODY]) == b and was[o + PUSHED] > 0.0:
+                kept, t = was[o + PUSHED], (was[o + RUB], was[o + RUB + 1], was[o + RUB + 2])
+                cosine = min(cosine, dot(n, (was[o + OUT], was[o + OUT + 1], was[o + OUT + 2])))
+        for i in range(at, at + WALL):
+            walls[node, i] = 0.0
+        walls[node, at + BODY] = b
+        put3(walls, node, at + OUT, n)
+        walls[node, at + AT], walls[node, at + STIFF] = dot(n, p) - gap, stiff
+        walls[node, at + PUSHED] = kept
+        if keeps:
+            walls[node, at + KEPT] = kept
+        if firm > 0.0:
+            t = along(n, t)
+            walls[node, at + ROUGH], walls[node, at + FIRM] = max(rough, bodies.rough[b]), firm
+            put3(walls, node, at + RUB, t)
+            put3(walls, node, at + REF, add(p, scale(1.0 / firm, t)))
         count += 1
     walls[node, 0] = count
     return clear, cosine
 
 
 @inline
-def pushed(walls: Floats, node: int, k: int, had: int) -> tuple[float, float, float, float, float]:
-    """Body of plane k of a node, how hard it pushes [N], and its normal; -1 without such a plane."""
-    i = 1 + WALL * k
-    x, y, z = take3(walls, node, i + OUT)
-    return (walls[node, i + BODY], walls[node, i + PUSHED], x, y, z) if k < had else (-1.0, 0.0, 0.0, 0.0, 0.0)
-
-
-@inline
-def put_wall(walls: Floats, node: int, k: int, b: int, n: Vector, at: float, stiff: float, kept: float) -> None:
-    """Plane k of a node."""
-    i = 1 + WALL * k
-    walls[node, i + BODY] = b
-    put3(walls, node, i + OUT, n)
-    walls[node, i + AT], walls[node, i + STIFF], walls[node, i + KEPT], walls[node, i + PUSHED] = at, stiff, kept, kept
+def excluded(bodies: Bodies, b: int, arc: float, whole: float) -> bool:
+    """Whether the cable may be in body b at this arc length [m]: next to a grip on that link."""
+    return bodies.table[b, 12] != 0.0 and (arc < GRIP_EXCLUSION or arc > whole - GRIP_EXCLUSION)

@@ -193,11 +193,11 @@ def reduce(plan: Plan, work: Work, motion: Motion, j: int) -> None:
     node = first + j
     xl, xt = get3(motion.slack, first), get3(G, node)
     ga, gb = NONE if own else xt, NONE
-    gy = held(motion, node)
+    gy = take3(motion.tug, j, 0)
     for e in range(first, last + 1):
         node = e + j
         ends = e == last
-        nl = held(motion, node + 1) if ends else get3(motion.slack, e + 1)
+        nl = take3(motion.tug, j, 3) if ends else get3(motion.slack, e + 1)
         put3(chain, node, XL, xl)
         y = apply(get9(chain, node, P), xl)
         nl = subtract(nl, apply(coupling(motion, node + 1, ends), y))
@@ -238,12 +238,6 @@ def reduce(plan: Plan, work: Work, motion: Motion, j: int) -> None:
     put3(spans, j, PRESS, NONE)
     put3(rows, j, GYA, gy)
     put3(rows, j, GYB, xl)
-
-
-@inline
-def held(motion: Motion, node: int) -> Vector:
-    """[N] with which the end of a span is held to its origin, of its own."""
-    return scale(motion.hold[node], subtract(get3(motion.place, node), get3(motion.origin, node)))
 
 
 @viewing(fastmath=FAST, forceinline=True)

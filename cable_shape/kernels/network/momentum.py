@@ -151,7 +151,7 @@ def aim_nodes(motion: Motion, memory: Momentum, dt: float) -> None:
         ahead = add(x, add(scale(dt, v), scale(dt * dt * (0.5 - t.beta), a)))
         known = add(scale(mass * t.alpha, a), scale(drag, add(v, scale(dt * (1.0 - t.gamma), a))))
         motion.hold[k] = hold
-        put3(motion.aim, k, 0, subtract(ahead, scale(1.0 / hold, known)))
+        put3(motion.aim, k, 0, subtract(ahead, scale(1.0 / hold, known)) if hold > 0.0 else ahead)
         put3(motion.origin, k, 0, get3(motion.aim, k))
 
 

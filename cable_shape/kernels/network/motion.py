@@ -6,7 +6,7 @@ at the end of a step, a mass m and a drag c at the node, `hold` is m A + c C, an
     y = a + (lam_right - lam_left) / hold.
 
 Without mass C is 1 / dt and a is where the node was. What else acts on a node, the planes of bodies that it may touch
-(`touched`), changes its place and the derivative of it, `give`, and nothing else.
+(`walls`), changes its place and the derivative of it, `give`, and nothing else.
 
 At the end of a span the mass may sit beside the node, at y + lever d3: it turns with it.
 """
@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 from cable_shape.kernels.network.compiled import inline, part, viewing
 from cable_shape.kernels.network.tables import Floats, Model, Plan, Solution, Whole, Work
+from cable_shape.kernels.network.walls import AT, KEPT, OUT, PUSHED, ROUNDING, STIFF, WALL, WALLS, touched
 from cable_shape.kernels.rod_algebra import (
     Matrix,
     Vector,
@@ -31,6 +32,7 @@ from cable_shape.kernels.rod_algebra import (
     mscale,
     mshift,
     msub,
+    mul,
     outer,
     put3,
     put9,
@@ -40,23 +42,23 @@ from cable_shape.kernels.rod_algebra import (
     symmetric,
     take3,
     tapply,
+    tmul,
     transpose,
 )
 from cable_shape.kernels.rod_element import E3, IDENTITY
 
 #: Numbers of a node in `Motion.chain` and of a span in `Motion.ends`, see `chain`.
 CHAIN, ENDS = 87, 69
-#: Planes that a node may have, and columns of each in `Motion.walls`: body, outward normal 3, n . x at the surface [m],
-#: stiffness [N/m], push that it has at the surface [N], push.
-WALLS, WALL = 4, 8
-BODY, OUT, AT, STIFF, KEPT, PUSHED = 0, 1, 4, 5, 6, 7
+B2 = 18  # column of `Work.parts`
+MOST_RUBS, MOST_CUTS, UPHILL = 40, 40, 0.5  # Newton steps of a node that is held along planes, and how they are cut
 #: Columns of `Motion.rough`: firmness [N/m], 0: nothing rubs; how much it may pull [N]; place to which it pulls 3 [m];
 #: direction 3, along which (EDGE not 0) or across which it does.
 FIRM, LIMIT, CENTRE, AXIS, EDGE, ROUGH = 0, 1, 2, 5, 8, 9
-B2 = 18  # column of `Work.parts`
-MOST_SETS = 12  # that planes push
-MOST_RUBS, MOST_CUTS, UPHILL = 40, 40, 0.5  # Newton steps of a node that is held along planes, and how they are cut
-ROUNDING = 1e-12  # [m] a node this near to a plane is as it was, in front of it or pushed by it
+#: Points inside elements that bodies may hold, see `props`: how many, columns of each, and directions of all.
+PROPS, PROP, ROWS = 12, 24, 36
+#: What `Motion.par` holds: how many points of elements bodies may hold, how many nodes have planes, how deep [m] the
+#: cable is in bodies between its nodes.
+N_PROPS, N_WALLED, DEPTH = 0, 1, 2
 
 
 class Motion(NamedTuple):
@@ -79,8 +81,14 @@ class Motion(NamedTuple):
     aim: Floats  # (n, 3) [m], to which masses beside their nodes are held
     loose: Floats  # (n,) 1: nothing but its mass holds the end of the cable, whose place is one of those inside
     tilt: Floats  # (m, 18) derivative of the force at the start and the end of a span in the rotation there [N]
-    walls: Floats  # (n, 1 + WALLS WALL) how many planes a node has, and those, see `touched`
-    rough: Floats  # (n, ROUGH) what holds a node along the planes, see `rubbing`
+    walls: Floats  # (n, 1 + WALLS WALL) how many planes a node has, and those, see `walls`
+    rough: Floats  # (n, ROUGH) what holds a node along the planes against drag, see `rubbing`
+    push: Floats  # (n, 3) [N], what acts on a node beside its elements, its mass and its planes
+    tug: Floats  # (m, 6) [N], gradient in the places of the ends of spans, but for what knots and elements pull
+    par: Floats  # (4,) see `N_PROPS`
+    props: Floats  # (PROPS, PROP) those, see `props`
+    was: Floats  # (1 + WALLS WALL,) room for the planes that a node has had
+    aside: Floats  # room for `props`, see `aside_size`
 
 
 @viewing(forceinline=True)
@@ -106,6 +114,12 @@ def motion_of(ints: Whole, moving: Floats) -> Motion:
     o16 = o15 + k
     o17 = o16 + 18 * m
     o18 = o17 + (1 + WALLS * WALL) * k
+    o19 = o18 + ROUGH * k
+    o20 = o19 + 3 * k
+    o21 = o20 + 6 * m
+    o22 = o21 + 4
+    o23 = o22 + PROPS * PROP
+    o24 = o23 + 1 + WALLS * WALL
     return Motion(
         part(moving, 0, (n, 3)),
         part(moving, o1, (n, 3)),
@@ -126,6 +140,12 @@ def motion_of(ints: Whole, moving: Floats) -> Motion:
         part(moving, o16, (m, 18)),
         part(moving, o17, (k, 1 + WALLS * WALL)),
         part(moving, o18, (k, ROUGH)),
+        part(moving, o19, (k, 3)),
+        part(moving, o20, (m, 6)),
+        part(moving, o21, (4,)),
+        part(moving, o22, (PROPS, PROP)),
+        part(moving, o23, (1 + WALLS * WALL,)),
+        part(moving, o24, (aside_size(ints),)),
     )  # fmt: skip
 
 
@@ -133,7 +153,14 @@ def motion_of(ints: Whole, moving: Floats) -> Motion:
 def motion_size(ints: Whole) -> int:
     """Numbers of what motion adds to a network with this head."""
     nodes = ints[0] + ints[1]
-    return 21 * ints[0] + (23 + WALLS * WALL + ROUGH + CHAIN) * nodes + (21 + ENDS) * ints[1]
+    size = 21 * ints[0] + (26 + WALLS * WALL + ROUGH + CHAIN) * nodes + (27 + ENDS) * ints[1]
+    return size + 5 + PROPS * PROP + WALLS * WALL + aside_size(ints)
+
+
+@viewing(forceinline=True)
+def aside_size(ints: Whole) -> int:
+    """Numbers of `Motion.aside`."""
+    return 3 * ints[0] + 6 * (ints[0] + ints[1]) + 6 * ints[1] + 3 * ints[2] + ROWS * (ROWS + 4)
 
 
 @inline
@@ -155,58 +182,22 @@ def put_places(plan: Plan, model: Model, sol: Solution, motion: Motion) -> None:
             soft = 1.0 / motion.hold[node] if inner or motion.loose[node] != 0.0 else 0.0
             for c in range(9):
                 motion.give[node, c] = soft if c % 4 == 0 else 0.0
-            if inner and motion.walls[node, 0] > 0.0:
-                touched(motion, node, pull_of(motion, e))
-            elif inner:
-                put3(motion.place, node, 0, add(get3(motion.origin, node), scale(soft, pull_of(motion, e))))
-            elif soft != 0.0:
-                knot = plan.ends[j, 1]
-                pull = subtract(get3(model.force, knot), get3(motion.lam, last - 1))
-                place = add(beside_aim(motion, sol, node), scale(soft, pull))
-                put3(motion.place, node, 0, place)
-                put3(sol.pose, knot, 0, place)
-
-
-@viewing
-def touched(motion: Motion, node: int, pull: Vector) -> None:
-    """Fills place and give of a node that planes keep in front of them, and their pushes.
-
-    Plane k pushes by p_k n_k, p_k = max(0, kept_k + stiff_k (at_k - n_k . x)): x is the minimum of a convex function,
-    whose Newton steps change the set of planes that push.
-    """
-    if motion.rough[node, FIRM] > 0.0:
-        rub(motion, node, pull)
-        return
-    walls, hold = motion.walls, motion.hold[node]
-    count = int(walls[node, 0])
-    a = get3(motion.origin, node)
-    x, D = add(a, scale(1.0 / hold, pull)), mscale(1.0 / hold, IDENTITY)
-    pushing = -1
-    for _ in range(MOST_SETS):
-        now = 0
-        for k in range(count):
-            i = 1 + WALL * k
-            push = walls[node, i + KEPT] + walls[node, i + STIFF] * (
-                walls[node, i + AT] - dot(take3(walls, node, i + OUT), x)
-            )
-            walls[node, i + PUSHED] = max(push, 0.0)
-            pushed = pushing >= 0 and (pushing & (1 << k)) != 0
-            now += (1 << k) if push > (-ROUNDING if pushed else ROUNDING) * walls[node, i + STIFF] else 0
-        if now == pushing:
-            break
-        pushing = now
-        force, D = pull, mscale(1.0 / hold, IDENTITY)
-        for k in range(count):
-            if now & (1 << k) == 0:
+            if soft == 0.0:
                 continue
-            i = 1 + WALL * k
-            n, stiff = take3(walls, node, i + OUT), walls[node, i + STIFF]
-            force = add(force, scale(walls[node, i + KEPT] + stiff * (walls[node, i + AT] - dot(n, a)), n))
-            Dn = apply(D, n)
-            D = msub(D, outer(scale(stiff / (1.0 + stiff * dot(n, Dn)), Dn), Dn))
-        x = add(a, apply(D, force))
-    put3(motion.place, node, 0, x)
-    put9(motion.give, node, 0, D)
+            a, pull = get3(motion.origin, node), get3(motion.push, node)
+            if inner:
+                pull = add(pull, pull_of(motion, e))
+            else:
+                a = beside_aim(motion, sol, node)
+                pull = add(pull, subtract(get3(model.force, plan.ends[j, 1]), get3(motion.lam, last - 1)))
+            if motion.rough[node, FIRM] > 0.0 and motion.walls[node, 0] > 0.0:
+                rub(motion, node, pull)
+            elif motion.walls[node, 0] > 0.0:
+                touched(motion.walls, node, a, motion.hold[node], pull, motion.place, motion.give)
+            else:
+                put3(motion.place, node, 0, add(a, scale(soft, pull)))
+            if not inner:
+                put3(sol.pose, plan.ends[j, 1], 0, get3(motion.place, node))
 
 
 @viewing
@@ -321,38 +312,53 @@ def beside(motion: Motion, sol: Solution, node: int) -> Vector:
     return scale(motion.lever[node] * motion.hold[node], tapply(rotation(get4(sol.q, node)), force))
 
 
+@inline
+def rotated(R: Matrix) -> Matrix:
+    """B with d(d3) = B theta of a node with rotation R."""
+    return (-R[1], R[0], 0.0, -R[4], R[3], 0.0, -R[7], R[6], 0.0)
+
+
+@inline
+def bent_by(N: Vector) -> Matrix:
+    """Second derivative in the node's rotation of N . d3, N in its frame."""
+    return mshift(mscale(0.5, symmetric(outer(N, E3))), -N[2])
+
+
+@inline
+def add_turn(plan: Plan, model: Model, work: Work, j: int, end: int, T: Vector, H: Matrix) -> None:
+    """Adds to gradient and matrix of the rotation at an end of span j, but for what is held there."""
+    node = plan.first[j + end] + j
+    for i in range(3):
+        own = model.free[j, end, i] if plan.tied[j, end] == 0 else 1.0
+        work.G[node, i] += own * T[i]
+        for c in range(3):
+            both = own * (model.free[j, end, c] if plan.tied[j, end] == 0 else 1.0)
+            work.D[node, 3 * i + c] += both * H[3 * i + c]
+
+
 @viewing(forceinline=True)
 def tilt_ends(plan: Plan, model: Model, sol: Solution, work: Work, motion: Motion) -> None:
-    """Adds to gradient and matrix what masses beside the ends of spans do; `origin` and `tilt` there."""
+    """Adds to gradient and matrix what masses beside the ends of spans do; `origin`, `tilt` and `tug` there."""
     for j in range(plan.ends.shape[0]):
         for end in range(2):
             node = plan.first[j + end] + j
             lever, hold = motion.lever[node], motion.hold[node]
-            if lever == 0.0:
-                continue
-            R = rotation(get4(sol.q, node))
-            put3(motion.origin, node, 0, beside_aim(motion, sol, node))
-            N = beside(motion, sol, node)
-            T = (-N[1], N[0], 0.0)
-            H = mshift(mscale(0.5, symmetric(outer(N, E3))), -N[2])
-            loose = motion.loose[node] != 0.0
-            f = 0.0 if loose else hold * lever * lever
-            H = (H[0] + f, H[1], H[2], H[3], H[4] + f, H[5], H[6], H[7], H[8])
-            f = -lever if loose else hold * lever
-            tilt: Matrix = (
-                -f * R[1], f * R[0], 0.0, -f * R[4], f * R[3], 0.0, -f * R[7], f * R[6], 0.0
-            )  # fmt: skip
-            for i in range(3):
-                own = model.free[j, end, i] if plan.tied[j, end] == 0 else 1.0
-                work.G[node, i] += own * T[i]
-                for c in range(3):
-                    both = own * (model.free[j, end, c] if plan.tied[j, end] == 0 else 1.0)
-                    work.D[node, 3 * i + c] += both * H[3 * i + c]
-            if loose:  # the place turns with the node: a step of the last element
-                e = plan.first[j + 1] - 1
-                put9(work.parts, e, B2, madd(get9(work.parts, e, B2), transpose(tilt)))
-                continue
-            put9(motion.tilt, j, 9 * end, tilt)
-            if plan.tied[j, end] == 0:
-                for c in range(9):
-                    motion.tilt[j, 9 * end + c] *= model.free[j, end, c % 3]
+            if lever != 0.0:
+                R = rotation(get4(sol.q, node))
+                B = rotated(R)
+                put3(motion.origin, node, 0, beside_aim(motion, sol, node))
+                N = beside(motion, sol, node)
+                answer = mscale(hold, get9(motion.give, node, 0))  # of the place to that to which it is held
+                stiff = mscale(-lever * lever * hold, mshift(answer, -1.0))
+                add_turn(plan, model, work, j, end, (-N[1], N[0], 0.0), madd(bent_by(N), tmul(B, mul(stiff, B))))
+                if motion.loose[node] != 0.0:  # the place turns with the node: a step of the last element
+                    e = plan.first[j + 1] - 1
+                    tilt = mscale(-lever, mul(answer, B))
+                    put9(work.parts, e, B2, madd(get9(work.parts, e, B2), transpose(tilt)))
+                else:
+                    put9(motion.tilt, j, 9 * end, mscale(hold * lever, B))
+                    if plan.tied[j, end] == 0:
+                        for c in range(9):
+                            motion.tilt[j, 9 * end + c] *= model.free[j, end, c % 3]
+            held = scale(hold, subtract(get3(motion.place, node), get3(motion.origin, node)))
+            put3(motion.tug, j, 3 * end, subtract(held, get3(motion.push, node)))

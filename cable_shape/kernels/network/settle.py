@@ -16,14 +16,16 @@ from cable_shape.kernels.network.chain import B1, B2, CC
 from cable_shape.kernels.network.compiled import inline, viewing
 from cable_shape.kernels.network.depart import energy
 from cable_shape.kernels.network.momentum import strain_of
-from cable_shape.kernels.network.motion import Motion, motion_of, put_places, tilt_ends
+from cable_shape.kernels.network.motion import N_PROPS, N_WALLED, Motion, motion_of, put_places, tilt_ends
 from cable_shape.kernels.network.moving import factor, solve
 from cable_shape.kernels.network.newton import CONVERGED, NOT_FINITE, STALLED, advance
 from cable_shape.kernels.network.predict import extrapolate, follow, turn_ends, turn_knots
+from cable_shape.kernels.network.props import brace, give_way, lean
 from cable_shape.kernels.network.system import assemble as at_rest
 from cable_shape.kernels.network.system import release
 from cable_shape.kernels.network.tables import (
     BASE_SHIFT,
+    LENGTH,
     NOW,
     SOFTEST,
     TRIAL,
@@ -74,6 +76,7 @@ BEYOND = 0.7  # rad, further than a step may turn a frame, at which an iteration
 NUDGE = 1e-3  # rad
 TOLERANCE = 1e-9  # rad, and of half the length: the last iteration
 FIRST_SHIFT, SHIFT_GROWTH, MOST_SHIFTS = 0.02, 6.0, 12  # as Newton's method at rest has them
+LOOSE = 0.03  # of the length times TOLERANCE: what elements may still miss among bodies, which press from one place on
 MOST_ITERATIONS = 15
 #: What `step` tells in `info`: iterations, largest turn of a frame [rad], largest force of drag at a node [N], largest
 #: internal force [N], negative eigenvalues beyond three a force, energy [J] after the step, last iteration [rad].
@@ -90,6 +93,7 @@ def assemble(ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: F
     at_rest(ints, floats, sols, space)
     if swings:
         loosen(plan, model, sol, work)
+    lean(plan, model, sol, work, motion)
     put_places(plan, model, sol, motion)
     tilt_ends(plan, model, sol, work, motion)
     for j in range(plan.ends.shape[0]):
@@ -170,6 +174,16 @@ def turned(sol: Solution, now: Solution) -> float:
     return 2.0 * math.asin(min(1.0, math.sqrt(largest)))
 
 
+@inline
+def missed(motion: Motion) -> float:
+    """[m], by how much the places of nodes miss the step of an element at most."""
+    largest = 0.0
+    for e in range(motion.slack.shape[0]):
+        way = get3(motion.slack, e)
+        largest = max(largest, dot(way, way))
+    return math.sqrt(largest)
+
+
 @viewing
 def newton(
     ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: Floats, far: float, most: int, least: float,
@@ -182,10 +196,12 @@ def newton(
     model, motion = model_of(ints, floats), motion_of(ints, moving)
     sol, now = solution_of(ints, sols, TRIAL), solution_of(ints, sols, NOW)
     softest, wanted = model.par[SOFTEST], 3 * ints[0]
+    free = motion.par[N_WALLED] == 0.0 and motion.par[N_PROPS] == 0.0
     shift = 0.0
     for i in range(most):
         info[I_ITERATIONS] = i + 1.0
         assemble(ints, floats, sols, space, moving, swings)
+        loose = 0.0 if free else missed(motion)
         trial = shift / SHIFT_GROWTH if shift > FIRST_SHIFT * softest else 0.0
         negative = 0
         for _ in range(MOST_SHIFTS):
@@ -197,6 +213,8 @@ def newton(
         if negative != wanted:
             return STALLED
         shift = trial
+        if motion.par[N_PROPS] > 0.0:
+            brace(ints, floats, sols, space, moving)
         largest = solve(ints, floats, space, moving)
         info[I_LAST] = largest
         if not math.isfinite(largest):
@@ -206,7 +224,8 @@ def newton(
         for e in range(motion.lam.shape[0]):
             for c in range(3):
                 motion.lam[e, c] += fraction * motion.step[e, c]
-        if shift == 0.0 and largest < least:
+        give_way(ints, motion, fraction)
+        if shift == 0.0 and largest < least and (free or loose < LOOSE * least * model.par[LENGTH]):
             return CONVERGED
         if not turned(sol, now) < far + BEYOND:
             return FAR

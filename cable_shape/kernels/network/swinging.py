@@ -30,7 +30,7 @@ from cable_shape.kernels.network.momentum import (
     move_on,
     strain_up,
 )
-from cable_shape.kernels.network.motion import Motion, lever_torque, motion_of, put_places
+from cable_shape.kernels.network.motion import N_WALLED, Motion, lever_torque, motion_of, put_places
 from cable_shape.kernels.network.newton import CONVERGED, STALLED
 from cable_shape.kernels.network.predict import extrapolate, follow, turn_ends, turn_knots
 from cable_shape.kernels.network.settle import I_EXCESS, I_ITERATIONS, I_LAST, load_up, newton
@@ -74,7 +74,7 @@ from cable_shape.kernels.rod_algebra import (
 #: An iteration of a step that changes no more [rad] is the last: the next one would change its square. In short steps
 #: less, so that rates are as right: in units of the square of dt over sqrt(rho L^4 / EI).
 LEAST, LEAST_SHORT, SHORTEST = 3e-6, 0.3, 1e-8
-MOST_ITERATIONS = 20
+MOST_ITERATIONS, MOST_TOUCHED = 20, 30  # the latter where nodes may be pressed
 #: What `step` tells in `info`: iterations of all its parts, into how many it went (0: it was not taken), work of the
 #: knots, dissipated by drag and damping, energy and kinetic energy after it [J].
 I_PARTS, I_WORK, I_DISSIPATED, I_ENERGY, I_KINETIC = 1, 2, 3, 4, 5
@@ -122,7 +122,7 @@ def react(plan: Plan, model: Model, work: Work, motion: Motion, memory: Momentum
         for end in range(2):
             k = plan.ends[j, end]
             node = first + j if end == 0 else last + j + 1
-            n = force_of_mass(motion, sol, node)
+            n = subtract(force_of_mass(motion, sol, node), get3(motion.push, node))
             if end == 0:
                 n = subtract(n, add(get3(motion.lam, first), get3(motion.weight, j)))
                 g = take3(work.first, first, 3)
@@ -193,7 +193,8 @@ def attempt(
     extrapolate(plan, before, now, sol, a)
     turn_ends(plan, model, sol)
     least = min(LEAST, max(SHORTEST, LEAST_SHORT * dt * dt / memory.par[PERIOD]))
-    status = newton(ints, floats, sols, space, moving, math.inf, MOST_ITERATIONS, least, True, told)
+    most = MOST_TOUCHED if motion.par[N_WALLED] > 0.0 else MOST_ITERATIONS
+    status = newton(ints, floats, sols, space, moving, math.inf, most, least, True, told)
     info[I_ITERATIONS] += told[I_ITERATIONS]
     if status != CONVERGED and not (status == STALLED and told[I_EXCESS] == 0.0 and told[I_LAST] < LEAST):
         return status

@@ -18,9 +18,9 @@ from cable_shape.kernels.contact import check, knots, lay
 from cable_shape.kernels.contact.guard import guard
 from cable_shape.kernels.contact.near import BARE, NORMAL, PRESS, RUB, SECOND, SECOND_NORMAL, SECOND_PRESS, SPOT
 from cable_shape.kernels.network import tables
-from cable_shape.kernels.network.motion import BODY, KEPT, OUT, PUSHED, STIFF, WALL, WALLS
 from cable_shape.kernels.network.settle import I_EXCESS, I_ITERATIONS
 from cable_shape.kernels.network.tables import BEFORE, NOW, SOFTEST, TRIAL
+from cable_shape.kernels.network.walls import BODY, KEPT, OUT, PUSHED, STIFF, WALL, WALLS
 from cable_shape.solve.search import between
 from cable_shape.solve.settle import Settling
 from cable_shape.solve.touching.held_along import HeldAlong, pulls

@@ -1,0 +1,288 @@
+"""Where bodies may hold a swinging cable between two of its nodes: planes for points inside elements, see `props`."""
+
+from __future__ import annotations
+
+import math
+
+from cable_shape.kernels.contact.check import carried
+from cable_shape.kernels.contact.guard import excluded
+from cable_shape.kernels.contact.near import NONE
+from cable_shape.kernels.contact.tables import Bodies
+from cable_shape.kernels.distance.surface import touch
+from cable_shape.kernels.network.compiled import inline, part, viewing
+from cable_shape.kernels.network.momentum import Momentum
+from cable_shape.kernels.network.motion import N_PROPS, PROP, PROPS, Motion
+from cable_shape.kernels.network.props import (
+    DRY,
+    ELEMENT,
+    GRIP,
+    HOLDER,
+    LEVEL,
+    NORMAL,
+    PUSH,
+    SHARE,
+    STUCK,
+    WEIGHTS,
+    place_of,
+    weigh,
+)
+from cable_shape.kernels.network.tables import Floats, Model, Plan
+from cable_shape.kernels.network.walls import along
+from cable_shape.kernels.rod_algebra import Vector, add, dot, get3, put3, scale, subtract, take3
+
+#: Of the length: a body that much nearer to a point of an element than to both of its nodes has a plane there.
+NEARER = 1e-5
+#: Of an element: where on it a body is nearest is found so well, in so many looks.
+LOOKS, GOLDEN = 7, 0.6180339887498949
+#: Of the length: that much further on along the cable an eyelet is looked for. Columns of one: place 3 [m], cable, arc
+#: length [m], force on the cable 3 [N].
+FURTHER, RING = 0.05, 8
+GAP = 19  # column of a point: how far the body was before the step [m]
+
+
+@inline
+def on_curve(h: float, x: float, a: Vector, b: Vector, ta: Vector, tb: Vector) -> Vector:
+    """The cubic from a to b with slopes ta and tb at the share x of it, of length h."""
+    y = 1.0 - x
+    r = add(scale(y * y * (1.0 + 2.0 * x), a), scale(x * x * (3.0 - 2.0 * x), b))
+    return add(r, add(scale(h * x * y * y, ta), scale(-h * x * x * y, tb)))
+
+
+@inline
+def gap_at(
+    bodies: Bodies, b: int, h: float, x: float, p: Vector, q: Vector, tp: Vector, tq: Vector, thick: float
+) -> float:  # fmt: skip
+    """[m], from body b to the cable at the share x of an element whose ends went with the body to p and q."""
+    at = on_curve(h, x, p, q, tp, tq)
+    d, _, _ = touch(bodies.table[b], bodies.frames[b], bodies.triangles, bodies.tree, at, NONE, False, bodies.stack)
+    return d - thick
+
+
+@viewing
+def find_points(
+    plan: Plan, model: Model, motion: Motion, memory: Momentum, bodies: Bodies, thick: Floats, whole: Floats,
+    rough: Floats, reach: float,
+) -> None:  # fmt: skip
+    """Fills the points of elements that bodies within `reach` [m] of them may hold; forces go on from before."""
+    had, was = int(motion.par[N_PROPS]), part(motion.aside, 0, (PROPS, PROP))
+    for i in range(had):
+        for c in range(PROP):
+            was[i, c] = motion.props[i, c]
+    count = 0
+    for e in range(plan.left.shape[0]):
+        node, h = plan.left[e], model.h[e]
+        fat, length = thick[node], whole[node]
+        for b in range(bodies.table.shape[0]):
+            if excluded(bodies, b, model.s[node] + 0.5 * h, length):
+                continue
+            then, now = bodies.then[b], bodies.frames[b]
+            p, q = carried(get3(memory.place, node), then, now), carried(get3(memory.place, node + 1), then, now)
+            tp = subtract(carried(add(get3(memory.place, node), get3(memory.tangent, node)), then, now), p)
+            tq = subtract(carried(add(get3(memory.place, node + 1), get3(memory.tangent, node + 1)), then, now), q)
+            middle = gap_at(bodies, b, h, 0.5, p, q, tp, tq, fat)
+            if middle - 0.6 * h > reach:
+                continue
+            ends = min(gap_at(bodies, b, h, 0.0, p, q, tp, tq, fat), gap_at(bodies, b, h, 1.0, p, q, tp, tq, fat))
+            x, gap = nearest(bodies, b, h, p, q, tp, tq, fat, middle)
+            if gap > reach or not gap < ends - NEARER * length:
+                continue
+            i = count
+            if count < PROPS:
+                count += 1
+            else:
+                i = 0
+                for k in range(1, PROPS):
+                    i = k if motion.props[k, GAP] > motion.props[i, GAP] else i
+                if motion.props[i, GAP] <= gap:
+                    continue
+            props = motion.props
+            for c in range(PROP):
+                props[i, c] = 0.0
+            props[i, ELEMENT], props[i, HOLDER], props[i, SHARE], props[i, GAP] = e, b, x, gap
+            weigh(props, i, h)
+            at = on_curve(h, x, p, q, tp, tq)
+            d, n, _ = touch(
+                bodies.table[b], bodies.frames[b], bodies.triangles, bodies.tree, at, NONE, False, bodies.stack
+            )  # fmt: skip
+            put3(props, i, NORMAL, n)
+            props[i, LEVEL] = dot(n, at) - (d - fat)
+            props[i, GRIP] = max(rough[node], bodies.rough[b])
+            put3(props, i, STUCK, at)
+            for k in range(had):
+                if int(was[k, ELEMENT]) == e and int(was[k, HOLDER]) == b:
+                    props[i, PUSH] = was[k, PUSH]
+                    put3(props, i, DRY, along(n, take3(was, k, DRY)))
+    motion.par[N_PROPS] = count
+
+
+@viewing
+def find_rings(plan: Plan, model: Model, motion: Motion, memory: Momentum, rings: Floats, whole: Floats) -> bool:
+    """Adds the points of the cable that are in eyelets (e, RING) after those on bodies; False if there is no room."""
+    for ring in range(rings.shape[0]):
+        at, cable = take3(rings, ring, 0), int(rings[ring, 3])
+        a, b = plan.first[plan.cables[cable]], plan.first[plan.cables[cable + 1]]
+        near, best, share = math.inf, a, 0.5
+        for e in range(a, b):
+            node = plan.left[e]
+            if abs(model.s[node] + 0.5 * model.h[e] - rings[ring, 4]) > FURTHER * whole[node] + model.h[e]:
+                continue
+            for k in range(9):
+                x = 0.125 * k
+                way = subtract(curve(memory, model, node, e, x), at)
+                if dot(way, way) < near:
+                    near, best, share = dot(way, way), e, x
+        node = plan.left[best]
+        for _ in range(30):
+            way = subtract(curve(memory, model, node, best, share), at)
+            t = slope(memory, model, node, best, share)
+            step = dot(way, t) / dot(t, t)
+            share -= step
+            if share < 0.0 and best > a and plan.left[best - 1] == node - 1:
+                best, node, share = best - 1, node - 1, 1.0
+            elif share > 1.0 and best < b - 1 and plan.left[best + 1] == node + 1:
+                best, node, share = best + 1, node + 1, 0.0
+            share = min(max(share, 0.0), 1.0)
+            if abs(step) < 1e-12:
+                break
+        i = int(motion.par[N_PROPS])
+        if i == PROPS:
+            return False
+        for c in range(PROP):
+            motion.props[i, c] = 0.0
+        motion.props[i, ELEMENT], motion.props[i, HOLDER], motion.props[i, SHARE] = best, -1.0 - ring, share
+        motion.props[i, GRIP] = -1.0
+        weigh(motion.props, i, model.h[best])
+        t = slope(memory, model, node, best, share)
+        t = scale(1.0 / math.sqrt(dot(t, t)), t)
+        put3(motion.props, i, NORMAL, t)
+        put3(motion.props, i, STUCK, at)
+        put3(motion.props, i, DRY, along(t, take3(rings, ring, 5)))
+        motion.par[N_PROPS] = i + 1.0
+    return True
+
+
+@inline
+def curve(memory: Momentum, model: Model, node: int, e: int, x: float) -> Vector:
+    """[m], the last place of the cable at the share x of element e."""
+    return on_curve(
+        model.h[e], x, get3(memory.place, node), get3(memory.place, node + 1), get3(memory.tangent, node),
+        get3(memory.tangent, node + 1),
+    )  # fmt: skip
+
+
+@inline
+def slope(memory: Momentum, model: Model, node: int, e: int, x: float) -> Vector:
+    """[m], its derivative in x."""
+    h, y = model.h[e], 1.0 - x
+    r = scale(6.0 * x * y, subtract(get3(memory.place, node + 1), get3(memory.place, node)))
+    r = add(r, scale(h * y * (1.0 - 3.0 * x), get3(memory.tangent, node)))
+    return add(r, scale(h * x * (3.0 * x - 2.0), get3(memory.tangent, node + 1)))
+
+
+@viewing
+def note_rings(plan: Plan, model: Model, motion: Motion, rings: Floats) -> None:
+    """Remembers where on the cable eyelets are, and what they hold it by, from the points of the last step."""
+    for i in range(int(motion.par[N_PROPS])):
+        ring = -1 - int(motion.props[i, HOLDER])
+        if ring >= 0:
+            e = int(motion.props[i, ELEMENT])
+            rings[ring, 4] = model.s[plan.left[e]] + motion.props[i, SHARE] * model.h[e]
+            put3(rings, ring, 5, take3(motion.props, i, DRY))
+
+
+@inline
+def nearest(
+    bodies: Bodies, b: int, h: float, p: Vector, q: Vector, tp: Vector, tq: Vector, thick: float, middle: float
+) -> tuple[float, float]:  # fmt: skip
+    """Share of an element at which a body is nearest, inside it, and the gap there [m]."""
+    best, gap = 0.5, middle
+    for k in range(2):
+        x = 0.2 + 0.6 * k
+        g = gap_at(bodies, b, h, x, p, q, tp, tq, thick)
+        if g < gap:
+            best, gap = x, g
+    low, high = max(best - 0.3, 0.01), min(best + 0.3, 0.99)
+    left, right = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
+    f, g = gap_at(bodies, b, h, left, p, q, tp, tq, thick), gap_at(bodies, b, h, right, p, q, tp, tq, thick)
+    for _ in range(LOOKS):
+        if f < g:
+            high, right, g = right, left, f
+            left = high - GOLDEN * (high - low)
+            f = gap_at(bodies, b, h, left, p, q, tp, tq, thick)
+        else:
+            low, left, f = left, right, g
+            right = low + GOLDEN * (high - low)
+            g = gap_at(bodies, b, h, right, p, q, tp, tq, thick)
+    if min(f, g) < gap:
+        return (left, f) if f < g else (right, g)
+    return best, gap
+
+
+@viewing
+def deepest(
+    plan: Plan, model: Model, motion: Motion, memory: Momentum, bodies: Bodies, thick: Floats, whole: Floats
+) -> float:  # fmt: skip
+    """[m], how far the cable is outside of all bodies between its nodes; far ones count as h / 2."""
+    least = math.inf
+    for e in range(plan.left.shape[0]):
+        node, h = plan.left[e], model.h[e]
+        p, q = get3(motion.place, node), get3(motion.place, node + 1)
+        tp, tq, fat = get3(memory.tangent, node), get3(memory.tangent, node + 1), thick[node]
+        for b in range(bodies.table.shape[0]):
+            if excluded(bodies, b, model.s[node] + 0.5 * h, whole[node]):
+                continue
+            middle = gap_at(bodies, b, h, 0.5, p, q, tp, tq, fat)
+            least = min(least, middle)
+            if middle < 0.5 * h:
+                least = min(least, gap_at(bodies, b, h, 0.25, p, q, tp, tq, fat))
+                least = min(least, gap_at(bodies, b, h, 0.75, p, q, tp, tq, fat))
+    return least
+
+
+@viewing
+def stop_points(
+    plan: Plan, motion: Motion, memory: Momentum, before: Momentum, bodies: Bodies, dt: float
+) -> tuple[float, float]:
+    """Gives points that are pressed the speed of their bodies along the normal, and all of it where they stick.
+
+    Returns what the bodies have worked, and what friction and impacts have taken [J].
+    """
+    props, work, taken = motion.props, 0.0, 0.0
+    for i in range(int(motion.par[N_PROPS])):
+        node, b = plan.left[int(props[i, ELEMENT])], int(props[i, HOLDER])
+        if b >= 0 and not props[i, PUSH] > 0.0:
+            continue
+        n, t = take3(props, i, NORMAL), take3(props, i, DRY)
+        old = place_of(plan, props, i, before.place, before.tangent)
+        went = subtract(carried(old, bodies.then[b], bodies.frames[b]), old) if b >= 0 else NONE
+        way = subtract(subtract(place_of(plan, props, i, motion.place, memory.tangent), old), went)
+        work += dot(add(scale(props[i, PUSH], n), t), went)
+        taken -= dot(t, way) if b >= 0 else 0.0
+        limit = props[i, GRIP] * props[i, PUSH]
+        sticks = props[i, GRIP] > 0.0 and dot(t, t) < 0.999 * limit * limit
+        light = 0.0
+        for side in range(2):
+            mass = memory.mass[node + side] + memory.point[node + side]
+            free = motion.give[node + side, 0] + motion.give[node + side, 4] + motion.give[node + side, 8] > 0.0
+            light += props[i, WEIGHTS + side] ** 2 / mass if free else 0.0
+        if light == 0.0:
+            continue
+        arrived = (
+            0.0
+            if b < 0
+            else dot(n, subtract(place_of(plan, props, i, before.velocity, before.turning), scale(1.0 / dt, went)))
+        )
+        taken += 0.5 * arrived * arrived / light
+        v = subtract(place_of(plan, props, i, memory.velocity, memory.turning), scale(1.0 / dt, went))
+        a = place_of(plan, props, i, memory.acceleration, memory.bending)
+        if b < 0:
+            v, a = along(n, v), along(n, a)
+        elif not sticks:
+            v, a = scale(dot(n, v), n), scale(dot(n, a), n)
+        for side in range(2):
+            mass = memory.mass[node + side] + memory.point[node + side]
+            free = motion.give[node + side, 0] + motion.give[node + side, 4] + motion.give[node + side, 8] > 0.0
+            f = -props[i, WEIGHTS + side] / (mass * light) if free else 0.0
+            put3(memory.velocity, node + side, 0, add(get3(memory.velocity, node + side), scale(f, v)))
+            put3(memory.acceleration, node + side, 0, add(get3(memory.acceleration, node + side), scale(f, a)))
+    return work, taken

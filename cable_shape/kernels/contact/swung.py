@@ -1,0 +1,469 @@
+"""Steps in time of a network that swings among bodies: planes before every part of a step, and a look after it.
+
+Planes lie where bodies are nearest to nodes (`guard`) and to what is between them (`props`), with all of a convex body
+behind. A part of a step is taken if its nodes, in front of all planes, are no further than that has planes for, press
+only on what is there, and have passed nothing; else it is tried in half the time. What arrives at a plane stays there:
+it takes over the speed of the body along the normal, and where it sticks in every direction.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from cable_shape.checks import Array
+from cable_shape.kernels._jit import kernel
+from cable_shape.kernels.contact.check import carried, passes
+from cable_shape.kernels.contact.guard import look_around
+from cable_shape.kernels.contact.near import NONE
+from cable_shape.kernels.contact.points import deepest, find_points, find_rings, note_rings, on_curve, stop_points
+from cable_shape.kernels.contact.tables import Bodies
+from cable_shape.kernels.distance.surface import place_bodies, touch
+from cable_shape.kernels.network.compiled import viewing
+from cable_shape.kernels.network.momentum import (
+    ENERGY,
+    KINETIC,
+    RADIUS,
+    Momentum,
+    kinetic,
+    momentum_of,
+    scheme_of,
+)
+from cable_shape.kernels.network.motion import DEPTH, N_PROPS, N_WALLED, Motion, motion_of
+from cable_shape.kernels.network.newton import CONVERGED
+from cable_shape.kernels.network.props import DRY, GRIP, HOLDER, NORMAL, PUSH, SHARE, STUCK, place_of
+from cable_shape.kernels.network.settle import I_ITERATIONS
+from cable_shape.kernels.network.swing_output import tell
+from cable_shape.kernels.network.swinging import (
+    I_DISSIPATED,
+    I_ENERGY,
+    I_KINETIC,
+    I_PARTS,
+    I_WORK,
+    attempt,
+    part_way,
+)
+from cable_shape.kernels.network.tables import (
+    NOW,
+    TRIAL,
+    Floats,
+    Model,
+    Plan,
+    Whole,
+    copy,
+    model_of,
+    plan_of,
+    solution_of,
+    solution_size,
+)
+from cable_shape.kernels.network.walls import BODY, OUT, PUSHED, ROUGH, RUB, WALL
+from cable_shape.kernels.rod_algebra import Vector, add, dot, get3, put3, scale, subtract, take3
+
+#: A step goes in parts of this fraction of it at least.
+SHORTEST = 1.0 / 256.0
+#: [m] planes of bodies that much further away than nodes may get, in units of which way, are known.
+MARGIN, AHEAD = 5e-3, 1.5
+#: Stiffness of planes and of asperities, in that with which a part of the step holds the node.
+FIRM, ASPERITY = 1e4, 10.0
+#: Of the length: a node that far off a body is not pressed by it, and a part of the step was too long.
+AFLOAT = 2e-4
+#: Of the length: that deep the cable may be in a body between its nodes after a part of a step.
+DEEP = 2e-4
+#: Parts shorter than this go on where the cable is deep, or afloat, for all that.
+PATIENT = 1.0 / 16.0
+
+
+class Skin(NamedTuple):
+    """What a network of n nodes is to bodies."""
+
+    thick: Array  # (n,) [m] radius at each node
+    whole: Array  # (n,) [m] length of its cable
+    rough: Array  # (n,) coefficient of friction
+    clear: Array  # (n,) [m] room: how far each node may go
+    kept: Array  # room for a whole state
+    links: Array  # (l, 7) where the links were that carry bodies
+    rings: Array  # (e, RING) the eyelets, see `points`
+
+
+@kernel
+def step(
+    ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: Floats, remembered: Floats, goal: Floats,
+    dt: float, kept: Floats, info: Floats, told: Floats, bodies: Bodies, skin: Skin,
+) -> int:  # fmt: skip
+    """One step dt [s] to the knots `goal` (k, 7) and the bodies' links; CONVERGED, or nothing has changed.
+
+    kept: room for solutions and memory. `bodies.frames` are those after the step at its end.
+    """
+    plan = plan_of(ints)
+    copy_state(kept, sols, remembered, moving)
+    begin = kept[: sols.shape[0]]
+    for i in range(info.shape[0]):
+        info[i] = 0.0
+    then, links = bodies.frames.copy(), np.empty_like(skin.links)
+    place_bodies(bodies.table, skin.links, then)
+    now = Bodies(
+        bodies.table, then.copy(), then, bodies.triangles, bodies.tree, bodies.stack, bodies.links, bodies.measured,
+        bodies.counts, bodies.rough,
+    )  # fmt: skip
+    done, part, sums = 0.0, 1.0, np.empty(info.shape[0])
+    while done < 1.0:
+        part = min(part, 1.0 - done) if part < 0.75 * (1.0 - done) else 1.0 - done
+        seconds = part * dt
+        copy_state(skin.kept, sols, remembered, moving)
+        copy(sums, info)
+        between(links, skin.links, bodies.links, done + part)
+        place_bodies(now.table, links, now.frames)
+        part_way(plan, solution_of(ints, begin, NOW), solution_of(ints, sols, TRIAL), goal, done + part)
+        look(ints, floats, sols, moving, remembered, seconds, now, skin)
+        status = attempt(ints, floats, sols, space, moving, remembered, seconds, info, told)
+        last = part <= SHORTEST
+        if status == CONVERGED and fits(ints, floats, moving, remembered, now, skin, part):
+            info[I_PARTS] += 1.0
+            stop(ints, floats, moving, remembered, seconds, now, skin, info)
+            then[:, :, :] = now.frames
+            done += part
+            part *= 2.0
+            continue
+        iterations = info[I_ITERATIONS]
+        copy_back(skin.kept, sols, remembered, moving)
+        copy(info, sums)
+        info[I_ITERATIONS] = iterations
+        if last:
+            copy_back(kept, sols, remembered, moving)
+            size = solution_size(ints)
+            copy(sols[2 * size : 3 * size], sols[0:size])
+            info[I_PARTS] = 0.0
+            return status if status != CONVERGED else CONVERGED - 1
+        part *= 0.5
+    memory = momentum_of(ints, remembered)
+    bodies.frames[:, :, :] = now.frames
+    skin.links[:, :] = bodies.links
+    info[I_ENERGY], info[I_KINETIC] = memory.par[ENERGY], memory.par[KINETIC]
+    return CONVERGED
+
+
+@viewing
+def copy_state(kept: Floats, sols: Floats, remembered: Floats, moving: Floats) -> None:
+    """Keeps all that a step changes."""
+    a, b = sols.shape[0], sols.shape[0] + remembered.shape[0]
+    copy(kept[:a], sols)
+    copy(kept[a:b], remembered)
+    copy(kept[b:], moving)
+
+
+@viewing
+def copy_back(kept: Floats, sols: Floats, remembered: Floats, moving: Floats) -> None:
+    """Takes that back."""
+    a, b = sols.shape[0], sols.shape[0] + remembered.shape[0]
+    copy(sols, kept[:a])
+    copy(remembered, kept[a:b])
+    copy(moving, kept[b:])
+
+
+@viewing
+def between(links: Floats, then: Floats, now: Floats, x: float) -> None:
+    """Fills the poses (l, 7) at the fraction x of the way from `then` to `now`."""
+    for k in range(links.shape[0]):
+        y, size = x, 0.0
+        cosine = 0.0
+        for i in range(3, 7):
+            cosine += then[k, i] * now[k, i]
+        if cosine < 0.0:
+            y = -x
+        for i in range(7):
+            links[k, i] = (1.0 - x) * then[k, i] + (x if i < 3 else y) * now[k, i]
+            size += links[k, i] ** 2 if i > 2 else 0.0
+        for i in range(3, 7):
+            links[k, i] /= math.sqrt(size)
+
+
+@viewing
+def look(
+    ints: Whole, floats: Floats, sols: Floats, moving: Floats, remembered: Floats, dt: float, bodies: Bodies,
+    skin: Skin,
+) -> None:  # fmt: skip
+    """Gives nodes and points of elements the planes of what they may get to in a part dt [s] of a step."""
+    plan, model, motion, memory = (
+        plan_of(ints),
+        model_of(ints, floats),
+        motion_of(ints, moving),
+        momentum_of(ints, remembered),
+    )
+    sol, now, t = solution_of(ints, sols, TRIAL), solution_of(ints, sols, NOW), scheme_of(memory.par[RADIUS], dt)
+    farthest = 0.0
+    for k in range(memory.mass.shape[0]):
+        v, a, p = get3(memory.velocity, k), get3(memory.acceleration, k), get3(memory.place, k)
+        farthest = max(farthest, dt * math.sqrt(dot(v, v)) + dt * dt * math.sqrt(dot(a, a)))
+        for b in range(bodies.table.shape[0]):
+            if bodies.table[b, 11] >= 0.0:
+                way = subtract(carried(p, bodies.then[b], bodies.frames[b]), p)
+                farthest = max(farthest, math.sqrt(dot(way, way)))
+    for k in range(sol.pose.shape[0]):
+        way = subtract(take3(sol.pose, k, 0), take3(now.pose, k, 0))
+        farthest = max(farthest, math.sqrt(dot(way, way)))
+    reach = MARGIN + AHEAD * farthest
+    motion.par[N_WALLED] = 0.0
+    for j in range(plan.ends.shape[0]):
+        for node in range(plan.first[j] + j, plan.first[j + 1] + j + 1):
+            skin.clear[node] = math.inf
+            if is_held(plan, motion, j, node):
+                continue
+            hold = (memory.mass[node] + memory.point[node]) * (1.0 - t.alpha) / (t.beta * dt * dt)
+            hold += motion.drag[node] * t.gamma / (t.beta * dt)
+            skin.clear[node], _ = look_around(
+                motion, bodies, bodies.then, node, get3(memory.place, node), model.s[node], skin.thick[node],
+                skin.whole[node], reach, FIRM * hold, ASPERITY * hold, False, skin.rough[node],
+            )  # fmt: skip
+            motion.par[N_WALLED] += 1.0 if motion.walls[node, 0] > 0.0 else 0.0
+    find_points(plan, model, motion, memory, bodies, skin.thick, skin.whole, skin.rough, reach)
+    find_rings(plan, model, motion, memory, skin.rings, skin.whole)
+
+
+@kernel
+def look_at_rest(
+    ints: Whole, floats: Floats, moving: Floats, remembered: Floats, reach: float, stiff: Array, bodies: Bodies,
+    skin: Skin,
+) -> float:  # fmt: skip
+    """The same for a step against drag, without friction: places and tangents are those remembered.
+
+    stiff (n,) [N/m]: of the planes. Returns how far [m] nodes may move before there may be one in a body that has no
+    plane for it.
+    """
+    plan, model, motion = plan_of(ints), model_of(ints, floats), motion_of(ints, moving)
+    memory, clear = momentum_of(ints, remembered), reach
+    for j in range(plan.ends.shape[0]):
+        for node in range(plan.first[j] + j, plan.first[j + 1] + j + 1):
+            if is_held(plan, motion, j, node):
+                continue
+            own, _ = look_around(
+                motion, bodies, bodies.frames, node, get3(memory.place, node), model.s[node], skin.thick[node],
+                skin.whole[node], reach, stiff[node], 0.0, True, 0.0,
+            )  # fmt: skip
+            clear = min(clear, own)
+    find_points(plan, model, motion, memory, bodies, skin.thick, skin.whole, skin.rough, reach)
+    find_rings(plan, model, motion, memory, skin.rings, skin.whole)
+    for i in range(int(motion.par[N_PROPS])):
+        motion.props[i, GRIP] = min(motion.props[i, GRIP], 0.0)
+    return clear
+
+
+@viewing
+def is_held(plan: Plan, motion: Motion, j: int, node: int) -> bool:
+    """Whether a knot holds the node of span j."""
+    first, last = plan.first[j] + j, plan.first[j + 1] + j
+    return node == first or (node == last and motion.loose[node] == 0.0)
+
+
+@kernel
+def fits(
+    ints: Whole, floats: Floats, moving: Floats, remembered: Floats, bodies: Bodies, skin: Skin, share: float
+) -> bool:  # fmt: skip
+    """Whether what a part of a step has come to, this share of it, may stand."""
+    plan, model, motion = plan_of(ints), model_of(ints, floats), motion_of(ints, moving)
+    a, b = skin.kept.shape[0] - moving.shape[0] - remembered.shape[0], skin.kept.shape[0] - moving.shape[0]
+    memory, before = momentum_of(ints, remembered), momentum_of(ints, skin.kept[a:b])
+    for j in range(plan.ends.shape[0]):
+        for node in range(plan.first[j] + j, plan.first[j + 1] + j + 1):
+            way = subtract(get3(motion.place, node), get3(before.place, node))
+            if dot(way, way) > skin.clear[node] ** 2:
+                return False
+            for k in range(int(motion.walls[node, 0]) if share > PATIENT else 0):
+                i = 1 + WALL * k
+                if (
+                    motion.walls[node, i + PUSHED] > 0.0
+                    and gap_of(bodies, int(motion.walls[node, i + BODY]), get3(motion.place, node), skin.thick[node])
+                    > AFLOAT * skin.whole[node]
+                ):
+                    return False
+    for i in range(int(motion.par[N_PROPS]) if share > PATIENT else 0):
+        at = place_of(plan, motion.props, i, motion.place, memory.tangent)
+        node = plan.left[int(motion.props[i, 0])]
+        if motion.props[i, PUSH] > 0.0:
+            gap = gap_of(bodies, int(motion.props[i, HOLDER]), at, skin.thick[node])
+            if gap > AFLOAT * skin.whole[node]:
+                return False
+    deep = deepest(plan, model, motion, memory, bodies, skin.thick, skin.whole)
+    motion.par[DEPTH] = max(0.0, -deep)
+    if share > PATIENT and deep < -DEEP * skin.whole[0]:
+        return False
+    first = 0
+    for c in range(plan.cables.shape[0] - 1):  # each cable for itself
+        last = plan.first[plan.cables[c + 1]] + plan.cables[c + 1]
+        if passed(plan, model, motion, memory, before, bodies, first, last, skin.thick[first]):
+            return False
+        first = last
+    return True
+
+
+@viewing
+def gap_of(bodies: Bodies, b: int, at: Vector, thick: float) -> float:
+    """[m], from body b to a cable at a place."""
+    d, _, _ = touch(bodies.table[b], bodies.frames[b], bodies.triangles, bodies.tree, at, NONE, False, bodies.stack)
+    return d - thick
+
+
+@kernel
+def passed(
+    plan: Plan, model: Model, motion: Motion, memory: Momentum, before: Momentum, bodies: Bodies, first: int,
+    last: int, thick: float,
+) -> bool:  # fmt: skip
+    """Whether the cable of nodes first to last - 1, or the middle of one of its elements, may have passed a body."""
+    count = last - first
+    s, old, new = np.empty(2 * count - 1), np.empty((2 * count - 1, 3)), np.empty((2 * count - 1, 3))
+    for k in range(count):
+        node = first + k
+        s[2 * k] = model.s[node]
+        put3(old, 2 * k, 0, get3(before.place, node))
+        put3(new, 2 * k, 0, get3(motion.place, node))
+        if k + 1 < count:
+            h = model.s[node + 1] - model.s[node]
+            s[2 * k + 1] = model.s[node] + 0.5 * h
+            put3(old, 2 * k + 1, 0, middle(before.place, before.tangent, node, h))
+            put3(new, 2 * k + 1, 0, middle(motion.place, memory.tangent, node, h))
+    found: bool = passes(
+        s, old, new, bodies.table, bodies.frames, bodies.then, bodies.triangles, bodies.tree, thick, bodies.stack
+    )
+    return found
+
+
+@viewing
+def middle(places: Floats, tangents: Floats, node: int, h: float) -> Vector:
+    """Of the cubic between a node and the next one."""
+    return on_curve(h, 0.5, get3(places, node), get3(places, node + 1), get3(tangents, node), get3(tangents, node + 1))
+
+
+@viewing
+def stop(
+    ints: Whole, floats: Floats, moving: Floats, remembered: Floats, dt: float, bodies: Bodies, skin: Skin,
+    info: Floats,
+) -> None:  # fmt: skip
+    """Gives what is pressed the speed of what presses it, and adds up work and what is dissipated."""
+    plan, model = plan_of(ints), model_of(ints, floats)
+    motion, memory = motion_of(ints, moving), momentum_of(ints, remembered)
+    a, b = skin.kept.shape[0] - moving.shape[0] - remembered.shape[0], skin.kept.shape[0] - moving.shape[0]
+    before = momentum_of(ints, skin.kept[a:b])
+    work, taken = stop_points(plan, motion, memory, before, bodies, dt)
+    note_rings(plan, model, motion, skin.rings)
+    for node in range(motion.walls.shape[0]):
+        if motion.walls[node, 0] > 0.0:
+            own, lost = stop_node(motion, memory, before, bodies, node, dt)
+            work, taken = work + own, taken + lost
+    info[I_WORK] += work
+    info[I_DISSIPATED] += taken
+    memory.par[KINETIC], _ = kinetic(motion, memory)
+
+
+@viewing
+def stop_node(
+    motion: Motion, memory: Momentum, before: Momentum, bodies: Bodies, node: int, dt: float
+) -> tuple[float, float]:
+    """The same of a node; returns work and what is dissipated [J]."""
+    walls, work, taken = motion.walls, 0.0, 0.0
+    old, x = get3(before.place, node), get3(motion.place, node)
+    v, a, was = get3(memory.velocity, node), get3(memory.acceleration, node), get3(before.velocity, node)
+    mass = memory.mass[node] + memory.point[node]
+    first = second = NONE
+    for k in range(int(walls[node, 0])):
+        i = 1 + WALL * k
+        push, b = walls[node, i + PUSHED], int(walls[node, i + BODY])
+        if not push > 0.0:
+            continue
+        n, t = take3(walls, node, i + OUT), take3(walls, node, i + RUB)
+        went = subtract(carried(old, bodies.then[b], bodies.frames[b]), old)
+        speed = scale(1.0 / dt, went)
+        work += dot(add(scale(push, n), t), went)
+        taken -= dot(t, subtract(subtract(x, old), went))
+        limit = walls[node, i + ROUGH] * push
+        if limit > 0.0 and dot(t, t) < 0.999 * limit * limit:  # sticks
+            v, a = speed, NONE
+        m = subtract(n, add(scale(dot(n, first), first), scale(dot(n, second), second)))
+        size = math.sqrt(dot(m, m))
+        if size < 1e-3:
+            continue
+        m = scale(1.0 / size, m)
+        if first == NONE:
+            first = m
+        elif second == NONE:
+            second = m
+        arrived = dot(m, subtract(was, speed))
+        taken += 0.5 * mass * arrived * arrived
+        v = subtract(v, scale(dot(m, subtract(v, speed)), m))
+        a = subtract(a, scale(dot(m, a), m))
+    put3(memory.velocity, node, 0, v)
+    put3(memory.acceleration, node, 0, a)
+    return work, taken
+
+
+@kernel
+def swing(
+    ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: Floats, remembered: Floats, goal: Floats,
+    dt: float, kept: Floats, info: Floats, scratch: Floats, points: int, out: Floats, velocity: Floats, told: Floats,
+    bodies: Bodies, skin: Skin,
+) -> int:  # fmt: skip
+    """`step`, and what it led to at points, see `swing_output.swing`."""
+    status = step(ints, floats, sols, space, moving, remembered, goal, dt, kept, info, scratch, bodies, skin)
+    if status == CONVERGED:
+        tell(ints, floats, sols, space, moving, remembered, points, out, velocity, told)
+    return int(status)
+
+
+@kernel
+def run(
+    ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: Floats, remembered: Floats, goals: Floats,
+    steps: Floats, kept: Floats, info: Floats, scratch: Floats, places: Floats, tangents: Floats, velocities: Floats,
+    bodies: Bodies, skin: Skin,
+) -> int:  # fmt: skip
+    """`swing_run.run` among bodies, which stay where they are."""
+    memory = momentum_of(ints, remembered)
+    lost = 0
+    for i in range(steps.shape[0]):
+        code = step(
+            ints, floats, sols, space, moving, remembered, goals[i], steps[i], kept, info, scratch, bodies, skin
+        )
+        lost += 1 if code != CONVERGED else 0
+        places[i, :, :], tangents[i, :, :], velocities[i, :, :] = memory.place, memory.tangent, memory.velocity
+    return lost
+
+
+@kernel
+def touches(ints: Whole, floats: Floats, moving: Floats, thick: Array, out: Array) -> int:
+    """Fills out (k, TOUCH) with what presses on nodes and points of elements, see `check.touches`; how many."""
+    plan, model, motion = plan_of(ints), model_of(ints, floats), motion_of(ints, moving)
+    count = 0
+    for node in range(motion.walls.shape[0]):
+        for k in range(int(motion.walls[node, 0])):
+            i = 1 + WALL * k
+            push, n, t = (
+                motion.walls[node, i + PUSHED],
+                take3(motion.walls, node, i + OUT),
+                take3(motion.walls, node, i + RUB),
+            )
+            if push > 0.0 and count < out.shape[0]:
+                x = subtract(get3(motion.place, node), scale(thick[node], n))
+                slips = dot(t, t) >= 0.999 * (motion.walls[node, i + ROUGH] * push) ** 2 and dot(t, t) > 0.0
+                put_touch(out, count, model.s[node], motion.walls[node, i + BODY], x, n, push, t, slips)
+                count += 1
+    for i in range(int(motion.par[N_PROPS])):
+        push, n, t = motion.props[i, PUSH], take3(motion.props, i, NORMAL), take3(motion.props, i, DRY)
+        if push > 0.0 and count < out.shape[0]:
+            e = int(motion.props[i, 0])
+            node = plan.left[e]
+            x = subtract(take3(motion.props, i, STUCK), scale(thick[node], n))
+            slips = dot(t, t) >= 0.999 * (motion.props[i, GRIP] * push) ** 2 and dot(t, t) > 0.0
+            s = model.s[node] + motion.props[i, SHARE] * model.h[e]
+            put_touch(out, count, s, motion.props[i, HOLDER], x, n, push, t, slips)
+            count += 1
+    return count
+
+
+@viewing
+def put_touch(
+    out: Floats, k: int, s: float, body: float, x: Vector, n: Vector, push: float, t: Vector, slips: bool
+) -> None:
+    """Row k of contacts."""
+    out[k, 0], out[k, 1], out[k, 8], out[k, 12] = s, body, push, 1.0 if slips else 0.0
+    put3(out, k, 2, x)
+    put3(out, k, 5, n)
+    put3(out, k, 9, t)

@@ -1,0 +1,294 @@
+"""Points inside elements that bodies hold: what a plane does to a cable between two of its nodes.
+
+At the share x of an element of length h between nodes a and b the cable is at
+
+    r = (1 - x)^2 (1 + 2 x) y_a + x^2 (3 - 2 x) y_b + h x (1 - x)^2 d3_a - h x^2 (1 - x) d3_b.
+
+A force on r acts on those four in the same shares, so that its work is theirs. Forces that keep n . r >= at and rub as
+on the planes of nodes (`walls`, asperities that do not give) are found in every step of Newton's method together, from
+the answer of the whole network to each: there are few of them. In an eyelet r is held across the cable, whatever force
+it takes, and runs along it.
+"""
+
+from __future__ import annotations
+
+from cable_shape.kernels.network.compiled import inline, part, viewing
+from cable_shape.kernels.network.motion import (
+    N_PROPS,
+    ROWS,
+    Motion,
+    add_turn,
+    bent_by,
+    motion_of,
+    rotated,
+)
+from cable_shape.kernels.network.moving import solve
+from cable_shape.kernels.network.system import release
+from cable_shape.kernels.network.tables import (
+    TRIAL,
+    Floats,
+    Model,
+    Plan,
+    Solution,
+    Whole,
+    Work,
+    copy_rows,
+    model_of,
+    plan_of,
+    solution_of,
+    work_of,
+)
+from cable_shape.kernels.network.walls import across
+from cable_shape.kernels.rod_algebra import (
+    Vector,
+    add,
+    apply,
+    cross,
+    dot,
+    get3,
+    get4,
+    get9,
+    madd,
+    put3,
+    put9,
+    rotation,
+    scale,
+    subtract,
+    take3,
+    tapply,
+)
+
+#: Columns of a point: element, body, share of the element, weights of y_a, y_b, d3_a, d3_b, outward normal 3,
+#: n . r at the surface [m], push [N], coefficient of friction, where it sticks 3 [m], friction 3 [N]. In an eyelet
+#: (friction below 0) the normal is the cable's tangent, and what would be friction is what holds it.
+ELEMENT, HOLDER, SHARE, WEIGHTS, NORMAL, LEVEL, PUSH, GRIP, STUCK, DRY = 0, 1, 2, 3, 7, 10, 11, 12, 13, 16
+MOST_ROUNDS, SAME = 200, 1e-12  # of forces in turns, and the change, of the largest, of the last
+
+
+@inline
+def weigh(props: Floats, i: int, h: float) -> None:
+    """Fills the weights of point i from its share."""
+    x = props[i, SHARE]
+    y = 1.0 - x
+    props[i, WEIGHTS], props[i, WEIGHTS + 1] = y * y * (1.0 + 2.0 * x), x * x * (3.0 - 2.0 * x)
+    props[i, WEIGHTS + 2], props[i, WEIGHTS + 3] = h * x * y * y, -h * x * x * y
+
+
+@inline
+def place_of(plan: Plan, props: Floats, i: int, places: Floats, tangents: Floats) -> Vector:
+    """[m], of point i from places and tangents (n, 3) of the nodes; of rates of those its rate."""
+    node, w = plan.left[int(props[i, ELEMENT])], WEIGHTS
+    r = add(scale(props[i, w], get3(places, node)), scale(props[i, w + 1], get3(places, node + 1)))
+    r = add(r, scale(props[i, w + 2], get3(tangents, node)))
+    return add(r, scale(props[i, w + 3], get3(tangents, node + 1)))
+
+
+@inline
+def now_at(plan: Plan, motion: Motion, sol: Solution, i: int) -> Vector:
+    """[m], the same with the nodes where they are."""
+    props = motion.props
+    node, w = plan.left[int(props[i, ELEMENT])], WEIGHTS
+    r = add(scale(props[i, w], get3(motion.place, node)), scale(props[i, w + 1], get3(motion.place, node + 1)))
+    for side in range(2):
+        R = rotation(get4(sol.q, node + side))
+        r = add(r, scale(props[i, w + 2 + side], (R[2], R[5], R[8])))
+    return r
+
+
+@viewing(forceinline=True)
+def lean(plan: Plan, model: Model, sol: Solution, work: Work, motion: Motion) -> None:
+    """Adds to `push`, gradient and matrix what holds points of elements."""
+    for k in range(motion.push.shape[0]):
+        put3(motion.push, k, 0, (0.0, 0.0, 0.0))
+    props = motion.props
+    for i in range(int(motion.par[N_PROPS])):
+        e = int(props[i, ELEMENT])
+        j = plan.left[e] - e
+        F = add(scale(props[i, PUSH], take3(props, i, NORMAL)), take3(props, i, DRY))
+        for side in range(2):
+            node = plan.left[e] + side
+            put3(motion.push, node, 0, add(get3(motion.push, node), scale(props[i, WEIGHTS + side], F)))
+            N = scale(-props[i, WEIGHTS + 2 + side], tapply(rotation(get4(sol.q, node)), F))
+            if (side == 0 and e == plan.first[j]) or (side == 1 and e == plan.first[j + 1] - 1):
+                add_turn(plan, model, work, j, side, (-N[1], N[0], 0.0), bent_by(N))
+            else:
+                put3(work.G, node, 0, add(get3(work.G, node), (-N[1], N[0], 0.0)))
+                put9(work.D, node, 0, madd(get9(work.D, node, 0), bent_by(N)))
+
+
+@inline
+def direction(props: Floats, row: int) -> Vector:
+    """Of row 3 i: the normal of point i; of the two after it: across that."""
+    n = take3(props, row // 3, NORMAL)
+    if row % 3 == 0:
+        return n
+    u = across(n)
+    return u if row % 3 == 1 else cross(n, u)
+
+
+@inline
+def asked(motion: Motion, row: int) -> bool:
+    """Whether there may be a force along this row."""
+    grip = motion.props[row // 3, GRIP]
+    return grip >= 0.0 if row % 3 == 0 else grip != 0.0
+
+
+@inline
+def load(
+    plan: Plan, model: Model, sol: Solution, work: Work, motion: Motion, shove: Floats, row: int, f: float
+) -> None:  # fmt: skip
+    """Adds a force f [N] along a row to the right-hand side, and to `shove` on the nodes."""
+    props, i, to = motion.props, row // 3, direction(motion.props, row)
+    e = int(props[i, ELEMENT])
+    j = plan.left[e] - e
+    for side in range(2):
+        node = plan.left[e] + side
+        at = node - j  # the element at its right
+        F = scale(props[i, WEIGHTS + side] * f, to)
+        put3(shove, node, 0, add(get3(shove, node), F))
+        R = rotation(get4(sol.q, node))
+        N = scale(-props[i, WEIGHTS + 2 + side] * f, tapply(R, to))
+        way = apply(get9(motion.give, node, 0), F)
+        loose = motion.loose[node] != 0.0
+        if at == plan.first[j] or (at == plan.first[j + 1] and not loose):
+            c = 0 if at == plan.first[j] else 3
+            put3(motion.tug, j, c, subtract(take3(motion.tug, j, c), F))
+        else:
+            put3(motion.slack, at - 1, 0, add(get3(motion.slack, at - 1), way))
+            if loose:
+                N = add(N, scale(motion.lever[node] * motion.hold[node], tapply(R, way)))
+            else:
+                put3(motion.slack, at, 0, subtract(get3(motion.slack, at), way))
+        put3(work.G, node, 0, add(get3(work.G, node), (-N[1], N[0], 0.0)))
+
+
+@inline
+def moved(plan: Plan, sol: Solution, work: Work, motion: Motion, shove: Floats, row: int) -> float:
+    """[m], by how much the point of a row goes along it in the last solve's step."""
+    props, i, to = motion.props, row // 3, direction(motion.props, row)
+    e = int(props[i, ELEMENT])
+    j = plan.left[e] - e
+    way = 0.0
+    for side in range(2):
+        node = plan.left[e] + side
+        at = node - j
+        turned = apply(rotated(rotation(get4(sol.q, node))), get3(work.d, node))
+        loose = motion.loose[node] != 0.0
+        if at == plan.first[j] or (at == plan.first[j + 1] and not loose):
+            y = take3(work.move, plan.ends[j, 0 if at == plan.first[j] else 1], 3)
+        else:
+            pull = subtract(get3(shove, node), get3(motion.step, at - 1))
+            if loose:
+                pull = subtract(pull, scale(motion.lever[node] * motion.hold[node], turned))
+            else:
+                pull = add(pull, get3(motion.step, at))
+            y = apply(get9(motion.give, node, 0), pull)
+        way += props[i, WEIGHTS + side] * dot(to, y) + props[i, WEIGHTS + 2 + side] * dot(to, turned)
+    return way
+
+
+@viewing
+def brace(ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: Floats) -> None:
+    """Puts into the right-hand side the change of all forces after which a step of Newton's method meets their laws.
+
+    With the factors at hand; the change waits for `give_way`.
+    """
+    plan, model, work, motion = plan_of(ints), model_of(ints, floats), work_of(ints, space), motion_of(ints, moving)
+    sol, props = solution_of(ints, sols, TRIAL), motion.props
+    rows = 3 * int(motion.par[N_PROPS])
+    N, n, m, k = ints[0], ints[0] + ints[1], ints[1], ints[2]
+    o1 = 3 * n
+    o2 = o1 + 3 * N
+    o3 = o2 + 3 * k
+    o4 = o3 + 6 * m
+    o5 = o4 + 3 * n
+    o6 = o5 + ROWS * ROWS
+    G, slack = part(motion.aside, 0, (n, 3)), part(motion.aside, o1, (N, 3))
+    pull, tug = part(motion.aside, o2, (k, 3)), part(motion.aside, o3, (m, 6))
+    shove, answers = part(motion.aside, o4, (n, 3)), part(motion.aside, o5, (ROWS, ROWS))
+    gaps, forces = part(motion.aside, o6, (ROWS,)), part(motion.aside, o6 + ROWS, (ROWS,))
+    change = part(motion.aside, o6 + 2 * ROWS, (ROWS,))
+    copy_rows(G, work.G, 3)
+    copy_rows(slack, motion.slack, 3)
+    copy_rows(pull, work.pull, 3)
+    copy_rows(tug, motion.tug, 6)
+    shove[:, :] = 0.0
+    solve(ints, floats, space, moving)
+    for row in range(rows):
+        i, to = row // 3, direction(props, row)
+        r = now_at(plan, motion, sol, i)
+        change[row] = 0.0
+        if row % 3 == 0:
+            forces[row], gaps[row] = props[i, PUSH], dot(to, r) - props[i, LEVEL]
+        else:
+            forces[row], gaps[row] = dot(to, take3(props, i, DRY)), dot(to, subtract(r, take3(props, i, STUCK)))
+        gaps[row] += moved(plan, sol, work, motion, shove, row)
+    for row in range(rows):
+        if not asked(motion, row):
+            continue
+        shove[:, :] = 0.0
+        work.G[:, :] = 0.0
+        motion.slack[:, :] = 0.0
+        work.pull[:, :] = 0.0
+        motion.tug[:, :] = 0.0
+        load(plan, model, sol, work, motion, shove, row, 1.0)
+        release(plan, model, work.G)
+        solve(ints, floats, space, moving)
+        for other in range(rows):
+            answers[other, row] = moved(plan, sol, work, motion, shove, other) if asked(motion, other) else 0.0
+    share(motion, rows, answers, gaps, forces, change)
+    copy_rows(work.G, G, 3)
+    copy_rows(motion.slack, slack, 3)
+    copy_rows(work.pull, pull, 3)
+    copy_rows(motion.tug, tug, 6)
+    for row in range(rows):
+        if change[row] != 0.0:
+            load(plan, model, sol, work, motion, shove, row, change[row])
+    release(plan, model, work.G)
+
+
+@inline
+def share(motion: Motion, rows: int, answers: Floats, gaps: Floats, forces: Floats, change: Floats) -> None:
+    """Fills `change`: pushes and friction, in turns, until each meets its law beside the others."""
+    for _ in range(MOST_ROUNDS):
+        largest = worst = 0.0
+        for i in range(rows // 3):
+            k, push = 3 * i, 0.0
+            if asked(motion, k) and answers[k, k] > 0.0:
+                gap = gaps[k]
+                for other in range(rows):
+                    gap += answers[k, other] * change[other]
+                push = max(0.0, forces[k] + change[k] - gap / answers[k, k])
+                worst, largest = max(worst, abs(push - forces[k] - change[k])), max(largest, push)
+                change[k] = push - forces[k]
+            soft = max(answers[k + 1, k + 1], answers[k + 2, k + 2])
+            if not (asked(motion, k + 1) and soft > 0.0):
+                continue
+            first, second = gaps[k + 1], gaps[k + 2]
+            for other in range(rows):
+                first += answers[k + 1, other] * change[other]
+                second += answers[k + 2, other] * change[other]
+            a, b = forces[k + 1] + change[k + 1] - first / soft, forces[k + 2] + change[k + 2] - second / soft
+            size, limit = (a * a + b * b) ** 0.5, motion.props[i, GRIP] * push
+            if motion.props[i, GRIP] < 0.0:
+                limit, largest = size, max(largest, size)
+            f = limit / size if size > limit else 1.0
+            worst = max(worst, abs(f * a - forces[k + 1] - change[k + 1]), abs(f * b - forces[k + 2] - change[k + 2]))
+            change[k + 1], change[k + 2] = f * a - forces[k + 1], f * b - forces[k + 2]
+        if worst <= SAME * largest:
+            break
+
+
+@inline
+def give_way(ints: Whole, motion: Motion, fraction: float) -> None:
+    """Changes the forces by this share of what `brace` has found."""
+    n = ints[0] + ints[1]
+    change = part(motion.aside, 3 * ints[0] + 6 * n + 6 * ints[1] + 3 * ints[2] + ROWS * (ROWS + 2), (ROWS,))
+    for i in range(int(motion.par[N_PROPS])):
+        k = 3 * i
+        motion.props[i, PUSH] += fraction * change[k]
+        t = take3(motion.props, i, DRY)
+        for row in range(k + 1, k + 3):
+            if asked(motion, row):
+                t = add(t, scale(fraction * change[row], direction(motion.props, row)))
+        put3(motion.props, i, DRY, t)

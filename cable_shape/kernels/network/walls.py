@@ -1,0 +1,148 @@
+"""Planes that a node is kept in front of, and friction on them: how its place answers to a force.
+
+Plane k pushes by p n, p = max(0, kept + stiff (at - n . x)), and rubs by a force t along it: with what the node has
+gone along it since it got there, d = (1 - n n^T) (x - ref), asperities give
+
+    t = -firm d  if that is no longer than rough p: it sticks; else as long as that: it slips (Coulomb).
+
+Without friction x is the minimum of a convex function; what p and t do to each other is found in turns. The derivative
+of the place, `give`, takes limits of friction for constant, and is symmetric.
+"""
+
+from __future__ import annotations
+
+from cable_shape.kernels.network.compiled import inline, viewing
+from cable_shape.kernels.network.tables import Floats
+from cable_shape.kernels.rod_algebra import (
+    Matrix,
+    Vector,
+    add,
+    apply,
+    cross,
+    dot,
+    mscale,
+    msub,
+    outer,
+    put3,
+    put9,
+    scale,
+    subtract,
+    take3,
+)
+from cable_shape.kernels.rod_element import IDENTITY
+
+#: Planes that a node may have, and columns of each: body, outward normal 3, n . x at the surface [m], stiffness [N/m],
+#: push that it has at the surface [N], push [N], coefficient of friction, stiffness of the asperities [N/m], where the
+#: node would be without friction's force 3 [m], that force 3 [N].
+WALLS, WALL = 4, 16
+BODY, OUT, AT, STIFF, KEPT, PUSHED, ROUGH, FIRM, REF, RUB = 0, 1, 4, 5, 6, 7, 8, 9, 10, 13
+MOST_SETS = 12  # that planes push
+MOST_ROUNDS, SAME = 40, 1e-10  # of pushes and friction, and the change, of the largest force, of the last
+ROUNDING = 1e-12  # [m] a node this near to a plane is as it was, in front of it or pushed by it
+
+
+@viewing
+def touched(walls: Floats, node: int, a: Vector, hold: float, pull: Vector, places: Floats, gives: Floats) -> None:
+    """Fills place and give of a node that `hold` [N/m] draws to a, and a force pulls; pushes and friction, too."""
+    x, D = pushed(walls, node, a, hold, add(pull, rubbing(walls, node)))
+    count, rubs = int(walls[node, 0]), False
+    for k in range(count):
+        rubs = rubs or walls[node, 1 + WALL * k + ROUGH] > 0.0
+    for _ in range(MOST_ROUNDS if rubs else 0):
+        changed = largest = 0.0
+        for k in range(count):
+            i = 1 + WALL * k
+            n, t = take3(walls, node, i + OUT), take3(walls, node, i + RUB)
+            limit = walls[node, i + ROUGH] * walls[node, i + PUSHED]
+            new = rub(along(n, subtract(x, take3(walls, node, i + REF))), t, 1.0 / hold, walls[node, i + FIRM], limit)
+            put3(walls, node, i + RUB, new)
+            way = subtract(new, t)
+            changed, largest = max(changed, dot(way, way)), max(largest, limit * limit)
+        if changed <= SAME * SAME * largest:
+            break
+        x, D = pushed(walls, node, a, hold, add(pull, rubbing(walls, node)))
+    for k in range(count if rubs else 0):
+        i = 1 + WALL * k
+        limit = walls[node, i + ROUGH] * walls[node, i + PUSHED]
+        if limit == 0.0:
+            continue
+        n = take3(walls, node, i + OUT)
+        d = along(n, subtract(x, take3(walls, node, i + REF)))
+        way = dot(d, d) ** 0.5
+        if way * walls[node, i + FIRM] <= limit:
+            u = across(n)
+            D = stiffened(D, u, walls[node, i + FIRM])
+            D = stiffened(D, cross(n, u), walls[node, i + FIRM])
+        else:
+            D = stiffened(D, scale(1.0 / way, cross(n, d)), limit / way)
+    put3(places, node, 0, x)
+    put9(gives, node, 0, D)
+
+
+@viewing(forceinline=True)
+def pushed(walls: Floats, node: int, a: Vector, hold: float, pull: Vector) -> tuple[Vector, Matrix]:
+    """The place under this pull, and its derivative: Newton steps change the set of planes that push."""
+    count = int(walls[node, 0])
+    x, D = add(a, scale(1.0 / hold, pull)), mscale(1.0 / hold, IDENTITY)
+    pushing = -1
+    for _ in range(MOST_SETS):
+        now = 0
+        for k in range(count):
+            i = 1 + WALL * k
+            push = walls[node, i + KEPT] + walls[node, i + STIFF] * (
+                walls[node, i + AT] - dot(take3(walls, node, i + OUT), x)
+            )
+            walls[node, i + PUSHED] = max(push, 0.0)
+            was = pushing >= 0 and (pushing & (1 << k)) != 0
+            now += (1 << k) if push > (-ROUNDING if was else ROUNDING) * walls[node, i + STIFF] else 0
+        if now == pushing:
+            break
+        pushing = now
+        force, D = pull, mscale(1.0 / hold, IDENTITY)
+        for k in range(count):
+            if now & (1 << k) == 0:
+                continue
+            i = 1 + WALL * k
+            n, stiff = take3(walls, node, i + OUT), walls[node, i + STIFF]
+            force = add(force, scale(walls[node, i + KEPT] + stiff * (walls[node, i + AT] - dot(n, a)), n))
+            D = stiffened(D, n, stiff)
+        x = add(a, apply(D, force))
+    return x, D
+
+
+@inline
+def rubbing(walls: Floats, node: int) -> Vector:
+    """[N], friction of all planes of a node."""
+    t = (0.0, 0.0, 0.0)
+    for k in range(int(walls[node, 0])):
+        t = add(t, take3(walls, node, 1 + WALL * k + RUB))
+    return t
+
+
+@inline
+def rub(d: Vector, t: Vector, soft: float, firm: float, limit: float) -> Vector:
+    """[N], friction after it was t where the way along the surface is d, if a force moves that by `soft` [m/N]."""
+    free = subtract(d, scale(soft, t))
+    new = scale(-firm / (1.0 + firm * soft), free)
+    size = dot(new, new) ** 0.5
+    return new if size <= limit else scale(limit / size, new)
+
+
+@viewing(forceinline=True)
+def stiffened(D: Matrix, n: Vector, stiff: float) -> Matrix:
+    """(D^-1 + stiff n n^T)^-1."""
+    Dn = apply(D, n)
+    return msub(D, outer(scale(stiff / (1.0 + stiff * dot(n, Dn)), Dn), Dn))
+
+
+@inline
+def along(n: Vector, v: Vector) -> Vector:
+    """The part of v along the surface of normal n."""
+    return subtract(v, scale(dot(n, v), n))
+
+
+@inline
+def across(n: Vector) -> Vector:
+    """A unit vector across n."""
+    v = cross(n, (1.0, 0.0, 0.0) if abs(n[0]) < 0.6 else (0.0, 1.0, 0.0))
+    return scale(1.0 / dot(v, v) ** 0.5, v)

@@ -1,0 +1,52 @@
+"""What the motion of one cable and of a harness have in common."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cable_shape.cable.cable import Cable
+from cable_shape.cable.pieces import pieces_of
+from cable_shape.checks import Array
+from cable_shape.errors import ArgumentError
+from cable_shape.motion.swing import ELEMENTS, LAYERS, MOST_ELEMENTS
+from cable_shape.pose import FreeEnd, Grip
+from cable_shape.shape import CableShape
+
+MODEL = "motion"
+
+
+def enough(shape: CableShape, cable: Cable) -> int:
+    """How many elements a cable needs that none is much longer than its boundary layers."""
+    stiffness = min(min(one.bending_stiffness) for _, _, one in pieces_of(cable))
+    layer = math.sqrt(stiffness / max(float(np.linalg.norm(shape.force, axis=1).max()), 1e-300))
+    return int(min(max(ELEMENTS, math.ceil(cable.length / (LAYERS * layer))), MOST_ELEMENTS))
+
+
+def check_moves(cable: Cable) -> None:
+    """Refuses what does not move."""
+    if cable.linear_density == 0.0:
+        remedy = "Give it in kg/m: without mass there is no motion."
+        raise ArgumentError.of("linear_density", 0.0, "Motion needs it above 0 kg/m", remedy)
+    if cable.mean_bending_stiffness == 0.0:
+        remedy = "Give EI in N m^2, however small it is."
+        raise ArgumentError.of("bending_stiffness", 0.0, "Motion needs it above 0 N m^2", remedy)
+
+
+def work_of(
+    before: Grip | FreeEnd, end: Grip | FreeEnd, shape: CableShape, place: Array, frame: Array, at: int = -1
+) -> float:
+    """[J], of the dead loads on a free end in the last step, from `place` (3,) and `frame` (4,)."""
+    if not isinstance(end, FreeEnd) or not isinstance(before, FreeEnd):
+        return 0.0
+    work = float(0.5 * (before.force + end.force) @ (shape.positions[at] - place))
+    if not (before.moment.any() or end.moment.any()):
+        return work
+    x, y, z, w = -frame[0], -frame[1], -frame[2], frame[3]
+    a, b, c, d = shape.quaternions[at]
+    turn = np.array(
+        (d * x + a * w + b * z - c * y, d * y - a * z + b * w + c * x, d * z + a * y - b * x + c * w)
+    )  # fmt: skip
+    turn *= math.copysign(2.0, d * w - a * x - b * y - c * z)
+    return work + float(0.5 * (before.moment + end.moment) @ turn)

@@ -1,0 +1,249 @@
+"""The harness as it swings: :class:`HarnessMotion`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from time import perf_counter
+from typing import final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cable_shape import checks
+from cable_shape.cable.harness import Harness
+from cable_shape.checks import Array
+from cable_shape.errors import ArgumentError
+from cable_shape.motion.common import MODEL, check_moves, enough, work_of
+from cable_shape.motion.swing import FEWEST, Load, Swing
+from cable_shape.pose import FreeEnd, Grip
+from cable_shape.scene.scene import Scene
+from cable_shape.scene.scene_parts import Clip
+from cable_shape.shape import NUMBERS_PER_POINT, Status
+from cable_shape.solve import harness_search
+from cable_shape.solve.harness_network import HarnessNetwork
+from cable_shape.solve.harness_outcome import out_of_reach
+from cable_shape.solve.harness_problem import End, HarnessProblem
+from cable_shape.solve.harness_shape import HarnessShape
+from cable_shape.solve.problem import GRAVITY
+
+
+@final
+class HarnessMotion:
+    """A harness that swings; what ``Motion(harness)`` makes. Parameters are those of Motion but for these.
+
+    harness : Harness
+        Every segment has a linear density and a bending stiffness above 0.
+    scene : Scene, optional
+        Clips and masses name their `segment`; no eyelets, and no contact that is solved for.
+    points, elements : int
+        Of each segment.
+
+    Raises
+    ------
+    ArgumentError
+        Naming the value, the bound and the remedy.
+    """
+
+    def __init__(
+        self,
+        harness: Harness,
+        scene: Scene | None = None,
+        gravity: ArrayLike = GRAVITY,
+        points: int = 150,
+        elements: int | None = None,
+    ) -> None:
+        self.problem = HarnessProblem(harness, gravity=gravity, points=points, scene=scene)
+        self.elements = None if elements is None else checks.integer("elements", elements, at_least=4, at_most=2000)
+        for name, cable in harness.segments.items():
+            try:
+                check_moves(cable)
+            except ArgumentError as error:
+                raise ArgumentError(f"segment {name!r}: {error}") from None
+        if self.problem.bodies:
+            remedy = "Write contact='warn'."
+            raise ArgumentError.of("scene.contact", "solve", "the motion of a harness knows no contact", remedy)
+        for i, clip in enumerate(() if scene is None else scene.clips):
+            if clip.link is not None:
+                bound = "the motion of a harness knows no clips on links"
+                raise ArgumentError.of(f"clips[{i}].link", clip.link, bound, "Hold the clip in the world.")
+            if clip.kind == "slide":
+                bound = "the motion of a harness knows no eyelets"
+                raise ArgumentError.of(f"clips[{i}].kind", "slide", bound, "Make it a 'ball' clip.")
+        self._state: HarnessNetwork | None = None
+        self._swing: Swing | None = None
+        self._last: HarnessShape | None = None
+        self._error = 0.0
+
+    @property
+    def harness(self) -> Harness:
+        """The harness, as given."""
+        return self.problem.harness
+
+    @property
+    def last(self) -> HarnessShape:
+        """The last shape.
+
+        Raises
+        ------
+        ArgumentError
+            Before `begin`.
+        """
+        if self._last is None:
+            raise ArgumentError("there is no last shape. Call begin first.")
+        return self._last
+
+    def begin(self, ends: Mapping[str, End]) -> HarnessShape:
+        """Starts at rest between these ends; returns that shape. Where its status says no, there is nothing to step.
+
+        Parameters
+        ----------
+        ends : mapping of open end to Pose, Grip or FreeEnd
+            As of `HarnessPredictor.predict`.
+
+        Raises
+        ------
+        ArgumentError
+            As there.
+        """
+        began = perf_counter()
+        self._swing = self._last = None
+        problem = self.problem.move(ends)
+        shape, state = harness_search.solve(problem)
+        if not shape.status:
+            return shape
+        self._spread_evenly(state, shape)
+        swing = Swing(self._load(state), state)
+        if not swing.alive:
+            detail = "The harness does not come to rest on the mesh of its motion. "
+            return _failed(shape, Status.NOT_CONVERGED, detail)
+        self._state, self._swing = state, swing
+        out, rates = self._buffers()
+        swing.tell(out, rates)
+        self._last = self._shape(out, rates, began, shape.status, shape.detail)
+        pairs = zip(self._last.segments.values(), shape.segments.values(), strict=True)
+        self._error = max(float(np.abs(a.positions - b.positions).max()) for a, b in pairs)
+        self._last.error_estimate += self._error
+        return self._last
+
+    def step(self, ends: Mapping[str, End], dt: float) -> HarnessShape:
+        """The harness dt [s] later, when its ends have come here, see `Motion.step`.
+
+        Raises
+        ------
+        ArgumentError
+            For wrong arguments, before `begin`, and for ends that are held in another way than there.
+        """
+        began = perf_counter()
+        dt = checks.number("dt", dt, above=0.0, unit="s")
+        swing, state, last = self._swing, self._state, self._last
+        if swing is None or state is None or last is None:
+            raise ArgumentError("step() needs a state to step from, and there is none. Call begin first.")
+        before, kinds = dict(self.problem.ends), self._kinds()
+        problem = self.problem.move(ends)
+        if self._kinds() != kinds:
+            remedy = "Hold them so, or begin again."
+            raise ArgumentError.of("ends", self._kinds(), f"they were {kinds} at begin", remedy)
+        poses = self._aim(state, swing)
+        taut = out_of_reach(problem, state, poses)
+        if taut is not None:
+            return _failed(last, Status.OVERSTRETCHED, taut[2].split(". ")[0] + ". The state is kept. ", taut[3])
+        for knot, end, fall in self._tips(state):
+            swing.load_end(end, fall, knot)
+        out, velocity = self._buffers()
+        if not swing.step(poses, dt, out, velocity):
+            return _failed(last, Status.NOT_CONVERGED, "A step could not be taken. The state is kept. ")
+        shape = self._shape(out, velocity, began, Status.OK, "")
+        for name, now in problem.ends.items():
+            if isinstance(now, FreeEnd):
+                segment, _, side = name.rpartition(".")
+                one, k = last.segments[segment], 0 if side == "start" else -1
+                place, frame = one.positions[k], one.quaternions[k]
+                shape.work += work_of(before[name], now, shape.segments[segment], place, frame, k)
+        shape.lost = shape.work - shape.dissipated
+        shape.lost -= shape.energy + shape.kinetic_energy - last.energy - last.kinetic_energy
+        self._last = shape
+        return shape
+
+    def _aim(self, state: HarnessNetwork, swing: Swing) -> Array:
+        """Poses of the knots: those that are held where they are to be, the others as they are."""
+        poses = state.aim()
+        held = [row for row, _ in state._held]
+        loose = np.ones(len(poses), dtype=bool)
+        loose[[*held, *state.clip_rows]] = False
+        poses[loose] = swing.solution.pose[loose]
+        return poses
+
+    def _spread_evenly(self, state: HarnessNetwork, shape: HarnessShape) -> None:
+        """Lays the solution out on elements of equal length in every segment; levers are one each."""
+        arcs, counts = state.layout.arcs, []
+        for name, spans in state.layout.spans.items():
+            cable = self.harness.segments[name]
+            wanted = self.elements or enough(shape.segments[name], cable)
+            for j in spans:
+                share = (arcs[j, 1] - arcs[j, 0]) / cable.length
+                counts.append(max(FEWEST, round(wanted * share)))
+        counts += [1] * len(state.layout.levers)
+        state.lay_out([(np.array((a, b)), np.ones(2)) for a, b in arcs.tolist()], counts)
+
+    def _load(self, state: HarnessNetwork) -> Load:
+        """What it has for mass."""
+        cables = [*self.harness.segments.values(), *(None for _ in state.layout.levers)]
+        masses = [(knot, mass) for knot, mass, _ in state.layout.at_masses]
+        return Load(self.problem.points, cables, [], masses, self._tips(state))
+
+    def _tips(self, state: HarnessNetwork) -> list[tuple[int, FreeEnd, Array]]:
+        """Knots of free ends, what loads them, and what weighs there."""
+        found = []
+        for knot, name in state._tips:
+            end = self.problem.ends[name]
+            assert isinstance(end, FreeEnd)
+            found.append((knot, end, self.problem.fall(name)))
+        return found
+
+    def _buffers(self) -> tuple[Array, Array]:
+        """For a shape, and its velocity; levers are the last cables."""
+        assert self._state is not None
+        points = self.problem.points * self._state.cables
+        return np.empty(NUMBERS_PER_POINT * points), np.empty((points, 3))
+
+    def _kinds(self) -> dict[str, str | float]:
+        """How the ends are held, or the mass of a plug."""
+        return {name: end.kind if isinstance(end, Grip) else end.mass for name, end in self.problem.ends.items()}
+
+    def _shape(self, out: Array, velocity: Array, began: float, status: Status, detail: str) -> HarnessShape:
+        """The shape after the last step."""
+        swing, state, problem = self._swing, self._state, self.problem
+        assert swing is not None
+        assert state is not None
+        info, n, c = swing.info, problem.points, len(self.harness.segments)
+        shape = HarnessShape(
+            self.harness, out[: NUMBERS_PER_POINT * n * c], n, model=MODEL, status=status, detail=detail,
+            twists=swing.told[: 2 * c : 2], error_estimate=self._error + float(swing.told[1 : 2 * c : 2].max()),
+            iterations=int(info[0]), solve_time=perf_counter() - began,
+            clips=np.array(
+                [(clip.arc_length, *-swing.memory.reaction[row]) for clip, row in self._clips(state)]
+            ).reshape(-1, 7),
+            clips_of=problem.clips, velocity=velocity[: n * c], kinetic_energy=swing.kinetic_energy,
+            work=float(info[2]), dissipated=float(info[3]),
+        )  # fmt: skip
+        shape.energy = swing.energy
+        for name, end in problem.ends.items():
+            if isinstance(end, FreeEnd):
+                segment, _, side = name.rpartition(".")
+                shape.energy += float(end.force @ shape.segments[segment].positions[0 if side == "start" else -1])
+        return shape
+
+    def _clips(self, state: HarnessNetwork) -> list[tuple[Clip, int]]:
+        """The scene's clips, each with its knot."""
+        scene = self.problem.scene
+        return [] if scene is None else list(zip(scene.clips, state.clip_rows, strict=True))
+
+
+def _failed(shape: HarnessShape, status: Status, detail: str, missing: float = 0.0) -> HarnessShape:
+    """The shape once more, for want of another."""
+    kept = shape.again()
+    kept.status, kept.detail, kept.missing_length = status, detail + status.remedy, missing
+    kept.work = kept.dissipated = kept.lost = 0.0
+    kept.error_estimate = math.inf
+    return kept
