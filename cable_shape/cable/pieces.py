@@ -59,6 +59,11 @@ def widest(cable: Cable) -> float:
     return max(one.diameter for _, _, one in pieces_of(cable))
 
 
+def stretches(cable: Cable) -> bool:
+    """Whether all of a cable gives to tension."""
+    return all(one.axial_stiffness is not None for _, _, one in pieces_of(cable))
+
+
 def slowest(cable: Cable) -> Cable:
     """A cable without sections that swings at most as fast: as soft as the softest piece, as heavy as the heaviest."""
     if not cable.sections:

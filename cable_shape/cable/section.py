@@ -18,6 +18,7 @@ PROPERTIES = (
     "bending_stiffness",
     "diameter",
     "drag",
+    "friction",
     "gradient_length",
     "inner_diameter",
     "linear_density",

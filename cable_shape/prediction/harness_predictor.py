@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 
 from cable_shape import checks
 from cable_shape.cable.harness import Harness
-from cable_shape.cable.pieces import refuse
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import FreeEnd, Grip, Pose
@@ -47,7 +46,7 @@ class HarnessPredictor:
         [m]; default 1e-5 of the longest segment.
     scene : Scene, optional
         Clips, eyelets among them, and masses name their `segment`. With ``contact="solve"`` bodies keep all segments
-        out, without eyelets; that segments touch each other or themselves is not solved for.
+        out; that segments touch each other or themselves is not solved for.
     distributed_load : mapping of segment to (2, 3) array_like, optional
         [N/m], world, added to the weight.
 
@@ -287,12 +286,4 @@ def _checked(problem: HarnessProblem) -> HarnessProblem:
     """The problem, if its contacts can be solved for."""
     if problem.bodies:
         check_convex(problem.bodies)
-        kinds = [] if problem.scene is None else [clip.kind for clip in problem.scene.clips]
-        if "slide" in kinds:
-            bound = "contact='solve' knows no eyelets of harnesses"
-            raise ArgumentError.of(
-                f"clips[{kinds.index('slide')}].kind", "slide", bound, "Make it a 'ball' clip, or write contact='warn'."
-            )
-        for name, cable in problem.harness.segments.items():
-            refuse(cable, f"contact='solve', as segment {name!r} has them,", "Write contact='warn', or leave them out.")
     return problem

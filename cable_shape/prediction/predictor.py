@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike
 from cable_shape import checks
 from cable_shape.cable.cable import Cable
 from cable_shape.cable.harness import Harness
-from cable_shape.cable.pieces import refuse
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import FreeEnd, Grip, Pose
@@ -432,8 +431,6 @@ class Predictor:
         kept out of bodies, of itself and of others, they are linear, too.
         """
         touches = bool(problem.bodies) or problem.solves_crossing
-        if touches:
-            refuse(problem.cable, "contact='solve'", "Write contact='warn', or leave them out.")
         if problem.swing is not None and (touches or not self.is_rod):
             if self.is_rod:
                 reason, remedy = "contact='solve'", "write contact='warn'."

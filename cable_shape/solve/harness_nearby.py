@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_shape.cable.pieces import energy_of_sections
 from cable_shape.checks import Array
 from cable_shape.kernels.network import drive, mesh, tables
 from cable_shape.shape import NUMBERS_PER_POINT, Status
@@ -69,10 +68,5 @@ def _told(state: HarnessNetwork, run: Array) -> HarnessShape:
         clips=loads[state.clip_rows] if state.clip_rows else None,
         clips_of=problem.clips,
     )
-    for i, name in state.sectioned:
-        own = shape.segments[name]
-        more = energy_of_sections(problem.harness.segments[name], own, problem.gravity)
-        own.energy += more
-        told[2 * state.cables + i] += more
-        shape.energy += more
+    state.weigh_sections(shape)
     return shape

@@ -9,7 +9,7 @@ from typing import Any, final
 
 import numpy as np
 
-from cable_shape.cable.pieces import pieces_of
+from cable_shape.cable.pieces import energy_of_sections, pieces_of
 from cable_shape.checks import Array
 from cable_shape.kernels.network import drive, guess, material, mesh, respond, tables
 from cable_shape.kernels.network.drive import I_DOUBT, I_ESTIMATE, INFO
@@ -20,6 +20,7 @@ from cable_shape.solve.bare import IDENTITY, bare_of
 from cable_shape.solve.cables import FREE_ROTATIONS, material_of
 from cable_shape.solve.harness_layout import LEVER, Layout, layout_of
 from cable_shape.solve.harness_problem import HarnessProblem
+from cable_shape.solve.harness_shape import HarnessShape
 from cable_shape.solve.mesh import interpolated
 from cable_shape.solve.network import _SOFTER, Network
 
@@ -118,11 +119,11 @@ class HarnessNetwork(Network):
         self.structure, self._bare = layout.structure, bare_of(layout.structure)
         self.spans = len(layout.structure.spans)
         firsts = np.cumsum([0, *(len(spans) + 1 for spans in layout.spans.values())])
-        self.rings, self._ring_clips = [], {}
+        self.rings, self.ring_clips = [], dict[int, int]()  # supports that are eyelets, and the numbers of their clips
         for first, spans in zip(firsts.tolist(), layout.spans.values(), strict=False):
             for number, j in layout.rings:
                 if j in spans:
-                    self._ring_clips[first + j - spans.start + 1] = number
+                    self.ring_clips[first + j - spans.start + 1] = number
                     self.rings.append(first + j - spans.start + 1)
         self.cables = len(layout.structure.cables)
         self._held = [(layout.knots["end", end], end) for end, how in problem.ends.items() if type(how) is Grip]
@@ -281,7 +282,7 @@ class HarnessNetwork(Network):
 
     def ring_name(self, ring: int) -> str:
         """What an eyelet is called."""
-        return f"clip {self.problem.clip_names[self._ring_clips[ring]]!r}"
+        return f"clip {self.problem.clip_names[self.ring_clips[ring]]!r}"
 
     def slack(self, arcs: Array, frames: Array) -> Array:
         """See the base; a span whose ends are not both held may be as short as it likes."""
@@ -378,6 +379,16 @@ class HarnessNetwork(Network):
             out += end.mass * float(gravity @ place[row])
         return -out
 
+    def weigh_sections(self, shape: HarnessShape) -> None:
+        """Adds to the energies of a shape what sections weigh more than the rest of their segments."""
+        problem = self.problem
+        for i, name in self.sectioned:
+            more = energy_of_sections(problem.harness.segments[name], shape.segments[name], problem.gravity)
+            shape.segments[name].energy += more
+            shape.energy += more
+            if shape.energies is not None:
+                shape.energies[i] += more
+
     def node_positions(self) -> tuple[Array, Array]:
         """Arc lengths (n,), those of each segment beyond a gap, and positions (n, 3) of the last solution's nodes."""
         work = tables.work_of.py_func(self.ints, self.work)
@@ -402,7 +413,12 @@ class HarnessNetwork(Network):
         poses (k, 7): of all knots.
         """
         self.first_mesh(poses)
+        if self.rings:
+            arcs = self.bounds()
+            arcs[self.rings] = whole.supports[np.array(self.rings) - 1, 0]
+            self.slide_to(arcs)
         now, nodes = self.solution(NOW), self.nodes
+        now.arc[...] = self.solution(tables.TRIAL).arc
         of_span = np.repeat(gaps, [cable.spans for cable in self.structure.cables])
         for j, (a, b) in enumerate(self.runs):
             at = nodes[a : b + 1] + of_span[j]

@@ -8,7 +8,6 @@ from typing import Any, final
 
 import numpy as np
 
-from cable_shape.cable.pieces import energy_of_sections
 from cable_shape.checks import Array
 from cable_shape.kernels.network import drive, tables
 from cable_shape.kernels.network.drive import I_ENERGY, I_ESTIMATE, I_FORCE, I_MOMENT, I_RESIDUAL, I_TURNED, INFO
@@ -87,11 +86,7 @@ class HarnessSearch(Search):
             clips=self.loads[state.clip_rows] if state.clip_rows else None,
             clips_of=task.clips,
         )
-        for i, name in state.sectioned:
-            more = energy_of_sections(task.harness.segments[name], found.segments[name], task.gravity)
-            found.segments[name].energy += more
-            told[2 * cables + i] += more
-            found.energy += more
+        state.weigh_sections(found)
         return found
 
     def no_shape(self, status: Status, poses: Array, detail: str, missing: float = 0.0) -> HarnessShape:  # type: ignore[override]

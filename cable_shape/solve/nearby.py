@@ -93,7 +93,7 @@ def places(state: Network, other: Network) -> tuple[Array, Array] | None:
         return None
     arcs = other.arcs.copy()
     arcs[state.rings] = state.bounds()[state.rings]  # what is in an eyelet is found
-    kinks = np.isin(own, state.stops)
+    kinks = np.isin(own, state.stops) & ~np.isin(own, state.points)
     before = np.concatenate((state.bounds(), state.points, own[kinks]))
     order = np.argsort(before)
     return before[order], np.concatenate((arcs, other.points, its[kinks]))[order]

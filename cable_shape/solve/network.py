@@ -547,8 +547,8 @@ class Network:
         Supports and point loads stay at their arc length; both ends and kinks of what varies along the cable at their
         share of the length. kept: what these very cables are made of, from call to call, by where it has kinks.
         """
-        stays = np.union1d(self.bounds()[:-1], self.points)
-        kinks = np.append(np.setdiff1d(self.stops, self.points), self.length)
+        stays = np.union1d(self.bounds()[:-1], self.points[self.weights.any(axis=1)])
+        kinks = np.append(np.setdiff1d(self.stops, stays), self.length)
         places = np.concatenate((stays, kinks))
         order = np.argsort(places)
         models, after = np.tile(self.held, (len(cables), 1)), np.tile(places[order], (len(cables), 1))

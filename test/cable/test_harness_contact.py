@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 import cable_shape as cs
 from cable_shape.safety.clearance import ClearanceChecker
@@ -223,10 +224,6 @@ def test_what_is_refused_names_the_part() -> None:
     shape = cs.predict(fork(), buried, scene=TABLE)
     assert not shape.usable
     assert "the cable at the grip 'a.start' is 54.0 mm inside obstacle 'table'" in shape.detail
-    thick = cs.Section(0.1, 0.2, diameter=0.02)
-    harness = cs.Harness({"a": CABLE.replace(sections=[thick])})
-    with pytest.raises(cs.ArgumentError, match="segment 'a'"):
-        cs.Predictor(harness, scene=TABLE)
     corner = cs.Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
     with pytest.raises(cs.ArgumentError, match="closed convex meshes only"):
         cs.Predictor(fork(), scene=over(corner))
@@ -268,7 +265,117 @@ def test_a_harness_in_contact_has_a_tube() -> None:
     assert any(one.contacts for one in shape.segments.values())
     tubes = [report.tubes[f"h/{name}"] for name in harness.segments]
     assert max(float(tube.radius.max()) for tube in tubes) > 1e-5
-    clip = cs.Clip(0.2, cs.Pose((0.3, 0.0, 0.3)), "slide", segment="a")
+
+
+def test_segments_run_through_eyelets_in_contact_as_one_cable_does() -> None:
+    """Down onto the table and up again, with a junction beside the eyelet, which stays where it is on its segment."""
+    whole = CABLE.replace(length=1.2)
+    harness = cs.Harness(
+        {"a": CABLE.replace(length=0.8), "b": CABLE.replace(length=0.4)}, [cs.Junction("j", ("a.end", "b.start"))]
+    )
+    table, place = [cs.Obstacle("table", cs.HalfSpace(), cs.Pose((0.0, 0.0, 0.05)))], cs.Pose((0.25, 0.03, 0.2))
+    single, several = (
+        cs.Predictor(cable, scene=cs.Scene(
+            obstacles=table, clips=[cs.Clip(0.3, place, "slide", segment=segment)], contact="solve"
+        ), tolerance=1e-6)
+        for cable, segment in ((whole, None), (harness, "a"))
+    )  # fmt: skip
+    touched = False
+    for k in (-8, -4, 0, 4, 8, 12, 8, 4, 0, -4, -8):
+        start, end = (
+            cs.Pose((0.0, 0.0, 0.3 - 0.005 * k), ALONG_X),
+            cs.Pose((0.9 - 0.003 * k, 0.002 * k, 0.3 - 0.01 * k), ALONG_X),
+        )
+        ends = {"a.start": start, "b.end": end}
+        one, two = single.predict(start, end), several.predict(ends)
+        assert one.status is two.status is cs.Status.OK, (k, one.detail, two.detail)
+        allowed = one.error_estimate + two.error_estimate
+        assert two.clips[0].arc_length == pytest.approx(one.clips[0].arc_length, abs=2.0 * allowed)
+        assert two.energy == pytest.approx(one.energy, abs=4.0 * WEIGHT * allowed)
+        np.testing.assert_allclose(two.clips[0].force, one.clips[0].force, atol=4e-3 * WEIGHT)
+        assert left_over(harness, two) < 1e-6 * WEIGHT
+        for name, first in (("a", 0.0), ("b", 0.8)):
+            part = two.segments[name]
+            line = np.stack([np.interp(part.arc_length + first, one.arc_length, x) for x in one.positions.T], axis=1)
+            assert np.abs(part.positions - line).max() < allowed + 1e-4  # between its points it is a chord
+        touched = touched or any(part.contacts for part in two.segments.values())
+    assert touched
+    still = cs.predict(harness, ends, scene=several.scene, tolerance=1e-6)
+    assert still.clips[0].arc_length == pytest.approx(two.clips[0].arc_length, abs=1e-4)
+
+
+def test_sensitivity_of_a_fork_in_an_eyelet_and_in_contact_is_that_of_differences() -> None:
+    clip = cs.Clip(0.25, cs.Pose((0.2, 0.02, 0.25)), "slide", segment="a")
     scene = cs.Scene(obstacles=TABLE.obstacles, clips=[clip], contact="solve")
-    with pytest.raises(cs.ArgumentError, match="knows no eyelets of harnesses"):
-        cs.Predictor(harness, scene=scene)
+    predictor = cs.Predictor(fork(), scene=scene, tolerance=1e-6)
+    for height in (0.37, 0.36, 0.35, 0.34):
+        shape = predictor.predict(trunk(height))
+        assert shape.usable, (height, shape.detail)
+    ends = trunk(0.34)
+    assert any(one.contacts for one in predictor.predict(ends).segments.values())
+    found, step = predictor.sensitivity(), 2e-6
+    for axis in range(3):
+        way = step * np.eye(3)[axis]
+        sides = []
+        for sign in (1.0, -1.0):
+            pose = cs.Pose(ends["b.end"].position + sign * way, ALONG_X)
+            sides.append(predictor.predict({**ends, "b.end": pose}).segments)
+        for name, columns in found.items():
+            difference = (sides[0][name].positions - sides[1][name].positions) / (2.0 * step)
+            assert np.abs(columns[:, :, 6 + axis] - difference).max() < 5e-3 * max(1.0, np.abs(difference).max())
+
+
+@pytest.mark.parametrize("of_harness", [False, True])
+def test_sections_in_contact_are_segments_in_a_row(of_harness: bool) -> None:
+    """Each as thick, stiff and heavy as it is: on a table the thick one lies its own radius high.
+
+    Where sections of a segment meet nothing presses, as at junctions, but on the nodes beside it: what that misses, no
+    estimate counts.
+    """
+    parts = (
+        cs.Section(0.4, 0.7, bending_stiffness=0.03, linear_density=0.2, diameter=0.02),
+        cs.Section(0.7, 0.8, bending_stiffness=0.005),
+    )
+    whole = CABLE.replace(length=1.2, sections=parts)
+    thick = cs.Cable(0.3, 0.2, 0.03, 0.008, diameter=0.02)
+    names = {"a": CABLE.replace(length=0.4), "b": thick, "c": CABLE.replace(length=0.1, bending_stiffness=0.005)}
+    joints = [cs.Junction(x + y, (f"{x}.end", f"{y}.start")) for x, y in ("ab", "bc", "cd")]
+    row = cs.Harness({**names, "d": CABLE.replace(length=0.4)}, joints)
+    made: cs.Cable | cs.Harness = cs.Harness({"x": whole}) if of_harness else whole
+    one, two = cs.Predictor(made, scene=TABLE, points=241), cs.Predictor(row, scene=TABLE, points=61)
+    for height in (0.45, 0.4, 0.35, 0.3, 0.27, 0.22, 0.15, 0.3, 0.45):
+        start, end = trunk(height).values()
+        found = one.predict({"x.start": start, "x.end": end}) if of_harness else one.predict(start, end)
+        shape: cs.CableShape = found.segments["x"] if of_harness else found
+        other = two.predict({"a.start": start, "d.end": end})
+        assert found.status is other.status is cs.Status.OK, (height, found.detail, other.detail)
+        allowed = found.error_estimate + other.error_estimate
+        assert found.energy == pytest.approx(other.energy, abs=4.0 * WEIGHT * allowed)
+        for name, first in (("a", 0.0), ("b", 0.4), ("c", 0.7), ("d", 0.8)):
+            part = other.segments[name]
+            line = CubicSpline(shape.arc_length, shape.positions)(part.arc_length + first)
+            assert np.abs(part.positions - line).max() < allowed + (3e-4 if of_harness else 2e-5)
+        if height == 0.15:
+            on_table = {contact.point[2] for contact in shape.contacts}
+            assert max(map(abs, on_table)) < 2.0 * DEEPEST
+            inside = (shape.arc_length > 0.45) & (shape.arc_length < 0.65)
+            assert shape.positions[inside, 2].min() == pytest.approx(0.01, abs=2.0 * DEEPEST)
+            assert shape.positions[:, 2].min() < 0.01 + 2.0 * DEEPEST
+    assert not shape.contacts
+
+
+def test_a_section_rubs_by_its_own_friction() -> None:
+    """A cable drawn over a table is held by the collar alone, and by no more than the law allows."""
+    collar = cs.Section(0.25, 0.35, friction=0.5, linear_density=0.4)
+    predictor = cs.Predictor(CABLE.replace(sections=[collar]), scene=TABLE)
+    for height in (0.2, 0.16, 0.12, 0.08, 0.06, 0.05):
+        ends = (cs.Pose((0.0, 0.0, height), ALONG_X), cs.Pose((0.5, 0.0, height), ALONG_X))
+        assert predictor.predict(*ends).usable
+    for x in np.arange(0.0, 0.02, 0.002):
+        shape = predictor.predict(*(cs.Pose(end.position + np.array((x, 0.0, 0.0)), ALONG_X) for end in ends))
+        assert shape.usable, shape.detail
+    inside = [contact for contact in shape.contacts if 0.249 < contact.arc_length < 0.351]
+    outside = [contact for contact in shape.contacts if not 0.249 < contact.arc_length < 0.351]
+    assert sum(np.linalg.norm(contact.tangential_force) for contact in inside) > 0.01 * WEIGHT
+    assert all(np.linalg.norm(contact.tangential_force) <= 0.501 * contact.force + 1e-9 for contact in inside)
+    assert all(np.linalg.norm(contact.tangential_force) == 0.0 for contact in outside)

@@ -136,7 +136,6 @@ def test_a_cable_with_sections_is_read_as_it_is_written(tmp_path):
         ),
         (lambda: CABLE.replace(sections="stiff"), r"sections = 'stiff' .* a list"),
         (lambda: cs.predict(CABLE, START, END, model="gradient4"), r"cable.sections = 2 .* model 'gradient4'"),
-        (lambda: cs.predict(CABLE, START, END, scene=cs.Scene(contact="solve")), r"contact='solve' knows no sections"),
         (lambda: cs.Wire(0.001, 0.01), r"one of the two is needed"),
         (lambda: cs.Wire(0.001, 0.01, youngs_modulus=1e9, count=0), r"Wire.count = 0"),
         (lambda: cs.Cable.from_wires([], 1.0), r"1 to 400 wires"),

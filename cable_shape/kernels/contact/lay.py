@@ -14,6 +14,7 @@ from cable_shape.kernels.contact.knots import mesh
 from cable_shape.kernels.contact.near import BARE, LINK, NONE, is_knot
 from cable_shape.kernels.contact.tables import Lying, Net
 from cable_shape.kernels.network.compiled import inline, part, viewing
+from cable_shape.kernels.network.sliding import FIRST_PRESSED
 from cable_shape.kernels.network.tables import (
     HEAD,
     LENGTH,
@@ -369,7 +370,7 @@ def lay(net: Net, lying: Lying, on: Array) -> bool:
     copy(ints[:HEAD], bare[:HEAD])
     ints[N_ELEMENTS], ints[N_SPANS], ints[N_KNOTS], ints[N_PRESSED] = lying.errors.shape[0], spans, knots, knots
     ints[N_VERTICES] = ints[N_BLOCKS] = ints[N_TARGETS] = 0
-    ints[N_LINKS] = lying.pairs.shape[0]
+    ints[N_LINKS], ints[FIRST_PRESSED] = lying.pairs.shape[0], bare[N_KNOTS]
     used = knots + 2 * old.stripped.shape[0]
     loose, stripped, forces = part(room, 0, (knots,)), part(room, knots, (used - knots,)), part(room, used, (spans,))
     count = strip_leaves(net, old, spans, loose, stripped)

@@ -42,6 +42,7 @@ from cable_shape.kernels.rod_element import E3, element_gradient
 DIFFERENCE = 1e-6  # of the length, between two values of sigma
 REACH = 0.5  # of the slack of a span, or of the way to the next knot, that one step may use up
 LEAST = 2e-3  # of the length: an eyelet this near to a knot has been run through
+FIRST_PRESSED = 14  # of a plan's head: the first of the knots that bodies press on, where any can be
 
 
 class Slides(NamedTuple):
@@ -131,7 +132,7 @@ def stop_beside(plan: Plan, model: Model, j: int, near_end: bool) -> int:
                 if abs(model.s[node] - model.at[k]) < least:
                     found = max(found, node) if near_end else min(found, node)
         knot = plan.ends[j, 0 if near_end else 1]
-        if found != far or model.along.shape[0] == 0 or plan.vertices[knot, 1] < 0:
+        if found != far or model.along.shape[0] == 0 or knot < plan.head[FIRST_PRESSED] or plan.vertices[knot, 1] < 0:
             return found
         j += -1 if near_end else 1
 

@@ -8,6 +8,7 @@ from typing import Any, final
 
 import numpy as np
 
+from cable_shape.cable.pieces import stretches
 from cable_shape.kernels.contact import afterwards, drive
 from cable_shape.kernels.network.tables import NOW
 from cable_shape.pose import FreeEnd
@@ -19,7 +20,7 @@ from cable_shape.solve.harness_outcome import laid_straight
 from cable_shape.solve.harness_problem import HarnessProblem
 from cable_shape.solve.harness_shape import HarnessShape
 from cable_shape.solve.rod_common import MODEL
-from cable_shape.solve.touching.harness_state import HarnessTouchState, Laid
+from cable_shape.solve.touching.harness_state import HarnessTouchState
 from cable_shape.solve.touching.road import TAUT
 from cable_shape.solve.touching.touching import Solve
 
@@ -71,7 +72,7 @@ class HarnessSolve(Solve):
         told = info[drive.INFO :]
         touches = state.touches_of_segments()
         state.touching = any(len(rows) for rows in touches)
-        return HarnessShape(
+        shape = HarnessShape(
             problem.harness,
             steps.buffer,
             problem.points,
@@ -89,20 +90,22 @@ class HarnessSolve(Solve):
             touches=touches,
             bodies=state.bodies.names,
         )
+        state.cable.weigh_sections(shape)
+        return shape
 
     def _leave(self, shape: HarnessShape) -> None:  # type: ignore[override]
         """Lets the harness go on from a shape that touches nothing."""
         state = self.state
         self.rod = HarnessNetwork(self.problem)
         self.rod.aim()
-        self.rod.resume_from(Laid(shape, state.gaps), state.gaps, state.knots_at(shape, state.grips[NOW]))
+        self.rod.resume_from(state.whole(shape), state.gaps, state.knots_at(shape, state.grips[NOW]))
 
     def _stretched(self, shape: HarnessShape) -> float:  # type: ignore[override]
         """[m] what the segment lacks that lacks most, 0 if that is next to nothing; errors grow by what all lack."""
         lacking = 0.0
         size = NUMBERS_PER_POINT * shape.points
         for c, (name, cable) in enumerate(self.problem.harness.segments.items()):
-            if cable.axial_stiffness is not None:
+            if stretches(cable):
                 continue
             free = any(type(self.problem.ends.get(f"{name}.{side}")) is FreeEnd for side in ("start", "end"))
             own = shape.buffer[c * size : (c + 1) * size]

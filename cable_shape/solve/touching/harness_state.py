@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any, final
 
 import numpy as np
 
 from cable_shape.cable.cable import Cable
+from cable_shape.cable.pieces import pieces_of, radius_of, widest
 from cable_shape.cable.rest_form import conjugate, times
 from cable_shape.checks import Array
 from cable_shape.kernels.contact import check, drive, respond
-from cable_shape.kernels.network import material, tables
+from cable_shape.kernels.network import tables
 from cable_shape.kernels.network.mesh import move_nodes
 from cable_shape.kernels.network.tables import NOW
 from cable_shape.pose import FreeEnd
@@ -34,15 +35,20 @@ _OF_LEVER = 3  #: nodes
 class Laid:
     """A harness's shape as that of one long cable: one segment after the other, levers behind, gaps between them."""
 
-    def __init__(self, shape: HarnessShape, gaps: Array) -> None:
-        """gaps (c,) [m], added to the arc lengths of each; shape: of a harness, or what has as much of one."""
+    def __init__(self, shape: HarnessShape, gaps: Array, ring_arcs: Mapping[int, float] | None = None) -> None:
+        """gaps (c,) [m], added to the arc lengths of each; shape: of a harness, or what has as much of one.
+
+        ring_arcs: of supports that are eyelets, by their numbers, the arc lengths [m] there.
+        """
         n = shape.points
         blocks = shape.buffer[: NUMBERS_PER_POINT * n * gaps.size].reshape(gaps.size, -1)
         self.arc_length: Array = (blocks[:, :n] + gaps[:, None]).ravel()
         self.positions: Array = blocks[:, n : 4 * n].reshape(-1, 3)
         self.quaternions: Array = blocks[:, 4 * n : 8 * n].reshape(-1, 4)
         self.force: Array = blocks[:, 11 * n : 14 * n].reshape(-1, 3)
-        self.supports: Array = np.empty((0, 7))
+        self.supports: Array = np.zeros((max(ring_arcs or (0,)), 7))
+        for support, arc in (ring_arcs or {}).items():
+            self.supports[support - 1, 0] = arc
         self.turns: Any = getattr(shape, "turns", 0)
         self.bodies = shape.bodies
         rows = [row + np.eye(TOUCH)[0] * gap for own, gap in zip(shape.touches, gaps, strict=False) for row in own]
@@ -74,7 +80,9 @@ class HarnessTouchState(TouchState):
             gap + np.append(arcs[a, 0], arcs[a:b, 1])
             for gap, a, b in zip(gaps, plan.cables[:-1], plan.cables[1:], strict=True)
         ]
-        every = np.concatenate(own)
+        every, rings = np.concatenate(own), np.array(network.rings, dtype=np.int64)
+        if every.size == self._arcs.size and np.array_equal(rings, self.rings):
+            every[rings] = self._arcs[rings]  # what is in an eyelet is found
         if not (self.bodies.are(problem.bodies) and np.array_equal(every, self._arcs)):
             self.forget()
             self.elements = 0
@@ -83,15 +91,15 @@ class HarnessTouchState(TouchState):
         self.cable, self._told = network, np.empty(0)
         self._structure: Structure | None = None
         self.length = harness.longest
-        self.bend = self.bend_of_cables = min(cable.mean_bending_stiffness for cable in segments)
+        self.bend = self.bend_of_cables = network.bend
         self.limpness = math.inf
-        self.radius = 0.5 * min(cable.diameter for cable in segments)
+        self.radius = min(radius_of(cable) for cable in segments)
         self._weights = [float(np.linalg.norm(one.load.mean(axis=0))) for one in problem.segments.values()]
         self.weight = sum(weight * cable.length for weight, cable in zip(self._weights, segments, strict=True))
-        self._stretch = 0.0
+        self._stretch, self.stretches = 0.0, False
         self.points = np.empty(0)
         self._stops = every
-        self.rings = np.empty(0, np.int64)
+        self.rings = rings
         self._knots: Any = np.concatenate(
             [[plan.ends[a, 0], *plan.ends[a:b, 1]] for a, b in zip(plan.cables[:-1], plan.cables[1:], strict=True)]
         )
@@ -104,7 +112,7 @@ class HarnessTouchState(TouchState):
             self.elements = 0
             self._grips = np.zeros((3, count, 7))
         self.unfactored()
-        thickest = 0.5 * max(cable.diameter for cable in segments)
+        thickest = 0.5 * max(widest(cable) for cable in segments)
         if self.bodies.take(problem.bodies, problem.gripping, problem.links, thickest, problem.carried):
             self.forget()
 
@@ -142,14 +150,14 @@ class HarnessTouchState(TouchState):
             if c < self.bodied:
                 name, cable = segments[c]
                 start, end = (type(self.problem.ends.get(f"{name}.{side}")) is FreeEnd for side in ("start", "end"))
-                radius = 0.5 * cable.diameter
-                out.append(Chain(supports, cable.mean_bending_stiffness, radius, cable.friction, (start, end)))
+                out.append(Chain.of(cable, supports, (start, end)))
             else:
-                out.append(Chain(supports, self.cable.stiffest, self.radius, 0.0, (False, False)))
+                lever = np.array([(math.inf, self.cable.stiffest, self.radius, 0.0)])
+                out.append(Chain(supports, lever, (False, False)))
         return tuple(out)
 
     def _count_of(self, chain: Chain) -> int:
-        c = self.chains.index(chain)
+        c = next(i for i, one in enumerate(self.chains) if one is chain)
         arcs = self._arcs[chain.supports]
         return mesh.first_count(float(arcs[-1] - arcs[0]), chain.bend, self._weights[c])
 
@@ -211,7 +219,9 @@ class HarnessTouchState(TouchState):
         return other
 
     def whole(self, shape: HarnessShape) -> Any:  # type: ignore[override]
-        return Laid(shape, self.gaps)
+        gaps, clips = self._gap_of_supports, self.cable.ring_clips
+        arcs = {ring: float(shape.supports[clips[ring], 0] + gaps[ring]) for ring in self.rings.tolist()}
+        return Laid(shape, self.gaps, arcs)
 
     def _align(self) -> None:
         """Signs of the quaternions of what is held, those of the nodes there."""
@@ -231,15 +241,11 @@ class HarnessTouchState(TouchState):
 
     def buried(self, frames: Array, deepest: float) -> tuple[int, int, float]:
         """Which knot is deeper in which body, and the gap; -1: none."""
-        bodies = self.bodies
         for c, chain in enumerate(self.chains[: self.bodied]):
-            arcs = self._arcs[chain.supports] - self.gaps[c]
+            arcs = self.arcs[chain.supports] - self.gaps[c]
             knots = self._knots[chain.supports]
             held = ~self._moves[knots]
-            i, body, gap = check.buried(
-                frames[knots[held]], arcs[held], int(held.sum()), deepest, float(arcs[-1]), bodies.table, bodies.frames,
-                bodies.triangles, bodies.tree, chain.radius, bodies.stack,
-            )  # fmt: skip
+            i, body, gap = self.deep(chain, frames[knots[held]], arcs[held], float(arcs[-1]), deepest)
             if i >= 0:
                 return int(knots[held][i]), body, gap
         return -1, -1, 0.0
@@ -283,18 +289,18 @@ class HarnessTouchState(TouchState):
         networks = [HarnessNetwork(other) for other in others]
         for network in networks:
             network.aim()
-            pieces = network.held[network.parts.piece].reshape(-1, tables.PIECE)
-            pieces[:, material.COMPLIANCE + 2] = self.stretch
+            self.let_stretch(network.held[network.parts.piece])
         made, everywhere = np.array([one.held for one in networks]), np.tile(still, (len(cables), 1))
         models: Array = respond.neighbours(self.net, self.s, made, still, everywhere)
         of_cables = self.net.cable[: int(self.net.ints[tables.N_SPANS])].tolist()
         spans = [j for j, span in enumerate(of_cables) if span in self.cable.layout.spans[name]]
         nodes = np.concatenate([np.arange(plan.first[j] + j, plan.first[j + 1] + j + 1) for j in spans])
         stays = np.union1d([clip.arc_length for clip in own.clips], [mass.arc_length for mass in own.masses])
+        bounds = [x for a, b, _ in pieces_of(own.cable) for x in (a, b)]
         for model, cable in zip(models, cables, strict=True):
             if cable.length != own.cable.length:
                 grown = cable.length / own.cable.length
-                before = np.union1d(stays, (0.0, own.cable.length))
+                before = np.union1d(stays, bounds)
                 s = tables.model_of.py_func(self.net.ints, model).s
                 s[nodes] = np.interp(s[nodes], before, [at if at in stays else grown * at for at in before])
                 move_nodes(self.net.ints, model, still, still, model)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from cable_shape.cable.cable import Cable
+from cable_shape.cable.pieces import pieces_of, radius_of, stretches, widest
 from cable_shape.checks import Array
 from cable_shape.kernels.contact import drive, press, run
 from cable_shape.kernels.contact.lay import room_for
@@ -56,10 +59,42 @@ class Chain(NamedTuple):
     """One of the cables of a network, from its first support to its last one."""
 
     supports: slice
-    bend: float  # [N m^2]
-    radius: float  # [m]
-    rough: float  # coefficient of friction
+    pieces: Array  # (p, 4), where each ends [m], its bending stiffness [N m^2], radius [m], coefficient of friction
     free: tuple[bool, bool]  # whether nothing holds the place of its start, of its end
+
+    @classmethod
+    def of(cls, cable: Cable, supports: slice, free: tuple[bool, bool], stiffer: float = 1.0) -> Chain:
+        """Of a cable that is made so many times as stiff as it is."""
+        rows = [
+            (end, stiffer * one.mean_bending_stiffness, 0.5 * one.diameter, one.friction)
+            for _, end, one in pieces_of(cable)
+        ]
+        return cls(supports, np.array(rows), free)
+
+    @property
+    def bend(self) -> float:
+        """[N m^2], of the softest piece."""
+        return float(self.pieces[:, 1].min())
+
+    @property
+    def radius(self) -> float:
+        """[m], of the thinnest piece."""
+        return float(self.pieces[:, 2].min())
+
+    @property
+    def rough(self) -> float:
+        """The largest coefficient of friction."""
+        return float(self.pieces[:, 3].max())
+
+    def along(self, arcs: Array) -> Array:
+        """(n, 3), what `pieces` has of that at each arc length [m]; between two: mean, thicker, rougher."""
+        if len(self.pieces) == 1:
+            return np.tile(self.pieces[0, 1:], (arcs.size, 1))
+        ends, apart = self.pieces[:-1, 0], _AT * self.pieces[-1, 0]
+        one, other = (self.pieces[np.searchsorted(ends, arcs + sign * apart), 1:] for sign in (-1.0, 1.0))
+        out = np.maximum(one, other)
+        out[:, 0] = 0.5 * (one[:, 0] + other[:, 0])
+        return np.asarray(out)
 
 
 class Pair(NamedTuple):
@@ -136,20 +171,22 @@ class Laid:
         self.problem = problem
         self.unfactored()
         self.length = length
-        self.cable = Network(problem)  # what the cable is made of, and how it is held
+        self.cable = Network(_divided(problem))  # what the cable is made of, and how it is held
         self.weight = float(np.linalg.norm(self.cable.mean_load)) * length
-        self.bend = self.bend_of_cables = cable.mean_bending_stiffness
+        self.bend = self.bend_of_cables = min(one.mean_bending_stiffness for _, _, one in pieces_of(cable))
         self.limpness = math.inf if self.weight == 0.0 else self.bend / (self.weight * length**2)
         self._count = mesh.first_count(length, self.bend, self.weight / length)
-        self._stretch = 0.0 if cable.axial_stiffness is None else 1.0 / cable.axial_stiffness
-        at = problem.load_arc_length.copy()
+        pulled = [one.axial_stiffness for _, _, one in pieces_of(cable)]
+        self._stretch = max(0.0 if stiff is None else 1.0 / stiff for stiff in pulled)
+        self.stretches = stretches(cable)
+        at = self.cable.problem.load_arc_length.copy()
         for arc in arcs:
             at[np.abs(at - arc) < _AT * length] = arc
         inside = (at > _AT * length) & (at < (1.0 - _AT) * length)
         self.points: Array = at[inside]
         self._stops: Array = np.union1d(self.points, arcs[1:-1])
-        self.radius = 0.5 * cable.diameter
-        if self.bodies.take(problem.bodies, problem.gripping, problem.links, self.radius, problem.carried):
+        self.radius = radius_of(cable)
+        if self.bodies.take(problem.bodies, problem.gripping, problem.links, 0.5 * widest(cable), problem.carried):
             self.forget()
         self._kinds = ()
 
@@ -209,7 +246,13 @@ class Laid:
     def _chained(self) -> tuple[Chain, ...]:
         """The cables."""
         free = (False, self.forces < self._arcs.size - 1)
-        return (Chain(slice(0, self._arcs.size), self.bend, self.radius, self.problem.cable.friction, free),)
+        stiffer = self.bend / self.bend_of_cables
+        return (Chain.of(self.problem.cable, slice(0, self._arcs.size), free, stiffer),)
+
+    @property
+    def in_pieces(self) -> bool:
+        """Whether what cables are made of changes along one of them."""
+        return any(len(chain.pieces) > 1 for chain in self.chains)
 
     def _tell(self) -> None:
         """Tells the network what the cable is made of: it stretches a little, whatever it is."""
@@ -218,24 +261,30 @@ class Laid:
         self.has_friction = bool(self.bodies.rough.any() or any(chain.rough for chain in self.chains))
         cable, made = self.cable, self.cable.held.copy()
         pull = self.weight + 10.0 * self.bend_of_cables / self.length**2
-        self.stretch = max(self._stretch, self.tight * _LEAST_STRETCH / (pull + self._pull_of_tips()))
-        pieces = made[cable.parts.piece].reshape(-1, tables.PIECE)
-        np.maximum(pieces[:, material.COMPLIANCE + 2], self.stretch, out=pieces[:, material.COMPLIANCE + 2])
+        self.least_stretch = self.tight * _LEAST_STRETCH / (pull + self._pull_of_tips())
+        #: of what stretches least
+        self.stretch = max(self._stretch, self.least_stretch) if self.stretches else self.least_stretch
+        self.let_stretch(made[cable.parts.piece])
         made[tables.ELASTIC], made[tables.RIGID] = 1.0, 0.0
         made[tables.BASE_SHIFT] = _NEUTRAL * made[tables.SOFTEST]
         self.made: Array = made
         self.unfactored()
         if self.elements:
-            self._fill_nodes(self._ends_of(self.nodes))
+            self._fill_nodes(self.nodes, self._ends_of(self.nodes))
             self._load(self.nodes)
 
-    def _fill_nodes(self, ends: Whole) -> None:
-        """Tells the nodes what their cable is; ends (c,): the last ones of each."""
+    def let_stretch(self, pieces: Array) -> None:
+        """Lets pieces (p PIECE,) of a model stretch by the least that any cable does."""
+        column = pieces.reshape(-1, tables.PIECE)[:, material.COMPLIANCE + 2]
+        np.maximum(column, self.least_stretch, out=column)
+
+    def _fill_nodes(self, nodes: Array, ends: Whole) -> None:
+        """Tells the nodes (n,) what their cable is; ends (c,): the last ones of each."""
         counts = np.diff(ends, prepend=-1)
         self._gap_of_nodes: Array = np.repeat(self.gaps, counts)
-        self.flex: Array = np.repeat([1.0 / chain.bend for chain in self.chains], counts)
-        self.thick: Array = np.repeat([chain.radius for chain in self.chains], counts)
-        self.rough: Array = np.repeat([chain.rough for chain in self.chains], counts)
+        own = np.split(nodes - self._gap_of_nodes, ends[:-1] + 1)
+        made = np.concatenate([chain.along(arcs) for chain, arcs in zip(self.chains, own, strict=True)])
+        self.flex, self.thick, self.rough = 1.0 / made[:, 0], made[:, 1].copy(), made[:, 2].copy()
 
     def _pull_of_tips(self) -> float:
         """[N], force on free ends."""
@@ -244,7 +293,7 @@ class Laid:
     def stiffen(self, factor: float) -> None:
         """Makes the cable so many times as stiff as it is."""
         self.cable.stiffen(factor)
-        self.bend = factor * self.problem.cable.mean_bending_stiffness
+        self.bend = factor * self.bend_of_cables
         self._tell()
 
     def tighten(self, tight: float) -> None:
@@ -283,7 +332,7 @@ class Laid:
     @property
     def stops(self) -> Array:
         """[m], of clips, masses and pairs, where nodes must be."""
-        own = np.union1d(self.points, self.arcs[1:-1]) if self.rings.size else self._stops
+        own = np.union1d(self.points, self.arcs[1:-1] if self.single else self.arcs) if self.rings.size else self._stops
         if not self.links:
             return own
         paired = self.nodes[self.on[NOW, :, LINK] != BARE] if self.elements else [x for p in self.links for x in p.arcs]
@@ -298,7 +347,7 @@ class Laid:
             old = (self.q, self.near, self.on, self.ends)
         self.elements = n
         ends = self._ends_of(nodes)
-        self._fill_nodes(ends)
+        self._fill_nodes(nodes, ends)
         self.s: Array = nodes - self._gap_of_nodes if self.gaps.size > 1 else nodes.copy()
         self.h: Array = np.diff(nodes)
         self._gaps_at = ends[:-1]
@@ -474,3 +523,18 @@ class Laid:
 def _same(a: Array, b: Array) -> bool:
     """Whether two vectors are the same one, or equal."""
     return a is b or bool(np.array_equal(a, b))
+
+
+def _divided(problem: Problem) -> Problem:
+    """The problem with a load of nothing where sections of its cable begin and end: nodes there stay there."""
+    if not problem.cable.sections:
+        return problem
+    other, length = copy.copy(problem), problem.cable.length
+    bounds = np.unique([x for a, b, _ in pieces_of(problem.cable) for x in (a, b)])
+    at, force = problem.load_arc_length, problem.load_force
+    near = np.concatenate(([0.0, length], at))
+    bounds = bounds[np.abs(bounds[:, None] - near).min(axis=1) > _AT * length]
+    order = np.argsort(np.concatenate((at, bounds)))
+    other.load_arc_length = np.concatenate((at, bounds))[order]
+    other.load_force = np.concatenate((force, np.zeros((bounds.size, 3))))[order]
+    return other

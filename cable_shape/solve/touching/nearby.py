@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from cable_shape.cable.pieces import energy_of_sections
 from cable_shape.checks import Array
 from cable_shape.kernels.contact import respond
 from cable_shape.kernels.network import drive, graph, newton, sliding, system, tables
@@ -30,7 +31,8 @@ def nearby(state: TouchState, problem: Problem) -> CableShape | None:
     state.cable.arcs = state.arcs
     moved = places(state.cable, other.cable)
     alike = state.bodies.are(problem.bodies) and state.bodies.names == other.bodies.names
-    if moved is None or not alike or state.radius != other.radius:
+    as_thick = np.array_equal(state.chains[0].pieces[:, 2], other.chains[0].pieces[:, 2])
+    if moved is None or not alike or not as_thick:
         return None
     net = state.net
     ints, sols, space = net.ints, net.sols.copy(), net.space.copy()
@@ -83,7 +85,7 @@ def _told(other: TouchState, ints: Whole, floats: Array, sols: Array, space: Arr
     drive.sample(ints, floats, sols, space, problem.points, out, info)
     drive.knot_loads(ints, floats, space, loads)
     masses = other.cable.masses(problem.end)
-    return CableShape(
+    shape = CableShape(
         out,
         problem.points,
         length=problem.cable.length,
@@ -94,3 +96,5 @@ def _told(other: TouchState, ints: Whole, floats: Array, sols: Array, space: Arr
         twist=float(info[drive.INFO]),
         supports=loads[clips],
     )
+    shape.energy += energy_of_sections(problem.cable, shape, problem.gravity)
+    return shape

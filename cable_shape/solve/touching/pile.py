@@ -11,6 +11,7 @@ from typing import Any, final
 import numpy as np
 
 from cable_shape.cable.cable import Cable
+from cable_shape.cable.pieces import energy_of_sections, widest
 from cable_shape.checks import Array
 from cable_shape.kernels.contact import drive
 from cable_shape.kernels.contact.press import I_EXCESS
@@ -208,7 +209,7 @@ class Pile:
             status, detail = Status.NOT_CONVERGED, inexact(estimate, self.tolerance)
         bodies, rows = self._contacts(cable)
         touches = np.vstack((state.touches_of_segments()[row], np.array(rows).reshape(-1, TOUCH)))
-        return CableShape(
+        shape = CableShape(
             buffer,
             n,
             length=problem.cable.length,
@@ -227,6 +228,8 @@ class Pile:
             bodies=bodies,
             frictionless=state.has_friction,
         )
+        shape.energy += energy_of_sections(problem.cable, shape, problem.gravity)
+        return shape
 
     def _contacts(self, cable: int) -> tuple[tuple[str, ...], list[Array]]:
         """Names of the bodies and cables that a cable may touch, and its contacts with cables as `CableShape` has
@@ -240,7 +243,7 @@ class Pile:
                 name, normal = ITSELF if other == cable else self._names[other], sign * spot.normal
                 if name not in bodies:
                     bodies.append(name)
-                point = spot.places[1 - side] + 0.5 * self._every[other].cable.diameter * normal
+                point = spot.places[1 - side] + 0.5 * widest(self._every[other].cable) * normal
                 rows.append(np.array((spot.arcs[side], bodies.index(name), *point, *normal, spot.press, *NO_FRICTION)))
         return tuple(bodies), rows
 

@@ -10,6 +10,7 @@ from typing import final
 
 import numpy as np
 
+from cable_shape.cable.pieces import widest
 from cable_shape.checks import Array
 from cable_shape.kernels.distance import apart, cable_near
 from cable_shape.pose import FreeEnd
@@ -74,7 +75,7 @@ class Places:
     def __init__(self, names: Sequence[str], problems: list[Problem]) -> None:
         self._names = tuple(names)
         self._problems = problems
-        self._diameters = [problem.cable.diameter for problem in problems]
+        self._diameters = [widest(problem.cable) for problem in problems]
         down = problems[0].gravity if problems[0].gravity.any() else np.array((0.0, 0.0, -1.0))
         self.down: Array = down / np.linalg.norm(down)
         count = len(problems)

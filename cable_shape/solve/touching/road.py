@@ -225,7 +225,7 @@ class Road:
         In all of its stretches, where it could run from one into the next; whose end a force pulls is not too short.
         """
         state = self.state
-        if state.problem.cable.axial_stiffness is not None or state.chains[-1].free[1]:
+        if state.stretches or state.chains[-1].free[1]:
             return False
         if self.missing <= TAUT * state.length:
             return False

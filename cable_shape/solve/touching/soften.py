@@ -6,6 +6,7 @@ import copy
 import math
 from collections.abc import Callable
 
+from cable_shape.cable.pieces import changed
 from cable_shape.checks import Array
 from cable_shape.solve.problem import Problem
 from cable_shape.solve.touching.step import Steps
@@ -42,7 +43,8 @@ def _as_stiff(problem: Problem, factor: float) -> Problem:
     """The problem of a cable so many times as stiff."""
     stiffer = copy.copy(problem)
     cable = problem.cable
-    stiffer.cable = cable.replace(
+    stiffer.cable = changed(
+        cable,
         bending_stiffness=tuple(factor * k for k in cable.bending_stiffness),
         twisting_stiffness=factor * cable.twisting_stiffness,
     )

@@ -21,8 +21,8 @@ from cable_shape.kernels.contact.near import (
     SPOT,
     TOWARD,
 )
-from cable_shape.kernels.network import material, tables
 from cable_shape.kernels.network import respond as network_respond
+from cable_shape.kernels.network import tables
 from cable_shape.kernels.network.tables import BEFORE, NOW, TRIAL
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.shape import CableShape
@@ -55,7 +55,7 @@ class TouchState(Laid):
         self.elements = 0
         self.reach = np.array([pair.reach for pair in self.links])
         self._arcs[self.rings] = shape.supports[self.rings - 1, 0]
-        self.slid[:] = self._arcs
+        self.slid[:] = self._arcs - self._gap_of_supports
         nodes = np.concatenate([self._nodes_of(one, shape, finer) for one in self.chains])
         inside = self._within(nodes)
         self._spacing, self._middles = np.diff(nodes)[inside], (0.5 * (nodes[1:] + nodes[:-1]))[inside]
@@ -157,13 +157,22 @@ class TouchState(Laid):
 
     def buried(self, frames: Array, deepest: float) -> tuple[int, int, float]:
         """Which support is deeper in which body, and the gap, as `check.buried` has it."""
-        bodies, held = self.bodies, len(frames) - (type(self.problem.end) is not Grip)
-        length = self.problem.cable.length
-        found: tuple[int, int, float] = check.buried(
-            frames, self.arcs, held, deepest, length, bodies.table, bodies.frames, bodies.triangles, bodies.tree,
-            self.radius, bodies.stack,
-        )  # fmt: skip
-        return found
+        held = len(frames) - (type(self.problem.end) is not Grip)
+        return self.deep(self.chains[0], frames[:held], self.arcs[:held], self.problem.cable.length, deepest)
+
+    def deep(self, chain: Chain, frames: Array, arcs: Array, length: float, deepest: float) -> tuple[int, int, float]:
+        """The first of supports (k, 7) of a chain at arc lengths (k,) [m], as `check.buried` has it."""
+        bodies = self.bodies
+        radii = chain.along(arcs)[:, 1]
+        for radius in np.unique(radii):
+            here = np.flatnonzero(radii == radius)
+            i, body, gap = check.buried(
+                frames[here], arcs[here], here.size, deepest, length, bodies.table, bodies.frames, bodies.triangles,
+                bodies.tree, radius, bodies.stack,
+            )  # fmt: skip
+            if i >= 0:
+                return int(here[i]), body, gap
+        return -1, -1, 0.0
 
     def rest(self, shape: CableShape, frames: Array) -> None:
         """Makes a shape without contacts the last one; `frames` are those of its supports."""
@@ -187,7 +196,7 @@ class TouchState(Laid):
         """Puts back a `copy`, which stays as it is."""
         arrays, nodes, elements, self._spacing, self._middles = kept
         if self.elements != elements or self.rings.size:
-            self._arcs[self.rings] = arrays[-1][NOW, self.rings]
+            self._arcs[self.rings] = (arrays[-1][NOW] + self._gap_of_supports)[self.rings]
             self.elements = 0
             self.lay_out(nodes.copy())
         self.q, self.near, self.on, self.ends, self._grips, self.turns, self.slid = (a.copy() for a in arrays)
@@ -241,7 +250,7 @@ class TouchState(Laid):
         """F . d3 of the eyelets (e,) [N], its derivative in the arc lengths there (e, e), and that of the positions
         (points, 3, e). Needs `refresh`."""
         net, e = self.net, self.rings.size
-        f, J, out = np.empty(e), np.empty((e, e)), np.empty((points, 3, e))
+        f, J, out = np.empty(e), np.empty((e, e)), np.empty((points * self.gaps.size, 3, e))
         jumps = np.empty((int(net.ints[tables.N_SPANS]), 3))
         network_respond.eyelets(net.ints, net.floats, net.sols, net.space, f, J, points, out, jumps)
         return f, J, out
@@ -251,8 +260,7 @@ class TouchState(Laid):
         self.cable.arcs = self.arcs
         made, before, after = self.cable.beside(cables, kept)
         for model in made:
-            pieces = model[self.cable.parts.piece].reshape(-1, tables.PIECE)
-            pieces[:, material.COMPLIANCE + 2] = self.stretch
+            self.let_stretch(model[self.cable.parts.piece])
         models: Array = respond.neighbours(self.net, self.s, made, before, after)
         return models
 
@@ -306,6 +314,11 @@ class TouchState(Laid):
     def whole(self, shape: CableShape) -> CableShape:
         """A shape as that of one long cable, gaps between what is joined in it."""
         return shape
+
+    @property
+    def _gap_of_supports(self) -> Array:
+        """(b+1,) [m], of their cables."""
+        return np.repeat(self.gaps, [chain.supports.stop - chain.supports.start for chain in self.chains])
 
     def new_buffer(self) -> Array:
         """Room for a shape."""

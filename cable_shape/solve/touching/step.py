@@ -84,7 +84,8 @@ class Steps:
         refine = not jump and drag == 0.0
         fine = FINE * state.length if refine else math.inf
         toward, origin = state.toward(), state.copy() if state.links else None
-        code = self._call(history, most, far, sunk, drag, before, DEEPEST, fine)
+        deepest = -1.0 if state.in_pieces else DEEPEST  # how thick each piece is, is looked at in `settle`
+        code = self._call(history, most, far, sunk, drag, before, deepest, fine)
         if code == UNSETTLED:
             kept = state.copy(then=True)
             state.accept()
@@ -278,14 +279,20 @@ class Steps:
         return self.late
 
     def _measured(self, buffer: Array, c: int) -> Array:
-        """(m, 8), as `bounds.closest_points` has it, of every body near cable c."""
+        """(p m, 8), as `bounds.closest_points` has it, of every body near cable c, of one of its p pieces after the
+        other."""
         state, bodies = self.state, self.state.bodies
         arcs, positions = self.own(buffer, c)
-        bounds.closest_points(
-            positions, arcs, state.chains[c].radius, bodies.horizon, GRIP_EXCLUSION, True, bodies.table,
-            bodies.moved_links, bodies.triangles, bodies.tree, bodies.measured, bodies.counts,
-        )  # fmt: skip
-        return bodies.measured
+        found, start, pieces = [], 0.0, state.chains[c].pieces
+        for end, _, radius, _ in pieces:
+            line = (positions, arcs) if len(pieces) == 1 else _between(positions, arcs, start, end)
+            bounds.closest_points(
+                *line, radius, bodies.horizon, GRIP_EXCLUSION, True, bodies.table, bodies.moved_links,
+                bodies.triangles, bodies.tree, bodies.measured, bodies.counts,
+            )  # fmt: skip
+            found.append(bodies.measured.copy())
+            start = end
+        return found[0] if len(found) == 1 else np.concatenate(found)
 
     def _dips(self, sunk: float, deepest: float = DEEPEST) -> Array:
         """Arc lengths where the shape in the buffer is too deep in a body."""
@@ -298,3 +305,11 @@ class Steps:
             sags = np.array([drive.sagitta(own, n, arc) for arc in found[:, 1]])
             deep.append(found[found[:, 0] + sunk + sags < -deepest, 1] + self.state.gaps[c])
         return np.unique(np.concatenate(deep))
+
+
+def _between(positions: Array, arcs: Array, start: float, end: float) -> tuple[Array, Array]:
+    """Positions (k, 3) [m] and arc lengths (k,) [m] of the part of a line between two of these."""
+    inside = (arcs > start) & (arcs < end)
+    own = np.concatenate(([start], arcs[inside], [end]))
+    ends = [[np.interp(at, arcs, x) for x in positions.T] for at in (start, end)]
+    return np.concatenate((ends[:1], positions[inside], ends[1:])), own

@@ -15,6 +15,7 @@ from time import perf_counter
 
 import numpy as np
 
+from cable_shape.cable.pieces import energy_of_sections
 from cable_shape.checks import Array
 from cable_shape.kernels.contact import afterwards
 from cable_shape.kernels.network.tables import NOW
@@ -367,7 +368,7 @@ class Solve:
             steps.buffer[4 * n - 3 : 4 * n] = problem.end.cable_frame.position
         found = state.touches()
         state.touching = len(found) > 0
-        return CableShape(
+        shape = CableShape(
             steps.buffer,
             problem.points,
             length=problem.cable.length,
@@ -385,6 +386,8 @@ class Solve:
             bodies=state.bodies.names,
             frictionless=state.touching and not state.rubs and state.has_friction,
         )
+        shape.energy += energy_of_sections(problem.cable, shape, problem.gravity)
+        return shape
 
     def _leave(self, shape: CableShape) -> None:
         """Lets the rod go on from a shape that touches nothing."""
@@ -414,7 +417,7 @@ class Solve:
 
         A free end pulls it as long as it is: only up to the last support with a given place it can be too short.
         """
-        if self.problem.cable.axial_stiffness is not None:
+        if self.state.stretches:
             return 0.0
         whole, missing = self._stretch()
         shape.error_estimate += max(0.0, whole)
