@@ -104,17 +104,19 @@ class HarnessCalibration(Found):
             "remarks": list(self.remarks),
         }
 
-    def yaml(self) -> str:
-        """The file of the harness with the uncertainties in comments; tilts and offsets of grips are in these alone."""
+    def yaml(self, more: Mapping[str, Any] | None = None) -> str:
+        """The file of the harness with the uncertainties in comments; tilts and offsets of grips are in these alone.
+
+        more: other keys of the file.
+        """
         import yaml
 
         lines = ["# Calibrated; standard errors and 95 % intervals of what was fitted."]
         lines += [f"# not to be used: {self.trouble}"] if self.trouble else []
         lines += [f"# {e.name}: {e}" for e in self.estimates]
         lines += [f"# note: {remark}" for remark in self.remarks]
-        told = yaml.safe_dump(
-            self.harness.as_dict(), sort_keys=False, default_flow_style=None, width=120, allow_unicode=True
-        )
+        keys = {**self.harness.as_dict(), **(more or {})}
+        told = yaml.safe_dump(keys, sort_keys=False, default_flow_style=None, width=120, allow_unicode=True)
         return "\n".join([*lines, str(told)])
 
     def save(self, path: str | Path) -> Path:

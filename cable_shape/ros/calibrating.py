@@ -26,15 +26,16 @@ from sensor_msgs.msg import PointCloud2
 
 from cable_shape.cable.cable import Cable
 from cable_shape.cable.cable_file import CableFile
+from cable_shape.cable.harness import Harness
 from cable_shape.calibration.fit import calibrate
 from cable_shape.calibration.online import Gatherer
-from cable_shape.calibration.result import Calibration
+from cable_shape.cycle.harness_ends import HarnessFile
 from cable_shape.errors import ArgumentError, CableShapeError, InputError, UnknownKeyError
 from cable_shape.files.files import safe_output
 from cable_shape.messages.pairing import SECOND, FrameGuard
 from cable_shape.pose import IDENTITY, Grip, Pose
 from cable_shape.ros import conversions
-from cable_shape.ros.calibration_messages import asked, calibration_message, points_of
+from cable_shape.ros.calibration_messages import asked, calibration_message, file_of, look_at, points_of
 from cable_shape.ros.goals import Feedback, Goals
 from cable_shape.ros.messages import CableCalibration, CalibrateCable
 from cable_shape.ros.serving import Gate, given, leave, serve
@@ -42,13 +43,16 @@ from cable_shape.ros.workers import CalibratorSetup
 
 _QUEUE = 50  # messages that wait while a fit is computed
 
+#: By the names of cables and harnesses.
+Files = dict[str, CableFile | HarnessFile]
+
 
 @final
 class Action:
     """CalibrateCable; one goal is worked on at a time."""
 
-    def __init__(self, node: Node, setup: CalibratorSetup, cables: dict[str, Cable], gate: Gate) -> None:
-        self._setup, self._cables = setup, cables
+    def __init__(self, node: Node, setup: CalibratorSetup, files: Files, gate: Gate) -> None:
+        self._setup, self._files = setup, files
         Goals(node, CalibrateCable, setup.action, self._calibrate, {"partial": True}, gate.check)
 
     def _calibrate(self, goal: Any, result: Any) -> None:
@@ -61,11 +65,12 @@ class Action:
         """The calibration, with feedback, and whether it was ended before it converged."""
         request = goal.request
         name = request.cable_id
-        if not name and len(self._cables) == 1:
-            name = next(iter(self._cables))
-        if name not in self._cables:
-            raise UnknownKeyError.among("cable_id", name, self._cables)
-        wanted = asked(request, self._setup)
+        if not name and len(self._files) == 1:
+            name = next(iter(self._files))
+        if name not in self._files:
+            raise UnknownKeyError.among("cable_id", name, self._files)
+        harness = of_harness(self._files[name])
+        wanted = asked(request, self._setup, harness)
         ends = time.monotonic() + wanted.time_limit
         feedback = Feedback(goal, at_once=True)
         cut = False
@@ -76,19 +81,18 @@ class Action:
             cut = time.monotonic() >= ends or goal.is_cancel_requested
             return not cut
 
-        cable, gravity = self._cables[name], self._setup.gravity
-        found = calibrate(
-            wanted.observations, cable, wanted.fit, priors=wanted.priors, gravity=gravity, proceed=proceed,
-            progress=False,
+        found: Any = calibrate(
+            wanted.observations, made_of(self._files[name]), wanted.fit, priors=wanted.priors,
+            gravity=self._setup.gravity, proceed=proceed, progress=False,
         )  # fmt: skip
-        return calibration_message(name, found, len(wanted.observations)), cut
+        return calibration_message(name, found, len(wanted.observations), harness), cut
 
 
 @final
 class Online:
-    """Calibrates each cable again and again by the newest observations that the topics bring."""
+    """Calibrates each cable or harness again and again by the newest observations that the topics bring."""
 
-    def __init__(self, node: Node, setup: CalibratorSetup, files: dict[str, CableFile]) -> None:
+    def __init__(self, node: Node, setup: CalibratorSetup, files: Files) -> None:
         self._node, self._setup, self._files = node, setup, files
         self._done = dict.fromkeys(setup.topics, 0)  # observations taken at the last fit
         self._gatherers: dict[str, Gatherer] = {}
@@ -101,21 +105,29 @@ class Online:
         )
         self._results = node.create_publisher(CableCalibration, setup.result, latched)
         group = MutuallyExclusiveCallbackGroup()
-        for name, (left, right, points) in setup.topics.items():
-            start, end = (
-                held.told(kind).grip(Grip(IDENTITY, offset=Pose(offset[:3], offset[3:])))
-                for held, kind, offset in zip(files[name].held, setup.kinds, setup.offsets, strict=True)
-            )
-            skew = round(setup.max_skew * SECOND)
-            gatherer = Gatherer(files[name].cable, (start, end), skew, setup.window, setup.gravity)
-            self._gatherers[name] = gatherer
+        for name, (*grips, points) in setup.topics.items():
+            gatherer = self._gatherers[name] = self._gatherer(files[name])
             frame = FrameGuard("")
-            for side, topic in enumerate((left, right)):
+            for side, topic in enumerate(grips):
                 take = partial(self._take_pose, gatherer, frame, side, topic)
                 self._heard[topic] = node.create_subscription(PoseStamped, topic, take, queue, callback_group=group)
             take = partial(self._take_points, gatherer, frame, points)
             self._heard[points] = node.create_subscription(PointCloud2, points, take, queue, callback_group=group)
         threading.Thread(target=self._refine, daemon=True).start()
+
+    def _gatherer(self, file: CableFile | HarnessFile) -> Gatherer:
+        """Of a cable as the parameters say how it is held, or of a harness as its file does."""
+        setup = self._setup
+        skew = round(setup.max_skew * SECOND)
+        if isinstance(file, HarnessFile):
+            grips = tuple(file.grips.values())
+            make, thin = partial(look_at, file), not file.markers
+            return Gatherer(file.harness, grips, skew, setup.window, setup.gravity, make, thin=thin)
+        start, end = (
+            held.told(kind).grip(Grip(IDENTITY, offset=Pose(offset[:3], offset[3:])))
+            for held, kind, offset in zip(file.held, setup.kinds, setup.offsets, strict=True)
+        )
+        return Gatherer(file.cable, (start, end), skew, setup.window, setup.gravity)
 
     def _take_pose(self, gatherer: Gatherer, frame: FrameGuard, side: int, topic: str, message: PoseStamped) -> None:
         try:
@@ -172,32 +184,43 @@ class Online:
         log = self._node.get_logger()
         try:
             file = self._files[name]
-            found = calibrate(seen, file.cable, self._setup.fit, gravity=self._setup.gravity, progress=False)
+            found: Any = calibrate(seen, made_of(file), self._setup.fit, gravity=self._setup.gravity, progress=False)
         except CableShapeError as error:
             log.warning(f"{name}: {len(seen)} observations do not give a cable: {error}")
             return
-        start, end = (held.then(new) for held, new in zip(file.held, found.grips, strict=True))
-        found = dataclasses.replace(found, grips=(start, end))
-        message = calibration_message(name, found, len(seen))
+        if isinstance(file, CableFile):
+            start, end = (held.then(new) for held, new in zip(file.held, found.grips, strict=True))
+            found = dataclasses.replace(found, grips=(start, end))
+        message = calibration_message(name, found, len(seen), of_harness(file))
         message.header.stamp = conversions.time_of(stamp)
         self._results.publish(message)
         log.info(f"{name}, {len(seen)} observations: " + "; ".join(f"{e.name} {e}" for e in found.estimates))
         if self._setup.file and found.converged:
             try:
-                write(found, self._file(name))
+                write(file_of(found, of_harness(file)), self._file(name))
             except ArgumentError as error:
                 log.error(f"calibration_file: {error}")
             except OSError as error:
                 log.error(f"calibration_file: {error}. Make room there, or name another.")
 
     def _file(self, name: str) -> Path:
-        """Of several cables each has a file of its own."""
+        """Of several cables, and harnesses, each has a file of its own."""
         file = Path(self._setup.file)
         return file if len(self._files) == 1 else file.with_stem(f"{file.stem}_{name}")
 
 
-def write(found: Calibration, file: Path) -> None:
-    """Writes the cable as a whole or not at all, and over nothing but a cable that was written so.
+def made_of(file: CableFile | HarnessFile) -> Cable | Harness:
+    """The cable or harness of a file."""
+    return file.cable if isinstance(file, CableFile) else file.harness
+
+
+def of_harness(file: CableFile | HarnessFile) -> HarnessFile | None:
+    """The file, if it is a harness's."""
+    return file if isinstance(file, HarnessFile) else None
+
+
+def write(text: str, file: Path) -> None:
+    """Writes a cable's file as a whole or not at all, and over nothing but a cable that was written so.
 
     Raises
     ------
@@ -210,7 +233,7 @@ def write(found: Calibration, file: Path) -> None:
     fresh.unlink(missing_ok=True)
     try:
         with open(fresh, "x", encoding="utf-8") as out:
-            out.write(found.yaml())
+            out.write(text)
         fresh.replace(file)
     except OSError:
         fresh.unlink(missing_ok=True)
@@ -222,9 +245,10 @@ def main() -> int:
     setup = CalibratorSetup.from_json(given())
 
     def make(node: Node, gate: Gate) -> str:
-        files = {name: CableFile.from_mapping(values) for name, values in setup.cables.items()}
+        files: Files = {name: CableFile.from_mapping(values) for name, values in setup.cables.items()}
+        files |= {name: HarnessFile.from_mapping(values, name) for name, values in setup.harnesses.items()}
         if setup.action:
-            Action(node, setup, {name: file.cable for name, file in files.items()}, gate)
+            Action(node, setup, files, gate)
         if setup.topics:
             Online(node, setup, files)
         return f"calibrating {', '.join(files)}: {setup.action or 'no action'}, {setup.topics}"

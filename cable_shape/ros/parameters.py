@@ -12,6 +12,7 @@ from rclpy.parameter import Parameter
 
 from cable_shape import checks
 from cable_shape.cable.cable_file import AS_GIVEN, Held
+from cable_shape.calibration import harness_parameters
 from cable_shape.calibration.parameters import KNOWN
 from cable_shape.cycle.dynamic import MOTIONS, QUASISTATIC
 from cable_shape.errors import ArgumentError, UnknownKeyError
@@ -26,6 +27,8 @@ __all__ = ["BY_NAME", "SPECS", "Settings", "Spec", "config_folders", "find_file"
 INPUTS = ("poses", "joints", "tf")
 VIEW_OFF, VIEW_WINDOW = "off", "window"
 AUTO = "auto"  # of the kind of a grip
+#: Kinds of what may be fitted to a harness.
+KNOWN_OF_HARNESSES = (*harness_parameters.KNOWN, harness_parameters.FRAMES)
 ENDINGS = {"view": ".rrd", "calibration_file": ".yaml"}  # of what parameters name for writing
 
 #: Overrides that rclpy itself understands, besides the parameters that it declares.
@@ -278,8 +281,9 @@ class Settings:
                 "robot_file", "", "input = 'joints' needs a robot", "For example config/robots/dual_arm.yaml."
             )
         for name in self.fitted:
-            if name not in KNOWN:
-                raise UnknownKeyError.among("calibration_fit", name, KNOWN)
+            if name not in KNOWN and not (self.harness_file and name.partition(":")[0] in KNOWN_OF_HARNESSES):
+                known = (*(KNOWN if self.cable_file else ()), *(KNOWN_OF_HARNESSES if self.harness_file else ()))
+                raise UnknownKeyError.among("calibration_fit", name, known)
         if self.input == "tf" and self.cable_file:
             self._check_frames()
         if self.calibration_points and self.input != "poses":
@@ -303,16 +307,6 @@ class Settings:
         if self.held_ends and len(self.harness_files) > 1:
             bound = f"they are ends of one harness; there are {len(self.harness_files)}"
             raise ArgumentError.of("held_ends", self.held_ends, bound, "Write the key `ends` of each harness's file.")
-        if self.cable_file:
-            return
-        refused = {
-            "calibration": "cables are calibrated one by one",
-            "calibration_points": "cables are calibrated one by one",
-        }
-        for name, bound in refused.items():
-            if getattr(self, name):
-                remedy = f"Leave {name} out, or name a cable_file."
-                raise ArgumentError.of(name, getattr(self, name), bound, remedy)
 
     def _check_frames(self) -> None:
         """Two frames, for input tf."""

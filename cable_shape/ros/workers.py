@@ -18,7 +18,6 @@ from cable_shape.files.files import find_file, read_text
 from cable_shape.ros.assembly import Assembly
 from cable_shape.ros.messages import CalibrateCable, CheckTrajectory, PredictShapes
 from cable_shape.ros.parameters import Settings
-from cable_shape.ros.qos import POSE_TOPICS
 from cable_shape.ros.stand_in import StandIn
 from cable_shape.ros.worker import WorkerProcess
 from cable_shape.scene.scene import Scene
@@ -79,7 +78,7 @@ class CalibratorSetup:
     action: str
     result: str  # topic
     cables: dict[str, dict[str, Any]]  # keys of CableFile
-    topics: dict[str, tuple[str, str, str]]  # of each cable: left, right and points; empty: none is listened to
+    topics: dict[str, tuple[str, ...]]  # of each: those of its grips, and points; empty: none is listened to
     gravity: tuple[float, float, float]  # m/s^2
     fit: tuple[str, ...]
     kinds: tuple[str | None, str | None]  # None: as the cable's file says
@@ -90,6 +89,7 @@ class CalibratorSetup:
     file: str
     time_limit: float  # s
     make_way: bool  # run only where no other thread wants the core
+    harnesses: dict[str, dict[str, Any]] = field(default_factory=dict)  # keys of HarnessFile, with the ends as held
 
     def to_json(self) -> str:
         """As text, for `from_json`."""
@@ -213,12 +213,9 @@ def calibrator_setup(node: Node, settings: Settings, assembly: Assembly) -> Cali
     """For what the node's cycles run with."""
     cycle, topics = assembly.cycle, {}
     if settings.calibration_points:
-        for name in cycle.cables:
-            prefix = f"{name}/" if len(cycle.cables) > 1 else ""
-            left, right, points = (
-                node.resolve_topic_name(prefix + topic) for topic in (*POSE_TOPICS, settings.calibration_points)
-            )
-            topics[name] = (left, right, points)
+        for one in assembly.holdings:
+            points = (one.prefix if one.harness is None else f"{one.cable_id}/") + settings.calibration_points
+            topics[one.cable_id] = tuple(node.resolve_topic_name(topic) for topic in (*one.topics, points))
     return CalibratorSetup(
         name=f"{node.get_name()}_calibrator",
         namespace=node.get_namespace(),
@@ -236,4 +233,5 @@ def calibrator_setup(node: Node, settings: Settings, assembly: Assembly) -> Cali
         file=str(settings.output("calibration_file") or ""),
         time_limit=settings.planner_time_limit,
         make_way=settings.workers_make_way,
+        harnesses={name: file.as_dict() for name, file in assembly.harnesses.items()},
     )

@@ -96,3 +96,40 @@ def test_a_clock_that_was_set_back_begins_anew() -> None:
     assert stream.gatherer.taken == 1
     _, seen = stream.gatherer.observations()
     assert seen[0].end.pose.position[0] == pytest.approx(0.75)
+
+
+def test_three_grips_of_a_harness_make_an_observation_while_none_of_them_moves() -> None:
+    """Points whose order tells what they are, are not thinned."""
+    made: list[tuple[list[cs.Pose], int]] = []
+
+    def make(poses: list[cs.Pose], points: np.ndarray, arc_length: np.ndarray | None) -> str:
+        made.append((list(poses), len(points)))
+        return f"look {len(made)}"
+
+    joint = cs.Junction("j", ("a.end", "b.start", "c.start"))
+    harness = cs.Harness({"a": CABLE, "b": CABLE, "c": CABLE}, [joint])
+    gatherer = Gatherer(harness, [cs.Grip(LEFT)] * 3, 5 * MS, 10, make=make, thin=False)
+    stamp, points = 0, np.zeros((3 * MOST_POINTS, 3))
+
+    def hold(cycles: int, speed: float = 0.0, place: float = 0.7) -> float:
+        nonlocal stamp
+        for _ in range(cycles):
+            stamp += 10 * MS
+            place += 0.01 * speed
+            for side, pose in enumerate((LEFT, right(0.5), right(place))):
+                gatherer.pose(side, stamp + side * MS, pose)
+        return place
+
+    hold(20)
+    gatherer.points(stamp, points)
+    assert gatherer.observations() == (stamp, ["look 1"])
+    ((poses, count),) = made
+    assert count == len(points)
+    assert [float(pose.position[0]) for pose in poses] == [0.0, 0.5, 0.7]
+    place = hold(3, speed=1.0)
+    gatherer.points(stamp, points)
+    assert gatherer.passed["while the cable moved"] == 1
+    gatherer.pose(0, stamp + 10 * MS, LEFT)  # without the others nothing is paired
+    hold(30, place=place)
+    gatherer.points(stamp, points)
+    assert gatherer.taken == 2

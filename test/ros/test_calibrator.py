@@ -4,6 +4,7 @@ import array
 import math
 import os
 import signal
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,14 +12,16 @@ import yaml
 from action_msgs.msg import GoalStatus
 from cable_shape_msgs.action import CalibrateCable
 from cable_shape_msgs.msg import CableCalibration, CableMargins, CableTube
+from geometry_msgs.msg import PoseStamped
 from harness import ALONG_X, LATCHED, Goals, child_of, nanoseconds, wait_until_gone
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2, PointField
 
 import cable_shape as cs
+from cable_shape.cycle.harness_ends import HarnessFile
 from cable_shape.errors import InputError
 from cable_shape.ros import conversions
-from cable_shape.ros.calibration_messages import points_of
+from cable_shape.ros.calibration_messages import look_at, points_of
 
 TRUE = cs.Cable(length=1.2, linear_density=0.1, bending_stiffness=0.006)  # the node begins with 0.01
 
@@ -288,3 +291,135 @@ def test_a_calibrator_that_dies_is_told_and_ends_with_the_node(start):
     )
     assert node.process.stop() == 0
     wait_until_gone(second)  # it may just be loading, and is left to end by itself
+
+
+HARNESS = """
+segments:
+  a: {length: 0.6, linear_density: 0.1, bending_stiffness: 0.01}
+  b: {length: 0.6, linear_density: 0.1, bending_stiffness: 0.01}
+  c: {length: 0.3, linear_density: 0.05, bending_stiffness: 0.005}
+junctions:
+  - {name: fork, ends: [a.end, b.start, c.start], frames: {c.start: {quaternion: [0.0, 0.479426, 0.0, 0.877583]}}}
+ends:
+  a.start: {}
+  b.end: {offset: {position: [0.0, 0.0, -0.02]}}
+  c.end: {mass: 0.01}
+"""
+MARKERS = "markers: {a+b: [0.15, 0.3, 0.5, 0.75, 0.9, 1.05], c: [0.1, 0.2, 0.3]}\n"
+
+
+def seen_of_harness(file, count=4, seed=1):
+    """Poses (count, 2, 7) of the grips of a harness of half the stiffnesses, and its markers (count, m, 3), one NaN."""
+    true = cs.Harness({
+        name: one.replace(
+            bending_stiffness=0.5 * one.mean_bending_stiffness, twisting_stiffness=0.5 * one.twisting_stiffness
+        )
+        for name, one in file.harness.segments.items()
+    }, file.harness.junctions)  # fmt: skip
+    rng, poses, seen = np.random.default_rng(seed), [], []
+    for k in range(count):
+        grips = [cs.Pose((0.0, 0.0, 0.5), ALONG_X), cs.Pose((0.75 + 0.06 * k, 0.1 * (k % 2), 0.5), ALONG_X)]
+        shape = cs.predict(true, file.at(grips), points=301)
+        points = []
+        for run, places in file.markers.items():
+            own = [shape.segments[name] for name in run.split("+")]
+            arcs = np.concatenate([one.arc_length + 0.6 * i for i, one in enumerate(own)])
+            line = np.concatenate([one.positions for one in own])
+            points += [[np.interp(at, arcs, x) for x in line.T] for at in places]
+        poses.append([pose.array for pose in grips])
+        seen.append(np.array(points) + 2e-4 * rng.normal(size=(len(points), 3)))
+    seen[0][1] = np.nan
+    return np.array(poses), np.array(seen)
+
+
+def test_a_harness_is_calibrated_by_the_action_as_by_the_library(start, tmp_path):
+    """Markers are those of its file, and what is found is a file with the same ends and markers."""
+    path = tmp_path / "h.yaml"
+    path.write_text(HARNESS + MARKERS)
+    file = HarnessFile.from_yaml(path)
+    node = start(cable_file=None, harness_file=path, active=False, calibration="true")
+    client = Goals(node, CalibrateCable, "cable/calibrate")
+    poses, seen = seen_of_harness(file)
+    fields = {
+        "starts": poses.ravel().tolist(), "counts": [len(one) for one in seen], "points": seen.ravel().tolist(),
+        "groups": [0, 0, 1, 1],
+    }  # fmt: skip
+    names = ["bending_stiffness:each", "tilt:b.end"]
+    status, told = client(**fields, fit=names, prior_names=["tilt"], prior_errors=[0.02])
+    assert (status, told.error) == (GoalStatus.STATUS_SUCCEEDED, "")
+    looks = [
+        look_at(file, [cs.Pose(row[:3], row[3:]) for row in rows], points, group=group)
+        for rows, points, group in zip(poses, seen, fields["groups"], strict=True)
+    ]
+    own = cs.calibrate(looks, file.harness, names, priors={"tilt": 0.02}, progress=False)
+    found = told.found
+    np.testing.assert_allclose(found.values, [e.value for e in own.estimates], rtol=1e-9)
+    assert list(found.names)[:3] == ["bending_stiffness:a", "bending_stiffness:b", "bending_stiffness:c"]
+    assert found.values[0] == pytest.approx(0.005, rel=0.2)
+    assert found.points == seen.size // 3 - 1
+    made = HarnessFile.from_mapping(yaml.safe_load(found.cable))
+    assert made.harness.segments["b"].mean_bending_stiffness == pytest.approx(found.values[1])
+    assert made.markers == file.markers
+    assert made.ends["c.end"].mass == 0.01
+    tilt = made.ends["b.end"].offset
+    np.testing.assert_allclose(tilt.position, (0.0, 0.0, -0.02), atol=1e-12)
+    assert not np.allclose(tilt.quaternion, (0.0, 0.0, 0.0, 1.0), atol=1e-6)
+    assert "bending_stiffness:a" in found.uncertainty
+    for change, words in (
+        ({"ends": fields["starts"]}, "ends = 'given' is not allowed: starts holds the poses of all grips of a harness"),
+        ({"start_kind": "swivel"}, "start_kind = 'given'"),
+        ({"starts": [0.0] * 28}, "starts = '28 numbers' is not allowed: it must hold 8 times 7 numbers"),
+        ({"counts": [8, 9, 9, 10]}, "observation 0: points = '8 points' is not allowed: the harness's file has 9"),
+        ({"arc_length": [0.1] * 36}, "arc_length = '9 numbers' is not allowed: the file of a harness says where"),
+        ({"fit": ["bending_stiffness:d"]}, "fit: bending_stiffness: unknown key 'd'"),
+    ):
+        status, told = client(**{**fields, **change})
+        assert status == GoalStatus.STATUS_ABORTED
+        assert words in told.error
+
+
+def test_a_topic_of_points_refines_a_harness(start, tmp_path):
+    """Without markers every point is on the segment that is nearest."""
+    path, found = tmp_path / "h.yaml", tmp_path / "found.yaml"
+    path.write_text(HARNESS)
+    file = HarnessFile.from_yaml(path)
+    node = start(
+        cable_file=None, harness_file=path, active=False, calibration_points="seen/points", calibration_period=0.3,
+        calibration_file=found, output_folder=tmp_path,
+    )  # fmt: skip
+    results = node.listen(CableCalibration, "cable/calibration", LATCHED)
+    sensor = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+    grips = [node.node.create_publisher(PoseStamped, f"h/{end}/pose", sensor) for end in ("a_start", "b_end")]
+    publisher = node.node.create_publisher(PointCloud2, "h/seen/points", QoSProfile(depth=10))
+    node.until(publisher.get_subscription_count, "the calibrator's subscription")
+    node.until(lambda: all(one.get_subscription_count() == 2 for one in grips), "its subscriptions to poses")
+    marked = replace(file, markers={"a+b": tuple(np.linspace(0.1, 1.1, 11)), "c": (0.1, 0.2)})
+    poses, seen = seen_of_harness(marked, 5)
+    seen[0][1] = seen[0][2]
+    k = 0
+
+    def show():
+        nonlocal k
+        rows, points = poses[k % len(poses)], seen[k % len(poses)]
+        for step in range(30):
+            stamp = node.now()
+            for one, row in zip(grips, rows, strict=True):
+                message = PoseStamped(header=conversions.header_of(stamp, "world"))
+                p, q = message.pose.position, message.pose.orientation
+                p.x, p.y, p.z, q.x, q.y, q.z, q.w = map(float, row)
+                one.publish(message)
+            if step in (20, 25):
+                publisher.publish(cloud(points, stamp))
+            node.spin(0.02)
+        k += 1
+        return results and results[-1].observations >= 3 and results[-1]
+
+    told = node.until(show, "a calibration")
+    assert told.cable_id == "h"
+    assert told.values[0] == pytest.approx(0.005, rel=0.2)  # of a; the others keep their ratio to it
+    node.until(found.exists, "the file")
+    written = HarnessFile.from_yaml(found)
+    assert written.harness.segments["c"].mean_bending_stiffness == pytest.approx(0.5 * told.values[0], rel=0.3)
+    assert written.ends.keys() == file.ends.keys()
+    assert node.process.stop() == 0
+    assert "Traceback" not in node.process.text()
