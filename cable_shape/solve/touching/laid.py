@@ -455,6 +455,11 @@ class Laid:
         layer = 0.7 * math.sqrt(self.bend / pull) if pull > 0.0 else math.inf
         return mesh.steep(self.nodes, self.h, self.q[NOW], self.near[NOW], self.on[NOW], layer, least)
 
+    def beside_contacts(self) -> Array:
+        """Arc lengths in the middle of all elements less than two away from a contact of the last solution."""
+        touched = np.convolve(self.on[NOW, :, 0] != BARE, np.ones(3), "same") > 0.0
+        return np.asarray(0.5 * (self.nodes[1:] + self.nodes[:-1])[(touched[1:] | touched[:-1]) & (self.h > 0.0)])
+
     def too_coarse(self) -> Array:
         """Arc lengths in the middle of the elements that most of the error of the last solution comes from."""
         return mesh.worst(self.nodes, self.errors, self.h > 0.0)

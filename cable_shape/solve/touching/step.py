@@ -163,16 +163,29 @@ class Steps:
                 arcs = np.union1d(arcs, state.steep())
             if not arcs.size:
                 return True
-            kept = (state.copy(), self.buffer.copy(), state.info.copy()) if self.still else None
-            if state.elements + arcs.size > MOST_ELEMENTS or not state.insert(arcs, shortest):
+            if self.still:
+                if not (self._stand_finer(frames, arcs) or self._stand_finer(frames, state.beside_contacts())):
+                    return not deep
+                continue
+            if state.elements + arcs.size > MOST_ELEMENTS or not state.insert(arcs):
                 return not deep
             state.target(frames)
-            if not (self.stand(frames) if self.still else self.again(WARM_ITERATIONS, sunk=sunk, drag=drag)):
-                if kept is not None:
-                    state.restore(kept[0])
-                    self.buffer[:], state.info[:] = kept[1:]
-                return kept is not None and not deep
+            if not self.again(WARM_ITERATIONS, sunk=sunk, drag=drag):
+                return False
         return not self._dips(sunk, 2.0 * DEEPEST).size
+
+    def _stand_finer(self, frames: Array, arcs: Array) -> bool:
+        """The same with contacts that stand, and nodes at `arcs`; else the last solution stays as it is."""
+        state = self.state
+        kept = state.copy(), self.buffer.copy(), state.info.copy()
+        if state.elements + arcs.size > MOST_ELEMENTS or not state.insert(arcs, SHORTEST):
+            return False
+        state.target(frames)
+        if self.stand(frames):
+            return True
+        state.restore(kept[0])
+        self.buffer[:], state.info[:] = kept[1:]
+        return False
 
     def _exact(self) -> bool:
         """Whether the last solution's contacts make as small an error as is asked for."""
