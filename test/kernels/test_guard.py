@@ -11,9 +11,9 @@ from scipy.optimize import minimize
 
 import cable_shape as cs
 from cable_shape.kernels.contact.guard import guard
-from cable_shape.kernels.network import motion, tables
-from cable_shape.kernels.network.motion import AT, BODY, KEPT, OUT, PUSHED, STIFF, WALL, WALLS
+from cable_shape.kernels.network import motion, tables, walls
 from cable_shape.kernels.network.tables import NOW
+from cable_shape.kernels.network.walls import AT, BODY, KEPT, OUT, PUSHED, STIFF, WALL, WALLS
 from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
 from cable_shape.solve.problem import Problem
@@ -65,7 +65,8 @@ def test_a_node_goes_where_planes_and_drag_hold_it_and_gives_as_differences_say(
 
     def place(pull):
         walled(settling, node, planes, hold)
-        motion.touched(settling.motion, node, tuple(pull))
+        moving = settling.motion
+        walls.touched(moving.walls, node, tuple(a), hold, tuple(pull), moving.place, moving.give)
         return settling.motion.place[node].copy()
 
     x = place(pull)
@@ -102,7 +103,7 @@ def test_a_node_that_rubs_on_its_planes_is_in_balance_and_gives_as_differences_s
         walled(settling, node, planes, hold)
         row[motion.FIRM], row[motion.LIMIT], row[motion.EDGE] = firm, limit, edge
         row[motion.CENTRE : motion.CENTRE + 3], row[motion.AXIS : motion.AXIS + 3] = centre, axis
-        motion.touched(settling.motion, node, tuple(pull))
+        motion.rub(settling.motion, node, tuple(pull))
         return settling.motion.place[node].copy()
 
     def rubs(x):
@@ -136,7 +137,7 @@ def test_all_of_a_body_is_behind_the_planes_that_nodes_have(settling, seed):
     turn = rng.normal(size=4)
     pose = cs.Pose((0.35, 0.0, -0.15) + 0.1 * rng.normal(size=3), turn / np.linalg.norm(turn))
     bodies = TouchBodies()
-    bodies.take((cs.Obstacle("it", solid, pose),), frozenset(), None, RADIUS)
+    bodies.take((cs.Obstacle("it", solid, pose),), frozenset(), None, RADIUS, {})
     n = settling.motion.walls.shape[0]
     settling.motion.walls[...] = 0.0
     one = np.ones(n)
@@ -170,7 +171,7 @@ def test_pushes_go_with_their_bodies(settling):
 
     def look(*found):
         bodies = TouchBodies()
-        bodies.take(found, frozenset(), None, RADIUS)
+        bodies.take(found, frozenset(), None, RADIUS, {})
         guard(settling.ints, settling.floats, settling.moving, bodies.kernel, RADIUS * one, one, 1.0, 100.0 * one)
         return settling.motion.walls[1:-1, 1:].reshape(n - 2, WALLS, WALL)
 

@@ -104,7 +104,7 @@ def test_a_row_without_a_shape_has_no_tube() -> None:
     assert batch.usable.tolist() == [True, False]
     assert all(np.isfinite(radius[0]).all() and np.isnan(radius[1]).all() for radius in batch.radius.values())
     assert all(one.confidence == 0.95 for one in batch.segments.values())
-    assert batch.segments["b"].clearance_of(0).confidence == 0.0  # nothing is near
+    assert [batch.segments["b"].clearance_of(row).confidence for row in (0, 1)] == [0.95, 0.0]
 
 
 def test_a_row_that_is_not_valid_fails_alone_and_with_its_index() -> None:

@@ -322,7 +322,7 @@ def settings(**changes):
             {"right_gripper.offset": [0.1, 0, 0, 0, 0, 0, 1]},
             "right_gripper.offset = .* a harness has no left and right",
         ),
-        ({"calibration_fit": "stiffness:a"}, "calibration_fit: unknown key 'stiffness:a'. .*rest_curvature, tilt"),
+        ({"calibration_fit": "stiffness:a"}, "calibration_fit: a key that is not a word. .*rest_curvature, roll, tilt"),
         ({"harness_file": "", "held_ends": "a.start", "cable_file": "c.yaml"}, "held_ends = 'a.start' .* harness_file"),
     ],
 )

@@ -63,7 +63,7 @@ def test_a_defect_inside_a_cycle_is_told_and_the_node_goes_on(cable_file, monkey
             return next(v for v in node._health.verdicts(10**9 + k) if v.name == "input")
 
         with monkeypatch.context() as patch:
-            patch.setattr(type(node._assembly.cycle), "step", lambda *_: 1 // 0)
+            patch.setattr(type(node._assembly.cycle), "step", lambda *_, **__: 1 // 0)
             verdict = run(1)
         assert verdict.level is Level.ERROR
         assert "a defect ended this cycle (ZeroDivisionError: " in verdict.message

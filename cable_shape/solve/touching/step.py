@@ -164,7 +164,8 @@ class Steps:
             if not arcs.size:
                 return True
             if self.still:
-                if not (self._stand_finer(frames, arcs) or self._stand_finer(frames, state.beside_contacts())):
+                everywhere = (0.5 * (state.nodes[1:] + state.nodes[:-1]))[state.h > 0.0]
+                if not any(self._stand_finer(frames, at) for at in (arcs, state.beside_contacts(), everywhere)):
                     return not deep
                 continue
             if state.elements + arcs.size > MOST_ELEMENTS or not state.insert(arcs):
