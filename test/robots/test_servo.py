@@ -243,7 +243,8 @@ def test_a_cable_is_bent_up_to_its_limit_and_no_further(robot: Robot) -> None:
 
     bounds = list(zip(small.lower[rows], small.upper[rows], strict=True))
     options = {"ftol": 1e-7, "eps": 1e-5}
-    limit = {"type": "ineq", "fun": lambda x: float(shape_at(x).bend_radius.min()) / 0.13 - 1.0}
+    # at points of their own, for the least radius of all has a kink where one point takes over from another
+    limit = {"type": "ineq", "fun": lambda x: 1.0 - 0.13 / shape_at(x).bend_radius[::6]}
     best = minimize(apart, small.home[rows], bounds=bounds, constraints=[limit], method="SLSQP", options=options)
     assert best.success
     assert shape_at(best.x).bend_radius.min() == pytest.approx(0.13, rel=1e-3)
