@@ -84,6 +84,22 @@ def test_a_node_goes_where_planes_and_drag_hold_it_and_gives_as_differences_say(
         assert give == pytest.approx(turned, rel=1e-5, abs=1e-8 / hold)
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_a_plane_that_is_much_firmer_than_drag_lets_no_node_in(settling, seed):
+    """Where rounding of what gives, 1e-16 / hold, is a large part of 1 / stiff: in long steps of the road."""
+    rng = np.random.default_rng(seed)
+    node, hold, stiff = 5, 10.0 ** rng.uniform(-6.5, -5.0), 10.0 ** rng.uniform(6.5, 7.5)
+    a, normal = settling.motion.origin[node].copy(), rng.normal(size=3)
+    normal /= np.linalg.norm(normal)
+    pull = -(10.0 ** rng.uniform(-3, 0)) * normal
+    walled(settling, node, [(normal, normal @ a + 10.0 ** rng.uniform(-7, -5), stiff, 0.0)], hold)
+    moving = settling.motion
+    walls.touched(moving.walls, node, tuple(a), hold, tuple(pull), moving.place, moving.give)
+    row = moving.walls[node, 1 : 1 + WALL]
+    assert row[PUSHED] == pytest.approx(-pull @ normal, rel=1e-3, abs=1e-4)
+    assert row[AT] - normal @ moving.place[node] == pytest.approx(row[PUSHED] / stiff, abs=1e-10)
+
+
 @given(some.integers(0, 10**6))
 def test_a_node_that_rubs_on_its_planes_is_in_balance_and_gives_as_differences_say(settling, seed):
     rng = np.random.default_rng(seed)
@@ -184,3 +200,16 @@ def test_pushes_go_with_their_bodies(settling):
     assert (again[:, 0, STIFF] == 100.0).all()
     settling.motion.walls[...] = 0.0
     assert tables.plan_of.py_func(settling.ints).ends.shape == (1, 2)
+
+
+def test_bodies_that_have_just_become_known_were_where_they_are():
+    """Compiled code reads a row of `then` for each body, also where nothing has been solved among them."""
+    still = cs.Obstacle("post", cs.Cylinder(0.02, 1.0), cs.Pose((0.3, 0.2, 0.1)))
+    carried = cs.Obstacle("tool", cs.Sphere(0.05), link="arm")
+    bodies = TouchBodies()
+    assert bodies.take((still, carried), frozenset(), None, RADIUS, {"arm": "tool"})
+    np.testing.assert_array_equal(bodies.kernel.then, bodies.kernel.frames)
+    assert len(bodies.kernel.then) == 1
+    assert bodies.move(np.array([[0.5, 0.0, 0.4, 0.0, 0.0, 0.0, 1.0]]))
+    np.testing.assert_array_equal(bodies.kernel.then, bodies.kernel.frames)
+    assert len(bodies.kernel.then) == 2

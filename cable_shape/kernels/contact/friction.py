@@ -7,13 +7,14 @@ limit,
     t = t' - k d  if that is no longer than mu p: it sticks; else as long as that: it slips.
 
 So points that stick keep what they carry from step to step, whatever their number: nothing is left undetermined in a
-cable that does not stretch. p is the push of the last iteration: the law is then the gradient of a convex function of
+cable that does not stretch. In an iteration mu p is a given limit: the law is then the gradient of a convex function of
 the node's place, and its derivative
 
     k (1 - n n^T), and of one that slips mu p / |t' - k d| times as much across the direction in which it does,
 
-goes to the network's matrix with the curvature of the surface. A node that has not touched the body before carries
-nothing along it.
+goes to the network's matrix with the curvature of the surface. The limits follow the pushes from iteration to iteration
+by the step that Aitken's relaxation tells (see `limits`): where a taut cable is held in several places, limits that
+are simply those of the last pushes swing up. A node that has not touched the body before carries nothing along it.
 
 A contact that runs along the cable takes d along: what was at the node is then s' - s behind it.
 """
@@ -29,9 +30,11 @@ from cable_shape.kernels.contact.near import (
     BARE,
     FIRM,
     HELD,
+    LIMIT,
     MATE,
     NONE,
     NORMAL,
+    OFF,
     PRESS,
     RUB,
     SECOND,
@@ -71,6 +74,8 @@ from cable_shape.kernels.rod_element import IDENTITY
 FIRMNESS = 1e-4
 #: Of weight + EI / L^2: contacts pressed by less are as firm as if it were so much.
 FAINT = 1e-3
+#: Least part of the way to the limits of the last pushes that an iteration goes.
+LEAST = 0.1
 NOTHING = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -125,8 +130,8 @@ def rub(
     """
     if near[k, MATE] != 1.0 + on[k, 0]:
         return NONE, NOTHING, True
-    limit = limit_of(lying, bodies, near, on, k)
-    if limit == 0.0:
+    limit = near[k, LIMIT]
+    if limit <= 0.0:
         return NONE, NOTHING, True
     P = free_ways(near, on, k)
     frame = bodies.frames[on[k, 0]]
@@ -151,6 +156,44 @@ def rub(
 
 
 @viewing
+def forget_limits(near: Array) -> None:
+    """The next `limits` are mu p."""
+    for k in range(near.shape[0]):
+        near[k, LIMIT] = -1.0
+
+
+@viewing
+def limits(lying: Lying, bodies: Bodies, near: Array, on: Array, part: float) -> tuple[float, float]:
+    """Takes the limits of all contacts a part of the way on to mu p; new ones there.
+
+    part: of the last time. Returns that of this time, and the largest way that was left [N].
+
+    Reference: B. M. Irons and R. C. Tuck, A version of the Aitken accelerator for computer iteration, IJNME 1, 1969.
+    """
+    told, bent = 0.0, 0.0
+    for turn in range(2):
+        left = 0.0
+        for k in range(near.shape[0]):
+            if on[k, 0] == BARE or near[k, MATE] != 1.0 + on[k, 0]:
+                near[k, LIMIT] = -1.0
+                continue
+            limit = limit_of(lying, bodies, near, on, k)
+            if near[k, LIMIT] < 0.0:
+                near[k, LIMIT], near[k, OFF] = limit, 0.0
+            off, before = limit - near[k, LIMIT], near[k, OFF]
+            if turn == 0:
+                told += before * (off - before)
+                bent += (off - before) ** 2 if before != 0.0 else 0.0
+            else:
+                near[k, LIMIT] += part * off
+                near[k, OFF] = off
+                left = max(left, abs(off))
+        if turn == 0 and bent > 0.0:
+            part = min(max(-part * told / bent, LEAST), 1.0)
+    return part, left
+
+
+@viewing
 def rubbed(near: Array, on: Array, k: int) -> Matrix:
     """The same derivative at the solution that `remember` was told of, as if what slips goes on."""
     if near[k, FIRM] == 0.0:
@@ -165,14 +208,16 @@ def rubbed(near: Array, on: Array, k: int) -> Matrix:
 @viewing
 def pull_along(
     net: Net, lying: Lying, bodies: Bodies, q: Array, near: Array, on: Array, share: float, faint: float,
-    length: float, factored: bool,
-) -> tuple[int, float]:  # fmt: skip
+    length: float, part: float, factored: bool,
+) -> tuple[int, float, float]:  # fmt: skip
     """Adds friction to what `knots.press_on` has told the model and to the pulls on the contacts.
 
-    Returns how many begin or end to slip, and by which part of the largest limit forces miss the law at most.
+    Returns how many begin or end to slip, by which part of the largest limit forces miss the law at most, and the
+    `part` of `limits`.
     """
     model, work = model_of(net.ints, net.floats), work_of(net.ints, net.space)
-    flips, miss, largest = 0, 0.0, 0.0
+    part, left = limits(lying, bodies, near, on, part)
+    flips, miss, largest = 0, left * left, 0.0
     for i in range(net.bare[N_KNOTS], net.ints[N_KNOTS]):
         k = net.where[i]
         if on[k, 0] == BARE:
@@ -187,7 +232,7 @@ def pull_along(
         put3(work.pull, i, 0, off)
         if not factored:
             put9(model.bent, i, 0, madd(get9(model.bent, i, 0), K))
-    return flips, math.sqrt(miss) / largest if largest > 0.0 else 0.0
+    return flips, math.sqrt(miss) / largest if largest > 0.0 else 0.0, part
 
 
 @viewing

@@ -1,6 +1,6 @@
 """Which nodes of a cable touch which bodies: gaps, normals and curvatures at the nodes.
 
-    near  (N+1, 56) of a node: contact force p [N] | gap to the nearest body [m] | its outward normal 3 | curvature of
+    near  (N+1, 58) of a node: contact force p [N] | gap to the nearest body [m] | its outward normal 3 | curvature of
                     its surface 9 | place 3 | change of place in the last step 3 | contact force corrected [N] | 1: its
                     contact has just ended | push of another cable [N] | direction from there 3 | how far that is [m] |
                     the push corrected [N] | of a second body: contact force, gap, normal 3, curvature 9, force
@@ -38,11 +38,12 @@ from cable_shape.kernels.rod_algebra import (
 )
 from cable_shape.kernels.rod_element import relative
 
-NEAR, ON = 56, 5  # columns of `near` and `on`
+NEAR, ON = 58, 5  # columns of `near` and `on`
 PRESS, GAP, NORMAL, CURVED, SPOT, STEP, EXACT, ENDED = 0, 1, 2, 5, 14, 17, 20, 21
 PUSH, TOWARD, APART, PUSHED = 22, 23, 26, 27
 SECOND_PRESS, SECOND_GAP, SECOND_NORMAL, SECOND_CURVED, SECOND_EXACT = 28, 29, 30, 33, 42
 RUB, WAS, HELD, ARC, FIRM, SLIPS, MATE = 43, 46, 49, 52, 53, 54, 55
+LIMIT, OFF = 56, 57  # of friction [N], and by how much mu times the push was off it
 LINK, LINKED, SECOND = 2, 3, 4
 BARE, ACTIVE, WAITS = -1, 1, 2
 FLATTEST = 1e-3  # of the square of the sine between two normals at a node: as far as flatter corners count

@@ -16,7 +16,7 @@ import math
 
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.contact.friction import FAINT, any_rough, go_along, pull_along
+from cable_shape.kernels.contact.friction import FAINT, any_rough, forget_limits, go_along, pull_along
 from cable_shape.kernels.contact.knots import close, from_model, mesh, press_on, put, step_out, walk
 from cable_shape.kernels.contact.lay import laid
 from cable_shape.kernels.contact.link import (
@@ -171,7 +171,8 @@ def press(
     gone = 0.0 if reuse else math.inf  # rad, since the matrix was assembled
     rough, faint = any_rough(lying, bodies), FAINT * (weight + softest)
     unchanged = True
-    flips, off_law, firm = 0, 0.0, FIRST[gentle] if rough else 1.0
+    flips, off_law, part, firm = 0, 0.0, 1.0, FIRST[gentle] if rough else 1.0
+    forget_limits(near)
     if not rough:
         for k in range(near.shape[0]):
             let_go(near, k)
@@ -230,7 +231,7 @@ def press(
         info[I_GAP] = press_on(net, q, h, near, on, runs, flex, drag, reuse)
         info[I_GAP] = max(info[I_GAP], tie_pairs(net, lying, q, near, on, reuse))
         if rough:
-            flips, off_law = pull_along(net, lying, bodies, q, near, on, firm, faint, length, reuse)
+            flips, off_law, part = pull_along(net, lying, bodies, q, near, on, firm, faint, length, part, reuse)
         if drag > 0.0:
             hold_back(net, q, start, drag)
         wanted = ints[UNKNOWN] + active_pairs(lying, on)

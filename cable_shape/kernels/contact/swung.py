@@ -226,7 +226,7 @@ def look_at_rest(
     ints: Whole, floats: Floats, moving: Floats, remembered: Floats, reach: float, stiff: Array, bodies: Bodies,
     skin: Skin,
 ) -> float:  # fmt: skip
-    """The same for a step against drag, without friction: places and tangents are those remembered.
+    """Planes of nodes alone, for a step against drag without friction: places and tangents are those remembered.
 
     stiff (n,) [N/m]: of the planes. Returns how far [m] nodes may move before there may be one in a body that has no
     plane for it.
@@ -242,7 +242,7 @@ def look_at_rest(
                 skin.whole[node], reach, stiff[node], 0.0, True, 0.0,
             )  # fmt: skip
             clear = min(clear, own)
-    find_points(plan, model, motion, memory, bodies, skin.thick, skin.whole, skin.rough, reach)
+    motion.par[N_PROPS] = 0.0
     find_rings(plan, model, motion, memory, skin.rings, skin.whole)
     for i in range(int(motion.par[N_PROPS])):
         motion.props[i, GRIP] = min(motion.props[i, GRIP], 0.0)

@@ -38,6 +38,8 @@ WALLS, WALL = 4, 16
 BODY, OUT, AT, STIFF, KEPT, PUSHED, ROUGH, FIRM, REF, RUB = 0, 1, 4, 5, 6, 7, 8, 9, 10, 13
 MOST_SETS = 12  # that planes push
 MOST_ROUNDS, SAME = 40, 1e-10  # of pushes and friction, and the change, of the largest force, of the last
+#: What D misses, of 1 / stiff, is rounding times stiff / hold: by so much a place misses, and no push would be known.
+REFINED = 2
 ROUNDING = 1e-12  # [m] a node this near to a plane is as it was, in front of it or pushed by it
 
 
@@ -107,6 +109,16 @@ def pushed(walls: Floats, node: int, a: Vector, hold: float, pull: Vector) -> tu
             force = add(force, scale(walls[node, i + KEPT] + stiff * (walls[node, i + AT] - dot(n, a)), n))
             D = stiffened(D, n, stiff)
         x = add(a, apply(D, force))
+        for _ in range(REFINED):
+            force = subtract(pull, scale(hold, subtract(x, a)))
+            for k in range(count):
+                if now & (1 << k) == 0:
+                    continue
+                i = 1 + WALL * k
+                n = take3(walls, node, i + OUT)
+                push = walls[node, i + KEPT] + walls[node, i + STIFF] * (walls[node, i + AT] - dot(n, x))
+                force = add(force, scale(push, n))
+            x = add(x, apply(D, force))
     return x, D
 
 

@@ -94,6 +94,8 @@ class TouchBodies:
         self.table: Array = all_bodies[:count]
         self.links = links
         self.shift(self._shift)
+        if others:  # compiled code reads a row for each body
+            self.frames_then = self.frames.copy()
         return others
 
     def shift(self, by: Array) -> None:

@@ -1,16 +1,18 @@
 """Friction on the road: what holds the nodes of a cable that moves against drag along the bodies that push them.
 
 The law is that of `kernels.contact.friction`, t = t' - k d and no longer than mu p, with d from where the point was in
-the last solution; p is the push after the last step in time, so that at rest it is that of the shape. In terms of a
-place c, t = k (c - x) along the surface: `kernels.network.motion.rubbing`.
+the last solution; steps in time are taken again until p is the push after them. In terms of a place c, t = k (c - x)
+along the surface: `kernels.network.motion.rubbing`.
 """
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from cable_shape.checks import Array
-from cable_shape.kernels.contact.friction import FAINT, FIRMNESS
+from cable_shape.kernels.contact.friction import FAINT, FIRMNESS, LEAST
 from cable_shape.kernels.contact.near import ARC, FIRM, HELD, MATE, WAS
 from cable_shape.kernels.network import motion
 
@@ -28,6 +30,7 @@ class HeldAlong:
         self.mate = near[:, MATE].astype(int) - 1  # -1: none
         self.was, self.held = near[:, WAS : WAS + 3].copy(), near[:, HELD : HELD + 3].copy()
         self.along, self.firm = s - near[:, ARC], near[:, FIRM].copy()
+        self._limit, self._off, self._part = np.full(s.size, -1.0), np.zeros(s.size), 1.0
         self.rough, self.of_bodies, self.faint, self.length = rough, of_bodies, FAINT * least, length
 
     def tell(self, out: Array, body: Array, push: Array, normal: Array, frames: Array, tangents: Array) -> None:
@@ -40,9 +43,7 @@ class HeldAlong:
         if not k.size:
             return
         b, n, m, second = self.mate[k], normal[k, 0], normal[k, 1], push[k, 1] > 0.0
-        limit = np.maximum(self.rough[k], self.of_bodies[b]) * push[k, 0]
-        others = np.maximum(self.rough[k], self.of_bodies[np.maximum(body[k, 1].astype(int), 0)])
-        limit += np.where(second, others * push[k, 1], 0.0)
+        limit = self._limit[k] = np.where(self._limit[k] < 0.0, self._allowed(k, body, push), self._limit[k])
         firm = np.maximum(self.firm[k], np.maximum(limit, self.faint) / (FIRMNESS * self.length))
         axes, origin = frames[b, :3], frames[b, 3]
         was = origin + np.einsum("ki,kij->kj", self.was[k], axes) + self.along[k, None] * tangents[k]
@@ -59,6 +60,35 @@ class HeldAlong:
         out[k, motion.FIRM], out[k, motion.LIMIT] = np.where(limit > 0.0, firm, 0.0), limit
         out[k, motion.CENTRE : motion.CENTRE + 3] = was + kept / firm[:, None]
         out[k, motion.AXIS : motion.AXIS + 3], out[k, motion.EDGE] = axis, second
+
+    def _allowed(self, k: Any, body: Array, push: Array) -> Array:
+        """[N], mu p of nodes k, see `tell`; of two bodies the sum."""
+        rough, bodies = self.rough[k, None], np.maximum(body[k].astype(int), 0)
+        return np.asarray((np.maximum(rough, self.of_bodies[bodies]) * np.maximum(push[k], 0.0)).sum(axis=1))
+
+    def follow(self, body: Array, push: Array, *, first: bool) -> float:
+        """Takes limits on towards those of pushes, as `kernels.contact.friction.limits` does.
+
+        first: of a step in time. Returns by how much they were off at most, of the largest.
+        """
+        k = np.flatnonzero(self._limit >= 0.0)
+        if not k.size:
+            return 0.0
+        allowed = self._allowed(k, body, push)
+        off = allowed - self._limit[k]
+        turned = off - self._off[k]
+        bent = float(turned @ turned)
+        if first:
+            self._part = 1.0
+        elif bent > 0.0:
+            self._part = min(max(-self._part * float(self._off[k] @ turned) / bent, LEAST), 1.0)
+        self._limit[k] += self._part * off
+        self._off[k] = off
+        return float(np.abs(off).max() / max(float(allowed.max()), self.faint))
+
+    def forget(self) -> None:
+        """The next limits are those of the pushes."""
+        self._limit[:] = -1.0
 
 
 def pulls(rough: Array, places: Array) -> Array:

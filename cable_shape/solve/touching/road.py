@@ -45,6 +45,8 @@ _FAR, _LITTLE = 10.0, 2e-3
 _TURNED = 0.9
 #: What drag may still take at a node, of the largest force.
 _AT_REST = 1e-7
+#: A step is taken again until limits of friction are off by less than this, of the largest, and so often at most.
+_LAWFUL, _LIMITS = 1e-3, 8
 #: [m] nodes that are pressed are nearer to their planes than this.
 _CLOSED = 2e-8
 #: The same of a cable that is too short, of its length, and how much stiffer its planes become until then.
@@ -154,7 +156,7 @@ class Road:
         sols, kept, origin, walls = settling.sols.copy(), motion.kept.copy(), motion.origin.copy(), motion.walls.copy()
         then = self._then
         clear, _ = self._guard()
-        done = settling.step(dt)
+        done = self._rub(dt) if self._rubs else settling.step(dt)
         self.iterations += int(settling.info[I_ITERATIONS])
         if done:
             self._told()
@@ -166,15 +168,29 @@ class Road:
         self._then = bodies.frames.copy()
         return True
 
+    def _rub(self, dt: float) -> bool:
+        """One step in time with friction, whose limits are those of the pushes after it."""
+        settling, motion, frames = self.settling, self.settling.motion, self.state.bodies.frames
+        start = settling.sols.copy(), motion.kept.copy(), motion.origin.copy(), motion.walls.copy()
+        pushes, tangents = self.pushes() if self.taken else self._pressed, self._tangents
+        self.along.forget()
+        self.along.tell(motion.rough, *pushes, frames, tangents)
+        for i in range(_LIMITS):
+            if not settling.step(dt):
+                return False
+            off = self.along.follow(*self.pushes()[:2], first=i == 0)
+            if off < _LAWFUL or i == _LIMITS - 1:
+                break
+            settling.sols[...], motion.kept[...], motion.origin[...], motion.walls[...] = start
+            self.along.tell(motion.rough, *pushes, frames, tangents)
+        return True
+
     def _guard(self) -> tuple[float, float]:
         """Planes where the nodes are, see `guard`."""
         settling, bodies = self.settling, self.state.bodies.kernel
         clear, cosine = guard(
             settling.ints, settling.floats, settling.moving, bodies, self.thick, self.wholes, REACH, self.stiff
         )
-        if self._rubs:
-            pushes = self.pushes() if self.taken else self._pressed
-            self.along.tell(settling.motion.rough, *pushes, self.state.bodies.frames, self._tangents)
         return float(clear), float(cosine)
 
     def _passes(self, before: Array, then: Array) -> bool:

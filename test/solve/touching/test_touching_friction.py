@@ -65,7 +65,8 @@ def test_a_limp_cable_that_slips_round_a_post_is_a_capstan(friction, degrees):
         contacts = shape.contacts
         if sum(contact.slips for contact in contacts) < 0.97 * len(contacts):
             continue
-        before = np.searchsorted(shape.arc_length, contacts[0].arc_length) - 1
+        # beyond the layer in which the cable, next to its first contact, still bends
+        before = np.searchsorted(shape.arc_length, contacts[0].arc_length) - 2
         after = np.searchsorted(shape.arc_length, contacts[-1].arc_length) + 1
         tight, slack = (float(np.linalg.norm(shape.force[k])) for k in (before, after))
         angle = math.acos(np.clip(shape.tangents[before] @ shape.tangents[after], -1.0, 1.0))
@@ -94,8 +95,11 @@ def test_loops_over_a_table_coincide(strain):
     assert second.min() < -0.2
 
 
-@pytest.mark.parametrize(("stiffness", "friction"), [(0.0005, 0.2), (0.002, 0.2), (0.002, 0.4)])
-def test_a_hairpin_that_is_drawn_against_a_rough_post_is_held_in_front_of_it(stiffness, friction):
+@pytest.mark.parametrize(
+    ("stiffness", "friction", "seed"),
+    [(0.0005, 0.2, 0), (0.002, 0.2, 1), (0.002, 0.4, 2), (0.002, 0.4, 3), (0.002, 0.4, 4)],
+)
+def test_a_hairpin_that_is_drawn_against_a_rough_post_is_held_in_front_of_it(stiffness, friction, seed):
     """Until it is all but taut, at 0.322; one contact becomes several on the way, and the road leads there."""
     half = math.sqrt(0.5)
     out, back = (0.0, half, 0.0, half), (0.0, -half, 0.0, half)
@@ -103,9 +107,10 @@ def test_a_hairpin_that_is_drawn_against_a_rough_post_is_held_in_front_of_it(sti
     scene = cs.Scene(obstacles=[post], contact="solve")
     cable = cs.Cable(0.8, 0.05, stiffness)
     predictor = cs.Predictor(cable, model="cosserat", scene=scene)
-    rubs = 0
+    rubs, rng = 0, np.random.default_rng(seed)
     for at in np.arange(0.0, 0.3151, 0.005):
-        shape = predictor.predict(cs.Pose((-at, -0.12, 0.0), out), cs.Pose((-at, 0.12, 0.0), back))
+        off = rng.normal(scale=1e-8, size=2)  # where one contact becomes several, rounding leads other ways
+        shape = predictor.predict(cs.Pose((-at, -0.12, off[0]), out), cs.Pose((-at, 0.12, off[1]), back))
         assert shape.usable, at
         assert shape.positions[:, 0].max() > 0.04
         rubs += not shape.frictionless
