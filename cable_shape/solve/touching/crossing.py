@@ -19,7 +19,7 @@ from cable_shape.shape import CableShape, Status
 from cable_shape.solve.problem import Problem
 from cable_shape.solve.rod_common import Patience
 from cable_shape.solve.search import between
-from cable_shape.solve.touching.lift import levels, lifted
+from cable_shape.solve.touching.lift import held_at, levels, lifted
 from cable_shape.solve.touching.pile import Member, Pile, all_frames, carried_of
 from cable_shape.solve.touching.places import Places, Spot
 
@@ -29,6 +29,7 @@ _FIRST_STEP, _SMALLEST_STEP = 0.25, 1.0 / 256.0
 _MOST_STEPS = 60  #: on one way
 _FINER, _FINEST = (1.5, 2.25), 8.0  #: times as many elements, where no way leads on; than usual, at most
 _ROUNDS = 6  #: of finding places that were missed
+_HALVINGS = 4  #: of a step on whose way contacts were lost
 _HIGHER, _HIGHEST = 1.5, 2.0  #: times as high, until cables touch none; of the length
 _WAYS = (1, 5, 25)  #: in so many steps cables are let down
 _SAME = 1e-3  #: of the length: a shape found alone is the one that has come free, if it is no further away
@@ -74,6 +75,7 @@ class Crossing:
         self._solos = list(solos)
         self._time_budget, self._deadline = time_budget, math.inf
         self._patience, self._why = Patience(), ""
+        self._halvings = 0
         self._leaps = True  # whether another equilibrium is looked for where no way leads on
         self._places = Places(names, self.problems)
         self.reset()
@@ -152,7 +154,8 @@ class Crossing:
     def solve(self) -> list[CableShape]:
         """The shapes between the problems' ends; never raises for a physical reason: see `status`."""
         began = perf_counter()
-        self._deadline = began + self._time_budget
+        if self._halvings == 0:
+            self._deadline = began + self._time_budget
         self._places.culled = 0
         if any(solo.problem is not problem for solo, problem in zip(self._solos, self.problems, strict=True)):
             self._load()
@@ -163,7 +166,7 @@ class Crossing:
             return [shape.again() for shape in self._shapes]
         self._kinds = kinds
         if self._shapes is not None and len(frames) != len(self._frames):  # links are known, or not any more
-            self._let_go()
+            self._let_go(self.touching)
             self.reset()
         if self._shapes is None and self._patience.left == 0:
             self._go_on()
@@ -195,6 +198,8 @@ class Crossing:
             else:
                 return self._snap(free, frames, began)
             missed = self._places.missed(shapes, self._shapes, self._spots)
+            if missed is None:
+                return self._by_halves(frames)
             if not missed:
                 return self._accept(shapes, frames)
             along = self._places.along_each_other(shapes, missed)
@@ -248,6 +253,8 @@ class Crossing:
                 break
             shapes = self._reported(free, Status.OK, began)
             missed = self._places.missed(shapes, given, self._spots)
+            if missed is None:
+                break
             if not missed:
                 self._kinds = self._kinds_now()
                 return self._accept(shapes, frames)
@@ -315,6 +322,35 @@ class Crossing:
                 if step < _SMALLEST_STEP:
                     break
         return False
+
+    def _by_halves(self, goal: Array) -> list[CableShape]:
+        """By way of the ends halfway, as cables came through each other unseen on the whole way at once."""
+        if self._halvings == _HALVINGS or perf_counter() > self._deadline:
+            return self._give_up([None] * len(self._solos), _LOST)
+        given = [(problem.start, problem.end, problem.links) for problem in self.problems]
+        self._go_on()
+        self._let_go(range(len(self._solos)))
+        self._halvings += 1
+        held_at(self.problems, between(self._frames, goal, 0.5))
+        half = self.solve()
+        for problem, ends in zip(self.problems, given, strict=True):
+            problem.move(*ends)
+        wrong = {i for i, shape in enumerate(half) if not shape.usable}
+        shapes = [solo.alone() for solo in self._solos] if wrong else self.solve()
+        self._halvings -= 1
+        if not wrong:
+            snapped = Status.SNAPPED
+            return [
+                _graded(shape, snapped, snapped.remedy)
+                if was.status is snapped and shape.status is Status.OK
+                else shape
+                for was, shape in zip(half, shapes, strict=True)
+            ]
+        wrong |= self._places.involved(shapes) | self._through(shapes)
+        return [
+            _graded(shape, Status.NOT_CONVERGED, self._why) if shape.status and i in wrong else shape
+            for i, shape in enumerate(shapes)
+        ]
 
     def _snap(self, free: list[CableShape | None], frames: Array, began: float) -> list[CableShape]:
         """The branch ended: where the cables come to rest from where it did, or else from nothing."""
@@ -499,9 +535,9 @@ class Crossing:
         self._reached = None
         return shapes
 
-    def _let_go(self) -> None:
-        """Has those that are held go on alone from where they last were."""
-        for cable in self.touching:
+    def _let_go(self, cables: Collection[int]) -> None:
+        """Has cables go on alone from where they last were."""
+        for cable in cables:
             if self._shapes is not None:
                 self._solos[cable].go_on_from(self._shapes[cable], *self._ends_and_links(cable, self._frames))
 
@@ -527,7 +563,7 @@ class Crossing:
 
     def _lose(self) -> None:
         """No equilibrium was found from the last one on, which is where one is looked for again."""
-        self._let_go()
+        self._let_go(self.touching)
         self._forget()
 
     def _go_on(self) -> None:

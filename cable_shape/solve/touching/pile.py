@@ -24,7 +24,7 @@ from cable_shape.solve.problem import Problem
 from cable_shape.solve.rod_common import MODEL
 from cable_shape.solve.touching.harness_state import HarnessTouchState
 from cable_shape.solve.touching.laid import Pair
-from cable_shape.solve.touching.places import Spot
+from cable_shape.solve.touching.places import DEEPEST, MOUTH, SHORTEST, Line, Spot, at_an_end, hand_of, overlaps_at
 from cable_shape.solve.touching.search import relax
 from cable_shape.solve.touching.step import FAR, WARM_ITERATIONS, Steps
 from cable_shape.solve.touching.touching import ACCURACY, BURIED, inexact
@@ -99,6 +99,8 @@ class Pile:
         poses = self._poses(self.frames)
         state.start_from(shapes, poses, self.finer)  # type: ignore[arg-type]
         state.remember(self._steps.positions(shapes.buffer))
+        for spot in self.spots:
+            spot.hand = hand_of(spot, self._lines(spot, shapes.buffer))
         if not any(spot.press > 0.0 for spot in self.spots):  # on this mesh, before anything presses
             state.reach = np.zeros(len(self.spots))
             self._steps.go(poses, 1, WARM_ITERATIONS, FAR)
@@ -175,7 +177,42 @@ class Pile:
         for spot, pair in zip(self.spots, state.pairs(), strict=True):
             gaps = [state.gaps[self.cables.index(cable)] for cable in spot.cables]
             spot.arcs, spot.places, spot.press = pair.arcs - gaps, pair.places, pair.push
+        if not all(self._keeps_off(spot, before) for spot, before in zip(self.spots, kept[1], strict=True)):
+            self.restore(kept)
+            return False
         return True
+
+    def _keeps_off(self, spot: Spot, before: Spot) -> bool:
+        """Whether two cables neither overlap where they touch, or nearly do, nor have come through each other there.
+
+        At the mouth of a grip or a clip, where a contact stops, they may overlap, and slip off the cable's end.
+        """
+        lines = self._lines(spot, self._steps.buffer)
+        spot.hand = hand_of(spot, lines)
+        turned = spot.hand * before.hand < 0.0 and float(spot.normal @ before.normal) < 0.0
+        if turned and not at_an_end(spot, self._every):
+            return False
+        for row in overlaps_at(spot, lines, SHORTEST * widest(self._every[spot.cables[0]].cable)):
+            places = list(zip(spot.cables, row[1:3].tolist(), strict=True))
+            deepest = DEEPEST + sum(self._sagitta(*place) for place in places)
+            if row[0] < spot.reach - deepest and not any(self._in_a_mouth(*place, spot.reach) for place in places):
+                return False
+        return True
+
+    def _in_a_mouth(self, cable: int, arc: float, reach: float) -> bool:
+        """Whether a place is at what holds a cable."""
+        clips = self._steps.loads[self._problem.clips[f"c{cable}"], 0]
+        return bool(np.abs(np.array((0.0, self._every[cable].cable.length, *clips)) - arc).min() < MOUTH * reach)
+
+    def _lines(self, spot: Spot, buffer: Array) -> list[Line]:
+        """The centrelines of two cables that touch, in a shape."""
+        return [self._steps.own(buffer, self.cables.index(cable)) for cable in spot.cables]
+
+    def _sagitta(self, cable: int, arc: float) -> float:
+        """[m], by how much the straight line between two points of the last shape is off the cable."""
+        n = self._problem.points
+        row = NUMBERS_PER_POINT * n * self.cables.index(cable)
+        return float(drive.sagitta(self._steps.buffer[row : row + NUMBERS_PER_POINT * n], n, arc))
 
     @property
     def coarse(self) -> bool:

@@ -18,7 +18,7 @@ from cable_shape.shape import CableShape
 from cable_shape.solve.problem import CLIP_SPACING, Problem
 
 _TIP = 1.0  #: diameters: nearer to a free end another cable slips off
-_MOUTH = 0.3  #: of the distance to be kept, from a grip to where a cable may be touched at least
+MOUTH = 0.3  #: of the distance to be kept, from a grip to where a cable may be touched at least
 DEEPEST = 1e-4  #: [m] cables that overlap by more than this between their points touch
 SHORTEST = math.pi  #: diameters of cable between two points of it that may touch
 _PARALLEL = math.cos(math.radians(4.0))  #: cables that cross at a smaller angle lie along each other
@@ -31,6 +31,7 @@ _OFF = 2.0  #: of the distance to be kept: so near to an end a cable may slip of
 _LONGEST_WAY = 2.0  #: of a cable's length: further ways are not looked at
 
 Pair = tuple[int, int]
+Line = tuple[Array, Array]  #: arc lengths (n,) and places (n, 3) of a centreline
 
 
 @final
@@ -39,7 +40,8 @@ class Spot:
     """Two points that touch, or nearly: on cables `a` and `b`, which may be one.
 
     arcs (2,) [m]; places (2, 3) [m]; press [N], 0 where they do not touch; reach [m]: least distance of the
-    centrelines; before (2,) [m]: the arc lengths in the last equilibrium that was accepted.
+    centrelines; before (2,) [m]: the arc lengths in the last equilibrium that was accepted; hand: how the cables cross,
+    of the sign of n . (t_a x t_b) between tangents t, which changes as they come through each other.
     """
 
     cables: Pair
@@ -48,6 +50,7 @@ class Spot:
     reach: float
     before: Array
     press: float = 0.0
+    hand: float = 0.0
 
     @property
     def distance(self) -> float:
@@ -61,7 +64,7 @@ class Spot:
 
     def copy(self) -> Spot:
         """Once more, arrays and all."""
-        return Spot(self.cables, self.arcs.copy(), self.places.copy(), self.reach, self.before, self.press)
+        return Spot(self.cables, self.arcs.copy(), self.places.copy(), self.reach, self.before, self.press, self.hand)
 
 
 @final
@@ -113,8 +116,11 @@ class Places:
         self.culled = len(self._pairs) - len(pairs)
         return pairs
 
-    def missed(self, shapes: list[CableShape], before: list[CableShape], known: Sequence[Spot]) -> list[Spot]:
-        """Where the shapes overlap, or have come past each other since those before: as it was before."""
+    def missed(self, shapes: list[CableShape], before: list[CableShape], known: Sequence[Spot]) -> list[Spot] | None:
+        """Where the shapes overlap, or have come past each other since those before: as it was before.
+
+        None: that cannot be told, as a known contact was lost there, or the cables were nowhere near each other.
+        """
         found: list[Spot] = []
         pairs = self.near(shapes, before)
         moved = {
@@ -138,7 +144,9 @@ class Places:
             then = self._spots(pair, a, b, a.positions, b.positions, self.reach(pair) + way, known)
             for spot in now:
                 near = min(then, key=lambda s: float(np.abs(s.arcs - spot.arcs).sum()), default=None)
-                if near is not None and not any(near is other for other in found):
+                if near is None:
+                    return None
+                if not any(near is other for other in found):
                     found.append(near)
         return found
 
@@ -156,16 +164,10 @@ class Places:
             for x in np.linspace(0.0, 1.0, 1 + math.ceil(way / middle)):
                 p, r = (before[i].positions + x * w for i, w in zip(pair, ways, strict=True))
                 spots = self._spots(pair, before[pair[0]], before[pair[1]], p, r, middle, ())
-                if any(not self._at_an_end(spot) for spot in spots):
+                if any(not at_an_end(spot, self._problems) for spot in spots):
                     found.update(pair)
                     break
         return found
-
-    def _at_an_end(self, spot: Spot) -> bool:
-        """Whether a place is at an end of one of its cables."""
-        off = _OFF * self.reach(spot.cables)
-        lengths = (self._problems[cable].cable.length for cable in spot.cables)
-        return any(min(arc, length - arc) < off for arc, length in zip(spot.arcs, lengths, strict=True))
 
     def crowded(self, spots: Sequence[Spot]) -> str:
         """Which cable is touched too near to what holds it, or twice in one place, in words; empty if none is."""
@@ -237,7 +239,7 @@ class Places:
 
     def _keep_off_mouths(self, row: Array, pair: Pair, lines: tuple[tuple[CableShape, Array], ...]) -> None:
         """Puts a place next to a grip at its mouth: there the knot of a pair stops."""
-        off = _MOUTH * self.reach(pair)
+        off = MOUTH * self.reach(pair)
         for side, (shape, line) in enumerate(lines):
             arc = min(max(row[1 + side], off), shape.length - off)
             if arc != row[1 + side]:
@@ -256,5 +258,37 @@ def _slopes_to(row: Array, other: Array, a: CableShape, b: CableShape, p: Array,
 
 def _same(spot: Spot, known: Spot, aside: float) -> bool:
     """Whether a place is a contact, or where one has been since the last equilibrium."""
+    return known.cables == spot.cables and _beside(spot.arcs, known, aside)
+
+
+def _beside(arcs: Array, known: Spot, aside: float) -> bool:
+    """Whether arc lengths (2,) are where a contact is, or has been since the last equilibrium."""
     low, high = np.minimum(known.arcs, known.before) - aside, np.maximum(known.arcs, known.before) + aside
-    return known.cables == spot.cables and bool((low < spot.arcs).all() and (spot.arcs < high).all())
+    return bool((low < arcs).all() and (arcs < high).all())
+
+
+def at_an_end(spot: Spot, problems: Sequence[Problem]) -> bool:
+    """Whether a place is at an end of one of its cables."""
+    lengths = (problems[cable].cable.length for cable in spot.cables)
+    return any(min(arc, length - arc) < _OFF * spot.reach for arc, length in zip(spot.arcs, lengths, strict=True))
+
+
+def overlaps_at(spot: Spot, lines: Sequence[Line], least: float) -> Array:
+    """(k, SPOT), see `cable_near`: where two centrelines are too near to each other beside a contact.
+
+    least [m]: cable between two points of one cable that may touch.
+    """
+    (s, p), (u, r) = lines
+    own, aside = spot.cables[0] == spot.cables[1], _ASIDE * spot.reach
+    rows = np.empty((cable_near.MOST_SPOTS, cable_near.SPOT))
+    count = cable_near.spots(p, s, r, u, own, least, spot.reach - DEEPEST, aside, rows)
+    return rows[[k for k in range(count) if _beside(rows[k, 1:3], spot, aside)]]
+
+
+def hand_of(spot: Spot, lines: Sequence[Line]) -> float:
+    """How cables with these centrelines cross at a contact, see `Spot`."""
+    pieces = []
+    for (arcs, points), arc in zip(lines, spot.arcs, strict=True):
+        k = min(max(int(np.searchsorted(arcs, arc)), 1), len(arcs) - 1)
+        pieces.append(points[k] - points[k - 1])
+    return float((spot.places[0] - spot.places[1]) @ np.cross(*pieces))

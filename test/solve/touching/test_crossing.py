@@ -16,6 +16,7 @@ ALONG_X = Rotation.from_quat((0.5, 0.5, 0.5, 0.5))
 SOLVE = cs.Scene(contact="solve")
 BARE = cs.Cable(0.6, 0.0, 0.01, 0.008, diameter=0.008)
 HEAVY = cs.Cable(0.6, 0.05, 0.01, 0.008, diameter=0.008)
+LIMP = cs.Cable(0.6, 0.05, 0.001, 0.0008, diameter=0.008)
 TWISTED = cs.Cable(1.0, 0.005, 0.004, 0.003, diameter=0.008)
 
 
@@ -184,6 +185,39 @@ def test_a_cable_drawn_against_another_is_never_taken_to_have_come_through_it(he
     (report,) = let_down(cycle, [-0.5])
     assert {shape.status for shape in report.shapes.values()} == {cs.Status.OK}
     assert not lies_over(report)
+
+
+FAR = [
+    (HEAVY, 0.45, (101.0, 0.42, -0.02, (0.01, 0.05)), (118.0, 0.32, -0.14, (-0.14, 0.13)), True),
+    (LIMP, 0.47, (34.0, 0.3, -0.02, (-0.04, 0.0)), (87.0, 0.25, -0.02, (-0.06, 0.07)), True),
+    (HEAVY, 0.3, (72.0, 0.48, -0.02, (-0.03, -0.01)), (127.0, 0.39, -0.1, (-0.01, 0.12)), True),
+    (HEAVY, 0.42, (84.0, 0.49, -0.02, (-0.03, -0.01)), (57.0, 0.22, -0.08, (0.04, 0.15)), False),
+]
+
+
+def leapt(cable, chord, ways):
+    """The last report of a cycle whose cable `over` is held in these ways, and the least distance there."""
+    cycle = cs.Cycle({"under": cable, "over": cable}, scene=SOLVE, model="cosserat", quasistatic_limit=0.0)
+    for k, way in enumerate(ways):
+        report = cycle.step({"under": across(0.0, chord, 0.0), "over": across(*way)}, stamp=10_000_000_000 * k)
+    under, over = (report.shapes[name].positions for name in ("under", "over"))
+    return report, np.linalg.norm(under[:, None] - over, axis=2).min()
+
+
+@pytest.mark.parametrize(("cable", "chord", "first", "last", "found"), FAR)
+def test_contacts_that_are_lost_in_a_large_step_are_kept_in_smaller_ones(cable, chord, first, last, found):
+    """On the whole way at once the pair of points that touch is left behind, and cables overlap elsewhere."""
+    above = (*first[:2], 0.06, first[3])
+    report, least = leapt(cable, chord, [above, first, last])
+    assert {shape.status for shape in report.shapes.values()} == {cs.Status.OK if found else cs.Status.NOT_CONVERGED}
+    if not found:
+        return
+    assert least > cable.diameter - 2e-4
+    ends = list(zip(first, last, strict=True))
+    ways = [tuple((1.0 - x) * np.array(p) + x * np.array(q) for p, q in ends) for x in np.linspace(0.0, 1.0, 31)]
+    slowly, _ = leapt(cable, chord, [above, *ways])
+    for name, shape in report.shapes.items():
+        assert np.abs(shape.positions - slowly.shapes[name].positions).max() < 1e-4 * cable.length
 
 
 def test_overlapping_cables_are_pushed_apart_from_nothing():

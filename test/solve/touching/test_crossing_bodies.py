@@ -9,7 +9,8 @@ from scipy.spatial.transform import Rotation
 import cable_shape as cs
 from cable_shape.solve.problem import Problem
 from cable_shape.solve.touching.crossing import Crossing
-from cable_shape.solve.touching.pile import Pile
+from cable_shape.solve.touching.lift import held_at
+from cable_shape.solve.touching.pile import Pile, all_frames
 from cable_shape.solve.touching.places import Places, Spot
 
 ALONG_X = Rotation.from_quat((0.5, 0.5, 0.5, 0.5))
@@ -282,3 +283,19 @@ def test_limp_cables_on_a_table_are_let_down_on_each_other_from_nothing(monkeypa
     assert gaps.min() > 0.5 * (0.006 + 0.0075) - 1e-4
     monkeypatch.setattr(Crossing, "_let_down", lambda *_: [])  # pushed apart where they lie, they have none
     assert not any(shape.usable for shape in shapes().values())
+
+
+def test_ends_and_links_are_held_where_frames_have_them():
+    post = cs.Obstacle("post", cs.Sphere(0.02), link="arm")
+    clip = cs.Clip(0.4, cs.Pose((0.1, 0.0, 0.0)), link="hand")
+    scene = cs.Scene(obstacles=[post], clips=[clip], contact="solve")
+    offset = cs.Pose((0.0, 0.02, 0.1), (0.0, 0.6, 0.0, 0.8))
+    grips = [cs.Grip(pose, offset=offset) for pose in across(20.0, 0.9, 0.3)]
+    links = {"arm": cs.Pose((0.0, 0.0, 0.2)), "hand": cs.Pose((0.1, 0.0, 0.2)), "other": cs.Pose()}
+    problems = [Problem(CABLE, scene=scene).move(grips[0], end, links) for end in (grips[1], None)]
+    frames = all_frames(problems)
+    frames[:, :3] += np.arange(3.0 * len(frames)).reshape(-1, 3)
+    frames[3] = frames[2]  # of a free end
+    held_at(problems, frames)
+    assert all_frames(problems) == pytest.approx(frames, abs=1e-12)
+    assert problems[0].links["other"] is links["other"]
