@@ -2,7 +2,7 @@
 
 From point to point n' = -w but for the forces of contacts and clips, which jump, and m' = n x r'; contacts push, along
 the normal of their body, where the cable is on it, and rub along it by no more than friction holds; no point is inside
-a body; and on the straight way from the shape before no body or cable is passed.
+a body; and on the way from the shape before no body or cable is passed.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ MOMENT = 1e-3  # of the largest moment, by Hermite's rule on the shape's points 
 LAYER = 1.5  # ... where the shortest boundary layer is so many times as long as they are apart
 MIDDLE = 0.5  # of half a body's thickness and the cable's: deeper inside is on the way through
 MET = 0.4  # of the distance to be kept: nearer cables are on the way through each other
-LOOKS = 24  # at shapes between two
+LOOKS, MOST_LOOKS = 24, 400  # at shapes between two
+ASIDE = (1.1e-9, 0.7e-9, 1.3e-9)  # m, of one of two lines, so that no points of both stand in one place by symmetry
 
 
 def distances(solid: object, pose: cs.Pose, points: Array) -> Array:
@@ -153,9 +154,10 @@ def passed(scene: cs.Scene, radius: float, before: cs.CableShape, after: cs.Cabl
     a, b = between(before, arcs), between(after, arcs)
     for body in scene.obstacles:
         middle = MIDDLE * (thickness(body.solid) + radius)
-        if np.linalg.norm(b - a, axis=1).max() < middle:
+        far = float(np.linalg.norm(b - a, axis=1).max())
+        if far < middle:
             continue
-        for x in np.linspace(0.0, 1.0, LOOKS):
+        for x in np.linspace(0.0, 1.0, looks(far, middle)):
             if distances(body.solid, body.pose, (1.0 - x) * a + x * b).min() - radius < -middle:
                 return f"through: {body.name}"
     return ""
@@ -164,18 +166,25 @@ def passed(scene: cs.Scene, radius: float, before: cs.CableShape, after: cs.Cabl
 def crossed(
     pair: tuple[cs.CableShape, cs.CableShape], after: tuple[cs.CableShape, cs.CableShape], reach: float, own: bool
 ) -> bool:
-    """Whether two cables go through each other on the straight way; own: a cable through itself. Ends do not count."""
+    """Whether two cables have gone through each other, or one through itself (own). Ends do not count.
+
+    Of two, signed crossings on the straight way are counted: for ends that do not go round each other their sum is the
+    same on every way, so if it is not 0 all lead through, and if it is 0 there is one that does not, though the
+    straight one may go through and back. Of one cable no such number is known: the straight way must be free.
+    """
     lines = []
     for then, now in zip(pair, after, strict=True):
         arcs = np.linspace(0.0, now.length, 2 * now.points)
         inner = (arcs > 4.0 * reach) & (arcs < now.length - 4.0 * reach)
         lines.append((arcs[inner], between(then, arcs)[inner], between(now, arcs)[inner]))
-    (s, a, a_now), (u, b, b_now) = lines
-    near = np.abs(s[:, None] - u[None, :]) < np.pi * reach if own else np.zeros((len(s), len(u)), dtype=bool)
-    way = float(np.linalg.norm(a_now - a, axis=1).max() + np.linalg.norm(b_now - b, axis=1).max())
-    for x in np.linspace(0.0, 1.0, LOOKS):
-        p, q = (1.0 - x) * a + x * a_now, (1.0 - x) * b + x * b_now
-        apart = cdist(p, q)
+    (s, a, a_now), (_, b, b_now) = lines
+    if not own:
+        return sum(crossings(a, a_now, b, b_now)) != 0
+    near = np.abs(s[:, None] - s[None, :]) < np.pi * reach
+    way = 2.0 * float(np.linalg.norm(a_now - a, axis=1).max())
+    for x in np.linspace(0.0, 1.0, looks(way, MET * reach)):
+        p = (1.0 - x) * a + x * a_now
+        apart = cdist(p, p)
         apart[near] = np.inf
         least = float(apart.min())
         if least < MET * reach:
@@ -183,3 +192,47 @@ def crossed(
         if least - (1.0 - x) * way > MET * reach:
             return False
     return False
+
+
+def looks(way: float, middle: float) -> int:
+    """How often a way [m] is looked at, so that it leads no further than half of `middle` [m] from look to look."""
+    return int(np.clip(2 + np.ceil(2.0 * way / middle), LOOKS, MOST_LOOKS))
+
+
+def crossings(a: Array, a_now: Array, b: Array, b_now: Array) -> list[int]:
+    """The signs with which lines a (n, 3) and b (m, 3), moved straight, go through each other.
+
+    Two pieces meet when they and what is between them are in one plane, at a zero of a cubic in time.
+    """
+    boxes = []
+    for then, now in ((a, a_now), (b + ASIDE, b_now + ASIDE)):
+        corners = np.stack((then[:-1], then[1:], now[:-1], now[1:]))
+        boxes.append((corners, corners.min(axis=0), corners.max(axis=0)))
+    (p, low, high), (q, other_low, other_high) = boxes
+    i, j = np.nonzero(((low[:, None] <= other_high[None]) & (other_low[None] <= high[:, None])).all(axis=2))
+    p, q = p[:, i], q[:, j]
+
+    def at(x: float | Array) -> tuple[Array, Array, Array]:
+        """(k, 3) of both pieces, and from the first to the second."""
+        start, other = p[0] + x * (p[2] - p[0]), q[0] + x * (q[2] - q[0])
+        return p[1] + x * (p[3] - p[1]) - start, q[1] + x * (q[3] - q[1]) - other, other - start
+
+    def volume(x: float | Array) -> Array:
+        """(k,)"""
+        e, f, w = at(x)
+        return np.asarray((np.cross(e, f) * w).sum(axis=1))
+
+    times = np.array((0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0))
+    cubics = np.linalg.solve(np.vander(times), np.stack([volume(x) for x in times]))
+    _, second, first, zeroth = cubics  # between its Bernstein coefficients is all that a cubic takes on
+    hull = np.stack((zeroth, zeroth + first / 3.0, zeroth + (2.0 * first + second) / 3.0, cubics.sum(axis=0)))
+    signs = []
+    for k in np.nonzero((hull.min(axis=0) <= 0.0) & (hull.max(axis=0) >= 0.0))[0]:
+        cubic = cubics[:, k]
+        zeros = np.roots(cubic)
+        for x in zeros.real[(zeros.imag == 0.0) & (zeros.real >= 0.0) & (zeros.real <= 1.0)]:
+            e, f, w = (row[k] for row in at(x))
+            (y, z), *_ = np.linalg.lstsq(np.stack((e, -f), axis=1), w, rcond=None)
+            if 0.0 <= y < 1.0 and 0.0 <= z < 1.0:
+                signs.append(int(np.sign(np.polyval(np.polyder(cubic), x))))
+    return signs

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scene_certificate import crossed, distances, judged, outward, passed
+from scene_certificate import crossed, crossings, distances, judged, outward, passed
 from scene_random import KINDS, motion, run, short
 from scipy.spatial.transform import Rotation
 
@@ -104,6 +104,34 @@ def test_cables_that_change_sides_have_gone_through_each_other():
     assert crossed((one, over), (one, under), 0.008, False)
     assert not crossed((one, over), (one, changed(over, positions=over.positions + 0.02)), 0.008, False)
     assert not crossed((one, one), (one, one), 0.008, True)
+
+
+def over_each_other(height):
+    """Two lines (61, 3) with ends far apart, the second one above the first in the middle, or below."""
+    x = np.linspace(-1.0, 1.0, 61)
+    bump = np.exp(-20.0 * x**2)
+    return np.column_stack((x, 0.1 * x**2, 0.0 * x)), np.column_stack((0.1 * x, x, height * bump))
+
+
+def wound(line, axis, angle):
+    """Space turned about an axis through the origin, the less the further from it: nothing goes through anything."""
+    turns = angle * np.exp(-6.0 * (line**2).sum(axis=1))
+    return Rotation.from_rotvec(turns[:, None] * axis).apply(line)
+
+
+def test_only_what_no_way_avoids_counts_as_gone_through():
+    rng = np.random.default_rng(3)
+    through_and_back = 0
+    for _ in range(20):
+        axis = rng.normal(size=3)
+        axis, angle = axis / np.linalg.norm(axis), rng.uniform(-6.0, 6.0)
+        (a, b), (_, below) = over_each_other(0.02), over_each_other(-0.02)
+        a_now, b_now, below_now = (wound(line, axis, angle) for line in (a, b, below))
+        signs = crossings(a, a_now, b, b_now)
+        assert sum(signs) == 0
+        assert abs(sum(crossings(a, a_now, b, below_now))) == 1
+        through_and_back += len(signs) > 0
+    assert through_and_back > 3  # which looks at the straight way take for gone through
 
 
 def test_a_cable_is_too_short_between_its_supports_or_not():

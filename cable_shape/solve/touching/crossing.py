@@ -201,7 +201,10 @@ class Crossing:
             if missed is None:
                 return self._by_halves(frames)
             if not missed:
-                return self._accept(shapes, frames)
+                missed = self._places.crossed(shapes, self._shapes)
+                if not missed:
+                    return self._accept(shapes, frames)
+                old = [spot for spot, now in zip(old, self._spots, strict=False) if now.press > 0.0]
             along = self._places.along_each_other(shapes, missed)
             if along:
                 return self._give_up([None] * len(shapes), along)
@@ -366,7 +369,7 @@ class Crossing:
         found = group.go(frames, search=True)
         if found and group.refined():
             shapes = self._reported(free, Status.SNAPPED, began)
-            if not self._places.overlaps(shapes, self._spots):
+            if not (self._places.overlaps(shapes, self._spots) or self._places.crossed(shapes, self._shapes)):
                 return self._accept(shapes, frames)
         self._lose()
         if not found:

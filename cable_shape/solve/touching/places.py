@@ -12,7 +12,7 @@ import numpy as np
 
 from cable_shape.cable.pieces import widest
 from cable_shape.checks import Array
-from cable_shape.kernels.distance import apart, cable_near
+from cable_shape.kernels.distance import apart, cable_near, passing
 from cable_shape.pose import FreeEnd
 from cable_shape.shape import CableShape
 from cable_shape.solve.problem import CLIP_SPACING, Problem
@@ -85,6 +85,7 @@ class Places:
         self._pairs: list[Pair] = [(a, b) for a in range(count) for b in range(a, count)]
         self.culled, self.cull = 0, True
         self._out = np.empty((cable_near.MOST_SPOTS, cable_near.SPOT))
+        self._crossings = np.empty((passing.MOST_CROSSINGS, passing.CROSSING))
 
     def reach(self, pair: Pair) -> float:
         """[m], least distance of two centrelines."""
@@ -148,6 +149,34 @@ class Places:
                     return None
                 if not any(near is other for other in found):
                     found.append(near)
+        return found
+
+    def crossed(self, shapes: list[CableShape], before: list[CableShape]) -> list[Spot]:
+        """Where cables must have gone through each other since the shapes before, as it was before, one place a pair.
+
+        None where they come through each other and back on the straight way: then another way leads there.
+        """
+        found: list[Spot] = []
+        for pair in self.near(shapes, before):
+            if pair[0] == pair[1]:
+                continue
+            lines = [shape.positions for i in pair for shape in (before[i], shapes[i])]
+            rows = self._crossings[: passing.crossings(*lines, self._crossings)]
+            spots = []
+            for row in rows:
+                arcs, places = np.empty(2), np.empty((2, 3))
+                for side, cable in enumerate(pair):
+                    numbers, shape = np.arange(before[cable].points), before[cable]
+                    arcs[side] = np.interp(row[2 + side], numbers, shape.arc_length)
+                    places[side] = [np.interp(row[2 + side], numbers, c) for c in shape.positions.T]
+                spots.append(Spot(pair, arcs, places, self.reach(pair), arcs.copy()))
+            inner = [(row, spot) for row, spot in zip(rows, spots, strict=True) if not at_an_end(spot, self._problems)]
+            total = sum(row[1] for row, _ in inner)
+            through = [(row[0], spot) for row, spot in inner if row[1] * total > 0.0]
+            if len(rows) == len(self._crossings):  # there may be more, and what they add up to is not known
+                through = through or [(row[0], spot) for row, spot in inner]
+            if through:
+                found.append(min(through, key=lambda timed: float(timed[0]))[1])
         return found
 
     def gone_through(self, shapes: list[CableShape], before: list[CableShape]) -> set[int]:

@@ -220,6 +220,29 @@ def test_contacts_that_are_lost_in_a_large_step_are_kept_in_smaller_ones(cable, 
         assert np.abs(shape.positions - slowly.shapes[name].positions).max() < 1e-4 * cable.length
 
 
+def swept(steps):
+    """The last report of a cable laid over another one in so many steps, in which contacts come to lie elsewhere."""
+    under, turn = cs.Cable(1.06, 0.2, 0.00126, 0.00066, diameter=0.0043), Rotation.from_euler("z", 85.0, degrees=True)
+    cables = {"under": under, "over": under.replace(diameter=0.0057)}
+    cycle = cs.Cycle(cables, scene=SOLVE, model="cosserat", points=101)
+    half = turn.apply((0.425, 0.0, 0.0))
+    for k, x in enumerate(np.linspace(0.0, 1.0, steps + 1)):
+        middle = (1.0 - x) * np.array((0.447, 0.009, 0.02)) + x * np.array((0.501, -0.001, -0.004))
+        over = posed(middle - half, turn), posed(middle + half, turn)
+        report = cycle.step({"under": (posed((0, 0, 0)), posed((0.85, 0, 0))), "over": over}, stamp=10_000_000 * k)
+    return report
+
+
+def test_a_cable_that_came_through_another_beside_a_place_looked_at_is_put_over_it():
+    one, many = swept(1), swept(10)
+    for report in (one, many):
+        assert all(shape.status is cs.Status.OK for shape in report.shapes.values())
+        assert lies_over(report)
+    for name in ("under", "over"):
+        assert np.abs(one.shapes[name].positions - many.shapes[name].positions).max() < 1e-4 * 1.06
+    assert one.shapes["over"].contacts[0].force == pytest.approx(many.shapes["over"].contacts[0].force, rel=1e-3)
+
+
 def test_overlapping_cables_are_pushed_apart_from_nothing():
     report, cycle = pressed([-0.005])
     (contact,) = report.shapes["under"].contacts
