@@ -132,7 +132,8 @@ def test_the_first_touch_carries_nothing_along_the_surface():
     for contact in second.contacts:
         size = np.linalg.norm(contact.tangential_force)
         assert size <= 0.4 * contact.force * 1.001 + 1e-6
-        assert contact.slips == pytest.approx(1.0) or size < 0.4 * contact.force
+        # what is on its limit to within what the solver asks for, 1e-5 of the largest, may count as either
+        assert contact.slips or size < 0.4 * contact.force * (1.0 + 1e-5)
 
 
 def test_without_friction_its_coefficients_change_no_bit():
