@@ -244,8 +244,6 @@ def look_at_rest(
             clear = min(clear, own)
     motion.par[N_PROPS] = 0.0
     find_rings(plan, model, motion, memory, skin.rings, skin.whole)
-    for i in range(int(motion.par[N_PROPS])):
-        motion.props[i, GRIP] = min(motion.props[i, GRIP], 0.0)
     return clear
 
 

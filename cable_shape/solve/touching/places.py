@@ -154,7 +154,7 @@ class Places:
     def crossed(self, shapes: list[CableShape], before: list[CableShape]) -> list[Spot]:
         """Where cables must have gone through each other since the shapes before, as it was before, one place a pair.
 
-        None where they come through each other and back on the straight way: then another way leads there.
+        Empty where they come through each other and back on the straight way: then another way leads there.
         """
         found: list[Spot] = []
         for pair in self.near(shapes, before):
