@@ -149,4 +149,5 @@ def tubes(figures: Figures, quick: bool) -> dict[str, Any]:
         for n, share in zip(CABLES, shares[row], strict=True):
             if not row.endswith(UNTOLD) and not math.isnan(share):
                 figures.at_least(f"cable{n}: {row}, in the 95 % tube", share, 90.0, "{:.1f}", " %")
+                figures.at_most(f"cable{n}: {row}, in the 95 % tube", share, 99.0, "{:.1f}", " %")
     return shares

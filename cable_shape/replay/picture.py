@@ -37,7 +37,7 @@ def _clearance(axis: Any, outcome: Outcome) -> None:
     axis.set(title="clearance", xlabel="time [s]", ylabel="[mm]")
     clearance = drawable(tally.clearance)
     if np.isfinite(clearance).any():
-        axis.plot(tally.seconds(tally.stamps), 1e3 * clearance, color=_BLUE, lw=1.2)
+        axis.plot(tally.seconds(tally.stamps), 1e3 * clearance, ".-", color=_BLUE, lw=1.2, ms=2.0)  # single cycles, too
         if scene is not None:
             axis.axhline(1e3 * scene.warn_distance, color=_AMBER, lw=0.8, ls="--", label="warn")
             axis.axhline(1e3 * scene.error_distance, color=_RED, lw=0.8, ls="--", label="error")
@@ -82,10 +82,15 @@ def _loads(axis: Any, outcome: Outcome) -> None:
 
 
 def _times(axis: Any, outcome: Outcome) -> None:
+    from matplotlib.ticker import LogLocator, NullFormatter
+
     times = 1e6 * np.array(outcome.tally.cycle_time)
     axis.set(title="cycle time", xlabel="[µs]", ylabel="cycles")
     axis.hist(times, bins=np.geomspace(0.9 * times.min(), 1.1 * times.max(), 60), color=_BLUE)
     axis.set_xscale("log")
+    axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.xaxis.set_major_formatter("{x:g}")
+    axis.xaxis.set_minor_formatter(NullFormatter())
     for share, colour in ((50.0, _GREY), (99.0, _RED)):
         value = float(np.percentile(times, share))
         axis.axvline(value, color=colour, lw=0.8, ls="--", label=f"p{share:.0f} {value:.0f} µs")
