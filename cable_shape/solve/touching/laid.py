@@ -467,7 +467,8 @@ class Laid:
     def tidy(self) -> bool:
         """Moves the nodes that contacts have run up to; whether there are any."""
         self.untidy = False
-        nodes = mesh.tidied(self.nodes, self.h, self.q[NOW], self.near[NOW], self.on[NOW], self.flex, self.stops)
+        least, last = LEAST_LENGTH * self.length, (self.q[NOW], self.near[NOW], self.on[NOW])
+        nodes = mesh.tidied(self.nodes, self.h, *last, self.flex, self.stops, least)
         if nodes is not None:
             self.lay_out(nodes)
         return nodes is not None

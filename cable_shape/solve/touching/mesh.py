@@ -100,10 +100,13 @@ def worst(nodes: Array, errors: Array, inside: Any) -> Array:
     return np.asarray(0.5 * (nodes[1:] + nodes[:-1])[inside][errors >= SHARE_OF_WORST * errors.max()])
 
 
-def tidied(nodes: Array, h: Array, q: Array, near: Array, on: Any, flex: Array, stops: Array) -> Array | None:
+def tidied(
+    nodes: Array, h: Array, q: Array, near: Array, on: Any, flex: Array, stops: Array, least: float
+) -> Array | None:  # fmt: skip
     """Where a contact has run up to the next node, takes that away and divides the element on the other side.
 
-    None: nowhere.
+    Another contact and `stops` stay: beside the shorter element a contact may come nearer to them. least [m]: shorter
+    ones are not divided there. None: nowhere.
     """
     if not run.any_crowded(near, on, q, h, flex):
         return None
@@ -112,11 +115,13 @@ def tidied(nodes: Array, h: Array, q: Array, near: Array, on: Any, flex: Array, 
     for k in np.flatnonzero((on[1:-1, 0] != BARE) | (on[1:-1, LINK] != BARE)) + 1:
         side = run.crowded(near, on, q, h, k, flex)
         j = k + side
-        if side == 0 or j in (0, nodes.size - 1) or on[j, 0] != BARE or nodes[j] in stops:
+        stays = j in (0, nodes.size - 1) or on[j, 0] != BARE or nodes[j] in stops
+        if side == 0 or (stays and abs(nodes[k] - nodes[k - side]) < least):
             continue
-        away.append(j)
+        if not stays:
+            away.append(j)
         new.append(0.5 * (nodes[k] + nodes[k - side]))
-    return np.sort(np.concatenate((np.delete(nodes, away), new))) if away else None
+    return np.sort(np.concatenate((np.delete(nodes, away), new))) if new else None
 
 
 def thinned(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scene_random import run
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
@@ -258,6 +259,13 @@ def test_a_crossing_is_followed_over_the_edge_that_its_cable_lies_on():
         shapes = report.shapes.values()
         held = sum((s.force[-1] - s.force[0] + total(s.contacts, "box") for s in shapes), np.zeros(3))
         assert held == pytest.approx((0.0, 0.0, 2.0 * WEIGHT), abs=2e-3 * WEIGHT)
+
+
+def test_a_crossing_comes_as_near_as_it_likes_to_where_its_cable_touches_a_body():
+    """A contact keeps off the next node by a part of both its elements: a long one held it off the body's contact."""
+    found = run("cables on bodies", 66)
+    assert found.lost == ()
+    assert not found.wrong, found.first
 
 
 def test_limp_cables_on_a_table_are_let_down_on_each_other_from_nothing(monkeypatch):
