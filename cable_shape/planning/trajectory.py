@@ -158,12 +158,40 @@ def check_trajectory(
     if scene is not None:
         checks.instance("scene", scene, (Scene,), "Write Scene(obstacles=[...]), or Scene.from_yaml(path).")
     routing = Routing.of(trajectory if isinstance(trajectory, (list, tuple)) else (trajectory,))
+    found = check_laid(
+        Layout.of(scene or Scene(), {_NAME: cable}, {}), _NAME, robot, routing, deadline, proceed, gravity=gravity,
+        points=points, tolerance=tolerance, distributed_load=distributed_load, acceleration=acceleration,
+    )  # fmt: skip
+    found.time = perf_counter() - began
+    return found
+
+
+def check_laid(
+    layout: Layout,
+    name: str,
+    robot: Robot | None,
+    routing: Routing,
+    deadline: float = math.inf,
+    proceed: Callable[[TrajectoryCheck], bool] | None = None,
+    *,
+    gravity: ArrayLike,
+    points: int,
+    tolerance: float | None,
+    distributed_load: Any = None,
+    acceleration: Any = None,
+) -> TrajectoryCheck:
+    """What :func:`check_trajectory` says, of a cable as edits have left it; one that hangs free has only one grip.
+
+    deadline: on the clock of :func:`time.perf_counter` [s].
+    """
+    began = perf_counter()
+    layout = Layout(layout.scene, {_NAME: layout.cables[name]})
     way = Motion(routing.path, robot)
-    check_links(way.robot, scene)
-    allowed = 1e-4 * cable.length if tolerance is None else tolerance
+    check_links(way.robot, layout.scene_of(_NAME))
+    allowed = 1e-4 * layout.cables[_NAME].cable.length if tolerance is None else tolerance
     options = {"gravity": gravity, "points": points, "robot_links": (), "gripping_links": (), **bodies_of(robot)}
     maker = CableCycles("cosserat", allowed, options, {_NAME: distributed_load}, {}, {}, 0.0, None, 1)
-    check = _Check(cable, scene or Scene(), maker, way, deadline, proceed, routing.edits)
+    check = _Check(layout, maker, way, deadline, proceed, routing.edits)
     if acceleration is not None:
         check.accelerations = accelerations_of(acceleration, way.waypoints, check.cycle.predictor.accelerate)
     check.run()
@@ -204,8 +232,7 @@ class _Check(Walk[_Sample]):
 
     def __init__(
         self,
-        cable: Cable,
-        scene: Scene,
+        layout: Layout,
         maker: CableCycles,
         motion: Motion,
         deadline: float,
@@ -213,10 +240,11 @@ class _Check(Walk[_Sample]):
         edits: Mapping[int, tuple[Edit, ...]],
     ) -> None:
         super().__init__(motion, deadline, proceed, edits)
-        self.maker, self.layout = maker, Layout.of(scene, {_NAME: cable}, {})
-        self.cycle = maker.make(_NAME, cable, scene, maker.distributed_load[_NAME])
+        self.maker, self.layout = maker, layout
+        laid, load = layout.cables[_NAME], maker.distributed_load[_NAME]
+        self.cycle = maker.make(_NAME, laid.cable, layout.scene_of(_NAME), load, turned=laid.opened == "start")
         self.accelerations: Array | None = None
-        self.judge = Judge(cable, scene, motion.robot)
+        self.judge = self._judged()
 
     def tell(self, samples: list[_Sample]) -> None:
         """See the base."""
@@ -279,9 +307,13 @@ class _Check(Walk[_Sample]):
         except ArgumentError as error:
             return str(error)
         self.layout, self.cycle = editing.layout, editing.singles[_NAME]
-        turned = isinstance(self.cycle.predictor, TurnedPredictor)
-        self.judge = Judge(self.cycle.predictor.cable, self.cycle.scene, self.motion.robot, turned=turned)
+        self.judge = self._judged()
         return ""
+
+    def _judged(self) -> Judge:
+        """Of the cable as it is held now."""
+        turned = isinstance(self.cycle.predictor, TurnedPredictor)
+        return Judge(self.cycle.predictor.cable, self.cycle.scene, self.motion.robot, turned=turned)
 
     def sure(self, a: _Sample, b: _Sample) -> bool:
         """See the base."""

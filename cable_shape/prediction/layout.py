@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, final
@@ -11,6 +12,7 @@ from cable_shape.cable.cable import Cable
 from cable_shape.cable.cut import stretch_of
 from cable_shape.cable.harness import Harness
 from cable_shape.scene.scene import Allow, Clip, Obstacle, PointMass, Scene
+from cable_shape.scene.scene_files import clip_entry, clip_of, mass_entry, part_of
 from cable_shape.scene.scene_parts import clip_names
 
 
@@ -29,6 +31,23 @@ class Laid:
     clips: tuple[Clip, ...] = ()
     masses: tuple[PointMass, ...] = ()
     opened: str = ""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Keys and values for :meth:`from_mapping`: numbers, texts, lists and mappings."""
+        return {
+            "made": self.made.as_dict(), "first": float(self.first), "last": float(self.last), "opened": self.opened,
+            "clips": [clip_entry(clip) for clip in self.clips], "masses": [mass_entry(mass) for mass in self.masses],
+        }  # fmt: skip
+
+    @classmethod
+    def from_mapping(cls, values: Mapping[str, Any]) -> Laid:
+        """What `as_dict` made."""
+        parts: dict[str, Any] = {
+            "made": Cable.from_mapping(values["made"]),
+            "clips": tuple(clip_of(one, "clips") for one in values["clips"]),
+            "masses": tuple(part_of(one, "masses") for one in values["masses"]),
+        }
+        return cls(**{**values, **parts})
 
     @property
     def cable(self) -> Cable:
@@ -80,6 +99,18 @@ class Layout:
                 heavy = tuple(dataclasses.replace(m, segment=None) for m in scene.masses if m.segment == segment)
                 laid[cable_id(name, segment)] = Laid(cable, 0.0, cable.length, held, heavy)
         return cls(scene, laid, dict(harnesses or {}))
+
+    def as_text(self) -> str:
+        """All but the harnesses, for :meth:`read`: JSON, whose numbers give back the same bits."""
+        cables = {name: laid.as_dict() for name, laid in self.cables.items()}
+        return json.dumps({"scene": self.scene.as_dict(), "cables": cables}, allow_nan=False)
+
+    @classmethod
+    def read(cls, text: str, harnesses: Mapping[str, Harness]) -> Layout:
+        """What `as_text` wrote, of cables and these harnesses."""
+        values = json.loads(text)
+        cables = {name: Laid.from_mapping(laid) for name, laid in values["cables"].items()}
+        return cls(Scene.from_mapping(values["scene"]), cables, harnesses)
 
     @property
     def single(self) -> dict[str, Laid]:

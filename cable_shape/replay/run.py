@@ -365,6 +365,8 @@ class _Sinks:
         """What was edited before the cycle of `stamp` [ns]."""
         try:
             self.bag.write_edits(message, cycle.layout, stamp, frame_id)
+            if self.recording is not None:
+                self.recording.edited(cycle.layout)
         except OSError as error:
             raise self._unwritable(error) from error
 

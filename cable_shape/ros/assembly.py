@@ -169,6 +169,15 @@ class Assembly:
             if side in kinds and known.kind not in (None, kinds[side])
         ]
 
+    def tell_edited(self) -> None:
+        """Has the processes beside the node know what edits have made of cables and bodies."""
+        if self.viewer is not None:
+            self.viewer.edited(self.cycle.layout)
+        if self.workers:
+            text = self.cycle.layout.as_text()
+            for worker in self.workers.values():
+                worker.tell(text)
+
     def close(self, leave: bool = False) -> None:
         """Ends viewer and workers at the same time, within their bounds; with `leave` for a node that must end now."""
         processes = [*self.workers.values(), *(() if self.viewer is None else (self.viewer,))]

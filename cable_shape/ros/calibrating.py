@@ -1,6 +1,6 @@
 """The calibrator's process: action CalibrateCable, and a calibration that goes on by a topic of points.
 
-    python -m cable_shape.ros.calibrating SETUP SERVES CLIENTS
+    python -m cable_shape.ros.calibrating SETUP SERVES CLIENTS NEWS
 
 SETUP is a descriptor of a :class:`~cable_shape.ros.workers.CalibratorSetup` in JSON; for the others see
 :mod:`cable_shape.ros.serving`. Standard input, by ending, ends the process. Started by
@@ -34,11 +34,13 @@ from cable_shape.errors import ArgumentError, CableShapeError, InputError, Unkno
 from cable_shape.files.files import safe_output
 from cable_shape.messages.pairing import SECOND, FrameGuard
 from cable_shape.pose import IDENTITY, Grip, Pose
+from cable_shape.prediction.layout import Layout, cable_id
 from cable_shape.ros import conversions
 from cable_shape.ros.calibration_messages import asked, calibration_message, file_of, look_at, points_of
+from cable_shape.ros.following import Following
 from cable_shape.ros.goals import Feedback, Goals
 from cable_shape.ros.messages import CableCalibration, CalibrateCable
-from cable_shape.ros.serving import Gate, given, leave, serve
+from cable_shape.ros.serving import Gate, given, leave, news, serve
 from cable_shape.ros.workers import CalibratorSetup
 
 _QUEUE = 50  # messages that wait while a fit is computed
@@ -51,8 +53,8 @@ Files = dict[str, CableFile | HarnessFile]
 class Action:
     """CalibrateCable; one goal is worked on at a time."""
 
-    def __init__(self, node: Node, setup: CalibratorSetup, files: Files, gate: Gate) -> None:
-        self._setup, self._files = setup, files
+    def __init__(self, node: Node, setup: CalibratorSetup, files: Files, gate: Gate, following: Following) -> None:
+        self._setup, self._files, self._following = setup, files, following
         Goals(node, CalibrateCable, setup.action, self._calibrate, {"partial": True}, gate.check)
 
     def _calibrate(self, goal: Any, result: Any) -> None:
@@ -69,7 +71,7 @@ class Action:
             name = next(iter(self._files))
         if name not in self._files:
             raise UnknownKeyError.among("cable_id", name, self._files)
-        harness = of_harness(self._files[name])
+        harness, made = of_harness(self._files[name]), made_now(self._files[name], name, self._following)
         wanted = asked(request, self._setup, harness)
         ends = time.monotonic() + wanted.time_limit
         feedback = Feedback(goal, at_once=True)
@@ -82,7 +84,7 @@ class Action:
             return not cut
 
         found: Any = calibrate(
-            wanted.observations, made_of(self._files[name]), wanted.fit, priors=wanted.priors,
+            wanted.observations, made, wanted.fit, priors=wanted.priors,
             gravity=self._setup.gravity, proceed=proceed, progress=False,
         )  # fmt: skip
         return calibration_message(name, found, len(wanted.observations), harness), cut
@@ -92,8 +94,8 @@ class Action:
 class Online:
     """Calibrates each cable or harness again and again by the newest observations that the topics bring."""
 
-    def __init__(self, node: Node, setup: CalibratorSetup, files: Files) -> None:
-        self._node, self._setup, self._files = node, setup, files
+    def __init__(self, node: Node, setup: CalibratorSetup, files: Files, following: Following) -> None:
+        self._node, self._setup, self._files, self._following = node, setup, files, following
         self._done = dict.fromkeys(setup.topics, 0)  # observations taken at the last fit
         self._gatherers: dict[str, Gatherer] = {}
         self._refused: set[str] = set()
@@ -184,7 +186,8 @@ class Online:
         log = self._node.get_logger()
         try:
             file = self._files[name]
-            found: Any = calibrate(seen, made_of(file), self._setup.fit, gravity=self._setup.gravity, progress=False)
+            made = made_now(file, name, self._following)
+            found: Any = calibrate(seen, made, self._setup.fit, gravity=self._setup.gravity, progress=False)
         except CableShapeError as error:
             log.warning(f"{name}: {len(seen)} observations do not give a cable: {error}")
             return
@@ -209,9 +212,18 @@ class Online:
         return file if len(self._files) == 1 else file.with_stem(f"{file.stem}_{name}")
 
 
-def made_of(file: CableFile | HarnessFile) -> Cable | Harness:
-    """The cable or harness of a file."""
-    return file.cable if isinstance(file, CableFile) else file.harness
+def made_now(file: CableFile | HarnessFile, name: str, following: Following) -> Cable | Harness:
+    """The cable or harness of a file, with the numbers that edits have set.
+
+    Raises
+    ------
+    ArgumentError
+        If edits have left it in other clips, or gripped elsewhere.
+    """
+    if isinstance(file, CableFile):
+        return following.held_as_made(name).made
+    segments = {one: following.held_as_made(cable_id(name, one)).made for one in file.harness.segments}
+    return file.harness.replace(segments)
 
 
 def of_harness(file: CableFile | HarnessFile) -> HarnessFile | None:
@@ -247,10 +259,17 @@ def main() -> int:
     def make(node: Node, gate: Gate) -> str:
         files: Files = {name: CableFile.from_mapping(values) for name, values in setup.cables.items()}
         files |= {name: HarnessFile.from_mapping(values, name) for name, values in setup.harnesses.items()}
+        cables, harnesses = {}, {}
+        for name, file in files.items():
+            if isinstance(file, CableFile):
+                cables[name] = file.cable
+            else:
+                harnesses[name] = file.harness
+        following = Following(Layout.of(setup.scene, cables, {}, harnesses), news())
         if setup.action:
-            Action(node, setup, files, gate)
+            Action(node, setup, files, gate, following)
         if setup.topics:
-            Online(node, setup, files)
+            Online(node, setup, files, following)
         return f"calibrating {', '.join(files)}: {setup.action or 'no action'}, {setup.topics}"
 
     return serve(setup, make)

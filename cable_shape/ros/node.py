@@ -361,9 +361,13 @@ class CableShapeNode(LifecycleNode):
         """The cables are others."""
         if self._seeing is not None:
             self._seeing.take()
+        assembly = self._assembly
+        if assembly is None:
+            return
         for output in (self._outputs, self._scene):
-            if output is not None and self._assembly is not None:
-                output.take(self._assembly.cycle.parts)
+            if output is not None:
+                output.take(assembly.cycle.parts)
+        assembly.tell_edited()
 
     # Health
 

@@ -11,8 +11,10 @@ import numpy as np
 from cable_shape import checks
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
+from cable_shape.messages.edits import edits_of
 from cable_shape.planning.paths import EndsPath, GripPath, JointPath
 from cable_shape.pose import FreeEnd
+from cable_shape.prediction.edits import Edit
 from cable_shape.ros.workers import PlannerSetup
 from cable_shape.solve.problem import MAX_POINTS, MIN_POINTS
 
@@ -36,6 +38,7 @@ class Motion(NamedTuple):
     """What CheckTrajectory asks for."""
 
     path: JointPath | GripPath | EndsPath
+    edits: Mapping[int, tuple[Edit, ...]]  # by the waypoint that comes next
     points: int
     tolerance: float | None  # m
     time_limit: float  # s
@@ -68,7 +71,8 @@ def motion(
     Raises
     ------
     ArgumentError
-        As above, and for joints and poses at once or none of both, and whatever the paths refuse.
+        As above, and for joints and poses at once or none of both, edits of a harness or of no place, and whatever the
+        paths refuse.
     """
     given = request.trajectory
     joints, poses = bool(given.points or given.joint_names), bool(request.starts or request.ends or request.times)
@@ -86,7 +90,27 @@ def motion(
             path = EndsPath({**by_end(starts, held), **free}, times)
         else:
             path = GripPath(starts, ends, times)
-    return Motion(path, *_common(request, setup))
+    waypoints = len(given.points) if joints else len(starts)
+    return Motion(path, _edits(request, waypoints, bool(held)), *_common(request, setup))
+
+
+def _edits(request: Any, waypoints: int, harness: bool) -> Mapping[int, tuple[Edit, ...]]:
+    """The edits of a goal on a path of so many waypoints, by the waypoint that comes next."""
+    places = [int(place) for place in request.before]
+    if len(places) != len(request.edits):
+        bound = f"there are {len(request.edits)} edits"
+        raise ArgumentError.of("before", f"{len(places)} numbers", bound, "Give the next waypoint of each.")
+    if not places:
+        return {}
+    if harness:
+        raise ArgumentError.of("edits", f"{len(places)} edits", "those on the way are of one cable", "Leave them out.")
+    if sorted(places) != places or places[0] < 1 or places[-1] > waypoints:
+        bound = f"they must be 1 to {waypoints}, the number of waypoints, and never fall"
+        raise ArgumentError.of("before", places, bound, "Give the number of the waypoint that comes next.")
+    out: dict[int, tuple[Edit, ...]] = {}
+    for place, edit in zip(places, edits_of(request.edits), strict=True):
+        out[place] = (*out.get(place, ()), edit)
+    return out
 
 
 def _common(request: Any, setup: PlannerSetup) -> tuple[int, float | None, float]:

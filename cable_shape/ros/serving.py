@@ -1,7 +1,8 @@
 """What the processes beside the node do alike, from their start to their end: :func:`serve`.
 
 Their arguments are two inherited descriptors, of a text that says what to do and of one that is written to as soon as
-requests are served, and how many clients the node knew when it started the process again; 0 at first.
+requests are served, how many clients the node knew when it started the process again, 0 at first, and the descriptor
+of a mailbox that brings what edits have made of cables and bodies.
 """
 
 from __future__ import annotations
@@ -41,6 +42,11 @@ def given() -> str:
     with open(int(sys.argv[1]), encoding="utf-8") as file:
         file.seek(0)
         return file.read()
+
+
+def news() -> int:
+    """The descriptor of the mailbox."""
+    return int(sys.argv[4])
 
 
 @final

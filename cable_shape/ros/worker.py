@@ -13,7 +13,9 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import final
 
+from cable_shape.ros.following import TOO_LONG
 from cable_shape.viewer.children import ended, left
+from cable_shape.viewer.mailbox import Mailbox
 
 _GRACE = 1.0  # s, from telling the process to end until it is ended
 _FIRST_WAIT, _LONGEST_WAIT = 1.0, 60.0  # s, before a start after an end; twice as long after each that was soon
@@ -30,8 +32,9 @@ class WorkerProcess:
     name : str
         What it is, as in "the planner's process".
     module : str
-        Run as `python -m MODULE SETUP SERVES CLIENTS`: inherited descriptors, one with the text `setup`, one to be
-        written to as soon as it serves, and `clients()` if it has ended before, else 0.
+        Run as `python -m MODULE SETUP SERVES CLIENTS NEWS`: inherited descriptors, one with the text `setup`, one to be
+        written to as soon as it serves, `clients()` if it has ended before, else 0, and the descriptor of a mailbox
+        that brings what is told meanwhile.
     remedy : str
         What else to do if it ends again and again.
     clients : callable
@@ -58,6 +61,7 @@ class WorkerProcess:
         self._papers = os.memfd_create(f"cable_shape_{name}_setup", os.MFD_CLOEXEC)
         with open(self._papers, "w", encoding="utf-8", closefd=False) as file:
             file.write(setup)
+        self._news = Mailbox(Mailbox.memory())
         self.ends = 0  # how often the process has ended by itself
         self._wait = _FIRST_WAIT
         self._ended: float | None = None  # when it was seen that the process is gone; None: it runs
@@ -107,11 +111,17 @@ class WorkerProcess:
             return ""
         return f"the {self._name}'s process loads: its services come when it serves, wait for them."
 
+    def tell(self, text: str) -> None:
+        """Has the process know a text in the place of the last one, this one or one that is started after it."""
+        if not self._news.put(text.encode()):
+            self._news.put(TOO_LONG)
+
     def close(self) -> None:
         """Ends the process."""
         self.release()
         ended(self._process, _GRACE)
         os.close(self._papers)
+        self._news.close()
 
     def leave(self, timeout: float) -> bool:
         """For a caller that ends: after `timeout` [s] the process is left to take itself down. True if it has ended."""
@@ -127,12 +137,12 @@ class WorkerProcess:
     def _start(self) -> None:
         self._ready, serves = os.pipe()
         os.set_blocking(self._ready, False)
-        asking = self._clients() if self.ends else 0
+        given = (self._papers, serves, self._clients() if self.ends else 0, self._news.file)
         try:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", self._module, *map(str, (self._papers, serves, asking)), *self._arguments],
+                [sys.executable, "-m", self._module, *map(str, given), *self._arguments],
                 stdin=subprocess.PIPE,  # by ending, it ends the process
-                pass_fds=(self._papers, serves),
+                pass_fds=(self._papers, serves, self._news.file),
                 env=self._environment,
                 process_group=0,  # Ctrl-C ends the caller, which closes the pipe
             )

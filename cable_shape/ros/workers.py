@@ -58,7 +58,7 @@ class PlannerSetup:
 
     def to_json(self) -> str:
         """As text, for `from_json`."""
-        return json.dumps({**{f.name: getattr(self, f.name) for f in fields(self)}, "scene": self.scene.as_dict()})
+        return _json(self)
 
     @classmethod
     def from_json(cls, text: str) -> PlannerSetup:
@@ -78,6 +78,7 @@ class CalibratorSetup:
     action: str
     result: str  # topic
     cables: dict[str, dict[str, Any]]  # keys of CableFile
+    scene: Scene
     topics: dict[str, tuple[str, ...]]  # of each: those of its grips, and points; empty: none is listened to
     gravity: tuple[float, float, float]  # m/s^2
     fit: tuple[str, ...]
@@ -93,17 +94,22 @@ class CalibratorSetup:
 
     def to_json(self) -> str:
         """As text, for `from_json`."""
-        return json.dumps({f.name: getattr(self, f.name) for f in fields(self)})
+        return _json(self)
 
     @classmethod
     def from_json(cls, text: str) -> CalibratorSetup:
         """What `to_json` wrote."""
         values = json.loads(text)
+        values["scene"] = Scene.from_mapping(values["scene"])
         for name in ("gravity", "fit", "kinds"):
             values[name] = tuple(values[name])
         values["offsets"] = tuple(tuple(row) for row in values["offsets"])
         values["topics"] = {name: tuple(topics) for name, topics in values["topics"].items()}
         return cls(**values)
+
+
+def _json(setup: PlannerSetup | CalibratorSetup) -> str:
+    return json.dumps({**{f.name: getattr(setup, f.name) for f in fields(setup)}, "scene": setup.scene.as_dict()})
 
 
 def clients(node: Node, setup: PlannerSetup | CalibratorSetup) -> int:
@@ -222,6 +228,7 @@ def calibrator_setup(node: Node, settings: Settings, assembly: Assembly) -> Cali
         action=node.resolve_topic_name(CALIBRATE) if settings.calibration else "",
         result=node.resolve_topic_name(CALIBRATION),
         cables={name: CableFile(cable, *assembly.held[name]).as_dict() for name, cable in cycle.cables.items()},
+        scene=cycle.scene,
         topics=topics,
         gravity=settings.gravity,
         fit=settings.fitted,

@@ -1,8 +1,9 @@
 """The viewer process, started by :class:`~cable_shape.viewer.process.ViewerProcess`: takes reports, writes to rerun.
 
-    python -m cable_shape.viewer.child SETUP MAILBOX
+    python -m cable_shape.viewer.child SETUP MAILBOX NEWS
 
-SETUP and MAILBOX are inherited descriptors; standard input wakes the process and, by ending, ends it.
+These are inherited descriptors, NEWS that of a mailbox of what edits have made of cables and bodies; standard input
+wakes the process and, by ending, ends it.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ import rerun as rr
 
 from cable_shape.cable.cable import Cable
 from cable_shape.cable.harness import Harness
+from cable_shape.prediction.layout import Layout
 from cable_shape.scene.scene import Obstacle, Scene
 from cable_shape.viewer.children import be_ordinary
 from cable_shape.viewer.entities import ReportLogger
@@ -38,7 +40,7 @@ _FLUSH_WITHIN = 30.0  # s; the parent ends the process sooner if it wants to
 
 def main() -> int:
     """Shows reports until the parent closes the pipe or the window is closed."""
-    papers, file = (int(argument) for argument in sys.argv[1:])
+    papers, file, news = (int(argument) for argument in sys.argv[1:])
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # what was taken is still written
     be_ordinary()
     os.nice(_NICENESS)
@@ -59,7 +61,7 @@ def main() -> int:
     written = None if window is not None else recording
     try:
         try:
-            _show(logger, Mailbox(file), 1.0 / setup["max_rate"], window, written)
+            _show(logger, Mailbox(file), Mailbox(news), 1.0 / setup["max_rate"], window, written)
         finally:
             recording.flush(timeout_sec=_FLUSH_WITHIN)
             recording.disconnect()
@@ -72,6 +74,7 @@ def main() -> int:
 def _show(
     logger: ReportLogger,
     mailbox: Mailbox,
+    news: Mailbox,
     period: float,
     window: subprocess.Popen[bytes] | None,
     written: rr.RecordingStream | None,
@@ -80,7 +83,7 @@ def _show(
 
     Raises RuntimeError when `written`, a recording to a file, cannot be written any more.
     """
-    number, ended, checked = 0, False, time.monotonic()
+    number, edited, ended, checked = 0, 0, False, time.monotonic()
     while not ended and (window is None or window.poll() is None):
         ready, _, _ = select.select([0], [], [], _LOOK_UP)
         if not ready:
@@ -90,6 +93,10 @@ def _show(
         letter = mailbox.take(number)
         if letter is not None:
             number = letter[0]
+            told = news.take(edited)
+            if told is not None:
+                edited = told[0]
+                logger.edited(Layout.read(told[1].decode(), logger.harnesses))
             logger.log(decode(letter[1]))
         if written is not None and began - checked > _CHECK_PERIOD:
             checked = began

@@ -1,7 +1,7 @@
 """Cycle reports as rerun entities: :class:`ReportLogger`. Imports rerun: see recording.
 
 =============================  ====================================================================================
-/world/obstacles/NAME          obstacles of the scene, once
+/world/obstacles/NAME          obstacles of the scene, once and when they are edited
 /world/robot/LINK              pose of a robot link; its solids lie below, once
 /world/cables/NAME/line        the centreline, as thick as the cable, coloured by curvature or clearance
 /world/cables/NAME/start, end  cable frames at the grips: d1 red, d2 green, d3 (the tangent) blue
@@ -10,7 +10,7 @@
 /world/cables/NAME/tube        the tube that holds the cable with the confidence asked for; below tails theirs
 /world/cables/NAME/closest     the closest pair of points and their distance, of bodies that it does not rest on
 /world/cables/NAME/forces      of clips and of bodies that it rests on, on the cable
-/world/cables/NAME/clips/K     clips of the scene; point masses likewise in masses/K
+/world/cables/NAME/clips/K     clips, likewise; point masses in masses
 /world/harnesses/NAME/J        its junctions; its segments are cables, in cables/NAME/SEGMENT
 /world/markers                 markers that were measured on the real cable
 /world/sockets/NAME            frames of the sockets, once
@@ -36,8 +36,9 @@ from cable_shape.cable.pieces import radius_of, thicker
 from cable_shape.checks import Array
 from cable_shape.cycle.parts import cable_id, cables_of, in_parts
 from cable_shape.pose import IDENTITY, FreeEnd, Grip, Pose
+from cable_shape.prediction.layout import Layout
 from cable_shape.safety.report import Clearance, CycleReport, Severity
-from cable_shape.scene.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Obstacle, Scene, Solid, Sphere
+from cable_shape.scene.scene import Obstacle, Scene
 from cable_shape.shape import CableShape
 from cable_shape.solve.harness_shape import junctions_of
 from cable_shape.uncertainty.uncertainty import Tube
@@ -48,6 +49,7 @@ from cable_shape.viewer.blueprint import blueprint, eye
 from cable_shape.viewer.columns import TIMELINE, Columns
 from cable_shape.viewer.forces import Forces
 from cable_shape.viewer.plots import Plots, part, path
+from cable_shape.viewer.standing import Standing, shown, transform
 from cable_shape.viewer.tubes import capsules
 
 #: Stamps below this are the clock of a simulation, which begins near 0, and not a date. [ns], March 1973.
@@ -55,16 +57,13 @@ FIRST_DATE = 10**17
 #: A cable is drawn with at most so many segments, however many points were asked for.
 _WARNING_WIDTH = 52  # characters that the log has room for
 MAX_SEGMENTS = 400
-FLOOR_SIZE = 6.0  # m, of the plate that stands for a half-space
-FLOOR_THICKNESS = 0.01  # m
-FLOOR_GAP = 0.001  # m, by which the plate is drawn too low, so that the grid of the ground lies on it
 
 _LEVELS = {Severity.WARN: rr.TextLogLevel.WARN, Severity.ERROR: rr.TextLogLevel.ERROR, None: rr.TextLogLevel.INFO}
 
 
 @final
 class ReportLogger:
-    """Writes cycle reports to a rerun recording; what does not move is written once, with the first report.
+    """Writes cycle reports to a rerun recording; what does not move is written with the first report, and when edited.
 
     Parameters
     ----------
@@ -102,7 +101,8 @@ class ReportLogger:
         self.recording = recording
         self.cables = cables_of(cables)
         self.harnesses = {name: one for name, one in cables.items() if isinstance(one, Harness)}
-        self.scene = scene
+        singles = {name: one for name, one in cables.items() if isinstance(one, Cable)}
+        self.layout = Layout.of(scene, singles, {}, self.harnesses)
         self.links = tuple(links)
         self.colour = colours.check_colouring(colour)
         self.times = times
@@ -111,12 +111,14 @@ class ReportLogger:
         self._plots = Plots(recording, self.cables, scene, times, later)
         self._columns = Columns(recording, later)
         self._bars = Bars(recording, self._columns)
+        self._standing = Standing(self._columns)
         self._forces = {
             name: Forces(f"/world/cables/{path(name)}/forces", cable) for name, cable in self.cables.items()
         }
         self._warnings = text.WarningLog()
         self._logged: dict[str, object] = {}  # entity -> what was written there last
         self._begun = False
+        self._edited = True  # whether something stands elsewhere than it was drawn
         self._dates: bool | None = None  # whether stamps are dates; the first one tells
         # One time for each row: the stamp. The wall clock and a count would differ between two runs.
         recording.set_log_time_enabled(False)
@@ -128,6 +130,9 @@ class ReportLogger:
         if not self._begun:
             self._begin(report)
         self._at(report.stamp)
+        if self._edited:
+            self._edited = False
+            self._standing.write(self.layout)
         for link, pose in (report.links or {}).items():
             self._move(f"/world/robot/{part(link)}", pose)
         for name, shape in report.shapes.items():
@@ -153,6 +158,18 @@ class ReportLogger:
                 for junction, pose in junctions_of(harness, shapes).items():
                     self._move(_junction(name, junction), pose)
         self._log_words(report)
+
+    def edited(self, layout: Layout) -> None:
+        """Cables, clips and bodies are these from the next report on."""
+        self.layout, self._edited = layout, True
+        self.cables.update((name, laid.cable) for name, laid in layout.cables.items())
+        for name, forces in self._forces.items():
+            forces.cable = self.cables[name]
+
+    @property
+    def scene(self) -> Scene:
+        """The bodies now, and the distances at which to warn."""
+        return self.layout.scene
 
     def log_markers(self, points: Array, stamp: int | None = None) -> None:
         """Writes measured markers (k, 3) [m], world, at `stamp` [ns], by default that of the last report."""
@@ -201,19 +218,12 @@ class ReportLogger:
         )  # fmt: skip
         self.recording.send_blueprint(layout)
         self._write("/world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        for body in self.scene.obstacles:
-            above = "/world/obstacles" if body.link is None else f"/world/robot/{part(body.link)}"
-            entity = f"{above}/{part(body.name)}"
-            flat = isinstance(body.solid, HalfSpace)
-            self._log_solid(entity, body.solid, body.pose, colours.FLOOR if flat else colours.OBSTACLE)
         for body in self.links:
             entity = f"/world/robot/{part(body.link or '')}/{part(body.name)}"
-            self._log_solid(entity, body.solid, body.pose, colours.ROBOT)
+            self._write(entity, transform(body.pose), shown(body.solid, colours.ROBOT), static=True)
         for name, pose in self.scene.sockets.items():
             axes = rr.Arrows3D(vectors=0.04 * np.eye(3), colors=colours.AXES, radii=0.0015)
-            self._write(f"/world/sockets/{part(name)}", _transform(pose), axes, static=True)
-        for name, cable in self.cables.items():
-            self._log_held(f"/world/cables/{path(name)}", name, cable)
+            self._write(f"/world/sockets/{part(name)}", transform(pose), axes, static=True)
         for name, harness in self.harnesses.items():
             for junction in harness.junctions:
                 widest = max(harness.segments[split_end(end)[0]].diameter for end in junction.ends)
@@ -221,47 +231,6 @@ class ReportLogger:
                 self._write(_junction(name, junction.name), ball, static=True)
         self._plots.begin(self.markers)
         self._bars.begin()
-
-    def _log_solid(self, entity: str, solid: Solid, pose: Pose, colour: colours.Colour) -> None:
-        """A solid body in the frame of the entity above it."""
-        fill = rr.components.FillMode.Solid
-        shown: Any
-        if isinstance(solid, Box):
-            shown = rr.Boxes3D(half_sizes=[0.5 * solid.size], colors=colour, fill_mode=fill)
-        elif isinstance(solid, Sphere):
-            shown = rr.Ellipsoids3D(radii=[solid.radius], colors=colour, fill_mode=fill)
-        elif isinstance(solid, Cylinder):
-            shown = rr.Cylinders3D(radii=[solid.radius], lengths=[solid.length], colors=colour, fill_mode=fill)
-        elif isinstance(solid, Capsule):
-            low = (0.0, 0.0, -0.5 * solid.length)  # rerun's capsule begins at its origin
-            shown = rr.Capsules3D(
-                radii=[solid.radius], lengths=[solid.length], translations=[low], colors=colour, fill_mode=fill
-            )
-        elif isinstance(solid, HalfSpace):
-            half = (0.5 * FLOOR_SIZE, 0.5 * FLOOR_SIZE, 0.5 * FLOOR_THICKNESS)
-            low = (0.0, 0.0, -half[2] - FLOOR_GAP)
-            shown = rr.Boxes3D(half_sizes=[half], centers=[low], colors=colour, fill_mode=fill)
-        elif isinstance(solid, Mesh):
-            shown = rr.Mesh3D(
-                vertex_positions=solid.vertices,
-                triangle_indices=solid.faces,
-                albedo_factor=colour,
-                face_rendering=rr.components.MeshFaceRendering.DoubleSided,
-            )
-        self._write(entity, _transform(pose), shown, static=True)
-
-    def _log_held(self, base: str, name: str, cable: Cable) -> None:
-        """Clips, in the world or on a link; point masses move with the cable and are drawn as it is."""
-        for k, clip in enumerate(self.scene.clips):
-            if not self._concerns(name, clip.segment):
-                continue
-            ring = rr.Points3D([(0.0, 0.0, 0.0)], radii=1.2 * cable.diameter, colors=colours.CLIP)
-            above = base if clip.link is None else f"/world/robot/{part(clip.link)}/{path(name)}"
-            self._write(f"{above}/clips/{k}", _transform(clip.pose), ring, static=True)
-
-    def _concerns(self, name: str, segment: str | None) -> bool:
-        """Whether a clip or a mass of this segment is one of this cable's, or of every cable."""
-        return segment is None or any(name == cable_id(harness, segment) for harness in self.harnesses)
 
     def _move(self, entity: str, pose: Pose) -> None:
         if self._changed(entity, pose.array.tobytes()):
@@ -276,14 +245,14 @@ class ReportLogger:
             colour = colours.scale(colours.by_curvature(cable, shape))
         else:
             colour = colours.scale(colours.by_clearance(cable, shape, self.scene, self.links, report.links))
-        shown = _shown(shape.points)
-        points = shape.positions[shown].astype(np.float32)
+        drawn = _shown(shape.points)
+        points = shape.positions[drawn].astype(np.float32)
         line = np.stack((points[:-1], points[1:]), axis=1)
         arc, radius = shape.arc_length, 0.5 * cable.diameter
-        more = thicker(cable, 0.5 * (arc[shown[:-1]] + arc[shown[1:]]))
+        more = thicker(cable, 0.5 * (arc[drawn[:-1]] + arc[drawn[1:]]))
         radii = np.array([radius]) if more is None else radius_of(cable) + more
-        self._columns.put(f"{base}/line", rr.LineStrips3D, strips=line, colors=colour[shown[:-1]], radii=radii)
-        masses = [mass for mass in self.scene.masses if self._concerns(name, mass.segment)]
+        self._columns.put(f"{base}/line", rr.LineStrips3D, strips=line, colors=colour[drawn[:-1]], radii=radii)
+        masses = self.layout.cables[name].masses
         if masses:
             at = np.array([mass.arc_length for mass in masses])
             places = np.stack([np.interp(at, shape.arc_length, shape.positions[:, i]) for i in range(3)], axis=1)
@@ -320,10 +289,10 @@ class ReportLogger:
         if self._changed(f"{entity}/kind", kind):
             # The axes reach well out of the cable, yet not beyond what a hand would hold.
             reach = float(np.clip(0.07 * shape.length, 0.03, 0.12))
-            shown = {"clamped": (0, 1, 2), "swivel": (2,)}.get(kind, ())
+            seen = {"clamped": (0, 1, 2), "swivel": (2,)}.get(kind, ())
             axes = rr.Arrows3D(
-                vectors=[reach * np.eye(3)[i] for i in shown],
-                colors=[colours.AXES[i] for i in shown],
+                vectors=[reach * np.eye(3)[i] for i in seen],
+                colors=[colours.AXES[i] for i in seen],
                 radii=0.045 * reach,
             )
             size = 1.2 * diameter if loaded else 0.12 * reach
@@ -380,7 +349,3 @@ def _shown(points: int) -> np.ndarray[Any, np.dtype[np.int64]]:
 
 def _junction(harness: str, junction: str) -> str:
     return f"/world/harnesses/{part(harness)}/{part(junction)}"
-
-
-def _transform(pose: Pose) -> rr.Transform3D:
-    return rr.Transform3D(translation=pose.position, quaternion=rr.Quaternion(xyzw=pose.quaternion))

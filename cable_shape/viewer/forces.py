@@ -25,7 +25,7 @@ class Forces:
 
     def __init__(self, entity: str, cable: Cable) -> None:
         self.entity = entity
-        self._cable = cable
+        self.cable = cable
         self._shown = False
 
     def write(self, shape: CableShape, columns: Columns) -> None:
@@ -38,14 +38,14 @@ class Forces:
         self._shown = True
         origins, forces = arrows(shape)
         sizes = np.linalg.norm(forces, axis=1)
-        unit = max(self._cable.linear_density * STANDARD_GRAVITY * shape.length, float(sizes.max()), 1e-9)
+        unit = max(self.cable.linear_density * STANDARD_GRAVITY * shape.length, float(sizes.max()), 1e-9)
         columns.put(
             self.entity,
             rr.Arrows3D,
             origins=origins,
             vectors=forces * (LONGEST * shape.length / unit),
             colors=_COLOUR,
-            radii=np.array([0.35 * self._cable.diameter]),
+            radii=np.array([0.35 * self.cable.diameter]),
             labels=[f"{size:.2g} N" for size in sizes] if len(sizes) <= MOST_LABELS else [],
         )
 

@@ -19,6 +19,7 @@ from cable_shape.cable.cable import Cable
 from cable_shape.cable.harness import Harness
 from cable_shape.cycle.parts import in_parts
 from cable_shape.errors import ArgumentError, DependencyError, how_to_get
+from cable_shape.prediction.layout import Layout
 from cable_shape.safety.report import CycleReport
 from cable_shape.scene.scene import Obstacle, Scene
 from cable_shape.viewer.children import ended, left
@@ -89,21 +90,23 @@ class ViewerProcess:
         }
         self.sent = 0  # reports handed over
         self.dropped = 0  # reports that could not be handed over, because the process is gone or they are too long
-        self._mailbox = Mailbox(Mailbox.memory())
+        self._mailbox, self._news = Mailbox(Mailbox.memory()), Mailbox(Mailbox.memory())
         wake, self._wake = os.pipe()
         papers = os.memfd_create("cable_shape_viewer_setup", os.MFD_CLOEXEC)
+        given = (papers, self._mailbox.file, self._news.file)
         try:
             with open(papers, "w", encoding="utf-8", closefd=False) as file:
                 json.dump(setup, file)
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "cable_shape.viewer.child", str(papers), str(self._mailbox.file)],
+                [sys.executable, "-m", "cable_shape.viewer.child", *map(str, given)],
                 stdin=wake,
-                pass_fds=(papers, self._mailbox.file),
+                pass_fds=given,
                 process_group=0,  # Ctrl-C ends the caller, which closes the pipe
             )
         except OSError:
             os.close(self._wake)
             self._mailbox.close()
+            self._news.close()
             raise
         finally:
             os.close(papers)
@@ -145,6 +148,10 @@ class ViewerProcess:
         self.sent += 1
         return True
 
+    def edited(self, layout: Layout) -> bool:
+        """Has it draw cables, clips and bodies as they are now, with the next report; False if it cannot be told."""
+        return self._connected and self._news.put(layout.as_text().encode())
+
     def offer(self, report: CycleReport) -> None:
         """Like `send`, but hands over no more than the process would show, for a loop whose time is dear.
 
@@ -179,6 +186,7 @@ class ViewerProcess:
             self._connected = False
             os.close(self._wake)
             self._mailbox.close()
+            self._news.close()
 
     def __enter__(self) -> Self:
         return self

@@ -18,6 +18,7 @@ import rerun as rr
 from cable_shape.cable.cable import Cable
 from cable_shape.cable.harness import Harness
 from cable_shape.checks import Array
+from cable_shape.prediction.layout import Layout
 from cable_shape.safety.report import CycleReport
 from cable_shape.scene.scene import Obstacle, Scene
 from cable_shape.viewer.entities import ReportLogger
@@ -62,6 +63,10 @@ class RecordingWriter:
         if now - self._flushed > _FLUSH_PERIOD:
             self._flushed = now
             self._flush(_FLUSH_WITHIN)
+
+    def edited(self, layout: Layout) -> None:
+        """Cables, clips and bodies are these from the next report on."""
+        self._logger.edited(layout)
 
     def log_markers(self, points: Array, stamp: int | None = None) -> None:
         """Writes measured markers (k, 3) [m], world, at `stamp` [ns], by default that of the last report."""

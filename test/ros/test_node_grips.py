@@ -112,7 +112,7 @@ def test_the_planner_corrects_the_grips_of_the_robot(file):
         seen = []
         planner = Planner(node, PlannerSetup.from_json(setup.to_json()), Gate())
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(planning, "check_trajectory", lambda cable, scene, robot, *_, **__: seen.append(robot))
+            patch.setattr(planning, "check_laid", lambda layout, name, robot, *_, **__: seen.append(robot))
             points = [JointTrajectoryPoint(positions=Robot.from_yaml(robot).home.tolist())] * 2
             names = list(Robot.from_yaml(robot).joint_names)
             goal = CheckTrajectory.Goal(trajectory=JointTrajectory(joint_names=names, points=points))

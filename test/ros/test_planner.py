@@ -485,7 +485,7 @@ def test_a_defect_is_answered_and_the_planner_goes_on(monkeypatch):
             abort=lambda: ended.append("aborted"), succeed=lambda: ended.append("succeeded"),
         )  # fmt: skip
         with monkeypatch.context() as patch:
-            for name in ("predict_batch", "check_trajectory"):
+            for name in ("predict_batch", "check_laid"):
                 patch.setattr(planning, name, lambda *_, **__: 1 // 0)
             for error in (planner._predict(request, PredictShapes.Response()).error, planner.checks.run(goal).error):
                 assert "a defect ended this request (ZeroDivisionError: " in error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import os
 import signal
@@ -32,6 +33,7 @@ from cable_shape.cable.junction import Junction
 from cable_shape.cycle.cycle import Cycle
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import Pose
+from cable_shape.prediction.layout import Layout
 from cable_shape.safety.report import CycleReport
 from cable_shape.scene.scene import Scene
 from cable_shape.viewer.process import ViewerProcess
@@ -57,6 +59,22 @@ def test_every_report_is_shown_when_they_come_slowly(tmp_path: Path) -> None:
     held = columns(tmp_path / "out.rrd")
     assert len(held["/plots/tension/cable:Scalars:scalars"]) == 5
     assert any(name.startswith("/world/robot/left_forearm/") for name in held)
+
+
+def test_what_was_edited_is_drawn_with_the_next_report(tmp_path: Path) -> None:
+    """Also where the process has overlooked an edit before it."""
+    moved = dataclasses.replace(SCENE.obstacles[0], pose=Pose((0.0, 0.0, 2.0)))
+    with ViewerProcess(tmp_path / "out.rrd", {"cable": CABLE}, SCENE, LINKS, max_rate=1000.0) as viewer:
+        assert viewer.send(report(0))
+        assert wait_until(lambda: viewer.shown == 1)
+        for scene in (Scene(), Scene(obstacles=[moved])):
+            assert viewer.edited(Layout.of(scene, {"cable": CABLE}, {}))
+        assert viewer.send(report(1))
+        assert viewer.close(timeout=120.0)
+        assert not viewer.edited(Layout.of(Scene(), {"cable": CABLE}, {}))
+    places = columns(tmp_path / "out.rrd")[f"/world/obstacles/{moved.name}:Transform3D:translation"]
+    assert [t for t, _ in places] == [T0, T0 + PERIOD]
+    assert places[1][1] == [pytest.approx(moved.pose.position)]
 
 
 def test_a_harness_is_handed_over_as_a_cycle_reports_it(tmp_path: Path) -> None:

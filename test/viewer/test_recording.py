@@ -7,6 +7,7 @@ import math
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 from unittest.mock import Mock
 
 import numpy as np
@@ -32,12 +33,14 @@ from cable_shape.cable.junction import Junction
 from cable_shape.cycle.cycle import Cycle
 from cable_shape.cycle.parts import in_parts
 from cable_shape.pose import FreeEnd, Pose
+from cable_shape.prediction.layout import Layout
 from cable_shape.prediction.predictor import predict
 from cable_shape.safety.report import Clearance, CycleReport
-from cable_shape.scene.scene import Clip, HalfSpace, Obstacle, PointMass, Scene, Sphere
+from cable_shape.scene.scene import Box, Clip, HalfSpace, Obstacle, PointMass, Scene, Sphere
 from cable_shape.shape import Status
+from cable_shape.viewer.entities import ReportLogger
 from cable_shape.viewer.letters import decode, encode
-from cable_shape.viewer.recording import RecordingWriter
+from cable_shape.viewer.recording import RecordingWriter, new_recording
 
 
 @pytest.fixture(scope="module")
@@ -106,7 +109,7 @@ def test_margins_tails_and_the_shape_after_a_snap_are_shown(tmp_path: Path) -> N
     assert "| 50.0 mm, 5.7° |" in text
 
 
-def test_what_stands_still_is_written_once(recorded: dict[str, list[tuple[object, object]]]) -> None:
+def test_what_stands_still_is_written_once_and_links_for_ever(recorded: dict[str, list[tuple[object, object]]]) -> None:
     for entity, component in (
         ("box", "Boxes3D:half_sizes"),
         ("sphere", "Ellipsoids3D:half_sizes"),
@@ -116,10 +119,53 @@ def test_what_stands_still_is_written_once(recorded: dict[str, list[tuple[object
         ("table", "Boxes3D:half_sizes"),
     ):
         rows = recorded[f"/world/obstacles/{entity}:{component}"]
-        assert [t for t, _ in rows] == [None], entity
+        assert [t for t, _ in rows] == [T0], entity
     assert recorded["/world/obstacles/box:Boxes3D:half_sizes"][0][1] == [pytest.approx([0.05, 0.05, 0.05])]
     assert recorded["/world/robot/wrist/hand:Boxes3D:half_sizes"][0][0] is None
     assert recorded["/world/cables/cable/clips/0:Transform3D:translation"][0][1] == [pytest.approx([0.1, 0.0, 0.4])]
+
+
+def test_bodies_and_clips_are_drawn_as_edits_have_left_them(tmp_path: Path) -> None:
+    """What has moved is told where it is, what has gone is cleared, what is another is drawn anew; nothing else is."""
+    before = Scene(
+        [Obstacle("stays", Sphere(0.02)), Obstacle("moves", Sphere(0.03)), Obstacle("goes", Sphere(0.04))],
+        clips=[Clip(0.2, Pose((0.2, 0.0, 0.4)), name="first"), Clip(0.3, Pose((0.3, 0.0, 0.4)), name="second")],
+    )
+    after = Scene(
+        [Obstacle("stays", Sphere(0.02)), Obstacle("moves", Sphere(0.03), Pose((0.5, 0.0, 0.0)))],
+        clips=[Clip(0.3, Pose((0.3, 0.0, 0.4)), name="second")],
+    )
+    last = after.replace(obstacles=[Obstacle("moves", Box((0.1, 0.1, 0.1)))], clips=())
+    for later in (True, False):
+        path = tmp_path / f"{later}.rrd"
+        recording = new_recording(path)
+        logger = ReportLogger(recording, {"cable": CABLE}, before, later=later)
+        for k, scene in enumerate((None, None, after, last)):
+            if scene is not None:
+                logger.edited(Layout.of(scene, {"cable": CABLE.replace(diameter=0.02)}, {}))
+            logger.log(report(k))
+        logger.flush()
+        recording.flush()
+        recording.disconnect()
+        held, at = columns(path), [T0 + k * PERIOD for k in range(4)]
+
+        def times(entity: str, component: str, held: dict[str, Any] = held) -> list[object]:
+            return [
+                t for name, rows in held.items() if name.startswith(f"/world/{entity}:{component}") for t, _ in rows
+            ]
+
+        assert times("obstacles/stays", "Ellipsoids3D:half_sizes") == at[:1]
+        assert times("obstacles/stays", "Clear") == at[3:]
+        assert times("obstacles/moves", "Transform3D:translation") == [at[0], at[2], at[3]]
+        assert times("obstacles/moves", "Ellipsoids3D:half_sizes") == at[:1]
+        assert times("obstacles/moves", "Boxes3D:half_sizes") == at[3:]
+        assert times("obstacles/moves", "Clear") == at[3:]
+        assert times("obstacles/goes", "Clear") == at[2:3]
+        places = held["/world/cables/cable/clips/0:Transform3D:translation"]
+        assert [t for t, _ in places] == [at[0], at[2]], "the second clip is the first one now"
+        assert [row[0][0] for _, row in places] == pytest.approx([0.2, 0.3])
+        assert times("cables/cable/clips/0", "Clear") == [at[2], at[3]], "drawn as wide as the cable is now, and gone"
+        assert times("cables/cable/clips/1", "Clear") == at[2:3]
 
 
 def test_what_is_on_a_link_moves_with_it(tmp_path: Path) -> None:
