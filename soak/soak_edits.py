@@ -164,7 +164,7 @@ class Twin:
         start, end = self.ends
         ends = None if opened == "start" else start, None if opened == "end" else end
         again = self._predictor().predict(*ends)
-        if not again.usable:
+        if not again.usable or again.status is cs.Status.UNSTABLE:
             return "not from nothing"
         if not self.shape.usable:
             lost = any(text in self.shape.detail for text in ("no way from the last shape", "too short for its way"))

@@ -695,6 +695,14 @@ class Network:
         self.factored = True
         respond.refresh(self.ints, self.floats, self.sols, self.work, True)
 
+    def runs_away(self) -> bool:
+        """Whether the energy of the last solution falls as the cable runs on through its eyelets."""
+        if len(self.rings) == 0:
+            return False
+        self.refresh()
+        _, J, _ = self.pulls()
+        return bool(np.linalg.eigvalsh(-0.5 * (J + J.T))[0] < -self.neutral / self.length)
+
     def smallest_eigenvalue(self) -> float:
         """[N], of the last solution's second variation."""
         return float(respond.smallest_eigenvalue(self.ints, self.floats, self.sols, self.work.copy()))

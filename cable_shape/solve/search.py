@@ -212,10 +212,11 @@ class Search:
             status = Status.OK if stable else Status.UNSTABLE
         within = info[I_ESTIMATE] <= problem.tolerance
         state.settle()
-        least = 0.0
+        least, runs = 0.0, False
         if status is Status.UNSTABLE:
-            least = state.smallest_eigenvalue()
-            if least >= -state.neutral:  # the inertia was that of the last but one iterate, and a mode is neutral
+            least, runs = state.smallest_eigenvalue(), state.runs_away()
+            # the inertia was that of the last but one iterate, and a mode is neutral
+            if least >= -state.neutral and not runs:
                 status = Status.OK
         unheld = unheld_roll(problem, state, self.buffer, info[I_MOMENT]) if state.rolls else ""
         if self.late:
@@ -227,6 +228,8 @@ class Search:
         detail = unheld
         if not within:
             detail = f"error estimate {info[I_ESTIMATE]:.2g} m, tolerance {problem.tolerance:.2g} m. "
+        elif status is Status.UNSTABLE and runs:
+            detail = "disturbed, the cable runs on through its eyelets. "
         elif status is Status.UNSTABLE:
             of_bending = least * state.length**2 / state.bend
             detail = f"smallest eigenvalue of the second variation {of_bending:.3g} EI/L^2. "

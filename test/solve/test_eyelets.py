@@ -158,3 +158,21 @@ def test_sensitivity_lets_the_cable_run_through_its_eyelets(ends):
     found, differences = sensitivities(cosserat, state, ends)
     away = np.abs(np.linspace(0.0, LENGTH, 22)[:, None] - state.arcs[1:-1]).min(axis=1) > 1e-3  # r' jumps at an eyelet
     assert found[away] == pytest.approx(differences[away], abs=2e-4)
+
+
+def test_where_the_cable_would_run_on_it_is_unstable():
+    """A long end over a smooth edge: at rest where the energy, by balls at other arc lengths, is highest."""
+    cable = cs.Cable(length=1.133781670847165, linear_density=0.1, bending_stiffness=0.024415584753009492)
+    along_x = (0.0, np.sqrt(0.5), 0.0, np.sqrt(0.5))
+    eye, start = Pose((0.7804, -0.0012, 0.9441), along_x), Pose((-0.0318, 0.0, 1.0), along_x)
+
+    def held(arc_length, kind):
+        scene = Scene(clips=[Clip(arc_length, eye, kind)], masses=[PointMass(0.5338, 0.01)])
+        return cs.predict(cable, start, None, scene=scene, model="cosserat")
+
+    found = held(0.8692, "slide")
+    assert found.status is Status.UNSTABLE
+    assert "disturbed, the cable runs on through its eyelets" in found.detail
+    at = found.clips[0].arc_length
+    before, here, beyond = (held(at + by, "ball").energy for by in (-0.003, 0.0, 0.003))
+    assert here > max(before, beyond)
