@@ -6,6 +6,7 @@
     scripts/bench cell --cables 10    # that many cables on one node, beside one
     scripts/bench cell --priority     # what a real-time priority does on a busy machine; needs the right to it
     scripts/bench cell --calibration  # what a calibration costs that goes on beside; part of the whole, too
+    scripts/bench cell --edits        # what 20 edits a second cost in contact; part of the whole, too
     scripts/bench cell --replay       # ten minutes replayed beside how long they took; part of the whole, too
 
 Three processes: this one, which publishes two gripper poses and joint states and receives the shapes, the node (20
@@ -20,6 +21,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import cell_calibration
+import cell_edits
 import cell_replay
 import cell_sides
 from cell_beside import TURN_S, Side, compare, measuring
@@ -60,6 +62,7 @@ def main() -> int:
     parser.add_argument("--view", default="off", help="the node's parameter view")
     parser.add_argument("--viewer", action="store_true", help="compare cycle times with a viewer and without")
     parser.add_argument("--calibration", action="store_true", help="only cycles beside a calibration and without")
+    parser.add_argument("--edits", action="store_true", help="only cycles in contact beside edits and without")
     parser.add_argument("--replay", action="store_true", help="only a recording replayed")
     parser.add_argument("--rounds", type=int, help="of the comparisons (3)")
     parser.add_argument("--cables", type=int, help="on one node; --rates then are 25 50 100 unless given")
@@ -76,10 +79,15 @@ def main() -> int:
     if options.replay:
         cell_replay.print_replay(collected, 20.0 if options.quick else 600.0)
         return finish(collected, options)
+    rates = options.rates or ([250.0] if options.quick else [125.0, 250.0, 500.0])
+    seconds = options.seconds or (2.0 if options.quick else 20.0)
+    if options.edits:
+        cell_edits.print_edits(collected, rates, seconds)
+        return finish(collected, options)
     if not options.calibration:
         heading("From the second pose to the shape, over DDS")
-        rates = options.rates or ([250.0] if options.quick else [125.0, 250.0, 500.0])
-        beside_echo(collected, rates, options.seconds or (2.0 if options.quick else 20.0), options.view)
+        beside_echo(collected, rates, seconds, options.view)
+        cell_edits.print_edits(collected, rates, seconds)
         cell_replay.print_replay(collected, 20.0 if options.quick else 600.0)
     cell_calibration.print_calibration(collected, rounds)
     return finish(collected, options)

@@ -1,7 +1,7 @@
 #!/usr/bin/env python
 """Figures for planners: grasps a second, trajectories checked, targets of the steering task, and the node's service.
 
-scripts/bench planner [--quick] [--save FILE] [--compare FILE] [--service]
+scripts/bench planner [--quick] [--save FILE] [--compare FILE] [--service] [--trajectory [N]]
 """
 
 from __future__ import annotations
@@ -17,8 +17,20 @@ def main() -> int:
     """All tables."""
     parser = bench_parser(__doc__, "fewer rows and paths")
     parser.add_argument("--service", action="store_true", help="only the service over DDS")
+    parser.add_argument(
+        "--trajectory",
+        type=int,
+        nargs="?",
+        const=100,
+        metavar="N",
+        help="only trajectories, N (100) against finer checks",
+    )
     options = bench_options(parser)
     quick, figures = options.quick, Figures()
+    if options.trajectory:
+        planner_trajectory.print_time(figures)
+        planner_trajectory.print_agreement(figures, options.trajectory)
+        return finish(figures, options)
     planner_service.print_service(figures, 7 if quick else 15)
     planner_service.print_cycles(figures, 2 if quick else 6)
     if not options.service:

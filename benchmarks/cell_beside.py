@@ -137,6 +137,7 @@ class Turn(NamedTuple):
     worst: float
     cycle_p50: float
     cycle_p99: float
+    overtaken: float  # share of the rounds, that have no shapes of their own
 
 
 class Side(NamedTuple):
@@ -155,7 +156,8 @@ def turn(side: Side, rate: float, seconds: float) -> Turn:
     values = side.node.fresh()
     p50, p99, worst = np.percentile(1e3 * waits, (50, 99, 100), method="lower")
     cycle = [float(values.get(f"cycle time {name} [ms]", "nan")) for name in ("p50", "p99")]
-    return Turn(float((waits < 1.0 / rate).mean()), p50, p99, worst, *cycle)
+    overtaken = side.node.overtaken / len(waits)
+    return Turn(float((waits < 1.0 / rate).mean()), p50, p99, worst, cycle[0], cycle[1], overtaken)
 
 
 def compare(sides: Sequence[Side], rounds: int, rate: float = RATE, seconds: float = TURN_S) -> dict[str, Turn]:

@@ -93,6 +93,7 @@ class FedNode:
         self.poses = [self.node.create_publisher(PoseStamped, topic, SENSOR) for topic in topics]
         self.joints = self.node.create_publisher(JointState, "joint_states", SENSOR)
         self.several = len(prefixes)  # shapes of a round
+        self.overtaken = 0  # rounds that were last fed and have no shapes of their own
         self.values: dict[str, str] = {}
         self._speaks, self._heard, self._name = program is None, 0.0, name
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._hear, 10)
@@ -156,6 +157,7 @@ class FedNode:
             node has overtaken it; infinite if none came.
         """
         waits: list[float] = []
+        self.overtaken = 0
         open_rounds: deque[tuple[int, float]] = deque()
         missing: dict[int, int] = {}
         due = time.monotonic()
@@ -175,8 +177,11 @@ class FedNode:
                     continue
                 missing[came] -= 1
                 while not missing[came] and open_rounds and open_rounds[0][0] <= came:
-                    waits.append(now - open_rounds.popleft()[1])
+                    own, sent = open_rounds.popleft()
+                    waits.append(now - sent)
+                    self.overtaken += own < came
             time.sleep(max(0.0, due - time.monotonic()) if k < rounds else 0.0)
+        self.overtaken += len(open_rounds)
         return waits + [math.inf] * len(open_rounds)
 
     def _taken(self, seconds: float) -> CableShape | None:
