@@ -91,11 +91,14 @@ def any_rough(lying: Lying, bodies: Bodies) -> bool:
 
 
 @viewing
-def limit_of(lying: Lying, bodies: Bodies, near: Array, on: Array, k: int) -> float:
-    """[N], mu p of node k; of two bodies the sum. Of body and cable the larger mu counts."""
-    limit = max(lying.rough[k], bodies.rough[on[k, 0]]) * max(near[k, PRESS], 0.0)
+def limit_of(rough: Array, of_bodies: Array, near: Array, on: Array, k: int) -> float:
+    """[N], mu p of node k; of two bodies the sum. Of body and cable the larger mu counts.
+
+    rough (n,), of_bodies (m,): see `Lying.rough` and `Bodies.rough`.
+    """
+    limit = max(rough[k], of_bodies[on[k, 0]]) * max(near[k, PRESS], 0.0)
     if on[k, SECOND] != BARE:
-        limit += max(lying.rough[k], bodies.rough[on[k, SECOND]]) * max(near[k, SECOND_PRESS], 0.0)
+        limit += max(rough[k], of_bodies[on[k, SECOND]]) * max(near[k, SECOND_PRESS], 0.0)
     return limit
 
 
@@ -163,21 +166,24 @@ def forget_limits(near: Array) -> None:
 
 
 @viewing
-def limits(lying: Lying, bodies: Bodies, near: Array, on: Array, part: float) -> tuple[float, float]:
+def limits(
+    rough: Array, of_bodies: Array, near: Array, on: Array, part: float
+) -> tuple[float, float, float]:  # fmt: skip
     """Takes the limits of all contacts a part of the way on to mu p; new ones there.
 
-    part: of the last time. Returns that of this time, and the largest way that was left [N].
+    rough, of_bodies: see `limit_of`; part: of the last time. Returns that of this time, the largest way that was left
+    and the largest mu p [N]. The road takes the same step (solve/touching/held_along.py).
 
     Reference: B. M. Irons and R. C. Tuck, A version of the Aitken accelerator for computer iteration, IJNME 1, 1969.
     """
     told, bent = 0.0, 0.0
     for turn in range(2):
-        left = 0.0
+        left, largest = 0.0, 0.0
         for k in range(near.shape[0]):
             if on[k, 0] == BARE or near[k, MATE] != 1.0 + on[k, 0]:
                 near[k, LIMIT] = -1.0
                 continue
-            limit = limit_of(lying, bodies, near, on, k)
+            limit = limit_of(rough, of_bodies, near, on, k)
             if near[k, LIMIT] < 0.0:
                 near[k, LIMIT], near[k, OFF] = limit, 0.0
             off, before = limit - near[k, LIMIT], near[k, OFF]
@@ -187,10 +193,10 @@ def limits(lying: Lying, bodies: Bodies, near: Array, on: Array, part: float) ->
             else:
                 near[k, LIMIT] += part * off
                 near[k, OFF] = off
-                left = max(left, abs(off))
+                left, largest = max(left, abs(off)), max(largest, limit)
         if turn == 0 and bent > 0.0:
             part = min(max(-part * told / bent, LEAST), 1.0)
-    return part, left
+    return part, left, largest
 
 
 @viewing
@@ -216,7 +222,7 @@ def pull_along(
     `part` of `limits`.
     """
     model, work = model_of(net.ints, net.floats), work_of(net.ints, net.space)
-    part, left = limits(lying, bodies, near, on, part)
+    part, left, _ = limits(lying.rough, bodies.rough, near, on, part)
     flips, miss, largest = 0, left * left, 0.0
     for i in range(net.bare[N_KNOTS], net.ints[N_KNOTS]):
         k = net.where[i]
@@ -228,7 +234,7 @@ def pull_along(
         flips += (near[k, SLIPS] != 0.0) != slips
         near[k, SLIPS] = 1.0 if slips else 0.0
         off = subtract(get3(work.pull, i), t)
-        miss, largest = max(miss, dot(off, off)), max(largest, limit_of(lying, bodies, near, on, k))
+        miss, largest = max(miss, dot(off, off)), max(largest, limit_of(lying.rough, bodies.rough, near, on, k))
         put3(work.pull, i, 0, off)
         if not factored:
             put9(model.bent, i, 0, madd(get9(model.bent, i, 0), K))
@@ -270,7 +276,7 @@ def remember(lying: Lying, bodies: Bodies, faint: float, length: float) -> None:
         b = on[k, 0]
         if b == BARE:
             continue
-        limit = limit_of(lying, bodies, near, on, k)
+        limit = limit_of(lying.rough, bodies.rough, near, on, k)
         mu = max(lying.rough[k], bodies.rough[b])
         near[k, MATE] = 1.0 + b
         near[k, FIRM] = max(limit, mu * faint) / (FIRMNESS * length)

@@ -7,13 +7,23 @@ along the surface: `kernels.network.motion.rubbing`.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from cable_shape.checks import Array
-from cable_shape.kernels.contact.friction import FAINT, FIRMNESS, LEAST
-from cable_shape.kernels.contact.near import ARC, FIRM, HELD, MATE, WAS
+from cable_shape.kernels.contact.friction import FAINT, FIRMNESS, forget_limits, limits
+from cable_shape.kernels.contact.near import (
+    ARC,
+    BARE,
+    FIRM,
+    HELD,
+    LIMIT,
+    MATE,
+    ON,
+    PRESS,
+    SECOND,
+    SECOND_PRESS,
+    WAS,
+)
 from cable_shape.kernels.network import motion
 
 _FLAT = 1e-6  # sine of the angle between two normals, from which on there is an edge
@@ -27,27 +37,41 @@ class HeldAlong:
     """
 
     def __init__(self, near: Array, s: Array, rough: Array, of_bodies: Array, least: float, length: float) -> None:
+        self.near, self.on = near.copy(), np.full((s.size, ON), BARE)
         self.mate = near[:, MATE].astype(int) - 1  # -1: none
-        self.was, self.held = near[:, WAS : WAS + 3].copy(), near[:, HELD : HELD + 3].copy()
-        self.along, self.firm = s - near[:, ARC], near[:, FIRM].copy()
-        self._limit, self._off, self._part = np.full(s.size, -1.0), np.zeros(s.size), 1.0
+        self.along, self._part = s - near[:, ARC], 1.0
         self.rough, self.of_bodies, self.faint, self.length = rough, of_bodies, FAINT * least, length
 
-    def tell(self, out: Array, body: Array, push: Array, normal: Array, frames: Array, tangents: Array) -> None:
-        """Fills `Motion.rough` (n, ROUGH) for nodes pressed by two bodies (n, 2), `push` [N] and `normal` (n, 2, 3).
+    def begin(self, body: Array, push: Array) -> None:
+        """Begins a step in time, limits those of pushes [N] by bodies (n, 2), see `tell`."""
+        self.on[:, 0] = np.where(self._press(body, push), self.mate, BARE)
+        forget_limits(self.near)
+        self._part, _, _ = limits(self.rough, self.of_bodies, self.near, self.on, 1.0)
 
-        The first is the one that was touched before, if it pushes. frames (m, 4, 3): of the bodies; tangents (n, 3).
+    def _press(self, body: Array, push: Array) -> Array:
+        """Tells the pushes now; (n,), whether it is still the body touched before that pushes a node."""
+        pressed = (self.mate >= 0) & (push[:, 0] > 0.0) & (body[:, 0] == self.mate)
+        self.on[:, SECOND] = np.where(pressed & (push[:, 1] > 0.0), body[:, 1], BARE)
+        self.near[:, PRESS] = np.where(pressed, push[:, 0], 0.0)
+        self.near[:, SECOND_PRESS] = push[:, 1]
+        return np.asarray(pressed)
+
+    def tell(self, out: Array, push: Array, normal: Array, frames: Array, tangents: Array) -> None:
+        """Fills `Motion.rough` (n, ROUGH) for nodes pressed by two bodies, `push` (n, 2) [N] and `normal` (n, 2, 3).
+
+        The first is the one that was touched before, if it pushes; all as when the step began. frames (m, 4, 3): of
+        the bodies; tangents (n, 3).
         """
         out[:] = 0.0
-        k = np.flatnonzero((self.mate >= 0) & (push[:, 0] > 0.0) & (body[:, 0] == self.mate))
+        k = np.flatnonzero(self.on[:, 0] != BARE)
         if not k.size:
             return
         b, n, m, second = self.mate[k], normal[k, 0], normal[k, 1], push[k, 1] > 0.0
-        limit = self._limit[k] = np.where(self._limit[k] < 0.0, self._allowed(k, body, push), self._limit[k])
-        firm = np.maximum(self.firm[k], np.maximum(limit, self.faint) / (FIRMNESS * self.length))
+        limit, was, held = self.near[k, LIMIT], self.near[k, WAS : WAS + 3], self.near[k, HELD : HELD + 3]
+        firm = np.maximum(self.near[k, FIRM], np.maximum(limit, self.faint) / (FIRMNESS * self.length))
         axes, origin = frames[b, :3], frames[b, 3]
-        was = origin + np.einsum("ki,kij->kj", self.was[k], axes) + self.along[k, None] * tangents[k]
-        kept = np.einsum("ki,kij->kj", self.held[k], axes)
+        was = origin + np.einsum("ki,kij->kj", was, axes) + self.along[k, None] * tangents[k]
+        kept = np.einsum("ki,kij->kj", held, axes)
         edge = np.cross(n, m)
         sine = np.linalg.norm(edge, axis=1)
         second &= sine > _FLAT
@@ -61,34 +85,11 @@ class HeldAlong:
         out[k, motion.CENTRE : motion.CENTRE + 3] = was + kept / firm[:, None]
         out[k, motion.AXIS : motion.AXIS + 3], out[k, motion.EDGE] = axis, second
 
-    def _allowed(self, k: Any, body: Array, push: Array) -> Array:
-        """[N], mu p of nodes k, see `tell`; of two bodies the sum."""
-        rough, bodies = self.rough[k, None], np.maximum(body[k].astype(int), 0)
-        return np.asarray((np.maximum(rough, self.of_bodies[bodies]) * np.maximum(push[k], 0.0)).sum(axis=1))
-
-    def follow(self, body: Array, push: Array, *, first: bool) -> float:
-        """Takes limits on towards those of pushes, as `kernels.contact.friction.limits` does.
-
-        first: of a step in time. Returns by how much they were off at most, of the largest.
-        """
-        k = np.flatnonzero(self._limit >= 0.0)
-        if not k.size:
-            return 0.0
-        allowed = self._allowed(k, body, push)
-        off = allowed - self._limit[k]
-        turned = off - self._off[k]
-        bent = float(turned @ turned)
-        if first:
-            self._part = 1.0
-        elif bent > 0.0:
-            self._part = min(max(-self._part * float(self._off[k] @ turned) / bent, LEAST), 1.0)
-        self._limit[k] += self._part * off
-        self._off[k] = off
-        return float(np.abs(off).max() / max(float(allowed.max()), self.faint))
-
-    def forget(self) -> None:
-        """The next limits are those of the pushes."""
-        self._limit[:] = -1.0
+    def follow(self, body: Array, push: Array) -> float:
+        """Takes limits on towards those of pushes; returns by how much they were off at most, of the largest."""
+        self._press(body, push)
+        self._part, left, largest = limits(self.rough, self.of_bodies, self.near, self.on, self._part)
+        return float(left / max(largest, self.faint))
 
 
 def pulls(rough: Array, places: Array) -> Array:

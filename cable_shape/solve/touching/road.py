@@ -172,17 +172,17 @@ class Road:
         """One step in time with friction, whose limits are those of the pushes after it."""
         settling, motion, frames = self.settling, self.settling.motion, self.state.bodies.frames
         start = settling.sols.copy(), motion.kept.copy(), motion.origin.copy(), motion.walls.copy()
-        pushes, tangents = self.pushes() if self.taken else self._pressed, self._tangents
-        self.along.forget()
-        self.along.tell(motion.rough, *pushes, frames, tangents)
+        (body, push, normal), tangents = self.pushes() if self.taken else self._pressed, self._tangents
+        self.along.begin(body, push)
+        self.along.tell(motion.rough, push, normal, frames, tangents)
         for i in range(_LIMITS):
             if not settling.step(dt):
                 return False
-            off = self.along.follow(*self.pushes()[:2], first=i == 0)
+            off = self.along.follow(*self.pushes()[:2])
             if off < _LAWFUL or i == _LIMITS - 1:
                 break
             settling.sols[...], motion.kept[...], motion.origin[...], motion.walls[...] = start
-            self.along.tell(motion.rough, *pushes, frames, tangents)
+            self.along.tell(motion.rough, push, normal, frames, tangents)
         return True
 
     def _guard(self) -> tuple[float, float]:
