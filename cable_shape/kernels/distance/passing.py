@@ -25,18 +25,21 @@ _BISECTIONS = 60
 
 
 @kernel
-def crossings(a: Array, a_then: Array, b: Array, b_then: Array, out: Array) -> int:
-    """Fills `out` (MOST_CROSSINGS, 4) for centrelines a (n, 3) -> a_then, b (m, 3) -> b_then; returns how many."""
+def crossings(a: Array, a_then: Array, b: Array, b_then: Array, apart: int, out: Array) -> int:
+    """Fills `out` (MOST_CROSSINGS, 4) for centrelines a (n, 3) -> a_then, b (m, 3) -> b_then; returns how many.
+
+    apart: 0 for two cables; of one with itself, b = a, only pieces j >= i + apart > i are looked at.
+    """
     b, b_then = b + np.array(_ASIDE), b_then + np.array(_ASIDE)
     u, v = spheres_around(a), spheres_around(b)
     far, other_far = _ways(a, a_then, u.shape[0]), _ways(b, b_then, v.shape[0])
     count = 0
     for k in range(u.shape[0]):
-        for m in range(v.shape[0]):
+        for m in range(k if apart > 0 else 0, v.shape[0]):
             if bound(u, v, k, m) > far[k] + other_far[m]:
                 continue
             for i in range(k * CHUNK, min((k + 1) * CHUNK, a.shape[0] - 1)):
-                for j in range(m * CHUNK, min((m + 1) * CHUNK, b.shape[0] - 1)):
+                for j in range(max(m * CHUNK, i + apart if apart > 0 else 0), min((m + 1) * CHUNK, b.shape[0] - 1)):
                     if not _swept_apart(a, a_then, b, b_then, i, j):
                         count = _add(a, a_then, b, b_then, i, j, out, count)
     return count

@@ -201,10 +201,11 @@ class Crossing:
             if missed is None:
                 return self._by_halves(frames)
             if not missed:
-                missed = self._places.crossed(shapes, self._shapes)
-                if not missed:
-                    return self._accept(shapes, frames)
-                old = [spot for spot, now in zip(old, self._spots, strict=False) if now.press > 0.0]
+                return self._accept(shapes, frames)
+            pairs = {spot.cables for spot in missed}
+            old = [
+                spot for spot, now in zip(old, self._spots, strict=False) if now.press > 0.0 or now.cables not in pairs
+            ]
             along = self._places.along_each_other(shapes, missed)
             if along:
                 return self._give_up([None] * len(shapes), along)
@@ -369,7 +370,7 @@ class Crossing:
         found = group.go(frames, search=True)
         if found and group.refined():
             shapes = self._reported(free, Status.SNAPPED, began)
-            if not (self._places.overlaps(shapes, self._spots) or self._places.crossed(shapes, self._shapes)):
+            if not (self._places.overlaps(shapes, self._spots) or self._places.gone_through(shapes, self._shapes)):
                 return self._accept(shapes, frames)
         self._lose()
         if not found:

@@ -166,21 +166,24 @@ class Pile:
         steps.links = links
         state.move_bodies(links)
         poses, kept = self._poses(frames), self.keep()
-        found = steps.go(poses, state.history, WARM_ITERATIONS, math.inf if search else FAR)
+        found = steps.go(poses, state.history, WARM_ITERATIONS, math.inf if search else FAR) and self._take(frames)
         if not found and search:
-            found = relax(steps, poses)
+            self.restore(kept)
+            state.move_bodies(links)
+            found = relax(steps, poses) and self._take(frames)
         if not found:
             self.restore(kept)
-            return False
+        return found
+
+    def _take(self, frames: Array) -> bool:
+        """Takes over the state's last solution, at `frames`, if all cables keep off each other where they touch."""
+        state = self._state
         state.history = 2
-        self.frames = frames.copy()
+        self.frames, before = frames.copy(), [spot.copy() for spot in self.spots]
         for spot, pair in zip(self.spots, state.pairs(), strict=True):
             gaps = [state.gaps[self.cables.index(cable)] for cable in spot.cables]
             spot.arcs, spot.places, spot.press = pair.arcs - gaps, pair.places, pair.push
-        if not all(self._keeps_off(spot, before) for spot, before in zip(self.spots, kept[1], strict=True)):
-            self.restore(kept)
-            return False
-        return True
+        return all(self._keeps_off(spot, then) for spot, then in zip(self.spots, before, strict=True))
 
     def _keeps_off(self, spot: Spot, before: Spot) -> bool:
         """Whether two cables neither overlap where they touch, or nearly do, nor have come through each other there.

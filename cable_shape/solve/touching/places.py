@@ -26,9 +26,7 @@ _ASIDE = 2.0  #: of the distance to be kept: a place nearer to a contact along b
 _APART = 0.05  #: of the distance to be kept: nearer points tell no direction in which to part
 _CLOSE = 2.0  #: of the distance to be kept: cables that are seen nearer touch, or may
 _MOST_LOOKS = 40  #: at shapes between two
-_MIDDLE = 0.5  #: of the distance to be kept: cables that come nearer, looked at so often, go through each other
 _OFF = 2.0  #: of the distance to be kept: so near to an end a cable may slip off the other one
-_LONGEST_WAY = 2.0  #: of a cable's length: further ways are not looked at
 
 Pair = tuple[int, int]
 Line = tuple[Array, Array]  #: arc lengths (n,) and places (n, 3) of a centreline
@@ -85,7 +83,6 @@ class Places:
         self._pairs: list[Pair] = [(a, b) for a in range(count) for b in range(a, count)]
         self.culled, self.cull = 0, True
         self._out = np.empty((cable_near.MOST_SPOTS, cable_near.SPOT))
-        self._crossings = np.empty((passing.MOST_CROSSINGS, passing.CROSSING))
 
     def reach(self, pair: Pair) -> float:
         """[m], least distance of two centrelines."""
@@ -120,16 +117,13 @@ class Places:
     def missed(self, shapes: list[CableShape], before: list[CableShape], known: Sequence[Spot]) -> list[Spot] | None:
         """Where the shapes overlap, or have come past each other since those before: as it was before.
 
-        None: that cannot be told, as a known contact was lost there, or the cables were nowhere near each other.
+        Looked for in shapes between the two; what is seen in none of them, in how cables come through each other. None:
+        it cannot be told, as a known contact was lost there, or the cables were nowhere near each other.
         """
         found: list[Spot] = []
         pairs = self.near(shapes, before)
-        moved = {
-            cable: float(np.linalg.norm(shapes[cable].positions - before[cable].positions, axis=1).max())
-            for cable in {cable for pair in pairs for cable in pair}
-        }
         for pair in pairs:
-            way = moved[pair[0]] + moved[pair[1]]
+            way = sum(float(np.linalg.norm(shapes[i].positions - before[i].positions, axis=1).max()) for i in pair)
             looks = min(_MOST_LOOKS, 1 + math.floor(2.0 * way / self.reach(pair)))
             (a, later_a), (b, later_b) = ((before[i], shapes[i]) for i in pair)
             now: list[Spot] = []
@@ -149,54 +143,23 @@ class Places:
                     return None
                 if not any(near is other for other in found):
                     found.append(near)
-        return found
-
-    def crossed(self, shapes: list[CableShape], before: list[CableShape]) -> list[Spot]:
-        """Where cables must have gone through each other since the shapes before, as it was before, one place a pair.
-
-        Empty where they come through each other and back on the straight way: then another way leads there.
-        """
-        found: list[Spot] = []
-        for pair in self.near(shapes, before):
-            if pair[0] == pair[1]:
-                continue
-            lines = [shape.positions for i in pair for shape in (before[i], shapes[i])]
-            rows = self._crossings[: passing.crossings(*lines, self._crossings)]
-            spots = []
-            for row in rows:
-                arcs, places = np.empty(2), np.empty((2, 3))
-                for side, cable in enumerate(pair):
-                    numbers, shape = np.arange(before[cable].points), before[cable]
-                    arcs[side] = np.interp(row[2 + side], numbers, shape.arc_length)
-                    places[side] = [np.interp(row[2 + side], numbers, c) for c in shape.positions.T]
-                spots.append(Spot(pair, arcs, places, self.reach(pair), arcs.copy()))
-            inner = [(row, spot) for row, spot in zip(rows, spots, strict=True) if not at_an_end(spot, self._problems)]
-            total = sum(row[1] for row, _ in inner)
-            through = [(row[0], spot) for row, spot in inner if row[1] * total > 0.0]
-            if len(rows) == len(self._crossings):  # there may be more, and what they add up to is not known
-                through = through or [(row[0], spot) for row, spot in inner]
-            if through:
-                found.append(min(through, key=lambda timed: float(timed[0]))[1])
-        return found
+        through = (self._through(pair, shapes, before) for pair in pairs)
+        return found or [place for place in through if place is not None]
 
     def gone_through(self, shapes: list[CableShape], before: list[CableShape]) -> set[int]:
-        """The cables that went through another one or themselves on the straight way from the shapes before.
+        """The cables that must have gone through another one, or themselves, since the shapes before."""
+        pairs = self.near(shapes, before)
+        return {cable for pair in pairs if self._through(pair, shapes, before) is not None for cable in pair}
 
-        Off a cable's end another one may slip.
-        """
-        found: set[int] = set()
-        for pair in self.near(shapes, before):
-            ways = [shapes[i].positions - before[i].positions for i in pair]
-            way, middle = sum(float(np.linalg.norm(w, axis=1).max()) for w in ways), _MIDDLE * self.reach(pair)
-            if way > _LONGEST_WAY * max(shapes[i].length for i in pair):
-                return set(range(len(shapes)))
-            for x in np.linspace(0.0, 1.0, 1 + math.ceil(way / middle)):
-                p, r = (before[i].positions + x * w for i, w in zip(pair, ways, strict=True))
-                spots = self._spots(pair, before[pair[0]], before[pair[1]], p, r, middle, ())
-                if any(not at_an_end(spot, self._problems) for spot in spots):
-                    found.update(pair)
-                    break
-        return found
+    def _through(self, pair: Pair, shapes: list[CableShape], before: list[CableShape]) -> Spot | None:
+        """Where the cables of a pair first came through each other, as it was before; None if they need not have."""
+        reach, lines = self.reach(pair), [(before[i].arc_length, before[i].positions) for i in pair]
+        rows = came_through(lines, [shapes[i].positions for i in pair], reach, own=pair[0] == pair[1])
+        if not len(rows):
+            return None
+        arcs = rows[rows[:, 0].argmin(), 2:]
+        places = [[np.interp(arc, s, c) for c in p.T] for arc, (s, p) in zip(arcs, lines, strict=True)]
+        return Spot(pair, arcs.copy(), np.array(places), reach, arcs.copy())
 
     def crowded(self, spots: Sequence[Spot]) -> str:
         """Which cable is touched too near to what holds it, or twice in one place, in words; empty if none is."""
@@ -294,6 +257,26 @@ def _beside(arcs: Array, known: Spot, aside: float) -> bool:
     """Whether arc lengths (2,) are where a contact is, or has been since the last equilibrium."""
     low, high = np.minimum(known.arcs, known.before) - aside, np.maximum(known.arcs, known.before) + aside
     return bool((low < arcs).all() and (arcs < high).all())
+
+
+def came_through(lines: Sequence[Line], now: Sequence[Array], reach: float, *, own: bool) -> Array:
+    """(k, 4): where one of two centrelines must have gone through the other, or itself, from `lines` to places `now`.
+
+    Rows are those of `kernels.distance.passing`, with arc lengths [m] in place of pieces, of the sign of their sum. Off
+    an end a cable may slip, and none are left where they go through each other and back: then another way leads there.
+    How often one goes through itself tells nothing: there all count. reach [m]: least distance of the centrelines.
+    """
+    (s, p), (u, r) = lines
+    out = np.empty((passing.MOST_CROSSINGS, passing.CROSSING))
+    apart = math.ceil(SHORTEST * reach / float(s[1] - s[0])) if own else 0
+    rows = out[: passing.crossings(p, now[0], r, now[1], apart, out)]
+    for side, arcs in ((2, s), (3, u)):
+        rows[:, side] = np.interp(rows[:, side], np.arange(arcs.size), arcs)
+    off = _OFF * reach
+    inner = rows[((rows[:, 2:] > off) & (rows[:, 2:] < (s[-1] - off, u[-1] - off))).all(axis=1)]
+    through = inner if own else inner[inner[:, 1] * inner[:, 1].sum() > 0.0]
+    whole = len(rows) < len(out)  # else there may be more, and what they add up to is not known
+    return through if whole or len(through) else inner
 
 
 def at_an_end(spot: Spot, problems: Sequence[Problem]) -> bool:

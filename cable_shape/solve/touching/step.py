@@ -37,8 +37,8 @@ _ROUNDS = 8  #: of adding nodes where the cable dips into a body between them
 _MIDDLE = 0.4
 _LONGEST_WAY = 2.0  #: of the length: further ways are not looked at, and count as past a body
 _ANYWHERE: Array = np.empty((0, 3))
-#: Cosine of the angle by which the direction between two cables that press on each other may turn in one step: further,
-#: and they may have come past each other.
+#: Cosine of the angle by which the direction between two cables of a pair may turn in one step: further, and they may
+#: have come past each other.
 _TURNED = 0.3
 
 
@@ -73,7 +73,8 @@ class Steps:
     ) -> bool:
         """From the last solution to `frames`, not inside a body between the nodes, and unless a `jump` not past one.
 
-        Pairs do not come past each other, either. drag [N]: holds the rotations back from those of the last solution.
+        Nor do pairs turn round, but without drag where it may lead infinitely `far`. drag [N]: holds the rotations back
+        from those of the last solution.
         False: the last solution is as it was.
         """
         state = self.state
@@ -83,7 +84,8 @@ class Steps:
         before = _ANYWHERE if jump else state.positions
         refine = not jump and drag == 0.0
         fine = FINE * state.length if refine else math.inf
-        toward, origin = state.toward(), state.copy() if state.links else None
+        guarded = bool(state.links) and (far < math.inf or drag > 0.0)
+        toward, origin = state.toward(), state.copy() if guarded else None
         deepest = -1.0 if state.in_pieces else DEEPEST  # how thick each piece is, is looked at in `settle`
         code = self._call(history, most, far, sunk, drag, before, deepest, fine)
         if code == UNSETTLED:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scene_random import run
+from scene_random import motion, run, run_motion
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
@@ -264,6 +264,14 @@ def test_a_crossing_is_followed_over_the_edge_that_its_cable_lies_on():
 def test_a_crossing_comes_as_near_as_it_likes_to_where_its_cable_touches_a_body():
     """A contact keeps off the next node by a part of both its elements: a long one held it off the body's contact."""
     found = run("cables on bodies", 66)
+    assert found.lost == ()
+    assert not found.wrong, found.first
+
+
+def test_cables_whose_branch_ends_are_found_where_their_pair_has_turned_round():
+    """Slid against drag, with whole rows of contacts on a round body, they are not."""
+    given = motion("cables on bodies", 30)
+    found = run_motion(given._replace(steps=given.steps[5:17]), "cables on bodies 30")
     assert found.lost == ()
     assert not found.wrong, found.first
 
