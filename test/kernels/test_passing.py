@@ -60,7 +60,8 @@ def test_a_line_that_comes_through_itself_crosses_there_once():
     assert back[1] == -row[1]
     assert row[0] == pytest.approx(0.5, abs=1e-6)
     assert row[3] - row[2] > 30.0
-    assert counted(over, over + (0.0, 0.0, 1.0), over, over + (0.0, 0.0, 1.0), apart=6).size == 0
+    raised = over + np.array((0.0, 0.0, 1.0))
+    assert counted(over, raised, over, raised, apart=6).size == 0
     assert len(came_through([(np.arange(61.0), over)] * 2, [under] * 2, 1.5, own=True)) == 1
 
 
