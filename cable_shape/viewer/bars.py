@@ -19,6 +19,7 @@ AT_LIMIT = 6.5
 SEEN = ((-8.6, MOST_USED * AT_LIMIT + 0.2), (-0.6, len(text.MARGIN_KINDS) - 0.4))
 _HALF = 0.36  # of a bar's height
 _NAMES, _ABOVE = -4.3, 0.45  # where names are, beside the bars: their middle, and how far below its point one is drawn
+_LONGEST = 29  # characters of a name that are not cut off
 _STEP = 0.01  # of the limit; a smaller change of a bar is not seen
 
 
@@ -56,8 +57,16 @@ class Bars:
         white = np.array([colours.MARKER], dtype=np.uint8)
         self._columns.put(
             "/margins/names", rr.Points2D, positions=places, radii=np.zeros(1), colors=white,
-            labels=[worst[row][1] for row in used], show_labels=[True],
+            labels=[_fitting(worst[row][1]) for row in used], show_labels=[True],
         )  # fmt: skip
+
+
+def _fitting(name: str) -> str:
+    """A name and its number, without what there is no room for between them."""
+    if len(name) <= _LONGEST:
+        return name
+    end = name[name.rindex(" ", 0, -2) :]
+    return f"{name[: _LONGEST - len(end) - 1]}\u2026{end}"
 
 
 def _bars(used: Mapping[int, float], colour: colours.Colour | None = None) -> dict[str, Any]:

@@ -8,7 +8,7 @@
 /world/cables/NAME/tails/SIDE  what hangs beyond a grip
 /world/cables/NAME/after_snap  the shape after a snap that is about to come
 /world/cables/NAME/tube        the tube that holds the cable with the confidence asked for; below tails theirs
-/world/cables/NAME/closest     the closest pair of points and their distance, of bodies that it does not rest on
+/world/cables/NAME/closest     the closest pair of points and their distance, of bodies that it may not touch
 /world/cables/NAME/forces      of clips and of bodies that it rests on, on the cable
 /world/cables/NAME/clips/K     clips, likewise; point masses in masses
 /world/harnesses/NAME/J        its junctions; its segments are cables, in cables/NAME/SEGMENT
@@ -103,6 +103,7 @@ class ReportLogger:
         self.harnesses = {name: one for name, one in cables.items() if isinstance(one, Harness)}
         singles = {name: one for name, one in cables.items() if isinstance(one, Cable)}
         self.layout = Layout.of(scene, singles, {}, self.harnesses)
+        self._meant = frozenset(allow.body for allow in scene.allow if allow.start is None and allow.end is None)
         self.links = tuple(links)
         self.colour = colours.check_colouring(colour)
         self.times = times
@@ -148,7 +149,7 @@ class ReportLogger:
             self._log_tube(f"{base}/tube", name, report.tubes.get(name))
             self._forces[name].write(shape, self._columns)
             self._log_closest(f"{base}/closest", report.clearance.get(name), shape)
-            self._plots.shape(name, shape, report.clearance.get(name))
+            self._plots.shape(name, shape, report.clearance.get(name), self._meant)
             self._plots.margins(name, report.margins.get(name, ()))
         self._bars.margins(report.margins)
         for name, harness in self.harnesses.items():
@@ -306,7 +307,7 @@ class ReportLogger:
         self._move(entity, frame)
 
     def _log_closest(self, entity: str, clearance: Clearance | None, shape: CableShape) -> None:
-        resting = {contact.body for contact in shape.contacts}
+        resting = {contact.body for contact in shape.contacts} | self._meant
         apart = [] if clearance is None else [body for body in clearance.bodies if body.body not in resting]
         closest = min(apart, key=lambda body: body.distance, default=None)
         if closest is None:

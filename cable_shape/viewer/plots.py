@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, final
 
 import numpy as np
@@ -86,11 +86,14 @@ class Plots:
             inside = rr.SeriesLines(colors=[palette[2]], names=["inside the tube [%]"], widths=[1.0])
             self._write("/plots/markers/inside", inside)
 
-    def shape(self, name: str, shape: CableShape, clearance: Clearance | None) -> None:
-        """Numbers over time. A bend radius above the cable's length is drawn as that length: as good as straight."""
+    def shape(self, name: str, shape: CableShape, clearance: Clearance | None, meant: Collection[str] = ()) -> None:
+        """Numbers over time. A bend radius above the cable's length is drawn as that length: as good as straight.
+
+        meant: bodies that the cable may touch anywhere, and whose clearance is not plotted.
+        """
         if clearance is not None:
-            closest = clearance.closest
-            distance = clearance.beyond if closest is None else closest.distance
+            apart = (body.distance for body in clearance.bodies if body.body not in meant)
+            distance = min(apart, default=clearance.beyond)
             if np.isfinite(distance):
                 self._plot(f"/plots/clearance/{path(name)}", 1e3 * distance)
                 limits = 1e3 * self._scene.warn_distance, 1e3 * self._scene.error_distance

@@ -36,7 +36,7 @@ from cable_shape.pose import FreeEnd, Pose
 from cable_shape.prediction.layout import Layout
 from cable_shape.prediction.predictor import predict
 from cable_shape.safety.report import Clearance, CycleReport
-from cable_shape.scene.scene import Box, Clip, HalfSpace, Obstacle, PointMass, Scene, Sphere
+from cable_shape.scene.scene import Allow, Box, Clip, HalfSpace, Obstacle, PointMass, Scene, Sphere
 from cable_shape.shape import Status
 from cable_shape.viewer.entities import ReportLogger
 from cable_shape.viewer.letters import decode, encode
@@ -371,6 +371,32 @@ def test_bars_of_many_cables_are_of_the_worst(tmp_path: Path) -> None:
         writer.log(many)
     ((_, said),) = columns(tmp_path / "out.rrd")["/margins/names:Points2D:labels"]
     assert said == ["h/s7 clearance to sphere 70 %", "h/s0 stretch 300 %"]
+
+
+def test_the_number_of_a_bar_with_a_long_name_is_seen(tmp_path: Path) -> None:
+    long = near_a_snap(2).margins["cable"][0]._replace(other="right_finger_of_the_gripper", used=-1.62)
+    write(tmp_path / "out.rrd", [dataclasses.replace(near_a_snap(2), margins={"cable": (long,)})])
+    ((_, said),) = columns(tmp_path / "out.rrd")["/margins/names:Points2D:labels"]
+    assert said == ["clearance to right_fi… -162 %"]
+
+
+def test_what_may_be_touched_is_neither_the_closest_nor_plotted_as_clearance(tmp_path: Path) -> None:
+    """Of a body that a stretch of the cable may touch the rest still counts."""
+    for name, allow in (("all", Allow("box")), ("stretch", Allow("box", 0.0, 0.1))):
+        scene = SCENE.replace(allow=[allow])
+        with RecordingWriter(tmp_path / f"{name}.rrd", {"cable": CABLE}, scene) as writer:
+            writer.log(report(2))
+        held = columns(tmp_path / f"{name}.rrd")
+        labels = held.get("/world/cables/cable/closest/line:LineStrips3D:labels", [])
+        plotted = [v[0] for _, v in held.get("/plots/clearance/cable:Scalars:scalars", [])]
+        nearest = [body for body in report(2).clearance["cable"].bodies if name == "stretch" or body.body != "box"]
+        if nearest:
+            least = min(nearest, key=lambda body: body.distance)
+            assert labels[0][1][0].startswith(least.body), name
+            assert plotted == pytest.approx([1e3 * least.distance])
+        else:
+            assert labels == []
+            assert plotted == [], "the others are beyond all that is looked at"
 
 
 def test_the_closest_pair_is_of_a_body_that_the_cable_does_not_rest_on(tmp_path: Path) -> None:
