@@ -129,6 +129,9 @@ def check_trajectory(
     if robot is not None:
         checks.instance("robot", robot, (Robot,), "Write Robot.from_yaml(path).")
     _callable("proceed", proceed)
+    if isinstance(trajectory, (list, tuple)) and (motion or not isinstance(cable, Cable)):
+        bound = "edits between paths are followed of one cable that does not swing"
+        raise ArgumentError.of("trajectory", f"a list of {len(trajectory)}", bound, "Give one path, and check each.")
     deadline = math.inf
     if time_limit is not None:
         deadline = began + checks.number("time_limit", time_limit, above=0.0, unit="s")

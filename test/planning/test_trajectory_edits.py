@@ -129,3 +129,15 @@ def test_what_is_no_routing_is_named() -> None:
     ):
         with pytest.raises(cs.ArgumentError, match=said):
             cs.check_trajectory(CABLE, SCENE, None, wrong)
+
+
+def test_edits_of_several_cables_harnesses_and_swinging_ones_are_refused() -> None:
+    start, end = np.array([(0.0, 0.0, 0.5, *ALONG_X)]), np.array([(1.5, 0.0, 0.5, *ALONG_X)])
+    harness = cs.Harness(dict.fromkeys("ab", CABLE.replace(tails={})), [cs.Junction("middle", ("a.end", "b.start"))])
+    ends, both = cs.EndsPath({"a.start": start, "b.end": end}), dict.fromkeys(("left", "right"), (start, end))
+    cables = {"left": CABLE, "right": CABLE}
+    for what, path, options in ((harness, ends, {}), (cables, both, {}), (CABLE, STAY, {"motion": True})):
+        with pytest.raises(
+            cs.ArgumentError, match="a list of 2' is not allowed: edits between paths are followed of one"
+        ):
+            cs.check_trajectory(what, cs.Scene(), None, [path, cs.Release("guide")], **options)
