@@ -101,7 +101,7 @@ def test_a_plane_that_is_much_firmer_than_drag_lets_no_node_in(settling, seed):
 
 
 @given(some.integers(0, 10**6))
-def test_a_node_that_rubs_on_its_planes_is_in_balance_and_gives_as_differences_say(settling, seed):
+def test_planes_hold_a_node_at_its_seat_as_differences_say(settling, seed):
     rng = np.random.default_rng(seed)
     node, hold = 5, 10.0 ** rng.uniform(-1, 5)
     a, pull = settling.motion.origin[node].copy(), rng.normal(size=3)
@@ -112,34 +112,43 @@ def test_a_node_that_rubs_on_its_planes_is_in_balance_and_gives_as_differences_s
     axis = np.cross(normals[0], normals[1]) if edge else normals[0]
     axis = axis / np.linalg.norm(axis)
     firm, limit = 10.0 ** rng.uniform(2, 5), 10.0 ** rng.uniform(-3, 0)
-    centre = a + 1e-3 * rng.normal(size=3)
+    centre, x = a + 1e-3 * rng.normal(size=3), a + 1e-3 * rng.normal(size=3)
     row = settling.motion.rough[node]
-
-    def place(pull):
-        walled(settling, node, planes, hold)
-        row[motion.FIRM], row[motion.LIMIT], row[motion.EDGE] = firm, limit, edge
-        row[motion.CENTRE : motion.CENTRE + 3], row[motion.AXIS : motion.AXIS + 3] = centre, axis
-        motion.rub(settling.motion, node, tuple(pull))
-        return settling.motion.place[node].copy()
+    walled(settling, node, planes, hold)
+    row[motion.FIRM], row[motion.LIMIT], row[motion.EDGE] = firm, limit, edge
+    row[motion.CENTRE : motion.CENTRE + 3], row[motion.AXIS : motion.AXIS + 3] = centre, axis
 
     def rubs(x):
         along = ((centre - x) @ axis) * axis
         way = firm * (along if edge else centre - x - along)
         return way * min(1.0, limit / np.linalg.norm(way))
 
-    x = place(pull)
+    def forces(x):
+        pushes = np.array([max(0.0, k + s * (at - n @ x)) for n, at, s, k in planes])
+        return pull - hold * (x - a) + pushes @ normals + rubs(x)
+
+    def place(pull):
+        settling.motion.seat[node] = x
+        motion.seat(settling.motion, node, tuple(pull))
+        return settling.motion.place[node].copy()
+
+    to = place(pull)
     give = settling.motion.give[node].reshape(3, 3).copy()
-    pushes = np.array([max(0.0, k + s * (at - n @ x)) for n, at, s, k in planes])
-    forces = pull - hold * (x - a) + pushes @ normals + rubs(x)
-    assert np.abs(forces).max() < 1e-8 * (1.0 + hold)
-    assert pulls(settling.motion.rough, x)[node] == pytest.approx(rubs(x), abs=1e-12)
-    step = 1e-6
-    beside = [place(pull + sign * step * e) for e in np.eye(3) for sign in (1.0, -1.0)]
+    assert np.linalg.solve(give, to - x) == pytest.approx(forces(x), rel=1e-6, abs=1e-6 * (1.0 + hold * 1e-3))
+    assert pulls(settling.motion.rough, x[None].repeat(len(settling.motion.rough), axis=0))[node] == pytest.approx(
+        rubs(x), abs=1e-12
+    )
+    pushes = settling.motion.walls[node, 1:].reshape(WALLS, WALL)[: len(planes), PUSHED]
+    assert pushes == pytest.approx([max(0.0, k + s * (at - n @ x)) for n, at, s, k in planes], abs=1e-9)
+    assert place(pull + normals[0]) - to == pytest.approx(give @ normals[0], rel=1e-6, abs=1e-12)
+    step = 1e-7
+    beside = [x + sign * step * e for e in np.eye(3) for sign in (1.0, -1.0)]
     kinks = [(np.linalg.norm(rubs(y)) < limit * (1.0 - 1e-9), *[n @ y < at + k / s for n, at, s, k in planes])
              for y in (x, *beside)]  # fmt: skip
-    turned = (np.array(beside[::2]) - beside[1::2]).T / (2.0 * step)
     if len(set(kinks)) == 1:
-        assert give == pytest.approx(turned, rel=1e-4, abs=1e-4 * np.abs(give).max())
+        slopes = np.array([forces(y) for y in beside])
+        stiff = -(slopes[::2] - slopes[1::2]).T / (2.0 * step)
+        assert np.linalg.inv(give) == pytest.approx(stiff, rel=1e-4, abs=1e-4 * np.abs(stiff).max())
     row[:] = 0.0
 
 

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from cable_shape.kernels.network.compiled import inline, part, viewing
 from cable_shape.kernels.network.tables import Floats, Model, Plan, Solution, Whole, Work
-from cable_shape.kernels.network.walls import AT, KEPT, OUT, PUSHED, ROUNDING, STIFF, WALL, WALLS, touched
+from cable_shape.kernels.network.walls import AT, KEPT, OUT, PUSHED, STIFF, WALL, WALLS, touched
 from cable_shape.kernels.rod_algebra import (
     Matrix,
     Vector,
@@ -50,15 +50,14 @@ from cable_shape.kernels.rod_element import E3, IDENTITY
 #: Numbers of a node in `Motion.chain` and of a span in `Motion.ends`, see `chain`.
 CHAIN, ENDS = 87, 69
 B2 = 18  # column of `Work.parts`
-MOST_RUBS, MOST_CUTS, UPHILL = 40, 40, 0.5  # Newton steps of a node that is held along planes, and how they are cut
 #: Columns of `Motion.rough`: firmness [N/m], 0: nothing rubs; how much it may pull [N]; place to which it pulls 3 [m];
 #: direction 3, along which (EDGE not 0) or across which it does.
 FIRM, LIMIT, CENTRE, AXIS, EDGE, ROUGH = 0, 1, 2, 5, 8, 9
 #: Points inside elements that bodies may hold, see `props`: how many, columns of each, and directions of all.
 PROPS, PROP, ROWS = 12, 24, 36
 #: What `Motion.par` holds: how many points of elements bodies may hold, how many nodes have planes, how deep [m] the
-#: cable is in bodies between its nodes.
-N_PROPS, N_WALLED, DEPTH = 0, 1, 2
+#: cable is in bodies between its nodes, and whether planes hold nodes as they would at their seats, see `seat`.
+N_PROPS, N_WALLED, DEPTH, SEATED = 0, 1, 2, 3
 
 
 class Motion(NamedTuple):
@@ -70,6 +69,7 @@ class Motion(NamedTuple):
     step: Floats  # (N, 3) step of lam
     place: Floats  # (n, 3) places of the nodes [m]
     origin: Floats  # (n, 3) to which they are held
+    seat: Floats  # (n, 3) [m], places that an iteration of Newton's method begins from
     drag: Floats  # (n,) [N s/m], of the cable around the node
     hold: Floats  # (n,) [N/m]
     give: Floats  # (n, 9) derivative of a place in the force on the node [m/N]; 0 at the ends of spans
@@ -102,24 +102,25 @@ def motion_of(ints: Whole, moving: Floats) -> Motion:
     o4 = 12 * n
     o5 = o4 + 3 * k
     o6 = o5 + 3 * k
-    o7 = o6 + k
+    o7 = o6 + 3 * k
     o8 = o7 + k
-    o9 = o8 + 9 * k
-    o10 = o9 + CHAIN * k
-    o11 = o10 + 9 * n
-    o12 = o11 + 3 * m
-    o13 = o12 + ENDS * m
-    o14 = o13 + k
-    o15 = o14 + 3 * k
-    o16 = o15 + k
-    o17 = o16 + 18 * m
-    o18 = o17 + (1 + WALLS * WALL) * k
-    o19 = o18 + ROUGH * k
-    o20 = o19 + 3 * k
-    o21 = o20 + 6 * m
-    o22 = o21 + 4
-    o23 = o22 + PROPS * PROP
-    o24 = o23 + 1 + WALLS * WALL
+    o9 = o8 + k
+    o10 = o9 + 9 * k
+    o11 = o10 + CHAIN * k
+    o12 = o11 + 9 * n
+    o13 = o12 + 3 * m
+    o14 = o13 + ENDS * m
+    o15 = o14 + k
+    o16 = o15 + 3 * k
+    o17 = o16 + k
+    o18 = o17 + 18 * m
+    o19 = o18 + (1 + WALLS * WALL) * k
+    o20 = o19 + ROUGH * k
+    o21 = o20 + 3 * k
+    o22 = o21 + 6 * m
+    o23 = o22 + 4
+    o24 = o23 + PROPS * PROP
+    o25 = o24 + 1 + WALLS * WALL
     return Motion(
         part(moving, 0, (n, 3)),
         part(moving, o1, (n, 3)),
@@ -127,25 +128,26 @@ def motion_of(ints: Whole, moving: Floats) -> Motion:
         part(moving, o3, (n, 3)),
         part(moving, o4, (k, 3)),
         part(moving, o5, (k, 3)),
-        part(moving, o6, (k,)),
+        part(moving, o6, (k, 3)),
         part(moving, o7, (k,)),
-        part(moving, o8, (k, 9)),
-        part(moving, o9, (k, CHAIN)),
-        part(moving, o10, (n, 9)),
-        part(moving, o11, (m, 3)),
-        part(moving, o12, (m, ENDS)),
-        part(moving, o13, (k,)),
-        part(moving, o14, (k, 3)),
-        part(moving, o15, (k,)),
-        part(moving, o16, (m, 18)),
-        part(moving, o17, (k, 1 + WALLS * WALL)),
-        part(moving, o18, (k, ROUGH)),
-        part(moving, o19, (k, 3)),
-        part(moving, o20, (m, 6)),
-        part(moving, o21, (4,)),
-        part(moving, o22, (PROPS, PROP)),
-        part(moving, o23, (1 + WALLS * WALL,)),
-        part(moving, o24, (aside_size(ints),)),
+        part(moving, o8, (k,)),
+        part(moving, o9, (k, 9)),
+        part(moving, o10, (k, CHAIN)),
+        part(moving, o11, (n, 9)),
+        part(moving, o12, (m, 3)),
+        part(moving, o13, (m, ENDS)),
+        part(moving, o14, (k,)),
+        part(moving, o15, (k, 3)),
+        part(moving, o16, (k,)),
+        part(moving, o17, (m, 18)),
+        part(moving, o18, (k, 1 + WALLS * WALL)),
+        part(moving, o19, (k, ROUGH)),
+        part(moving, o20, (k, 3)),
+        part(moving, o21, (m, 6)),
+        part(moving, o22, (4,)),
+        part(moving, o23, (PROPS, PROP)),
+        part(moving, o24, (1 + WALLS * WALL,)),
+        part(moving, o25, (aside_size(ints),)),
     )  # fmt: skip
 
 
@@ -153,7 +155,7 @@ def motion_of(ints: Whole, moving: Floats) -> Motion:
 def motion_size(ints: Whole) -> int:
     """Numbers of what motion adds to a network with this head."""
     nodes = ints[0] + ints[1]
-    size = 21 * ints[0] + (26 + WALLS * WALL + ROUGH + CHAIN) * nodes + (27 + ENDS) * ints[1]
+    size = 21 * ints[0] + (29 + WALLS * WALL + ROUGH + CHAIN) * nodes + (27 + ENDS) * ints[1]
     return size + 5 + PROPS * PROP + WALLS * WALL + aside_size(ints)
 
 
@@ -190,8 +192,8 @@ def put_places(plan: Plan, model: Model, sol: Solution, motion: Motion) -> None:
             else:
                 a = beside_aim(motion, sol, node)
                 pull = add(pull, subtract(get3(model.force, plan.ends[j, 1]), get3(motion.lam, last - 1)))
-            if motion.rough[node, FIRM] > 0.0 and motion.walls[node, 0] > 0.0:
-                rub(motion, node, pull)
+            if motion.par[SEATED] != 0.0 and motion.walls[node, 0] > 0.0:
+                seat(motion, node, pull)
             elif motion.walls[node, 0] > 0.0:
                 touched(motion.walls, node, a, motion.hold[node], pull, motion.place, motion.give)
             else:
@@ -201,42 +203,35 @@ def put_places(plan: Plan, model: Model, sol: Solution, motion: Motion) -> None:
 
 
 @viewing
-def rub(motion: Motion, node: int, pull: Vector) -> None:
-    """The same of a node that is held along its planes, too, see `rubbing`: by Newton's method for a convex function.
+def seat(motion: Motion, node: int, pull: Vector) -> None:
+    """The same of a node that planes hold as they would at its seat, which `settle.newton` takes along.
 
-    It begins where planes alone would hold it, but for the ways along which it is held. A step that leads up again is
-    cut short.
+    Where planes would let a node go or catch it on the way there is seen at the next seat. Were its place that where
+    forces balance, it would fly off as soon as a plane lets it go, for drag hardly holds it.
     """
-    hold, x = motion.hold[node], free_along(motion, node, pull)
+    x = get3(motion.seat, node)
     force, K = forces(motion, node, pull, x)
-    for _ in range(MOST_RUBS):
-        way = apply(held_by(hold, K), force)
-        downhill, fraction = dot(force, way), 1.0
-        for _ in range(MOST_CUTS):
-            after, K = forces(motion, node, pull, add(x, scale(fraction, way)))
-            if dot(after, way) >= -UPHILL * downhill:
-                break
-            fraction *= 0.5
-        x, force = add(x, scale(fraction, way)), after
-        if fraction == 1.0 and dot(way, way) <= ROUNDING * ROUNDING:
-            break
-    put3(motion.place, node, 0, x)
-    put9(motion.give, node, 0, held_by(hold, K))
+    D = held_by(motion.hold[node], K)
+    put3(motion.place, node, 0, add(x, apply(D, force)))
+    put9(motion.give, node, 0, D)
 
 
 @viewing
-def free_along(motion: Motion, node: int, pull: Vector) -> Vector:
-    """Where a node is that `rubbing` alone holds along its planes, and nothing moves off them."""
-    rough, hold, a = motion.rough, motion.hold[node], get3(motion.origin, node)
-    e, centre = take3(rough, node, AXIS), take3(rough, node, CENTRE)
-    P = outer(e, e) if rough[node, EDGE] != 0.0 else msub(IDENTITY, outer(e, e))
-    load = apply(P, add(pull, scale(hold, subtract(a, centre))))
-    size, firm, limit = math.sqrt(dot(load, load)), rough[node, FIRM], rough[node, LIMIT]
-    if size * firm <= limit * (hold + firm):
-        way = scale(1.0 / (hold + firm), load)
-    else:
-        way = scale((1.0 - limit / size) / hold, load)
-    return add(a, add(apply(P, subtract(centre, a)), way))
+def move_seats(plan: Plan, motion: Motion, fraction: float) -> float:
+    """Takes seats along, by `fraction` of the step at hand; returns how far [m] one of a node with planes goes."""
+    farthest = 0.0
+    for j in range(plan.ends.shape[0]):
+        first, last = plan.first[j], plan.first[j + 1]
+        for e in range(first + 1, last):
+            node = e + j
+            if motion.walls[node, 0] == 0.0:
+                continue
+            change = subtract(get3(motion.step, e), get3(motion.step, e - 1))
+            to = add(get3(motion.place, node), apply(get9(motion.give, node, 0), change))
+            way = subtract(to, get3(motion.seat, node))
+            farthest = max(farthest, dot(way, way))
+            put3(motion.seat, node, 0, add(get3(motion.seat, node), scale(fraction, way)))
+    return math.sqrt(farthest)
 
 
 @viewing

@@ -16,7 +16,16 @@ from cable_shape.kernels.network.chain import B1, B2, CC
 from cable_shape.kernels.network.compiled import inline, viewing
 from cable_shape.kernels.network.depart import energy
 from cable_shape.kernels.network.momentum import strain_of
-from cable_shape.kernels.network.motion import N_PROPS, N_WALLED, Motion, motion_of, put_places, tilt_ends
+from cable_shape.kernels.network.motion import (
+    N_PROPS,
+    N_WALLED,
+    SEATED,
+    Motion,
+    motion_of,
+    move_seats,
+    put_places,
+    tilt_ends,
+)
 from cable_shape.kernels.network.moving import factor, solve
 from cable_shape.kernels.network.newton import CONVERGED, NOT_FINITE, STALLED, advance
 from cable_shape.kernels.network.predict import extrapolate, follow, turn_ends, turn_knots
@@ -77,7 +86,7 @@ NUDGE = 1e-3  # rad
 TOLERANCE = 1e-9  # rad, and of half the length: the last iteration
 FIRST_SHIFT, SHIFT_GROWTH, MOST_SHIFTS = 0.02, 6.0, 12  # as Newton's method at rest has them
 LOOSE = 0.03  # of the length times TOLERANCE: what elements may still miss among bodies, which press from one place on
-MOST_ITERATIONS = 15
+MOST_ITERATIONS = 30
 #: What `step` tells in `info`: iterations, largest turn of a frame [rad], largest force of drag at a node [N], largest
 #: internal force [N], negative eigenvalues beyond three a force, energy [J] after the step, last iteration [rad].
 I_ITERATIONS, I_TURNED, I_DRAG, I_FORCE, I_EXCESS, I_ENERGY, I_LAST = 0, 1, 2, 3, 4, 5, 6
@@ -196,6 +205,7 @@ def newton(
     model, motion = model_of(ints, floats), motion_of(ints, moving)
     sol, now = solution_of(ints, sols, TRIAL), solution_of(ints, sols, NOW)
     softest, wanted = model.par[SOFTEST], 3 * ints[0]
+    plan = plan_of(ints)
     free = motion.par[N_WALLED] == 0.0 and motion.par[N_PROPS] == 0.0
     shift = 0.0
     for i in range(most):
@@ -225,6 +235,8 @@ def newton(
             for c in range(3):
                 motion.lam[e, c] += fraction * motion.step[e, c]
         give_way(ints, motion, fraction)
+        if motion.par[SEATED] != 0.0:
+            largest = max(largest, 2.0 * move_seats(plan, motion, fraction) / model.par[LENGTH])
         if shift == 0.0 and largest < least and (free or loose < LOOSE * least * model.par[LENGTH]):
             return CONVERGED
         if not turned(sol, now) < far + BEYOND:
@@ -257,6 +269,7 @@ def step(
     for k in range(motion.hold.shape[0]):
         motion.hold[k] = motion.drag[k] / dt
     copy_rows(motion.lam, motion.kept, 3)
+    copy_rows(motion.seat, motion.origin, 3)
     follow(plan, now, sol)
     turn_knots(plan, model, now, now, sol, 0.0)
     extrapolate(plan, now, now, sol, 0.0)

@@ -37,7 +37,7 @@ REACH = 0.05
 _FIRM, _FINEST = 100.0, 0.05
 #: Steps in time, in units of `Settling.unit`: the longest one, and the shortest one before the way is cut.
 _LONGEST, _EASY, _SHORTEST = 30.0, 0.1, 1e-7
-_LONGER, _SHORTER, _CEILING = 8.0, 0.1, 0.3
+_LONGER, _SHORTER, _CEILING, _EASIER = 8.0, 0.2, 0.3, 2.0
 _MOST = 100  #: steps that are tried
 #: A cable that goes more than so many times as far as what holds and pushes it, and that part of its length, snaps.
 _FAR, _LITTLE = 10.0, 2e-3
@@ -124,7 +124,7 @@ class Road:
         self.led += float(np.abs(bodies.frames - bodies.frames_then).max(initial=0.0))
         self.moved = not np.array_equal(origin, frames) or not np.array_equal(links, self.links)
         done, part = (0.0, 1.0) if self.moved else (1.0, 1.0)
-        longest = dt = _LONGEST * settling.unit
+        most = longest = dt = _LONGEST * settling.unit
         for _ in range(_MOST):
             if self.out_of_time():
                 return False
@@ -139,10 +139,11 @@ class Road:
                     if self.gap < (_NEARLY * state.length if taut else _CLOSED):
                         return True
                     self.stiff *= _STIFFER if taut else 1.0
-                dt = min(_LONGER * dt, longest)
+                dt, longest = min(_LONGER * dt, longest), min(_EASIER * longest, most)
                 continue
+            longest = dt * _CEILING
             if settling.info[I_EXCESS] < 0.0:  # rounding: next to what a plane holds the nodes go too easily
-                longest = dt * _CEILING
+                most = longest
             dt *= _SHORTER
             if dt < _EASY * settling.unit:  # what hardly moves would be crushed at the grips
                 part = min(part, 1.0 - done) * _SHORTER if done < 1.0 else part
