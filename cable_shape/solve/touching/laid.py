@@ -18,11 +18,13 @@ from cable_shape.kernels.contact.near import (
     BARE,
     LINK,
     NEAR,
+    NORMAL,
     ON,
     ROUND,
     RUB,
     SPOT,
     sharpness,
+    tangent_of,
 )
 from cable_shape.kernels.contact.tables import Lying, Net
 from cable_shape.kernels.network import material, tables
@@ -125,6 +127,9 @@ class Laid:
         self.widest = 0.0  # [m], element behind a support, when the mesh was laid out
         self.layer = math.inf  # [m], at what holds the cable, for which the mesh was made because tension is high
         self.rubs = True  # whether there is friction: not on ways that are no steps of the cable
+        #: While tension is high, the last solution before, as `put_aside` has it: from what is drawn beyond its length
+        #: hardly a step leads back.
+        self.good: tuple[Any, ...] | None = None
         self.untidy = False  # whether contacts may have run up to nodes in it
         self.patience = Patience()  # until another way is looked for where none led on
         self.free: CableShape | None = None  # the last shape, if it is not, and the frames of its supports (b+1, 7)
@@ -474,16 +479,21 @@ class Laid:
         return nodes is not None
 
     @property
-    def on_edges(self) -> bool:
-        """Whether a contact of the last solution is on an edge: at a node there a cable stays where it should slide."""
-        nodes = np.flatnonzero(self.on[NOW, :, 0] != BARE)
-        return any(sharpness(self.q[NOW], self.near[NOW], k) * self.thick[k] > EDGE for k in nodes)
+    def askew(self) -> float:
+        """Largest cosine of the angle between the cable and the push of a contact on an edge of a body."""
+        cosines = [
+            abs(float(np.dot(tangent_of(self.q[NOW], k), self.near[NOW, k, NORMAL : NORMAL + 3])))
+            for k in np.flatnonzero(self.on[NOW, :, 0] != BARE)
+            if sharpness(self.q[NOW], self.near[NOW], k) * self.thick[k] > EDGE
+        ]
+        return max(cosines, default=0.0)
 
     def run(self) -> float:
         """Takes contacts of the last solution that have no neighbour to where the cable is nearest, with their nodes.
 
-        Returns how far [m].
+        Two at both sides of an edge become one before. Returns how far [m].
         """
+        mesh.join_over_edges(self.nodes, self.q[NOW], self.near[NOW], self.on[NOW], self.thick, EDGE)
         q, near, on = self.q[NOW], self.near[NOW], self.on[NOW].copy()
         touches = self.on[NOW, :, 0] != BARE
         on[1:][touches[:-1]] = on[:-1][touches[1:]] = BARE
@@ -513,12 +523,23 @@ class Laid:
         if nodes is not None:
             self.lay_out(nodes)
 
+    def even(self) -> bool:
+        """Takes away nodes that nothing presses where elements are much shorter than they were first.
+
+        Contacts that have run along the cable leave them; planes in front of them are too stiff for the cable beside.
+        """
+        free = (self.on[NOW, :, 0] == BARE) & ~np.isin(np.arange(self.nodes.size), self.held)
+        nodes = mesh.evened(self.nodes, free, self._spacing, self._middles, self.stops)
+        if nodes is not None:
+            self.lay_out(nodes)
+        return nodes is not None
+
     def forget(self) -> None:
         """The next solve starts from nothing."""
         self.history = 0
         self.touching = False
         self.patience.succeed()
-        self.free = None
+        self.free = self.good = None
         self._positions = _NOWHERE
 
     def unfactored(self) -> None:

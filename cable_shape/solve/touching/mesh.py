@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
+from itertools import groupby, pairwise
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,21 @@ import numpy as np
 from cable_shape.checks import Array
 from cable_shape.kernels import rod_mesh
 from cable_shape.kernels.contact import afterwards, run
-from cable_shape.kernels.contact.near import ARC, BARE, HELD, LINK, NORMAL, PRESS, RUB, SHARP, SPOT, WAS, sharpness
+from cable_shape.kernels.contact.near import (
+    ARC,
+    BARE,
+    HELD,
+    LINK,
+    NORMAL,
+    PRESS,
+    RUB,
+    SECOND,
+    SHARP,
+    SPOT,
+    WAS,
+    sharpness,
+    tangent_of,
+)
 from cable_shape.shape import CableShape
 
 ELEMENTS = 48  #: of a mesh before nodes are added, at least
@@ -23,6 +37,8 @@ SHARE_OF_WORST = 0.1  #: of the largest share in the error that an element has: 
 TURN, SOON, WIDE = 0.03, 0.12, 0.2  #: rad: elements beside a contact that turn by less are fine enough, see `steep`
 WORST = 0.5  #: of the contact that misses most: those above get nodes beside them
 STRETCHED = 1.6  #: times as long as at first: elements that an eyelet has stretched so far are divided
+ASTRIDE = 0.05  #: cosine of the angle between cable and push of two contacts at both sides of an edge
+EVEN = 0.5  #: of their first length: shorter elements are joined before a road that found no way is tried again
 TIP = 5e-5  #: [m] from a free end, which is no support itself, to the node that stands in for it
 _ABSCISSAE = 65
 
@@ -137,6 +153,24 @@ def thinned(
     return np.delete(nodes, away[:count]) if count else None
 
 
+def evened(nodes: Array, free: Any, spacing: Array, middles: Array, stops: Array) -> Array | None:
+    """Takes away `free` nodes (n,), bool, so that no element beside them is shorter than `EVEN` of `spacing` [m] at
+    `middles`. None: there is no such node."""
+    wanted = EVEN * np.interp(nodes, middles, spacing)
+    kept = ~free | np.isin(nodes, stops)
+    held = np.flatnonzero(kept)
+    last = 0
+    for k in range(1, nodes.size):
+        if kept[k]:
+            last = k
+            continue
+        ahead = held[np.searchsorted(held, k)]
+        if min(nodes[k] - nodes[last], nodes[ahead] - nodes[k]) >= wanted[k]:
+            kept[k] = True
+            last = k
+    return None if kept.all() else nodes[kept]
+
+
 def share_out(nodes: Array, near: Array, on: Any, old_nodes: Array, old_near: Array, old_on: Any) -> None:
     """Gives what contacts pressed at nodes that are no more to those beside them: the rest stays in balance."""
     gone = np.flatnonzero((old_on[:, 0] != BARE) & ~np.isin(old_nodes, nodes))
@@ -188,6 +222,34 @@ def share_in(nodes: Array, near: Array, on: Any, new: Any) -> None:
         near[a + 1 : b, SPOT : SPOT + 3] = 0.0
         on[a + 1 : b] = on[a]
         on[a + 1 : b, LINK:] = BARE
+
+
+def join_over_edges(nodes: Array, q: Array, near: Array, on: Any, thick: Array, edge: float) -> None:
+    """Has one of neighbours at both sides of an edge, that which is least askew, carry what all do.
+
+    edge: as `Laid.askew` knows an edge, in radii of the cable.
+    """
+    single = (on[:, 0] != BARE) & (on[:, SECOND:] == BARE).all(axis=1)
+    touched = enumerate(np.flatnonzero(single).tolist())
+    for _, found in groupby(touched, key=lambda ik: (ik[1] - ik[0], on[ik[1], 0])):
+        row = [k for _, k in found]
+        leaning = [float(np.dot(tangent_of(q, k), near[k, NORMAL : NORMAL + 3])) for k in row]
+        before = [i for i, x in enumerate(leaning) if x < -ASTRIDE]
+        after = [i for i, x in enumerate(leaning) if x > ASTRIDE]
+        if not before or not after or before[0] > after[-1]:
+            continue
+        a, b = row[before[0]], row[after[-1]]
+        turn = math.acos(min(1.0, float(near[a, NORMAL : NORMAL + 3] @ near[b, NORMAL : NORMAL + 3])))
+        if turn * thick[a] < edge * (nodes[b] - nodes[a]):
+            continue
+        kept = min(range(before[0], after[-1] + 1), key=lambda i: abs(leaning[i]))
+        for k in range(a, b + 1):
+            for column in (PRESS, *range(RUB, RUB + 3), *range(HELD, HELD + 3)):
+                if k != row[kept]:
+                    near[row[kept], column] += near[k, column]
+                    near[k, column] = 0.0
+            if k != row[kept]:
+                on[k] = BARE
 
 
 def stretched(nodes: Array, inside: Any, spacing: Array, middles: Array) -> Array:

@@ -30,6 +30,10 @@ from cable_shape.solve.mesh import interpolated
 from cable_shape.solve.touching import mesh, resume
 from cable_shape.solve.touching.laid import Chain, Laid, Pair
 
+#: Tension, in weight + EI / length^2 of the cable, from which on it is kept what was, and from which on no more.
+TIGHT, TIGHTEST = 2.0, 20.0
+NEAR_GOOD = 0.03  #: of the length: supports no further from where they were are back there
+
 
 @final
 class Kept(NamedTuple):
@@ -287,6 +291,23 @@ class TouchState(Laid):
         kept, self.history, self.touching, self.free, self.free_frames, self._positions, then = aside
         self.restore(kept)
         self.bodies.frames_then, self.bodies.links_then = then
+
+    def keep_slack(self) -> None:
+        """Puts the last solution aside as `good` where tension becomes high."""
+        pull = float(np.abs(self.ends[NOW]).max(initial=0.0)) if self.touching else 0.0
+        least = self.weight + self.bend / self.length**2
+        if pull < TIGHT * least:
+            self.good = None
+        elif pull < TIGHTEST * least or self.good is None:
+            self.good = self.put_aside()
+
+    def near_good(self, frames: Array, links: Array) -> bool:
+        """Whether supports and links are back where they were at `good`: from afar nobody knows the way they took."""
+        if self.good is None:
+            return False
+        kept, then = self.good[0], self.good[-1][1]
+        way = np.linalg.norm(frames[:, :3] - kept.arrays[4][NOW][:, :3], axis=1).max()
+        return bool(way <= NEAR_GOOD * self.length and np.array_equal(links, then))
 
     def put_nodes_back(self) -> None:
         """Puts the nodes where they were before the last step."""

@@ -20,7 +20,7 @@ from cable_shape.shape import NUMBERS_PER_POINT
 from cable_shape.solve.problem import Problem
 from cable_shape.solve.touching.laid import LEAST_LENGTH, MOST_ELEMENTS
 from cable_shape.solve.touching.road import Road
-from cable_shape.solve.touching.state import TouchState
+from cable_shape.solve.touching.state import Kept, TouchState
 
 DEEPEST = 1e-4  #: [m] a shape deeper in a body than this between nodes gets a node there
 WARM_ITERATIONS, STEP_ITERATIONS = 30, 20
@@ -31,6 +31,7 @@ _EXACT = 1e-5  #: of the length: an error from contacts below this is none of no
 #: Of the length: elements shorter than this are not divided where contacts stand; their pushes would mean nothing.
 SHORTEST = 1.25e-3
 _RUNS = 8  #: of taking contacts that stand along the cable
+_SQUARE = 1e-3  #: cosine of the angle between cable and push of a contact that stands on an edge: it runs there, else
 _ROUNDS = 8  #: of adding nodes where the cable dips into a body between them
 #: Of half a body's thickness and the cable's: how deep a point is that stands for one in the middle of the body, where
 #: points and times are at most so much apart.
@@ -180,14 +181,13 @@ class Steps:
     def _stand_finer(self, frames: Array, arcs: Array) -> bool:
         """The same with contacts that stand, and nodes at `arcs`; else the last solution stays as it is."""
         state = self.state
-        kept = state.copy(), self.buffer.copy(), state.info.copy()
+        kept = self._kept()
         if state.elements + arcs.size > MOST_ELEMENTS or not state.insert(arcs, SHORTEST):
             return False
         state.target(frames)
         if self.stand(frames):
             return True
-        state.restore(kept[0])
-        self.buffer[:], state.info[:] = kept[1:]
+        self._take_back(kept)
         return False
 
     def _exact(self) -> bool:
@@ -199,26 +199,46 @@ class Steps:
         """Against drag to `frames`, in front of all bodies, to rest, which becomes the last solution; None: no way."""
         road = Road(self.state, self.links, self.out_of_time)
         if not road.go(frames):
-            return None
+            if not self.state.even():
+                return None
+            road = Road(self.state, self.links, self.out_of_time)
+            if not road.go(frames):
+                return None
         road.hand_over()
         return road
 
     def stand(self, frames: Array) -> bool:
         """An equilibrium whose contacts stand at their nodes, from the last solution, which is near one.
 
-        Between one and the next, those without neighbours are taken along the cable to where it is nearest. None
-        are on edges.
+        Between one and the next, those without neighbours are taken along the cable to where it is nearest: on an edge
+        a node elsewhere holds the cable back.
         """
-        self.still = True
+        self.still, kept = True, None
         for _ in range(_RUNS):
             if self.by_road(frames) is None:
-                return False
-            self.state.target(frames)
-            if not self.again(WARM_ITERATIONS) or self.state.on_edges:
-                return False
-            if self._exact() or self.state.run() < RESTLESS * self.state.length:
                 break
-        return True
+            self.state.target(frames)
+            if not self.again(WARM_ITERATIONS):
+                break
+            square = self.state.askew <= _SQUARE
+            if square and self._exact():
+                return True
+            if square:
+                kept = self._kept()
+            if self.state.run() < RESTLESS * self.state.length and square:
+                return True
+        if kept is not None:
+            self._take_back(kept)
+        return kept is not None
+
+    def _kept(self) -> tuple[Kept, Array, Array]:
+        """The last solution, its shape and what is told of it."""
+        return self.state.copy(), self.buffer.copy(), self.state.info.copy()
+
+    def _take_back(self, kept: tuple[Kept, Array, Array]) -> None:
+        """Makes what was kept the last solution."""
+        self.state.restore(kept[0])
+        self.buffer[:], self.state.info[:] = kept[1:]
 
     def own(self, buffer: Array, c: int) -> tuple[Array, Array]:
         """Arc lengths (n,) [m] and positions (n, 3) [m] of cable c of a shape."""

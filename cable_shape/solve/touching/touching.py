@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable
 from functools import partial
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
@@ -132,17 +133,17 @@ class Solve:
         """From the last solution."""
         state, steps = self.state, self.steps
         state.thin()
-        if steps.go(frames, state.history, WARM_ITERATIONS, FAR) or follow(steps, frames):
-            shape = self._finish(Status.OK)
-            return shape if shape.status or not state.touching else self._better(frames, shape)
-        if not self.leaps:
-            return self._no_shape(Status.NOT_CONVERGED, _STUCK)
-        reached = state.put_aside()
-        found = self._by_road(frames)
-        if found is not None:
-            return found
+        state.keep_slack()
+        shape, reached = self._onward(frames)
+        if shape is None and state.good is not None and state.near_good(frames, steps.links):
+            state.put_back(state.good)
+            shape, _ = self._onward(frames)
+        if shape is not None:
+            return shape
         state.put_back(reached)
         state.move_bodies(steps.links)
+        if not self.leaps:
+            return self._no_shape(Status.NOT_CONVERGED, _STUCK)
         if state.patience.left > 0 and not steps.late:
             state.patience.left -= 1
             return self._no_shape(Status.NOT_CONVERGED, _STUCK)
@@ -161,6 +162,15 @@ class Solve:
             return self._no_shape(Status.BUDGET_EXCEEDED, "")
         state.patience.fail()
         return self._no_shape(Status.NOT_CONVERGED, _STUCK)
+
+    def _onward(self, frames: Array) -> tuple[CableShape | None, tuple[Any, ...]]:
+        """By Newton's method, or by the road; None if neither leads there. And how far that came, or nothing."""
+        state, steps = self.state, self.steps
+        if steps.go(frames, state.history, WARM_ITERATIONS, FAR) or follow(steps, frames):
+            shape = self._finish(Status.OK)
+            return shape if shape.status or not state.touching else self._better(frames, shape), ()
+        reached = state.put_aside()
+        return self._by_road(frames) if self.leaps else None, reached
 
     def _better(self, frames: Array, shape: CableShape) -> CableShape:
         """An equilibrium whose error is too large, or the same with contacts that stand, if that is exact enough."""

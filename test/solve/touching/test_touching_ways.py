@@ -158,6 +158,20 @@ def test_a_cable_too_short_for_its_way_round_a_body_is_overstretched_by_what_it_
     assert all(w.margin > 1.0 and w.severity is cs.Severity.ERROR for w in overstretched)
 
 
+@pytest.mark.parametrize("stiffness", [0.0005, 0.002, 0.01])
+def test_a_cable_drawn_beyond_its_length_round_a_post_comes_back_to_where_it_was(stiffness):
+    """From forces of tons hardly a step leads back: its last solution is that from before."""
+    predictor = hairpin(stiffness)
+    there = {round(back, 2): drawn(predictor, back) for back in np.arange(0.0, 0.3101, 0.01)}
+    beyond = [drawn(predictor, back) for back in np.arange(0.33, 0.3801, 0.01)]
+    assert all(shape.status in (cs.Status.OVERSTRETCHED, cs.Status.NOT_CONVERGED) for shape in beyond)
+    for back in (0.31, 0.30, 0.25, 0.20):
+        shape, before = drawn(predictor, back), there[back]
+        assert shape.status is cs.Status.OK, back
+        apart = np.linalg.norm(shape.positions - before.positions, axis=1).max()
+        assert apart <= shape.error_estimate + before.error_estimate
+
+
 def test_a_cable_that_a_force_pulls_round_a_drum_is_as_long_as_it_is():
     cable = cs.Cable(0.8, 0.1, 1e-3, diameter=0.004)
     across = cs.Pose((0.0, 0.0, 0.0), (HALF, 0.0, 0.0, HALF))
