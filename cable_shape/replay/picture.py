@@ -37,7 +37,9 @@ def _clearance(axis: Any, outcome: Outcome) -> None:
     axis.set(title="clearance", xlabel="time [s]", ylabel="[mm]")
     clearance = drawable(tally.clearance)
     if np.isfinite(clearance).any():
-        axis.plot(tally.seconds(tally.stamps), 1e3 * clearance, ".-", color=_BLUE, lw=1.2, ms=2.0)  # single cycles, too
+        time = tally.seconds(tally.stamps)
+        axis.plot(time, 1e3 * clearance, ".-", color=_BLUE, lw=1.2, ms=2.0)  # single cycles, too
+        axis.set_xlim(time.min() - 0.05 * np.ptp(time), time.max() + 0.05 * np.ptp(time) + 1e-9)
         if scene is not None:
             axis.axhline(1e3 * scene.warn_distance, color=_AMBER, lw=0.8, ls="--", label="warn")
             axis.axhline(1e3 * scene.error_distance, color=_RED, lw=0.8, ls="--", label="error")
@@ -86,11 +88,15 @@ def _times(axis: Any, outcome: Outcome) -> None:
 
     times = 1e6 * np.array(outcome.tally.cycle_time)
     axis.set(title="cycle time", xlabel="[µs]", ylabel="cycles")
-    axis.hist(times, bins=np.geomspace(0.9 * times.min(), 1.1 * times.max(), 60), color=_BLUE)
-    axis.set_xscale("log")
-    axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axis.xaxis.set_major_formatter("{x:g}")
-    axis.xaxis.set_minor_formatter(NullFormatter())
+    shortest, longest = 0.9 * times.min(), 1.1 * times.max()
+    if longest < 10.0 * shortest:
+        axis.hist(times, bins=60, color=_BLUE)
+    else:
+        axis.hist(times, bins=np.geomspace(shortest, longest, 60), color=_BLUE)
+        axis.set_xscale("log")
+        axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.xaxis.set_major_formatter("{x:g}")
+        axis.xaxis.set_minor_formatter(NullFormatter())
     for share, colour in ((50.0, _GREY), (99.0, _RED)):
         value = float(np.percentile(times, share))
         axis.axvline(value, color=colour, lw=0.8, ls="--", label=f"p{share:.0f} {value:.0f} µs")
