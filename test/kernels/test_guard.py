@@ -86,7 +86,7 @@ def test_a_node_goes_where_planes_and_drag_hold_it_and_gives_as_differences_say(
 
 @pytest.mark.parametrize("seed", range(20))
 def test_a_plane_that_is_much_firmer_than_drag_lets_no_node_in(settling, seed):
-    """Where rounding of what gives, 1e-16 / hold, is a large part of 1 / stiff: in long steps of the road."""
+    """Where rounding of what gives, 1e-16 / hold, is a large part of 1 / stiff: in long steps."""
     rng = np.random.default_rng(seed)
     node, hold, stiff = 5, 10.0 ** rng.uniform(-6.5, -5.0), 10.0 ** rng.uniform(6.5, 7.5)
     a, normal = settling.motion.origin[node].copy(), rng.normal(size=3)

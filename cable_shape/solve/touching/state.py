@@ -56,7 +56,7 @@ class TouchState(Laid):
 
         finer: of so many times as many elements as usual.
         """
-        self.elements = 0
+        self.elements, self.good = 0, None
         self.reach = np.array([pair.reach for pair in self.links])
         self._arcs[self.rings] = shape.supports[self.rings - 1, 0]
         self.slid[:] = self._arcs - self._gap_of_supports
@@ -154,7 +154,7 @@ class TouchState(Laid):
         for at in self.points:
             nodes[np.abs(nodes - at).argmin()] = at
         nodes[self.held] = arcs
-        self._arcs = arcs.copy()
+        self._arcs, self.good = arcs.copy(), None
         self._stops = np.union1d(self.points, arcs[1:-1])
         self.unfactored()
         self._load(nodes)
@@ -301,13 +301,13 @@ class TouchState(Laid):
         elif pull < TIGHTEST * least or self.good is None:
             self.good = self.put_aside()
 
-    def near_good(self, frames: Array, links: Array) -> bool:
-        """Whether supports and links are back where they were at `good`: from afar nobody knows the way they took."""
+    def near_good(self, frames: Array) -> bool:
+        """Whether supports are back where they were at `good`, and bodies: from afar nobody knows the way they took."""
         if self.good is None:
             return False
-        kept, then = self.good[0], self.good[-1][1]
+        kept, bodies = self.good[0], self.good[-1][0]
         way = np.linalg.norm(frames[:, :3] - kept.arrays[4][NOW][:, :3], axis=1).max()
-        return bool(way <= NEAR_GOOD * self.length and np.array_equal(links, then))
+        return bool(way <= NEAR_GOOD * self.length and np.array_equal(self.bodies.frames, bodies))
 
     def put_nodes_back(self) -> None:
         """Puts the nodes where they were before the last step."""

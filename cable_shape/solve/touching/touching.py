@@ -135,7 +135,7 @@ class Solve:
         state.thin()
         state.keep_slack()
         shape, reached = self._onward(frames)
-        if shape is None and state.good is not None and state.near_good(frames, steps.links):
+        if shape is None and state.good is not None and state.near_good(frames):
             state.put_back(state.good)
             shape, _ = self._onward(frames)
         if shape is not None:
