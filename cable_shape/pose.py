@@ -14,9 +14,28 @@ from numpy.typing import ArrayLike
 
 from cable_shape import checks
 from cable_shape.checks import Array
+from cable_shape.errors import ArgumentError
 from cable_shape.kernels.poses import compose
 
 GRIP_KINDS = ("clamped", "swivel", "pinned")
+
+
+#: In place of an end that was not named.
+NOT_GIVEN: Any = object()
+
+
+def both_given(call: str, end: object, name: str = "end") -> None:
+    """Refuses a cable's start alone: a harness has its ends in one mapping."""
+    if end is NOT_GIVEN:
+        raise ArgumentError(f"{name} is missing. Write {call}; None is a free end.")
+
+
+def one_mapping(ends: object, more: tuple[object, ...]) -> None:
+    """Refuses a start and an end in place of the one mapping of a harness."""
+    if more:
+        raise ArgumentError.of(
+            "ends", (ends, *more), "the ends of a harness are one mapping", "Write {'a.start': Pose(...)}."
+        )
 
 
 def rotate(q: Array, v: Array) -> Array:

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from cable_shape.scene.scene_parts import Clip
 
 SIDES = ("start", "end")
+#: As far as an end may be from its junction, in lengths of all segments.
+_BESIDE = 10.0
 _WRITE = "Write Harness(segments={name: Cable(...)}, junctions=[Junction(...)])."
 
 
@@ -79,6 +81,11 @@ class Harness:
                 if end in junction_of:
                     bound = f"this end is in junction {junction_of[end].name!r} already"
                     raise ArgumentError.of(where, end, bound, "Name every end once; one junction may have many ends.")
+                beside = junction.frame(end).position
+                if not float(beside @ beside) <= (most := _BESIDE * self.length) ** 2:
+                    where = f"junction {junction.name!r}: frames[{end!r}].position"
+                    bound = f"it must be within {most:.3g} m, {_BESIDE:g} times the length of all segments"
+                    raise ArgumentError.of(where, beside.tolist(), bound, "Positions are in m.")
                 junction_of[end] = junction
         put(self, "_junction_of", junction_of)
         for end in self.tails:

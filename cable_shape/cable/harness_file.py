@@ -122,4 +122,7 @@ def _junction(values: Any, i: int) -> Junction:
 def pose_of(where: str, values: Any) -> Pose:
     """A frame from its keywords, by default the identity."""
     checks.known_keys(where, values, ("position", "quaternion"))
-    return Pose(values.get("position", (0.0, 0.0, 0.0)), values.get("quaternion", (0.0, 0.0, 0.0, 1.0)))
+    try:
+        return Pose(values.get("position", (0.0, 0.0, 0.0)), values.get("quaternion", (0.0, 0.0, 0.0, 1.0)))
+    except ArgumentError as error:
+        raise type(error)(f"{where}: {error}") from None

@@ -16,7 +16,7 @@ from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.motion.common import MODEL, check_moves, enough, work_of
 from cable_shape.motion.swing import FEWEST, Load, Swing
-from cable_shape.pose import FreeEnd, Grip
+from cable_shape.pose import FreeEnd, Grip, one_mapping
 from cable_shape.scene.scene import Scene
 from cable_shape.scene.scene_parts import Clip
 from cable_shape.shape import NUMBERS_PER_POINT, Status
@@ -93,19 +93,22 @@ class HarnessMotion:
             raise ArgumentError("there is no last shape. Call begin first.")
         return self._last
 
-    def begin(self, ends: Mapping[str, End]) -> HarnessShape:
+    def begin(self, ends: Mapping[str, End], *more: object) -> HarnessShape:
         """Starts at rest between these ends; returns that shape. Where its status says no, there is nothing to step.
 
         Parameters
         ----------
         ends : mapping of open end to Pose, Grip or FreeEnd
             As of `HarnessPredictor.predict`.
+        *more
+            None: the ends of a harness are one mapping.
 
         Raises
         ------
         ArgumentError
             As there.
         """
+        one_mapping(ends, more)
         began = perf_counter()
         self._swing = self._last = None
         problem = self.problem.move(ends)

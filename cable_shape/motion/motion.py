@@ -22,7 +22,7 @@ from cable_shape.motion.among import Among
 from cable_shape.motion.common import MODEL, check_moves, enough, work_of
 from cable_shape.motion.run import Run
 from cable_shape.motion.swing import Swing, load_of, spread_evenly
-from cable_shape.pose import FreeEnd, Grip, Pose
+from cable_shape.pose import NOT_GIVEN, FreeEnd, Grip, Pose, both_given
 from cable_shape.scene.mesh_convex import check_convex
 from cable_shape.scene.scene import Scene
 from cable_shape.shape import CableShape, Status
@@ -116,7 +116,7 @@ class Motion:
     def begin(
         self,
         start: Pose | Grip,
-        end: Pose | Grip | FreeEnd | None,
+        end: Pose | Grip | FreeEnd | None = NOT_GIVEN,
         arc_length: ArrayLike | None = None,
         points: ArrayLike | None = None,
         velocity: ArrayLike | None = None,
@@ -144,6 +144,7 @@ class Motion:
         ArgumentError
             For wrong arguments.
         """
+        both_given("begin(start, end)", end)
         began = perf_counter()
         self._swing = self._last = None
         problem = self.problem.move(start, end, links)

@@ -40,8 +40,8 @@ from cable_shape.planning.harness_batch import (
 from cable_shape.planning.row_judge import RowJudge
 from cable_shape.planning.row_slopes import COLUMNS, RowSlopes
 from cable_shape.planning.shape_batch import ShapeBatch
-from cable_shape.pose import GRIP_KINDS, FreeEnd, Grip, Pose
-from cable_shape.prediction.predictor import _NOT_GIVEN, Predictor
+from cable_shape.pose import GRIP_KINDS, NOT_GIVEN, FreeEnd, Grip, Pose, both_given
+from cable_shape.prediction.predictor import Predictor
 from cable_shape.scene.scene import Clip, Scene
 from cable_shape.shape import NUMBERS_PER_POINT, CableShape, Status
 from cable_shape.solve import cosserat
@@ -76,7 +76,7 @@ def predict_batch(cable: Mapping[str, Cable], starts: Mapping[str, Any], **_: An
 def predict_batch(  # type: ignore[misc]
     cable: Cable | Harness | Mapping[str, Cable],
     starts: Any,
-    ends: Any = _NOT_GIVEN,
+    ends: Any = NOT_GIVEN,
     *,
     start_kind: str = "clamped",
     end_kind: str = "clamped",
@@ -154,7 +154,7 @@ def predict_batch(  # type: ignore[misc]
             "start_kind": start_kind, "end_kind": end_kind, "ends": ends, "clips": clips,
         }  # fmt: skip
         for name, value in of_cables.items():
-            given = value is not None and value is not _NOT_GIVEN
+            given = value is not None and value is not NOT_GIVEN
             if given and not (isinstance(value, str) and value == "clamped"):
                 remedy = "Write predict_batch(harness, {'a.start': table, ...}, kinds={...})."
                 raise ArgumentError.of(name, value, "it is known of cables only", remedy)
@@ -168,8 +168,7 @@ def predict_batch(  # type: ignore[misc]
             acceleration=acceleration, uncertainty=uncertainty, threads=threads, time_limit=time_limit, gravity=gravity,
             points=points, tolerance=tolerance, distributed_load=distributed_load,
         )  # fmt: skip
-    if ends is _NOT_GIVEN:
-        raise ArgumentError("ends is missing. Write predict_batch(cable, starts, ends); None is a free end.")
+    both_given("predict_batch(cable, starts, ends)", ends, "ends")
     if kinds is not None:
         raise ArgumentError.of("kinds", kinds, "a cable has two ends", "Write start_kind=.., end_kind=...")
     if clips is not None:
@@ -240,7 +239,7 @@ def _scenes(scene: Any, rows: int) -> list[tuple[Rows | None, Scene | None]]:
 def _predict_several(cables: Mapping[str, Cable], starts: Any, ends: Any, held: tuple[str, str], **more: Any) -> Any:
     """Several cables, which take what one does in mappings by their names."""
     remedy = "Write predict_batch({'a': cable, ..}, {'a': (starts, ends), ..}, kinds={'a.start': 'swivel'})."
-    if ends is not _NOT_GIVEN:
+    if ends is not NOT_GIVEN:
         raise ArgumentError.of("ends", "given", "tables of several cables are one mapping", remedy)
     for name, kind in zip(("start_kind", "end_kind"), held, strict=True):
         if kind != "clamped":

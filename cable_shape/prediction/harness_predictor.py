@@ -14,7 +14,7 @@ from cable_shape import checks
 from cable_shape.cable.harness import Harness
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
-from cable_shape.pose import FreeEnd, Grip, Pose
+from cable_shape.pose import FreeEnd, Grip, Pose, one_mapping
 from cable_shape.prediction.reuse import kept, links_same, same_end
 from cable_shape.scene.mesh_convex import check_convex
 from cable_shape.scene.scene import Scene
@@ -142,7 +142,7 @@ class HarnessPredictor:
     def predict(
         self,
         ends: Mapping[str, End],
-        *,
+        *more: object,
         links: Mapping[str, Pose] | None = None,
         acceleration: Mapping[str, ArrayLike] | None = None,
     ) -> HarnessShape:
@@ -152,6 +152,8 @@ class HarnessPredictor:
         ----------
         ends : mapping of open end to Pose, Grip or FreeEnd
             "a.start" or "a.end"; a bare Pose is clamped, ends not named are free.
+        *more
+            None: the ends of a harness are one mapping.
         links : mapping of robot link to its Pose in the world, optional
             Where the clips are that are on links, and the bodies, if contact is solved for; without it these are left
             out.
@@ -165,6 +167,7 @@ class HarnessPredictor:
             For an end that does not exist or is in a junction, a part of the harness that nothing holds, other wrong
             arguments.
         """
+        one_mapping(ends, more)
         if acceleration is not None:
             problem = self._still.moving(acceleration)
             problem.ends, problem._given = self.problem.ends, self.problem._given

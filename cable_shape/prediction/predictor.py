@@ -17,7 +17,7 @@ from cable_shape.cable.cable import Cable
 from cable_shape.cable.harness import Harness
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
-from cable_shape.pose import FreeEnd, Grip, Pose
+from cable_shape.pose import NOT_GIVEN, FreeEnd, Grip, Pose, both_given, one_mapping
 from cable_shape.prediction.reuse import Ends, Links, kept, unmoved
 from cable_shape.prediction.solvers import MODELS, ClosedForm, Rod, solver_of
 from cable_shape.scene.mesh_convex import check_convex
@@ -33,8 +33,6 @@ from cable_shape.solve.touching.pile import Member
 from cable_shape.solve.touching.places import Spot
 from cable_shape.solve.touching.state import TouchState
 from cable_shape.solve.turning import turning
-
-_NOT_GIVEN = object()
 
 
 @final
@@ -141,7 +139,7 @@ class Predictor:
     def predict(
         self,
         start: Pose | Grip,
-        end: Pose | Grip | FreeEnd | None,
+        end: Pose | Grip | FreeEnd | None = NOT_GIVEN,
         links: Mapping[str, Pose] | None = None,
         *,
         acceleration: ArrayLike | None = None,
@@ -167,6 +165,7 @@ class Predictor:
         ArgumentError
             For wrong arguments, or if `links` lacks a link that carries such a body or a clip.
         """
+        both_given("predict(start, end)", end)
         self.accelerate(acceleration)
         self.problem.move(start, end, links)
         return self.solve()
@@ -487,7 +486,7 @@ def predict(cable: Harness, start: Mapping[str, Pose | Grip | FreeEnd | None], *
 def predict(  # type: ignore[misc]
     cable: Cable | Harness,
     start: Any,
-    end: Any = _NOT_GIVEN,
+    end: Any = NOT_GIVEN,
     *,
     model: str = "auto",
     gravity: ArrayLike = GRAVITY,
@@ -524,10 +523,8 @@ def predict(  # type: ignore[misc]
         distributed_load=distributed_load,
     )
     if isinstance(cable, Harness):
-        if end is not _NOT_GIVEN:
-            raise ArgumentError.of("end", end, "the ends of a harness are one mapping", "Write {'a.start': Pose(...)}.")
+        one_mapping(start, () if end is NOT_GIVEN else (end,))
         of_harness: Any = predictor
         return of_harness.predict(start, links=links, acceleration=acceleration)
-    if end is _NOT_GIVEN:
-        raise ArgumentError("end is missing. Write predict(cable, start, end); None is a free end.")
+    both_given("predict(cable, start, end)", end)
     return predictor.predict(start, end, links, acceleration=acceleration)

@@ -77,7 +77,62 @@ def laid(state: HarnessNetwork, poses: Array, load: float) -> Array:
     out[moves, :3] = y[moves]
     rigid = turns & (state.layout.placed != 0)
     out[rigid, 3:] = _quaternions(frames[rigid])
+    for spans in state.layout.spans.values():
+        _come_around(state, spans, frames, own, model.weight, out)
     return out
+
+
+def _come_around(state: HarnessNetwork, spans: range, frames: Array, own: Array, weight: Array, out: Array) -> None:
+    """Poses in `out` of the stations of a segment that comes back to the knot which it leaves.
+
+    It comes around without a twist of more than half a turn: its tangent turns the long way from one end to the other,
+    at a constant rate, and what then is left of the way is taken off along it.
+    """
+    plan, arcs = state.structure.spans, state.layout.arcs
+    knot, middles = plan[spans[0]].start, [plan[j].end for j in spans[:-1]]
+    if plan[spans[-1]].end != knot or not all(state.structure.knots[row].moves for row in middles):
+        return
+    down = weight[spans.start : spans.stop].sum(axis=0)
+    down = down / np.linalg.norm(down) if down.any() else np.array((0.0, 0.0, -1.0))
+    first, last = frames[knot] @ own[spans[0], 0], frames[knot] @ own[spans[-1], 1]
+    if not state.structure.knots[knot].turns:  # a ball
+        first = last = _aligned(np.eye(3)[None], np.array((_across(down),)))[0]
+    a, b = first[:, 2], last[:, 2]
+    axis = np.cross(a, b)
+    if np.linalg.norm(axis) < 1e-3:
+        axis = np.cross(down, a)
+    axis = axis / np.linalg.norm(axis) if np.linalg.norm(axis) > 1e-3 else _across(a)
+    way = np.arctan2(np.cross(a, b) @ axis, a @ b) - 2.0 * np.pi
+    left = (_about(axis, np.array([way]))[0] @ first).T @ last
+    roll = np.arctan2(left[1, 0] - left[0, 1], left[0, 0] + left[1, 1])
+    length = arcs[spans[-1], 1]
+    share = np.linspace(0.0, 1.0, 97)
+    tangents = _about(axis, way * share) @ a
+    steps = 0.5 * np.diff(share)[:, None] * (tangents[1:] + tangents[:-1])
+    places = length * np.concatenate((np.zeros((1, 3)), np.cumsum(steps, axis=0)))
+    places -= share[:, None] * places[-1]
+    at = arcs[spans.start : spans.stop - 1, 1] / length
+    turned = _about(axis, way * at) @ first @ _about(np.array((0.0, 0.0, 1.0)), roll * at)
+    for i in range(3):
+        out[middles, i] = out[knot, i] + np.interp(at, share, places[:, i])
+    q = _quaternions(turned)
+    signs = np.cumprod(np.where((q[1:] * q[:-1]).sum(axis=1) < 0.0, -1.0, 1.0))
+    out[middles, 3:] = np.concatenate((q[:1], signs[:, None] * q[1:]))
+
+
+def _across(t: Array) -> Array:
+    """A unit vector across another one."""
+    side = np.cross(t, np.eye(3)[np.abs(t).argmin()])
+    return np.asarray(side / np.linalg.norm(side))
+
+
+def _about(axis: Array, angles: Array) -> Array:
+    """(n, 3, 3): rotations about an axis by angles (n,) [rad]."""
+    x, y, z = axis
+    hat = np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
+    return np.asarray(
+        np.eye(3) + np.sin(angles)[:, None, None] * hat + (1.0 - np.cos(angles))[:, None, None] * (hat @ hat)
+    )
 
 
 def _along_the_tree(

@@ -27,6 +27,9 @@ from cable_shape.solve.problem import Problem
 LEVER = 1e6
 #: A longer table of rest curvature is the drawing of a preformed cable: its kinks are no knots.
 MOST_ROWS = 8
+#: Stations of a segment that comes back to the point that it leaves, in its lengths: no span may begin and end at one
+#: knot, and of three that come around none turns by half a turn or more.
+_OF_LOOP, _APART = (1.0 / 3.0, 2.0 / 3.0), 0.15
 #: A knot: ("junction", its name), ("end", "a.start"), ("clip", number in the scene), ("station", segment, arc length),
 #: ("lever", "a.start").
 Name = tuple[str | int | float, ...]
@@ -155,9 +158,21 @@ def _places(problem: HarnessProblem, name: str, one: Problem) -> tuple[list[tupl
         near = np.concatenate((arcs, list(stations)))
         if np.abs(near - arc).min() > AT * length:
             stations[arc] = np.zeros(3)
+    if len(fixed) == 2 and _closes(problem, ends):
+        for arc in (share * length for share in _OF_LOOP):
+            if min((abs(arc - other) for other in stations), default=length) > _APART * length:
+                stations[arc] = np.zeros(3)
     rows = [*zip(fixed, own, strict=True), *(((("station", name, arc), arc), f) for arc, f in stations.items())]
     rows.sort(key=lambda row: row[0][1])
     return [place for place, _ in rows], np.array([load for _, load in rows])
+
+
+def _closes(problem: HarnessProblem, ends: tuple[str, str]) -> bool:
+    """Whether a segment comes back to the point that it leaves."""
+    first, last = (problem.harness.junction_of(end) for end in ends)
+    if first is None or first is not last:
+        return False
+    return not any(first.frame(end).position.any() for end in ends)
 
 
 def _stops_of(one: Problem) -> Array:

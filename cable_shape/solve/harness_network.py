@@ -184,8 +184,8 @@ class HarnessNetwork(Network):
         model.breaks[...] = np.concatenate([*[one.breaks for one in materials], *[(0.0, size) for _, size in levers]])
         stiff = np.zeros((len(levers), tables.PIECE))
         for first in (material.K_LEFT, material.K_RIGHT):
-            stiff[:, first : first + 3] = LEVER * self.stiffest
-        stiff[:, material.COMPLIANCE + 2] = [size**2 / (LEVER * self.stiffest) for _, size in levers]
+            stiff[:, first : first + 3] = self._of_levers()[:, None]
+        stiff[:, material.COMPLIANCE + 2] = np.array([size**2 for _, size in levers]) / self._of_levers()
         model.piece[...] = np.concatenate([*[one.pieces for one in materials], stiff])
         model.force[...] = layout.own
         for junction in problem.harness.junctions:
@@ -260,8 +260,13 @@ class HarnessNetwork(Network):
             return 0.0
         moments = tables.work_of.py_func(self.ints, self.work).moments
         first = self.ints[tables.HEAD : tables.HEAD + self.spans + 1]
-        turn = sum(np.abs(moments[first[j] : first[j + 1]]).max() * size for j, size in self.layout.levers)
-        return float(turn / (LEVER * self.stiffest) * 2.0 * self.length)
+        turns = [np.abs(moments[first[j] : first[j + 1]]).max() * size for j, size in self.layout.levers]
+        return float((np.array(turns) / self._of_levers()).sum() * 2.0 * self.length)
+
+    def _of_levers(self) -> Array:
+        """[N m^2], how stiff each lever is: much more than any segment, and than all that weighs on it."""
+        sizes = np.array([size for _, size in self.layout.levers])
+        return LEVER * np.maximum(self.stiffest, self._weight * sizes**2)
 
     def bounds(self) -> Array:
         """[m], of the supports of one segment after the other, a gap between them, as they run through eyelets now."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 import math
+from itertools import combinations
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from cable_shape.cable.pieces import pieces_of
 from cable_shape.checks import Array
 from cable_shape.kernels.frames import align
 from cable_shape.kernels.network.drive import STRAIGHT
+from cable_shape.pose import rotate
 from cable_shape.shape import NUMBERS_PER_POINT, Status
 from cable_shape.solve.harness_layout import Name
 from cable_shape.solve.harness_network import HarnessNetwork
@@ -19,6 +21,9 @@ from cable_shape.solve.harness_problem import HarnessProblem
 
 #: Steps in which strings are laid out, and what they lack [longest segments] that is no rounding of that.
 _STRINGS, _SHORT = 300, 1e-3
+#: So many times as stiff as a string is what holds ends beside their junctions.
+_BAR = 1e3
+_AHEAD: Array = np.array((0.0, 0.0, 1.0))
 
 
 def out_of_reach(task: HarnessProblem, state: HarnessNetwork, poses: Array) -> tuple[Status, Array, str, float] | None:
@@ -106,18 +111,30 @@ def laid_straight(task: HarnessProblem, state: HarnessNetwork, poses: Array, buf
             quaternions[inside] = q
 
 
+def _bars(state: HarnessNetwork) -> list[tuple[int, int, float]]:
+    """Ends that lie beside one junction: two knots each, and how far they are from each other [m]."""
+    spans, frames = state.structure.spans, state.layout.frames
+    beside: dict[int, list[tuple[int, Array]]] = {}
+    for j, size in state.layout.levers:
+        beside.setdefault(spans[j].start, []).append((spans[j].end, size * rotate(frames[j, 0], _AHEAD)))
+    pairs = (pair for ends in beside.values() for pair in combinations(ends, 2))
+    return [(one, other, float(np.linalg.norm(x - y))) for (one, x), (other, y) in pairs if not np.array_equal(x, y)]
+
+
 def lacking(task: HarnessProblem, state: HarnessNetwork, poses: Array) -> tuple[float, str]:
     """[m], what segments that do not stretch lack together to reach all supports at once, by how much they could not be
     laid out as strings; and the segment that lacks most. 0: nothing, or it cannot be told, as with eyelets."""
     if state.rings:
         return 0.0, ""
     spans = state.structure.spans
-    a, b = (np.array([span[i] for span in spans]) for i in (0, 1))
-    length = state.layout.arcs[:, 1] - state.layout.arcs[:, 0]
+    bars = _bars(state)
+    a, b = (np.array([*(span[i] for span in spans), *(bar[i] for bar in bars)], dtype=np.int64) for i in (0, 1))
+    length = np.array([*(state.layout.arcs[:, 1] - state.layout.arcs[:, 0]), *(bar[2] for bar in bars)])
     cables = list(task.harness.segments.values())
-    holds = np.ones(len(spans), dtype=bool)
+    holds = np.ones(len(a), dtype=bool)
     for cable, rows in zip(cables, state.layout.spans.values(), strict=True):
         holds[rows.start : rows.stop] = _holds(cable)
+    stiff = np.arange(len(a)) >= len(spans) - len(state.layout.levers)
     moves = np.array([knot.moves for knot in state.structure.knots])
     y = poses[:, :3].copy()
     n = len(y)
@@ -125,9 +142,10 @@ def lacking(task: HarnessProblem, state: HarnessNetwork, poses: Array) -> tuple[
         d = y[b] - y[a]
         size = np.maximum(np.linalg.norm(d, axis=1), 1e-12)
         tight = holds & (size > length)
-        if not tight.any():
+        if not (tight & ~stiff).any() and (np.abs(size - length)[stiff] <= _SHORT * length[stiff]).all():
             return 0.0, ""
-        k = np.where(tight, 1.0, 1e-4) / length
+        tight |= stiff
+        k = np.where(stiff, _BAR, np.where(tight, 1.0, 1e-4)) / length
         goal = d * np.where(tight, length / size, 1.0)[:, None]
         K, right = np.zeros((n, n)), np.zeros((n, 3))
         for i, j, sign in ((a, a, 1.0), (b, b, 1.0), (a, b, -1.0), (b, a, -1.0)):

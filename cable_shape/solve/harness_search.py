@@ -145,6 +145,9 @@ class HarnessSearch(Search):
         """From guesses, the likeliest first, then from some that settle against drag, until there is a stable shape."""
         state = self.state
         state.align(poses)
+        # what is too short between ends beside their junctions would bend the levers that hold them there
+        if state.layout.levers and (short := self._too_short(self._guess(poses, 1.0))) is not None:
+            return short
         if bent(state) and (rested := self._from_rest(poses)) is not None:
             return rested
         found: HarnessShape | None = None
@@ -176,14 +179,19 @@ class HarnessSearch(Search):
             return found
         state.history = 0
         guess = self._guess(poses, 1.0)
-        missing, name = lacking(self.task, state, guess)
-        if missing > 0.0:
-            detail = (
-                f"the segments lack {missing:.3g} m to reach all supports and to close, {name!r} most of all. Bring "
-                "the supports closer, or lengthen it; the shape is straight lines."
-            )
-            return self.no_shape(Status.OVERSTRETCHED, guess, detail, missing)
-        return self.no_shape(Status.NOT_CONVERGED, guess, "")
+        return self._too_short(guess) or self.no_shape(Status.NOT_CONVERGED, guess, "")
+
+    def _too_short(self, guess: Array) -> HarnessShape | None:
+        """What says that segments are too short to be laid out to all supports and to close; None: they are not."""
+        missing, name = lacking(self.task, self.state, guess)
+        if missing == 0.0:
+            return None
+        detail = (
+            f"the segments lack {missing:.3g} m to reach all supports and to close, {name!r} most of all. Bring "
+            "the supports closer, or lengthen it; the shape is straight lines."
+        )
+        self.state.history = 0
+        return self.no_shape(Status.OVERSTRETCHED, guess, detail, missing)
 
     def _from_rest(self, poses: Array) -> HarnessShape | None:
         """From the form at rest, on two first meshes, with soft modes held ever more firmly; None: not from there."""

@@ -13,10 +13,9 @@ from cable_shape import checks
 from cable_shape.calibration.harness_result import HarnessCalibration
 from cable_shape.calibration.parameters import held
 from cable_shape.calibration.result import Calibration
-from cable_shape.errors import ArgumentError
-from cable_shape.pose import FreeEnd, Grip, Pose, as_grip
+from cable_shape.pose import NOT_GIVEN, FreeEnd, Grip, Pose, as_grip, both_given, one_mapping
 from cable_shape.prediction.harness_predictor import HarnessPredictor
-from cable_shape.prediction.predictor import _NOT_GIVEN, Predictor
+from cable_shape.prediction.predictor import Predictor
 from cable_shape.shape import CableShape
 from cable_shape.solve.harness_problem import End
 from cable_shape.solve.outcome import MODEL
@@ -33,7 +32,7 @@ def predict_tube(found: Calibration, start: Pose | Grip, end: Pose | Grip | Free
 def predict_tube(  # type: ignore[misc]
     found: Calibration | HarnessCalibration,
     start: Any,
-    end: Any = _NOT_GIVEN,
+    end: Any = NOT_GIVEN,
     *,
     confidence: float = CONFIDENCE,
     start_error: ArrayLike = (0.0, 0.0),
@@ -69,11 +68,9 @@ def predict_tube(  # type: ignore[misc]
     if inertia is not None:
         inertia = checks.number("inertia", inertia, at_least=0.0)
     if isinstance(found, HarnessCalibration):
-        if end is not _NOT_GIVEN:
-            raise ArgumentError.of("end", end, "the ends of a harness are one mapping", "Write {'a.start': Pose(...)}.")
+        one_mapping(start, () if end is NOT_GIVEN else (end,))
         return _of_harness(found, uncertainty, start, acceleration, inertia, gravity, points)
-    if end is _NOT_GIVEN:
-        raise ArgumentError("end is missing. Write predict_tube(found, start, end); None is a free end.")
+    both_given("predict_tube(found, start, end)", end)
     near = as_grip("start", start)
     far = FreeEnd() if end is None else end if isinstance(end, FreeEnd) else as_grip("end", end)
     if found.parameters is not None and found.values is not None:

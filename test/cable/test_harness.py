@@ -33,6 +33,8 @@ def fork(kind: str = "rigid", mass: float = 0.0, arm: cs.Cable | None = None) ->
 
 ENDS = {"a.start": START, "b.end": END}
 POINTS = np.full((3, 3), 0.1)
+PLAIN = {"length": 1.0, "linear_density": 0.1, "bending_stiffness": 0.01}
+ZERO = {"name": "j", "ends": ["a.start", "a.end"], "frames": {"a.end": {"quaternion": [0, 0, 0, 0]}}}
 
 
 # -- shapes
@@ -380,6 +382,14 @@ def joined(*ends: str, **keywords: object) -> cs.Harness:
         (lambda: cs.predict(fork(), {"a.start": cs.Pose(turns=1)}), r"a.start: turns = 1"),
         (lambda: cs.predict(fork(), START, END), r"the ends of a harness are one mapping"),
         (lambda: cs.predict(CABLE, START), r"end is missing"),
+        (lambda: cs.Predictor(fork()).predict(START, END), r"the ends of a harness are one mapping"),
+        (lambda: cs.Predictor(CABLE).predict(ENDS), r"end is missing. Write predict\(start, end\)"),
+        (lambda: cs.Motion(fork()).begin(START, END), r"the ends of a harness are one mapping"),
+        (lambda: cs.Motion(CABLE).begin(ENDS), r"end is missing. Write begin\(start, end\)"),
+        (
+            lambda: cs.Harness.from_mapping({"segments": {"a": PLAIN}, "junctions": [ZERO]}),
+            r"junctions\[0\]: frames\['a.end'\]: quaternion = .* its length is 0",
+        ),
         (lambda: cs.predict(fork(), ENDS, model="gradient4"), r"model = 'gradient4'"),
         (
             lambda: cs.predict(fork(), ENDS, scene=cs.Scene(masses=[cs.PointMass(0.1, 0.1)])),
