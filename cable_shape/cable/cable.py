@@ -373,7 +373,11 @@ class Cable:
         return f"{head}; a metre of it held level at one end {words}"
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Cable) and self.as_dict() == other.as_dict()
+        if self is other or not isinstance(other, Cable):
+            return self is other
+        rest = self.rest_curvature, other.rest_curvature
+        names = (name for name in self.__slots__ if name != "rest_curvature")
+        return all(getattr(self, name) == getattr(other, name) for name in names) and np.array_equal(*rest)
 
     def __hash__(self) -> int:
         stiffness, bends = (

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from cable_shape.cable.cable import LENGTHS, Cable
@@ -14,6 +16,7 @@ def reach_of(cable: Cable) -> tuple[float, float]:
     return 0.0 - cable.tails.get("start", 0.0), cable.length + cable.tails.get("end", 0.0)
 
 
+@lru_cache(maxsize=64)  # asked for several times in an edit
 def stretch_of(cable: Cable, first: float, last: float) -> Cable:
     """The cable from one arc length [m] to another one, with the rest as its tails.
 

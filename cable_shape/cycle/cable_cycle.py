@@ -40,6 +40,7 @@ from cable_shape.scene.plug import Plug, PlugError, plug_error
 from cable_shape.scene.scene import Obstacle, Scene
 from cable_shape.shape import CableShape
 from cable_shape.solve.answers import Solved
+from cable_shape.solve.problem import NAMED_TOLERANCE
 from cable_shape.uncertainty.tube_watch import TubeWatch, left_out
 from cable_shape.uncertainty.uncertainty import Tube, Uncertainty
 
@@ -80,6 +81,8 @@ class CableCycle:
         The cable swings; without it, it is at rest in every instant.
     look_ahead : float
         [s], how far to look where it swings if the grips stop now; 0: not at all.
+    before : CableCycle, optional
+        Of the same cable, before an edit: tails that are alike go on from where they are.
     """
 
     def __init__(
@@ -96,16 +99,21 @@ class CableCycle:
         quasistatic_limit: float | None = None,
         dynamic: Dynamic | None = None,
         look_ahead: float = 0.0,
+        before: CableCycle | None = None,
     ) -> None:
         self.name = name
         self._dynamic, self._look_ahead = dynamic, look_ahead
         self.predictor = predictor
         self.scene = scene
         cable, problem = predictor.cable, predictor.problem
-        self._tails = {
-            side: Tail(cable, side, length, gravity=problem.gravity, points=problem.points)
-            for side, length in cable.tails.items()
-        }
+        self._tails: dict[str, Tail]
+        if before is not None and predictor.is_rod and before.predictor.cable == cable:
+            self._tails = {side: tail.twin() for side, tail in before._tails.items()}
+        else:
+            self._tails = {
+                side: Tail(cable, side, length, gravity=problem.gravity, points=problem.points)
+                for side, length in cable.tails.items()
+            }
         checker = ClearanceChecker(scene, cable=cable, robot_links=robot_links, gripping_links=gripping_links)
         self._checker = checker
         self._allowed = Allowed(scene, cable, robot_links, gripping_links)
@@ -117,14 +125,13 @@ class CableCycle:
         self._watch = watch(cable, scene, moving, gravity=problem.gravity, quasistatic_limit=quasistatic_limit)
         self._standing = Standing(scene)
         self._tubes = tubes
-        self.reset()
+        self._forget()
 
     def reset(self) -> None:
         """Forgets everything from before."""
         self.predictor.reset()
         if self._dynamic is not None:
             self._dynamic.reset()
-        self.ahead: Ahead | None = None  # of the last shape
         for tail in self._tails.values():
             tail.reset()
         self._watch.reset()
@@ -132,6 +139,11 @@ class CableCycle:
         self._snaps.reset()
         if self._tubes is not None:
             self._tubes.reset()
+        self._forget()
+
+    def _forget(self) -> None:
+        """The part of it that is kept here."""
+        self.ahead: Ahead | None = None  # of the last shape
         self.tube: Tube | None = None  # of the last shape, if it is asked for and known
         self.tail_tubes: dict[str, Tube] = {}  # of the tails, by side
         self._rod: Solved | None = None  # of the last shape
@@ -149,7 +161,7 @@ class CableCycle:
         """
         self._standing.go_on_from(other._standing)
         if held_alike and isinstance(self._watch, MarginWatch) and isinstance(other._watch, MarginWatch):
-            self._watch.go_on_from(other._watch)
+            self._watch.go_on_from(other._watch, still=_still(self.found, other.found))
 
     def predict(
         self, ends: Ends, links: Links, solved: CableShape | None = None, acceleration: ArrayLike | None = None,
@@ -308,6 +320,14 @@ class CableCycle:
         return plug_error(self._plug, self.scene.sockets[self._plug.socket], shape)
 
 
+def _still(one: Found | None, other: Found | None) -> bool:
+    """Whether two shapes of a cable are one, as exactly as it is solved for."""
+    if one is None or other is None or one.shape.buffer.shape != other.shape.buffer.shape:
+        return False
+    way = np.abs(one.shape.positions - other.shape.positions).max()
+    return bool(way <= NAMED_TOLERANCE * one.shape.length)
+
+
 @final
 @dataclass(frozen=True, slots=True)
 class CableCycles:
@@ -329,9 +349,13 @@ class CableCycles:
     look_ahead: float = 0.0
 
     def make(
-        self, name: str, cable: Cable, scene: Scene, load: ArrayLike | None, *, turned: bool = False
-    ) -> CableCycle:
-        """The part of a cable in its scene, under a distributed load (2, 3) [N/m]; turned: its start hangs free."""
+        self, name: str, cable: Cable, scene: Scene, load: ArrayLike | None, *, turned: bool = False,
+        before: CableCycle | None = None,
+    ) -> CableCycle:  # fmt: skip
+        """The part of a cable in its scene, under a distributed load (2, 3) [N/m]; turned: its start hangs free.
+
+        before: the part that it follows.
+        """
         options = {**self.options, "scene": scene, "distributed_load": load}
         kind = TurnedPredictor if turned else Predictor
         predictor = kind(cable, model=self.model, tolerance=self.tolerance, **options)
@@ -355,7 +379,7 @@ class CableCycles:
         return CableCycle(
             name, predictor, scene, self.options["robot_links"], self.options["gripping_links"], plug,
             self.snap_horizon, self.count, tubes, self.quasistatic_limit if dynamic is None else None, dynamic,
-            self.look_ahead,
+            self.look_ahead, before,
         )  # fmt: skip
 
     def _check_dynamic(self, predictor: Predictor, tubes: TubeWatch | None, load: ArrayLike | None) -> None:

@@ -239,10 +239,14 @@ class Cycle:
                 checks.one_of("cable", cable, (*parts, *editing.layout.cables))
             for edit in edits:
                 editing.take(edit, cable)
-            near = self._made_near(editing.cables, editing.layout.common)
+            common = editing.layout.common
+            near = self._made_near(editing.cables, common)
         except ArgumentError as error:
             return EditResult(False, str(error))
-        self._layout, self._scene = editing.layout, editing.layout.common
+        for name, one in self._cables.items():
+            if editing.cycles[name] is not one:
+                one.predictor.end()
+        self._layout, self._scene = editing.layout, common
         self._cables, self._harnesses, self._crossing = editing.singles, editing.harnesses, editing.crossing
         self._named = {name: laid.cable for name, laid in editing.layout.single.items()}
         self._look_about(near)

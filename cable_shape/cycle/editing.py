@@ -24,11 +24,11 @@ from cable_shape.prediction.carried import carried, place_of, stretched
 from cable_shape.prediction.changes import Change, change_of, on_the_way
 from cable_shape.prediction.edits import Edit
 from cable_shape.prediction.layout import Laid, Layout, cable_id
+from cable_shape.prediction.solvers import Memory
 from cable_shape.safety.report import Clearance
 from cable_shape.scene.scene import Clip
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve.harness_shape import HarnessShape
-from cable_shape.solve.network import Network
 from cable_shape.solve.touching.crossing import Crossing
 from cable_shape.solve.touching.places import Spot
 
@@ -128,7 +128,10 @@ class Editing:
         """A cable's part in its new scene."""
         laid = layout.cables[name]
         load = _load_between(self._maker.distributed_load.get(name), laid)
-        return self._maker.make(name, laid.cable, layout.scene_of(name), load, turned=laid.opened == "start")
+        before = self.cycles[name]
+        assert isinstance(before, CableCycle)
+        turned = laid.opened == "start"
+        return self._maker.make(name, laid.cable, layout.scene_of(name), load, turned=turned, before=before)
 
     def _made_harness(self, layout: Layout, name: str) -> HarnessCycle:
         """A harness's part in its new scene."""
@@ -181,7 +184,7 @@ class _Way:
     ) -> None:
         self._change, self._made = change, made
         self._known: dict[str, Any] = {}  # by cable, or harness: a Found, where it is on the way
-        self._memories: dict[str, Network | None] = {}
+        self._memories: dict[str, Memory] = {}
         self._spots: dict[str, list[Spot]] = {}  # where it touches itself, or, of all cables, each other
         for name, new in made.items():
             old = cycles[name]
@@ -274,27 +277,28 @@ class _Way:
         leap: also where no small steps lead to them.
         """
         then, now = on_the_way(self._change, done), on_the_way(self._change, at)
+        whole = self._change.goal is self._change.origin  # where it is to go is what it has been made of
         for name, known in self._known.items():
             part, loose = self._made[name], done == 0.0 and self._loose(name)
             part.predictor.leap(allowed=leap)
             if isinstance(part, HarnessCycle):
-                harness, scene = now.harness_of(name), then.scene_of_harness(name)
-                shape = _stretched_harness(known.shape, harness, part)
+                harness, scene = (None, None) if whole else (now.harness_of(name), then.scene_of_harness(name))
+                shape = _stretched_harness(known.shape, part.predictor.harness if harness is None else harness, part)
                 part.predictor.begin(shape, known.ends, known.links, harness=harness, scene=scene, loose=loose)
                 continue
-            cable = now.cables[name].cable
+            cable = part.predictor.cable if whole else now.cables[name].cable
             part.predictor.begin(
                 stretched(known.shape, cable.length),
                 known.ends,
                 known.links,
-                cable=cable,
-                scene=then.scene_of(name),
+                cable=None if whole else cable,
+                scene=None if whole else then.scene_of(name),
                 loose=loose,
                 memory=self._memories[name],
                 spots=self._spots.get(name),
             )
         self.crossing = self._crossed()
-        for name in self._known:
+        for name in () if whole else self._known:
             part = self._made[name]
             if at == 1.0:
                 part.predictor.head_for()

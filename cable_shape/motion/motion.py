@@ -352,7 +352,7 @@ def _without_eyelets(scene: Scene | None) -> Scene | None:
 def _lying(problem: Problem) -> CableShape:
     """At rest among bodies and in eyelets, without friction: how friction would hold it nothing tells."""
     if problem.bodies:
-        return touching.solve(problem, TouchState(problem), Network(problem))
+        return touching.solve(problem, TouchState(problem), None)[0]
     return cosserat.solve(problem)
 
 

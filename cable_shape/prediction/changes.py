@@ -291,6 +291,8 @@ def on_the_way(change: Change, at: float) -> Layout:
     goal, origin = change.goal, change.origin
     if at == 1.0 or goal is origin:
         return goal
+    if at == 0.0 and all(_alike(laid, origin.cables[name]) for name, laid in goal.cables.items()):
+        return origin
     poses = {body.name: body.pose for body in origin.scene.obstacles}
     bodies = [_moved(body, poses[body.name], at) for body in goal.scene.obstacles]
     cables = {}
@@ -315,6 +317,11 @@ def on_the_way(change: Change, at: float) -> Layout:
     return Layout(goal.scene.replace(obstacles=bodies), cables, goal.harnesses)
 
 
+def _alike(one: Laid, other: Laid) -> bool:
+    """Whether they are the same stretch of the same cable."""
+    return one.made is other.made and (one.first, one.last, one.opened) == (other.first, other.last, other.opened)
+
+
 def _moved(part: Any, then: Pose, at: float) -> Any:
     """A body or clip on its way from where it was."""
     if part.pose == then:
@@ -323,9 +330,11 @@ def _moved(part: Any, then: Pose, at: float) -> Any:
 
 
 def stretch_between(origin: Cable, goal: Cable, at: float) -> Cable:
-    """A cable whose numbers are on the way from one to another, whose sections, limits and tails it has."""
+    """A cable whose numbers are on the way from one to another, whose sections, limits and tails it has then."""
     if at == 1.0 or origin is goal or origin == goal:
         return goal
+    if at == 0.0 and origin.sections == goal.sections:
+        return origin
     changes: dict[str, Any] = {}
     for key in _NUMBERS:
         a, b = (np.asarray(getattr(one, key), dtype=np.float64) for one in (origin, goal))

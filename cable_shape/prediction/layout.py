@@ -79,6 +79,7 @@ class Layout:
     scene: Scene
     cables: Mapping[str, Laid]
     harnesses: Mapping[str, Harness] = field(default_factory=dict)  # of which names and junctions count
+    _scenes: dict[str, Scene] = field(default_factory=dict, init=False, repr=False, compare=False)  # those told
 
     @classmethod
     def of(
@@ -139,11 +140,13 @@ class Layout:
 
     def scene_of(self, name: str) -> Scene:
         """What holds and surrounds one cable."""
-        laid = self.cables[name]
-        allow = self.scene.allow
-        if laid.first:
-            allow = [_shifted(one, laid.first) for one in allow]
-        return self.scene.replace(clips=laid.clips, masses=laid.masses, allow=allow)
+        if name not in self._scenes:
+            laid = self.cables[name]
+            allow = self.scene.allow
+            if laid.first:
+                allow = [_shifted(one, laid.first) for one in allow]
+            self._scenes[name] = self.scene.replace(clips=laid.clips, masses=laid.masses, allow=allow)
+        return self._scenes[name]
 
     @property
     def common(self) -> Scene:

@@ -19,14 +19,13 @@ from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import NOT_GIVEN, FreeEnd, Grip, Pose, both_given, one_mapping
 from cable_shape.prediction.reuse import Ends, Links, kept, unmoved
-from cable_shape.prediction.solvers import MODELS, ClosedForm, Rod, solver_of
+from cable_shape.prediction.solvers import MODELS, ClosedForm, Memory, Rod, solver_of
 from cable_shape.scene.mesh_convex import check_convex
 from cable_shape.scene.scene import Obstacle, Scene
 from cable_shape.shape import CableShape
 from cable_shape.solve import cosserat
 from cable_shape.solve.answers import ENDS, Solved
 from cable_shape.solve.harness_shape import HarnessShape
-from cable_shape.solve.network import Network
 from cable_shape.solve.problem import GRAVITY, Problem, longest_delay
 from cable_shape.solve.touching.crossing import Crossing
 from cable_shape.solve.touching.pile import Member
@@ -213,7 +212,7 @@ class Predictor:
         cable: Cable | None = None,
         scene: Scene | None = None,
         loose: bool = False,
-        memory: Network | None = None,
+        memory: Memory = None,
         spots: list[Spot] | None = None,
     ) -> None:
         """Makes a shape that was found otherwise the last one.
@@ -261,10 +260,12 @@ class Predictor:
         return self._crossing if self._others is None else self._others[0]
 
     @property
-    def memory(self) -> Network | None:
-        """That of the rod which gave the last shape without contact; None if none did."""
+    def memory(self) -> Memory:
+        """That of the rod which gave the last shape; None if none did, or it was along with what its cable touches."""
         state = self.rod_state
-        return state if isinstance(state, Network) else None
+        if state is None and isinstance(self._solver.rod_state(), TouchState):
+            state = self._solver.rod_state()  # which tells of what shape it is
+        return None if isinstance(state, Member) else state
 
     def reset(self) -> None:
         """Forgets the last solution: the next one starts cold."""
@@ -277,6 +278,10 @@ class Predictor:
         """Leaves what its cable touches, itself included, to `crossing`, in which it has the number `index`."""
         self._crossing = None
         self._others = crossing, index
+
+    def end(self) -> None:
+        """It is not used any more: what it holds is free at once, not when garbage is looked for."""
+        self._crossing = self._others = None
 
     @property
     def is_rod(self) -> bool:
@@ -355,7 +360,7 @@ class Predictor:
         return None if crossing is None else crossing.state_of(index)
 
     @property
-    def rod_state(self) -> Network | TouchState | Member | None:
+    def rod_state(self) -> Memory | Member:
         """The memory of the rod that gave the last shape, in contact or not; None if none did."""
         together = self._together()
         if together is not None or self._last is None or self._last.model != cosserat.MODEL:
@@ -391,6 +396,8 @@ class Predictor:
         other: Predictor = object.__new__(Predictor)  # __new__ looks at what the cable is
         vars(other).update(vars(self))
         other.problem, other._crossing, other._others = copy.copy(self.problem), None, None
+        if self._still is self.problem:
+            other._still = other.problem
         other._solver = self._solver.twin(other.problem, self._last)
         return other
 

@@ -21,6 +21,9 @@ from cable_shape.solve.problem import Problem
 from cable_shape.solve.touching import touching
 from cable_shape.solve.touching.state import TouchState
 
+#: Of the rod that gave a shape, in contact or not; None: there is none.
+Memory = Network | TouchState | None
+
 MODELS = ("catenary", "gradient4", "gradient6", "cosserat", "auto")
 
 
@@ -36,7 +39,7 @@ class Solver(Protocol):
     def go_on_from(self, problem: Problem, shape: CableShape, frames: Array, links: Array) -> None:
         """Makes a shape that was found otherwise the last one in contact with bodies."""
 
-    def begin(self, problem: Problem, shape: CableShape, memory: Network | None, *, loose: bool) -> None:
+    def begin(self, problem: Problem, shape: CableShape, memory: Memory, *, loose: bool) -> None:
         """Makes a shape that was found otherwise the last one, see `Predictor.begin`."""
 
     def rod_state(self) -> Network | TouchState | None:
@@ -62,7 +65,7 @@ class ClosedForm:
     def go_on_from(self, problem: Problem, shape: CableShape, frames: Array, links: Array) -> None:
         return
 
-    def begin(self, problem: Problem, shape: CableShape, memory: Network | None, *, loose: bool) -> None:
+    def begin(self, problem: Problem, shape: CableShape, memory: Memory, *, loose: bool) -> None:
         return
 
     def rod_state(self) -> None:
@@ -85,33 +88,42 @@ class Rod:
 
     def solve(self, problem: Problem) -> CableShape:
         deadline = math.inf if self._time_budget == math.inf else perf_counter() + self._time_budget
+        if not problem.bodies and not self._loose:
+            self._touch = None
+            return cosserat.solve(problem, self._free(problem), deadline=deadline)
+        if self._touch is None:
+            self._touch = TouchState(problem)
+        rod = self.state if self._touch.touching else self._free(problem)
+        shape, self.state = touching.solve(problem, self._touch, rod, deadline=deadline, leaps=self.leaps)
+        self._loose = self._loose and not shape.status
+        if shape.status and not self._touch.touching and self.state is not None and self.state.last is shape:
+            self._resume(problem, shape)  # out of contact: the branch goes on
+        return shape
+
+    def _free(self, problem: Problem) -> Network:
+        """The memory of the rod without contact, made where there is none."""
         if self.state is None:
             spare = self._spare
             self.state = spare if spare is not None and spare.forget(problem) else Network(problem)
             self._spare = None
-        if not problem.bodies and not self._loose:
-            self._touch = None
-            return cosserat.solve(problem, self.state, deadline=deadline)
-        if self._touch is None:
-            self._touch = TouchState(problem)
-        shape = touching.solve(problem, self._touch, self.state, deadline=deadline, leaps=self.leaps)
-        self._loose = self._loose and not shape.status
-        if shape.status and not self._touch.touching and self.state.last is shape:
-            self._resume(problem, shape)  # out of contact: the branch goes on
-        return shape
+        return self.state
 
-    def begin(self, problem: Problem, shape: CableShape, memory: Network | None, *, loose: bool) -> None:
+    def begin(self, problem: Problem, shape: CableShape, memory: Memory, *, loose: bool) -> None:
         self._loose, self._touch = loose, None
-        self.state = Network(problem, shape) if memory is None else memory.copied()
-        self._resume(problem, shape)
         if loose or problem.bodies:
             self._touch = touch = TouchState(problem)
             frames = touch.aimed()
             touch.move_bodies(touch.bodies.link_rows(problem.links))
-            if loose:
-                touch.lie(shape, frames)
-            else:
-                touch.resume(shape, frames)
+            if not (isinstance(memory, TouchState) and touch.take_over(memory, shape)):
+                if loose:
+                    touch.lie(shape, frames)
+                else:
+                    touch.resume(shape, frames)
+            if touch.touching and not isinstance(memory, Network):
+                self.state = None  # the rod without contact is made where it comes out of contact
+                return
+        self.state = memory.copied() if isinstance(memory, Network) else Network(problem, shape)
+        self._resume(problem, shape)
 
     def _resume(self, problem: Problem, shape: CableShape) -> None:
         """Has the rod without contact go on from a shape, or from its own last solution if that is of this problem.

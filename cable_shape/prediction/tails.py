@@ -8,6 +8,7 @@ out. The tail at the start runs backwards: in its own frame d1 is that of the ca
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from typing import final
 
@@ -73,6 +74,12 @@ class Tail:
     def predict(self, frame: Pose) -> CableShape:
         """The tail at a grip whose cable frame is `frame`; arc length counts from the grip outwards."""
         return self.predictor.predict(frame * _BACKWARDS if self.side == "start" else frame, None)
+
+    def twin(self) -> Tail:
+        """Once more: it goes on from the last shape, and this one stays as it is."""
+        other = copy.copy(self)
+        other.predictor = self.predictor.twin()
+        return other
 
     def along(self, arc_length: float, length: float) -> float:
         """Arc length [m] on the tail as that of a span of `length` [m]: negative, or beyond the length."""

@@ -19,10 +19,10 @@ from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.prediction.predictor import Predictor
+from cable_shape.prediction.solvers import Memory
 from cable_shape.scene.scene import Scene
 from cable_shape.shape import CableShape
 from cable_shape.solve.answers import ENDS
-from cable_shape.solve.network import Network
 from cable_shape.solve.problem import Problem
 from cable_shape.solve.touching.crossing import Crossing
 from cable_shape.solve.touching.places import Spot
@@ -131,9 +131,13 @@ class TurnedPredictor:
         return self.solo.crossing
 
     @property
-    def memory(self) -> Network | None:
+    def memory(self) -> Memory:
         """See `Predictor.memory`."""
         return self.solo.memory
+
+    def end(self) -> None:
+        """See `Predictor.end`."""
+        self.solo.end()
 
     @property
     def rod_state(self) -> Any:
@@ -184,7 +188,7 @@ class TurnedPredictor:
         cable: Cable | None = None,
         scene: Scene | None = None,
         loose: bool = False,
-        memory: Network | None = None,
+        memory: Memory = None,
         spots: list[Spot] | None = None,
     ) -> None:
         """See `Predictor.begin`; memory and spots are those of the turned cable."""

@@ -143,14 +143,17 @@ class MarginWatch:
         self._near, self._far, self._held = "", "", False  # kinds of the ends, and whether the second is held
         self._lay_out(np.concatenate(((self.warn, self.soft), unknown, self._swing, (0.0,))), 0)
 
-    def go_on_from(self, other: MarginWatch) -> None:
-        """Remembers how the ends moved, and the last loads if the cable is the same, as another one does."""
+    def go_on_from(self, other: MarginWatch, *, still: bool) -> None:
+        """Remembers how the ends moved as another one does, and the last loads if the same cable is where it was.
+
+        still: whether it is; where it has jumped, the loads before tell no speed of them.
+        """
         self._stamp, self._older_stamp = other._stamp, other._older_stamp
         first, last = kernels.SWING, kernels.SWING + swing.MEMORY
         found = first + np.array((swing.RATIO, swing.WHERE, swing.PERIOD))
         for rows in (slice(kernels.TWISTS, last), found, slice(kernels.TURN, kernels.HEAD)):
             self._memory[rows] = other._memory[rows]
-        if np.array_equal(self.pieces, other.pieces, equal_nan=True):
+        if still and np.array_equal(self.pieces, other.pieces, equal_nan=True):
             self._history[:, :BODIES] = other._history[:, :BODIES]
 
     def _lay_out(self, head: Array, bodies: int) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import final
 
 import numpy as np
@@ -38,11 +40,11 @@ class Levels:
     error: float
 
     @classmethod
-    def of(cls, kind: WarningKind, scene: Scene) -> Levels:
-        """Of one kind of margin."""
+    def of(cls, kind: WarningKind, warn_distance: float, error_distance: float) -> Levels:
+        """Of one kind of margin, with the distances [m] of a scene."""
         if kind is WarningKind.CLEARANCE:
-            limit = max(scene.warn_distance, scene.error_distance)
-            error = 2.0 - scene.error_distance / limit if limit > 0.0 else 1.0
+            limit = max(warn_distance, error_distance)
+            error = 2.0 - error_distance / limit if limit > 0.0 else 1.0
             return cls(math.nextafter(1.0, 2.0), math.nextafter(error, 3.0))  # at the very distance all is still well
         if kind is WarningKind.QUASISTATIC:
             return cls(1.0, INERTIA_ERROR)
@@ -58,6 +60,12 @@ class Levels:
         return None
 
 
+@lru_cache(maxsize=16)
+def _levels(warn_distance: float, error_distance: float) -> Mapping[WarningKind, Levels]:
+    """Those of all kinds of margins."""
+    return {kind: Levels.of(kind, warn_distance, error_distance) for kind in WarningKind}
+
+
 @final
 class Standing:
     """The warnings that stand, for one cable: it gives them hysteresis."""
@@ -65,7 +73,7 @@ class Standing:
     __slots__ = ("_levels", "_severities")
 
     def __init__(self, scene: Scene) -> None:
-        self._levels = {kind: Levels.of(kind, scene) for kind in WarningKind}
+        self._levels = _levels(scene.warn_distance, scene.error_distance)
         self._severities: dict[tuple[WarningKind, str], Severity] = {}
 
     def reset(self) -> None:

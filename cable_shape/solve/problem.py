@@ -294,6 +294,19 @@ class Problem:
         pairs = (swings, (last.load, self.load), (last.load_force, self.load_force), (last.end_fall, self.end_fall))
         return not all(np.array_equal(one, other) for one, other in pairs)
 
+    def hangs_like(self, last: Problem) -> bool:
+        """Whether it is the same cable at rest under the same loads, in clips of the same kinds at the same places."""
+        held = [[(clip.arc_length, clip.kind) for clip in one.clips] for one in (last, self)]
+        at_rest = self.swing is None and last.swing is None
+        return (
+            last.cable is self.cable
+            and at_rest
+            and held[0] == held[1]
+            and (self.tolerance, self.points) == (last.tolerance, last.points)
+            and np.array_equal(last.load_arc_length, self.load_arc_length)
+            and not self.loaded_otherwise(last)
+        )
+
     @property
     def end_fall(self) -> Array:
         """`fall` at the cable's end."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 import math
+import weakref
 
 import numpy as np
 import pytest
@@ -351,6 +353,51 @@ def test_speeds_and_loads_are_remembered() -> None:
             if kind is not cs.WarningKind.QUASISTATIC or k != 30:
                 assert margin.time_to_limit == pytest.approx(known.time_to_limit, rel=0.1, nan_ok=True), (k, kind)
     assert told[0][cs.WarningKind.QUASISTATIC].value > 0.1
+
+
+def test_the_jump_of_an_edit_is_no_speed() -> None:
+    """A clip bends the cable at once: that is no rate at which the limit of its bending comes nearer."""
+    cycle = stepped(cable=CABLE.replace(min_bend_radius=0.01))
+    before, told, again = [], [], []
+    for k, z in enumerate((0.76, 0.85)):
+        edit = cs.Move("middle", cs.Pose((0.4, 0.0, z), ALONG_X)) if k else cs.Insert(CLIP)
+        for stamp, margins in enumerate((before, before, told, again), 4 * k + 2):
+            if margins is told:
+                assert cycle.edit(edit)
+            found = cycle.step(GRIPS, stamp * 10_000_000).margins["cable"]
+            margins.append(next(m for m in found if m.kind is cs.WarningKind.BEND_RADIUS))
+        assert abs(told[-1].used - before[-1].used) > 1e-3
+        assert [before[-1].time_to_limit, again[-1].time_to_limit] == [math.inf, math.inf]
+        assert math.isnan(told[-1].time_to_limit)
+
+
+def test_contact_and_friction_go_on_as_if_there_had_been_no_edit() -> None:
+    """A body that comes and moves far away leaves a cable that friction holds where it is, mesh and all."""
+    rough = cs.Obstacle("table", TABLE.solid, cs.Pose((0.4, 0.0, 0.7)), friction=0.4)
+    one, other = (stepped(cs.Scene(obstacles=[rough], contact="solve")) for _ in range(2))
+    for k in range(12):
+        ends = ENDS[0], cs.Pose((0.8, 0.004 * k, 1.0), ALONG_X)
+        shapes = [cycle.step({"cable": ends}, k + 2).shapes["cable"] for cycle in (one, other)]
+        assert apart(*shapes) < 1e-3 * SAME
+        if k == 6:
+            assert len(shapes[0].touches)
+            nodes = one._cables["cable"].predictor.memory.nodes
+            assert one.edit(cs.Add(POST))
+            assert one.edit(cs.Move("post", cs.Pose((0.4, 0.6, 0.9))))
+            assert one._cables["cable"].predictor.memory.nodes == pytest.approx(nodes, abs=1e-7)  # not a new mesh
+    assert shapes[0].touches[:, 9:12].any()
+
+
+def test_what_an_edit_replaces_is_free_at_once() -> None:
+    """Not when garbage is looked for: until then a node would hold hundreds of solvers that nobody uses."""
+    cycle = stepped(cs.Scene(obstacles=[TABLE], contact="solve"))
+    gc.disable()
+    try:
+        old = weakref.ref(cycle._cables["cable"].predictor)
+        assert cycle.edit(cs.Add(POST))
+        assert old() is None
+    finally:
+        gc.enable()
 
 
 def test_standing_warnings_are_remembered() -> None:

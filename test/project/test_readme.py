@@ -15,7 +15,7 @@ from cable_shape.command.cli import build_parser, main
 from cable_shape.prediction.solvers import MODELS
 from cable_shape.safety.report import WarningKind
 from cable_shape.safety.warnings import Levels
-from cable_shape.scene.scene import CLIP_KINDS, CONTACT_KINDS, SCENE_KEYS, Scene
+from cable_shape.scene.scene import CLIP_KINDS, CONTACT_KINDS, SCENE_KEYS
 from cable_shape.scene.scene_files import SOLID_KEYS
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -91,7 +91,7 @@ def test_tables_are_complete(head: str, known: tuple[str, ...]) -> None:
 
 def test_the_levels_of_warnings_are_those_of_the_code() -> None:
     """The last two columns of the table of margins: from where on a limit's use is a warning, and an error."""
-    levels = {kind: Levels.of(kind, Scene(warn_distance=0.03, error_distance=0.01)) for kind in WarningKind}
+    levels = {kind: Levels.of(kind, warn_distance=0.03, error_distance=0.01) for kind in WarningKind}
     for kind in set(WarningKind) - {WarningKind.SNAP, WarningKind.STATUS}:
         row = re.search(rf"^\| `{kind.name}`.*\| ([^|]*) \| ([^|]*) \|$", ALL, flags=re.MULTILINE)
         assert row

@@ -51,7 +51,7 @@ class HarnessSolve(Solve):
 
     problem: HarnessProblem  # type: ignore[assignment]
     state: HarnessTouchState
-    rod: HarnessNetwork | None  # type: ignore[assignment]
+    rod: HarnessNetwork | None
 
     def _alone(self) -> HarnessShape:  # type: ignore[override]
         shape, self.rod = harness_search.solve(self.problem, self.rod, deadline=self.deadline)

@@ -115,6 +115,7 @@ class Laid:
     cables are told apart by `gaps`, one a cable, that are added to them: so they ascend from cable to cable.
     """
 
+    problem: Problem
     gaps: Array = np.zeros(1)
     bodied = 1  #: so many of them, the first ones, are kept out of bodies
     rows = slice(None)  #: of a shape's points, those of the cable
@@ -172,10 +173,25 @@ class Laid:
             self.elements = 0
         if arcs.size != self._arcs.size:
             self._grips, self.slid = np.zeros((3, arcs.size, 7)), np.zeros((3, arcs.size))
+        kept = self.length > 0.0 and self.bend == self.bend_of_cables and problem.hangs_like(self.problem)
         self._arcs, self.rings = arcs, rings
         self.problem = problem
         self.unfactored()
         self.length = length
+        if kept:
+            self.cable.problem = _divided(problem)
+        else:
+            self._take_cable(problem)
+        if self.bodies.take(problem.bodies, problem.gripping, problem.links, 0.5 * widest(cable), problem.carried):
+            self.forget()
+        if kept:
+            self._find_friction()
+        else:
+            self._kinds = ()
+
+    def _take_cable(self, problem: Problem) -> None:
+        """Takes over what the cable is made of, and its loads."""
+        cable, arcs, length = problem.cable, self._arcs, self.length
         self.cable = Network(_divided(problem))  # what the cable is made of, and how it is held
         self.weight = float(np.linalg.norm(self.cable.mean_load)) * length
         self.bend = self.bend_of_cables = min(one.mean_bending_stiffness for _, _, one in pieces_of(cable))
@@ -191,9 +207,6 @@ class Laid:
         self.points: Array = at[inside]
         self._stops: Array = np.union1d(self.points, arcs[1:-1])
         self.radius = radius_of(cable)
-        if self.bodies.take(problem.bodies, problem.gripping, problem.links, 0.5 * widest(cable), problem.carried):
-            self.forget()
-        self._kinds = ()
 
     def move_bodies(self, links: Array) -> None:
         """Puts the bodies on links where these rows of `TouchBodies.link_rows` say; without rows they are left out."""
@@ -262,8 +275,7 @@ class Laid:
     def _tell(self) -> None:
         """Tells the network what the cable is made of: it stretches a little, whatever it is."""
         self.chains = self._chained()
-        #: whether bodies have friction, or the cables
-        self.has_friction = bool(self.bodies.rough.any() or any(chain.rough for chain in self.chains))
+        self._find_friction()
         cable, made = self.cable, self.cable.held.copy()
         pull = self.weight + 10.0 * self.bend_of_cables / self.length**2
         self.least_stretch = self.tight * _LEAST_STRETCH / (pull + self._pull_of_tips())
@@ -277,6 +289,10 @@ class Laid:
         if self.elements:
             self._fill_nodes(self.nodes, self._ends_of(self.nodes))
             self._load(self.nodes)
+
+    def _find_friction(self) -> None:
+        """Tells whether bodies have friction, or the cables."""
+        self.has_friction = bool(self.bodies.rough.any() or any(chain.rough for chain in self.chains))
 
     def let_stretch(self, pieces: Array) -> None:
         """Lets pieces (p PIECE,) of a model stretch by the least that any cable does."""

@@ -16,8 +16,10 @@ from cable_shape.kernels.contact.near import (
     BARE,
     LINK,
     LINKED,
+    MATE,
     PUSH,
     PUSHED,
+    SECOND,
     SPOT,
     TOWARD,
 )
@@ -148,6 +150,28 @@ class TouchState(Laid):
         self.touching = True
         self.remember(self.seen(shape))
 
+    def take_over(self, other: TouchState, shape: CableShape) -> bool:
+        """Makes the last solution of another memory, of a cable held alike, the last one, mesh, friction and all.
+
+        False, and nothing has changed, where that solution is not this shape, or where what it knows of supports and
+        bodies is of others.
+        """
+        if not (other.touching and other.history and other.tight == 1.0) or self.rings.size or self.links:
+            return False
+        alike = (self.length, self._kinds, self.gaps.size) == (other.length, other._kinds, other.gaps.size)
+        pairs = ((self._arcs, other._arcs), (self._stops, other._stops), (other.positions, self.seen(shape)))
+        if not (alike and all(np.array_equal(a, b) for a, b in pairs)):
+            return False
+        pressed = np.union1d(other.on[:2, :, [0, 1, SECOND]], other.near[:2, :, MATE] - 1.0).astype(int)
+        names, then = self.bodies.names, other.bodies.names
+        if any(k >= len(names) or names[k] != then[k] for k in pressed[pressed >= 0]):
+            return False
+        self.layer = other.layer
+        self.restore(other._now())
+        self.touching, self.history, self.good = True, 1, None
+        self.remember(self.seen(shape))
+        return True
+
     def slide_to(self, arcs: Array) -> None:
         """Makes supports hold the cable at other arc lengths: the nodes between them and masses are spread anew."""
         nodes = np.interp(self.nodes, *mesh.spread(self._arcs, arcs, self.points))
@@ -192,9 +216,14 @@ class TouchState(Laid):
 
     def copy(self, *, then: bool = False) -> Kept:
         """All that a solve changes; `then`: with the mesh from before the last step."""
-        solutions = (self.q, self.near, self.on, self.ends, self._grips, self.turns, self.slid)
+        now = self._now(then=then)
+        return now._replace(arrays=[a.copy() for a in now.arrays])
+
+    def _now(self, *, then: bool = False) -> Kept:
+        """The same as long as nothing changes it."""
+        solutions = [self.q, self.near, self.on, self.ends, self._grips, self.turns, self.slid]
         nodes = (self.s_then if then else self.s) + (self._gap_of_nodes if self.gaps.size > 1 else 0.0)
-        return Kept([a.copy() for a in solutions], nodes, self.elements, self._spacing, self._middles)
+        return Kept(solutions, nodes, self.elements, self._spacing, self._middles)
 
     def restore(self, kept: Kept) -> None:
         """Puts back a `copy`, which stays as it is."""

@@ -49,13 +49,13 @@ ACCURACY = 5e-4  #: of the length: what a shape in contact is asked for where th
 
 
 def solve(
-    problem: Problem, state: TouchState, rod: Network, *, deadline: float = math.inf, leaps: bool = True
-) -> CableShape:
-    """The rod between the problem's ends and in its clips, outside its bodies.
+    problem: Problem, state: TouchState, rod: Network | None, *, deadline: float = math.inf, leaps: bool = True
+) -> tuple[CableShape, Network | None]:
+    """The rod between the problem's ends and in its clips, outside its bodies; and `rod` afterwards.
 
-    `rod` is the memory of the rod without contact. leaps: where no small step leads there, the cable may slide to
-    another equilibrium, or be found from nothing; else it is NOT_CONVERGED then, soon. Never raises for a physical
-    reason: see `status`.
+    `rod` is the memory of the rod without contact; None: it is made where it is needed. leaps: where no small step
+    leads there, the cable may slide to another equilibrium, or be found from nothing; else it is NOT_CONVERGED then,
+    soon. Never raises for a physical reason: see `status`.
 
     Raises
     ------
@@ -65,7 +65,8 @@ def solve(
     began = perf_counter()
     if state.problem is not problem:
         state.take(problem)
-    return Solve(problem, state, rod, deadline, began, leaps).run()
+    one = Solve(problem, state, rod, deadline, began, leaps)
+    return one.run(), one.rod
 
 
 def inexact(estimate: float, allowed: float) -> str:
@@ -90,7 +91,13 @@ class Solve:
     __slots__ = ("began", "deadline", "leaps", "problem", "rod", "state", "steps")
 
     def __init__(
-        self, problem: Problem, state: TouchState, rod: Network, deadline: float, began: float, leaps: bool = True
+        self,
+        problem: Problem,
+        state: TouchState,
+        rod: Network | None,
+        deadline: float,
+        began: float,
+        leaps: bool = True,
     ) -> None:
         self.problem, self.state, self.rod = problem, state, rod
         self.deadline, self.began, self.leaps = deadline, began, leaps
@@ -123,7 +130,13 @@ class Solve:
 
     def _alone(self) -> CableShape:
         """The shape without contact."""
-        return cosserat.solve(self.problem, self.rod, deadline=self.deadline)
+        return cosserat.solve(self.problem, self._made(), deadline=self.deadline)
+
+    def _made(self) -> Network:
+        """The memory of the rod without contact."""
+        if self.rod is None:
+            self.rod = Network(self.problem)
+        return self.rod
 
     def _free(self, problem: Problem) -> CableShape:
         """The same from nothing, of another problem's cable."""
@@ -401,9 +414,10 @@ class Solve:
 
     def _leave(self, shape: CableShape) -> None:
         """Lets the rod go on from a shape that touches nothing."""
-        self.rod.history = 0
-        self.rod.last = shape
-        self.rod.arcs[self.rod.rings] = self.state.arcs[self.state.rings]
+        rod = self._made()
+        rod.history = 0
+        rod.last = shape
+        rod.arcs[rod.rings] = self.state.arcs[self.state.rings]
 
     def _grade(self, shape: CableShape) -> None:
         """Fills status and detail of a shape that is OK or SNAPPED if nothing is the matter with it."""
