@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import argparse
 import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from branched_data import BRANCHED, objects
+from clocks import clocked
 from figures import Figures, bench_options, bench_parser, finish, heading
 from tqdm import tqdm
 from truth_branched import branched
@@ -59,6 +61,8 @@ KINDS = ("quasi", "slow", "moderate")
 PARTS = 3
 #: Of the rest curvature along the cable.
 SUPPORTS = 9
+#: Frames of a fit whose time is told, and supports of its rest curvature.
+LOOKS, FEW = 200, 4
 #: Every so many frames, whether the tube holds the markers.
 TUBES = 3
 
@@ -212,6 +216,21 @@ def real(figures: Figures, quick: bool, folder: Path, picture: Path | None, rest
     return {f"cable{n}": {"rows": done[n]["rows"], "coverage": done[n]["coverage"]} for n in CABLES}
 
 
+def fitting(figures: Figures, numbers: Sequence[int], folder: Path) -> None:
+    """How long a fit of many numbers takes."""
+    heading(f"{LOOKS} frames with accelerations, rest curvature at {FEW} supports: processor time of a fit")
+    names = [name for name in HELPS if name not in SLOWED]
+    priors = {name: x for name, x in PRIORS.items() if name in names}
+    for number in tqdm(numbers, desc="times", unit="cable"):
+        frames = load(number, PARTS, folder)
+        seen = [frames.moving[i] for i in np.linspace(0, len(frames.moving) - 1, LOOKS).astype(int)]
+        seconds, found = clocked(
+            lambda o=seen, c=frames.cable: cs.calibrate(o, c, names, priors=priors, supports=FEW), time.process_time
+        )
+        told = f"{len(found.estimates)} numbers fitted to {LOOKS} frames in {found.iterations} iterations"
+        figures.at_most(f"cable{number}: {told}", seconds, 8.0, "{:.1f}", " s")
+
+
 def limits(done: dict[int, dict[str, Any]]) -> None:
     """What no EI/w could better, and what the frames have to do with it."""
     for row in (STATIC, MOVING):
@@ -246,6 +265,7 @@ def main() -> int:
     out: dict[str, Any] = {"synthetic": synthetic(figures, 40 if args.quick else SYNTHETIC)}
     if args.data.is_dir():
         out |= real(figures, args.quick, args.data, args.picture, args.rest)
+        fitting(figures, CABLES[1:2] if args.quick else CABLES, args.data)
         if args.data == DATA:
             out["tubes"] = tubes(figures, args.quick)
     elif args.data != DATA:

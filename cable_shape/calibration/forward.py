@@ -123,7 +123,7 @@ class Forward:
             if seen.acceleration is None:
                 problem = copy.copy(plain)  # a rod tells by its problem that its cable is another one
             else:
-                problem = Problem(cable, acceleration=seen.acceleration, **options).damped(lag)
+                problem = plain.accelerated(seen.acceleration).damped(lag)
             start = held(seen.start, near)
             assert isinstance(start, Grip)
             problem.move(start, held(seen.end, far))

@@ -65,23 +65,28 @@ def _material_of(problem: Problem) -> Material:
         return Material(
             np.array((0.0, length)), _piece(cable, rest[0], rest[0], problem.load), _NOWHERE, not rest.any()
         )
-    kinks = [np.array((0.0, length))]
-    if len(rest) > 1:
-        kinks.append(np.linspace(0.0, length, len(rest)))
+    rows = 0 if swing is None else len(swing)
+    made = problem.made.get((rows, problem.tolerance))
+    if made is None:
+        made = problem.made[rows, problem.tolerance] = _unloaded(problem, rows)
+    load = problem.load[0] + made.breaks[:, None] / length * (problem.load[1] - problem.load[0])
     if swing is not None:
-        kinks.append(np.linspace(0.0, length, len(swing)))
-    breaks = _distinct(np.concatenate(kinks), AT * length)
-    share = breaks / length
-    load = problem.load[0] + share[:, None] * (problem.load[1] - problem.load[0])
-    stops = np.empty(0)
-    if swing is not None:
-        places = np.linspace(0.0, length, len(swing))
-        load = load - cable.linear_density * np.stack([np.interp(breaks, places, x) for x in swing.T], axis=1)
-        stops = places[1:-1]
-    pieces = substance(cable, share)
+        places = np.linspace(0.0, length, rows)
+        load -= cable.linear_density * np.stack([np.interp(made.breaks, places, x) for x in swing.T], axis=1)
+    pieces = made.pieces.copy()
     pieces[:, LOADS] = np.concatenate((load[:-1], load[1:]), axis=1)
-    stops = _distinct(np.concatenate((stops, _felt(problem, rest))), AT * length)
-    return Material(breaks, pieces, stops, not rest.any())
+    return made._replace(pieces=pieces)
+
+
+def _unloaded(problem: Problem, rows: int) -> Material:
+    """The same without loads, whose slope changes at `rows` places, evenly along the cable; 0: nowhere."""
+    cable = problem.cable
+    length, rest = cable.length, np.atleast_2d(cable.rest_curvature)
+    places = np.linspace(0.0, length, rows)
+    kinks = np.concatenate((np.array((0.0, length)), np.linspace(0.0, length, len(rest))[1:-1], places))
+    breaks = _distinct(kinks, AT * length)
+    stops = _distinct(np.concatenate((places[1:-1], _felt(problem, rest))), AT * length)
+    return Material(breaks, substance(cable, breaks / length), stops, not rest.any())
 
 
 def _in_sections(problem: Problem) -> Material:

@@ -624,17 +624,12 @@ class Network:
     def _slow(self, out: Array, cables: Sequence[Cable], shares: Array) -> None:
         """Puts the loads of other drag and damping into pieces (c, p, PIECE) between these shares of the length."""
         problem = self.problem
-        own = problem.slowed_by(problem.cable)
-        lag = np.zeros((2, 3)) if problem.lag is None else problem.lag
-        there = [
-            np.stack([np.interp(shares, np.linspace(0.0, 1.0, len(x)), y) for y in x.T], axis=1)
-            for x in (problem.velocity, lag)
-            if x is not None
-        ]
-        speed, damping = (np.concatenate((x[:-1], x[1:]), axis=1) for x in there)
-        for pieces, cable in zip(out, cables, strict=True):
-            drag, delayed = problem.slowed_by(cable)
-            pieces[:, LOADS] += (own[0] - drag) * speed + (delayed - own[1]) * damping
+        slower = np.array([problem.slowed_by(cable) for cable in cables]) - problem.slowed_by(problem.cable)
+        for more, x in ((-slower[:, 0], problem.velocity), (slower[:, 1], problem.lag)):
+            if x is not None and more.any():
+                places = np.linspace(0.0, 1.0, len(x))
+                there = np.stack([np.interp(shares, places, y) for y in x.T], axis=1)
+                out[:, :, LOADS] += more[:, None, None] * np.concatenate((there[:-1], there[1:]), axis=1)
 
     @property
     def knots(self) -> Array:

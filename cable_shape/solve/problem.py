@@ -68,6 +68,7 @@ class Problem:
     start : Grip
     end : Grip or FreeEnd
     cache : what a model derives once from all but the ends, by the model's name
+    made : what it derives from the cable alone; copies of a problem share it
     """
 
     __slots__ = (
@@ -88,6 +89,7 @@ class Problem:
         "load",
         "load_arc_length",
         "load_force",
+        "made",
         "masses",
         "points",
         "rubs",
@@ -137,6 +139,7 @@ class Problem:
             self._accelerate(_table(acceleration))
         self.scene = scene
         self.cache: dict[str, Any] = {}
+        self.made: dict[tuple[int, float], Any] = {}
         self.masses: tuple[PointMass, ...] = ()
         self.load_arc_length = _NO_PLACES
         self.load_force = _NO_FORCES
@@ -254,10 +257,20 @@ class Problem:
         out.swing = swing_of(now)
         return out
 
+    def accelerated(self, acceleration: ArrayLike) -> Problem:
+        """The same, of a cable that did not accelerate, with an acceleration."""
+        out = copy.copy(self)
+        out.cache, out.load = {}, self.load.copy()
+        out._accelerate(_table(acceleration))
+        if self.masses:
+            assert self.scene is not None
+            out._load_masses(self.scene)
+        return out
+
     def beside(self, cable: Cable) -> Problem:
         """The same on a cable that differs little: weight and inertia change with it, what holds it keeps its place."""
         other = copy.copy(self)
-        other.cable, other.cache = cable, {}
+        other.cable, other.cache, other.made = cable, {}, {}
         falls = np.array((self.fall(0.0), self.end_fall))
         other.load = self.load + (cable.linear_density - self.cable.linear_density) * falls
         before, now = self.held_back, other.held_back

@@ -11,6 +11,8 @@ from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
 from cable_shape.errors import ArgumentError
+from cable_shape.solve.cosserat import solve
+from cable_shape.solve.problem import Problem
 
 GRAVITY = np.array((0.0, 0.0, -9.81))
 PUSH = np.array((1.0, -2.0, 3.0))
@@ -42,6 +44,24 @@ def test_linear_acceleration_is_a_linear_load() -> None:
     ends = -CABLE.linear_density * table[[0, -1]]
     loaded = cs.predict(CABLE, START, END, model="cosserat", distributed_load=ends)
     np.testing.assert_allclose(moved.positions, loaded.positions, rtol=0.0, atol=1e-13)
+
+
+@pytest.mark.parametrize("columns", [3, 6])
+def test_a_problem_accelerated_later_is_the_same_problem(columns: int) -> None:
+    rng = np.random.default_rng(3)
+    cable = CABLE.replace(rest_curvature=rng.normal(size=(5, 3)), drag=0.01, retardation_time=0.1)
+    scene = cs.Scene(masses=[cs.PointMass(0.3, 0.02)])
+    plain = Problem(cable, scene=scene)
+    for rows in (9, 9, 4):  # what is made for so many rows is made once
+        table = np.concatenate((rng.normal(size=(rows, 3)), 0.01 * rng.normal(size=(rows, 3))), axis=1)[:, :columns]
+        whole, later = Problem(cable, scene=scene, acceleration=table), plain.accelerated(table)
+        shapes = [solve(one.move(cs.Grip(START), cs.Grip(END))) for one in (whole, later)]
+        assert shapes[0].status is cs.Status.OK
+        np.testing.assert_array_equal(shapes[0].positions, shapes[1].positions)
+    still = solve(plain.move(cs.Grip(START), cs.Grip(END)))
+    np.testing.assert_array_equal(
+        still.positions, solve(Problem(cable, scene=scene).move(cs.Grip(START), cs.Grip(END))).positions
+    )
 
 
 Joint = tuple[str, float, float, tuple[float, float]]

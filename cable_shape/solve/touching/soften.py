@@ -48,5 +48,5 @@ def _as_stiff(problem: Problem, factor: float) -> Problem:
         bending_stiffness=tuple(factor * k for k in cable.bending_stiffness),
         twisting_stiffness=factor * cable.twisting_stiffness,
     )
-    stiffer.cache = {}
+    stiffer.cache, stiffer.made = {}, {}
     return stiffer
