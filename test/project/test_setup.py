@@ -56,7 +56,7 @@ def run_setup(checkout: Path, **environment: str) -> subprocess.CompletedProcess
         env={"HOME": os.environ.get("HOME", "/"), **environment},
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=800,
         check=False,
     )
 
@@ -90,7 +90,7 @@ def test_it_runs_again_in_seconds_and_drops_a_sourced_ros() -> None:
         env={**os.environ, **dict.fromkeys(named, "/opt/ros/x")},
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=800,
         check=True,
     )
     assert result.stdout.strip() == f"[][][][][{ROOT}/.venv/bin/python]"
