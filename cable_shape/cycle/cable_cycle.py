@@ -5,18 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, final
+from typing import Any, NamedTuple, NoReturn, final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from cable_shape import checks
 from cable_shape.cable.cable import Cable
-from cable_shape.cycle.dynamic import DYNAMIC, QUASISTATIC, Dynamic
+from cable_shape.cycle.dynamic import DYNAMIC, QUASISTATIC, Dynamic, nearest
 from cable_shape.cycle.seen import AsSeen
 from cable_shape.cycle.turned_watch import TurnedWatch
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels.distance import bounds
+from cable_shape.motion.motion import Motion
 from cable_shape.pose import Ends, Grip, Pose
 from cable_shape.prediction.predictor import Predictor
 from cable_shape.prediction.tails import Tail, held_frame
@@ -97,7 +98,7 @@ class CableCycle:
         cables: int = 1,
         tubes: TubeWatch | None = None,
         quasistatic_limit: float | None = None,
-        dynamic: Dynamic | None = None,
+        dynamic: Dynamic[CableShape] | None = None,
         look_ahead: float = 0.0,
         before: CableCycle | None = None,
     ) -> None:
@@ -172,9 +173,8 @@ class CableCycle:
         self._acceleration = acceleration
         if self._dynamic is not None:
             if acceleration is not None:
-                bound = "motion='dynamic' knows its inertia itself"
-                raise ArgumentError.of("acceleration", self.name, bound, "Leave it out, or write motion='quasistatic'.")
-            shape, self._rod = self._dynamic.predict(ends, stamp), None
+                refuse_acceleration(self.name)
+            shape, self._rod = self._dynamic.predict(ends, stamp, links), None
         else:
             shape = self.predictor.predict(start, end, links, acceleration=acceleration) if solved is None else solved
             self._rod = self.predictor.rod_state
@@ -240,7 +240,8 @@ class CableCycle:
         if self.scene.contact == "off":
             return Clearance(beyond=0.0, robot_checked=links is not None)
         if self._dynamic is not None and self._look_ahead > 0.0 and shape.status and not shape.reused:
-            self.ahead = self._dynamic.ahead(self._look_ahead, lambda there: self._checker.check(there, links))
+            looks = self._dynamic.ahead(self._look_ahead)
+            self.ahead = nearest(looks, lambda there: self._checker.check(there, links))
         elif not shape.reused:
             self.ahead = None
         hanging = [(self._tails[side], tail, self.tail_tubes.get(side)) for side, tail in self.tails.items()]
@@ -375,7 +376,13 @@ class CableCycles:
         dynamic = None
         if self.motion == DYNAMIC:
             self._check_dynamic(predictor.solo, tubes, load)
-            dynamic = Dynamic(cable, scene, predictor.problem.gravity, predictor.problem.points)
+            problem = predictor.problem
+            dynamic = Dynamic[CableShape](
+                Motion(
+                    cable, scene, problem.gravity, problem.points, robot_links=options["robot_links"],
+                    gripping_links=options["gripping_links"],
+                )
+            )  # fmt: skip
         return CableCycle(
             name, predictor, scene, self.options["robot_links"], self.options["gripping_links"], plug,
             self.snap_horizon, self.count, tubes, self.quasistatic_limit if dynamic is None else None, dynamic,
@@ -391,6 +398,12 @@ class CableCycles:
             raise ArgumentError.of("uncertainty", "given", "a tube is about a cable at rest", remedy)
         if load is not None:
             raise ArgumentError.of("distributed_load", "given", "motion='dynamic' knows none", remedy)
+
+
+def refuse_acceleration(name: str) -> NoReturn:
+    """Of what swings: an acceleration is not given."""
+    bound = "motion='dynamic' knows its inertia itself"
+    raise ArgumentError.of("acceleration", name, bound, "Leave it out, or write motion='quasistatic'.")
 
 
 def check_parts(

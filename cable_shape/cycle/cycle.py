@@ -73,8 +73,9 @@ class Cycle:
     motion : str
         "quasistatic": at rest in every instant; "dynamic": as it swings (:class:`cable_shape.Motion`), in steps of the
         stamps, with the swing in shapes, clearance, loads and warnings; a late input is bridged along the straight way,
-        with a warning, and after a second without one the cable begins anew, at rest. Cables alone, without contact
-        that is solved for, eyelets, clips on links, tubes and edits; stability and snaps are not told.
+        with a warning, and after a second without one the cable begins anew, at rest. Without clips on links, tubes,
+        edits and distributed loads; with ``contact="solve"`` bodies keep cables out, harnesses not, nor cables each
+        other. Stability and snaps are not told.
     look_ahead : float
         [s], with motion="dynamic": how far to look where each cable swings if its grips stop now (`report.ahead`, and
         a warning where that is too near to something); 0: not at all.
@@ -126,8 +127,6 @@ class Cycle:
             raise ArgumentError.of(
                 "look_ahead", look, "only a cable that swings goes on when its grips stop", remedy_of_look
             )
-        if harnesses and motion == DYNAMIC:
-            raise ArgumentError.of("motion", motion, "harnesses do not swing", "Write motion='quasistatic'.")
         if isinstance(uncertainty, Uncertainty):
             known: dict[str, Uncertainty] = dict.fromkeys(every, uncertainty)
         else:
@@ -154,8 +153,9 @@ class Cycle:
         self._layout: Layout | None = None  # from the first edit on
         keywords = {"model": model, "gravity": gravity, "points": points, "tolerance": tolerance}
         self._harness_maker = HarnessCycles(
-            robot_links, gripping_links, {**keywords, "time_budget": time_budget}, loads, horizon, limit, known
-        )
+            robot_links, gripping_links, {**keywords, "time_budget": time_budget}, loads, horizon, limit, known,
+            motion, look,
+        )  # fmt: skip
         self._harnesses: dict[str, HarnessCycle] = {}
         self._joined: set[frozenset[str]] = set()
         for name, harness in harnesses.items():
@@ -278,8 +278,10 @@ class Cycle:
         self._near = near or self._made_near(self._parts, self.scene)
         parts: list[CableCycle | HarnessCycle] = [*self._cables.values(), *self._harnesses.values()]
         self._pushed = any(part.predictor.problem.carried for part in parts)
-        self._solves_crossing = len(self._named) > 1 and all(
-            cable.predictor.problem.solves_crossing for cable in self._cables.values()
+        self._solves_crossing = (
+            len(self._named) > 1
+            and self._maker.motion == QUASISTATIC
+            and all(cable.predictor.problem.solves_crossing for cable in self._cables.values())
         )
 
     def step(
@@ -365,7 +367,7 @@ class Cycle:
         single = dict(shapes)
         parts: dict[str, dict[str, CableShape]] = {}
         for name, harness in held.items():
-            shapes[name] = harness.predict(grips[name], placed, moving.get(name))  # type: ignore[arg-type]
+            shapes[name] = harness.predict(grips[name], placed, moving.get(name), stamp)  # type: ignore[arg-type]
             parts[name] = harness.parts(shapes[name])
             single.update(parts[name])
         if seen is not None:
@@ -442,7 +444,10 @@ class Cycle:
                 **{one: shape for harness in held.values() for one, shape in harness.after_snap.items()},
             },
             plugs={name: error for name, error in plugs.items() if error is not None},
-            ahead={name: cable.ahead for name, cable in cables.items() if cable.ahead is not None},
+            ahead={
+                **{name: cable.ahead for name, cable in cables.items() if cable.ahead is not None},
+                **{one: ahead for harness in held.values() for one, ahead in harness.ahead.items()},
+            },
             tubes=known,
             tail_tubes={
                 **{(name, side): tube for name, cable in cables.items() for side, tube in cable.tail_tubes.items()},

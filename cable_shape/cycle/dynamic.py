@@ -1,21 +1,20 @@
-"""A cable of a cycle that swings: steps in time from stamp to stamp, :class:`Dynamic`."""
+"""Cables and harnesses of a cycle that swing: steps in time from stamp to stamp, :class:`Dynamic`."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import final
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, Generic, TypeVar, cast, final
 
 import numpy as np
 
-from cable_shape.cable.cable import Cable
-from cable_shape.checks import Array
-from cable_shape.errors import ArgumentError
+from cable_shape.motion.harness_motion import HarnessMotion
 from cable_shape.motion.motion import Motion
-from cable_shape.pose import Ends, FreeEnd, Grip, Pose, between
+from cable_shape.pose import Ends, Grip, Pose, between
 from cable_shape.safety.report import Ahead, Clearance
-from cable_shape.scene.scene import Scene
 from cable_shape.shape import CableShape
+from cable_shape.solve.harness_problem import End
+from cable_shape.solve.harness_shape import HarnessShape
 
 #: Ways to take a cable between its grips: at rest in every instant, or as it swings.
 MOTIONS = ("quasistatic", "dynamic")
@@ -28,33 +27,36 @@ STEP, GAP, LONGEST = 0.0105, 0.03, 1.0
 #: A gap is more than so many times the median of the last steps, so many of them.
 _LATE, _LAST = 2.5, 9
 
+Links = Mapping[str, Pose] | None
+Held = Ends | Mapping[str, End]
+#: Of a cable, or of a harness.
+Shape = TypeVar("Shape", CableShape, HarnessShape)
+
 
 @final
-class Dynamic:
-    """The motion of one cable, from input to input.
+class Dynamic(Generic[Shape]):
+    """The motion of one cable or harness, from input to input.
 
-    Steps are those between stamps, in parts of 10 ms at most, in which the ends go the straight way. Where an input is
-    late or missing that is bridged in the same way, and told; after a second the cable begins anew, at rest.
+    Steps are those between stamps, in parts of 10 ms at most, in which ends and links go the straight way. Where an
+    input is late or missing that is bridged in the same way, and told; after a second it begins anew, at rest.
     """
 
-    def __init__(self, cable: Cable, scene: Scene, gravity: Array, points: int) -> None:
-        if scene.contact == "solve":
-            bound = "a cycle in which cables swing knows no contact"
-            raise ArgumentError.of("scene.contact", "solve", bound, "Write contact='warn', or motion='quasistatic'.")
-        self.motion = Motion(cable, scene, gravity, points)
+    def __init__(self, motion: Motion | HarnessMotion) -> None:
+        self.motion = motion
         self.reset()
 
     def reset(self) -> None:
         """Forgets everything from before: the next shape is at rest."""
         self._stamp: int | None = None  # of the last step that was taken
-        self._ends: Ends | None = None  # at that
-        self._last: CableShape | None = None
+        self._ends: Held | None = None  # at that
+        self._links: Links = None
+        self._last: Shape | None = None
         self._kinds: tuple[str, ...] = ()
         self._steps: list[float] = []  # s, the last ones
         self.bridged = 0.0  # s, without input before the last shape; 0: none was missing
 
-    def predict(self, ends: Ends, stamp: int) -> CableShape:
-        """The shape at a stamp [ns], not older than the last, with the ends there."""
+    def predict(self, ends: Held, stamp: int, links: Links = None) -> Shape:
+        """The shape at a stamp [ns], not older than the last, with the ends, and links that carry bodies, there."""
         self.bridged = 0.0
         last, before = self._last, self._stamp
         seconds = math.nan if before is None else (stamp - before) * 1e-9
@@ -65,67 +67,102 @@ class Dynamic:
         if last is None or not seconds <= LONGEST or _kinds(ends) != self._kinds:
             gone = 0.0 if last is None or not seconds > LONGEST else seconds
             self.reset()
-            shape = self.motion.begin(*ends)
+            shape: Shape = self._begun(ends, links)
             if shape.status:
-                self._take(shape, ends, stamp)
+                self._take(shape, ends, links, stamp)
                 self.bridged = gone
             return shape
         if len(self._steps) > 1 and seconds > max(GAP, _LATE * float(np.median(self._steps))):
             self.bridged = seconds
-        shape = self._step(last, ends, stamp, seconds)
+        shape = self._step(last, ends, links, stamp, seconds)
         if shape.status and not self.bridged:
             self._steps = [*self._steps[1 - _LAST :], seconds]
         return shape
 
-    def _step(self, last: CableShape, ends: Ends, stamp: int, seconds: float) -> CableShape:
+    def _step(self, last: Shape, ends: Held, links: Links, stamp: int, seconds: float) -> Shape:
         """From the last shape to these ends, in parts; what was done of it before one could not be taken stays."""
-        begin, ways = self._ends, max(1, math.ceil(seconds / STEP))
+        begin, placed, ways = self._ends, self._links, max(1, math.ceil(seconds / STEP))
         assert begin is not None
         shape, since = last, stamp - round(1e9 * seconds)
         for k in range(1, ways + 1):
             there = ends if k == ways else _between(begin, ends, k / ways)
-            shape = self.motion.step(*there, seconds / ways)
+            on = links if k == ways or placed is None else _links_between(placed, links, k / ways)
+            shape = self._one(there, seconds / ways, on)
             if not shape.status:
                 break
-            self._take(shape, there, stamp if k == ways else since + round(1e9 * seconds * k / ways))
+            self._take(shape, there, on, stamp if k == ways else since + round(1e9 * seconds * k / ways))
         return shape
 
-    def ahead(self, seconds: float, check: Callable[[CableShape], Clearance]) -> Ahead | None:
-        """Where it swings in that time [s] if its grips stop now; None without a state to go on from."""
-        if self._last is None or self._ends is None:
-            return None
-        found: Ahead | None = None
+    def _begun(self, ends: Held, links: Links) -> Any:
+        """The motion's first shape."""
+        if isinstance(self.motion, Motion):
+            return self.motion.begin(*cast("Ends", ends), links=links)
+        return self.motion.begin(cast("Mapping[str, End]", ends))
+
+    def _one(self, ends: Held, dt: float, links: Links) -> Any:
+        """One step of the motion."""
+        if isinstance(self.motion, Motion):
+            return self.motion.step(*cast("Ends", ends), dt, links)
+        return self.motion.step(cast("Mapping[str, End]", ends), dt)
+
+    def ahead(self, seconds: float) -> list[tuple[float, Shape]]:
+        """Where it swings in that time [s] if its grips stop now: times from now [s] and shapes, those to look at; none
+        without a state to go on from."""
+        if self._last is None:
+            return []
         parts = max(1, math.ceil(seconds / STEP))
-        for k, shape in enumerate(self.motion.ahead(parts, seconds / parts), 1):
-            if k % LOOK and k < parts:
-                continue
-            body = check(shape).closest
-            time = k * seconds / parts
-            nearest = math.inf if found is None or found.body is None else found.body.distance
-            if found is None or nearest == math.inf or (body is not None and body.distance < nearest):
-                found = Ahead(time, shape, body)
-        return found
+        found: Any = enumerate(self.motion.ahead(parts, seconds / parts), 1)
+        return [(k * seconds / parts, one) for k, one in found if k % LOOK == 0 or k == parts]
 
-    def _take(self, shape: CableShape, ends: Ends, stamp: int) -> None:
+    def _take(self, shape: Shape, ends: Held, links: Links, stamp: int) -> None:
         self._last, self._stamp, self._ends, self._kinds = shape, stamp, ends, _kinds(ends)
+        self._links = links
 
 
-def _kinds(ends: Ends) -> tuple[str, ...]:
+def nearest(ahead: Iterable[tuple[float, CableShape]], check: Callable[[CableShape], Clearance]) -> Ahead | None:
+    """Where a cable is nearest to a body of these times [s] and shapes, or the last of them; None: none."""
+    found: Ahead | None = None
+    for time, shape in ahead:
+        body = check(shape).closest
+        least = math.inf if found is None or found.body is None else found.body.distance
+        if found is None or least == math.inf or (body is not None and body.distance < least):
+            found = Ahead(time, shape, body)
+    return found
+
+
+def _kind(end: End | None) -> str:
+    """How an end is held."""
+    return end.kind if isinstance(end, Grip) else "clamped" if isinstance(end, Pose) else "free"
+
+
+def _kinds(ends: Held) -> tuple[str, ...]:
     """How the ends are held."""
-    return tuple(end.kind if isinstance(end, Grip) else "clamped" if isinstance(end, Pose) else "free" for end in ends)
+    if isinstance(ends, Mapping):
+        return tuple(f"{name} {_kind(end)}" for name, end in sorted(ends.items()))
+    return tuple(_kind(end) for end in ends)
 
 
-def _between(before: Ends, now: Ends, x: float) -> Ends:
+def _between(before: Held, now: Held, x: float) -> Held:
     """The ends at the fraction x of the straight way."""
-    (a, b), (c, d) = before, now
-    return _part_way(a, c, x), d if d is None or isinstance(d, FreeEnd) or isinstance(b, FreeEnd) else _part_way(
-        b, d, x
-    )
+    if isinstance(now, Mapping):
+        assert isinstance(before, Mapping)
+        return {name: _part_way(before[name], end, x) for name, end in now.items()}
+    assert not isinstance(before, Mapping)
+    return _part_way(before[0], now[0], x), _part_way(before[1], now[1], x)  # type: ignore[return-value]
 
 
-def _part_way(before: Pose | Grip | None, now: Pose | Grip, x: float) -> Pose | Grip:
-    """The same of a grip."""
+def _links_between(before: Mapping[str, Pose], now: Links, x: float) -> Links:
+    """The links at the fraction x of the straight way."""
+    if now is None:
+        return None
+    return {name: cast("Pose", _part_way(before.get(name), pose, x)) for name, pose in now.items()}
+
+
+def _part_way(before: End | None, now: End | None, x: float) -> End | None:
+    """The same of one end; what is not held at both ends of the way is as it is now."""
+    if not isinstance(now, (Pose, Grip)) or not isinstance(before, (Pose, Grip)):
+        return now
     a = before.pose if isinstance(before, Grip) else before
     b = now.pose if isinstance(now, Grip) else now
-    pose = b if a is None else Pose.trusted(between(a.array, b.array, x), b.turns)
+    pose = Pose.trusted(between(a.array, b.array, x), b.turns)
     return now.at(pose) if isinstance(now, Grip) else pose

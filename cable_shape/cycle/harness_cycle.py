@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple, final
 
 import numpy as np
@@ -12,9 +13,12 @@ from numpy.typing import ArrayLike
 
 from cable_shape.cable.cable import Cable
 from cable_shape.cable.harness import Harness, split_end
-from cable_shape.cycle.cable_cycle import check_parts
+from cable_shape.cycle.cable_cycle import check_parts, refuse_acceleration
+from cable_shape.cycle.dynamic import DYNAMIC, QUASISTATIC, Dynamic, nearest
 from cable_shape.cycle.harness_stability import HarnessStability
 from cable_shape.cycle.seen import AsSeen
+from cable_shape.errors import ArgumentError
+from cable_shape.motion.harness_motion import HarnessMotion
 from cable_shape.pose import Grip, Pose
 from cable_shape.prediction.harness_predictor import HarnessPredictor
 from cable_shape.prediction.layout import cable_id
@@ -22,8 +26,16 @@ from cable_shape.prediction.tails import Tail, held_frame
 from cable_shape.safety.allowed import Allowed
 from cable_shape.safety.clearance import ClearanceChecker
 from cable_shape.safety.margins import MarginWatch
-from cable_shape.safety.report import CableWarning, Clearance, Margin, WarningKind
-from cable_shape.safety.warnings import Standing, narrow_warning, tail_warning, tube_warning, warnings_of
+from cable_shape.safety.report import Ahead, CableWarning, Clearance, Margin, WarningKind
+from cable_shape.safety.warnings import (
+    Standing,
+    ahead_warnings,
+    bridged_warning,
+    narrow_warning,
+    tail_warning,
+    tube_warning,
+    warnings_of,
+)
 from cable_shape.scene.scene import Obstacle, Scene
 from cable_shape.shape import CableShape
 from cable_shape.solve.harness_problem import End
@@ -57,6 +69,7 @@ def beside_each_other(name: str, harness: Harness) -> set[frozenset[str]]:
 class HarnessCycle:
     """One harness, cycle by cycle. Parameters are those of :class:`cable_shape.Cycle`.
 
+    look_ahead: None: at rest in every instant; else it swings, with so far [s] a look ahead, 0: without.
     How far its inertia counts is judged segment by segment, from how the ends of each move in the prediction.
     """
 
@@ -71,6 +84,7 @@ class HarnessCycle:
         snap_horizon: float,
         quasistatic_limit: float | None,
         uncertainty: Uncertainty | None,
+        look_ahead: float | None = None,
     ) -> None:
         self.name, self.scene = name, scene
         self.predictor = HarnessPredictor(
@@ -101,6 +115,13 @@ class HarnessCycle:
         self._standing = {one: Standing(scene) for one in self.cables}
         self.stability = HarnessStability(self.predictor, snap_horizon)
         self._known = None if uncertainty is None else HarnessTubeWatch(harness, uncertainty, scene=scene, **options)
+        self._dynamic: Dynamic[HarnessShape] | None = None
+        if look_ahead is not None:
+            self._check_dynamic(uncertainty, options.get("distributed_load"))
+            problem = self.predictor.problem
+            self._dynamic = Dynamic(HarnessMotion(harness, scene, problem.gravity, problem.points))
+        self._look_ahead = look_ahead or 0.0
+        self.ahead: dict[str, Ahead] = {}  # of the last shape's segments, by their ids
         self._tails: dict[str, Tail] = {}
         for end, long in harness.tails.items():
             segment, side = split_end(end)
@@ -116,6 +137,8 @@ class HarnessCycle:
     def reset(self) -> None:
         """Forgets everything from before."""
         self.predictor.reset()
+        if self._dynamic is not None:
+            self._dynamic.reset()
         for watch in self._watches.values():
             watch.reset()
         for standing in self._standing.values():
@@ -123,18 +146,23 @@ class HarnessCycle:
         self.stability.reset()
         for tail in self._tails.values():
             tail.reset()
-        self.tubes, self.tails, self.tail_tubes = {}, {}, {}
+        self.tubes, self.tails, self.tail_tubes, self.ahead = {}, {}, {}, {}
         self._seen = None
         self.found = None
         if self._known is not None:
             self._known.reset()
 
     def predict(
-        self, ends: Mapping[str, End], links: Links, acceleration: Mapping[str, ArrayLike] | None
+        self, ends: Mapping[str, End], links: Links, acceleration: Mapping[str, ArrayLike] | None, stamp: int = 0
     ) -> HarnessShape:
         """The shape of the harness, and those of tails beyond its grips into `tails`."""
         self._moving = acceleration
-        shape = self.predictor.predict(ends, links=links, acceleration=acceleration)
+        if self._dynamic is None:
+            shape = self.predictor.predict(ends, links=links, acceleration=acceleration)
+        else:
+            if acceleration is not None:
+                refuse_acceleration(self.name)
+            shape = self._dynamic.predict(ends, stamp)
         self.tails = self._hang(shape, ends)
         if shape.status:
             self.found = Found(shape, self.tails, ends, links)
@@ -214,6 +242,7 @@ class HarnessCycle:
         self._links = links
         if self.scene.contact == "off":
             return {one: Clearance(beyond=0.0, robot_checked=links is not None) for one in shapes}
+        self._look(shapes, links)
         hanging: dict[str, list[tuple[Tail, CableShape, Tube | None]]] = {one: [] for one in shapes}
         for key, tail in self.tails.items():
             hanging[key[0]].append((self._tails[self._end_of(key)], tail, self.tail_tubes.get(key)))
@@ -221,6 +250,30 @@ class HarnessCycle:
             one: check_parts(self._checkers[one], shape, self.tubes.get(one), hanging[one], links)
             for one, shape in shapes.items()
         }
+
+    def _look(self, shapes: Mapping[str, CableShape], links: Links) -> None:
+        """Where the segments swing if the grips stop now, into `ahead`."""
+        if self._dynamic is None or self._look_ahead == 0.0 or any(shape.reused for shape in shapes.values()):
+            return
+        self.ahead = {}
+        usable = all(shape.status for shape in shapes.values())
+        looks = self._dynamic.ahead(self._look_ahead) if usable else []
+        for one, checker in self._checkers.items():
+            segment = one.rpartition("/")[2]
+            found = nearest(
+                [(time, shape.segments[segment]) for time, shape in looks], partial(checker.check, links=links)
+            )
+            if found is not None:
+                self.ahead[one] = found
+
+    @staticmethod
+    def _check_dynamic(uncertainty: Uncertainty | None, load: object) -> None:
+        """Refuses what a harness that swings does not go together with."""
+        remedy = "Leave it out, or write motion='quasistatic'."
+        if uncertainty is not None:
+            raise ArgumentError.of("uncertainty", "given", "a tube is about a harness at rest", remedy)
+        if load is not None:
+            raise ArgumentError.of("distributed_load", "given", "motion='dynamic' knows none", remedy)
 
     def margins(
         self, shape: HarnessShape, clearance: Mapping[str, Clearance], stamp: int
@@ -276,6 +329,10 @@ class HarnessCycle:
             more.append(tube_warning(first, shape, self._known.trouble))
         elif first in self.tubes and not self.tubes[first].holds:
             more.append(narrow_warning(first, self.tubes[first]))
+        if self._dynamic is not None and self._dynamic.bridged:
+            more.append(bridged_warning(first, shape, self._dynamic.bridged))
+        for one, told in self.ahead.items():
+            more += ahead_warnings(one, self.scene, shapes[one], self._judged[one], *told)
         more += [tail_warning(one, side, tail) for (one, side), tail in self.tails.items() if not tail.status]
         return more + [
             warning
@@ -309,13 +366,16 @@ class HarnessCycles:
     snap_horizon: float
     quasistatic_limit: float | None
     uncertainty: Mapping[str, Uncertainty]
+    motion: str = QUASISTATIC
+    look_ahead: float = 0.0
 
     def make(self, name: str, harness: Harness, scene: Scene, load: Any) -> HarnessCycle:
         """The part of a harness in its scene, under distributed loads by segment."""
         keywords = {**self.options, "distributed_load": load}
         return HarnessCycle(
             name, harness, scene, self.robot_links, self.gripping_links, keywords, self.snap_horizon,
-            self.quasistatic_limit, self.uncertainty.get(name),
+            self.quasistatic_limit if self.motion == QUASISTATIC else None, self.uncertainty.get(name),
+            self.look_ahead if self.motion == DYNAMIC else None,
         )  # fmt: skip
 
 

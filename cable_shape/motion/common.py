@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import TypeVar
 
 import numpy as np
 
@@ -10,11 +12,13 @@ from cable_shape.cable.cable import Cable
 from cable_shape.cable.pieces import pieces_of
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
-from cable_shape.motion.swing import ELEMENTS, LAYERS, MOST_ELEMENTS
+from cable_shape.motion.swing import ELEMENTS, LAYERS, MOST_ELEMENTS, Swing
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.shape import CableShape
+from cable_shape.solve.harness_shape import HarnessShape
 
 MODEL = "motion"
+Shape = TypeVar("Shape", CableShape, HarnessShape)
 
 
 def enough(shape: CableShape, cable: Cable) -> int:
@@ -32,6 +36,26 @@ def check_moves(cable: Cable) -> None:
     if cable.mean_bending_stiffness == 0.0:
         remedy = "Give EI in N m^2, however small it is."
         raise ArgumentError.of("bending_stiffness", 0.0, "Motion needs it above 0 N m^2", remedy)
+
+
+def steps_ahead(swing: Swing | None, count: int, step: Callable[[], Shape]) -> list[Shape]:
+    """So many steps of a motion, which then is as it was; fewer where one cannot be taken.
+
+    Raises
+    ------
+    ArgumentError
+        Before it has begun.
+    """
+    if swing is None:
+        raise ArgumentError("ahead() needs a state to go on from, and there is none. Call begin first.")
+    found: list[Shape] = []
+    with swing.kept_as_it_is():
+        for _ in range(count):
+            shape = step()
+            if not shape.status:
+                break
+            found.append(shape)
+    return found
 
 
 def work_of(

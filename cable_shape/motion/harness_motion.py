@@ -14,7 +14,7 @@ from cable_shape import checks
 from cable_shape.cable.harness import Harness
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
-from cable_shape.motion.common import MODEL, check_moves, enough, work_of
+from cable_shape.motion.common import MODEL, check_moves, enough, steps_ahead, work_of
 from cable_shape.motion.swing import FEWEST, Load, Swing
 from cable_shape.pose import FreeEnd, Grip, one_mapping
 from cable_shape.scene.scene import Scene
@@ -167,6 +167,19 @@ class HarnessMotion:
         shape.lost -= shape.energy + shape.kinetic_energy - last.energy - last.kinetic_energy
         self._last = shape
         return shape
+
+    def ahead(self, count: int, dt: float) -> list[HarnessShape]:
+        """So many steps dt [s] on, with the ends held where they are now, see `Motion.ahead`.
+
+        Raises
+        ------
+        ArgumentError
+            Before `begin`.
+        """
+        last, ends = self._last, dict(self.problem.ends)
+        found = steps_ahead(self._swing, count, lambda: self.step(ends, dt))
+        self._last = last
+        return found
 
     def _aim(self, state: HarnessNetwork, swing: Swing) -> Array:
         """Poses of the knots: those that are held where they are to be, the others as they are."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 from time import perf_counter
@@ -19,12 +19,12 @@ from cable_shape.cable.harness import Harness
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.motion.among import Among
-from cable_shape.motion.common import MODEL, check_moves, enough, work_of
+from cable_shape.motion.common import MODEL, check_moves, enough, steps_ahead, work_of
 from cable_shape.motion.run import Run
 from cable_shape.motion.swing import Swing, load_of, spread_evenly
 from cable_shape.pose import NOT_GIVEN, FreeEnd, Grip, Pose, both_given
 from cable_shape.scene.mesh_convex import check_convex
-from cable_shape.scene.scene import Scene
+from cable_shape.scene.scene import Obstacle, Scene
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
@@ -54,6 +54,9 @@ class Motion:
         [m/s^2], world.
     points : int
         Number of points of the shapes, uniform in arc length.
+    robot_links, gripping_links
+        As of :class:`cable_shape.Predictor`: bodies on links, which keep the cable out as obstacles do, and links that
+        hold it, which do not.
     elements : int, optional
         Of the whole cable, of equal length; at least four between two supports. Default: 20, or as many more as the
         boundary layers sqrt(EI / |n|) of a limp cable ask for when it begins, up to 400.
@@ -79,11 +82,16 @@ class Motion:
         gravity: ArrayLike = GRAVITY,
         points: int = 150,
         elements: int | None = None,
+        *,
+        robot_links: Iterable[Obstacle] = (),
+        gripping_links: Iterable[str] = (),
     ) -> None:
         if not isinstance(cable, Cable):
             raise ArgumentError.of("cable", cable, "it must be a Cable or a Harness", "Write Cable(length=..., ...).")
-        self._still = Problem(cable, gravity=gravity, points=points, scene=scene, friction=False)
-        self.problem = Problem(cable, gravity=gravity, points=points, scene=_without_eyelets(scene))
+        options: dict[str, Any] = {"gravity": gravity, "points": points}
+        options |= {"robot_links": tuple(robot_links), "gripping_links": tuple(gripping_links)}
+        self._still = Problem(cable, scene=scene, friction=False, **options)
+        self.problem = Problem(cable, scene=_without_eyelets(scene), **options)
         self.elements = None if elements is None else checks.integer("elements", elements, at_least=4, at_most=2000)
         check_moves(cable)
         check_convex(self._still.bodies)
@@ -268,17 +276,8 @@ class Motion:
         ArgumentError
             Before `begin`.
         """
-        swing, last = self._swing, self._last
-        if swing is None or last is None:
-            raise ArgumentError("ahead() needs a state to go on from, and there is none. Call begin first.")
-        start, end = self.problem.start, self.problem.end
-        found: list[CableShape] = []
-        with swing.kept_as_it_is():
-            for _ in range(count):
-                shape = self.step(start, end, dt)
-                if not shape.status:
-                    break
-                found.append(shape)
+        last, (start, end) = self._last, (self.problem.start, self.problem.end)
+        found = steps_ahead(self._swing, count, lambda: self.step(start, end, dt))
         self._last = last
         return found
 

@@ -14,7 +14,7 @@ from cable_shape.motion.motion import Motion
 from cable_shape.planning.paths import Motion as PathMotion
 from cable_shape.planning.paths import Path
 from cable_shape.planning.trajectory_report import Stop, TrajectoryCheck, Violation
-from cable_shape.planning.trajectory_walk import Judge, Look, Walk
+from cable_shape.planning.trajectory_walk import Judge, Look, Walk, bodies_of
 from cable_shape.pose import Grip
 from cable_shape.robots.robot import Robot
 from cable_shape.scene.scene import Scene
@@ -61,7 +61,7 @@ def check_swing(
         bound = f"with motion=True they may take {LONGEST:g} s at most"
         raise ArgumentError.of("times", whole, bound, "Give seconds, or check parts of it.")
     judge = Judge(cable, scene or Scene(), robot)
-    swing = _Swing(Motion(cable, scene, **options), judge, PathMotion(path, robot))
+    swing = _Swing(Motion(cable, scene, **options, **bodies_of(robot)), judge, PathMotion(path, robot))
     swing.deadline, swing.proceed = deadline, proceed
     swing.run()
     return swing.found
@@ -119,8 +119,8 @@ class _Swing(Walk[_Place]):
 
     def _begin(self) -> _Place:
         """At rest at the first waypoint."""
-        (start, end), _ = self.motion.at(0.0)
-        return self._judged(self.swung.begin(start, end), 0.0)
+        (start, end), links = self.motion.at(0.0)
+        return self._judged(self.swung.begin(start, end, links=links), 0.0)
 
     def _judged(self, shape: CableShape, place: float) -> _Place:
         """A shape with the grips at this place."""
@@ -138,8 +138,8 @@ class _Swing(Walk[_Place]):
         steps = max(1, math.ceil(seconds / STEP))
         for k in range(1, steps + 1):
             place = i - 1 + k / steps if k < steps else float(i)
-            (start, end), _ = self.motion.at(place)
-            there = self._judged(self.swung.step(start, end, seconds / steps), place)
+            (start, end), links = self.motion.at(place)
+            there = self._judged(self.swung.step(start, end, seconds / steps, links), place)
             first = first or there.violation
             if there.look is None:
                 break

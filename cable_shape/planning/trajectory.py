@@ -116,7 +116,7 @@ def check_trajectory(
     motion : bool
         As the cable swings (:class:`cable_shape.Motion`) when the trajectory is run at its times, from rest, judged
         every 10 ms and until it has settled after the end; `stops` tells how it comes to rest. Of one cable, without
-        loads, accelerations and contact.
+        loads and accelerations.
 
     Raises
     ------

@@ -12,6 +12,8 @@ CABLE = cs.Cable(
     length=1.0, linear_density=0.1, bending_stiffness=0.01, retardation_time=0.02, drag=0.02, max_tension=0.8
 )
 MS = 1_000_000  # ns
+ARM = cs.Cable(length=0.5, linear_density=0.08, bending_stiffness=0.01, retardation_time=0.02, drag=0.02)
+FORK = cs.Harness({"a": ARM, "b": ARM, "c": ARM}, [cs.Junction("fork", ("a.end", "b.start", "c.start"))])
 
 
 def ends(t: float) -> tuple[cs.Pose, cs.Pose]:
@@ -19,6 +21,12 @@ def ends(t: float) -> tuple[cs.Pose, cs.Pose]:
     x = min(max(t / 0.3, 0.0), 1.0)
     y = 0.3 * x * x * (3.0 - 2.0 * x)
     return cs.Pose((0.0, y, 1.0), ALONG), cs.Pose((0.7, y, 1.0), ALONG)
+
+
+def fork_ends(t: float) -> dict[str, cs.Pose | cs.FreeEnd]:
+    """Of FORK: both grips go as those of `ends`, at 0.8 of their distance; the third arm hangs, with a plug."""
+    start, end = ends(t)
+    return {"a.start": start, "b.end": end, "c.end": cs.FreeEnd(mass=0.01)}
 
 
 def test_a_cycle_takes_the_steps_of_a_motion():
@@ -39,6 +47,75 @@ def test_a_cycle_takes_the_steps_of_a_motion():
     assert most > 0.02  # it swings
     tension = [margin for margin in report.margins["cable"] if margin.kind is cs.WarningKind.TENSION]
     assert tension[0].value == pytest.approx((shape.force * shape.tangents).sum(axis=1).max(), rel=1e-9)
+
+
+def test_a_harness_takes_the_steps_of_its_motion_and_looks_ahead():
+    wall = cs.Obstacle("wall", cs.Box((2.0, 0.02, 2.0)), cs.Pose((0.35, 0.42, 0.8)))
+    scene = cs.Scene(obstacles=[wall])
+    cycle = cs.Cycle({"h": FORK}, scene=scene, motion="dynamic", points=41, look_ahead=0.3)
+    motion = cs.Motion(FORK, points=41)
+    shape, said = motion.begin(fork_ends(0.0)), []
+    for k in range(40):
+        if k in (33, 34, 35):  # late
+            continue
+        report = cycle.step({"h": fork_ends(0.01 * k)}, 10 * k * MS)
+        for part in range(4 if k == 36 else min(k, 1)):
+            ways = part - 3 if k == 36 else 0
+            shape = motion.step(fork_ends(0.01 * (k + ways)), 0.01)
+        found = report.shapes["h"]
+        assert found.usable
+        # the grips stand still where inputs are missing: there the straight way is the way
+        np.testing.assert_allclose(found.segments["b"].buffer, shape.segments["b"].buffer, rtol=0.0, atol=1e-12)
+        np.testing.assert_array_equal(found.segments["b"].velocity.shape, (41, 3))
+        texts = [warning.text for warning in report.warnings]
+        assert any("0.04 s" in text for text in texts) == (k == 36)
+        said += [text for text in texts if "when the grips stop" in text]
+        assert report.ahead.keys() == {"h/a", "h/b", "h/c"}
+        assert not any(margin.kind is cs.WarningKind.QUASISTATIC for one in report.margins.values() for margin in one)
+    assert said
+    assert all("'wall'" in text for text in said)
+    again = cycle.step({"h": fork_ends(0.39)}, 390 * MS).shapes["h"]
+    assert again.reused
+    cycle.reset()
+    fresh = cycle.step({"h": fork_ends(0.39)}, 0).shapes["h"]
+    assert np.abs(fresh.segments["c"].velocity).max() < 1e-9
+
+
+def test_what_swings_stays_out_of_bodies_and_of_links_that_move():
+    table = cs.Obstacle("table", cs.Box((2.0, 2.0, 0.1)), cs.Pose((0.35, 0.0, 0.7)), friction=0.3)
+    lift = cs.Obstacle("lift", cs.Box((0.1, 0.8, 0.1)), link="lifter")
+    scene = cs.Scene(obstacles=[table], contact="solve")
+    cycle = cs.Cycle(CABLE, scene=scene, robot_links=[lift], motion="dynamic", points=41)
+    motion = cs.Motion(CABLE, cs.Scene(obstacles=[table, lift], contact="solve"), points=41)
+
+    def placed(k: int) -> dict[str, cs.Pose]:
+        return {"lifter": cs.Pose((0.35, 0.0, 0.5 + 0.01 * k))}
+
+    held, heights, touched = ends(0.0), [], set()
+    for k in range(40):
+        if k in (20, 21, 22):  # missing: ends and links go the straight way meanwhile
+            motion.step(*held, 0.01, placed(k))
+            continue
+        report = cycle.step({"cable": held}, 10 * k * MS, placed(k))
+        found = report.shapes["cable"]
+        shape = motion.step(*held, 0.01, placed(k)) if k else motion.begin(*held, links=placed(0))
+        assert found.usable
+        np.testing.assert_allclose(found.positions, shape.positions, rtol=0.0, atol=1e-9)
+        assert report.clearance["cable"].closest.distance > -1e-3
+        heights.append(found.positions[20, 2])
+        touched |= {contact.body for contact in found.contacts}
+    assert touched == {"table", "lift"}
+    assert heights[-1] > heights[0] + 0.1
+
+
+def test_cables_that_swing_are_solved_each_for_itself():
+    scene = cs.Scene(contact="solve")
+    cycle = cs.Cycle({"a": CABLE, "b": CABLE}, scene=scene, motion="dynamic", points=41)
+    near, over = ends(0.0), tuple(cs.Pose((*pose.position[:2], 1.02), ALONG) for pose in ends(0.0))
+    for k in range(3):
+        report = cycle.step({"a": near, "b": over}, 10 * k * MS)
+    assert all(shape.usable for shape in report.shapes.values())
+    assert report.clearance["a"].closest.body == "b"
 
 
 def test_the_same_inputs_make_the_same_swing_to_the_bit():
@@ -120,15 +197,23 @@ def test_what_does_not_go_together():
         ({"model": "catenary"}, "model"),
         ({"uncertainty": cs.Uncertainty({"length": 1e-3})}, "uncertainty"),
         ({"distributed_load": ((0, 0, -1), (0, 0, -1))}, "distributed_load"),
-        ({"scene": cs.Scene(contact="solve")}, "contact"),
         ({"motion": "fast"}, "motion"),
     ):
         with pytest.raises(cs.ArgumentError, match=match):
             cs.Cycle(CABLE, **{"motion": "dynamic", **more})
     with pytest.raises(cs.ArgumentError, match="look_ahead"):
         cs.Cycle(CABLE, look_ahead=0.5)
-    with pytest.raises(cs.ArgumentError, match="harnesses"):
-        cs.Cycle({"h": cs.Harness({"a": CABLE}, [])}, motion="dynamic")
+    table = cs.Obstacle("table", cs.Box((2.0, 2.0, 0.1)))
+    for more, match in (
+        ({"scene": cs.Scene(obstacles=[table], contact="solve")}, "harness knows no contact"),
+        ({"uncertainty": cs.Uncertainty({"bending_stiffness": 0.1})}, "uncertainty"),
+        ({"distributed_load": {"h": {"a": ((0, 0, -1), (0, 0, -1))}}}, "distributed_load"),
+    ):
+        with pytest.raises(cs.ArgumentError, match=match):
+            cs.Cycle({"h": FORK}, **{"motion": "dynamic", **more})
+    harness = cs.Cycle({"h": FORK}, motion="dynamic")
+    with pytest.raises(cs.ArgumentError, match="inertia"):
+        harness.step({"h": fork_ends(0.0)}, 0, acceleration={"h": {"a": (0.0, 0.0, 1.0)}})
     cycle = cs.Cycle(CABLE, motion="dynamic")
     with pytest.raises(cs.ArgumentError, match="inertia"):
         cycle.step({"cable": ends(0.0)}, 0, acceleration={"cable": (0.0, 0.0, 1.0)})

@@ -53,6 +53,25 @@ def test_a_cable_is_laid_down_drawn_along_and_lifted_again() -> None:
     assert cs.check_trajectory(HELD, scene, None, moved(along)).solved == len(along)
 
 
+def test_a_cable_that_swings_is_laid_down_drawn_along_and_lifted_again() -> None:
+    scene = cs.Scene(obstacles=[TABLE], contact="solve", allow=[cs.Allow("table")])
+    cable = HELD.replace(retardation_time=0.05, drag=0.05)
+    places = [(0.0, 0.2), (0.0, 0.06), (0.1, 0.06), (0.1, 0.2)]
+    path = moved(places)
+    timed = cs.GripPath(path.starts, path.ends, [0.0, 0.5, 1.0, 1.3])
+    found = cs.check_trajectory(cable, scene, None, timed, motion=True)
+    assert found.valid, found
+    assert np.abs(found.clearance[1:3]).max() < 1e-3
+    assert found.clearance[-1] > 0.02
+    assert found.stops[0].settling < 2.0
+    gentle = scene.replace(allow=[cs.Allow("table", max_force=1e-3)])
+    pressed_hard = cs.check_trajectory(cable, gentle, None, timed, motion=True)
+    assert pressed_hard.first is not None
+    assert pressed_hard.first.reason is cs.Reason.CONTACT_FORCE
+    assert pressed_hard.first.other == "table"
+    assert 0.0 < pressed_hard.first.place <= 1.0
+
+
 def test_the_first_place_where_a_body_presses_too_hard_is_told() -> None:
     most = 0.3
     scene = cs.Scene(obstacles=[TABLE], contact="solve", allow=[cs.Allow("table", max_force=most)])
@@ -145,5 +164,12 @@ def test_links_that_may_be_touched_push_the_cable(seed: int) -> None:
     found = cs.check_trajectory(LINKED, scene.replace(allow=[cs.Allow(name) for name in links]), robot, path)
     assert found.valid, found
     assert abs(found.clearance[-1]) < 2e-4
+    timed = cs.JointPath(robot.joint_names, path.positions, np.linspace(0.0, 10.0, 6))  # so slow that it hardly swings
+    swung = cs.check_trajectory(
+        LINKED.replace(retardation_time=0.1, drag=0.1), scene.replace(allow=[cs.Allow(name) for name in links]), robot,
+        timed, motion=True,
+    )  # fmt: skip
+    assert swung.valid, swung
+    assert swung.clearance == pytest.approx(found.clearance, abs=5e-3)
     before = found.clearance > 0.002  # where nothing is touched the shapes are the same
     assert found.clearance[before] == pytest.approx(unaware.clearance[before], abs=1e-6)
