@@ -23,6 +23,7 @@ Inner = Callable[[int, int, bool, bool, float, bool, bool], bool]
 _MOST = 40  #: steps in sigma
 _NEAR = 0.03  #: of the length: after a smaller step in sigma all unknowns are solved for at once
 _AT_REST = 1e-6  #: of the length: a smaller step on a saddle leads nowhere
+_SOFT = 0.8  #: of the slack: as much may go to spans that seem to need it, but do not have to have it
 _KICK = 0.02  #: of the length: step off a saddle
 
 
@@ -57,10 +58,13 @@ class Eyelets:
                 self._slide(before)
             return False
         near = _NEAR * state.length
-        shrink, turned = 1.0, state.info[I_TURNED]
+        shrink, most_of, turned = 1.0, 1.0, state.info[I_TURNED]
         good = state.bounds()
+        last = np.zeros(len(state.rings))
         for _ in range(_MOST):
             step = self._step()
+            most_of = 0.5 * most_of if float(step @ last) < 0.0 else min(1.0, 2.0 * most_of)  # else it swings for ever
+            last = step
             if self._out_of_time():
                 return False
             if np.abs(step).max() <= near:
@@ -70,7 +74,7 @@ class Eyelets:
                     near *= 0.1
                 elif np.abs(step).max() <= _AT_REST * state.length:
                     step = _KICK * state.length * self._softest
-            shrink = min(1.0, 4.0 * shrink)
+            shrink = min(most_of, 4.0 * shrink)
             while True:
                 bounded = self._bounded(good, step, shrink)
                 if bounded is None:
@@ -91,7 +95,7 @@ class Eyelets:
     def spread(self, frames: Array) -> None:
         """Arc lengths at the eyelets that leave every span slack enough, for a cold start between `frames`."""
         if self._room(self._state.bounds(), frames).min() <= 0.0:
-            self._state.arcs = self._feasible(frames)
+            self._state.begin_at(self._feasible(frames))
 
     def _slide(self, arcs: Array) -> None:
         if not np.array_equal(arcs, self._state.bounds()):
@@ -144,16 +148,21 @@ class Eyelets:
         return np.asarray(arcs + fraction * full)
 
     def _feasible(self, frames: Array) -> Array:
-        """Arc lengths for which each stretch of cable shares its slack out among its spans as before, or by length."""
+        """Arc lengths for which each stretch of cable shares its slack out among its spans as before, or by length.
+
+        Spans to what may move need nothing; they get as much as they seem to need, if there is so much.
+        """
         state = self._state
         arcs = state.bounds().copy()
         room = self._room(arcs, frames)
-        needed = np.diff(arcs) - room
-        before = self._room(arcs, state.poses) if state.history else needed
+        needed, wish = np.diff(arcs) - room, state.apart(arcs, frames)
+        before = self._room(arcs, state.poses) if state.history else wish
         holding = [j for j in range(arcs.size) if j not in state.rings]
         for a, b in pairwise(holding):
             if b - a > 1 and room[a:b].min() <= 0.0:
+                more = wish[a:b] - needed[a:b]
+                least = needed[a:b] + more * min(1.0, _SOFT * room[a:b].sum() / max(more.sum(), 1e-300))
                 share = np.maximum(before[a:b], 1e-3 * (arcs[b] - arcs[a]))
-                spans = needed[a:b] + share * (room[a:b].sum() / share.sum())
+                spans = least + share * ((arcs[b] - arcs[a] - least.sum()) / share.sum())
                 arcs[a + 1 : b] = arcs[a] + np.cumsum(spans)[:-1]
         return arcs

@@ -8,13 +8,15 @@ the stiffest segment, which is a cable of the network, too.
 
 from __future__ import annotations
 
+import heapq
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import NamedTuple, final
 
 import numpy as np
 
+from cable_shape.cable.cable import Cable as Whole
 from cable_shape.cable.pieces import pieces_of
 from cable_shape.checks import Array
 from cable_shape.solve.bare import IDENTITY
@@ -53,6 +55,7 @@ class Layout(NamedTuple):
     levers: tuple[tuple[int, float], ...]  # span and length [m] of each, in the order of their cables, the last ones
     rings: tuple[tuple[int, int], ...]  # segment by segment, the eyelets: number of the clip, span before it
     placed: Array  # (k,) whole numbers, 1: a rotation of which a guess is to be made
+    beside: dict[int, list[tuple[int, float]]]  # of each knot those at the other ends of its spans, and how far [m]
 
 
 @final
@@ -137,8 +140,45 @@ def layout_of(problem: HarnessProblem, kinds: Mapping[str, str]) -> Layout:
     return Layout(
         structure, np.array(build.frames), build.rows, spans, np.array(build.arcs), own_loads,
         tuple(row for row in masses if row[1] > 0.0), tuple(levers), tuple(build.rings),
-        np.array(placed, dtype=np.int64),
+        np.array(placed, dtype=np.int64), _beside(problem, build, spans, levers),
     )  # fmt: skip
+
+
+def _beside(
+    problem: HarnessProblem, build: _Builder, spans: Mapping[str, range], levers: list[tuple[int, float]]
+) -> dict[int, list[tuple[int, float]]]:
+    """Of each knot those at the other ends of its spans, and how far they reach [m]: those that stretch, anywhere."""
+    reach = dict(levers)
+    for name, rows in spans.items():
+        stiff = holds(problem.harness.segments[name])
+        reach |= {j: build.arcs[j][1] - build.arcs[j][0] if stiff else math.inf for j in rows}
+    out: dict[int, list[tuple[int, float]]] = {}
+    for j, far in reach.items():
+        a, b = build.spans[j][:2]
+        out.setdefault(a, []).append((b, far))
+        out.setdefault(b, []).append((a, far))
+    return out
+
+
+def holds(cable: Whole) -> bool:
+    """Whether no part of a cable stretches."""
+    return all(one.axial_stiffness is None for _, _, one in pieces_of(cable))
+
+
+def ways_from(beside: Mapping[int, list[tuple[int, float]]], start: int, held: Sequence[int]) -> dict[int, float]:
+    """[m], the shortest ways along spans from one knot to others that are held, without passing any."""
+    best = {start: 0.0}
+    queue = [(0.0, start)]
+    stop = set(held) - {start}
+    while queue:
+        way, k = heapq.heappop(queue)
+        if way > best[k] or k in stop:
+            continue
+        for other, length in beside.get(k, ()):
+            if way + length < best.get(other, math.inf):
+                best[other] = way + length
+                heapq.heappush(queue, (way + length, other))
+    return {k: way for k, way in best.items() if k in stop}
 
 
 def _places(problem: HarnessProblem, name: str, one: Problem) -> tuple[list[tuple[Name, float]], Array]:

@@ -18,7 +18,7 @@ from cable_shape.pose import FreeEnd, Grip
 from cable_shape.solve.answers import refreshed, run_on
 from cable_shape.solve.bare import IDENTITY, bare_of
 from cable_shape.solve.cables import FREE_ROTATIONS, material_of
-from cable_shape.solve.harness_layout import LEVER, Layout, layout_of
+from cable_shape.solve.harness_layout import LEVER, Layout, layout_of, ways_from
 from cable_shape.solve.harness_problem import HarnessProblem
 from cable_shape.solve.harness_shape import HarnessShape
 from cable_shape.solve.mesh import interpolated
@@ -290,18 +290,48 @@ class HarnessNetwork(Network):
         return f"clip {self.problem.clip_names[self.ring_clips[ring]]!r}"
 
     def slack(self, arcs: Array, frames: Array) -> Array:
-        """See the base; a span whose ends are not both held may be as short as it likes."""
+        """See the base; a span to a knot that may move is as short as ways from there to what is held allow."""
         room = np.diff(arcs)
         if self.stretch == 0.0:
-            knots, row = self.structure.knots, 0
-            for spans in self.layout.spans.values():
-                for j in spans:
-                    a, b = self.structure.spans[j][:2]
-                    if not (knots[a].moves or knots[b].moves):
-                        room[row] -= np.linalg.norm(frames[b, :3] - frames[a, :3])
-                    row += 1
-                row += 1  # the gap
+            room -= self.needed(frames)
         return np.asarray(room)
+
+    def needed(self, frames: Array) -> Array:
+        """(m,) [m], how long spans have to be at least, as of `bounds`: those that eyelets divide."""
+        knots, row = self.structure.knots, 0
+        out = np.zeros(sum(len(spans) + 1 for spans in self.layout.spans.values()) - 1)
+        rings = {knot for knot, _ in self.structure.rings}
+        held = [k for k, knot in enumerate(knots) if not knot.moves]
+        for spans in self.layout.spans.values():
+            for j in spans:
+                a, b = self.structure.spans[j][:2]
+                if not (knots[a].moves or knots[b].moves):
+                    out[row] = math.dist(frames[a, :3].tolist(), frames[b, :3].tolist())
+                elif a in rings or b in rings:
+                    ring, other = (a, b) if a in rings else (b, a)
+                    ways = ways_from(self.layout.beside, other, held)
+                    far = [
+                        math.dist(frames[k, :3].tolist(), frames[ring, :3].tolist()) - way for k, way in ways.items()
+                    ]
+                    out[row] = max(0.0, *far)
+                row += 1
+            row += 1  # the gap
+        return out
+
+    def apart(self, arcs: Array, frames: Array) -> Array:
+        """See the base; by the ways between all knots as they are."""
+        out, row = np.zeros(arcs.size - 1), 0
+        for spans in self.layout.spans.values():
+            for j in spans:
+                a, b = self.structure.spans[j][:2]
+                out[row] = np.linalg.norm(frames[b, :3] - frames[a, :3])
+                row += 1
+            row += 1  # the gap
+        return np.maximum(out, self.needed(frames)) if self.stretch == 0.0 else super().apart(arcs, frames)
+
+    def begin_at(self, arcs: Array) -> None:
+        """See the base; the mesh is there already."""
+        self.slide_to(arcs)
 
     def slide_to(self, arcs: Array) -> None:
         """Moves segments through eyelets to these arc lengths, as of `bounds`: nodes between them are spread anew."""
@@ -434,6 +464,11 @@ class HarnessNetwork(Network):
                 now.lam[j, i] = (force - self.model.load[a - j : b - j, 3 + i]).mean()
         now.pose[...] = poses
         self.history, self._resumed = 1, True
+
+    @property
+    def sampled(self) -> int:
+        """How many points a shape has, with those of levers."""
+        return self.problem.points * self.cables
 
     def sensitivities(self, ends: Sequence[str], clips: Sequence[int] = ()) -> Array:
         """(c points, 3, 6 g): change of the positions of all segments with the poses of these held ends, then clips."""

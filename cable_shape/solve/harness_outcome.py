@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import heapq
 import math
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 
-from cable_shape.cable.cable import Cable
-from cable_shape.cable.pieces import pieces_of
 from cable_shape.checks import Array
 from cable_shape.kernels.frames import align
 from cable_shape.kernels.network.drive import STRAIGHT
 from cable_shape.pose import rotate
 from cable_shape.shape import NUMBERS_PER_POINT, Status
-from cable_shape.solve.harness_layout import Name
+from cable_shape.solve.harness_layout import Name, holds, ways_from
 from cable_shape.solve.harness_network import HarnessNetwork
 from cable_shape.solve.harness_problem import HarnessProblem
 
@@ -30,31 +27,19 @@ def out_of_reach(task: HarnessProblem, state: HarnessNetwork, poses: Array) -> t
     """Two supports further apart than the segments between them are long: status, poses, what to say, what is missing
     [m]; None where there are none, or segments stretch."""
     knots = state.structure.knots
-    beside: dict[int, list[tuple[int, float]]] = {}
-    cables = list(task.harness.segments.values())
-    for cable, spans in zip(cables, state.layout.spans.values(), strict=True):
-        for j in spans:
-            a, b = state.structure.spans[j][:2]
-            low, high = state.layout.arcs[j]
-            reach = float(high - low) if _holds(cable) else math.inf
-            beside.setdefault(a, []).append((b, reach))
-            beside.setdefault(b, []).append((a, reach))
-    for j, size in state.layout.levers:
-        a, b = state.structure.spans[j][:2]
-        beside.setdefault(a, []).append((b, size))
-        beside.setdefault(b, []).append((a, size))
+    beside = state.layout.beside
     names = list(state.layout.knots)
     worst: tuple[float, int, int, float, float] = (0.0, -1, -1, 0.0, 0.0)
     rings = {row for row, _ in state.structure.rings}
     held = [k for k, knot in enumerate(knots) if not knot.moves and k not in rings]
     for k in held:
-        for other, length in _distances(beside, k, held).items():
+        for other, length in ways_from(beside, k, held).items():
             apart = math.dist(poses[k, :3].tolist(), poses[other, :3].tolist())
             if apart >= STRAIGHT * length and (worst[1] < 0 or apart - length > worst[0]):
                 worst = (apart - length, k, other, apart, length)
     missing, a, b, apart, length = worst
     if a < 0:
-        return None
+        return _through_eyelets(state, poses)
     detail = (
         f"{_told(task, names[a])} and {_told(task, names[b])} are {apart:.4g} m apart, {missing:.3g} m more than the "
         f"segments between them are long ({length:.4g} m). Bring them closer, or give the segments an axial_stiffness; "
@@ -63,25 +48,22 @@ def out_of_reach(task: HarnessProblem, state: HarnessNetwork, poses: Array) -> t
     return Status.OVERSTRETCHED, poses, detail, max(missing, 0.0)
 
 
-def _holds(cable: Cable) -> bool:
-    """Whether no part of a cable stretches."""
-    return all(one.axial_stiffness is None for _, _, one in pieces_of(cable))
-
-
-def _distances(beside: dict[int, list[tuple[int, float]]], start: int, held: list[int]) -> dict[int, float]:
-    """[m], the shortest ways along segments from one support to others, without passing any."""
-    best = {start: 0.0}
-    queue = [(0.0, start)]
-    stop = set(held) - {start}
-    while queue:
-        way, k = heapq.heappop(queue)
-        if way > best[k] or k in stop:
-            continue
-        for other, length in beside.get(k, ()):
-            if way + length < best.get(other, math.inf):
-                best[other] = way + length
-                heapq.heappush(queue, (way + length, other))
-    return {k: way for k, way in best.items() if k in stop}
+def _through_eyelets(state: HarnessNetwork, poses: Array) -> tuple[Status, Array, str, float] | None:
+    """The same of a segment that is too short for its way through its eyelets."""
+    if not state.rings or state.stretch != 0.0:
+        return None
+    needed, arcs = state.needed(poses), state.bounds()
+    holding = [row for row in range(arcs.size) if row not in state.rings]
+    for a, b in pairwise(holding):
+        missing = float(needed[a:b].sum() - STRAIGHT * (arcs[b] - arcs[a]))
+        if b - a > 1 and missing >= 0.0:
+            through = ", ".join(state.ring_name(ring) for ring in range(a + 1, b))
+            detail = (
+                f"through {through} the way is {needed[a:b].sum():.4g} m long, {missing:.3g} m more than the "
+                "cable there. Bring supports closer, or give segments an axial_stiffness; the shape is straight lines."
+            )
+            return Status.OVERSTRETCHED, poses, detail, max(missing, 0.0)
+    return None
 
 
 def _told(task: HarnessProblem, name: Name) -> str:
@@ -131,9 +113,9 @@ def lacking(task: HarnessProblem, state: HarnessNetwork, poses: Array) -> tuple[
     a, b = (np.array([*(span[i] for span in spans), *(bar[i] for bar in bars)], dtype=np.int64) for i in (0, 1))
     length = np.array([*(state.layout.arcs[:, 1] - state.layout.arcs[:, 0]), *(bar[2] for bar in bars)])
     cables = list(task.harness.segments.values())
-    holds = np.ones(len(a), dtype=bool)
+    limits = np.ones(len(a), dtype=bool)
     for cable, rows in zip(cables, state.layout.spans.values(), strict=True):
-        holds[rows.start : rows.stop] = _holds(cable)
+        limits[rows.start : rows.stop] = holds(cable)
     stiff = np.arange(len(a)) >= len(spans) - len(state.layout.levers)
     moves = np.array([knot.moves for knot in state.structure.knots])
     y = poses[:, :3].copy()
@@ -141,7 +123,7 @@ def lacking(task: HarnessProblem, state: HarnessNetwork, poses: Array) -> tuple[
     for _ in range(_STRINGS):
         d = y[b] - y[a]
         size = np.maximum(np.linalg.norm(d, axis=1), 1e-12)
-        tight = holds & (size > length)
+        tight = limits & (size > length)
         if not (tight & ~stiff).any() and (np.abs(size - length)[stiff] <= _SHORT * length[stiff]).all():
             return 0.0, ""
         tight |= stiff
@@ -154,7 +136,7 @@ def lacking(task: HarnessProblem, state: HarnessNetwork, poses: Array) -> tuple[
         np.add.at(right, b, k[:, None] * goal)
         y[moves] = np.linalg.solve(K[np.ix_(moves, moves)], right[moves] - K[np.ix_(moves, ~moves)] @ y[~moves])
     d = np.linalg.norm(y[b] - y[a], axis=1)
-    over = np.where(holds, np.maximum(d - length, 0.0), 0.0)
+    over = np.where(limits, np.maximum(d - length, 0.0), 0.0)
     if over.sum() <= _SHORT * state.length:
         return 0.0, ""
     worst = int(over.argmax())

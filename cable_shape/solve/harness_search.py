@@ -161,6 +161,8 @@ class HarnessSearch(Search):
                 self._disturb(guess, disturbed, chance)
             state.firm(firm)
             state.first_mesh(guess, fineness)
+            if self.eyelets is not None:
+                self.eyelets.spread(guess)
             state.start_from(guess, kind, sag)
             if settles and (state.rings or not self._settled()):
                 continue
@@ -179,7 +181,8 @@ class HarnessSearch(Search):
             return found
         state.history = 0
         guess = self._guess(poses, 1.0)
-        return self._too_short(guess) or self.no_shape(Status.NOT_CONVERGED, guess, "")
+        why = "" if self.eyelets is None else self.eyelets.why
+        return self._too_short(guess) or self.no_shape(Status.NOT_CONVERGED, guess, why)
 
     def _too_short(self, guess: Array) -> HarnessShape | None:
         """What says that segments are too short to be laid out to all supports and to close; None: they are not."""

@@ -520,6 +520,14 @@ class Network:
             room[: self.forces] -= chords[: self.forces]
         return np.asarray(room)
 
+    def apart(self, arcs: Array, frames: Array) -> Array:
+        """(m,) [m]: how long each span seems to have to be between supports at `frames`."""
+        return np.asarray(np.diff(arcs) - self.slack(arcs, frames))
+
+    def begin_at(self, arcs: Array) -> None:
+        """Makes these the arc lengths (m+1,) at which the cable is in its eyelets before it is laid out."""
+        self.arcs = arcs
+
     def slide_to(self, arcs: Array) -> None:
         """Moves the cable through its eyelets to these arc lengths (m+1,): nodes between them are spread anew."""
         old = np.concatenate((self.bounds(), self.points))

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from harness_random import balance, random_quaternion
 
 import cable_shape as cs
 from cable_shape.safety.report import WarningKind
@@ -108,3 +109,66 @@ def test_cycles_with_eyelets_have_tubes_and_stability() -> None:
     (told,) = (m for m in one.margins["cable"] if m.kind is WarningKind.STABILITY)
     (own,) = (m for name in ("h/a", "h/b") for m in two.margins[name] if m.kind is WarningKind.STABILITY)
     assert own.value / 0.8**2 == pytest.approx(told.value / 1.2**2, rel=0.02)
+
+
+# -- from nothing, where the arc length that is given at an eyelet is far from what it comes to
+
+
+def drawn(seed: int) -> tuple[cs.Cable, cs.Pose, dict[str, cs.Pose], float]:
+    """A segment, an eyelet, two grips beyond it, and an arc length of the eyelet on what begins at 0.6 m."""
+    rng = np.random.default_rng(seed)
+
+    def turned(place: tuple[float, float, float]) -> cs.Pose:
+        return cs.Pose(place, (cs.Pose(quaternion=ALONG) * cs.Pose(quaternion=random_quaternion(rng, 0.5))).quaternion)
+
+    cable = cs.Cable(length=0.6, linear_density=0.1, bending_stiffness=10.0 ** rng.uniform(-3.5, -1.5))
+    eyelet = turned((0.62 + rng.uniform(0.05, 0.2), rng.uniform(-0.1, 0.1), rng.uniform(-0.1, 0.05)))
+    ends = {end: turned((1.05, y, rng.uniform(-0.1, 0.1))) for end, y in (("b.end", 0.1), ("c.end", -0.1))}
+    return cable, eyelet, ends, float(rng.uniform(0.1, 0.35))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_chain_runs_through_an_eyelet_from_nothing_as_one_cable_does(seed: int) -> None:
+    """The way from the grip through the junction to the eyelet is longer than was given, most times."""
+    cable, eyelet, ends, arc = drawn(seed)
+    chain = cs.Harness({"t": cable, "b": cable}, [cs.Junction("j", ("t.end", "b.start"))])
+    whole = cs.predict(
+        cable.replace(length=1.2), cs.Pose(quaternion=ALONG), ends["b.end"],
+        scene=cs.Scene(clips=[cs.Clip(0.6 + arc, eyelet, "slide")]),
+    )  # fmt: skip
+    held = {"t.start": cs.Pose(quaternion=ALONG), "b.end": ends["b.end"]}
+    shape = cs.predict(chain, held, scene=cs.Scene(clips=[cs.Clip(arc, eyelet, "slide", segment="b")]))
+    assert shape.status is whole.status is cs.Status.OK
+    assert shape.clips[0].arc_length + 0.6 == pytest.approx(whole.clips[0].arc_length, abs=1e-5)
+    assert shape.energy == pytest.approx(whole.energy, abs=1e-6)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 3, 64])
+def test_both_branches_of_a_fork_run_through_one_eyelet(seed: int) -> None:
+    cable, eyelet, ends, arc = drawn(seed)
+    rng = np.random.default_rng(seed)
+    frames = {f"{name}.start": cs.Pose(quaternion=random_quaternion(rng, 0.6)) for name in "bc"}
+    harness = cs.Harness(dict.fromkeys("tbc", cable), [cs.Junction("j", ("t.end", *frames), frames=frames)])
+    clips = [cs.Clip(arc, eyelet, "slide", segment=name) for name in "bc"]
+    shape = cs.predict(harness, {"t.start": cs.Pose(quaternion=ALONG), **ends}, scene=cs.Scene(clips=clips))
+    assert shape.status is cs.Status.OK, shape.detail
+    assert max(balance(shape)[:2]) < 1e-6
+    for name, load in zip("bc", shape.clips, strict=True):
+        branch = shape.segments[name]
+        tangent = np.array([np.interp(load.arc_length, branch.arc_length, x) for x in branch.tangents.T])
+        assert abs(load.force @ tangent) < 2e-3 * np.linalg.norm(load.force)
+        place = [np.interp(load.arc_length, branch.arc_length, x) for x in branch.positions.T]
+        np.testing.assert_allclose(place, eyelet.position, atol=1e-3)
+
+
+def test_a_way_through_an_eyelet_that_is_too_long_is_told() -> None:
+    cable, eyelet, ends, arc = drawn(0)
+    chain = cs.Harness({"t": cable, "b": cable}, [cs.Junction("j", ("t.end", "b.start"))])
+    far = eyelet.position + np.array((0.0, 0.0, -0.4))
+    clip = cs.Clip(arc, cs.Pose(far, ALONG), "slide", segment="b", name="ring")
+    held = {"t.start": cs.Pose(quaternion=ALONG), "b.end": ends["b.end"]}
+    shape = cs.predict(chain, held, scene=cs.Scene(clips=[clip]))
+    assert shape.status is cs.Status.OVERSTRETCHED
+    way = np.linalg.norm(far) + np.linalg.norm(ends["b.end"].position - far)
+    assert shape.missing_length == pytest.approx(way - 1.2, rel=0.01)
+    assert "through clip 'ring'" in shape.detail
