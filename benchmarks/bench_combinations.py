@@ -1,5 +1,5 @@
 #!/usr/bin/env python
-"""What goes together with what: every answer of the package, asked of cables in every kind of surroundings.
+"""What goes together with what: all answers of the package, asked of cables and harnesses in all kinds of surroundings.
 
     scripts/bench combinations [--save FILE] [--write]
 
@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from combinations_harness import ASKED_OF_HARNESSES, HARNESSES
 from figures import Figures, bench_options, bench_parser, finish
 from scipy.spatial.transform import Rotation
 
@@ -251,10 +252,16 @@ ASKED: Mapping[str, Callable[[Around], None]] = {
 }
 
 
+WHERE = (*AROUND, *HARNESSES)
+
+
 def cell(what: str, where: str) -> str:
     """ "yes", or why not."""
     try:
-        ASKED[what](AROUND[where])
+        if where in HARNESSES:
+            ASKED_OF_HARNESSES[what](HARNESSES[where])
+        else:
+            ASKED[what](AROUND[where])
     except cs.ArgumentError as error:
         return str(error)
     except AssertionError as error:
@@ -265,9 +272,9 @@ def cell(what: str, where: str) -> str:
 def table(cells: Mapping[tuple[str, str], str]) -> str:
     """In Markdown; reasons beneath."""
     reasons = list(dict.fromkeys(text for text in cells.values() if text != "yes"))
-    rows = [["", *AROUND], ["---"] * (1 + len(AROUND))]
+    rows = [["", *WHERE], ["---"] * (1 + len(WHERE))]
     for what in ASKED:
-        told = [cells[what, where] for where in AROUND]
+        told = [cells[what, where] for where in WHERE]
         rows.append([what, *["yes" if text == "yes" else f"no ({1 + reasons.index(text)})" for text in told]])
     lines = ["| " + " | ".join(row) + " |" for row in rows]
     return "\n".join([*lines, "", *[f"{i}. {text}" for i, text in enumerate(reasons, 1)]]) + "\n"
@@ -279,7 +286,7 @@ def main() -> int:
     parser.add_argument("--write", action="store_true", help="put the table into docs/limits.md")
     options = bench_options(parser)
     figures = Figures()
-    cells = {(what, where): cell(what, where) for what in ASKED for where in AROUND}
+    cells = {(what, where): cell(what, where) for what in ASKED for where in WHERE}
     made = table(cells)
     print(made)
     figures.check("every answer holds or is refused", not any(text.startswith("NO") for text in cells.values()))

@@ -13,6 +13,7 @@ from cable_shape.calibration.harness_observation import HarnessObservation
 from cable_shape.calibration.harness_parameters import HarnessParameters
 from cable_shape.checks import Array
 from cable_shape.kernels.distance.misses import misses
+from cable_shape.prediction.harness_predictor import HarnessPredictor
 from cable_shape.solve import harness_search
 from cable_shape.solve.harness_network import HarnessNetwork
 from cable_shape.solve.harness_problem import HarnessProblem
@@ -24,6 +25,10 @@ POINTS = 41
 TOLERANCE = 1e-5
 #: [1], of the longest segment, root mean square: what differs by less is the same.
 NOISE = 1e-6
+
+
+#: What an observation's shape is followed from: where it may lie on bodies, a predictor.
+Memory = HarnessNetwork | HarnessPredictor
 
 
 @final
@@ -49,8 +54,8 @@ class HarnessForward:
         self.looks = list(looks)
         self.observations = [flat(look) for look in self.looks]
         self._loads = loads
-        self._from: list[HarnessNetwork | None] = [None] * len(self.looks)  # where shapes are followed from
-        self._states: list[HarnessNetwork | None] = self._from.copy()  # with the last values
+        self._from: list[Memory | None] = [None] * len(self.looks)  # where shapes are followed from
+        self._states: list[Memory | None] = self._from.copy()  # with the last values
         self._last: tuple[Array, list[HarnessShape]] | None = None  # values, and all shapes with them
 
     def shapes(self, values: Array) -> list[HarnessShape]:
@@ -91,16 +96,23 @@ class HarnessForward:
                 out[:, :, j] = moved / parameter.step
         return out
 
-    def _solved(
-        self, values: Array, states: Sequence[HarnessNetwork | None]
-    ) -> list[tuple[HarnessShape, HarnessNetwork]]:
+    def _solved(self, values: Array, states: Sequence[Memory | None]) -> list[tuple[HarnessShape, Memory]]:
         """Shape and memory of each observation, followed from `states`."""
         problem_of = self._problems(values)
-        found = []
+        found: list[tuple[HarnessShape, Memory]] = []
         for look, last in zip(self.looks, states, strict=True):
-            problem = problem_of(look).move(self.parameters.held(values, look.ends))
+            ends = self.parameters.held(values, look.ends)
+            if look.lies:
+                harness = self.parameters.make(values, look.lengths)
+                if isinstance(last, HarnessPredictor):
+                    lying = last.beside(harness)
+                else:
+                    lying = lies(harness, look, **self._loads)
+                found.append((lying.predict(ends, acceleration=look.acceleration), lying))
+                continue
+            assert not isinstance(last, HarnessPredictor)
             state: Any = None if last is None or last.history == 0 else last.copied()
-            found.append(harness_search.solve(problem, state))
+            found.append(harness_search.solve(problem_of(look).move(ends), state))
         return found
 
     def _problems(self, values: Array) -> Callable[[HarnessObservation], HarnessProblem]:
@@ -120,6 +132,12 @@ class HarnessForward:
             return copy.copy(plain[key])  # a network tells by its problem that its harness is another one
 
         return made
+
+
+def lies(harness: Harness, look: HarnessObservation, **loads: Any) -> HarnessPredictor:
+    """What predicts an observation of a harness that may lie on bodies, from nothing."""
+    tolerance = TOLERANCE * harness.longest
+    return HarnessPredictor(harness, points=POINTS, tolerance=tolerance, scene=look.scene, friction=False, **loads)
 
 
 def problem_of(harness: Harness, look: HarnessObservation | None = None, **loads: Any) -> HarnessProblem:

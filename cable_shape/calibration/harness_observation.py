@@ -38,7 +38,7 @@ class HarnessObservation:
     lengths : mapping of segment to float, optional
         [m], of segments that were not as long then as the harness says: held, or marked, elsewhere.
     scene : Scene, optional
-        Its clips held the harness then.
+        Its clips held the harness then; with ``contact="solve"`` it may have lain on its obstacles.
     group : int, optional
         Observations of one recording share what the model does not know: give them the same number. Default: every
         observation for itself.
@@ -93,6 +93,11 @@ class HarnessObservation:
             checks.instance("scene", scene, (Scene,), "Write Scene(clips=[...]).")
         self.scene = scene
         self.group = None if group is None else checks.integer("group", group, at_least=0, at_most=2**62)
+
+    @property
+    def lies(self) -> bool:
+        """Whether the harness may have lain on bodies."""
+        return self.scene is not None and self.scene.contact == "solve" and bool(self.scene.obstacles)
 
     def check(self, harness: Harness) -> None:
         """Refuses segments that the harness does not have."""

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from cable_shape.cable.cable import STANDARD_GRAVITY
 from cable_shape.cable.harness import Harness
-from cable_shape.calibration.harness_forward import missed, problem_of
+from cable_shape.calibration.harness_forward import lies, missed, problem_of
 from cable_shape.calibration.harness_observation import HarnessObservation
 from cable_shape.calibration.harness_parameters import HarnessParameters
 from cable_shape.calibration.result import STRAY, Estimate, Found, misses_in_words, trouble_of
@@ -71,8 +71,10 @@ class HarnessCalibration(Found):
     def predict(self, seen: HarnessObservation, *, gravity: ArrayLike = GRAVITY) -> HarnessShape:
         """The shape of an observation, from nothing, with the numbers found; its points are not looked at."""
         seen.check(self.harness)
-        problem = problem_of(self.parameters.make(self.values, seen.lengths), seen, gravity=gravity)
-        return harness_search.solve(problem.move(self.held(seen.ends)))[0]
+        harness, ends = self.parameters.make(self.values, seen.lengths), self.held(seen.ends)
+        if seen.lies:
+            return lies(harness, seen, gravity=gravity).predict(ends, acceleration=seen.acceleration)
+        return harness_search.solve(problem_of(harness, seen, gravity=gravity).move(ends))[0]
 
     def distances_to(self, seen: HarnessObservation, *, gravity: ArrayLike = GRAVITY) -> dict[str, Array]:
         """[m], from points of an observation, which may be one that was not fitted, to its prediction; by the keys of

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from time import perf_counter
 from typing import Any, final
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from cable_shape import checks
@@ -15,12 +16,12 @@ from cable_shape.cable.harness import Harness
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import FreeEnd, Grip, Pose, one_mapping
+from cable_shape.prediction.harness_columns import columns_by
 from cable_shape.prediction.reuse import kept, links_same, same_end
 from cable_shape.scene.mesh_convex import check_convex
 from cable_shape.scene.scene import Scene
 from cable_shape.scene.scene_parts import Obstacle
 from cable_shape.solve import harness_search
-from cable_shape.solve.answers import about_gripper
 from cable_shape.solve.harness_network import HarnessNetwork
 from cable_shape.solve.harness_problem import End, HarnessProblem
 from cable_shape.solve.harness_shape import HarnessShape
@@ -124,6 +125,18 @@ class HarnessPredictor:
 
     def ahead(self) -> Callable[[Mapping[str, End]], HarnessShape]:
         """What predicts from the last shape on, with links where they are; this predictor stays as it is."""
+        other = self._copied()
+        return lambda ends: other.predict(ends, links=other.problem.links)
+
+    def beside(self, harness: Harness) -> HarnessPredictor:
+        """One that goes on from the last shape with a harness that differs little; this predictor stays as it is."""
+        other = self._copied()
+        other.head_for(harness, self.scene)
+        other._still = other.problem
+        return other
+
+    def _copied(self) -> HarnessPredictor:
+        """One with the same last shape, and a memory of its own."""
         assert self._last is not None
         other: HarnessPredictor = copy.copy(self)
         problem = other.problem = other._still = copy.copy(self.problem)
@@ -132,7 +145,7 @@ class HarnessPredictor:
             state.problem, other._state = problem, state
         if self._touch is not None:
             other._touch = self._touch.twin(problem, self._last)
-        return lambda ends: other.predict(ends, links=problem.links)
+        return other
 
     @property
     def grips(self) -> tuple[str, ...]:
@@ -251,31 +264,51 @@ class HarnessPredictor:
         self._state = self._last = self._touch = None
         self._loose = False
 
-    def sensitivity(self, *, at: str = "cable", by_clips: bool = False) -> dict[str, Array]:
-        """{segment: (points, 3, 6 g)}: how the centrelines move with the g held ends, in the order of `grips`.
+    def sensitivity(
+        self, by: Sequence[str] | None = None, *, at: str = "cable", by_clips: bool = False
+    ) -> dict[str, Array]:
+        """{segment: (points, 3, m)}: how the centrelines move with what holds the harness, and with its numbers.
 
-        Six columns a grip: d positions at fixed arc length / d (vx vy vz [m/s] wx wy wz [rad/s]), world axes, rotation
-        about that end, or with ``at="gripper"`` about the gripper's own origin. Of the last solved shape, exact.
-        by_clips: after them six for each clip on a robot link, in the order of the scene, about its own origin.
+        Of the last solved shape, exact: d positions at fixed arc length / d (by), columns in the order of `by`.
+
+        Parameters
+        ----------
+        by : names, each once
+            An open end, "a.start", "clip:NAME" and "body:NAME": six columns, vx vy vz [m/s] wx wy wz [rad/s] in world
+            axes, rotation about that end, or with ``at="gripper"`` about the gripper's own origin, of a clip or a body
+            about the origin of its pose; zero for free ends, and for bodies that nothing touches. "length:a",
+            "linear_density:a", "bending_stiffness:a" and "twisting_stiffness:a" of segment a: one column, per unit, as
+            of :meth:`cable_shape.Predictor.sensitivity`. Default: the held ends, in the order of `grips`.
+        by_clips
+            After the held ends come six columns for each clip on a link, in the order of the scene; not with `by`.
 
         Raises
         ------
         ArgumentError
-            If nothing was predicted yet.
+            If nothing was predicted yet, and for a name that does not exist.
         """
         checks.one_of("at", at, ("cable", "gripper"))
         state = self._touch if self.touching else self._state
         if state is None or state.history == 0:
             raise ArgumentError("sensitivity() needs a solution, and there is none yet. Call predict first.")
-        grips = self.grips
-        out = state.sensitivities(grips, self.problem.moving_clips if by_clips else ())
-        if at == "gripper":
-            for i, name in enumerate(grips):
-                end = self.problem.ends[name]
-                assert isinstance(end, Grip)
-                about_gripper(end, out[:, :, 6 * i : 6 * i + 6])
-        points = self.problem.points
+        problem = self.problem
+        if by is None:
+            moving = problem.moving_clips if by_clips else ()
+            names = [*self.grips, *(f"clip:{problem.clip_names[i]}" for i in moving)]
+        elif by_clips:
+            raise ArgumentError.of("by_clips", by_clips, "by names all columns", "Name clips: by=('clip:NAME',).")
+        else:
+            names = list(
+                checks.entries("by", (by,) if isinstance(by, str) else by, str, "Write ('a.start', 'length:b').")
+            )
+        points = problem.points
+        out = columns_by(problem, state, names, at) if by is not None or names else np.zeros((self._rows, 3, 0))
         return {name: out[i * points : (i + 1) * points] for i, name in enumerate(self.harness.segments)}
+
+    @property
+    def _rows(self) -> int:
+        """Of all segments' shapes together."""
+        return len(self.harness.segments) * self.problem.points
 
     def _load(self, problem: HarnessProblem) -> None:
         """Makes this the problem, whose loads may be others."""

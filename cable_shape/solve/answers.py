@@ -159,7 +159,7 @@ def sensitivity(state: Solved, by: Sequence[str] = ENDS, *, at: str = "cable") -
         return moved
     numbers = [name for name in by if name in NUMBERS]
     if numbers:
-        pairs, steps = zip(*[_pair(problem.cable, name) for name in numbers], strict=True)
+        pairs, steps = zip(*[pair_of(problem.cable, name) for name in numbers], strict=True)
         columns = answers(state, Changes(pairs, np.array(steps)))
         blocks.update((name, columns[:, :, i : i + 1]) for i, name in enumerate(numbers))
     for name in by:
@@ -219,7 +219,7 @@ def run_on(out: Array, df: Array, slides: tuple[Array, Array] | None) -> Array:
     return out
 
 
-def _pair(cable: Cable, name: str) -> tuple[tuple[Cable, Cable], float]:
+def pair_of(cable: Cable, name: str) -> tuple[tuple[Cable, Cable], float]:
     """Two cables that differ in one of NUMBERS, and half by how much."""
     if name == "bending_stiffness":
         mean = cable.mean_bending_stiffness

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import cast, final
+from typing import Any, final
 
 import numpy as np
 
 from cable_shape.checks import Array
 from cable_shape.kernels.network import mesh, respond, tables
-from cable_shape.solve.answers import Solved, refreshed, run_on
+from cable_shape.solve.answers import refreshed, run_on
 from cable_shape.solve.harness_network import HarnessNetwork
 from cable_shape.solve.harness_problem import HarnessProblem
 
@@ -39,14 +39,19 @@ def answers(state: HarnessNetwork, changes: HarnessChanges) -> Array:
     All that holds it stands still. Points keep their share of each segment's length, clips and masses their arc length;
     it runs on through eyelets.
     """
-    points, count = state.problem.points, len(changes.steps)
-    out, df = np.zeros((state.cables * points, 3, count)), np.empty((len(state.rings), count))
+    return answered(state, _models(state, changes), changes.steps)
+
+
+def answered(state: Any, models: Array, steps: Array) -> Array:
+    """The same by models (2 k, size) above and below, half of the way between which is `steps` (k,)."""
+    points, segments = state.problem.points, len(state.problem.segments)
+    count = len(steps)
+    out, df = np.zeros((state.sampled, 3, count)), np.empty((len(state.rings), count))
     if count:
-        slides = refreshed(cast("Solved", state))
-        models = _models(state, changes)
-        respond.answers(state.ints, state.floats, models, changes.steps, state.sols, state.work, points, out, df)
+        slides = refreshed(state)
+        respond.answers(state.ints, state.floats, models, steps, state.sols, state.work, points, out, df)
         run_on(out, df, slides)
-    return out[: len(state.problem.segments) * points]
+    return out[: segments * points]
 
 
 def _told(problem: HarnessProblem) -> tuple[Array, Array]:

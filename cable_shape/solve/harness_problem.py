@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cable_shape import checks
+from cable_shape.cable.cable import Cable
 from cable_shape.cable.harness import SIDES, Harness
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
@@ -149,6 +150,16 @@ class HarnessProblem:
         for name in self.__slots__:
             setattr(other, name, getattr(self, name))
         other.segments = {name: self._segment(name, moves.get(name)) for name in self.segments}
+        other.laid_out = {}
+        return other
+
+    def beside(self, name: str, cable: Cable) -> HarnessProblem:
+        """The same with a segment that differs little, see :meth:`Problem.beside`."""
+        other = object.__new__(HarnessProblem)
+        for slot in self.__slots__:
+            setattr(other, slot, getattr(self, slot))
+        other.harness = self.harness.replace(segments={**self.harness.segments, name: cable})
+        other.segments = {**self.segments, name: self.segments[name].beside(cable)}
         other.laid_out = {}
         return other
 

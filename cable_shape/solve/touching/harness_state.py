@@ -10,7 +10,7 @@ from typing import Any, final
 import numpy as np
 
 from cable_shape.cable.cable import Cable
-from cable_shape.cable.pieces import pieces_of, radius_of, widest
+from cable_shape.cable.pieces import radius_of, widest
 from cable_shape.cable.rest_form import conjugate, times
 from cable_shape.checks import Array
 from cable_shape.kernels.contact import check, drive, respond
@@ -279,31 +279,40 @@ class HarnessTouchState(TouchState):
         return -out
 
     def models_of(self, name: str, cables: Sequence[Cable]) -> Array:
-        """(c, size): models with other cables as this segment, of cables that no junction joins, on the mesh as it is.
+        """(c, size): models with other cables as this segment, of cables that no junction joins, on this mesh."""
+        segments = self.problem.segments
+        own = segments[name]
+        others = [HarnessProblem.of_cables({**segments, name: own.beside(cable)}) for cable in cables]
+        return self.models_beside(others)
 
-        Clips and masses stay at their arc length, kinks of what varies along the cable at their share of the length.
+    def models_beside(self, others: Sequence[HarnessProblem]) -> Array:  # type: ignore[override]
+        """(c, size): models of harnesses with the same knots and spans, on the mesh as it is.
+
+        Clips and masses stay at their arc length, other knots where the others have them.
         """
-        problem, plan = self.problem, tables.plan_of.py_func(self.net.ints)
-        own, still = problem.segments[name], np.array((0.0, problem.harness.longest))
-        others = [HarnessProblem.of_cables({**problem.segments, name: own.beside(cable)}) for cable in cables]
+        plan, still = tables.plan_of.py_func(self.net.ints), np.array((0.0, self.problem.harness.longest))
         networks = [HarnessNetwork(other) for other in others]
         for network in networks:
             network.aim()
             self.let_stretch(network.held[network.parts.piece])
-        made, everywhere = np.array([one.held for one in networks]), np.tile(still, (len(cables), 1))
+        made, everywhere = np.array([one.held for one in networks]), np.tile(still, (len(others), 1))
         models: Array = respond.neighbours(self.net, self.s, made, still, everywhere)
-        of_cables = self.net.cable[: int(self.net.ints[tables.N_SPANS])].tolist()
-        spans = [j for j, span in enumerate(of_cables) if span in self.cable.layout.spans[name]]
-        nodes = np.concatenate([np.arange(plan.first[j] + j, plan.first[j + 1] + j + 1) for j in spans])
-        stays = np.union1d([clip.arc_length for clip in own.clips], [mass.arc_length for mass in own.masses])
-        bounds = [x for a, b, _ in pieces_of(own.cable) for x in (a, b)]
-        for model, cable in zip(models, cables, strict=True):
-            if cable.length != own.cable.length:
-                grown = cable.length / own.cable.length
-                before = np.union1d(stays, bounds)
-                s = tables.model_of.py_func(self.net.ints, model).s
-                s[nodes] = np.interp(s[nodes], before, [at if at in stays else grown * at for at in before])
-                move_nodes(self.net.ints, model, still, still, model)
+        stretch = self.net.stretch[: int(self.net.ints[tables.N_SPANS])]
+        own = self.cable.layout
+        eyelets = [j for _, j in own.rings]  # what is in them is where it is
+        for model, network in zip(models, networks, strict=True):
+            moved = network.layout.arcs - own.arcs
+            if not moved.any():
+                continue
+            s = tables.model_of.py_func(self.net.ints, model).s
+            for spans in own.spans.values():
+                kept = [j for j in spans if j not in eyelets]
+                before = np.concatenate((own.arcs[spans.start, :1], own.arcs[kept, 1]))
+                after = np.concatenate((moved[spans.start, :1], moved[kept, 1])) + before
+                mine = np.flatnonzero((stretch >= spans.start) & (stretch < spans.stop))
+                nodes = np.concatenate([np.arange(plan.first[j] + j, plan.first[j + 1] + j + 1) for j in mine])
+                s[nodes] = np.interp(s[nodes], before, after)
+            move_nodes(self.net.ints, model, still, still, model)
         return models
 
     def sensitivities(self, ends: Sequence[str], clips: Sequence[int] = ()) -> Array:
