@@ -188,6 +188,7 @@ class Motion:
                 raise UnknownKeyError.among("trajectory.joint_names", name, robot.single_joints)
         self.robot, self.waypoints, self.reach = robot, len(path.positions), robot.reach
         self.joints = np.array([robot.positions(path.joint_names, row) for row in path.positions])
+        self._turns = np.abs(np.diff(self.joints, axis=0)).sum(axis=1).tolist()  # [rad, m], of all joints, a segment
 
     def at(self, place: float) -> tuple[tuple[Pose | Grip, ...], Mapping[str, Pose] | None]:
         """The grips, of a cable start and end, and links; None: they are not known."""
@@ -216,8 +217,8 @@ class Motion:
         """[rad, m], sum of what the joints move between two places of one segment."""
         if self.robot is None or self.waypoints < 2:
             return 0.0
-        i, _, _ = self._segment(a)
-        return (b - a) * float(np.abs(self.joints[i + 1] - self.joints[i]).sum())
+        turns: float = self._turns[self._segment(a)[0]]
+        return (b - a) * turns
 
 
 def _waypoints(name: str, value: ArrayLike, width: int) -> Array:

@@ -274,7 +274,7 @@ class _Check(Walk[_Sample]):
         good = bool(shape.status) and shape.status is not Status.UNSTABLE
         slopes = np.empty(0)
         if good:
-            slopes = predictor.sensitivity((*ENDS, *names))
+            slopes = predictor.sensitivity((*ENDS, *names) if names else ENDS)
         wrong = self.no_shape(place, shape.status, shape.detail) or self.judge.wrong(look, place, self)
         crossing = predictor.crossing
         spots = None if crossing is None or crossing.last is None else crossing.last[1]

@@ -358,7 +358,7 @@ class Judge:
             return Look(shape, np.empty(0), np.empty(0), none, np.array(used), margins)
         bare, horizon = table[: len(names), 0], self.checker.horizon
         distances = np.where(self._meant & (bare < horizon), judged.table[: len(names), 0], np.minimum(bare, horizon))
-        bodies = {shape.bodies[int(row)] for row in np.unique(shape.touches[:, 1])}
+        bodies = {shape.bodies[int(row)] for row in set(shape.touches[:, 1].tolist())}
         touched = np.array([name in bodies for name in names], dtype=np.bool_)
         return Look(shape, distances, np.minimum(bare, horizon), touched, np.array(used), margins)
 

@@ -99,6 +99,9 @@ class Allowed:
 
     def _bent(self, shape: CableShape, allow: Allow) -> bool:
         """Whether the cable is bent further than it may be, on the stretch that a body may touch."""
+        limits = [one.min_bend_radius for _, _, one in pieces_of(self._cable) if one.min_bend_radius is not None]
+        if not limits or float(shape.bend_radius.min()) >= max(limits):
+            return False
         low, high = allow.stretch
         arcs = shape.arc_length
         for start, end, piece in pieces_of(self._cable):
@@ -121,13 +124,17 @@ class Allowed:
         body = self._bodies.get(name)
         if body is None or (body.link is not None and links is None):
             return None
+        stretches = sorted(allow.stretch for allow in allows)
+        left = [_between(stretches, float(arcs[0]), float(arcs[-1])) for arcs, _ in lines]
+        if not any(left):
+            return None
         best: Array | None = None
         carried = carried_by((body,))
         tables = body_tables((body,), tuple(carried), frozenset())
         rows = np.empty((0, 7)) if links is None else link_rows(links, carried)
         radius = 0.5 * widest(self._cable) + swell
-        for arcs, positions in lines:
-            for low, high in _between(sorted(allow.stretch for allow in allows), float(arcs[0]), float(arcs[-1])):
+        for (arcs, positions), rest in zip(lines, left, strict=True):
+            for low, high in rest:
                 inside = arcs[(arcs > low) & (arcs < high)]
                 own = np.concatenate(([low], inside, [high]))
                 line = np.stack([np.interp(own, arcs, x) for x in positions.T], axis=1)

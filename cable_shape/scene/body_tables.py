@@ -59,9 +59,10 @@ def link_rows(links: Mapping[str, Pose], carried: Mapping[str, str]) -> Array:
     """
     if not isinstance(links, Mapping):
         raise ArgumentError.of("links", links, "it must be a mapping", "Write {link: Pose(...)}, or None.")
-    rows = np.zeros((max(len(carried), 1), 7))
-    for i, (name, body) in enumerate(carried.items()):
-        pose = links.get(name)
+    if not carried:
+        return np.zeros((1, 7))
+    poses = [links.get(name) for name in carried]
+    for pose, (name, body) in zip(poses, carried.items(), strict=True):
         if pose is None:
             raise ArgumentError.of(
                 "links",
@@ -71,8 +72,7 @@ def link_rows(links: Mapping[str, Pose], carried: Mapping[str, str]) -> Array:
             )
         if not isinstance(pose, Pose):
             raise ArgumentError.of(f"links[{name!r}]", pose, "it must be a Pose", "Write Pose(position, quaternion).")
-        rows[i] = pose.array
-    return rows
+    return np.array([links[name].array for name in carried])
 
 
 def body_tables(

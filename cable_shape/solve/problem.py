@@ -202,6 +202,8 @@ class Problem:
     @property
     def moving_clips(self) -> tuple[list[str], Array]:
         """Those on links, as `sensitivity` names them, and where they are (m, 7)."""
+        if not self.clips:
+            return [], _NO_LINKS
         on = [i for i, clip in enumerate(self.clips) if clip.link is not None]
         names = clip_names(self.clips)
         return [f"clip:{names[i]}" for i in on], self.clip_frames[on]

@@ -132,6 +132,9 @@ class Laid:
         #: hardly a step leads back.
         self.good: tuple[Any, ...] | None = None
         self.untidy = False  # whether contacts may have run up to nodes in it
+        self.factored = (
+            False  # whether `refresh` has factored the matrix of the last solution, and nothing was done since
+        )
         self.patience = Patience()  # until another way is looked for where none led on
         self.free: CableShape | None = None  # the last shape, if it is not, and the frames of its supports (b+1, 7)
         self.free_frames: Array = np.zeros((2, 7))
@@ -561,6 +564,7 @@ class Laid:
     def unfactored(self) -> None:
         """The next solve starts without the factors at hand."""
         self.info[drive.AGE] = math.inf
+        self.factored = False
 
 
 def _same(a: Array, b: Array) -> bool:

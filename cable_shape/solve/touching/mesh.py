@@ -103,12 +103,18 @@ def steep(nodes: Array, h: Array, q: Array, near: Array, on: Any, layer: float, 
     touched = on[:, 0] != BARE
     if not touched.any():
         return np.empty(0)
+    turn = 2.0 * np.arccos(np.minimum(np.abs((q[1:] * q[:-1]).sum(axis=1)), 1.0))
+    long, wide = (h > layer) & (turn > least), turn > WIDE
+
+    def wanted() -> Any:
+        beside, between = touched[1:] | touched[:-1], touched[1:] & touched[:-1]
+        return (beside & long) | (between & wide)
+
+    if not wanted().any():
+        return np.empty(0)
     for k in np.flatnonzero(touched):
         touched[k] = sharpness(q, near, k) * (h[k - 1] + h[k]) <= SHARP
-    turn = 2.0 * np.arccos(np.minimum(np.abs((q[1:] * q[:-1]).sum(axis=1)), 1.0))
-    beside, between = touched[1:] | touched[:-1], touched[1:] & touched[:-1]
-    wanted = (beside & (h > layer) & (turn > least)) | (between & (turn > WIDE))
-    return np.asarray(0.5 * (nodes[1:] + nodes[:-1])[wanted])
+    return np.asarray(0.5 * (nodes[1:] + nodes[:-1])[wanted()])
 
 
 def worst(nodes: Array, errors: Array, inside: Any) -> Array:

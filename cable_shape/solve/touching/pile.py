@@ -354,7 +354,7 @@ def carried_of(problems: Sequence[Problem]) -> dict[str, str]:
 def all_frames(problems: list[Problem]) -> Array:
     """(n, 7), of both ends of all the cables, and of the links that carry bodies or clips, where they are known."""
     links = problems[0].links
-    carried = {} if links is None else carried_of(problems)
+    carried = {} if links is None else problems[0].carried if len(problems) == 1 else carried_of(problems)
     frames = np.empty((2 * len(problems) + len(carried), 7))
     for i, problem in enumerate(problems):
         start, end = problem.start.cable_frame.array, problem.end

@@ -191,9 +191,13 @@ class TouchState(Laid):
     def deep(self, chain: Chain, frames: Array, arcs: Array, length: float, deepest: float) -> tuple[int, int, float]:
         """The first of supports (k, 7) of a chain at arc lengths (k,) [m], as `check.buried` has it."""
         bodies = self.bodies
-        radii = chain.along(arcs)[:, 1]
-        for radius in np.unique(radii):
-            here = np.flatnonzero(radii == radius)
+        if len(chain.pieces) == 1:
+            places = [(slice(None), chain.radius)]
+        else:
+            radii = chain.along(arcs)[:, 1]
+            places = [(radii == radius, float(radius)) for radius in np.unique(radii)]
+        for which, radius in places:
+            here = np.arange(arcs.size)[which]
             i, body, gap = check.buried(
                 frames[here], arcs[here], here.size, deepest, length, bodies.table, bodies.frames, bodies.triangles,
                 bodies.tree, radius, bodies.stack,
@@ -266,9 +270,11 @@ class TouchState(Laid):
         return int(self.ints[tables.N_ELEMENTS] + self.ints[tables.N_SPANS])
 
     def refresh(self) -> None:
-        """Factors the matrix of the last solution, for `kernels.network.respond`."""
-        drive.refresh(self.lying, self.net)
-        self.unfactored()
+        """Factors the matrix of the last solution, for `kernels.network.respond`, unless that is done."""
+        if not self.factored:
+            drive.refresh(self.lying, self.net)
+            self.unfactored()
+            self.factored = True
 
     @property
     def sampled(self) -> int:

@@ -86,7 +86,7 @@ class Steps:
         refine = not jump and drag == 0.0
         fine = FINE * state.length if refine else math.inf
         guarded = bool(state.links) and (far < math.inf or drag > 0.0)
-        toward, origin = state.toward(), state.copy() if guarded else None
+        toward, origin = (state.toward(), state.copy()) if guarded else (_ANYWHERE, None)
         deepest = -1.0 if state.in_pieces else DEEPEST  # how thick each piece is, is looked at in `settle`
         code = self._call(history, most, far, sunk, drag, before, deepest, fine)
         if code == UNSETTLED:
@@ -130,6 +130,7 @@ class Steps:
         """One compiled solve."""
         state, bodies = self.state, self.state.bodies
         running = 0 if self.still else RUNNING
+        state.factored = False
         state.s_then[:] = state.s
         smooth = not state.rubs or drag > 0.0 or sunk > 0.0
         lying, kernel = (state.smooth, bodies.smooth) if smooth else (state.lying, bodies.kernel)
