@@ -29,6 +29,7 @@ INERTIA_ERROR = 4.0
 HYSTERESIS = 0.05
 #: Of the length: the limit of STATUS warnings if the tolerance is not given.
 _LIMIT = 1e-3
+_FROM = "from the start grip"
 
 
 @final
@@ -207,13 +208,13 @@ def ahead_warnings(
         if body.distance < 0.0
         else f"{metres(body.distance)} from {where}"
     )
-    text = f"{cable_id}: swings on when the grips stop: {near} in {time:.2g} s. Stop more gently, or further away."
+    text = f"swings on when the grips stop: {near} in {time:.2g} s. Stop more gently, or further away."
     return [
         CableWarning(
             cable_id=cable_id,
             kind=WarningKind.CLEARANCE,
             severity=Severity.WARN,
-            text=text,
+            text=_told(cable_id, text),
             value=body.distance,
             limit=limit,
             margin=2.0 - body.distance / limit,
@@ -286,9 +287,10 @@ def snap_warning(cable_id: str, stability: Margin, time: float, shape: CableShap
         cable_id=cable_id,
         kind=WarningKind.SNAP,
         severity=Severity.WARN,
-        text=(
-            f"{cable_id}: snaps to another shape in {time:.2g} s at this speed, moving by up to "
-            f"{metres(float(far[at]))} at {float(shape.arc_length[at]):.3f} m from the start grip. Stop, or move back."
+        text=_told(
+            cable_id,
+            f"snaps to another shape in {time:.2g} s at this speed, moving by up to {metres(float(far[at]))} "
+            f"{_at(float(shape.arc_length[at]), shape.length)}. Stop, or move back.",
         ),
         value=stability.value,
         limit=stability.limit,
@@ -332,7 +334,7 @@ def _warning(
         cable_id=cable_id,
         kind=margin.kind,
         severity=severity,
-        text=f"{cable_id}: {text}",
+        text=_told(cable_id, text),
         value=margin.value,
         limit=margin.limit,
         margin=margin.used,
@@ -397,13 +399,18 @@ def _words(margin: Margin, length: float) -> str:
     )
 
 
+def _told(cable_id: str, text: str) -> str:
+    """What is the matter with which cable; a segment of a harness begins where it begins, held by a grip or not."""
+    return f"{cable_id}: {text.replace(_FROM, 'from its start') if '/' in cable_id else text}"
+
+
 def _at(arc_length: float, length: float) -> str:
     """Where along the cable or its tails."""
     if arc_length < 0.0:
         return f"on the tail, {-arc_length:.3f} m before the start grip"
     if arc_length > length:
         return f"on the tail, {arc_length - length:.3f} m beyond the end grip"
-    return f"at {arc_length:.3f} m from the start grip"
+    return f"at {arc_length:.3f} m {_FROM}"
 
 
 def metres(value: float) -> str:

@@ -19,7 +19,7 @@ AT_LIMIT = 6.5
 SEEN = ((-8.6, MOST_USED * AT_LIMIT + 0.2), (-0.6, len(text.MARGIN_KINDS) - 0.4))
 _HALF = 0.36  # of a bar's height
 _NAMES, _ABOVE = -4.3, 0.45  # where names are, beside the bars: their middle, and how far below its point one is drawn
-_LONGEST = 29  # characters of a name that are not cut off
+_LONGEST = 27  # characters of a name that are not cut off
 _STEP = 0.01  # of the limit; a smaller change of a bar is not seen
 
 

@@ -305,6 +305,8 @@ def test_a_gripping_link_is_a_body_to_a_segment_that_no_gripper_can_hold():
     cycle = cs.Cycle({"h": harness}, robot_links=[finger], gripping_links=["finger"])
     report = cycle.step({"h": ends}, stamp=0, links={"finger": cs.Pose(joint + np.array((0.0, 0.0, 0.03)))})
     assert report.clearance["h/b"].closest.distance < 0.02
+    (near,) = (w.text for w in report.warnings if w.cable_id == "h/b" and w.other == "finger")
+    assert "m from its start (" in near, "no grip holds it there"
     assert report.clearance["h/a"].closest.distance > 0.02, "as near to the end that may be held it is no body"
 
 
