@@ -100,6 +100,26 @@ def test_two_runs_give_the_same_bytes(tmp_path: Path, file: Path) -> None:
     assert (tmp_path / "one" / "replay.rrd").stat().st_size > 10_000
 
 
+def test_a_harness_that_swings_takes_the_steps_of_its_motion(tmp_path: Path, file: Path) -> None:
+    bag = write_bag(tmp_path / "bag", motion("a.start b.end"))
+    for name in ("one", "two"):
+        run(bag, tmp_path / name, file, held_ends=("a.start", "b.end"), motion="dynamic")
+    one, two = ((tmp_path / name / "replay" / "replay.mcap").read_bytes() for name in ("one", "two"))
+    assert one == two
+    swings, most = cs.Motion(cs.Harness.from_yaml(file), points=60), 0.0
+    shapes = messages(tmp_path / "one", "/cable/shape")
+    assert len(shapes) == 3 * FRAMES
+    for k in range(FRAMES):
+        held = {end: cs.Pose(places(k)[end], ALONG) for end in ("a.start", "b.end")}
+        shape = swings.begin(held) if k == 0 else swings.step(held, 1e-9 * PERIOD)
+        still = cs.predict(swings.harness, held, points=60)
+        for i, (name, part) in enumerate(shape.segments.items()):
+            message = shapes[3 * k + i][1]
+            np.testing.assert_allclose(message.positions.reshape(-1, 3), part.positions, atol=1e-6)
+            most = max(most, float(np.abs(part.positions - still.segments[name].positions).max()))
+    assert most > 1e-3  # it swings
+
+
 def test_the_grippers_of_a_robot_hold_two_ends(tmp_path: Path, file: Path) -> None:
     robot = Robot.from_yaml(ROOT / "config/robots/dual_arm.yaml")
     bag = write_bag(tmp_path / "bag", [joints_entry(BEGIN, robot.joint_names, robot.home)])
