@@ -35,6 +35,7 @@ CLIP: Colour = (170, 90, 255, 255)
 JUNCTION: Colour = (205, 220, 57, 255)
 ROOM: Colour = (255, 255, 255, 28)
 FORCE: Colour = (120, 200, 255, 255)
+SPEED: Colour = (224, 247, 250, 255)
 GHOST: Colour = (255, 120, 220, 110)
 TUBE: Colour = (120, 200, 255, 60)
 #: of the lines that tell how much of each limit is used

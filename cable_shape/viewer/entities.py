@@ -8,6 +8,7 @@
 /world/cables/NAME/tails/SIDE  what hangs beyond a grip
 /world/cables/NAME/after_snap  the shape after a snap that is about to come
 /world/cables/NAME/tube        the tube that holds the cable with the confidence asked for; below tails theirs
+/world/cables/NAME/speed       how fast it moves, where that is known; in trail where it has just been
 /world/cables/NAME/closest     the closest pair of points and their distance, of bodies that it may not touch
 /world/cables/NAME/forces      of clips and of bodies that it rests on, on the cable
 /world/cables/NAME/clips/K     clips, likewise; point masses in masses
@@ -50,6 +51,7 @@ from cable_shape.viewer.columns import TIMELINE, Columns
 from cable_shape.viewer.forces import Forces
 from cable_shape.viewer.plots import Plots, part, path
 from cable_shape.viewer.standing import Standing, shown, transform
+from cable_shape.viewer.swing import Swing
 from cable_shape.viewer.tubes import capsules
 
 #: Stamps below this are the clock of a simulation, which begins near 0, and not a date. [ns], March 1973.
@@ -116,6 +118,7 @@ class ReportLogger:
         self._forces = {
             name: Forces(f"/world/cables/{path(name)}/forces", cable) for name, cable in self.cables.items()
         }
+        self._swings = {name: Swing(f"/world/cables/{path(name)}") for name in self.cables}
         self._warnings = text.WarningLog()
         self._logged: dict[str, object] = {}  # entity -> what was written there last
         self._begun = False
@@ -148,6 +151,7 @@ class ReportLogger:
             self._log_strip(f"{base}/after_snap", name, report.after_snap.get(name), colours.GHOST)
             self._log_tube(f"{base}/tube", name, report.tubes.get(name))
             self._forces[name].write(shape, self._columns)
+            self._swings[name].write(shape, self.cables[name].diameter, report.stamp, self._columns)
             self._log_closest(f"{base}/closest", report.clearance.get(name), shape)
             self._plots.shape(name, shape, report.clearance.get(name), self._meant)
             self._plots.margins(name, report.margins.get(name, ()))

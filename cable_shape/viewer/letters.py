@@ -117,6 +117,7 @@ def _shape(shape: CableShape) -> tuple[Any, ...]:
         np.ascontiguousarray(shape.supports),
         np.ascontiguousarray(shape.touches),
         list(shape.bodies),
+        None if shape.velocity is None else np.ascontiguousarray(shape.velocity),
     )
 
 
@@ -138,9 +139,11 @@ _SHAPE_FIELDS = (
 
 
 def _read_shape(
-    buffer: bytes, points: int, status: int, fields: tuple[Any, ...], supports: bytes, touches: bytes, bodies: list[str]
-) -> CableShape:
+    buffer: bytes, points: int, status: int, fields: tuple[Any, ...], supports: bytes, touches: bytes,
+    bodies: list[str], velocity: bytes | None,
+) -> CableShape:  # fmt: skip
     keywords: dict[str, Any] = dict(zip(_SHAPE_FIELDS, fields, strict=True))
+    keywords["velocity"] = None if velocity is None else _rows(velocity, 3)
     keywords.update(supports=_rows(supports, 7), touches=_rows(touches, TOUCH), bodies=tuple(bodies))
     return CableShape(np.frombuffer(buffer, dtype=np.float64), points, status=Status(status), **keywords)
 

@@ -52,6 +52,8 @@ def _cells(report: CycleReport, name: str, shape: CableShape) -> Iterator[tuple[
     yield "tension", f"{shape.tension.max():.3g} N"
     yield "twist", f"{np.degrees(shape.twist):.0f}°"
     yield "nearest limit", _nearest_limit(report.margins.get(name, ()))
+    if shape.velocity is not None:
+        yield "speed", f"{np.linalg.norm(shape.velocity, axis=1).max():.2g} m/s"
     if name in report.plugs:
         plug = report.plugs[name]
         yield f"plug to {plug.socket}", f"{millimetres(plug.position)}, {np.degrees(plug.angle):.1f}°"

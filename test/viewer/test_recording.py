@@ -340,6 +340,42 @@ def test_forces_of_clips_are_drawn_where_they_act_and_go_with_the_shape() -> Non
     assert [contact.body for contact in got.contacts] == ["table"] * len(lying.contacts)
 
 
+def test_speed_and_a_trail_that_fades_are_drawn_of_a_cable_that_swings(tmp_path: Path) -> None:
+    from cable_shape.viewer.swing import SECONDS, TRAIL, Swing  # here: this module must not import rerun
+
+    along = (0.5, 0.5, 0.5, 0.5)
+    cycle = Cycle(CABLE, motion="dynamic", points=41)
+    reports = []
+    for k in range(60):
+        y = 0.004 * min(k, 40)
+        grips = Pose((0.0, y, 1.0), along), Pose((0.7 * CABLE.length, y, 1.0), along)
+        reports.append(cycle.step({"cable": grips}, 10_000_000 * k))
+    shape = reports[30].shapes["cable"]
+    got = decode(encode(reports[30])).shapes["cable"]
+    np.testing.assert_array_equal(got.velocity, shape.velocity)
+    swing, put = Swing("/cable"), Mock()
+    for told in reports[:31]:
+        swing.write(told.shapes["cable"], CABLE.diameter, told.stamp, put)
+    speed, trail = (call.kwargs for call in put.put.call_args_list[-2:])
+    at = np.abs(shape.positions[:, None] - speed["origins"]).sum(axis=2).argmin(axis=0)
+    np.testing.assert_allclose(speed["vectors"], SECONDS * shape.velocity[at])
+    assert trail["strips"].shape == (TRAIL, 41, 3)
+    assert (np.diff(trail["colors"][:, 3].astype(int)) > 0).all()
+    np.testing.assert_allclose(np.diff(trail["strips"][:, 0, 1]), 0.016, atol=1e-6)  # the newest is the last
+    swing.write(shape, CABLE.diameter, reports[0].stamp, put)  # a bag that begins again
+    assert len(put.put.call_args.kwargs["strips"]) == 1
+    for _ in range(2):
+        swing.write(predict(CABLE, *grips), CABLE.diameter, 10_000_000_000, put)
+    assert [type(call.args[1]).__name__ for call in put.write.call_args_list] == ["Clear", "Clear"]
+    path = tmp_path / "swing.rrd"
+    with RecordingWriter(path, cycle.cables, Scene()) as writer:
+        for told in reports:
+            writer.log(told)
+    held = columns(path)
+    assert {"/world/cables/cable/speed", "/world/cables/cable/trail"} <= {name.partition(":")[0] for name in held}
+    assert "speed" in str(held["/state:TextDocument:text"][-1])
+
+
 def test_margins_are_bars_that_go_when_there_is_no_margin_any_more(tmp_path: Path) -> None:
     from cable_shape.viewer.bars import AT_LIMIT  # here: this module must not import rerun
 
