@@ -278,6 +278,7 @@ def main() -> int:
 def main_branched(parser: argparse.ArgumentParser, args: argparse.Namespace, figures: Figures) -> int:
     """Judges the branched cables in a folder."""
     folder = args.data or BRANCHED
+    folder = folder / BRANCHED.name if (folder / BRANCHED.name).is_dir() else folder
     if folder.is_dir() and objects(folder):
         return finish(figures, args, tables=branched(figures, args.quick, folder))
     if args.data is not None:

@@ -189,3 +189,23 @@ def test_rolls_of_the_grips_are_fitted_about_those_of_tools_that_turn_little(fol
     both, as_there = calibrated_rolled(frames, np.arange(3), found, roll)
     assert {"tilt:p0.start", "roll:p0.start"} <= set(both.parameters.names)
     assert off(both, [as_there(frames.moving[4])]).max() < 0.05
+
+
+def test_branched_cables_are_found_below_the_folder_of_all_recordings(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import bench_truth
+
+    (tmp_path / "branched").symlink_to(folder, target_is_directory=True)
+    judged = []
+
+    def judge(figures: object, quick: bool, where: Path) -> dict[str, object]:
+        judged.append(where)
+        return {}
+
+    monkeypatch.setattr(bench_truth, "branched", judge)
+    monkeypatch.setattr(bench_truth.cs, "warm_up", lambda: None)
+    for given in (tmp_path, tmp_path / "branched"):
+        monkeypatch.setattr("sys.argv", ["bench_truth", "--branched", "--data", str(given)])
+        bench_truth.main()
+    assert judged == [tmp_path / "branched"] * 2
