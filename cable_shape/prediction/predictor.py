@@ -226,7 +226,10 @@ class Predictor:
         self.problem.move(*ends, links)
         self._solver.begin(self.problem, shape, memory, loose=loose)
         self._others = None
-        self._crossing = self._with_itself()
+        if self._crossing is not None and self._crossing.problems[0] is self.problem:
+            self._crossing.reset()
+        else:
+            self._crossing = self._with_itself()
         if self._crossing is not None and spots is not None:
             self._crossing.take_up([shape], spots)
 

@@ -28,6 +28,7 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable, Iterable
+from functools import lru_cache
 from itertools import chain, repeat
 from typing import Any, final
 
@@ -89,8 +90,9 @@ def margins_of(
     return MarginWatch(cable, scene).margins(shape, clearance, 0, held=held)
 
 
+@lru_cache(maxsize=64)
 def _pieces(cable: Cable) -> Array:
-    """(p, PIECE), what a cable is made of and its limits, as `kernels.safety.loads_used.measure_loads` takes them."""
+    """(p, PIECE), not to be changed: what a cable is made of and its limits, as `loads_used.measure_loads` takes it."""
     rows = []
     pieces = pieces_of(cable)
     pulls = [one.max_tension for _, _, one in pieces if one.max_tension is not None]
@@ -103,6 +105,12 @@ def _pieces(cable: Cable) -> Array:
         section = np.zeros(5) if one.allowable_stress is None else section_of(one)
         rows.append((start, end, *section, *(math.nan if limit is None else limit for limit in limits)))
     return np.array(rows)
+
+
+@lru_cache(maxsize=64)
+def _any_mode(nodes: int) -> Array:
+    """(nodes, 3), what the softest mode is looked for from."""
+    return np.random.default_rng(0).normal(size=(nodes, 3))
 
 
 @final
@@ -311,7 +319,7 @@ class MarginWatch:
             state.refresh()  # its contacts with it
         steps = _WARM_STEPS
         if len(self._mode) != state.network_nodes:
-            self._mode = np.random.default_rng(0).normal(size=(state.network_nodes, 3))
+            self._mode = _any_mode(state.network_nodes).copy()
             self._mu, steps = math.nan, _TOUCHED_STEPS if touched else _COLD_STEPS
         if shape.reused and not math.isnan(self._mu):
             more |= _AGAIN
