@@ -17,6 +17,7 @@ import numpy as np
 from tqdm import tqdm
 
 import cable_shape as cs
+from cable_shape.planning.shape_stop import trapezoid
 from cable_shape.pose import Pose
 from cable_shape.viewer.recording import RecordingWriter
 
@@ -40,13 +41,6 @@ class Swung(NamedTuple):
     nearest: dict[str, float]
     swing: dict[str, float]
     warned: tuple[float, str]
-
-
-def trapezoid(x: np.ndarray) -> np.ndarray:
-    """Progress at shares x of the time: a quarter to speed up, a quarter to slow down."""
-    y = np.minimum(x, 1.0 - x)
-    half = np.where(y < 0.25, y * y / 0.375, (y - 0.125) / 0.75)
-    return np.where(x < 0.5, half, 1.0 - half)
 
 
 def shaped() -> tuple[np.ndarray, np.ndarray]:

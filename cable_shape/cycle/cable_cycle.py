@@ -391,13 +391,18 @@ class CableCycles:
 
     def _check_dynamic(self, predictor: Predictor, tubes: TubeWatch | None, load: ArrayLike | None) -> None:
         """Refuses what a cable that swings does not go together with."""
-        remedy = "Leave it out, or write motion='quasistatic'."
         if not predictor.is_rod:
             raise ArgumentError.of("model", self.model, "only the Cosserat rod swings", "Choose 'cosserat' or 'auto'.")
-        if tubes is not None:
-            raise ArgumentError.of("uncertainty", "given", "a tube is about a cable at rest", remedy)
-        if load is not None:
-            raise ArgumentError.of("distributed_load", "given", "motion='dynamic' knows none", remedy)
+        refuse_beside_motion(tubes, load)
+
+
+def refuse_beside_motion(uncertainty: object, load: object) -> None:
+    """Of what swings: how well it is known, and a distributed load, are not given."""
+    remedy = "Leave it out, or write motion='quasistatic'."
+    if uncertainty is not None:
+        raise ArgumentError.of("uncertainty", "given", "a tube is about a cable at rest", remedy)
+    if load is not None:
+        raise ArgumentError.of("distributed_load", "given", "motion='dynamic' knows none", remedy)
 
 
 def refuse_acceleration(name: str) -> NoReturn:

@@ -13,11 +13,10 @@ from numpy.typing import ArrayLike
 
 from cable_shape.cable.cable import Cable
 from cable_shape.cable.harness import Harness, split_end
-from cable_shape.cycle.cable_cycle import check_parts, refuse_acceleration
+from cable_shape.cycle.cable_cycle import check_parts, refuse_acceleration, refuse_beside_motion
 from cable_shape.cycle.dynamic import DYNAMIC, QUASISTATIC, Dynamic, nearest
 from cable_shape.cycle.harness_stability import HarnessStability
 from cable_shape.cycle.seen import AsSeen
-from cable_shape.errors import ArgumentError
 from cable_shape.motion.harness_motion import HarnessMotion
 from cable_shape.pose import Grip, Pose
 from cable_shape.prediction.harness_predictor import HarnessPredictor
@@ -117,7 +116,7 @@ class HarnessCycle:
         self._known = None if uncertainty is None else HarnessTubeWatch(harness, uncertainty, scene=scene, **options)
         self._dynamic: Dynamic[HarnessShape] | None = None
         if look_ahead is not None:
-            self._check_dynamic(uncertainty, options.get("distributed_load"))
+            refuse_beside_motion(uncertainty, options.get("distributed_load"))
             problem = self.predictor.problem
             self._dynamic = Dynamic(HarnessMotion(harness, scene, problem.gravity, problem.points))
         self._look_ahead = look_ahead or 0.0
@@ -265,15 +264,6 @@ class HarnessCycle:
             )
             if found is not None:
                 self.ahead[one] = found
-
-    @staticmethod
-    def _check_dynamic(uncertainty: Uncertainty | None, load: object) -> None:
-        """Refuses what a harness that swings does not go together with."""
-        remedy = "Leave it out, or write motion='quasistatic'."
-        if uncertainty is not None:
-            raise ArgumentError.of("uncertainty", "given", "a tube is about a harness at rest", remedy)
-        if load is not None:
-            raise ArgumentError.of("distributed_load", "given", "motion='dynamic' knows none", remedy)
 
     def margins(
         self, shape: HarnessShape, clearance: Mapping[str, Clearance], stamp: int

@@ -86,10 +86,10 @@ def shape_stop(
     if len(path.starts) < 2:
         raise ArgumentError.of("path", "1 waypoint", "two at least make a way", "Write GripPath(starts, ends, times).")
     way = _Way(Motion(cable, scene, gravity, _POINTS), path, max(8, round(seconds / STEP)), seconds)
-    trapezoid = way.swing(_trapezoid(way.shares))
+    plain = way.swing(trapezoid(way.shares))
     progress = _least(way)
     times = way.shares * seconds
-    return ShapedStop(GripPath(*way.poses(progress), times), way.swing(progress), trapezoid, progress)
+    return ShapedStop(GripPath(*way.poses(progress), times), way.swing(progress), plain, progress)
 
 
 @final
@@ -174,7 +174,7 @@ def _hills(x: Array) -> Array:
     return np.concatenate((np.zeros((1, _HILLS)), np.cumsum(steps, axis=0)))
 
 
-def _trapezoid(x: Array) -> Array:
+def trapezoid(x: Array) -> Array:
     """From 0 to 1 with even acceleration, even speed, and even deceleration."""
     top = 1.0 / (1.0 - RAMP)
     early, late = 0.5 * top / RAMP * x**2, 1.0 - 0.5 * top / RAMP * (1.0 - x) ** 2
