@@ -21,6 +21,7 @@ from cell_node import FedNode, stamp_of, stamped
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer
+from soak_held import Held
 
 import cable_shape as cs
 from cable_shape.errors import CableShapeError
@@ -271,8 +272,6 @@ def edits(count: int, seed: int, folder: Path | None = None) -> list[str]:
 
 
 def _edits(count: int, seed: int, folder: Path) -> list[str]:
-    from soak_run import Held
-
     files = {"cable_file": folder / "cable.yaml", "scene_file": folder / "scene.yaml"}
     files["cable_file"].write_text(CABLE_YAML)
     files["scene_file"].write_text(SCENE_YAML)

@@ -6,12 +6,10 @@ Exit status 0 if nothing grew and no process ended, else 1.
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import rclpy
@@ -23,29 +21,13 @@ import soak_replay
 from cable_shape_msgs.msg import CableShape
 from cell_node import FedNode
 from cell_scene import CONFIG, given_at, node_parameters
+from soak_held import Held
 
 from cable_shape.robots.robot import Robot
 
 GROWTH_KB = 5_000  # allocators keep some; a leak of 100 bytes a cycle at 250 Hz is 15 MB in ten minutes
 PEERS = 100  # messages of --fuzz for one request of a hostile peer
 SLOWER = 1.5  # times, of the processor time that a cycle takes, which a busy machine changes less than the clock's
-
-
-class Held(NamedTuple):
-    """What a process holds."""
-
-    memory_kb: int
-    threads: int
-    files: int
-    cpu: float  # s, used so far
-
-    @classmethod
-    def by(cls, pid: int) -> Held:
-        """From /proc."""
-        proc = Path("/proc", str(pid))
-        line = next(line for line in (proc / "status").read_text().splitlines() if line.startswith("VmRSS"))
-        used = sum(map(int, (proc / "stat").read_text().rsplit(")", 1)[1].split()[11:13])) / os.sysconf("SC_CLK_TCK")
-        return cls(int(line.split()[1]), len(list((proc / "task").iterdir())), len(list((proc / "fd").iterdir())), used)
 
 
 def soak(seconds: float, rate: float, settle: float, timed: bool) -> list[str]:
