@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from figures import Figures
+from scipy.interpolate import CubicHermiteSpline
 
 import cable_shape as cs
 from cable_shape.kernels.network.tables import NOW
@@ -19,6 +20,7 @@ from cable_shape.solve.touching.state import TouchState
 
 NEARBY = 0.05  # rad that a frame may turn where a mesh is halved, at least: further away lies another branch
 ITERATIONS = 100
+_DENSER = 8  # times as many points as a shape, to look for how deep it is
 DEEPEST = 2e-4  # m, that a cable may be in a body
 
 
@@ -56,8 +58,14 @@ def compared(shape: cs.CableShape, fine: cs.CableShape) -> tuple[float, float]:
 
 
 def deepest(shape: cs.CableShape, scene: cs.Scene, radius: float) -> float:
-    """[m], how deep the densely sampled cable is in the scene's obstacles."""
-    found = ClearanceChecker(scene, radius=radius).check(shape)
+    """[m], how deep the densely sampled cable is in the scene's obstacles: a curve, not the straight lines between its
+    points, which cut off what is kinked more sharply than they are apart."""
+    s = np.linspace(0.0, shape.length, _DENSER * (shape.points - 1) + 1)
+    buffer = np.zeros_like(cs.CableShape.new_buffer(s.size))
+    dense = cs.CableShape(buffer, s.size, length=shape.length, model=shape.model, status=shape.status)
+    dense.arc_length[:] = s
+    dense.positions[:] = CubicHermiteSpline(shape.arc_length, shape.positions, shape.tangents)(s)
+    found = ClearanceChecker(scene, radius=radius).check(dense)
     return max((-body.distance for body in found.bodies), default=0.0)
 
 

@@ -130,7 +130,6 @@ class Laid:
         self.rubs = True  # whether there is friction: not on ways that are no steps of the cable
         #: While tension is high, the last solution before, as `put_aside` has it: from what is drawn beyond its length
         #: hardly a step leads back.
-        self.good: tuple[Any, ...] | None = None
         self.untidy = False  # whether contacts may have run up to nodes in it
         self.factored = (
             False  # whether `refresh` has factored the matrix of the last solution, and nothing was done since
@@ -281,7 +280,8 @@ class Laid:
         self._find_friction()
         cable, made = self.cable, self.cable.held.copy()
         pull = self.weight + 10.0 * self.bend_of_cables / self.length**2
-        self.least_stretch = self.tight * _LEAST_STRETCH / (pull + self._pull_of_tips())
+        self.usual_pull = pull + self._pull_of_tips()
+        self.least_stretch = self.tight * _LEAST_STRETCH / self.usual_pull
         #: of what stretches least
         self.stretch = max(self._stretch, self.least_stretch) if self.stretches else self.least_stretch
         self.let_stretch(made[cable.parts.piece])
@@ -558,7 +558,9 @@ class Laid:
         self.history = 0
         self.touching = False
         self.patience.succeed()
-        self.free = self.good = None
+        self.free = None
+        if self.tight != 1.0:
+            self.tighten(1.0)
         self._positions = _NOWHERE
 
     def unfactored(self) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import groupby, pairwise
 from typing import Any
 
@@ -34,13 +35,16 @@ FINENESS = 2.0  #: elements over which bending takes up the weight: where a limp
 MOST_AT_FIRST = 320
 FEWEST_ELEMENTS = 16  #: of them between two clips
 SHARE_OF_WORST = 0.1  #: of the largest share in the error that an element has: those above are divided
-TURN, SOON, WIDE = 0.03, 0.12, 0.2  #: rad: elements beside a contact that turn by less are fine enough, see `steep`
+#: rad: elements beside a contact that turn by less are fine enough, see `steep`
+TURN, SOON, WIDE, FOLDED = 0.03, 0.12, 0.2, 0.4
 WORST = 0.5  #: of the contact that misses most: those above get nodes beside them
 STRETCHED = 1.6  #: times as long as at first: elements that an eyelet has stretched so far are divided
 ASTRIDE = 0.05  #: cosine of the angle between cable and push of two contacts at both sides of an edge
 EVEN = 0.5  #: of their first length: shorter elements are joined before a road that found no way is tried again
 TIP = 5e-5  #: [m] from a free end, which is no support itself, to the node that stands in for it
+KINKED = 0.3  #: of the tension: a contact that presses harder turns a taut cable at once
 _ABSCISSAE = 65
+_FORCE = 8  #: see `CableShape.touches`
 
 
 def first_count(length: float, bend: float, weight: float) -> int:
@@ -53,7 +57,7 @@ def first_nodes(
     arcs: Array, stops: Array, bend: float, free: tuple[bool, bool], shape: CableShape, elements: int,
     finer: float = 1.0,
 ) -> Array:  # fmt: skip
-    """Arc lengths for a cable of which `shape` is a rough idea: denser towards what holds it.
+    """Arc lengths for a cable of which `shape` is a rough idea: denser towards what holds it, or what kinks it.
 
     arcs (b,) [m], of the supports; stops [m], where nodes must be; bend [N m^2]; free: nothing holds the start, and
     the end; elements: of the whole cable, about; finer: times as many.
@@ -65,12 +69,11 @@ def first_nodes(
         tension = float(np.median(pulls[inside] if inside.any() else pulls))
         length = b - a
         layer = math.sqrt(bend / max(tension, bend / length**2))
-        x, density = np.empty(_ABSCISSAE), np.empty(_ABSCISSAE)
-        rod_mesh.layered(length, min(max(layer, 1e-5 * length), length), x, density)
-        x, density = x + a, density + 0.5 * density.mean()
-        x[0], x[-1] = a, b
+        kinks = _kinks(shape, a, b, tension, layer)
+        x, density = _layered((a, *kinks, b), layer)
+        density += 0.5 * density.mean()
         density = 1.0 + LAYERED * ELEMENTS / (elements - LAYERED * ELEMENTS) * (density - 1.0)
-        own = stops[(stops > a) & (stops < b)]
+        own = np.union1d(stops[(stops > a) & (stops < b)], kinks)
         count = max(FEWEST_ELEMENTS, math.ceil(finer * elements * length / (arcs[-1] - arcs[0]))) + 2 * own.size
         nodes = np.empty(count + 1)
         rod_mesh.equidistribute(x, density, own, count, nodes)
@@ -79,6 +82,30 @@ def first_nodes(
     if free[1]:
         nodes = np.insert(nodes, nodes.size - 1, nodes[-1] - TIP)
     return np.insert(nodes, 1, nodes[0] + TIP) if free[0] else nodes
+
+
+def _layered(ends: Sequence[float], layer: float) -> tuple[Array, Array]:
+    """Abscissae [m] and a density, with layers at both sides of each of these arc lengths."""
+    places: list[Array] = []
+    densities: list[Array] = []
+    for a, b in pairwise(ends):
+        length = b - a
+        x, density = np.empty(_ABSCISSAE), np.empty(_ABSCISSAE)
+        rod_mesh.layered(length, min(max(layer, 1e-5 * length), length), x, density)
+        x += a
+        x[0], x[-1] = a, b
+        places.append(x[len(places) > 0 :])
+        densities.append(density[len(densities) > 0 :])
+    return np.concatenate(places), np.concatenate(densities)
+
+
+def _kinks(shape: CableShape, a: float, b: float, tension: float, layer: float) -> list[float]:
+    """Arc lengths [m] between two where contacts turn a taut cable at once, further apart than `layer` [m]."""
+    found: list[float] = []
+    for arc in shape.touches[shape.touches[:, _FORCE] > KINKED * tension, 0].tolist():
+        if arc - (found[-1] if found else a) > layer and b - arc > layer:
+            found.append(arc)
+    return found
 
 
 def ends_of_rows(nodes: Array, q: Array, near: Array, on: Any, least: float) -> Array:
@@ -99,7 +126,7 @@ def ends_of_rows(nodes: Array, q: Array, near: Array, on: Any, least: float) -> 
 
 def steep(nodes: Array, h: Array, q: Array, near: Array, on: Any, layer: float, least: float) -> Array:
     """Middles of the elements (N,) beside a contact that are longer than `layer` [m] and turn by more than `least`
-    [rad], or between two and turn by more than WIDE; but beside contacts that run over edges."""
+    [rad], or between two and turn by more than WIDE; beside contacts that run over edges by more than FOLDED."""
     touched = on[:, 0] != BARE
     if not touched.any():
         return np.empty(0)
@@ -112,9 +139,10 @@ def steep(nodes: Array, h: Array, q: Array, near: Array, on: Any, layer: float, 
 
     if not wanted().any():
         return np.empty(0)
+    folded = (touched[1:] | touched[:-1]) & long & (turn > FOLDED)
     for k in np.flatnonzero(touched):
         touched[k] = sharpness(q, near, k) * (h[k - 1] + h[k]) <= SHARP
-    return np.asarray(0.5 * (nodes[1:] + nodes[:-1])[wanted()])
+    return np.asarray(0.5 * (nodes[1:] + nodes[:-1])[wanted() | folded])
 
 
 def worst(nodes: Array, errors: Array, inside: Any) -> Array:

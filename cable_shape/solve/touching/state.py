@@ -14,12 +14,16 @@ from cable_shape.kernels.contact.near import (
     ACTIVE,
     APART,
     BARE,
+    HELD,
     LINK,
     LINKED,
     MATE,
+    PRESS,
     PUSH,
     PUSHED,
+    RUB,
     SECOND,
+    SECOND_PRESS,
     SPOT,
     TOWARD,
 )
@@ -32,10 +36,6 @@ from cable_shape.solve.mesh import interpolated
 from cable_shape.solve.touching import mesh, resume
 from cable_shape.solve.touching.laid import Chain, Laid, Pair
 
-#: Tension, in weight + EI / length^2 of the cable, from which on it is kept what was, and from which on no more.
-TIGHT, TIGHTEST = 2.0, 20.0
-NEAR_GOOD = 0.03  #: of the length: supports no further from where they were are back there
-
 
 @final
 class Kept(NamedTuple):
@@ -46,6 +46,7 @@ class Kept(NamedTuple):
     elements: int
     spacing: Array
     middles: Array
+    tight: float
 
 
 class TouchState(Laid):
@@ -58,7 +59,7 @@ class TouchState(Laid):
 
         finer: of so many times as many elements as usual.
         """
-        self.elements, self.good = 0, None
+        self.elements = 0
         self.reach = np.array([pair.reach for pair in self.links])
         self._arcs[self.rings] = shape.supports[self.rings - 1, 0]
         self.slid[:] = self._arcs - self._gap_of_supports
@@ -168,7 +169,7 @@ class TouchState(Laid):
             return False
         self.layer = other.layer
         self.restore(other._now())
-        self.touching, self.history, self.good = True, 1, None
+        self.touching, self.history = True, 1
         self.remember(self.seen(shape))
         return True
 
@@ -178,7 +179,7 @@ class TouchState(Laid):
         for at in self.points:
             nodes[np.abs(nodes - at).argmin()] = at
         nodes[self.held] = arcs
-        self._arcs, self.good = arcs.copy(), None
+        self._arcs = arcs.copy()
         self._stops = np.union1d(self.points, arcs[1:-1])
         self.unfactored()
         self._load(nodes)
@@ -227,11 +228,13 @@ class TouchState(Laid):
         """The same as long as nothing changes it."""
         solutions = [self.q, self.near, self.on, self.ends, self._grips, self.turns, self.slid]
         nodes = (self.s_then if then else self.s) + (self._gap_of_nodes if self.gaps.size > 1 else 0.0)
-        return Kept(solutions, nodes, self.elements, self._spacing, self._middles)
+        return Kept(solutions, nodes, self.elements, self._spacing, self._middles, self.tight)
 
     def restore(self, kept: Kept) -> None:
         """Puts back a `copy`, which stays as it is."""
-        arrays, nodes, elements, self._spacing, self._middles = kept
+        arrays, nodes, elements, self._spacing, self._middles, tight = kept
+        if self.tight != tight:
+            self.tighten(tight)
         if self.elements != elements or self.rings.size:
             self._arcs[self.rings] = (arrays[-1][NOW] + self._gap_of_supports)[self.rings]
             self.elements = 0
@@ -327,22 +330,16 @@ class TouchState(Laid):
         self.restore(kept)
         self.bodies.frames_then, self.bodies.links_then = then
 
-    def keep_slack(self) -> None:
-        """Puts the last solution aside as `good` where tension becomes high."""
-        pull = float(np.abs(self.ends[NOW]).max(initial=0.0)) if self.touching else 0.0
-        least = self.weight + self.bend / self.length**2
-        if pull < TIGHT * least:
-            self.good = None
-        elif pull < TIGHTEST * least or self.good is None:
-            self.good = self.put_aside()
+    @property
+    def pull(self) -> float:
+        """The last solution's largest force, in weight and stiffness of the cable."""
+        return float(np.abs(self.ends[NOW]).max(initial=0.0)) / self.usual_pull
 
-    def near_good(self, frames: Array) -> bool:
-        """Whether supports are back where they were at `good`, and bodies: from afar nobody knows the way they took."""
-        if self.good is None:
-            return False
-        kept, bodies = self.good[0], self.good[-1][0]
-        way = np.linalg.norm(frames[:, :3] - kept.arrays[4][NOW][:, :3], axis=1).max()
-        return bool(way <= NEAR_GOOD * self.length and np.array_equal(self.bodies.frames, bodies))
+    def pull_less(self, less: float) -> None:
+        """Divides the last solution's forces, as of a cable that gives so much more."""
+        self.ends[NOW] /= less
+        for column in (PRESS, SECOND_PRESS, *range(RUB, RUB + 3), *range(HELD, HELD + 3)):
+            self.near[NOW, :, column] /= less
 
     def put_nodes_back(self) -> None:
         """Puts the nodes where they were before the last step."""

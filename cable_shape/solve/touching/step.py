@@ -182,13 +182,13 @@ class Steps:
     def _stand_finer(self, frames: Array, arcs: Array) -> bool:
         """The same with contacts that stand, and nodes at `arcs`; else the last solution stays as it is."""
         state = self.state
-        kept = self._kept()
+        kept = self.kept()
         if state.elements + arcs.size > MOST_ELEMENTS or not state.insert(arcs, SHORTEST):
             return False
         state.target(frames)
         if self.stand(frames):
             return True
-        self._take_back(kept)
+        self.take_back(kept)
         return False
 
     def _exact(self) -> bool:
@@ -225,18 +225,18 @@ class Steps:
             if square and self._exact():
                 return True
             if square:
-                kept = self._kept()
+                kept = self.kept()
             if self.state.run() < RESTLESS * self.state.length and square:
                 return True
         if kept is not None:
-            self._take_back(kept)
+            self.take_back(kept)
         return kept is not None
 
-    def _kept(self) -> tuple[Kept, Array, Array]:
+    def kept(self) -> tuple[Kept, Array, Array]:
         """The last solution, its shape and what is told of it."""
         return self.state.copy(), self.buffer.copy(), self.state.info.copy()
 
-    def _take_back(self, kept: tuple[Kept, Array, Array]) -> None:
+    def take_back(self, kept: tuple[Kept, Array, Array]) -> None:
         """Makes what was kept the last solution."""
         self.state.restore(kept[0])
         self.buffer[:], self.state.info[:] = kept[1:]

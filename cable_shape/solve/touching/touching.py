@@ -18,7 +18,6 @@ import numpy as np
 
 from cable_shape.cable.pieces import energy_of_sections
 from cable_shape.checks import Array
-from cable_shape.kernels.contact import afterwards
 from cable_shape.kernels.network.tables import NOW
 from cable_shape.pose import Grip
 from cable_shape.shape import CableShape, Status
@@ -26,6 +25,7 @@ from cable_shape.solve import cosserat
 from cable_shape.solve.network import Network
 from cable_shape.solve.problem import Problem
 from cable_shape.solve.rod_common import MODEL, straight_line
+from cable_shape.solve.touching import taut
 from cable_shape.solve.touching.road import TAUT
 from cable_shape.solve.touching.search import approach, follow, grow, relax
 from cable_shape.solve.touching.soften import LIMP, STIFF, soften
@@ -34,9 +34,6 @@ from cable_shape.solve.touching.step import DEEPEST, FAR, WARM_ITERATIONS, Steps
 
 #: Of the layers of the last mesh: of thinner ones a new one is made.
 _THINNER = 0.7
-#: A cable that lacks something is let stretch so many times less, at least this part of what it may; if it lacks hardly
-#: less then, it is too short. Once it is stretched by no more than this part of its length it is let again.
-_TIGHTER, _TIGHTEST, _LESS, _EASED = 0.1, 1e-5, 0.5, 1e-6
 BURIED = 2e-4  #: [m] a grip deeper in a body than this has no shape
 _STUCK = (
     "no way from the last shape leads to one between these ends but past an obstacle, behind which the cable cannot "
@@ -146,11 +143,7 @@ class Solve:
         """From the last solution."""
         state, steps = self.state, self.steps
         state.thin()
-        state.keep_slack()
         shape, reached = self._onward(frames)
-        if shape is None and state.good is not None and state.near_good(frames):
-            state.put_back(state.good)
-            shape, _ = self._onward(frames)
         if shape is not None:
             return shape
         state.put_back(reached)
@@ -179,11 +172,49 @@ class Solve:
     def _onward(self, frames: Array) -> tuple[CableShape | None, tuple[Any, ...]]:
         """By Newton's method, or by the road; None if neither leads there. And how far that came, or nothing."""
         state, steps = self.state, self.steps
-        if steps.go(frames, state.history, WARM_ITERATIONS, FAR) or follow(steps, frames):
-            shape = self._finish(Status.OK)
-            return shape if shape.status or not state.touching else self._better(frames, shape), ()
+        if steps.go(frames, state.history, WARM_ITERATIONS, FAR):
+            return self._found(frames), ()
+        origin = state.put_aside()
+        if follow(steps, frames):
+            return self._found(frames), ()
         reached = state.put_aside()
-        return self._by_road(frames) if self.leaps else None, reached
+        drawn, tight = None, state.tight
+        if state.single and not state.stretches and state.pull > taut.TIGHT:
+            state.put_back(origin)
+            drawn = self._let_out(frames)
+            if drawn is not None and (drawn.usable or tight > 1.0):
+                return drawn, ()
+            too_short = state.put_aside()
+            state.put_back(reached)
+            state.move_bodies(steps.links)
+        shape = self._by_road(frames) if self.leaps else None
+        if drawn is not None and (shape is None or not shape.usable):
+            state.put_back(too_short)
+            state.move_bodies(steps.links)
+            return drawn, ()
+        return shape, reached
+
+    def _found(self, frames: Array) -> CableShape:
+        """The equilibrium that Newton's method found."""
+        shape = self._finish(Status.OK)
+        exact = shape.status or shape.missing_length > 0.0 or not self.state.touching
+        return shape if exact else self._better(frames, shape)
+
+    def _let_out(self, frames: Array) -> CableShape | None:
+        """That of a cable that gives ever more, from the last solution; None if that leads nowhere."""
+        state, steps = self.state, self.steps
+        there = state.grips[NOW].copy()
+        while state.tight < taut.LOOSEST:
+            state.tighten(taut.LOOSER * state.tight)
+            state.move_bodies(state.bodies.links_then)
+            if not steps.go(there, 1, WARM_ITERATIONS, FAR):
+                break
+            looser = state.put_aside()
+            state.move_bodies(steps.links)
+            if steps.go(frames, 1, WARM_ITERATIONS, FAR) or follow(steps, frames):
+                return self._finish(Status.OK)
+            state.put_back(looser)
+        return None
 
     def _better(self, frames: Array, shape: CableShape) -> CableShape:
         """An equilibrium whose error is too large, or the same with contacts that stand, if that is exact enough."""
@@ -317,15 +348,13 @@ class Solve:
         state.history = 2
         shape = self._shape(status)
         self._grade(shape)
-        if (
-            shape.missing_length > 0.0
-            and state.single
-            and not self.steps.late
-            and self._tightened(shape.missing_length)
-        ):
-            shape = self._shape(status)
-            self._grade(shape)
-        elif state.tight < 1.0 and self._stretch()[0] < _EASED * state.length:
+        if state.single and not self.steps.late:
+            if (shape.missing_length > 0.0 or state.tight > 1.0) and taut.tightened(self.steps, shape.missing_length):
+                shape = self._shape(status)
+                self._grade(shape)
+            if shape.missing_length > 0.0:
+                shape = self._too_short(status)
+        if state.tight < 1.0 and taut.stretch_of(self.steps)[0] < taut.EASED * state.length:
             state.tighten(1.0)
         if shape.status and state.touching and not self.steps.late and self._layered(shape):
             shape = self._shape(status)
@@ -335,27 +364,17 @@ class Solve:
             self._leave(shape)
         return shape
 
-    def _tightened(self, missing: float) -> bool:
-        """Whether a cable that lacks so much [m] has an equilibrium if it stretches less: then it is taut, no more.
-
-        That is the last solution, else it stays as it is.
-        """
+    def _too_short(self, status: Status) -> CableShape:
+        """The last solution as that of a cable that hardly gives; one that gives and pulls little is what stays."""
         state, steps = self.state, self.steps
-        kept, tight = (state.copy(), steps.buffer.copy(), state.info.copy()), state.tight
-        frames = state.grips[NOW].copy()
-        while missing > TAUT * state.length:
-            state.tighten(_TIGHTER * state.tight)
-            state.target(frames)
-            found = state.tight > _TIGHTEST and steps.again(WARM_ITERATIONS)
-            before, missing = missing, self._stretch()[1] if found else math.inf
-            if missing > _LESS * before:
-                break
-        else:
-            return True
-        state.tighten(tight)
-        state.restore(kept[0])
-        steps.buffer[:], state.info[:] = kept[1:]
-        return False
+        taut.pull(steps, *taut.EASY)
+        kept = steps.kept()
+        taut.pull(steps, *taut.HARD)
+        shape = self._shape(status)
+        self._grade(shape)
+        steps.buffer = state.new_buffer()
+        steps.take_back(kept)
+        return shape
 
     def _layered(self, shape: CableShape) -> bool:
         """Whether the solution is one on a new mesh, for tension has made the layers at what holds the cable thin."""
@@ -366,21 +385,13 @@ class Solve:
         layer = math.sqrt(state.bend / pull)
         if layer > _THINNER * state.layer:
             return False
-        kept, frames = (state.copy(), steps.buffer.copy(), state.info.copy()), state.grips[NOW].copy()
+        kept, frames = steps.kept(), state.grips[NOW].copy()
         state.layer = layer
         state.start_from(shape, frames)
         if steps.go(frames, 1, WARM_ITERATIONS, FAR, jump=True) and steps.settle(frames):
             return True
-        state.restore(kept[0])
-        steps.buffer[:], state.info[:] = kept[1:]
+        steps.take_back(kept)
         return False
-
-    def _stretch(self) -> tuple[float, float]:
-        """[m] by how much the cable is stretched in all, and what it lacks."""
-        state = self.state
-        last = state.arcs[state.forces]
-        found: tuple[float, float] = afterwards.stretched(self.steps.buffer, self.problem.points, state.stretch, last)
-        return found
 
     def _shape(self, status: Status) -> CableShape:
         """The solution in the buffer."""
@@ -443,7 +454,7 @@ class Solve:
         """
         if self.state.stretches:
             return 0.0
-        whole, missing = self._stretch()
+        whole, missing = taut.stretch_of(self.steps)
         shape.error_estimate += max(0.0, whole)
         return missing if missing > TAUT * shape.length else 0.0
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -170,6 +171,46 @@ def test_a_cable_drawn_beyond_its_length_round_a_post_comes_back_to_where_it_was
         assert shape.status is cs.Status.OK, back
         apart = np.linalg.norm(shape.positions - before.positions, axis=1).max()
         assert apart <= shape.error_estimate + before.error_estimate
+
+
+@pytest.mark.parametrize("stiffness", [0.0005, 0.002, 0.01])
+def test_a_cable_drawn_beyond_its_length_aside_and_back_elsewhere_is_as_if_it_never_was(stiffness):
+    """It gives as long as it is too short, so that it knows on which side of the post it lies, wherever grips go."""
+    predictor, other = hairpin(stiffness), hairpin(stiffness)
+
+    def held(one, back, aside):
+        return one.predict(*(cs.Pose((-back, y + aside, 0.0), q) for y, q in ((-0.12, OUT), (0.12, BACK))))
+
+    for back in np.arange(0.0, 0.3601, 0.005):
+        held(predictor, back, 0.0)
+    beyond = [held(predictor, 0.36, aside) for aside in np.arange(0.0, 0.1001, 0.005)]
+    assert {shape.status for shape in beyond} == {cs.Status.OVERSTRETCHED}
+    lacks = [shape.missing_length for shape in beyond]
+    assert all(b > a > 0.05 for a, b in pairwise(lacks))  # further aside is further from the post
+    for back in np.arange(0.36, 0.1499, -0.005):
+        shape = held(predictor, back, 0.1)
+    for aside in np.arange(0.0, 0.1001, 0.005):
+        held(other, 0.0, aside)
+    for back in np.arange(0.0, 0.1501, 0.005):
+        before = held(other, back, 0.1)
+    assert shape.status is before.status is cs.Status.OK
+    apart = np.linalg.norm(shape.positions - before.positions, axis=1).max()
+    assert apart <= shape.error_estimate + before.error_estimate
+
+
+def test_a_cable_that_a_thin_rod_kinks_is_followed_until_it_is_all_but_taut():
+    """Its layers beside the rod are as thin as those at the grips: elements there must be, too."""
+    cable = cs.Cable(1.2, 0.1, 0.01, diameter=0.008)
+    across = cs.Pose((0.4, 0.0, 0.0), (HALF, 0.0, 0.0, HALF))
+    scene = cs.Scene(obstacles=[cs.Obstacle("rod", cs.Capsule(0.002, 0.8), across)], contact="solve")
+    predictor = cs.Predictor(cable, scene=scene, model="cosserat")
+    level = (0.5, 0.5, 0.5, 0.5)
+    for x in np.arange(0.0, 0.2961, 0.001):
+        ends = cs.Pose((x, 0.0, 0.38), level), cs.Pose((x + 0.795, 0.0, 0.38), level)
+        shape = predictor.predict(*ends)
+        assert shape.status is cs.Status.OK, x
+    assert [contact.body for contact in shape.contacts] == ["rod"]
+    assert shape.contacts[0].force > 50.0
 
 
 def test_a_cable_that_a_force_pulls_round_a_drum_is_as_long_as_it_is():
