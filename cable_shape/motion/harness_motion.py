@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from time import perf_counter
 from typing import final
 
@@ -13,14 +13,16 @@ from numpy.typing import ArrayLike
 from cable_shape import checks
 from cable_shape.cable.harness import Harness
 from cable_shape.checks import Array
-from cable_shape.errors import ArgumentError
+from cable_shape.errors import ArgumentError, UnknownKeyError
 from cable_shape.motion.common import MODEL, check_moves, enough, steps_ahead, work_of
 from cable_shape.motion.swing import FEWEST, Load, Swing
+from cable_shape.motion.tangents import NUMBERS, RATE, Number, Tangents, number_of, traced
 from cable_shape.pose import FreeEnd, Grip, one_mapping
 from cable_shape.scene.scene import Scene
 from cable_shape.scene.scene_parts import Clip
 from cable_shape.shape import NUMBERS_PER_POINT, Status
 from cable_shape.solve import harness_search
+from cable_shape.solve.harness_answers import HarnessChanges, models_of
 from cable_shape.solve.harness_network import HarnessNetwork
 from cable_shape.solve.harness_outcome import out_of_reach
 from cable_shape.solve.harness_problem import End, HarnessProblem
@@ -74,6 +76,7 @@ class HarnessMotion:
         self._swing: Swing | None = None
         self._last: HarnessShape | None = None
         self._error = 0.0
+        self._tangents: Tangents | None = None
 
     @property
     def harness(self) -> Harness:
@@ -93,7 +96,7 @@ class HarnessMotion:
             raise ArgumentError("there is no last shape. Call begin first.")
         return self._last
 
-    def begin(self, ends: Mapping[str, End], *more: object) -> HarnessShape:
+    def begin(self, ends: Mapping[str, End], *more: object, by: Sequence[str] = (), at: str = "cable") -> HarnessShape:
         """Starts at rest between these ends; returns that shape. Where its status says no, there is nothing to step.
 
         Parameters
@@ -102,6 +105,11 @@ class HarnessMotion:
             As of `HarnessPredictor.predict`.
         *more
             None: the ends of a harness are one mapping.
+        by : names, each once
+            What `sensitivity` is to tell, see `Motion.begin`: open ends, "a.start", and "velocity:a.start",
+            "clip:NAME"; "length:a" of segment a, and so the other numbers.
+        at : "cable" or "gripper"
+            As there.
 
         Raises
         ------
@@ -109,9 +117,13 @@ class HarnessMotion:
             As there.
         """
         one_mapping(ends, more)
+        checks.one_of("at", at, ("cable", "gripper"))
+        by = checks.entries("by", (by,) if isinstance(by, str) else by, str, "Write ('a.start', 'drag:a').")
         began = perf_counter()
-        self._swing = self._last = None
+        self._swing = self._last = self._tangents = None
         problem = self.problem.move(ends)
+        if by:
+            self._check_names(by)
         shape, state = harness_search.solve(problem)
         if not shape.status:
             return shape
@@ -127,6 +139,11 @@ class HarnessMotion:
         pairs = zip(self._last.segments.values(), shape.segments.values(), strict=True)
         self._error = max(float(np.abs(a.positions - b.positions).max()) for a, b in pairs)
         self._last.error_estimate += self._error
+        if by:
+            numbers = self._numbers(state, by)
+            self._tangents = Tangents(
+                swing, by, self._knots(state), numbers, self._held(), about_gripper=at == "gripper"
+            )
         return self._last
 
     def step(self, ends: Mapping[str, End], dt: float) -> HarnessShape:
@@ -156,6 +173,8 @@ class HarnessMotion:
         out, velocity = self._buffers()
         if not swing.step(poses, dt, out, velocity):
             return _failed(last, Status.NOT_CONVERGED, "A step could not be taken. The state is kept. ")
+        if self._tangents is not None:
+            self._tangents.follow(poses, dt, self._held())
         shape = self._shape(out, velocity, began, Status.OK, "")
         for name, now in problem.ends.items():
             if isinstance(now, FreeEnd):
@@ -177,8 +196,56 @@ class HarnessMotion:
             Before `begin`.
         """
         last, ends = self._last, dict(self.problem.ends)
+        tangents, self._tangents = self._tangents, None
         found = steps_ahead(self._swing, count, lambda: self.step(ends, dt))
-        self._last = last
+        self._last, self._tangents = last, tangents
+        return found
+
+    def sensitivity(self, of: str = "positions") -> dict[str, Array]:
+        """{segment: (points, 3, m)}: see `Motion.sensitivity`.
+
+        Raises
+        ------
+        ArgumentError
+            As there.
+        """
+        checks.one_of("of", of, ("positions", "velocity"))
+        columns, n = traced(self._tangents).columns(of == "velocity"), self.problem.points
+        return {name: columns[i * n : (i + 1) * n] for i, name in enumerate(self.harness.segments)}
+
+    def _held(self) -> dict[str, Grip | FreeEnd]:
+        """The ends."""
+        return dict(self.problem.ends)
+
+    def _knots(self, state: HarnessNetwork) -> dict[str, int]:
+        """What holds the harness, by name, and which knot it is."""
+        knots = {name: state.layout.knots["end", name] for name in self.problem.ends}
+        clips = zip(self.problem.clip_names, state.clip_rows, strict=True)
+        return knots | {f"clip:{name}": row for name, row in clips}
+
+    def _check_names(self, names: Sequence[str]) -> None:
+        """Refuses names that mean nothing here."""
+        ends = list(self.problem.ends)
+        known = [*ends, *(RATE + name for name in ends), *(f"clip:{name}" for name in self.problem.clip_names)]
+        known += [f"{kind}:{segment}" for kind in NUMBERS for segment in self.harness.segments]
+        for name in names:
+            if name not in known:
+                raise UnknownKeyError.among("by", name, known)
+            if names.count(name) > 1:
+                raise ArgumentError.of("by", name, "it must be named once", "Leave it out where it comes again.")
+
+    def _numbers(self, state: HarnessNetwork, names: Sequence[str]) -> dict[str, Number]:
+        """What the names of numbers say."""
+        found = {}
+        for name in names:
+            kind, _, segment = name.partition(":")
+            if kind not in NUMBERS:
+                continue
+            cables, step, scale = number_of(self.harness.segments[segment], kind)
+            pair = self.problem.beside(segment, cables[0]), self.problem.beside(segment, cables[1])
+            models = models_of(state, HarnessChanges(self.problem, [pair], np.array([step])))
+            loads = [self._load(state, problem) for problem in pair]
+            found[name] = Number(models, (loads[0], loads[1]), step, scale)
         return found
 
     def _aim(self, state: HarnessNetwork, swing: Swing) -> Array:
@@ -202,9 +269,10 @@ class HarnessMotion:
         counts += [1] * len(state.layout.levers)
         state.lay_out([(np.array((a, b)), np.ones(2)) for a, b in arcs.tolist()], counts)
 
-    def _load(self, state: HarnessNetwork) -> Load:
-        """What it has for mass."""
-        cables = [*self.harness.segments.values(), *(None for _ in state.layout.levers)]
+    def _load(self, state: HarnessNetwork, problem: HarnessProblem | None = None) -> Load:
+        """What it has for mass; or what that of a problem beside has."""
+        harness = self.harness if problem is None else problem.harness
+        cables = [*harness.segments.values(), *(None for _ in state.layout.levers)]
         masses = [(knot, mass) for knot, mass, _ in state.layout.at_masses]
         return Load(self.problem.points, cables, [], masses, self._tips(state))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from time import perf_counter
@@ -22,11 +22,14 @@ from cable_shape.motion.among import Among
 from cable_shape.motion.common import MODEL, check_moves, enough, steps_ahead, work_of
 from cable_shape.motion.run import Run
 from cable_shape.motion.swing import Swing, load_of, spread_evenly
+from cable_shape.motion.tangents import NUMBERS, RATE, Number, Tangents, check_free, number_of, traced
 from cable_shape.pose import NOT_GIVEN, FreeEnd, Grip, Pose, both_given
 from cable_shape.scene.mesh_convex import check_convex
 from cable_shape.scene.scene import Obstacle, Scene
+from cable_shape.scene.scene_parts import clip_names
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve import cosserat
+from cable_shape.solve.answers import ENDS, check_names
 from cable_shape.solve.network import Network
 from cable_shape.solve.outcome import no_room
 from cable_shape.solve.problem import GRAVITY, Problem
@@ -102,6 +105,7 @@ class Motion:
         self._swing: Swing | None = None
         self._last: CableShape | None = None
         self._error = 0.0
+        self._tangents: Tangents | None = None
 
     @property
     def cable(self) -> Cable:
@@ -129,6 +133,9 @@ class Motion:
         points: ArrayLike | None = None,
         velocity: ArrayLike | None = None,
         links: Mapping[str, Pose] | None = None,
+        *,
+        by: Sequence[str] = (),
+        at: str = "cable",
     ) -> CableShape:
         """Starts at rest between these ends, or as the cable is seen; returns that shape.
 
@@ -146,16 +153,27 @@ class Motion:
             [m/s], world, of the points.
         links : mapping, optional
             Poses in the world of the links that carry bodies which are solved for; None: those are left out.
+        by : names, each once
+            What `sensitivity` is to tell from now on, carried along with every step. "start", "end" and "clip:NAME":
+            six columns, by so much the pose is another in all steps, position [m] and rotation [rad], world axes, about
+            that cable end (with ``at="gripper"`` about the gripper's own origin) or the origin of the clip's pose;
+            "velocity:start", "velocity:end": six, what its velocity and angular velocity are more, from now on.
+            "length", "linear_density", "bending_stiffness" (the mean of both, which keep their ratio),
+            "twisting_stiffness", "retardation_time" and "drag": one each, per unit.
 
         Raises
         ------
         ArgumentError
-            For wrong arguments.
+            For wrong arguments; for `by` in contact, in eyelets, and beside `points`.
         """
         both_given("begin(start, end)", end)
+        checks.one_of("at", at, ("cable", "gripper"))
+        by = checks.entries("by", (by,) if isinstance(by, str) else by, str, "Write ('start', 'drag'), for example.")
         began = perf_counter()
-        self._swing = self._last = None
+        self._swing = self._last = self._tangents = None
         problem = self.problem.move(start, end, links)
+        if by:
+            check_names(problem, by, self._known())
         seen = None
         if points is not None:
             seen = seen_of(problem.start, problem.end, self.cable.length, arc_length, points, velocity)
@@ -175,6 +193,8 @@ class Motion:
         swing = Swing(load_of(problem), state, among, lying)
         if not swing.alive:
             return _failed(shape, Status.NOT_CONVERGED, "The cable does not come to rest on the mesh of its motion. ")
+        if by:
+            check_free(swing, seen is not None)
         self._state, self._swing = state, swing
         out, rates = self._buffers()
         swing.tell(out, rates)
@@ -186,6 +206,10 @@ class Motion:
             swing.tell(out, rates)
         status = Status.OK if seen is not None else shape.status
         self._last = self._shape(out, rates, began, status, "" if seen is not None else shape.detail)
+        if by:
+            self._tangents = Tangents(
+                swing, by, self._knots(), self._numbers(state, by), self._held(), about_gripper=at == "gripper"
+            )
         return self._last
 
     def step(
@@ -229,6 +253,8 @@ class Motion:
         out, velocity = self._buffers()
         if not swing.step(poses, dt, out, velocity):
             return _failed(last, Status.NOT_CONVERGED, "A step could not be taken. The state is kept. ")
+        if self._tangents is not None:
+            self._tangents.follow(poses, dt, self._held())
         shape = self._shape(out, velocity, began, Status.OK, "")
         shape.work += work_of(before, problem.end, shape, place, frame)
         lost = shape.work - shape.dissipated
@@ -237,8 +263,29 @@ class Motion:
         self._last = shape
         return shape
 
-    def run(self, starts: ArrayLike, ends: ArrayLike | None, steps: ArrayLike) -> Run:
+    def sensitivity(self, of: str = "positions") -> Array:
+        """(points, 3, m): how the last shape would be another, d positions / d (by), columns in the order of `begin`'s.
+
+        Exact but for rounding, between nodes of the cubic through them. Points keep their share of the length. Columns
+        of a free end, and of rotations that a grip or clip leaves free, are zero.
+
+        Parameters
+        ----------
+        of : "positions" or "velocity"
+            Of which it is.
+
+        Raises
+        ------
+        ArgumentError
+            Where `begin` was given no names.
+        """
+        checks.one_of("of", of, ("positions", "velocity"))
+        return traced(self._tangents).columns(of == "velocity")
+
+    def run(self, starts: ArrayLike, ends: ArrayLike | None, steps: ArrayLike, twists: ArrayLike | None = None) -> Run:
         """Many steps at once, for what needs the centreline alone: the last of them leaves no shape to step from.
+
+        Where `begin` was given names, or twists are, the run has their derivative.
 
         Parameters
         ----------
@@ -247,6 +294,9 @@ class Motion:
             a free end: None.
         steps : (T,) array_like
             [s].
+        twists : (T, 2, 6, m) array_like, optional
+            In m directions: by so much start and end are elsewhere after each step, position [m] and rotation [rad],
+            world axes, about the cable's end.
 
         Raises
         ------
@@ -264,7 +314,17 @@ class Motion:
         last = starts if ends is None else ends
         goals[:, -1] = checks.numbers("ends", last, "Give (T, 7).").reshape(len(dt), 7)
         self._last = None
-        return Run(swing.model.s.copy(), *swing.run(goals, dt))
+        if twists is None and self._tangents is None:
+            return Run(swing.model.s.copy(), *swing.run(goals, dt))
+        moves = np.zeros((len(dt), goals.shape[1], 6, 0))
+        if twists is not None:
+            ways = checks.numbers("twists", twists, "Give (T, 2, 6, m).").reshape(len(dt), 2, 6, -1)
+            moves = np.zeros((len(dt), goals.shape[1], 6, ways.shape[3]))
+            moves[:, 0], moves[:, -1] = ways[:, 0], 0.0 if isinstance(self.problem.end, FreeEnd) else ways[:, 1]
+        if self._tangents is None:
+            check_free(swing, False)
+            self._tangents = Tangents(swing, (), self._knots(), {}, self._held(), about_gripper=False)
+        return self._tangents.run(goals, dt, moves)
 
     def ahead(self, count: int, dt: float) -> list[CableShape]:
         """So many steps dt [s] on, with the ends held where they are now; the state stays as it is.
@@ -277,8 +337,32 @@ class Motion:
             Before `begin`.
         """
         last, (start, end) = self._last, (self.problem.start, self.problem.end)
+        tangents, self._tangents = self._tangents, None
         found = steps_ahead(self._swing, count, lambda: self.step(start, end, dt))
-        self._last = last
+        self._last, self._tangents = last, tangents
+        return found
+
+    def _held(self) -> dict[str, Grip | FreeEnd]:
+        """The ends."""
+        return {"start": self.problem.start, "end": self.problem.end}
+
+    def _knots(self) -> dict[str, int]:
+        """What holds the cable, by name, and which knot it is."""
+        names = ["start", *(f"clip:{name}" for name in clip_names(self.problem.clips)), "end"]
+        return {name: knot for knot, name in enumerate(names)}
+
+    def _known(self) -> tuple[str, ...]:
+        """Names of derivatives."""
+        return (*self._knots(), *(RATE + side for side in ENDS), *NUMBERS)
+
+    def _numbers(self, state: Network, names: Sequence[str]) -> dict[str, Number]:
+        """What the names of numbers say."""
+        found = {}
+        for name in names:
+            if name in NUMBERS:
+                cables, step, scale = number_of(self.cable, name)
+                loads = [load_of(self.problem.beside(cable)) for cable in cables]
+                found[name] = Number(state.models_beside(cables), (loads[0], loads[1]), step, scale)
         return found
 
     def _buffers(self) -> tuple[Array, Array]:

@@ -69,6 +69,53 @@ def load_of(problem: Problem) -> Load:
     return Load(problem.points, [problem.cable], masses, [], tips)
 
 
+class Made(NamedTuple):
+    """Mass [kg] of the cable around each node and of what else is there, drag [N s/m], lever [m] of the mass (n,); and
+    retardation time [s] of the elements (N,)."""
+
+    mass: Array
+    point: Array
+    drag: Array
+    lever: Array
+    delay: Array
+
+
+def made_of(plan: tables.Plan, model: tables.Model, load: Load) -> Made:
+    """What a network is made of, besides what bends."""
+    nodes = model.s.size
+    made = Made(np.zeros(nodes), np.zeros(nodes), np.zeros(nodes), np.zeros(nodes), np.zeros(model.h.size))
+    for c, cable in enumerate(load.cables):
+        for e in range(plan.first[plan.cables[c]], plan.first[plan.cables[c + 1]]) if cable is not None else ():
+            assert cable is not None
+            node, h = plan.left[e], model.h[e]
+            here = cable_at(cable, 0.5 * (model.s[node] + model.s[node + 1]))
+            made.mass[node : node + 2] += 0.5 * here.linear_density * h
+            made.drag[node : node + 2] += 0.5 * here.drag * h
+            made.delay[e] = here.retardation_time
+    masses, drags = made.mass.copy(), made.drag.copy()
+    for j, (a, b) in enumerate(zip(plan.first[:-1], plan.first[1:], strict=True)):
+        for end, inner, e in ((a + j, a + j + 1, a), (b + j, b + j - 1, b - 1)):
+            made.lever[end] = (_INSIDE if inner > end else -_INSIDE) * model.h[e]
+            for whole, before in ((made.mass, masses), (made.drag, drags)):
+                whole[end] += 2.0 * _MORE * before[end]
+                whole[inner] -= 2.0 * _MORE * before[end]
+    for arc, mass in load.masses:
+        made.point[np.abs(model.s - arc).argmin()] += mass
+    for knot, mass in (*load.at_knots, *((knot, end.mass) for knot, end, _ in load.tips)):
+        made.point[_node_at(plan, made.mass, knot)] += mass
+    carried = made.mass > 0.0
+    made.lever[carried] *= made.mass[carried] / (made.mass + made.point)[carried]
+    made.lever[~carried] = 0.0
+    return made
+
+
+def _node_at(plan: tables.Plan, mass: Array, knot: int) -> int:
+    """A node that is in a knot, of a cable that has mass where there is one."""
+    first, ends = plan.first, plan.ends
+    nodes = [first[j + i] + j for j in range(len(ends)) for i in range(2) if ends[j, i] == knot]
+    return int(max(nodes, key=lambda node: mass[node]))
+
+
 @final
 class Swing:
     """A network with mass, on the mesh and from the shape at rest that `state` has; `alive` tells whether it is one.
@@ -107,38 +154,12 @@ class Swing:
 
     def _put_masses(self, load: Load) -> None:
         """Mass, drag and damping of the cables and what they carry, at the nodes."""
-        plan, model, memory, moving = self.plan, self.model, self.memory, self.motion
-        moving.drag[...] = 0.0
-        for c, cable in enumerate(load.cables):
-            for e in range(plan.first[plan.cables[c]], plan.first[plan.cables[c + 1]]) if cable is not None else ():
-                assert cable is not None
-                node, h = plan.left[e], model.h[e]
-                here = cable_at(cable, 0.5 * (model.s[node] + model.s[node + 1]))
-                memory.mass[node : node + 2] += 0.5 * here.linear_density * h
-                moving.drag[node : node + 2] += 0.5 * here.drag * h
-                memory.delay[e] = here.retardation_time
-        masses, drags = memory.mass.copy(), moving.drag.copy()
-        for j, (a, b) in enumerate(zip(plan.first[:-1], plan.first[1:], strict=True)):
-            for end, inner, e in ((a + j, a + j + 1, a), (b + j, b + j - 1, b - 1)):
-                moving.lever[end] = (_INSIDE if inner > end else -_INSIDE) * model.h[e]
-                for whole, before in ((memory.mass, masses), (moving.drag, drags)):
-                    whole[end] += 2.0 * _MORE * before[end]
-                    whole[inner] -= 2.0 * _MORE * before[end]
-        for arc, mass in load.masses:
-            memory.point[np.abs(model.s - arc).argmin()] += mass
+        model, memory, moving = self.model, self.memory, self.motion
+        made = made_of(self.plan, model, load)
+        memory.mass[...], memory.point[...], memory.delay[...] = made.mass, made.point, made.delay
+        moving.drag[...], moving.lever[...] = made.drag, made.lever
         self._tips = {knot: end.mass * fall + end.force for knot, end, fall in load.tips}
-        for knot, mass in (*load.at_knots, *((knot, end.mass) for knot, end, _ in load.tips)):
-            memory.point[self._node_at(knot)] += mass
         memory.par[PERIOD] = (memory.mass.sum() + memory.point.sum()) * model.par[LENGTH] / model.par[SOFTEST]
-        carried = memory.mass > 0.0
-        moving.lever[carried] *= memory.mass[carried] / (memory.mass + memory.point)[carried]
-        moving.lever[~carried] = 0.0
-
-    def _node_at(self, knot: int) -> int:
-        """A node that is in a knot, of a cable that has mass where there is one."""
-        first, ends = self.plan.first, self.plan.ends
-        nodes = [first[j + i] + j for j in range(len(ends)) for i in range(2) if ends[j, i] == knot]
-        return int(max(nodes, key=lambda node: self.memory.mass[node]))
 
     def _rest(self) -> None:
         """Makes the shape one at rest."""

@@ -39,7 +39,7 @@ def answers(state: HarnessNetwork, changes: HarnessChanges) -> Array:
     All that holds it stands still. Points keep their share of each segment's length, clips and masses their arc length;
     it runs on through eyelets.
     """
-    return answered(state, _models(state, changes), changes.steps)
+    return answered(state, models_of(state, changes), changes.steps)
 
 
 def answered(state: Any, models: Array, steps: Array) -> Array:
@@ -61,7 +61,7 @@ def _told(problem: HarnessProblem) -> tuple[Array, Array]:
     return network.held, network.layout.arcs
 
 
-def _models(state: HarnessNetwork, changes: HarnessChanges) -> Array:
+def models_of(state: HarnessNetwork, changes: HarnessChanges) -> Array:
     """(2 k, size): models on the mesh as it is."""
     still = np.array((0.0, state.length))
     everywhere = np.tile(still, (len(changes.held), 1))

@@ -11,6 +11,7 @@ snap to where the network falls. Rotations about the cable meet no drag and are 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from cable_shape.kernels.network.chain import B1, B2, CC
 from cable_shape.kernels.network.compiled import inline, viewing
@@ -31,7 +32,7 @@ from cable_shape.kernels.network.newton import CONVERGED, NOT_FINITE, STALLED, a
 from cable_shape.kernels.network.predict import extrapolate, follow, turn_ends, turn_knots
 from cable_shape.kernels.network.props import brace, give_way, lean
 from cable_shape.kernels.network.system import assemble as at_rest
-from cable_shape.kernels.network.system import release
+from cable_shape.kernels.network.system import gradient, release
 from cable_shape.kernels.network.tables import (
     BASE_SHIFT,
     LENGTH,
@@ -53,6 +54,7 @@ from cable_shape.kernels.network.tables import (
     work_of,
 )
 from cable_shape.kernels.rod_algebra import (
+    Vector,
     add,
     apply,
     cross,
@@ -105,6 +107,7 @@ def assemble(ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: F
     lean(plan, model, sol, work, motion)
     put_places(plan, model, sol, motion)
     tilt_ends(plan, model, sol, work, motion)
+    slacken(plan, work, motion)
     for j in range(plan.ends.shape[0]):
         first, last = plan.first[j], plan.first[j + 1] - 1
         for c in range(9):  # blocks beside rotations that are held
@@ -115,9 +118,55 @@ def assemble(ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: F
             if plan.tied[j, 1] == 0:
                 work.U[last, c] *= model.free[j, 1, c % 3]
                 work.parts[last, 18 + c] *= model.free[j, 1, c // 3]
-        for e in range(first, last + 1):
+
+
+@viewing
+def balance(ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: Floats) -> None:
+    """Fills the right-hand side of the trial alone, of what has mass and touches nothing: G, slack, tug, pull."""
+    plan, model, work, motion = plan_of(ints), model_of(ints, floats), work_of(ints, space), motion_of(ints, moving)
+    sol = solution_of(ints, sols, TRIAL)
+    load_up(plan, model, motion, sol)
+    gradient(ints, floats, sols, space)
+    for e in range(model.h.shape[0]):
+        limit = limiter_of(model, work, sol, e, plan.left[e])
+        lengthen(work, e, limit)
+    put_places(plan, model, sol, motion)
+    tilt_ends(plan, model, sol, work, motion)
+    slacken(plan, work, motion)
+
+
+@viewing(forceinline=True)
+def slacken(plan: Plan, work: Work, motion: Motion) -> None:
+    """Fills by how much places miss the elements' steps."""
+    for j in range(plan.ends.shape[0]):
+        for e in range(plan.first[j], plan.first[j + 1]):
             way = subtract(get3(motion.place, e + j + 1), get3(motion.place, e + j))
             put3(motion.slack, e, 0, add(take3(work.first, e, 0), way))
+
+
+class Limiter(NamedTuple):
+    """What an element's limiter depends on, and what it does to its step."""
+
+    k: Vector  # [1/m] mean curvature
+    u1: Vector  # [1/m^2] its slope
+    size: float  # [N]
+    f: float  # [m/N], of the force: by how much the step is longer for its change
+
+
+@inline
+def limiter_of(model: Model, work: Work, sol: Solution, e: int, node: int) -> Limiter:
+    """That of element e."""
+    h, n = model.h[e], take3(work.full, e, 3)
+    k, u1 = strain_of(model, work.full, sol, e, node)
+    size = math.sqrt(dot(n, n) + SMALL_FORCE)
+    f = 0.05 * h * h * h * h * h / 12.0 * (u1[0] * u1[0] + u1[1] * u1[1]) / size
+    return Limiter(k, u1, size, f)
+
+
+@inline
+def lengthen(work: Work, e: int, limit: Limiter) -> None:
+    """Takes the change of the limiter off the step of element e."""
+    put3(work.first, e, 0, subtract(take3(work.first, e, 0), scale(limit.f, take3(work.full, e, 3))))
 
 
 @viewing(forceinline=True)
@@ -134,13 +183,12 @@ def loosen(plan: Plan, model: Model, sol: Solution, work: Work) -> None:
         K, C, K1 = take3(model.section, e, 0), take3(model.section, e, 3), take3(model.section, e, 6)
         v, w = relative(q, get4(sol.q, node + 1))
         series = angle_series(dot(v, v), w)
-        k, u1 = strain_of(model, work.full, sol, e, node)
+        limit = limiter_of(model, work, sol, e, node)
+        k, u1, size, f = limit.k, limit.u1, limit.size, limit.f
         R = midpoint(q, v, w)
         N = tapply(R, n)
-        size = math.sqrt(dot(n, n) + SMALL_FORCE)
         slope, c = 0.1 * h * h, -h * h * h / 12.0
         Wx, Wy = 1.0 / (K[0] + slope * size), 1.0 / (K[1] + slope * size)
-        f = -0.5 * slope * c * (u1[0] * u1[0] + u1[1] * u1[1]) / size
         ee = slope * slope * c * (Wx * u1[0] * u1[0] + Wy * u1[1] * u1[1])
         z = (slope * c * Wx * u1[0], slope * c * Wy * u1[1], 0.0)
         m = times(K, subtract(k, take3(model.rest, e, 0)))
@@ -151,7 +199,7 @@ def loosen(plan: Plan, model: Model, sol: Solution, work: Work) -> None:
         both = scale(0.5, subtract(zt, cross(v, zv)))
         apart = subtract(scale(0.5 * w, zv), cross(scale(0.5 / (1.0 + w), v), zt))
         way = scale(1.0 / size, n)
-        put3(work.first, e, 0, subtract(take3(work.first, e, 0), scale(f, n)))
+        lengthen(work, e, limit)
         put9(work.parts, e, B1, msub(get9(work.parts, e, B1), outer(scale(0.5, subtract(both, apart)), way)))
         put9(work.parts, e, B2, msub(get9(work.parts, e, B2), outer(scale(0.5, add(both, apart)), way)))
         give = msub(get9(work.parts, e, CC), symmetric(outer(scale(0.5, apply(R, zN)), way)))
