@@ -107,6 +107,7 @@ if TYPE_CHECKING:
     from cable_shape.solve.harness_shape import HarnessShape
     from cable_shape.tracking.tracker import Tracker
     from cable_shape.uncertainty.calibrated_tube import predict_tube
+    from cable_shape.uncertainty.motion_tube import MotionTube
     from cable_shape.uncertainty.uncertainty import Tube, Uncertainty
 
 __version__ = "0.1.0"
@@ -160,6 +161,7 @@ __all__ = [
     "Margin",
     "Mesh",
     "Motion",
+    "MotionTube",
     "MouthTarget",
     "Move",
     "Observation",
@@ -233,6 +235,7 @@ _HOMES = {
     "calibration.result": ("Calibration", "Estimate"),
     "calibration.sag": ("calibrate_sag",),
     "uncertainty.calibrated_tube": ("predict_tube",),
+    "uncertainty.motion_tube": ("MotionTube",),
     "cycle.cycle": ("Cycle",),
     "errors": (
         "ArgumentError",

@@ -42,6 +42,7 @@ from cable_shape.scene.scene import Obstacle, Scene
 from cable_shape.shape import CableShape
 from cable_shape.solve.answers import Solved
 from cable_shape.solve.problem import NAMED_TOLERANCE
+from cable_shape.uncertainty.motion_tube import MotionTube
 from cable_shape.uncertainty.tube_watch import TubeWatch, left_out
 from cable_shape.uncertainty.uncertainty import Tube, Uncertainty
 
@@ -104,6 +105,7 @@ class CableCycle:
     ) -> None:
         self.name = name
         self._dynamic, self._look_ahead = dynamic, look_ahead
+        self._swung = None if dynamic is None else dynamic.tube
         self.predictor = predictor
         self.scene = scene
         cable, problem = predictor.cable, predictor.problem
@@ -221,6 +223,8 @@ class CableCycle:
         if self._tubes is not None and self._seen is not None:
             self._tubes.trouble = ""
             self.tube = self._seen.tube  # type: ignore[assignment]
+        elif self._swung is not None:
+            self.tube = self._swung.tubes(shape).get("")
         elif self._tubes is not None:
             if self._acceleration is not None:
                 inertia = left_out(self._tubes.uncertainty, self._acceleration, self.predictor.problem.gravity)
@@ -299,10 +303,11 @@ class CableCycle:
             period=self._watch.period,
         )
         more, after, stability = [], self.after_snap, self._watch.stability
+        told = self._tubes if self._swung is None else self._swung
         if after is not None and stability is not None:
             more.append(snap_warning(self.name, stability, self._snaps.time, shape, after))
-        if self._tubes is not None and self._tubes.trouble and shape.status:
-            more.append(tube_warning(self.name, shape, self._tubes.trouble))
+        if told is not None and told.trouble and shape.status:
+            more.append(tube_warning(self.name, shape, told.trouble))
         elif self.tube is not None and not self.tube.holds:
             more.append(narrow_warning(self.name, self.tube))
         if self._dynamic is not None and self._dynamic.bridged:
@@ -368,39 +373,36 @@ class CableCycles:
             if not predictor.is_rod:
                 bound = "only the Cosserat rod knows how its shapes change"
                 raise ArgumentError.of("model", self.model, bound, "Choose 'cosserat' or 'auto', or no uncertainty.")
-            tubes = TubeWatch(cable, self.uncertainty[name], **options)
+            if self.motion != DYNAMIC:
+                tubes = TubeWatch(cable, self.uncertainty[name], **options)
         plug = self.plugs.get(name, scene.plug)
         if plug is not None:
             checks.instance(f"plugs[{name!r}]", plug, (Plug,), "Write Plug(socket).")
             checks.one_of(f"plugs[{name!r}].socket", plug.socket, scene.sockets)
         dynamic = None
         if self.motion == DYNAMIC:
-            self._check_dynamic(predictor.solo, tubes, load)
-            problem = predictor.problem
-            dynamic = Dynamic[CableShape](
-                Motion(
-                    cable, scene, problem.gravity, problem.points, robot_links=options["robot_links"],
-                    gripping_links=options["gripping_links"],
-                )
-            )  # fmt: skip
+            self._check_dynamic(predictor.solo, load)
+            problem, known = predictor.problem, self.uncertainty.get(name)
+            keywords = {key: options[key] for key in ("robot_links", "gripping_links")}
+            keywords |= {"gravity": problem.gravity, "points": problem.points}
+            made = Motion(cable, scene, **keywords) if known is None else MotionTube(cable, known, scene, **keywords)
+            dynamic = Dynamic[CableShape](made)
         return CableCycle(
             name, predictor, scene, self.options["robot_links"], self.options["gripping_links"], plug,
             self.snap_horizon, self.count, tubes, self.quasistatic_limit if dynamic is None else None, dynamic,
             self.look_ahead, before,
         )  # fmt: skip
 
-    def _check_dynamic(self, predictor: Predictor, tubes: TubeWatch | None, load: ArrayLike | None) -> None:
+    def _check_dynamic(self, predictor: Predictor, load: ArrayLike | None) -> None:
         """Refuses what a cable that swings does not go together with."""
         if not predictor.is_rod:
             raise ArgumentError.of("model", self.model, "only the Cosserat rod swings", "Choose 'cosserat' or 'auto'.")
-        refuse_beside_motion(tubes, load)
+        refuse_beside_motion(load)
 
 
-def refuse_beside_motion(uncertainty: object, load: object) -> None:
-    """Of what swings: how well it is known, and a distributed load, are not given."""
+def refuse_beside_motion(load: object) -> None:
+    """Of what swings: a distributed load is not given."""
     remedy = "Leave it out, or write motion='quasistatic'."
-    if uncertainty is not None:
-        raise ArgumentError.of("uncertainty", "given", "a tube is about a cable at rest", remedy)
     if load is not None:
         raise ArgumentError.of("distributed_load", "given", "motion='dynamic' knows none", remedy)
 

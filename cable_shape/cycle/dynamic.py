@@ -15,6 +15,7 @@ from cable_shape.safety.report import Ahead, Clearance
 from cable_shape.shape import CableShape
 from cable_shape.solve.harness_problem import End
 from cable_shape.solve.harness_shape import HarnessShape
+from cable_shape.uncertainty.motion_tube import MotionTube
 
 #: Ways to take a cable between its grips: at rest in every instant, or as it swings.
 MOTIONS = ("quasistatic", "dynamic")
@@ -41,8 +42,9 @@ class Dynamic(Generic[Shape]):
     input is late or missing that is bridged in the same way, and told; after a second it begins anew, at rest.
     """
 
-    def __init__(self, motion: Motion | HarnessMotion) -> None:
-        self.motion = motion
+    def __init__(self, motion: Motion | HarnessMotion | MotionTube) -> None:
+        self.tube = motion if isinstance(motion, MotionTube) else None  # how well it is known
+        self.motion = motion.motion if isinstance(motion, MotionTube) else motion
         self.reset()
 
     def reset(self) -> None:
@@ -95,15 +97,25 @@ class Dynamic(Generic[Shape]):
 
     def _begun(self, ends: Held, links: Links) -> Any:
         """The motion's first shape."""
+        shape: CableShape | HarnessShape
         if isinstance(self.motion, Motion):
-            return self.motion.begin(*cast("Ends", ends), links=links)
-        return self.motion.begin(cast("Mapping[str, End]", ends))
+            shape = self.motion.begin(*cast("Ends", ends), links=links)
+        else:
+            shape = self.motion.begin(cast("Mapping[str, End]", ends))
+        if self.tube is not None and shape.status:
+            self.tube.follow(ends, links)
+        return shape
 
     def _one(self, ends: Held, dt: float, links: Links) -> Any:
         """One step of the motion."""
+        shape: CableShape | HarnessShape
         if isinstance(self.motion, Motion):
-            return self.motion.step(*cast("Ends", ends), dt, links)
-        return self.motion.step(cast("Mapping[str, End]", ends), dt)
+            shape = self.motion.step(*cast("Ends", ends), dt, links)
+        else:
+            shape = self.motion.step(cast("Mapping[str, End]", ends), dt)
+        if self.tube is not None and shape.status:
+            self.tube.follow(ends, links, dt)
+        return shape
 
     def ahead(self, seconds: float) -> list[tuple[float, Shape]]:
         """Where it swings in that time [s] if its grips stop now: times from now [s] and shapes, those to look at; none

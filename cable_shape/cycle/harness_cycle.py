@@ -40,6 +40,7 @@ from cable_shape.shape import CableShape
 from cable_shape.solve.harness_problem import End
 from cable_shape.solve.harness_shape import HarnessShape
 from cable_shape.uncertainty.harness_tube_watch import HarnessTubeWatch
+from cable_shape.uncertainty.motion_tube import MotionTube
 from cable_shape.uncertainty.uncertainty import Tube, Uncertainty
 
 Links = Mapping[str, Pose] | None
@@ -113,12 +114,19 @@ class HarnessCycle:
         }
         self._standing = {one: Standing(scene) for one in self.cables}
         self.stability = HarnessStability(self.predictor, snap_horizon)
-        self._known = None if uncertainty is None else HarnessTubeWatch(harness, uncertainty, scene=scene, **options)
+        self._known: HarnessTubeWatch | None = None
         self._dynamic: Dynamic[HarnessShape] | None = None
         if look_ahead is not None:
-            refuse_beside_motion(uncertainty, options.get("distributed_load"))
-            problem = self.predictor.problem
-            self._dynamic = Dynamic(HarnessMotion(harness, scene, problem.gravity, problem.points))
+            refuse_beside_motion(options.get("distributed_load"))
+            given: dict[str, Any] = {"gravity": gravity, "points": self.predictor.problem.points}
+            self._dynamic = Dynamic(
+                HarnessMotion(harness, scene, **given)
+                if uncertainty is None
+                else MotionTube(harness, uncertainty, scene, **given)
+            )
+        elif uncertainty is not None:
+            self._known = HarnessTubeWatch(harness, uncertainty, scene=scene, **options)
+        self._swung = None if self._dynamic is None else self._dynamic.tube
         self._look_ahead = look_ahead or 0.0
         self.ahead: dict[str, Ahead] = {}  # of the last shape's segments, by their ids
         self._tails: dict[str, Tail] = {}
@@ -214,10 +222,13 @@ class HarnessCycle:
                 for one, part in (self.parts(shape) if shape.status else {}).items()
             ]
             inertia = math.nan if any(map(math.isnan, ratios)) else max(ratios, default=math.nan)
-        if self._known is not None and self._seen is not None:
-            self._known.trouble = ""
+        known = self._known or self._swung
+        if known is not None and self._seen is not None:
+            known.trouble = ""
             told: Any = self._seen.tube or {}
             self.tubes, self.tail_tubes = {cable_id(self.name, segment): tube for segment, tube in told.items()}, {}
+        elif self._swung is not None:
+            self.tubes = {cable_id(self.name, segment): tube for segment, tube in self._swung.tubes(shape).items()}
         elif self._known is not None:
             found = self._known.tubes(self.predictor, shape, ends, self._moving, inertia, links)
             self.tubes, self.tail_tubes = {cable_id(self.name, segment): tube for segment, tube in found.items()}, {}
@@ -315,8 +326,9 @@ class HarnessCycle:
         tolerance = self.predictor.problem.tolerance
         more = self.stability.warning(self.name)
         first, shape = next(iter(shapes.items()))
-        if self._known is not None and self._known.trouble and shape.status:
-            more.append(tube_warning(first, shape, self._known.trouble))
+        known = self._known or self._swung
+        if known is not None and known.trouble and shape.status:
+            more.append(tube_warning(first, shape, known.trouble))
         elif first in self.tubes and not self.tubes[first].holds:
             more.append(narrow_warning(first, self.tubes[first]))
         if self._dynamic is not None and self._dynamic.bridged:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from time import perf_counter
 from typing import final
 
@@ -14,9 +14,10 @@ from cable_shape import checks
 from cable_shape.cable.harness import Harness
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError, UnknownKeyError
+from cable_shape.kernels.network import tables
 from cable_shape.motion.common import MODEL, check_moves, enough, steps_ahead, work_of
 from cable_shape.motion.swing import FEWEST, Load, Swing
-from cable_shape.motion.tangents import NUMBERS, RATE, Number, Tangents, number_of, traced
+from cable_shape.motion.tangents import NUMBERS, RATE, Number, Tangents, Ways, check_free, number_of, traced
 from cable_shape.pose import FreeEnd, Grip, one_mapping
 from cable_shape.scene.scene import Scene
 from cable_shape.scene.scene_parts import Clip
@@ -84,6 +85,35 @@ class HarnessMotion:
         return self.problem.harness
 
     @property
+    def alive(self) -> bool:
+        """Whether there is a state to step from."""
+        return self._swing is not None
+
+    @property
+    def traceable(self) -> bool:
+        """Whether derivatives can be carried along: it touches nothing."""
+        return self._swing is not None and self._swing.among is None
+
+    @property
+    def traced(self) -> bool:
+        """Whether derivatives are carried along."""
+        return self._tangents is not None
+
+    @property
+    def held(self) -> dict[str, Grip | FreeEnd]:
+        """The ends, as they are now."""
+        return dict(self.problem.ends)
+
+    @property
+    def knots(self) -> tuple[dict[str, int], int]:
+        """What holds the harness, by name, and which knot it is; and how many there are."""
+        state = self._state
+        assert state is not None
+        knots = {name: state.layout.knots["end", name] for name in self.problem.ends}
+        clips = zip(self.problem.clip_names, state.clip_rows, strict=True)
+        return knots | {f"clip:{name}": row for name, row in clips}, int(state.ints[tables.N_KNOTS])
+
+    @property
     def last(self) -> HarnessShape:
         """The last shape.
 
@@ -140,10 +170,8 @@ class HarnessMotion:
         self._error = max(float(np.abs(a.positions - b.positions).max()) for a, b in pairs)
         self._last.error_estimate += self._error
         if by:
-            numbers = self._numbers(state, by)
-            self._tangents = Tangents(
-                swing, by, self._knots(state), numbers, self._held(), about_gripper=at == "gripper"
-            )
+            ways = Ways(by, *self.knots, lambda: self.held, about_gripper=at == "gripper")
+            self._tangents = Tangents(swing, self._numbers(state, ways.at), ways)
         return self._last
 
     def step(self, ends: Mapping[str, End], dt: float) -> HarnessShape:
@@ -174,7 +202,7 @@ class HarnessMotion:
         if not swing.step(poses, dt, out, velocity):
             return _failed(last, Status.NOT_CONVERGED, "A step could not be taken. The state is kept. ")
         if self._tangents is not None:
-            self._tangents.follow(poses, dt, self._held())
+            self._tangents.follow(poses, dt)
         shape = self._shape(out, velocity, began, Status.OK, "")
         for name, now in problem.ends.items():
             if isinstance(now, FreeEnd):
@@ -213,15 +241,18 @@ class HarnessMotion:
         columns, n = traced(self._tangents).columns(of == "velocity"), self.problem.points
         return {name: columns[i * n : (i + 1) * n] for i, name in enumerate(self.harness.segments)}
 
-    def _held(self) -> dict[str, Grip | FreeEnd]:
-        """The ends."""
-        return dict(self.problem.ends)
+    def trace(self, moves: Callable[[float], Array]) -> None:
+        """Has `sensitivity` tell p columns from now on, see `Motion.trace`.
 
-    def _knots(self, state: HarnessNetwork) -> dict[str, int]:
-        """What holds the harness, by name, and which knot it is."""
-        knots = {name: state.layout.knots["end", name] for name in self.problem.ends}
-        clips = zip(self.problem.clip_names, state.clip_rows, strict=True)
-        return knots | {f"clip:{name}": row for name, row in clips}
+        Raises
+        ------
+        ArgumentError
+            As there.
+        """
+        if self._swing is None:
+            raise ArgumentError("trace() needs a motion at rest, and there is none. Call begin first.")
+        check_free(self._swing, False)
+        self._tangents = Tangents(self._swing, {}, moves)
 
     def _check_names(self, names: Sequence[str]) -> None:
         """Refuses names that mean nothing here."""
@@ -234,10 +265,10 @@ class HarnessMotion:
             if names.count(name) > 1:
                 raise ArgumentError.of("by", name, "it must be named once", "Leave it out where it comes again.")
 
-    def _numbers(self, state: HarnessNetwork, names: Sequence[str]) -> dict[str, Number]:
-        """What the names of numbers say."""
+    def _numbers(self, state: HarnessNetwork, at: Mapping[str, int]) -> dict[int, Number]:
+        """What names of numbers say, by their columns."""
         found = {}
-        for name in names:
+        for name, column in at.items():
             kind, _, segment = name.partition(":")
             if kind not in NUMBERS:
                 continue
@@ -245,7 +276,7 @@ class HarnessMotion:
             pair = self.problem.beside(segment, cables[0]), self.problem.beside(segment, cables[1])
             models = models_of(state, HarnessChanges(self.problem, [pair], np.array([step])))
             loads = [self._load(state, problem) for problem in pair]
-            found[name] = Number(models, (loads[0], loads[1]), step, scale)
+            found[column] = Number(models, (loads[0], loads[1]), step, scale)
         return found
 
     def _aim(self, state: HarnessNetwork, swing: Swing) -> Array:

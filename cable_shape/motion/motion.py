@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from time import perf_counter
@@ -22,7 +22,7 @@ from cable_shape.motion.among import Among
 from cable_shape.motion.common import MODEL, check_moves, enough, steps_ahead, work_of
 from cable_shape.motion.run import Run
 from cable_shape.motion.swing import Swing, load_of, spread_evenly
-from cable_shape.motion.tangents import NUMBERS, RATE, Number, Tangents, check_free, number_of, traced
+from cable_shape.motion.tangents import NUMBERS, RATE, Number, Pair, Tangents, Ways, check_free, number_of, traced
 from cable_shape.pose import NOT_GIVEN, FreeEnd, Grip, Pose, both_given
 from cable_shape.scene.mesh_convex import check_convex
 from cable_shape.scene.scene import Obstacle, Scene
@@ -111,6 +111,32 @@ class Motion:
     def cable(self) -> Cable:
         """The cable, as given."""
         return self.problem.cable
+
+    @property
+    def alive(self) -> bool:
+        """Whether there is a state to step from."""
+        return self._swing is not None
+
+    @property
+    def traceable(self) -> bool:
+        """Whether derivatives can be carried along: it touches nothing."""
+        return self._swing is not None and self._swing.among is None
+
+    @property
+    def traced(self) -> bool:
+        """Whether derivatives are carried along."""
+        return self._tangents is not None
+
+    @property
+    def held(self) -> dict[str, Grip | FreeEnd]:
+        """The ends, as they are now."""
+        return {"start": self.problem.start, "end": self.problem.end}
+
+    @property
+    def knots(self) -> tuple[dict[str, int], int]:
+        """What holds the cable, by name, and which knot it is; and how many there are."""
+        names = ["start", *(f"clip:{name}" for name in clip_names(self.problem.clips)), "end"]
+        return {name: knot for knot, name in enumerate(names)}, len(names)
 
     @property
     def last(self) -> CableShape:
@@ -207,9 +233,9 @@ class Motion:
         status = Status.OK if seen is not None else shape.status
         self._last = self._shape(out, rates, began, status, "" if seen is not None else shape.detail)
         if by:
-            self._tangents = Tangents(
-                swing, by, self._knots(), self._numbers(state, by), self._held(), about_gripper=at == "gripper"
-            )
+            ways = Ways(by, *self.knots, lambda: self.held, about_gripper=at == "gripper")
+            pairs = {ways.at[name]: number_of(self.cable, name) for name in by if name in NUMBERS}
+            self.trace(pairs, ways)
         return self._last
 
     def step(
@@ -254,7 +280,7 @@ class Motion:
         if not swing.step(poses, dt, out, velocity):
             return _failed(last, Status.NOT_CONVERGED, "A step could not be taken. The state is kept. ")
         if self._tangents is not None:
-            self._tangents.follow(poses, dt, self._held())
+            self._tangents.follow(poses, dt)
         shape = self._shape(out, velocity, began, Status.OK, "")
         shape.work += work_of(before, problem.end, shape, place, frame)
         lost = shape.work - shape.dissipated
@@ -262,6 +288,27 @@ class Motion:
         shape.lost = lost
         self._last = shape
         return shape
+
+    def trace(self, pairs: Mapping[int, Pair], moves: Callable[[float], Array]) -> None:
+        """Has `sensitivity` tell p columns from now on, the motion having just begun at rest.
+
+        pairs: of columns along which the cable changes, two cables above and below, half their distance and a scale.
+        moves: (p, k, 6) of the time [s] since, how the start, the clips and the end move, world, about the cable.
+
+        Raises
+        ------
+        ArgumentError
+            As `begin` for its `by`.
+        """
+        swing, state = self._swing, self._state
+        if swing is None or state is None:
+            raise ArgumentError("trace() needs a motion at rest, and there is none. Call begin first.")
+        check_free(swing, False)
+        numbers = {}
+        for column, (cables, step, scale) in pairs.items():
+            above, below = (load_of(self.problem.beside(cable)) for cable in cables)
+            numbers[column] = Number(state.models_beside(cables), (above, below), step, scale)
+        self._tangents = Tangents(swing, numbers, moves)
 
     def sensitivity(self, of: str = "positions") -> Array:
         """(points, 3, m): how the last shape would be another, d positions / d (by), columns in the order of `begin`'s.
@@ -323,7 +370,7 @@ class Motion:
             moves[:, 0], moves[:, -1] = ways[:, 0], 0.0 if isinstance(self.problem.end, FreeEnd) else ways[:, 1]
         if self._tangents is None:
             check_free(swing, False)
-            self._tangents = Tangents(swing, (), self._knots(), {}, self._held(), about_gripper=False)
+            self._tangents = Tangents(swing, {}, Ways((), *self.knots, lambda: self.held, about_gripper=False))
         return self._tangents.run(goals, dt, moves)
 
     def ahead(self, count: int, dt: float) -> list[CableShape]:
@@ -342,28 +389,9 @@ class Motion:
         self._last, self._tangents = last, tangents
         return found
 
-    def _held(self) -> dict[str, Grip | FreeEnd]:
-        """The ends."""
-        return {"start": self.problem.start, "end": self.problem.end}
-
-    def _knots(self) -> dict[str, int]:
-        """What holds the cable, by name, and which knot it is."""
-        names = ["start", *(f"clip:{name}" for name in clip_names(self.problem.clips)), "end"]
-        return {name: knot for knot, name in enumerate(names)}
-
     def _known(self) -> tuple[str, ...]:
         """Names of derivatives."""
-        return (*self._knots(), *(RATE + side for side in ENDS), *NUMBERS)
-
-    def _numbers(self, state: Network, names: Sequence[str]) -> dict[str, Number]:
-        """What the names of numbers say."""
-        found = {}
-        for name in names:
-            if name in NUMBERS:
-                cables, step, scale = number_of(self.cable, name)
-                loads = [load_of(self.problem.beside(cable)) for cable in cables]
-                found[name] = Number(state.models_beside(cables), (loads[0], loads[1]), step, scale)
-        return found
+        return (*self.knots[0], *(RATE + side for side in ENDS), *NUMBERS)
 
     def _buffers(self) -> tuple[Array, Array]:
         """For a shape, and its velocity."""

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
-from typing import Any, NamedTuple, final
+from typing import NamedTuple, final
 
 import numpy as np
 
@@ -25,6 +25,10 @@ RATE = "velocity:"
 _QUICK = 1e-12
 
 
+#: Two cables above and below, half by how much of a unit, and of how many units tangents are carried along.
+Pair = tuple[tuple[Cable, Cable], float, float]
+
+
 class Number(NamedTuple):
     """A number of a cable, or segment, that changes: two models (size,) and loads, `step` of it above and below."""
 
@@ -34,7 +38,7 @@ class Number(NamedTuple):
     scale: float  # of which tangents are carried along
 
 
-def number_of(cable: Cable, kind: str) -> tuple[tuple[Cable, Cable], float, float]:
+def number_of(cable: Cable, kind: str) -> Pair:
     """Two cables that differ in one of NUMBERS, half by how much, and its scale."""
     cables, step = pair_of(cable, kind)
     value = cable.mean_bending_stiffness if kind == "bending_stiffness" else float(getattr(cable, kind))
@@ -59,45 +63,68 @@ def traced(tangents: Tangents | None) -> Tangents:
 
 
 @final
-class Tangents:
-    """The tangents of a motion at rest: columns of `names` in turn, those of poses and their rates 6 each.
+class Ways:
+    """How poses move in the columns of `names`: those of poses and of their rates have 6 each, the others one.
 
-    knots: those of the poses that names may say. numbers: what the other names say.
+    knots: those of the poses that names may say. ends: tells what is held, and where, at the last step.
     """
 
     def __init__(
-        self, swing: Swing, names: Sequence[str], knots: Mapping[str, int], numbers: Mapping[str, Number],
-        ends: Mapping[str, Grip | FreeEnd], about_gripper: bool,
+        self, names: Sequence[str], knots: Mapping[str, int], count: int,
+        ends: Callable[[], Mapping[str, Grip | FreeEnd]], about_gripper: bool,
     ) -> None:  # fmt: skip
-        self.names, self._swing, self._about_gripper = tuple(names), swing, about_gripper
-        free = {name for name in names if isinstance(ends.get(name.removeprefix(RATE)), FreeEnd)}
-        wide = np.repeat([name not in free for name in names], [1 if name in numbers else 6 for name in names])
-        self._told: Any = np.flatnonzero(wide)  # columns that are not zero
-        self._columns, count = wide.size, self._told.size
-        k, size = int(swing.ints[tables.N_KNOTS]), swing_tangent.tangent_size.py_func(swing.ints)
-        self.flat = np.zeros((count, size))
-        self.scale = np.ones(count)
-        self._offset, self._rate = np.zeros((count, k, 6)), np.zeros((count, k, 6))
-        self._ends = {name: knot for name, knot in knots.items() if name in ends}
+        self._ends, self._about_gripper = ends, about_gripper
+        self.at: dict[str, int] = {}  # the column of each number
+        columns = 0
+        for name in names:
+            self.at[name] = columns
+            columns += 6 if name.removeprefix(RATE) in knots else 1
+        self._offset, self._rate = np.zeros((columns, count, 6)), np.zeros((columns, count, 6))
+        self._held = {name: knot for name, knot in knots.items() if isinstance(ends().get(name), Grip)}
+        for name, column in self.at.items():
+            pose = name.removeprefix(RATE)
+            if pose in knots and not isinstance(ends().get(pose), FreeEnd):
+                rows = self._rate if name.startswith(RATE) else self._offset
+                rows[column : column + 6, knots[pose]] = np.eye(6)
+
+    def __call__(self, time: float) -> Array:
+        """(p, k, 6): how the knots move, about the cable's ends, that time [s] after the beginning."""
+        twists = self._offset + time * self._rate
+        for name, knot in self._held.items() if self._about_gripper else ():
+            end = self._ends()[name]
+            if isinstance(end, Grip):
+                arm = end.cable_frame.position - end.pose.position
+                twists[:, knot, :3] += np.cross(twists[:, knot, 3:], arm)
+        return np.asarray(twists)
+
+
+@final
+class Tangents:
+    """The tangents of a motion at rest: p columns, along which numbers change, and knots as `moves` tells.
+
+    numbers: by column. moves: (p, k, 6) of the time [s] since, see `Ways`.
+    """
+
+    def __init__(self, swing: Swing, numbers: Mapping[int, Number], moves: Callable[[float], Array]) -> None:
+        self._swing, self._moves, self._time = swing, moves, 0.0
+        moved = (moves(0.0) != 0.0).any(axis=(1, 2)) | (moves(1.0) != 0.0).any(axis=(1, 2))
+        self._columns = moved.size
+        self._told = np.union1d(np.flatnonzero(moved), list(numbers)).astype(np.int64)  # those that are not zero
+        count = self._told.size
+        self._flat = np.zeros((count, swing_tangent.tangent_size.py_func(swing.ints)))
+        self._scale = np.ones(count)
         self._longer: list[tuple[int, Array, float]] = []  # column, arc lengths of the nodes above and below, 2 step
-        column = 0
-        for name in (name for name in names if name not in free):
-            if name in numbers:
-                self._put_number(column, numbers[name])
-                column += 1
-                continue
-            rows = self._rate if name.startswith(RATE) else self._offset
-            rows[column : column + 6, knots[name.removeprefix(RATE)]] = np.eye(6)
-            column += 6
-        self._time = 0.0
+        for row, column in enumerate(self._told.tolist()):
+            if column in numbers:
+                self._put_number(row, numbers[column])
         self._room = _room(swing)
-        self._twists = self._move(ends)
+        self._twists = self._move()
         swing_tangent.begin(
-            swing.ints, swing.floats, swing.sols, swing.work, swing.moving, swing.remembered, self.flat, self._twists,
+            swing.ints, swing.floats, swing.sols, swing.work, swing.moving, swing.remembered, self._flat, self._twists,
             self._room,
         )  # fmt: skip
 
-    def _put_number(self, column: int, number: Number) -> None:
+    def _put_number(self, row: int, number: Number) -> None:
         """What of the network changes with a number."""
         swing = self._swing
         above, below = (tables.model_of.py_func(swing.ints, flat) for flat in number.models)
@@ -105,47 +132,40 @@ class Tangents:
             made_of(swing.plan, model, load) for model, load in zip((above, below), number.loads, strict=True)
         )
         by = 0.5 * number.scale / number.step
-        t: swing_tangent.Tangent = swing_tangent.tangent_of.py_func(swing.ints, self.flat[column])
+        t: swing_tangent.Tangent = swing_tangent.tangent_of.py_func(swing.ints, self._flat[row])
         for own in ("mass", "drag", "lever", "delay"):
             getattr(t, own)[...] = by * (getattr(more, own) - getattr(less, own))
         for own in ("rest", "section", "load", "weight", "h"):
             getattr(t, own)[...] = by * (getattr(above, own) - getattr(below, own))
-        self.scale[column] = number.scale
+        self._scale[row] = number.scale
         if t.delay.any():
             np.maximum(swing.memory.delay, _QUICK, out=swing.memory.delay)
         if (above.s != below.s).any():
-            self._longer.append((column, np.stack((above.s, below.s)), 2.0 * number.step))
+            self._longer.append((row, np.stack((above.s, below.s)), 2.0 * number.step))
 
-    def _move(self, ends: Mapping[str, Grip | FreeEnd]) -> Array:
-        """(p, k, 6): how the knots move now, about the cable's ends."""
-        twists = self._offset + self._time * self._rate
-        for name, knot in self._ends.items() if self._about_gripper else ():
-            end = ends[name]
-            if isinstance(end, Grip):
-                arm = end.cable_frame.position - end.pose.position
-                twists[:, knot, :3] += np.cross(twists[:, knot, 3:], arm)
-        return np.asarray(twists)
+    def _move(self) -> Array:
+        """(p, k, 6): how the knots move now."""
+        return np.ascontiguousarray(self._moves(self._time)[self._told])
 
-    def follow(self, goal: Array, dt: float, ends: Mapping[str, Grip | FreeEnd]) -> None:
+    def follow(self, goal: Array, dt: float) -> None:
         """Goes along with the step that the motion has just taken."""
         swing = self._swing
         self._time += dt
-        before, self._twists = self._twists, self._move(ends)
+        before, self._twists = self._twists, self._move()
         swing_tangent.follow(
             swing.ints, swing.floats, swing.sols, swing.work, swing.moving, swing.remembered, goal, dt, swing.kept,
-            swing.info, swing._scratch, self.flat, before, self._twists, self._room,
+            swing.info, swing._scratch, self._flat, before, self._twists, self._room,
         )  # fmt: skip
 
     def run(self, goals: Array, steps: Array, moves: Array) -> Run:
         """:meth:`Swing.run` with tangents; moves (T, k, 6, m): of the knots, m columns more that begin with it."""
         swing, extra = self._swing, moves.shape[3]
-        flat = np.concatenate((self.flat, np.zeros((extra, self.flat.shape[1]))))
-        twists = np.zeros((len(steps), len(flat), *self._offset.shape[1:]))
-        for at, dt, there in zip(twists, steps.tolist(), np.moveaxis(moves, 3, 1), strict=True):
+        flat = np.concatenate((self._flat, np.zeros((extra, self._flat.shape[1]))))
+        twists = np.zeros((len(steps), len(flat), *self._twists.shape[1:]))
+        for there, dt, more in zip(twists, steps.tolist(), np.moveaxis(moves, 3, 1), strict=True):
             self._time += dt
-            at[: len(self.flat)] = self._offset + self._time * self._rate
-            at[len(self.flat) :] = there
-        begun = np.concatenate((self._twists, np.zeros((extra, *self._offset.shape[1:]))))
+            there[: len(self._flat)], there[len(self._flat) :] = self._move(), more
+        begun = np.concatenate((self._twists, np.zeros((extra, *self._twists.shape[1:]))))
         told = np.empty((3, len(steps), len(swing.model.s), 3))
         found = np.empty((3, *told.shape[1:], len(flat)))
         every = np.zeros((3, *told.shape[1:], self._columns + extra))
@@ -155,10 +175,10 @@ class Tangents:
             swing.info, swing._scratch, told[0], told[1], told[2], flat, begun, twists, self._room, found[0], found[1],
             found[2],
         )  # fmt: skip
-        every[..., at] = found / np.concatenate((self.scale, np.ones(extra)))
+        every[..., at] = found / np.concatenate((self._scale, np.ones(extra)))
         longer = np.zeros((len(swing.model.s), every.shape[-1]))
-        for column, s, apart in self._longer:
-            longer[:, self._told[column]] = (s[0] - s[1]) / apart
+        for row, s, apart in self._longer:
+            longer[:, self._told[row]] = (s[0] - s[1]) / apart
         s = swing.model.s.copy()
         return Run(
             s,
@@ -177,14 +197,14 @@ class Tangents:
         swing, memory = self._swing, self._swing.memory
         ways = ("velocity", "turning") if rates else ("place", "tangent")
         places, tangents = _weights(swing, swing.model.s)
-        moves = [swing_tangent.tangent_of.py_func(swing.ints, flat) for flat in self.flat]
+        moves = [swing_tangent.tangent_of.py_func(swing.ints, flat) for flat in self._flat]
         out = np.zeros((len(places), 3, self._columns))
-        for column, t, scale in zip(self._told.tolist(), moves, self.scale.tolist(), strict=True):
+        for column, t, scale in zip(self._told.tolist(), moves, self._scale.tolist(), strict=True):
             out[:, :, column] = (places @ getattr(t, ways[0]) + tangents @ getattr(t, ways[1])) / scale
-        for column, s, apart in self._longer:
+        for row, s, apart in self._longer:
             above, below = _weights(swing, s[0]), _weights(swing, s[1])
             for i, nodes in enumerate(ways):
-                out[:, :, self._told[column]] += (above[i] - below[i]) / apart @ getattr(memory, nodes)
+                out[:, :, self._told[row]] += (above[i] - below[i]) / apart @ getattr(memory, nodes)
         return out
 
 

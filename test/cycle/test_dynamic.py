@@ -195,7 +195,6 @@ def distance(report: cs.CycleReport) -> float:
 def test_what_does_not_go_together():
     for more, match in (
         ({"model": "catenary"}, "model"),
-        ({"uncertainty": cs.Uncertainty({"length": 1e-3})}, "uncertainty"),
         ({"distributed_load": ((0, 0, -1), (0, 0, -1))}, "distributed_load"),
         ({"motion": "fast"}, "motion"),
     ):
@@ -206,7 +205,6 @@ def test_what_does_not_go_together():
     table = cs.Obstacle("table", cs.Box((2.0, 2.0, 0.1)))
     for more, match in (
         ({"scene": cs.Scene(obstacles=[table], contact="solve")}, "harness knows no contact"),
-        ({"uncertainty": cs.Uncertainty({"bending_stiffness": 0.1})}, "uncertainty"),
         ({"distributed_load": {"h": {"a": ((0, 0, -1), (0, 0, -1))}}}, "distributed_load"),
     ):
         with pytest.raises(cs.ArgumentError, match=match):

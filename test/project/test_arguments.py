@@ -92,8 +92,16 @@ def held(**given: Any) -> object:
 
 def swung(**given: Any) -> object:
     motion = cs.Motion(**{name: given[name] for name in ("cable", "scene", "gravity", "points", "elements")})
-    motion.begin(given["start"], given["end"])
-    return motion.step(given["start"], given["end"], given["dt"])
+    motion.begin(given["start"], given["end"], by=given["by"], at=given["at"])
+    motion.step(given["start"], given["end"], given["dt"])
+    return motion.sensitivity(given["of"])
+
+
+def swung_tube(**given: Any) -> object:
+    names = ("cable", "uncertainty", "scene", "gravity", "points", "elements")
+    tubes = cs.MotionTube(**{name: given[name] for name in names})
+    tubes.begin(given["start"], given["end"])
+    return tubes.step(given["start"], given["end"], given["dt"])
 
 
 @cache
@@ -300,7 +308,14 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, Any]]] = {
         swung,
         {
             "cable": CABLE, "scene": None, "gravity": (0, 0, -9.81), "points": 12, "elements": 8, "start": START,
-            "end": cs.Grip(END), "dt": 0.01,
+            "end": cs.Grip(END), "dt": 0.01, "by": ("drag", "start"), "at": "gripper", "of": "velocity",
+        },
+    ),
+    "MotionTube": (
+        swung_tube,
+        {
+            "cable": CABLE, "uncertainty": SPREAD, "scene": None, "gravity": (0, 0, -9.81), "points": 12, "elements": 8,
+            "start": START, "end": cs.Grip(END), "dt": 0.01,
         },
     ),
     "PointsTarget": (

@@ -176,6 +176,21 @@ def test_the_share_of_markers_inside_the_tube_is_told(tmp_path: Path) -> None:
     assert without.inside is None
 
 
+def test_what_swings_has_a_tube_of_its_own(tmp_path: Path) -> None:
+    entries = [
+        pose_entry(topic, BEGIN + k * PERIOD, np.array((x, 0.1 * np.sin(0.3 * k), 0.5, *START[3:])))
+        for k in range(10)
+        for topic, x in ((LEFT, 0.0), (RIGHT, 0.6))
+    ]
+    bag = write_bag(tmp_path / "bag", entries)
+    known = cs.Uncertainty({"bending_stiffness": 0.2}, (2e-3, 0.01))
+    for name in ("one", "two"):
+        run(bag, tmp_path / name, model="auto", motion="dynamic", uncertainty=known)
+    one, two = ((tmp_path / name / "replay" / "replay.mcap").read_bytes() for name in ("one", "two"))
+    assert one == two
+    assert not [w for w in report_of(tmp_path / "one")["replay"]["warnings"] if w["kind"] == "STATUS"]
+
+
 def test_the_tube_counts_where_the_marker_is() -> None:
     line = np.array(((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (2.0, 0.0, 0.0)))
     distances, places = nearest_on_polyline(np.array(((0.5, 0.3, 0.0), (3.0, 0.0, 0.0), (1.0, 0.0, 0.2))), line)
