@@ -52,17 +52,7 @@ def check_harness(
         harness, scene=scene, gravity=gravity, points=points, distributed_load=distributed_load,
         tolerance=1e-4 * harness.longest if tolerance is None else tolerance, **bodies_of(robot),
     )  # fmt: skip
-    path = EndsPath(trajectory) if isinstance(trajectory, Mapping) else trajectory
-    if isinstance(path, GripPath):
-        bound = "the ends of a harness have names"
-        raise ArgumentError.of("trajectory", path, bound, "Write EndsPath({'a.start': table, 'b.end': table}).")
-    if isinstance(path, EndsPath):
-        if ends is not None:
-            raise ArgumentError.of("ends", dict(ends), "the trajectory says which are held", "Leave them out.")
-        held, free = path.held, path.free
-    else:
-        path = path if isinstance(path, JointPath) else JointPath.from_message(path)
-        held, free = _held(ends)
+    path, held, free = path_of(trajectory, ends)
     motion = Motion(path, robot)
     check_links(motion.robot, scene)
     grips, links = motion.at(0.0)
@@ -78,6 +68,21 @@ def check_harness(
     walk.run()
     walk.found.time = perf_counter() - began
     return walk.found
+
+
+def path_of(
+    trajectory: Any, ends: Mapping[str, str | FreeEnd] | None
+) -> tuple[EndsPath | JointPath, tuple[str, ...], Mapping[str, FreeEnd]]:
+    """The path of a harness, which ends are held along it, and the loads of free ones."""
+    path = EndsPath(trajectory) if isinstance(trajectory, Mapping) else trajectory
+    if isinstance(path, GripPath):
+        bound = "the ends of a harness have names"
+        raise ArgumentError.of("trajectory", path, bound, "Write EndsPath({'a.start': table, 'b.end': table}).")
+    if isinstance(path, EndsPath):
+        if ends is not None:
+            raise ArgumentError.of("ends", dict(ends), "the trajectory says which are held", "Leave them out.")
+        return path, path.held, path.free
+    return path if isinstance(path, JointPath) else JointPath.from_message(path), *_held(ends)
 
 
 def _accelerate(predictor: HarnessPredictor, name: str, acceleration: Array) -> None:

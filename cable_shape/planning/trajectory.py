@@ -34,7 +34,7 @@ from cable_shape.errors import ArgumentError
 from cable_shape.kernels.safety import advance
 from cable_shape.planning.cables_trajectory import check_cables
 from cable_shape.planning.harness_trajectory import check_harness
-from cable_shape.planning.paths import EndsPath, GripPath, JointPath, Motion, Path, Routing
+from cable_shape.planning.paths import EndsPath, Motion, Path, Routing
 from cable_shape.planning.swing_trajectory import check_swing
 from cable_shape.planning.trajectory_report import Reason, TrajectoryCheck, Violation
 from cable_shape.planning.trajectory_walk import JUMP, Judge, Look, Walk, accelerations_of, bodies_of
@@ -115,8 +115,8 @@ def check_trajectory(
         Of several cables: what holds that one, in place of the scene's `clips`, which hold every cable.
     motion : bool
         As the cable swings (:class:`cable_shape.Motion`) when the trajectory is run at its times, from rest, judged
-        every 10 ms and until it has settled after the end; `stops` tells how it comes to rest. Of one cable, without
-        loads and accelerations.
+        every 10 ms and until it has settled after the end; `stops` tells how it comes to rest. Of one cable, or a
+        harness, without loads and accelerations.
 
     Raises
     ------
@@ -136,10 +136,9 @@ def check_trajectory(
     if time_limit is not None:
         deadline = began + checks.number("time_limit", time_limit, above=0.0, unit="s")
     if motion:
-        _refuse_of_motion(cable, distributed_load=distributed_load, acceleration=acceleration, clips=clips, ends=ends)
-        assert isinstance(cable, Cable)
-        path = trajectory if isinstance(trajectory, (JointPath, GripPath)) else JointPath.from_message(trajectory)
-        swung = check_swing(cable, scene, robot, path, deadline, proceed, gravity=gravity, points=points)
+        _refuse_of_motion(cable, distributed_load=distributed_load, acceleration=acceleration, clips=clips)
+        assert isinstance(cable, (Cable, Harness))
+        swung = check_swing(cable, scene, robot, trajectory, ends, deadline, proceed, gravity=gravity, points=points)
         swung.time = perf_counter() - began
         return swung
     if isinstance(cable, Mapping):
@@ -205,8 +204,8 @@ def check_laid(
 def _refuse_of_motion(cable: object, **given: object) -> None:
     """Refuses what is not for a cable that swings."""
     remedy = "Leave it out, or motion=True."
-    if not isinstance(cable, Cable):
-        raise ArgumentError.of("motion", True, "only one cable is followed as it swings", remedy)
+    if not isinstance(cable, (Cable, Harness)):
+        raise ArgumentError.of("motion", True, "only one cable, or a harness, is followed as it swings", remedy)
     for name, value in given.items():
         if value is not None:
             raise ArgumentError.of(name, value, "it is not known of a cable that swings", remedy)

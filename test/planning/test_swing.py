@@ -60,6 +60,37 @@ def test_settling_is_told_at_each_stop():
     assert cs.check_trajectory(free, None, None, path, motion=True).stops[0].settling == np.inf
 
 
+def test_a_harness_with_its_swing_hits_what_it_does_not_at_rest_and_settles():
+    arm = CABLE.replace(length=0.5, drag=0.3)
+    harness = cs.Harness({"a": arm, "b": arm, "c": arm}, [cs.Junction("j", ("a.end", "b.start", "c.start"))])
+    scene = cs.Scene(obstacles=[cs.Obstacle("wall", cs.Box((2.0, 0.02, 2.0)), cs.Pose((0.35, 0.45, 0.6)))])
+
+    def path(seconds: float) -> cs.EndsPath:
+        starts, ends = grips(np.array([(0.0, 0.0, 0.0), (0.0, 0.3, 0.0)]))
+        return cs.EndsPath({"a.start": starts, "b.end": ends, "c.end": cs.FreeEnd()}, [0.0, seconds])
+
+    still = cs.check_trajectory(harness, scene, None, path(0.4), points=41)
+    swung = cs.check_trajectory(harness, scene, None, path(0.4), points=41, motion=True)
+    assert still.valid
+    assert swung.first is not None
+    assert swung.first.reason is cs.Reason.CLEARANCE
+    assert swung.first.segment in harness.segments
+    assert set(swung.margins_of) == set("abc")
+    slow = cs.check_trajectory(harness, scene, None, path(4.0), points=41, motion=True)
+    assert slow.valid
+    assert slow.stops[0].swing < 0.2 * swung.stops[0].swing
+    motion = cs.Motion(harness, points=41)  # the same by hand
+    for k in range(41):
+        ends = {name: cs.Pose((x, 0.3 * k / 40, 1.0), ALONG) for name, x in (("a.start", 0.0), ("b.end", 0.7))}
+        shape = motion.step(ends, 0.01) if k else motion.begin(ends)
+    first, *rest = (
+        np.concatenate([one.positions for one in part.segments.values()]) for part in (shape, *motion.ahead(1000, 0.01))
+    )
+    off = [np.linalg.norm(one - rest[-1], axis=1).max() for one in (first, *rest)]
+    assert swung.stops[0].swing == pytest.approx(max(off), rel=1e-3)
+    assert swung.stops[0].settling == pytest.approx(0.01 * (np.flatnonzero(np.array(off) > 1e-3)[-1] + 1), abs=0.011)
+
+
 def test_a_trajectory_that_swings_needs_times_and_one_cable():
     path = sideways([0.0, 0.1], [0.0, 1.0])
     for given, match in (
