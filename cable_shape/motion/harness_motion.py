@@ -77,6 +77,7 @@ class HarnessMotion:
         self._swing: Swing | None = None
         self._last: HarnessShape | None = None
         self._error = 0.0
+        self._loose: list[int] = []  # knots that nothing holds
         self._tangents: Tangents | None = None
 
     @property
@@ -163,6 +164,8 @@ class HarnessMotion:
             detail = "The harness does not come to rest on the mesh of its motion. "
             return _failed(shape, Status.NOT_CONVERGED, detail)
         self._state, self._swing = state, swing
+        held = {*(row for row, _ in state._held), *state.clip_rows}
+        self._loose = [row for row in range(len(swing.solution.pose)) if row not in held]
         out, rates = self._buffers()
         swing.tell(out, rates)
         self._last = self._shape(out, rates, began, shape.status, shape.detail)
@@ -282,10 +285,7 @@ class HarnessMotion:
     def _aim(self, state: HarnessNetwork, swing: Swing) -> Array:
         """Poses of the knots: those that are held where they are to be, the others as they are."""
         poses = state.aim()
-        held = [row for row, _ in state._held]
-        loose = np.ones(len(poses), dtype=bool)
-        loose[[*held, *state.clip_rows]] = False
-        poses[loose] = swing.solution.pose[loose]
+        poses[self._loose] = swing.solution.pose[self._loose]
         return poses
 
     def _spread_evenly(self, state: HarnessNetwork, shape: HarnessShape) -> None:

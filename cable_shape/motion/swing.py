@@ -136,6 +136,7 @@ class Swing:
         self.ints, self.floats, self.sols, self.work = settling.ints, settling.floats, settling.sols, settling.work
         self.moving, self.plan, self.model = settling.moving, settling.plan, settling.model
         self.motion: motion.Motion = settling.motion
+        self.solution = settling.solution(NOW)  # the last one
         self.remembered = np.zeros(momentum.momentum_size.py_func(self.ints))
         self.memory: momentum.Momentum = momentum.momentum_of.py_func(self.ints, self.remembered)
         self.among = None if among is None else among(settling, self.remembered)
@@ -208,12 +209,6 @@ class Swing:
         self._rest()
         memory.turning[...] = slope - np.einsum("ij,ij->i", slope, memory.tangent)[:, None] * memory.tangent
         return done
-
-    @property
-    def solution(self) -> tables.Solution:
-        """The last solution."""
-        found: tables.Solution = tables.solution_of.py_func(self.ints, self.sols, NOW)
-        return found
 
     def tell(self, out: Array, velocity: Array) -> None:
         """Fills `out` and velocity of the shape at rest, see `swing_output`."""

@@ -56,6 +56,7 @@ class Layout(NamedTuple):
     rings: tuple[tuple[int, int], ...]  # segment by segment, the eyelets: number of the clip, span before it
     placed: Array  # (k,) whole numbers, 1: a rotation of which a guess is to be made
     beside: dict[int, list[tuple[int, float]]]  # of each knot those at the other ends of its spans, and how far [m]
+    ways: tuple[tuple[int, int, float], ...]  # two knots that are held, and how far they may be apart [m]
 
 
 @final
@@ -136,11 +137,15 @@ def layout_of(problem: HarnessProblem, kinds: Mapping[str, str]) -> Layout:
         tuple(build.knots), tuple(build.spans), tuple(cables),
         tuple((build.spans[j].end, j) for _, j in build.rings), tuple(build.free), tuple(build.loose),
     )  # fmt: skip
+    through = {row for row, _ in structure.rings}
+    held = [k for k, knot in enumerate(build.knots) if not knot.moves and k not in through]
+    beside = _beside(problem, build, spans, levers)
+    ways = [(k, other, far) for k in held for other, far in ways_from(beside, k, held).items() if k < other]
     placed = [name[0] in _GUESSED and build.knots[row].turns for name, row in build.rows.items()]
     return Layout(
         structure, np.array(build.frames), build.rows, spans, np.array(build.arcs), own_loads,
         tuple(row for row in masses if row[1] > 0.0), tuple(levers), tuple(build.rings),
-        np.array(placed, dtype=np.int64), _beside(problem, build, spans, levers),
+        np.array(placed, dtype=np.int64), beside, tuple(ways),
     )  # fmt: skip
 
 

@@ -12,7 +12,7 @@ from cable_shape.kernels.frames import align
 from cable_shape.kernels.network.drive import STRAIGHT
 from cable_shape.pose import rotate
 from cable_shape.shape import NUMBERS_PER_POINT, Status
-from cable_shape.solve.harness_layout import Name, holds, ways_from
+from cable_shape.solve.harness_layout import Name, holds
 from cable_shape.solve.harness_network import HarnessNetwork
 from cable_shape.solve.harness_problem import HarnessProblem
 
@@ -26,17 +26,12 @@ _AHEAD: Array = np.array((0.0, 0.0, 1.0))
 def out_of_reach(task: HarnessProblem, state: HarnessNetwork, poses: Array) -> tuple[Status, Array, str, float] | None:
     """Two supports further apart than the segments between them are long: status, poses, what to say, what is missing
     [m]; None where there are none, or segments stretch."""
-    knots = state.structure.knots
-    beside = state.layout.beside
-    names = list(state.layout.knots)
+    names, places = list(state.layout.knots), poses[:, :3].tolist()
     worst: tuple[float, int, int, float, float] = (0.0, -1, -1, 0.0, 0.0)
-    rings = {row for row, _ in state.structure.rings}
-    held = [k for k, knot in enumerate(knots) if not knot.moves and k not in rings]
-    for k in held:
-        for other, length in ways_from(beside, k, held).items():
-            apart = math.dist(poses[k, :3].tolist(), poses[other, :3].tolist())
-            if apart >= STRAIGHT * length and (worst[1] < 0 or apart - length > worst[0]):
-                worst = (apart - length, k, other, apart, length)
+    for k, other, length in state.layout.ways:
+        apart = math.dist(places[k], places[other])
+        if apart >= STRAIGHT * length and (worst[1] < 0 or apart - length > worst[0]):
+            worst = (apart - length, k, other, apart, length)
     missing, a, b, apart, length = worst
     if a < 0:
         return _through_eyelets(state, poses)
