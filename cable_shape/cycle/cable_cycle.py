@@ -381,9 +381,9 @@ class CableCycles:
             checks.one_of(f"plugs[{name!r}].socket", plug.socket, scene.sockets)
         dynamic = None
         if self.motion == DYNAMIC:
-            self._check_dynamic(predictor.solo, load)
+            self._check_dynamic(predictor.solo)
             problem, known = predictor.problem, self.uncertainty.get(name)
-            keywords = {key: options[key] for key in ("robot_links", "gripping_links")}
+            keywords = {key: options[key] for key in ("robot_links", "gripping_links", "distributed_load")}
             keywords |= {"gravity": problem.gravity, "points": problem.points}
             made = Motion(cable, scene, **keywords) if known is None else MotionTube(cable, known, scene, **keywords)
             dynamic = Dynamic[CableShape](made)
@@ -393,18 +393,10 @@ class CableCycles:
             self.look_ahead, before,
         )  # fmt: skip
 
-    def _check_dynamic(self, predictor: Predictor, load: ArrayLike | None) -> None:
+    def _check_dynamic(self, predictor: Predictor) -> None:
         """Refuses what a cable that swings does not go together with."""
         if not predictor.is_rod:
             raise ArgumentError.of("model", self.model, "only the Cosserat rod swings", "Choose 'cosserat' or 'auto'.")
-        refuse_beside_motion(load)
-
-
-def refuse_beside_motion(load: object) -> None:
-    """Of what swings: a distributed load is not given."""
-    remedy = "Leave it out, or write motion='quasistatic'."
-    if load is not None:
-        raise ArgumentError.of("distributed_load", "given", "motion='dynamic' knows none", remedy)
 
 
 def refuse_acceleration(name: str) -> NoReturn:

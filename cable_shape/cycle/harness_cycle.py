@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from cable_shape.cable.cable import Cable
 from cable_shape.cable.harness import Harness, split_end
-from cable_shape.cycle.cable_cycle import check_parts, refuse_acceleration, refuse_beside_motion
+from cable_shape.cycle.cable_cycle import check_parts, refuse_acceleration
 from cable_shape.cycle.dynamic import DYNAMIC, QUASISTATIC, Dynamic, nearest
 from cable_shape.cycle.harness_stability import HarnessStability
 from cable_shape.cycle.seen import AsSeen
@@ -117,8 +117,8 @@ class HarnessCycle:
         self._known: HarnessTubeWatch | None = None
         self._dynamic: Dynamic[HarnessShape] | None = None
         if look_ahead is not None:
-            refuse_beside_motion(options.get("distributed_load"))
             given: dict[str, Any] = {"gravity": gravity, "points": self.predictor.problem.points}
+            given["distributed_load"] = options.get("distributed_load")
             self._dynamic = Dynamic(
                 HarnessMotion(harness, scene, **given)
                 if uncertainty is None

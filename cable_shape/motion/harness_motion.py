@@ -55,8 +55,12 @@ class HarnessMotion:
         gravity: ArrayLike = GRAVITY,
         points: int = 150,
         elements: int | None = None,
+        *,
+        distributed_load: Mapping[str, ArrayLike] | None = None,
     ) -> None:
-        self.problem = HarnessProblem(harness, gravity=gravity, points=points, scene=scene)
+        self.problem = HarnessProblem(
+            harness, gravity=gravity, points=points, scene=scene, distributed_load=distributed_load
+        )
         self.elements = None if elements is None else checks.integer("elements", elements, at_least=4, at_most=2000)
         for name, cable in harness.segments.items():
             try:

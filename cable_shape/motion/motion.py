@@ -60,6 +60,8 @@ class Motion:
     robot_links, gripping_links
         As of :class:`cable_shape.Predictor`: bodies on links, which keep the cable out as obstacles do, and links that
         hold it, which do not.
+    distributed_load : (2, 3) array_like, optional
+        [N/m], as of :class:`cable_shape.Predictor`: dead, beside the weight. Of a harness by segment.
     elements : int, optional
         Of the whole cable, of equal length; at least four between two supports. Default: 20, or as many more as the
         boundary layers sqrt(EI / |n|) of a limp cable ask for when it begins, up to 400.
@@ -88,10 +90,11 @@ class Motion:
         *,
         robot_links: Iterable[Obstacle] = (),
         gripping_links: Iterable[str] = (),
+        distributed_load: ArrayLike | None = None,
     ) -> None:
         if not isinstance(cable, Cable):
             raise ArgumentError.of("cable", cable, "it must be a Cable or a Harness", "Write Cable(length=..., ...).")
-        options: dict[str, Any] = {"gravity": gravity, "points": points}
+        options: dict[str, Any] = {"gravity": gravity, "points": points, "distributed_load": distributed_load}
         options |= {"robot_links": tuple(robot_links), "gripping_links": tuple(gripping_links)}
         self._still = Problem(cable, scene=scene, friction=False, **options)
         self.problem = Problem(cable, scene=_without_eyelets(scene), **options)

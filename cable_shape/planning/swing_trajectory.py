@@ -53,7 +53,7 @@ def check_swing(
     proceed: Callable[[TrajectoryCheck], bool] | None,
     **options: Any,
 ) -> TrajectoryCheck:
-    """See :func:`cable_shape.check_trajectory` with `motion`; options: `gravity` and `points`.
+    """See :func:`cable_shape.check_trajectory` with `motion`; options: keywords of `Motion`.
 
     Raises
     ------

@@ -116,7 +116,7 @@ def check_trajectory(
     motion : bool
         As the cable swings (:class:`cable_shape.Motion`) when the trajectory is run at its times, from rest, judged
         every 10 ms and until it has settled after the end; `stops` tells how it comes to rest. Of one cable, or a
-        harness, without loads and accelerations.
+        harness, without accelerations.
 
     Raises
     ------
@@ -136,9 +136,12 @@ def check_trajectory(
     if time_limit is not None:
         deadline = began + checks.number("time_limit", time_limit, above=0.0, unit="s")
     if motion:
-        _refuse_of_motion(cable, distributed_load=distributed_load, acceleration=acceleration, clips=clips)
+        _refuse_of_motion(cable, acceleration=acceleration, clips=clips)
         assert isinstance(cable, (Cable, Harness))
-        swung = check_swing(cable, scene, robot, trajectory, ends, deadline, proceed, gravity=gravity, points=points)
+        swung = check_swing(
+            cable, scene, robot, trajectory, ends, deadline, proceed, gravity=gravity, points=points,
+            distributed_load=distributed_load,
+        )  # fmt: skip
         swung.time = perf_counter() - began
         return swung
     if isinstance(cable, Mapping):

@@ -192,10 +192,26 @@ def distance(report: cs.CycleReport) -> float:
     return np.inf if closest is None else closest.distance
 
 
+def test_what_is_loaded_swings_under_its_load():
+    load = np.array(((0.0, 0.3, -0.2), (0.0, 0.1, -0.4)))
+    for cable, held, given in (
+        (CABLE, {"cable": ends(0.0)}, load),
+        ({"h": FORK}, {"h": fork_ends(0.0)}, {"h": {"a": load, "b": 0.5 * load}}),
+    ):
+        swung, still = (cs.Cycle(cable, distributed_load=given, motion=one) for one in ("dynamic", "quasistatic"))
+        free = cs.Cycle(cable, motion="dynamic")
+        lines = []
+        for cycle in (swung, still, free):
+            shape = next(iter(cycle.step(held, 0).shapes.values()))
+            parts = shape.segments.values() if isinstance(shape, cs.HarnessShape) else (shape,)
+            lines.append(np.concatenate([part.positions for part in parts]))
+        assert np.abs(lines[0] - lines[1]).max() < 1e-4
+        assert np.abs(lines[0] - lines[2]).max() > 1e-2
+
+
 def test_what_does_not_go_together():
     for more, match in (
         ({"model": "catenary"}, "model"),
-        ({"distributed_load": ((0, 0, -1), (0, 0, -1))}, "distributed_load"),
         ({"motion": "fast"}, "motion"),
     ):
         with pytest.raises(cs.ArgumentError, match=match):
@@ -203,10 +219,7 @@ def test_what_does_not_go_together():
     with pytest.raises(cs.ArgumentError, match="look_ahead"):
         cs.Cycle(CABLE, look_ahead=0.5)
     table = cs.Obstacle("table", cs.Box((2.0, 2.0, 0.1)))
-    for more, match in (
-        ({"scene": cs.Scene(obstacles=[table], contact="solve")}, "harness knows no contact"),
-        ({"distributed_load": {"h": {"a": ((0, 0, -1), (0, 0, -1))}}}, "distributed_load"),
-    ):
+    for more, match in (({"scene": cs.Scene(obstacles=[table], contact="solve")}, "harness knows no contact"),):
         with pytest.raises(cs.ArgumentError, match=match):
             cs.Cycle({"h": FORK}, **{"motion": "dynamic", **more})
     harness = cs.Cycle({"h": FORK}, motion="dynamic")

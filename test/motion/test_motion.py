@@ -73,6 +73,23 @@ def test_energy_goes_where_it_is_said_to_go():
         assert share[0] / share[1] > 3.0
 
 
+def test_a_distributed_load_does_work_as_weight_does():
+    load = ((0.0, 0.5, 0.0), (0.0, 0.1, -0.3))
+    motion = cs.Motion(CABLE, points=41, distributed_load=load)
+    first = motion.begin(START, END)
+    still = cs.predict(CABLE, START, END, points=41, distributed_load=load)
+    assert np.abs(first.positions - still.positions).max() < 1e-4
+    given = most = 0.0
+    for k in range(1, 401):
+        y = 0.1 * smooth(k * 1e-3, 0.4)
+        shape = motion.step(cs.Pose((0.0, y, 0.0), ALONG), cs.Pose((0.7, 0.5 * y, 0.3 * y), ALONG), 1e-3)
+        given += shape.work
+        most = max(most, shape.kinetic_energy)
+    change = shape.energy + shape.kinetic_energy - first.energy
+    assert most > 1e-3
+    assert abs(change - given) < 1e-3 * most
+
+
 def test_damped_it_comes_to_rest_where_the_cable_is_at_rest():
     shapes = swung(CABLE.replace(retardation_time=0.2, drag=0.5), 0.02, 12.0)
     last = shapes[-1]
