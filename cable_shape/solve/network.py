@@ -459,12 +459,15 @@ class Network:
         if float(trial.q[0] @ poses[0, 3:]) * float(trial.q[-1] @ poses[-1, 3:]) < 0.0:
             trial.pose[-1, 3:] *= -1.0
 
-    def resume(self, poses: Array) -> bool:
-        """Puts the last shape in the place of the last solution, its supports where their points are; False if none."""
+    def resume(self, poses: Array, fineness: float = 1.0) -> bool:
+        """Puts the last shape in the place of the last solution, its supports where their points are; False if none.
+
+        fineness: of the mesh, as for `first_mesh`.
+        """
         shape = self.last
         if shape is None or not shape.status or shape.length != self.length or shape.points < _FEWEST_POINTS:
             return False
-        self.first_mesh(poses)
+        self.first_mesh(poses, fineness)
         now, nodes = self.solution(NOW), self.nodes
         now.q[...] = interpolated(nodes, shape.arc_length, shape.quaternions)
         bounds = self.bounds()

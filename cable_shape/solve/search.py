@@ -29,6 +29,8 @@ _FAR_STEP = 0.3
 _MESHES = 12
 #: Fractions of the path. Near a cusp the shape moves a thousand times as much as its ends and yet continuously.
 _FIRST_STEP, _SMALLEST_STEP, _SMALLEST_IN_CLIPS = 0.25, 1.0 / 4096.0, 1.0 / 256.0
+#: Times as fine as usual are meshes in clips that are tried next: a coarse one may miss a boundary layer.
+_FINER: tuple[float, ...] = (2.0, 5.0)
 _QUARTER_TURN = 0.25
 #: Windings beyond so many turns are refused: on the way there the cable goes through itself.
 MOST_TURNS = 3
@@ -45,8 +47,8 @@ class Search:
     """
 
     __slots__ = (
-        "before", "began", "buffer", "deadline", "eyelets", "info", "iterations", "last", "late", "loads", "problem",
-        "reached", "snapped", "softened", "state",
+        "before", "began", "buffer", "deadline", "eyelets", "finer", "info", "iterations", "last", "late", "loads",
+        "problem", "reached", "snapped", "softened", "state",
     )  # fmt: skip
 
     def __init__(
@@ -60,6 +62,7 @@ class Search:
         self.began = began
         self.iterations = 0
         self.late = self.snapped = self.softened = False
+        self.finer = _FINER if state.spans > 1 else _FINER[:1]  # of meshes that guesses are still to be tried on
         self.before: CableShape | None = None  # the last shape of a branch that ended
         self.buffer, self.loads = self.room()
         self.info: list[float] = []
@@ -170,14 +173,25 @@ class Search:
         if state.history > 0:
             return self._walk(poses)
         if state.spans > 1 and state.resume(poses):
-            state.target[...] = poses
-            if self.call(1, WARM_ITERATIONS, far=FAR) or self.follow(poses):
+            if self._resumed(poses) or self.follow(poses):
                 return self._finish(Status.OK)
             if self.late:
                 return self._give_up(poses)
             self._load(1.0)
             self.last = self.problem
         return self._cold(poses)
+
+    def _resumed(self, poses: Array) -> bool:
+        """From the shape that `resume` has taken up, on finer meshes where a coarse one has none like it."""
+        state = self.state
+        for fineness in _FINER:
+            state.target[...] = poses
+            if self.call(1, WARM_ITERATIONS, far=FAR):
+                return True
+            if self.out_of_time() or not state.resume(poses, fineness):
+                return False
+        state.target[...] = poses
+        return self.call(1, WARM_ITERATIONS, far=FAR)
 
     def beside(self, frames: object, force: Array, fineness: float) -> CableShape:
         """Plain Newton steps from these frames, on a mesh so many times as fine as a cold start's."""
@@ -198,8 +212,10 @@ class Search:
         if self.snapped and status is Status.OK:
             status = Status.SNAPPED
         if state.too_coarse(self.info):
+            warm = state.history > 0
             found = self._remesh(status)
             if found is None:
+                self.snapped = self.snapped or warm
                 return self._lost(state.target.copy())
             status = found
         elif state.history > 0 and status is Status.OK and state.too_fine(self.info):
@@ -308,6 +324,8 @@ class Search:
 
     def _lost(self, poses: Array) -> CableShape:
         """A finer mesh did not confirm the equilibrium."""
+        if self.state.spans > 1 and self._guessed_finer(poses, self.state.turns):
+            return self._finish(Status.OK)
         if softened(self, poses):
             return self._finish(Status.OK if self.before is None else Status.SNAPPED)
         self.state.history = 0
@@ -434,8 +452,7 @@ class Search:
         found = self._started(poses, wound)
         if state.spans > 1:
             found = found or (not self.late and approached(self, poses))
-        for fineness in (2.0,) if state.spans == 1 else (2.0, 5.0):  # a coarse mesh may miss a boundary layer
-            found = found or (not self.late and guessed(self, poses, fineness, wound))
+        found = found or self._guessed_finer(poses, wound)
         found = found or (not self.late and softened(self, poses))
         if found:
             if turns and not self._wind_up(turns):
@@ -464,6 +481,14 @@ class Search:
         if code == start.LOST:
             return not self.out_of_time() and guessed(self, poses, 1.0, wound)
         return bool(code == start.FOUND)
+
+    def _guessed_finer(self, poses: Array, wound: float) -> bool:
+        """From the guesses, on meshes finer than any that they were tried on."""
+        while self.finer and not self.late:
+            fineness, self.finer = self.finer[0], self.finer[1:]
+            if guessed(self, poses, fineness, wound):
+                return True
+        return False
 
     def _wind_up(self, turns: int) -> bool:
         """From the winding 0, which has just been solved, to `turns` by turning the end about its d3."""

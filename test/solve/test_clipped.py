@@ -308,3 +308,34 @@ def test_sensitivity_at_the_gripper_includes_its_offset():
         ahead = predictor.predict(START, grip.at(moved(grip.pose, turn=turn))).positions
         behind = predictor.predict(START, grip.at(moved(grip.pose, turn=-turn))).positions
         assert J[:, :, 9 + axis] == pytest.approx((ahead - behind) / 4e-5, abs=2e-4)
+
+
+@pytest.mark.parametrize(
+    ("length", "bend", "twist", "mass", "at", "places"),
+    [
+        (1.0294, 0.026, 0.02, 0.51, (0.6014, 0.859), ((0.5792, -0.0149, 0.86), (0.8092, -0.0258, 0.9329))),
+        (
+            1.0293500373805693, 0.026134820587709842, 0.020103708144392187, 0.5102696798653522,
+            (0.6014033408206416, 0.8592498629310812),
+            ((0.5792189475368971, -0.014940394754887188, 0.8599686080028885),
+             (0.8091572016180508, -0.025760097664344533, 0.9329129560285156)),
+        ),
+    ],
+    ids=["nothing", "itself"],
+)  # fmt: skip
+def test_what_bends_too_sharply_for_a_coarse_mesh_is_found_on_a_finer_one(length, bend, twist, mass, at, places):
+    """From nothing in the one, from the shape in the other: between hinge and eyelet the cable is all but straight."""
+    along_x = Pose(quaternion=(0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5)))
+    cable = cs.Cable(length=length, linear_density=0.1, bending_stiffness=bend, twisting_stiffness=twist)
+    kinds = zip(at, places, ("hinge", "slide"), strict=True)
+    clips = [Clip(arc, Pose(place) * along_x, kind) for arc, place, kind in kinds]
+    scene = Scene(clips=clips, masses=[PointMass(mass, 0.01)])
+    ends = Pose((-0.0050413001540199716, 0.0, 1.0)) * along_x, Pose((0.9625477349837152, 0.0, 1.0)) * along_x
+    shape = cs.Predictor(cable, scene=scene).predict(*ends)
+    assert shape.status is Status.OK
+    again = cs.Predictor(cable, scene=scene)
+    again.begin(shape, ends, None)
+    again.look_again()
+    found = again.solve()
+    assert found.status is Status.OK
+    assert np.abs(found.positions - shape.positions).max() < 1e-5 * cable.length

@@ -119,20 +119,22 @@ def cable_of(plan: Plan, j: int) -> int:
 def stop_beside(plan: Plan, model: Model, j: int, near_end: bool) -> int:
     """The node nearest to the end of span j, or to its start, that carries a point load or is held by a knot.
 
-    The nodes up to there, and knots that bodies press on with them, keep their shares of that stretch of the cable.
+    The nodes up to there, and knots that bodies press on with them, keep their shares of that stretch of the cable:
+    but those that carry a point load, too.
     """
     c = cable_of(plan, j)
     least = 1e-9 * model.par[LENGTH]
     while True:
         first, last = plan.first[j] + j, plan.first[j + 1] + j
         found = first if near_end else last
-        far = found
+        loaded = 0
         for k in range(plan.points[c], plan.points[c + 1]):
-            for node in range(first + 1, last):
+            for node in range(first, last) if near_end else range(first + 1, last + 1):
                 if abs(model.s[node] - model.at[k]) < least:
                     found = max(found, node) if near_end else min(found, node)
+                    loaded += 1
         knot = plan.ends[j, 0 if near_end else 1]
-        if found != far or model.along.shape[0] == 0 or knot < plan.head[FIRST_PRESSED] or plan.vertices[knot, 1] < 0:
+        if loaded > 0 or model.along.shape[0] == 0 or knot < plan.head[FIRST_PRESSED] or plan.vertices[knot, 1] < 0:
             return found
         j += -1 if near_end else 1
 

@@ -121,10 +121,15 @@ class TouchState(Laid):
         return out
 
     def _align(self) -> None:
-        """Signs of the supports' quaternions, those of the nodes there; what is free takes theirs."""
+        """Signs of the supports' quaternions, those of the nodes there; what is free takes theirs, what is held theirs.
+
+        How a shape is turned in a clip, where it bends otherwise than beside it, its points on both sides do not tell.
+        """
         for j, k in enumerate(self.held):
             if self._grips[NOW, j, 3:] @ self.q[NOW, k] < 0.0:
                 self._grips[NOW, j, 3:] *= -1.0
+            if not self.held_mask[j].any():
+                self.q[NOW, k] = self._grips[NOW, j, 3:]
         if self.chains[-1].free[1]:
             self._grips[NOW, -1, 3:] = self.q[NOW, -1]
 

@@ -27,12 +27,14 @@ WARM_ITERATIONS, STEP_ITERATIONS = 30, 20
 GENTLE_ITERATIONS = 20  #: more, where friction gives way more easily at first
 FAR = 0.7  #: A warm solve that turns a frame by more than this [rad] from its prediction is checked by small steps.
 FINE = 1.9e-4  #: of the length: an error from contacts above this, or AMISS times it in all, asks for a finer mesh
+_SURE = 2e-4  #: of the length: with a smaller error estimate a shape found from nothing is none of the mesh alone
 _EXACT = 1e-5  #: of the length: an error from contacts below this is none of nodes in their way
 #: Of the length: elements shorter than this are not divided where contacts stand; their pushes would mean nothing.
 SHORTEST = 1.25e-3
 _RUNS = 8  #: of taking contacts that stand along the cable
 _SQUARE = 1e-3  #: cosine of the angle between cable and push of a contact that stands on an edge: it runs there, else
 _ROUNDS = 8  #: of adding nodes where the cable dips into a body between them
+_CONFIRMED = 4  #: meshes, each finer than the last, on which a shape is looked for that was found from nothing
 #: Of half a body's thickness and the cable's: how deep a point is that stands for one in the middle of the body, where
 #: points and times are at most so much apart.
 _MIDDLE = 0.4
@@ -178,6 +180,22 @@ class Steps:
             if not self.again(WARM_ITERATIONS, sunk=sunk, drag=drag):
                 return False
         return not self._dips(sunk, 2.0 * DEEPEST).size
+
+    def confirmed(self, frames: Array) -> bool:
+        """Whether the last solution is still there on finer meshes, unless its error is small enough to be sure of it.
+
+        A coarse mesh may have an equilibrium of its own, and no shape from before tells so of one found from nothing.
+        """
+        state = self.state
+        for _ in range(_CONFIRMED):
+            if state.info[7] <= _SURE * state.length or state.elements > MOST_ELEMENTS:
+                break
+            if not state.insert(np.union1d(state.too_coarse(), state.beside_contacts())):
+                break
+            state.target(frames)
+            if not (self.again(WARM_ITERATIONS) and self.settle(frames)):
+                return False
+        return True
 
     def _stand_finer(self, frames: Array, arcs: Array) -> bool:
         """The same with contacts that stand, and nodes at `arcs`; else the last solution stays as it is."""

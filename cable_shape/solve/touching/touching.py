@@ -290,7 +290,7 @@ class Solve:
         for attempt in attempts:
             if steps.late:
                 return self._no_shape(Status.BUDGET_EXCEEDED, "")
-            if attempt() and steps.settle(frames):
+            if attempt() and steps.settle(frames) and steps.confirmed(frames):
                 return self._finish(status)
         return self._lost() if not steps.late else self._no_shape(Status.BUDGET_EXCEEDED, "")
 

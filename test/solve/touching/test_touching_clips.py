@@ -259,3 +259,55 @@ def test_buried_clips_are_named():
     shape = cs.predict(CABLE, START, END, scene=table(clip("ball", -0.01)), model="cosserat")
     assert shape.status is cs.Status.NOT_CONVERGED
     assert "clips[0] is 14.0 mm inside obstacle 'table'" in shape.detail
+
+
+def test_a_mass_that_a_body_has_pressed_on_the_way_stays_where_it_is_on_the_cable():
+    along_x, at = cs.Pose(quaternion=(0.0, np.sqrt(0.5), 0.0, np.sqrt(0.5))), 0.473813
+    cable = cs.Cable(length=1.0689056, linear_density=0.1, bending_stiffness=0.0175, diameter=0.008)
+    ball = cs.Obstacle("ball", cs.Sphere(0.028875), cs.Pose((0.364248, -0.000615, 0.836624)))
+    eyelet = cs.Clip(0.339034, cs.Pose((0.323950, -0.000567, 0.886467)) * along_x, "slide")
+    scene = cs.Scene([ball], clips=[eyelet], masses=[cs.PointMass(at, 0.01)], contact="solve")
+    ends = cs.Pose((0.02923, 0.0, 1.0)) * along_x, None
+    predictor = cs.Predictor(cable, scene=scene)
+    shape = predictor.predict(*ends)
+    assert shape.status is cs.Status.OK
+    assert len(shape.touches) == 1
+    assert np.abs(predictor.memory.nodes - at).min() < 1e-12
+    other = cs.Predictor(cable, scene=scene)
+    other.begin(shape, ends, None)
+    other.look_again()
+    assert np.abs(other.solve().positions - shape.positions).max() < shape.error_estimate
+
+
+def test_a_shape_taken_up_is_turned_in_its_clip_as_the_clip_is():
+    shape, predictor = lowered("fixed")
+    other = cs.Predictor(CABLE, model="cosserat", scene=predictor.scene)
+    other.begin(shape, (START, END), None)
+    state = other.memory
+    turned = state.q[0, state.held[1]]
+    assert abs(float(turned @ clip("fixed").pose.quaternion)) == pytest.approx(1.0, abs=1e-14)
+
+
+def test_a_shape_found_from_nothing_is_none_of_its_mesh_alone():
+    """On the first mesh there is an equilibrium 26 mm from any that the cable has; it told an error of 0.4 mm."""
+    along_x = cs.Pose(quaternion=(0.0, np.sqrt(0.5), 0.0, np.sqrt(0.5)))
+    cable = cs.Cable(
+        length=1.0254129402227727, linear_density=0.1, bending_stiffness=0.024397259080461663,
+        twisting_stiffness=0.018767122369585894, diameter=0.008,
+    )  # fmt: skip
+    ball = cs.Sphere(0.024741739185727522), cs.Pose((0.09885186275469329, -0.0015249074595386452, 0.9387414670742777))
+    at, places = (
+        (0.23192330069029962, 0.7144692372135851),
+        ((0.18816023703755017, -0.007807861928593536, 0.9315255584185914),
+         (0.663539542759484, -0.007273051851660466, 0.8812358069868147)),
+    )  # fmt: skip
+    clips = [cs.Clip(arc, cs.Pose(place) * along_x, "fixed") for arc, place in zip(at, places, strict=True)]
+    masses = [cs.PointMass(0.5292362721472125, 0.01)]
+    scene = cs.Scene([cs.Obstacle("ball", *ball)], clips=clips, masses=masses, contact="solve")
+    ends = cs.Pose((-0.02286989689896844, 0.0, 1.0)) * along_x, cs.Pose((0.9410182669104379, 0.0, 1.0)) * along_x
+    shape = cs.Predictor(cable, scene=scene).predict(*ends)
+    assert shape.status is cs.Status.OK
+    finer = cs.Predictor(cable, scene=scene, tolerance=1e-6)
+    finer.begin(shape, ends, None)
+    finer.look_again()
+    assert np.abs(finer.solve().positions - shape.positions).max() < 5e-4 * cable.length
