@@ -1,12 +1,16 @@
-"""What is asked of every shape in contact: which nodes it could do without, and by how much it is stretched."""
+"""Asked of every shape in contact: which nodes it lacks, which it could do without, by how much it is stretched."""
 
 from __future__ import annotations
 
+import math
+
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.contact.near import BARE, GAP, is_knot
+from cable_shape.kernels.contact.near import BARE, GAP, SHARP, is_knot, sharpness
+from cable_shape.kernels.rod_algebra import get4, qconj, qmul
 
 CLOSE = 1.2  # of the spacing: two elements that are no longer together can be one
+WIDE, FOLDED = 0.2, 0.4  # [rad] an element turns by at most: between two contacts, and beside one on an edge
 LYING = 2e-6  # [m] nodes nearer to a body than this lie on it, pressed or not
 
 
@@ -14,6 +18,38 @@ LYING = 2e-6  # [m] nodes nearer to a body than this lie on it, pressed or not
 def touches(near: Array, on: Array, k: int, full: bool) -> bool:
     """Whether node k is pressed on a body or, where that counts, lies on one."""
     return is_knot(on, k) or (full and on[k, 1] != BARE and near[k, GAP] < LYING)
+
+
+@kernel
+def steep(nodes: Array, h: Array, q: Array, near: Array, on: Array, layer: float, least: float, out: Array) -> int:
+    """Fills `out` with the middles of elements beside contacts that are too long, and returns how many there are.
+
+    They are longer than `layer` [m] and turn by more than `least` [rad], or lie between two contacts and turn by more
+    than WIDE; beside contacts that run over edges they are longer than `layer` and turn by more than FOLDED.
+    """
+    count = 0
+    for e in range(h.shape[0]):
+        left, right = on[e, 0] != BARE, on[e + 1, 0] != BARE
+        if not (left or right):
+            continue
+        turn = 2.0 * math.acos(min(1.0, abs(qmul(qconj(get4(q, e)), get4(q, e + 1))[3])))
+        long, wide = h[e] > layer and turn > least, left and right and turn > WIDE
+        if not (long or wide):
+            continue
+        if not (long and turn > FOLDED):
+            left = left and not on_edge(q, h, near, e)
+            right = right and not on_edge(q, h, near, e + 1)
+            if not (left and right) and not (long and (left or right)):
+                continue
+        out[count] = 0.5 * (nodes[e] + nodes[e + 1])
+        count += 1
+    return count
+
+
+@kernel
+def on_edge(q: Array, h: Array, near: Array, k: int) -> bool:
+    """Whether a contact is on an edge, as long as the elements beside it are."""
+    return bool(sharpness(q, near, k) * (h[k - 1] + h[k]) > SHARP)
 
 
 @kernel

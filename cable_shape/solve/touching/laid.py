@@ -12,7 +12,7 @@ import numpy as np
 from cable_shape.cable.cable import Cable
 from cable_shape.cable.pieces import pieces_of, radius_of, stretches, widest
 from cable_shape.checks import Array
-from cable_shape.kernels.contact import drive, press, run
+from cable_shape.kernels.contact import afterwards, drive, press, run
 from cable_shape.kernels.contact.lay import room_for
 from cable_shape.kernels.contact.near import (
     BARE,
@@ -477,7 +477,9 @@ class Laid:
         """Arc lengths in the middle of elements beside contacts that tension makes bend in less than their length."""
         pull = float(np.abs(self.ends[NOW]).max(initial=0.0))
         layer = 0.7 * math.sqrt(self.bend / pull) if pull > 0.0 else math.inf
-        return mesh.steep(self.nodes, self.h, self.q[NOW], self.near[NOW], self.on[NOW], layer, least)
+        out = np.empty(self.elements)
+        last = self.q[NOW], self.near[NOW], self.on[NOW]
+        return out[: afterwards.steep(self.nodes, self.h, *last, layer, least, out)]
 
     def beside_contacts(self) -> Array:
         """Arc lengths in the middle of all elements less than two away from a contact of the last solution."""

@@ -21,10 +21,8 @@ from cable_shape.kernels.contact.near import (
     PRESS,
     RUB,
     SECOND,
-    SHARP,
     SPOT,
     WAS,
-    sharpness,
     tangent_of,
 )
 from cable_shape.shape import CableShape
@@ -35,8 +33,7 @@ FINENESS = 2.0  #: elements over which bending takes up the weight: where a limp
 MOST_AT_FIRST = 320
 FEWEST_ELEMENTS = 16  #: of them between two clips
 SHARE_OF_WORST = 0.1  #: of the largest share in the error that an element has: those above are divided
-#: rad: elements beside a contact that turn by less are fine enough, see `steep`
-TURN, SOON, WIDE, FOLDED = 0.03, 0.12, 0.2, 0.4
+TURN, SOON = 0.03, 0.12  #: rad: elements beside a contact that turn by less are fine enough, see `afterwards.steep`
 WORST = 0.5  #: of the contact that misses most: those above get nodes beside them
 STRETCHED = 1.6  #: times as long as at first: elements that an eyelet has stretched so far are divided
 ASTRIDE = 0.05  #: cosine of the angle between cable and push of two contacts at both sides of an edge
@@ -122,27 +119,6 @@ def ends_of_rows(nodes: Array, q: Array, near: Array, on: Any, least: float) -> 
     missed = near[k, PRESS] * np.abs((tangents * near[k, NORMAL : NORMAL + 3]).sum(axis=1))
     k = k[missed >= WORST * missed.max(initial=0.0)]
     return np.unique(0.5 * np.concatenate((nodes[k] + nodes[k - 1], nodes[k] + nodes[k + 1])))
-
-
-def steep(nodes: Array, h: Array, q: Array, near: Array, on: Any, layer: float, least: float) -> Array:
-    """Middles of the elements (N,) beside a contact that are longer than `layer` [m] and turn by more than `least`
-    [rad], or between two and turn by more than WIDE; beside contacts that run over edges by more than FOLDED."""
-    touched = on[:, 0] != BARE
-    if not touched.any():
-        return np.empty(0)
-    turn = 2.0 * np.arccos(np.minimum(np.abs((q[1:] * q[:-1]).sum(axis=1)), 1.0))
-    long, wide = (h > layer) & (turn > least), turn > WIDE
-
-    def wanted() -> Any:
-        beside, between = touched[1:] | touched[:-1], touched[1:] & touched[:-1]
-        return (beside & long) | (between & wide)
-
-    if not wanted().any():
-        return np.empty(0)
-    folded = (touched[1:] | touched[:-1]) & long & (turn > FOLDED)
-    for k in np.flatnonzero(touched):
-        touched[k] = sharpness(q, near, k) * (h[k - 1] + h[k]) <= SHARP
-    return np.asarray(0.5 * (nodes[1:] + nodes[:-1])[wanted() | folded])
 
 
 def worst(nodes: Array, errors: Array, inside: Any) -> Array:

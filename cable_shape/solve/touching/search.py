@@ -11,7 +11,7 @@ from cable_shape.solve.search import between
 from cable_shape.solve.touching.step import DEEPEST, FAR, STEP_ITERATIONS, WARM_ITERATIONS, Steps
 
 _FIRST_STEP, _SMALLEST_STEP = 0.25, 1.0 / 512.0
-_FIRST_DRAG = 3e3  #: of a sliding cable, in stiffness / length^2
+_FIRST_DRAG, _MOST_DRAG = 3e3, 1e9  #: of a sliding cable, in stiffness / length^2
 _AT_REST = 0.02  #: the same, times rad in a step: a cable that is driven by less looks for its equilibrium
 _SLIDES = 200  #: such steps at most
 
@@ -46,7 +46,7 @@ def relax(steps: Steps, frames: Array) -> bool:
     softest = state.cable.softest
     done, step, drag = 0.0, 1.0, _FIRST_DRAG * softest
     for _ in range(_SLIDES):
-        if steps.out_of_time() or step < _SMALLEST_STEP:
+        if steps.out_of_time() or step < _SMALLEST_STEP or drag > _MOST_DRAG * softest:
             return False
         at = min(1.0, done + step)
         state.move_bodies(between(links, steps.links, at))
