@@ -86,6 +86,33 @@ def measure_steps(figures: Figures, steps: int) -> None:
             figures.at_most("a step of 20 elements, through Python", python, 100.0, "{:.0f}", " us")
 
 
+def measure_harness(figures: Figures, steps: int) -> None:
+    """Times of a step of a harness, beside those of a cable, in turns."""
+    heading("A step of 10 ms of a harness of three arms, 3 x 20 elements, and of a cable of 20 [us], processor time")
+    arm = CABLE.replace(length=0.5, retardation_time=0.02, drag=0.02)
+    ends_of_arms = ("a.end", "b.start", "c.start")
+    motion = cs.Motion(cs.Harness({"a": arm, "b": arm, "c": arm}, [cs.Junction("j", ends_of_arms)]))
+    one = cs.Motion(CABLE.replace(retardation_time=0.02, drag=0.02), elements=20)
+    seconds: tuple[list[float], list[float]] = [], []
+    for k in range(steps + 1):
+        y = 0.05 * np.sin(0.06 * k)
+        first, last = cs.Pose((0.0, y, 0.0), ALONG), cs.Pose((0.7, 0.5 * y, 0.0), ALONG)
+        held = {"a.start": first, "b.end": cs.Pose((0.8, 0.5 * y, 0.1), ALONG), "c.end": cs.Pose((0.5, 0.4 + y, 0.1))}
+        if k == 0:
+            motion.begin(held)
+            one.begin(first, last)
+            continue
+        began = process_time()
+        motion.step(held, DT)
+        between = process_time()
+        one.step(first, last, DT)
+        seconds[0].append(between - began)
+        seconds[1].append(process_time() - between)
+    arms, cable = (1e6 * float(np.median(times[10:])) for times in seconds)
+    print(f"three arms {arms:.0f}, a cable {cable:.0f}")
+    figures.at_most("a step of three arms, through Python", arms, 150.0, "{:.0f}", " us")
+
+
 def measure_derivatives(figures: Figures, steps: int) -> None:
     """Times of derivatives carried along, beside those of differences, in turns on one motion."""
     heading("Derivatives of a motion by 18 numbers, N = 20, steps of 10 ms: processor time beside differences")
@@ -185,6 +212,7 @@ def main() -> int:
         measure_real(figures, options.data, options.train, list(options.cables), options.all)
         return finish(figures, options)
     measure_steps(figures, 200 if options.quick else 1000)
+    measure_harness(figures, 200 if options.quick else 1000)
     measure_derivatives(figures, 100 if options.quick else 500)
     measure_order(figures, options.quick)
     measure_whips(figures, 3 if options.quick else 50)
