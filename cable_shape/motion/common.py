@@ -14,7 +14,7 @@ from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.motion.swing import ELEMENTS, LAYERS, MOST_ELEMENTS, Swing
 from cable_shape.pose import FreeEnd, Grip
-from cable_shape.shape import CableShape
+from cable_shape.shape import CableShape, Status
 from cable_shape.solve.harness_shape import HarnessShape
 
 MODEL = "motion"
@@ -56,6 +56,15 @@ def steps_ahead(swing: Swing | None, count: int, step: Callable[[], Shape]) -> l
                 break
             found.append(shape)
     return found
+
+
+def failed(shape: Shape, status: Status, detail: str, missing: float = 0.0) -> Shape:
+    """The shape once more, for want of another; missing [m], of an overstretched one."""
+    kept = shape.again()
+    kept.status, kept.detail, kept.missing_length = status, detail + status.remedy, missing
+    kept.work = kept.dissipated = kept.lost = 0.0
+    kept.error_estimate = math.inf
+    return kept
 
 
 def work_of(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from time import perf_counter
 from typing import final
@@ -15,7 +14,7 @@ from cable_shape.cable.harness import Harness
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError, UnknownKeyError
 from cable_shape.kernels.network import tables
-from cable_shape.motion.common import MODEL, check_moves, enough, steps_ahead, work_of
+from cable_shape.motion.common import MODEL, check_moves, enough, failed, steps_ahead, work_of
 from cable_shape.motion.swing import FEWEST, Load, Swing
 from cable_shape.motion.tangents import NUMBERS, RATE, Number, Tangents, Ways, check_free, number_of, traced
 from cable_shape.pose import FreeEnd, Grip, one_mapping
@@ -166,7 +165,7 @@ class HarnessMotion:
         swing = Swing(self._load(state), state)
         if not swing.alive:
             detail = "The harness does not come to rest on the mesh of its motion. "
-            return _failed(shape, Status.NOT_CONVERGED, detail)
+            return failed(shape, Status.NOT_CONVERGED, detail)
         self._state, self._swing = state, swing
         held = {*(row for row, _ in state._held), *state.clip_rows}
         self._loose = [row for row in range(len(swing.solution.pose)) if row not in held]
@@ -202,12 +201,12 @@ class HarnessMotion:
         poses = self._aim(state, swing)
         taut = out_of_reach(problem, state, poses)
         if taut is not None:
-            return _failed(last, Status.OVERSTRETCHED, taut[2].split(". ")[0] + ". The state is kept. ", taut[3])
+            return failed(last, Status.OVERSTRETCHED, taut[2].split(". ")[0] + ". The state is kept. ", taut[3])
         for knot, end, fall in self._tips(state):
             swing.load_end(end, fall, knot)
         out, velocity = self._buffers()
         if not swing.step(poses, dt, out, velocity):
-            return _failed(last, Status.NOT_CONVERGED, "A step could not be taken. The state is kept. ")
+            return failed(last, Status.NOT_CONVERGED, "A step could not be taken. The state is kept. ")
         if self._tangents is not None:
             self._tangents.follow(poses, dt)
         shape = self._shape(out, velocity, began, Status.OK, "")
@@ -357,12 +356,3 @@ class HarnessMotion:
         """The scene's clips, each with its knot."""
         scene = self.problem.scene
         return [] if scene is None else list(zip(scene.clips, state.clip_rows, strict=True))
-
-
-def _failed(shape: HarnessShape, status: Status, detail: str, missing: float = 0.0) -> HarnessShape:
-    """The shape once more, for want of another."""
-    kept = shape.again()
-    kept.status, kept.detail, kept.missing_length = status, detail + status.remedy, missing
-    kept.work = kept.dissipated = kept.lost = 0.0
-    kept.error_estimate = math.inf
-    return kept

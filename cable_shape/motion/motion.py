@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -19,7 +18,7 @@ from cable_shape.cable.harness import Harness
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.motion.among import Among
-from cable_shape.motion.common import MODEL, check_moves, enough, steps_ahead, work_of
+from cable_shape.motion.common import MODEL, check_moves, enough, failed, steps_ahead, work_of
 from cable_shape.motion.run import Run
 from cable_shape.motion.swing import Swing, load_of, spread_evenly
 from cable_shape.motion.tangents import NUMBERS, RATE, Number, Pair, Tangents, Ways, check_free, number_of, traced
@@ -221,7 +220,7 @@ class Motion:
         spread_evenly(state, self.elements or enough(shape, self.cable))
         swing = Swing(load_of(problem), state, among, lying)
         if not swing.alive:
-            return _failed(shape, Status.NOT_CONVERGED, "The cable does not come to rest on the mesh of its motion. ")
+            return failed(shape, Status.NOT_CONVERGED, "The cable does not come to rest on the mesh of its motion. ")
         if by:
             check_free(swing, seen is not None)
         self._state, self._swing = state, swing
@@ -231,7 +230,7 @@ class Motion:
         if seen is not None:
             if not swing.draw_to(seen):
                 self._swing = self._state = None
-                return _failed(shape, Status.NOT_CONVERGED, "The cable could not be drawn to the points. ")
+                return failed(shape, Status.NOT_CONVERGED, "The cable could not be drawn to the points. ")
             swing.tell(out, rates)
         status = Status.OK if seen is not None else shape.status
         self._last = self._shape(out, rates, began, status, "" if seen is not None else shape.detail)
@@ -273,7 +272,7 @@ class Motion:
         poses = state.aim(problem.start, problem.end)
         taut = no_room(problem, state, poses)
         if taut is not None:
-            return _failed(last, Status.OVERSTRETCHED, taut[2].split(". ")[0] + ". The state is kept. ", taut[3])
+            return failed(last, Status.OVERSTRETCHED, taut[2].split(". ")[0] + ". The state is kept. ", taut[3])
         if isinstance(problem.end, FreeEnd):
             swing.load_end(problem.end, problem.end_fall)
         if swing.among is not None:
@@ -281,7 +280,7 @@ class Motion:
         place, frame = last.positions[-1], last.quaternions[-1]
         out, velocity = self._buffers()
         if not swing.step(poses, dt, out, velocity):
-            return _failed(last, Status.NOT_CONVERGED, "A step could not be taken. The state is kept. ")
+            return failed(last, Status.NOT_CONVERGED, "A step could not be taken. The state is kept. ")
         if self._tangents is not None:
             self._tangents.follow(poses, dt)
         shape = self._shape(out, velocity, began, Status.OK, "")
@@ -468,15 +467,6 @@ def _lying(problem: Problem) -> CableShape:
     if problem.bodies:
         return touching.solve(problem, TouchState(problem), None)[0]
     return cosserat.solve(problem)
-
-
-def _failed(shape: CableShape, status: Status, detail: str, missing: float = 0.0) -> CableShape:
-    """The shape once more, for want of another."""
-    kept = shape.again()
-    kept.status, kept.detail, kept.missing_length = status, detail + status.remedy, missing
-    kept.work = kept.dissipated = kept.lost = 0.0
-    kept.error_estimate = math.inf
-    return kept
 
 
 _MADE_FROM = inspect.signature(Motion.__init__)
