@@ -103,7 +103,7 @@ class Solve:
     def run(self) -> CableShape:
         """The shape, whatever comes."""
         state = self.state
-        state.rubs = self.problem.rubs
+        state.rubs = self.problem.rubs and state.tight <= 1.0
         state.move_bodies(self.steps.links)
         frames = state.aimed()
         buried = self._buried(frames)
@@ -238,6 +238,7 @@ class Solve:
             shape = self._finish(status)
             if shape.status or shape.missing_length > 0.0:
                 return shape
+        at_rest = state.put_aside()
         found = steps.stand(frames) and not steps.passes(state.positions, steps.buffer)
         found = found and (steps.settle(frames) or road.taut)
         steps.still = False
@@ -247,6 +248,8 @@ class Solve:
             return shape if shape.status or shape.missing_length > 0.0 else None
         if not road.taut:
             return None
+        state.put_back(at_rest)  # contacts that stand may have led past a body
+        state.move_bodies(steps.links)
         shape = self._no_shape(Status.OVERSTRETCHED, too_short(road.missing))
         shape.missing_length = road.missing
         return shape
@@ -367,6 +370,7 @@ class Solve:
     def _too_short(self, status: Status) -> CableShape:
         """The last solution as that of a cable that hardly gives; one that gives and pulls little is what stays."""
         state, steps = self.state, self.steps
+        state.rubs = False
         taut.pull(steps, *taut.EASY)
         kept = steps.kept()
         taut.pull(steps, *taut.HARD)
