@@ -9,6 +9,7 @@ import time
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
+from typing import final
 
 os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
 
@@ -31,6 +32,7 @@ TABLE = {"name": "table", "box": [2.0, 2.0, 0.04], "position": [0.35, 0.0, 0.18]
 SCENE = {"obstacles": [TABLE], "contact": "solve", "allow": [{"body": "table"}]}
 PLAIN = 500  # cycles in a row, and as many between two edits
 LAPS = 40  # of all edits
+PAUSE = 100_000_000  # ns, without input
 
 
 def edits(middle: cs.Pose) -> Iterator[cs.Edit]:
@@ -46,6 +48,23 @@ def edits(middle: cs.Pose) -> Iterator[cs.Edit]:
         cs.Remove("post"), cs.SetCable(cs.Cable.from_mapping(CABLE)),
     )  # fmt: skip
     return itertools.cycle(lap)
+
+
+@final
+class Going:
+    """The grips' way, from stamp 0 on, which stands still while the node is not fed.
+
+    Where they began elsewhere, or jumped, the cable might come to lie on the other side, where the post is to stand.
+    """
+
+    def __init__(self) -> None:
+        self._way = self._last = 0  # ns
+
+    def __call__(self, stamp: int) -> tuple[list[tuple[float, ...]]]:
+        """The poses at a stamp [ns] of the input."""
+        step, self._last = stamp - self._last, stamp
+        self._way += step if step < PAUSE else 0
+        return poses(self._way)
 
 
 def grips(stamp: int) -> tuple[cs.Pose, cs.Pose]:
@@ -76,9 +95,14 @@ def ask(namespace: str) -> None:
         due = max(due + 1.0 / EDITS, time.monotonic() - 1.0)
         time.sleep(max(0.0, due - time.monotonic()))
         began = time.monotonic()
-        future = client.call_async(EditCable.Request(edits=[edit_message(next(asked))]))
+        edit = next(asked)
+        future = client.call_async(EditCable.Request(edits=[edit_message(edit)]))
         rclpy.spin_until_future_complete(node, future, timeout_sec=STARTUP_S)
-        return time.monotonic() - began
+        took, answer = time.monotonic() - began, future.result()
+        if answer is None or not answer.done:
+            why = "no answer" if answer is None else answer.reason
+            print(f"refused: {type(edit).__name__}: {why}", file=sys.stderr, flush=True)
+        return took
 
     work_when_told(one)
 
@@ -133,8 +157,9 @@ def print_edits(figures: Figures, rates: list[float], seconds: float) -> None:
             one.wait()
         work = stack.enter_context(Work(__file__, "edited"))
         work.wait()
+        going = Going()
         for rate in rates:
-            sides = [Side("echo", echo), Side("node", node), Side("node, edited", node, work=work.going)]
+            sides = [Side("echo", echo), Side("node", node, going), Side("node, edited", node, going, work.going)]
             found = compare(sides, max(1, round(seconds / TURN_S)), rate)
             ratio = found["node, edited"].p99 / found["echo"].p99
             figures.at_most(
