@@ -9,6 +9,8 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 
+PATIENCE = 0.01  #: [s] for so long at most what else is to be done waits for the next input
+
 
 @final
 class InputFirstExecutor(SingleThreadedExecutor):
@@ -39,21 +41,38 @@ class InputFirstExecutor(SingleThreadedExecutor):
             if not subscriptions:
                 self.spin_once()
                 continue
-            others = 0
+            others, taken = 0, False
             while not others and self._context.ok() and not self._is_shutdown:
                 others = self._wait(subscriptions)
-                for subscription in subscriptions:
-                    taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
-                    if taken is not None:
-                        subscription.callback(*taken)
+                taken = self._take(subscriptions)
+            if others and not taken and self._context.ok():
+                self._wait(subscriptions, PATIENCE)  # right after an input there is most time until the next one
+                self._take(subscriptions)
             for _ in range(others + 1):
                 self.spin_once(timeout_sec=0)
+                self._take(tuple(self._inputs()))
 
-    def _wait(self, subscriptions: Sequence[Any]) -> int:
-        """Blocks until something is ready; how many things other than `subscriptions` are."""
-        node = self._node
-        timers, services, clients = tuple(node.timers), tuple(node.services), tuple(node.clients)
-        guards = (*node.guards, self._guard, self._sigint_gc)
+    @staticmethod
+    def _take(subscriptions: Sequence[Any]) -> bool:
+        """Calls back for each input that is there, once; whether any was."""
+        found = False
+        for subscription in subscriptions:
+            taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
+            if taken is not None:
+                found = True
+                subscription.callback(*taken)
+        return found
+
+    def _wait(self, subscriptions: Sequence[Any], patience: float | None = None) -> int:
+        """Blocks until something is ready; how many things other than `subscriptions` are.
+
+        patience [s]: only for `subscriptions`, no longer than that.
+        """
+        node, others = self._node, patience is None
+        timers = tuple(node.timers) if others else ()
+        services = tuple(node.services) if others else ()
+        clients = tuple(node.clients) if others else ()
+        guards = (*(node.guards if others else ()), self._guard, self._sigint_gc)
         counts = (len(subscriptions), len(guards), len(timers), len(clients), len(services), 0)
         wait_set = rclpy_implementation.WaitSet(*counts, self._context.handle)
         wait_set.clear_entities()
@@ -66,7 +85,7 @@ class InputFirstExecutor(SingleThreadedExecutor):
         ):
             for entity in entities:
                 add(entity.handle)
-        wait_set.wait(-1)
+        wait_set.wait(-1 if patience is None else int(1e9 * patience))
         if not self._context.ok():
             raise ExternalShutdownException
         return sum(len(wait_set.get_ready_entities(kind)) for kind in ("guard_condition", "timer", "client", "service"))
