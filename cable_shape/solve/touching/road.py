@@ -53,6 +53,18 @@ _CLOSED = 2e-8
 _NEARLY, _STIFFER = 1e-6, 4.0
 
 
+def led_by(state: TouchState, frames: Array) -> float:
+    """[m], how far supports go from the last solution to `frames` (k, 7), and bodies to where they are."""
+    bodies = state.bodies
+    way = float(np.linalg.norm(frames[:, :3] - state.grips[NOW][:, :3], axis=1).max())
+    return way + float(np.abs(bodies.frames - bodies.frames_then).max(initial=0.0))
+
+
+def is_far(before: Array, after: Array, led: float, length: float) -> bool:
+    """Whether places (n, 3) [m] of a cable of this length [m] have gone much further than it was led."""
+    return bool(np.linalg.norm(after - before, axis=1).max() > _FAR * led + _LITTLE * length)
+
+
 @final
 class Road:
     """The last solution of a cable in contact, with drag.
@@ -120,8 +132,7 @@ class Road:
         state, settling, bodies = self.state, self.settling, self.state.bodies
         origin, links = state.grips[NOW].copy(), bodies.links_then
         self._then = bodies.frames_then
-        self.led = float(np.linalg.norm(frames[:, :3] - origin[:, :3], axis=1).max())
-        self.led += float(np.abs(bodies.frames - bodies.frames_then).max(initial=0.0))
+        self.led = led_by(state, frames)
         self.moved = not np.array_equal(origin, frames) or not np.array_equal(links, self.links)
         done, part = (0.0, 1.0) if self.moved else (1.0, 1.0)
         most = longest = dt = _LONGEST * settling.unit
@@ -231,9 +242,7 @@ class Road:
     @property
     def far(self) -> bool:
         """Whether the cable has gone much further than what holds and pushes it."""
-        return bool(
-            np.linalg.norm(self.places - self.began, axis=1).max() > _FAR * self.led + _LITTLE * self.state.length
-        )
+        return is_far(self.began, self.places, self.led, self.state.length)
 
     @property
     def taut(self) -> bool:

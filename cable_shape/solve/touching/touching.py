@@ -26,7 +26,7 @@ from cable_shape.solve.network import Network
 from cable_shape.solve.problem import Problem
 from cable_shape.solve.rod_common import MODEL, straight_line
 from cable_shape.solve.touching import taut
-from cable_shape.solve.touching.road import TAUT
+from cable_shape.solve.touching.road import TAUT, is_far, led_by
 from cable_shape.solve.touching.search import approach, follow, grow, relax
 from cable_shape.solve.touching.soften import LIMP, STIFF, soften
 from cable_shape.solve.touching.state import TouchState
@@ -201,9 +201,10 @@ class Solve:
         return shape if exact else self._better(frames, shape)
 
     def _let_out(self, frames: Array) -> CableShape | None:
-        """That of a cable that gives ever more, from the last solution; None if that leads nowhere."""
+        """That of a cable that gives ever more, from the last solution; None if that leads nowhere, or over a snap."""
         state, steps = self.state, self.steps
-        there = state.grips[NOW].copy()
+        state.move_bodies(steps.links)
+        led, before, there = led_by(state, frames), state.positions, state.grips[NOW].copy()
         while state.tight < taut.LOOSEST:
             state.tighten(taut.LOOSER * state.tight)
             state.move_bodies(state.bodies.links_then)
@@ -212,7 +213,9 @@ class Solve:
             looser = state.put_aside()
             state.move_bodies(steps.links)
             if steps.go(frames, 1, WARM_ITERATIONS, FAR) or follow(steps, frames):
-                return self._finish(Status.OK)
+                shape = self._finish(Status.OK)
+                far = shape.usable and is_far(before, state.positions, led, state.length)
+                return None if far else shape
             state.put_back(looser)
         return None
 
