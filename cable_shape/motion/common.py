@@ -13,12 +13,35 @@ from cable_shape.cable.pieces import pieces_of
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.motion.swing import ELEMENTS, LAYERS, MOST_ELEMENTS, Swing
+from cable_shape.motion.tangents import Tangents
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve.harness_shape import HarnessShape
 
 MODEL = "motion"
 Shape = TypeVar("Shape", CableShape, HarnessShape)
+
+
+class Traced:
+    """What a motion tells of its state and of derivatives along it."""
+
+    _swing: Swing | None
+    _tangents: Tangents | None
+
+    @property
+    def alive(self) -> bool:
+        """Whether there is a state to step from."""
+        return self._swing is not None
+
+    @property
+    def traceable(self) -> bool:
+        """Whether derivatives can be carried along: it touches nothing."""
+        return self._swing is not None and self._swing.among is None
+
+    @property
+    def traced(self) -> bool:
+        """Whether derivatives are carried along."""
+        return self._tangents is not None
 
 
 def enough(shape: CableShape, cable: Cable) -> int:

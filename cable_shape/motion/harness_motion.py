@@ -14,7 +14,7 @@ from cable_shape.cable.harness import Harness
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError, UnknownKeyError
 from cable_shape.kernels.network import tables
-from cable_shape.motion.common import MODEL, check_moves, enough, failed, steps_ahead, work_of
+from cable_shape.motion.common import MODEL, Traced, check_moves, enough, failed, steps_ahead, work_of
 from cable_shape.motion.swing import FEWEST, Load, Swing
 from cable_shape.motion.tangents import NUMBERS, RATE, Number, Tangents, Ways, check_free, number_of, traced
 from cable_shape.pose import FreeEnd, Grip, one_mapping
@@ -31,7 +31,7 @@ from cable_shape.solve.problem import GRAVITY
 
 
 @final
-class HarnessMotion:
+class HarnessMotion(Traced):
     """A harness that swings; what ``Motion(harness)`` makes. Parameters are those of Motion but for these.
 
     harness : Harness
@@ -87,21 +87,6 @@ class HarnessMotion:
     def harness(self) -> Harness:
         """The harness, as given."""
         return self.problem.harness
-
-    @property
-    def alive(self) -> bool:
-        """Whether there is a state to step from."""
-        return self._swing is not None
-
-    @property
-    def traceable(self) -> bool:
-        """Whether derivatives can be carried along: it touches nothing."""
-        return self._swing is not None and self._swing.among is None
-
-    @property
-    def traced(self) -> bool:
-        """Whether derivatives are carried along."""
-        return self._tangents is not None
 
     @property
     def held(self) -> dict[str, Grip | FreeEnd]:

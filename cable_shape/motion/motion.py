@@ -18,7 +18,7 @@ from cable_shape.cable.harness import Harness
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.motion.among import Among
-from cable_shape.motion.common import MODEL, check_moves, enough, failed, steps_ahead, work_of
+from cable_shape.motion.common import MODEL, Traced, check_moves, enough, failed, steps_ahead, work_of
 from cable_shape.motion.run import Run
 from cable_shape.motion.swing import Swing, load_of, spread_evenly
 from cable_shape.motion.tangents import NUMBERS, RATE, Number, Pair, Tangents, Ways, check_free, number_of, traced
@@ -38,7 +38,7 @@ from cable_shape.solve.touching.state import TouchState
 
 
 @final
-class Motion:
+class Motion(Traced):
     """A cable that swings: its shape from step to step, inertia included.
 
     The rod of :mod:`cable_shape.solve.cosserat` with mass, retardation and drag (docs/motion.md): implicit steps of
@@ -113,21 +113,6 @@ class Motion:
     def cable(self) -> Cable:
         """The cable, as given."""
         return self.problem.cable
-
-    @property
-    def alive(self) -> bool:
-        """Whether there is a state to step from."""
-        return self._swing is not None
-
-    @property
-    def traceable(self) -> bool:
-        """Whether derivatives can be carried along: it touches nothing."""
-        return self._swing is not None and self._swing.among is None
-
-    @property
-    def traced(self) -> bool:
-        """Whether derivatives are carried along."""
-        return self._tangents is not None
 
     @property
     def held(self) -> dict[str, Grip | FreeEnd]:
