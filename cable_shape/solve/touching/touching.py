@@ -178,21 +178,22 @@ class Solve:
         if follow(steps, frames):
             return self._found(frames), ()
         reached = state.put_aside()
-        drawn, tight = None, state.tight
+        drawn, too_short, tight = None, reached, state.tight
         if state.single and not state.stretches and state.pull > taut.TIGHT:
             state.put_back(origin)
             drawn = self._let_out(frames)
-            if drawn is not None and (drawn.usable or tight > 1.0):
-                return drawn, ()
-            too_short = state.put_aside()
+            if drawn is not None:
+                if drawn.usable or tight > 1.0:
+                    return drawn, ()
+                too_short, steps.buffer = state.put_aside(), state.new_buffer()  # it may be taut only
             state.put_back(reached)
             state.move_bodies(steps.links)
         shape = self._by_road(frames) if self.leaps else None
-        if drawn is not None and (shape is None or not shape.usable):
-            state.put_back(too_short)
-            state.move_bodies(steps.links)
-            return drawn, ()
-        return shape, reached
+        if drawn is None or (shape is not None and shape.usable):
+            return shape, reached
+        state.put_back(too_short)
+        state.move_bodies(steps.links)
+        return drawn, ()
 
     def _found(self, frames: Array) -> CableShape:
         """The equilibrium that Newton's method found."""
@@ -214,8 +215,8 @@ class Solve:
             state.move_bodies(steps.links)
             if steps.go(frames, 1, WARM_ITERATIONS, FAR) or follow(steps, frames):
                 shape = self._finish(Status.OK)
-                far = shape.usable and is_far(before, state.positions, led, state.length)
-                return None if far else shape
+                near = shape.usable and not is_far(before, state.positions, led, state.length)
+                return shape if near or shape.missing_length > 0.0 else None
             state.put_back(looser)
         return None
 
