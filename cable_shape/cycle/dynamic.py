@@ -101,7 +101,7 @@ class Dynamic(Generic[Shape]):
         if isinstance(self.motion, Motion):
             shape = self.motion.begin(*cast("Ends", ends), links=links)
         else:
-            shape = self.motion.begin(cast("Mapping[str, End]", ends))
+            shape = self.motion.begin(cast("Mapping[str, End]", ends), links=links)
         if self.tube is not None and shape.status:
             self.tube.follow(ends, links)
         return shape
@@ -112,7 +112,7 @@ class Dynamic(Generic[Shape]):
         if isinstance(self.motion, Motion):
             shape = self.motion.step(*cast("Ends", ends), dt, links)
         else:
-            shape = self.motion.step(cast("Mapping[str, End]", ends), dt)
+            shape = self.motion.step(cast("Mapping[str, End]", ends), dt, links)
         if self.tube is not None and shape.status:
             self.tube.follow(ends, links, dt)
         return shape

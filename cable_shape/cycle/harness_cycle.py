@@ -118,7 +118,8 @@ class HarnessCycle:
         self._dynamic: Dynamic[HarnessShape] | None = None
         if look_ahead is not None:
             given: dict[str, Any] = {"gravity": gravity, "points": self.predictor.problem.points}
-            given["distributed_load"] = options.get("distributed_load")
+            given |= {"distributed_load": options.get("distributed_load"), "robot_links": robot_links}
+            given["gripping_links"] = gripping_links
             self._dynamic = Dynamic(
                 HarnessMotion(harness, scene, **given)
                 if uncertainty is None
@@ -169,7 +170,7 @@ class HarnessCycle:
         else:
             if acceleration is not None:
                 refuse_acceleration(self.name)
-            shape = self._dynamic.predict(ends, stamp)
+            shape = self._dynamic.predict(ends, stamp, links)
         self.tails = self._hang(shape, ends)
         if shape.status:
             self.found = Found(shape, self.tails, ends, links)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import final
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple, final
 
 import numpy as np
 
-from cable_shape.cable.pieces import cable_at
+from cable_shape.cable.cable import Cable
+from cable_shape.cable.pieces import cable_at, widest
 from cable_shape.checks import Array
 from cable_shape.kernels.contact import swung
 from cable_shape.kernels.contact.check import TOUCH
@@ -19,12 +21,15 @@ from cable_shape.kernels.network.props import DRY, ELEMENT, HOLDER, SHARE
 from cable_shape.kernels.network.tables import NOW
 from cable_shape.kernels.network.walls import KEPT, PUSHED, STIFF, WALL, WALLS
 from cable_shape.pose import Pose
+from cable_shape.scene.scene_parts import Clip
 from cable_shape.shape import CableShape
+from cable_shape.solve.harness_problem import HarnessProblem
 from cable_shape.solve.mesh import interpolated
 from cable_shape.solve.plan import Whole
 from cable_shape.solve.problem import Problem
 from cable_shape.solve.settle import Settling
 from cable_shape.solve.touching.bodies import TouchBodies
+from cable_shape.solve.touching.harness_state import Laid
 
 #: [m] bodies nearer than this to a node have a plane there while it comes to rest, and stiffness of the planes, in that
 #: of the elements beside them against bending, EI / h^3.
@@ -34,30 +39,60 @@ _FIRST, _LONGEST, _SHORTEST, _MOST = 1e-2, 30.0, 1e-9, 300
 _LONGER, _SHORTER = 4.0, 0.2
 #: What drag may still take, of the largest force, and how far [m] nodes may be from planes that press them, at rest.
 _AT_REST, _CLOSED = 1e-7, 1e-7
+_NO_GAP: Array = np.zeros(1)
+
+
+class Lying(NamedTuple):
+    """Cables at rest as one long one, `gaps` (c,) [m] added to the arc lengths of each."""
+
+    arc_length: Array  # (n,) [m]
+    positions: Array  # (n, 3) [m]
+    quaternions: Array  # (n, 4)
+    force: Array  # (n, 3) [N]
+    gaps: Array
+
+    @classmethod
+    def of(cls, shape: CableShape | Laid, gaps: Array = _NO_GAP) -> Lying:
+        """That of a shape."""
+        return cls(shape.arc_length, shape.positions, shape.quaternions, shape.force, gaps)
 
 
 @final
 class Among:
-    """Bodies, and what the nodes of one network are to them."""
+    """Bodies, and what the nodes of one network are to them.
 
-    def __init__(self, problem: Problem, settling: Settling, remembered: Array) -> None:
+    cables: of the network; None: one that knows no bodies. rings (e, RING): the eyelets.
+    """
+
+    def __init__(
+        self, problem: Problem | HarnessProblem, cables: Sequence[Cable | None], rings: Array, settling: Settling,
+        remembered: Array,
+    ) -> None:  # fmt: skip
         self.bodies = TouchBodies()
-        cable = problem.cable
-        self.bodies.take(problem.bodies, problem.gripping, problem.links, 0.5 * cable.diameter, problem.carried)
-        s = settling.model.s
-        parts = [cable_at(cable, x) for x in s.tolist()]
+        thickest = 0.5 * max(widest(cable) for cable in cables if cable is not None)
+        self.bodies.take(problem.bodies, problem.gripping, problem.links, thickest, problem.carried)
+        n, plan, h = settling.model.s.size, settling.plan, settling.model.h
+        thick, whole, rough, bend, around = -np.ones(n), np.zeros(n), np.zeros(n), np.zeros(n), np.ones(n)
+        for c, cable in enumerate(cables):
+            for j in range(plan.cables[c], plan.cables[c + 1]):
+                a, b = plan.first[j], plan.first[j + 1]
+                own = slice(a + j, b + j + 1)
+                around[own] = 0.5 * (h[[*range(a, b), b - 1]] + h[[a, *range(a, b)]])
+                if cable is None:
+                    continue
+                parts = [cable_at(cable, x) for x in settling.model.s[own].tolist()]
+                thick[own], rough[own] = [0.5 * part.diameter for part in parts], [part.friction for part in parts]
+                whole[own], bend[own] = cable.length, cable.mean_bending_stiffness
         self.skin = swung.Skin(
-            np.array([0.5 * part.diameter for part in parts]),
-            np.full(s.size, cable.length),
-            np.array([part.friction for part in parts]),
-            np.empty(s.size),
-            np.empty(settling.sols.size + remembered.size + settling.moving.size),
-            self.bodies.moved_links.copy(),
-            _rings(problem),
-        )
-        around = np.gradient(s) if s.size > 1 else np.ones(1)
-        self._stiff = _FIRM * cable.mean_bending_stiffness / np.maximum(around, 0.25 * around.mean()) ** 3
-        self._out = np.empty((4 * s.size, TOUCH))
+            thick, whole, rough, _knots(settling, thick), np.empty(n),
+            np.empty(settling.sols.size + remembered.size + settling.moving.size), self.bodies.moved_links.copy(),
+            rings,
+        )  # fmt: skip
+        for node in np.flatnonzero(self.skin.knot >= 0):
+            beside = _nodes_in(settling, self.skin.knot[node])
+            rough[node], bend[node], around[node] = rough[beside].max(), bend[beside].max(), around[beside].min()
+        self._stiff = _FIRM * bend / np.maximum(around, 0.25 * h.mean()) ** 3
+        self._out = np.empty((4 * n, TOUCH))
 
     @property
     def kernel(self) -> Bodies:
@@ -74,15 +109,15 @@ class Among:
         if links is not None and len(self.skin.links):
             self.bodies.move(self.bodies.link_rows(links))
 
-    def touches(self, ints: Whole, floats: Array, moving: Array) -> Array:
-        """(k, TOUCH), the contacts of the last step, in ascending arc length."""
-        count = swung.touches(ints, floats, moving, self.skin.thick, self._out)
+    def touches(self, ints: Whole, floats: Array, moving: Array, cable: int) -> Array:
+        """(k, TOUCH), the contacts of a cable in the last step, in ascending arc length."""
+        count = swung.touches(ints, floats, moving, self.skin.thick, cable, self._out)
         found = self._out[:count].copy()
         return found[np.argsort(found[:, 0], kind="stable")]
 
-    def rest(self, settling: Settling, memory: Momentum, remembered: Array, shape: CableShape) -> bool:
-        """Lays the network where a cable lies at rest among the bodies, and lets it come to rest there on its mesh."""
-        _lay(settling, shape)
+    def rest(self, settling: Settling, memory: Momentum, remembered: Array, lying: Lying) -> bool:
+        """Lays the network where it lies at rest among the bodies, and lets it come to rest there on its mesh."""
+        _lay(settling, lying)
         motion, dt = settling.motion, _FIRST * settling.unit
         for _ in range(_MOST):
             state = settling.sols, motion.walls, motion.props, motion.kept, motion.origin
@@ -122,32 +157,57 @@ class Among:
         return float(np.abs((rows[:, PUSHED] - rows[:, KEPT]) / rows[:, STIFF]).max(initial=0.0))
 
 
-def _rings(problem: Problem) -> Array:
-    """(e, RING), the eyelets of a cable."""
-    clips = [clip for clip in problem.clips if clip.kind == "slide"]
-    rings = np.zeros((len(clips), RING))
-    for row, clip in zip(rings, clips, strict=True):
-        row[:3], row[4] = clip.pose.position, clip.arc_length
+def rings_of(clips: Sequence[Clip], cables: Sequence[int]) -> Array:
+    """(e, RING), the eyelets among clips, each of a cable of the network."""
+    rows = [(clip, c) for clip, c in zip(clips, cables, strict=True) if clip.kind == "slide"]
+    rings = np.zeros((len(rows), RING))
+    for row, (clip, c) in zip(rings, rows, strict=True):
+        row[:3], row[3], row[4] = clip.pose.position, c, clip.arc_length
     return rings
 
 
-def _lay(settling: Settling, shape: CableShape) -> None:
-    """Makes a shape the network's last solution."""
+def _nodes_in(settling: Settling, knot: int) -> list[int]:
+    """The nodes in a knot."""
+    first = settling.plan.first
+    return [int(first[j + end]) + int(j) for j, end in np.argwhere(settling.plan.ends == knot)]
+
+
+def _knots(settling: Settling, thick: Array) -> Any:
+    """(n,): what a node stands for, see `Skin`: the thickest in a knot that moves for that."""
+    plan, found = settling.plan, np.full(thick.size, swung.INSIDE)
+    for j, (a, b) in enumerate(pairwise(plan.first.tolist())):
+        found[a + j] = swung.HELD
+        if not settling.motion.loose[b + j]:
+            found[b + j] = swung.HELD
+    for knot, (_, moves) in enumerate(plan.vertices.tolist()):
+        if moves >= 0:
+            node = max(_nodes_in(settling, knot), key=thick.__getitem__)
+            if thick[node] >= 0.0:
+                found[node] = knot
+    return found
+
+
+def _lay(settling: Settling, lying: Lying) -> None:
+    """Makes what lies at rest the network's last solution."""
     now, motion, model, plan = settling.solution(NOW), settling.motion, settling.model, settling.plan
-    q = interpolated(model.s, shape.arc_length, shape.quaternions)
-    if q[0] @ now.q[0] < 0.0:
-        q *= -1.0
+    counts = [plan.first[b] - plan.first[a] for a, b in pairwise(plan.cables.tolist())]
+    more = np.repeat(lying.gaps, np.array(counts) + np.diff(plan.cables))
+    q, s = interpolated(model.s + more, lying.arc_length, lying.quaternions), model.s + more
+    for a, b in pairwise(plan.cables.tolist()):
+        own = slice(plan.first[a] + a, plan.first[b] + b)
+        if q[own.start] @ now.q[own.start] < 0.0:
+            q[own] *= -1.0
     now.q[...] = q
-    for j, (a, b) in enumerate(zip(plan.first[:-1], plan.first[1:], strict=True)):
-        for knot, node in ((plan.ends[j, 0], a + j), (plan.ends[j, 1], b + j)):
-            if now.pose[knot, 3:] @ q[node] < 0.0:
-                now.pose[knot, 3:] *= -1.0
-    _along(shape.positions, shape.arc_length, model.s, motion.origin)
+    for j, end in np.argwhere(plan.tied == 0):
+        knot, node = plan.ends[j, end], plan.first[j + end] + j
+        if now.pose[knot, 3:] @ q[node] < 0.0:
+            now.pose[knot, 3:] *= -1.0
+    _along(lying.positions, lying.arc_length, s, motion.origin)
     motion.place[...] = motion.origin
     ends = plan.first[1:] - 1
-    middles = model.s[plan.left] + 0.5 * model.h
+    middles = s[plan.left] + 0.5 * model.h
     force = np.empty((middles.size, 3))
-    _along(shape.force, shape.arc_length, middles, force)
+    _along(lying.force, lying.arc_length, middles, force)
     motion.kept[...] = force - motion.load[:, 3:6]
     now.lam[...] = motion.kept[ends]
     size = settling.sols.size // 3

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from time import perf_counter
-from typing import final
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,11 +15,13 @@ from cable_shape.cable.harness import Harness
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError, UnknownKeyError
 from cable_shape.kernels.network import tables
+from cable_shape.motion.among import Among, Lying, rings_of
 from cable_shape.motion.common import MODEL, Traced, check_moves, enough, failed, steps_ahead, work_of
 from cable_shape.motion.swing import FEWEST, Load, Swing
 from cable_shape.motion.tangents import NUMBERS, RATE, Number, Tangents, Ways, check_free, number_of, traced
-from cable_shape.pose import FreeEnd, Grip, one_mapping
-from cable_shape.scene.scene import Scene
+from cable_shape.pose import FreeEnd, Grip, Pose, one_mapping
+from cable_shape.scene.mesh_convex import check_convex
+from cable_shape.scene.scene import Obstacle, Scene
 from cable_shape.scene.scene_parts import Clip
 from cable_shape.shape import NUMBERS_PER_POINT, Status
 from cable_shape.solve import harness_search
@@ -28,6 +31,9 @@ from cable_shape.solve.harness_outcome import out_of_reach
 from cable_shape.solve.harness_problem import End, HarnessProblem
 from cable_shape.solve.harness_shape import HarnessShape
 from cable_shape.solve.problem import GRAVITY
+from cable_shape.solve.settle import Settling
+from cable_shape.solve.touching import harness_solve
+from cable_shape.solve.touching.harness_state import HarnessTouchState, Laid
 
 
 @final
@@ -37,7 +43,7 @@ class HarnessMotion(Traced):
     harness : Harness
         Every segment has a linear density and a bending stiffness above 0.
     scene : Scene, optional
-        Clips and masses name their `segment`; no eyelets, and no contact that is solved for.
+        Clips and masses name their `segment`; no eyelets.
     points, elements : int
         Of each segment.
 
@@ -55,20 +61,21 @@ class HarnessMotion(Traced):
         points: int = 150,
         elements: int | None = None,
         *,
+        robot_links: Iterable[Obstacle] = (),
+        gripping_links: Iterable[str] = (),
         distributed_load: Mapping[str, ArrayLike] | None = None,
     ) -> None:
-        self.problem = HarnessProblem(
-            harness, gravity=gravity, points=points, scene=scene, distributed_load=distributed_load
-        )
+        options: dict[str, Any] = {"gravity": gravity, "points": points, "distributed_load": distributed_load}
+        options |= {"robot_links": tuple(robot_links), "gripping_links": tuple(gripping_links)}
+        self._still = HarnessProblem(harness, scene=scene, friction=False, **options)
+        self.problem = HarnessProblem(harness, scene=scene, **options)
         self.elements = None if elements is None else checks.integer("elements", elements, at_least=4, at_most=2000)
         for name, cable in harness.segments.items():
             try:
                 check_moves(cable)
             except ArgumentError as error:
                 raise ArgumentError(f"segment {name!r}: {error}") from None
-        if self.problem.bodies:
-            remedy = "Write contact='warn'."
-            raise ArgumentError.of("scene.contact", "solve", "the motion of a harness knows no contact", remedy)
+        check_convex(self._still.bodies)
         for i, clip in enumerate(() if scene is None else scene.clips):
             if clip.link is not None:
                 bound = "the motion of a harness knows no clips on links"
@@ -115,7 +122,14 @@ class HarnessMotion(Traced):
             raise ArgumentError("there is no last shape. Call begin first.")
         return self._last
 
-    def begin(self, ends: Mapping[str, End], *more: object, by: Sequence[str] = (), at: str = "cable") -> HarnessShape:
+    def begin(
+        self,
+        ends: Mapping[str, End],
+        *more: object,
+        links: Mapping[str, Pose] | None = None,
+        by: Sequence[str] = (),
+        at: str = "cable",
+    ) -> HarnessShape:
         """Starts at rest between these ends; returns that shape. Where its status says no, there is nothing to step.
 
         Parameters
@@ -124,6 +138,8 @@ class HarnessMotion(Traced):
             As of `HarnessPredictor.predict`.
         *more
             None: the ends of a harness are one mapping.
+        links : mapping, optional
+            As there.
         by : names, each once
             What `sensitivity` is to tell, see `Motion.begin`: open ends, "a.start", and "velocity:a.start",
             "clip:NAME"; "length:a" of segment a, and so the other numbers.
@@ -140,17 +156,23 @@ class HarnessMotion(Traced):
         by = checks.entries("by", (by,) if isinstance(by, str) else by, str, "Write ('a.start', 'drag:a').")
         began = perf_counter()
         self._swing = self._last = self._tangents = None
-        problem = self.problem.move(ends)
+        problem = self.problem.move(ends, links)
         if by:
             self._check_names(by)
-        shape, state = harness_search.solve(problem)
+        among: tuple[Any, ...] = ()
+        if problem.bodies:
+            shape, state, among = self._among(ends, links)
+        else:
+            shape, state = harness_search.solve(problem)
         if not shape.status:
             return shape
         self._spread_evenly(state, shape)
-        swing = Swing(self._load(state), state)
+        swing = Swing(self._load(state), state, *among)
         if not swing.alive:
             detail = "The harness does not come to rest on the mesh of its motion. "
             return failed(shape, Status.NOT_CONVERGED, detail)
+        if by:
+            check_free(swing, False)
         self._state, self._swing = state, swing
         held = {*(row for row, _ in state._held), *state.clip_rows}
         self._loose = [row for row in range(len(swing.solution.pose)) if row not in held]
@@ -165,7 +187,20 @@ class HarnessMotion(Traced):
             self._tangents = Tangents(swing, self._numbers(state, ways.at), ways)
         return self._last
 
-    def step(self, ends: Mapping[str, End], dt: float) -> HarnessShape:
+    def _among(
+        self, ends: Mapping[str, End], links: Mapping[str, Pose] | None
+    ) -> tuple[HarnessShape, HarnessNetwork, tuple[Callable[[Settling, Array], Among], Lying]]:
+        """At rest among bodies without friction: how friction would hold it nothing tells; and its network as there."""
+        still = self._still.move(ends, links)
+        shape, _ = harness_solve.solve(still, HarnessTouchState(still), None)  # type: ignore[arg-type]
+        touch = HarnessTouchState(self.problem)  # type: ignore[arg-type]
+        knots, whole, state = touch.knots_at(shape, touch.aimed()), Laid(shape, touch.gaps), touch.cable
+        state.resume_from(whole, touch.gaps, knots)
+        cables = [*self.harness.segments.values(), *(None for _ in state.layout.levers)]
+        among = partial(Among, still, cables, rings_of((), ()))
+        return shape, state, (among, Lying.of(whole, touch.gaps))
+
+    def step(self, ends: Mapping[str, End], dt: float, links: Mapping[str, Pose] | None = None) -> HarnessShape:
         """The harness dt [s] later, when its ends have come here, see `Motion.step`.
 
         Raises
@@ -179,7 +214,7 @@ class HarnessMotion(Traced):
         if swing is None or state is None or last is None:
             raise ArgumentError("step() needs a state to step from, and there is none. Call begin first.")
         before, kinds = dict(self.problem.ends), self._kinds()
-        problem = self.problem.move(ends)
+        problem = self.problem.move(ends, links)
         if self._kinds() != kinds:
             remedy = "Hold them so, or begin again."
             raise ArgumentError.of("ends", self._kinds(), f"they were {kinds} at begin", remedy)
@@ -189,6 +224,8 @@ class HarnessMotion(Traced):
             return failed(last, Status.OVERSTRETCHED, taut[2].split(". ")[0] + ". The state is kept. ", taut[3])
         for knot, end, fall in self._tips(state):
             swing.load_end(end, fall, knot)
+        if swing.among is not None:
+            swing.among.move(links)
         out, velocity = self._buffers()
         if not swing.step(poses, dt, out, velocity):
             return failed(last, Status.NOT_CONVERGED, "A step could not be taken. The state is kept. ")
@@ -322,13 +359,15 @@ class HarnessMotion(Traced):
         info, n, c = swing.info, problem.points, len(self.harness.segments)
         shape = HarnessShape(
             self.harness, out[: NUMBERS_PER_POINT * n * c], n, model=MODEL, status=status, detail=detail,
-            twists=swing.told[: 2 * c : 2], error_estimate=self._error + float(swing.told[1 : 2 * c : 2].max()),
+            twists=swing.told[: 2 * c : 2],
+            error_estimate=self._error + float(swing.told[1 : 2 * c : 2].max()) + swing.depth,
             iterations=int(info[0]), solve_time=perf_counter() - began,
             clips=np.array(
                 [(clip.arc_length, *-swing.memory.reaction[row]) for clip, row in self._clips(state)]
             ).reshape(-1, 7),
             clips_of=problem.clips, velocity=velocity[: n * c], kinetic_energy=swing.kinetic_energy,
-            work=float(info[2]), dissipated=float(info[3]),
+            work=float(info[2]), dissipated=float(info[3]), touches=[swing.touches(i) for i in range(c)],
+            bodies=() if swing.among is None else swing.among.bodies.names,
         )  # fmt: skip
         shape.energy = swing.energy
         for name, end in problem.ends.items():

@@ -17,7 +17,7 @@ from cable_shape.cable.cable import Cable
 from cable_shape.cable.harness import Harness
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
-from cable_shape.motion.among import Among
+from cable_shape.motion.among import Among, Lying, rings_of
 from cable_shape.motion.common import MODEL, Traced, check_moves, enough, failed, steps_ahead, work_of
 from cable_shape.motion.run import Run
 from cable_shape.motion.swing import Swing, load_of, spread_evenly
@@ -201,9 +201,11 @@ class Motion(Traced):
             lying = _lying(self._still.move(start, end, links))
             if not lying.status:
                 return lying
-            among, shape = partial(Among, self._still), lying
+            shape = lying
+            rings = rings_of(self._still.clips, [0] * len(self._still.clips))
+            among = partial(Among, self._still, [self.cable], rings)
         spread_evenly(state, self.elements or enough(shape, self.cable))
-        swing = Swing(load_of(problem), state, among, lying)
+        swing = Swing(load_of(problem), state, among, None if lying is None else Lying.of(lying))
         if not swing.alive:
             return failed(shape, Status.NOT_CONVERGED, "The cable does not come to rest on the mesh of its motion. ")
         if by:

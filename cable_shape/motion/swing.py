@@ -18,9 +18,9 @@ from cable_shape.kernels.network.momentum import ENERGY, KINETIC, PERIOD
 from cable_shape.kernels.network.newton import CONVERGED
 from cable_shape.kernels.network.settle import INFO
 from cable_shape.kernels.network.tables import LENGTH, NOW, SOFTEST
-from cable_shape.motion.among import Among
+from cable_shape.motion.among import Among, Lying
 from cable_shape.pose import FreeEnd
-from cable_shape.shape import TOUCH, CableShape
+from cable_shape.shape import TOUCH
 from cable_shape.solve.network import Network
 from cable_shape.solve.problem import Problem
 from cable_shape.solve.seen import Seen
@@ -128,7 +128,7 @@ class Swing:
         load: Load,
         state: Network,
         among: Callable[[Settling, Array], Among] | None = None,
-        lying: CableShape | None = None,
+        lying: Lying | None = None,
         radius: float = RADIUS,
     ) -> None:
         settling = Settling(state.ints, state.floats, state.sols, NOW, swings=True)
@@ -232,11 +232,11 @@ class Swing:
             )  # fmt: skip
         return bool(code == CONVERGED)
 
-    def touches(self) -> Array:
-        """(k, TOUCH), what bodies do to it, see `kernels.contact.check`."""
+    def touches(self, cable: int = 0) -> Array:
+        """(k, TOUCH), what bodies do to one of its cables, see `kernels.contact.check`."""
         if self.among is None:
             return np.empty((0, TOUCH))
-        return self.among.touches(self.ints, self.floats, self.moving)
+        return self.among.touches(self.ints, self.floats, self.moving, cable)
 
     def run(self, goals: Array, steps: Array) -> tuple[Array, Array, Array, int]:
         """Steps (T,) [s] to the knots goals (T, k, 7), one after the other.

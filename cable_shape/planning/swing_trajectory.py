@@ -78,7 +78,8 @@ def check_swing(
     own = scene or Scene()
     swung: Motion | HarnessMotion
     if isinstance(cable, Harness):
-        swung, gripped = HarnessMotion(cable, scene, **options), {split_end(end)[0] for end in held}
+        swung = HarnessMotion(cable, scene, **options, **bodies_of(robot))
+        gripped = {split_end(end)[0] for end in held}
         judges = {name: Judge(one, own, robot, name, name in gripped) for name, one in cable.segments.items()}
         check_links(robot, scene)
     else:
@@ -155,7 +156,7 @@ class _Swing(Walk[_Place]):
         if isinstance(self.swung, Motion):
             start, end = grips
             return self._judged(self.swung.begin(start, end, links=links), 0.0)
-        return self._judged(self.swung.begin(self._named(grips)), 0.0)
+        return self._judged(self.swung.begin(self._named(grips), links=links), 0.0)
 
     def _named(self, grips: Sequence[Any]) -> dict[str, Any]:
         """The ends of a harness."""
@@ -185,7 +186,7 @@ class _Swing(Walk[_Place]):
                 start, end = grips
                 shape = self.swung.step(start, end, seconds / steps, links)
             else:
-                shape = self.swung.step(self._named(grips), seconds / steps)
+                shape = self.swung.step(self._named(grips), seconds / steps, links)
             there = self._judged(shape, place)
             first = first or there.violation
             if not there.looks:

@@ -260,12 +260,12 @@ class MotionTube:
         if dt is None:
             if isinstance(motion, Motion):
                 return motion.begin(ends["start"], ends["end"], links=links)
-            return motion.begin(ends)
+            return motion.begin(ends, links=links)
         if not motion.alive:
             return None
         if isinstance(motion, Motion):
             return motion.step(ends["start"], ends["end"], dt, links)
-        return motion.step(ends, dt)
+        return motion.step(ends, dt, links)
 
 
 def _named(ends: Ends | Mapping[str, End]) -> dict[str, Grip | FreeEnd]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -25,17 +27,48 @@ def energy_of(shape: cs.HarnessShape | cs.CableShape) -> float:
     return shape.energy + shape.kinetic_energy
 
 
-def test_two_arms_with_a_straight_junction_are_one_cable():
-    harness = cs.Harness({"a": ARM, "b": ARM}, [cs.Junction("j", ("a.end", "b.start"))])
-    motion, one = cs.Motion(harness, points=31, elements=20), cs.Motion(ARM.replace(length=1.0), points=61, elements=40)
+def among(solid: object, at: tuple[float, float, float] = (0.0, 0.0, 0.0), friction: float = 0.0) -> cs.Scene:
+    """One body, called "body"."""
+    body = cs.Obstacle("body", solid, cs.Pose(at), friction=friction)  # type: ignore[arg-type]
+    return cs.Scene(obstacles=[body], contact="solve")
+
+
+def contacts_of(shape: cs.HarnessShape) -> list[cs.Contact]:
+    return [contact for one in shape.segments.values() for contact in one.contacts]
+
+
+def lowest(shape: cs.HarnessShape) -> float:
+    return float(min(one.positions[:, 2].min() for one in shape.segments.values()))
+
+
+@pytest.mark.parametrize(
+    ("scene", "steps", "near"),
+    [
+        pytest.param(None, 100, 2e-5, id="alone"),
+        pytest.param(among(cs.HalfSpace(), (0.0, 0.0, -0.18)), 100, 1e-3, id="on a table"),
+        pytest.param(among(cs.HalfSpace(), (0.0, 0.0, -0.18), 0.3), 30, 2e-4, id="on a rough table"),
+        pytest.param(among(cs.Cylinder(0.02, 2.0), (0.35, 0.05, 0.0), 0.3), 60, 1e-3, id="against a post"),
+    ],
+)
+def test_two_arms_with_a_straight_junction_are_one_cable(scene: cs.Scene | None, steps: int, near: float):
+    """The junction hits the body, and rests on it, as what is inside a cable does."""
+    arm = ARM.replace(diameter=0.01)
+    harness = cs.Harness({"a": arm, "b": arm}, [cs.Junction("j", ("a.end", "b.start"))])
+    motion = cs.Motion(harness, scene, points=31, elements=20)
+    one = cs.Motion(arm.replace(length=1.0), scene, points=61, elements=40)
     shape, other = motion.begin({"a.start": at(0.0, 0.0), "b.end": at(0.7, 0.0)}), one.begin(at(0.0, 0.0), at(0.7, 0.0))
-    for k in range(1, 101):
+    pushed = set()
+    for k in range(1, steps + 1):
         y = 0.1 * np.sin(0.1 * k)
         ends = at(0.0, y), at(0.7, 0.5 * y, 0.3 * y)
         shape, other = motion.step({"a.start": ends[0], "b.end": ends[1]}, 0.01), one.step(*ends, 0.01)
         assert shape.usable, shape.detail
         both = np.concatenate((shape.segments["a"].positions, shape.segments["b"].positions[1:]))
-        assert np.abs(both - other.positions).max() < 2e-5
+        assert np.abs(both - other.positions).max() < near
+        pushed |= {contact.arc_length for contact in shape.segments["a"].contacts}
+    assert (scene is None and not pushed) or max(pushed) > 0.49
+    if scene is not None:
+        return
     assert other.velocity is not None
     assert np.abs(other.velocity).max() > 0.3
     assert shape.velocity is not None
@@ -105,7 +138,118 @@ def test_what_it_refuses():
         motion.step(held(0.0, third=False), 0.01)
     with pytest.raises(cs.ArgumentError, match=r"segment 'a'.*linear_density"):
         cs.Motion(cs.Harness({"a": ARM.replace(linear_density=0.0)}))
-    with pytest.raises(cs.ArgumentError, match="contact"):
-        cs.Motion(Y, cs.Scene(contact="solve", obstacles=[cs.Obstacle("ball", cs.Sphere(0.1))]))
+    motion = cs.Motion(Y, among(cs.HalfSpace(), (0.0, 0.0, -0.5)), points=12)
+    with pytest.raises(cs.ArgumentError, match="in contact"):
+        motion.begin(held(0.0), by=("a.start",))
     with pytest.raises(cs.ArgumentError, match="slide"):
         cs.Motion(Y, cs.Scene(clips=[cs.Clip(0.2, at(0.2, 0.0), "slide", segment="a")]))
+
+
+ASIDE = {"c.start": cs.Pose((0.0, 0.03, 0.0))}
+
+
+@pytest.mark.parametrize(
+    "junction",
+    [
+        pytest.param({}, id="rigid"),
+        pytest.param({"kind": "ball"}, id="ball"),
+        pytest.param({"frames": ASIDE}, id="aside"),
+        pytest.param({"mass": 0.05}, id="heavy"),
+    ],
+)
+def test_laid_on_a_table_it_comes_to_rest_where_it_lies(junction: dict[str, Any]):
+    """Let down in half a second, junction and all; energy comes from the grips alone, the table carries the weight."""
+    arm = cs.Cable(0.5, linear_density=0.1, bending_stiffness=1e-4, retardation_time=0.05, drag=0.3, diameter=0.01)
+    harness = cs.Harness(dict.fromkeys("abc", arm), [cs.Junction("j", Y.junctions[0].ends, **junction)])
+    table = among(cs.HalfSpace())
+    motion, still = cs.Motion(harness, table, points=61), cs.Predictor(harness, scene=table, points=61)
+
+    def let_down(z: float) -> dict[str, cs.Pose]:
+        return {"a.start": at(0.0, 0.0, z), "b.end": at(0.9, 0.0, z), "c.end": cs.Pose((0.5, 0.4, z))}
+
+    given = energy_of(motion.begin(let_down(0.3)))
+    for k in range(1, 401):
+        ends = let_down(0.21 + 0.09 * np.cos(np.pi * min(k / 50.0, 1.0)))
+        shape = motion.step(ends, 0.01)
+        assert shape.usable, shape.detail
+        given += shape.work
+        assert energy_of(shape) < given + 1e-6
+        assert lowest(shape) > 0.005 - 2e-4
+    lying = still.predict(ends)
+    for name, one in shape.segments.items():
+        assert np.abs(one.positions - lying.segments[name].positions).max() < 2e-3
+    carried = sum(contact.force for contact in contacts_of(shape))
+    assert carried == pytest.approx(sum(contact.force for contact in contacts_of(lying)), rel=1e-2)
+    pulled = sum(
+        shape.segments[end[0]].force[0 if end.endswith("start") else -1] * (1.0 if end.endswith("start") else -1.0)
+        for end in ends
+    )
+    weight = 9.81 * (3.0 * 0.05 + junction.get("mass", 0.0))
+    assert carried - pulled[2] == pytest.approx(weight, rel=1e-3)
+    assert {contact.body for contact in contacts_of(shape)} == {"body"}
+    again = cs.Motion(harness, table, points=61)
+    first = again.begin(ends)
+    assert first.usable, first.detail
+    assert contacts_of(first)
+    for _ in range(5):
+        last = again.step(ends, 0.01)
+        assert lowest(last) > 0.005 - 2e-4
+    for name in "abc":
+        assert np.abs(last.segments[name].positions - first.segments[name].positions).max() < 5e-4
+        assert np.abs(first.segments[name].positions - lying.segments[name].positions).max() < first.error_estimate
+
+
+@pytest.mark.parametrize(("place", "hooked"), [(0.28, "a"), (0.43, "b")])
+def test_it_does_not_whip_through_a_post(place: float, hooked: str):
+    """Drawn against it at 4 m/s, with the junction beside it, and back: a post thinner than an element."""
+    arm = cs.Cable(0.5, linear_density=0.1, bending_stiffness=3e-3, drag=0.05, retardation_time=0.02, diameter=0.006)
+    harness = cs.Harness(dict.fromkeys("abc", arm), Y.junctions)
+    motion = cs.Motion(harness, among(cs.Cylinder(0.004, 2.0), (place, 0.3, 0.0)), points=51)
+
+    def ends(y: float) -> dict[str, cs.Pose]:
+        return {"a.start": at(0.0, y, 0.3), "b.end": at(0.7, y, 0.3)}
+
+    given, pushed, by = energy_of(motion.begin(ends(0.0))), 0, set()
+    for k in range(1, 121):
+        y = min(0.04 * k, 0.5) if k < 60 else max(0.5 - 0.04 * (k - 60), 0.0)
+        shape = motion.step(ends(y), 0.01)
+        assert shape.usable, shape.detail
+        for one in shape.segments.values():
+            off = np.hypot(one.positions[:, 0] - place, one.positions[:, 1] - 0.3)
+            assert off.min() > 0.007 - 4e-4
+        given += shape.work
+        assert energy_of(shape) < given + 1e-5
+        pushed += bool(contacts_of(shape))
+        by |= {name for name, one in shape.segments.items() if one.contacts}
+        if 20 < k < 60:  # hooked on the post
+            assert shape.segments[hooked].positions[:, 1].min() < 0.3
+    assert pushed > 10
+    assert hooked in by
+
+
+@pytest.mark.parametrize("free", ["c.start", "c.end"])
+def test_what_arrives_does_not_bounce(free: str):
+    """A mass on a branch whose end is free falls down on a table: it stays there, and so does the end."""
+    arm = cs.Cable(0.3, linear_density=0.1, bending_stiffness=0.02, diameter=0.01)
+    other = "c.end" if free == "c.start" else "c.start"
+    harness = cs.Harness(dict.fromkeys("abc", arm), [cs.Junction("j", ("a.end", "b.start", other), kind="ball")])
+    table = cs.Obstacle("table", cs.HalfSpace())
+    scene = cs.Scene(obstacles=[table], contact="solve", masses=[cs.PointMass(0.15, 0.02, segment="c")])
+    motion = cs.Motion(harness, scene, points=31)
+    ends = {"a.start": at(0.0, 0.0, 0.01), "b.end": at(0.58, 0.0, 0.01)}
+    assert motion.begin({**ends, free: cs.FreeEnd(force=(0.0, 0.2, 0.8))}).usable
+    heights = []
+    for _ in range(160):
+        shape = motion.step({**ends, free: cs.FreeEnd()}, 0.005)
+        assert shape.usable, shape.detail
+        branch = shape.segments["c"]
+        heights.append((branch.positions[0 if free == "c.start" else -1, 2], branch.positions[15, 2]))
+    tip, mass = np.array(heights).T
+    for height, least in ((tip, 0.05), (mass, 0.03)):
+        down = int(np.argmax(height < 0.0051))
+        assert 0 < down < 130
+        assert height.max() > least
+        assert height[down:].max() < 0.02
+    assert sum(contact.force for contact in branch.contacts) > 0.5 * (0.02 + 0.1 * 0.3) * 9.81
+    pressed = [contact.arc_length for contact in branch.contacts]
+    assert np.abs(np.array(pressed) - 0.15).min() < 1e-9

@@ -72,6 +72,8 @@ def find_points(
     for e in range(plan.left.shape[0]):
         node, h = plan.left[e], model.h[e]
         fat, length = thick[node], whole[node]
+        if fat < 0.0:
+            continue
         for b in range(bodies.table.shape[0]):
             if excluded(bodies, b, model.s[node] + 0.5 * h, length):
                 continue
@@ -84,7 +86,10 @@ def find_points(
                 continue
             ends = min(gap_at(bodies, b, h, 0.0, p, q, tp, tq, fat), gap_at(bodies, b, h, 1.0, p, q, tp, tq, fat))
             x, gap = nearest(bodies, b, h, p, q, tp, tq, fat, middle)
-            if gap > reach or not gap < ends - NEARER * length:
+            pressed = False
+            for k in range(had):
+                pressed = pressed or (int(was[k, ELEMENT]) == e and int(was[k, HOLDER]) == b and was[k, PUSH] > 0.0)
+            if gap > reach or not gap < ends + (NEARER if pressed else -NEARER) * length:
                 continue
             i = count
             if count < PROPS:
@@ -228,7 +233,7 @@ def deepest(
         node, h = plan.left[e], model.h[e]
         p, q = get3(motion.place, node), get3(motion.place, node + 1)
         tp, tq, fat = get3(memory.tangent, node), get3(memory.tangent, node + 1), thick[node]
-        for b in range(bodies.table.shape[0]):
+        for b in range(bodies.table.shape[0] if fat >= 0.0 else 0):
             if excluded(bodies, b, model.s[node] + 0.5 * h, whole[node]):
                 continue
             middle = gap_at(bodies, b, h, 0.5, p, q, tp, tq, fat)

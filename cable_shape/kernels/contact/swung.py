@@ -46,6 +46,7 @@ from cable_shape.kernels.network.swinging import (
     part_way,
 )
 from cable_shape.kernels.network.tables import (
+    LENGTH,
     NOW,
     TRIAL,
     Floats,
@@ -73,14 +74,17 @@ AFLOAT = 2e-4
 DEEP = 2e-4
 #: Parts shorter than this go on where the cable is deep, or afloat, for all that.
 PATIENT = 1.0 / 16.0
+#: What `Skin.knot` says of nodes that stand for no knot.
+INSIDE, HELD = -1, -2
 
 
 class Skin(NamedTuple):
     """What a network of n nodes is to bodies."""
 
-    thick: Array  # (n,) [m] radius at each node
+    thick: Array  # (n,) [m] radius at each node; below 0: what there is of it knows no bodies
     whole: Array  # (n,) [m] length of its cable
     rough: Array  # (n,) coefficient of friction
+    knot: Array  # (n,) the knot that moves for which a node stands; INSIDE: for itself; HELD: it has no planes
     clear: Array  # (n,) [m] room: how far each node may go
     kept: Array  # room for a whole state
     links: Array  # (l, 7) where the links were that carry bodies
@@ -208,10 +212,10 @@ def look(
     for j in range(plan.ends.shape[0]):
         for node in range(plan.first[j] + j, plan.first[j + 1] + j + 1):
             skin.clear[node] = math.inf
-            if is_held(plan, motion, j, node):
+            if skin.knot[node] == HELD:
                 continue
-            hold = (memory.mass[node] + memory.point[node]) * (1.0 - t.alpha) / (t.beta * dt * dt)
-            hold += motion.drag[node] * t.gamma / (t.beta * dt)
+            mass, drag = heavy_at(plan, motion, memory, skin.knot[node], node)
+            hold = mass * (1.0 - t.alpha) / (t.beta * dt * dt) + drag * t.gamma / (t.beta * dt)
             skin.clear[node], _ = look_around(
                 motion, bodies, bodies.then, node, get3(memory.place, node), model.s[node], skin.thick[node],
                 skin.whole[node], reach, FIRM * hold, ASPERITY * hold, False, skin.rough[node],
@@ -235,7 +239,7 @@ def look_at_rest(
     memory, clear = momentum_of(ints, remembered), reach
     for j in range(plan.ends.shape[0]):
         for node in range(plan.first[j] + j, plan.first[j + 1] + j + 1):
-            if is_held(plan, motion, j, node):
+            if skin.knot[node] == HELD:
                 continue
             own, _ = look_around(
                 motion, bodies, bodies.frames, node, get3(memory.place, node), model.s[node], skin.thick[node],
@@ -248,10 +252,18 @@ def look_at_rest(
 
 
 @viewing
-def is_held(plan: Plan, motion: Motion, j: int, node: int) -> bool:
-    """Whether a knot holds the node of span j."""
-    first, last = plan.first[j] + j, plan.first[j + 1] + j
-    return node == first or (node == last and motion.loose[node] == 0.0)
+def heavy_at(plan: Plan, motion: Motion, memory: Momentum, knot: int, node: int) -> tuple[float, float]:
+    """Mass [kg] and drag [N s/m] of a node, or of all that is in the knot for which it stands."""
+    if knot < 0:
+        return memory.mass[node] + memory.point[node], motion.drag[node]
+    mass = drag = 0.0
+    for j in range(plan.ends.shape[0]):
+        for end in range(2):
+            if plan.ends[j, end] == knot:
+                one = plan.first[j + end] + j
+                mass += memory.mass[one] + memory.point[one]
+                drag += motion.drag[one]
+    return mass, drag
 
 
 @kernel
@@ -284,12 +296,13 @@ def fits(
                 return False
     deep = deepest(plan, model, motion, memory, bodies, skin.thick, skin.whole)
     motion.par[DEPTH] = max(0.0, -deep)
-    if share > PATIENT and deep < -DEEP * skin.whole[0]:
+    if share > PATIENT and deep < -DEEP * model.par[LENGTH]:
         return False
     first = 0
     for c in range(plan.cables.shape[0] - 1):  # each cable for itself
         last = plan.first[plan.cables[c + 1]] + plan.cables[c + 1]
-        if passed(plan, model, motion, memory, before, bodies, first, last, skin.thick[first]):
+        fat = skin.thick[first]
+        if fat >= 0.0 and passed(plan, model, motion, memory, before, bodies, first, last, fat):
             return False
         first = last
     return True
@@ -346,7 +359,9 @@ def stop(
     note_rings(plan, model, motion, skin.rings)
     for node in range(motion.walls.shape[0]):
         if motion.walls[node, 0] > 0.0:
-            own, lost = stop_node(motion, memory, before, bodies, node, dt)
+            mass, _ = heavy_at(plan, motion, memory, skin.knot[node], node)
+            own, lost = stop_node(motion, memory, before, bodies, node, mass, dt)
+            follow(plan, memory, skin.knot[node], node)
             work, taken = work + own, taken + lost
     info[I_WORK] += work
     info[I_DISSIPATED] += taken
@@ -354,14 +369,23 @@ def stop(
 
 
 @viewing
+def follow(plan: Plan, memory: Momentum, knot: int, node: int) -> None:
+    """Gives all nodes in the knot for which a node stands its rates."""
+    for j in range(plan.ends.shape[0] if knot >= 0 else 0):
+        for end in range(2):
+            if plan.ends[j, end] == knot:
+                put3(memory.velocity, plan.first[j + end] + j, 0, get3(memory.velocity, node))
+                put3(memory.acceleration, plan.first[j + end] + j, 0, get3(memory.acceleration, node))
+
+
+@viewing
 def stop_node(
-    motion: Motion, memory: Momentum, before: Momentum, bodies: Bodies, node: int, dt: float
+    motion: Motion, memory: Momentum, before: Momentum, bodies: Bodies, node: int, mass: float, dt: float
 ) -> tuple[float, float]:
-    """The same of a node; returns work and what is dissipated [J]."""
+    """The same of a node, with so much mass [kg]; returns work and what is dissipated [J]."""
     walls, work, taken = motion.walls, 0.0, 0.0
     old, x = get3(before.place, node), get3(motion.place, node)
     v, a, was = get3(memory.velocity, node), get3(memory.acceleration, node), get3(before.velocity, node)
-    mass = memory.mass[node] + memory.point[node]
     first = second = NONE
     for k in range(int(walls[node, 0])):
         i = 1 + WALL * k
@@ -426,11 +450,12 @@ def run(
 
 
 @kernel
-def touches(ints: Whole, floats: Floats, moving: Floats, thick: Array, out: Array) -> int:
-    """Fills out (k, TOUCH) with what presses on nodes and points of elements, see `check.touches`; how many."""
+def touches(ints: Whole, floats: Floats, moving: Floats, thick: Array, cable: int, out: Array) -> int:
+    """Fills out (k, TOUCH) with what presses on nodes and elements of a cable, see `check.touches`; how many."""
     plan, model, motion = plan_of(ints), model_of(ints, floats), motion_of(ints, moving)
+    first, last = plan.first[plan.cables[cable]], plan.first[plan.cables[cable + 1]]
     count = 0
-    for node in range(motion.walls.shape[0]):
+    for node in range(first + plan.cables[cable], last + plan.cables[cable + 1]):
         for k in range(int(motion.walls[node, 0])):
             i = 1 + WALL * k
             push, n, t = (
@@ -445,8 +470,8 @@ def touches(ints: Whole, floats: Floats, moving: Floats, thick: Array, out: Arra
                 count += 1
     for i in range(int(motion.par[N_PROPS])):
         push, n, t = motion.props[i, PUSH], take3(motion.props, i, NORMAL), take3(motion.props, i, DRY)
-        if push > 0.0 and count < out.shape[0]:
-            e = int(motion.props[i, 0])
+        e = int(motion.props[i, 0])
+        if push > 0.0 and first <= e < last and count < out.shape[0]:
             node = plan.left[e]
             x = subtract(take3(motion.props, i, STUCK), scale(thick[node], n))
             slips = dot(t, t) >= 0.999 * (motion.props[i, GRIP] * push) ** 2 and dot(t, t) > 0.0

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from cable_shape.kernels.network.compiled import inline, part, viewing
 from cable_shape.kernels.network.tables import Floats, Model, Plan, Solution, Whole, Work
-from cable_shape.kernels.network.walls import AT, KEPT, OUT, PUSHED, STIFF, WALL, WALLS, touched
+from cable_shape.kernels.network.walls import AT, KEPT, OUT, PUSHED, STIFF, WALL, WALLS, pressed_at, touched
 from cable_shape.kernels.rod_algebra import (
     Matrix,
     Vector,
@@ -185,6 +185,8 @@ def put_places(plan: Plan, model: Model, sol: Solution, motion: Motion) -> None:
             for c in range(9):
                 motion.give[node, c] = soft if c % 4 == 0 else 0.0
             if soft == 0.0:
+                if motion.walls[node, 0] > 0.0:
+                    pressed_at(motion.walls, node, get3(motion.place, node))
                 continue
             a, pull = get3(motion.origin, node), get3(motion.push, node)
             if inner:
@@ -356,4 +358,18 @@ def tilt_ends(plan: Plan, model: Model, sol: Solution, work: Work, motion: Motio
                         for c in range(9):
                             motion.tilt[j, 9 * end + c] *= model.free[j, end, c % 3]
             held = scale(hold, subtract(get3(motion.place, node), get3(motion.origin, node)))
-            put3(motion.tug, j, 3 * end, subtract(held, get3(motion.push, node)))
+            held = subtract(held, get3(motion.push, node))
+            if motion.walls[node, 0] > 0.0 and motion.loose[node] == 0.0:
+                force, _ = pressed_at(motion.walls, node, get3(motion.place, node))
+                held = subtract(held, force)
+            put3(motion.tug, j, 3 * end, held)
+
+
+@inline
+def firm_at(motion: Motion, node: int) -> Matrix:
+    """[N/m], how firmly what acts on the end of a span holds its place: its mass, and planes if its knot moves."""
+    firm = mscale(motion.hold[node], IDENTITY)
+    if motion.walls[node, 0] > 0.0 and motion.loose[node] == 0.0:
+        _, K = pressed_at(motion.walls, node, get3(motion.place, node))
+        firm = madd(firm, K)
+    return firm
