@@ -25,7 +25,7 @@ from cable_shape.scene.scene import Obstacle, Scene
 from cable_shape.scene.scene_parts import Clip
 from cable_shape.shape import NUMBERS_PER_POINT, Status
 from cable_shape.solve import harness_search
-from cable_shape.solve.harness_answers import HarnessChanges, models_of
+from cable_shape.solve.harness_answers import differences
 from cable_shape.solve.harness_network import HarnessNetwork
 from cable_shape.solve.harness_outcome import out_of_reach
 from cable_shape.solve.harness_problem import End, HarnessProblem
@@ -302,7 +302,7 @@ class HarnessMotion(Traced):
                 continue
             cables, step, scale = number_of(self.harness.segments[segment], kind)
             pair = self.problem.beside(segment, cables[0]), self.problem.beside(segment, cables[1])
-            models = models_of(state, HarnessChanges(self.problem, [pair], np.array([step])))
+            models = state.models_beside(*differences(self.problem, pair))
             loads = [self._load(state, problem) for problem in pair]
             found[column] = Number(models, (loads[0], loads[1]), step, scale)
         return found

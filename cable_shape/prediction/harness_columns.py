@@ -11,7 +11,7 @@ from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError, UnknownKeyError
 from cable_shape.pose import Grip
 from cable_shape.solve.answers import NUMBERS, about_gripper, pair_of, refreshed, run_on
-from cable_shape.solve.harness_answers import HarnessChanges, answered, answers
+from cable_shape.solve.harness_answers import HarnessChanges, answers
 from cable_shape.solve.harness_network import HarnessNetwork
 from cable_shape.solve.harness_problem import HarnessProblem
 from cable_shape.solve.touching.harness_state import HarnessTouchState
@@ -74,9 +74,7 @@ def _by_numbers(problem: HarnessProblem, state: HarnessNetwork | HarnessTouchSta
         cables, step = pair_of(problem.harness.segments[segment], kind)
         pairs.append((problem.beside(segment, cables[0]), problem.beside(segment, cables[1])))
         steps.append(step)
-    if isinstance(state, HarnessNetwork):
-        return answers(state, HarnessChanges(problem, pairs, np.array(steps)))
-    return answered(state, state.models_beside([one for pair in pairs for one in pair]), np.array(steps))
+    return answers(state, HarnessChanges(problem, pairs, np.array(steps)))
 
 
 def _by_body(state: Any, name: str) -> Array:

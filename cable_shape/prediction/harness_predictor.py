@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from time import perf_counter
 from typing import Any, final
 
 import numpy as np
@@ -17,17 +16,16 @@ from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import FreeEnd, Grip, Pose, one_mapping
 from cable_shape.prediction.harness_columns import columns_by
+from cable_shape.prediction.harness_solver import HarnessSolver
 from cable_shape.prediction.reuse import kept, links_same, same_end
 from cable_shape.scene.mesh_convex import check_convex
 from cable_shape.scene.scene import Scene
 from cable_shape.scene.scene_parts import Obstacle
-from cable_shape.solve import harness_search
 from cable_shape.solve.harness_network import HarnessNetwork
 from cable_shape.solve.harness_problem import End, HarnessProblem
 from cable_shape.solve.harness_shape import HarnessShape
 from cable_shape.solve.problem import GRAVITY
-from cable_shape.solve.touching import harness_solve
-from cable_shape.solve.touching.harness_state import HarnessTouchState, Laid
+from cable_shape.solve.touching.harness_state import HarnessTouchState
 
 MODELS = ("cosserat", "auto")
 
@@ -74,7 +72,6 @@ class HarnessPredictor:
     ) -> None:
         self.model = checks.one_of("model", model, MODELS)
         checks.optional_number("time_budget", time_budget, above=0.0, unit="s")
-        self.time_budget = math.inf if time_budget is None else float(time_budget)
         self._keywords: dict[str, Any] = {
             "gravity": gravity, "points": points, "tolerance": tolerance, "distributed_load": distributed_load,
             "robot_links": checks.entries("robot_links", robot_links, Obstacle),
@@ -82,13 +79,10 @@ class HarnessPredictor:
             "friction": friction,
         }  # fmt: skip
         self.problem = self._still = _checked(HarnessProblem(harness, scene=scene, **self._keywords))
-        self._state: HarnessNetwork | None = None
-        self._touch: HarnessTouchState | None = None
+        self._solver = HarnessSolver(math.inf if time_budget is None else float(time_budget))
         self._last_links: Mapping[str, Pose] | None = None
         self._last: HarnessShape | None = None
         self._last_ends: dict[str, Grip | FreeEnd] = {}
-        self._loose = False  # what was let go slides to rest, whether it touches anything or not
-        self._leaps = True  # in contact, see `Predictor.leap`
 
     @property
     def harness(self) -> Harness:
@@ -110,18 +104,18 @@ class HarnessPredictor:
     @property
     def touching(self) -> bool:
         """Whether the last shape is in contact with a body."""
-        return self._touch is not None and self._touch.touching
+        return self._solver.touching
 
     @property
     def state(self) -> HarnessNetwork | None:
         """The solver's memory of the last shape; None before there is one, and of one in contact or just out of it."""
-        solved = self._state is not None and self._state.factored
-        return self._state if solved and not self.touching else None
+        state = self._solver.state
+        return state if state is not None and state.factored and not self.touching else None
 
     @property
     def rod_state(self) -> HarnessNetwork | HarnessTouchState | None:
         """The solver's memory of the last shape, in contact or not; None before there is one, and just out of it."""
-        return self._touch if self.touching else self.state
+        return self._solver.rod_state() if self.touching else self.state
 
     def ahead(self) -> Callable[[Mapping[str, End]], HarnessShape]:
         """What predicts from the last shape on, with links where they are; this predictor stays as it is."""
@@ -140,11 +134,9 @@ class HarnessPredictor:
         assert self._last is not None
         other: HarnessPredictor = copy.copy(self)
         problem = other.problem = other._still = copy.copy(self.problem)
-        if self._state is not None:
-            state: Any = self._state.copied()
-            state.problem, other._state = problem, state
-        if self._touch is not None:
-            other._touch = self._touch.twin(problem, self._last)
+        other._solver = self._solver.twin(problem, self._last)
+        if other._solver.state is not None:
+            other._solver.state.problem = problem
         return other
 
     @property
@@ -199,18 +191,7 @@ class HarnessPredictor:
     def solve(self) -> HarnessShape:
         """The shape of the problem as it is."""
         problem = self.problem
-        deadline = math.inf if self.time_budget == math.inf else perf_counter() + self.time_budget
-        if problem.bodies or self._loose:
-            if self._touch is None:
-                self._touch = HarnessTouchState(problem)  # type: ignore[arg-type]
-            shape, self._state = harness_solve.solve(
-                problem, self._touch, self._state, deadline=deadline, leaps=self._leaps
-            )
-            self._loose = self._loose and not shape.status
-            if not (problem.bodies or self._loose):
-                self._touch = None
-        else:
-            shape, self._state = harness_search.solve(problem, self._state, deadline=deadline)
+        shape = self._solver.solve(problem)
         self._last, self._last_ends, self._last_links = shape, dict(problem.ends), kept(problem.links)
         return shape
 
@@ -226,34 +207,22 @@ class HarnessPredictor:
     ) -> None:
         """Makes a shape that was found otherwise the last one, see :meth:`cable_shape.Predictor.begin`."""
         self.head_for(harness, scene)
-        problem = self.problem.move(ends, links)
-        self._loose = loose
-        touch = HarnessTouchState(problem)  # type: ignore[arg-type]
-        frames = touch.aimed()
-        touch.move_bodies(touch.bodies.link_rows(problem.links))
-        self._state = HarnessNetwork(problem)
-        self._state.aim()
-        self._state.resume_from(Laid(shape, touch.gaps), touch.gaps, touch.knots_at(shape, frames))
-        self._touch = touch if loose or problem.bodies else None
-        if loose:
-            touch.lie(shape, frames)  # type: ignore[arg-type]
-        elif problem.bodies:
-            touch.resume(shape, frames)  # type: ignore[arg-type]
+        self._solver.begin(self.problem.move(ends, links), shape, loose=loose)
 
     def head_for(self, harness: Harness | None = None, scene: Scene | None = None) -> None:
         """Makes the problem that of another harness in another scene, or its own; ends and links stay."""
-        last, touch = self.problem, self._touch
+        last = self.problem
         if harness is None:
             problem = self._still
         else:
             problem = _checked(HarnessProblem(harness, scene=scene, **self._keywords))
         problem.ends, problem.links, problem._given = last.ends, last.links, None
-        self._load(problem)
-        self._touch = touch
+        self.problem = problem
+        self._last = None
 
     def leap(self, *, allowed: bool) -> None:
         """See :meth:`cable_shape.Predictor.leap`."""
-        self._leaps = allowed
+        self._solver.leaps = allowed
 
     def look_again(self) -> None:
         """The next prediction is made anew, from the last one, wherever its ends are."""
@@ -261,8 +230,8 @@ class HarnessPredictor:
 
     def reset(self) -> None:
         """Forgets the last solution: the next one starts cold."""
-        self._state = self._last = self._touch = None
-        self._loose = False
+        self._solver.reset()
+        self._last = None
 
     def sensitivity(
         self, by: Sequence[str] | None = None, *, at: str = "cable", by_clips: bool = False
@@ -288,7 +257,7 @@ class HarnessPredictor:
             If nothing was predicted yet, and for a name that does not exist.
         """
         checks.one_of("at", at, ("cable", "gripper"))
-        state = self._touch if self.touching else self._state
+        state = self._solver.rod_state()
         if state is None or state.history == 0:
             raise ArgumentError("sensitivity() needs a solution, and there is none yet. Call predict first.")
         problem = self.problem
@@ -315,7 +284,7 @@ class HarnessPredictor:
         self.problem = problem
         self._last = None
         if not problem.bodies:
-            self._touch = None
+            self._solver.lift()
 
 
 def _checked(problem: HarnessProblem) -> HarnessProblem:

@@ -39,7 +39,7 @@ class Solver(Protocol):
     def go_on_from(self, problem: Problem, shape: CableShape, frames: Array, links: Array) -> None:
         """Makes a shape that was found otherwise the last one in contact with bodies."""
 
-    def begin(self, problem: Problem, shape: CableShape, memory: Memory, *, loose: bool) -> None:
+    def begin(self, problem: Problem, shape: CableShape, memory: Memory = None, *, loose: bool = False) -> None:
         """Makes a shape that was found otherwise the last one, see `Predictor.begin`."""
 
     def rod_state(self) -> Network | TouchState | None:
@@ -65,7 +65,7 @@ class ClosedForm:
     def go_on_from(self, problem: Problem, shape: CableShape, frames: Array, links: Array) -> None:
         return
 
-    def begin(self, problem: Problem, shape: CableShape, memory: Memory, *, loose: bool) -> None:
+    def begin(self, problem: Problem, shape: CableShape, memory: Memory = None, *, loose: bool = False) -> None:
         return
 
     def rod_state(self) -> None:
@@ -100,6 +100,11 @@ class Rod:
             self._resume(problem, shape)  # out of contact: the branch goes on
         return shape
 
+    @property
+    def touching(self) -> bool:
+        """Whether the last shape is in contact with a body."""
+        return self._touch is not None and self._touch.touching
+
     def _free(self, problem: Problem) -> Network:
         """The memory of the rod without contact, made where there is none."""
         if self.state is None:
@@ -108,7 +113,7 @@ class Rod:
             self._spare = None
         return self.state
 
-    def begin(self, problem: Problem, shape: CableShape, memory: Memory, *, loose: bool) -> None:
+    def begin(self, problem: Problem, shape: CableShape, memory: Memory = None, *, loose: bool = False) -> None:
         self._loose, self._touch = loose, None
         if loose or problem.bodies:
             self._touch = touch = TouchState(problem)
@@ -165,7 +170,10 @@ class Rod:
         return None if self.state is None else self.state.problem.lag
 
     def twin(self, problem: Problem, shape: CableShape | None) -> Rod:
-        """Once more: it goes on from the last shape, that of `problem`, and this one stays as it is."""
+        """Once more: it goes on from the last shape, that of `problem`, and this one stays as it is.
+
+        Without the shape it knows nothing of what that touches.
+        """
         other = Rod(self._time_budget)
         if self.state is not None:
             other.state = self.state.copied()

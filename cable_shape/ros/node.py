@@ -333,7 +333,7 @@ class CableShapeNode(LifecycleNode):
                 ready.stamp,
                 links,
                 lambda shapes: outputs.publish_shapes(parts_of(shapes), ready.stamp, ready.frame_id),
-                seen=None if seeing is None else lambda _: seeing.seen(grips, ready.stamp, ready.frame_id),
+                seen=None if seeing is None else lambda _: seeing.seen(grips, ready.stamp, ready.frame_id, links),
             )
         except CableShapeError as error:
             self._health.refuse("cycle", str(error), self._now())

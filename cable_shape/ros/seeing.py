@@ -25,6 +25,7 @@ from cable_shape.ros.qos import SENSOR
 from cable_shape.tracking.tracker import Tracker
 
 Held = Mapping[str, Grip | FreeEnd]
+Links = Mapping[str, Pose] | None
 
 TOPIC = "cable/points_seen"
 #: Cycles whose grips are kept, for clouds that come late; points of a cloud at most.
@@ -35,8 +36,8 @@ _KEPT, _MOST = 2000, 20_000
 class Seeing:
     """A tracker of the node's one cable or harness, which hears clouds and is asked for the shape of every cycle.
 
-    A cloud is compared with the grips at its own stamp, between those of the cycles before and after; the newest one
-    that is ahead of the grips waits for them.
+    A cloud is compared with the grips, and the robot's links, at its own stamp, between those of the cycles before and
+    after; the newest one that is ahead of the grips waits for them.
     """
 
     def __init__(
@@ -64,6 +65,11 @@ class Seeing:
         """The cable, or what is around it, is another one: all begins anew."""
         cycle, known = self._assembly.cycle, self._assembly.uncertainty
         options: dict[str, Any] = {"gravity": self._settings.gravity, "points": self._settings.points}
+        robot, scene = self._assembly.robot, cycle.scene
+        solved = scene is not None and scene.contact == "solve"
+        self._on_links = solved or any(clip.link is not None for clip in (() if scene is None else scene.clips))
+        if robot is not None:
+            options |= {"robot_links": robot.link_geometry, "gripping_links": robot.gripping_links}
         file = self._assembly.harnesses.get(self._name)
         what = cycle.cables[self._name] if file is None else file.harness
         self._tracker: Any = Tracker(what, cycle.scene, uncertainty=known, **options)
@@ -73,24 +79,30 @@ class Seeing:
     def restart(self) -> None:
         """The input's clock was set back."""
         self._tracker.reset()
-        self._grips: deque[tuple[int, Held]] = deque(maxlen=_KEPT)
+        self._grips: deque[tuple[int, Held, Links]] = deque(maxlen=_KEPT)
         self._waiting: tuple[int, Array] | None = None
 
     def destroy(self) -> None:
         """Takes the topic away."""
         self._node.destroy_subscription(self._subscription)
 
-    def seen(self, grips: Mapping[str, Any], stamp: int, frame_id: str) -> dict[str, AsSeen]:
-        """Of a cycle with these grips the shape by what was seen; nothing while the cable is lost."""
+    def seen(
+        self, grips: Mapping[str, Any], stamp: int, frame_id: str, links: Callable[[], Links] | None
+    ) -> dict[str, AsSeen]:
+        """Of a cycle with these grips the shape by what was seen; nothing while the cable is lost.
+
+        links: places the robot's links, if what holds or keeps out the cable is on them; None: nobody knows.
+        """
         held = _held(grips[self._name])
+        placed = links() if links is not None and self._on_links else None
         self._frame_id = frame_id
-        self._grips.append((stamp, held))
+        self._grips.append((stamp, held, placed))
         if self._waiting is not None and self._waiting[0] <= stamp:
             seen, self._waiting = self._waiting, None
             self._look(*seen)
         if self._tracker.lost:
             return {}
-        shape, tube = self._tracker.expected(stamp, tube=self._tubes, **_keywords(held))
+        shape, tube = self._tracker.expected(stamp, tube=self._tubes, links=placed, **_keywords(held))
         return {self._name: AsSeen(shape, tube, self._tracker.rod_state)} if shape.usable else {}
 
     def _hear(self, message: PointCloud2) -> None:
@@ -115,9 +127,9 @@ class Seeing:
 
     def _look(self, stamp: int, points: Array) -> None:
         """Takes points seen at a stamp that the grips' have reached."""
-        held = self._then(stamp)
+        held, links = self._then(stamp)
         try:
-            self._tracker.update(points, stamp=stamp, **_keywords(held))
+            self._tracker.update(points, stamp=stamp, links=links, **_keywords(held))
         except CableShapeError as error:
             self._health.remark(TOPIC, f"{TOPIC}: not used: {error}", self._now())
             return
@@ -134,8 +146,8 @@ class Seeing:
             )
             self._health.remark(TOPIC, text + "Calibrate it, or name its file.", self._now())
 
-    def _then(self, stamp: int) -> Held:
-        """The ends at a stamp, between two cycles on the straight way.
+    def _then(self, stamp: int) -> tuple[Held, Links]:
+        """The ends and links at a stamp, between two cycles on the straight way.
 
         Raises
         ------
@@ -148,10 +160,13 @@ class Seeing:
             ago = (stamps[-1] - stamp) / SECOND
             raise InputError(f"stamp {ago:.3f} s before the newest grips: older than all grips that are kept.")
         if i == len(stamps) or stamps[i - 1] == stamp:
-            return self._grips[i - 1][1]
-        (before, old), (after, new) = self._grips[i - 1], self._grips[i]
+            return self._grips[i - 1][1:]
+        (before, old, left), (after, new, right) = self._grips[i - 1], self._grips[i]
         share = (stamp - before) / (after - before)
-        return {name: _between(old[name], end, share) if name in old else end for name, end in new.items()}
+        held = {name: _between(old[name], end, share) if name in old else end for name, end in new.items()}
+        if left is None or right is None:
+            return held, right
+        return held, {name: _on_the_way(left.get(name, pose), pose, share) for name, pose in right.items()}
 
 
 def _held(ends: Any) -> Held:
@@ -175,4 +190,8 @@ def _between(a: Grip | FreeEnd, b: Grip | FreeEnd, share: float) -> Grip | FreeE
     """A grip on its way."""
     if isinstance(a, FreeEnd) or isinstance(b, FreeEnd) or a.kind != b.kind:
         return a
-    return b.at(Pose.trusted(between(a.pose.array, b.pose.array, share), b.pose.turns))
+    return b.at(_on_the_way(a.pose, b.pose, share))
+
+
+def _on_the_way(a: Pose, b: Pose, share: float) -> Pose:
+    return Pose.trusted(between(a.array, b.array, share), b.turns)

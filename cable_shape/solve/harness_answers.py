@@ -3,15 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, final
+from typing import Any, Protocol, final
 
 import numpy as np
 
 from cable_shape.checks import Array
-from cable_shape.kernels.network import mesh, respond, tables
-from cable_shape.solve.answers import refreshed, run_on
+from cable_shape.kernels.network import respond
+from cable_shape.solve.answers import Solved, refreshed, run_on
 from cable_shape.solve.harness_network import HarnessNetwork
 from cable_shape.solve.harness_problem import HarnessProblem
+
+
+class Answering(Solved, Protocol):
+    """The memory of a harness, in contact or not."""
+
+    problem: Any
+
+    def models_beside(self, held: Array, arcs: Array) -> Array:  # type: ignore[override]
+        """(c, size): models that differ by what `differences` tells, on the mesh as it is.
+
+        What is in eyelets is where it is.
+        """
 
 
 @final
@@ -25,33 +37,38 @@ class HarnessChanges:
     def __init__(
         self, middle: HarnessProblem, pairs: Sequence[tuple[HarnessProblem, HarnessProblem]], steps: Array
     ) -> None:
-        held, arcs = _told(middle)
-        beside = [_told(one) for pair in pairs for one in pair]
         self.steps = np.array(steps, dtype=np.float64)
-        made = [np.subtract(own, held, out=np.zeros(held.size), where=own != held) for own, _ in beside]  # inf may be
-        self.held: Array = np.array(made).reshape(len(beside), held.size)
-        self.arcs: Array = np.array([own - arcs for _, own in beside]).reshape(len(beside), *arcs.shape)  # m
+        self.held, self.arcs = differences(middle, [one for pair in pairs for one in pair])
 
 
-def answers(state: HarnessNetwork, changes: HarnessChanges) -> Array:
+def answers(state: Answering, changes: HarnessChanges) -> Array:
     """(s points, 3, k): change of the last solution's positions, of the s segments in turn, a unit of each direction.
 
     All that holds it stands still. Points keep their share of each segment's length, clips and masses their arc length;
     it runs on through eyelets.
     """
-    return answered(state, models_of(state, changes), changes.steps)
-
-
-def answered(state: Any, models: Array, steps: Array) -> Array:
-    """The same by models (2 k, size) above and below, half of the way between which is `steps` (k,)."""
     points, segments = state.problem.points, len(state.problem.segments)
-    count = len(steps)
+    count = len(changes.steps)
     out, df = np.zeros((state.sampled, 3, count)), np.empty((len(state.rings), count))
     if count:
         slides = refreshed(state)
-        respond.answers(state.ints, state.floats, models, steps, state.sols, state.work, points, out, df)
+        models = state.models_beside(changes.held, changes.arcs)
+        respond.answers(state.ints, state.floats, models, changes.steps, state.sols, state.work, points, out, df)
         run_on(out, df, slides)
     return out[: segments * points]
+
+
+def differences(middle: HarnessProblem, others: Sequence[HarnessProblem]) -> tuple[Array, Array]:
+    """What others have otherwise than the one between them: (c, size) of models with one element a span, (c, m, 2) [m]
+    of arc lengths at which spans begin and end.
+    """
+    held, arcs = _told(middle)
+    beside = [_told(other) for other in others]
+    made = [np.subtract(own, held, out=np.zeros(held.size), where=own != held) for own, _ in beside]  # inf may be
+    return (
+        np.array(made).reshape(len(beside), held.size),
+        np.array([own - arcs for _, own in beside]).reshape(len(beside), *arcs.shape),
+    )
 
 
 def _told(problem: HarnessProblem) -> tuple[Array, Array]:
@@ -59,19 +76,3 @@ def _told(problem: HarnessProblem) -> tuple[Array, Array]:
     network = HarnessNetwork(problem)
     network.aim()
     return network.held, network.layout.arcs
-
-
-def models_of(state: HarnessNetwork, changes: HarnessChanges) -> Array:
-    """(2 k, size): models on the mesh as it is."""
-    still = np.array((0.0, state.length))
-    everywhere = np.tile(still, (len(changes.held), 1))
-    models: Array = mesh.neighbours(state.bare, state.held + changes.held, state.ints, state.floats, still, everywhere)
-    for model, moved in zip(models, changes.arcs, strict=True):
-        if not moved.any():
-            continue
-        s = tables.model_of.py_func(state.ints, model).s
-        for (a, b), (low, high) in zip(state.runs, moved.tolist(), strict=True):
-            share = (s[a : b + 1] - s[a]) / (s[b] - s[a])
-            s[a : b + 1] += low + share * (high - low)
-        mesh.move_nodes(state.ints, model, still, still, model)
-    return models

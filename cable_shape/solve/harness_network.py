@@ -485,5 +485,20 @@ class HarnessNetwork(Network):
             run_on(out, df, slides)
         return out
 
+    def models_beside(self, held: Array, arcs: Array) -> Array:  # type: ignore[override]
+        """(c, size): models that differ as `harness_answers.differences` tells, on the mesh as it is."""
+        still = np.array((0.0, self.length))
+        made, everywhere = self.held + held, np.tile(still, (len(held), 1))
+        models: Array = mesh.neighbours(self.bare, made, self.ints, self.floats, still, everywhere)
+        for model, moved in zip(models, arcs, strict=True):
+            if not moved.any():
+                continue
+            s = tables.model_of.py_func(self.ints, model).s
+            for (a, b), (low, high) in zip(self.runs, moved.tolist(), strict=True):
+                share = (s[a : b + 1] - s[a]) / (s[b] - s[a])
+                s[a : b + 1] += low + share * (high - low)
+            mesh.move_nodes(self.ints, model, still, still, model)
+        return models
+
 
 _HELD = (0.0, 0.0, 0.0)

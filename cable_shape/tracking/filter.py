@@ -63,7 +63,7 @@ class Filter:
     def reset(self) -> None:
         """Everything is as at first."""
         unknown = self.unknown
-        self.rod.reset()
+        self.rod.trail.reset()
         self.known = Known(None, np.zeros(unknown.size), unknown.covariance(self._first), self._first)
         self._gives, self._answers = np.empty(0), np.empty(0)
         self._loose: Array = np.empty(0, dtype=np.int64)  # places that vibrate

@@ -113,7 +113,7 @@ def fitted(
                     if moved >= _STILL * math.sqrt(noise.variance):
                         moves = rod.moves()
                     break
-            rod.go_back()
+            rod.trail.go_back()
         sharp = soft < _SHARP * math.sqrt(noise.variance)
         if sharp and (moved == math.inf or moved < _STILL * math.sqrt(noise.variance)):
             break

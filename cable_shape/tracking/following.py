@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from cable_shape import checks
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
-from cable_shape.pose import FreeEnd, Grip
+from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.shape import CableShape, Status
 from cable_shape.tracking.filter import Filter, Known, Seen, spread_of
 from cable_shape.tracking.fit import Fit, Noise
@@ -39,6 +39,7 @@ ODD = 3.0
 FEWEST, MOST = 11, 1001
 
 Told = Mapping[str, Grip | FreeEnd | None]
+Links = Mapping[str, Pose] | None
 
 
 class Look(NamedTuple):
@@ -49,6 +50,7 @@ class Look(NamedTuple):
     expected: Known
     seen: Seen
     evidence: float
+    here: Any  # where the rod is with it, see `Trail`
 
 
 class Following:
@@ -99,11 +101,12 @@ class Following:
         self.lost = True  #: whether it is not known where the cable is: no point was on it of late
         self.innovation = math.nan  #: [1], how far the last look was from what was expected; above 3: not this cable
 
-    def followed(self, points: Any, stamp: int, told: Told) -> tuple[Any, Array] | None:
+    def followed(self, points: Any, stamp: int, told: Told, links: Links) -> tuple[Any, Array] | None:
         """The shape for points seen at a stamp [ns], and its covariance (n, 3, 3) [m^2]; None: nobody knows.
 
-        told: of each end what holds it; None: that is only seen.
+        told: of each end what holds it; None: that is only seen. links: where the robot's links were then.
         """
+        self._filter.rod.links = links
         stamp = checks.stamp(stamp, self._stamp)
         cloud = cloud_of(points if self._segment is None else self._segment(points))
         seen = frozenset(name for name, end in told.items() if end is None)
@@ -120,7 +123,7 @@ class Following:
         self.innovation = self._odd(look) if found else (math.inf if len(cloud) else math.nan)
         return look.fit.shape, spread_of(look.fit.moves, look.fit.covariance, self._noise.model)
 
-    def ahead(self, stamp: int, told: Told) -> tuple[Any, Known]:
+    def ahead(self, stamp: int, told: Told, links: Links) -> tuple[Any, Known]:
         """The shape to be expected at a stamp [ns] not before the last, with the grips there; what is known then."""
         stamp = checks.stamp(stamp, self._stamp)
         seen = frozenset(name for name, end in told.items() if end is None)
@@ -128,6 +131,7 @@ class Following:
         if ends is None:
             raise ArgumentError("start and end are not known: no look was had yet. Give both, or call update first.")
         known = self._filter.expected(stamp, seen)
+        self._filter.rod.links = links
         return self._filter.rod.solve(known.mean, ends), known
 
     def spread_ahead(self, known: Known) -> Array:
@@ -137,7 +141,7 @@ class Following:
     @property
     def rod_state(self) -> Any:
         """The solver's memory of the last shape; None: there is none."""
-        return self._filter.rod.rod_state
+        return self._filter.rod.trail.memory
 
     def _all_of(self, told: Told) -> Ends | None:
         """What is told, and the last of what is not; None where there is none yet."""
@@ -155,8 +159,8 @@ class Following:
 
     def _look(self, cloud: Array, stamp: int, told: Told, seen: Seen) -> Look | None:
         """The best of: going on from the last look, and if that does not explain this one, beginning anew."""
-        ends = self._all_of(told)
-        looks = []
+        ends, trail = self._all_of(told), self._filter.rod.trail
+        looks, before = [], trail.here
         if ends is not None:
             went_on = self._tried(cloud, ends, self._filter.expected(stamp, seen), seen)
             if went_on is not None and not len(cloud):
@@ -167,22 +171,24 @@ class Following:
         looks += self._from_nothing(cloud, stamp, told, seen)
         best = max(looks, key=lambda look: look.evidence, default=None)
         if best is not None and best.evidence >= EVIDENCE:
+            if trail.here is not best.here:
+                trail.go_to(best.here)
             return best
+        trail.go_to(before)
         if ends is None:
             return None
-        self._filter.rod.reset()
         return self._tried(np.empty((0, 3)), ends, self._filter.expected(stamp, seen), seen)
 
     def _tried(self, cloud: Array, ends: Ends, expected: Known, seen: Seen) -> Look | None:
         """One fit."""
         fit = self._filter.fit(cloud, ends, expected, seen)
         if fit is None:
-            self._filter.rod.reset()
+            self._filter.rod.trail.reset()
             fit = self._filter.fit(cloud, ends, expected, seen)
         if fit is None:
             return None
         without = -2.0 * len(cloud) * math.log(self._noise.outside)
-        return Look(fit, ends, expected, seen, without - fit.cost - fit.shift)
+        return Look(fit, ends, expected, seen, without - fit.cost - fit.shift, self._filter.rod.trail.here)
 
     def _from_nothing(self, cloud: Array, stamp: int, told: Told, seen: Seen) -> list[Look]:
         """Fits that know of no look before."""
@@ -190,7 +196,7 @@ class Following:
         expected = Known(stamp, np.zeros(unknown.size), unknown.covariance(SWING), SWING)
         looks = []
         for ends in self.guesses(cloud, told, seen, expected.covariance):
-            self._filter.rod.reset()
+            self._filter.rod.trail.reset()
             look = self._tried(cloud, ends, expected, seen)
             looks += [] if look is None else [look]
         return looks

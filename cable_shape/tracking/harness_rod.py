@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any, cast, final
+from collections.abc import Mapping
+from typing import Any, final
 
 import numpy as np
 
 from cable_shape.cable.harness import Harness
 from cable_shape.calibration.harness_parameters import OF_SEGMENTS, HarnessParameters
 from cable_shape.checks import Array
-from cable_shape.pose import FreeEnd, Grip
-from cable_shape.solve import harness_search
+from cable_shape.pose import FreeEnd, Grip, Pose
+from cable_shape.prediction.harness_solver import HarnessSolver
 from cable_shape.solve.harness_answers import HarnessChanges, answers
-from cable_shape.solve.harness_network import HarnessNetwork
 from cable_shape.solve.harness_problem import HarnessProblem
 from cable_shape.solve.harness_shape import HarnessShape
 from cable_shape.tracking.harness_unknown import HarnessUnknown
 from cable_shape.tracking.rod import ANEW, KINK, Ends, carried, displaced
+from cable_shape.tracking.trail import Trail
 
 #: Harnesses beside one are this far from it, in steps of finite differences of whole shapes: nothing is solved there.
 _NEAR = 1e-2
@@ -41,8 +42,8 @@ class HarnessRod:
         self.length, self.longest = harness.length, harness.longest  # m
         self._one = HarnessProblem(harness, **self._options).points  # of each segment
         self.points = self._one * len(harness.segments)
-        self._state: HarnessNetwork | None = None
-        self._before: HarnessNetwork | None = None
+        self.trail = Trail(HarnessSolver)
+        self.links: Mapping[str, Pose] | None = None  #: where the robot's links are
         self._ends: dict[str, Grip | FreeEnd] = {}
         self._z = np.zeros(unknown.size)
         self._at: Array = np.empty(0)  # values where the changes are taken
@@ -74,19 +75,6 @@ class HarnessRod:
         """(n, 3) [m], the points of all segments."""
         return np.concatenate([one.positions for one in shape.segments.values()])
 
-    @property
-    def rod_state(self) -> HarnessNetwork | None:
-        """The memory of the last shape."""
-        return self._state
-
-    def reset(self) -> None:
-        """Forgets the last shape."""
-        self._state = self._before = None
-
-    def go_back(self) -> None:
-        """Forgets the last shape, and goes on from the one before."""
-        self._state, self._before = self._before, None
-
     def solve(self, z: Array, ends: Ends) -> HarnessShape:
         """The shape with deviations z (k,) of what is told of these ends, from the last one on."""
         self._z = z
@@ -94,14 +82,12 @@ class HarnessRod:
             name: displaced(end, z[self.unknown.grips[name]]) if isinstance(end, Grip) else end
             for name, end in ends.items()
         }
-        self._before = None if self._state is None or self._state.history == 0 else self._copied()
-        problem = self._problem(self._values(), z[self.unknown.swing].reshape(-1, 3))
-        shape, self._state = harness_search.solve(problem, self._state)
+        shape: HarnessShape = self.trail.solve(self._problem(self._values(), z[self.unknown.swing].reshape(-1, 3)))
         return shape
 
     def moves(self) -> Array:
         """(n, 3, k): how the last shape moves with the deviations, at the same share of each segment."""
-        unknown, state = self.unknown, self._state
+        unknown, state = self.unknown, self.trail.memory
         assert state is not None
         out = np.zeros((self.points, 3, unknown.size))
         grips = [name for name, end in self._ends.items() if isinstance(end, Grip)]
@@ -118,11 +104,6 @@ class HarnessRod:
             out[:, :, first + j] = self._beside(j)
         return out
 
-    def _copied(self) -> HarnessNetwork:
-        """The memory once more."""
-        assert self._state is not None
-        return cast("HarnessNetwork", self._state.copied())
-
     def _values(self) -> Array:
         known = self.unknown.parameters
         return np.empty(0) if known is None else known.start + self._z[self.unknown.material]
@@ -134,7 +115,7 @@ class HarnessRod:
         moves = {name: swing[list(rows)] for name, rows in self.unknown.rows_of.items()}
         for rows in moves.values():
             rows[1, 2] += KINK
-        return HarnessProblem(made, acceleration=moves, **self._options).move(self._ends)
+        return HarnessProblem(made, acceleration=moves, **self._options).move(self._ends, self.links)
 
     def _look_about(self) -> None:
         """Takes the changes anew where numbers, or how the ends are held, are others."""
@@ -158,13 +139,12 @@ class HarnessRod:
 
     def _beside(self, j: int) -> Array:
         """(n, 3): the change with a number that says how ends lie in junctions, by shapes one step beside."""
-        assert self._state is not None
         step, values = np.zeros(len(self._each)), self._values()
         step[j] = self._each[j].step
         swing = self._z[self.unknown.swing].reshape(-1, 3)
         lines = []
         for at in (values + step, values - step):
-            shape, _ = harness_search.solve(self._problem(at, swing), self._copied())
+            shape = self.trail.beside(self._problem(at, swing))
             lines.append(self.line(shape) if shape.status else None)
         there, here = lines
         if there is None or here is None:

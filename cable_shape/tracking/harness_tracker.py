@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, final
 
 import numpy as np
@@ -15,6 +15,7 @@ from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import FreeEnd, Grip, as_grip
 from cable_shape.scene.scene import Scene
+from cable_shape.scene.scene_parts import Obstacle
 from cable_shape.shape import NUMBERS_PER_POINT, Status
 from cable_shape.solve.harness_problem import End
 from cable_shape.solve.harness_shape import HarnessShape
@@ -29,6 +30,7 @@ from cable_shape.tracking.following import (
     MOST,
     STIFFNESS,
     Following,
+    Links,
     Told,
 )
 from cable_shape.tracking.harness_rod import HarnessRod
@@ -47,7 +49,8 @@ class HarnessTracker(Following):
 
     harness : Harness
     scene : Scene, optional
-        Clips, eyelets among them, and masses, which name their `segment`; that it lies on bodies is not solved for.
+        Clips, eyelets among them, and masses, which name their `segment`; with ``contact="solve"`` it rests on the
+        bodies, and does not swing.
     uncertainty : Uncertainty, optional
         Names are those of harnesses. Default: EI of each segment by half, its length by 0.5 %, the grips by 3 mm and
         0.05 rad, and misses of 1.2 % of the longest segment.
@@ -66,6 +69,8 @@ class HarnessTracker(Following):
         gravity: ArrayLike = GRAVITY,
         points: int = 101,
         segment: Callable[[Any], ArrayLike] | None = None,
+        robot_links: Iterable[Obstacle] = (),
+        gripping_links: Iterable[str] = (),
     ) -> None:
         checks.instance("harness", harness, (Harness,), "Write Harness(segments={...}, junctions=[...]).")
         bends = BENDS if uncertainty is not None else BENDS_OF_ANY
@@ -77,12 +82,14 @@ class HarnessTracker(Following):
         points = checks.integer("points", points, at_least=FEWEST, at_most=MOST)
         if scene is not None:
             checks.instance("scene", scene, (Scene,), "Write Scene(clips=[...]), or Scene.from_yaml(path).")
-            if scene.contact == "solve":
-                bound = "a harness that lies on bodies is not tracked"
-                raise ArgumentError.of("scene.contact", "solve", bound, "Write contact='warn'.")
         self.harness = harness
-        unknown = HarnessUnknown(harness, uncertainty, bends)
-        options = {"gravity": gravity, "scene": scene, "points": points, "tolerance": 1e-5 * harness.longest}
+        resting = scene is not None and scene.contact == "solve"
+        unknown = HarnessUnknown(harness, uncertainty, bends, swings=not resting)
+        options: dict[str, Any] = {
+            "gravity": gravity, "scene": scene, "points": points, "tolerance": 1e-5 * harness.longest,
+            "robot_links": checks.entries("robot_links", robot_links, Obstacle),
+            "gripping_links": checks.entries("gripping_links", gripping_links, str, "Give a list of link names."),
+        }  # fmt: skip
         super().__init__(HarnessRod(harness, unknown, **options), uncertainty, noise, outliers, segment)
         self._one = points
 
@@ -109,7 +116,9 @@ class HarnessTracker(Following):
         """The open ends at the last look, those that are only seen where they were found; None: there was none yet."""
         return None if self._ends is None else dict(self._ends)
 
-    def update(self, points: Any, *, stamp: int, ends: Mapping[str, End] | None = None) -> HarnessShape:
+    def update(
+        self, points: Any, *, stamp: int, ends: Mapping[str, End] | None = None, links: Links = None
+    ) -> HarnessShape:
         """The shape for points seen at a stamp.
 
         Parameters
@@ -121,6 +130,8 @@ class HarnessTracker(Following):
         ends : mapping of open end to Pose, Grip or FreeEnd
             Where the grips were then. An end that was held before and is not named is followed by what is seen; one
             that never was is free.
+        links : mapping of robot link to its Pose in the world, optional
+            Where they were then, as of `Tracker.update`.
 
         Returns
         -------
@@ -138,7 +149,7 @@ class HarnessTracker(Following):
         told = self._told(ends)
         found = None
         if self._stands(told):
-            found = self.followed(points, stamp, told)
+            found = self.followed(points, stamp, told, links)
         else:
             self._stamp = checks.stamp(stamp, self._stamp)
         if found is None:
@@ -147,21 +158,21 @@ class HarnessTracker(Following):
         shape: HarnessShape = found[0]
         return shape
 
-    def predicted(self, *, stamp: int, ends: Mapping[str, End] | None = None) -> HarnessShape:
-        """The shape to be expected at a stamp [ns] not before the last, with the grips there; no look is counted.
+    def predicted(self, *, stamp: int, ends: Mapping[str, End] | None = None, links: Links = None) -> HarnessShape:
+        """The shape to be expected at a stamp [ns] not before the last, with grips and links there; no look is counted.
 
         Raises
         ------
         ArgumentError, StaleInputError
             As `update`, and where no grip is told nor was ever.
         """
-        return self.expected(stamp, ends)[0]
+        return self.expected(stamp, ends, links)[0]
 
     def expected(
-        self, stamp: int, ends: Mapping[str, End] | None = None, *, tube: bool = True
+        self, stamp: int, ends: Mapping[str, End] | None = None, links: Links = None, *, tube: bool = True
     ) -> tuple[HarnessShape, dict[str, Tube] | None]:
         """The same, and the tubes of its segments if they are asked for; None where there is no usable shape."""
-        shape, known = self.ahead(stamp, self._told(ends))
+        shape, known = self.ahead(stamp, self._told(ends), links)
         return shape, self._tubes_of(shape, self.spread_ahead(known)) if tube and shape.status else None
 
     def _told(self, ends: Mapping[str, End] | None) -> Told:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import final
 
 import numpy as np
@@ -31,11 +32,13 @@ class HarnessUnknown(Unknown):
     uncertainty : Uncertainty
     bends : float
         [1], standard deviation of that curvature times the length of the segment.
+    swings : bool
+        False: it rests, and has no such places.
     """
 
     parameters: HarnessParameters | None
 
-    def __init__(self, harness: Harness, uncertainty: Uncertainty, bends: float) -> None:
+    def __init__(self, harness: Harness, uncertainty: Uncertainty, bends: float, *, swings: bool = True) -> None:
         told, steps = uncertainty.harness_parameters(harness)
         targets = [] if told is None else told.targets
         mine = [one for one in targets if one.kind in MATERIAL and not self._of_grip(one, harness)]
@@ -47,15 +50,10 @@ class HarnessUnknown(Unknown):
         ]
         names = [one.name for one in mine] + [f"rest_curvature:{name}" for name in bent]
         self.parameters = HarnessParameters(harness, names) if names else None
-        places, at_ends, rows = _places(harness)
+        places, at_ends, rows = _places(harness) if swings else ([], {}, {})
         self.lay_out(harness.open_ends, 0 if self.parameters is None else len(self.parameters.start), len(places))
         self.at_ends, self.rows_of = at_ends, rows  # rows_of: of each segment, its places from start to end
-        self.masses = np.zeros(len(places))
-        for name, cable in harness.segments.items():
-            own = cable.length * (cable.linear_density or 1.0)
-            self.masses[list(rows[name])] += own * np.array((0.25, 0.5, 0.25))
-        for i, junction in enumerate(harness.junctions):
-            self.masses[i] += junction.mass
+        self.masses = _masses(harness, rows, len(places))
         grips = self.material.start
         for target in () if self.parameters is None else self.parameters.targets:
             self.parts.append(slice(grips + target.first, grips + target.first + len(target.parts)))
@@ -91,6 +89,18 @@ class HarnessUnknown(Unknown):
             first = self.grips[target.of[0]].start
             return [first + i for i in _OF_GRIP[target.kind]]
         return self._numbers(target.name) if target in mine else [-1] * len(target.parts)
+
+
+def _masses(harness: Harness, rows_of: Mapping[str, tuple[int, int, int]], places: int) -> Array:
+    """(places,) [kg]."""
+    out: Array = np.zeros(places)
+    for name, rows in rows_of.items():
+        cable = harness.segments[name]
+        out[list(rows)] += cable.length * (cable.linear_density or 1.0) * np.array((0.25, 0.5, 0.25))
+    if rows_of:
+        for i, junction in enumerate(harness.junctions):
+            out[i] += junction.mass
+    return out
 
 
 def _places(harness: Harness) -> tuple[list[str], dict[str, int], dict[str, tuple[int, int, int]]]:

@@ -17,6 +17,7 @@ from cable_shape.shape import CableShape
 from cable_shape.solve.answers import pushed, sensitivity
 from cable_shape.solve.network import Network
 from cable_shape.solve.problem import Problem
+from cable_shape.tracking.trail import Trail
 from cable_shape.tracking.unknown import Unknown
 
 Ends = Mapping[str, Grip | FreeEnd]
@@ -43,7 +44,8 @@ class Rod:
     def __init__(self, cable: Cable, unknown: Unknown, **options: Any) -> None:
         self.cable, self.unknown = cable, unknown
         self._options = options
-        self._rod, self._before = solvers.Rod(), solvers.Rod()
+        self.trail = Trail(solvers.Rod)
+        self.links: Mapping[str, Pose] | None = None  #: where the robot's links are
         self._answers: Answers | None = None
         parameters = self._parameters = cast("Parameters | None", unknown.parameters)
         self._steps = np.array([] if parameters is None else [p.step for p in parameters.each])
@@ -54,19 +56,6 @@ class Rod:
 
         self.points = Problem(cable, **options).points
         self.length = self.longest = cable.length  # m
-
-    @property
-    def rod_state(self) -> Any:
-        """The solver's memory of the last shape, in contact or not."""
-        return self._rod.rod_state()
-
-    def reset(self) -> None:
-        """Forgets the last shape."""
-        self._rod, self._before = solvers.Rod(), solvers.Rod()
-
-    def go_back(self) -> None:
-        """Forgets the last shape, and goes on from the one before."""
-        self._rod, self._before = self._before, solvers.Rod()
 
     @property
     def at(self) -> Array:
@@ -100,15 +89,15 @@ class Rod:
             acceleration[1, 2] += KINK
         problem = Problem(cable, acceleration=acceleration, **self._options)
         near, far = displaced(start, z[:6]), end if isinstance(end, FreeEnd) else displaced(end, z[6:12])
-        problem.move(near, far)
+        problem.move(near, far, self.links)
         self._z, self._ends = z, (near, far)
         self._values = values
-        self._before = self._rod.twin(problem, None)
-        return self._rod.solve(problem)
+        shape: CableShape = self.trail.solve(problem)
+        return shape
 
     def moves(self) -> Array:
         """(n, 3, k): how the last shape moves with the deviations, at the same share of the length."""
-        unknown, state, z = self.unknown, self._rod.rod_state(), self._z
+        unknown, state, z = self.unknown, self.trail.memory, self._z
         assert state is not None
         out = np.zeros((state.problem.points, 3, unknown.size))
         ends = sensitivity(state)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, final
 
 import numpy as np
@@ -16,6 +16,7 @@ from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import FreeEnd, Grip, Pose, as_grip
 from cable_shape.scene.scene import Scene
+from cable_shape.scene.scene_parts import Obstacle
 from cable_shape.shape import CableShape
 from cable_shape.solve.problem import GRAVITY
 from cable_shape.tracking.filter import Seen
@@ -29,6 +30,7 @@ from cable_shape.tracking.following import (
     MOST,
     STIFFNESS,
     Following,
+    Links,
     Told,
     nothing,
 )
@@ -73,6 +75,9 @@ class Tracker(Following):
         Number of points of the shapes, uniform in arc length.
     segment : callable, optional
         Makes points (n, 3) [m] of whatever `update` is given.
+    robot_links, gripping_links
+        Bodies on the robot's links, and which links hold the cable, as of :class:`cable_shape.Predictor`; with
+        ``contact="solve"``.
 
     Raises
     ------
@@ -99,6 +104,8 @@ class Tracker(Following):
         gravity: ArrayLike = GRAVITY,
         points: int = 101,
         segment: Callable[[Any], ArrayLike] | None = None,
+        robot_links: Iterable[Obstacle] = (),
+        gripping_links: Iterable[str] = (),
     ) -> None:
         if not isinstance(cable, Cable):
             raise ArgumentError.of("cable", cable, "it must be a Cable or a Harness", "Write Cable(length=..., ...).")
@@ -116,7 +123,11 @@ class Tracker(Following):
         self.cable = cable
         resting = scene is not None and scene.contact == "solve"
         unknown = Unknown(cable, uncertainty, 0 if resting else ROWS, bends if not cable.sections else 0.0)
-        options = {"gravity": gravity, "scene": scene, "points": points, "tolerance": 1e-5 * cable.length}
+        options: dict[str, Any] = {
+            "gravity": gravity, "scene": scene, "points": points, "tolerance": 1e-5 * cable.length,
+            "robot_links": checks.entries("robot_links", robot_links, Obstacle),
+            "gripping_links": checks.entries("gripping_links", gripping_links, str, "Give a list of link names."),
+        }  # fmt: skip
         super().__init__(Rod(cable, unknown, **options), uncertainty, noise, outliers, segment)
 
     def reset(self) -> None:
@@ -151,6 +162,7 @@ class Tracker(Following):
         stamp: int,
         start: Pose | Grip | None = None,
         end: Pose | Grip | FreeEnd | None = None,
+        links: Links = None,
     ) -> CableShape:
         """The shape for points seen at a stamp.
 
@@ -162,6 +174,9 @@ class Tracker(Following):
             [ns], when they were seen, not before the last.
         start, end : Pose or Grip, optional
             Where the grips were then; None: that is only seen. `end` may be a FreeEnd.
+        links : mapping of robot link to its Pose in the world, optional
+            Where they were then: of clips on links, and of bodies on them if contact is solved for; without it these
+            are left out.
 
         Returns
         -------
@@ -175,7 +190,7 @@ class Tracker(Following):
         StaleInputError
             If the stamp goes backwards.
         """
-        found = self.followed(points, stamp, _told(start, end))
+        found = self.followed(points, stamp, _told(start, end), links)
         if found is None:
             n = self._filter.rod.points
             detail = "Nobody knows where the grips are: no line as long as the cable is among the points. "
@@ -187,27 +202,33 @@ class Tracker(Following):
         return self._tube.shape
 
     def predicted(
-        self, *, stamp: int, start: Pose | Grip | None = None, end: Pose | Grip | FreeEnd | None = None
+        self,
+        *,
+        stamp: int,
+        start: Pose | Grip | None = None,
+        end: Pose | Grip | FreeEnd | None = None,
+        links: Links = None,
     ) -> CableShape:
-        """The shape to be expected at a stamp [ns] not before the last, with the grips there; no look is counted.
+        """The shape to be expected at a stamp [ns] not before the last, with grips and links there; no look is counted.
 
         Raises
         ------
         ArgumentError, StaleInputError
             As `update`, and where a grip is neither told nor was ever.
         """
-        return self.expected(stamp, start, end)[0]
+        return self.expected(stamp, start, end, links)[0]
 
     def expected(
         self,
         stamp: int,
         start: Pose | Grip | None = None,
         end: Pose | Grip | FreeEnd | None = None,
+        links: Links = None,
         *,
         tube: bool = True,
     ) -> tuple[CableShape, Tube | None]:
         """The same, and its tube if that is asked for; None where there is no usable shape."""
-        shape, known = self.ahead(stamp, _told(start, end))
+        shape, known = self.ahead(stamp, _told(start, end), links)
         return shape, self._tube_of(shape, self.spread_ahead(known)) if tube and shape.status else None
 
     def _tube_of(self, shape: CableShape, covariance: Array) -> Tube:

@@ -20,6 +20,7 @@ from cable_shape.kernels.network.tables import NOW
 from cable_shape.pose import FreeEnd
 from cable_shape.shape import NUMBERS_PER_POINT, TOUCH
 from cable_shape.solve.cables import Structure
+from cable_shape.solve.harness_answers import differences
 from cable_shape.solve.harness_network import HarnessNetwork
 from cable_shape.solve.harness_problem import HarnessProblem
 from cable_shape.solve.harness_shape import HarnessShape
@@ -283,25 +284,22 @@ class HarnessTouchState(TouchState):
         segments = self.problem.segments
         own = segments[name]
         others = [HarnessProblem.of_cables({**segments, name: own.beside(cable)}) for cable in cables]
-        return self.models_beside(others)
+        return self.models_beside(*differences(self.problem, others))
 
-    def models_beside(self, others: Sequence[HarnessProblem]) -> Array:  # type: ignore[override]
-        """(c, size): models of harnesses with the same knots and spans, on the mesh as it is.
+    def models_beside(self, held: Array, arcs: Array) -> Array:  # type: ignore[override]
+        """(c, size): models that differ as `harness_answers.differences` tells, on the mesh as it is.
 
         Clips and masses stay at their arc length, other knots where the others have them.
         """
         plan, still = tables.plan_of.py_func(self.net.ints), np.array((0.0, self.problem.harness.longest))
-        networks = [HarnessNetwork(other) for other in others]
-        for network in networks:
-            network.aim()
-            self.let_stretch(network.held[network.parts.piece])
-        made, everywhere = np.array([one.held for one in networks]), np.tile(still, (len(others), 1))
+        made, everywhere = self.cable.held + held, np.tile(still, (len(held), 1))
+        for row in made:
+            self.let_stretch(row[self.cable.parts.piece])
         models: Array = respond.neighbours(self.net, self.s, made, still, everywhere)
         stretch = self.net.stretch[: int(self.net.ints[tables.N_SPANS])]
         own = self.cable.layout
         eyelets = [j for _, j in own.rings]  # what is in them is where it is
-        for model, network in zip(models, networks, strict=True):
-            moved = network.layout.arcs - own.arcs
+        for model, moved in zip(models, arcs, strict=True):
             if not moved.any():
                 continue
             s = tables.model_of.py_func(self.net.ints, model).s
