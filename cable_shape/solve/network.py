@@ -556,12 +556,15 @@ class Network:
         one with where they are on those (c, a): see ``mesh.neighbours``.
 
         Supports and point loads stay at their arc length; both ends and kinks of what varies along the cable at their
-        share of the length. kept: what these very cables are made of, from call to call, by where it has kinks.
+        share of the length, short of supports. kept: what these very cables are made of, from call to call, by where
+        they have kinks.
         """
         stays = np.union1d(self.bounds()[:-1], self.points[self.weights.any(axis=1)])
         kinks = np.append(np.setdiff1d(self.stops, stays), self.length)
         places = np.concatenate((stays, kinks))
         order = np.argsort(places)
+        at = np.searchsorted(stays, kinks)
+        low, high = stays[at - 1], np.append(stays, math.inf)[at]
         models, after = np.tile(self.held, (len(cables), 1)), np.tile(places[order], (len(cables), 1))
         pieces = self._substances(cables, {} if kept is None else kept)
         for model, there, cable, made_of in zip(models, after, cables, pieces, strict=True):
@@ -577,7 +580,8 @@ class Network:
                 other.hold(self._kinds, self._tip, self._moment)
                 model[:] = other.held
             if longer:
-                there[:] = np.concatenate((stays, kinks * (cable.length / self.length)))[order]
+                moved = np.clip(kinks * (cable.length / self.length), 0.5 * (low + kinks), 0.5 * (kinks + high))
+                there[:] = np.concatenate((stays, moved))[order]
         return models, places[order], after
 
     def models_beside(self, cables: Sequence[Cable], kept: dict[bytes, Array] | None = None) -> Array:

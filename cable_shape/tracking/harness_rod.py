@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, final
 
 import numpy as np
@@ -12,6 +12,8 @@ from cable_shape.calibration.harness_parameters import OF_SEGMENTS, HarnessParam
 from cable_shape.checks import Array
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.prediction.harness_solver import HarnessSolver
+from cable_shape.scene.scene import Scene
+from cable_shape.scene.scene_parts import Clip, PointMass
 from cable_shape.solve.harness_answers import HarnessChanges, answers
 from cable_shape.solve.harness_problem import HarnessProblem
 from cable_shape.solve.harness_shape import HarnessShape
@@ -21,6 +23,10 @@ from cable_shape.tracking.trail import Trail
 
 #: Harnesses beside one are this far from it, in steps of finite differences of whole shapes: nothing is solved there.
 _NEAR = 1e-2
+#: Rows of a segment's accelerations, evenly along it, and between which shares of its length it moves as its middle.
+_TABLES = (3, (0.5, 0.5)), (4, (1.0 / 3.0, 2.0 / 3.0)), (6, (0.4, 0.6))
+#: As far away, in shares of the length, are clips and masses to be from kinks, which longer segments have elsewhere.
+_CLEAR = 0.03
 
 
 @final
@@ -50,6 +56,7 @@ class HarnessRod:
         self._key: tuple[object, ...] | None = None
         self._changes: HarnessChanges
         self._loads: HarnessChanges
+        self._tables = {name: _table(harness, name, options.get("scene")) for name in unknown.rows_of}
         known = unknown.parameters
         self._each = [] if known is None else known.each
         targets = [] if known is None else known.targets
@@ -113,8 +120,9 @@ class HarnessRod:
         known: HarnessParameters | None = self.unknown.parameters
         made = self.harness if known is None else known.make(values)
         moves = {name: swing[list(rows)] for name, rows in self.unknown.rows_of.items()}
-        for rows in moves.values():
+        for name, rows in moves.items():
             rows[1, 2] += KINK
+            moves[name] = self._tables[name] @ rows
         return HarnessProblem(made, acceleration=moves, **self._options).move(self._ends, self.links)
 
     def _look_about(self) -> None:
@@ -150,3 +158,17 @@ class HarnessRod:
         if there is None or here is None:
             return np.zeros((self.points, 3))
         return np.asarray((there - here) / (2.0 * step[j]))
+
+
+def _table(harness: Harness, segment: str, scene: Scene | None) -> Array:
+    """(rows, 3): how places evenly along a segment move by how its start, middle and end do."""
+    length = harness.segments[segment].length
+    parts: Sequence[Clip | PointMass] = () if scene is None else (*scene.clips, *scene.masses)
+    others = np.array([part.arc_length / length for part in parts if part.segment == segment])
+
+    def room(kinks: tuple[float, float]) -> float:
+        return min(_CLEAR, *(float(np.abs(others - x).min(initial=1.0)) for x in kinks))
+
+    rows, (low, high) = max(_TABLES, key=lambda table: room(table[1]))
+    at, s = (0.0, low, high, 1.0), np.linspace(0.0, 1.0, rows)
+    return np.stack([np.interp(s, at, one) for one in ((1, 0, 0, 0), (0, 1, 1, 0), (0, 0, 0, 1))], axis=1)

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
 from cable_shape_msgs.msg import CableWarnings
+from clouds import cloud
 from diagnostic_msgs.msg import DiagnosticStatus
-from harness import LATCHED, nanoseconds
-from sensor_msgs.msg import JointState
+from harness import LATCHED, cloud_message, nanoseconds
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState, PointCloud2
 
 import cable_shape as cs
 from cable_shape.cable.cable_file import CableFile
@@ -117,6 +119,48 @@ def test_a_clip_on_a_link_goes_with_the_joints(start, robot, tmp_path):
         assert message.positions == pytest.approx(own.positions, abs=2e-5)
         there = [np.interp(0.3, message.arc_length, x) for x in message.positions.T]
         assert there == pytest.approx((robot.link_poses()["left_tool"] * scene.clips[0].pose).position, abs=1e-4)
+    assert node.process.stop() == 0
+
+
+@pytest.mark.parametrize("contact", ["warn", "solve"])
+def test_what_is_seen_of_a_cable_in_a_clip_on_a_link_corrects_its_shape(start, robot, tmp_path, contact):
+    """As the clip goes with the joints, a cloud is compared with where it was then."""
+    scene = cs.Scene(clips=[cs.Clip(0.3, cs.Pose((0.02, 0.15, 0.05)), name="guide", link="left_tool")], contact=contact)
+    file = tmp_path / "scene.yaml"
+    file.write_text(json.dumps(scene.as_dict()))
+    files = {"robot_file": "robots/dual_arm.yaml", "cable_file": "cables/demo.yaml", "scene_file": file}
+    node = start(input="joints", model="cosserat", points_seen="true", **files)
+    sensor = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+    publisher = node.node.create_publisher(PointCloud2, "cable/points_seen", sensor)
+    node.until(publisher.get_subscription_count, "subscription to cable/points_seen")
+    known = CableFile.from_yaml(find_file("cables/demo.yaml")).cable
+    true = known.replace(bending_stiffness=(2.0 * np.array(known.bending_stiffness)).tolist())
+    keywords = {"robot_links": robot.link_geometry, "gripping_links": robot.gripping_links}
+    given, there = (cs.Predictor(c, model="cosserat", scene=scene, **keywords) for c in (known, true))
+    told: dict[int, tuple[cs.CableShape, cs.CableShape]] = {}
+
+    def send():
+        angle = -1.0 + 0.002 * len(told)
+        q = dict(zip(robot.joint_names, robot.home.tolist(), strict=True)) | {"left_wrist_1_joint": angle}
+        ends = (*robot.grips(robot.positions(list(q), list(q.values()))), robot.link_poses())
+        stamp = publish(node, robot, left_wrist_1_joint=angle)
+        told[stamp] = given.predict(*ends), there.predict(*ends)
+        stamps = list(told)
+        if len(stamps) > 1:
+            publisher.publish(cloud_message(cloud(told[stamps[-2]][1], len(stamps)), stamps[-2]))
+
+    def near():
+        message = next((m for s in reversed(told) for m in node.shapes if nanoseconds(m.header.stamp) == s), None)
+        if message is None:
+            return False
+        plain, seen = told[nanoseconds(message.header.stamp)]
+        before, now = (
+            float(np.linalg.norm(x - seen.positions, axis=1).mean())
+            for x in (plain.positions, shape_from(message).positions)
+        )
+        return now < 0.4 * before
+
+    node.send_until(send, near, "shape that is corrected")
     assert node.process.stop() == 0
 
 

@@ -160,6 +160,47 @@ def test_a_cable_on_a_table_stays_on_it():
     assert off(shape, true).mean() < 0.004
 
 
+def test_a_cable_in_a_clip_where_it_has_a_kink_is_followed():
+    scene = cs.Scene(clips=[cs.Clip(0.5, cs.Pose((0.35, 0.05, 0.8), ALONG_X), kind="ball")])
+    tracker, predictor = cs.Tracker(CABLE, scene, noise=0.002), cs.Predictor(TRUE, scene=scene, points=201)
+    for k in range(4):
+        true = predictor.predict(START, end_at(k))
+        shape = tracker.update(cloud(true, k), stamp=k * STEP, start=START, end=end_at(k))
+    assert not tracker.lost
+    assert off(shape, true).mean() < 0.003
+
+
+def behind(made, scene: cs.Scene) -> tuple[cs.Pose, cs.Pose]:
+    """Takes what predicts or tracks to where a cable hangs behind a post, from where it hangs beside it."""
+    for k in range(31):
+        ends = tuple(cs.Pose((x, -0.12 + 0.01 * k, 1.0), ALONG_X) for x in (0.0, 0.7))
+        made(ends, k)
+    return ends
+
+
+def test_a_cable_behind_a_post_stays_there_whatever_is_seen_meanwhile():
+    post = cs.Obstacle("post", cs.Cylinder(0.015, 2.0), cs.Pose((0.35, 0.0, 1.0)))
+    scene = cs.Scene(obstacles=[post], contact="solve")
+    predictor = cs.Predictor(TRUE, scene=scene, points=101)
+    tracker = cs.Tracker(CABLE, scene, noise=0.002)
+    shapes = []
+
+    def both(ends, k: int) -> None:
+        shapes.append(predictor.predict(*ends))
+        tracker.update(cloud(shapes[-1], k), stamp=k * STEP, start=ends[0], end=ends[1])
+
+    start, end = behind(both, scene)
+    true = shapes[-1]
+    assert true.contacts
+    assert np.abs(true.positions - cs.predict(TRUE, start, end, scene=scene, points=101).positions).max() > 0.1
+    strays = np.random.default_rng(0).uniform((0.0, -0.4, 0.4), (0.7, 0.4, 1.2), (200, 3))
+    for k, (points, lost) in enumerate(((strays, True), (np.empty((0, 3)), False), (cloud(true, 7), False))):
+        shape = tracker.update(points, stamp=(31 + k) * STEP, start=start, end=end)
+        assert tracker.lost is lost or not len(points)
+        assert off(shape, true).max() < 0.03, k
+    assert off(shape, true).mean() < 0.004
+
+
 def test_segments_are_a_hook():
     true = cs.predict(TRUE, START, END, points=201)
     image = {"points": cloud(true, 1)}
