@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any, NamedTuple, final
 
@@ -11,17 +12,18 @@ import numpy as np
 from cable_shape.cable.cable import Cable
 from cable_shape.cable.pieces import cable_at, widest
 from cable_shape.checks import Array
+from cable_shape.errors import ArgumentError
 from cable_shape.kernels.contact import swung
 from cable_shape.kernels.contact.check import TOUCH
-from cable_shape.kernels.contact.points import RING
+from cable_shape.kernels.contact.points import HELD, INSIDE, RING
 from cable_shape.kernels.contact.tables import Bodies
 from cable_shape.kernels.network.momentum import Momentum
-from cable_shape.kernels.network.motion import N_PROPS
+from cable_shape.kernels.network.motion import N_PROPS, PROPS
 from cable_shape.kernels.network.props import DRY, ELEMENT, HOLDER, SHARE
 from cable_shape.kernels.network.tables import NOW
 from cable_shape.kernels.network.walls import KEPT, PUSHED, STIFF, WALL, WALLS
 from cable_shape.pose import Pose
-from cable_shape.scene.scene_parts import Clip
+from cable_shape.scene.scene import Scene
 from cable_shape.shape import CableShape
 from cable_shape.solve.harness_problem import HarnessProblem
 from cable_shape.solve.mesh import interpolated
@@ -61,14 +63,20 @@ class Lying(NamedTuple):
 class Among:
     """Bodies, and what the nodes of one network are to them.
 
-    cables: of the network; None: one that knows no bodies. rings (e, RING): the eyelets.
+    cables: of the network; None: one that knows no bodies. eyelets: the numbers of those among the clips, and of
+    the cable that runs through each. supports (k, 7): what holds the clips at rest, see `CableShape`.
     """
 
     def __init__(
-        self, problem: Problem | HarnessProblem, cables: Sequence[Cable | None], rings: Array, settling: Settling,
-        remembered: Array,
+        self, problem: Problem | HarnessProblem, cables: Sequence[Cable | None], eyelets: Sequence[tuple[int, int]],
+        supports: Array, settling: Settling, remembered: Array,
     ) -> None:  # fmt: skip
         self.bodies = TouchBodies()
+        self._eyelets = [number for number, _ in eyelets]
+        rings = np.zeros((len(eyelets), RING))
+        if eyelets:
+            rings[:, :3], rings[:, 3] = problem.clip_frames[self._eyelets, :3], [cable for _, cable in eyelets]
+            rings[:, 4], rings[:, 5:8] = supports[self._eyelets, 0], -supports[self._eyelets, 1:4]
         thickest = 0.5 * max(widest(cable) for cable in cables if cable is not None)
         self.bodies.take(problem.bodies, problem.gripping, problem.links, thickest, problem.carried)
         n, plan, h = settling.model.s.size, settling.plan, settling.model.h
@@ -86,7 +94,7 @@ class Among:
         self.skin = swung.Skin(
             thick, whole, rough, _knots(settling, thick), np.empty(n),
             np.empty(settling.sols.size + remembered.size + settling.moving.size), self.bodies.moved_links.copy(),
-            rings,
+            rings, rings[:, :3].copy(),
         )  # fmt: skip
         for node in np.flatnonzero(self.skin.knot >= 0):
             beside = _nodes_in(settling, self.skin.knot[node])
@@ -102,12 +110,20 @@ class Among:
     @property
     def state(self) -> list[Array]:
         """What a step changes."""
-        return [self.skin.links, self.skin.rings, self.bodies.frames]
+        return [self.skin.links, self.skin.rings, self.skin.goals, self.bodies.frames]
 
-    def move(self, links: Mapping[str, Pose] | None) -> None:
-        """Puts bodies on links where those are at the end of the next step; without links they stay."""
+    def move(self, links: Mapping[str, Pose] | None, clips: Array) -> None:
+        """Puts bodies on links and eyelets where those are at the end of the next step.
+
+        clips (k, 7): where the scene's clips are then.
+        """
         if links is not None and len(self.skin.links):
             self.bodies.move(self.bodies.link_rows(links))
+        self.skin.goals[...] = clips[self._eyelets, :3]
+
+    def tell_eyelets(self, supports: Array) -> None:
+        """Fills in the rows of eyelets among (k, 7): arc length [m] and force [N] on it."""
+        supports[self._eyelets, 0], supports[self._eyelets, 1:4] = self.skin.rings[:, 4], -self.skin.rings[:, 5:8]
 
     def touches(self, ints: Whole, floats: Array, moving: Array, cable: int) -> Array:
         """(k, TOUCH), the contacts of a cable in the last step, in ascending arc length."""
@@ -157,13 +173,21 @@ class Among:
         return float(np.abs((rows[:, PUSHED] - rows[:, KEPT]) / rows[:, STIFF]).max(initial=0.0))
 
 
-def rings_of(clips: Sequence[Clip], cables: Sequence[int]) -> Array:
-    """(e, RING), the eyelets among clips, each of a cable of the network."""
-    rows = [(clip, c) for clip, c in zip(clips, cables, strict=True) if clip.kind == "slide"]
-    rings = np.zeros((len(rows), RING))
-    for row, (clip, c) in zip(rings, rows, strict=True):
-        row[:3], row[3], row[4] = clip.pose.position, c, clip.arc_length
-    return rings
+def without_eyelets(scene: Scene | None) -> Scene | None:
+    """The same scene without what cables run through: that is no support of a network that swings.
+
+    Raises
+    ------
+    ArgumentError
+        If there are more than a motion has room for.
+    """
+    if scene is None:
+        return scene
+    held = [clip for clip in scene.clips if clip.kind != "slide"]
+    count = len(scene.clips) - len(held)
+    if count > PROPS:
+        raise ArgumentError.of("clips", count, f"a motion knows {PROPS} eyelets at most", "Make some 'ball' clips.")
+    return replace(scene, clips=held) if count else scene
 
 
 def _nodes_in(settling: Settling, knot: int) -> list[int]:
@@ -174,11 +198,11 @@ def _nodes_in(settling: Settling, knot: int) -> list[int]:
 
 def _knots(settling: Settling, thick: Array) -> Any:
     """(n,): what a node stands for, see `Skin`: the thickest in a knot that moves for that."""
-    plan, found = settling.plan, np.full(thick.size, swung.INSIDE)
+    plan, found = settling.plan, np.full(thick.size, INSIDE)
     for j, (a, b) in enumerate(pairwise(plan.first.tolist())):
-        found[a + j] = swung.HELD
+        found[a + j] = HELD
         if not settling.motion.loose[b + j]:
-            found[b + j] = swung.HELD
+            found[b + j] = HELD
     for knot, (_, moves) in enumerate(plan.vertices.tolist()):
         if moves >= 0:
             node = max(_nodes_in(settling, knot), key=thick.__getitem__)

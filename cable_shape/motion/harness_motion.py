@@ -15,14 +15,13 @@ from cable_shape.cable.harness import Harness
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError, UnknownKeyError
 from cable_shape.kernels.network import tables
-from cable_shape.motion.among import Among, Lying, rings_of
+from cable_shape.motion.among import Among, Lying, without_eyelets
 from cable_shape.motion.common import MODEL, Traced, check_moves, enough, failed, steps_ahead, work_of
 from cable_shape.motion.swing import FEWEST, Load, Swing
 from cable_shape.motion.tangents import NUMBERS, RATE, Number, Tangents, Ways, check_free, number_of, traced
 from cable_shape.pose import FreeEnd, Grip, Pose, one_mapping
 from cable_shape.scene.mesh_convex import check_convex
 from cable_shape.scene.scene import Obstacle, Scene
-from cable_shape.scene.scene_parts import Clip
 from cable_shape.shape import NUMBERS_PER_POINT, Status
 from cable_shape.solve import harness_search
 from cable_shape.solve.harness_answers import differences
@@ -31,7 +30,6 @@ from cable_shape.solve.harness_outcome import out_of_reach
 from cable_shape.solve.harness_problem import End, HarnessProblem
 from cable_shape.solve.harness_shape import HarnessShape
 from cable_shape.solve.problem import GRAVITY
-from cable_shape.solve.settle import Settling
 from cable_shape.solve.touching import harness_solve
 from cable_shape.solve.touching.harness_state import HarnessTouchState, Laid
 
@@ -43,7 +41,7 @@ class HarnessMotion(Traced):
     harness : Harness
         Every segment has a linear density and a bending stiffness above 0.
     scene : Scene, optional
-        Clips and masses name their `segment`; no eyelets.
+        Clips, eyelets among them, and masses name their `segment`.
     points, elements : int
         Of each segment.
 
@@ -68,7 +66,7 @@ class HarnessMotion(Traced):
         options: dict[str, Any] = {"gravity": gravity, "points": points, "distributed_load": distributed_load}
         options |= {"robot_links": tuple(robot_links), "gripping_links": tuple(gripping_links)}
         self._still = HarnessProblem(harness, scene=scene, friction=False, **options)
-        self.problem = HarnessProblem(harness, scene=scene, **options)
+        self.problem = HarnessProblem(harness, scene=without_eyelets(scene), **options)
         self.elements = None if elements is None else checks.integer("elements", elements, at_least=4, at_most=2000)
         for name, cable in harness.segments.items():
             try:
@@ -76,16 +74,13 @@ class HarnessMotion(Traced):
             except ArgumentError as error:
                 raise ArgumentError(f"segment {name!r}: {error}") from None
         check_convex(self._still.bodies)
-        for i, clip in enumerate(() if scene is None else scene.clips):
-            if clip.link is not None:
-                bound = "the motion of a harness knows no clips on links"
-                raise ArgumentError.of(f"clips[{i}].link", clip.link, bound, "Hold the clip in the world.")
-            if clip.kind == "slide":
-                bound = "the motion of a harness knows no eyelets"
-                raise ArgumentError.of(f"clips[{i}].kind", "slide", bound, "Make it a 'ball' clip.")
+        order, clips = list(harness.segments), () if scene is None else scene.clips
+        rows = ((i, clip.segment) for i, clip in enumerate(clips) if clip.kind == "slide")
+        self._eyelets = [(i, order.index(name)) for i, name in rows if name is not None]
         self._state: HarnessNetwork | None = None
         self._swing: Swing | None = None
         self._last: HarnessShape | None = None
+        self._links: Mapping[str, Pose] | None = None
         self._error = 0.0
         self._loose: list[int] = []  # knots that nothing holds
         self._tangents: Tangents | None = None
@@ -159,21 +154,23 @@ class HarnessMotion(Traced):
         problem = self.problem.move(ends, links)
         if by:
             self._check_names(by)
-        among: tuple[Any, ...] = ()
-        if problem.bodies:
-            shape, state, among = self._among(ends, links)
+        among = lying = None
+        if problem.bodies or self._eyelets:
+            shape = self._lie(ends, links)
         else:
             shape, state = harness_search.solve(problem)
         if not shape.status:
             return shape
+        if problem.bodies or self._eyelets:
+            state, among, lying = self._lay(shape)
         self._spread_evenly(state, shape)
-        swing = Swing(self._load(state), state, *among)
+        swing = Swing(self._load(state), state, among, lying)
         if not swing.alive:
             detail = "The harness does not come to rest on the mesh of its motion. "
             return failed(shape, Status.NOT_CONVERGED, detail)
         if by:
             check_free(swing, False)
-        self._state, self._swing = state, swing
+        self._state, self._swing, self._links = state, swing, links
         held = {*(row for row, _ in state._held), *state.clip_rows}
         self._loose = [row for row in range(len(swing.solution.pose)) if row not in held]
         out, rates = self._buffers()
@@ -187,18 +184,21 @@ class HarnessMotion(Traced):
             self._tangents = Tangents(swing, self._numbers(state, ways.at), ways)
         return self._last
 
-    def _among(
-        self, ends: Mapping[str, End], links: Mapping[str, Pose] | None
-    ) -> tuple[HarnessShape, HarnessNetwork, tuple[Callable[[Settling, Array], Among], Lying]]:
-        """At rest among bodies without friction: how friction would hold it nothing tells; and its network as there."""
+    def _lie(self, ends: Mapping[str, End], links: Mapping[str, Pose] | None) -> HarnessShape:
+        """At rest among bodies and in eyelets, without friction: how friction would hold it nothing tells."""
         still = self._still.move(ends, links)
-        shape, _ = harness_solve.solve(still, HarnessTouchState(still), None)  # type: ignore[arg-type]
+        if still.bodies:
+            return harness_solve.solve(still, HarnessTouchState(still), None)[0]  # type: ignore[arg-type]
+        return harness_search.solve(still)[0]
+
+    def _lay(self, lying: HarnessShape) -> tuple[HarnessNetwork, partial[Among], Lying]:
+        """The network without eyelets as the harness lies, and what is known of bodies and eyelets."""
         touch = HarnessTouchState(self.problem)  # type: ignore[arg-type]
-        knots, whole, state = touch.knots_at(shape, touch.aimed()), Laid(shape, touch.gaps), touch.cable
+        knots, whole, state = touch.knots_at(lying, touch.aimed()), Laid(lying, touch.gaps), touch.cable
         state.resume_from(whole, touch.gaps, knots)
         cables = [*self.harness.segments.values(), *(None for _ in state.layout.levers)]
-        among = partial(Among, still, cables, rings_of((), ()))
-        return shape, state, (among, Lying.of(whole, touch.gaps))
+        among = partial(Among, self._still, cables, self._eyelets, lying.supports)
+        return state, among, Lying.of(whole, touch.gaps)
 
     def step(self, ends: Mapping[str, End], dt: float, links: Mapping[str, Pose] | None = None) -> HarnessShape:
         """The harness dt [s] later, when its ends have come here, see `Motion.step`.
@@ -213,7 +213,7 @@ class HarnessMotion(Traced):
         swing, state, last = self._swing, self._state, self._last
         if swing is None or state is None or last is None:
             raise ArgumentError("step() needs a state to step from, and there is none. Call begin first.")
-        before, kinds = dict(self.problem.ends), self._kinds()
+        before, kinds, links = dict(self.problem.ends), self._kinds(), self._links if links is None else dict(links)
         problem = self.problem.move(ends, links)
         if self._kinds() != kinds:
             remedy = "Hold them so, or begin again."
@@ -225,7 +225,9 @@ class HarnessMotion(Traced):
         for knot, end, fall in self._tips(state):
             swing.load_end(end, fall, knot)
         if swing.among is not None:
-            swing.among.move(links)
+            if self._still.clips_move:
+                self._still.move(ends, links)
+            swing.among.move(links, self._still.clip_frames)
         out, velocity = self._buffers()
         if not swing.step(poses, dt, out, velocity):
             return failed(last, Status.NOT_CONVERGED, "A step could not be taken. The state is kept. ")
@@ -240,7 +242,7 @@ class HarnessMotion(Traced):
                 shape.work += work_of(before[name], now, shape.segments[segment], place, frame, k)
         shape.lost = shape.work - shape.dissipated
         shape.lost -= shape.energy + shape.kinetic_energy - last.energy - last.kinetic_energy
-        self._last = shape
+        self._last, self._links = shape, links
         return shape
 
     def ahead(self, count: int, dt: float) -> list[HarnessShape]:
@@ -362,11 +364,9 @@ class HarnessMotion(Traced):
             twists=swing.told[: 2 * c : 2],
             error_estimate=self._error + float(swing.told[1 : 2 * c : 2].max()) + swing.depth,
             iterations=int(info[0]), solve_time=perf_counter() - began,
-            clips=np.array(
-                [(clip.arc_length, *-swing.memory.reaction[row]) for clip, row in self._clips(state)]
-            ).reshape(-1, 7),
-            clips_of=problem.clips, velocity=velocity[: n * c], kinetic_energy=swing.kinetic_energy,
-            work=float(info[2]), dissipated=float(info[3]), touches=[swing.touches(i) for i in range(c)],
+            clips=self._supports(swing, state), clips_of=self._still.clips, velocity=velocity[: n * c],
+            kinetic_energy=swing.kinetic_energy, work=float(info[2]), dissipated=float(info[3]),
+            touches=[swing.touches(i) for i in range(c)],
             bodies=() if swing.among is None else swing.among.bodies.names,
         )  # fmt: skip
         shape.energy = swing.energy
@@ -376,7 +376,13 @@ class HarnessMotion(Traced):
                 shape.energy += float(end.force @ shape.segments[segment].positions[0 if side == "start" else -1])
         return shape
 
-    def _clips(self, state: HarnessNetwork) -> list[tuple[Clip, int]]:
-        """The scene's clips, each with its knot."""
-        scene = self.problem.scene
-        return [] if scene is None else list(zip(scene.clips, state.clip_rows, strict=True))
+    def _supports(self, swing: Swing, state: HarnessNetwork) -> Array:
+        """(k, 7), of each of the scene's clips: arc length [m], force [N] and moment [N m] on it."""
+        clips = () if self._still.scene is None else self._still.scene.clips
+        out, rows = np.zeros((len(clips), 7)), iter(state.clip_rows)
+        for row, clip in zip(out, clips, strict=True):
+            if clip.kind != "slide":
+                row[0], row[1:] = clip.arc_length, -swing.memory.reaction[next(rows)]
+        if swing.among is not None:
+            swing.among.tell_eyelets(out)
+        return out

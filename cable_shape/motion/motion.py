@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from time import perf_counter
 from typing import Any, final
@@ -17,7 +16,7 @@ from cable_shape.cable.cable import Cable
 from cable_shape.cable.harness import Harness
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
-from cable_shape.motion.among import Among, Lying, rings_of
+from cable_shape.motion.among import Among, Lying, without_eyelets
 from cable_shape.motion.common import MODEL, Traced, check_moves, enough, failed, steps_ahead, work_of
 from cable_shape.motion.run import Run
 from cable_shape.motion.swing import Swing, load_of, spread_evenly
@@ -96,16 +95,14 @@ class Motion(Traced):
         options: dict[str, Any] = {"gravity": gravity, "points": points, "distributed_load": distributed_load}
         options |= {"robot_links": tuple(robot_links), "gripping_links": tuple(gripping_links)}
         self._still = Problem(cable, scene=scene, friction=False, **options)
-        self.problem = Problem(cable, scene=_without_eyelets(scene), **options)
+        self.problem = Problem(cable, scene=without_eyelets(scene), **options)
         self.elements = None if elements is None else checks.integer("elements", elements, at_least=4, at_most=2000)
         check_moves(cable)
         check_convex(self._still.bodies)
-        if self._still.clips_move:
-            bound = "Motion knows no links"
-            raise ArgumentError.of("Clip.link", sorted(self._still.carried), bound, "Hold the clip in the world.")
         self._state: Network | None = None
         self._swing: Swing | None = None
         self._last: CableShape | None = None
+        self._links: Mapping[str, Pose] | None = None
         self._error = 0.0
         self._tangents: Tangents | None = None
 
@@ -165,7 +162,7 @@ class Motion(Traced):
         velocity : (k, 3) array_like, optional
             [m/s], world, of the points.
         links : mapping, optional
-            Poses in the world of the links that carry bodies which are solved for; None: those are left out.
+            Poses in the world of the links that carry clips, and bodies which are solved for; None: those are left out.
         by : names, each once
             What `sensitivity` is to tell from now on, carried along with every step. "start", "end" and "clip:NAME":
             six columns, by so much the pose is another in all steps, position [m] and rotation [rad], world axes, about
@@ -202,15 +199,15 @@ class Motion(Traced):
             if not lying.status:
                 return lying
             shape = lying
-            rings = rings_of(self._still.clips, [0] * len(self._still.clips))
-            among = partial(Among, self._still, [self.cable], rings)
+            eyelets = [(i, 0) for i, clip in enumerate(self._still.clips) if clip.kind == "slide"]
+            among = partial(Among, self._still, [self.cable], eyelets, lying.supports)
         spread_evenly(state, self.elements or enough(shape, self.cable))
         swing = Swing(load_of(problem), state, among, None if lying is None else Lying.of(lying))
         if not swing.alive:
             return failed(shape, Status.NOT_CONVERGED, "The cable does not come to rest on the mesh of its motion. ")
         if by:
             check_free(swing, seen is not None)
-        self._state, self._swing = state, swing
+        self._state, self._swing, self._links = state, swing, links
         out, rates = self._buffers()
         swing.tell(out, rates)
         self._error = float(np.abs(out[problem.points : 4 * problem.points].reshape(-1, 3) - shape.positions).max())
@@ -251,7 +248,7 @@ class Motion(Traced):
         if swing is None or state is None or last is None:
             raise ArgumentError("step() needs a state to step from, and there is none. Call begin first.")
         before = self.problem.end
-        kinds = self._kinds()
+        kinds, links = self._kinds(), self._links if links is None else dict(links)
         problem = self.problem.move(start, end, links)
         if self._kinds() != kinds:
             ends = f"{kinds[0]} and {kinds[1]}"
@@ -263,7 +260,9 @@ class Motion(Traced):
         if isinstance(problem.end, FreeEnd):
             swing.load_end(problem.end, problem.end_fall)
         if swing.among is not None:
-            swing.among.move(links)
+            if self._still.clips_move:
+                self._still.move(start, end, links)
+            swing.among.move(links, self._still.clip_frames)
         place, frame = last.positions[-1], last.quaternions[-1]
         out, velocity = self._buffers()
         if not swing.step(poses, dt, out, velocity):
@@ -275,7 +274,7 @@ class Motion(Traced):
         lost = shape.work - shape.dissipated
         lost -= shape.energy + shape.kinetic_energy - last.energy - last.kinetic_energy
         shape.lost = lost
-        self._last = shape
+        self._last, self._links = shape, links
         return shape
 
     def trace(self, pairs: Mapping[int, Pair], moves: Callable[[float], Array]) -> None:
@@ -390,16 +389,12 @@ class Motion(Traced):
     def _supports(self, swing: Swing) -> Array:
         """(k, 7), of each clip: arc length [m], force [N] and moment [N m] on it."""
         clips = self._still.clips
-        out, knot, ring = np.zeros((len(clips), 7)), 1, 0
+        out, knots = np.zeros((len(clips), 7)), iter(swing.memory.reaction[1:])
         for row, clip in zip(out, clips, strict=True):
-            if clip.kind == "slide":
-                assert swing.among is not None
-                rings = swing.among.skin.rings
-                row[0], row[1:4] = rings[ring, 4], -rings[ring, 5:8]
-                ring += 1
-            else:
-                row[0], row[1:] = clip.arc_length, -swing.memory.reaction[knot]
-                knot += 1
+            if clip.kind != "slide":
+                row[0], row[1:] = clip.arc_length, -next(knots)
+        if swing.among is not None:
+            swing.among.tell_eyelets(out)
         return out
 
     def _kinds(self) -> tuple[str, str, float]:
@@ -440,13 +435,6 @@ class Motion(Traced):
             touches=swing.touches(),
             bodies=() if swing.among is None else swing.among.bodies.names,
         )
-
-
-def _without_eyelets(scene: Scene | None) -> Scene | None:
-    """The same scene without what the cable runs through: that is no support of a network that swings."""
-    if scene is None or all(clip.kind != "slide" for clip in scene.clips):
-        return scene
-    return replace(scene, clips=[clip for clip in scene.clips if clip.kind != "slide"])
 
 
 def _lying(problem: Problem) -> CableShape:

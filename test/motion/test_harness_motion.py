@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -141,8 +142,9 @@ def test_what_it_refuses():
     motion = cs.Motion(Y, among(cs.HalfSpace(), (0.0, 0.0, -0.5)), points=12)
     with pytest.raises(cs.ArgumentError, match="in contact"):
         motion.begin(held(0.0), by=("a.start",))
-    with pytest.raises(cs.ArgumentError, match="slide"):
-        cs.Motion(Y, cs.Scene(clips=[cs.Clip(0.2, at(0.2, 0.0), "slide", segment="a")]))
+    eyelets = [cs.Clip(0.03 * k, at(0.03 * k, 0.0), "slide", segment="a") for k in range(1, 14)]
+    with pytest.raises(cs.ArgumentError, match="12 eyelets"):
+        cs.Motion(Y, cs.Scene(clips=eyelets))
 
 
 ASIDE = {"c.start": cs.Pose((0.0, 0.03, 0.0))}
@@ -253,3 +255,67 @@ def test_what_arrives_does_not_bounce(free: str):
     assert sum(contact.force for contact in branch.contacts) > 0.5 * (0.02 + 0.1 * 0.3) * 9.81
     pressed = [contact.arc_length for contact in branch.contacts]
     assert np.abs(np.array(pressed) - 0.15).min() < 1e-9
+
+
+@pytest.mark.parametrize("mass", [0.0, 0.01])
+def test_it_runs_through_eyelets_as_one_cable(mass: float):
+    """Two arms with a straight junction; a mass, a knot in a harness and none in a cable, goes through the eyelet."""
+    arm = ARM.replace(bending_stiffness=0.003, retardation_time=0.05, drag=0.3)
+    harness = cs.Harness({"a": arm, "b": arm}, [cs.Junction("j", ("a.end", "b.start"))])
+    places = (0.22, 0.05, 0.05), (0.6, 0.02, 0.05)
+    own = [cs.Clip(arc, cs.Pose(place, ALONG), "slide") for arc, place in zip((0.3, 0.83), places, strict=True)]
+    named = [replace(own[0], segment="a"), replace(own[1], segment="b", arc_length=0.33)]
+    scenes = [
+        cs.Scene(clips=own, masses=[cs.PointMass(0.8, mass)] if mass else []),
+        cs.Scene(clips=named, masses=[cs.PointMass(0.3, mass, segment="b")] if mass else []),
+    ]
+    one = cs.Motion(arm.replace(length=1.0), scenes[0], points=61, elements=40)
+    motion = cs.Motion(harness, scenes[1], points=31, elements=20)
+    other, shape = (
+        one.begin(at(0.0, 0.0), at(0.75, 0.0)),
+        motion.begin({"a.start": at(0.0, 0.0), "b.end": at(0.75, 0.0)}),
+    )
+    assert shape.usable, shape.detail
+    for k in range(151):
+        both = np.concatenate((shape.segments["a"].positions, shape.segments["b"].positions[1:]))
+        near = 2e-5 if k > 20 else shape.error_estimate  # of rest at first
+        assert np.abs(both - other.positions).max() < near
+        for clip, wanted, before in zip(shape.clips, other.clips, (0.0, 0.5), strict=True):
+            assert clip.arc_length + before == pytest.approx(wanted.arc_length, abs=near)
+            np.testing.assert_allclose(clip.force, wanted.force, atol=10.0 * near)
+        assert shape.dissipated == pytest.approx(other.dissipated, rel=1e-3, abs=1e-7)
+        if k == 0:
+            assert shape.clips[1].arc_length > 0.33
+        x = 0.05 * min(k / 100.0, 1.0)
+        ends = at(0.3 * x, 0.0, 0.0), at(0.75 + x, 0.3 * x, 0.0)
+        other, shape = one.step(*ends, 0.01), motion.step({"a.start": ends[0], "b.end": ends[1]}, 0.01)
+        assert shape.usable, shape.detail
+    assert shape.clips[1].arc_length < 0.295
+
+
+def test_branches_that_run_through_eyelets_lie_on_a_table():
+    """Both at once: at rest again as the harness at rest, in the eyelet and on the body."""
+    arm = cs.Cable(0.5, linear_density=0.1, bending_stiffness=1e-3, retardation_time=0.05, drag=0.5, diameter=0.01)
+    harness = cs.Harness(dict.fromkeys("abc", arm), Y.junctions)
+    eyelet = cs.Clip(0.3, cs.Pose((0.5, 0.25, 0.05)), "slide", segment="c")
+    scene = among(cs.HalfSpace()).replace(clips=[eyelet])
+    motion, still = cs.Motion(harness, scene, points=61), cs.Predictor(harness, scene=scene, points=61)
+
+    def moved(x: float) -> dict[str, cs.Pose]:
+        return {"a.start": at(0.0, 0.0, 0.1), "b.end": at(0.85, 0.0, 0.1), "c.end": cs.Pose((0.5, 0.4 + x, 0.1))}
+
+    given = energy_of(motion.begin(moved(0.0)))
+    first = motion.last.clips[0].arc_length
+    for k in range(1, 401):
+        shape = motion.step(moved(0.02 * (1.0 - np.cos(np.pi * min(k / 50.0, 1.0)))), 0.01)
+        assert shape.usable, shape.detail
+        given += shape.work
+        assert energy_of(shape) < given + 1e-5
+        assert lowest(shape) > 0.005 - 2e-4
+    lying = still.predict(moved(0.04))
+    for name, one in shape.segments.items():
+        assert np.abs(one.positions - lying.segments[name].positions).max() < 2e-3
+    assert shape.clips[0].arc_length == pytest.approx(lying.clips[0].arc_length, abs=1e-3)
+    assert shape.clips[0].arc_length < first - 0.02
+    np.testing.assert_allclose(shape.clips[0].force, lying.clips[0].force, atol=1e-2)
+    assert contacts_of(shape)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -92,8 +93,8 @@ def test_where_a_link_is_must_be_known() -> None:
     starts, ends = (np.tile(pose.array, (2, 1)) for pose in (START, END))
     with pytest.raises(cs.ArgumentError, match="clip 'clip0' is on link 'tool'"):
         cs.predict_batch(CABLE, starts, ends, scene=predictor.scene)
-    with pytest.raises(cs.ArgumentError, match="Motion knows no links"):
-        cs.Motion(CABLE, scene=predictor.scene)
+    with pytest.raises(cs.ArgumentError, match="clip 'clip0' is on link 'tool'"):
+        cs.Motion(CABLE, scene=predictor.scene).begin(START, END)
     with pytest.raises(cs.ArgumentError, match=r"Clip\.link"):
         cs.Clip(0.5, OWN, link="")
 
@@ -145,6 +146,62 @@ def test_a_harness_is_held_on_links_too() -> None:
     assert all(segment.reused for segment in again.segments.values())
     with pytest.raises(cs.ArgumentError, match="clip 'clip0' is on link 'tool'"):
         linked.predict(ends)
+
+
+@pytest.mark.parametrize("harness", [False, True], ids=["cable", "harness"])
+def test_what_swings_goes_along_as_two_cables_that_end_there_do(harness: bool) -> None:
+    swings, half = CABLE.replace(drag=0.05, retardation_time=0.02), CABLE.replace(length=0.5)
+    half = half.replace(drag=0.05, retardation_time=0.02)
+    clip = dataclasses.replace(on_link("fixed"), segment="a" if harness else None)
+    whole = cs.Motion(
+        cs.Harness({"a": swings}) if harness else swings, scene=cs.Scene(clips=[clip]), points=41, elements=40
+    )
+    parts = [cs.Motion(half, points=21, elements=20) for _ in range(2)]
+    ends: Any = ({"a.start": START, "a.end": END},) if harness else (START, END)
+    shape = whole.begin(*ends, links={"tool": link_at(0)})
+    halves = [parts[0].begin(START, link_at(0) * OWN), parts[1].begin(link_at(0) * OWN, END)]
+    for k in range(1, 31):
+        link = link_at(0.2 * k)
+        shape = whole.step(*ends, 0.01, {"tool": link})
+        halves = [parts[0].step(START, link * OWN, 0.01), parts[1].step(link * OWN, END, 0.01)]
+        assert shape.usable, shape.detail
+        both = np.concatenate((halves[0].positions, halves[1].positions[1:]))
+        line = shape.segments["a"].positions if harness else shape.positions
+        assert np.abs(line - both).max() < 1e-7
+        load = shape.clips[0].force
+        np.testing.assert_allclose(load, halves[1].force[0] - halves[0].force[-1], atol=1e-6)
+        assert shape.work == pytest.approx(sum(one.work for one in halves), abs=1e-9)
+    assert np.abs(shape.velocity).max() > 0.1
+    stays = whole.step(*ends, 0.01)
+    line = stays.segments["a"].positions if harness else stays.positions
+    assert line[20] == pytest.approx((link_at(6.0) * OWN).position, abs=1e-9)
+
+
+@pytest.mark.parametrize("harness", [False, True], ids=["cable", "harness"])
+def test_what_swings_runs_through_an_eyelet_that_moves(harness: bool) -> None:
+    """Drawn along by it, and at rest where the cable is at rest in it; energy comes from what moves the eyelet."""
+    swings = CABLE.replace(drag=0.3, retardation_time=0.05)
+    clip = dataclasses.replace(on_link("slide"), segment="a" if harness else None)
+    options: dict[str, Any] = {"scene": cs.Scene(clips=[clip]), "points": 61}
+    cable = cs.Harness({"a": swings}) if harness else swings
+    motion, still = cs.Motion(cable, **options), cs.Predictor(cable, **options)
+    ends: Any = ({"a.start": START, "a.end": END},) if harness else (START, END)
+    begin = motion.begin(*ends, links={"tool": link_at(0)})
+    given, worked = begin.energy, 0.0
+    for k in range(1, 401):
+        link = link_at(0.06 * min(k, 100))
+        shape = motion.step(*ends, 0.01, {"tool": link})
+        assert shape.usable, shape.detail
+        given, worked = given + shape.work, worked + abs(shape.work)
+        assert shape.energy + shape.kinetic_energy < given + 1e-6
+        line = shape.segments["a"] if harness else shape
+        place = [np.interp(shape.clips[0].arc_length, line.arc_length, x) for x in line.positions.T]
+        np.testing.assert_allclose(place, (link * OWN).position, atol=5e-4)
+    lying = still.predict(*ends, links={"tool": link})
+    there = lying.segments["a"] if harness else lying
+    assert np.abs(line.positions - there.positions).max() < 5e-4
+    assert shape.clips[0].arc_length == pytest.approx(lying.clips[0].arc_length, abs=5e-4)
+    assert worked > 0.005
 
 
 def test_cables_that_touch_each_other_go_with_their_clips() -> None:

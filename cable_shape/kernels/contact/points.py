@@ -35,8 +35,10 @@ NEARER = 1e-5
 #: Of an element: where on it a body is nearest is found so well, in so many looks.
 LOOKS, GOLDEN = 7, 0.6180339887498949
 #: Of the length: that much further on along the cable an eyelet is looked for. Columns of one: place 3 [m], cable, arc
-#: length [m], force on the cable 3 [N].
-FURTHER, RING = 0.05, 8
+#: length [m], force on the cable 3 [N], its way in this part of a step 3 [m].
+FURTHER, RING, WENT = 0.05, 11, 8
+#: What `knot_of` says of ends of elements that are in no knot, and in one that is given.
+INSIDE, HELD = -1, -2
 GAP = 19  # column of a point: how far the body was before the step [m]
 
 
@@ -61,9 +63,12 @@ def gap_at(
 @viewing
 def find_points(
     plan: Plan, model: Model, motion: Motion, memory: Momentum, bodies: Bodies, thick: Floats, whole: Floats,
-    rough: Floats, reach: float,
+    rough: Floats, reach: float, room: int,
 ) -> None:  # fmt: skip
-    """Fills the points of elements that bodies within `reach` [m] of them may hold; forces go on from before."""
+    """Fills the points of elements that bodies within `reach` [m] of them may hold, no more than `room`.
+
+    Forces go on from before, and so does a point that a body presses, unless its nodes are nearer to that.
+    """
     had, was = int(motion.par[N_PROPS]), part(motion.aside, 0, (PROPS, PROP))
     for i in range(had):
         for c in range(PROP):
@@ -92,11 +97,13 @@ def find_points(
             if gap > reach or not gap < ends + (NEARER if pressed else -NEARER) * length:
                 continue
             i = count
-            if count < PROPS:
+            if count < room:
                 count += 1
+            elif room == 0:
+                continue
             else:
                 i = 0
-                for k in range(1, PROPS):
+                for k in range(1, room):
                     i = k if motion.props[k, GAP] > motion.props[i, GAP] else i
                 if motion.props[i, GAP] <= gap:
                     continue
@@ -142,10 +149,10 @@ def find_rings(plan: Plan, model: Model, motion: Motion, memory: Momentum, rings
             t = slope(memory, model, node, best, share)
             step = dot(way, t) / dot(t, t)
             share -= step
-            if share < 0.0 and best > a and plan.left[best - 1] == node - 1:
-                best, node, share = best - 1, node - 1, 1.0
-            elif share > 1.0 and best < b - 1 and plan.left[best + 1] == node + 1:
-                best, node, share = best + 1, node + 1, 0.0
+            if share < 0.0 and best > a and knot_of(plan, motion, best, 0) != HELD:
+                best, node, share = best - 1, plan.left[best - 1], 1.0
+            elif share > 1.0 and best < b - 1 and knot_of(plan, motion, best, 1) != HELD:
+                best, node, share = best + 1, plan.left[best + 1], 0.0
             share = min(max(share, 0.0), 1.0)
             if abs(step) < 1e-12:
                 break
@@ -244,22 +251,65 @@ def deepest(
     return least
 
 
+@inline
+def knot_of(plan: Plan, motion: Motion, e: int, side: int) -> int:
+    """The knot at the start (0) or the end (1) of an element if its place is unknown; else INSIDE, or HELD."""
+    j = plan.left[e] - e
+    knot = INSIDE
+    if side == 0 and e == plan.first[j]:
+        knot = plan.ends[j, 0]
+    elif side == 1 and e == plan.first[j + 1] - 1 and motion.loose[plan.left[e] + 1] == 0.0:
+        knot = plan.ends[j, 1]
+    return HELD if knot >= 0 and plan.vertices[knot, 1] < 0 else knot
+
+
+@viewing
+def heavy_at(plan: Plan, motion: Motion, memory: Momentum, knot: int, node: int) -> tuple[float, float]:
+    """Mass [kg] and drag [N s/m] of a node, or of all that is in the knot for which it stands."""
+    if knot < 0:
+        return memory.mass[node] + memory.point[node], motion.drag[node]
+    mass = drag = 0.0
+    for j in range(plan.ends.shape[0]):
+        for end in range(2):
+            if plan.ends[j, end] == knot:
+                one = plan.first[j + end] + j
+                mass += memory.mass[one] + memory.point[one]
+                drag += motion.drag[one]
+    return mass, drag
+
+
+@viewing
+def follow(plan: Plan, memory: Momentum, knot: int, node: int) -> None:
+    """Gives all nodes in the knot for which a node stands its rates."""
+    for j in range(plan.ends.shape[0] if knot >= 0 else 0):
+        for end in range(2):
+            if plan.ends[j, end] == knot:
+                put3(memory.velocity, plan.first[j + end] + j, 0, get3(memory.velocity, node))
+                put3(memory.acceleration, plan.first[j + end] + j, 0, get3(memory.acceleration, node))
+
+
 @viewing
 def stop_points(
-    plan: Plan, motion: Motion, memory: Momentum, before: Momentum, bodies: Bodies, dt: float
+    plan: Plan, motion: Motion, memory: Momentum, before: Momentum, bodies: Bodies, rings: Floats, dt: float
 ) -> tuple[float, float]:
     """Gives points that are pressed the speed of their bodies along the normal, and all of it where they stick.
+
+    What is in an eyelet gets the speed of that across the cable.
 
     Returns what the bodies have worked, and what friction and impacts have taken [J].
     """
     props, work, taken = motion.props, 0.0, 0.0
     for i in range(int(motion.par[N_PROPS])):
-        node, b = plan.left[int(props[i, ELEMENT])], int(props[i, HOLDER])
+        e, b = int(props[i, ELEMENT]), int(props[i, HOLDER])
+        node = plan.left[e]
         if b >= 0 and not props[i, PUSH] > 0.0:
             continue
         n, t = take3(props, i, NORMAL), take3(props, i, DRY)
         old = place_of(plan, props, i, before.place, before.tangent)
-        went = subtract(carried(old, bodies.then[b], bodies.frames[b]), old) if b >= 0 else NONE
+        if b >= 0:
+            went = subtract(carried(old, bodies.then[b], bodies.frames[b]), old)
+        else:
+            went = along(n, take3(rings, -1 - b, WENT))
         way = subtract(subtract(place_of(plan, props, i, motion.place, memory.tangent), old), went)
         work += dot(add(scale(props[i, PUSH], n), t), went)
         taken -= dot(t, way) if b >= 0 else 0.0
@@ -267,9 +317,9 @@ def stop_points(
         sticks = props[i, GRIP] > 0.0 and dot(t, t) < 0.999 * limit * limit
         light = 0.0
         for side in range(2):
-            mass = memory.mass[node + side] + memory.point[node + side]
-            free = motion.give[node + side, 0] + motion.give[node + side, 4] + motion.give[node + side, 8] > 0.0
-            light += props[i, WEIGHTS + side] ** 2 / mass if free else 0.0
+            knot = knot_of(plan, motion, e, side)
+            mass, _ = heavy_at(plan, motion, memory, knot, node + side)
+            light += props[i, WEIGHTS + side] ** 2 / mass if knot != HELD else 0.0
         if light == 0.0:
             continue
         arrived = (
@@ -285,9 +335,10 @@ def stop_points(
         elif not sticks:
             v, a = scale(dot(n, v), n), scale(dot(n, a), n)
         for side in range(2):
-            mass = memory.mass[node + side] + memory.point[node + side]
-            free = motion.give[node + side, 0] + motion.give[node + side, 4] + motion.give[node + side, 8] > 0.0
-            f = -props[i, WEIGHTS + side] / (mass * light) if free else 0.0
+            knot = knot_of(plan, motion, e, side)
+            mass, _ = heavy_at(plan, motion, memory, knot, node + side)
+            f = -props[i, WEIGHTS + side] / (mass * light) if knot != HELD else 0.0
             put3(memory.velocity, node + side, 0, add(get3(memory.velocity, node + side), scale(f, v)))
             put3(memory.acceleration, node + side, 0, add(get3(memory.acceleration, node + side), scale(f, a)))
+            follow(plan, memory, knot, node + side)
     return work, taken

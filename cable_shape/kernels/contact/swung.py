@@ -18,7 +18,18 @@ from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.contact.check import carried, passes
 from cable_shape.kernels.contact.guard import look_around
 from cable_shape.kernels.contact.near import NONE
-from cable_shape.kernels.contact.points import deepest, find_points, find_rings, note_rings, on_curve, stop_points
+from cable_shape.kernels.contact.points import (
+    HELD,
+    WENT,
+    deepest,
+    find_points,
+    find_rings,
+    follow,
+    heavy_at,
+    note_rings,
+    on_curve,
+    stop_points,
+)
 from cable_shape.kernels.contact.tables import Bodies
 from cable_shape.kernels.distance.surface import place_bodies, touch
 from cable_shape.kernels.network.compiled import viewing
@@ -31,7 +42,7 @@ from cable_shape.kernels.network.momentum import (
     momentum_of,
     scheme_of,
 )
-from cable_shape.kernels.network.motion import DEPTH, N_PROPS, N_WALLED, Motion, motion_of
+from cable_shape.kernels.network.motion import DEPTH, N_PROPS, N_WALLED, PROPS, Motion, motion_of
 from cable_shape.kernels.network.newton import CONVERGED
 from cable_shape.kernels.network.props import DRY, GRIP, HOLDER, NORMAL, PUSH, SHARE, STUCK, place_of
 from cable_shape.kernels.network.settle import I_ITERATIONS
@@ -74,8 +85,6 @@ AFLOAT = 2e-4
 DEEP = 2e-4
 #: Parts shorter than this go on where the cable is deep, or afloat, for all that.
 PATIENT = 1.0 / 16.0
-#: What `Skin.knot` says of nodes that stand for no knot.
-INSIDE, HELD = -1, -2
 
 
 class Skin(NamedTuple):
@@ -89,6 +98,7 @@ class Skin(NamedTuple):
     kept: Array  # room for a whole state
     links: Array  # (l, 7) where the links were that carry bodies
     rings: Array  # (e, RING) the eyelets, see `points`
+    goals: Array  # (e, 3) [m] where those are at the end of the step
 
 
 @kernel
@@ -96,7 +106,7 @@ def step(
     ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: Floats, remembered: Floats, goal: Floats,
     dt: float, kept: Floats, info: Floats, told: Floats, bodies: Bodies, skin: Skin,
 ) -> int:  # fmt: skip
-    """One step dt [s] to the knots `goal` (k, 7) and the bodies' links; CONVERGED, or nothing has changed.
+    """One step dt [s] to the knots `goal` (k, 7), the bodies' links and eyelets; CONVERGED, or nothing has changed.
 
     kept: room for solutions and memory. `bodies.frames` are those after the step at its end.
     """
@@ -111,6 +121,7 @@ def step(
         bodies.table, then.copy(), then, bodies.triangles, bodies.tree, bodies.stack, bodies.links, bodies.measured,
         bodies.counts, bodies.rough,
     )  # fmt: skip
+    rings = skin.rings.copy()
     done, part, sums = 0.0, 1.0, np.empty(info.shape[0])
     while done < 1.0:
         part = min(part, 1.0 - done) if part < 0.75 * (1.0 - done) else 1.0 - done
@@ -119,6 +130,10 @@ def step(
         copy(sums, info)
         between(links, skin.links, bodies.links, done + part)
         place_bodies(now.table, links, now.frames)
+        for k in range(rings.shape[0]):
+            for i in range(3):
+                skin.rings[k, i] = rings[k, i] + (done + part) * (skin.goals[k, i] - rings[k, i])
+                skin.rings[k, WENT + i] = part * (skin.goals[k, i] - rings[k, i])
         part_way(plan, solution_of(ints, begin, NOW), solution_of(ints, sols, TRIAL), goal, done + part)
         look(ints, floats, sols, moving, remembered, seconds, now, skin)
         status = attempt(ints, floats, sols, space, moving, remembered, seconds, info, told)
@@ -136,6 +151,7 @@ def step(
         info[I_ITERATIONS] = iterations
         if last:
             copy_back(kept, sols, remembered, moving)
+            skin.rings[:, :] = rings
             size = solution_size(ints)
             copy(sols[2 * size : 3 * size], sols[0:size])
             info[I_PARTS] = 0.0
@@ -221,7 +237,8 @@ def look(
                 skin.whole[node], reach, FIRM * hold, ASPERITY * hold, False, skin.rough[node],
             )  # fmt: skip
             motion.par[N_WALLED] += 1.0 if motion.walls[node, 0] > 0.0 else 0.0
-    find_points(plan, model, motion, memory, bodies, skin.thick, skin.whole, skin.rough, reach)
+    room = PROPS - skin.rings.shape[0]
+    find_points(plan, model, motion, memory, bodies, skin.thick, skin.whole, skin.rough, reach, room)
     find_rings(plan, model, motion, memory, skin.rings, skin.whole)
 
 
@@ -249,21 +266,6 @@ def look_at_rest(
     motion.par[N_PROPS] = 0.0
     find_rings(plan, model, motion, memory, skin.rings, skin.whole)
     return clear
-
-
-@viewing
-def heavy_at(plan: Plan, motion: Motion, memory: Momentum, knot: int, node: int) -> tuple[float, float]:
-    """Mass [kg] and drag [N s/m] of a node, or of all that is in the knot for which it stands."""
-    if knot < 0:
-        return memory.mass[node] + memory.point[node], motion.drag[node]
-    mass = drag = 0.0
-    for j in range(plan.ends.shape[0]):
-        for end in range(2):
-            if plan.ends[j, end] == knot:
-                one = plan.first[j + end] + j
-                mass += memory.mass[one] + memory.point[one]
-                drag += motion.drag[one]
-    return mass, drag
 
 
 @kernel
@@ -355,7 +357,7 @@ def stop(
     motion, memory = motion_of(ints, moving), momentum_of(ints, remembered)
     a, b = skin.kept.shape[0] - moving.shape[0] - remembered.shape[0], skin.kept.shape[0] - moving.shape[0]
     before = momentum_of(ints, skin.kept[a:b])
-    work, taken = stop_points(plan, motion, memory, before, bodies, dt)
+    work, taken = stop_points(plan, motion, memory, before, bodies, skin.rings, dt)
     note_rings(plan, model, motion, skin.rings)
     for node in range(motion.walls.shape[0]):
         if motion.walls[node, 0] > 0.0:
@@ -366,16 +368,6 @@ def stop(
     info[I_WORK] += work
     info[I_DISSIPATED] += taken
     memory.par[KINETIC], _ = kinetic(motion, memory)
-
-
-@viewing
-def follow(plan: Plan, memory: Momentum, knot: int, node: int) -> None:
-    """Gives all nodes in the knot for which a node stands its rates."""
-    for j in range(plan.ends.shape[0] if knot >= 0 else 0):
-        for end in range(2):
-            if plan.ends[j, end] == knot:
-                put3(memory.velocity, plan.first[j + end] + j, 0, get3(memory.velocity, node))
-                put3(memory.acceleration, plan.first[j + end] + j, 0, get3(memory.acceleration, node))
 
 
 @viewing
