@@ -72,8 +72,12 @@ def halves(
     Ka, Kb = add(K, scale(-0.25 * h, K1)), add(K, scale(0.25 * h, K1))
     a1 = b2 = al = bl = (0.0, 0.0, 0.0)
     for i in range(3):
-        a1, a2, al, _, _, A22, _, _, _ = element_hessian(0.5 * h, q1, q, nL, na, nM, ka, k1, Ka, C, K1)
-        b1, b2, bl, B11, _, _, _, _, _ = element_hessian(0.5 * h, q, q2, nM, nb, nR, kb, k1, Kb, C, K1)
+        a1, a2, al, _, _, A22, _, _, _ = element_hessian(
+            0.5 * h, q1, q, nL, na, nM, ka, k1, Ka, C, K1, (0.0, 0.0), None
+        )
+        b1, b2, bl, B11, _, _, _, _, _ = element_hessian(
+            0.5 * h, q, q2, nM, nb, nR, kb, k1, Kb, C, K1, (0.0, 0.0), None
+        )
         if i < 2:
             inv, _ = inverse(madd(A22, B11))
             q = qnormal(qmul(q, qexp(scale(-1.0, apply(inv, add(a2, b1))))))

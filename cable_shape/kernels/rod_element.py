@@ -13,6 +13,15 @@ the nodes, whose load is the body moment imbalance g. K and k0 may change linear
 element fourth order in h; the |n| in W keeps it bounded where h exceeds the boundary layer sqrt(EI/|n|). Minus the
 derivative in lambda is the step in position.
 
+With `swings`, of what has mass, tension holds the bow and compression lets it go: g^2 / (K + h^2/10 |n|) is, of
+either direction across,
+
+    2 / b^2 (sqrt(A^2 + b^2 g^2) - A),   A = K + h^2/10 N3,   b = 4 h^2/10,
+
+g^2 / A where that is stiff, and 4 |A| / b^2 in an element that buckles, which is then shorter by a tenth at most. It is
+convex in g and N3 together: a force more makes a step longer, never shorter, as a mass on it must have it. The |n|
+above does not, across n.
+
 Rotations are perturbed from the right, R exp(delta).
 """
 
@@ -54,6 +63,8 @@ from cable_shape.kernels.rod_algebra import (
     tmul,
     transpose,
 )
+
+Pair = tuple[float, float]
 
 E3 = (0.0, 0.0, 1.0)
 IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
@@ -99,24 +110,47 @@ def section_force(q: Quaternion, n: Vector) -> tuple[Matrix, Vector]:
     return R, tapply(R, n)
 
 
+@inlined
+def bowed(h: float) -> float:
+    """b [m^2], of what swings."""
+    return 4.0 * 0.1 * h * h
+
+
+@inlined
+def firmness(h: float, K: Vector, g: Vector, N: Vector, firmer: Pair) -> tuple[float, float, float, float]:
+    """[N m^2], of what swings: A and sqrt(A^2 + b^2 g^2) in both directions across."""
+    slope = 0.1 * h * h
+    b, A, B = bowed(h), K[0] + slope * N[2] + firmer[0], K[1] + slope * N[2] + firmer[1]
+    return A, B, math.sqrt(A * A + b * b * g[0] * g[0]), math.sqrt(B * B + b * b * g[1] * g[1])
+
+
+@inlined
+def bowing(h: float, g: float, A: float, s: float) -> float:
+    """(s - A) / b^2, half of what stands for g^2 / A."""
+    b = bowed(h)
+    return g * g / (s + abs(A)) + 2.0 * max(-A, 0.0) / (b * b)
+
+
 @kernel(fastmath=FAST)
 def element_gradient(
     h: float, q1: Quaternion, q2: Quaternion, nL: Vector, nM: Vector, nR: Vector,
-    k0: Vector, k1: Vector, K: Vector, C: Vector, K1: Vector,
+    k0: Vector, k1: Vector, K: Vector, C: Vector, K1: Vector, firmer: Pair, swings: bool | None,
 ) -> tuple[float, Vector, Vector, Vector]:  # fmt: skip
     """Value, and gradient in delta_1, delta_2, lambda.
 
     h [m]; q1, q2 node quaternions; nL, nM, nR [N] world force at the left, middle and right; k0, k1 [1/m, 1/m^2] rest
     curvature at the middle and its slope; K, C stiffness and compliance at the middle; K1 slope of the stiffness.
+    swings: True, of what has mass; None at rest. Numba leaves out branches that are not for None. firmer [N m^2]: of
+    what swings, what A is more than K + h^2/10 N3 in both directions across.
     """
     v, w = relative(q1, q2)
-    return gradient_of(v, w, angle_series(dot(v, v), w), h, q1, q2, nL, nM, nR, k0, k1, K, C, K1)
+    return gradient_of(v, w, angle_series(dot(v, v), w), h, q1, q2, nL, nM, nR, k0, k1, K, C, K1, firmer, swings)
 
 
 @inlined
 def gradient_of(
     v: Vector, w: float, series: Vector, h: float, q1: Quaternion, q2: Quaternion, nL: Vector, nM: Vector, nR: Vector,
-    k0: Vector, k1: Vector, K: Vector, C: Vector, K1: Vector,
+    k0: Vector, k1: Vector, K: Vector, C: Vector, K1: Vector, firmer: Pair, swings: bool | None,
 ) -> tuple[float, Vector, Vector, Vector]:  # fmt: skip
     """The same from the `relative` rotation and its `angle_series`, without a branch."""
     f, f1, _ = series
@@ -133,6 +167,9 @@ def gradient_of(
     stiff = 0.1 * h * h * size
     c = -h * h * h / 12.0
     y = (c * g[0] / (K[0] + stiff), c * g[1] / (K[1] + stiff), c * g[2] / K[2])
+    if swings is not None:
+        A, B, sA, sB = firmness(h, K, g, N, firmer)
+        y = (c * g[0] / sA, c * g[1] / sB, y[2])
     VL = add(E3, times(C, NL))
     VR = add(E3, times(C, NR))
     value = (
@@ -144,6 +181,10 @@ def gradient_of(
     gk = add(scale(h, m), add(cross(m, y), times(K, cross(y, k))))
     gk = add(gk, times(K1, add(y, scale(c, k1))))
     gN = add(scale(-2.0 / 3.0 * h, V), add(cross(y, V), times(C, cross(N, y))))
+    if swings is not None:
+        bowA, bowB = bowing(h, g[0], A, sA), bowing(h, g[1], B, sB)
+        value += c * (bowA + bowB) - 0.5 * (y[0] * g[0] + y[1] * g[1])
+        gN = (gN[0], gN[1], gN[2] - 0.1 * h * h * c * (bowA / sA + bowB / sB))
     gL, gR = scale(-h / 6.0, VL), scale(-h / 6.0, VR)
     Mv = scale(1.0 / h, add(scale(f, gk), scale(2.0 * f1 * dot(v, gk), v)))
     torque = cross(gN, N)
@@ -152,28 +193,33 @@ def gradient_of(
     spin = cross(v, Mv)
     g1 = add(scale(0.5, subtract(subtract(add(torque, twist), scale(w, Mv)), spin)), cross(gL, NL))
     g2 = add(scale(0.5, add(subtract(torque, twist), subtract(scale(w, Mv), spin))), cross(gR, NR))
-    # the limiter's own derivative, dE/d|n| / |n|
-    y0, y1 = g[0] / (K[0] + stiff), g[1] / (K[1] + stiff)
-    e = -0.05 * h * h * c * (y0 * y0 + y1 * y1) / size
-    gl = add(add(apply(RM, gN), scale(e, nM)), add(apply(RL, gL), apply(RR, gR)))
+    if swings is None:
+        # the limiter's own derivative, dE/d|n| / |n|
+        y0, y1 = g[0] / (K[0] + stiff), g[1] / (K[1] + stiff)
+        e = -0.05 * h * h * c * (y0 * y0 + y1 * y1) / size
+        gl = add(add(apply(RM, gN), scale(e, nM)), add(apply(RL, gL), apply(RR, gR)))
+    else:
+        gl = add(apply(RM, gN), add(apply(RL, gL), apply(RR, gR)))
     return value, g1, g2, gl
 
 
 @kernel(fastmath=FAST)
 def element_hessian(
     h: float, q1: Quaternion, q2: Quaternion, nL: Vector, nM: Vector, nR: Vector,
-    k0: Vector, k1: Vector, K: Vector, C: Vector, K1: Vector,
+    k0: Vector, k1: Vector, K: Vector, C: Vector, K1: Vector, firmer: Pair, swings: bool | None,
 ) -> tuple[Vector, Vector, Vector, Matrix, Matrix, Matrix, Matrix, Matrix, Matrix]:  # fmt: skip
     """Gradient and Hessian: g1, g2, gl, H11, H12, H22, B1 = H1l, B2 = H2l, CC = Hll; arguments as above."""
     v, w = relative(q1, q2)
     elastic = C[0] != 0.0 or C[2] != 0.0
-    return hessian_of(v, w, angle_series(dot(v, v), w), elastic, h, q1, q2, nL, nM, nR, k0, k1, K, C, K1)
+    return hessian_of(
+        v, w, angle_series(dot(v, v), w), elastic, h, q1, q2, nL, nM, nR, k0, k1, K, C, K1, firmer, swings
+    )
 
 
 @inlined
 def hessian_of(
     v: Vector, w: float, series: Vector, elastic: bool, h: float, q1: Quaternion, q2: Quaternion, nL: Vector,
-    nM: Vector, nR: Vector, k0: Vector, k1: Vector, K: Vector, C: Vector, K1: Vector,
+    nM: Vector, nR: Vector, k0: Vector, k1: Vector, K: Vector, C: Vector, K1: Vector, firmer: Pair, swings: bool | None,
 ) -> tuple[Vector, Vector, Vector, Matrix, Matrix, Matrix, Matrix, Matrix, Matrix]:  # fmt: skip
     """The same from the `relative` rotation and its `angle_series`; without a branch but for C above 0: `elastic`.
 
@@ -198,6 +244,9 @@ def hessian_of(
     W = (1.0 / (K[0] + slope * size), 1.0 / (K[1] + slope * size), 1.0 / K[2])
     a = times(W, g)
     y = scale(c, a)
+    if swings is not None:
+        A, B, sA, sB = firmness(h, K, g, N, firmer)
+        y = (c * g[0] / sA, c * g[1] / sB, y[2])
     VL = add(E3, times(C, NL))
     VR = add(E3, times(C, NR))
     # first derivatives in k, in N at the midpoint and at the ends
@@ -210,6 +259,13 @@ def hessian_of(
     z = (-slope * c * W[0] * a[0], -slope * c * W[1] * a[1], 0.0)  # d2E/d|n|dg
     # second derivatives in k and N
     cW = scale(c, W)
+    if swings is not None:  # N3 in place of |n|
+        cubeA, cubeB = c / (sA * sA * sA), c / (sB * sB * sB)
+        e = -slope * c * (bowing(h, g[0], A, sA) / sA + bowing(h, g[1], B, sB) / sB)
+        ee = slope * slope * (cubeA * g[0] * g[0] + cubeB * g[1] * g[1])
+        z = (-slope * cubeA * A * g[0], -slope * cubeB * B * g[1], 0.0)
+        cW = (cubeA * A * A, cubeB * B * B, cW[2])
+        gN = (gN[0], gN[1], gN[2] + e)
     Gk = madd(msub(columns_times(hat(k), K), hat(m)), diagonal(K1))  # dg/dk
     cWGk = rows_times(cW, Gk)
     Ekk = madd(madd(diagonal(scale(h, K)), symmetric(rows_times(K, hat(y)))), tmul(Gk, cWGk))
@@ -225,6 +281,9 @@ def hessian_of(
         EkN = (cWGk[3], -cWGk[0], 0.0, cWGk[4], -cWGk[1], 0.0, cWGk[5], -cWGk[2], 0.0)
         ENN = diagonal((cW[1], cW[0], 0.0))
         zN = (z[1], -z[0], 0.0)
+    if swings is not None:
+        EkN = madd(EkN, outer(tapply(Gk, z), E3))
+        ENN = madd(ENN, symmetric(outer(add(zN, (0.0, 0.0, 0.5 * ee)), E3)))
     # from k to v: dk/dv = a I + b v v^T
     vk = dot(v, gk)
     a_, b_ = f / h, 2.0 * f1 / h
@@ -233,16 +292,18 @@ def hessian_of(
     p = add(scale(a_ * b_, Ev), add(scale(0.5 * b_ * b_ * dot(v, Ev) + 2.0 * f2 / h * vk, v), scale(b_, gk)))
     Evv = mshift(madd(mscale(a_ * a_, Ekk), symmetric(outer(v, p))), b_ * vk)
     EvN = madd(mscale(a_, EkN), outer(scale(b_, v), tapply(EkN, v)))
-    zv = tapply(Gk, z)
-    zv = add(scale(a_, zv), scale(b_ * dot(v, zv), v))
     # from N to theta and lambda: dN = N x theta + R^T dlambda
     Evt = mul_hat(EvN, N)
     ENt = mul_hat(ENN, N)
     Ett = mshift(msub(mscale(0.5, symmetric(outer(gN, N))), hat_mul(N, ENt)), -dot(gN, N))
-    pull = tapply(RM, direction)
-    Evl = madd(EvN, outer(zv, pull))  # lambda in the frame of the midpoint, for now
-    Etl = madd(madd(transpose(ENt), hat(gN)), outer(cross(zN, N), pull))
-    Ell = madd(madd(ENN, symmetric(outer(zN, pull))), mshift(outer(scale(ee - e / size, pull), pull), e / size))
+    Evl, Etl, Ell = EvN, madd(transpose(ENt), hat(gN)), ENN  # lambda in the frame of the midpoint, for now
+    if swings is None:
+        zv = tapply(Gk, z)
+        zv = add(scale(a_, zv), scale(b_ * dot(v, zv), v))
+        pull = tapply(RM, direction)
+        Evl = madd(Evl, outer(zv, pull))
+        Etl = madd(Etl, outer(cross(zN, N), pull))
+        Ell = madd(madd(Ell, symmetric(outer(zN, pull))), mshift(outer(scale(ee - e / size, pull), pull), e / size))
     # to the mean s and the difference d of delta_1 and delta_2: dv = v x s + w/2 d, theta = s + t/2 x d
     t = scale(1.0 / (1.0 + w), v)
     t2 = scale(0.5, t)
@@ -286,7 +347,10 @@ def hessian_of(
     spin = cross(v, Mv)
     g1 = add(subtract(at, scale(0.5, add(scale(w, Mv), spin))), cross(gL, NL))
     g2 = add(add(bt, scale(0.5, subtract(scale(w, Mv), spin))), cross(gR, NR))
-    gl = add(add(apply(RM, gN), scale(e, direction)), add(apply(RL, gL), apply(RR, gR)))
+    gl = apply(RM, gN)
+    if swings is None:
+        gl = add(gl, scale(e, direction))
+    gl = add(gl, add(apply(RL, gL), apply(RR, gR)))
     return g1, g2, gl, H11, H12, H22, B1, B2, CC
 
 

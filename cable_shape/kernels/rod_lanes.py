@@ -23,9 +23,18 @@ GIVEN = 33
 V, W, SERIES = 33, 36, 37
 # What comes: gradient in delta_1, delta_2, lambda, and the value, or in its place the blocks of the Hessian.
 G1, G2, GL, VALUE, H11, H12, H22, B1, B2, CC = 40, 43, 46, 49, 49, 58, 67, 76, 85, 94
-ROWS = 103
+# And of what swings, what makes it firmer against a bow.
+FIRMER = 103
+ROWS = 105
 #: Numbers that tell an element's section: stiffness 3, compliance 3, slope of the stiffness 3.
 SECTION = 9
+
+
+@inlined
+def lane2(lanes: Array, row: int, k: int) -> tuple[float, float]:
+    """Two numbers of element k."""
+    i = row * LANES + k
+    return lanes[i], lanes[i + LANES]
 
 
 @inlined
@@ -90,6 +99,15 @@ def gather(
 
 
 @inlined
+def gather_firmer(begin: int, firmer: Array, lanes: Array) -> None:
+    """Fills what swings has besides: firmer (N, 2)."""
+    for k in range(LANES):
+        e = min(begin + k, firmer.shape[0] - 1)
+        lanes[FIRMER * LANES + k] = firmer[e, 0]
+        lanes[(FIRMER + 1) * LANES + k] = firmer[e, 1]
+
+
+@inlined
 def opens(left: Array, e: int) -> bool:
     """Whether element e is the first of a span: its left node is not the right one of the element before."""
     return e == 0 or left[e] != left[e - 1] + 1
@@ -114,7 +132,7 @@ def gather_turns(lanes: Array) -> None:
 
 
 @kernel(fastmath=FAST)
-def hessians(lanes: Array, elastic: bool) -> None:
+def hessians(lanes: Array, elastic: bool, swings: bool | None) -> None:
     """`rod_element.element_hessian` of all lanes; elastic: a compliance may be above 0."""
     gather_turns(lanes)
     for k in range(LANES):
@@ -122,7 +140,7 @@ def hessians(lanes: Array, elastic: bool) -> None:
             lane3(lanes, V, k), lanes[W * LANES + k], lane3(lanes, SERIES, k), elastic, lanes[H * LANES + k],
             lane4(lanes, LEFT, k), lane4(lanes, RIGHT, k), lane3(lanes, FORCE_LEFT, k), lane3(lanes, FORCE_MIDDLE, k),
             lane3(lanes, FORCE_RIGHT, k), lane3(lanes, REST, k), lane3(lanes, SLOPE, k), lane3(lanes, STIFF, k),
-            lane3(lanes, COMPLIANCE, k), lane3(lanes, TAPER, k),
+            lane3(lanes, COMPLIANCE, k), lane3(lanes, TAPER, k), lane2(lanes, FIRMER, k), swings,
         )  # fmt: skip
         put_lane3(lanes, G1, k, g1)
         put_lane3(lanes, G2, k, g2)
@@ -136,7 +154,7 @@ def hessians(lanes: Array, elastic: bool) -> None:
 
 
 @kernel(fastmath=FAST)
-def gradients(lanes: Array) -> None:
+def gradients(lanes: Array, swings: bool | None) -> None:
     """`rod_element.element_gradient` of all lanes."""
     gather_turns(lanes)
     for k in range(LANES):
@@ -144,7 +162,7 @@ def gradients(lanes: Array) -> None:
             lane3(lanes, V, k), lanes[W * LANES + k], lane3(lanes, SERIES, k), lanes[H * LANES + k],
             lane4(lanes, LEFT, k), lane4(lanes, RIGHT, k), lane3(lanes, FORCE_LEFT, k), lane3(lanes, FORCE_MIDDLE, k),
             lane3(lanes, FORCE_RIGHT, k), lane3(lanes, REST, k), lane3(lanes, SLOPE, k), lane3(lanes, STIFF, k),
-            lane3(lanes, COMPLIANCE, k), lane3(lanes, TAPER, k),
+            lane3(lanes, COMPLIANCE, k), lane3(lanes, TAPER, k), lane2(lanes, FIRMER, k), swings,
         )  # fmt: skip
         lanes[VALUE * LANES + k] = value
         put_lane3(lanes, G1, k, g1)

@@ -17,7 +17,7 @@ from cable_shape.kernels.network import momentum, motion, settle, swing_output, 
 from cable_shape.kernels.network.momentum import ENERGY, KINETIC, PERIOD
 from cable_shape.kernels.network.newton import CONVERGED
 from cable_shape.kernels.network.settle import INFO
-from cable_shape.kernels.network.tables import LENGTH, NOW, SOFTEST
+from cable_shape.kernels.network.tables import LENGTH, NOW, SOFTEST, SWINGS
 from cable_shape.motion.among import Among, Lying
 from cable_shape.pose import FreeEnd
 from cable_shape.shape import TOUCH
@@ -191,17 +191,19 @@ class Swing:
         way = aim - motion.place
         stretches = max(2, int(np.ceil(np.linalg.norm(way, axis=1).max() / (_STRETCH * self.model.par[LENGTH]))))
         begin = motion.place.copy()
+        self.model.par[SWINGS] = 0.0  # nodes that are drawn together would buckle the elements between
         done = True
         for x in np.arange(1, stretches + 1) / stretches:
             motion.origin[...] = motion.aim[...] = begin + x * way
             code = settle.newton(
-                self.ints, self.floats, self.sols, self.work, self.moving, np.inf, _MOST, _EASY, True, self._scratch
+                self.ints, self.floats, self.sols, self.work, self.moving, np.inf, _MOST, _EASY, self._scratch
             )
             done = code == CONVERGED
             if not done:
                 break
             self.sols[size : 2 * size] = self.sols[:size]
             self.sols[:size] = self.sols[2 * size :]
+        self.model.par[SWINGS] = 1.0
         motion.kept[...] = motion.lam
         motion.lever[...] = levers
         rate, slope = seen.velocity(s), seen.velocity(s, 1)

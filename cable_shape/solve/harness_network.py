@@ -174,6 +174,7 @@ class HarnessNetwork(Network):
             self.at_rest,
             self.stretch == 0.0,
             _SOFTER if self.turns_freely else 1.0,
+            0.0,
         )  # fmt: skip
         model.frame[...] = layout.frames
         model.s[...] = self.arcs_now().ravel()

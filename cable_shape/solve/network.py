@@ -399,7 +399,7 @@ class Network:
         held, bare = self.held, self._bare
         held[: tables.PAR] = (
             self.softest, _NEUTRAL * self.softest, self.length, self.elastic, self.stiffest, self.at_rest,
-            self.stretch == 0.0, _SOFTER if self.turns_freely else 1.0,
+            self.stretch == 0.0, _SOFTER if self.turns_freely else 1.0, 0.0,
         )  # fmt: skip
         held[bare.s] = self.arcs.repeat(2)[1:-1]
         held[bare.heavy] = self.problem.cable.linear_density * self.problem.gravity

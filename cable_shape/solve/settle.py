@@ -11,7 +11,7 @@ from cable_shape.checks import Array
 from cable_shape.kernels.network import depart, motion, settle, tables
 from cable_shape.kernels.network.newton import CONVERGED
 from cable_shape.kernels.network.settle import I_DRAG, I_ENERGY, I_EXCESS, I_FORCE, I_ITERATIONS, I_TURNED, INFO
-from cable_shape.kernels.network.tables import LENGTH, NOW, SOFTEST, TRIAL
+from cable_shape.kernels.network.tables import LENGTH, NOW, SOFTEST, SWINGS, TRIAL
 from cable_shape.solve.plan import Whole, loose_spans, moving
 
 #: The first step in time, the shortest and the longest, in drag length^2 / softest (softest: stiffness / length^2): the
@@ -29,7 +29,7 @@ class Settling:
 
     ints, floats, sols: those of a network at rest (see `kernels.network.tables`), copied. Of its solution `which` it
     takes knots, rotations of the nodes and forces of the spans. Given knots may move from step to step: `poses`.
-    swings: for what has mass, see `kernels.network.settle.loosen`.
+    swings: for what has mass, see `kernels.rod_element`.
     """
 
     def __init__(
@@ -37,7 +37,6 @@ class Settling:
         swings: bool = False,
     ) -> None:  # fmt: skip
         self.ints = moving(ints, swings)
-        self.swings = swings
         self.floats, self.sols = floats.copy(), sols.copy()
         size = sols.size // 3
         self.sols[2 * size :] = sols[which * size : (which + 1) * size]
@@ -58,6 +57,7 @@ class Settling:
             for j in loose_spans(at_rest):
                 self.motion.loose[self.plan.first[j + 1] + j] = 1.0
         self.motion.par[motion.SEATED] = 0.0 if swings else 1.0
+        self.model.par[SWINGS] = 1.0 if swings else 0.0
         self.motion.load[...], self.motion.weight[...] = self.model.load, self.model.weight
         self.unit = drag * self.model.par[LENGTH] ** 2 / self.model.par[SOFTEST]  # s
         self.restart()
@@ -98,9 +98,8 @@ class Settling:
         far [rad]: by how much a frame may turn.
         """
         code = settle.step(
-            self.ints, self.floats, self.sols, self.work, self.moving, dt, far, settle.MOST_ITERATIONS,
-            self.swings, self.info,
-        )  # fmt: skip
+            self.ints, self.floats, self.sols, self.work, self.moving, dt, far, settle.MOST_ITERATIONS, self.info
+        )
         if code != CONVERGED:
             return False
         self.energy, self._moved = float(self.info[I_ENERGY]), True
@@ -164,7 +163,7 @@ class Settling:
         while self._excess(dt) > 0 and dt > _SHORTEST * self.unit:
             dt *= _SHORTER
         self.dt = dt
-        code = settle.nudge(self.ints, self.floats, self.sols, self.work, self.moving, dt, self.swings)
+        code = settle.nudge(self.ints, self.floats, self.sols, self.work, self.moving, dt)
         return bool(code == CONVERGED)
 
     def _excess(self, dt: float) -> int:
@@ -172,7 +171,7 @@ class Settling:
         size = self.sols.size // 3
         self.sols[2 * size :] = self.sols[:size]
         self.motion.lam[...] = self.motion.kept
-        return int(settle.excess(self.ints, self.floats, self.sols, self.work, self.moving, dt, self.swings))
+        return int(settle.excess(self.ints, self.floats, self.sols, self.work, self.moving, dt))
 
     def hand_over(self, sols: Array) -> None:
         """Puts the shape into the trial of the same network at rest."""

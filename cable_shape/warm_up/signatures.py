@@ -1,7 +1,7 @@
 """Types of numba as text and back, for the list of kernels that are compiled ahead.
 
-`f8 i8 b1` are numbers, `f8[2C]` is an array of two dimensions in C order, with `!` one that is read only, `(f8,f8)` a
-tuple, and `network.tables.Plan(...)` a named tuple, by the kernel file that has it.
+`f8 i8 b1` are numbers, `none` is None, `f8[2C]` is an array of two dimensions in C order, with `!` one that is read
+only, `(f8,f8)` a tuple, and `network.tables.Plan(...)` a named tuple, by the kernel file that has it.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ import numba
 
 types: Any = numba.types
 KERNELS = "cable_shape.kernels."
-NUMBERS = {"f8": types.float64, "i8": types.int64, "b1": types.boolean}
+NUMBERS = {"f8": types.float64, "i8": types.int64, "b1": types.boolean, "none": types.none}
 _NAMES = {number: name for name, number in NUMBERS.items()}
-_TOKEN = re.compile(r"(f8|i8|b1)\[(\d)([CFA])(!?)\]|(f8|i8|b1)|([\w.]*)\(|(\))|,")
+_TOKEN = re.compile(r"(f8|i8|b1)\[(\d)([CFA])(!?)\]|(f8|i8|b1|none)|([\w.]*)\(|(\))|,")
 
 
 def text_of(types_: tuple[Any, ...]) -> str:

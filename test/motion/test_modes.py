@@ -37,7 +37,7 @@ def below(swing: Swing, rate: float) -> int:
         motion.hold[...] = -((rate * beside) ** 2) * (memory.mass + memory.point)
         swing.sols[2 * (swing.sols.size // 3) :] = swing.sols[: swing.sols.size // 3]
         motion.lam[...] = memory.lam
-        settle.assemble(swing.ints, swing.floats, swing.sols, swing.work, swing.moving, True)
+        settle.assemble(swing.ints, swing.floats, swing.sols, swing.work, swing.moving)
         negative = moving.factor(swing.ints, swing.floats, swing.work, swing.moving, 0.0)
         inner = motion.hold.size - 1  # places that are gone by pivots of their own, all negative
         found.append(negative + 3 * inner - 3 * int(swing.ints[0]))

@@ -113,7 +113,8 @@ def test_velocity_is_the_rate_of_places():
 @pytest.mark.parametrize("end", [END, cs.Grip(END, "pinned"), cs.FreeEnd(mass=0.02)], ids=["grip", "pinned", "plug"])
 def test_a_step_of_newton_is_what_differences_ask_for(end: cs.Pose | cs.Grip | cs.FreeEnd):
     """To any right-hand side the factors answer with the step along which what is to vanish changes by minus that."""
-    motion, rng = cs.Motion(CABLE.replace(bending_stiffness=0.1), points=12), np.random.default_rng(3)
+    limp = CABLE.replace(bending_stiffness=1e-3, twisting_stiffness=1e-3)
+    motion, rng = cs.Motion(limp, points=12), np.random.default_rng(3)
     motion.begin(START, end)
     swing = motion._swing
     assert swing is not None
@@ -123,7 +124,7 @@ def test_a_step_of_newton_is_what_differences_ask_for(end: cs.Pose | cs.Grip | c
     swing.sols[2 * size :] = swing.sols[:size]
     trial = tables.solution_of.py_func(swing.ints, swing.sols, tables.TRIAL)
     work = tables.work_of.py_func(swing.ints, swing.work)
-    settle.assemble(*arrays, True)
+    settle.assemble(*arrays)
     moving.factor(swing.ints, swing.floats, swing.work, swing.moving, 0.0)
     work.G[...] = rng.standard_normal(work.G.shape)
     system.release.py_func(swing.plan, swing.model, work.G)
@@ -136,12 +137,11 @@ def test_a_step_of_newton_is_what_differences_ask_for(end: cs.Pose | cs.Grip | c
     def left(x: float) -> np.ndarray:
         trial.q[...] = (q * Rotation.from_rotvec(x * turn)).as_quat()
         moves.lam[...] = lam + x * force
-        settle.assemble(*arrays, True)
+        settle.assemble(*arrays)
         return np.concatenate((work.G.ravel(), moves.slack.ravel()))
 
     rate = (left(1e-6) - left(-1e-6)) / 2e-6
-    # of a stiff cable, where the limiter, whose change with the force is given to both sides by halves, hardly counts
-    assert np.abs(rate + asked).max() < 1e-3 * np.abs(asked).max()
+    assert np.abs(rate + asked).max() < 1e-5 * np.abs(asked).max()
 
 
 def test_a_pendulum_swings_as_a_rigid_one_does():
@@ -193,11 +193,13 @@ def test_out_of_reach_the_state_is_kept():
     np.testing.assert_array_equal(back[0].positions, back[1].positions)
 
 
-@pytest.mark.parametrize("stiffness", [1e-2, 1e-3])
-def test_whips_are_followed(stiffness: float):
+@pytest.mark.parametrize("retardation", [0.0, 0.02])
+@pytest.mark.parametrize("stiffness", [1e-2, 1e-3, 1e-4])
+def test_whips_are_followed(stiffness: float, retardation: float):
     """Grips that are thrown about: no step is lost, and energy comes from their work alone."""
     rng = np.random.default_rng(11)
-    cable = CABLE.replace(bending_stiffness=stiffness, retardation_time=0.02)
+    twist = stiffness / 1.3
+    cable = CABLE.replace(bending_stiffness=stiffness, twisting_stiffness=twist, retardation_time=retardation)
     for _ in range(3):
         motion = cs.Motion(cable, points=12)
         first = motion.begin(START, END)

@@ -160,8 +160,8 @@ def test_steps_that_go_in_parts_take_them_along():
     def jerked(offset: float, by: tuple[str, ...] = ()) -> tuple[cs.Motion, cs.CableShape, int]:
         motion, parts = cs.Motion(cable, points=21), 0
         shape = motion.begin(cs.Pose((0, offset, 0), ALONG), cs.Pose((0.7, 0, 0), ALONG), by=by)
-        for k in range(1, 8):
-            y = 0.05 * (1.0 - np.cos(0.8 * k))
+        for k in range(1, 6):
+            y = 0.12 * (1.0 - np.cos(1.2 * k))
             shape = motion.step(cs.Pose((0, y + offset, 0.5 * y), ALONG), cs.Pose((0.7, -0.3 * y, 0), ALONG), DT)
             assert shape.status, shape.detail
             assert motion._swing is not None

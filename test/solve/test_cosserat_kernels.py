@@ -15,6 +15,8 @@ from cable_shape.kernels.rod_element import angle_series, element_gradient, elem
 
 NONE = (0.0, 0.0, 0.0)
 LINEAR = (0.0, 0.0, 0.0), (0.02, 0.02, 0.01)
+#: [N], of an element at rest, and along one that swings: taut, slack, and beyond where it buckles, at -44 N and -82 N.
+ALONG = None, 40.0, -3.0, -150.0
 
 
 def numbers(*values) -> tuple[float, ...]:
@@ -30,19 +32,29 @@ def turned(q, delta) -> tuple[float, ...]:
 class Element:
     """A random element, as a function of (delta_1, delta_2, lambda)."""
 
-    def __init__(self, seed: int, bend: float, compliance: tuple[float, ...], taper: float = 0.0) -> None:
+    def __init__(
+        self, seed: int, bend: float, compliance: tuple[float, ...], taper: float = 0.0, along: float | None = None
+    ) -> None:
+        """along: the force in its middle [N], of an element that swings."""
         rng = np.random.default_rng(seed)
         self.h = 0.4
         self.q1 = Rotation.random(rng=rng).as_quat()
         self.q2 = np.array(turned(self.q1, bend * rng.normal(size=3)))
         self.n = 3.0 * rng.normal(size=(3, 3))
         self.rest = rng.normal(size=(2, 3))
+        self.swings = None if along is None else True
+        if along is not None:
+            half = Rotation.from_quat(
+                turned(self.q1, 0.5 * (Rotation.from_quat(self.q1).inv() * Rotation.from_quat(self.q2)).as_rotvec())
+            )
+            self.n[1] = half.apply((*self.n[1, :2], along))
         self.K, self.C, self.taper = (1.3, 0.7, 0.9), compliance, numbers(*taper * np.array((0.8, -0.6, 0.5)))
 
     def arguments(self, x) -> tuple:
         forces = (numbers(*(n + x[6:])) for n in self.n)
         rest = (numbers(*k) for k in self.rest)
-        return (self.h, turned(self.q1, x[:3]), turned(self.q2, x[3:6]), *forces, *rest, self.K, self.C, self.taper)
+        q = turned(self.q1, x[:3]), turned(self.q2, x[3:6])
+        return (self.h, *q, *forces, *rest, self.K, self.C, self.taper, (0.3, -0.2), self.swings)
 
     def value(self, x) -> float:
         return element_gradient(*self.arguments(x))[0]
@@ -51,35 +63,43 @@ class Element:
 @pytest.mark.parametrize("taper", [0.0, 1.0])
 @pytest.mark.parametrize("compliance", LINEAR)
 @pytest.mark.parametrize("bend", [1e-9, 0.02, 0.5, 1.3])
-def test_gradient_of_an_element_against_finite_differences(bend, compliance, taper):
-    element = Element(1, bend, compliance, taper)
+@pytest.mark.parametrize("along", ALONG)
+def test_gradient_of_an_element_against_finite_differences(along, bend, compliance, taper):
+    element = Element(1, bend, compliance, taper, along)
     gradient = np.concatenate(element_gradient(*element.arguments(np.zeros(9)))[1:])
-    step = 1e-5
-    differences = [(element.value(step * e) - element.value(-step * e)) / (2 * step) for e in np.eye(9)]
-    assert gradient == pytest.approx(np.array(differences), abs=2e-9)
+    step = 2e-4
+    near, far = ([element.value(x * step * e) - element.value(-x * step * e) for e in np.eye(9)] for x in (1, 2))
+    differences = (8.0 * np.array(near) - far) / (12.0 * step)
+    assert gradient == pytest.approx(differences, abs=2e-9)
 
 
 @pytest.mark.parametrize("taper", [0.0, 1.0])
 @pytest.mark.parametrize("compliance", LINEAR)
 @pytest.mark.parametrize("bend", [1e-9, 0.02, 0.5, 1.3])
-def test_hessian_of_an_element_against_finite_differences(bend, compliance, taper):
-    element = Element(2, bend, compliance, taper)
+@pytest.mark.parametrize("along", ALONG)
+def test_hessian_of_an_element_against_finite_differences(along, bend, compliance, taper):
+    element = Element(2, bend, compliance, taper, along)
     g1, g2, gl, *blocks = (np.array(a) for a in element_hessian(*element.arguments(np.zeros(9))))
     H11, H12, H22, B1, B2, CC = (b.reshape(3, 3) for b in blocks)
     H = np.block([[H11, H12, B1], [H12.T, H22, B2], [B1.T, B2.T, CC]])
     assert np.concatenate((g1, g2, gl)) == pytest.approx(
         np.concatenate(element_gradient(*element.arguments(np.zeros(9)))[1:]), abs=1e-13
     )
-    step, unit = 2e-4, np.eye(9)
+    unit = np.eye(9)
+
+    def difference(i: int, j: int, step: float) -> float:
+        a, b = step * (unit[i] + unit[j]), step * (unit[i] - unit[j])
+        return (element.value(a) - element.value(b) - element.value(-b) + element.value(-a)) / (4 * step**2)
+
     for i in range(9):
         for j in range(9):
-            a, b = step * (unit[i] + unit[j]), step * (unit[i] - unit[j])
-            difference = element.value(a) - element.value(b) - element.value(-b) + element.value(-a)
-            assert H[i, j] == pytest.approx(difference / (4 * step**2), abs=5e-7)
+            exact = (4.0 * difference(i, j, 3e-4) - difference(i, j, 6e-4)) / 3.0
+            assert H[i, j] == pytest.approx(exact, abs=5e-7)
 
 
+@pytest.mark.parametrize("swings", [None, True], ids=["rests", "swings"])
 @pytest.mark.parametrize("compliance", LINEAR)
-def test_elements_side_by_side_are_those_taken_one_by_one(compliance):
+def test_elements_side_by_side_are_those_taken_one_by_one(compliance, swings):
     rng = np.random.default_rng(8)
     elements = rod_lanes.LANES + 3
     section = np.tile((1.3, 0.7, 0.9, *compliance, 0.0, 0.0, 0.0), (elements, 1)) * rng.uniform(0.5, 1.5, (elements, 9))
@@ -97,9 +117,10 @@ def test_elements_side_by_side_are_those_taken_one_by_one(compliance):
     seen = 0
     for begin in range(0, elements, rod_lanes.LANES):
         count = rod_lanes.gather(begin, left, q, h, load + np.tile(force, 3), rest, section, lanes)
-        rod_lanes.gradients(lanes)
+        rod_lanes.gather_firmer(begin, np.tile((0.3, -0.2), (elements, 1)), lanes)
+        rod_lanes.gradients(lanes, swings)
         gradients = table[rod_lanes.G1 : rod_lanes.VALUE + 1].copy()
-        rod_lanes.hessians(lanes, compliance[0] != 0.0)
+        rod_lanes.hessians(lanes, compliance[0] != 0.0, swings)
         for k in range(count):
             e = begin + k
             forces = (numbers(*(n + force)) for n in load[e].reshape(3, 3))
@@ -111,11 +132,13 @@ def test_elements_side_by_side_are_those_taken_one_by_one(compliance):
                 *forces,
                 *kinks,
                 *(numbers(*x) for x in section[e].reshape(3, 3)),
+                (0.3, -0.2),
+                swings,
             )
             value, *gradient = element_gradient(*element)
             assert gradients[:, k] == pytest.approx(np.array((*np.concatenate(gradient), value)), rel=1e-12, abs=1e-12)
             blocks = np.concatenate(element_hessian(*element))
-            assert table[rod_lanes.G1 :, k] == pytest.approx(blocks, rel=1e-12, abs=1e-12)
+            assert table[rod_lanes.G1 : rod_lanes.FIRMER, k] == pytest.approx(blocks, rel=1e-12, abs=1e-12)
         seen += count
     assert seen == elements
 

@@ -253,7 +253,7 @@ def test_pivots_tell_up_to_which_step_a_mode_that_grows_is_followed():
     wanted = 3 * 12
     for dt, growing in ((0.98 / rate, 0), (1.02 / rate, 2), (1e6 / rate, 2)):
         settling.motion.hold[:] = settling.motion.drag / dt
-        settle.assemble(settling.ints, settling.floats, settling.sols, settling.work, settling.moving, False)
+        settle.assemble(settling.ints, settling.floats, settling.sols, settling.work, settling.moving)
         negative = moving.factor(settling.ints, settling.floats, settling.work, settling.moving, 0.0)
         assert negative == wanted + growing
 
@@ -378,7 +378,7 @@ def test_a_step_is_what_differences_ask_for(scene):
     arrays = one.ints, one.floats, one.sols, one.work, one.moving
     space = tables.work_of.py_func(one.ints, one.work)
     one.motion.hold[:] = one.motion.drag / 0.05
-    settle.assemble(*arrays, False)
+    settle.assemble(*arrays)
     assert moving.factor(one.ints, one.floats, one.work, one.moving, 0.0) == 3 * one.motion.lam.shape[0]
     at_rest = rows_of(one, space.G, one.motion.slack)
     space.G[...] = rng.standard_normal(space.G.shape)
@@ -392,7 +392,7 @@ def test_a_step_is_what_differences_ask_for(scene):
         one.sols[:], one.work[:] = sols, work
         newton.advance(one.ints, one.sols, one.work, eps)
         one.motion.lam[...] = lam + eps * step
-        settle.assemble(*arrays, False)
+        settle.assemble(*arrays)
         found.append(rows_of(one, space.G, one.motion.slack))
     slope = (found[0] - found[1]) / 2e-7
     wanted = asked.copy()

@@ -10,8 +10,8 @@ from cable_shape.warm_up.signatures import text_of, types_of
 FROZEN = np.zeros(3)
 FROZEN.flags.writeable = False
 VALUES = (
-    1.5, 2, True, np.zeros(3), np.zeros((2, 3)), np.zeros((4, 3))[:, 1:], np.zeros((3, 2)).T, np.zeros(2, np.int64),
-    FROZEN, (1.0, 2.0, 3.0), ((1.0, 2.0), 3), Solution(*[np.zeros(1)] * len(Solution._fields)),
+    1.5, 2, True, None, np.zeros(3), np.zeros((2, 3)), np.zeros((4, 3))[:, 1:], np.zeros((3, 2)).T,
+    np.zeros(2, np.int64), FROZEN, (1.0, 2.0, 3.0), ((1.0, 2.0), 3), Solution(*[np.zeros(1)] * len(Solution._fields)),
     Solution(*[np.zeros((1, 1)), *[np.zeros(1)] * (len(Solution._fields) - 1)]),
 )  # fmt: skip
 
@@ -20,7 +20,7 @@ def test_types_come_back_from_their_text() -> None:
     given = tuple(typeof(value) for value in VALUES)
     text = text_of(given)
     assert text.startswith(
-        "(f8,i8,b1,f8[1C],f8[2C],f8[2A],f8[2F],i8[1C],f8[1C!],(f8,f8,f8),((f8,f8),i8),network.tables."
+        "(f8,i8,b1,none,f8[1C],f8[2C],f8[2A],f8[2F],i8[1C],f8[1C!],(f8,f8,f8),((f8,f8),i8),network.tables."
     )
     assert types_of(text) == given
 

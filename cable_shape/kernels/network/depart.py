@@ -5,6 +5,7 @@ from __future__ import annotations
 from cable_shape.kernels.network.compiled import inline, viewing
 from cable_shape.kernels.network.motion import Motion, motion_of
 from cable_shape.kernels.network.tables import (
+    SWINGS,
     TRIAL,
     Floats,
     Model,
@@ -42,11 +43,16 @@ def energy(ints: Whole, floats: Floats, sols: Floats, moving: Floats) -> float:
 @inline
 def of_element(model: Model, motion: Motion, n: Vector, sol: Solution, e: int, node: int) -> tuple[float, Vector]:
     """Value of an element's functional [J] under the force n besides its loads, and minus its step [m]."""
-    value, _, _, back = element_gradient(
+    given = (
         model.h[e], get4(sol.q, node), get4(sol.q, node + 1), add(take3(motion.load, e, 0), n),
         add(take3(motion.load, e, 3), n), add(take3(motion.load, e, 6), n), take3(model.rest, e, 0),
         take3(model.rest, e, 3), take3(model.section, e, 0), take3(model.section, e, 3), take3(model.section, e, 6),
+        (model.firmer[e, 0], model.firmer[e, 1]),
     )  # fmt: skip
+    if model.par[SWINGS] != 0.0:
+        value, _, _, back = element_gradient(*given, True)
+    else:
+        value, _, _, back = element_gradient(*given, None)
     return value, back
 
 

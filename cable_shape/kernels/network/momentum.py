@@ -13,6 +13,7 @@ order backwards: K and the rest curvature change, and nothing else.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from cable_shape.kernels.network.compiled import inline, part, viewing
@@ -35,8 +36,9 @@ from cable_shape.kernels.rod_algebra import (
 )
 from cable_shape.kernels.rod_element import (
     E3,
-    SMALL_FORCE,
     angle_series,
+    bowed,
+    firmness,
     midpoint,
     relative,
 )
@@ -165,7 +167,10 @@ def rates(memory: Momentum, dt: float) -> tuple[float, float, float]:
 
 @viewing(forceinline=True)
 def damp(model: Model, memory: Momentum, dt: float) -> None:
-    """Stiffness and rest curvature of the elements with what bending and twisting are damped by in a step dt."""
+    """Stiffness and rest curvature of the elements with what bending and twisting are damped by in a step dt.
+
+    A bow's slope is sin(x) / b (see `rod_element`), and what damps it K tau / b^2 (1 - cos(x - x of the past)).
+    """
     now, last, before = rates(memory, dt)
     for e in range(memory.delay.shape[0]):
         delay = memory.delay[e]
@@ -177,23 +182,29 @@ def damp(model: Model, memory: Momentum, dt: float) -> None:
             model.section[e, 6 + c] = more * memory.section[e, 6 + c]
         for c in range(6):
             past = last * memory.strain[e, c] + before * memory.strained[e, c]
+            if c == 3 or c == 4:
+                b = bowed(model.h[e])
+                turn = -b * past / now
+                past = -now * math.sin(turn) / b
+                model.firmer[e, c - 3] = -delay * now * memory.section[e, c - 3] * (1.0 - math.cos(turn))
             model.rest[e, c] = (memory.rest[e, c] - delay * past) / more
 
 
 @inline
-def strain_of(model: Model, full: Floats, sol: Solution, e: int, node: int) -> tuple[Vector, Vector]:
-    """Curvature of an element, and its slope: the one that saves the most energy, see `rod_element`."""
+def strain_of(model: Model, full: Floats, sol: Solution, e: int, node: int) -> tuple[Vector, Vector, Vector]:
+    """Curvature of an element, its slope, the one that saves the most energy, and x / b of that, see `damp`."""
     q, h, K, C = get4(sol.q, node), model.h[e], take3(model.section, e, 0), take3(model.section, e, 3)
     v, w = relative(q, get4(sol.q, node + 1))
     series = angle_series(dot(v, v), w)
     k = scale(series[0] / h, v)
     bent = subtract(k, take3(model.rest, e, 0))
-    nM = take3(full, e, 3)
-    N = tapply(midpoint(q, v, w), nM)
+    N = tapply(midpoint(q, v, w), take3(full, e, 3))
     g = add(cross(k, times(K, bent)), cross(add(E3, times(C, N)), N))
     g = add(subtract(g, times(K, take3(model.rest, e, 3))), times(take3(model.section, e, 6), bent))
-    stiff = 0.1 * h * h * (dot(nM, nM) + SMALL_FORCE) ** 0.5
-    return k, (-g[0] / (K[0] + stiff), -g[1] / (K[1] + stiff), -g[2] / K[2])
+    b, twist = bowed(h), -g[2] / K[2]
+    A, B, sA, sB = firmness(h, K, g, N, (model.firmer[e, 0], model.firmer[e, 1]))
+    turns = (math.atan2(-b * g[0], A) / b, math.atan2(-b * g[1], B) / b, twist)
+    return k, (-g[0] / sA, -g[1] / sB, twist), turns
 
 
 @inline
@@ -216,6 +227,13 @@ def over(a: Vector, b: Vector) -> Vector:
     return (a[0] / b[0], a[1] / b[1], a[2] / b[2])
 
 
+@inline
+def nearest(h: float, x: float, past: float) -> float:
+    """x / b of a bow, whole turns more or less, as near as can be to that of the past."""
+    whole = 2.0 * math.pi / bowed(h)
+    return x + whole * math.floor((past - x) / whole + 0.5)
+
+
 @viewing(forceinline=True)
 def strain_up(
     plan: Plan, model: Model, full: Floats, sol: Solution, memory: Momentum, dt: float
@@ -231,23 +249,29 @@ def strain_up(
         delay = memory.delay[e]
         if delay == 0.0:
             continue
-        k, k1 = strain_of(model, full, sol, e, plan.left[e])
+        k, k1, turns = strain_of(model, full, sol, e, plan.left[e])
         h, K = model.h[e], take3(memory.section, e, 0)
         a, a1 = subtract(k, take3(memory.rest, e, 0)), subtract(k1, take3(memory.rest, e, 3))
-        b, b1 = subtract(k, take3(model.rest, e, 0)), subtract(k1, take3(model.rest, e, 3))
+        d, d1 = subtract(k, take3(model.rest, e, 0)), subtract(k1, take3(model.rest, e, 3))
         own = 0.5 * along(memory.section, e, h, a, a1, a, a1) + bow(h, k, k1, times(K, a))
-        damped = 0.5 * along(model.section, e, h, b, b1, b, b1) + bow(h, k, k1, times(take3(model.section, e, 0), b))
+        damped = 0.5 * along(model.section, e, h, d, d1, d, d1) + bow(h, k, k1, times(take3(model.section, e, 0), d))
         change += own - damped
+        for i in range(2):  # of a bow by its x, not by its slope
+            more = model.section[e, i] - memory.section[e, i]
+            b = bowed(h)
+            round_x = (1.0 - math.cos(b * turns[i])) / (b * b)
+            change += h * h * h / 12.0 * (0.5 * more * k1[i] * k1[i] - (more + model.firmer[e, i]) * round_x)
         # what stiffness acts on in the element's functional: K k + w in the middle, K k1 - k x w for the slope, with
         # w + h^2 / 12 w x k1 = h^2 / 12 K (k1 x k)
         f = h * h / 12.0
         w = scale(f, times(K, cross(k1, k)))
         w = add(w, scale(f, add(cross(k1, w), scale(f * dot(k1, w), k1))))
         w = scale(1.0 / (1.0 + f * f * dot(k1, k1)), w)
-        k, k1 = add(k, over(w, K)), subtract(k1, over(cross(k, w), K))
+        k, k1 = add(k, over(w, K)), subtract(turns, over(cross(k, w), K))
         past, past1 = take3(memory.strain, e, 0), take3(memory.strain, e, 3)
         if dt > 0.0:
             far, far1 = take3(memory.strained, e, 0), take3(memory.strained, e, 3)
+            k1 = (nearest(h, k1[0], past1[0]), nearest(h, k1[1], past1[1]), k1[2])
             r = add(scale(now, k), add(scale(last, past), scale(before, far)))
             r1 = add(scale(now, k1), add(scale(last, past1), scale(before, far1)))
             power += delay * along(memory.section, e, h, r, r1, r, r1)

@@ -11,12 +11,9 @@ snap to where the network falls. Rotations about the cable meet no drag and are 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
-from cable_shape.kernels.network.chain import B1, B2, CC
 from cable_shape.kernels.network.compiled import inline, viewing
 from cable_shape.kernels.network.depart import energy
-from cable_shape.kernels.network.momentum import strain_of
 from cable_shape.kernels.network.motion import (
     N_PROPS,
     N_WALLED,
@@ -54,31 +51,17 @@ from cable_shape.kernels.network.tables import (
     work_of,
 )
 from cable_shape.kernels.rod_algebra import (
-    Vector,
     add,
-    apply,
-    cross,
     dot,
     get3,
     get4,
-    get9,
-    madd,
-    mscale,
-    mshift,
-    msub,
-    outer,
     put3,
-    put9,
     qconj,
     qmul,
     scale,
     subtract,
-    symmetric,
     take3,
-    tapply,
-    times,
 )
-from cable_shape.kernels.rod_element import E3, SMALL_FORCE, angle_series, midpoint, relative
 
 FAR = 4  # a frame turned by more than it may: the step in time was too long
 LARGEST_TURN = 0.3  # rad, of a frame in one step in time
@@ -96,14 +79,12 @@ INFO = 8
 
 
 @viewing
-def assemble(ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: Floats, swings: bool) -> None:
-    """Fills the matrix of the trial and its right-hand side: G, slack, pull. swings: see `loosen`."""
+def assemble(ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: Floats) -> None:
+    """Fills the matrix of the trial and its right-hand side: G, slack, pull."""
     plan, model, work, motion = plan_of(ints), model_of(ints, floats), work_of(ints, space), motion_of(ints, moving)
     sol = solution_of(ints, sols, TRIAL)
     load_up(plan, model, motion, sol)
     at_rest(ints, floats, sols, space)
-    if swings:
-        loosen(plan, model, sol, work)
     lean(plan, model, sol, work, motion)
     put_places(plan, model, sol, motion)
     tilt_ends(plan, model, sol, work, motion)
@@ -127,9 +108,6 @@ def balance(ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: Fl
     sol = solution_of(ints, sols, TRIAL)
     load_up(plan, model, motion, sol)
     gradient(ints, floats, sols, space)
-    for e in range(model.h.shape[0]):
-        limit = limiter_of(model, work, sol, e, plan.left[e])
-        lengthen(work, e, limit)
     put_places(plan, model, sol, motion)
     tilt_ends(plan, model, sol, work, motion)
     slacken(plan, work, motion)
@@ -142,68 +120,6 @@ def slacken(plan: Plan, work: Work, motion: Motion) -> None:
         for e in range(plan.first[j], plan.first[j + 1]):
             way = subtract(get3(motion.place, e + j + 1), get3(motion.place, e + j))
             put3(motion.slack, e, 0, add(take3(work.first, e, 0), way))
-
-
-class Limiter(NamedTuple):
-    """What an element's limiter depends on, and what it does to its step."""
-
-    k: Vector  # [1/m] mean curvature
-    u1: Vector  # [1/m^2] its slope
-    size: float  # [N]
-    f: float  # [m/N], of the force: by how much the step is longer for its change
-
-
-@inline
-def limiter_of(model: Model, work: Work, sol: Solution, e: int, node: int) -> Limiter:
-    """That of element e."""
-    h, n = model.h[e], take3(work.full, e, 3)
-    k, u1 = strain_of(model, work.full, sol, e, node)
-    size = math.sqrt(dot(n, n) + SMALL_FORCE)
-    f = 0.05 * h * h * h * h * h / 12.0 * (u1[0] * u1[0] + u1[1] * u1[1]) / size
-    return Limiter(k, u1, size, f)
-
-
-@inline
-def lengthen(work: Work, e: int, limit: Limiter) -> None:
-    """Takes the change of the limiter off the step of element e."""
-    put3(work.first, e, 0, subtract(take3(work.first, e, 0), scale(limit.f, take3(work.full, e, 3))))
-
-
-@viewing(forceinline=True)
-def loosen(plan: Plan, model: Model, sol: Solution, work: Work) -> None:
-    """Takes the limiter of the elements for one that does not change with the force: e n / |n| off the steps.
-
-    Its own second derivative in the force, e / |n| across n, is a negative compliance, also along the cable where n
-    leans: no trouble at rest, but what has mass would run away from there, the faster the shorter the steps. What is
-    left is no longer symmetric: a rotation feels the limiter change, and a step does not; both are given half.
-    """
-    for e in range(model.h.shape[0]):
-        node, h = plan.left[e], model.h[e]
-        q, n = get4(sol.q, node), take3(work.full, e, 3)
-        K, C, K1 = take3(model.section, e, 0), take3(model.section, e, 3), take3(model.section, e, 6)
-        v, w = relative(q, get4(sol.q, node + 1))
-        series = angle_series(dot(v, v), w)
-        limit = limiter_of(model, work, sol, e, node)
-        k, u1, size, f = limit.k, limit.u1, limit.size, limit.f
-        R = midpoint(q, v, w)
-        N = tapply(R, n)
-        slope, c = 0.1 * h * h, -h * h * h / 12.0
-        Wx, Wy = 1.0 / (K[0] + slope * size), 1.0 / (K[1] + slope * size)
-        ee = slope * slope * c * (Wx * u1[0] * u1[0] + Wy * u1[1] * u1[1])
-        z = (slope * c * Wx * u1[0], slope * c * Wy * u1[1], 0.0)
-        m = times(K, subtract(k, take3(model.rest, e, 0)))
-        zk = add(subtract(cross(m, z), times(K, cross(k, z))), times(K1, z))
-        zN = subtract(times(C, cross(N, z)), cross(add(E3, times(C, N)), z))
-        zv = add(scale(series[0] / h, zk), scale(2.0 * series[1] / h * dot(v, zk), v))
-        zt = cross(zN, N)
-        both = scale(0.5, subtract(zt, cross(v, zv)))
-        apart = subtract(scale(0.5 * w, zv), cross(scale(0.5 / (1.0 + w), v), zt))
-        way = scale(1.0 / size, n)
-        lengthen(work, e, limit)
-        put9(work.parts, e, B1, msub(get9(work.parts, e, B1), outer(scale(0.5, subtract(both, apart)), way)))
-        put9(work.parts, e, B2, msub(get9(work.parts, e, B2), outer(scale(0.5, add(both, apart)), way)))
-        give = msub(get9(work.parts, e, CC), symmetric(outer(scale(0.5, apply(R, zN)), way)))
-        put9(work.parts, e, CC, mshift(madd(give, mscale(f - ee, outer(way, way))), -f))
 
 
 @viewing(forceinline=True)
@@ -244,11 +160,11 @@ def missed(motion: Motion) -> float:
 @viewing
 def newton(
     ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: Floats, far: float, most: int, least: float,
-    swings: bool, info: Floats,
+    info: Floats,
 ) -> int:  # fmt: skip
     """Solves for one step in time from the trial as it is; returns CONVERGED, STALLED, NOT_FINITE or FAR.
 
-    least [rad]: an iteration that changes no more is the last. swings: it has mass, see `loosen`.
+    least [rad]: an iteration that changes no more is the last.
     """
     model, motion = model_of(ints, floats), motion_of(ints, moving)
     sol, now = solution_of(ints, sols, TRIAL), solution_of(ints, sols, NOW)
@@ -258,7 +174,7 @@ def newton(
     shift = 0.0
     for i in range(most):
         info[I_ITERATIONS] = i + 1.0
-        assemble(ints, floats, sols, space, moving, swings)
+        assemble(ints, floats, sols, space, moving)
         loose = 0.0 if free else missed(motion)
         trial = shift / SHIFT_GROWTH if shift > FIRST_SHIFT * softest else 0.0
         negative = 0
@@ -302,7 +218,6 @@ def step(
     dt: float,
     far: float,
     most: int,
-    swings: bool,
     info: Floats,
 ) -> int:
     """One step dt [s] from the solution now to the knots that are given in the trial; returns as `newton` does.
@@ -322,7 +237,7 @@ def step(
     turn_knots(plan, model, now, now, sol, 0.0)
     extrapolate(plan, now, now, sol, 0.0)
     turn_ends(plan, model, sol)
-    status = newton(ints, floats, sols, space, moving, far, most, TOLERANCE, swings, info)
+    status = newton(ints, floats, sols, space, moving, far, most, TOLERANCE, info)
     info[I_TURNED] = turned(sol, now)
     if status == CONVERGED and not info[I_TURNED] <= far:
         status = FAR
@@ -340,28 +255,24 @@ def step(
 
 
 @viewing
-def excess(
-    ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: Floats, dt: float, swings: bool
-) -> int:  # fmt: skip
+def excess(ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: Floats, dt: float) -> int:
     """How many modes of the trial grow so fast that a step dt cannot follow them, with the matrix factored."""
     model, motion = model_of(ints, floats), motion_of(ints, moving)
     for k in range(motion.hold.shape[0]):
         motion.hold[k] = motion.drag[k] / dt
-    assemble(ints, floats, sols, space, moving, swings)
+    assemble(ints, floats, sols, space, moving)
     return factor(ints, floats, space, moving, model.par[BASE_SHIFT]) - 3 * ints[0]
 
 
 @viewing
-def nudge(
-    ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: Floats, dt: float, swings: bool
-) -> int:  # fmt: skip
+def nudge(ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: Floats, dt: float) -> int:
     """Turns the trial by NUDGE rad along the mode that a step dt only just follows; returns CONVERGED or STALLED.
 
     From an unstable equilibrium that nothing else disturbs. The trial becomes the solution now.
     """
     plan, model, motion, work = plan_of(ints), model_of(ints, floats), motion_of(ints, moving), work_of(ints, space)
     sol = solution_of(ints, sols, TRIAL)
-    if excess(ints, floats, sols, space, moving, dt, swings) != 0:
+    if excess(ints, floats, sols, space, moving, dt) != 0:
         return STALLED
     work.pull[:, :] = 0.0
     for k in range(work.G.shape[0]):

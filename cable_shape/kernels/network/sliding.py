@@ -256,6 +256,7 @@ def differ(model: Model, sol: Solution, work: Work, slides: Slides, c: int, j: i
     _, g1, g2, gl = element_gradient(
         model.h[e], get4(sol.q, node), get4(sol.q, node + 1), nL, nM, nR, take3(model.rest, e, 0),
         take3(model.rest, e, 3), take3(model.section, e, 0), take3(model.section, e, 3), take3(model.section, e, 6),
+        (0.0, 0.0), None,
     )  # fmt: skip
     for x in range(3):
         slides.slope[c, e, x] = f * (gl[x] - work.first[e, x])

@@ -5,8 +5,8 @@ of the cable or where a grip goes. With the matrix M of Newton's method at the s
 
     x' <- x' - M^-1 dF,   dF = (F(x + e x', s + e s', p + e p') - F(x - e x', s - e s', p - e p')) / 2 e,
 
-which ends where dF is zero, however near M is to dF/dx: it leaves out half of what the elements' limiter does, and has
-a shift (see `settle.loosen`). It begins with x' of the last step. So no formula of the step is written down twice.
+which ends where dF is zero, however near M is to dF/dx: it may have a shift. It begins with x' of the last step. So
+no formula of the step is written down twice.
 """
 
 from __future__ import annotations
@@ -386,7 +386,7 @@ def carry_on(
     else:
         copy(part(to.before, 0, (motion.lever.shape[0],)), motion.lever)
         soften(model, motion, memory)
-    assemble(ints, floats, sols, space, moving, True)
+    assemble(ints, floats, sols, space, moving)
     factor(ints, floats, space, moving, model.par[BASE_SHIFT])
     copy(to.floats, floats)
     for i in range(motion.loose.shape[0]):

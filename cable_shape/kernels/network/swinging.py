@@ -194,7 +194,7 @@ def attempt(
     turn_ends(plan, model, sol)
     least = min(LEAST, max(SHORTEST, LEAST_SHORT * dt * dt / memory.par[PERIOD]))
     most = MOST_TOUCHED if motion.par[N_WALLED] > 0.0 else MOST_ITERATIONS
-    status = newton(ints, floats, sols, space, moving, math.inf, most, least, True, told)
+    status = newton(ints, floats, sols, space, moving, math.inf, most, least, told)
     info[I_ITERATIONS] += told[I_ITERATIONS]
     if status != CONVERGED and not (status == STALLED and told[I_EXCESS] == 0.0 and told[I_LAST] < LEAST):
         return status

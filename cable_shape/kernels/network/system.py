@@ -14,6 +14,7 @@ from __future__ import annotations
 from cable_shape.kernels.network.compiled import inline, viewing
 from cable_shape.kernels.network.tables import (
     ELASTIC,
+    SWINGS,
     TRIAL,
     Floats,
     Model,
@@ -50,6 +51,7 @@ from cable_shape.kernels.rod_lanes import (
     LANES,
     VALUE,
     gather,
+    gather_firmer,
     gradients,
     hessians,
     lane3,
@@ -76,13 +78,17 @@ def assemble(ints: Whole, floats: Floats, sols: Floats, space: Floats) -> None:
     fold(plan, model, sol.lam, work.full)
     D, U, parts, G, first, sums = work.D, work.U, work.parts, work.G, work.first, work.sums
     elements = model.h.shape[0]
-    elastic = model.par[ELASTIC] != 0.0
+    elastic, swings = model.par[ELASTIC] != 0.0, model.par[SWINGS] != 0.0
     sums[:, :12] = 0.0
     j = 0
     lanes = work.lanes
     for begin in range(0, elements, LANES):
         count = gather(begin, plan.left, sol.q, model.h, work.full, model.rest, model.section, lanes)
-        hessians(lanes, elastic)
+        if swings:
+            gather_firmer(begin, model.firmer, lanes)
+            hessians(lanes, elastic, True)
+        else:
+            hessians(lanes, elastic, None)
         for k in range(count):
             e = begin + k
             if e == plan.first[j + 1]:
@@ -122,7 +128,7 @@ def gradient(ints: Whole, floats: Floats, sols: Floats, space: Floats) -> float:
     plan, model, sol, work = plan_of(ints), model_of(ints, floats), solution_of(ints, sols, TRIAL), work_of(ints, space)
     fold(plan, model, sol.lam, work.full)
     G, first, sums = work.G, work.first, work.sums
-    elements = model.h.shape[0]
+    elements, swings = model.h.shape[0], model.par[SWINGS] != 0.0
     value = 0.0
     left = NONE
     sums[:, :3] = 0.0
@@ -130,7 +136,11 @@ def gradient(ints: Whole, floats: Floats, sols: Floats, space: Floats) -> float:
     lanes = work.lanes
     for begin in range(0, elements, LANES):
         count = gather(begin, plan.left, sol.q, model.h, work.full, model.rest, model.section, lanes)
-        gradients(lanes)
+        if swings:
+            gather_firmer(begin, model.firmer, lanes)
+            gradients(lanes, True)
+        else:
+            gradients(lanes, None)
         for k in range(count):
             e = begin + k
             if e == plan.first[j + 1]:

@@ -40,8 +40,8 @@ L_ROWS, L_BENT, L_NORMAL, L_REST, L_ACTIVE = 0, 24, 114, 117, 118
 #: Columns of a piece of a cable: stiffness, rest curvature and distributed load at its left and right, compliance.
 PIECE = 21
 #: Numbers that belong to the whole network, see `Model.par`.
-PAR = 8
-SOFTEST, BASE_SHIFT, LENGTH, ELASTIC, STIFFEST, TURN_AT_REST, RIGID, SOFT = 0, 1, 2, 3, 4, 5, 6, 7
+PAR = 9
+SOFTEST, BASE_SHIFT, LENGTH, ELASTIC, STIFFEST, TURN_AT_REST, RIGID, SOFT, SWINGS = 0, 1, 2, 3, 4, 5, 6, 7, 8
 #: Numbers of scratch: rows of elements side by side, and a few more.
 LANES_SIZE, SCRATCH = max(rod_lanes.ROWS, rod_arcs.ROWS) * rod_lanes.LANES, 16
 #: Solutions that are kept.
@@ -84,7 +84,7 @@ class Model(NamedTuple):
 
     par: Floats  # (PAR,) softest stiffness / length^2, shift that is always there, length, whether a compliance is
     #              above 0, largest stiffness, turn [rad] that needs no motion of supports, whether nothing stretches,
-    #              how many times as uncertain corrections are as between clamped ends
+    #              how many times as uncertain corrections are as between clamped ends, whether it has mass
     s: Floats  # (n,) arc length of the nodes, on their cable
     h: Floats  # (N,)
     load: Floats  # (N, 9) internal force without the span's own at the left, middle and right of each element
@@ -110,6 +110,7 @@ class Model(NamedTuple):
     lean: Floats  # (l, 6) a (rotation), b (place): what else it adds is half the square of a . theta + b . y
     given: Floats  # (l, 3) [m] the step in its place that is not left to it
     links: Floats  # (links, LINK_MODEL)
+    firmer: Floats  # (N, 2) [N m^2] of what has mass, see `rod_element.element_gradient`
 
 
 class Solution(NamedTuple):
@@ -252,6 +253,7 @@ def model_of(ints: Whole, floats: Floats) -> Model:
     o22 = o21 + l * 9
     o23 = o22 + l * 6
     o24 = o23 + l * 3
+    o25 = o24 + LINK_MODEL * ints[N_LINKS]
     return Model(
         part(floats, o0, (o1 - o0,)),
         part(floats, o1, (o2 - o1,)),
@@ -279,6 +281,7 @@ def model_of(ints: Whole, floats: Floats) -> Model:
         part(floats, o22, (l, 6)),
         part(floats, o23, (l, 3)),
         part(floats, o24, (ints[N_LINKS], LINK_MODEL)),
+        part(floats, o25, (n, 2)),
     )  # fmt: skip
 
 
@@ -379,7 +382,7 @@ def work_of(ints: Whole, work: Floats) -> Work:
 def model_size(ints: Whole) -> int:
     """Numbers of a model with this head."""
     n, m, k, c, p, a = ints[0], ints[1], ints[2], ints[N_CABLES], ints[N_PIECES], ints[N_POINTS]
-    size = PAR + 28 * n + 18 * m + 12 * k + 3 * c + 4 * (p + c) + PIECE * p + 4 * a
+    size = PAR + 30 * n + 18 * m + 12 * k + 3 * c + 4 * (p + c) + PIECE * p + 4 * a
     return size + 27 * ints[N_PRESSED] + LINK_MODEL * ints[N_LINKS]
 
 
