@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple, final
 
@@ -134,6 +135,7 @@ class _Seen:
         self._pieces = 1.0 - gaps  # 0: none
         self.told = np.zeros(len(points))
         self.residual = self.pieces = 0.0
+        self._last: deque[tuple[Array, Array, Array, Array, float]] = deque(maxlen=2)  # a trial, and what it is beside
 
     def _tangents(self, line: Array) -> Array:
         """(n - 1, 3), of the pieces; anything where there is none."""
@@ -142,10 +144,16 @@ class _Seen:
         return np.asarray(steps / np.linalg.norm(steps, axis=1)[:, None])
 
     def _assign(self, line: Array, spread: Array) -> tuple[Array, float]:
-        sums = np.empty((len(line) + 1, SUMS))
+        """Sums over the pieces of a line, which stays as it is, and the logarithm of the likelihood; fills told."""
+        for there, wide, sums, told, likely in self._last:
+            if there is line and np.array_equal(wide, spread):
+                self.told = told
+                return sums, likely
+        sums, self.told = np.empty((len(line) + 1, SUMS)), np.empty(len(self._points))
         outside = self._noise.outside
-        likely = cloud.assign(line, spread, self._points, self._length, outside, self._pulled, sums, self.told)
-        return sums, float(likely)
+        likely = float(cloud.assign(line, spread, self._points, self._length, outside, self._pulled, sums, self.told))
+        self._last.append((line, spread, sums, self.told, likely))
+        return sums, likely
 
     def softness(self, line: Array, moves: Array, covariance: Array) -> float:
         """[m]: how far the line is expected to be off where points are."""

@@ -9,6 +9,7 @@ import pytest
 from clouds import ALONG_X, CABLE, END, START, cloud, places
 
 import cable_shape as cs
+from cable_shape.tracking.start import paths
 
 STEP = 10_000_000  # ns
 KNOWN = cs.Uncertainty({"bending_stiffness": 0.5, "length": 0.003}, (0.001, 0.02), (0.001, 0.02))
@@ -115,6 +116,23 @@ def test_another_cable_is_odd(other):
     for k in range(3):
         tracker.update(cloud(true, k), stamp=k * STEP, start=START, end=END)
     assert tracker.innovation > 3.0
+
+
+@pytest.mark.parametrize("hidden", [(0.09, 0.6), (0.03, 0.55), (0.25, 0.75), (0.42, 0.95)])
+def test_ends_are_found_though_most_between_them_is_hidden(hidden):
+    """A piece that is seen at one end is nearer to the middle of the other piece than to its end."""
+    for seed in range(3):
+        true = cs.predict(TRUE, START, cs.Pose((0.55, 0.1, 1.0), ALONG_X), points=201)
+        points = cloud(true, seed, count=2000, noise=0.003, stray=0.2, hidden=hidden)
+        line = paths(points, CABLE.length)[0]
+        ends, there = line[[0, -1]], true.positions[[0, -1]]
+        apart = min(np.linalg.norm(ends - way, axis=1).max() for way in (there, there[::-1]))
+        assert apart < 0.04, seed
+    tracker = cs.Tracker(CABLE, noise=0.003)
+    shape = tracker.update(points, stamp=0)
+    ways = (shape.positions, shape.positions[::-1])
+    there = places(true, np.linspace(0.0, true.length, len(shape.positions)))
+    assert min(np.linalg.norm(way - there, axis=1).mean() for way in ways) < 0.02
 
 
 def test_grips_that_nobody_told_are_found_among_the_points():

@@ -14,6 +14,11 @@ WEIGHT, PLACE, MISS = 0, 1, 2
 SUMS = 5
 #: Pieces count whose square of the distance is larger than the least by no more than so many variances.
 _FAR = 20.0
+#: Logarithm of how much likelier a point that is told to be of something else is that.
+_SURE = 30.0
+#: Columns of what is worked out once of a piece: the way along it (3) [m], 1 / its square, its length / sqrt(2
+#: variances), -1 / (2 variances), the density about its middle [1/m^3].
+_WAY, _INVERSE, _SCALE, _FALL, _DENSITY, _PIECE = 0, 3, 4, 5, 6, 7
 #: Pieces in a block that is passed over at once where it is far away.
 _BLOCK = 8
 
@@ -33,6 +38,20 @@ def put_ball(line: Array, first: int, last: int, balls: Array, row: int) -> None
 
 
 @kernel
+def put_piece(line: Array, spread: Array, length: float, i: int, out: Array) -> None:
+    """Fills row i of the pieces."""
+    square = 0.0
+    for c in range(3):
+        way = line[i + 1, c] - line[i, c]
+        out[i, _WAY + c] = way
+        square += way * way
+    out[i, _INVERSE] = 1.0 / square
+    out[i, _SCALE] = math.sqrt(square / (2.0 * spread[i]))
+    out[i, _FALL] = -0.5 / spread[i]
+    out[i, _DENSITY] = 1.0 / (2.0 * math.pi * spread[i] * length)
+
+
+@kernel
 def assign(
     line: Array, spread: Array, points: Array, length: float, outside: float, pulled: tuple[bool, bool], sums: Array,
     told: Array,
@@ -49,12 +68,17 @@ def assign(
     squares, places = np.empty(pieces), np.empty(pieces)
     share, which = np.empty(pieces + 2), np.empty(pieces + 2, np.int64)
     blocks = (pieces + _BLOCK - 1) // _BLOCK
-    balls, near = np.empty((blocks, 4)), np.empty(blocks)
-    wide = 0.0
+    balls, near, made = np.empty((blocks, 4)), np.empty(blocks), np.zeros((pieces, _PIECE))
+    wide = densest = 0.0
     for b in range(blocks):
         put_ball(line, b * _BLOCK, min(pieces, (b + 1) * _BLOCK), balls, b)
     for i in range(pieces):
-        wide = max(wide, spread[i])
+        if spread[i] > 0.0:
+            put_piece(line, spread, length, i, made)
+            wide, densest = max(wide, spread[i]), max(densest, made[i, _DENSITY])
+    alone = 0.0  # m^2: points further away are of something else
+    if densest > 0.0:
+        alone = 2.0 * wide * max(0.0, _SURE + math.log((pieces + 2) * densest / outside))
     sums[:, :] = 0.0
     whole = 0.0
     for k in range(points.shape[0]):
@@ -65,6 +89,10 @@ def assign(
             near[b] = math.sqrt(u * u + v * v + w * w) - balls[b, 3]
             if near[b] < closest:
                 first, closest = b, near[b]
+        if closest > 0.0 and closest * closest > alone:
+            told[k] = 0.0
+            whole += math.log(outside)
+            continue
         least, nearest = math.inf, 0
         for o in range(blocks):
             b = (first + o) % blocks
@@ -76,9 +104,9 @@ def assign(
                 squares[i], places[i] = math.inf, 0.5
                 if spread[i] <= 0.0:
                     continue
-                a, d, c = line[i + 1, 0] - line[i, 0], line[i + 1, 1] - line[i, 1], line[i + 1, 2] - line[i, 2]
+                a, d, c = made[i, _WAY], made[i, _WAY + 1], made[i, _WAY + 2]
                 u, v, w = x - line[i, 0], y - line[i, 1], z - line[i, 2]
-                t = (a * u + d * v + c * w) / (a * a + d * d + c * c)
+                t = (a * u + d * v + c * w) * made[i, _INVERSE]
                 places[i] = t
                 t = min(1.0, max(0.0, t))
                 u, v, w = u - t * a, v - t * d, w - t * c
@@ -92,17 +120,14 @@ def assign(
                 continue
             for i in range(b * _BLOCK, min(pieces, (b + 1) * _BLOCK)):
                 if squares[i] < bound:
-                    a, d, c = line[i + 1, 0] - line[i, 0], line[i + 1, 1] - line[i, 1], line[i + 1, 2] - line[i, 2]
-                    h = math.sqrt(a * a + d * d + c * c)
-                    u, v, w = (
-                        x - line[i, 0] - places[i] * a,
-                        y - line[i, 1] - places[i] * d,
-                        z - line[i, 2] - places[i] * c,
-                    )
-                    across = u * u + v * v + w * w
-                    scale = h / math.sqrt(2.0 * spread[i])
-                    cover = 0.5 * (math.erf((1.0 - places[i]) * scale) + math.erf(places[i] * scale))
-                    some = cover * math.exp(-0.5 * across / spread[i]) / (2.0 * math.pi * spread[i] * length)
+                    across, t, scale = squares[i], places[i], made[i, _SCALE]
+                    if t < 0.0 or t > 1.0:
+                        u = x - line[i, 0] - t * made[i, _WAY]
+                        v = y - line[i, 1] - t * made[i, _WAY + 1]
+                        w = z - line[i, 2] - t * made[i, _WAY + 2]
+                        across = u * u + v * v + w * w
+                    cover = 0.5 * (math.erf((1.0 - t) * scale) + math.erf(t * scale))
+                    some = cover * math.exp(across * made[i, _FALL]) * made[i, _DENSITY]
                     if some > 0.0:
                         which[count], share[count] = i, some
                         count += 1
@@ -111,7 +136,7 @@ def assign(
             i = 0 if end == 0 else pieces - 1
             beyond = places[i] < 0.0 if end == 0 else places[i] > 1.0
             if pulled[end] and squares[i] < bound and beyond:
-                some = math.exp(-0.5 * squares[i] / spread[i]) / (4.0 * math.pi * spread[i] * length)
+                some = 0.5 * math.exp(squares[i] * made[i, _FALL]) * made[i, _DENSITY]
                 which[count], share[count] = pieces + end, some
                 count += 1
                 total += some
@@ -122,9 +147,9 @@ def assign(
             i = which[o]
             j = i if i < pieces else (0 if i == pieces else pieces - 1)
             t = places[j] if i < pieces else min(1.0, max(0.0, places[j]))
-            u = x - line[j, 0] - t * (line[j + 1, 0] - line[j, 0])
-            v = y - line[j, 1] - t * (line[j + 1, 1] - line[j, 1])
-            w = z - line[j, 2] - t * (line[j + 1, 2] - line[j, 2])
+            u = x - line[j, 0] - t * made[j, _WAY]
+            v = y - line[j, 1] - t * made[j, _WAY + 1]
+            w = z - line[j, 2] - t * made[j, _WAY + 2]
             sums[i, WEIGHT] += g
             sums[i, PLACE] += g * min(1.0, max(0.0, t))
             sums[i, MISS] += g * u
