@@ -30,7 +30,7 @@ from cable_shape.kernels.network.momentum import (
     move_on,
     strain_up,
 )
-from cable_shape.kernels.network.motion import N_WALLED, Motion, lever_torque, motion_of, put_places
+from cable_shape.kernels.network.motion import N_PROPS, N_WALLED, Motion, lever_torque, motion_of, put_places
 from cable_shape.kernels.network.newton import CONVERGED, STALLED
 from cable_shape.kernels.network.predict import extrapolate, follow, turn_ends, turn_knots
 from cable_shape.kernels.network.settle import I_EXCESS, I_ITERATIONS, I_LAST, load_up, newton
@@ -74,7 +74,10 @@ from cable_shape.kernels.rod_algebra import (
 #: An iteration of a step that changes no more [rad] is the last: the next one would change its square. In short steps
 #: less, so that rates are as right: in units of the square of dt over sqrt(rho L^4 / EI).
 LEAST, LEAST_SHORT, SHORTEST = 3e-6, 0.3, 1e-8
-MOST_ITERATIONS, MOST_TOUCHED = 20, 30  # the latter where nodes may be pressed
+MOST_ITERATIONS, MOST_TOUCHED = 40, 30  # the latter where nodes may be pressed
+#: What Newton's method starts from: so much of how forces and shape changed in the last step is added to them. What
+#: changes fast is no guess: where one does not lead anywhere, the next one may.
+STARTS = ((1.0, 1.0), (0.0, 1.0), (-0.5, 1.0), (0.0, 0.0))
 #: What `step` tells in `info`: iterations of all its parts, into how many it went (0: it was not taken), work of the
 #: knots, dissipated by drag and damping, energy and kinetic energy after it [J].
 I_PARTS, I_WORK, I_DISSIPATED, I_ENERGY, I_KINETIC = 1, 2, 3, 4, 5
@@ -185,18 +188,25 @@ def attempt(
     damp(model, memory, dt)
     last = memory.par[LAST_DT]
     a = min(dt / last, 2.0) if last > 0.0 else 0.0
-    for e in range(motion.lam.shape[0]):
-        for c in range(3):
-            motion.lam[e, c] = memory.lam[e, c] + a * (memory.lam[e, c] - memory.before[e, c])
-    follow(plan, now, sol)
-    turn_knots(plan, model, before, now, sol, a)
-    extrapolate(plan, before, now, sol, a)
-    turn_ends(plan, model, sol)
     least = min(LEAST, max(SHORTEST, LEAST_SHORT * dt * dt / memory.par[PERIOD]))
+    touched = motion.par[N_WALLED] > 0.0 or motion.par[N_PROPS] > 0.0
     most = MOST_TOUCHED if motion.par[N_WALLED] > 0.0 else MOST_ITERATIONS
-    status = newton(ints, floats, sols, space, moving, math.inf, most, least, told)
-    info[I_ITERATIONS] += told[I_ITERATIONS]
-    if status != CONVERGED and not (status == STALLED and told[I_EXCESS] == 0.0 and told[I_LAST] < LEAST):
+    status = STALLED
+    for forces, shape in STARTS:
+        for e in range(motion.lam.shape[0]):
+            for c in range(3):
+                motion.lam[e, c] = memory.lam[e, c] + forces * a * (memory.lam[e, c] - memory.before[e, c])
+        follow(plan, now, sol)
+        turn_knots(plan, model, before, now, sol, shape * a)
+        extrapolate(plan, before, now, sol, shape * a)
+        turn_ends(plan, model, sol)
+        status = newton(ints, floats, sols, space, moving, math.inf, most, least, told)
+        info[I_ITERATIONS] += told[I_ITERATIONS]
+        if status == STALLED and told[I_EXCESS] == 0.0 and told[I_LAST] < LEAST:
+            status = CONVERGED
+        if status == CONVERGED or touched or a == 0.0:
+            break
+    if status != CONVERGED:
         return status
     info[I_WORK] += worked(plan, motion, memory, now, sol)
     info[I_DISSIPATED] += 0.5 * dt * memory.par[LOSING]
