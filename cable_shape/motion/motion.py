@@ -62,7 +62,7 @@ class Motion(Traced):
         [N/m], as of :class:`cable_shape.Predictor`: dead, beside the weight. Of a harness by segment.
     elements : int, optional
         Of the whole cable, of equal length; at least four between two supports. Default: 20, or as many more as the
-        boundary layers sqrt(EI / |n|) of a limp cable ask for when it begins, up to 400.
+        boundary layers sqrt(EI / |n|) of a limp cable, or its twist, ask for when it begins, up to 400.
 
     Raises
     ------

@@ -217,6 +217,20 @@ def test_whips_are_followed(stiffness: float, retardation: float):
         assert now - energy < given + 1e-6 * most
 
 
+@pytest.mark.parametrize(("stiffness", "ratio"), [(3e-4, 25.0), (1e-4, 77.0)])
+def test_a_limp_cable_that_is_stiff_in_twist_is_followed(stiffness: float, ratio: float):
+    """Its elements bend by less than at which they are no minimum."""
+    motion = cs.Motion(CABLE.replace(bending_stiffness=stiffness, twisting_stiffness=ratio * stiffness), points=12)
+    assert motion.begin(START, END).usable
+    swing = motion._swing
+    assert swing is not None
+    q = Rotation.from_quat(swing.solution.q)
+    assert 0.1 < (q[:-1].inv() * q[1:]).magnitude().max() ** 2 * ratio / 6.0 < 2.0
+    for k in range(1, 41):
+        shape = motion.step(START, cs.Pose((0.7, 0.05 * smooth(0.01 * k, 0.3), 0.0), ALONG), 0.01)
+        assert shape.status is cs.Status.OK, shape.detail
+
+
 def test_it_does_not_matter_where_and_which_way():
     turn, off = Rotation.from_rotvec((0.0, 0.0, 1.1)), np.array((3.0, -2.0, 1.0))
 
