@@ -319,3 +319,52 @@ def test_branches_that_run_through_eyelets_lie_on_a_table():
     assert shape.clips[0].arc_length < first - 0.02
     np.testing.assert_allclose(shape.clips[0].force, lying.clips[0].force, atol=1e-2)
     assert contacts_of(shape)
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "kind", "free", "box", "post"),
+    [
+        (2.8e-3, "ball", False, (0.54, -0.01), (0.56, 0.14)),
+        (1.6e-2, "rigid", False, (0.55, 0.27), (0.6, 0.1)),
+        (1.4e-2, "rigid", True, (0.56, -0.15), (0.38, 0.16)),
+    ],
+)
+def test_swept_about_on_rough_bodies_it_loses_no_step(
+    stiffness: float, kind: str, free: bool, box: tuple[float, float], post: tuple[float, float]
+):
+    """Heavy junctions on a table, over edges of a box and a post: each step goes, and none goes too deep."""
+    arm = cs.Cable(
+        0.5,
+        linear_density=0.1,
+        bending_stiffness=stiffness,
+        retardation_time=0.03,
+        drag=0.05,
+        diameter=0.007,
+        friction=0.4,
+    )
+    segments = {"a": arm, "b": arm, "c": arm.replace(length=0.4, diameter=0.005), "d": arm.replace(length=0.3)}
+    fork = cs.Junction("fork", ("a.end", "b.start", "c.start"), kind=kind, mass=0.02)
+    harness = cs.Harness(segments, [fork, cs.Junction("splice", ("c.end", "d.start"))])
+    bodies = [
+        cs.Obstacle("table", cs.HalfSpace(), friction=0.3),
+        cs.Obstacle("box", cs.Box((0.2, 0.2, 0.05)), cs.Pose((*box, 0.025)), friction=0.3),
+        cs.Obstacle("post", cs.Cylinder(0.01, 0.08), cs.Pose((*post, 0.04))),
+    ]
+    motion = cs.Motion(harness, cs.Scene(obstacles=bodies, contact="solve"), points=41)
+
+    def swept(t: float) -> dict[str, cs.Pose]:
+        x, y, z = 0.1 * np.sin(5.0 * t), 0.25 * np.sin(3.0 * t), 0.35 - 0.25 * min(t / 0.6, 1.0)
+        ends = {"a.start": at(x, y, z), "b.end": at(0.7 + x, 0.5 * y, z)}
+        return ends if free else ends | {"d.end": cs.Pose((0.45, 0.4 + y, z))}
+
+    begin = motion.begin(swept(0.0))
+    assert begin.usable, begin.detail
+    touched, pressed = set(), 0
+    for k in range(1, 201):
+        shape = motion.step(swept(0.01 * k), 0.01)
+        assert shape.usable, (k, shape.detail)
+        assert lowest(shape) > 0.0025 - 2e-4
+        touched |= {contact.body for contact in contacts_of(shape)}
+        pressed += any(contact.arc_length == 0.5 for contact in shape.segments["a"].contacts)
+    assert touched >= {"table", "box"}
+    assert pressed > 10

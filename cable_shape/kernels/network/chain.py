@@ -103,7 +103,7 @@ def condense(plan: Plan, model: Model, work: Work, motion: Motion, j: int, shift
     pt = get9(work.D, node, 0)
     a = transpose(get9(parts, first, B1))
     la, ly, ta, ty = ZERO, mscale(-1.0, IDENTITY), ZERO, ZERO
-    kaa, kya, kyy = ZERO, get9(motion.tilt, j, 0), firm_at(motion, node)
+    kaa, kya, kyy = ZERO, get9(motion.tilt, j, 0), firm_at(motion, j, 0, node)
     if own:
         ty, kya = transpose(kya), ZERO
         pt = masked_shift(pt, 0.5 * shift * h[first], free[j, 0, 0], free[j, 0, 1], free[j, 0, 2])
@@ -117,7 +117,7 @@ def condense(plan: Plan, model: Model, work: Work, motion: Motion, j: int, shift
         c, f, v = coupling(motion, node + 1, ends), transpose(get9(parts, e, B2)), get9(work.U, e, 0)
         nt = get9(work.D, node + 1, 0)
         if ends:
-            nl, na = firm_at(motion, node + 1), get9(motion.tilt, j, 9)
+            nl, na = firm_at(motion, j, 1, node + 1), get9(motion.tilt, j, 9)
             x, y, z = 1.0, 1.0, 1.0
             if plan.tied[j, 1] == 0:
                 x, y, z = free[j, 1, 0], free[j, 1, 1], free[j, 1, 2]

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from cable_shape.kernels.network.compiled import inline, part, viewing
 from cable_shape.kernels.network.tables import Floats, Model, Plan, Solution, Whole, Work
-from cable_shape.kernels.network.walls import AT, KEPT, OUT, PUSHED, STIFF, WALL, WALLS, pressed_at, touched
+from cable_shape.kernels.network.walls import AT, KEPT, OUT, PUSHED, RUB, STIFF, WALL, WALLS, touched
 from cable_shape.kernels.rod_algebra import (
     Matrix,
     Vector,
@@ -28,6 +28,7 @@ from cable_shape.kernels.rod_algebra import (
     get3,
     get4,
     get9,
+    inverse,
     madd,
     mscale,
     mshift,
@@ -89,6 +90,7 @@ class Motion(NamedTuple):
     props: Floats  # (PROPS, PROP) those, see `props`
     was: Floats  # (1 + WALLS WALL,) room for the planes that a node has had
     aside: Floats  # room for `props`, see `aside_size`
+    press: Floats  # (m, 24) what the planes of knots that move do to the start and the end of a span, see `put_knot`
 
 
 @viewing(forceinline=True)
@@ -121,6 +123,7 @@ def motion_of(ints: Whole, moving: Floats) -> Motion:
     o23 = o22 + 4
     o24 = o23 + PROPS * PROP
     o25 = o24 + 1 + WALLS * WALL
+    o26 = o25 + aside_size(ints)
     return Motion(
         part(moving, 0, (n, 3)),
         part(moving, o1, (n, 3)),
@@ -148,6 +151,7 @@ def motion_of(ints: Whole, moving: Floats) -> Motion:
         part(moving, o23, (PROPS, PROP)),
         part(moving, o24, (1 + WALLS * WALL,)),
         part(moving, o25, (aside_size(ints),)),
+        part(moving, o26, (m, 24)),
     )  # fmt: skip
 
 
@@ -155,7 +159,7 @@ def motion_of(ints: Whole, moving: Floats) -> Motion:
 def motion_size(ints: Whole) -> int:
     """Numbers of what motion adds to a network with this head."""
     nodes = ints[0] + ints[1]
-    size = 21 * ints[0] + (29 + WALLS * WALL + ROUGH + CHAIN) * nodes + (27 + ENDS) * ints[1]
+    size = 21 * ints[0] + (29 + WALLS * WALL + ROUGH + CHAIN) * nodes + (51 + ENDS) * ints[1]
     return size + 5 + PROPS * PROP + WALLS * WALL + aside_size(ints)
 
 
@@ -173,7 +177,17 @@ def pull_of(motion: Motion, e: int) -> Vector:
 
 @viewing(forceinline=True)
 def put_places(plan: Plan, model: Model, sol: Solution, motion: Motion) -> None:
-    """Fills place and give: nodes where the forces of their elements hold them, ends of spans where their knots are."""
+    """Fills place and give: nodes where the forces of their elements hold them, ends of spans where their knots are.
+
+    So does `press`, and knots that move go where planes leave them, if a node that stands for one has some.
+    """
+    for j in range(plan.ends.shape[0]):
+        for end in range(2):
+            node = plan.first[j + end] + j
+            for c in range(12):
+                motion.press[j, 12 * end + c] = 0.0
+            if motion.walls[node, 0] > 0.0 and motion.loose[node] == 0.0:
+                put_knot(plan, model, sol, motion, j, end)
     for j in range(plan.ends.shape[0]):
         first, last = plan.first[j], plan.first[j + 1]
         put3(motion.place, first + j, 0, take3(sol.pose, plan.ends[j, 0], 0))
@@ -185,8 +199,6 @@ def put_places(plan: Plan, model: Model, sol: Solution, motion: Motion) -> None:
             for c in range(9):
                 motion.give[node, c] = soft if c % 4 == 0 else 0.0
             if soft == 0.0:
-                if motion.walls[node, 0] > 0.0:
-                    pressed_at(motion.walls, node, get3(motion.place, node))
                 continue
             a, pull = get3(motion.origin, node), get3(motion.push, node)
             if inner:
@@ -202,6 +214,39 @@ def put_places(plan: Plan, model: Model, sol: Solution, motion: Motion) -> None:
                 put3(motion.place, node, 0, add(a, scale(soft, pull)))
             if not inner:
                 put3(sol.pose, plan.ends[j, 1], 0, get3(motion.place, node))
+
+
+@viewing
+def put_knot(plan: Plan, model: Model, sol: Solution, motion: Motion, j: int, end: int) -> None:
+    """Puts the knot of an end of span j where all that pulls it, and the planes of that node, hold it; fills `press`.
+
+    Its place stays an unknown of the network, but is at every iteration that where its forces balance, as those of
+    nodes are: Newton's method on the place itself would go to and fro between planes that push, and rub, and do not.
+    """
+    knot, own = plan.ends[j, end], plan.first[j + end] + j
+    hold, a, pull = 0.0, (0.0, 0.0, 0.0), get3(model.force, knot)
+    for i in range(plan.ends.shape[0]):
+        for side in range(2):
+            if plan.ends[i, side] != knot:
+                continue
+            node = plan.first[i + side] + i
+            hold += motion.hold[node]
+            a = add(a, scale(motion.hold[node], beside_aim(motion, sol, node)))
+            pull = add(pull, get3(motion.push, node))
+            if side == 0:
+                pull = add(pull, add(get3(motion.lam, plan.first[i]), get3(motion.weight, i)))
+            else:
+                pull = subtract(pull, get3(motion.lam, plan.first[i + 1] - 1))
+    touched(motion.walls, own, scale(1.0 / hold, a), hold, pull, motion.place, motion.give)
+    put3(sol.pose, knot, 0, get3(motion.place, own))
+    firm, _ = inverse(get9(motion.give, own, 0))
+    put9(motion.press, j, 12 * end + 3, mshift(firm, -hold))
+    force = (0.0, 0.0, 0.0)
+    for k in range(int(motion.walls[own, 0])):
+        at = 1 + WALL * k
+        n, t = take3(motion.walls, own, at + OUT), take3(motion.walls, own, at + RUB)
+        force = add(force, add(scale(motion.walls[own, at + PUSHED], n), t))
+    put3(motion.press, j, 12 * end, force)
 
 
 @viewing
@@ -359,17 +404,14 @@ def tilt_ends(plan: Plan, model: Model, sol: Solution, work: Work, motion: Motio
                             motion.tilt[j, 9 * end + c] *= model.free[j, end, c % 3]
             held = scale(hold, subtract(get3(motion.place, node), get3(motion.origin, node)))
             held = subtract(held, get3(motion.push, node))
-            if motion.walls[node, 0] > 0.0 and motion.loose[node] == 0.0:
-                force, _ = pressed_at(motion.walls, node, get3(motion.place, node))
-                held = subtract(held, force)
+            if motion.loose[node] == 0.0:
+                held = subtract(held, take3(motion.press, j, 12 * end))
             put3(motion.tug, j, 3 * end, held)
 
 
 @inline
-def firm_at(motion: Motion, node: int) -> Matrix:
-    """[N/m], how firmly what acts on the end of a span holds its place: its mass, and planes if its knot moves."""
-    firm = mscale(motion.hold[node], IDENTITY)
-    if motion.walls[node, 0] > 0.0 and motion.loose[node] == 0.0:
-        _, K = pressed_at(motion.walls, node, get3(motion.place, node))
-        firm = madd(firm, K)
-    return firm
+def firm_at(motion: Motion, j: int, end: int, node: int) -> Matrix:
+    """[N/m], how firmly what acts on an end of span j, which is this node, holds its place: its mass, and planes."""
+    if motion.loose[node] != 0.0:
+        return mscale(motion.hold[node], IDENTITY)
+    return mshift(get9(motion.press, j, 12 * end + 3), motion.hold[node])

@@ -6,8 +6,7 @@ gone along it since it got there, d = (1 - n n^T) (x - ref), asperities give
     t = -firm d  if that is no longer than rough p: it sticks; else as long as that: it slips (Coulomb).
 
 Without friction x is the minimum of a convex function; what p and t do to each other is found in turns. The derivative
-of the place, `give`, takes limits of friction for constant, and is symmetric. Where the place itself is an unknown, as
-of a knot that moves, planes are springs on it: :func:`pressed_at`.
+of the place, `give`, takes limits of friction for constant, and is symmetric.
 """
 
 from __future__ import annotations
@@ -21,7 +20,6 @@ from cable_shape.kernels.rod_algebra import (
     apply,
     cross,
     dot,
-    madd,
     mscale,
     msub,
     outer,
@@ -81,31 +79,6 @@ def touched(walls: Floats, node: int, a: Vector, hold: float, pull: Vector, plac
             D = stiffened(D, scale(1.0 / way, cross(n, d)), limit / way)
     put3(places, node, 0, x)
     put9(gives, node, 0, D)
-
-
-@viewing
-def pressed_at(walls: Floats, node: int, x: Vector) -> tuple[Vector, Matrix]:
-    """[N], what the planes of a node do to it at x, and minus its derivative in x [N/m]; fills pushes and friction."""
-    force, K = (0.0, 0.0, 0.0), mscale(0.0, IDENTITY)
-    for k in range(int(walls[node, 0])):
-        i = 1 + WALL * k
-        n, stiff, t = take3(walls, node, i + OUT), walls[node, i + STIFF], (0.0, 0.0, 0.0)
-        push = walls[node, i + KEPT] + stiff * (walls[node, i + AT] - dot(n, x))
-        walls[node, i + PUSHED] = max(push, 0.0)
-        limit, firm = walls[node, i + ROUGH] * max(push, 0.0), walls[node, i + FIRM]
-        if push > 0.0:
-            force, K = add(force, scale(push, n)), madd(K, outer(scale(stiff, n), n))
-        if limit > 0.0:
-            d = along(n, subtract(x, take3(walls, node, i + REF)))
-            way = dot(d, d) ** 0.5
-            if way * firm <= limit:
-                t, K = scale(-firm, d), madd(K, mscale(firm, msub(IDENTITY, outer(n, n))))
-            else:
-                u = scale(1.0 / way, cross(n, d))
-                t, K = scale(-limit / way, d), madd(K, outer(scale(limit / way, u), u))
-            force = add(force, t)
-        put3(walls, node, i + RUB, t)
-    return force, K
 
 
 @viewing(forceinline=True)
