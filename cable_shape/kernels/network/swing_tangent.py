@@ -70,8 +70,8 @@ from cable_shape.kernels.rod_algebra import (
 #: Differences go so far, of what changes most: rotations [rad], lengths, FORCES times that in forces, in the largest.
 NEAR, FORCES = 2e-6, 0.01
 #: Rounds of a step, and of the state at rest; a round after which the next one would change no more, of what changes
-#: most, is the last. Less than SMALLEST counts as that.
-MOST_ROUNDS, MOST_AT_REST, SAME, SMALLEST = 6, 60, 1e-7, 1e-3
+#: most, is the last. Less than SMALLEST counts as that. TRUST: so many times slower than others a number may come near.
+MOST_ROUNDS, MOST_AT_REST, SAME, SMALLEST, TRUST = 6, 60, 1e-7, 1e-3, 3.0
 #: Springs that hold what is at rest meanwhile, of the softest stiffness.
 SOFT = 0.03
 
@@ -393,16 +393,19 @@ def carry_on(
         motion_of(ints, to.moving).loose[i] = motion.loose[i]
     for i in range(motion.push.shape[0]):
         put3(motion_of(ints, to.moving).push, i, 0, get3(motion.push, i))
+    rate = 0.0  # of what changes in a round, what does in the next: the most that was seen
     for p in range(tangents.shape[0]):
         t = tangent_of(ints, tangents[p])
         last = 1.0
-        for _ in range(MOST_ROUNDS if dt > 0.0 else MOST_AT_REST):
+        for i in range(MOST_ROUNDS if dt > 0.0 else MOST_AT_REST):
             change = round_of(ints, floats, sols, space, moving, before, dt, tangents[p], twists[p], to)
             if dt == 0.0:
                 differences(ints, floats, sols, moving, before, dt, tangents[p], twists[p], to)
                 change = max(change, farthest(t.place, to.move) / max(largest_of(to.move), SMALLEST))
                 copy_rows(t.place, to.move, 3)
-            if not change * min(change / last, 1.0) > SAME:
+            if i > 0 and dt > 0.0:
+                rate = max(rate, change / last)
+            if not change * min(change / last, TRUST * rate if rate > 0.0 else 1.0, 1.0) > SAME:
                 break
             last = change
         differences(ints, floats, sols, moving, before, dt, tangents[p], twists[p], to)
