@@ -12,7 +12,7 @@ from cable_shape.cable.cable import Cable
 from cable_shape.cable.pieces import pieces_of
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
-from cable_shape.motion.swing import ELEMENTS, LAYERS, MOST_ELEMENTS, TWIST, TWISTED, Swing
+from cable_shape.motion.swing import BENT, ELEMENTS, LAYERS, MOST_ELEMENTS, STIFFER, Swing
 from cable_shape.motion.tangents import Tangents
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.shape import CableShape, Status
@@ -47,14 +47,14 @@ class Traced:
 def enough(shape: CableShape, cable: Cable) -> int:
     """How many elements a cable needs that none is much longer than its boundary layers.
 
-    And that none bends too far for its twist: one that bends by x rad saves x^2 GJ / 6 EI of the energy of its twist by
-    its bow, and beyond 1 it is no minimum.
+    And that none bends too far for what is much stiffer, twist or bending across: one that bends by x rad saves
+    x^2 GJ / 6 EI of the energy of its twist by its bow, and beyond 1 it is no minimum.
     """
     pieces = [one for _, _, one in pieces_of(cable)]
     stiffness = min(min(one.bending_stiffness) for one in pieces)
     layer = math.sqrt(stiffness / max(float(np.linalg.norm(shape.force, axis=1).max()), 1e-300))
-    stiffer = max(one.twisting_stiffness / min(one.bending_stiffness) for one in pieces)
-    longest = layer * (TWISTED / math.sqrt(stiffer) if stiffer > TWIST else LAYERS)
+    stiffer = max(max(one.twisting_stiffness, *one.bending_stiffness) / min(one.bending_stiffness) for one in pieces)
+    longest = layer * (BENT / math.sqrt(stiffer) if stiffer > STIFFER else LAYERS)
     return int(min(max(ELEMENTS, math.ceil(cable.length / longest)), MOST_ELEMENTS))
 
 

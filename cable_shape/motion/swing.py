@@ -29,8 +29,9 @@ from cable_shape.solve.settle import Settling
 #: Default spectral radius at infinity of the steps in time: what a step cannot follow is gone after it.
 RADIUS = 0.0
 #: Elements of a cable, and the fewest of a span between two supports; how many boundary layers an element may be long,
-#: and how many times sqrt(EI / GJ) of them where GJ is more than so many times EI; there are at most so many elements.
-ELEMENTS, FEWEST, LAYERS, TWISTED, TWIST, MOST_ELEMENTS = 20, 4, 1.5, 3.0, 8.0, 400
+#: and how many times sqrt(EI / GJ) of them where GJ, or EI across, is more than so many times EI; there are at most so
+#: many elements.
+ELEMENTS, FEWEST, LAYERS, BENT, STIFFER, MOST_ELEMENTS = 20, 4, 1.5, 3.0, 8.0, 400
 #: What drag may still take where a motion begins, of the largest force: asked for, and enough.
 _AT_REST, _NEAR_REST = 1e-12, 1e-7
 #: Springs that draw to what was seen, in terms of the stiffness of the cable between the points; how far they draw at a
