@@ -165,11 +165,16 @@ def test_links_that_may_be_touched_push_the_cable(seed: int) -> None:
     assert found.valid, found
     assert abs(found.clearance[-1]) < 2e-4
     timed = cs.JointPath(robot.joint_names, path.positions, np.linspace(0.0, 10.0, 6))  # so slow that it hardly swings
-    swung = cs.check_trajectory(
-        LINKED.replace(retardation_time=0.1, drag=0.1), scene.replace(allow=[cs.Allow(name) for name in links]), robot,
-        timed, motion=True,
-    )  # fmt: skip
+    slow, meant = (
+        LINKED.replace(retardation_time=0.1, drag=0.1),
+        scene.replace(allow=[cs.Allow(name) for name in links]),
+    )
+    swung = cs.check_trajectory(slow, meant, robot, timed, motion=True)
     assert swung.valid, swung
     assert swung.clearance == pytest.approx(found.clearance, abs=5e-3)
+    held = {"a.start": "left", "a.end": "right"}
+    harness = cs.check_trajectory(cs.Harness({"a": slow}), meant, robot, timed, ends=held, motion=True)
+    assert harness.valid, harness
+    assert harness.clearance == pytest.approx(swung.clearance, abs=5e-4)
     before = found.clearance > 0.002  # where nothing is touched the shapes are the same
     assert found.clearance[before] == pytest.approx(unaware.clearance[before], abs=1e-6)

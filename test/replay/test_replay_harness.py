@@ -100,19 +100,23 @@ def test_two_runs_give_the_same_bytes(tmp_path: Path, file: Path) -> None:
     assert (tmp_path / "one" / "replay.rrd").stat().st_size > 10_000
 
 
-def test_a_harness_that_swings_takes_the_steps_of_its_motion(tmp_path: Path, file: Path) -> None:
+@pytest.mark.parametrize("contact", ["warn", "solve"])
+def test_a_harness_that_swings_takes_the_steps_of_its_motion(tmp_path: Path, file: Path, contact: str) -> None:
     bag = write_bag(tmp_path / "bag", motion("a.start b.end"))
+    floor = cs.Obstacle("floor", cs.HalfSpace(), cs.Pose((0.0, 0.0, 0.24)))
+    scene = cs.Scene(obstacles=[floor], contact=contact)  # type: ignore[arg-type]
     for name in ("one", "two"):
-        run(bag, tmp_path / name, file, held_ends=("a.start", "b.end"), motion="dynamic")
+        run(bag, tmp_path / name, file, held_ends=("a.start", "b.end"), motion="dynamic", scene=scene)
     one, two = ((tmp_path / name / "replay" / "replay.mcap").read_bytes() for name in ("one", "two"))
     assert one == two
-    swings, most = cs.Motion(cs.Harness.from_yaml(file), points=60), 0.0
+    swings, most = cs.Motion(cs.Harness.from_yaml(file), scene, points=60), 0.0
     shapes = messages(tmp_path / "one", "/cable/shape")
     assert len(shapes) == 3 * FRAMES
     for k in range(FRAMES):
         held = {end: cs.Pose(places(k)[end], ALONG) for end in ("a.start", "b.end")}
         shape = swings.begin(held) if k == 0 else swings.step(held, 1e-9 * PERIOD)
-        still = cs.predict(swings.harness, held, points=60)
+        still = cs.predict(swings.harness, held, points=60, scene=scene)
+        assert bool(shape.segments["c"].contacts) == (contact == "solve")
         for i, (name, part) in enumerate(shape.segments.items()):
             message = shapes[3 * k + i][1]
             np.testing.assert_allclose(message.positions.reshape(-1, 3), part.positions, atol=1e-6)

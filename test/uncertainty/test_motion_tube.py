@@ -114,11 +114,14 @@ def test_a_cycle_has_the_tube_of_what_swings_and_clearance_is_its():
     np.testing.assert_array_equal(again.tubes["cable"].covariance, tube.covariance)
 
 
-def test_a_harness_has_a_tube_of_each_segment():
+@pytest.mark.parametrize("contact", [False, True], ids=["free", "against a wall"])
+def test_a_harness_has_a_tube_of_each_segment(contact: bool):
+    wall = cs.Obstacle("wall", cs.Box((0.3, 0.02, 2.0)), cs.Pose((0.4, 0.017, -1.1)))
+    scene = cs.Scene(obstacles=[wall], contact="solve") if contact else None
     arm = CABLE.replace(length=0.5)
     harness = cs.Harness({"a": arm, "b": arm, "c": arm}, [cs.Junction("j", ("a.end", "b.start", "c.start"))])
     known = cs.Uncertainty({"bending_stiffness:each": 0.1}, (1e-3, 5e-3), (2e-3, 0.0))
-    cycle = cs.Cycle({"h": harness}, motion="dynamic", uncertainty={"h": known}, points=11)
+    cycle = cs.Cycle({"h": harness}, scene=scene, motion="dynamic", uncertainty={"h": known}, points=11)
 
     def go(k: int, off: np.ndarray | None = None) -> dict[str, Any]:
         y, more = 0.05 * np.sin(0.12 * k), np.zeros((2, 3)) if off is None else off
@@ -127,6 +130,8 @@ def test_a_harness_has_a_tube_of_each_segment():
     for k in range(16):
         report = cycle.step({"h": go(k)}, stamp=10_000_000 * k)
     assert set(report.tubes) == {"h/a", "h/b", "h/c"}
+    touched = {name for name, one in report.shapes["h"].segments.items() if one.contacts}
+    assert bool(touched) == contact
     rng = np.random.default_rng(3)
     lines = []
     for _ in range(40):
@@ -135,7 +140,7 @@ def test_a_harness_has_a_tube_of_each_segment():
         arms = {
             name: arm.replace(bending_stiffness=0.01 * np.exp(0.1 * rng.standard_normal())) for name in ("a", "b", "c")
         }
-        motion = cs.Motion(cs.Harness(arms, harness.junctions), points=11)
+        motion = cs.Motion(cs.Harness(arms, harness.junctions), scene, points=11)
 
         def turned(k: int, sides: np.ndarray = sides, turn: Rotation = turn) -> dict[str, Any]:
             both = go(k, sides)
