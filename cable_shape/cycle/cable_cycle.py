@@ -204,6 +204,13 @@ class CableCycle:
             self._tubes.begin(shape, ends, links)
         self.found = Found(shape, self.hang(shape, ends), ends, links)
 
+    def swing_on(self, before: CableCycle, shape: CableShape, ends: Ends, links: Links) -> None:
+        """Goes on from a shape with its velocity, the last one of the part before an edit."""
+        assert self._dynamic is not None
+        assert before._dynamic is not None
+        self._dynamic.go_on_from(before._dynamic, shape, ends, links)
+        self.begin(shape, ends, links)
+
     def hang(self, shape: CableShape, ends: Ends) -> dict[str, CableShape]:
         """The tails of a shape between these ends, by side."""
         tails = {}
@@ -381,6 +388,8 @@ class CableCycles:
             checks.one_of(f"plugs[{name!r}].socket", plug.socket, scene.sockets)
         dynamic = None
         if self.motion == DYNAMIC:
+            if turned:
+                raise ArgumentError.of("Open.end", "start", "what swings is held at its start", "Open the end.")
             self._check_dynamic(predictor.solo)
             problem, known = predictor.problem, self.uncertainty.get(name)
             keywords = {key: options[key] for key in ("robot_links", "gripping_links", "distributed_load")}

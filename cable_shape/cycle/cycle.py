@@ -199,7 +199,8 @@ class Cycle:
         """Changes cables, clips and bodies, all of these edits in their order or none; each cable goes on from there.
 
         A cable keeps its place between bodies, clips and other cables: what is moved takes it along on the straight
-        way, what lets go of it lets it slide to where it comes to rest. The next `step` tells its shape.
+        way, what lets go of it lets it slide to where it comes to rest. The next `step` tells its shape. What swings
+        goes on from where it is, with its velocity.
 
         Parameters
         ----------
@@ -223,15 +224,15 @@ class Cycle:
         StaleInputError
             If `stamp` is older than that of the last step.
         ArgumentError
-            For what is no edit, and where motion="dynamic".
+            For what is no edit, and where motion="dynamic" comes with an uncertainty.
         """
         for i, edit in enumerate(edits):
             checks.instance(f"edits[{i}]", edit, EDITS, "Write Add(Obstacle(...)), Release(name), ...")
         if stamp is not None:
             stamp = checks.stamp(stamp, self.last_stamp)
-        if self._maker.motion == DYNAMIC:
-            bound = "a cycle with motion='dynamic' cannot be edited"
-            raise ArgumentError.of("edits", f"{len(edits)} edits", bound, "Make another Cycle, in the new scene.")
+        if self._maker.motion == DYNAMIC and any(self._maker.uncertainty.values()):
+            bound = "how well a shape is known depends on all of its motion, which an edit would change"
+            raise ArgumentError.of("edits", f"{len(edits)} edits", bound, "Leave the uncertainty out.")
         parts: dict[str, Part] = {**self._cables, **self._harnesses}
         editing = Editing(self.layout, parts, self._maker, self._harness_maker, self._crossing)
         try:

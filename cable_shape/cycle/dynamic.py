@@ -81,6 +81,16 @@ class Dynamic(Generic[Shape]):
             self._steps = [*self._steps[1 - _LAST :], seconds]
         return shape
 
+    def go_on_from(self, other: Dynamic[Shape], shape: Shape, ends: Held, links: Links) -> None:
+        """Goes on as another one would, from a shape with its velocity that is its last one, but for an edit."""
+        if other._stamp is None:
+            return
+        motion: Any = self.motion
+        held = ends if isinstance(motion, Motion) else (ends,)
+        motion.take_up(shape, *held, links=links, left_by=other.motion)
+        self._steps = other._steps
+        self._take(shape, ends, links, other._stamp)
+
     def _step(self, last: Shape, ends: Held, links: Links, stamp: int, seconds: float) -> Shape:
         """From the last shape to these ends, in parts; what was done of it before one could not be taken stays."""
         begin, placed, ways = self._ends, self._links, max(1, math.ceil(seconds / STEP))

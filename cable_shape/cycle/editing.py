@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from cable_shape.cable.cable import TAIL_SIDES, Cable
 from cable_shape.cable.harness import Harness
 from cable_shape.cycle.cable_cycle import CableCycle, CableCycles, Found
+from cable_shape.cycle.dynamic import DYNAMIC
 from cable_shape.cycle.harness_cycle import Found as FoundHarness
 from cable_shape.cycle.harness_cycle import HarnessCycle, HarnessCycles
 from cable_shape.errors import ArgumentError
@@ -95,7 +96,10 @@ class Editing:
                 made[name] = self._made_harness(goal, name)
         way = _Way(self.layout, change, self.cycles, made, self.crossing)
         self._refuse_inside(change, made)
-        way.go()
+        if self._maker.motion == DYNAMIC:
+            way.swing(self.cycles)
+        else:
+            way.go()
         for name, new in made.items():
             old = self.cycles[name]
             if isinstance(new, CableCycle) and isinstance(old, CableCycle):
@@ -235,6 +239,19 @@ class _Way:
             self._made[name].predictor.leap(allowed=True)
         for name, known in self._known.items():
             self._made[name].begin(known.shape, known.ends, known.links)
+
+    def swing(self, cycles: Mapping[str, Part]) -> None:
+        """Lets what swings go on from where it is: it is moved by what holds and touches it in the next steps.
+
+        cycles: the parts before.
+        """
+        for name, known in self._known.items():
+            part: Any = self._made[name]
+            if isinstance(part, HarnessCycle):
+                shape: Any = _stretched_harness(known.shape, part.predictor.harness, part)
+            else:
+                shape = stretched(known.shape, part.predictor.cable.length)
+            part.swing_on(cycles[name], shape, known.ends, known.links)
 
     def _followed(self, name: str, shape: CableShape | HarnessShape, done: float) -> bool:
         """Whether a shape is where the last one leads to."""

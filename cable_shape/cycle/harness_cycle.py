@@ -193,6 +193,13 @@ class HarnessCycle:
         self.predictor.look_again()
         self.found = Found(shape, self._hang(shape, ends), ends, links)
 
+    def swing_on(self, before: HarnessCycle, shape: HarnessShape, ends: Mapping[str, End], links: Links) -> None:
+        """Goes on from a shape with its velocity, the last one of the part before an edit."""
+        assert self._dynamic is not None
+        assert before._dynamic is not None
+        self._dynamic.go_on_from(before._dynamic, shape, ends, links)
+        self.begin(shape, ends, links)
+
     def go_on_from(self, other: HarnessCycle) -> None:
         """Takes over what another one remembers of the same harness beside its shape."""
         for one, standing in self._standing.items():

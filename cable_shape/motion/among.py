@@ -45,18 +45,30 @@ _NO_GAP: Array = np.zeros(1)
 
 
 class Lying(NamedTuple):
-    """Cables at rest as one long one, `gaps` (c,) [m] added to the arc lengths of each."""
+    """Cables as they are as one long one, `gaps` (c,) [m] added to the arc lengths of each; all have as many points."""
 
     arc_length: Array  # (n,) [m]
     positions: Array  # (n, 3) [m]
     quaternions: Array  # (n, 4)
     force: Array  # (n, 3) [N]
     gaps: Array
+    velocity: Array | None  # (n, 3) [m/s]; None: at rest
 
     @classmethod
     def of(cls, shape: CableShape | Laid, gaps: Array = _NO_GAP) -> Lying:
         """That of a shape."""
-        return cls(shape.arc_length, shape.positions, shape.quaternions, shape.force, gaps)
+        return cls(shape.arc_length, shape.positions, shape.quaternions, shape.force, gaps, shape.velocity)
+
+    def moving(self, s: Array) -> tuple[Array, Array]:
+        """(k, 3) [m/s], (k, 3) [1/s]: velocity and its slope at arc lengths s (k,) [m], the gaps with them."""
+        rate, slope = np.zeros((s.size, 3)), np.zeros((s.size, 3))
+        if self.velocity is not None:
+            own = self.gaps.size, -1
+            arcs, there = self.arc_length.reshape(own), self.velocity.reshape(*own, 3)
+            slopes = [np.gradient(v, x, axis=0) for x, v in zip(arcs, there, strict=True)]
+            _along(self.velocity, self.arc_length, s, rate)
+            _along(np.concatenate(slopes), self.arc_length, s, slope)
+        return rate, slope
 
 
 @final
@@ -133,7 +145,7 @@ class Among:
 
     def rest(self, settling: Settling, memory: Momentum, remembered: Array, lying: Lying) -> bool:
         """Lays the network where it lies at rest among the bodies, and lets it come to rest there on its mesh."""
-        _lay(settling, lying)
+        lay(settling, lying)
         motion, dt = settling.motion, _FIRST * settling.unit
         for _ in range(_MOST):
             state = settling.sols, motion.walls, motion.props, motion.kept, motion.origin
@@ -211,8 +223,8 @@ def _knots(settling: Settling, thick: Array) -> Any:
     return found
 
 
-def _lay(settling: Settling, lying: Lying) -> None:
-    """Makes what lies at rest the network's last solution."""
+def lay(settling: Settling, lying: Lying) -> Array:
+    """Makes it the network's last solution; returns the arc lengths (n,) [m] of the nodes, the gaps with them."""
     now, motion, model, plan = settling.solution(NOW), settling.motion, settling.model, settling.plan
     counts = [plan.first[b] - plan.first[a] for a, b in pairwise(plan.cables.tolist())]
     more = np.repeat(lying.gaps, np.array(counts) + np.diff(plan.cables))
@@ -236,6 +248,7 @@ def _lay(settling: Settling, lying: Lying) -> None:
     now.lam[...] = motion.kept[ends]
     size = settling.sols.size // 3
     settling.sols[size : 2 * size] = settling.sols[2 * size :] = settling.sols[:size]
+    return np.asarray(s)
 
 
 def _along(rows: Array, at: Array, s: Array, out: Array) -> None:

@@ -155,13 +155,13 @@ class HarnessMotion(Traced):
         if by:
             self._check_names(by)
         among = lying = None
-        if problem.bodies or self._eyelets:
+        if self._touches:
             shape = self._lie(ends, links)
         else:
             shape, state = harness_search.solve(problem)
         if not shape.status:
             return shape
-        if problem.bodies or self._eyelets:
+        if self._touches:
             state, among, lying = self._lay(shape)
         self._spread_evenly(state, shape)
         swing = Swing(self._load(state), state, among, lying)
@@ -170,9 +170,7 @@ class HarnessMotion(Traced):
             return failed(shape, Status.NOT_CONVERGED, detail)
         if by:
             check_free(swing, False)
-        self._state, self._swing, self._links = state, swing, links
-        held = {*(row for row, _ in state._held), *state.clip_rows}
-        self._loose = [row for row in range(len(swing.solution.pose)) if row not in held]
+        self._take(state, swing, links)
         out, rates = self._buffers()
         swing.tell(out, rates)
         self._last = self._shape(out, rates, began, shape.status, shape.detail)
@@ -183,6 +181,50 @@ class HarnessMotion(Traced):
             ways = Ways(by, *self.knots, lambda: self.held, about_gripper=at == "gripper")
             self._tangents = Tangents(swing, self._numbers(state, ways.at), ways)
         return self._last
+
+    def take_up(
+        self,
+        shape: HarnessShape,
+        ends: Mapping[str, End],
+        links: Mapping[str, Pose] | None = None,
+        *,
+        left_by: HarnessMotion | None = None,
+    ) -> HarnessShape:
+        """Goes on from a shape of this harness that another motion has left, see `Motion.take_up`; returns that.
+
+        Raises
+        ------
+        ArgumentError
+            For wrong arguments, and a shape of a harness with other segments.
+        """
+        checks.instance("shape", shape, (HarnessShape,), "Give that of another motion.")
+        if not shape.status or {n: one.length for n, one in shape.segments.items()} != {
+            n: one.length for n, one in self.harness.segments.items()
+        }:
+            bound = "it must be usable, and of this harness"
+            raise ArgumentError.of("shape", shape, bound, "Give the last one of a motion of this harness.")
+        self._swing = self._last = self._tangents = None
+        self.problem.move(ends, links)
+        self._still.move(ends, links)
+        state, among, lying = self._lay(shape)
+        self._spread_evenly(state, shape)
+        swing = Swing(self._load(state), state, among if self._touches else None, lying, goes_on=True)
+        if left_by is not None and left_by._swing is not None and left_by.harness == self.harness:
+            swing.go_on_as(left_by._swing)
+        self._take(state, swing, links)
+        self._last, self._error = shape, max(0.0, shape.error_estimate)  # 0 if it is not known
+        return shape
+
+    @property
+    def _touches(self) -> bool:
+        """Whether there are bodies that are solved for, or eyelets."""
+        return bool(self.problem.bodies or self._eyelets)
+
+    def _take(self, state: HarnessNetwork, swing: Swing, links: Mapping[str, Pose] | None) -> None:
+        """Makes this what is stepped."""
+        self._state, self._swing, self._links = state, swing, links
+        held = {*(row for row, _ in state._held), *state.clip_rows}
+        self._loose = [row for row in range(len(swing.solution.pose)) if row not in held]
 
     def _lie(self, ends: Mapping[str, End], links: Mapping[str, Pose] | None) -> HarnessShape:
         """At rest among bodies and in eyelets, without friction: how friction would hold it nothing tells."""

@@ -193,15 +193,13 @@ class Motion(Traced):
         shape = cosserat.solve(problem, state)
         if not shape.status:
             return shape
-        among, lying = None, None
-        if problem.bodies or len(self._still.clips) > len(problem.clips):
-            lying = _lying(self._still.move(start, end, links))
+        lying = None
+        if self._touches:
+            shape = lying = _lying(self._still.move(start, end, links))
             if not lying.status:
                 return lying
-            shape = lying
-            eyelets = [(i, 0) for i, clip in enumerate(self._still.clips) if clip.kind == "slide"]
-            among = partial(Among, self._still, [self.cable], eyelets, lying.supports)
         spread_evenly(state, self.elements or enough(shape, self.cable))
+        among = self._among(shape, start, end, links)
         swing = Swing(load_of(problem), state, among, None if lying is None else Lying.of(lying))
         if not swing.alive:
             return failed(shape, Status.NOT_CONVERGED, "The cable does not come to rest on the mesh of its motion. ")
@@ -223,6 +221,51 @@ class Motion(Traced):
             pairs = {ways.at[name]: number_of(self.cable, name) for name in by if name in NUMBERS}
             self.trace(pairs, ways)
         return self._last
+
+    def take_up(
+        self,
+        shape: CableShape,
+        start: Pose | Grip,
+        end: Pose | Grip | FreeEnd | None = NOT_GIVEN,
+        links: Mapping[str, Pose] | None = None,
+        *,
+        left_by: Motion | None = None,
+    ) -> CableShape:
+        """Goes on from a shape of this cable, with its velocity, that another motion has left; returns that.
+
+        What holds and touches the cable now may be elsewhere than what did: it gets there in the next step. How fast
+        bends change, which retardation feels, and what accelerates it are not told by a shape: that is 0 at first.
+
+        Parameters
+        ----------
+        shape : CableShape
+            Of another :class:`Motion`; one at rest has no velocity.
+        start, end, links
+            As of `begin`; they are to be near to the ends of the shape.
+        left_by : Motion, optional
+            Which the shape is the last one of: where cable and mesh are the same nothing is lost.
+
+        Raises
+        ------
+        ArgumentError
+            For wrong arguments, and a shape of another length, or of fewer than 8 points.
+        """
+        both_given("take_up(shape, start, end)", end)
+        checks.instance("shape", shape, (CableShape,), "Give that of another Motion.")
+        self._swing = self._last = self._tangents = None
+        problem = self.problem.move(start, end, links)
+        state = Network(problem, shape)
+        poses, state.last = state.aim(problem.start, problem.end), shape
+        if not state.resume(poses):
+            bound = f"it must be usable, of {self.cable.length:g} m, and have some points"
+            raise ArgumentError.of("shape", shape, bound, "Give the last one of a motion of this cable.")
+        spread_evenly(state, self.elements or enough(shape, self.cable))
+        swing = Swing(load_of(problem), state, self._among(shape, start, end, links), Lying.of(shape), goes_on=True)
+        if left_by is not None and left_by._swing is not None and left_by.cable == self.cable:
+            swing.go_on_as(left_by._swing)
+        self._state, self._swing, self._links = state, swing, links
+        self._last, self._error = shape, max(0.0, shape.error_estimate)  # 0 if it is not known
+        return shape
 
     def step(
         self,
@@ -380,6 +423,21 @@ class Motion(Traced):
     def _known(self) -> tuple[str, ...]:
         """Names of derivatives."""
         return (*self.knots[0], *(RATE + side for side in ENDS), *NUMBERS)
+
+    @property
+    def _touches(self) -> bool:
+        """Whether there are bodies that are solved for, or eyelets."""
+        return bool(self.problem.bodies) or len(self._still.clips) > len(self.problem.clips)
+
+    def _among(
+        self, shape: CableShape, start: Pose | Grip, end: Pose | Grip | FreeEnd | None, links: Mapping[str, Pose] | None
+    ) -> partial[Among] | None:
+        """What makes them known to a network whose shape this is."""
+        if not self._touches:
+            return None
+        still = self._still.move(start, end, links)
+        eyelets = [(i, 0) for i, clip in enumerate(still.clips) if clip.kind == "slide"]
+        return partial(Among, still, [self.cable], eyelets, shape.supports)
 
     def _buffers(self) -> tuple[Array, Array]:
         """For a shape, and its velocity."""

@@ -18,7 +18,7 @@ from cable_shape.kernels.network.momentum import ENERGY, KINETIC, PERIOD
 from cable_shape.kernels.network.newton import CONVERGED
 from cable_shape.kernels.network.settle import INFO
 from cable_shape.kernels.network.tables import LENGTH, NOW, SOFTEST, SWINGS
-from cable_shape.motion.among import Among, Lying
+from cable_shape.motion.among import Among, Lying, lay
 from cable_shape.pose import FreeEnd
 from cable_shape.shape import TOUCH
 from cable_shape.solve.network import Network
@@ -121,7 +121,8 @@ def _node_at(plan: tables.Plan, mass: Array, knot: int) -> int:
 class Swing:
     """A network with mass, on the mesh and from the shape at rest that `state` has; `alive` tells whether it is one.
 
-    among: what makes the bodies of the problem known to it, and lets it come to rest among them.
+    among: what makes the bodies of the problem known to it, and lets it come to rest among them. goes_on: not at rest,
+    but as `lying` is, with its velocity.
     """
 
     def __init__(
@@ -131,6 +132,8 @@ class Swing:
         among: Callable[[Settling, Array], Among] | None = None,
         lying: Lying | None = None,
         radius: float = RADIUS,
+        *,
+        goes_on: bool = False,
     ) -> None:
         settling = Settling(state.ints, state.floats, state.sols, NOW, swings=True)
         self.points = load.points
@@ -141,7 +144,10 @@ class Swing:
         self.remembered = np.zeros(momentum.momentum_size.py_func(self.ints))
         self.memory: momentum.Momentum = momentum.momentum_of.py_func(self.ints, self.remembered)
         self.among = None if among is None else among(settling, self.remembered)
-        if self.among is None or lying is None:
+        if goes_on:
+            assert lying is not None
+            arcs, self.alive = lay(settling, lying), True
+        elif self.among is None or lying is None:
             self.alive = settling.settle(tolerance=_AT_REST) or settling.at_rest(_NEAR_REST)
         else:
             self.alive = self.among.rest(settling, self.memory, self.remembered, lying)
@@ -152,7 +158,35 @@ class Swing:
         self.memory.par[momentum.RADIUS] = radius
         self.memory.rest[...], self.memory.section[...] = self.model.rest, self.model.section
         self._put_masses(load)
+        if not goes_on:
+            self._rest()
+            return
+        assert lying is not None
+        self._move(*lying.moving(arcs))
+
+    def _move(self, rate: Array, slope: Array) -> None:
+        """Has the nodes move (n, 3) [m/s] from where they are, slope (n, 3) [1/s] along the cable."""
+        memory = self.memory
+        memory.velocity[...] = rate
         self._rest()
+        memory.turning[...] = slope - np.einsum("ij,ij->i", slope, memory.tangent)[:, None] * memory.tangent
+
+    def go_on_as(self, other: Swing) -> None:
+        """Makes the state of another one of the same cables this one's, if the mesh is the same.
+
+        What it touches is found anew.
+        """
+        same = np.array_equal(self.ints, other.ints) and np.array_equal(self.model.s, other.model.s)
+        if not same or not np.array_equal(self.model.h, other.model.h):
+            return
+        walls, props = self.motion.walls.copy(), self.motion.props.copy()
+        for mine, there in (
+            (self.floats, other.floats), (self.sols, other.sols), (self.moving, other.moving),
+            (self.remembered, other.remembered),
+        ):  # fmt: skip
+            mine[...] = there
+        self.motion.walls[...], self.motion.props[...] = walls, props
+        self.motion.par[[motion.N_WALLED, motion.N_PROPS]] = 0.0
 
     def _put_masses(self, load: Load) -> None:
         """Mass, drag and damping of the cables and what they carry, at the nodes."""
@@ -207,10 +241,7 @@ class Swing:
         self.model.par[SWINGS] = 1.0
         motion.kept[...] = motion.lam
         motion.lever[...] = levers
-        rate, slope = seen.velocity(s), seen.velocity(s, 1)
-        memory.velocity[...] = rate
-        self._rest()
-        memory.turning[...] = slope - np.einsum("ij,ij->i", slope, memory.tangent)[:, None] * memory.tangent
+        self._move(seen.velocity(s), seen.velocity(s, 1))
         return done
 
     def tell(self, out: Array, velocity: Array) -> None:

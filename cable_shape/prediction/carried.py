@@ -39,7 +39,10 @@ def carried(shape: CableShape, tails: Mapping[str, CableShape], before: Laid, af
     touches = shape.touches.copy()
     touches[:, 0] += shift
     touches = touches[(touches[:, 0] > 0.0) & (touches[:, 0] < length)]
-    return _sampled(shape, length, -shift, arcs, line, supports, touches)
+    out = _sampled(shape, length, -shift, arcs, line, supports, touches)
+    if shape.velocity is not None:  # tails go along with the grips
+        out.velocity = _along(out.arc_length - shift, shape.arc_length, shape.velocity)
+    return out
 
 
 def stretched(shape: CableShape, length: float) -> CableShape:
@@ -51,7 +54,9 @@ def stretched(shape: CableShape, length: float) -> CableShape:
     supports[:, 0] *= scale
     touches[:, 0] *= scale
     arcs = scale * shape.arc_length
-    return _sampled(shape, length, 0.0, arcs, _columns(shape), supports, touches)
+    out = _sampled(shape, length, 0.0, arcs, _columns(shape), supports, touches)
+    out.velocity = shape.velocity
+    return out
 
 
 def _sampled(

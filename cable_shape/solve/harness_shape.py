@@ -124,6 +124,8 @@ class HarnessShape:
         other.buffer = np.concatenate([*(segments[name].buffer for name in harness.segments), levers])
         other.supports, other._clips_of = clips, clips_of
         other.touches = [segments[name].touches for name in harness.segments]
+        rates = [one.velocity for one in (segments[name] for name in harness.segments) if one.velocity is not None]
+        other.velocity = np.concatenate(rates) if len(rates) == len(harness.segments) else None
         other.twists = np.array([segments[name].twist for name in harness.segments])
         return other
 
