@@ -55,9 +55,13 @@ class Lying(NamedTuple):
     velocity: Array | None  # (n, 3) [m/s]; None: at rest
 
     @classmethod
-    def of(cls, shape: CableShape | Laid, gaps: Array = _NO_GAP) -> Lying:
-        """That of a shape."""
-        return cls(shape.arc_length, shape.positions, shape.quaternions, shape.force, gaps, shape.velocity)
+    def of(cls, shape: CableShape | Laid, gaps: Array = _NO_GAP, velocity: Array | None = None) -> Lying:
+        """That of a shape; velocity of as many of its points as have some, from the first on."""
+        rates = None
+        if velocity is not None:
+            rates = np.zeros_like(shape.positions)
+            rates[: len(velocity)] = velocity
+        return cls(shape.arc_length, shape.positions, shape.quaternions, shape.force, gaps, rates)
 
     def moving(self, s: Array) -> tuple[Array, Array]:
         """(k, 3) [m/s], (k, 3) [1/s]: velocity and its slope at arc lengths s (k,) [m], the gaps with them."""

@@ -240,7 +240,7 @@ class HarnessMotion(Traced):
         state.resume_from(whole, touch.gaps, knots)
         cables = [*self.harness.segments.values(), *(None for _ in state.layout.levers)]
         among = partial(Among, self._still, cables, self._eyelets, lying.supports)
-        return state, among, Lying.of(whole, touch.gaps)
+        return state, among, Lying.of(whole, touch.gaps, lying.velocity)
 
     def step(self, ends: Mapping[str, End], dt: float, links: Mapping[str, Pose] | None = None) -> HarnessShape:
         """The harness dt [s] later, when its ends have come here, see `Motion.step`.

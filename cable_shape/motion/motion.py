@@ -260,7 +260,13 @@ class Motion(Traced):
             bound = f"it must be usable, of {self.cable.length:g} m, and have some points"
             raise ArgumentError.of("shape", shape, bound, "Give the last one of a motion of this cable.")
         spread_evenly(state, self.elements or enough(shape, self.cable))
-        swing = Swing(load_of(problem), state, self._among(shape, start, end, links), Lying.of(shape), goes_on=True)
+        swing = Swing(
+            load_of(problem),
+            state,
+            self._among(shape, start, end, links),
+            Lying.of(shape, velocity=shape.velocity),
+            goes_on=True,
+        )
         if left_by is not None and left_by._swing is not None and left_by.cable == self.cable:
             swing.go_on_as(left_by._swing)
         self._state, self._swing, self._links = state, swing, links

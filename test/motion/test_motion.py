@@ -314,3 +314,33 @@ def test_what_is_seen_is_checked():
     ):
         with pytest.raises(cs.ArgumentError, match=match):
             motion.begin(START, END, **given)
+
+
+@pytest.mark.parametrize("table", [False, True])
+def test_another_motion_goes_on_from_a_shape(table):
+    body = cs.Obstacle("table", cs.HalfSpace(), cs.Pose((0.0, 0.0, -0.3)))
+    scene = cs.Scene(obstacles=[body], contact="solve") if table else None
+    first, twin, finer = (cs.Motion(CABLE, scene, points=81, elements=n) for n in (20, 20, 30))
+    first.begin(START, END)
+    moved = [cs.Pose(END.position + np.array((0.0, 0.004 * k, 0.0)), END.quaternion) for k in range(80)]
+    for k in range(1, 40):
+        left = first.step(START, moved[k], 0.01)
+    assert first.last.velocity is not None
+    twin.take_up(left, START, moved[39], left_by=first)
+    taken = finer.take_up(left, START, moved[39])
+    assert taken is left
+    for k in range(40, 80):
+        last, same, near = (one.step(START, moved[k], 0.01) for one in (first, twin, finer))
+        if not table:
+            np.testing.assert_array_equal(same.buffer, last.buffer)
+        assert np.abs(same.positions - last.positions).max() < 1e-3
+        assert np.abs(near.positions - last.positions).max() < 0.01 * CABLE.length
+    assert np.abs(last.velocity).max() > 0.2
+
+
+def test_a_shape_of_another_cable_is_not_taken_up():
+    shape = cs.predict(CABLE.replace(length=0.9 * CABLE.length), START, END)
+    with pytest.raises(cs.ArgumentError, match=r"shape = .* it must be usable"):
+        cs.Motion(CABLE).take_up(shape, START, END)
+    with pytest.raises(cs.ArgumentError, match="Give that of another Motion"):
+        cs.Motion(CABLE).take_up("shape", START, END)  # type: ignore[arg-type]

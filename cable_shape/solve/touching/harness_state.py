@@ -47,10 +47,6 @@ class Laid:
         self.positions: Array = blocks[:, n : 4 * n].reshape(-1, 3)
         self.quaternions: Array = blocks[:, 4 * n : 8 * n].reshape(-1, 4)
         self.force: Array = blocks[:, 11 * n : 14 * n].reshape(-1, 3)
-        self.velocity: Array | None = None  # levers have no mass: it does not matter
-        if shape.velocity is not None:
-            self.velocity = np.zeros_like(self.positions)
-            self.velocity[: len(shape.velocity)] = shape.velocity
         self.supports: Array = np.zeros((max(ring_arcs or (0,)), 7))
         for support, arc in (ring_arcs or {}).items():
             self.supports[support - 1, 0] = arc
