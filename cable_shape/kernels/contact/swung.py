@@ -73,8 +73,8 @@ from cable_shape.kernels.network.tables import (
 from cable_shape.kernels.network.walls import BODY, OUT, PUSHED, ROUGH, RUB, WALL
 from cable_shape.kernels.rod_algebra import Vector, add, dot, get3, put3, scale, subtract, take3
 
-#: A step goes in parts of this fraction of it at least.
-SHORTEST = 1.0 / 256.0
+#: A step goes in parts of this fraction of it at least, each tried from so many of `swinging.STARTS`.
+SHORTEST, TRIES = 1.0 / 256.0, 2
 #: [m] planes of bodies that much further away than nodes may get, in units of which way, are known.
 MARGIN, AHEAD = 5e-3, 1.5
 #: Stiffness of planes and of asperities, in that with which a part of the step holds the node.
@@ -134,9 +134,15 @@ def step(
             for i in range(3):
                 skin.rings[k, i] = rings[k, i] + (done + part) * (skin.goals[k, i] - rings[k, i])
                 skin.rings[k, WENT + i] = part * (skin.goals[k, i] - rings[k, i])
-        part_way(plan, solution_of(ints, begin, NOW), solution_of(ints, sols, TRIAL), goal, done + part)
-        look(ints, floats, sols, moving, remembered, seconds, now, skin)
-        status = attempt(ints, floats, sols, space, moving, remembered, seconds, info, told)
+        status = CONVERGED - 1
+        for start in range(TRIES):
+            if start > 0:
+                copy_back(skin.kept, sols, remembered, moving)
+            part_way(plan, solution_of(ints, begin, NOW), solution_of(ints, sols, TRIAL), goal, done + part)
+            look(ints, floats, sols, moving, remembered, seconds, now, skin)
+            status = attempt(ints, floats, sols, space, moving, remembered, seconds, info, told, start)
+            if status == CONVERGED:
+                break
         last = part <= SHORTEST
         if status == CONVERGED and fits(ints, floats, moving, remembered, now, skin, part):
             info[I_PARTS] += 1.0

@@ -452,7 +452,7 @@ def follow(
         x = (i + 1.0) / parts
         copy(to.before, remembered)
         part_way(plan, solution_of(ints, kept, NOW), solution_of(ints, sols, TRIAL), goal, x)
-        attempt(ints, floats, sols, space, moving, remembered, dt / parts, own, told)
+        attempt(ints, floats, sols, space, moving, remembered, dt / parts, own, told, 0)
         mixed[:, :, :] = (1.0 - x) * begun + x * twists
         carry_on(ints, floats, sols, space, moving, to.before, dt / parts, tangents, mixed, to)
     copy(sols[2 * size : 3 * size], sols[0:size])

@@ -175,11 +175,11 @@ def worked(plan: Plan, motion: Motion, memory: Momentum, now: Solution, sol: Sol
 @viewing
 def attempt(
     ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: Floats, remembered: Floats, dt: float,
-    info: Floats, told: Floats,
+    info: Floats, told: Floats, start: int,
 ) -> int:  # fmt: skip
     """One step dt [s] to the knots that are given in the trial; CONVERGED, and the trial is the solution now, or not.
 
-    info (INFO,) adds up; told (INFO of `settle`,): scratch.
+    info (INFO,) adds up; told (INFO of `settle`,): scratch. start: the first of STARTS; among bodies the only one.
     """
     plan, model, motion = plan_of(ints), model_of(ints, floats), motion_of(ints, moving)
     memory = momentum_of(ints, remembered)
@@ -192,7 +192,8 @@ def attempt(
     touched = motion.par[N_WALLED] > 0.0 or motion.par[N_PROPS] > 0.0
     most = MOST_TOUCHED if motion.par[N_WALLED] > 0.0 else MOST_ITERATIONS
     status = STALLED
-    for forces, shape in STARTS:
+    for i in range(start, len(STARTS)):
+        forces, shape = STARTS[i]
         for e in range(motion.lam.shape[0]):
             for c in range(3):
                 motion.lam[e, c] = memory.lam[e, c] + forces * a * (memory.lam[e, c] - memory.before[e, c])
@@ -239,7 +240,7 @@ def step(
                 info[i] = 0.0
         for i in range(parts):
             part_way(plan, solution_of(ints, kept, NOW), solution_of(ints, sols, TRIAL), goal, (i + 1.0) / parts)
-            status = attempt(ints, floats, sols, space, moving, remembered, dt / parts, info, told)
+            status = attempt(ints, floats, sols, space, moving, remembered, dt / parts, info, told, 0)
             if status != CONVERGED:
                 break
         if status == CONVERGED:
