@@ -30,14 +30,18 @@ def off_line(shape: cs.CableShape, x: float, y: float) -> float:
     return float(np.hypot(shape.positions[:, 0] - x, shape.positions[:, 1] - y).min())
 
 
-def test_laid_on_a_table_it_comes_to_rest_where_it_lies():
-    """Let down in half a second; no step is lost, and energy comes from the grips alone."""
+@pytest.mark.parametrize(("low", "still_enough"), [(0.12, 1e-6), (0.13, 1e-4)])
+def test_laid_on_a_table_it_comes_to_rest_where_it_lies(low: float, still_enough: float):
+    """Let down in half a second; no step is lost, and energy comes from the grips alone.
+
+    At the second height it lifts off inside an element, where a point is pressed that comes and goes with it.
+    """
     motion = cs.Motion(CABLE.replace(bending_stiffness=1e-4), TABLE, points=61)
     still = cs.Predictor(motion.cable, scene=TABLE, points=61)
     first = motion.begin(at(0.0, 0.0, 0.3), at(0.9, 0.0, 0.3))
     given = energy_of(first)
     for k in range(1, 251):
-        z = max(0.3 - 0.005 * k, 0.12)
+        z = max(0.3 - 0.005 * k, low)
         ends = at(0.0, 0.0, z), at(0.9, 0.0, z)
         shape, lying = motion.step(*ends, 0.01), still.predict(*ends)
         assert shape.status is cs.Status.OK, shape.detail
@@ -45,7 +49,7 @@ def test_laid_on_a_table_it_comes_to_rest_where_it_lies():
         assert energy_of(shape) < given + 1e-6
         assert shape.positions[:, 2].min() > 0.005 - 2e-4
     assert shape.velocity is not None
-    assert np.abs(shape.velocity).max() < 1e-6
+    assert np.abs(shape.velocity).max() < still_enough
     assert np.abs(shape.positions - lying.positions).max() < shape.error_estimate + lying.error_estimate
     assert len(shape.contacts) > 10
     carried = sum(contact.force for contact in shape.contacts)
