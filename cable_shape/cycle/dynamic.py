@@ -86,8 +86,7 @@ class Dynamic(Generic[Shape]):
         if other._stamp is None:
             return
         motion: Any = self.motion
-        held = ends if isinstance(motion, Motion) else (ends,)
-        motion.take_up(shape, *held, links=links, left_by=other.motion)
+        motion.take_up(shape, *self._held(ends), links=links, left_by=other.motion)
         self._steps = other._steps
         self._take(shape, ends, links, other._stamp)
 
@@ -98,31 +97,29 @@ class Dynamic(Generic[Shape]):
         shape, since = last, stamp - round(1e9 * seconds)
         for k in range(1, ways + 1):
             there = ends if k == ways else _between(begin, ends, k / ways)
-            on = links if k == ways or placed is None else _links_between(placed, links, k / ways)
+            on = links if k == ways or placed is None else links_between(placed, links, k / ways)
             shape = self._one(there, seconds / ways, on)
             if not shape.status:
                 break
             self._take(shape, there, on, stamp if k == ways else since + round(1e9 * seconds * k / ways))
         return shape
 
+    def _held(self, ends: Held) -> tuple[Any, ...]:
+        """As the motion takes them: those of a harness are one mapping."""
+        return (ends,) if isinstance(self.motion, HarnessMotion) else cast("Ends", ends)
+
     def _begun(self, ends: Held, links: Links) -> Any:
         """The motion's first shape."""
-        shape: CableShape | HarnessShape
-        if isinstance(self.motion, Motion):
-            shape = self.motion.begin(*cast("Ends", ends), links=links)
-        else:
-            shape = self.motion.begin(cast("Mapping[str, End]", ends), links=links)
+        motion: Any = self.motion
+        shape: CableShape | HarnessShape = motion.begin(*self._held(ends), links=links)
         if self.tube is not None and shape.status:
             self.tube.follow(ends, links)
         return shape
 
     def _one(self, ends: Held, dt: float, links: Links) -> Any:
         """One step of the motion."""
-        shape: CableShape | HarnessShape
-        if isinstance(self.motion, Motion):
-            shape = self.motion.step(*cast("Ends", ends), dt, links)
-        else:
-            shape = self.motion.step(cast("Mapping[str, End]", ends), dt, links)
+        motion: Any = self.motion
+        shape: CableShape | HarnessShape = motion.step(*self._held(ends), dt, links)
         if self.tube is not None and shape.status:
             self.tube.follow(ends, links, dt)
         return shape
@@ -173,7 +170,7 @@ def _between(before: Held, now: Held, x: float) -> Held:
     return _part_way(before[0], now[0], x), _part_way(before[1], now[1], x)  # type: ignore[return-value]
 
 
-def _links_between(before: Mapping[str, Pose], now: Links, x: float) -> Links:
+def links_between(before: Mapping[str, Pose], now: Links, x: float) -> Links:
     """The links at the fraction x of the straight way."""
     if now is None:
         return None

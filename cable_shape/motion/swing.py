@@ -172,12 +172,16 @@ class Swing:
         memory.turning[...] = slope - np.einsum("ij,ij->i", slope, memory.tangent)[:, None] * memory.tangent
 
     def go_on_as(self, other: Swing) -> None:
-        """Makes the state of another one of the same cables this one's, if the mesh is the same.
+        """Makes the state of another one of the same cables this one's, if mesh, masses and what is held are the same.
 
         What it touches is found anew.
         """
-        same = np.array_equal(self.ints, other.ints) and np.array_equal(self.model.s, other.model.s)
-        if not same or not np.array_equal(self.model.h, other.model.h):
+        pairs = (
+            (self.ints, other.ints), (self.model.s, other.model.s), (self.model.h, other.model.h),
+            (self.model.free, other.model.free), (self.memory.mass, other.memory.mass),
+            (self.memory.point, other.memory.point),
+        )  # fmt: skip
+        if not all(np.array_equal(mine, there) for mine, there in pairs):
             return
         walls, props = self.motion.walls.copy(), self.motion.props.copy()
         for mine, there in (

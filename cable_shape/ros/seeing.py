@@ -12,6 +12,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 
 from cable_shape.checks import Array
+from cable_shape.cycle.dynamic import links_between
 from cable_shape.cycle.seen import AsSeen
 from cable_shape.errors import ArgumentError, CableShapeError, InputError
 from cable_shape.messages.pairing import SECOND
@@ -166,7 +167,7 @@ class Seeing:
         held = {name: _between(old[name], end, share) if name in old else end for name, end in new.items()}
         if left is None or right is None:
             return held, right
-        return held, {name: _on_the_way(left.get(name, pose), pose, share) for name, pose in right.items()}
+        return held, links_between(left, right, share)
 
 
 def _held(ends: Any) -> Held:
@@ -190,8 +191,4 @@ def _between(a: Grip | FreeEnd, b: Grip | FreeEnd, share: float) -> Grip | FreeE
     """A grip on its way."""
     if isinstance(a, FreeEnd) or isinstance(b, FreeEnd) or a.kind != b.kind:
         return a
-    return b.at(_on_the_way(a.pose, b.pose, share))
-
-
-def _on_the_way(a: Pose, b: Pose, share: float) -> Pose:
-    return Pose.trusted(between(a.array, b.array, share), b.turns)
+    return b.at(Pose.trusted(between(a.pose.array, b.pose.array, share), b.pose.turns))
