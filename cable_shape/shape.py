@@ -195,7 +195,7 @@ class CableShape:
         self.missing_length = missing_length  # m, what an OVERSTRETCHED cable lacks
         self.frictionless = frictionless  # surfaces it rests on have friction, which it does not know: it has no past
         self.velocity = velocity  # (n, 3) [m/s], world, of a cable in motion; None: at rest
-        self.kinetic_energy = kinetic_energy  # J
+        self.kinetic_energy = kinetic_energy  # J, as the scheme keeps it (docs/motion.md): m v^2 / 2 but for dt^2
         self.work = work  # J, in the last step, of what holds and pulls the cable
         self.dissipated = dissipated  # J, in the last step, by drag and retardation
         self.lost = lost  # J, in the last step, to the scheme: work less dissipated less change of energies

@@ -149,6 +149,7 @@ class Swing:
             arcs, self.alive = lay(settling, lying), True
         elif self.among is None or lying is None:
             self.alive = settling.settle(tolerance=_AT_REST) or settling.at_rest(_NEAR_REST)
+            self.motion.place[...] = settling.places  # not where a mode that might grow would have led it
         else:
             self.alive = self.among.rest(settling, self.memory, self.remembered, lying)
         whole = self.sols.size + self.remembered.size

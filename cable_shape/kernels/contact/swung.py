@@ -384,6 +384,7 @@ def stop_node(
     walls, work, taken = motion.walls, 0.0, 0.0
     old, x = get3(before.place, node), get3(motion.place, node)
     v, a, was = get3(memory.velocity, node), get3(memory.acceleration, node), get3(before.velocity, node)
+    jump = get3(memory.jump, node)
     first = second = NONE
     for k in range(int(walls[node, 0])):
         i = 1 + WALL * k
@@ -397,7 +398,7 @@ def stop_node(
         taken -= dot(t, subtract(subtract(x, old), went))
         limit = walls[node, i + ROUGH] * push
         if limit > 0.0 and dot(t, t) < 0.999 * limit * limit:  # sticks
-            v, a = speed, NONE
+            v, a, jump = speed, NONE, NONE
         m = subtract(n, add(scale(dot(n, first), first), scale(dot(n, second), second)))
         size = math.sqrt(dot(m, m))
         if size < 1e-3:
@@ -410,9 +411,10 @@ def stop_node(
         arrived = dot(m, subtract(was, speed))
         taken += 0.5 * mass * arrived * arrived
         v = subtract(v, scale(dot(m, subtract(v, speed)), m))
-        a = subtract(a, scale(dot(m, a), m))
+        a, jump = subtract(a, scale(dot(m, a), m)), subtract(jump, scale(dot(m, jump), m))
     put3(memory.velocity, node, 0, v)
     put3(memory.acceleration, node, 0, a)
+    put3(memory.jump, node, 0, jump)
     return work, taken
 
 

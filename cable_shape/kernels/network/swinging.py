@@ -109,9 +109,9 @@ def take_stock(
     else:
         copy_rows(memory.before, motion.lam, 3)
     copy_rows(memory.lam, motion.lam, 3)
+    memory.par[LAST_DT] = dt
     energy, drag = kinetic(motion, memory)
     memory.par[ENERGY], memory.par[KINETIC], memory.par[LOSING] = value + change, energy, power + drag
-    memory.par[LAST_DT] = dt
 
 
 @inline
