@@ -3,8 +3,8 @@
     python benchmarks/scene_random.py [--motions N] [--kind KIND] [--only NUMBER]
 
 Every step without a usable shape counts, but for those for which the cable is too short: whose ends are further apart,
-or whose shortest way on the side of the bodies where it was last (a polygon, of which bodies cut off corners) is longer
-by a thousandth than the cable. What is wrong with a usable shape is found by `scene_certificate`, in numpy.
+or whose shortest way on the side of the bodies where it was last is longer than the cable (`scene_band`). What is wrong
+with a usable shape is found by `scene_certificate`, in numpy.
 """
 
 from __future__ import annotations
