@@ -230,15 +230,16 @@ class Steps:
         """An equilibrium whose contacts stand at their nodes, from the last solution, which is near one.
 
         Between one and the next, those without neighbours are taken along the cable to where it is nearest: on an edge
-        a node elsewhere holds the cable back.
+        a node elsewhere holds the cable back. What Newton's method finds elsewhere, past a body, is none.
         """
         self.still, kept = True, None
         for _ in range(_RUNS):
             if self.by_road(frames) is None:
                 break
             self.state.target(frames)
-            if not self.again(WARM_ITERATIONS):
+            if not self.again(WARM_ITERATIONS, far=FAR) or self.passes(self.state.positions, self.buffer):
                 break
+            self.state.remember(self.positions(self.buffer))
             square = self.state.askew <= _SQUARE
             if square and self._exact():
                 return True

@@ -142,6 +142,7 @@ class Solve:
     def _warm(self, frames: Array) -> CableShape:
         """From the last solution."""
         state, steps = self.state, self.steps
+        before, then = state.positions, state.bodies.frames_then
         state.thin()
         shape, reached = self._onward(frames)
         if shape is not None:
@@ -155,7 +156,10 @@ class Solve:
             return self._no_shape(Status.NOT_CONVERGED, _STUCK)
         state.rubs = False
         if relax(steps, frames):
-            return self._finish(Status.SNAPPED)
+            shape = self._finish(Status.SNAPPED)
+            if not (shape.usable and steps.goes_through(before, then, shape.buffer)):
+                return shape
+            steps.buffer = state.new_buffer()
         state.put_back(reached)
         state.move_bodies(steps.links)
         if steps.late:
@@ -234,22 +238,19 @@ class Solve:
     def _by_road(self, frames: Array) -> CableShape | None:
         """Against drag, in front of all bodies; None if no way leads to a shape that is exact enough."""
         state, steps = self.state, self.steps
+        before, then, led = state.positions, state.bodies.frames_then, led_by(state, frames)
         road = steps.by_road(frames) if state.single else None  # not yet of several segments
         if road is None:
             return None
-        status = Status.SNAPPED if road.far else Status.OK
         if not road.taut and steps.go(frames, 1, WARM_ITERATIONS, FAR):
-            shape = self._finish(status)
-            if shape.status or shape.missing_length > 0.0:
+            shape = self._arrived(before, then, led)
+            if shape is not None:
                 return shape
         at_rest = state.put_aside()
-        found = steps.stand(frames) and not steps.passes(state.positions, steps.buffer)
-        found = found and (steps.settle(frames) or road.taut)
+        found = steps.stand(frames) and (steps.settle(frames) or road.taut)
         steps.still = False
         if found:
-            state.remember(steps.positions(steps.buffer))
-            shape = self._finish(status)
-            return shape if shape.status or shape.missing_length > 0.0 else None
+            return self._arrived(before, then, led)
         if not road.taut:
             return None
         state.put_back(at_rest)  # contacts that stand may have led past a body
@@ -257,6 +258,21 @@ class Solve:
         shape = self._no_shape(Status.OVERSTRETCHED, too_short(road.missing))
         shape.missing_length = road.missing
         return shape
+
+    def _arrived(self, before: Array, then: Array, led: float) -> CableShape | None:
+        """The equilibrium to which a road has led from positions (n, 3) [m]; None if it is not exact enough.
+
+        then (m, 4, 3): where the bodies were; led [m]: how far supports and bodies have gone since. Where the cable has
+        gone much further it has snapped. A road may lead over a body: which way back there is nobody could tell.
+        """
+        state, steps = self.state, self.steps
+        after = steps.positions(steps.buffer)
+        state.remember(after)
+        snapped = is_far(before, after, led, state.length)
+        shape = self._finish(Status.SNAPPED if snapped else Status.OK)
+        if shape.status:
+            return None if steps.goes_through(before, then, shape.buffer) else shape
+        return shape if shape.missing_length > 0.0 else None
 
     def _anew(self, frames: Array) -> CableShape | None:
         """From nothing, where the last solution leads nowhere; None if the cable may have come past a body on the way.
@@ -396,7 +412,8 @@ class Solve:
         kept, frames = steps.kept(), state.grips[NOW].copy()
         state.layer = layer
         state.start_from(shape, frames)
-        if steps.go(frames, 1, WARM_ITERATIONS, FAR, jump=True) and steps.settle(frames):
+        found = steps.go(frames, 1, WARM_ITERATIONS, FAR, jump=True) and steps.settle(frames)
+        if found and not steps.passes(shape.positions, steps.buffer):
             return True
         steps.take_back(kept)
         return False

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as some
-from scene_certificate import judged
+from scene_certificate import judged, passed
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
@@ -137,6 +137,21 @@ def test_a_cable_that_buckles_in_a_channel_with_friction_comes_to_rest_there():
     last = [shape for shape in shapes if shape.usable][-1]
     assert {contact.body for contact in last.contacts} == {"floor", "near", "far"}
     assert judged(routed.cables[name], routed.scene, last, last.supports) == ()
+
+
+@pytest.mark.parametrize(
+    ("kind", "number", "last", "stride"), [("posts", 34, 91, 3), ("posts", 34, 91, 5), ("channel", 0, 38, 12)]
+)
+def test_what_is_too_short_or_crammed_comes_past_nothing(kind, number, last, stride):
+    """Where contacts stand, Newton's method would find shapes behind the post, and roads lead out over the wall."""
+    routed = contact_routing.motion(kind, number)
+    ((name, cable),) = routed.cables.items()
+    predictor, before = cs.Predictor(cable, scene=routed.scene, model="cosserat", points=301), None
+    for k in range(last % stride, last + 1, stride):
+        shape = predictor.predict(*routed.steps[k][name])
+        if shape.usable:
+            assert before is None or passed(routed.scene, 0.5 * cable.diameter, before, shape) == ""
+            before = shape
 
 
 def test_neighbours_at_both_sides_of_an_edge_become_one_contact_there():
