@@ -49,6 +49,7 @@ IDENTITY_FRAME = (0.0, 0.0, 0.0, 1.0)
 
 #: Of a span, between what is unknown of its ends and its force, and of a contact that it ends at; and of a link.
 EDGES, EDGES_OF_LINK = 7, 6
+SNARL = 16  # links that may all hang together
 
 
 @kernel
@@ -63,7 +64,8 @@ def room_for(bare: Whole, elements: int, wide: int, links: int) -> tuple[int, in
     v = 2 * k + m + links
     head[N_LINKS] = links
     head[N_ELEMENTS], head[N_SPANS], head[N_KNOTS], head[N_VERTICES], head[N_PRESSED] = n, m, k, v, k
-    head[N_BLOCKS], head[N_TARGETS] = blocks_of(wide, v, links), (2 + wide) * (3 + wide) // 2 * v + 25 * links**3
+    head[N_BLOCKS] = blocks_of(wide, v, links)
+    head[N_TARGETS] = (2 + wide) * (3 + wide) // 2 * v + 25 * links * min(links, SNARL) ** 2
     e = head[N_RINGS]
     own = HEAD + n + 23 * m + 2 * k + 3 * v + head[N_BLOCKS] + head[N_TARGETS] + 2 * head[N_STRIPPED]
     own += 5 * head[N_CABLES] + 2 * e + 6 + LINK_PLAN * links
@@ -74,8 +76,11 @@ def room_for(bare: Whole, elements: int, wide: int, links: int) -> tuple[int, in
 
 @viewing
 def blocks_of(wide: int, vertices: int, links: int) -> int:
-    """How many blocks there is room for: what links join is joined with all of that at the end."""
-    return (2 + wide) * vertices + 25 * links * links
+    """How many blocks there is room for: what links join is joined with all of that at the end.
+
+    More than SNARL links must follow each other along their cables.
+    """
+    return (2 + wide) * vertices + 25 * links * min(links, SNARL)
 
 
 @viewing

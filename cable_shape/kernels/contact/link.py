@@ -3,8 +3,9 @@
 Two cables touch where they come nearest, without friction: D, the least distance of the centrelines around the knots a
 and b, is at least the `reach` R, and the push p along n = (y_a - y_b) / |y_a - y_b| is its multiplier. With arc lengths
 s_a, s_b counted from the knots, r = (n . t_a, -n . t_b) are the slopes of the distance and S its second derivatives
-there. Both are eliminated, but for one that leads to the mouth of a grip or a clip, where the knot stays: in
-z = (theta_a, y_a, theta_b, y_b) the energy - p D has the second derivative
+there. Both are eliminated, but for one that leads to the mouth of a grip or a clip, where the knot stays, and for that
+of the first cable where the two lie along each other and S is singular (`STAYS`): pushes on knots in a row then stand
+for one on all of the line. In z = (theta_a, y_a, theta_b, y_b) the energy - p D has the second derivative
 
     -p (D_zz - B^T S^-1 B),   B = D_sz,
 
@@ -64,6 +65,7 @@ SOON = 0.9  # of that distance: a pair nearer than this does not wait
 LEAST = 1e-3  # of the square of the second derivatives without bending: where less is left of them, bending is left out
 # of the distance to be kept, and of the least way to the next node: a knot nearer to a grip or a clip goes no further
 MOUTH, STOPS = 0.25, 1.1
+STAYS = 2  # column of `Lying.pairs`, 1: the first knot stays where it is along its cable
 MOST_SLIDE = 2.0  # of the distance to be kept, that a pair runs at a time
 # of its way that a knot has before it, and of the least that it may have: where there is less the next node moves
 ROOM, ROOMY = 3.0, 1.5
@@ -71,7 +73,7 @@ ROOM, ROOMY = 3.0, 1.5
 
 @viewing
 def find_pairs(lying: Lying, on: Array) -> None:
-    """Fills `pairs` (l, 2) with the nodes of the links."""
+    """Fills the first two columns of `pairs` with the nodes of the links."""
     for k in range(on.shape[0]):
         if on[k, LINK] != BARE:
             lying.pairs[on[k, LINK] // 2, on[k, LINK] % 2] = k
@@ -132,7 +134,7 @@ def slopes(lying: Lying, q: Array, near: Array, i: int) -> tuple[float, float, f
     if not (h11 > 0.0 and det > LEAST * f * f):
         h11, h22 = g11, g22
         det = max(h11 * h22 - g12 * g12, LEAST * f * f)
-    stop_a = stopped(lying, a, g12 * rb - h22 * ra, lying.reach[i])
+    stop_a = lying.pairs[i, STAYS] != 0 or stopped(lying, a, g12 * rb - h22 * ra, lying.reach[i])
     stop_b = stopped(lying, b, g12 * ra - h11 * rb, lying.reach[i])
     if stop_a or stop_b:
         return (

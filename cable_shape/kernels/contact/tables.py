@@ -33,7 +33,7 @@ class Lying(NamedTuple):
     slid: Array  # (3, b) arc lengths at the supports
     frames: Array  # (b, 7) scratch: frames of the supports
     reach: Array  # (l,) [m] least distance of the centrelines of a pair, see `link`
-    pairs: Any  # (l, 2) scratch: nodes of the pairs
+    pairs: Any  # (l, 3) scratch: nodes of the pairs; 1: the first one stays, see `link.STAYS`
     rough: Array  # (n,) coefficient of friction there
 
 

@@ -22,7 +22,8 @@ HALF_CIRCLE = 2.0 / math.pi  # chord / arc length
 SLACK = 1e-9  # m, of bounds against rounding
 TURN = 2.0 * math.acos(1.01 * HALF_CIRCLE)  # rad, less turning leaves a chord longer than that
 SPOT = 9  # distance of the centrelines, arc length on the first and on the second, point on the first and on the second
-MOST_SPOTS = 16
+MOST_SPOTS = 64
+APART = 0.05  # of the distance to be kept: nearer points tell no direction in which to part
 
 
 @kernel
@@ -186,6 +187,36 @@ def nearest(
         return False
     fill(a, sa, b, sb, at, to, spot)
     return True
+
+
+@kernel
+def alongside(a: Array, sa: Array, b: Array, sb: Array, spot: Array, reach: float) -> tuple[float, float, float]:
+    """How two centrelines lie to each other at a place, a row of SPOT: cosine of the angle between them, that between
+    the second one and the way to the first, and the determinant of the second derivatives of their distance by both
+    arc lengths, times `reach` [m] squared: 0 where they lie along each other, less where the distance is no minimum.
+    """
+    k = min(max(np.searchsorted(sa, spot[1]), 1), sa.shape[0] - 2)
+    m = min(max(np.searchsorted(sb, spot[2]), 1), sb.shape[0] - 2)
+    tt = uu = tu = nn = nt = nu = na = nb = 0.0
+    d, e = 0.5 * (sa[k + 1] - sa[k - 1]), 0.5 * (sb[m + 1] - sb[m - 1])
+    for c in range(3):
+        t, u, n = a[k + 1, c] - a[k - 1, c], b[m + 1, c] - b[m - 1, c], spot[3 + c] - spot[6 + c]
+        tt += t * t
+        uu += u * u
+        tu += t * u
+        nn += n * n
+        nt += n * t
+        nu += n * u
+        na += n * (a[k + 1, c] - 2.0 * a[k, c] + a[k - 1, c]) / (d * d)
+        nb += n * (b[m + 1, c] - 2.0 * b[m, c] + b[m - 1, c]) / (e * e)
+    cosine = tu / math.sqrt(max(tt * uu, 1e-300))
+    size = math.sqrt(nn)
+    if size < APART * reach:  # the way from one to the other tells nothing
+        return cosine, 0.0, 1.0 - cosine * cosine
+    rise, fall = nt / (size * math.sqrt(max(tt, 1e-300))), -nu / (size * math.sqrt(max(uu, 1e-300)))
+    one, other = 1.0 - rise * rise + reach * na / size, 1.0 - fall * fall - reach * nb / size
+    det = one * other - (cosine + rise * fall) ** 2 if one > 0.0 else -1.0
+    return cosine, fall, det
 
 
 @kernel

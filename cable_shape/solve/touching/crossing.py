@@ -20,9 +20,9 @@ from cable_shape.solve.search import between
 from cable_shape.solve.touching.lift import held_at, levels, lifted
 from cable_shape.solve.touching.pile import Pile, all_frames
 from cable_shape.solve.touching.piled import LOST, Piled, Solo, graded
-from cable_shape.solve.touching.places import Spot
+from cable_shape.solve.touching.places import Spot, ordered
 
-MOST = 8  #: contacts at a time
+MOST = 96  #: contacts at a time
 GROWTH = 0.3  #: of the cables' distance: by how much overlapping ones are pushed apart at a time
 _FIRST_STEP, _SMALLEST_STEP = 0.25, 1.0 / 256.0
 _MOST_STEPS = 60  #: on one way
@@ -34,6 +34,10 @@ _WAYS = (1, 5, 25)  #: in so many steps cables are let down
 _THROUGH = (
     "no way from the last shapes leads to ones between these ends but through a cable. It stays so until "
     "the ends are back where a way leads on, or until reset: then any shape is taken. "
+)
+_ROUND = (
+    "the ends of these cables have gone round each other while they had no shape, so how they lie round each other is "
+    "not known. It stays so until the ends are back the way they came, or until reset: then any shape is taken. "
 )
 
 
@@ -74,7 +78,10 @@ class Crossing(Piled):
         if self._shapes is not None and len(frames) != len(self._frames):  # links are known, or not any more
             self._let_go(self.touching)
             self.reset()
-        if self._shapes is None and self._patience.left == 0:
+        round_each_other: set[int] = set()
+        if self._shapes is None and self._last is not None:
+            round_each_other = self._rounds.go(self._last[1], frames)
+        if self._shapes is None and self._patience.left == 0 and not round_each_other:
             self._go_on()
         if self._group is not None:
             self._group.take()
@@ -86,13 +93,14 @@ class Crossing(Piled):
             return self._give_up(free, "")
         given = [shape for shape in free if shape is not None]
         if self._shapes is None:
-            wrong = self._places.involved(given) | self._through(given) if self._patience.left > 0 else set()
+            wrong = set(round_each_other)
+            if self._patience.left > 0:
+                wrong |= self._places.involved(given) | self._through(given)
             if wrong:
-                self._patience.left -= 1
-                return [
-                    graded(shape, Status.NOT_CONVERGED, self._why) if i in wrong else shape
-                    for i, shape in enumerate(given)
-                ]
+                self._patience.left = max(0, self._patience.left - 1)
+                lost = Status.NOT_CONVERGED
+                why = _ROUND + lost.remedy if round_each_other else self._why
+                return [graded(shape, lost, why) if i in wrong else shape for i, shape in enumerate(given)]
             return self._cold(given, frames, Status.OK, began)
         if self._group is None and not self._places.near(given, self._shapes):
             return self._accept(given, frames)
@@ -100,6 +108,8 @@ class Crossing(Piled):
         for _ in range(_ROUNDS):
             if self._group is None or self._along(frames):
                 shapes = self._reported(free, Status.OK, began)
+            elif any(spot.stays for spot in self._spots) and self._halvings < _HALVINGS:
+                return self._by_halves(frames)  # rows of contacts grow and shrink on the way
             else:
                 return self._snap(free, frames, began)
             missed = self._places.missed(shapes, self._shapes, self._spots)
@@ -109,12 +119,11 @@ class Crossing(Piled):
                 return self._accept(shapes, frames)
             pairs = {spot.cables for spot in missed}
             old = [
-                spot for spot, now in zip(old, self._spots, strict=False) if now.press > 0.0 or now.cables not in pairs
+                spot
+                for spot, now in zip(old, self._spots, strict=False)
+                if now.press > 0.0 or now.stays or now.cables not in pairs
             ]
-            along = self._places.along_each_other(shapes, missed)
-            if along:
-                return self._give_up([None] * len(shapes), along)
-            old += missed
+            old = ordered([*old, *missed])
             if len(old) > MOST:
                 return self._give_up(free, f"the cables touch in more than {MOST} places. ")
             crowded = self._places.crowded(old)
@@ -140,9 +149,9 @@ class Crossing(Piled):
         frames = all_frames(self.problems)
         free: list[CableShape | None] = [None] * len(given)
         for _ in range(_ROUNDS):
-            wrong = self._places.along_each_other(given, spots) or self._places.crowded(spots)
-            if wrong or len(spots) > MOST:
+            if self._places.crowded(spots) or len(spots) > MOST:
                 break
+            spots = ordered(spots)
             for spot in spots:
                 self._places.part(spot, given)
             held = {cable for spot in spots for cable in spot.cables}.union(more)
@@ -213,7 +222,7 @@ class Crossing(Piled):
         return False
 
     def _by_halves(self, goal: Array) -> list[CableShape]:
-        """By way of the ends halfway, as cables came through each other unseen on the whole way at once."""
+        """By way of the ends halfway, where at once cables came through each other unseen, or no way was found."""
         if self._halvings == _HALVINGS or perf_counter() > self._deadline:
             return self._give_up([None] * len(self._solos), LOST)
         given = [(problem.start, problem.end, problem.links) for problem in self.problems]
@@ -281,13 +290,10 @@ class Crossing(Piled):
                 if status is not Status.OK and self._group is None:
                     given = [graded(shape, status, status.remedy) for shape in given]
                 return self._accept(given, frames)
-            along = self._places.along_each_other(given, found)
-            if along:
-                return self._give_up([None] * len(shapes), along)
             for spot in found:
                 self._places.part(spot, given)
                 spot.reach = min(spot.reach, spot.distance)
-            spots = [spot.copy() for spot in self._spots] + found
+            spots = ordered([*(spot.copy() for spot in self._spots), *found])
             if len(spots) > MOST:
                 break
             crowded = self._places.crowded(spots)

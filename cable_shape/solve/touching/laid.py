@@ -106,6 +106,7 @@ class Pair(NamedTuple):
     reach: float  # [m], least distance of the centrelines
     push: float  # [N], 0: they do not touch
     places: Array  # (2, 3) [m]
+    stays: bool = False  # the first node stays along its cable, see `kernels.contact.link`
 
 
 class Laid:
@@ -383,7 +384,7 @@ class Laid:
         self.ends: Array = np.zeros((3, self._arcs.size - self.gaps.size, 3))
         self.frames: Array = np.zeros((self._arcs.size, 7))
         self.held: Any = np.abs(nodes[:, None] - self._arcs).argmin(axis=0)
-        self._pairs: Any = np.zeros((len(self.links), 2), np.int64)
+        self._pairs: Any = np.array([(0, 0, pair.stays) for pair in self.links], np.int64).reshape(-1, 3)
         self.widest = float(self.h[self.held[:-1]].max())
         self.loads: Array = np.zeros((n + 1, 7))
         self.s_then: Array = self.s.copy()  # before the last step

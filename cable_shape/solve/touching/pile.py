@@ -24,7 +24,17 @@ from cable_shape.solve.problem import Problem
 from cable_shape.solve.rod_common import MODEL
 from cable_shape.solve.touching.harness_state import HarnessTouchState
 from cable_shape.solve.touching.laid import Pair
-from cable_shape.solve.touching.places import DEEPEST, MOUTH, SHORTEST, Line, Spot, at_an_end, hand_of, overlaps_at
+from cable_shape.solve.touching.places import (
+    DEEPEST,
+    MOUTH,
+    SHORTEST,
+    Line,
+    Spot,
+    at_an_end,
+    hand_of,
+    overlap_of,
+    overlaps_at,
+)
 from cable_shape.solve.touching.search import relax
 from cable_shape.solve.touching.step import FAR, WARM_ITERATIONS, Steps
 from cable_shape.solve.touching.touching import ACCURACY, BURIED, inexact
@@ -94,7 +104,7 @@ class Pile:
         state = self._state
         gaps = {cable: state.gaps[row] for row, cable in enumerate(self.cables)}
         state.links = tuple(
-            Pair(s.arcs + [gaps[cable] for cable in s.cables], s.reach, s.press, s.places) for s in self.spots
+            Pair(s.arcs + [gaps[cable] for cable in s.cables], s.reach, s.press, s.places, s.stays) for s in self.spots
         )
         poses = self._poses(self.frames)
         state.start_from(shapes, poses, self.finer)  # type: ignore[arg-type]
@@ -222,6 +232,12 @@ class Pile:
         """Whether the last equilibrium is not within tolerance."""
         return not float(self._state.info[drive.I_ESTIMATE]) <= self.tolerance
 
+    @property
+    def overlap(self) -> float:
+        """[m], by how much cables that lie along each other overlap between the places of their row at most."""
+        rows = {spot.cables: spot for spot in self.spots if spot.stays}
+        return max((overlap_of(spot, self._lines(spot, self._steps.buffer)) for spot in rows.values()), default=0.0)
+
     def refined(self) -> bool:
         """A finer mesh where it is too coarse; False if the equilibrium is lost on it."""
         while self.coarse and self.finer < _FINEST:
@@ -232,8 +248,8 @@ class Pile:
                 return False
         return True
 
-    def shape(self, cable: int, status: Status, detail: str, began: float) -> CableShape:
-        """A cable's shape with all its contacts, so graded; `began`: when its solve did."""
+    def shape(self, cable: int, status: Status, detail: str, began: float, overlap: float = 0.0) -> CableShape:
+        """A cable's shape with all its contacts, so graded; `began`: when its solve did; overlap: as the property."""
         state, problem = self._state, self._every[cable]
         row, n = self.cables.index(cable), problem.points
         size = NUMBERS_PER_POINT * n
@@ -257,7 +273,7 @@ class Pile:
             status=status,
             detail=detail,
             energy=float(told[2 * cables + row]) + self._energy_of_masses(cable, buffer),
-            error_estimate=estimate,
+            error_estimate=estimate + overlap,
             residual=float(info[drive.I_RESIDUAL]),
             iterations=self._steps.iterations,
             turns=int(state.turns[NOW, row]),

@@ -14,6 +14,7 @@ from cable_shape.solve.problem import Problem
 from cable_shape.solve.rod_common import Patience
 from cable_shape.solve.touching.pile import Member, Pile, all_frames, carried_of
 from cable_shape.solve.touching.places import Places, Spot
+from cable_shape.solve.touching.rounds import Rounds
 
 _SAME = 1e-3  #: of the length: a shape found alone is the one that has come free, if it is no further away
 LOST = "no equilibrium of cables that touch was found. "
@@ -56,6 +57,7 @@ class Piled:
         self._halvings = 0
         self._leaps = True  # whether another equilibrium is looked for where no way leads on
         self._places = Places(names, self.problems)
+        self._rounds = Rounds(self._places.pairs)
         self.reset()
 
     def reset(self) -> None:
@@ -64,6 +66,7 @@ class Piled:
         self._last: tuple[list[CableShape], Array, list[Spot], frozenset[int]] | None = None
         self._reached: Pile | None = None  # how far its cables got from there to where none was found
         self._patience.succeed()
+        self._rounds.begin()
         self._forget()
 
     def _forget(self) -> None:
@@ -136,6 +139,7 @@ class Piled:
     def _reported(self, free: Sequence[CableShape | None], status: Status, began: float) -> list[CableShape]:
         """The shapes of all the cables."""
         group = self._group
+        overlap = 0.0 if group is None else group.overlap
         out: list[CableShape] = []
         for i, shape in enumerate(free):
             if group is None or i not in group.cables:
@@ -144,7 +148,7 @@ class Piled:
                 continue
             grade = Status.UNSTABLE if status is Status.OK and not group.stable else status
             detail = "" if grade is Status.OK else grade.remedy
-            out.append(group.shape(i, grade, detail, began))
+            out.append(group.shape(i, grade, detail, began, overlap))
         return out
 
     def _accept(self, shapes: list[CableShape], frames: Array) -> list[CableShape]:
@@ -152,21 +156,22 @@ class Piled:
         group = self._group
         self._shapes, self._frames = shapes, frames
         if group is not None:
-            along = self._places.along_each_other(shapes, [spot for spot in group.spots if spot.press > 0.0])
-            if along:
-                return self._give_up([None] * len(shapes), along)
             self._patience.succeed()
             for spot in group.spots:
                 spot.before = spot.arcs.copy()
-            staying = [spot for spot in group.spots if spot.press > 0.0 or spot.distance < 2.0 * spot.reach]
+            staying = [spot for spot in group.spots if spot.press > 0.0 or spot.distance < spot.near * spot.reach]
             if len(staying) < len(group.spots):
                 held = group.more.union(cable for spot in staying for cable in spot.cables)
                 if all(self._comes_free(cable, shapes[cable]) for cable in group.cables if cable not in held):
                     more = group.more
                     kept = staying or more
                     self._group = Pile(self._names, self.problems, shapes, frames, staying, more) if kept else None
+            group = self._group
+            if group is not None and self._places.tell_lines(group.spots, dict(enumerate(shapes))):
+                self._group = Pile(self._names, self.problems, shapes, frames, group.spots, group.more)
         self._last = shapes, frames, [spot.copy() for spot in self._spots], self._more
         self._reached = None
+        self._rounds.begin()
         return shapes
 
     def _let_go(self, cables: Collection[int]) -> None:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import final
 
@@ -21,9 +21,17 @@ _TIP = 1.0  #: diameters: nearer to a free end another cable slips off
 MOUTH = 0.3  #: of the distance to be kept, from a grip to where a cable may be touched at least
 DEEPEST = 1e-4  #: [m] cables that overlap by more than this between their points touch
 SHORTEST = math.pi  #: diameters of cable between two points of it that may touch
-_PARALLEL = math.cos(math.radians(4.0))  #: cables that cross at a smaller angle lie along each other
+#: Second derivatives of the distance by both arc lengths, times the distance, of which the determinant is smaller are
+#: those of cables that lie along each other (crossing at 4 degrees, straight), larger of others (7).
+_ALONG, _ACROSS = 0.005, 0.015
+_PARALLEL = math.cos(math.radians(4.0))
+_STEEP = math.cos(math.radians(40.0))  #: so many degrees apart they cross, however they bend
 _ASIDE = 2.0  #: of the distance to be kept: a place nearer to a contact along both cables is that contact
-_APART = 0.05  #: of the distance to be kept: nearer points tell no direction in which to part
+_ROW = 1.0  #: the same of cables that lie along each other, where such contacts are in a row
+_LOOP = 2.0 * SHORTEST  #: the same: cable between two points that lie along each other, of one cable
+_SLOPE = 0.2  #: cosine: a place in such a row is where the second cable is square to the way to the first
+_END = 5.0  #: the same: so near to such a row there is no other contact
+_NEAR, _NEAR_LINE = 2.0, 1.2  #: of it: contacts that are lost stay contacts up to there, in rows
 _CLOSE = 2.0  #: of the distance to be kept: cables that are seen nearer touch, or may
 _MOST_LOOKS = 40  #: at shapes between two
 _OFF = 2.0  #: of the distance to be kept: so near to an end a cable may slip off the other one
@@ -39,7 +47,8 @@ class Spot:
 
     arcs (2,) [m]; places (2, 3) [m]; press [N], 0 where they do not touch; reach [m]: least distance of the
     centrelines; before (2,) [m]: the arc lengths in the last equilibrium that was accepted; hand: how the cables cross,
-    of the sign of n . (t_a x t_b) between tangents t, which changes as they come through each other.
+    of the sign of n . (t_a x t_b) between tangents t, which changes as they come through each other. stays: they lie
+    along each other, and the first point stays where it is along its cable: rows of such stand for contact on a line.
     """
 
     cables: Pair
@@ -49,11 +58,22 @@ class Spot:
     before: Array
     press: float = 0.0
     hand: float = 0.0
+    stays: bool = False
 
     @property
     def distance(self) -> float:
         """[m], of the centrelines."""
         return float(np.linalg.norm(self.places[0] - self.places[1]))
+
+    @property
+    def near(self) -> float:
+        """Of the distance to be kept: so near they are watched though they do not press on each other."""
+        return _NEAR_LINE if self.stays else _NEAR
+
+    @property
+    def turns_back(self) -> bool:
+        """Whether there is so little between two points of one cable that it cannot come to lie along itself there."""
+        return self.cables[0] == self.cables[1] and abs(float(self.arcs[1] - self.arcs[0])) < _LOOP * self.reach
 
     @property
     def normal(self) -> Array:
@@ -62,7 +82,7 @@ class Spot:
 
     def copy(self) -> Spot:
         """Once more, arrays and all."""
-        return Spot(self.cables, self.arcs.copy(), self.places.copy(), self.reach, self.before, self.press, self.hand)
+        return replace(self, arcs=self.arcs.copy(), places=self.places.copy())
 
 
 @final
@@ -80,7 +100,7 @@ class Places:
         down = problems[0].gravity if problems[0].gravity.any() else np.array((0.0, 0.0, -1.0))
         self.down: Array = down / np.linalg.norm(down)
         count = len(problems)
-        self._pairs: list[Pair] = [(a, b) for a in range(count) for b in range(a, count)]
+        self.pairs: list[Pair] = [(a, b) for a in range(count) for b in range(a, count)]
         self.culled, self.cull = 0, True
         self._out = np.empty((cable_near.MOST_SPOTS, cable_near.SPOT))
 
@@ -91,7 +111,7 @@ class Places:
     def overlaps(self, shapes: list[CableShape], known: Sequence[Spot] = ()) -> list[Spot]:
         """Where the shapes overlap."""
         found: list[Spot] = []
-        for pair in self._pairs:
+        for pair in self.pairs:
             a, b = shapes[pair[0]], shapes[pair[1]]
             found += self._spots(pair, a, b, a.positions, b.positions, self.reach(pair) - DEEPEST, known)
         return found
@@ -99,7 +119,7 @@ class Places:
     def close(self, shapes: Sequence[CableShape]) -> list[Spot]:
         """Where the shapes overlap, or touch but for an inexact look at them."""
         found: list[Spot] = []
-        for pair in self._pairs:
+        for pair in self.pairs:
             a, b = shapes[pair[0]], shapes[pair[1]]
             found += self._spots(pair, a, b, a.positions, b.positions, _CLOSE * self.reach(pair), ())
         return found
@@ -110,15 +130,16 @@ class Places:
 
     def near(self, shapes: list[CableShape], before: list[CableShape]) -> list[Pair]:
         """The pairs that bounds do not rule out to have touched since the shapes before."""
-        pairs = [pair for pair in self._pairs if not self._far(pair, shapes, before)]
-        self.culled = len(self._pairs) - len(pairs)
+        pairs = [pair for pair in self.pairs if not self._far(pair, shapes, before)]
+        self.culled = len(self.pairs) - len(pairs)
         return pairs
 
     def missed(self, shapes: list[CableShape], before: list[CableShape], known: Sequence[Spot]) -> list[Spot] | None:
         """Where the shapes overlap, or have come past each other since those before: as it was before.
 
         Looked for in shapes between the two; what is seen in none of them, in how cables come through each other. None:
-        it cannot be told, as a known contact was lost there, or the cables were nowhere near each other.
+        it cannot be told, as a known contact was lost there, or the cables were nowhere near each other, or only
+        further along than they have gone.
         """
         found: list[Spot] = []
         pairs = self.near(shapes, before)
@@ -136,10 +157,18 @@ class Places:
                     break
             if not now:
                 continue
-            then = self._spots(pair, a, b, a.positions, b.positions, self.reach(pair) + way, known)
+            found += [
+                _moved_to(spot, [(a.arc_length, a.positions), (b.arc_length, b.positions)])
+                for spot in now
+                if spot.stays
+            ]
+            now = [spot for spot in now if not spot.stays]
+            then = self._spots(pair, a, b, a.positions, b.positions, self.reach(pair) + way, known) if now else []
             for spot in now:
                 near = min(then, key=lambda s: float(np.abs(s.arcs - spot.arcs).sum()), default=None)
                 if near is None:
+                    return None
+                if pair[0] != pair[1] and float(np.abs(near.arcs - spot.arcs).sum()) > way + self.reach(pair):
                     return None
                 if not any(near is other for other in found):
                     found.append(near)
@@ -158,8 +187,7 @@ class Places:
         if not len(rows):
             return None
         arcs = rows[rows[:, 0].argmin(), 2:]
-        places = [[np.interp(arc, s, c) for c in p.T] for arc, (s, p) in zip(arcs, lines, strict=True)]
-        return Spot(pair, arcs.copy(), np.array(places), reach, arcs.copy())
+        return _moved_to(Spot(pair, arcs.copy(), np.empty((2, 3)), reach, arcs.copy()), lines)
 
     def crowded(self, spots: Sequence[Spot]) -> str:
         """Which cable is touched too near to what holds it, or twice in one place, in words; empty if none is."""
@@ -184,10 +212,13 @@ class Places:
 
     def part(self, spot: Spot, shapes: Sequence[CableShape]) -> None:
         """Puts two points that are all but one a little apart, across both cables, the second one above."""
-        least = _APART * self.reach(spot.cables)
+        least = cable_near.APART * self.reach(spot.cables)
         if spot.distance >= least:
             return
-        t, u = (self._tangent(shapes[cable], arc) for cable, arc in zip(spot.cables, spot.arcs, strict=True))
+        t, u = (
+            shapes[cable].tangents[np.abs(shapes[cable].arc_length - arc).argmin()]
+            for cable, arc in zip(spot.cables, spot.arcs, strict=True)
+        )
         across = np.cross(t, u)
         size = float(np.linalg.norm(across))
         normal = across / size if size > 0.0 else np.array((0.0, 0.0, 1.0))
@@ -196,21 +227,36 @@ class Places:
         middle = spot.places.mean(axis=0)
         spot.places = np.array((middle + 0.5 * least * normal, middle - 0.5 * least * normal))
 
-    @staticmethod
-    def _tangent(shape: CableShape, arc: float) -> Array:
-        """(3,), of a shape at an arc length."""
-        return np.asarray(shape.tangents[np.abs(shape.arc_length - arc).argmin()])
+    def tell_lines(self, spots: Sequence[Spot], shapes: Mapping[int, CableShape], known: Sequence[Spot] = ()) -> bool:
+        """Tells which of these places belong to cables that lie along each other there; whether any is told otherwise.
 
-    def along_each_other(self, shapes: Sequence[CableShape], spots: Sequence[Spot]) -> str:
-        """Which cables do not cross at these places but lie along each other, in words; empty if none do."""
-        for spot in spots:
-            t, u = (self._tangent(shapes[cable], arc) for cable, arc in zip(spot.cables, spot.arcs, strict=True))
-            if abs(float(t @ u)) > _PARALLEL:
-                first, second = (self._names[cable] for cable in spot.cables)
-                who = f"cables {first!r} and {second!r} lie" if first != second else f"cable {first!r} lies"
-                what = "each other" if first != second else "itself"
-                return f"{who} along {what} at {spot.arcs[0]:.3f} m, which is not solved for. "
-        return ""
+        Of a place that was one the other way round a little more is asked. So do those next to them, or to `known`
+        ones, and none where the cables are far from each other, or one turns back onto itself; nor one that has no
+        other beside it, unless they are all but parallel there.
+        """
+        before = [spot.stays for spot in spots]
+        found = [self._alongside(spot, shapes) for spot in spots]
+        may = [
+            abs(cosine) > _STEEP and spot.distance < _NEAR * spot.reach and not spot.turns_back
+            for spot, (cosine, _, _) in zip(spots, found, strict=True)
+        ]
+        for spot, flat, (_, _, det) in zip(spots, may, found, strict=True):
+            spot.stays = flat and det < (_ACROSS if spot.stays else _ALONG)
+        rows = [spot for spot in (*spots, *known) if spot.stays]
+        for spot, flat, (cosine, _, _) in zip(spots, may, found, strict=True):
+            beside = any(_next_to(spot, other) for other in rows if other is not spot)
+            spot.stays = (flat and beside) or (spot.stays and abs(cosine) > _PARALLEL)
+        return before != [spot.stays for spot in spots]
+
+    @staticmethod
+    def _alongside(spot: Spot, shapes: Mapping[int, CableShape]) -> tuple[float, float, float]:
+        """As `cable_near.alongside` has it."""
+        a, b = (shapes[cable] for cable in spot.cables)
+        row = np.concatenate(([spot.distance], spot.arcs, spot.places.ravel()))
+        found: tuple[float, float, float] = cable_near.alongside(
+            a.positions, a.arc_length, b.positions, b.arc_length, row, spot.reach
+        )
+        return found
 
     def _spots(
         self, pair: Pair, a: CableShape, b: CableShape, p: Array, r: Array, reach: float, known: Sequence[Spot]
@@ -222,12 +268,15 @@ class Places:
         rows = self._out[:count].copy()
         for row in rows:
             self._keep_off_mouths(row, pair, ((a, p), (b, r)))
-        found = [
-            Spot(pair, row[1:3], row[3:9].reshape(2, 3), self.reach(pair), row[1:3].copy())
-            for row in rows
-            if not any(_slopes_to(row, other, a, b, p, r) for other in rows)
+        found = [Spot(pair, row[1:3], row[3:9].reshape(2, 3), self.reach(pair), row[1:3].copy()) for row in rows]
+        self.tell_lines(found, {pair[0]: a, pair[1]: b}, known)
+        places = [
+            spot
+            for spot, row in zip(found, rows, strict=True)
+            if (spot.stays and abs(self._alongside(spot, {pair[0]: a, pair[1]: b})[1]) < _SLOPE)
+            or not any(_slopes_to(row, other, a, b, p, r) for other in rows)
         ]
-        return [spot for spot in found if not any(_same(spot, other, aside) for other in known)]
+        return [spot for spot in places if not any(_same(spot, other) for other in known)]
 
     def _keep_off_mouths(self, row: Array, pair: Pair, lines: tuple[tuple[CableShape, Array], ...]) -> None:
         """Puts a place next to a grip at its mouth: there the knot of a pair stops."""
@@ -239,6 +288,17 @@ class Places:
                 row[3 + 3 * side : 6 + 3 * side] = [np.interp(arc, shape.arc_length, c) for c in line.T]
 
 
+def _moved_to(spot: Spot, lines: Sequence[Line]) -> Spot:
+    """The place where two centrelines have it."""
+    places = [[np.interp(arc, s, c) for c in p.T] for arc, (s, p) in zip(spot.arcs, lines, strict=True)]
+    return replace(spot, places=np.array(places))
+
+
+def ordered(spots: Sequence[Spot]) -> list[Spot]:
+    """The places pair by pair and along the first cable: next to each other are what lies along each other."""
+    return sorted(spots, key=lambda spot: (spot.cables, float(spot.arcs[0])))
+
+
 def _slopes_to(row: Array, other: Array, a: CableShape, b: CableShape, p: Array, r: Array) -> bool:
     """Whether a place is but the flank of a nearer one: halfway between them the cables are nearer, too."""
     if not other[0] < row[0]:
@@ -248,13 +308,19 @@ def _slopes_to(row: Array, other: Array, a: CableShape, b: CableShape, p: Array,
     return float(np.linalg.norm(halfway)) < float(row[0])
 
 
-def _same(spot: Spot, known: Spot, aside: float) -> bool:
+def _next_to(spot: Spot, other: Spot) -> bool:
+    """Whether two places may belong to one row."""
+    return spot.cables == other.cables and bool(np.abs(other.arcs - spot.arcs).max() < _END * spot.reach)
+
+
+def _same(spot: Spot, known: Spot) -> bool:
     """Whether a place is a contact, or where one has been since the last equilibrium."""
-    return known.cables == spot.cables and _beside(spot.arcs, known, aside)
+    return known.cables == spot.cables and _beside(spot.arcs, known)
 
 
-def _beside(arcs: Array, known: Spot, aside: float) -> bool:
+def _beside(arcs: Array, known: Spot) -> bool:
     """Whether arc lengths (2,) are where a contact is, or has been since the last equilibrium."""
+    aside = (_ROW if known.stays else _ASIDE) * known.reach
     low, high = np.minimum(known.arcs, known.before) - aside, np.maximum(known.arcs, known.before) + aside
     return bool((low < arcs).all() and (arcs < high).all())
 
@@ -291,10 +357,19 @@ def overlaps_at(spot: Spot, lines: Sequence[Line], least: float) -> Array:
     least [m]: cable between two points of one cable that may touch.
     """
     (s, p), (u, r) = lines
-    own, aside = spot.cables[0] == spot.cables[1], _ASIDE * spot.reach
+    own, aside = spot.cables[0] == spot.cables[1], (_ROW if spot.stays else _ASIDE) * spot.reach
     rows = np.empty((cable_near.MOST_SPOTS, cable_near.SPOT))
     count = cable_near.spots(p, s, r, u, own, least, spot.reach - DEEPEST, aside, rows)
-    return rows[[k for k in range(count) if _beside(rows[k, 1:3], spot, aside)]]
+    return rows[[k for k in range(count) if _beside(rows[k, 1:3], spot)]]
+
+
+def overlap_of(spot: Spot, lines: Sequence[Line]) -> float:
+    """[m], by how much two centrelines of a pair overlap at most, wherever; a cable with itself at a distance."""
+    (s, p), (u, r) = lines
+    found, own = np.empty((1, cable_near.SPOT)), spot.cables[0] == spot.cables[1]
+    counts = np.zeros(2, dtype=np.int64)
+    near = cable_near.nearest(p, s, r, u, own, _LOOP * spot.reach, spot.reach, True, found[0], counts, counts)
+    return float(spot.reach - found[0, 0]) if near else 0.0
 
 
 def hand_of(spot: Spot, lines: Sequence[Line]) -> float:
