@@ -123,8 +123,10 @@ class Pose:
     def trusted(cls, array: Array, turns: int = 0) -> Pose:
         """A pose that keeps `array` (7,), position and unit quaternion x y z w, without copying or checking it.
 
-        For numbers that this package has computed itself, such as forward kinematics; nothing may write to `array`.
+        For numbers that this package has computed itself, such as forward kinematics; nothing may write to `array`,
+        which is read-only from now on.
         """
+        array.flags.writeable = False
         pose = object.__new__(cls)
         pose.array = array
         pose.turns = turns
@@ -144,9 +146,7 @@ class Pose:
         """This pose followed by `other`, given in this pose's frame; `turns` is taken from this pose."""
         if not isinstance(other, Pose):
             return NotImplemented
-        array = compose(self.array, other.array)
-        array.flags.writeable = False
-        return Pose.trusted(array, self.turns)
+        return Pose.trusted(compose(self.array, other.array), self.turns)
 
     def inverse(self) -> Pose:
         """The pose that undoes this one: ``pose * pose.inverse()`` is the identity."""

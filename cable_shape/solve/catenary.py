@@ -21,7 +21,7 @@ import numpy as np
 
 from cable_shape.checks import Array
 from cable_shape.kernels import catenary as kernel
-from cable_shape.pose import FreeEnd
+from cable_shape.pose import FreeEnd, Pose
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve.problem import Problem
 from cable_shape.solve.rod_distance import rod_distance
@@ -32,7 +32,7 @@ MODEL = "catenary"
 _PANELS = 400
 #: Loads nearer to an end than this fraction of the length are carried by the end.
 _AT_END = 1e-9
-_NOWHERE = np.array((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+_NOWHERE = Pose().array  # read-only, as all poses are: kernels are compiled for each kind of array
 _NO_TIP = np.zeros(3)
 
 

@@ -41,13 +41,13 @@ from cable_shape.errors import ArgumentError
 from cable_shape.kernels import gradient as kernel
 from cable_shape.kernels.gradient_ends import CLAMPED, FREE, PINNED
 from cable_shape.kernels.gradient_tension import FAILED, FOUND, SINGULAR, critical
-from cable_shape.pose import FreeEnd, Grip
+from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.shape import NUMBERS_PER_POINT, CableShape, Status
 from cable_shape.solve.problem import Problem
 from cable_shape.solve.rod_distance import rod_distance
 
 _KIND = {"clamped": CLAMPED, "swivel": CLAMPED, "pinned": PINNED}
-_NOWHERE = np.array((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+_NOWHERE = Pose().array  # read-only, as all poses are: kernels are compiled for each kind of array
 _NOTHING: Array = np.zeros(3)
 
 _OK = Status.OK  # looked up once: an enumeration's members take longer than their name says
