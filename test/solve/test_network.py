@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import sys
 
 import collocation
 import numpy as np
 import pytest
-from networks import HELD, REVERSED, TURNS, Net, Piece, Point, Rod, even, frame_along
+import stars
+from networks import HELD, REVERSED, STRAIGHT_ON, TURNS, Net, Piece, Point, Rod, even, frame_along
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
+from stars import FAR, LENGTHS, WEIGHTS
 
 from cable_shape.kernels.network import system
 from cable_shape.kernels.network.drive import I_ESTIMATE, I_OFF
@@ -99,78 +102,36 @@ def test_a_junction_in_a_cable_in_clips_changes_nothing(one_cable):
 # -- stars
 
 
-FORCE = np.array((0.05, 0.0, -0.4))
-STIFFNESS = ((0.012, 0.012, 0.009), (0.03, 0.02, 0.02), (0.006, 0.006, 0.005))
-LENGTHS, WEIGHTS = (0.5, 0.7, 0.6), (0.6, 1.2, 0.9)
-WAYS = np.array(((1.0, 0.1, 0.2), (-0.7, 0.8, 0.1), (-0.6, -0.9, 0.3)))
-FAR = ((0.42, 0.05, 0.1), (-0.35, 0.4, 0.05), (-0.3, -0.38, 0.15))
-STRAIGHT = (0.0, 0.0, 0.0, 1.0)
+FORCE = np.array((0.05, 0.0, -0.4))  # N, on the junction
 
 
-TIP, COUPLE = np.array((0.05, 0.1, -0.2)), np.array((0.002, 0.004, 0.003))
-
-
-def star(elements: int, free: tuple[int, ...] = (), samples: int = 41, couple: np.ndarray | None = None) -> Net:
+def star(elements: int, free: tuple[int, ...] = (), couple: np.ndarray = stars.NO_COUPLE, force=FORCE) -> Net:
     """Three arms of different stiffness, weight and length on a loaded junction; the second one ends in it.
 
     free: those arms whose far ends nothing holds; on them pull TIP and a dead moment `couple`.
     """
-    points = [Point((0.02, 0.02, -0.12), STRAIGHT, TURNS, True, force=FORCE)]
+    points = [Point((0.02, 0.02, -0.12), STRAIGHT_ON, TURNS, True, force=force)]
     rods = []
-    for i, way in enumerate(WAYS / np.linalg.norm(WAYS, axis=1)[:, None]):
-        ends = i == 1
-        rotation = frame_along(np.add(way, (0.0, 0.2, 0.3)), -0.3)
-        if ends:
-            rotation = frame_along(-np.add(way, (0.0, 0.0, 0.3)), 0.2)
-        loads = (TIP, HELD if couple is None else couple) if i in free else (HELD, HELD)
-        points.append(Point(FAR[i], rotation, moves=i in free, force=loads[0], moment=loads[1]))
-        rest = (0.5, 0.0, 0.3) if i == 2 else HELD
-        piece = Piece(LENGTHS[i], STIFFNESS[i], rest=rest, weight=WEIGHTS[i])
-        frames = {(0, int(ends)): frame_along(-way if ends else way, 0.3)}
-        untied = {(0, 0 if ends else 1): TURNS} if i in free else {}
+    for i in range(3):
+        ends = stars.meets(i)
+        frame, rotation = stars.frames(i)
+        loads = (stars.TIP, couple) if i in free else (HELD, HELD)
+        points.append(Point(stars.FAR[i], rotation, moves=i in free, force=loads[0], moment=loads[1]))
+        piece = Piece(LENGTHS[i], stars.STIFFNESS[i], rest=stars.REST[i], weight=WEIGHTS[i])
+        untied = {(0, 1 - ends): TURNS} if i in free else {}
         pair = (i + 1, 0) if ends else (0, i + 1)
-        rods.append(Rod(pair, [piece], even(LENGTHS[i], elements), frames, untied=untied))
-    return Net(points, rods, samples)
+        rods.append(Rod(pair, [piece], even(LENGTHS[i], elements), {(0, ends): frame}, untied=untied))
+    return Net(points, rods)
 
 
-def states(net: Net, rod: int, low: float = 0.0, high: float = 1.0):
-    """The shape of part of a rod as collocation's states at fractions of it."""
-    q = net.quaternions(rod)
-    moments = Rotation.from_quat(q).inv().apply(net.moments(rod))
-    rows = np.concatenate((net.positions(rod), q, moments, net.forces(rod)), axis=1)
-    spline = CubicSpline(np.linspace(0.0, 1.0, net.samples), rows, axis=0)
-    return lambda x: spline(low + (high - low) * x).T
-
-
-def reference(net: Net):
-    """Collocation of the same star, from its shape."""
-    arms = []
-    for rod in net.rods:
-        meets = rod.knots.index(0)
-        piece, far = rod.pieces[0], net.points[rod.knots[1 - meets]]
-        tip = (far.force, far.moment) if far.moves else None
-        stiffness, rest = collocation.constant(piece.stiffness), collocation.constant(piece.rest)
-        frame = rod.frames[0, meets]
-        arms.append(
-            collocation.Arm(piece.length, stiffness, rest, piece.weight, far.place, far.rotation, meets, frame, tip)
-        )
-    return collocation.solve(arms, [states(net, i) for i in range(len(arms))], FORCE)
-
-
-def of(found, rod: int, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Positions and rotations of collocation's rod at fractions of its length."""
-    rows = found.sol(x)[13 * rod : 13 * rod + 7].T
-    return rows[:, :3], rows[:, 3:]
-
-
-def error(net: Net, found) -> float:
-    """[m], the largest at nodes and samples of all rods."""
+def error(net: Net, found: list[stars.Solved]) -> float:
+    """[m], the largest at nodes, where collocation tells of them, and samples of all rods."""
     worst = 0.0
-    for i in range(len(net.rods)):
-        nodes = of(found, i, np.linspace(0.0, 1.0, net.nodes[i].size))[0]
-        samples = of(found, i, np.linspace(0.0, 1.0, net.samples))[0]
-        apart = np.abs(net.at_nodes(i)[0] - nodes).max(), np.abs(net.positions(i) - samples).max()
-        worst = max(worst, *apart)
+    for i, arm in enumerate(found):
+        nodes = net.at_nodes(i)[0]
+        common = math.gcd(len(nodes) - 1, stars.POINTS - 1)
+        at = nodes[:: (len(nodes) - 1) // common], arm.positions[:: (stars.POINTS - 1) // common]
+        worst = max(worst, np.abs(at[0] - at[1]).max(), np.abs(net.positions(i) - arm.positions).max())
     return worst
 
 
@@ -179,30 +140,24 @@ def order(counts, errors) -> float:
     return float(-np.polyfit(np.log(counts), np.log(errors), 1)[0])
 
 
-@pytest.fixture(scope="module")
-def clamped():
-    """Collocation of the star whose far ends are clamped."""
-    return reference(star(40, samples=161).settle())
-
-
-def test_a_star_is_what_collocation_finds(clamped):
+def test_a_star_is_what_collocation_finds():
     """As fine as its estimate asks for, it is right to a tenth of the tolerance; errors fall with the sixth power."""
-    length, tolerance = sum(LENGTHS), 1e-5
+    length, tolerance, clamped = sum(LENGTHS), 1e-5, stars.solved(*stars.CASES[0])
     for elements in range(4, 40, 2):
-        net = star(elements).settle()
+        net = star(elements, force=stars.FORCE).settle()
         if net.info[I_ESTIMATE] <= tolerance * length:
             break
     assert elements < 12
     assert error(net, clamped) <= 0.1 * tolerance * length
     counts, errors = (8, 10, 14, 20, 28), []
     for n in counts:
-        net = star(n).settle()
+        net = star(n, force=stars.FORCE).settle()
         errors.append(error(net, clamped))
         assert errors[-1] <= net.info[I_ESTIMATE]
     assert order(counts, errors) >= 5.5
 
 
-def test_forces_balance_at_a_junction(clamped):
+def test_forces_balance_at_a_junction():
     """Of starts less those of ends, with what it is loaded with, nothing is left; nor of moments."""
     net = star(20).settle()
     starts = net.forces(0)[0], -net.forces(1)[-1], net.forces(2)[0]
@@ -215,13 +170,13 @@ def test_forces_balance_at_a_junction(clamped):
     np.testing.assert_allclose(carried, FORCE - (0.0, 0.0, weight), atol=1e-9)
 
 
-@pytest.mark.parametrize(("free", "couple"), [((2,), HELD), ((1,), HELD), ((1, 2), HELD), ((2,), COUPLE)])
+@pytest.mark.parametrize(("free", "couple"), stars.CASES[1:5])
 def test_free_arms_are_what_collocation_finds(free, couple):
     """An arm that ends free, one that starts free, and a fork that hangs from one grip."""
-    found = reference(star(40, free, 161, couple).settle(kind=HANGING))
+    found = stars.solved(free, couple)
     counts, errors = (8, 10, 14, 20, 28), []
     for n in counts:
-        net = star(n, free, couple=couple).settle(kind=HANGING)
+        net = star(n, free, couple, stars.FORCE).settle(kind=HANGING)
         assert net.info[I_EXCESS] == 0.0
         errors.append(error(net, found))
         assert errors[-1] <= net.info[I_ESTIMATE]
@@ -260,7 +215,7 @@ def test_a_star_is_found_from_any_number_of_elements(monkeypatch, weights, kind)
         assert net.solve() == CONVERGED, n
 
 
-@pytest.mark.parametrize(("free", "couple"), [((), HELD), ((2,), HELD), ((1,), HELD), ((1, 2), HELD), ((2,), COUPLE)])
+@pytest.mark.parametrize(("free", "couple"), stars.CASES[:5])
 def test_sensitivities_of_a_star_are_differences(free, couple):
     """By every number of a grip's pose, of all arms, of those too that nothing else holds."""
     net = star(60, free, couple=couple).settle(kind=HANGING)
@@ -330,6 +285,21 @@ def tapered(elements: int) -> Net:
     return Net([START, END], [Rod((0, 1), pieces, [nodes])], samples=241)
 
 
+def states(net: Net, low: float, high: float):
+    """The shape of part of the cable as collocation's states at fractions of it."""
+    q = net.quaternions(0)
+    moments = Rotation.from_quat(q).inv().apply(net.moments(0))
+    rows = np.concatenate((net.positions(0), q, moments, net.forces(0)), axis=1)
+    spline = CubicSpline(np.linspace(0.0, 1.0, net.samples), rows, axis=0)
+    return lambda x: spline(low + (high - low) * x).T
+
+
+def of(found, rod: int, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Positions and rotations of collocation's rod at fractions of its length."""
+    rows = found.sol(x)[13 * rod : 13 * rod + 7].T
+    return rows[:, :3], rows[:, 3:]
+
+
 def line(a, b, length: float):
     first, slope = np.array(a)[:, None], (np.array(b) - a)[:, None] / length
     return lambda s: first + slope * s
@@ -343,7 +313,7 @@ def test_tapers_and_jumps_keep_the_order():
         stiffness, rest = line(*TAPERS[i], PARTS[i]), line(BENDS[i], BENDS[i + 1], PARTS[i])
         arms.append(collocation.Arm(PARTS[i], stiffness, rest, 0.981, point.place, point.rotation, 1 - i))
     share = JUMP / LENGTH
-    found = collocation.solve(arms, [states(fine, 0, 0.0, share), states(fine, 0, share)], np.zeros(3))
+    found = collocation.solve(arms, [states(fine, 0.0, share), states(fine, share, 1.0)], np.zeros(3))
     counts, rotations, errors = (16, 20, 24, 32, 40, 48, 64), [], []
     for n in counts:
         net = tapered(n).settle()
