@@ -23,7 +23,7 @@ import re
 import stat
 import tempfile
 from collections.abc import Callable, Iterator
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, ClassVar, final
 
@@ -32,11 +32,32 @@ import numba
 from numba import types
 from numba.core import cgutils, imputils
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
+from numba.extending import overload
+from numba.np import arrayobj
+
+from cable_shape.kernels._late import Late
 
 HERE = Path(__file__).parent
 _IMPORT = re.compile(rb"^from cable_shape\.kernels([\w.]*) import (?:\(([^)]*)\)|([^\n]*))", re.MULTILINE)
 LARGE = 120  # instructions of a kernel that is not put in line
 _GROUP, _OTHERS = stat.S_IWGRP, stat.S_IWOTH
+
+
+def _shapes_differ(given: Any, place: Any) -> None:
+    """The error of an array that does not fit into the slice that it is assigned to."""
+
+
+@overload(_shapes_differ)
+def _tell(given: Any, place: Any) -> Any:
+    def tell(given: Any, place: Any) -> None:
+        raise ValueError("cannot assign slice from input of different size")
+
+    return tell
+
+
+# numba's own text has both shapes in it, and so strings and their joining in every kernel that assigns an array: a
+# tenth of what there is to compile.
+arrayobj.raise_with_shape_context = _shapes_differ
 
 
 @cache
@@ -233,38 +254,70 @@ def _large(compiled: Any) -> bool:
 
 @final
 class _Within:
-    """A kernel as others call it: compiled without what takes arguments from Python, called by name if it is large."""
+    """A kernel as others call it: compiled without what takes arguments from Python, called by name if it is large.
 
-    def __init__(self, function: Any, options: dict[str, Any]) -> None:
-        self.function = function
-        self.compiled = numba.njit(error_model="numpy", **{"no_cpython_wrapper": True, **options})(function)
-        self.compiled._cache = _CacheWithin(function)
+    late: numba's type of what it returns; then others ask for it when they come to it, see :class:`Late`.
+    """
+
+    def __init__(self, function: Any, options: dict[str, Any], late: types.Type | None) -> None:
+        self.function, self.options, self.late = function, options, late
         self.inline = bool(options.get("forceinline")) or options.get("inline") == "always"
         self.keys: dict[Any, Any] = {}
+
+    @cached_property
+    def compiled(self) -> Any:
+        """numba's dispatcher."""
+        made = numba.njit(error_model="numpy", **{"no_cpython_wrapper": True, **self.options})(self.function)
+        made._cache = _CacheWithin(self.function)
+        return made
 
     def template(self, args: Any, kws: Any) -> Any:
         """What a kernel makes of a call by another: one machine code, not one for each number written into a call."""
         plain = {name: types.unliteral(arg) for name, arg in kws.items()}
-        return self.compiled.get_call_template(tuple(map(types.unliteral, args)), plain)
+        unliteral = tuple(map(types.unliteral, args))
+        if self.late is None:
+            return self.compiled.get_call_template(unliteral, plain)
+        signature, folded = self.compiled._compiler.fold_argument_types(unliteral, plain)
+        return self.key(folded).template(self.function.__name__), signature, folded, {}
 
     def key(self, args: Any) -> Any:
         """By what the context knows how to call it."""
         args = tuple(args)
         if args not in self.keys:
-            compiled = self.compiled.overloads[args]
-            apart = not self.inline and _large(compiled)
-            self.keys[args] = _Apart(self.function, compiled) if apart else compiled.entry_point
+            self.keys[args] = self._promised(args) if self.late is not None else self._called(args)
         return self.keys[args]
 
     def load(self, args: tuple[types.Type, ...]) -> None:
         """Makes its name known to machine code that calls it."""
         if args not in self.keys:
+            if self.late is None:
+                self.compiled.compile(args)
+                self.keys[args] = _Apart(self.function, self.compiled.overloads[args])
+            else:
+                self.keys[args] = self._promised(args)
+
+    def _called(self, args: tuple[types.Type, ...]) -> Any:
+        compiled = self.compiled.overloads[args]
+        return _Apart(self.function, compiled) if not self.inline and _large(compiled) else compiled.entry_point
+
+    def _promised(self, args: tuple[types.Type, ...]) -> Late:
+        def address() -> int:
             self.compiled.compile(args)
-            self.keys[args] = _Apart(self.function, self.compiled.overloads[args])
+            made = self.compiled.overloads[args]
+            return int(made.library.get_pointer_to_function(made.fndesc.llvm_func_name))
+
+        late = Late(self.function, args, self.late, address)
+        _Apart.known[late.symbol] = self.function.__module__, self.function.__name__, args
+        self.compiled.targetctx.insert_func_defn([(late.call, late, args)])
+        return late
 
 
-def kernel(function: Callable[..., Any] | None = None, **options: Any) -> Any:
-    """Compiles lazily in nopython mode with numpy's division rules (NaN and inf, no exceptions) and a cache on disk."""
+def kernel(function: Callable[..., Any] | None = None, late: types.Type | None = None, **options: Any) -> Any:
+    """Compiles lazily in nopython mode with numpy's division rules (NaN and inf, no exceptions) and a cache on disk.
+
+    late: the type that a kernel returns which others call in rare cases alone: it is not compiled with them, but when
+    it is first called, or by :func:`cable_shape.kernels._late.load_all`.
+    """
 
     options.setdefault("_nrt", True)  # else it would be that of whatever kernel calls it first
     options.setdefault("no_cfunc_wrapper", True)  # no kernel is handed over as a value
@@ -273,9 +326,8 @@ def kernel(function: Callable[..., Any] | None = None, **options: Any) -> Any:
         compiled = numba.njit(error_model="numpy", **options)(f)
         if hasattr(compiled, "enable_caching"):  # not where NUMBA_DISABLE_JIT leaves the function as it is
             compiled._cache = _Cache(f)
-            within = _Within(f, options)
-            compiled.get_call_template, compiled.get_overload = within.template, within.key
-            compiled.load, compiled.within = within.load, within.compiled
+            within = compiled.within = _Within(f, options, late)
+            compiled.get_call_template, compiled.get_overload, compiled.load = within.template, within.key, within.load
         return compiled
 
     return decorate if function is None else decorate(function)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numba import types
 
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
@@ -162,7 +163,7 @@ def bezier(p1: Vector, p2: Vector, p3: Vector, x: float) -> Vector:
     return add(add(scale(3.0 * x * y * y, p1), scale(3.0 * x * x * y, p2)), scale(x * x * x, p3))
 
 
-@kernel
+@kernel(late=types.none)
 def bezier_tangents(s: Array, span: Array, t0: Vector, t1: Vector, sag: Vector, t: Array) -> None:
     """Tangents t (N+1, 3) of the Bezier curve whose handles have the length that makes it as long as the cable.
 

@@ -37,7 +37,7 @@ class Entry(NamedTuple):
     def kernel(self) -> Any:
         """numba's dispatcher. AttributeError or ImportError: it is no longer there."""
         kernel = getattr(importlib.import_module(KERNELS + self.module), self.name)
-        return kernel.within if self.called else kernel
+        return kernel.within.compiled if self.called else kernel
 
 
 def read(file: Path = FILE) -> list[Entry]:
@@ -91,7 +91,7 @@ def cached() -> list[tuple[float, str, str, str, bool]]:
     """What is in the cache, oldest first: when it came [s], and but for its stage what an entry says."""
     found = []
     for (module, name), kernel in all_kernels().items():
-        for called, one in ((False, kernel), (True, kernel.within)):
+        for called, one in ((False, kernel), (True, kernel.within.compiled)):
             files = one._cache._impl and one._cache._cache_file
             for key, data in files._load_index().items():
                 path = Path(files._data_path(data))

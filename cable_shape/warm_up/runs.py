@@ -2,11 +2,29 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import functools
+from collections.abc import Callable
+from typing import TYPE_CHECKING, ParamSpec
 
 if TYPE_CHECKING:
     from cable_shape.cable.cable import Cable
     from cable_shape.scene.scene import Scene
+
+
+P = ParamSpec("P")
+
+
+def _whole(run: Callable[P, None]) -> Callable[P, None]:
+    """With the kernels that those which it runs call in rare cases alone."""
+
+    @functools.wraps(run)
+    def whole(*args: P.args, **keywords: P.kwargs) -> None:
+        from cable_shape.kernels._late import load_all
+
+        run(*args, **keywords)
+        load_all()
+
+    return whole
 
 
 def warm_up() -> None:
@@ -30,6 +48,7 @@ def warm_up_shapes() -> None:
     predict(cable, Pose((0.0, 0.0, 1.0), along), Pose((0.8, 0.0, 1.0), along))
 
 
+@_whole
 def warm_up_plans() -> None:
     """Runs the kernels of batches, trajectories and calibrations."""
     import numpy as np
@@ -55,6 +74,7 @@ def warm_up_plans() -> None:
     check_trajectory(cable, scene, None, GripPath(starts, ends))
 
 
+@_whole
 def warm_up_forms() -> None:
     """Runs the kernels of the gradient cables, which cycles need that name them."""
     for model in ("gradient4", "gradient6"):
@@ -108,6 +128,7 @@ def _run_model(model: str) -> None:
         cycle.step({"cable": (start, far)}, stamp=stamp * 10_000_000, links={"tool": start})
 
 
+@_whole
 def warm_up_cycles(model: str = "auto") -> None:
     """Runs the kernels of cycles and of single shapes alone: all that the node and a replay of a model need."""
     from cable_shape.cycle.cycle import Cycle
@@ -154,6 +175,7 @@ def warm_up_cycles(model: str = "auto") -> None:
     crossed._cables["a"].predictor.sensitivity(("start", "length"))
 
 
+@_whole
 def warm_up_harnesses() -> None:
     """Runs the kernels of harnesses: what a cycle with one needs beside those of `warm_up_cycles`."""
     from cable_shape.cable.cable import Cable
@@ -178,6 +200,7 @@ def warm_up_harnesses() -> None:
             cycle.step({"h": {**ends, "c.end": FreeEnd(mass=0.01)}}, stamp=k * 10_000_000)  # type: ignore[dict-item]
 
 
+@_whole
 def warm_up_motion() -> None:
     """Runs the kernels of cables that swing, and of those that are seen."""
     from cable_shape.cable.cable import Cable

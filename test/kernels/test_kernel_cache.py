@@ -10,6 +10,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from cable_shape.kernels import _jit
@@ -257,6 +258,74 @@ def test_a_large_kernel_is_called_by_its_name_and_compiled_again_if_it_is_lost(t
         path.unlink()
     assert told()[2] == 1
     assert all(path.exists() for path in lost)
+
+
+RARE = """
+from numba import types
+from _jit import kernel
+
+@kernel(late=types.float64)
+def seldom(x, y):
+    if y < 0.0:
+        raise ValueError("below")
+    return x - y
+
+@kernel(late=types.float64)
+def rare(x, y=1.0):
+    return x if y == 0.0 else 2.0 * seldom(x, y)
+
+@kernel(nogil=True)
+def top(x, y, rarely):
+    return rare(x, y=y) + rare(0.0) if rarely else x
+"""
+PROMISED = """
+import sys
+from threading import Thread
+sys.path.insert(0, sys.argv[1])
+import own
+from cable_shape.kernels._late import load_all
+there = lambda: [len(one.within.compiled.overloads) for one in (own.rare, own.seldom)]
+assert own.top(3.0, 1.0, False) == 3.0
+before = there()
+assert own.top(3.0, 0.0, True) == 1.0
+thread = Thread(target=own.top, args=(3.0, 2.0, True))
+thread.start()
+thread.join()
+once = there()
+assert own.top(3.0, 2.0, True) == 0.0
+try:
+    own.top(3.0, -1.0, True)
+except ValueError as error:
+    assert str(error) == "below"
+else:
+    sys.exit("no error")
+load_all()
+print(before, once, there(), len(own.top.stats.cache_hits), len(own.rare.within.compiled.stats.cache_hits))
+"""
+
+
+def test_a_late_kernel_is_compiled_or_loaded_when_it_is_first_called_and_not_before(tmp_path: Path) -> None:
+    (tmp_path / "source").mkdir()
+    shutil.copy(_jit.__file__, tmp_path / "source")
+    (tmp_path / "source" / "own.py").write_text(RARE)
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+
+    def told() -> str:
+        command = [sys.executable, "-c", PROMISED, str(tmp_path / "source")]
+        return subprocess.run(command, env=environment, check=True, capture_output=True, text=True).stdout.strip()
+
+    assert told() == "[0, 0] [2, 1] [2, 1] 0 0"
+    assert told() == "[0, 0] [2, 1] [2, 1] 1 2"
+
+
+def test_a_slice_of_another_shape_is_an_error_of_kernels_too() -> None:
+    @_jit.kernel
+    def put(a: np.ndarray, b: np.ndarray) -> None:
+        a[:2] = b
+
+    put(np.zeros(3), np.ones(2))
+    with pytest.raises(ValueError, match="cannot assign slice from input of different size"):
+        put(np.zeros(3), np.ones(3))
 
 
 def test_all_kernel_files_that_a_kernel_imports_are_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

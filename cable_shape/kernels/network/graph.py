@@ -7,6 +7,8 @@ nothing fills in beyond the spans' own blocks. Vertices are numbered in the orde
 
 from __future__ import annotations
 
+from numba import types
+
 from cable_shape.kernels.network.compiled import inline, viewing
 from cable_shape.kernels.network.condense import (
     BA,
@@ -230,7 +232,7 @@ def bent_of(model: Model, link: int, i: int) -> Matrix:
     return get9(model.links, link, L_BENT + 9 * i)
 
 
-@viewing
+@viewing(late=types.none)
 def tie(plan: Plan, model: Model, work: Work) -> None:
     """Adds to the graph what knots that press on each other add: see :mod:`cable_shape.kernels.contact.link`."""
     size, block = work.size, work.block
@@ -262,7 +264,7 @@ def column(v: Vector) -> Matrix:
     return (v[0], 0.0, 0.0, v[1], 0.0, 0.0, v[2], 0.0, 0.0)
 
 
-@viewing
+@viewing(late=types.none)
 def pull_links(plan: Plan, model: Model, gap: Floats) -> None:
     """Adds to the right-hand side of the graph what links leave, and what they answer to the steps that are given."""
     for i in range(plan.links.shape[0]):

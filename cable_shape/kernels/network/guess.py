@@ -7,6 +7,7 @@ two spans hanging alone. Rotations follow the tangents without twist but for wha
 from __future__ import annotations
 
 import numpy as np
+from numba import types
 
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.network.compiled import inline, viewing
@@ -208,7 +209,7 @@ def lay(
     rotations(plan, model, sol, placed, kind, wound, t, local, small[11:17].reshape(2, 3))
 
 
-@viewing
+@viewing(late=types.none)
 def hang_free(
     plan: Plan, model: Model, sol: Solution, j: int, t0: Vector, t1: Vector, f: Vector, load: Floats, held: Floats,
     force: Floats, local: Floats, t: Floats,

@@ -6,6 +6,8 @@ compliance is the same all along; from one to the next they may jump.
 
 from __future__ import annotations
 
+from numba import types
+
 from cable_shape.kernels.network.compiled import inline, viewing
 from cable_shape.kernels.network.tables import Floats, Whole, model_of, plan_of
 
@@ -112,7 +114,7 @@ def within(piece: Floats, breaks: Floats, p: int, o: int, middle: float, rest: F
         section[e, 3 + i] = piece[p, COMPLIANCE + i]
 
 
-@viewing
+@viewing(late=types.none)
 def across(
     piece: Floats, breaks: Floats, p0: int, p1: int, c: int, a: float, b: float, rest: Floats, section: Floats,
     rough: Floats, e: int,

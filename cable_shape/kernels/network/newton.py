@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import math
 
+from numba import types
+
 from cable_shape.kernels.network.compiled import inline, viewing
 from cable_shape.kernels.network.graph import factor, solve, step_of_force
 from cable_shape.kernels.network.sliding import (
@@ -146,7 +148,7 @@ def size_at(plan: Plan, model: Model, j: int, e: int) -> float:
     return 0.5 * (before + after)
 
 
-@viewing
+@viewing(late=types.none)
 def kick(ints: Whole, floats: Floats, space: Floats) -> None:
     """Fills d with a turn of KICK rad along the softest shapes of the factored, shifted matrix: away from a saddle."""
     plan, model, work = plan_of(ints), model_of(ints, floats), work_of(ints, space)

@@ -12,6 +12,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numba import types
 
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.network.compiled import inline, part, viewing
@@ -169,7 +170,7 @@ def respace(ints: Whole, floats: Floats, c: int, shift: float) -> None:
     s[ring + 1] = s[ring]
 
 
-@viewing
+@viewing(late=types.none)
 def move_along(ints: Whole, floats: Floats, run: Floats, fraction: float) -> None:
     """Moves the cable through its eyelets by `fraction` of the steps `way`, and the mesh with it."""
     plan, slides = plan_of(ints), slides_of(ints, run)
@@ -196,7 +197,7 @@ def pull_along(plan: Plan, model: Model, sol: Solution, work: Work, heavy: Float
     return dot(F, t), dot(dF, t) + dot(F, apply(R, cross(get3(work.d, node), E3)))
 
 
-@viewing
+@viewing(late=types.none)
 def columns(ints: Whole, floats: Floats, sols: Floats, space: Floats, run: Floats) -> None:
     """Fills turn, push, move, slope, heavy and J, with the factors at hand; `first` is that of now."""
     plan, model, sol, work, slides = (
@@ -291,7 +292,7 @@ def balanced(J: Floats, f: Floats, way: Floats, A: Floats) -> int:
     return negative
 
 
-@viewing
+@viewing(late=types.int64)
 def slide_step(ints: Whole, floats: Floats, sols: Floats, space: Floats, run: Floats, pulls: float) -> int:
     """Adds the steps of sigma, into `way`, and the answer to them to the step at hand.
 
@@ -324,7 +325,7 @@ def slide_step(ints: Whole, floats: Floats, sols: Floats, space: Floats, run: Fl
     return negative
 
 
-@viewing
+@viewing(late=types.float64)
 def cut_short(ints: Whole, floats: Floats, sols: Floats, run: Floats) -> float:
     """What fraction of the steps `way` the slack of the spans and the next knots allow; 0: an eyelet has no room."""
     plan, model, sol, slides = (
@@ -362,7 +363,7 @@ def cut_short(ints: Whole, floats: Floats, sols: Floats, run: Floats) -> float:
     return fraction
 
 
-@viewing
+@viewing(late=types.float64)
 def run_through(ints: Whole, floats: Floats, space: Floats, run: Floats) -> float:
     """The largest step: a rotation, or twice that of a place or along the cable / length."""
     model, work, slides = model_of(ints, floats), work_of(ints, space), slides_of(ints, run)

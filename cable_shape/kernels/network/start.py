@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import types
 
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.network.compiled import viewing
@@ -96,7 +97,7 @@ def first_mesh(
     return laid_out(bare, held, bare, held, nothing, counts, stops, wish)
 
 
-@kernel
+@kernel(late=types.Tuple((types.boolean, types.int64[::1], *3 * (types.float64[::1],))))
 def next_mesh(
     bare: Whole, held: Floats, ints: Whole, floats: Floats, sols: Floats, stops: Floats, estimate: float,
     tolerance: float,
