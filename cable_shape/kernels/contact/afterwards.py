@@ -88,21 +88,25 @@ def spare(
 
 
 @kernel
-def stretched(out: Array, points: int, stretch: float, last: float) -> tuple[float, float]:
-    """[m] by how much a cable that gives by `stretch` [1/N] is longer, in all and up to the arc length `last`.
+def stretched(out: Array, points: int, stretch: float, bounds: Array) -> tuple[float, float]:
+    """[m] by how much a cable that gives by `stretch` [1/N] is off: longer or shorter in all, and what it lacks.
 
-    out: as CableShape.buffer; the integral of the tension by the trapezoidal rule.
+    It lacks what each part is longer by, from one of the arc lengths `bounds` (b,) [m] to the next: through what holds
+    it there it does not run. out: as CableShape.buffer; the integral of the tension by the trapezoidal rule.
     """
-    whole = held = before = 0.0
+    whole = missing = part = before = 0.0
+    b = 0
     for k in range(points):
         i, f = 4 * points + 4 * k, 11 * points + 3 * k
         x, y, z, w = out[i], out[i + 1], out[i + 2], out[i + 3]
         along = out[f] * 2.0 * (x * z + w * y) + out[f + 1] * 2.0 * (y * z - w * x)
         tension = along + out[f + 2] * (1.0 - 2.0 * (x * x + y * y))
         if k > 0:
-            part = 0.5 * stretch * (before + tension) * (out[k] - out[k - 1])
-            whole += part
-            if out[k] <= last:
-                held += part
+            own = 0.5 * stretch * (before + tension) * (out[k] - out[k - 1])
+            whole += abs(own)
+            while b < bounds.shape[0] and out[k] > bounds[b]:
+                missing, part, b = missing + max(part, 0.0), 0.0, b + 1
+            if b < bounds.shape[0]:
+                part += own
         before = tension
-    return whole, held
+    return whole, missing + max(part, 0.0)

@@ -109,9 +109,9 @@ class HarnessSolve(Solve):
                 continue
             free = any(type(self.problem.ends.get(f"{name}.{side}")) is FreeEnd for side in ("start", "end"))
             own = shape.buffer[c * size : (c + 1) * size]
-            last = 0.0 if free else cable.length
-            whole, missing = afterwards.stretched(own, shape.points, self.state.stretch, last)
-            shape.error_estimate += max(0.0, whole)
+            bounds = np.array((0.0,) if free else (0.0, cable.length))
+            whole, missing = afterwards.stretched(own, shape.points, self.state.stretch, bounds)
+            shape.error_estimate += whole
             lacking = max(lacking, missing if missing > TAUT * cable.length else 0.0)
         return lacking
 

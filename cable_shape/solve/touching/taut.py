@@ -8,14 +8,17 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from cable_shape.kernels.contact import afterwards
 from cable_shape.kernels.network.tables import NOW
 from cable_shape.solve.touching.road import TAUT
 from cable_shape.solve.touching.step import FAR, WARM_ITERATIONS, Steps
 
-#: A cable that lacks something is let stretch so many times less, at least this part of what it may; if it lacks hardly
-#: less then, it is too short. Once it is stretched by no more than this part of its length it is let again.
-_TIGHTER, _TIGHTEST, _LESS, EASED = (0.1, 0.4), 1e-5, 0.5, 1e-6
+#: A cable that lacks something is let stretch so many times less, or nearly, at least this part of what it may; if what
+#: it lacks then is more than that to this power, it is too short. Once it is stretched by no more than this part of its
+#: length it is let again.
+_TIGHTER, _HARDLY, _TIGHTEST, _LESS, EASED = 0.1, 0.9, 1e-5, 0.4, 1e-6
 #: One that is too short is let stretch up to so many times more at once, and in all.
 LOOSER, LOOSEST = 10.0, 1e6
 #: Pulls, in `TouchState.usual_pull`, from which on a cable may be too short; with which one that is is drawn, and with
@@ -25,10 +28,10 @@ _FURTHER, _PULLS = 1.2, 8
 
 
 def stretch_of(steps: Steps) -> tuple[float, float]:
-    """[m] by how much the cable is stretched in all, and what it lacks."""
+    """[m] by how much the cable is longer or shorter in all, and what it lacks."""
     state = steps.state
-    last = state.arcs[state.forces]
-    found: tuple[float, float] = afterwards.stretched(steps.buffer, steps.problem.points, state.stretch, last)
+    bounds = np.delete(state.arcs[: int(state.forces) + 1], state.rings)  # an eyelet lets it run
+    found: tuple[float, float] = afterwards.stretched(steps.buffer, steps.problem.points, state.stretch, bounds)
     return found
 
 
@@ -38,13 +41,13 @@ def tightened(steps: Steps, missing: float) -> bool:
     Where there is one that lacks next to nothing it is taut, no more; else it gives as little as Newton's method
     bears, at least as little as usual if it is not too short.
     """
-    state, changed = steps.state, False
-    while missing > TAUT * state.length or state.tight > 1.0:
-        lefts = (_give_less(steps, part, missing) for part in _TIGHTER)
-        left = next((left for left in lefts if left < math.inf), math.inf)
-        if left == math.inf:
-            break
-        missing, changed = left, True
+    state, changed, part = steps.state, False, _TIGHTER
+    while part < _HARDLY and (missing > TAUT * state.length or state.tight > 1.0):
+        left = _give_less(steps, part, missing)
+        if left < math.inf:
+            missing, changed, part = left, True, max(part**2, _TIGHTER)
+        else:
+            part = math.sqrt(part)
     return changed
 
 
@@ -53,11 +56,17 @@ def _give_less(steps: Steps, part: float, missing: float) -> float:
     no equilibrium then or lacks `missing` [m] all the same."""
     state = steps.state
     kept = steps.kept()
-    state.tighten(part * state.tight)
-    if state.tight > _TIGHTEST and steps.go(state.grips[NOW].copy(), 1, WARM_ITERATIONS, FAR):
-        left = stretch_of(steps)[1]
-        if left <= max(_LESS * missing, TAUT * state.length):
-            return left
+    tight, enough = part * state.tight, max(part**_LESS * missing, TAUT * state.length)
+    for pulls_more in (False, True):
+        state.tighten(tight)
+        if pulls_more:
+            state.pull_less(part)
+        if tight > _TIGHTEST and steps.go(state.grips[NOW].copy(), 1, WARM_ITERATIONS, FAR):
+            left = stretch_of(steps)[1]
+            if left <= enough:
+                return left
+            break
+        steps.take_back(kept)
     steps.take_back(kept)
     return math.inf
 

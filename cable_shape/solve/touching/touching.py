@@ -480,7 +480,7 @@ class Solve:
         if self.state.stretches:
             return 0.0
         whole, missing = taut.stretch_of(self.steps)
-        shape.error_estimate += max(0.0, whole)
+        shape.error_estimate += whole
         return missing if missing > TAUT * shape.length else 0.0
 
     def _no_shape(self, status: Status, detail: str) -> CableShape:

@@ -1,0 +1,43 @@
+"""Cables that do not stretch, drawn taut or too short among bodies: how much each part of them lacks or is too long."""
+
+from __future__ import annotations
+
+import contact_routing
+import numpy as np
+from numpy.testing import assert_allclose
+
+import cable_shape as cs
+from cable_shape.kernels.contact.afterwards import stretched
+
+ALONG_X = (0.5, 0.5, 0.5, 0.5)
+
+
+def test_what_one_part_lacks_another_does_not_make_up_for():
+    """Tension 2 N up to the middle and -3 N beyond, of a straight cable that gives by 1e-3 / N."""
+    shape = cs.predict(cs.Cable(1.0, 0.1, 0.01), cs.Pose((0, 0, 0), ALONG_X), cs.Pose((0.9, 0, 0), ALONG_X))
+    shape.quaternions[:] = ALONG_X
+    shape.force[:] = 0.0
+    shape.force[:, 0] = np.where(shape.arc_length < 0.5, 2.0, -3.0)
+    for bounds, lacking in (((0.0, 0.5, 1.0), 1e-3), ((0.0, 1.0), 0.0), ((0.0, 0.5), 1e-3), ((0.0,), 0.0)):
+        whole, missing = stretched(shape.buffer, shape.points, 1e-3, np.array(bounds))
+        assert_allclose(whole, 2.5e-3, rtol=0.02)  # 1e-3 m too long, and 1.5e-3 m too short
+        assert_allclose(missing, lacking, atol=0.02e-3)
+
+
+def test_no_part_of_a_cable_in_a_clip_is_shorter_than_it_is_long():
+    """Too short beyond the clip it gave, and then was pressed together on this side of it."""
+    routed = contact_routing.motion("clips", 1)
+    ((name, cable),) = routed.cables.items()
+    (clip,) = routed.clips[name]
+    scene = routed.scene.replace(clips=[clip])
+    predictor = cs.Predictor(cable, scene=scene, model="cosserat", points=301)
+    usable = 0
+    for grips in routed.steps[:172:2]:
+        shape = predictor.predict(*grips[name])
+        usable += shape.usable
+        if shape.usable:
+            ways = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(shape.positions, axis=0), axis=1))))
+            there = np.interp(clip.arc_length, shape.arc_length, ways)
+            parts = there - clip.arc_length, ways[-1] - there - (cable.length - clip.arc_length)
+            assert np.abs(parts).max() < 1e-3 * cable.length, parts
+    assert usable >= 50
