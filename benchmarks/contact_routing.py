@@ -11,9 +11,14 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
+import sys
 from collections import Counter
 from collections.abc import Callable
+from concurrent.futures import Executor, ProcessPoolExecutor
 from dataclasses import replace
+from functools import partial
+from multiprocessing import get_context
 
 import numpy as np
 from figures import Figures, heading
@@ -26,6 +31,7 @@ from tqdm import tqdm
 import cable_shape as cs
 
 STEPS, SEED, FRICTION, TRIES = 200, 19, 0.4, 400
+MOTIONS = 100  # of all kinds together: some twenty minutes on two cores
 Route = tuple[Array, Array]  # (STEPS, 3) [m] places of a grip, (STEPS, 3) rotation vectors beside that along x
 
 
@@ -245,8 +251,28 @@ LOST_IN_CHANNELS, LOST = 1.5, 0.5
 SHORT = 20.0  # % of the steps, for which no shape may exist
 
 
-def print_routing(figures: Figures, motions: int, kinds: list[str] | None = None) -> None:
+def runs(kind: str, numbers: range, pool: Executor | None) -> list[Found]:
+    """Motions of a kind, each told when it has come to its end: a log shows how far all are."""
+    out = []
+    found = (pool.map if pool else map)(partial(run, kind), numbers)
+    for number, one in zip(numbers, tqdm(found, desc=kind, total=len(numbers), leave=False, disable=None), strict=True):
+        out.append(one)
+        if not sys.stderr.isatty():
+            print(f"{kind} {number}: {dict(one.statuses)} {dict(one.wrong) or ''}", file=sys.stderr, flush=True)
+    return out
+
+
+def print_routing(figures: Figures, motions: int, kinds: list[str] | None = None, processes: int = 1) -> None:
     """A row of each kind, with and without friction, and what was wrong first; `motions` of all kinds together."""
+    if processes == 1:
+        _print_routing(figures, motions, kinds, None)
+        return
+    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
+        _print_routing(figures, motions, kinds, pool)
+
+
+def _print_routing(figures: Figures, motions: int, kinds: list[str] | None, pool: Executor | None) -> None:
+    """The same, in this process or in those of a pool."""
     heading(f"Random routing, motions of {STEPS} steps, every usable shape certified")
     print(
         f"{'kind':24}{'motions':>8}{'steps':>8}{'too short':>10}{'no shape':>14}{'snapped':>8}{'wrong':>7}{'passed':>7}"
@@ -255,7 +281,7 @@ def print_routing(figures: Figures, motions: int, kinds: list[str] | None = None
     for kind in kinds or KINDS:
         count = max(2, motions // len(kinds or KINDS))
         for rubs in (0, 1):
-            found = [run(kind, n) for n in tqdm(range(rubs, count, 2), desc=kind, leave=False, disable=None)]
+            found = runs(kind, range(rubs, count, 2), pool)
             statuses = sum((f.statuses for f in found), Counter())
             wrong = sum((f.wrong for f in found), Counter())
             short = statuses["too far apart"]
@@ -283,14 +309,15 @@ def print_routing(figures: Figures, motions: int, kinds: list[str] | None = None
 def main() -> int:
     """All kinds, or one."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--motions", type=int, default=500, help="of all kinds together (500)")
+    parser.add_argument("--motions", type=int, default=MOTIONS, help=f"of all kinds together ({MOTIONS})")
+    parser.add_argument("--processes", type=int, default=os.cpu_count(), help="at a time (one per core)")
     parser.add_argument("--kind", choices=list(KINDS), help="only this one")
     parser.add_argument("--only", type=int, help="only the motion with this number")
     options = parser.parse_args()
     if options.only is not None:
         print(run(options.kind or "posts", options.only))
         return 0
-    print_routing(Figures(), options.motions, [options.kind] if options.kind else None)
+    print_routing(Figures(), options.motions, [options.kind] if options.kind else None, options.processes)
     return 0
 
 
