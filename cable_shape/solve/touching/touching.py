@@ -142,7 +142,6 @@ class Solve:
     def _warm(self, frames: Array) -> CableShape:
         """From the last solution."""
         state, steps = self.state, self.steps
-        before, then = state.positions, state.bodies.frames_then
         state.thin()
         shape, reached = self._onward(frames)
         if shape is not None:
@@ -156,10 +155,7 @@ class Solve:
             return self._no_shape(Status.NOT_CONVERGED, _STUCK)
         state.rubs = False
         if relax(steps, frames):
-            shape = self._finish(Status.SNAPPED)
-            if not (shape.usable and steps.goes_through(before, then, shape.buffer)):
-                return shape
-            steps.buffer = state.new_buffer()
+            return self._finish(Status.SNAPPED)
         state.put_back(reached)
         state.move_bodies(steps.links)
         if steps.late:
@@ -262,17 +258,15 @@ class Solve:
     def _arrived(self, before: Array, then: Array, led: float) -> CableShape | None:
         """The equilibrium to which a road has led from positions (n, 3) [m]; None if it is not exact enough.
 
-        then (m, 4, 3): where the bodies were; led [m]: how far supports and bodies have gone since. Where the cable has
-        gone much further it has snapped. A road may lead over a body: which way back there is nobody could tell.
+        then (m, 4, 3): where the bodies were; led [m]: how far supports and bodies have gone since. It has snapped
+        where it has gone much further, or over a body: the road passes none, but the straight way may.
         """
         state, steps = self.state, self.steps
         after = steps.positions(steps.buffer)
         state.remember(after)
-        snapped = is_far(before, after, led, state.length)
+        snapped = is_far(before, after, led, state.length) or steps.goes_through(before, then, steps.buffer)
         shape = self._finish(Status.SNAPPED if snapped else Status.OK)
-        if shape.status:
-            return None if steps.goes_through(before, then, shape.buffer) else shape
-        return shape if shape.missing_length > 0.0 else None
+        return shape if shape.status or shape.missing_length > 0.0 else None
 
     def _anew(self, frames: Array) -> CableShape | None:
         """From nothing, where the last solution leads nowhere; None if the cable may have come past a body on the way.

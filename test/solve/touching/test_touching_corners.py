@@ -143,14 +143,15 @@ def test_a_cable_that_buckles_in_a_channel_with_friction_comes_to_rest_there():
     ("kind", "number", "last", "stride"), [("posts", 34, 91, 3), ("posts", 34, 91, 5), ("channel", 0, 38, 12)]
 )
 def test_what_is_too_short_or_crammed_comes_past_nothing(kind, number, last, stride):
-    """Where contacts stand, Newton's method would find shapes behind the post, and roads lead out over the wall."""
+    """Where contacts stand, Newton's method would find shapes behind the post; a road over the wall is a snap."""
     routed = contact_routing.motion(kind, number)
     ((name, cable),) = routed.cables.items()
     predictor, before = cs.Predictor(cable, scene=routed.scene, model="cosserat", points=301), None
     for k in range(last % stride, last + 1, stride):
         shape = predictor.predict(*routed.steps[k][name])
         if shape.usable:
-            assert before is None or passed(routed.scene, 0.5 * cable.diameter, before, shape) == ""
+            snapped = kind == "channel" and shape.status is cs.Status.SNAPPED
+            assert before is None or snapped or passed(routed.scene, 0.5 * cable.diameter, before, shape) == ""
             before = shape
 
 
