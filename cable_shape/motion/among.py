@@ -20,6 +20,7 @@ from cable_shape.kernels.contact.tables import Bodies
 from cable_shape.kernels.network.momentum import Momentum
 from cable_shape.kernels.network.motion import N_PROPS, PROPS
 from cable_shape.kernels.network.props import DRY, ELEMENT, HOLDER, SHARE
+from cable_shape.kernels.network.settle import LARGEST_TURN
 from cable_shape.kernels.network.tables import NOW
 from cable_shape.kernels.network.walls import KEPT, PUSHED, STIFF, WALL, WALLS
 from cable_shape.pose import Pose
@@ -150,7 +151,7 @@ class Among:
     def rest(self, settling: Settling, memory: Momentum, remembered: Array, lying: Lying) -> bool:
         """Lays the network where it lies at rest among the bodies, and lets it come to rest there on its mesh."""
         lay(settling, lying)
-        motion, dt = settling.motion, _FIRST * settling.unit
+        motion, dt, far = settling.motion, _FIRST * settling.unit, LARGEST_TURN
         for _ in range(_MOST):
             state = settling.sols, motion.walls, motion.props, motion.kept, motion.origin
             kept = [array.copy() for array in state]
@@ -158,7 +159,7 @@ class Among:
             clear = swung.look_at_rest(
                 settling.ints, settling.floats, settling.moving, remembered, _REACH, self._stiff, self.kernel, self.skin
             )
-            if settling.step(dt):
+            if settling.step(dt, far):
                 way = float(np.linalg.norm(motion.origin - kept[4], axis=1).max())
                 if way <= clear:
                     self._note_rings(settling)
@@ -170,7 +171,9 @@ class Among:
                 array[...] = old
             dt *= _SHORTER
             if dt < _SHORTEST * settling.unit:
-                break
+                if far == np.inf:
+                    break
+                dt, far = _FIRST * settling.unit, np.inf  # frames between few points may be far from where they belong
         return False
 
     def _note_rings(self, settling: Settling) -> None:

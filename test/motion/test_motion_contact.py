@@ -70,6 +70,16 @@ def test_it_begins_as_it_lies():
     assert np.abs(last.positions - first.positions).max() < first.error_estimate < 5e-4
 
 
+def test_of_few_points_it_begins_above_a_table_too():
+    """Frames between them are far from where they belong."""
+    cable = cs.Cable(length=1.0, linear_density=0.1, bending_stiffness=1e-4, twisting_stiffness=1e-4, diameter=0.01)
+    ends = at(0.0, 0.0, 0.6), at(0.7, 0.0, 0.6)
+    few, many = (cs.Motion(cable, TABLE, points=points).begin(*ends) for points in (12, 122))
+    assert few.usable, few.detail
+    assert many.usable
+    assert np.abs(few.positions - many.positions[::11]).max() < few.error_estimate < 3e-4
+
+
 def test_what_arrives_does_not_bounce():
     """A free end swings down on a table: from then on its height changes no more."""
     cable = CABLE.replace(length=0.3, bending_stiffness=0.02, drag=0.0, retardation_time=0.0)
