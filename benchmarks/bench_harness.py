@@ -17,6 +17,7 @@ import numpy as np
 from clocks import Turns, clocked
 from figures import Figures, bench_options, bench_parser, finish, heading
 from harness_random import balance, hung_tree, random_harness
+from harness_touching import print_touching
 from tqdm import tqdm
 
 import cable_shape as cs
@@ -115,6 +116,7 @@ def main() -> int:
     figures = Figures()
     times(figures, 100 if options.quick else 400)
     certificates(figures, QUICK if options.quick else RANDOM)
+    print_touching(figures, 4 if options.quick else 40)
     return finish(figures, options)
 
 

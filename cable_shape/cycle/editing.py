@@ -31,7 +31,7 @@ from cable_shape.scene.scene import Clip
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve.harness_shape import HarnessShape
 from cable_shape.solve.touching.crossing import Crossing
-from cable_shape.solve.touching.places import Spot
+from cable_shape.solve.touching.spot import Spot
 
 #: The shortest step, as a share of an edit's way.
 _SMALLEST_STEP = 1.0 / 64.0

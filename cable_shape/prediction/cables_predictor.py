@@ -19,7 +19,8 @@ from cable_shape.scene.scene import Clip, Scene
 from cable_shape.shape import CableShape
 from cable_shape.solve.answers import ENDS, Solved, sensitivity
 from cable_shape.solve.touching.crossing import Crossing
-from cable_shape.solve.touching.pile import ITSELF
+from cable_shape.solve.touching.strands import Cables
+from cable_shape.solve.touching.told import ITSELF
 
 _REMEDY = "Write {name of the cable: ..}."
 _HELD, _ENDS = (Pose, Grip), (Pose, Grip, FreeEnd)
@@ -27,7 +28,7 @@ _HELD, _ENDS = (Pose, Grip), (Pose, Grip, FreeEnd)
 
 def joined(names: Sequence[str], predictors: Sequence[Predictor]) -> Crossing:
     """What keeps cables out of each other and of themselves; their predictors leave it to that from now on."""
-    crossing = Crossing(names, predictors, predictors[0].time_budget)
+    crossing = Crossing(Cables(names, predictors), predictors[0].time_budget)
     for i, predictor in enumerate(predictors):
         predictor.join(crossing, i)
     return crossing
@@ -234,7 +235,7 @@ class CablesPredictor:
             predictor.problem.move(before.start, before.end, before.links)
         crossing = None
         if self._crossing is not None:
-            crossing = self._crossing.among(list(predictors.values()))
+            crossing = self._crossing.among(Cables(tuple(predictors), list(predictors.values())))
             for i, predictor in enumerate(predictors.values()):
                 predictor.join(crossing, i)
         other._take(predictors, crossing)

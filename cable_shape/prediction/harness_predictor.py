@@ -25,7 +25,9 @@ from cable_shape.solve.harness_network import HarnessNetwork
 from cable_shape.solve.harness_problem import End, HarnessProblem
 from cable_shape.solve.harness_shape import HarnessShape
 from cable_shape.solve.problem import GRAVITY
+from cable_shape.solve.touching.crossing import Crossing
 from cable_shape.solve.touching.harness_state import HarnessTouchState
+from cable_shape.solve.touching.harness_strands import HarnessStrands
 
 MODELS = ("cosserat", "auto")
 
@@ -44,8 +46,8 @@ class HarnessPredictor:
     tolerance : float, optional
         [m]; default 1e-5 of the longest segment.
     scene : Scene, optional
-        Clips, eyelets among them, and masses name their `segment`. With ``contact="solve"`` bodies keep all segments
-        out; that segments touch each other or themselves is not solved for.
+        Clips, eyelets among them, and masses name their `segment`. With ``contact="solve"`` segments are kept out of
+        bodies and, but for harnesses in eyelets, of each other and of themselves.
     distributed_load : mapping of segment to (2, 3) array_like, optional
         [N/m], world, added to the weight.
 
@@ -79,7 +81,9 @@ class HarnessPredictor:
             "friction": friction,
         }  # fmt: skip
         self.problem = self._still = _checked(HarnessProblem(harness, scene=scene, **self._keywords))
-        self._solver = HarnessSolver(math.inf if time_budget is None else float(time_budget))
+        self._time_budget = math.inf if time_budget is None else float(time_budget)
+        self._solver = HarnessSolver(self._time_budget)
+        self._crossing = self._with_itself()
         self._last_links: Mapping[str, Pose] | None = None
         self._last: HarnessShape | None = None
         self._last_ends: dict[str, Grip | FreeEnd] = {}
@@ -100,11 +104,21 @@ class HarnessPredictor:
         self._still = _checked(HarnessProblem(before.harness, scene=scene, **self._keywords))
         self._still.ends = before.ends
         self._load(self._still)
+        self._crossing = self._with_itself()
 
     @property
     def touching(self) -> bool:
-        """Whether the last shape is in contact with a body."""
-        return self._solver.touching
+        """Whether the last shape is in contact with a body, or segments of it are with each other or themselves."""
+        return self._solver.touching or self._pile is not None
+
+    @property
+    def _pile(self) -> HarnessTouchState | None:
+        """What solved for the last shape if segments touch each other or themselves in it."""
+        return None if self._crossing is None else self._crossing.state
+
+    def _with_itself(self) -> Crossing | None:
+        """What keeps segments out of each other and of themselves, where the scene asks for it."""
+        return Crossing(HarnessStrands(self), self._time_budget) if self.problem.solves_crossing else None
 
     @property
     def state(self) -> HarnessNetwork | None:
@@ -115,7 +129,7 @@ class HarnessPredictor:
     @property
     def rod_state(self) -> HarnessNetwork | HarnessTouchState | None:
         """The solver's memory of the last shape, in contact or not; None before there is one, and just out of it."""
-        return self._solver.rod_state() if self.touching else self.state
+        return self._pile or (self._solver.rod_state() if self.touching else self.state)
 
     def ahead(self) -> Callable[[Mapping[str, End]], HarnessShape]:
         """What predicts from the last shape on, with links where they are; this predictor stays as it is."""
@@ -137,6 +151,9 @@ class HarnessPredictor:
         other._solver = self._solver.twin(problem, self._last)
         if other._solver.state is not None:
             other._solver.state.problem = problem
+        if self._crossing is not None:
+            assert isinstance(self._crossing.strands, HarnessStrands)
+            other._crossing = self._crossing.among(self._crossing.strands.of(other))
         return other
 
     @property
@@ -191,9 +208,26 @@ class HarnessPredictor:
     def solve(self) -> HarnessShape:
         """The shape of the problem as it is."""
         problem = self.problem
-        shape = self._solver.solve(problem)
+        if self._crossing is None:
+            shape = self.alone()
+        else:
+            assert isinstance(self._crossing.strands, HarnessStrands)
+            shape = self._crossing.strands.as_one(self._crossing.solve())
         self._last, self._last_ends, self._last_links = shape, dict(problem.ends), kept(problem.links)
         return shape
+
+    def alone(self) -> HarnessShape:
+        """The shape of the problem as it is, whatever segments touch of each other."""
+        return self._solver.solve(self.problem)
+
+    def go_on_from(self, shape: HarnessShape) -> None:
+        """Makes a shape between the problem's ends the last one, if there are bodies it may lie on."""
+        if self.problem.bodies:
+            self._solver.begin(self.problem, shape)
+
+    def twin(self) -> HarnessPredictor:
+        """Once more: it goes on from the last shape, and this one stays as it is."""
+        return self._copied()
 
     def begin(
         self,
@@ -208,6 +242,10 @@ class HarnessPredictor:
         """Makes a shape that was found otherwise the last one, see :meth:`cable_shape.Predictor.begin`."""
         self.head_for(harness, scene)
         self._solver.begin(self.problem.move(ends, links), shape, loose=loose)
+        self._crossing = self._with_itself()
+        if self._crossing is not None:
+            assert isinstance(self._crossing.strands, HarnessStrands)
+            self._crossing.take_up(self._crossing.strands.take(shape), [])
 
     def head_for(self, harness: Harness | None = None, scene: Scene | None = None) -> None:
         """Makes the problem that of another harness in another scene, or its own; ends and links stay."""
@@ -219,6 +257,9 @@ class HarnessPredictor:
         problem.ends, problem.links, problem._given = last.ends, last.links, None
         self.problem = problem
         self._last = None
+        if self._crossing is not None and problem.harness is not last.harness:
+            assert isinstance(self._crossing.strands, HarnessStrands)
+            self._crossing = self._crossing.among(self._crossing.strands.of(self))
 
     def leap(self, *, allowed: bool) -> None:
         """See :meth:`cable_shape.Predictor.leap`."""
@@ -227,11 +268,15 @@ class HarnessPredictor:
     def look_again(self) -> None:
         """The next prediction is made anew, from the last one, wherever its ends are."""
         self._last = None
+        if self._crossing is not None:
+            self._crossing.look_again()
 
     def reset(self) -> None:
         """Forgets the last solution: the next one starts cold."""
         self._solver.reset()
         self._last = None
+        if self._crossing is not None:
+            self._crossing.reset()
 
     def sensitivity(
         self, by: Sequence[str] | None = None, *, at: str = "cable", by_clips: bool = False
@@ -257,7 +302,7 @@ class HarnessPredictor:
             If nothing was predicted yet, and for a name that does not exist.
         """
         checks.one_of("at", at, ("cable", "gripper"))
-        state = self._solver.rod_state()
+        state = self._pile or self._solver.rod_state()
         if state is None or state.history == 0:
             raise ArgumentError("sensitivity() needs a solution, and there is none yet. Call predict first.")
         problem = self.problem

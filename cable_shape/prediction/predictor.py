@@ -29,8 +29,9 @@ from cable_shape.solve.harness_shape import HarnessShape
 from cable_shape.solve.problem import GRAVITY, Problem, longest_delay
 from cable_shape.solve.touching.crossing import Crossing
 from cable_shape.solve.touching.pile import Member
-from cable_shape.solve.touching.places import Spot
+from cable_shape.solve.touching.spot import Spot
 from cable_shape.solve.touching.state import TouchState
+from cable_shape.solve.touching.strands import Cables
 from cable_shape.solve.turning import turning
 
 
@@ -226,7 +227,7 @@ class Predictor:
         self.problem.move(*ends, links)
         self._solver.begin(self.problem, shape, memory, loose=loose)
         self._others = None
-        if self._crossing is not None and self._crossing.problems[0] is self.problem:
+        if self._crossing is not None and self._crossing.is_of(self.problem):
             self._crossing.reset()
         else:
             self._crossing = self._with_itself()
@@ -378,7 +379,8 @@ class Predictor:
         crossing, index = self._others or (self._crossing, 0)
         if crossing is not None and index in crossing.touching:
             together = crossing.twin()
-            problem = together.problems[index]
+            assert isinstance(together.strands, Cables)
+            problem = together.strands.problems[index]
             return lambda start, end: (problem.move(start, end, problem.links), together.solve()[index])[1]
         other = self.twin()
         return lambda start, end: other.predict(start, end, other.problem.links)
@@ -415,7 +417,7 @@ class Predictor:
         """What keeps the cable out of itself, where the scene asks for it and the model can."""
         if not self.problem.solves_crossing or self._others is not None or not self.is_rod:
             return None
-        return Crossing(("cable",), [self], self.time_budget)
+        return Crossing(Cables(("cable",), [self]), self.time_budget)
 
     def accelerate(self, acceleration: ArrayLike | None) -> None:
         """Makes the problem that of a cable which moves like this, or is at rest, until the next prediction."""

@@ -25,7 +25,7 @@ from cable_shape.shape import CableShape
 from cable_shape.solve.answers import ENDS
 from cable_shape.solve.problem import Problem
 from cable_shape.solve.touching.crossing import Crossing
-from cable_shape.solve.touching.places import Spot
+from cable_shape.solve.touching.spot import Spot
 
 _TURN = Pose(quaternion=(1.0, 0.0, 0.0, 0.0))  #: half a turn about d1
 _DARBOUX: Array = np.array((-1.0, 1.0, 1.0))  #: minus the Darboux vector, in the turned frame

@@ -23,8 +23,8 @@ from cable_shape.safety.clearance import HORIZON_FACTOR, LEAST_HORIZON, NOT_JUDG
 from cable_shape.safety.report import BodyDistance, Clearance
 from cable_shape.scene.scene import Obstacle, Scene
 from cable_shape.shape import CableShape
-from cable_shape.solve.touching.pile import ITSELF
-from cable_shape.solve.touching.places import SHORTEST
+from cable_shape.solve.touching.spot import SHORTEST
+from cable_shape.solve.touching.told import ITSELF
 
 Counts = NDArray[np.int64]
 Row = tuple[float, ...]  # distance, arc length, point on the cable, point on the other

@@ -172,6 +172,13 @@ class HarnessProblem:
         return self._clip_frames
 
     @property
+    def solves_crossing(self) -> bool:
+        """Whether segments are kept out of each other and of themselves: where none runs through an eyelet."""
+        if self.scene is None or self.scene.contact != "solve":
+            return False
+        return not any(clip.kind == "slide" for clip in self.scene.clips)
+
+    @property
     def clips_move(self) -> bool:
         """Whether some clip is on a link."""
         return bool(self.moving_clips)

@@ -62,7 +62,7 @@ def test_a_line_that_comes_through_itself_crosses_there_once():
     assert row[3] - row[2] > 30.0
     raised = over + np.array((0.0, 0.0, 1.0))
     assert counted(over, raised, over, raised, apart=6).size == 0
-    assert len(came_through([(np.arange(61.0), over)] * 2, [under] * 2, 1.5, own=True)) == 1
+    assert len(came_through([(np.arange(61.0), over)] * 2, [under] * 2, 1.5, np.zeros((2, 2)), own=True)) == 1
 
 
 def test_a_line_must_have_come_through_unless_it_went_back_or_off_an_end():
@@ -72,7 +72,7 @@ def test_a_line_must_have_come_through_unless_it_went_back_or_off_an_end():
     down = np.array((0.0, 0.0, -0.2))
 
     def through(above, reach=0.05):
-        return came_through([(arcs, bar), (arcs, above)], [bar, above + down], reach, own=False)
+        return came_through([(arcs, bar), (arcs, above)], [bar, above + down], reach, np.zeros((2, 2)), own=False)
 
     ((time, _, on_bar, on_line),) = through(across)
     assert (time, on_bar, on_line) == pytest.approx((0.5, 1.3, 1.0), abs=1e-6)

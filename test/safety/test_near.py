@@ -124,7 +124,9 @@ def test_places_are_the_separate_nearest_points():
     a = shape_of(np.stack((wave, 0.02 * np.cos(4 * math.pi * wave / 0.4), 0.0 * wave), axis=1))
     b = straight((0.0, 0.0, 0.006), (0.4, 0.0, 0.006), 81)
     out = np.empty((cable_near.MOST_SPOTS, cable_near.SPOT))
-    count = cable_near.spots(a.positions, a.arc_length, b.positions, b.arc_length, False, 0.0, 0.008, 0.02, out)
+    count = cable_near.spots(
+        a.positions, a.arc_length, b.positions, b.arc_length, False, 0.0, np.zeros((2, 2)), 0.008, 0.02, out
+    )
     assert count == 4  # where the wave crosses the line
     assert np.sort(out[:count, 2]) == pytest.approx(np.array((0.05, 0.15, 0.25, 0.35)), abs=2e-3)
     assert out[:count, 0] == pytest.approx(0.006, abs=1e-9)

@@ -6,23 +6,17 @@ import math
 
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.distance.cable_near import HALF_CIRCLE, TURN, apart_for_good, bound, spheres_around, turning
-
-
-@kernel
-def boxes_apart(p: Array, p_then: Array, r: Array, r_then: Array, reach: float) -> bool:
-    """Whether the box around both shapes (n, 3) of one cable is further than `reach` [m] from that of the other.
-
-    Shapes in between, linear in time, are in those boxes, too.
-    """
-    for c in range(3):
-        low = min(p[:, c].min(), p_then[:, c].min())
-        high = max(p[:, c].max(), p_then[:, c].max())
-        other_low = min(r[:, c].min(), r_then[:, c].min())
-        other_high = max(r[:, c].max(), r_then[:, c].max())
-        if low > other_high + reach or other_low > high + reach:
-            return True
-    return False
+from cable_shape.kernels.distance.cable_near import (
+    CHUNK,
+    HALF_CIRCLE,
+    TURN,
+    apart_for_good,
+    between_pieces,
+    bound,
+    is_joined,
+    spheres_around,
+    turning,
+)
 
 
 @kernel
@@ -39,6 +33,16 @@ def leans(p: Array, x: float, y: float, z: float) -> bool:
 
 
 @kernel
+def moved(p: Array, p_then: Array, far: float) -> bool:
+    """Whether a point has moved by so much [m]."""
+    for i in range(p.shape[0]):
+        x, y, z = p[i, 0] - p_then[i, 0], p[i, 1] - p_then[i, 1], p[i, 2] - p_then[i, 2]
+        if x * x + y * y + z * z >= far * far:
+            return True
+    return False
+
+
+@kernel
 def apart_from_itself(p: Array, s: Array, p_then: Array, shortest: float, reach: float, far: float) -> bool:
     """Whether a cable cannot have come near itself since then.
 
@@ -50,10 +54,8 @@ def apart_from_itself(p: Array, s: Array, p_then: Array, shortest: float, reach:
     size = math.sqrt(x * x + y * y + z * z)
     if size > 0.0 and leans(p, x / size, y / size, z / size) and leans(p_then, x / size, y / size, z / size):
         return True
-    for i in range(p.shape[0]):
-        x, y, z = p[i, 0] - p_then[i, 0], p[i, 1] - p_then[i, 1], p[i, 2] - p_then[i, 2]
-        if x * x + y * y + z * z >= far * far:
-            return False
+    if moved(p, p_then, far):
+        return False
     turned = turning(p)
     if turned[-1] < TURN:
         return True
@@ -63,4 +65,41 @@ def apart_from_itself(p: Array, s: Array, p_then: Array, shortest: float, reach:
             low = bound(u, u, k, m)
             if low <= reach and not apart_for_good(low, s, turned, k, m, shortest):
                 return False
+    return True
+
+
+@kernel
+def box(p: Array, p_then: Array, out: Array) -> None:
+    """Fills `out` (6,) with the corners of the box around both shapes (n, 3) of a cable."""
+    for c in range(3):
+        out[c] = min(p[:, c].min(), p_then[:, c].min())
+        out[3 + c] = max(p[:, c].max(), p_then[:, c].max())
+
+
+@kernel
+def apart_but_joined(
+    p: Array, s: Array, p_then: Array, r: Array, u: Array, r_then: Array, joined: Array, reach: float, far: float
+) -> bool:  # fmt: skip
+    """Whether two cables that hang together, see `cable_near.is_joined`, cannot have come near each other elsewhere.
+
+    They cannot if no pieces of them are within `reach` [m] but such as are joined, and no point of either has moved by
+    `far` [m].
+    """
+    if moved(p, p_then, far) or moved(r, r_then, far):
+        return False
+    a, b = spheres_around(p), spheres_around(r)
+    pieces, others = p.shape[0] - 1, r.shape[0] - 1
+    length, other = s[pieces], u[others]
+    for k in range(a.shape[0]):
+        for m in range(b.shape[0]):
+            if bound(a, b, k, m) > reach:
+                continue
+            for i in range(k * CHUNK, min((k + 1) * CHUNK, pieces)):
+                for j in range(m * CHUNK, min((m + 1) * CHUNK, others)):
+                    square, x, y = between_pieces(p, i, r, j)
+                    if square > reach * reach:
+                        continue
+                    at, to = s[i] + x * (s[i + 1] - s[i]), u[j] + y * (u[j + 1] - u[j])
+                    if not is_joined(at, length, to, other, joined):
+                        return False
     return True

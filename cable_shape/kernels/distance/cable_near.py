@@ -190,10 +190,10 @@ def nearest(
 
 
 @kernel
-def alongside(a: Array, sa: Array, b: Array, sb: Array, spot: Array, reach: float) -> tuple[float, float, float]:
-    """How two centrelines lie to each other at a place, a row of SPOT: cosine of the angle between them, that between
-    the second one and the way to the first, and the determinant of the second derivatives of their distance by both
-    arc lengths, times `reach` [m] squared: 0 where they lie along each other, less where the distance is no minimum.
+def alongside(a: Array, sa: Array, b: Array, sb: Array, spot: Array, reach: float) -> tuple[float, float, float, float]:
+    """How two centrelines lie to each other at a place, a row of SPOT: cosine of the angle between them, those between
+    each and the way from the second to the first, and the determinant of the second derivatives of their distance by
+    both arc lengths, times `reach` [m] squared: 0 where they lie along each other, less where it is no minimum.
     """
     k = min(max(np.searchsorted(sa, spot[1]), 1), sa.shape[0] - 2)
     m = min(max(np.searchsorted(sb, spot[2]), 1), sb.shape[0] - 2)
@@ -212,20 +212,30 @@ def alongside(a: Array, sa: Array, b: Array, sb: Array, spot: Array, reach: floa
     cosine = tu / math.sqrt(max(tt * uu, 1e-300))
     size = math.sqrt(nn)
     if size < APART * reach:  # the way from one to the other tells nothing
-        return cosine, 0.0, 1.0 - cosine * cosine
+        return cosine, 0.0, 0.0, 1.0 - cosine * cosine
     rise, fall = nt / (size * math.sqrt(max(tt, 1e-300))), -nu / (size * math.sqrt(max(uu, 1e-300)))
     one, other = 1.0 - rise * rise + reach * na / size, 1.0 - fall * fall - reach * nb / size
     det = one * other - (cosine + rise * fall) ** 2 if one > 0.0 else -1.0
-    return cosine, fall, det
+    return cosine, rise, -fall, det
+
+
+@kernel
+def is_joined(x: float, length: float, y: float, other: float, joined: Array) -> bool:
+    """Whether points at arc lengths x and y of two cables, so long, are so near to ends that hang together that it is
+    no contact. joined (2, 2) [m]: below so much from an end of the first and one of the second together it is not."""
+    near = x + y < joined[0, 0] or x + (other - y) < joined[0, 1]
+    return near or (length - x) + y < joined[1, 0] or (length - x) + (other - y) < joined[1, 1]
 
 
 @kernel
 def spots(
-    a: Array, sa: Array, b: Array, sb: Array, own: bool, shortest: float, reach: float, apart: float, out: Array
+    a: Array, sa: Array, b: Array, sb: Array, own: bool, shortest: float, joined: Array, reach: float, apart: float,
+    out: Array,
 ) -> int:  # fmt: skip
     """Fills `out` (MOST_SPOTS, 9) with the places where two centrelines are within `reach`; returns how many.
 
-    Of pairs of points that are within `apart` [m] of each other along both cables only the nearest is a place.
+    Of pairs of points that are within `apart` [m] of each other along both cables only the nearest is a place. joined:
+    as for `is_joined`.
     """
     u = spheres_around(a)
     v = u if own else spheres_around(b)
@@ -233,6 +243,7 @@ def spots(
     pieces, others = a.shape[0] - 1, b.shape[0] - 1
     spot = np.empty(SPOT)
     count = 0
+    length, other, hang = sa[pieces], sb[others], joined.any()
     for k in range(u.shape[0]):
         for m in range(k if own else 0, v.shape[0]):
             low = bound(u, v, k, m)
@@ -245,6 +256,8 @@ def spots(
                     if between_pieces(a, i, b, j)[0] > reach * reach:
                         continue
                     fill(a, sa, b, sb, i, j, spot)
+                    if hang and is_joined(spot[1], length, spot[2], other, joined):
+                        continue
                     count = keep(spot, apart, out, count)
     return count
 

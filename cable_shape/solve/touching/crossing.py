@@ -13,14 +13,14 @@ from typing import final
 import numpy as np
 
 from cable_shape.checks import Array
-from cable_shape.pose import Grip
 from cable_shape.shape import CableShape, Status
 from cable_shape.solve.problem import Problem
 from cable_shape.solve.search import between
-from cable_shape.solve.touching.lift import held_at, levels, lifted
-from cable_shape.solve.touching.pile import Pile, all_frames
-from cable_shape.solve.touching.piled import LOST, Piled, Solo, graded
-from cable_shape.solve.touching.places import Spot, ordered
+from cable_shape.solve.touching.lift import levels
+from cable_shape.solve.touching.pile import Pile
+from cable_shape.solve.touching.piled import LOST, Piled, graded
+from cable_shape.solve.touching.spot import Spot, ordered
+from cable_shape.solve.touching.strands import Cables, Solo, Strands
 
 MOST = 96  #: contacts at a time
 GROWTH = 0.3  #: of the cables' distance: by how much overlapping ones are pushed apart at a time
@@ -43,20 +43,26 @@ _ROUND = (
 
 @final
 class Crossing(Piled):
-    """Some cables, from one prediction to the next; `names`, `solos` and `time_budget` as of :class:`Piled`."""
+    """Some cables, from one prediction to the next; `strands` and `time_budget` as of :class:`Piled`."""
+
+    def is_of(self, problem: Problem) -> bool:
+        """Whether it is of this one cable under these loads."""
+        return isinstance(self.strands, Cables) and self.strands.problems == [problem]
 
     def beside(self, cable: int, solo: Solo) -> CableShape:
         """The shape of one cable as it would be now if it were another; all here stays as it is."""
-        solos = [solo if i == cable else one.twin() for i, one in enumerate(self._solos)]
-        return self.among(solos).solve()[cable]
+        strands = self.strands
+        assert isinstance(strands, Cables)
+        solos = [solo if i == cable else one.twin() for i, one in enumerate(strands.solos)]
+        return self.among(Cables(strands.names, solos)).solve()[cable]
 
     def twin(self) -> Crossing:
         """Once more: it goes on from the last equilibrium, and this one stays as it is."""
-        return self.among([solo.twin() for solo in self._solos])
+        return self.among(self.strands.twin())
 
-    def among(self, solos: Sequence[Solo]) -> Crossing:
+    def among(self, strands: Strands) -> Crossing:
         """The same with these for its cables, which are almost alike: it goes on from the last equilibrium."""
-        other = Crossing(self._names, solos, self._time_budget)
+        other = Crossing(strands, self._time_budget)
         other._last = self._last
         other._go_on()
         return other
@@ -67,12 +73,12 @@ class Crossing(Piled):
         if self._halvings == 0:
             self._deadline = began + self._time_budget
         self._places.culled = 0
-        if any(solo.problem is not problem for solo, problem in zip(self._solos, self.problems, strict=True)):
+        strands = self.strands
+        if strands.renewed():
             self._load()
-        frames = all_frames(self.problems)
-        kinds = self._kinds_now()
+        frames, kinds = strands.frames(), strands.kinds()
         still = kinds == self._kinds and frames.tobytes() == self._frames.tobytes()
-        if self._shapes is not None and still and all(kind != "free" for _, kind in kinds):
+        if self._shapes is not None and still and all("free" not in kind for kind in kinds):
             return [shape.again() for shape in self._shapes]
         self._kinds = kinds
         if self._shapes is not None and len(frames) != len(self._frames):  # links are known, or not any more
@@ -86,9 +92,9 @@ class Crossing(Piled):
         if self._group is not None:
             self._group.take()
             if self._group.buried:
-                return self._give_up([None] * len(self._solos), "")
+                return self._give_up([None] * len(strands.names), "")
         held = self.touching
-        free = [solo.alone() if i not in held else None for i, solo in enumerate(self._solos)]
+        free = strands.alone(held)
         if any(shape is not None and not shape.status for shape in free):
             return self._give_up(free, "")
         given = [shape for shape in free if shape is not None]
@@ -130,7 +136,7 @@ class Crossing(Piled):
             if crowded:
                 return self._give_up(free, crowded)
             spots = [spot.copy() for spot in old]
-            self._group = Pile(self._names, self.problems, self._shapes, self._frames, spots, self._more)
+            self._group = Pile(strands, self._shapes, self._frames, spots, self._more)
             free = [shape if i not in self.touching else None for i, shape in enumerate(free)]
         return self._give_up(free, LOST)
 
@@ -146,7 +152,7 @@ class Crossing(Piled):
         given, spots = list(seen), self._places.close(seen)
         if not (spots or more):
             return self.solve()
-        frames = all_frames(self.problems)
+        frames = self.strands.frames()
         free: list[CableShape | None] = [None] * len(given)
         for _ in range(_ROUNDS):
             if self._places.crowded(spots) or len(spots) > MOST:
@@ -155,10 +161,10 @@ class Crossing(Piled):
             for spot in spots:
                 self._places.part(spot, given)
             held = {cable for spot in spots for cable in spot.cables}.union(more)
-            free = [solo.alone() if i not in held else None for i, solo in enumerate(self._solos)]
+            free = self.strands.alone(held)
             if any(shape is not None and not shape.status for shape in free):
                 break
-            self._group = Pile(self._names, self.problems, given, frames, [spot.copy() for spot in spots], more)
+            self._group = Pile(self.strands, given, frames, [spot.copy() for spot in spots], more)
             if self._group.buried or not (self._group.go(frames, search=True) and self._group.refined()):
                 break
             shapes = self._reported(free, Status.OK, began)
@@ -166,7 +172,7 @@ class Crossing(Piled):
             if missed is None:
                 break
             if not missed:
-                self._kinds = self._kinds_now()
+                self._kinds = self.strands.kinds()
                 return self._accept(shapes, frames)
             spots += missed
         self._forget()
@@ -188,7 +194,7 @@ class Crossing(Piled):
             return False
         for finer in (usual.finer * factor for factor in _FINER if usual.finer * factor < _FINEST):
             spots = [spot.copy() for spot in usual.spots]
-            finer_one = Pile(self._names, self.problems, shapes, self._frames, spots, self._more, finer)
+            finer_one = Pile(self.strands, shapes, self._frames, spots, self._more, finer)
             self._group = finer_one
             if self._in_steps(finer_one, goal):
                 return True
@@ -224,17 +230,16 @@ class Crossing(Piled):
     def _by_halves(self, goal: Array) -> list[CableShape]:
         """By way of the ends halfway, where at once cables came through each other unseen, or no way was found."""
         if self._halvings == _HALVINGS or perf_counter() > self._deadline:
-            return self._give_up([None] * len(self._solos), LOST)
-        given = [(problem.start, problem.end, problem.links) for problem in self.problems]
+            return self._give_up([None] * len(self.strands.names), LOST)
+        given = self.strands.given()
         self._go_on()
-        self._let_go(range(len(self._solos)))
+        self._let_go(range(len(self.strands.names)))
         self._halvings += 1
-        held_at(self.problems, between(self._frames, goal, 0.5))
+        self.strands.hold(between(self._frames, goal, 0.5))
         half = self.solve()
-        for problem, ends in zip(self.problems, given, strict=True):
-            problem.move(*ends)
+        self.strands.give_back(given)
         wrong = {i for i, shape in enumerate(half) if not shape.usable}
-        shapes = [solo.alone() for solo in self._solos] if wrong else self.solve()
+        shapes = self._alone([None] * len(half)) if wrong else self.solve()
         self._halvings -= 1
         if not wrong:
             snapped = Status.SNAPPED
@@ -268,7 +273,7 @@ class Crossing(Piled):
         if not found:
             group.restore(kept)
             self._reached = group
-        alone = [shape if shape is not None else self._solos[i].alone() for i, shape in enumerate(free)]
+        alone = self._alone(free)
         if not all(shape.status for shape in alone):
             return self._give_up(alone, "")
         return self._cold(alone, frames, Status.SNAPPED, began)
@@ -299,7 +304,7 @@ class Crossing(Piled):
             crowded = self._places.crowded(spots)
             if crowded:
                 return self._give_up(list(shapes), crowded)
-            self._group = Pile(self._names, self.problems, given, frames, spots)
+            self._group = Pile(self.strands, given, frames, spots)
             if not self._grown(frames):
                 let_down = self._let_down(spots, frames)
                 if not let_down:
@@ -338,11 +343,11 @@ class Crossing(Piled):
 
         Those that touch are the group then. Cables in clips are not lifted.
         """
-        level = levels(spots, self._places.down) if self._leaps else {}
-        if not level or any(self.problems[i].clips for i, k in level.items() if k > 0):
+        level = levels(spots, self._places.down) if self._leaps and self.strands.lifts else {}
+        if not level or any(self.strands.held_at(i) for i, k in level.items() if k > 0):
             return []
         height = max(self._places.reach(spot.cables) for spot in spots)
-        most = _HIGHEST * max(problem.cable.length for problem in self.problems)
+        most = _HIGHEST * max(cable.length for cable in self.strands.cables)
         while self._held_higher(level, height) is None:
             height *= _HIGHER
             if height > most or perf_counter() > self._deadline:
@@ -353,7 +358,7 @@ class Crossing(Piled):
             for k in range(steps - 1, -1, -1):
                 if other is None or perf_counter() > self._deadline:
                     return []
-                other._lift(self.problems, level, height * k / steps)
+                other._lift(self.strands, level, height * k / steps)
                 shapes = other.solve()
                 if not all(shape.usable for shape in shapes) or other._places.overlaps(shapes, other._spots):
                     break
@@ -364,28 +369,23 @@ class Crossing(Piled):
 
     def _held_higher(self, level: dict[int, int], height: float) -> Crossing | None:
         """These cables, held so many times this height [m] higher; None if they touch there, or have no shape."""
-        other = Crossing(self._names, [solo.twin() for solo in self._solos], self._time_budget)
+        other = Crossing(self.strands.twin(), self._time_budget)
         other._leaps = False
-        other._lift(self.problems, level, height)
-        alone = [solo.alone() for solo in other._solos]
+        other._lift(self.strands, level, height)
+        alone = other._alone([None] * len(other.strands.names))
         if not all(shape.usable for shape in alone) or other._places.overlaps(alone):
             return None
         return other if all(shape.usable for shape in other.solve()) else None
 
-    def _lift(self, given: Sequence[Problem], level: dict[int, int], height: float) -> None:
+    def _lift(self, given: Strands, level: dict[int, int], height: float) -> None:
         """Holds the cables so many times a height [m] above where they are given."""
-        for i, (problem, one) in enumerate(zip(self.problems, given, strict=True)):
-            way = -level.get(i, 0) * height * self._places.down
-            start, end = (lifted(grip, way) if isinstance(grip, Grip) else grip for grip in (one.start, one.end))
-            assert isinstance(start, Grip)
-            problem.move(start, end, one.links)
+        self.strands.higher(given, level, -height * self._places.down)
 
     def _take_over(self, other: Crossing, shapes: list[CableShape], frames: Array) -> bool:
         """Goes on from shapes that the same cables have elsewhere, between the same ends."""
-        for i, (solo, shape) in enumerate(zip(self._solos, shapes, strict=True)):
-            solo.go_on_from(shape, *self._ends_and_links(i, frames))
+        self.strands.go_on_from(range(len(shapes)), shapes, frames)
         self._group = None
         if other.touching:
             spots = [spot.copy() for spot in other._spots]
-            self._group = Pile(self._names, self.problems, shapes, frames, spots, other._more)
+            self._group = Pile(self.strands, shapes, frames, spots, other._more)
         return self._group is None or (self._group.go(frames) and self._group.refined())

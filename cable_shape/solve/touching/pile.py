@@ -3,30 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
-from dataclasses import replace
+from collections.abc import Collection, Mapping, Sequence
 from time import perf_counter
 from typing import Any, final
 
 import numpy as np
 
 from cable_shape.cable.cable import Cable
-from cable_shape.cable.pieces import energy_of_sections, widest
+from cable_shape.cable.pieces import widest
 from cable_shape.checks import Array
 from cable_shape.kernels.contact import drive
 from cable_shape.kernels.contact.press import I_EXCESS
-from cable_shape.kernels.network.tables import NOW
-from cable_shape.pose import FreeEnd, Grip
-from cable_shape.scene.body_tables import carried_by, clip_frames, link_rows
-from cable_shape.shape import NUMBERS_PER_POINT, TOUCH, CableShape, Status
-from cable_shape.solve.harness_problem import HarnessProblem
+from cable_shape.shape import NUMBERS_PER_POINT, CableShape, Status
 from cable_shape.solve.problem import Problem
-from cable_shape.solve.rod_common import MODEL
 from cable_shape.solve.touching.harness_state import HarnessTouchState
 from cable_shape.solve.touching.laid import Pair
-from cable_shape.solve.touching.places import (
+from cable_shape.solve.touching.places import MOUTH
+from cable_shape.solve.touching.search import relax
+from cable_shape.solve.touching.spot import (
     DEEPEST,
-    MOUTH,
     SHORTEST,
     Line,
     Spot,
@@ -35,42 +30,24 @@ from cable_shape.solve.touching.places import (
     overlap_of,
     overlaps_at,
 )
-from cable_shape.solve.touching.search import relax
 from cable_shape.solve.touching.step import FAR, WARM_ITERATIONS, Steps
+from cable_shape.solve.touching.strands import Cables, Strands
+from cable_shape.solve.touching.told import Told
 from cable_shape.solve.touching.touching import ACCURACY, BURIED, inexact
 
-NO_FRICTION = (0.0, 0.0, 0.0, 0.0)  #: along the surfaces of cables that touch
-ITSELF = "itself"  #: the body's name, where a cable touches itself
 _FINEST = 4.0  #: times as many elements as usual, where they make too large an error
 
 
 @final
-class Shapes:
-    """Shapes of several cables as what a harness's shape holds of its segments."""
-
-    def __init__(self, shapes: Sequence[CableShape]) -> None:
-        self.points = shapes[0].points
-        self.buffer: Array = np.concatenate([shape.buffer for shape in shapes])
-        self.bodies = tuple(dict.fromkeys(name for shape in shapes for name in shape.bodies))
-        self.touches = [shape.touches.copy() for shape in shapes]
-        for shape, rows in zip(shapes, self.touches, strict=True):
-            rows[:, 1] = [self.bodies.index(shape.bodies[int(body)]) for body in rows[:, 1]]
-        self.turns = np.array([shape.turns for shape in shapes])
-
-
-@final
 class Pile:
-    """`spots`, and the cables that have any; `frames` (n, 7) are those of the last equilibrium.
-
-    They are those of the ends of all the cables in turn, and of the links that carry bodies, as :func:`all_frames` has
-    them. cables: the numbers of those that are solved for.
+    """`spots`, and the cables that have any, or are solved for along with such; `frames` (n, 7) are those of the last
+    equilibrium, see `Strands`. cables: the numbers of those that are solved for.
     """
 
     def __init__(
         self,
-        names: Sequence[str],
-        problems: list[Problem],
-        shapes: list[CableShape],
+        strands: Strands,
+        shapes: Sequence[CableShape] | Mapping[int, CableShape],
         frames: Array,
         spots: list[Spot],
         more: Collection[int] = (),
@@ -80,11 +57,11 @@ class Pile:
 
         finer: of so many times as many elements as usual.
         """
-        self._names, self._every = tuple(names), problems
+        self._strands = strands
         self.spots, self.frames = spots, frames.copy()
         self.more = frozenset(more)
-        self.cables = sorted(self.more.union(cable for spot in spots for cable in spot.cables))
-        self._problem = HarnessProblem.of_cables(self._problems)
+        self.cables = strands.hung_together(self.more.union(cable for spot in spots for cable in spot.cables))
+        self._problem = strands.network(self.cables)
         self._state = HarnessTouchState(self._problem)  # type: ignore[arg-type]
         self._state.rubs = False  # what cables lie on below each other does not hold them
         self._state.move_bodies(self._links(frames))
@@ -92,52 +69,38 @@ class Pile:
         least = ACCURACY * self._problem.harness.longest if self._problem.bodies else 0.0
         self.tolerance = max(self._problem.tolerance, least)
         self._steps = Steps(self._problem, self._state, math.inf)  # type: ignore[arg-type]
-        self._start(Shapes([shapes[i] for i in self.cables]))
+        self._start(shapes)
 
-    @property
-    def _problems(self) -> dict[str, Problem]:
-        """Those of the cables, by the names of their segments."""
-        return {f"c{i}": self._every[i] for i in self.cables}
-
-    def _start(self, shapes: Shapes) -> None:
-        """Begins with these shapes."""
+    def _start(self, shapes: Sequence[CableShape] | Mapping[int, CableShape]) -> None:
+        """Begins with these shapes of all the cables."""
         state = self._state
         gaps = {cable: state.gaps[row] for row, cable in enumerate(self.cables)}
         state.links = tuple(
             Pair(s.arcs + [gaps[cable] for cable in s.cables], s.reach, s.press, s.places, s.stays) for s in self.spots
         )
         poses = self._poses(self.frames)
-        state.start_from(shapes, poses, self.finer)  # type: ignore[arg-type]
-        state.remember(self._steps.positions(shapes.buffer))
+        started = self._strands.start(self.cables, shapes)
+        state.start_from(started, poses, self.finer)
+        state.remember(self._steps.positions(started.buffer))
         for spot in self.spots:
-            spot.hand = hand_of(spot, self._lines(spot, shapes.buffer))
+            spot.hand = hand_of(spot, self._lines(spot, started.buffer))
         if not any(spot.press > 0.0 for spot in self.spots):  # on this mesh, before anything presses
             state.reach = np.zeros(len(self.spots))
             self._steps.go(poses, 1, WARM_ITERATIONS, FAR)
 
     def _links(self, frames: Array) -> Array:
         """(m, 7), those of the links that carry bodies or clips."""
-        return frames[2 * len(self._every) :]
+        return frames[2 * len(self._strands.cables) :]
 
     def _poses(self, frames: Array) -> Array:
         """(k, 7), of the knots, with the ends in `frames`."""
-        out = self._state.aimed()
-        knots = self._state.cable.layout.knots
-        if self._problem.clips_move:
-            links, carried = self._links(frames), carried_of(self._every)
-            placed = [clip_frames(self._every[i].clips, links, carried) for i in self.cables]
-            out[self._state.cable.clip_rows] = np.concatenate(placed)
-        for cable in self.cables:
-            for side, end in enumerate(("start", "end")):
-                if type(getattr(self._every[cable], end)) is Grip:
-                    out[knots["end", f"c{cable}.{end}"]] = frames[2 * cable + side]
-        return out
+        return self._strands.poses(self._state, self.cables, frames)
 
     # -- what is asked of it
 
     def take(self) -> None:
         """The ends and links where the problems have them now."""
-        self._problem.follow(self._problems)
+        self._strands.follow(self._problem, self.cables)
 
     @property
     def buried(self) -> bool:
@@ -203,9 +166,10 @@ class Pile:
         lines = self._lines(spot, self._steps.buffer)
         spot.hand = hand_of(spot, lines)
         turned = spot.hand * before.hand < 0.0 and float(spot.normal @ before.normal) < 0.0
-        if turned and not at_an_end(spot, self._every):
+        if turned and not at_an_end(spot, self._strands.cables):
             return False
-        for row in overlaps_at(spot, lines, SHORTEST * widest(self._every[spot.cables[0]].cable)):
+        least, joined = SHORTEST * widest(self._strands.cables[spot.cables[0]]), self._strands.joined(spot.cables)
+        for row in overlaps_at(spot, lines, least, joined):
             places = list(zip(spot.cables, row[1:3].tolist(), strict=True))
             deepest = DEEPEST + sum(self._sagitta(*place) for place in places)
             if row[0] < spot.reach - deepest and not any(self._in_a_mouth(*place, spot.reach) for place in places):
@@ -214,8 +178,8 @@ class Pile:
 
     def _in_a_mouth(self, cable: int, arc: float, reach: float) -> bool:
         """Whether a place is at what holds a cable."""
-        clips = self._steps.loads[self._problem.clips[f"c{cable}"], 0]
-        return bool(np.abs(np.array((0.0, self._every[cable].cable.length, *clips)) - arc).min() < MOUTH * reach)
+        clips = self._steps.loads[self._problem.clips[self._strands.key(cable)], 0]
+        return bool(np.abs(np.array((0.0, self._strands.cables[cable].length, *clips)) - arc).min() < MOUTH * reach)
 
     def _lines(self, spot: Spot, buffer: Array) -> list[Line]:
         """The centrelines of two cables that touch, in a shape."""
@@ -242,85 +206,33 @@ class Pile:
         """A finer mesh where it is too coarse; False if the equilibrium is lost on it."""
         while self.coarse and self.finer < _FINEST:
             self.finer *= 2.0
-            shapes = [self.shape(cable, Status.OK, "", 0.0) for cable in self.cables]
-            self._start(Shapes(shapes))
+            self._start(dict(zip(self.cables, self.shapes(Status.OK, "", 0.0), strict=True)))
             if not self.go(self.frames):
                 return False
         return True
 
-    def shape(self, cable: int, status: Status, detail: str, began: float, overlap: float = 0.0) -> CableShape:
-        """A cable's shape with all its contacts, so graded; `began`: when its solve did; overlap: as the property."""
-        state, problem = self._state, self._every[cable]
-        row, n = self.cables.index(cable), problem.points
-        size = NUMBERS_PER_POINT * n
-        buffer = self._steps.buffer[row * size : (row + 1) * size].copy()
-        for side, at in ((problem.start, n), (problem.end, 4 * n - 3)):
-            if type(side) is Grip and at > n:
-                buffer[at : at + 3] = side.cable_frame.position
-        info = state.info
-        told = info[drive.INFO :]
-        cables = len(state.gaps)
-        estimate = float(info[drive.I_ESTIMATE])
+    def shapes(self, status: Status, detail: str, began: float) -> list[CableShape]:
+        """The shapes of its cables with all their contacts, so graded; `began`: when their solve did."""
+        state, steps = self._state, self._steps
+        estimate = float(state.info[drive.I_ESTIMATE])
         if status and not estimate <= self.tolerance:
             status, detail = Status.NOT_CONVERGED, inexact(estimate, self.tolerance)
-        bodies, rows = self._contacts(cable)
-        touches = np.vstack((state.touches_of_segments()[row], np.array(rows).reshape(-1, TOUCH)))
-        shape = CableShape(
-            buffer,
-            n,
-            length=problem.cable.length,
-            model=MODEL,
-            status=status,
-            detail=detail,
-            energy=float(told[2 * cables + row]) + self._energy_of_masses(cable, buffer),
-            error_estimate=estimate + overlap,
-            residual=float(info[drive.I_RESIDUAL]),
-            iterations=self._steps.iterations,
-            turns=int(state.turns[NOW, row]),
-            twist=float(told[2 * row]),
-            solve_time=perf_counter() - began,
-            supports=self._steps.loads[self._problem.clips[f"c{cable}"]],
-            touches=touches[np.argsort(touches[:, 0], kind="stable")],
-            bodies=bodies,
-            frictionless=state.has_friction,
-        )
-        shape.energy += energy_of_sections(problem.cable, shape, problem.gravity)
-        return shape
-
-    def _contacts(self, cable: int) -> tuple[tuple[str, ...], list[Array]]:
-        """Names of the bodies and cables that a cable may touch, and its contacts with cables as `CableShape` has
-        them."""
-        bodies, rows = list(self._state.bodies.names), []
-        for spot in self.spots:
-            for side, sign in ((0, 1.0), (1, -1.0)):
-                if spot.cables[side] != cable or not spot.press > 0.0:
-                    continue
-                other = spot.cables[1 - side]
-                name, normal = ITSELF if other == cable else self._names[other], sign * spot.normal
-                if name not in bodies:
-                    bodies.append(name)
-                point = spot.places[1 - side] + 0.5 * widest(self._every[other].cable) * normal
-                rows.append(np.array((spot.arcs[side], bodies.index(name), *point, *normal, spot.press, *NO_FRICTION)))
-        return tuple(bodies), rows
-
-    def _energy_of_masses(self, cable: int, buffer: Array) -> float:
-        """[J], potential energy of a cable's point masses and plug."""
-        problem = self._every[cable]
-        n = problem.points
-        arcs, places = buffer[:n], buffer[n : 4 * n].reshape(n, 3)
-        masses = [(mass.mass, mass.arc_length) for mass in problem.masses]
-        if isinstance(problem.end, FreeEnd):
-            masses.append((problem.end.mass, problem.cable.length))
-        out = 0.0
-        for mass, arc in masses:
-            at = np.array([np.interp(arc, arcs, x) for x in places.T])
-            out -= mass * float(problem.gravity @ at)
-        return out
+        told = Told(
+            self.cables, self.spots, state, steps.buffer, steps.loads, steps.iterations, status, detail, self.overlap,
+            perf_counter() - began,
+        )  # fmt: skip
+        return self._strands.shapes(told)
 
     def member(self, cable: int, told: int | None = None) -> Member:
         """One of the cables, to ask for derivatives of its shape, or by it of that of another one, `told`."""
+        assert isinstance(self._strands, Cables)
         row = self.cables.index(cable if told is None else told)
-        return Member(self._state, self._every[cable], row, f"c{cable}")
+        return Member(self._state, self._strands.problems[cable], row, self._strands.key(cable))
+
+    @property
+    def state(self) -> HarnessTouchState:
+        """The memory of all of them."""
+        return self._state
 
 
 @final
@@ -360,22 +272,3 @@ class Member:
         """(points, 3, 6), (0, 6): how positions change as a body moves."""
         out, df = self._state.body_columns(name)
         return out[self.rows], df
-
-
-def carried_of(problems: Sequence[Problem]) -> dict[str, str]:
-    """The links that carry bodies, and those that carry clips of any of these cables."""
-    return carried_by(problems[0].bodies, [replace(c, name=None) for one in problems for c in one.clips])
-
-
-def all_frames(problems: list[Problem]) -> Array:
-    """(n, 7), of both ends of all the cables, and of the links that carry bodies or clips, where they are known."""
-    links = problems[0].links
-    carried = {} if links is None else problems[0].carried if len(problems) == 1 else carried_of(problems)
-    frames = np.empty((2 * len(problems) + len(carried), 7))
-    for i, problem in enumerate(problems):
-        start, end = problem.start.cable_frame.array, problem.end
-        frames[2 * i] = start
-        frames[2 * i + 1] = start if isinstance(end, FreeEnd) else end.cable_frame.array
-    if links is not None and carried:
-        frames[2 * len(problems) :] = link_rows(links, carried)
-    return frames

@@ -4,38 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
-from typing import Protocol
 
 import numpy as np
 
 from cable_shape.checks import Array
 from cable_shape.shape import CableShape, Status
-from cable_shape.solve.problem import Problem
 from cable_shape.solve.rod_common import Patience
-from cable_shape.solve.touching.pile import Member, Pile, all_frames, carried_of
-from cable_shape.solve.touching.places import Places, Spot
+from cable_shape.solve.touching.harness_state import HarnessTouchState
+from cable_shape.solve.touching.pile import Member, Pile
+from cable_shape.solve.touching.places import Places
 from cable_shape.solve.touching.rounds import Rounds
+from cable_shape.solve.touching.spot import Spot, apart_from_each_other
+from cable_shape.solve.touching.strands import Strands
 
-_SAME = 1e-3  #: of the length: a shape found alone is the one that has come free, if it is no further away
 LOST = "no equilibrium of cables that touch was found. "
-
-
-class Solo(Protocol):
-    """What solves for one cable as if there were no other."""
-
-    problem: Problem  #: moved to the ends before every solve; may be another one, of the same cable under other loads
-
-    def alone(self) -> CableShape:
-        """The shape between the problem's ends."""
-
-    def go_on_from(self, shape: CableShape, frames: Array, links: Array) -> None:
-        """Makes a shape between the ends `frames` (2, 7) the last solution, if there are bodies it may lie on.
-
-        links (m, 7): where the links were then that carry bodies; m = 0: not known, or there are none.
-        """
-
-    def twin(self) -> Solo:
-        """Once more: it goes on from the last shape, and this one stays as it is."""
 
 
 class Piled:
@@ -43,20 +25,17 @@ class Piled:
 
     Parameters
     ----------
-    names : of the cables
-    solos : what solves for each alone
+    strands : the cables, and what solves for each alone
     time_budget : [s] of one solve, looked at between its attempts
     """
 
-    def __init__(self, names: Sequence[str], solos: Sequence[Solo], time_budget: float = math.inf) -> None:
-        self.problems = [solo.problem for solo in solos]
-        self._names = tuple(names)
-        self._solos = list(solos)
+    def __init__(self, strands: Strands, time_budget: float = math.inf) -> None:
+        self.strands = strands
         self._time_budget, self._deadline = time_budget, math.inf
         self._patience, self._why = Patience(), ""
         self._halvings = 0
         self._leaps = True  # whether another equilibrium is looked for where no way leads on
-        self._places = Places(names, self.problems)
+        self._places = Places(strands)
         self._rounds = Rounds(self._places.pairs)
         self.reset()
 
@@ -83,7 +62,7 @@ class Piled:
 
     def take_up(self, shapes: list[CableShape], spots: list[Spot]) -> None:
         """Makes shapes between the problems' ends, that touch in these places, the last equilibrium."""
-        self._last = shapes, all_frames(self.problems), spots, frozenset()
+        self._last = shapes, self.strands.frames(), spots, frozenset()
         self._go_on()
 
     def look_again(self) -> None:
@@ -116,6 +95,11 @@ class Piled:
         both = {cable, cable if told is None else told}
         return self._group.member(cable, told) if both <= self.touching and self._group is not None else None
 
+    @property
+    def state(self) -> HarnessTouchState | None:
+        """The memory of those that touch; None if none do."""
+        return None if self._group is None else self._group.state
+
     def close(self, seen: Sequence[CableShape]) -> set[int]:
         """The cables that touch another one or themselves, or nearly do, in shapes as they were seen."""
         return {cable for spot in self._places.close(seen) for cable in spot.cables}
@@ -124,31 +108,24 @@ class Piled:
         """Whether shapes overlap each other or themselves."""
         return bool(self._places.overlaps(list(shapes)))
 
-    def _kinds_now(self) -> list[tuple[str, str]]:
-        """How the ends of the cables are held."""
-        return [(problem.start.kind, getattr(problem.end, "kind", "free")) for problem in self.problems]
-
     def _load(self) -> None:
         """Goes on from the last equilibrium under the loads that the problems now have."""
-        self.problems[:] = [solo.problem for solo in self._solos]
         self._kinds, self._reached = [], None
         if self._group is not None and self._shapes is not None:
             spots = [spot.copy() for spot in self._spots]
-            self._group = Pile(self._names, self.problems, self._shapes, self._frames, spots, self._more)
+            self._group = Pile(self.strands, self._shapes, self._frames, spots, self._more)
 
     def _reported(self, free: Sequence[CableShape | None], status: Status, began: float) -> list[CableShape]:
         """The shapes of all the cables."""
         group = self._group
-        overlap = 0.0 if group is None else group.overlap
-        out: list[CableShape] = []
-        for i, shape in enumerate(free):
-            if group is None or i not in group.cables:
-                assert shape is not None
-                out.append(shape)
-                continue
+        shapes = list(free)
+        if group is not None:
             grade = Status.UNSTABLE if status is Status.OK and not group.stable else status
-            detail = "" if grade is Status.OK else grade.remedy
-            out.append(group.shape(i, grade, detail, began, overlap))
+            found = group.shapes(grade, "" if grade is Status.OK else grade.remedy, began)
+            for i, shape in zip(group.cables, found, strict=True):
+                shapes[i] = shape
+        out = [shape for shape in shapes if shape is not None]
+        assert len(out) == len(shapes)
         return out
 
     def _accept(self, shapes: list[CableShape], frames: Array) -> list[CableShape]:
@@ -159,16 +136,17 @@ class Piled:
             self._patience.succeed()
             for spot in group.spots:
                 spot.before = spot.arcs.copy()
-            staying = [spot for spot in group.spots if spot.press > 0.0 or spot.distance < spot.near * spot.reach]
-            if len(staying) < len(group.spots):
+            lines = {i: (shape.arc_length, shape.positions) for i, shape in enumerate(shapes)}
+            turned = self._places.tell_lines(group.spots, lines)
+            near = [spot for spot in group.spots if spot.press > 0.0 or spot.distance < spot.near * spot.reach]
+            staying = apart_from_each_other(near)
+            if turned or len(staying) < len(group.spots):
                 held = group.more.union(cable for spot in staying for cable in spot.cables)
-                if all(self._comes_free(cable, shapes[cable]) for cable in group.cables if cable not in held):
-                    more = group.more
-                    kept = staying or more
-                    self._group = Pile(self._names, self.problems, shapes, frames, staying, more) if kept else None
-            group = self._group
-            if group is not None and self._places.tell_lines(group.spots, dict(enumerate(shapes))):
-                self._group = Pile(self._names, self.problems, shapes, frames, group.spots, group.more)
+                leaving = set(group.cables).difference(self.strands.hung_together(held))
+                spots = staying if self.strands.comes_free(leaving, shapes, frames) else group.spots
+                more = group.more
+                self._group = Pile(self.strands, shapes, frames, spots, more) if spots or more else None
+        self.strands.accept(shapes)
         self._last = shapes, frames, [spot.copy() for spot in self._spots], self._more
         self._reached = None
         self._rounds.begin()
@@ -176,25 +154,15 @@ class Piled:
 
     def _let_go(self, cables: Collection[int]) -> None:
         """Has cables go on alone from where they last were."""
-        for cable in cables:
-            if self._shapes is not None:
-                self._solos[cable].go_on_from(self._shapes[cable], *self._ends_and_links(cable, self._frames))
+        if self._shapes is not None:
+            self.strands.go_on_from(cables, self._shapes, self._frames)
 
-    def _ends_and_links(self, cable: int, frames: Array) -> tuple[Array, Array]:
-        """The cable's ends (2, 7) and the links that carry its bodies and clips (m, 7) in `frames`."""
-        links = frames[2 * len(self.problems) :]
-        if len(links):
-            order = list(carried_of(self.problems))
-            links = links[[order.index(name) for name in self.problems[cable].carried]]
-        return frames[2 * cable : 2 * cable + 2], links
-
-    def _comes_free(self, cable: int, shape: CableShape) -> bool:
-        """Whether the cable alone has this shape."""
-        self._solos[cable].go_on_from(shape, *self._ends_and_links(cable, self._frames))
-        alone = self._solos[cable].alone()
-        if not alone.status:
-            return False
-        return bool(np.abs(alone.positions - shape.positions).max() <= _SAME * shape.length)
+    def _alone(self, shapes: Sequence[CableShape | None]) -> list[CableShape]:
+        """These, and what those have alone of which there is none."""
+        known = {i for i, shape in enumerate(shapes) if shape is not None}
+        alone = self.strands.alone(known) if len(known) < len(shapes) else shapes
+        out = [one or other for one, other in zip(shapes, alone, strict=True)]
+        return [shape for shape in out if shape is not None]
 
     def _through(self, shapes: list[CableShape]) -> set[int]:
         """The cables that went through another one, or themselves, since the last equilibrium."""
@@ -213,7 +181,7 @@ class Piled:
         self._group, self._reached = self._reached, None
         if (spots or more) and self._group is None:
             spots = [spot.copy() for spot in spots]
-            self._group = Pile(self._names, self.problems, self._shapes, self._frames, spots, more)
+            self._group = Pile(self.strands, self._shapes, self._frames, spots, more)
 
     def _give_up(
         self, shapes: Sequence[CableShape | None], detail: str, status: Status = Status.NOT_CONVERGED
@@ -221,7 +189,7 @@ class Piled:
         """The shapes of the cables alone, those that touched or overlap so graded, and nothing to start from."""
         touching = self.touching
         self._lose()
-        out = [shape if shape is not None else self._solos[i].alone() for i, shape in enumerate(shapes)]
+        out = self._alone(shapes)
         if detail:
             self._patience.fail()
         self._why = (detail or LOST) + status.remedy

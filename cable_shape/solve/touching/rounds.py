@@ -8,7 +8,7 @@ from typing import final
 import numpy as np
 
 from cable_shape.checks import Array
-from cable_shape.solve.touching.places import Pair
+from cable_shape.solve.touching.spot import Pair
 
 _TURN, _BACK = math.cos(math.radians(45.0)), math.cos(math.radians(30.0))
 _NOWHERE = 1e-9  # m

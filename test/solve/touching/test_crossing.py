@@ -345,7 +345,7 @@ def test_a_cable_laid_down_along_another_lies_on_it_in_a_row_of_contacts(angle):
     """What pushes it up is its own, and where it slides off, nothing goes through anything."""
     cycle = cs.Cycle({"under": HEAVY, "over": HEAVY}, scene=SOLVE, model="cosserat")
     most = 0
-    for k, height in enumerate(np.linspace(0.015, -0.003, 37)):
+    for k, height in enumerate(np.linspace(0.015, 0.001, 29)):
         grips = {"under": across(0.0, 0.5, 0.0), "over": across(angle, 0.5, height, (0.0, 0.0005))}
         shapes = cycle.step(grips, stamp=k).shapes
         assert all(shape.usable for shape in shapes.values()), (height, shapes)

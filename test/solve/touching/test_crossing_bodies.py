@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scene_random import motion, run, run_motion
@@ -10,9 +12,10 @@ from scipy.spatial.transform import Rotation
 import cable_shape as cs
 from cable_shape.solve.problem import Problem
 from cable_shape.solve.touching.crossing import Crossing
-from cable_shape.solve.touching.lift import held_at
-from cable_shape.solve.touching.pile import Pile, all_frames
-from cable_shape.solve.touching.places import Places, Spot
+from cable_shape.solve.touching.pile import Pile
+from cable_shape.solve.touching.places import Places
+from cable_shape.solve.touching.spot import Spot
+from cable_shape.solve.touching.strands import Cables
 
 ALONG_X = Rotation.from_quat((0.5, 0.5, 0.5, 0.5))
 CABLE = cs.Cable(1.0, 0.1, 0.008, 0.006, diameter=0.008)
@@ -214,7 +217,7 @@ def test_clips_of_one_cable():
 def test_what_cannot_be_held_is_named():
     clip = cs.Clip(0.3, cs.Pose((-0.19, 0.0, 0.02)))
     problems = [Problem(CABLE, scene=cs.Scene(clips=[clip], contact="solve")), Problem(CABLE, scene=ON_TABLE)]
-    places = Places(("under", "over"), problems)
+    places = Places(Cables(("under", "over"), [SimpleNamespace(problem=problem) for problem in problems]))
 
     def spot(*arcs):
         return Spot((0, 1), np.array(arcs), np.zeros((2, 3)), 0.008, np.array(arcs))
@@ -309,9 +312,10 @@ def test_ends_and_links_are_held_where_frames_have_them():
     grips = [cs.Grip(pose, offset=offset) for pose in across(20.0, 0.9, 0.3)]
     links = {"arm": cs.Pose((0.0, 0.0, 0.2)), "hand": cs.Pose((0.1, 0.0, 0.2)), "other": cs.Pose()}
     problems = [Problem(CABLE, scene=scene).move(grips[0], end, links) for end in (grips[1], None)]
-    frames = all_frames(problems)
+    cables = Cables("ab", [SimpleNamespace(problem=problem) for problem in problems])
+    frames = cables.frames()
     frames[:, :3] += np.arange(3.0 * len(frames)).reshape(-1, 3)
     frames[3] = frames[2]  # of a free end
-    held_at(problems, frames)
-    assert all_frames(problems) == pytest.approx(frames, abs=1e-12)
+    cables.hold(frames)
+    assert cables.frames() == pytest.approx(frames, abs=1e-12)
     assert problems[0].links["other"] is links["other"]
