@@ -32,8 +32,6 @@ import numba
 from numba import types
 from numba.core import cgutils, imputils
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
-from numba.extending import overload
-from numba.np import arrayobj
 
 from cable_shape.kernels._late import Late
 
@@ -41,23 +39,6 @@ HERE = Path(__file__).parent
 _IMPORT = re.compile(rb"^from cable_shape\.kernels([\w.]*) import (?:\(([^)]*)\)|([^\n]*))", re.MULTILINE)
 LARGE = 120  # instructions of a kernel that is not put in line
 _GROUP, _OTHERS = stat.S_IWGRP, stat.S_IWOTH
-
-
-def _shapes_differ(given: Any, place: Any) -> None:
-    """The error of an array that does not fit into the slice that it is assigned to."""
-
-
-@overload(_shapes_differ)
-def _tell(given: Any, place: Any) -> Any:
-    def tell(given: Any, place: Any) -> None:
-        raise ValueError("cannot assign slice from input of different size")
-
-    return tell
-
-
-# numba's own text has both shapes in it, and so strings and their joining in every kernel that assigns an array: a
-# tenth of what there is to compile.
-arrayobj.raise_with_shape_context = _shapes_differ
 
 
 @cache
