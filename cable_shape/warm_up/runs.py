@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, ParamSpec
 
@@ -198,6 +199,18 @@ def warm_up_harnesses() -> None:
         for k in range(3):
             ends = {"a.start": Pose((0.0, 0.0, 0.5), along), "b.end": Pose((0.8, 0.0, 0.5 + 0.001 * k), along)}
             cycle.step({"h": {**ends, "c.end": FreeEnd(mass=0.01)}}, stamp=k * 10_000_000)  # type: ignore[dict-item]
+    floor = Obstacle("floor", HalfSpace(), Pose((0.0, 0.0, 0.3)))
+    frames = {
+        f"{name}.start": Pose(quaternion=(side, 0.0, 0.0, math.sqrt(0.96))) for name, side in (("b", 0.2), ("c", -0.2))
+    }
+    fork = Junction("fork", ("a.end", "b.start", "c.start"), frames=frames)
+    laid = Cycle(
+        {"h": Harness(dict.fromkeys("abc", cable.replace(diameter=0.02)), [fork])},
+        scene=Scene([floor], contact="solve"),
+    )
+    for k in range(3):  # on the floor, kept out of itself
+        ends = {"a.start": Pose((0.0, 0.0, 0.5), along), "b.end": Pose((0.9, 0.1, 0.5), along)}
+        laid.step({"h": {**ends, "c.end": Pose((0.9, -0.1, 0.5 + 0.01 * k), along)}}, stamp=k * 10_000_000)  # type: ignore[dict-item]
 
 
 @_whole
