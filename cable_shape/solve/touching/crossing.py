@@ -248,6 +248,8 @@ class Crossing(Piled):
                 for was, shape in zip(half, shapes, strict=True)
             ]
         wrong |= self._places.involved(shapes) | self._through(shapes)
+        inside = self._places.held_inside(self.strands.frames())
+        self._why = inside + Status.NOT_CONVERGED.remedy if inside else self._why
         return [
             graded(shape, Status.NOT_CONVERGED, self._why) if shape.status and i in wrong else shape
             for i, shape in enumerate(shapes)

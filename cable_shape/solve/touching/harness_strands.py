@@ -74,7 +74,15 @@ class HarnessStrands:
 
     def free(self, strand: int) -> tuple[bool, bool]:
         """See `Strands`."""
-        start, end = (type(self.problem.ends.get(f"{self.names[strand]}.{side}")) is FreeEnd for side in SIDES)
+        return self._are(strand, FreeEnd)
+
+    def gripped(self, strand: int) -> tuple[bool, bool]:
+        """See `Strands`."""
+        return self._are(strand, Grip)
+
+    def _are(self, strand: int, kind: type) -> tuple[bool, bool]:
+        """Whether its start, its end, are of a kind."""
+        start, end = (isinstance(self.problem.ends.get(f"{self.names[strand]}.{side}"), kind) for side in SIDES)
         return start, end
 
     def held_at(self, strand: int) -> list[float]:

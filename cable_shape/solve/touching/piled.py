@@ -192,7 +192,7 @@ class Piled:
         out = self._alone(shapes)
         if detail:
             self._patience.fail()
-        self._why = (detail or LOST) + status.remedy
+        self._why = (self._places.held_inside(self.strands.frames()) or detail or LOST) + status.remedy
         wrong = touching | self._places.involved(out) | self._through(out)
         return [
             graded(shape, status, self._why) if shape.status and i in wrong else shape for i, shape in enumerate(out)

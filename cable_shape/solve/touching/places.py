@@ -38,6 +38,7 @@ _PARALLEL = math.cos(math.radians(4.0))
 _STEEP = math.cos(math.radians(40.0))  #: so many degrees apart they cross, however they bend
 _LEVEL = 0.1  #: cosine: the same of both cables for any place, where they hang together
 _SLOPE = 0.2  #: cosine: a place in such a row is where the second cable is square to the way to the first
+_SIDES = ("start", "end")
 _CLOSE = 2.0  #: of the distance to be kept: cables that are seen nearer touch, or may
 _MOST_LOOKS = 40  #: at shapes between two
 
@@ -166,6 +167,19 @@ class Places:
             if slips or min(b - a for a, b in pairwise(held)) < CLIP_SPACING * length:
                 where = "at a grip, at a clip or by two others in one place"
                 return f"cable {name!r} is touched {where}, which is not solved for. "
+        return ""
+
+    def held_inside(self, frames: Array) -> str:
+        """Which cables grips hold inside each other, where frames (n, 7) are, in words; empty if none do."""
+        gripped = [self._strands.gripped(i) for i in range(len(self._strands.names))]
+        for (a, b), joined in self._joined.items():
+            for side, other in ((i, j) for i in range(2) for j in range(2) if a != b or i < j):
+                apart = float(np.linalg.norm(frames[2 * a + side, :3] - frames[2 * b + other, :3]))
+                least = self.reach((a, b))
+                if gripped[a][side] and gripped[b][other] and apart < least - DEEPEST and not joined[side, other]:
+                    ends = ((a, side), (b, other))
+                    one, two = (f"{self._strands.names[i]!r} at its {_SIDES[k]}" for i, k in ends)
+                    return f"grips hold cable {one} inside {two}: {apart:.4f} m apart, where {least:.4f} m are needed. "
         return ""
 
     def _far(self, pair: Pair, shapes: list[CableShape], before: list[CableShape]) -> bool:

@@ -56,6 +56,9 @@ class Strands(Protocol):
     def free(self, strand: int) -> tuple[bool, bool]:
         """Whether nothing is at its start, at its end."""
 
+    def gripped(self, strand: int) -> tuple[bool, bool]:
+        """Whether a grip holds its start, its end."""
+
     def held_at(self, strand: int) -> list[float]:
         """[m], arc lengths of its clips, ascending."""
 
@@ -176,6 +179,10 @@ class Cables:
     def free(self, strand: int) -> tuple[bool, bool]:
         """See `Strands`."""
         return False, isinstance(self.problems[strand].end, FreeEnd)
+
+    def gripped(self, strand: int) -> tuple[bool, bool]:
+        """See `Strands`."""
+        return True, isinstance(self.problems[strand].end, Grip)
 
     def held_at(self, strand: int) -> list[float]:
         """See `Strands`."""

@@ -407,7 +407,9 @@ def test_ends_that_go_round_each_other_while_nothing_is_known_ask_for_a_reset():
     known = [step(turns) for turns in (0.0, 0.2, 0.4, 0.6, 0.8)]
     assert all(shape.status is cs.Status.OK for shape in known)
     assert known[-1].contacts
-    assert not any(step(turns, 0.004).usable for turns in (0.8, 1.0, 1.2, 1.4, 1.6))  # grips inside each other
+    lost = [step(turns, 0.004) for turns in (0.8, 1.0, 1.2, 1.4, 1.6)]
+    assert not any(shape.usable for shape in lost)
+    assert "grips hold cable 'a' at its start inside 'b' at its start: 0.0040 m apart" in lost[0].detail
     back = step(1.6)
     assert back.status is cs.Status.NOT_CONVERGED
     assert "gone round each other" in back.detail

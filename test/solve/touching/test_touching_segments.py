@@ -148,6 +148,15 @@ def test_arms_led_back_come_free_and_nothing_is_left_of_it():
     assert predictor.predict(crossed(0.06)).status is cs.Status.OK
 
 
+def test_grips_that_hold_arms_inside_each_other_are_named():
+    predictor = cs.Predictor(forked(), scene=SOLVE)
+    ends = crossed(0.0)
+    ends["r.end"] = cs.Pose(ends["l.end"].position + (0.0, 0.003, 0.0), posed((0.0, 0.0, 0.0), 35.0).quaternion)
+    shape = predictor.predict(ends)
+    assert shape.status is cs.Status.NOT_CONVERGED
+    assert "grips hold cable 'l' at its end inside 'r' at its end: 0.0030 m apart, where 0.0080 m" in shape.detail
+
+
 def test_what_hangs_together_does_not_touch_there():
     cable, bit = ARM, ARM.replace(length=0.01)
     harness = cs.Harness(
