@@ -1,4 +1,4 @@
-"""Stars of three arms, as they are held to collocation, and what it found: stars.json, which this file writes when run.
+"""Stars of three arms, as they are held to collocation, and what it found: harnesses/stars.json, written by this file.
 
 Three arms of different stiffness, weight and length on a junction with a mass; the second one ends in it. Far ends are
 clamped, or nothing holds them. Nothing of the package is used but a shape that the collocation starts from.
@@ -17,6 +17,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 HERE = Path(__file__).parent
+FILE = HERE / "harnesses" / "stars.json"
 if __name__ == "__main__":
     sys.path += [str(HERE.parent / "helpers"), str(HERE.parents[1])]
 
@@ -85,7 +86,7 @@ def solved(free: Sequence[int], couple: np.ndarray) -> list[Solved]:
     """A star as it was found, from the file."""
     case = next(k for k, one in enumerate(CASES) if one[0] == tuple(free) and np.array_equal(one[1], couple))
     out = []
-    for arm, found in enumerate(json.loads((HERE / "stars.json").read_text(encoding="utf-8"))[case]):
+    for arm, found in enumerate(json.loads(FILE.read_text(encoding="utf-8"))[case]):
         weight = WEIGHTS[arm] * LENGTHS[arm] * np.linspace(0.0, 1.0, POINTS)
         forces = np.array(found["force"]) + np.outer(weight, (0.0, 0.0, 1.0))
         out.append(Solved(np.array(found["positions"]), forces, np.array(found["moments"])))
@@ -120,4 +121,4 @@ def find(free: Sequence[int], couple: np.ndarray) -> list[dict[str, Any]]:
 
 
 if __name__ == "__main__":
-    (HERE / "stars.json").write_text(json.dumps([find(*case) for case in CASES]) + "\n", encoding="utf-8")
+    FILE.write_text(json.dumps([find(*case) for case in CASES]) + "\n", encoding="utf-8")

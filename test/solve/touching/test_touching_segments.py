@@ -151,7 +151,9 @@ def test_arms_led_back_come_free_and_nothing_is_left_of_it():
 def test_grips_that_hold_arms_inside_each_other_are_named():
     predictor = cs.Predictor(forked(), scene=SOLVE)
     ends = crossed(0.0)
-    ends["r.end"] = cs.Pose(ends["l.end"].position + (0.0, 0.003, 0.0), posed((0.0, 0.0, 0.0), 35.0).quaternion)
+    ends["r.end"] = cs.Pose(
+        ends["l.end"].position + np.array((0.0, 0.003, 0.0)), posed((0.0, 0.0, 0.0), 35.0).quaternion
+    )
     shape = predictor.predict(ends)
     assert shape.status is cs.Status.NOT_CONVERGED
     assert "grips hold cable 'l' at its end inside 'r' at its end: 0.0030 m apart, where 0.0080 m" in shape.detail
