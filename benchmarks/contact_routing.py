@@ -31,7 +31,7 @@ from tqdm import tqdm
 import cable_shape as cs
 
 STEPS, SEED, FRICTION, TRIES = 200, 19, 0.4, 400
-MOTIONS = 100  # of all kinds together: some twenty minutes on two cores
+MOTIONS = 100  # of all kinds together
 Route = tuple[Array, Array]  # (STEPS, 3) [m] places of a grip, (STEPS, 3) rotation vectors beside that along x
 
 

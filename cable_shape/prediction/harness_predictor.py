@@ -116,6 +116,13 @@ class HarnessPredictor:
         """What solved for the last shape if segments touch each other or themselves in it."""
         return None if self._crossing is None else self._crossing.state
 
+    @property
+    def _strands(self) -> HarnessStrands:
+        """The segments as what keeps them out of each other knows them."""
+        assert self._crossing is not None
+        assert isinstance(self._crossing.strands, HarnessStrands)
+        return self._crossing.strands
+
     def _with_itself(self) -> Crossing | None:
         """What keeps segments out of each other and of themselves, where the scene asks for it."""
         return Crossing(HarnessStrands(self), self._time_budget) if self.problem.solves_crossing else None
@@ -152,8 +159,7 @@ class HarnessPredictor:
         if other._solver.state is not None:
             other._solver.state.problem = problem
         if self._crossing is not None:
-            assert isinstance(self._crossing.strands, HarnessStrands)
-            other._crossing = self._crossing.among(self._crossing.strands.of(other))
+            other._crossing = self._crossing.among(self._strands.of(other))
         return other
 
     @property
@@ -211,8 +217,7 @@ class HarnessPredictor:
         if self._crossing is None:
             shape = self.alone()
         else:
-            assert isinstance(self._crossing.strands, HarnessStrands)
-            shape = self._crossing.strands.as_one(self._crossing.solve())
+            shape = self._strands.as_one(self._crossing.solve())
         self._last, self._last_ends, self._last_links = shape, dict(problem.ends), kept(problem.links)
         return shape
 
@@ -224,10 +229,6 @@ class HarnessPredictor:
         """Makes a shape between the problem's ends the last one, if there are bodies it may lie on."""
         if self.problem.bodies:
             self._solver.begin(self.problem, shape)
-
-    def twin(self) -> HarnessPredictor:
-        """Once more: it goes on from the last shape, and this one stays as it is."""
-        return self._copied()
 
     def begin(
         self,
@@ -244,8 +245,7 @@ class HarnessPredictor:
         self._solver.begin(self.problem.move(ends, links), shape, loose=loose)
         self._crossing = self._with_itself()
         if self._crossing is not None:
-            assert isinstance(self._crossing.strands, HarnessStrands)
-            self._crossing.take_up(self._crossing.strands.take(shape), [])
+            self._crossing.take_up(self._strands.take(shape), [])
 
     def head_for(self, harness: Harness | None = None, scene: Scene | None = None) -> None:
         """Makes the problem that of another harness in another scene, or its own; ends and links stay."""
@@ -258,8 +258,7 @@ class HarnessPredictor:
         self.problem = problem
         self._last = None
         if self._crossing is not None and problem.harness is not last.harness:
-            assert isinstance(self._crossing.strands, HarnessStrands)
-            self._crossing = self._crossing.among(self._crossing.strands.of(self))
+            self._crossing = self._crossing.among(self._strands.of(self))
 
     def leap(self, *, allowed: bool) -> None:
         """See :meth:`cable_shape.Predictor.leap`."""

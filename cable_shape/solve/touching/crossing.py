@@ -51,14 +51,19 @@ class Crossing(Piled):
 
     def beside(self, cable: int, solo: Solo) -> CableShape:
         """The shape of one cable as it would be now if it were another; all here stays as it is."""
-        strands = self.strands
-        assert isinstance(strands, Cables)
-        solos = [solo if i == cable else one.twin() for i, one in enumerate(strands.solos)]
-        return self.among(Cables(strands.names, solos)).solve()[cable]
+        cables = self._cables
+        solos = [solo if i == cable else one.twin() for i, one in enumerate(cables.solos)]
+        return self.among(Cables(cables.names, solos)).solve()[cable]
 
     def twin(self) -> Crossing:
         """Once more: it goes on from the last equilibrium, and this one stays as it is."""
-        return self.among(self.strands.twin())
+        return self.among(self._cables.twin())
+
+    @property
+    def _cables(self) -> Cables:
+        """The strands, if they are those."""
+        assert isinstance(self.strands, Cables)
+        return self.strands
 
     def among(self, strands: Strands) -> Crossing:
         """The same with these for its cables, which are almost alike: it goes on from the last equilibrium."""
@@ -105,7 +110,7 @@ class Crossing(Piled):
             if wrong:
                 self._patience.left = max(0, self._patience.left - 1)
                 lost = Status.NOT_CONVERGED
-                why = _ROUND + lost.remedy if round_each_other else self._why
+                why = _ROUND + lost.remedy if round_each_other else self._because()
                 return [graded(shape, lost, why) if i in wrong else shape for i, shape in enumerate(given)]
             return self._cold(given, frames, Status.OK, began)
         if self._group is None and not self._places.near(given, self._shapes):
@@ -248,10 +253,9 @@ class Crossing(Piled):
                 for was, shape in zip(half, shapes, strict=True)
             ]
         wrong |= self._places.involved(shapes) | self._through(shapes)
-        inside = self._places.held_inside(self.strands.frames())
-        self._why = inside + Status.NOT_CONVERGED.remedy if inside else self._why
+        why = self._because()
         return [
-            graded(shape, Status.NOT_CONVERGED, self._why) if shape.status and i in wrong else shape
+            graded(shape, Status.NOT_CONVERGED, why) if shape.status and i in wrong else shape
             for i, shape in enumerate(shapes)
         ]
 
@@ -343,9 +347,9 @@ class Crossing(Piled):
         """The shapes of cables that are held higher the more others lie below them, and let down on those; none: no
         way.
 
-        Those that touch are the group then. Cables in clips are not lifted.
+        Those that touch are the group then. Cables in clips are not lifted, nor segments of a harness.
         """
-        level = levels(spots, self._places.down) if self._leaps and self.strands.lifts else {}
+        level = levels(spots, self._places.down) if self._leaps and isinstance(self.strands, Cables) else {}
         if not level or any(self.strands.held_at(i) for i, k in level.items() if k > 0):
             return []
         height = max(self._places.reach(spot.cables) for spot in spots)
@@ -360,7 +364,7 @@ class Crossing(Piled):
             for k in range(steps - 1, -1, -1):
                 if other is None or perf_counter() > self._deadline:
                     return []
-                other._lift(self.strands, level, height * k / steps)
+                other._lift(self, level, height * k / steps)
                 shapes = other.solve()
                 if not all(shape.usable for shape in shapes) or other._places.overlaps(shapes, other._spots):
                     break
@@ -371,17 +375,17 @@ class Crossing(Piled):
 
     def _held_higher(self, level: dict[int, int], height: float) -> Crossing | None:
         """These cables, held so many times this height [m] higher; None if they touch there, or have no shape."""
-        other = Crossing(self.strands.twin(), self._time_budget)
+        other = Crossing(self._cables.twin(), self._time_budget)
         other._leaps = False
-        other._lift(self.strands, level, height)
+        other._lift(self, level, height)
         alone = other._alone([None] * len(other.strands.names))
         if not all(shape.usable for shape in alone) or other._places.overlaps(alone):
             return None
         return other if all(shape.usable for shape in other.solve()) else None
 
-    def _lift(self, given: Strands, level: dict[int, int], height: float) -> None:
+    def _lift(self, given: Crossing, level: dict[int, int], height: float) -> None:
         """Holds the cables so many times a height [m] above where they are given."""
-        self.strands.higher(given, level, -height * self._places.down)
+        self._cables.higher(given._cables, level, -height * self._places.down)
 
     def _take_over(self, other: Crossing, shapes: list[CableShape], frames: Array) -> bool:
         """Goes on from shapes that the same cables have elsewhere, between the same ends."""

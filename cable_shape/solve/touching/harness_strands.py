@@ -16,14 +16,13 @@ from cable_shape.checks import Array
 from cable_shape.kernels.contact import drive
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.scene.body_tables import clip_frames, link_rows
-from cable_shape.scene.scene_parts import Obstacle
 from cable_shape.shape import CableShape
 from cable_shape.solve.harness_problem import HarnessProblem
 from cable_shape.solve.harness_shape import HarnessShape
 from cable_shape.solve.rod_common import MODEL
 from cable_shape.solve.touching.harness_state import HarnessTouchState
 from cable_shape.solve.touching.spot import SHORTEST, Pair
-from cable_shape.solve.touching.strands import Strands, at_frame, same_shape
+from cable_shape.solve.touching.strands import at_frame, same_shape
 from cable_shape.solve.touching.told import Told
 
 _NOWHERE = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
@@ -42,15 +41,10 @@ class HarnessSolo(Protocol):
     def go_on_from(self, shape: HarnessShape) -> None:
         """Makes a shape between the problem's ends the last one, if there are bodies it may lie on."""
 
-    def twin(self) -> HarnessSolo:
-        """Once more: it goes on from the last shape, and this one stays as it is."""
-
 
 @final
 class HarnessStrands:
     """See :class:`.strands.Strands`; all segments are solved for together, if any."""
-
-    lifts = False
 
     def __init__(self, solo: HarnessSolo) -> None:
         self.solo = solo
@@ -66,11 +60,6 @@ class HarnessStrands:
     def gravity(self) -> Array:
         """See `Strands`."""
         return self.problem.gravity
-
-    @property
-    def bodies(self) -> tuple[Obstacle, ...]:
-        """See `Strands`."""
-        return self.problem.bodies
 
     def free(self, strand: int) -> tuple[bool, bool]:
         """See `Strands`."""
@@ -239,19 +228,11 @@ class HarnessStrands:
         alone = self.take(self.solo.alone())
         return all(same_shape(one, shape) for one, shape in zip(alone, shapes, strict=True))
 
-    def twin(self) -> HarnessStrands:
-        """See `Strands`."""
-        return self.of(self.solo.twin())
-
     def of(self, solo: HarnessSolo) -> HarnessStrands:
         """The same of what solves for a harness almost alike, which goes on from the last shape."""
         other = HarnessStrands(solo)
         other._accepted, other._latest = list(self._accepted), list(self._latest)
         return other
-
-    def higher(self, given: Strands, level: dict[int, int], way: Array) -> None:
-        """See `Strands`: never."""
-        raise AssertionError
 
 
 def joined_ends(harness: Harness) -> dict[Pair, Array]:

@@ -157,6 +157,11 @@ class Piled:
         if self._shapes is not None:
             self.strands.go_on_from(cables, self._shapes, self._frames)
 
+    def _because(self, status: Status = Status.NOT_CONVERGED) -> str:
+        """Why there is no shape: grips that hold cables inside each other now, or what was found last."""
+        inside = self._places.held_inside(self.strands.frames())
+        return inside + status.remedy if inside else self._why
+
     def _alone(self, shapes: Sequence[CableShape | None]) -> list[CableShape]:
         """These, and what those have alone of which there is none."""
         known = {i for i, shape in enumerate(shapes) if shape is not None}
@@ -192,11 +197,10 @@ class Piled:
         out = self._alone(shapes)
         if detail:
             self._patience.fail()
-        self._why = (self._places.held_inside(self.strands.frames()) or detail or LOST) + status.remedy
+        self._why = (detail or LOST) + status.remedy
+        why = self._because(status)
         wrong = touching | self._places.involved(out) | self._through(out)
-        return [
-            graded(shape, status, self._why) if shape.status and i in wrong else shape for i, shape in enumerate(out)
-        ]
+        return [graded(shape, status, why) if shape.status and i in wrong else shape for i, shape in enumerate(out)]
 
 
 def graded(shape: CableShape, status: Status, detail: str) -> CableShape:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import Any, final
 
 import numpy as np
@@ -90,13 +90,15 @@ class Places:
 
     def near(self, shapes: list[CableShape], before: list[CableShape]) -> list[Pair]:
         """The pairs that bounds do not rule out to have touched since the shapes before."""
-        boxes = np.empty((len(shapes), 6))
-        for shape, then, box in zip(shapes, before, boxes, strict=True):
-            apart.box(shape.positions, then.positions, box)
-        a, b = self._numbers
-        gaps = np.maximum(boxes[a, :3] - boxes[b, 3:], boxes[b, :3] - boxes[a, 3:]).max(axis=1)
-        near = np.flatnonzero(gaps <= self._reaches).tolist() if self.cull else range(len(self.pairs))
-        pairs = [pair for pair in (self.pairs[i] for i in near) if not self._far(pair, shapes, before)]
+        near = self.pairs
+        if self.cull and len(shapes) > 1:
+            boxes = np.empty((len(shapes), 6))
+            for shape, then, box in zip(shapes, before, boxes, strict=True):
+                apart.box(shape.positions, then.positions, box)
+            a, b = self._numbers
+            gaps = np.maximum(boxes[a, :3] - boxes[b, 3:], boxes[b, :3] - boxes[a, 3:]).max(axis=1)
+            near = [self.pairs[i] for i in np.flatnonzero(gaps <= self._reaches).tolist()]
+        pairs = [pair for pair in near if not self._far(pair, shapes, before)]
         self.culled = len(self.pairs) - len(pairs)
         return pairs
 
@@ -171,15 +173,13 @@ class Places:
 
     def held_inside(self, frames: Array) -> str:
         """Which cables grips hold inside each other, where frames (n, 7) are, in words; empty if none do."""
-        gripped = [self._strands.gripped(i) for i in range(len(self._strands.names))]
-        for (a, b), joined in self._joined.items():
-            for side, other in ((i, j) for i in range(2) for j in range(2) if a != b or i < j):
-                apart = float(np.linalg.norm(frames[2 * a + side, :3] - frames[2 * b + other, :3]))
-                least = self.reach((a, b))
-                if gripped[a][side] and gripped[b][other] and apart < least - DEEPEST and not joined[side, other]:
-                    ends = ((a, side), (b, other))
-                    one, two = (f"{self._strands.names[i]!r} at its {_SIDES[k]}" for i, k in ends)
-                    return f"grips hold cable {one} inside {two}: {apart:.4f} m apart, where {least:.4f} m are needed. "
+        ends = [(i, k) for i in range(len(self._strands.names)) for k in range(2) if self._strands.gripped(i)[k]]
+        for (a, side), (b, other) in combinations(ends, 2):
+            apart = float(np.linalg.norm(frames[2 * a + side, :3] - frames[2 * b + other, :3]))
+            least = self.reach((a, b))
+            if apart < least - DEEPEST and not self._joined[a, b][side, other]:
+                one, two = (f"{self._strands.names[i]!r} at its {_SIDES[k]}" for i, k in ((a, side), (b, other)))
+                return f"grips hold cable {one} inside {two}: {apart:.4f} m apart, where {least:.4f} m are needed. "
         return ""
 
     def _far(self, pair: Pair, shapes: list[CableShape], before: list[CableShape]) -> bool:

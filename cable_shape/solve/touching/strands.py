@@ -19,7 +19,6 @@ from cable_shape.kernels.contact import drive
 from cable_shape.kernels.network.tables import NOW
 from cable_shape.pose import FreeEnd, Grip, Pose
 from cable_shape.scene.body_tables import carried_by, clip_frames, link_rows
-from cable_shape.scene.scene_parts import Obstacle
 from cable_shape.shape import NUMBERS_PER_POINT, CableShape
 from cable_shape.solve.harness_problem import HarnessProblem
 from cable_shape.solve.problem import Problem
@@ -44,14 +43,6 @@ class Strands(Protocol):
     @property
     def gravity(self) -> Array:
         """(3,) [m/s^2]."""
-
-    @property
-    def bodies(self) -> tuple[Obstacle, ...]:
-        """What they may lie on."""
-
-    @property
-    def lifts(self) -> bool:
-        """Whether some may be held higher than others."""
 
     def free(self, strand: int) -> tuple[bool, bool]:
         """Whether nothing is at its start, at its end."""
@@ -116,12 +107,6 @@ class Strands(Protocol):
     def comes_free(self, strands: Collection[int], shapes: Sequence[CableShape], frames: Array) -> bool:
         """Whether these have their shapes alone, too."""
 
-    def twin(self) -> Strands:
-        """Once more: they go on from the last shapes, and these stay as they are."""
-
-    def higher(self, given: Strands, level: dict[int, int], way: Array) -> None:
-        """Holds them so many times a way (3,) [m] off where `given` are."""
-
 
 class Solo(Protocol):
     """What solves for one cable as if there were no other."""
@@ -159,8 +144,6 @@ class Shapes:
 class Cables:
     """Cables that no junction joins; `names` and `solos` are theirs."""
 
-    lifts = True
-
     def __init__(self, names: Sequence[str], solos: Sequence[Solo]) -> None:
         self.names, self.solos = tuple(names), list(solos)
         self.problems = [solo.problem for solo in solos]
@@ -170,11 +153,6 @@ class Cables:
     def gravity(self) -> Array:
         """See `Strands`."""
         return self.problems[0].gravity
-
-    @property
-    def bodies(self) -> tuple[Obstacle, ...]:
-        """See `Strands`."""
-        return self.problems[0].bodies
 
     def free(self, strand: int) -> tuple[bool, bool]:
         """See `Strands`."""
@@ -327,12 +305,11 @@ class Cables:
         return True
 
     def twin(self) -> Cables:
-        """See `Strands`."""
+        """Once more: they go on from the last shapes, and these stay as they are."""
         return Cables(self.names, [solo.twin() for solo in self.solos])
 
-    def higher(self, given: Strands, level: dict[int, int], way: Array) -> None:
-        """See `Strands`."""
-        assert isinstance(given, Cables)
+    def higher(self, given: Cables, level: dict[int, int], way: Array) -> None:
+        """Holds them so many times a way (3,) [m] off where `given` are."""
         for i, (problem, one) in enumerate(zip(self.problems, given.problems, strict=True)):
             by = level.get(i, 0) * way
             start, end = (_lifted(grip, by) if isinstance(grip, Grip) else grip for grip in (one.start, one.end))
