@@ -174,8 +174,11 @@ class _Cache(FunctionCache):
     """
 
     _impl_class = _Implementation
+    asked: ClassVar[list[Callable[[], None]]] = []  # before it is read
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
+        for ask in self.asked:
+            ask()
         try:
             found = super().load_overload(sig, target_context)
         except Exception:  # noqa: BLE001, unpickling half a file raises whatever it likes
@@ -187,6 +190,16 @@ class _Cache(FunctionCache):
     def save_overload(self, sig: Any, data: Any) -> None:
         with contextlib.suppress(OSError), _locked(self.cache_path):  # it is compiled, kept or not
             super().save_overload(sig, data)
+
+
+@contextlib.contextmanager
+def between_kernels(ask: Callable[[], None]) -> Iterator[None]:
+    """Within it `ask` is called before each kernel: what it raises leaves nothing of the compiler's half done."""
+    _Cache.asked.append(ask)
+    try:
+        yield
+    finally:
+        _Cache.asked.remove(ask)
 
 
 @final

@@ -1,17 +1,54 @@
-"""How a process of rclpy ends: :func:`ends_when_told`, :func:`shut_down`."""
+"""How a process of rclpy ends: :func:`interrupts_between_kernels`, :func:`ends_when_told`, :func:`shut_down`."""
 
 from __future__ import annotations
 
 import contextlib
 import os
+import signal
 import sys
 import threading
 from collections.abc import Iterator
+from types import FrameType
+from typing import ClassVar, final
 
 from rclpy.utilities import ok, try_shutdown
 
+from cable_shape.kernels._jit import between_kernels
+
 #: [s], between looks, and given to the main thread to end by itself.
 LOOK, GRACE = 0.1, 0.5
+
+
+@final
+class _Compiling:
+    """What was told while the compiler is at work: a KeyboardInterrupt in the midst of it would leave LLVM half done.
+
+    Lost in one of its callbacks, it would interrupt nothing; elsewhere what is freed after it may crash the process.
+    """
+
+    under_way: ClassVar[bool] = False
+    told: ClassVar[bool] = False
+
+    @classmethod
+    def interrupt(cls, number: int, frame: FrameType | None) -> None:
+        if cls.under_way:
+            cls.told = True
+        else:
+            signal.default_int_handler(number, frame)
+
+    @classmethod
+    def check(cls) -> None:
+        if cls.told:
+            raise KeyboardInterrupt
+
+
+def interrupts_between_kernels() -> None:
+    """From now on SIGINT and SIGTERM raise KeyboardInterrupt, within :func:`ends_when_told` between two kernels alone.
+
+    Call it before rclpy.init, which passes on what it hears.
+    """
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _Compiling.interrupt)
 
 
 @contextlib.contextmanager
@@ -35,10 +72,15 @@ def ends_when_told() -> Iterator[None]:
                 return
 
     threading.Thread(target=watch, daemon=True).start()
+    _Compiling.under_way = True
     try:
-        yield
+        with between_kernels(_Compiling.check):
+            yield
     finally:
         done.set()
+        told, _Compiling.under_way, _Compiling.told = _Compiling.told, False, False
+        if told:
+            raise KeyboardInterrupt from None
 
 
 def shut_down() -> None:

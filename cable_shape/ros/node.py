@@ -35,7 +35,7 @@ from cable_shape.ros.complaint_log import ComplaintLog
 from cable_shape.ros.diagnostics import Health
 from cable_shape.ros.edits import Edits
 from cable_shape.ros.executor import InputFirstExecutor
-from cable_shape.ros.interrupt import shut_down
+from cable_shape.ros.interrupt import interrupts_between_kernels, shut_down
 from cable_shape.ros.log_folder import find_log_folder
 from cable_shape.ros.outputs import Outputs
 from cable_shape.ros.parameters import BY_NAME, SPECS, Settings, unknown_overrides, widened
@@ -403,7 +403,7 @@ class CableShapeNode(LifecycleNode):
 
 def main(args: list[str] | None = None) -> int:
     """Runs the node until SIGINT or SIGTERM; the exit code is 0 then."""
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # rclpy's own handler passes it on: ends configure, too
+    interrupts_between_kernels()  # ends configure, too
     find_log_folder()
     rclpy.init(args=args)
     try:

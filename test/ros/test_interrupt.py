@@ -53,3 +53,43 @@ print("to its end")
 def test_what_is_compiled_where_rclpy_is_not_up_is_not_ended():
     done = subprocess.run([sys.executable, "-c", WITHOUT], capture_output=True, text=True, timeout=300)
     assert done.stdout == "to its end\n", done.stderr
+
+
+WITHIN = """
+import os, signal, time
+import numpy as np
+import rclpy
+from cable_shape.kernels.catenary import uniform
+from cable_shape.ros import interrupt
+interrupt.interrupts_between_kernels()
+rclpy.init()
+interrupt.GRACE = 60.0
+try:
+    with interrupt.ends_when_told():
+        os.kill(os.getpid(), signal.SIGNUMBER)
+        time.sleep(0.5)
+        print("still compiling")
+        BODY
+        print("not reached")
+except KeyboardInterrupt:
+    print("interrupted")
+try:
+    os.kill(os.getpid(), signal.SIGNUMBER)
+    time.sleep(5.0)
+except KeyboardInterrupt:
+    print("as ever")
+"""
+
+
+@pytest.mark.parametrize("number", ["SIGINT", "SIGTERM"])
+@pytest.mark.parametrize(
+    "body",
+    [
+        "uniform(np.array([0.5, 0.0, 0.0]), np.array([0.0, 0.0, -1.0]), 1.0, np.zeros(3))",
+        "raise RuntimeError('to which a lost interrupt has led')",
+    ],
+)
+def test_the_compiler_is_interrupted_between_kernels_alone(number, body):
+    code = WITHIN.replace("SIGNUMBER", number).replace("BODY", body)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300)
+    assert done.stdout == "still compiling\ninterrupted\nas ever\n", done.stderr
