@@ -314,7 +314,11 @@ class CableShape:
     def tangents(self) -> Array:
         """(n, 3), unit, world: the third axis of the cable frame."""
         x, y, z, w = self.quaternions.T
-        return np.stack((2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)), axis=1)
+        tangents = np.empty((self.points, 3))
+        tangents[:, 0] = 2.0 * (x * z + w * y)
+        tangents[:, 1] = 2.0 * (y * z - w * x)
+        tangents[:, 2] = 1.0 - 2.0 * (x * x + y * y)
+        return tangents
 
     @property
     def tension(self) -> Array:

@@ -27,7 +27,13 @@ FARTHEST = 1e6
 
 def point_rows(shapes: Mapping[str, CableShape]) -> Any:
     """(points of all shapes, 5) little-endian float32, see `POINT_FIELDS`."""
-    return np.vstack([np.column_stack((s.positions, s.arc_length, s.tension)) for s in shapes.values()]).astype("<f4")
+    rows = np.empty((sum(shape.points for shape in shapes.values()), len(POINT_FIELDS)), dtype="<f4")
+    first = 0
+    for shape in shapes.values():
+        here = rows[first : first + shape.points]
+        here[:, :3], here[:, 3], here[:, 4] = shape.positions, shape.arc_length, shape.tension
+        first += shape.points
+    return rows
 
 
 def shape_fields(cable_id: str, shape: CableShape) -> dict[str, Any]:

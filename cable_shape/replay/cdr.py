@@ -19,14 +19,22 @@ def packed(codes: str, values: Sequence[object]) -> bytes:
     """
     plain: list[object] = [_HEADER]
     lengths: list[int] = []
-    for code, value in zip(codes, values, strict=True):
-        if code not in "sDy":
-            plain.append(value)
-            continue
+    done = 0
+    for place, code in _long(codes):
+        value = values[place]
         content = f"{value}\0".encode() if code == "s" else np.asarray(value).tobytes()
         lengths.append(len(content))
+        plain += values[done:place]
         plain += (len(content) // 8 if code == "D" else len(content), content)
+        done = place + 1
+    plain += values[done:]
     return _layout(codes, tuple(lengths)).pack(*plain)
+
+
+@lru_cache(maxsize=1024)
+def _long(codes: str) -> tuple[tuple[int, str], ...]:
+    """Places and codes of texts and arrays."""
+    return tuple((place, code) for place, code in enumerate(codes) if code in "sDy")
 
 
 @lru_cache(maxsize=1024)

@@ -8,11 +8,10 @@ these are in the report alone.
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import gc
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, final
+from typing import Any, final
 
 from cable_shape.checks import Array
 from cable_shape.cycle.cycle import Cycle
@@ -20,9 +19,8 @@ from cable_shape.cycle.parts import in_parts
 from cable_shape.errors import ArgumentError, BagError
 from cable_shape.messages.pairing import SECOND
 from cable_shape.pose import Grip, Pose
-from cable_shape.replay.bag_writer import BagWriter
 from cable_shape.replay.bags import Bag
-from cable_shape.replay.carried import Carried, carried
+from cable_shape.replay.carried import carried
 from cable_shape.replay.edits import RecordedEdits
 from cable_shape.replay.inertia import Inertia
 from cable_shape.replay.inputs import (
@@ -42,14 +40,10 @@ from cable_shape.replay.markers import MarkerComparison
 from cable_shape.replay.outcome import Outcome
 from cable_shape.replay.report import write_report
 from cable_shape.replay.settings import Settings
+from cable_shape.replay.sinks import Sinks
 from cable_shape.replay.tally import Tally
 from cable_shape.replay.transform_input import TRANSFORM_TYPE, TransformSource
 from cable_shape.robots.on_links import check_links
-from cable_shape.safety.report import CycleReport
-from cable_shape.scene.scene import Scene
-
-if TYPE_CHECKING:
-    from cable_shape.viewer.recording import RecordingWriter
 
 Progress = Callable[[Iterable[Any], int], Iterable[Any]]
 
@@ -138,7 +132,6 @@ class _Run:
             self.markers = MarkerComparison(marked.length, skew, self._compared, marked.runs)
             if settings.inertia:
                 self.inertia = Inertia(bag.path, settings.markers_topic, skew, marked.along)
-        self.sinks: _Sinks | None = None
         has_markers = marked is not None and bag.types.get(settings.markers_topic) == MARKERS_TYPE
         self.topics = (*self.source.topics, *((settings.markers_topic,) if has_markers else ()))
         robot = settings.robot if self.source_name == "joints" else None
@@ -156,17 +149,18 @@ class _Run:
             uncertainty=settings.uncertainty,
             motion=settings.motion,
         )
+        self.sinks = Sinks(out, settings)
 
     def run(self, progress: Progress) -> Outcome:
         """All messages of the recording."""
         from cable_shape.warm_up import warm_up_cycles, warm_up_harnesses
 
-        warm_up_cycles(self.settings.model)
-        if self.settings.harness is not None:
-            warm_up_harnesses()
         total = sum(self.bag.counts.get(topic, 0) for topic in self.topics)
-        with contextlib.ExitStack() as stack:
-            stack.enter_context(_settled())
+        has_markers = self.settings.markers_topic in self.topics
+        with self.sinks, _settled():
+            warm_up_cycles(self.settings.model)
+            if self.settings.harness is not None:
+                warm_up_harnesses()
             for topic, _, message in progress(self.bag.messages(self.topics), total):
                 if topic == self.settings.markers_topic:
                     self._take_markers(topic, message)
@@ -176,12 +170,10 @@ class _Run:
                     self._restart()
                 if sample is None:
                     continue
-                if self.sinks is None:
+                if not self.tally.cycles:
                     self._check_frames()
-                    has_markers = self.settings.markers_topic in self.topics
-                    sinks = _Sinks(self.out, self.settings, self.carried, self.links, has_markers)
-                    self.sinks = stack.enter_context(sinks)
-                self._take(sample, self.sinks)
+                    self.sinks.begin(self.carried, self.links, has_markers)
+                self._take(sample)
             self._make_edits(None)
             self.source.finish()
             if self.markers is not None:
@@ -190,7 +182,7 @@ class _Run:
             raise BagError(self._nothing())
         return self._outcome()
 
-    def _take(self, sample: Sample, sinks: _Sinks) -> None:
+    def _take(self, sample: Sample) -> None:
         """One cycle."""
         self._make_edits(sample.stamp)
         moving = None if self.inertia is None else self.inertia.at(sample.stamp, self.tally.restarts)
@@ -203,12 +195,12 @@ class _Run:
         self.tally.add(parts)
         if self.markers is not None and self.marked is not None:
             self.markers.add_shape(sample.stamp, self.marked.lines(report), self.marked.radii(report))
-        sinks.write(parts, self.source.frame_id or "")
+        self.sinks.write(parts, self.source.frame_id or "")
 
     def _make_edits(self, stamp: int | None) -> None:
         """Repeats what was edited before the cycle of `stamp` [ns], or before the clock is set back."""
         for message in () if self.edits is None else self.edits.make(self.cycle, self.tally.restarts, stamp):
-            if self.sinks is not None and stamp is not None:
+            if stamp is not None:
                 self.sinks.edited(message, self.cycle, stamp, self.source.frame_id or "")
 
     def _take_markers(self, topic: str, message: Any) -> None:
@@ -224,13 +216,11 @@ class _Run:
             self.refusals.add(topic, "other number", told)
             return
         self.markers.add_markers(stamp, points)
-        if self.sinks is not None and self.sinks.recording is not None:
-            self.sinks.recording.log_markers(points, stamp)
+        self.sinks.log_markers(points, stamp)
 
     def _compared(self, stamp: int, distances: Array, radii: Array | None) -> None:
         """A frame of markers was compared with its shape."""
-        if self.sinks is not None and self.sinks.recording is not None:
-            self.sinks.recording.log_distances(distances, radii, stamp)
+        self.sinks.log_distances(distances, radii, stamp)
 
     def _check_frames(self) -> None:
         """Accelerations load the cable in the frame of its grips."""
@@ -336,56 +326,3 @@ class _Run:
             )
         reasons.extend(self.bag.problems)
         return f"{self.bag.path}: no cycle could be run. Messages read: {read}. {'; '.join(reasons)}"
-
-
-@final
-class _Sinks:
-    """Where reports go: the recording of the node's messages and the .rrd."""
-
-    def __init__(self, out: Path, settings: Settings, what: Carried, links: Any, markers: bool) -> None:
-        self.out = out
-        self.bag = BagWriter(out / "replay")
-        self.recording: RecordingWriter | None = None
-        if settings.rrd:
-            from cable_shape.viewer.recording import RecordingWriter
-
-            scene = settings.scene or Scene()
-            self.recording = RecordingWriter(out / "replay.rrd", {what.name: what.what}, scene, links, markers=markers)
-
-    def write(self, report: CycleReport, frame_id: str) -> None:
-        """One report, without what differs from run to run."""
-        try:
-            self.bag.write(report, frame_id)
-            if self.recording is not None:
-                self.recording.log(dataclasses.replace(report, times={}))
-        except (OSError, RuntimeError) as error:  # the latter is rerun's
-            raise self._unwritable(error) from error
-
-    def edited(self, message: Any, cycle: Cycle, stamp: int, frame_id: str) -> None:
-        """What was edited before the cycle of `stamp` [ns]."""
-        try:
-            self.bag.write_edits(message, cycle.layout, stamp, frame_id)
-            if self.recording is not None:
-                self.recording.edited(cycle.layout)
-        except OSError as error:
-            raise self._unwritable(error) from error
-
-    def __enter__(self) -> _Sinks:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        """Closes all, whatever fails: rerun would wait for ever for a recording that is not closed."""
-        failures: list[Exception] = []
-        for sink in (self.bag, *((self.recording,) if self.recording is not None else ())):
-            try:
-                sink.close()
-            except (OSError, RuntimeError) as error:
-                failures.append(error)
-        if failures and kind is None:
-            raise self._unwritable(failures[0]) from failures[0]
-
-    def _unwritable(self, error: Exception) -> BagError:
-        return BagError(
-            f"{self.out}: cannot be written any further ({error}); is the disk full? Make room, or choose another one."
-            f" What was replayed until then is in {self.out / 'replay'} and can be read like any damaged recording."
-        )

@@ -13,7 +13,6 @@ import numpy as np
 from cable_shape.checks import Array
 from cable_shape.files.files import finite
 from cable_shape.safety.report import BodyDistance, CableWarning, CycleReport, Severity
-from cable_shape.shape import CableShape
 
 
 @final
@@ -36,11 +35,12 @@ class Extremes:
     tension: float = -math.inf  # N
     closest: tuple[BodyDistance, int] | None = None  # and its stamp
 
-    def add(self, shape: CableShape, closest: BodyDistance | None, stamp: int) -> None:
-        """Takes one cycle."""
-        if shape.status:
-            self.bend_radius = min(self.bend_radius, float(shape.bend_radius.min()))
-            self.tension = max(self.tension, float(shape.tension.max()))
+    def add(self, bend_radius: float, tension: float, closest: BodyDistance | None, stamp: int) -> None:
+        """Takes one cycle; NaN where there is no shape."""
+        if bend_radius < self.bend_radius:
+            self.bend_radius = bend_radius
+        if tension > self.tension:
+            self.tension = tension
         if closest is not None and (self.closest is None or closest.distance < self.closest[0].distance):
             self.closest = (closest, stamp)
 
@@ -79,24 +79,28 @@ class Tally:
         self.reused += first.reused
         ends = [(shape.positions[0], shape.positions[-1]) for shape in shapes]
         self.longest_chord = max(self.longest_chord, *(math.dist(*both) for both in ends))
-        usable = bool(first.status)
-        self.bend_radius.append(min(float(s.bend_radius.min()) for s in shapes) if usable else math.nan)
-        self.tension.append(max(float(s.tension.max()) for s in shapes) if usable else math.nan)
-        if usable:
+        if first.status:
             self.worst_error_estimate = max(self.worst_error_estimate, first.error_estimate)
         self._add_parts(report)
         for warning in report.warnings:
             self._add_warning(warning, report.stamp)
 
     def _add_parts(self, report: CycleReport) -> None:
-        distances = []
+        radii, tensions, distances = [], [], []
         for name, shape in report.shapes.items():
             clearance = report.clearance[name]
             self.beyond = min(self.beyond, clearance.beyond)
             closest = clearance.closest
-            self.parts[name].add(shape, closest, report.stamp)
+            radius = tension = math.nan
+            if shape.status:
+                radius, tension = float(shape.bend_radius.min()), float(shape.tension.max())
+            radii.append(radius)
+            tensions.append(tension)
+            self.parts[name].add(radius, tension, closest, report.stamp)
             if closest is not None:
                 distances.append(closest.distance)
+        self.bend_radius.append(min(radii))
+        self.tension.append(max(tensions))
         self.clearance.append(min(distances, default=math.nan))
 
     def _add_warning(self, warning: CableWarning, stamp: int) -> None:

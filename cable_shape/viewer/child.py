@@ -51,7 +51,7 @@ def main() -> int:
     window = None if setup["path"] else _open_window(recording, setup["memory_limit"])
     logger = ReportLogger(
         recording,
-        {name: _cable(values) for name, values in setup["cables"].items()},
+        {name: cable_from(values) for name, values in setup["cables"].items()},
         Scene.from_mapping(setup["scene"]),
         _links(setup["robot"]),
         colour=setup["colour"],
@@ -105,7 +105,8 @@ def _show(
             time.sleep(max(0.0, period - (time.monotonic() - began)))
 
 
-def _cable(values: dict[str, Any]) -> Cable | Harness:
+def cable_from(values: dict[str, Any]) -> Cable | Harness:
+    """What the `as_dict` of a cable or a harness says."""
     return Harness.from_mapping(values) if "segments" in values else Cable.from_mapping(values)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 
 import numpy as np
 
@@ -22,6 +23,7 @@ DEFAULT_BEND_DIAMETERS = 6.0
 
 #: fraction of the limit used, and the colour there; told apart by people who do not tell red from green, too
 SCALE = ((0.0, (38, 198, 218)), (0.5, (255, 213, 79)), (1.0, (244, 54, 76)))
+_SHADES = 1024
 UNUSABLE: Colour = (150, 150, 158, 255)  # the shape may not be acted on
 OBSTACLE: Colour = (202, 138, 74, 255)
 FLOOR: Colour = (62, 66, 74, 255)
@@ -55,9 +57,16 @@ AXES: tuple[Colour, Colour, Colour] = ((240, 84, 84, 255), (104, 200, 90, 255), 
 
 def scale(fraction: Array) -> np.ndarray[tuple[int, int], np.dtype[np.uint8]]:
     """(n, 4) RGBA of fractions (n,) of a limit, clipped to 0..1."""
+    return _shades()[np.rint(np.clip(fraction, 0.0, 1.0) * _SHADES).astype(np.intp)]
+
+
+@cache
+def _shades() -> np.ndarray[tuple[int, int], np.dtype[np.uint8]]:
+    """More colours than can be told apart."""
     stops = [stop for stop, _ in SCALE]
-    channels = [np.interp(fraction, stops, [colour[i] for _, colour in SCALE]) for i in range(3)]
-    return np.stack((*channels, np.full(len(fraction), 255.0)), axis=1).round().astype(np.uint8)
+    at = np.linspace(0.0, 1.0, _SHADES + 1)
+    channels = [np.interp(at, stops, [colour[i] for _, colour in SCALE]) for i in range(3)]
+    return np.stack((*channels, np.full(len(at), 255.0)), axis=1).round().astype(np.uint8)
 
 
 def check_colouring(colour: str) -> str:

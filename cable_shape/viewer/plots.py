@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from functools import cache
 from typing import Any, final
 
 import numpy as np
@@ -132,11 +133,13 @@ def worst_used(margins: Sequence[Margin]) -> dict[WarningKind, float]:
     return worst
 
 
+@cache
 def path(name: str) -> str:
     """A cable's name as an entity path: segments of a harness lie below it."""
     return "/".join(map(part, name.split("/")))
 
 
+@cache
 def part(name: str) -> str:
     """A name as one part of an entity path."""
     return rr.escape_entity_path_part(name)
