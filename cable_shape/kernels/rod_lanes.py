@@ -7,6 +7,7 @@ that the compiler knows that they do not overlap.
 from __future__ import annotations
 
 import numpy as np
+from numba import types
 
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
@@ -153,6 +154,12 @@ def hessians(lanes: Array, elastic: bool, swings: bool | None) -> None:
         put_lane9(lanes, CC, k, cc)
 
 
+@kernel(late=types.none)
+def swung_hessians(lanes: Array, elastic: bool) -> None:
+    """Those of what swings."""
+    hessians(lanes, elastic, True)
+
+
 @kernel(fastmath=FAST)
 def gradients(lanes: Array, swings: bool | None) -> None:
     """`rod_element.element_gradient` of all lanes."""
@@ -168,3 +175,9 @@ def gradients(lanes: Array, swings: bool | None) -> None:
         put_lane3(lanes, G1, k, g1)
         put_lane3(lanes, G2, k, g2)
         put_lane3(lanes, GL, k, gl)
+
+
+@kernel(late=types.none)
+def swung_gradients(lanes: Array) -> None:
+    """Those of what swings."""
+    gradients(lanes, True)

@@ -92,7 +92,8 @@ def spread(s: Array, raw: Array, x: Array, density: Array) -> float:
         for e in range(elements):
             a, b = raw[max(e - 1, 0)], raw[min(e + 1, elements - 1)]
             soft[e] = max(raw[e], 0.6 * max(a, b))
-        raw[:] = soft
+        for e in range(elements):
+            raw[e] = soft[e]
     x[0], x[elements + 1] = s[0], s[elements]
     density[0], density[elements + 1] = raw[0], raw[elements - 1]
     total = 0.0

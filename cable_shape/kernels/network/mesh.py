@@ -67,7 +67,9 @@ def wish_first(ints: Whole, floats: Floats, sols: Floats, finer: float, turn: fl
     [rad]: how far the frames turn along the cable, as far as that is known.
     """
     spans = ints[1]
-    at = ABSCISSAE * np.arange(spans + 1)
+    at = np.empty(spans + 1, np.int64)
+    for j in range(spans + 1):
+        at[j] = ABSCISSAE * j
     x, density, share = np.empty(ABSCISSAE * spans), np.empty(ABSCISSAE * spans), np.empty(spans)
     span_layers(ints, floats, sols, share, np.empty(ROOM))
     for j in range(spans):
@@ -165,8 +167,8 @@ def wish_spans(
 
 
 @kernel
-def counts_of(ints: Whole, floats: Floats, share: Floats, stops: Floats) -> Whole:
-    """Elements of each span (m,), none too few for the stops inside."""
+def counts_of(ints: Whole, floats: Floats, share: Floats, finer: float, stops: Floats) -> Whole:
+    """Elements of each span (m,), `finer` times what it asks for, none too few for the stops inside."""
     out = np.empty(share.shape[0], np.int64)
     for j in range(share.shape[0]):
         a, b = span_between(ints, floats, j)
@@ -174,24 +176,35 @@ def counts_of(ints: Whole, floats: Floats, share: Floats, stops: Floats) -> Whol
         for stop in stops:
             if a < stop < b:
                 least += 2
-        out[j] = max(math.ceil(share[j]), least)
+        out[j] = max(math.ceil(finer * share[j]), least)
     return out
 
 
 @kernel
 def next_counts(ints: Whole, floats: Floats, share: Floats, stops: Floats, finer: bool) -> Whole:
     """Elements of each span for what `wish_next` asks; none at all if they should be finer and there are too many."""
-    n = ints[0]
-    most = max(MOST, MOST_OF_SPAN * share.shape[0])
-    out = counts_of(ints, floats, share, stops)
+    n, spans = ints[0], share.shape[0]
+    most = max(MOST, MOST_OF_SPAN * spans)
+    out, asked = counts_of(ints, floats, share, 1.0, stops), 0.0
+    for j in range(spans):
+        asked += share[j]
     if finer:
         if n >= most:
             return out[:0]
-        if out.sum() < n + max(1, n // 20):
-            out = counts_of(ints, floats, (n + max(1.0, 0.05 * n)) / share.sum() * share, stops)
-    if out.sum() > most:
-        out = counts_of(ints, floats, (most - share.shape[0]) / share.sum() * share, stops)
+        if all_of(out) < n + max(1, n // 20):
+            out = counts_of(ints, floats, share, (n + max(1.0, 0.05 * n)) / asked, stops)
+    if all_of(out) > most:
+        out = counts_of(ints, floats, share, (most - spans) / asked, stops)
     return out
+
+
+@kernel(inline="always")
+def all_of(counts: Whole) -> int:
+    """Their sum."""
+    total = 0
+    for count in counts:
+        total += count
+    return total
 
 
 Arrays = tuple[Whole, Floats, Floats, Floats]
@@ -206,7 +219,7 @@ def laid_out(
     bare, held: plan and model of the same network on any mesh; ints, floats, sols: mesh and solutions to be carried
     over, of as many spans and knots. stops: ascending arc lengths inside spans that are nodes.
     """
-    new = np.empty(bare.shape[0] - bare[0] + counts.sum(), np.int64)
+    new = np.empty(bare.shape[0] - bare[0] + all_of(counts), np.int64)
     recount(bare, counts, new)
     model = np.zeros(model_size(new))
     solutions, space = np.zeros(3 * solution_size(new)), np.zeros(work_size(new))

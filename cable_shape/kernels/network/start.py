@@ -93,7 +93,7 @@ def first_mesh(
     wish = wish_first(bare, held, nothing, finer, turn)
     if bare[N_SPANS] == 1:
         wish.share[0] += 2 * stops.shape[0]
-    counts = counts_of(bare, held, wish.share, stops)
+    counts = counts_of(bare, held, wish.share, 1.0, stops)
     return laid_out(bare, held, bare, held, nothing, counts, stops, wish)
 
 

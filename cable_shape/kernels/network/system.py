@@ -55,6 +55,8 @@ from cable_shape.kernels.rod_lanes import (
     gradients,
     hessians,
     lane3,
+    swung_gradients,
+    swung_hessians,
 )
 
 NONE = (0.0, 0.0, 0.0)
@@ -86,7 +88,7 @@ def assemble(ints: Whole, floats: Floats, sols: Floats, space: Floats) -> None:
         count = gather(begin, plan.left, sol.q, model.h, work.full, model.rest, model.section, lanes)
         if swings:
             gather_firmer(begin, model.firmer, lanes)
-            hessians(lanes, elastic, True)
+            swung_hessians(lanes, elastic)
         else:
             hessians(lanes, elastic, None)
         for k in range(count):
@@ -138,7 +140,7 @@ def gradient(ints: Whole, floats: Floats, sols: Floats, space: Floats) -> float:
         count = gather(begin, plan.left, sol.q, model.h, work.full, model.rest, model.section, lanes)
         if swings:
             gather_firmer(begin, model.firmer, lanes)
-            gradients(lanes, True)
+            swung_gradients(lanes)
         else:
             gradients(lanes, None)
         for k in range(count):
