@@ -190,7 +190,8 @@ def equilibrium(chord, panels, mean, length, give, force):
     iterations, defect = _newton(chord, panels, length, give, force)
     if defect <= 1e-9 * length or not sag > 0.0:
         return iterations, defect
-    force[:] = first
+    for i in range(3):
+        force[i] = first[i]
     soft = 1.0 / sag
     for _ in range(14):
         more, _rest = _newton(chord, panels, length, give + soft, force)
@@ -225,7 +226,8 @@ def _newton(chord, panels, length, give, force):
             part *= 0.4
         if not better:
             break
-        force[:] = trial
+        for i in range(3):
+            force[i] = trial[i]
         gap = ahead
         defect = remains
     return iterations, defect
@@ -273,7 +275,8 @@ def solve(start, end, free, tip, panels, mean, length, give, gravity_load, point
     result[CHORD] = math.sqrt(chord @ chord) if not free else 0.0
     force = np.empty(3)
     if free:
-        force[:] = tip
+        for i in range(3):
+            force[i] = tip[i]
         for k in range(panels.shape[0]):
             force += panels[k, 0] * panels[k, 1:4] + panels[k, 4:7]
         iterations, defect = 1, 0.0

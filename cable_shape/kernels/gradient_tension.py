@@ -383,8 +383,12 @@ def _move_loads(places, speed, panels, count, edges, mover):
         guess = inverse @ change
         scale = step @ guess
         if abs(scale) > 1e-3 * (step @ step):
-            inverse += np.outer((step - guess) / scale, step @ inverse)
-    before[:] = defect
+            left = step @ inverse
+            for p in range(loads):
+                for r in range(loads):
+                    inverse[p, r] += (step[p] - guess[p]) / scale * left[r]
+    for p in range(loads):
+        before[p] = defect[p]
     step[:] = -(inverse @ defect)
     room = 1.0  # neighbours keep their order
     for p in range(loads + 1):

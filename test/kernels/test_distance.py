@@ -10,6 +10,7 @@ from clearances import RADIUS, ball_mesh, box_mesh, few, measured, random_pose, 
 from hypothesis import given, settings
 from scipy.optimize import minimize_scalar, nnls
 
+from cable_shape.kernels.distance.cable_near import node_at
 from cable_shape.pose import Pose
 from cable_shape.scene.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Sphere
 
@@ -311,3 +312,12 @@ def test_moving_everything_together_changes_nothing(seed):
     for solid in (Box((0.3, 0.2, 0.1)), Cylinder(0.1, 0.3), Capsule(0.1, 0.3), ball_mesh(0.2)):
         there, here = measured(solid, moved, move * pose), measured(solid, shape, pose)
         assert there.distance == pytest.approx(here.distance, abs=1e-12)
+
+
+@given(seeds)
+@few
+def test_nodes_are_found_as_numpy_finds_them(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    s = np.sort(rng.integers(0, 12, rng.integers(0, 20)) / 3.0)
+    for x in (*s, *rng.uniform(-1.0, 5.0, 5)):
+        assert node_at(s, x) == np.searchsorted(s, x)

@@ -113,7 +113,7 @@ def solve(
     a = predict(lying, net, history)
     there = begin(lying, net, a)
     q, near, on, h = lying.q[TRIAL], lying.near[TRIAL], lying.on[TRIAL], lying.h
-    lying.start[:, :] = q
+    copy_rows(lying.start, q, q.shape[1])
     age = info[AGE] + turned(lying.q[NOW], q)
     factored = history > 1 and drag == 0.0 and info[I_EXCESS] == 0.0 and age < OLDEST
     info[:] = 0.0
@@ -138,7 +138,7 @@ def solve(
     knot_loads(ints, floats, space, loads[: ints[N_KNOTS]])
     tell_pushes(net, near, on)
     info[I_ENERGY], info[I_TWIST] = seen[network.I_ENERGY], seen[network.INFO]
-    info[INFO:] = seen[network.INFO :]
+    copy(info[INFO:], seen[network.INFO :])
     for c in range(lying.turns.shape[1]):
         info[INFO + 2 * c + 1] = lying.turns[TRIAL, c]
     info[I_INTERPOLATION], info[I_RESIDUAL] = seen[network.I_INTERPOLATION], seen[network.I_RESIDUAL]
@@ -243,12 +243,20 @@ def sagitta(own: Array, points: int, arc: float) -> float:
 def accept(lying: Lying, again: bool) -> None:
     """Makes the trial the solution now, and what was now the one before; `again`: it is the same one, solved again."""
     if not again:
-        lying.q[BEFORE], lying.near[BEFORE], lying.on[BEFORE] = lying.q[NOW], lying.near[NOW], lying.on[NOW]
-        lying.ends[BEFORE], lying.grips[BEFORE] = lying.ends[NOW], lying.grips[NOW]
-        lying.turns[BEFORE], lying.slid[BEFORE] = lying.turns[NOW], lying.slid[NOW]
-    lying.q[NOW], lying.near[NOW], lying.on[NOW] = lying.q[TRIAL], lying.near[TRIAL], lying.on[TRIAL]
-    lying.ends[NOW], lying.grips[NOW] = lying.ends[TRIAL], lying.grips[TRIAL]
-    lying.turns[NOW], lying.slid[NOW] = lying.turns[TRIAL], lying.slid[TRIAL]
+        take_over(lying, BEFORE, NOW)
+    take_over(lying, NOW, TRIAL)
+
+
+@kernel
+def take_over(lying: Lying, to: int, of: int) -> None:
+    """Makes a solution a copy of another."""
+    copy_rows(lying.q[to], lying.q[of], lying.q.shape[2])
+    copy_rows(lying.near[to], lying.near[of], lying.near.shape[2])
+    copy_rows(lying.on[to], lying.on[of], lying.on.shape[2])
+    copy_rows(lying.ends[to], lying.ends[of], lying.ends.shape[2])
+    copy_rows(lying.grips[to], lying.grips[of], lying.grips.shape[2])
+    copy(lying.turns[to], lying.turns[of])
+    copy(lying.slid[to], lying.slid[of])
 
 
 @kernel

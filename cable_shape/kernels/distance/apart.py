@@ -72,8 +72,10 @@ def apart_from_itself(p: Array, s: Array, p_then: Array, shortest: float, reach:
 def box(p: Array, p_then: Array, out: Array) -> None:
     """Fills `out` (6,) with the corners of the box around both shapes (n, 3) of a cable."""
     for c in range(3):
-        out[c] = min(p[:, c].min(), p_then[:, c].min())
-        out[3 + c] = max(p[:, c].max(), p_then[:, c].max())
+        out[c], out[3 + c] = math.inf, -math.inf
+        for shape in (p, p_then):
+            for k in range(shape.shape[0]):
+                out[c], out[3 + c] = min(out[c], shape[k, c]), max(out[3 + c], shape[k, c])
 
 
 @kernel

@@ -195,8 +195,8 @@ def alongside(a: Array, sa: Array, b: Array, sb: Array, spot: Array, reach: floa
     each and the way from the second to the first, and the determinant of the second derivatives of their distance by
     both arc lengths, times `reach` [m] squared: 0 where they lie along each other, less where it is no minimum.
     """
-    k = min(max(np.searchsorted(sa, spot[1]), 1), sa.shape[0] - 2)
-    m = min(max(np.searchsorted(sb, spot[2]), 1), sb.shape[0] - 2)
+    k = min(max(node_at(sa, spot[1]), 1), sa.shape[0] - 2)
+    m = min(max(node_at(sb, spot[2]), 1), sb.shape[0] - 2)
     tt = uu = tu = nn = nt = nu = na = nb = 0.0
     d, e = 0.5 * (sa[k + 1] - sa[k - 1]), 0.5 * (sb[m + 1] - sb[m - 1])
     for c in range(3):
@@ -217,6 +217,19 @@ def alongside(a: Array, sa: Array, b: Array, sb: Array, spot: Array, reach: floa
     one, other = 1.0 - rise * rise + reach * na / size, 1.0 - fall * fall - reach * nb / size
     det = one * other - (cosine + rise * fall) ** 2 if one > 0.0 else -1.0
     return cosine, rise, -fall, det
+
+
+@kernel
+def node_at(s: Array, x: float) -> int:
+    """The first node of ascending arc lengths s (n,) that is at x or beyond; n if none is."""
+    low, high = 0, s.shape[0]
+    while low < high:
+        middle = (low + high) // 2
+        if s[middle] < x:
+            low = middle + 1
+        else:
+            high = middle
+    return low
 
 
 @kernel

@@ -26,7 +26,8 @@ def follow(before: Array, now: Array, held: bool, seconds: float, twists: Array)
         for i in range(3):
             twists[6 * k + i] = (b[k, i] - a[k, i]) / seconds
             twists[6 * k + 3 + i] = w[i] / seconds
-    before[:] = now
+    for i in range(14):
+        before[i] = now[i]
     if not held:
         before[7:] = math.nan
         twists[6:] = 0.0
