@@ -26,8 +26,9 @@ MIN_POINTS, MAX_POINTS = 2, 100_000
 MAX_ACCELERATIONS = 200
 #: And of velocities at least: their second derivative counts.
 FEWEST_VELOCITIES = 4
-#: A kink that turns an acceleration by less than this fraction of the largest is rounding.
-_STRAIGHT = 1e-12
+#: A kink that turns an acceleration by less than this fraction of the largest is rounding: of positions, too, that were
+#: differenced twice.
+_STRAIGHT = 1e-9
 #: Clips are at least this fraction of the length apart from each other and from the grips.
 CLIP_SPACING = 1e-3
 #: m/s^2, world: the default

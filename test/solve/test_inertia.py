@@ -161,6 +161,13 @@ def test_default_tolerance_is_kept_with_a_rough_field() -> None:
     assert np.linalg.norm(coarse.positions - fine.positions, axis=1).max() <= 1e-5 * LENGTH
 
 
+def test_what_rounding_bends_in_a_linear_acceleration_makes_no_kinks() -> None:
+    even = np.tile((0.0, 1.5, 0.0), (20, 1))
+    shaken = even + 1e-11 * np.random.default_rng(0).normal(size=even.shape)  # positions at 100 Hz, differenced twice
+    assert Problem(CABLE, acceleration=shaken).swing is None
+    assert Problem(CABLE, acceleration=even + 1e-6 * np.eye(20)[:, :3]).swing is not None
+
+
 def test_warm_with_changing_acceleration_is_cold() -> None:
     rng = np.random.default_rng(5)
     predictor = cs.Predictor(CABLE)
