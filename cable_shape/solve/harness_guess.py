@@ -45,34 +45,30 @@ def laid(state: HarnessNetwork, poses: Array, load: float) -> Array:
     frames = _matrices(poses[:, 3:])
     own = _matrices(model.frame.reshape(-1, 4)).reshape(-1, 2, 3, 3)
     y = _along_the_tree(poses[:, :3].copy(), moves, a, b, length, frames, own, known)
-    frames = _turned(frames, turns, own, y, a, b, length, stiff, known)
-    n = len(poses)
+    turning = _Turning(turns, own, plan.ends, stiff * length**2, known)
+    frames = turning.turned(frames, y)
+    leads = np.zeros((len(poses), len(a)))  # of each span from its first knot to the other one
+    leads[a, np.arange(len(a))] -= 1.0
+    leads[b, np.arange(len(a))] += 1.0
+    free, given = leads[moves], leads[~moves]
+    pull = np.linalg.norm(model.weight, axis=1) + np.linalg.norm(force, axis=1).max(initial=0.0)
+    taut_stiff = _HOLDS * (stiff + pull / length)
+    tied_somewhere = known.any(axis=1)[:, None]
     for _ in range(_ROUNDS):
         d = y[b] - y[a]
-        size = np.linalg.norm(d, axis=1)
-        ahead = np.einsum(
-            "mxyz,mx->my", np.stack([frames[a] @ own[:, 0], frames[b] @ own[:, 1]], axis=1)[..., 2:], known
-        )
-        way = np.where(known.any(axis=1)[:, None], ahead, d)
-        norm = np.linalg.norm(way, axis=1)
-        way = np.where(
-            norm[:, None] > 1e-9, way / np.maximum(norm, 1e-9)[:, None], d / np.maximum(size, 1e-12)[:, None]
-        )
-        pull = np.linalg.norm(model.weight, axis=1) + np.linalg.norm(force, axis=1).max(initial=0.0)
+        size = np.sqrt((d * d).sum(axis=1))
+        straight = d / np.maximum(size, 1e-12)[:, None]
+        ahead = (turning.ends_of(frames)[:, :, :, 2] * known[:, :, None]).sum(axis=1)
+        way = np.where(tied_somewhere, ahead, d)
+        norm = np.sqrt((way * way).sum(axis=1))[:, None]
+        way = np.where(norm > 1e-9, way / np.maximum(norm, 1e-9), straight)
         taut = size > _TAUT * length
-        k = np.where(taut, _HOLDS * (stiff + pull / length), stiff)
-        goal = np.where(taut[:, None], _TAUT * d / np.maximum(size, 1e-12)[:, None], _TAUT * way) * length[:, None]
-        K = np.zeros((n, n))
-        right = force.copy()
-        np.add.at(K, (a, a), k)
-        np.add.at(K, (b, b), k)
-        np.add.at(K, (a, b), -k)
-        np.add.at(K, (b, a), -k)
-        np.add.at(right, a, -k[:, None] * goal)
-        np.add.at(right, b, k[:, None] * goal)
-        right = right[moves] - K[np.ix_(moves, ~moves)] @ y[~moves]
-        y[moves] = np.linalg.solve(K[np.ix_(moves, moves)], right)
-        frames = _turned(frames, turns, own, y, a, b, length, stiff, known)
+        k = np.where(taut, taut_stiff, stiff)
+        goal = np.where(taut[:, None], straight, way) * (_TAUT * length)[:, None]
+        eased = free * k
+        right = force[moves] + eased @ goal - eased @ (given.T @ y[~moves])
+        y[moves] = np.linalg.solve(eased @ free.T, right)
+        frames = turning.turned(frames, y)
     out = poses.copy()
     out[moves, :3] = y[moves]
     rigid = turns & (state.layout.placed != 0)
@@ -157,32 +153,47 @@ def _along_the_tree(
     return y
 
 
-def _turned(
-    frames: Array, turns: Any, own: Array, y: Array, a: Any, b: Any, length: Array, stiff: Array, known: Array
-) -> Array:
-    """Frames (k, 3, 3) of the knots that turn, to where their spans and their neighbours' frames lead."""
-    d = y[b] - y[a]
-    t = d / np.maximum(np.linalg.norm(d, axis=1), 1e-12)[:, None]
-    B = np.zeros_like(frames)
-    weight = (stiff * length**2)[:, None, None]
-    for here, there, i, other in ((a, b, 0, 1), (b, a, 1, 0)):
-        far = _aligned(frames[there] @ own[:, other], t)
-        aim = far.copy()
-        aim[:, :, :2] *= np.where(known[:, other], _ROLL, 1e-3 * _ROLL)[:, None, None]
-        np.add.at(B, here, weight * np.einsum("mij,mkj->mik", aim, own[:, i]))
-    out = frames.copy()
-    rows = np.flatnonzero(turns)
-    B[rows] += 1e-6 * np.abs(B[rows]).max(axis=(1, 2), initial=1e-12)[:, None, None] * frames[rows]
-    U, _, V = np.linalg.svd(B[rows])
-    U[:, :, 2] *= np.linalg.det(U @ V)[:, None]
-    out[rows] = U @ V
-    return out
+class _Turning:
+    """Turns frames (k, 3, 3) of the knots that turn to where their spans and their neighbours' frames lead.
+
+    own (m, 2, 3, 3): frames of the ends of spans in their knots, `ends` (m, 2); weight (m,): of each span.
+    """
+
+    def __init__(self, turns: Any, own: Array, ends: Any, weight: Array, known: Any) -> None:
+        self._ends, self._own, self._rows = ends, own, np.flatnonzero(turns)
+        self._roll = np.where(known[:, ::-1], _ROLL, 1e-3 * _ROLL)  # of the frame at the other end
+        self._back = weight[:, None, None, None] * own.swapaxes(2, 3)
+        self._of_knots = np.zeros((len(turns), ends.size))
+        self._of_knots[ends.ravel(), np.arange(ends.size)] = 1.0
+        self._of_knots = self._of_knots[self._rows]
+
+    def ends_of(self, frames: Array) -> Array:
+        """(m, 2, 3, 3): frames of both ends of the spans."""
+        return np.asarray(frames[self._ends] @ self._own)
+
+    def turned(self, frames: Array, y: Array) -> Array:
+        """The frames, with knots at y (k, 3)."""
+        out = frames.copy()
+        if not self._rows.size:
+            return out
+        d = y[self._ends[:, 1]] - y[self._ends[:, 0]]
+        t = d / np.maximum(np.sqrt((d * d).sum(axis=1)), 1e-12)[:, None]
+        far = self.ends_of(frames)[:, ::-1]
+        aim = _aligned(far.reshape(-1, 3, 3), np.repeat(t, 2, axis=0)).reshape(far.shape)
+        aim[..., :2] *= self._roll[:, :, None, None]
+        B = (self._of_knots @ (aim @ self._back).reshape(-1, 9)).reshape(-1, 3, 3)
+        B += 1e-6 * np.abs(B).max(axis=(1, 2), initial=1e-12)[:, None, None] * frames[self._rows]
+        U, _, V = np.linalg.svd(B)
+        U[:, :, 2] *= np.linalg.det(U @ V)[:, None]
+        out[self._rows] = U @ V
+        return out
 
 
 def _aligned(R: Array, t: Array) -> Array:
     """Frames (m, 3, 3) turned by the smallest rotation that brings d3 onto t (m, 3)."""
     d = R[:, :, 2]
-    v, c = np.cross(d, t), np.maximum((d * t).sum(axis=1), -0.999)
+    c = np.maximum((d * t).sum(axis=1), -0.999)
+    v = d[:, (1, 2, 0)] * t[:, (2, 0, 1)] - d[:, (2, 0, 1)] * t[:, (1, 2, 0)]
     hat = np.zeros((len(t), 3, 3))
     hat[:, 0, 1], hat[:, 0, 2], hat[:, 1, 2] = -v[:, 2], v[:, 1], -v[:, 0]
     hat -= hat.transpose(0, 2, 1)

@@ -153,10 +153,13 @@ class HarnessSearch(Search):
         found: HarnessShape | None = None
         kept: tuple[Any, ...] = ()
         chance = np.random.default_rng(0)
+        guesses: dict[float, Array] = {}
         for fineness, (load, kind, sag), disturbed, firm, settles, guard in _ATTEMPTS:
             if not guard and found is not None:
                 break
-            guess = self._guess(poses, load)
+            if load not in guesses:
+                guesses[load] = self._guess(poses, load)
+            guess = guesses[load].copy()
             if disturbed > 0.0:
                 self._disturb(guess, disturbed, chance)
             state.firm(firm)
@@ -180,7 +183,7 @@ class HarnessSearch(Search):
             state.put_back(kept)
             return found
         state.history = 0
-        guess = self._guess(poses, 1.0)
+        guess = guesses[1.0]
         why = "" if self.eyelets is None else self.eyelets.why
         return self._too_short(guess) or self.no_shape(Status.NOT_CONVERGED, guess, why)
 
