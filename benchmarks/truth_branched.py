@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 from branched_data import DENSITY, Branched, load, objects
 from branched_recordings import recorded
+from clocks import clocked
 from figures import Figures, heading
 from tqdm import tqdm
 from truth_limits import mean_error
@@ -147,16 +149,17 @@ def judge(frames: Branched, quick: bool, folder: Path) -> dict[str, Any]:
     """All rows for one object: distances (n, 3) in % of the parent's length, of frames that were not fitted."""
     rows: dict[str, list[np.ndarray]] = {}
     order: list[np.ndarray] = []
-    fits = []
+    fits, times = [], []
 
     def put(row: str, values: np.ndarray) -> None:
         rows.setdefault(row, []).append(100.0 / frames.length * values)
 
     for part in range(1 if quick else PARTS):
         learn, held_back = frames.where(CALM, part, False), frames.where(CALM, part, True)
-        one, found = calibrated(frames, learn)
+        seconds, (one, found) = clocked(lambda learn=learn: calibrated(frames, learn), time.process_time)
         moving = cs.calibrate([frames.moving[i] for i in learn], one.harness)
         fits.append((one, found))
+        times.append(seconds)
         order.append(held_back)
         still, swung = ([seen[i] for i in held_back] for seen in (frames.static, frames.moving))
         put(STRAIGHT, straight(frames, held_back))
@@ -188,7 +191,7 @@ def judge(frames: Branched, quick: bool, folder: Path) -> dict[str, Any]:
     which = np.concatenate(order)
     return {
         "rows": {row: np.concatenate(values) for row, values in rows.items()},
-        "groups": frames.traj[which], "fits": fits, "frames": frames,
+        "groups": frames.traj[which], "fits": fits, "times": times, "frames": frames,
     }  # fmt: skip
 
 
@@ -251,6 +254,7 @@ def table(done: dict[str, dict[str, Any]]) -> None:
         one, all_ = found["fits"][0]
         estimates = [fit.harness.segments[found["frames"].trunk.partition("+")[0]] for fit in (one, all_)]
         stiff.append(" / ".join(f"{cable.mean_bending_stiffness / weight:.1e}" for cable in estimates))
+    line("processor time of both fits [s], longest part", [f"{max(found['times']):.1f}" for found in done.values()])
     line("EI/w of the parent [m³], alone / calibrated", stiff)
     line("length of the parent [m]", [f"{found['frames'].length:.3f}" for found in done.values()])
 

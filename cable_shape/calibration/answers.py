@@ -14,7 +14,7 @@ from cable_shape.solve.answers import Changes, Solved, answers, sensitivity
 
 #: Cables beside one are this far from it, in steps of finite differences of whole shapes: nothing is solved for there,
 #: so that the gradient's rounding is all that counts.
-_NEAR = 1e-2
+NEAR = 1e-2
 
 
 @final
@@ -30,7 +30,7 @@ class Answers:
         self.material = whole[:, own].any(axis=1)
         rows = whole[self.material]
         unit = np.array([p.step for p in parameters.each])[own]
-        steps = _NEAR / np.abs(rows[:, own] / unit).max(axis=1, initial=0.0)
+        steps = NEAR / np.abs(rows[:, own] / unit).max(axis=1, initial=0.0)
         pairs = [
             (parameters.make_cable(values + by * row), parameters.make_cable(values - by * row))
             for by, row in zip(steps.tolist(), rows, strict=True)

@@ -38,24 +38,22 @@ def velocities(
         for column, j in enumerate(which):
             name = parameters.each[j].name
             if name == _ROLLS[side]:
-                out[first + 3 : first + 6, column] = frame @ _turned(turn)
+                out[first + 3 : first + 6, column] = frame @ turned(turn)
             elif name.startswith(f"{side}_tilt"):
-                out[first + 3 : first + 6, column] = (
-                    frame @ _rates(turn)[:, _TILTS.index(name.removeprefix(f"{side}_"))]
-                )
+                out[first + 3 : first + 6, column] = frame @ rates(turn)[:, _TILTS.index(name.removeprefix(f"{side}_"))]
             elif name.startswith(f"{side}_"):
                 out[first : first + 3, column] = frame[:, _AXES.index(name[-1])]
     return out
 
 
-def _turned(turn: Array) -> Array:
+def turned(turn: Array) -> Array:
     """(3,) third axis, turned by the rotation vector `turn`, which is across it."""
     angle = float(np.linalg.norm(turn))
     f = 1.0 if angle == 0.0 else math.sin(angle) / angle
     return np.array((f * turn[1], -f * turn[0], math.cos(angle)))
 
 
-def _rates(turn: Array) -> Array:
+def rates(turn: Array) -> Array:
     """(3, 3): angular velocity per unit of change of a rotation vector [rad]."""
     square = float(turn @ turn)
     angle = math.sqrt(square)
@@ -63,5 +61,5 @@ def _rates(turn: Array) -> Array:
         (0.5, 1.0 / 6.0) if angle < 1e-4 else ((1.0 - math.cos(angle)) / square, (angle - math.sin(angle)) / angle**3)
     )
     skew = np.array(((0.0, -turn[2], turn[1]), (turn[2], 0.0, -turn[0]), (-turn[1], turn[0], 0.0)))
-    rates: Array = np.eye(3) + b * skew + c * skew @ skew
-    return rates
+    out: Array = np.eye(3) + b * skew + c * skew @ skew
+    return out

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from cable_shape import checks
 from cable_shape.cable.harness import Harness
 from cable_shape.calibration.fitted import fitted_in_two, told_of_fit
-from cable_shape.calibration.harness_forward import HarnessForward
+from cable_shape.calibration.harness_forward import HarnessForward, flat
 from cable_shape.calibration.harness_observation import HarnessObservation
 from cable_shape.calibration.harness_parameters import HarnessParameters
 from cable_shape.calibration.harness_result import HarnessCalibration
@@ -71,17 +71,20 @@ def calibrate_harness(
         except ArgumentError as error:
             raise type(error)(f"observations[{i}]: {error}") from None
     parameters = HarnessParameters(harness, fit, priors)
-    forward = HarnessForward(parameters, looks, gravity=gravity)
+
+    def model(some: Sequence[HarnessObservation]) -> HarnessForward:
+        return HarnessForward(parameters, some, gravity=gravity)
+
     with Progress(progress, proceed) as told:
-        if np.isnan(forward.misses(parameters.start)[:, 0]).all():
+        if not any(np.isfinite(model([look]).misses(parameters.start)).any() for look in looks):
             raise ArgumentError.of(
                 "observations", f"{len(looks)} items", "none has a usable shape with the harness given",
                 "Are its lengths in metres, and does it reach its grips?",
             )  # fmt: skip
-        found = fitted_in_two(lambda some: HarnessForward(parameters, some, gravity=gravity), looks, told.step)
+        found = fitted_in_two(model, looks, told.step)
     moved = [max((inertia_of(a, gravity) for a in (look.acceleration or {}).values()), default=0.0) for look in looks]
     return HarnessCalibration(
         harness=parameters.make(found.values),
         inertia=math.sqrt(sum(x * x for x in moved) / len(looks)),
-        **told_of_fit(found, parameters, forward.observations),
+        **told_of_fit(found, parameters, [flat(look) for look in looks]),
     )

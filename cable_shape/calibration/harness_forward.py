@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, NamedTuple, final
 
 import numpy as np
 
 from cable_shape.cable.harness import Harness, run_of
+from cable_shape.calibration.harness_answers import HarnessAnswers
 from cable_shape.calibration.harness_observation import HarnessObservation
 from cable_shape.calibration.harness_parameters import HarnessParameters
 from cable_shape.checks import Array
-from cable_shape.kernels.distance.misses import misses
+from cable_shape.kernels.distance.misses import changes, misses
 from cable_shape.prediction.harness_predictor import HarnessPredictor
 from cable_shape.solve import harness_search
 from cable_shape.solve.harness_network import HarnessNetwork
 from cable_shape.solve.harness_problem import HarnessProblem
 from cable_shape.solve.harness_shape import HarnessShape
+from cable_shape.solve.plan import Whole
 
 #: Points of a segment that observed points are compared with; between them it is cubic.
 POINTS = 41
@@ -57,6 +59,7 @@ class HarnessForward:
         self._from: list[Memory | None] = [None] * len(self.looks)  # where shapes are followed from
         self._states: list[Memory | None] = self._from.copy()  # with the last values
         self._last: tuple[Array, list[HarnessShape]] | None = None  # values, and all shapes with them
+        self._fresh = False  # whether these are from nothing
 
     def shapes(self, values: Array) -> list[HarnessShape]:
         """Of each observation."""
@@ -64,6 +67,7 @@ class HarnessForward:
             found = self._solved(values, self._from)
             self._states = [state for _, state in found]
             self._last = values.copy(), [shape for shape, _ in found]
+            self._fresh = all(memory is None for memory in self._from)
         return self._last[1]
 
     def misses(self, values: Array) -> Array:
@@ -74,26 +78,31 @@ class HarnessForward:
     def afresh(self, values: Array) -> Array:
         """`misses` of every observation predicted from nothing, as :func:`cable_shape.predict` does; from there on
         shapes are followed."""
-        self._from, self._last = [None] * len(self.looks), None
+        self._from = [None] * len(self.looks)
+        if not self._fresh:
+            self._last = None
         return self.misses(values)
 
     def jacobian(self, values: Array, now: Array) -> Array:
         """(n, 3, parameters) at `values`, where the misses are `now`; 0 where there is no shape.
 
-        By shapes one step beside it, each followed from the one at `values`. A parameter that moves points by no more
-        than the discretisation's own noise moves none.
+        By the harness's own sensitivities. A parameter that moves points by no more than the discretisation's own noise
+        moves none.
         """
-        self.shapes(values)
+        shapes = self.shapes(values)
         self._from = self._states
-        out = np.zeros((*now.shape, len(values)))
-        for j, parameter in enumerate(self.parameters.each):
-            there = values.copy()
-            there[j] += parameter.step
-            pairs = zip(self.looks, self._solved(there, self._states), strict=True)
-            moved = np.concatenate([missed(look, shape) for look, (shape, _) in pairs]) - now
-            moved[np.isnan(moved)] = 0.0
-            if np.sqrt((moved * moved).sum() / len(now)) > NOISE * self.parameters.harness.longest:
-                out[:, :, j] = moved / parameter.step
+        answers = HarnessAnswers(self.parameters, values, partial(problem_of, **self._loads))
+        longer, parts = self.parameters.longer, []
+        for look, shape, memory in zip(self.looks, shapes, self._states, strict=True):
+            state = memory.rod_memory if isinstance(memory, HarnessPredictor) else memory
+            if shape.status and state is not None:
+                parts.append(_moved(look, shape, answers.moves(state, look), longer))
+            else:
+                parts.append(np.zeros((sum(map(len, look.points.values())), 3, len(values))))
+        out = np.concatenate(parts)
+        steps = np.array([parameter.step for parameter in self.parameters.each])
+        spread = steps * np.sqrt((out * out).sum(axis=(0, 1)) / len(now))
+        out[:, :, spread <= NOISE * self.parameters.harness.longest] = 0.0
         return out
 
     def _solved(self, values: Array, states: Sequence[Memory | None]) -> list[tuple[HarnessShape, Memory]]:
@@ -116,20 +125,18 @@ class HarnessForward:
         return found
 
     def _problems(self, values: Array) -> Callable[[HarnessObservation], HarnessProblem]:
-        """What makes the problem of each observation; those of the same lengths share a harness."""
-        harnesses: dict[tuple[tuple[str, float], ...], Harness] = {}
-        plain: dict[tuple[tuple[str, float], ...], HarnessProblem] = {}
+        """What makes the problem of each observation that lies on nothing; those held alike share all they can.
+
+        A new one each time: a network tells by its problem that its harness is another one.
+        """
+        plain: dict[tuple[object, ...], HarnessProblem] = {}
 
         def made(look: HarnessObservation) -> HarnessProblem:
-            key = tuple(look.lengths.items())
-            if key not in harnesses:
-                harnesses[key] = self.parameters.make(values, look.lengths)
-                plain[key] = problem_of(harnesses[key], **self._loads)
-            if look.scene is not None:
-                return problem_of(harnesses[key], look, **self._loads)
-            if look.acceleration is not None:
-                return plain[key].moving(look.acceleration)
-            return copy.copy(plain[key])  # a network tells by its problem that its harness is another one
+            key = (look.acceleration is None, *look.lengths.items(), *look.supports)
+            if key not in plain:
+                plain[key] = problem_of(self.parameters.make(values, look.lengths), look, **self._loads)
+            own = plain[key].held_elsewhere(look.scene)
+            return own if look.acceleration is None else own.moving(look.acceleration)
 
         return made
 
@@ -140,12 +147,11 @@ def lies(harness: Harness, look: HarnessObservation, **loads: Any) -> HarnessPre
     return HarnessPredictor(harness, points=POINTS, tolerance=tolerance, scene=look.scene, friction=False, **loads)
 
 
-def problem_of(harness: Harness, look: HarnessObservation | None = None, **loads: Any) -> HarnessProblem:
+def problem_of(harness: Harness, look: HarnessObservation, **loads: Any) -> HarnessProblem:
     """The problem that an observation sets, its ends not yet held."""
-    scene, acceleration = (None, None) if look is None else (look.scene, look.acceleration)
-    tolerance = TOLERANCE * harness.longest
     return HarnessProblem(
-        harness, points=POINTS, tolerance=tolerance, scene=scene, acceleration=acceleration, friction=False, **loads
+        harness, points=POINTS, tolerance=TOLERANCE * harness.longest, scene=look.scene, acceleration=look.acceleration,
+        friction=False, **loads,
     )  # fmt: skip
 
 
@@ -158,17 +164,32 @@ def flat(look: HarnessObservation) -> Seen:
 
 def missed(look: HarnessObservation, shape: HarnessShape) -> Array:
     """(n, 3) [m]: observed points minus the shape, in the order of `flat`; NaN without a usable shape."""
-    parts = [_missed(run_of(key, shape.harness), look, key, shape) for key in look.points]
+    parts = []
+    for key, points in look.points.items():
+        part = np.full(points.shape, np.nan)
+        if shape.status:
+            for on in _spread(look, key, shape):
+                part[on.which] = on.misses
+        parts.append(part)
     return np.concatenate(parts)
 
 
-def _missed(run: Sequence[str], look: HarnessObservation, key: str, shape: HarnessShape) -> Array:
-    """(m, 3) [m], of the points on one run of segments."""
+class _On(NamedTuple):
+    """Points that are on one segment."""
+
+    segment: str
+    before: tuple[str, ...]  # segments of the run
+    which: Whole  # (m,), of those of the run
+    arc_length: Array  # (m,) [m], on this segment; NaN: the closest point
+    misses: Array  # (m, 3) [m]
+
+
+def _spread(look: HarnessObservation, key: str, shape: HarnessShape) -> list[_On]:
+    """The points on one run of segments, segment by segment."""
     points, arc = look.points[key], look.arc_length[key]
-    out = np.full(points.shape, np.nan)
-    if not shape.status:
-        return out
-    least, from_here = np.full(len(points), np.inf), np.zeros(len(points))
+    run = tuple(run_of(key, shape.harness))
+    least, owner = np.full(len(points), np.inf), np.zeros(len(points), dtype=np.int64)
+    theirs, arcs, from_here = [], [], 0.0
     for i, name in enumerate(run):
         segment = shape.segments[name]
         own, there = np.empty(points.shape), arc - from_here
@@ -176,6 +197,36 @@ def _missed(run: Sequence[str], look: HarnessObservation, key: str, shape: Harne
         size = (own * own).sum(axis=1)
         on = (i == len(run) - 1) | (there <= segment.length)
         takes = np.where(np.isnan(arc), size < least, (there >= 0.0) & on)
-        out[takes], least[takes] = own[takes], size[takes]
+        least[takes], owner[takes] = size[takes], i
+        theirs.append(own)
+        arcs.append(there)
         from_here += segment.length
-    return out
+    rows = [np.flatnonzero(owner == i) for i in range(len(run))]
+    return [_On(run[i], run[:i], which, arcs[i][which], theirs[i][which]) for i, which in enumerate(rows) if which.size]
+
+
+def _moved(look: HarnessObservation, shape: HarnessShape, moves: Array, longer: dict[str, Array]) -> Array:
+    """(n, 3, k): how the misses of `look` change where all segments' points move by `moves` (s points, 3, k), in turn.
+
+    Points of the shape keep their share of a segment; longer (k,) [m]: by how much it grows.
+    """
+    firsts = {name: i * shape.points for i, name in enumerate(shape.segments)}
+    parts = []
+    for key, points in look.points.items():
+        part = np.zeros((*points.shape, moves.shape[2]))
+        for on in _spread(look, key, shape):
+            segment, first = shape.segments[on.segment], firsts[on.segment]
+            own = moves[first : first + shape.points]
+            for known in (False, True):
+                rows = np.isnan(on.arc_length) != known
+                if not rows.any():
+                    continue
+                if known:  # there the arc length along the run stays
+                    before = sum((longer[name] for name in on.before), np.zeros(moves.shape[2]))
+                    grown = (segment.arc_length / segment.length)[:, None] * longer[on.segment] + before
+                    own = own - segment.tangents[:, :, None] * grown[:, None]
+                told = np.empty((int(rows.sum()), 3, moves.shape[2]))
+                changes(segment.buffer, segment.points, points[on.which[rows]], on.arc_length[rows], own, told)
+                part[on.which[rows]] = told
+        parts.append(part)
+    return np.concatenate(parts)

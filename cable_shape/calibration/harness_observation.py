@@ -99,6 +99,15 @@ class HarnessObservation:
         """Whether the harness may have lain on bodies."""
         return self.scene is not None and self.scene.contact == "solve" and bool(self.scene.obstacles)
 
+    @property
+    def supports(self) -> tuple[object, ...]:
+        """What its scene holds and hangs on the harness, but for where in space; equal for observations alike."""
+        if self.scene is None:
+            return ()
+        clips = ((clip.segment, clip.arc_length, clip.kind, clip.link, clip.name) for clip in self.scene.clips)
+        masses = ((mass.segment, mass.arc_length, mass.mass) for mass in self.scene.masses)
+        return (*clips, *masses)
+
     def check(self, harness: Harness) -> None:
         """Refuses segments that the harness does not have."""
         for key in self.points:

@@ -56,9 +56,14 @@ class Target:
         _, _, where = self.name.partition(":")
         return tuple(f"{part}:{where}" if where else part for part in KNOWN[self.kind][0])
 
+    @property
+    def columns(self) -> list[int]:
+        """Where its numbers are among all."""
+        return list(range(self.first, self.first + len(KNOWN[self.kind][0])))
+
     def of_these(self, values: Array) -> Array:
         """Its numbers."""
-        return values[self.first : self.first + len(KNOWN[self.kind][0])]
+        return values[self.columns]
 
 
 @final
@@ -121,6 +126,16 @@ class HarnessParameters:
     def precision(self) -> Array:
         """(k, k), of what is known before: inverse of variances about the start; 0 where nothing is."""
         return np.diag(np.array([p.prior for p in self.each]) ** -2.0)
+
+    @property
+    def longer(self) -> dict[str, Array]:
+        """(k,) of each segment: by how much longer [m] it is a unit of each number."""
+        out = {name: np.zeros(len(self.start)) for name in self.harness.segments}
+        for target in self.targets:
+            if target.kind == "length":
+                for name in target.of:
+                    out[name][target.first] = self.harness.segments[name].length / self.start[target.first]
+        return out
 
     def by_name(self, values: Array) -> dict[str, float]:
         """Each number in its unit."""

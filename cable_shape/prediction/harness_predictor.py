@@ -138,6 +138,11 @@ class HarnessPredictor:
         """The solver's memory of the last shape, in contact or not; None before there is one, and just out of it."""
         return self._pile or (self._solver.rod_state() if self.touching else self.state)
 
+    @property
+    def rod_memory(self) -> HarnessNetwork | HarnessTouchState | None:
+        """The same, also of a shape just out of contact: whoever asks refreshes it."""
+        return self._pile or self._solver.rod_state()
+
     def ahead(self) -> Callable[[Mapping[str, End]], HarnessShape]:
         """What predicts from the last shape on, with links where they are; this predictor stays as it is."""
         other = self._copied()
@@ -301,7 +306,7 @@ class HarnessPredictor:
             If nothing was predicted yet, and for a name that does not exist.
         """
         checks.one_of("at", at, ("cable", "gripper"))
-        state = self._pile or self._solver.rod_state()
+        state = self.rod_memory
         if state is None or state.history == 0:
             raise ArgumentError("sensitivity() needs a solution, and there is none yet. Call predict first.")
         problem = self.problem

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, final
@@ -151,6 +152,13 @@ class HarnessProblem:
             setattr(other, name, getattr(self, name))
         other.segments = {name: self._segment(name, moves.get(name)) for name in self.segments}
         other.laid_out = {}
+        return other
+
+    def held_elsewhere(self, scene: Scene | None) -> HarnessProblem:
+        """The same in a scene without contact that differs only in where its clips are."""
+        other = copy.copy(self)
+        if scene is not None:
+            other.scene, other._clip_frames = scene, clip_frames(scene.clips, _NO_LINKS, self.carried)
         return other
 
     def beside(self, name: str, cable: Cable) -> HarnessProblem:

@@ -8,6 +8,7 @@ from typing import Any, final
 import numpy as np
 
 from cable_shape.cable.harness import Harness
+from cable_shape.calibration.harness_answers import put_junctions
 from cable_shape.calibration.harness_parameters import OF_SEGMENTS, HarnessParameters
 from cable_shape.checks import Array
 from cable_shape.pose import FreeEnd, Grip, Pose
@@ -61,8 +62,7 @@ class HarnessRod:
         self._each = [] if known is None else known.each
         targets = [] if known is None else known.targets
         of_junctions = {part for one in targets if one.kind not in OF_SEGMENTS for part in one.parts}
-        self._solved = [j for j, p in enumerate(self._each) if p.name in of_junctions]
-        self._own = [j for j in range(len(self._each)) if j not in self._solved]
+        self._own = [j for j, p in enumerate(self._each) if p.name not in of_junctions]
 
     @property
     def at(self) -> Array:
@@ -107,8 +107,8 @@ class HarnessRod:
         first = unknown.material.start
         out[:, :, [first + j for j in self._own]] = answers(state, self._changes)
         out[:, :, unknown.swing] = answers(state, self._loads)
-        for j in self._solved:
-            out[:, :, first + j] = self._beside(j)
+        if self.unknown.parameters is not None:
+            put_junctions(state, self.unknown.parameters, self._values(), out[:, :, self.unknown.material])
         return out
 
     def _values(self) -> Array:
@@ -144,20 +144,6 @@ class HarnessRod:
             self._changes = HarnessChanges(self._problem(values, still), pairs, _NEAR * steps[self._own])
             self._at = values
         self._key = key
-
-    def _beside(self, j: int) -> Array:
-        """(n, 3): the change with a number that says how ends lie in junctions, by shapes one step beside."""
-        step, values = np.zeros(len(self._each)), self._values()
-        step[j] = self._each[j].step
-        swing = self._z[self.unknown.swing].reshape(-1, 3)
-        lines = []
-        for at in (values + step, values - step):
-            shape = self.trail.beside(self._problem(at, swing))
-            lines.append(self.line(shape) if shape.status else None)
-        there, here = lines
-        if there is None or here is None:
-            return np.zeros((self.points, 3))
-        return np.asarray((there - here) / (2.0 * step[j]))
 
 
 def _table(harness: Harness, segment: str, scene: Scene | None) -> Array:

@@ -55,11 +55,6 @@ class Trail:
             self._solver.begin(*here)
             self.here = here
 
-    def beside(self, problem: Any) -> Any:
-        """The shape of another problem, from the last one on, which stays."""
-        assert self.here is not None
-        return self._solver.twin(*self.here).solve(problem)
-
     @property
     def memory(self) -> Any:
         """The solver's, of the last shape, in contact or not; None: there is none."""

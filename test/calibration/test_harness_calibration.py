@@ -10,8 +10,11 @@ import numpy as np
 import pytest
 
 import cable_shape as cs
+from cable_shape.calibration import harness_forward
 from cable_shape.calibration.harness_forward import HarnessForward, missed
 from cable_shape.calibration.harness_parameters import HarnessParameters
+from cable_shape.solve import harness_search
+from cable_shape.solve.touching import harness_solve
 
 ALONG = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))  # d3 along x
 TRUNK = cs.Cable(length=0.4, linear_density=0.05, bending_stiffness=0.002)
@@ -153,18 +156,86 @@ def test_rolls_of_grips_are_found_again() -> None:
     assert held.cable_frame.quaternion == pytest.approx(ALONG, abs=0.01)
 
 
-def test_derivatives_are_those_of_shapes_solved_anew() -> None:
+ALL_KINDS = (
+    "bending_stiffness:t", "bending_stiffness:u+b", "twisting_stiffness:t", "linear_density:each", "length:each",
+    "rest_curvature:t+u", "rest_curvature:b", "tilt:b.start", "roll:b.start", "tilt:u.start", "tilt:t.start",
+    "roll:t.start", "offset:u.end", "tilt:u.end",
+)  # fmt: skip
+SWING = {"t": (0.0, 3.0, 0.0), "b": ((0.0, 3.0, 0.0), (1.0, 0.0, 2.0))}
+
+
+def alike(true: cs.Harness, kind: str) -> list[cs.HarnessObservation]:
+    """Observations of every sort: held in clips here and there, with masses, arc lengths, lengths and accelerations."""
+    first, second = seen(true, np.random.default_rng(4), 2, noise=2e-3, kind=kind)
+    ball, other = (cs.Clip(0.2, cs.Pose((0.18, y, 0.96)), "ball", segment="t") for y in (0.0, 0.02))
+    masses = [cs.PointMass(0.1, 0.01, segment="b")]
+    eyelet = cs.Clip(0.22, cs.Pose((0.2, 0.01, 0.95)), "slide", segment="t")
+    arcs = {"t+u": np.linspace(0.02, 0.75, len(first.points["t+u"])), "b": np.full(len(first.points["b"]), 0.2)}
+    # the branch's tip touches it: of what lies along it points begin and cease to touch between two shapes
+    lying = cs.Scene(obstacles=[cs.Obstacle("table", cs.HalfSpace(), cs.Pose((0.0, 0.0, 0.7)))], contact="solve")
+    return [
+        first,
+        cs.HarnessObservation(second.ends, second.points, arcs, lengths={"b": 0.26, "t": 0.41}),
+        cs.HarnessObservation(first.ends, first.points, acceleration=SWING),
+        cs.HarnessObservation(first.ends, first.points, arcs, scene=cs.Scene(clips=[ball], masses=masses)),
+        cs.HarnessObservation(first.ends, first.points, arcs, SWING, scene=cs.Scene(clips=[other], masses=masses)),
+        cs.HarnessObservation(first.ends, first.points, arcs, scene=cs.Scene(clips=[eyelet])),
+        *([cs.HarnessObservation(first.ends, first.points, scene=lying)] if kind == "clamped" else []),
+    ]
+
+
+@pytest.mark.parametrize("kind", ["clamped", "swivel"])
+def test_derivatives_are_those_of_shapes_on_both_sides(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(harness_forward, "TOLERANCE", 1e-8)
+    monkeypatch.setattr(harness_forward, "POINTS", 161)
+    monkeypatch.setattr(harness_forward, "NOISE", -1.0)
+    parameters = HarnessParameters(harness(), ALL_KINDS)
+    steps = np.array([parameter.step for parameter in parameters.each])
+    values = parameters.start + 3.0 * steps * np.random.default_rng(6).normal(size=steps.size)
+    for look in alike(harness(), kind):
+        forward = HarnessForward(parameters, [look])
+        now = forward.misses(values)
+        assert np.isfinite(now).all()
+        J = forward.jacobian(values, now)
+        for j, parameter in enumerate(parameters.each):
+            step = 0.1 * steps * (np.arange(steps.size) == j)
+            moved = (forward.misses(values + step) - forward.misses(values - step)) / (0.2 * steps[j])
+            off, size = (float(np.sqrt((x * x).mean())) for x in (J[:, :, j] - moved, moved))
+            assert off < 5e-3 * (size + 1e-3), parameter.name
+
+
+def test_looks_that_are_fitted_together_are_derived_as_each_by_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(harness_forward, "NOISE", -1.0)
+    looks = alike(harness(), "clamped")
+    parameters = HarnessParameters(harness(), ALL_KINDS)
+    together = HarnessForward(parameters, looks)
+    J = together.jacobian(parameters.start, together.misses(parameters.start))
+    for look in looks:
+        alone = HarnessForward(parameters, [look])
+        own = alone.jacobian(parameters.start, alone.misses(parameters.start))
+        np.testing.assert_allclose(J[: len(own)], own, rtol=0.0, atol=1e-5 * np.abs(own).max())
+        J = J[len(own) :]
+
+
+def test_derivatives_solve_for_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     true = harness()
-    looks = seen(true, np.random.default_rng(4), 2)
-    parameters = HarnessParameters(true, ("bending_stiffness:t", "tilt:b.start", "roll:t.start", "length:b"))
-    forward = HarnessForward(parameters, looks)
-    now = forward.misses(parameters.start)
-    J = forward.jacobian(parameters.start, now)
-    for j, parameter in enumerate(parameters.each):
-        there = parameters.start.copy()
-        there[j] += parameter.step
-        moved = (HarnessForward(parameters, looks).misses(there) - now) / parameter.step
-        assert np.abs(J[:, :, j] - moved).max() < 0.01 * np.abs(moved).max() + 1e-3
+    forward = HarnessForward(HarnessParameters(true, ALL_KINDS), alike(true, "clamped"))
+    start = forward.parameters.start
+    now = forward.misses(start)
+    monkeypatch.setattr(harness_search, "solve", None)
+    monkeypatch.setattr(harness_solve, "solve", None)
+    assert np.abs(forward.jacobian(start, now)).max() > 0.0
+
+
+def test_shapes_from_nothing_are_solved_for_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    forward = HarnessForward(HarnessParameters(harness(), "bending_stiffness"), alike(harness(), "clamped")[:4])
+    start = forward.parameters.start
+    first = forward.afresh(start)
+    with monkeypatch.context() as patch:
+        patch.setattr(harness_search, "solve", None)
+        np.testing.assert_array_equal(forward.afresh(start), first)
+    followed = forward.misses(start + 0.3)
+    np.testing.assert_allclose(forward.afresh(start + 0.3), followed, rtol=0.0, atol=1e-4)
 
 
 def test_accelerations_and_clips_of_observations_count() -> None:

@@ -94,8 +94,12 @@ def still(ints: Whole, space: Floats) -> None:
 
 
 @inline
-def turn_end(plan: Plan, model: Model, work: Work, j: int, end: int, turn: Vector) -> None:
-    """Adds to the right-hand side what turning an end of span j (own frame) changes, but for the turn itself."""
+def turn_end(plan: Plan, model: Model, work: Work, j: int, end: int, turn: Vector, goes_along: float) -> None:
+    """Adds to the right-hand side what turning an end of span j (own frame) changes, but for the turn itself.
+
+    goes_along: 0.5 where the frame in which this node's free rotations are in balance turns, too; -0.5 where it stays,
+    that of a knot in which the end turns.
+    """
     first, last = plan.first[j], plan.first[j + 1] - 1
     if end == 0:
         node, beside, e = first + j, first + j + 1, first
@@ -110,8 +114,7 @@ def turn_end(plan: Plan, model: Model, work: Work, j: int, end: int, turn: Vecto
         reaction = take3(work.first, e, 6)
         own = apply(get9(work.parts, e, 0), turn)
     put3(work.G, beside, 0, add(get3(work.G, beside), across))
-    # the frame in which the free rotations of this node are in balance turns, too
-    put3(work.G, node, 0, add(get3(work.G, node), add(own, scale(0.5, cross(reaction, turn)))))
+    put3(work.G, node, 0, add(get3(work.G, node), add(own, scale(goes_along, cross(reaction, turn)))))
     put3(work.sums, j, 0, add(get3(work.sums, j), change))
 
 
@@ -148,7 +151,7 @@ def move_knots(ints: Whole, floats: Floats, sols: Floats, space: Floats, twists:
                 put3(work.sums, j, 0, add(get3(work.sums, j), scale(sign, take3(twists, k, 0))))
             turn = given_turn(plan, model, sol, j, end, take3(twists, k, 3))
             if turn != NONE:
-                turn_end(plan, model, work, j, end, turn)
+                turn_end(plan, model, work, j, end, turn, 0.5)
 
 
 @viewing

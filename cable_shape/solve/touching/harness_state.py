@@ -21,6 +21,7 @@ from cable_shape.pose import FreeEnd
 from cable_shape.shape import NUMBERS_PER_POINT, TOUCH
 from cable_shape.solve.cables import Structure
 from cable_shape.solve.harness_answers import differences
+from cable_shape.solve.harness_layout import Layout
 from cable_shape.solve.harness_network import HarnessNetwork
 from cable_shape.solve.harness_problem import HarnessProblem
 from cable_shape.solve.harness_shape import HarnessShape
@@ -116,6 +117,11 @@ class HarnessTouchState(TouchState):
         thickest = 0.5 * max(widest(cable) for cable in segments)
         if self.bodies.take(problem.bodies, problem.gripping, problem.links, thickest, problem.carried):
             self.forget()
+
+    @property
+    def layout(self) -> Layout:
+        """Knots and spans by name, without contacts."""
+        return self.cable.layout
 
     @property
     def limp(self) -> bool:
