@@ -202,6 +202,63 @@ def measure_whips(figures: Figures, tries: int) -> None:
         figures.at_most(f"whips, EI {stiffness:.0e}: energy from nowhere", above, 1e-6)
 
 
+class Thrown(NamedTuple):
+    """A random motion among bodies: steps, those lost, and energy beyond what was put in, of the most."""
+
+    steps: int
+    lost: int
+    above: float
+
+
+def thrown(rng: np.random.Generator, stiffness: float, seconds: float = 1.0) -> Thrown:
+    """A cable without damping, thrown at a table: lowered and shaken by both grips, by one, or caught again on the way.
+
+    Nothing but friction, in half of them, and impacts takes energy.
+    """
+    friction = float(rng.choice([0.0, 0.3]))
+    cable = CABLE.replace(
+        bending_stiffness=stiffness, twisting_stiffness=stiffness / 1.3, diameter=0.01, friction=friction
+    )
+    table = cs.Scene(obstacles=[cs.Obstacle("table", cs.HalfSpace())], contact="solve")
+    motion = cs.Motion(cable, table, points=41)
+    kind = rng.integers(3)  # lowered and shaken, with one end free, caught again
+    height, low = 0.45 + 0.2 * rng.random() + (0.6 if kind == 1 else 0.0), rng.uniform(0.05, 0.2)
+    rates, phases = rng.uniform(2.0, 16.0, (2, 3)), rng.uniform(0.0, 2.0 * np.pi, (2, 3))
+    lift = np.array((0.0, 0.0, height))
+    start, end = ends(lift, lift)
+    first = motion.begin(start, None if kind == 1 else end)
+    assert first.usable, first.detail
+    lost, above, given, most = 0, 0.0, 0.0, 1e-12
+    steps = round(seconds / DT)
+    for k in range(1, steps + 1):
+        t = k * DT
+        back = smooth(max(t - 0.4, 0.0), 0.4) if kind == 2 else 0.0
+        down = (height - low) * (smooth(t, 0.4) - back) * (0.9 if kind == 1 else 1.0)
+        ways = 0.08 * smooth(t, 0.3) * np.sin(rates * t + phases) * np.array((1.0, 1.0, 0.3))
+        start, end = ends(*(way + lift - np.array((0.0, 0.0, down)) for way in ways))
+        shape = motion.step(start, None if kind == 1 else end, DT)
+        lost += not shape.usable
+        given += shape.work
+        if shape.usable:
+            now = shape.energy + shape.kinetic_energy - first.energy
+            most, above = max(most, abs(now), abs(given)), max(above, now - given)
+    return Thrown(steps, lost, above / most)
+
+
+def measure_drops(figures: Figures, tries: int) -> None:
+    """Random motions that end on a table."""
+    heading("Thrown on a table without damping: steps that were lost, and energy beyond the work of the grips")
+    rng = np.random.default_rng(7)
+    for stiffness in WHIPPED:
+        rows = [thrown(rng, stiffness) for _ in tqdm(range(tries), leave=False, disable=None)]
+        lost, steps = sum(row.lost for row in rows), sum(row.steps for row in rows)
+        beyond = sum(row.above > 1e-6 for row in rows)
+        print(f"EI {stiffness:7.0e}: {lost} of {steps} steps lost, {beyond} of {tries} with energy from nowhere")
+        print(f"            at most {max(row.above for row in rows):.1e} of the most")
+        figures.at_most(f"thrown on a table, EI {stiffness:.0e}: steps lost", lost, 0, "{:.0f}")
+        figures.at_most(f"thrown on a table, EI {stiffness:.0e}: energy from nowhere in so many", beyond, 0, "{:.0f}")
+
+
 def main() -> int:
     """All tables."""
     parser = bench_parser(__doc__, "few steps and whips")
@@ -220,6 +277,7 @@ def main() -> int:
     measure_derivatives(figures, 100 if options.quick else 500)
     measure_order(figures, options.quick)
     measure_whips(figures, 3 if options.quick else 50)
+    measure_drops(figures, 3 if options.quick else 50)
     return finish(figures, options)
 
 

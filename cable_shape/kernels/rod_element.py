@@ -20,7 +20,12 @@ either direction across,
 
 g^2 / A where that is stiff, and 4 |A| / b^2 in an element that buckles, which is then shorter by a tenth at most. It is
 convex in g and N3 together: a force more makes a step longer, never shorter, as a mass on it must have it. The |n|
-above does not, across n.
+above does not, across n. Under the root is
+
+    D = (CROOKED K)^2 / (1 + (A / NARROW K)^2)^4
+
+too: what nothing bends in a direction would buckle all at once, by any way under one force. It makes an element shorter
+by 5e-8 where N3 = 0.
 
 Rotations are perturbed from the right, R exp(delta).
 """
@@ -68,6 +73,9 @@ Pair = tuple[float, float]
 
 E3 = (0.0, 0.0, 1.0)
 IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+CROOKED, NARROW = 0.03, 0.35  # see above
+_LEAST = CROOKED**2 / (1.0 + NARROW**-2) ** 4
+BENT = _LEAST / (1.0 + math.sqrt(1.0 + _LEAST))  # sqrt(1 + D / K^2) - 1 where A = K
 SMALL_FORCE = 1e-60  # N^2, keeps |n| differentiable at n = 0
 
 
@@ -118,17 +126,44 @@ def bowed(h: float) -> float:
 
 @inlined
 def firmness(h: float, K: Vector, g: Vector, N: Vector, firmer: Pair) -> tuple[float, float, float, float]:
-    """[N m^2], of what swings: A and sqrt(A^2 + b^2 g^2) in both directions across."""
+    """[N m^2], of what swings: A and sqrt(A^2 + b^2 g^2 + D) in both directions across."""
     slope = 0.1 * h * h
     b, A, B = bowed(h), K[0] + slope * N[2] + firmer[0], K[1] + slope * N[2] + firmer[1]
-    return A, B, math.sqrt(A * A + b * b * g[0] * g[0]), math.sqrt(B * B + b * b * g[1] * g[1])
+    a, c = b * g[0], b * g[1]
+    return (
+        A,
+        B,
+        math.sqrt(A * A + a * a + crooked(A, K[0])[0]),
+        math.sqrt(B * B + c * c + crooked(B, K[1])[0]),
+    )
 
 
 @inlined
-def bowing(h: float, g: float, A: float, s: float) -> float:
-    """(s - A) / b^2, half of what stands for g^2 / A."""
+def crooked(A: float, K: float) -> Vector:
+    """D, and its first and second derivative in A."""
+    x = A / (NARROW * K)
+    r = 1.0 / (1.0 + x * x)
+    most, r4 = CROOKED * CROOKED, r * r * r * r
+    first, second = -8.0 * x * r4 * r / NARROW, (80.0 * x * x * r - 8.0) * r4 * r / (NARROW * NARROW)
+    return (most * K * K * r4, most * K * first, most * second)
+
+
+@inlined
+def bowing(h: float, g: float, A: float, K: float, s: float) -> tuple[float, float]:
+    """(s - A) / b^2, half of what stands for g^2 / A, and minus its derivative in A."""
     b = bowed(h)
-    return g * g / (s + abs(A)) + 2.0 * max(-A, 0.0) / (b * b)
+    D, D1, _ = crooked(A, K)
+    value = (g * g + D / (b * b)) / (s + abs(A)) + 2.0 * max(-A, 0.0) / (b * b)
+    return value, (value - 0.5 * D1 / (b * b)) / s
+
+
+@inlined
+def bending(h: float, g: float, A: float, K: float, s: float, c: float) -> Vector:
+    """c times its second derivatives: in A twice, in A and g, and in g twice."""
+    b, cube = bowed(h), c / (s * s * s)
+    D, D1, D2 = crooked(A, K)
+    twice = g * g + (D + 0.5 * D2 * s * s - A * D1 - 0.25 * D1 * D1) / (b * b)
+    return (cube * twice, -cube * (A + 0.5 * D1) * g, cube * (A * A + D))
 
 
 @kernel(fastmath=FAST)
@@ -182,9 +217,9 @@ def gradient_of(
     gk = add(gk, times(K1, add(y, scale(c, k1))))
     gN = add(scale(-2.0 / 3.0 * h, V), add(cross(y, V), times(C, cross(N, y))))
     if swings is not None:
-        bowA, bowB = bowing(h, g[0], A, sA), bowing(h, g[1], B, sB)
-        value += c * (bowA + bowB) - 0.5 * (y[0] * g[0] + y[1] * g[1])
-        gN = (gN[0], gN[1], gN[2] - 0.1 * h * h * c * (bowA / sA + bowB / sB))
+        (bowA, backA), (bowB, backB) = bowing(h, g[0], A, K[0], sA), bowing(h, g[1], B, K[1], sB)
+        value += c * (bowA + bowB - BENT * (K[0] + K[1]) / bowed(h) ** 2) - 0.5 * (y[0] * g[0] + y[1] * g[1])
+        gN = (gN[0], gN[1], gN[2] - 0.1 * h * h * c * (backA + backB))
     gL, gR = scale(-h / 6.0, VL), scale(-h / 6.0, VR)
     Mv = scale(1.0 / h, add(scale(f, gk), scale(2.0 * f1 * dot(v, gk), v)))
     torque = cross(gN, N)
@@ -260,11 +295,11 @@ def hessian_of(
     # second derivatives in k and N
     cW = scale(c, W)
     if swings is not None:  # N3 in place of |n|
-        cubeA, cubeB = c / (sA * sA * sA), c / (sB * sB * sB)
-        e = -slope * c * (bowing(h, g[0], A, sA) / sA + bowing(h, g[1], B, sB) / sB)
-        ee = slope * slope * (cubeA * g[0] * g[0] + cubeB * g[1] * g[1])
-        z = (-slope * cubeA * A * g[0], -slope * cubeB * B * g[1], 0.0)
-        cW = (cubeA * A * A, cubeB * B * B, cW[2])
+        e = -slope * c * (bowing(h, g[0], A, K[0], sA)[1] + bowing(h, g[1], B, K[1], sB)[1])
+        bentA, bentB = bending(h, g[0], A, K[0], sA, c), bending(h, g[1], B, K[1], sB, c)
+        ee = slope * slope * (bentA[0] + bentB[0])
+        z = (slope * bentA[1], slope * bentB[1], 0.0)
+        cW = (bentA[2], bentB[2], cW[2])
         gN = (gN[0], gN[1], gN[2] + e)
     Gk = madd(msub(columns_times(hat(k), K), hat(m)), diagonal(K1))  # dg/dk
     cWGk = rows_times(cW, Gk)

@@ -15,8 +15,8 @@ from cable_shape.kernels.rod_element import angle_series, element_gradient, elem
 
 NONE = (0.0, 0.0, 0.0)
 LINEAR = (0.0, 0.0, 0.0), (0.02, 0.02, 0.01)
-#: [N], of an element at rest, and along one that swings: taut, slack, and beyond where it buckles, at -44 N and -82 N.
-ALONG = None, 40.0, -3.0, -150.0
+#: [N], of an element at rest, and along one that swings: taut, slack, where it buckles one way, the other, and beyond.
+ALONG = None, 40.0, -3.0, -34.0, -75.0, -150.0
 
 
 def numbers(*values) -> tuple[float, ...]:
@@ -67,7 +67,7 @@ class Element:
 def test_gradient_of_an_element_against_finite_differences(along, bend, compliance, taper):
     element = Element(1, bend, compliance, taper, along)
     gradient = np.concatenate(element_gradient(*element.arguments(np.zeros(9)))[1:])
-    step = 2e-4
+    step = 5e-5
     near, far = ([element.value(x * step * e) - element.value(-x * step * e) for e in np.eye(9)] for x in (1, 2))
     differences = (8.0 * np.array(near) - far) / (12.0 * step)
     assert gradient == pytest.approx(differences, abs=2e-9)
@@ -86,6 +86,7 @@ def test_hessian_of_an_element_against_finite_differences(along, bend, complianc
         np.concatenate(element_gradient(*element.arguments(np.zeros(9)))[1:]), abs=1e-13
     )
     unit = np.eye(9)
+    step = 1.5e-4 if along in (-34.0, -75.0) else 3e-4  # it changes fast where it buckles
 
     def difference(i: int, j: int, step: float) -> float:
         a, b = step * (unit[i] + unit[j]), step * (unit[i] - unit[j])
@@ -93,8 +94,25 @@ def test_hessian_of_an_element_against_finite_differences(along, bend, complianc
 
     for i in range(9):
         for j in range(9):
-            exact = (4.0 * difference(i, j, 3e-4) - difference(i, j, 6e-4)) / 3.0
+            exact = (4.0 * difference(i, j, step) - difference(i, j, 2.0 * step)) / 3.0
             assert H[i, j] == pytest.approx(exact, abs=5e-7)
+
+
+def test_a_straight_element_that_swings_buckles_bit_by_bit():
+    """Pressed along itself by more and more, to twice where it buckles: no jump, and no shorter at none."""
+    h, K, straight = 0.4, 1.3, (0.0, 0.0, 0.0, 1.0)
+    forces = np.linspace(0.0, -2.0 * K / (0.1 * h * h), 201)
+
+    def length(force: float) -> float:
+        n = (0.0, 0.0, float(force))
+        element = h, straight, straight, n, n, n, NONE, NONE, (K, K, 0.9), NONE, NONE, (0.0, 0.0), True
+        return -element_gradient(*element)[3][2]
+
+    lengths = np.array([length(force) for force in forces])
+    assert lengths[0] == pytest.approx(h, rel=1e-7)
+    assert np.all(np.diff(lengths) <= 0.0)
+    assert lengths[-1] == pytest.approx(0.8 * h, rel=0.02)  # by a tenth either way
+    assert -np.diff(lengths).min() < 0.3 * (lengths[0] - lengths[-1])
 
 
 @pytest.mark.parametrize("swings", [None, True], ids=["rests", "swings"])
