@@ -25,6 +25,11 @@ def energy_of(shape: cs.CableShape) -> float:
     return shape.energy + shape.kinetic_energy
 
 
+def smooth(x: float) -> float:
+    """From 0 to 1, with x; with three derivatives 0 at both."""
+    return x**4 * (35.0 - 84.0 * x + 70.0 * x**2 - 20.0 * x**3)
+
+
 def off_line(shape: cs.CableShape, x: float, y: float) -> float:
     """[m], from the vertical line there."""
     return float(np.hypot(shape.positions[:, 0] - x, shape.positions[:, 1] - y).min())
@@ -96,6 +101,28 @@ def test_what_arrives_does_not_bounce():
     assert max(heights) > 0.05
     assert max(heights[down:]) < 0.02
     assert sum(contact.force for contact in shape.contacts) > 0.3 * cable.linear_density * cable.length * G
+
+
+@pytest.mark.parametrize("stiffness", [1e-3, 1e-4])
+@pytest.mark.parametrize("free", [False, True])
+def test_limp_and_undamped_it_is_thrown_on_a_table(stiffness: float, free: bool):
+    """Shaken and let down in 0.4 s: elements buckle, steps go in short parts and long ones, and none is lost."""
+    cable = cs.Cable(length=1.0, linear_density=0.1, bending_stiffness=stiffness, twisting_stiffness=stiffness / 1.3)
+    motion = cs.Motion(cable.replace(diameter=0.01), TABLE, points=41)
+    rng = np.random.default_rng(3)
+    high = 1.15 if free else 0.55
+    assert motion.begin(at(0.0, 0.0, high), None if free else at(0.7, 0.0, high)).usable
+    rates, phases = rng.uniform(2.0, 16.0, (2, 3)), rng.uniform(0.0, 6.28, (2, 3))
+    touched = 0
+    for k in range(1, 81):
+        x, y = min(k / 40.0, 1.0), min(k / 30.0, 1.0)
+        z = high - (0.9 * high - 0.05) * smooth(x)
+        a, b = 0.06 * smooth(y) * np.sin(0.01 * k * rates + phases) * (1.0, 1.0, 0.3)
+        shape = motion.step(at(a[0], a[1], z + a[2]), None if free else at(0.7 + b[0], b[1], z + b[2]), 0.01)
+        assert shape.usable, (k, shape.detail)
+        assert shape.positions[:, 2].min() > 0.005 - 4e-4
+        touched += len(shape.contacts)
+    assert touched > 50
 
 
 @pytest.mark.parametrize("radius", [0.004, 0.02])

@@ -74,7 +74,7 @@ from cable_shape.kernels.rod_algebra import (
 #: An iteration of a step that changes no more [rad] is the last: the next one would change its square. In short steps
 #: less, so that rates are as right: in units of the square of dt over sqrt(rho L^4 / EI).
 LEAST, LEAST_SHORT, SHORTEST = 3e-6, 0.3, 1e-8
-MOST_ITERATIONS, MOST_TOUCHED = 40, 30  # the latter where nodes may be pressed
+MOST_ITERATIONS, MOST_TOUCHED = 40, 60  # the latter where nodes may be pressed
 #: What Newton's method starts from: so much of how forces and shape changed in the last step is added to them. What
 #: changes fast is no guess: where one does not lead anywhere, the next one may.
 STARTS = ((1.0, 1.0), (0.0, 1.0), (-0.5, 1.0), (0.0, 0.0))
