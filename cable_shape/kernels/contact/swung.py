@@ -36,6 +36,7 @@ from cable_shape.kernels.network.compiled import viewing
 from cable_shape.kernels.network.momentum import (
     ENERGY,
     KINETIC,
+    LAST_DT,
     RADIUS,
     Momentum,
     kinetic,
@@ -83,6 +84,8 @@ FIRM, ASPERITY = 1e4, 10.0
 AFLOAT = 2e-4
 #: Of the length: that deep the cable may be in a body between its nodes after a part of a step.
 DEEP = 2e-4
+#: Times the last one: so much longer a part may be without more ado.
+LONGER = 1.5
 #: Parts shorter than this go on where the cable is deep, or afloat, for all that.
 PATIENT = 1.0 / 16.0
 
@@ -139,6 +142,7 @@ def step(
             if start > 0:
                 copy_back(skin.kept, sols, remembered, moving)
             part_way(plan, solution_of(ints, begin, NOW), solution_of(ints, sols, TRIAL), goal, done + part)
+            lengthen(momentum_of(ints, remembered), seconds)
             look(ints, floats, sols, moving, remembered, seconds, now, skin)
             status = attempt(ints, floats, sols, space, moving, remembered, seconds, info, told, start)
             if status == CONVERGED:
@@ -186,6 +190,20 @@ def copy_back(kept: Floats, sols: Floats, remembered: Floats, moving: Floats) ->
     copy(sols, kept[:a])
     copy(remembered, kept[a:b])
     copy(moving, kept[b:])
+
+
+@viewing
+def lengthen(memory: Momentum, dt: float) -> None:
+    """Scales accelerations for a part dt [s] that is longer than the last one: what of momentum they stand for stays.
+
+    After an impact the scheme gives a mass half of dt a of velocity in the parts to come: in longer ones no more of it.
+    """
+    last = memory.par[LAST_DT]
+    if not 0.0 < LONGER * last < dt:
+        return
+    for rows in (memory.acceleration, memory.bending, memory.jump):
+        for k in range(rows.shape[0]):
+            put3(rows, k, 0, scale(last / dt, get3(rows, k)))
 
 
 @viewing
