@@ -196,6 +196,10 @@ class _Way:
                 continue
             if isinstance(new, HarnessCycle):
                 self._known[name] = _carried_harness(old.found, layout, change, name, new)
+                before_it: Any = old.predictor
+                if before_it.crossing is not None:
+                    ids = [cable_id(name, segment) for segment in before_it.crossing.strands.names]
+                    self._spots[name] = _carried_spots(before_it.crossing, ids, layout, change)
                 continue
             assert isinstance(old, CableCycle)
             found, predictor = old.found, old.predictor
@@ -279,9 +283,8 @@ class _Way:
         for name, shape in shapes.items():
             self._known[name] = self._known[name]._replace(shape=shape)
             part = self._made[name]
-            if isinstance(part, HarnessCycle):
-                continue
-            self._memories[name] = part.predictor.memory
+            if isinstance(part, CableCycle):
+                self._memories[name] = part.predictor.memory
             own = part.predictor.crossing
             if not self._names and own is not None and own.last is not None:
                 self._spots[name] = own.last[1]
@@ -301,7 +304,10 @@ class _Way:
             if isinstance(part, HarnessCycle):
                 harness, scene = (None, None) if whole else (now.harness_of(name), then.scene_of_harness(name))
                 shape = _stretched_harness(known.shape, part.predictor.harness if harness is None else harness, part)
-                part.predictor.begin(shape, known.ends, known.links, harness=harness, scene=scene, loose=loose)
+                part.predictor.begin(
+                    shape, known.ends, known.links, harness=harness, scene=scene, loose=loose,
+                    spots=self._spots.get(name),
+                )  # fmt: skip
                 continue
             cable = part.predictor.cable if whole else now.cables[name].cable
             part.predictor.begin(
@@ -396,7 +402,7 @@ def _grip_at(place: Pose, before: Any) -> Pose | Grip:
 
 
 def _carried_spots(crossing: Crossing, names: Sequence[str], layout: Layout, change: Change) -> list[Spot]:
-    """Where cables touch, by arc lengths as they are after an edit."""
+    """Where cables, or segments, touch, by arc lengths as they are after an edit."""
     out = []
     for spot in [] if crossing.last is None else crossing.last[1]:
         moved, inside = spot.copy(), True

@@ -28,6 +28,7 @@ from cable_shape.solve.problem import GRAVITY
 from cable_shape.solve.touching.crossing import Crossing
 from cable_shape.solve.touching.harness_state import HarnessTouchState
 from cable_shape.solve.touching.harness_strands import HarnessStrands
+from cable_shape.solve.touching.spot import Spot
 
 MODELS = ("cosserat", "auto")
 
@@ -105,6 +106,11 @@ class HarnessPredictor:
         self._still.ends = before.ends
         self._load(self._still)
         self._crossing = self._with_itself()
+
+    @property
+    def crossing(self) -> Crossing | None:
+        """What keeps segments out of each other and of themselves; None: nothing does."""
+        return self._crossing
 
     @property
     def touching(self) -> bool:
@@ -244,13 +250,14 @@ class HarnessPredictor:
         harness: Harness | None = None,
         scene: Scene | None = None,
         loose: bool = False,
+        spots: list[Spot] | None = None,
     ) -> None:
         """Makes a shape that was found otherwise the last one, see :meth:`cable_shape.Predictor.begin`."""
         self.head_for(harness, scene)
         self._solver.begin(self.problem.move(ends, links), shape, loose=loose)
         self._crossing = self._with_itself()
         if self._crossing is not None:
-            self._crossing.take_up(self._strands.take(shape), [])
+            self._crossing.take_up(self._strands.take(shape), spots or [])
 
     def head_for(self, harness: Harness | None = None, scene: Scene | None = None) -> None:
         """Makes the problem that of another harness in another scene, or its own; ends and links stay."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -140,3 +141,33 @@ def test_both_ends_are_not_opened() -> None:
     cycle.step({"h": {"a.start": LEFT, "b.end": RIGHT}}, 0)  # type: ignore[dict-item]
     assert cycle.edit(cs.Open("a.start"))
     assert "nothing holds the part with the segments a, b" in cycle.edit(cs.Open("b.end")).reason
+
+
+def twisted(turns: float) -> dict[str, Any]:
+    """Ends brought near to each other and turned so many times about the line between them."""
+    half = math.pi * turns
+    turn = cs.Pose(quaternion=(0.0, 0.0, math.sin(half), math.cos(half)))
+    return {"a.start": cs.Pose((0.0, 0.0, 0.0), ALONG_X), "b.end": cs.Pose((0.3, 0.0, 0.0), ALONG_X) * turn}
+
+
+def test_segments_that_lie_on_each_other_stay_so_as_bodies_and_clips_come_and_go() -> None:
+    thin = cs.Cable(1.0, 0.005, 0.004, 0.003, diameter=0.008)
+    parts = {"a": thin.replace(length=0.37), "b": thin.replace(length=0.63)}
+    harness = cs.Harness(parts, [cs.Junction("j", ("a.end", "b.start"))])
+    cycle = cs.Cycle({"h": harness}, scene=cs.Scene(contact="solve"))
+    for stamp, turns in enumerate(np.arange(0.3, 2.4, 0.02)):
+        last: Any = cycle.step({"h": twisted(turns)}, stamp).shapes["h"]
+        assert last.status is cs.Status.OK
+    pressed = last.segments["a"].contacts[0]
+    assert pressed.body == "b"
+    here = last.segments["a"]
+    held = cs.Clip(float(here.arc_length[40]), cs.Pose(here.positions[40]), "ball", name="held", segment="a")
+    for stamp, edit in enumerate((cs.Add(POST), cs.Insert(held), cs.Release("held"), cs.Remove("post")), 1000):
+        result = cycle.edit(edit)
+        assert result, result.reason
+        now: Any = cycle.step({"h": twisted(turns)}, stamp).shapes["h"]
+        assert now.status is cs.Status.OK, now.detail
+        for name, part in now.segments.items():
+            np.testing.assert_allclose(part.positions, last.segments[name].positions, atol=SAME)
+        (again,) = now.segments["a"].contacts
+        assert again.force == pytest.approx(pressed.force, rel=1e-3)
