@@ -102,7 +102,7 @@ class HarnessTouchState(TouchState):
         self.points = np.empty(0)
         self._stops = every
         self.rings = rings
-        self._knots: Any = np.concatenate(
+        self._knots = np.concatenate(
             [[plan.ends[a, 0], *plan.ends[a:b, 1]] for a, b in zip(plan.cables[:-1], plan.cables[1:], strict=True)]
         )
         if self.slid.shape[1] != every.size or self.turns.shape[1] != gaps.size:
@@ -229,12 +229,6 @@ class HarnessTouchState(TouchState):
         gaps, clips = self._gap_of_supports, self.cable.ring_clips
         arcs = {ring: float(shape.supports[clips[ring], 0] + gaps[ring]) for ring in self.rings.tolist()}
         return Laid(shape, self.gaps, arcs)
-
-    def _align(self) -> None:
-        """Signs of the quaternions of what is held, those of the nodes there."""
-        for knot, k in zip(self._knots, self.held, strict=True):
-            if not self._moves[knot] and self._grips[NOW, knot, 3:] @ self.q[NOW, k] < 0.0:
-                self._grips[NOW, knot, 3:] *= -1.0
 
     def seen(self, shape: HarnessShape) -> Array:  # type: ignore[override]
         return np.concatenate([one.positions for one in shape.segments.values()])

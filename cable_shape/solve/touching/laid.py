@@ -148,6 +148,8 @@ class Laid:
         self.length = 0.0
         self.links: tuple[Pair, ...] = ()  # of the last solution, when it was made
         self.reach: Array = np.empty(0)  # (l,) [m], of the pairs
+        self._knots: Any = np.arange(2)  # of the supports
+        self._moves: Any = np.zeros(2, dtype=bool)  # of the knots: whether their place is looked for
         self._grips: Array = np.zeros((3, 2, 7))
         self.turns: Array = np.zeros((3, 1))
         self._kinds: tuple[str, ...] = ()
@@ -178,6 +180,7 @@ class Laid:
             self._grips, self.slid = np.zeros((3, arcs.size, 7)), np.zeros((3, arcs.size))
         kept = self.length > 0.0 and self.bend == self.bend_of_cables and problem.hangs_like(self.problem)
         self._arcs, self.rings = arcs, rings
+        self._knots, self._moves = np.arange(arcs.size), np.zeros(arcs.size, dtype=bool)
         self.problem = problem
         self.unfactored()
         self.length = length

@@ -121,17 +121,22 @@ class TouchState(Laid):
         return out
 
     def _align(self) -> None:
-        """Signs of the supports' quaternions, those of the nodes there; what is free takes theirs, what is held theirs.
+        """Signs of the quaternions of what is given, those of the nodes there; what is free takes theirs, what is held
+        theirs.
 
         How a shape is turned in a clip, where it bends otherwise than beside it, its points on both sides do not tell.
         """
-        for j, k in enumerate(self.held):
-            if self._grips[NOW, j, 3:] @ self.q[NOW, k] < 0.0:
-                self._grips[NOW, j, 3:] *= -1.0
-            if not self.held_mask[j].any():
-                self.q[NOW, k] = self._grips[NOW, j, 3:]
-        if self.chains[-1].free[1]:
-            self._grips[NOW, -1, 3:] = self.q[NOW, -1]
+        for knot, k, free in zip(self._knots, self.held, self.held_mask, strict=True):
+            if self._moves[knot]:
+                continue
+            if self._grips[NOW, knot, 3:] @ self.q[NOW, k] < 0.0:
+                self._grips[NOW, knot, 3:] *= -1.0
+            if not free.any():
+                self.q[NOW, k] = self._grips[NOW, knot, 3:]
+        for chain in self.chains:
+            for support, loose in zip((chain.supports.start, chain.supports.stop - 1), chain.free, strict=True):
+                if loose:
+                    self._grips[NOW, self._knots[support], 3:] = self.q[NOW, self.held[support]]
 
     def _nodes_of(self, chain: Chain, shape: CableShape, finer: float) -> Array:
         """A cable's nodes at first."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from contact_reference import compared, deepest, finer
@@ -286,6 +288,28 @@ def test_a_shape_taken_up_is_turned_in_its_clip_as_the_clip_is():
     state = other.memory
     turned = state.q[0, state.held[1]]
     assert abs(float(turned @ clip("fixed").pose.quaternion)) == pytest.approx(1.0, abs=1e-14)
+
+
+def test_a_harness_taken_up_is_turned_in_its_clip_as_the_clip_is():
+    halves = {name: CABLE.replace(length=0.5 * CABLE.length) for name in ("a", "b")}
+    harness = cs.Harness(halves, [cs.Junction("j", ("a.end", "b.start"))])
+    ends = {"a.start": START, "b.end": END}
+    predictor = cs.Predictor(harness)
+    for height in np.arange(0.3, 0.095, -0.01):
+        held = replace(clip("fixed", height), arc_length=0.4 * CABLE.length, segment="a")
+        predictor.scene = table(held)
+        shape = predictor.predict(ends)
+        assert shape.status is cs.Status.OK
+    assert any(part.contacts for part in shape.segments.values())
+    other = cs.Predictor(harness, scene=predictor.scene)
+    other.begin(shape, ends, None)
+    state = other.rod_memory
+    turned = state.q[0, state.held[1]]
+    assert abs(float(turned @ held.pose.quaternion)) == pytest.approx(1.0, abs=1e-14)
+    other.look_again()
+    again = other.solve()
+    for name, part in again.segments.items():
+        assert np.abs(part.positions - shape.segments[name].positions).max() < 2.0 * shape.error_estimate
 
 
 def test_a_shape_found_from_nothing_is_none_of_its_mesh_alone():
