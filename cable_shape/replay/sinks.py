@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
-import dataclasses
-from collections.abc import Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, final
 
@@ -31,10 +29,11 @@ class Sinks:
         self._scene = settings.scene or Scene()
         self._recording = RecordingProcess() if settings.rrd else None
         self._bag: BagWriter | None = None
+        self._writing = _Writing(self._unwritable)
 
     def begin(self, what: Carried, links: Any, markers: bool) -> None:
         """Makes the files; links: what the robot's look like."""
-        with self._writing():
+        with self._writing:
             self._bag = BagWriter(self.out / "replay")
             if self._recording is not None:
                 carried = {what.name: what.what}
@@ -43,16 +42,16 @@ class Sinks:
     def write(self, report: CycleReport, frame_id: str) -> None:
         """One report, without what differs from run to run."""
         assert self._bag is not None
-        with self._writing():
+        with self._writing:
             self._bag.write(report, frame_id)
             if self._recording is not None:
-                self._recording.log(dataclasses.replace(report, times={}))
+                self._recording.log(report)
 
     def edited(self, message: Any, cycle: Cycle, stamp: int, frame_id: str) -> None:
         """What was edited before the cycle of `stamp` [ns]."""
         if self._bag is None:
             return
-        with self._writing():
+        with self._writing:
             self._bag.write_edits(message, cycle.layout, stamp, frame_id)
             if self._recording is not None:
                 self._recording.edited(cycle.layout)
@@ -60,13 +59,13 @@ class Sinks:
     def log_markers(self, points: Array, stamp: int) -> None:
         """Markers (k, 3) [m], world, that were measured at `stamp` [ns]."""
         if self._bag is not None and self._recording is not None:
-            with self._writing():
+            with self._writing:
                 self._recording.log_markers(points, stamp)
 
     def log_distances(self, distances: Array, radii: Array | None, stamp: int) -> None:
         """How far they are from the centreline, and how wide the tube is there [m]."""
         if self._bag is not None and self._recording is not None:
-            with self._writing():
+            with self._writing:
                 self._recording.log_distances(distances, radii, stamp)
 
     def __enter__(self) -> Sinks:
@@ -84,15 +83,23 @@ class Sinks:
         if failures and kind is None:
             raise self._unwritable(failures[0]) from failures[0]
 
-    @contextlib.contextmanager
-    def _writing(self) -> Iterator[None]:
-        try:
-            yield
-        except (OSError, RuntimeError) as error:  # the latter is rerun's
-            raise self._unwritable(error) from error
-
     def _unwritable(self, error: Exception) -> BagError:
         return BagError(
             f"{self.out}: cannot be written any further ({error}); is the disk full? Make room, or choose another one."
             f" What was replayed until then is in {self.out / 'replay'} and can be read like any damaged recording."
         )
+
+
+@final
+class _Writing:
+    """Tells of what cannot be written; entered again and again."""
+
+    def __init__(self, told: Callable[[Exception], BagError]) -> None:
+        self._told = told
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, *_: object) -> None:
+        if isinstance(error, OSError | RuntimeError):  # the latter is rerun's
+            raise self._told(error) from error

@@ -93,7 +93,8 @@ class Tally:
             closest = clearance.closest
             radius = tension = math.nan
             if shape.status:
-                radius, tension = float(shape.bend_radius.min()), float(shape.tension.max())
+                bent = float(np.hypot(shape.curvature[:, 0], shape.curvature[:, 1]).max())
+                radius, tension = 1.0 / bent if bent > 0.0 else math.inf, float(shape.tension.max())
             radii.append(radius)
             tensions.append(tension)
             self.parts[name].add(radius, tension, closest, report.stamp)

@@ -20,6 +20,7 @@ SEEN = ((-8.6, MOST_USED * AT_LIMIT + 0.2), (-0.6, len(text.MARGIN_KINDS) - 0.4)
 _HALF = 0.36  # of a bar's height
 _NAMES, _ABOVE = -4.3, 0.45  # where names are, beside the bars: their middle, and how far below its point one is drawn
 _LONGEST = 27  # characters of a name that are not cut off
+_OWN = np.array([colours.KINDS[kind] for kind in text.MARGIN_KINDS], dtype=np.uint8)
 _STEP = 0.01  # of the limit; a smaller change of a bar is not seen
 
 
@@ -71,11 +72,13 @@ def _fitting(name: str) -> str:
 
 def _bars(used: Mapping[int, float], colour: colours.Colour | None = None) -> dict[str, Any]:
     """Bars in these rows, in one colour or in those of the kinds: their ends are round, and within what is used."""
-    half = np.array([min(_HALF, 0.5 * AT_LIMIT * value) for value in used.values()])
-    ends = [((r, row), (AT_LIMIT * value - r, row)) for r, (row, value) in zip(half, used.items(), strict=True)]
-    own = [colour or colours.KINDS[text.MARGIN_KINDS[row]] for row in used]
+    rows, values = np.array(list(used), dtype=np.intp), np.array(list(used.values()), dtype=np.float64)
+    half = np.minimum(_HALF, 0.5 * AT_LIMIT * values)
+    ends = np.empty((len(rows), 2, 2))
+    ends[:, 0, 0], ends[:, 1, 0], ends[:, :, 1] = half, AT_LIMIT * values - half, rows[:, None]
+    own = _OWN[rows] if colour is None else np.tile(np.array(colour, dtype=np.uint8), (len(rows), 1))
     return {
-        "strips": np.array(ends).reshape(-1, 2, 2),
-        "colors": np.array(own, dtype=np.uint8).reshape(-1, 4),
+        "strips": ends,
+        "colors": own,
         "radii": half,
     }

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import marshal
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from cable_shape.checks import Array
-from cable_shape.pose import FreeEnd, Grip, Pose
+from cable_shape.pose import IDENTITY, FreeEnd, Grip, Pose
 from cable_shape.safety.report import BodyDistance, CableWarning, Clearance, CycleReport, Margin, Severity, WarningKind
 from cable_shape.scene.plug import PlugError
 from cable_shape.shape import TOUCH, CableShape, Status
@@ -82,7 +83,8 @@ def _end(end: Pose | Grip | FreeEnd | None) -> Any:
         return float(end.mass) if end is not None and end.mass else None
     if isinstance(end, Pose):
         return (np.ascontiguousarray(end.array), end.turns)
-    return (_joined([end.pose.array, end.offset.array, end.curvature]), end.pose.turns, end.kind)
+    frame, held = _joined([end.pose.array, end.cable_frame.array]), _joined([end.offset.array, end.curvature])
+    return (frame, end.pose.turns, held, end.kind)
 
 
 def _read_end(fields: Any) -> Pose | Grip | FreeEnd | None:
@@ -92,7 +94,14 @@ def _read_end(fields: Any) -> Pose | Grip | FreeEnd | None:
         return FreeEnd(fields)
     array = np.frombuffer(fields[0], dtype=np.float64)
     pose = Pose.trusted(array[:7], fields[1])
-    return pose if len(fields) == 2 else Grip(pose, fields[2], Pose.trusted(array[7:14]), array[14:])
+    return pose if len(fields) == 2 else _grip(*fields[2:]).at(pose, Pose.trusted(array[7:], fields[1]))
+
+
+@lru_cache
+def _grip(held: bytes, kind: str) -> Grip:
+    """A grip like this one, wherever it is."""
+    array = np.frombuffer(held, dtype=np.float64)
+    return Grip(IDENTITY, kind, Pose.trusted(array[:7]), array[7:])
 
 
 def _shape(shape: CableShape) -> tuple[Any, ...]:

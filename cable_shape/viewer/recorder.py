@@ -7,6 +7,7 @@ What it is given comes by standard input, whose end ends it; what went wrong is 
 
 from __future__ import annotations
 
+import gc
 import json
 import marshal
 import sys
@@ -27,6 +28,8 @@ from cable_shape.viewer.recording import RecordingWriter
 def main() -> int:
     """Writes what it is given."""
     be_ordinary()
+    gc.freeze()
+    gc.set_threshold(50_000, 20, 50)  # what waits to be written is seldom garbage
     try:
         what, values = _taken()
         if what == "begin":
