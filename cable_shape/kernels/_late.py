@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
+import traceback
 from collections.abc import Callable
 from typing import Any, ClassVar, final
 
@@ -32,9 +33,18 @@ class Late:
         self.args, self.returned, self.address = args, returned, address
         digest = hashlib.sha256(repr(args).encode()).hexdigest()[:16]
         self.symbol = f"{function.__module__}.{function.__qualname__}.{digest}.late"
-        self._asked = _ASKS(address)
+        self._asked = _ASKS(self._ask)
         llvm.add_symbol(self.symbol, ctypes.cast(self._asked, ctypes.c_void_p).value)
         self.made[self.symbol] = self
+
+    def _ask(self) -> int:
+        """The address, or 0: what is raised here nobody catches, and the caller would jump to anywhere."""
+        try:
+            return self.address()
+        except BaseException as error:  # noqa: BLE001, an interrupt, too
+            if not isinstance(error, KeyboardInterrupt):
+                traceback.print_exc()
+            return 0
 
     def call(self, context: Any, builder: Any, sig: Any, args: Any) -> Any:
         """Writes a call through a place in the caller's own data, where the address is once it was asked for."""

@@ -1,4 +1,4 @@
-"""How a process of rclpy ends: :func:`interrupts_between_kernels`, :func:`ends_when_told`, :func:`shut_down`."""
+"""How a process of rclpy ends: :class:`Interrupts`, :func:`ends_when_told`, :func:`shut_down`."""
 
 from __future__ import annotations
 
@@ -20,35 +20,38 @@ LOOK, GRACE = 0.1, 0.5
 
 
 @final
-class _Compiling:
-    """What was told while the compiler is at work: a KeyboardInterrupt in the midst of it would leave LLVM half done.
+class Interrupts:
+    """When SIGINT and SIGTERM raise KeyboardInterrupt: at once, but for two cases.
 
-    Lost in one of its callbacks, it would interrupt nothing; elsewhere what is freed after it may crash the process.
+    Within :func:`ends_when_told` it is raised between two kernels: in the midst of the compiler it would leave LLVM
+    half done. Lost in one of its callbacks, it would interrupt nothing; elsewhere what is freed after it may crash the
+    process. And once `ending` is set it is not raised any more: rclpy, too, hears of the signal, and what it raises
+    then may be there first. Python looks for signals as functions begin, so set it, before anything is called, where
+    the end begins.
     """
 
-    under_way: ClassVar[bool] = False
-    told: ClassVar[bool] = False
+    ending: ClassVar[bool] = False
+    compiling: ClassVar[bool] = False
+    told: ClassVar[bool] = False  # while it compiled
 
     @classmethod
-    def interrupt(cls, number: int, frame: FrameType | None) -> None:
-        if cls.under_way:
+    def begin(cls) -> None:
+        """From now on. Call it before rclpy.init, which passes on what it hears."""
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, cls._take)
+
+    @classmethod
+    def _take(cls, number: int, frame: FrameType | None) -> None:
+        if cls.compiling:
             cls.told = True
-        else:
+        elif not cls.ending:
             signal.default_int_handler(number, frame)
 
     @classmethod
     def check(cls) -> None:
+        """Between two kernels."""
         if cls.told:
             raise KeyboardInterrupt
-
-
-def interrupts_between_kernels() -> None:
-    """From now on SIGINT and SIGTERM raise KeyboardInterrupt, within :func:`ends_when_told` between two kernels alone.
-
-    Call it before rclpy.init, which passes on what it hears.
-    """
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, _Compiling.interrupt)
 
 
 @contextlib.contextmanager
@@ -72,13 +75,13 @@ def ends_when_told() -> Iterator[None]:
                 return
 
     threading.Thread(target=watch, daemon=True).start()
-    _Compiling.under_way = True
+    Interrupts.compiling = True
     try:
-        with between_kernels(_Compiling.check):
+        with between_kernels(Interrupts.check):
             yield
     finally:
         done.set()
-        told, _Compiling.under_way, _Compiling.told = _Compiling.told, False, False
+        told, Interrupts.compiling, Interrupts.told = Interrupts.told, False, False
         if told:
             raise KeyboardInterrupt from None
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import gc
 import os
-import signal
 import sys
 import time
 import traceback
@@ -35,7 +34,7 @@ from cable_shape.ros.complaint_log import ComplaintLog
 from cable_shape.ros.diagnostics import Health
 from cable_shape.ros.edits import Edits
 from cable_shape.ros.executor import InputFirstExecutor
-from cable_shape.ros.interrupt import interrupts_between_kernels, shut_down
+from cable_shape.ros.interrupt import Interrupts, shut_down
 from cable_shape.ros.log_folder import find_log_folder
 from cable_shape.ros.outputs import Outputs
 from cable_shape.ros.parameters import BY_NAME, SPECS, Settings, unknown_overrides, widened
@@ -403,44 +402,27 @@ class CableShapeNode(LifecycleNode):
 
 def main(args: list[str] | None = None) -> int:
     """Runs the node until SIGINT or SIGTERM; the exit code is 0 then."""
-    interrupts_between_kernels()  # ends configure, too
+    Interrupts.begin()
     find_log_folder()
     rclpy.init(args=args)
+    node: CableShapeNode | None = None
     try:
         node = CableShapeNode()
-    except KeyboardInterrupt:
-        shut_down()
-        return 0
-    except (NotInitializedException, RuntimeError):  # rclpy's own, when the signal comes while the node is made
-        if ok():
-            raise
-        return 0
-    executor = InputFirstExecutor(node, lambda: node.inputs)
-    try:
+        executor = InputFirstExecutor(node, lambda: node.inputs)
         if node.autostart and node.trigger_configure() == Return.SUCCESS and ok():
             node.trigger_activate()
         executor.spin()
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    except RuntimeError:  # rclpy's own, when the signal comes while a callback publishes
-        if ok():
+    except (KeyboardInterrupt, ExternalShutdownException, NotInitializedException, RuntimeError) as error:
+        Interrupts.ending = True
+        if not isinstance(error, KeyboardInterrupt) and ok():  # else it is rclpy's own, which a signal has shut down
             raise
     finally:
-        take_down(node)
+        Interrupts.ending = True
+        if node is not None:
+            node.close(leave=True)
+            node.destroy_node()
+        shut_down()
     return 0
-
-
-def take_down(node: CableShapeNode) -> None:
-    """Ends everything, once and for all: rclpy and Python both hear of a signal, and the second must not interrupt."""
-    try:
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, signal.SIG_IGN)
-    except KeyboardInterrupt:
-        take_down(node)
-        return
-    node.close(leave=True)
-    node.destroy_node()
-    shut_down()
 
 
 def run() -> NoReturn:

@@ -127,7 +127,7 @@ def test_all_that_is_calibrated_may_be_fitted(folder: Path) -> None:
 def test_the_table_has_a_cell_for_every_object_and_row(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     frames = load("made", 3, folder)
     one = cs.calibrate(frames.static[:2], frames.measured(np.arange(6)))
-    more = {"groups": np.arange(4), "fits": [(one, one)], "frames": frames}
+    more = {"groups": np.arange(4), "fits": [(one, one)], "times": [1.25], "frames": frames}
     lost = np.where(np.arange(4)[:, None] == 1, np.nan, np.full((4, 3), 2.0))
     both = {STRAIGHT: np.full((4, 3), 20.0), "more": lost}
     table({"made": {"rows": both, **more}, "other": {"rows": {STRAIGHT: np.ones((2, 3))}, **more}})

@@ -61,7 +61,7 @@ import numpy as np
 import rclpy
 from cable_shape.kernels.catenary import uniform
 from cable_shape.ros import interrupt
-interrupt.interrupts_between_kernels()
+interrupt.Interrupts.begin()
 rclpy.init()
 interrupt.GRACE = 60.0
 try:
@@ -78,6 +78,13 @@ try:
     time.sleep(5.0)
 except KeyboardInterrupt:
     print("as ever")
+try:
+    interrupt.Interrupts.ending = True
+    os.kill(os.getpid(), signal.SIGNUMBER)
+    time.sleep(0.5)
+    print("ending")
+except KeyboardInterrupt:
+    print("not reached")
 """
 
 
@@ -92,4 +99,4 @@ except KeyboardInterrupt:
 def test_the_compiler_is_interrupted_between_kernels_alone(number, body):
     code = WITHIN.replace("SIGNUMBER", number).replace("BODY", body)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300)
-    assert done.stdout == "still compiling\ninterrupted\nas ever\n", done.stderr
+    assert done.stdout == "still compiling\ninterrupted\nas ever\nending\n", done.stderr
