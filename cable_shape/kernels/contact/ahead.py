@@ -8,7 +8,7 @@ from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.contact.near import ACTIVE, BARE, LINK, LINKED, PRESS, PUSH, TOWARD, let_go
 from cable_shape.kernels.contact.tables import Lying, Net
-from cable_shape.kernels.network.tables import BEFORE, LENGTH, NOW, TRIAL, model_of, plan_of
+from cable_shape.kernels.network.tables import BEFORE, LENGTH, NOW, TRIAL, copy, model_of, plan_of
 from cable_shape.kernels.rod_algebra import (
     add,
     dot,
@@ -101,8 +101,8 @@ def predict(lying: Lying, net: Net, history: int) -> float:
             f * q[NOW, k, 2] - a * q[BEFORE, k, 2],
             f * q[NOW, k, 3] - a * q[BEFORE, k, 3],
         ))  # fmt: skip
-        on[TRIAL, k, :] = on[NOW, k]
-        near[TRIAL, k, :] = near[NOW, k]
+        copy(on[TRIAL, k], on[NOW, k])
+        copy(near[TRIAL, k], near[NOW, k])
         if on[NOW, k, 0] != BARE and same_around(on, k):
             near[TRIAL, k, PRESS] = f * near[NOW, k, PRESS] - a * near[BEFORE, k, PRESS]
             if near[TRIAL, k, PRESS] < 0.0:

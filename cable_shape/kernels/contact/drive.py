@@ -145,11 +145,11 @@ def solve(
     info[I_ESTIMATE] = SAFETY * (off + info[I_INTERPOLATION])
     info[I_CONTACTS] = contact_error(net, q, near, on, h, ROUND / model_of(ints, floats).par[LENGTH], lying.flex)
     info[I_ESTIMATE] += AMISS * info[I_CONTACTS]
+    least = 1.0  # cosine of half the angle
     for k in range(h.shape[0]):
-        if h[k] == 0.0:
-            continue
-        cosine = abs(qmul(qconj(get4(q, k)), get4(q, k + 1))[3])
-        info[I_TURN] = max(info[I_TURN], 2.0 * math.acos(min(1.0, cosine)))
+        if h[k] != 0.0:
+            least = min(least, abs(qmul(qconj(get4(q, k)), get4(q, k + 1))[3]))
+    info[I_TURN] = 2.0 * math.acos(least)
     if not all_finite(out) or not all_finite(info[0:5]) or not all_finite(info[8:14]):
         return BROKEN
     if drag == 0.0:

@@ -90,7 +90,7 @@ def any_rough(lying: Lying, bodies: Bodies) -> bool:
     return largest > 0.0
 
 
-@viewing
+@viewing(forceinline=True)
 def limit_of(rough: Array, of_bodies: Array, near: Array, on: Array, k: int) -> float:
     """[N], mu p of node k; of two bodies the sum. Of body and cable the larger mu counts.
 
@@ -102,7 +102,7 @@ def limit_of(rough: Array, of_bodies: Array, near: Array, on: Array, k: int) -> 
     return limit
 
 
-@viewing
+@viewing(forceinline=True)
 def free_ways(near: Array, on: Array, k: int) -> Matrix:
     """The projection onto the ways that node k has: along the surface, or along the edge between two bodies."""
     n = take3(near, k, NORMAL)
@@ -113,7 +113,7 @@ def free_ways(near: Array, on: Array, k: int) -> Matrix:
     return mscale(1.0 / size, outer(e, e)) if size > 0.0 else NOTHING
 
 
-@viewing
+@viewing(forceinline=True)
 def onto(P: Matrix, v: Vector) -> Vector:
     """P v."""
     return (
@@ -123,7 +123,7 @@ def onto(P: Matrix, v: Vector) -> Vector:
     )
 
 
-@viewing
+@viewing(forceinline=True)
 def rub(
     lying: Lying, bodies: Bodies, q: Array, near: Array, on: Array, k: int, share: float, faint: float, length: float
 ) -> tuple[Vector, Matrix, bool]:  # fmt: skip

@@ -71,7 +71,8 @@ def look(
         on[k, 1] = BARE
         put3(near, k, STEP, take3(near, k, NORMAL))
     for b in range(bodies.shape[0]):
-        endless = int(bodies[b, 0]) == HALF_SPACE
+        body, frame = bodies[b], frames[b]
+        endless = int(body[0]) == HALF_SPACE
         exclusion = GRIP_EXCLUSION if bodies[b, 12] != 0.0 else 0.0
         k = first_node + 1
         while k < last_node:
@@ -80,7 +81,7 @@ def look(
                 continue
             held = on[k, 0] == b
             side = take3(near, k, STEP) if held else NONE
-            d, n, H = touch(bodies[b], frames[b], triangles, nodes, take3(near, k, SPOT), side, held, stack)
+            d, n, H = touch(body, frame, triangles, nodes, take3(near, k, SPOT), side, held, stack)
             gap = d - thick[k] + sunk
             if gap < near[k, GAP] and (held or (gap < MARGIN and (on[k, 0] == BARE or gap < -1e-5))):
                 near[k, GAP] = gap

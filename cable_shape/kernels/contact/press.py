@@ -371,7 +371,7 @@ def moves(net: Net, near: Array) -> None:
             put3(work.move, plan.ends[a, 0], 3, r)
 
 
-@viewing
+@viewing(forceinline=True)
 def change_of(work: Work, slides: Slides, x: int, e: int) -> Vector:
     """Change of minus the step in position along element e, of span x."""
     change = add(
@@ -384,7 +384,7 @@ def change_of(work: Work, slides: Slides, x: int, e: int) -> Vector:
     return add(change, carried(slides, e, 0)) if slides.way.shape[0] > 0 else change
 
 
-@viewing
+@viewing(forceinline=True)
 def jump_at(net: Net, near: Array, on: Array, i: int) -> Vector:
     """[N], what bodies push contact i by with the step: the jump of the force there."""
     sol, work = solution_of(net.ints, net.sols, TRIAL), work_of(net.ints, net.space)
@@ -398,7 +398,7 @@ def jump_at(net: Net, near: Array, on: Array, i: int) -> Vector:
     return jump
 
 
-@viewing
+@viewing(forceinline=True)
 def pushed(net: Net, near: Array, on: Array, i: int, fraction: float) -> float:
     """[N], the push of a body on contact i with a fraction of the step."""
     k, jump = net.where[i], jump_at(net, near, on, i)
@@ -408,7 +408,7 @@ def pushed(net: Net, near: Array, on: Array, i: int, fraction: float) -> float:
     return float(near[k, PRESS] + fraction * (own - near[k, PRESS]))
 
 
-@viewing
+@viewing(forceinline=True)
 def pushed_second(net: Net, near: Array, on: Array, i: int, fraction: float) -> float:
     """The same of the second body; 0 without one."""
     k = net.where[i]

@@ -203,10 +203,13 @@ class TouchState(Laid):
         """The first of supports (k, 7) of a chain at arc lengths (k,) [m], as `check.buried` has it."""
         bodies = self.bodies
         if len(chain.pieces) == 1:
-            places = [(slice(None), chain.radius)]
-        else:
-            radii = chain.along(arcs)[:, 1]
-            places = [(radii == radius, float(radius)) for radius in np.unique(radii)]
+            found: tuple[int, int, float] = check.buried(
+                frames, arcs, len(arcs), deepest, length, bodies.table, bodies.frames, bodies.triangles, bodies.tree,
+                chain.radius, bodies.stack,
+            )  # fmt: skip
+            return found
+        radii = chain.along(arcs)[:, 1]
+        places = [(radii == radius, float(radius)) for radius in np.unique(radii)]
         for which, radius in places:
             here = np.arange(arcs.size)[which]
             i, body, gap = check.buried(

@@ -134,9 +134,10 @@ class Steps:
         running = 0 if self.still else RUNNING
         state.factored = False
         state.s_then[:] = state.s
-        smooth = not state.rubs or drag > 0.0 or sunk > 0.0
+        rough = state.has_friction
+        smooth = rough and (not state.rubs or drag > 0.0 or sunk > 0.0)
         lying, kernel = (state.smooth, bodies.smooth) if smooth else (state.lying, bodies.kernel)
-        for gentle in (0,) if smooth or not state.has_friction else (0, 1, 2):
+        for gentle in (0, 1, 2) if rough and not smooth else (0,):
             tries = most + (GENTLE_ITERATIONS if gentle else 0)
             code: int = drive.solve(
                 lying, kernel, state.net, before, self.buffer, state.loads, state.info, self.problem.points,

@@ -30,7 +30,9 @@ _FURTHER, _PULLS = 1.2, 8
 def stretch_of(steps: Steps) -> tuple[float, float]:
     """[m] by how much the cable is longer or shorter in all, and what it lacks."""
     state = steps.state
-    bounds = np.delete(state.arcs[: int(state.forces) + 1], state.rings)  # an eyelet lets it run
+    bounds = state.arcs[: int(state.forces) + 1]
+    if state.rings.size:
+        bounds = np.delete(bounds, state.rings)  # an eyelet lets it run
     found: tuple[float, float] = afterwards.stretched(steps.buffer, steps.problem.points, state.stretch, bounds)
     return found
 
