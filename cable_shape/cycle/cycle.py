@@ -22,8 +22,9 @@ from cable_shape.cycle.harness_cycle import HarnessCycle, HarnessCycles, beside_
 from cable_shape.cycle.seen import AsSeen
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import Ends, FreeEnd, Pose
-from cable_shape.prediction.cables_predictor import accelerate, check_ends, check_models, joined
+from cable_shape.prediction.cables_predictor import accelerate, check_ends, check_models, joined, told_of
 from cable_shape.prediction.edits import EDITS, Edit, EditResult
+from cable_shape.prediction.harness_predictor import HarnessPredictor
 from cable_shape.prediction.layout import Layout
 from cable_shape.safety.near import CableNear
 from cable_shape.safety.report import CycleReport
@@ -43,8 +44,8 @@ class Cycle:
     Parameters
     ----------
     cables : Cable, or mapping of name to Cable or Harness
-        A single cable is named "cable". Segments of a harness "h" are "h/a" in clearance, margins, warnings and tubes;
-        it has no plug.
+        A single cable is named "cable". Segments of a harness "h" are "h/a" in clearance, margins, warnings and tubes,
+        and in contacts, if there are others; it has no plug.
     scene : Scene, optional
     robot_links : sequence of Obstacle
         Collision geometry of the robot, each with its `link` set (see ``Robot.link_geometry``).
@@ -165,7 +166,8 @@ class Cycle:
         self._crossing: tuple[tuple[str, ...], Crossing] | None = None
         self._look_about()
         if self._solves_crossing:
-            check_models({name: cable.predictor.solo for name, cable in self._cables.items()}, self.scene)
+            solos = {name: self._cables[name].predictor.solo for name in self._beside if name in self._cables}
+            check_models(solos, self.scene)
         self.last_stamp: int | None = None
 
     @property
@@ -279,11 +281,11 @@ class Cycle:
         self._near = near or self._made_near(self._parts, self.scene)
         parts: list[CableCycle | HarnessCycle] = [*self._cables.values(), *self._harnesses.values()]
         self._pushed = any(part.predictor.problem.carried for part in parts)
-        self._solves_crossing = (
-            len(self._named) > 1
-            and self._maker.motion == QUASISTATIC
-            and all(cable.predictor.problem.solves_crossing for cable in self._cables.values())
-        )
+        solved = {name: one.predictor.problem.solves_crossing for name, one in self._harnesses.items()}
+        if all(cable.predictor.problem.solves_crossing for cable in self._cables.values()):
+            solved = {**dict.fromkeys(self._cables, True), **solved}
+        #: The parts that are kept out of each other.
+        self._beside = [name for name, found in solved.items() if found and self._maker.motion == QUASISTATIC]
 
     def step(
         self,
@@ -360,7 +362,7 @@ class Cycle:
             for name, cable in cables.items():
                 accelerate(name, cable.predictor, moving.get(name))
         placed = (links() if self._pushed else None) if callable(links) else links
-        together = self._together(grips, placed) if self._solves_crossing else {}
+        together = self._together(grips, placed, moving) if self._solves_crossing else {}
         shapes: dict[str, Any] = {
             name: cable.predict(grips[name], placed, together.get(name), moving.get(name), stamp)
             for name, cable in cables.items()
@@ -368,7 +370,8 @@ class Cycle:
         single = dict(shapes)
         parts: dict[str, dict[str, CableShape]] = {}
         for name, harness in held.items():
-            shapes[name] = harness.predict(grips[name], placed, moving.get(name), stamp)  # type: ignore[arg-type]
+            ends: Any = grips[name]
+            shapes[name] = harness.predict(ends, placed, moving.get(name), stamp, together.get(name))
             parts[name] = harness.parts(shapes[name])
             single.update(parts[name])
         if seen is not None:
@@ -467,16 +470,30 @@ class Cycle:
                 out[end] = None
         return out
 
-    def _together(self, grips: Mapping[str, Ends], links: Mapping[str, Pose] | None) -> dict[str, CableShape]:
-        """The shapes of all the cables in `grips`, out of each other."""
-        names = tuple(grips)
-        predictors = [self._cables[name].predictor for name in names]
+    @property
+    def _solves_crossing(self) -> bool:
+        """Whether some are kept out of each other; one by itself sees to it that it stays out of itself."""
+        return len(self._beside) > 1
+
+    def _together(
+        self, grips: Mapping[str, Ends], links: Mapping[str, Pose] | None, moving: Mapping[str, Any]
+    ) -> dict[str, Any]:
+        """The shapes of all the cables and harnesses in `grips` that are kept out of each other."""
+        names = tuple(name for name in grips if name in self._beside)
+        parts: dict[str, Part] = {**self._cables, **self._harnesses}
+        predictors = {name: parts[name].predictor for name in names}
+        if not names:
+            return {}
         if self._crossing is None or self._crossing[0] != names:
-            self._crossing = names, joined(names, [predictor.solo for predictor in predictors])
-        for predictor, (start, end) in zip(predictors, grips.values(), strict=True):
-            predictor.move(start, end, links)
-        found = zip(names, predictors, self._crossing[1].solve(), strict=True)
-        return {name: predictor.told(shape) for name, predictor, shape in found}
+            self._crossing = names, joined({name: one.solo for name, one in predictors.items()})
+        for name, predictor in predictors.items():
+            ends: Any = grips[name]
+            if isinstance(predictor, HarnessPredictor):
+                predictor.move(ends, links, moving.get(name))
+            else:
+                start, end = ends
+                predictor.move(start, end, links)
+        return told_of(predictors, self._crossing[1].solve())
 
     def _crossings_skipped(self, cables: Mapping[str, CableCycle]) -> int:
         """Pairs of cables, each with itself included, that bounds told not to have touched."""

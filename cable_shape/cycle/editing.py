@@ -20,7 +20,7 @@ from cable_shape.cycle.harness_cycle import Found as FoundHarness
 from cable_shape.cycle.harness_cycle import HarnessCycle, HarnessCycles
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import Ends, FreeEnd, Grip, Pose
-from cable_shape.prediction.cables_predictor import joined
+from cable_shape.prediction.cables_predictor import joined, told_of
 from cable_shape.prediction.carried import carried, place_of, stretched
 from cable_shape.prediction.changes import Change, change_of, on_the_way
 from cable_shape.prediction.edits import Edit
@@ -92,7 +92,8 @@ class Editing:
         names = [n for n in goal.single if bodies or n in changed or self.crossing]
         made: dict[str, Part] = {name: self._made(goal, name) for name in names}
         for name in goal.harnesses:
-            if bodies or any(cable_id(name, one) in changed for one in goal.segments(name)):
+            together = self.crossing is not None and name in self.crossing[0]
+            if bodies or together or any(cable_id(name, one) in changed for one in goal.segments(name)):
                 made[name] = self._made_harness(goal, name)
         way = _Way(self.layout, change, self.cycles, made, self.crossing)
         self._refuse_inside(change, made)
@@ -196,10 +197,10 @@ class _Way:
                 continue
             if isinstance(new, HarnessCycle):
                 self._known[name] = _carried_harness(old.found, layout, change, name, new)
-                before_it: Any = old.predictor
-                if before_it.crossing is not None:
-                    ids = [cable_id(name, segment) for segment in before_it.crossing.strands.names]
-                    self._spots[name] = _carried_spots(before_it.crossing, ids, layout, change)
+                own: Any = old.predictor.crossing
+                if own is not None and len(own.strands.parts) == 1:
+                    ids = [cable_id(name, segment) for segment in layout.harnesses[name].segments]
+                    self._spots[name] = _carried_spots(own, ids, layout, change)
                 continue
             assert isinstance(old, CableCycle)
             found, predictor = old.found, old.predictor
@@ -216,7 +217,7 @@ class _Way:
         self._names: tuple[str, ...] = ()
         if crossing is not None and all(name in self._known for name in crossing[0]):
             self._names = crossing[0]
-            self._spots[""] = _carried_spots(crossing[1], self._names, layout, change)
+            self._spots[""] = _carried_spots(crossing[1], crossing[1].strands.names, layout, change)
 
     def go(self) -> None:
         """Takes the cables along.
@@ -331,10 +332,8 @@ class _Way:
                 part.predictor.head_for(now.cables[name].cable, now.scene_of(name))
         found: dict[str, CableShape | HarnessShape] = {}
         if self.crossing is not None:
-            for name, told in zip(self._names, self.crossing[1].solve(), strict=True):
-                part = self._made[name]
-                assert isinstance(part, CableCycle)
-                found[name] = part.predictor.told(told)
+            predictors = {name: self._made[name].predictor for name in self._names}
+            found.update(told_of(predictors, self.crossing[1].solve()))
         for name in self._known:
             if name not in found:
                 found[name] = self._made[name].predictor.solve()
@@ -342,16 +341,18 @@ class _Way:
 
     def _crossed(self) -> _Crossing | None:
         """What keeps the cables out of each other from where they are; None: nothing does, or did so far."""
-        parts = (self._made[name] for name in self._names)
-        predictors = [part.predictor for part in parts if isinstance(part, CableCycle)]
-        if not predictors or not all(one.problem.solves_crossing for one in predictors):
+        parts = {name: self._made[name] for name in self._names}
+        if not parts or not all(part.predictor.problem.solves_crossing for part in parts.values()):
             return None
-        solos = [predictor.solo for predictor in predictors]
-        crossing = joined(self._names, solos)
-        shapes = [
-            predictor.told(stretched(self._known[name].shape, solo.cable.length))
-            for name, predictor, solo in zip(self._names, predictors, solos, strict=True)
-        ]
+        crossing = joined({name: part.predictor.solo for name, part in parts.items()})
+        shapes: list[CableShape] = []
+        for name, part in parts.items():
+            shape = self._known[name].shape
+            if isinstance(part, HarnessCycle):
+                whole = _stretched_harness(shape, part.predictor.problem.harness, part)
+                shapes += part.predictor.segments_of(whole)
+            else:
+                shapes.append(part.predictor.told(stretched(shape, part.predictor.solo.cable.length)))
         crossing.take_up(shapes, self._spots[""])
         return self._names, crossing
 

@@ -161,11 +161,18 @@ class HarnessCycle:
             self._known.reset()
 
     def predict(
-        self, ends: Mapping[str, End], links: Links, acceleration: Mapping[str, ArrayLike] | None, stamp: int = 0
+        self,
+        ends: Mapping[str, End],
+        links: Links,
+        acceleration: Mapping[str, ArrayLike] | None,
+        stamp: int = 0,
+        solved: HarnessShape | None = None,
     ) -> HarnessShape:
-        """The shape of the harness, and those of tails beyond its grips into `tails`."""
+        """The shape of the harness, unless it has been solved for, and those of tails beyond its grips into `tails`."""
         self._moving = acceleration
-        if self._dynamic is None:
+        if solved is not None:
+            shape = solved
+        elif self._dynamic is None:
             shape = self.predictor.predict(ends, links=links, acceleration=acceleration)
         else:
             if acceleration is not None:

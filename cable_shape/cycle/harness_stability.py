@@ -76,7 +76,8 @@ class HarnessStability:
         largest = state.largest_of_spans((mode * mode).sum(axis=1))
         layout = state.layout if isinstance(state, HarnessNetwork) else state.cable.layout
         most = {name: float(largest[spans.start : spans.stop].max()) for name, spans in layout.spans.items()}
-        return max(most, key=most.__getitem__)
+        own = {name: most[called] for name, called in self._predictor.called.items() if called in most}
+        return max(own or most, key=(own or most).__getitem__)
 
     def _moved(self, stamp: int) -> dict[str, Array] | None:
         """(6,) velocity [m/s] and angular velocity [rad/s] of each held end since the last cycle; None: not known."""

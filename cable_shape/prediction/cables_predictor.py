@@ -14,24 +14,59 @@ from cable_shape.cable.cable import Cable
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import Ends, FreeEnd, Grip, Pose
+from cable_shape.prediction.harness_predictor import HarnessPredictor
 from cable_shape.prediction.predictor import Predictor
 from cable_shape.scene.scene import Clip, Scene
 from cable_shape.shape import CableShape
 from cable_shape.solve.answers import ENDS, Solved, sensitivity
 from cable_shape.solve.touching.crossing import Crossing
-from cable_shape.solve.touching.strands import Cables
+from cable_shape.solve.touching.one_cable import OneCable
+from cable_shape.solve.touching.one_harness import OneHarness
+from cable_shape.solve.touching.strands import Strands
 from cable_shape.solve.touching.told import ITSELF
 
 _REMEDY = "Write {name of the cable: ..}."
 _HELD, _ENDS = (Pose, Grip), (Pose, Grip, FreeEnd)
 
 
-def joined(names: Sequence[str], predictors: Sequence[Predictor]) -> Crossing:
-    """What keeps cables out of each other and of themselves; their predictors leave it to that from now on."""
-    crossing = Crossing(Cables(names, predictors), predictors[0].time_budget)
-    for i, predictor in enumerate(predictors):
-        predictor.join(crossing, i)
+def joined(predictors: Mapping[str, Predictor | HarnessPredictor]) -> Crossing:
+    """What keeps cables and harnesses out of each other and of themselves; it is left to that from now on."""
+    strands = strands_of(predictors)
+    crossing = Crossing(strands, next(iter(predictors.values())).time_budget)
+    _join(crossing, predictors)
     return crossing
+
+
+def strands_of(predictors: Mapping[str, Predictor | HarnessPredictor]) -> Strands:
+    """Cables and segments of harnesses, of which each is solved for by its predictor."""
+    return Strands(
+        [
+            OneHarness(solo, name) if isinstance(solo, HarnessPredictor) else OneCable(name, solo)
+            for name, solo in predictors.items()
+        ]
+    )
+
+
+def told_of(predictors: Mapping[str, Any], shapes: Sequence[CableShape]) -> dict[str, Any]:
+    """Shapes that a crossing of these has found, strand by strand, as each of them tells its own."""
+    out, first = {}, 0
+    for name, predictor in predictors.items():
+        if isinstance(predictor, HarnessPredictor):
+            count = len(predictor.harness.segments)
+            out[name] = predictor.told(shapes[first : first + count])
+            first += count
+        else:
+            out[name] = predictor.told(shapes[first])
+            first += 1
+    return out
+
+
+def _join(crossing: Crossing, predictors: Mapping[str, Predictor | HarnessPredictor]) -> None:
+    """Has predictors leave what touches what to a crossing of all of them."""
+    first = 0
+    for predictor, part in zip(predictors.values(), crossing.strands.parts, strict=True):
+        predictor.join(crossing, first)
+        first += len(part.cables)
 
 
 def check_models(predictors: Mapping[str, Predictor], scene: Scene) -> None:
@@ -80,7 +115,7 @@ def named_cables(cables: object) -> dict[str, Cable]:
         raise ArgumentError("cables = {} is not allowed: there must be at least one. Give a Cable.")
     for name, cable in cables.items():
         checks.word("cables", name)
-        remedy = "Write Cable(length=..., ...); segments of a harness touch no cable: ask for it by itself."
+        remedy = "Write Cable(length=..., ...); a harness is among cables in a Cycle alone: ask for it by itself."
         checks.instance(f"cables[{name!r}]", cable, (Cable,), remedy)
     return dict(cables)
 
@@ -150,7 +185,7 @@ class CablesPredictor:
         if all(predictor.problem.solves_crossing for predictor in predictors.values()):
             check_models(predictors, self.scene)
             if crossing is None:
-                crossing = joined(tuple(predictors), list(predictors.values()))
+                crossing = joined(predictors)
         self._crossing = crossing
 
     @property
@@ -235,9 +270,8 @@ class CablesPredictor:
             predictor.problem.move(before.start, before.end, before.links)
         crossing = None
         if self._crossing is not None:
-            crossing = self._crossing.among(Cables(tuple(predictors), list(predictors.values())))
-            for i, predictor in enumerate(predictors.values()):
-                predictor.join(crossing, i)
+            crossing = self._crossing.among(strands_of(predictors))
+            _join(crossing, predictors)
         other._take(predictors, crossing)
         return other
 

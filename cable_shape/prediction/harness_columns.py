@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from cable_shape.cable.harness import split_end
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError, UnknownKeyError
 from cable_shape.pose import Grip
@@ -17,9 +18,45 @@ from cable_shape.solve.harness_problem import HarnessProblem
 from cable_shape.solve.touching.harness_state import HarnessTouchState
 
 
-def columns_by(problem: HarnessProblem, state: HarnessNetwork | HarnessTouchState, by: Sequence[str], at: str) -> Array:
-    """(s points, 3, m), of the s segments in turn: see :meth:`.harness_predictor.HarnessPredictor.sensitivity`."""
+def columns_by(
+    problem: HarnessProblem,
+    state: HarnessNetwork | HarnessTouchState,
+    by: Sequence[str],
+    at: str,
+    called: Mapping[str, str],
+) -> Array:
+    """(s points, 3, m), of the s segments in turn: see :meth:`.harness_predictor.HarnessPredictor.sensitivity`.
+
+    called: the names of its segments in what solved for them, `state`, which may be of others, too.
+    """
     bodies = _names(problem, by)
+    whole, n = state.problem, problem.points
+    first = n * list(whole.segments).index(next(iter(called.values())))
+    names = [name if name in bodies else _called(problem, whole, called, name) for name in by]
+    return _columns(whole, state, names, at, bodies)[first : first + n * len(called)]
+
+
+def _called(problem: HarnessProblem, whole: HarnessProblem, called: Mapping[str, str], name: str) -> str:
+    """What a harness names among others, as all of them call it."""
+    kind, _, rest = name.partition(":")
+    if kind == "clip":
+        number = problem.clip_names.index(rest)
+        segment, numbers = next((one, own) for one, own in problem.clips.items() if number in own)
+        return f"clip:{whole.clip_names[whole.clips[called[segment]][numbers.index(number)]]}"
+    if rest:
+        return f"{kind}:{called[rest]}"
+    segment, side = split_end(name)
+    return f"{called[segment]}.{side}"
+
+
+def _columns(
+    problem: HarnessProblem,
+    state: HarnessNetwork | HarnessTouchState,
+    by: Sequence[str],
+    at: str,
+    bodies: Collection[str],
+) -> Array:
+    """Of all that `state` has solved for, whose problem this is."""
     held = [name for name in by if name in problem.grips]
     clips = [name for name in by if name.startswith("clip:")]
     numbers = [name for name in by if name.partition(":")[0] in NUMBERS]

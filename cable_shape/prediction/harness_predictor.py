@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from typing import Any, final
 
 import numpy as np
@@ -21,14 +22,16 @@ from cable_shape.prediction.reuse import kept, links_same, same_end
 from cable_shape.scene.mesh_convex import check_convex
 from cable_shape.scene.scene import Scene
 from cable_shape.scene.scene_parts import Obstacle
+from cable_shape.shape import CableShape
 from cable_shape.solve.harness_network import HarnessNetwork
 from cable_shape.solve.harness_problem import End, HarnessProblem
 from cable_shape.solve.harness_shape import HarnessShape
 from cable_shape.solve.problem import GRAVITY
 from cable_shape.solve.touching.crossing import Crossing
 from cable_shape.solve.touching.harness_state import HarnessTouchState
-from cable_shape.solve.touching.harness_strands import HarnessStrands
+from cable_shape.solve.touching.one_harness import OneHarness
 from cable_shape.solve.touching.spot import Spot
+from cable_shape.solve.touching.strands import Strands
 
 MODELS = ("cosserat", "auto")
 
@@ -82,11 +85,15 @@ class HarnessPredictor:
             "friction": friction,
         }  # fmt: skip
         self.problem = self._still = _checked(HarnessProblem(harness, scene=scene, **self._keywords))
-        self._time_budget = math.inf if time_budget is None else float(time_budget)
-        self._solver = HarnessSolver(self._time_budget)
+        self.time_budget = math.inf if time_budget is None else float(time_budget)  # s, of one solve
+        self._solver = HarnessSolver(self.time_budget)
+        self._others: tuple[Crossing, int] | None = None  # what keeps it out of others, and its first number there
         self._crossing = self._with_itself()
         self._last_links: Mapping[str, Pose] | None = None
         self._last: HarnessShape | None = None
+        self._found: tuple[HarnessShape, dict[str, Grip | FreeEnd], Mapping[str, Pose] | None] | None = (
+            None  # by itself
+        )
         self._last_ends: dict[str, Grip | FreeEnd] = {}
 
     @property
@@ -109,29 +116,50 @@ class HarnessPredictor:
 
     @property
     def crossing(self) -> Crossing | None:
-        """What keeps segments out of each other and of themselves; None: nothing does."""
-        return self._crossing
+        """What keeps segments out of each other and of themselves, and of others; None: nothing does."""
+        return self._crossing if self._others is None else self._others[0]
+
+    def join(self, crossing: Crossing, index: int) -> None:
+        """Leaves what segments touch to `crossing`, in which the first one has the number `index`."""
+        self._crossing = None
+        self._others = crossing, index
 
     @property
     def touching(self) -> bool:
-        """Whether the last shape is in contact with a body, or segments of it are with each other or themselves."""
+        """Whether the last shape is in contact with a body, with others, or segments of it with each other."""
         return self._solver.touching or self._pile is not None
 
     @property
     def _pile(self) -> HarnessTouchState | None:
-        """What solved for the last shape if segments touch each other or themselves in it."""
-        return None if self._crossing is None else self._crossing.state
+        """What solved for the last shape if segments touch each other, themselves or others in it."""
+        crossing, first = self._others or (self._crossing, 0)
+        return crossing.state if crossing is not None and first in crossing.touching else None
 
     @property
-    def _strands(self) -> HarnessStrands:
+    def _part(self) -> OneHarness:
         """The segments as what keeps them out of each other knows them."""
-        assert self._crossing is not None
-        assert isinstance(self._crossing.strands, HarnessStrands)
-        return self._crossing.strands
+        crossing, first = self._others or (self._crossing, 0)
+        assert crossing is not None
+        part = crossing.strands.part_with(first)
+        assert isinstance(part, OneHarness)
+        return part
+
+    @property
+    def solo(self) -> HarnessPredictor:
+        """What solves for the harness: this one, see :attr:`cable_shape.Predictor.solo`."""
+        return self
+
+    @property
+    def called(self) -> dict[str, str]:
+        """What `rod_memory` calls the segments, by name."""
+        if self._others is None or self._pile is None:
+            return {name: name for name in self.harness.segments}
+        crossing, first = self._others
+        return {name: crossing.strands.key(i) for i, name in enumerate(self.harness.segments, first)}
 
     def _with_itself(self) -> Crossing | None:
         """What keeps segments out of each other and of themselves, where the scene asks for it."""
-        return Crossing(HarnessStrands(self), self._time_budget) if self.problem.solves_crossing else None
+        return Crossing(Strands([OneHarness(self)]), self.time_budget) if self.problem.solves_crossing else None
 
     @property
     def state(self) -> HarnessNetwork | None:
@@ -150,9 +178,35 @@ class HarnessPredictor:
         return self._pile or self._solver.rod_state()
 
     def ahead(self) -> Callable[[Mapping[str, End]], HarnessShape]:
-        """What predicts from the last shape on, with links where they are; this predictor stays as it is."""
+        """What predicts from the last shape on, with links, and cables that it touches, where they are.
+
+        This predictor stays as it is.
+        """
+        if self._others is not None and self._pile is not None:
+            crossing, first = self._others
+            return partial(_ahead, crossing.twin(), first)
         other = self._copied()
         return lambda ends: other.predict(ends, links=other.problem.links)
+
+    def predict_beside(
+        self,
+        other: HarnessPredictor,
+        ends: Mapping[str, End],
+        links: Mapping[str, Pose] | None,
+        acceleration: Mapping[str, ArrayLike] | None,
+    ) -> HarnessShape:
+        """What another one, of a harness almost alike, predicts among the cables that this one's touches now."""
+        if self._others is None or self._pile is None:
+            return other.predict(ends, links=links, acceleration=acceleration)
+        other.move(ends, links, acceleration)
+        crossing, first = self._others
+        return _solved(crossing.beside(first, other), first)
+
+    def twin(self) -> HarnessPredictor:
+        """Once more, of this harness alone: it goes on from the last shape, and this one stays as it is."""
+        other = self._copied()
+        other._crossing = other._others = None
+        return other
 
     def beside(self, harness: Harness) -> HarnessPredictor:
         """One that goes on from the last shape with a harness that differs little; this predictor stays as it is."""
@@ -163,14 +217,14 @@ class HarnessPredictor:
 
     def _copied(self) -> HarnessPredictor:
         """One with the same last shape, and a memory of its own."""
-        assert self._last is not None
         other: HarnessPredictor = copy.copy(self)
         problem = other.problem = other._still = copy.copy(self.problem)
+        problem.ends, problem._given = dict(problem.ends), None  # it moves them where they are
         other._solver = self._solver.twin(problem, self._last)
         if other._solver.state is not None:
             other._solver.state.problem = problem
         if self._crossing is not None:
-            other._crossing = self._crossing.among(self._strands.of(other))
+            other._crossing = self._crossing.among(Strands([self._part.of(other)]))
         return other
 
     @property
@@ -207,6 +261,21 @@ class HarnessPredictor:
             arguments.
         """
         one_mapping(ends, more)
+        self.move(ends, links, acceleration)
+        problem, last = self.problem, self._last_ends
+        still = self._last is not None and links_same(self._last_links, problem)
+        if still and all(same_end(last[name], end) for name, end in problem.ends.items()):
+            assert self._last is not None
+            return self._last.again()
+        return self.solve()
+
+    def move(
+        self,
+        ends: Mapping[str, End],
+        links: Mapping[str, Pose] | None,
+        acceleration: Mapping[str, ArrayLike] | None = None,
+    ) -> None:
+        """Puts the ends and the links there, and tells how segments move."""
         if acceleration is not None:
             problem = self._still.moving(acceleration)
             problem.ends, problem._given = self.problem.ends, self.problem._given
@@ -214,32 +283,42 @@ class HarnessPredictor:
         elif self.problem is not self._still:
             self._still.ends, self._still._given = self.problem.ends, self.problem._given
             self._load(self._still)
-        problem = self.problem.move(ends, links)
-        last = self._last_ends
-        still = self._last is not None and links_same(self._last_links, problem)
-        if still and all(same_end(last[name], end) for name, end in problem.ends.items()):
-            assert self._last is not None
-            return self._last.again()
-        return self.solve()
+        self.problem.move(ends, links)
 
     def solve(self) -> HarnessShape:
         """The shape of the problem as it is."""
+        return self._kept(self.alone()) if self._crossing is None else self.told(self._crossing.solve())
+
+    def told(self, shapes: Sequence[CableShape]) -> HarnessShape:
+        """The shape of which these, found between the problem's ends, are the segments."""
+        return self._kept(self._part.as_one(shapes))
+
+    def _kept(self, shape: HarnessShape) -> HarnessShape:
+        """Takes a shape for the last one."""
         problem = self.problem
-        if self._crossing is None:
-            shape = self.alone()
-        else:
-            shape = self._strands.as_one(self._crossing.solve())
         self._last, self._last_ends, self._last_links = shape, dict(problem.ends), kept(problem.links)
         return shape
 
+    def segments_of(self, shape: HarnessShape) -> list[CableShape]:
+        """The segments' shapes of one from which `crossing` is to go on."""
+        return self._part.take(shape)
+
     def alone(self) -> HarnessShape:
-        """The shape of the problem as it is, whatever segments touch of each other."""
-        return self._solver.solve(self.problem)
+        """The shape of the problem as it is, whatever segments touch of each other and of others."""
+        problem = self.problem
+        if self._crossing is None and self._found is not None:
+            shape, ends, links = self._found
+            if links_same(links, problem) and all(same_end(ends[name], end) for name, end in problem.ends.items()):
+                return shape.again()
+        shape = self._solver.solve(problem)
+        self._found = shape, dict(problem.ends), kept(problem.links)
+        return shape
 
     def go_on_from(self, shape: HarnessShape) -> None:
         """Makes a shape between the problem's ends the last one, if there are bodies it may lie on."""
         if self.problem.bodies:
             self._solver.begin(self.problem, shape)
+            self._found = None
 
     def begin(
         self,
@@ -255,9 +334,10 @@ class HarnessPredictor:
         """Makes a shape that was found otherwise the last one, see :meth:`cable_shape.Predictor.begin`."""
         self.head_for(harness, scene)
         self._solver.begin(self.problem.move(ends, links), shape, loose=loose)
+        self._others = None
         self._crossing = self._with_itself()
         if self._crossing is not None:
-            self._crossing.take_up(self._strands.take(shape), spots or [])
+            self._crossing.take_up(self.segments_of(shape), spots or [])
 
     def head_for(self, harness: Harness | None = None, scene: Scene | None = None) -> None:
         """Makes the problem that of another harness in another scene, or its own; ends and links stay."""
@@ -268,9 +348,9 @@ class HarnessPredictor:
             problem = _checked(HarnessProblem(harness, scene=scene, **self._keywords))
         problem.ends, problem.links, problem._given = last.ends, last.links, None
         self.problem = problem
-        self._last = None
+        self._last = self._found = None
         if self._crossing is not None and problem.harness is not last.harness:
-            self._crossing = self._crossing.among(self._strands.of(self))
+            self._crossing = self._crossing.among(Strands([self._part.of(self)]))
 
     def leap(self, *, allowed: bool) -> None:
         """See :meth:`cable_shape.Predictor.leap`."""
@@ -278,14 +358,14 @@ class HarnessPredictor:
 
     def look_again(self) -> None:
         """The next prediction is made anew, from the last one, wherever its ends are."""
-        self._last = None
-        if self._crossing is not None:
-            self._crossing.look_again()
+        self._last = self._found = None
+        if self.crossing is not None:
+            self.crossing.look_again()
 
     def reset(self) -> None:
         """Forgets the last solution: the next one starts cold."""
         self._solver.reset()
-        self._last = None
+        self._last = self._found = None
         if self._crossing is not None:
             self._crossing.reset()
 
@@ -327,7 +407,9 @@ class HarnessPredictor:
                 checks.entries("by", (by,) if isinstance(by, str) else by, str, "Write ('a.start', 'length:b').")
             )
         points = problem.points
-        out = columns_by(problem, state, names, at) if by is not None or names else np.zeros((self._rows, 3, 0))
+        out = np.zeros((self._rows, 3, 0))
+        if by is not None or names:
+            out = columns_by(problem, state, names, at, self.called)
         return {name: out[i * points : (i + 1) * points] for i, name in enumerate(self.harness.segments)}
 
     @property
@@ -338,9 +420,23 @@ class HarnessPredictor:
     def _load(self, problem: HarnessProblem) -> None:
         """Makes this the problem, whose loads may be others."""
         self.problem = problem
-        self._last = None
+        self._last = self._found = None
         if not problem.bodies:
             self._solver.lift()
+
+
+def _ahead(together: Crossing, first: int, ends: Mapping[str, End]) -> HarnessShape:
+    """The shape between these ends of the harness whose first segment has this number among others."""
+    problem = together.strands.part_with(first).problem
+    problem.move(ends, problem.links)
+    return _solved(together, first)
+
+
+def _solved(together: Crossing, first: int) -> HarnessShape:
+    """The shape of that harness, as it is held."""
+    part = together.strands.part_with(first)
+    assert isinstance(part, OneHarness)
+    return part.as_one(together.solve()[first : first + len(part.cables)])
 
 
 def _checked(problem: HarnessProblem) -> HarnessProblem:

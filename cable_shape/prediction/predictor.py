@@ -28,10 +28,11 @@ from cable_shape.solve.answers import ENDS, Solved
 from cable_shape.solve.harness_shape import HarnessShape
 from cable_shape.solve.problem import GRAVITY, Problem, longest_delay
 from cable_shape.solve.touching.crossing import Crossing
+from cable_shape.solve.touching.one_cable import OneCable
 from cable_shape.solve.touching.pile import Member
 from cable_shape.solve.touching.spot import Spot
 from cable_shape.solve.touching.state import TouchState
-from cable_shape.solve.touching.strands import Cables
+from cable_shape.solve.touching.strands import Strands
 from cable_shape.solve.turning import turning
 
 
@@ -379,8 +380,7 @@ class Predictor:
         crossing, index = self._others or (self._crossing, 0)
         if crossing is not None and index in crossing.touching:
             together = crossing.twin()
-            assert isinstance(together.strands, Cables)
-            problem = together.strands.problems[index]
+            problem: Problem = together.strands.part_with(index).problem
             return lambda start, end: (problem.move(start, end, problem.links), together.solve()[index])[1]
         other = self.twin()
         return lambda start, end: other.predict(start, end, other.problem.links)
@@ -393,7 +393,7 @@ class Predictor:
         other.accelerate(acceleration)
         other.problem.move(start, end, links)
         crossing, index = self._others
-        return crossing.beside(index, other)
+        return crossing.beside(index, other).solve()[index]
 
     def twin(self) -> Predictor:
         """Once more, of this cable alone: it goes on from the last shape, and this one stays as it is."""
@@ -417,7 +417,7 @@ class Predictor:
         """What keeps the cable out of itself, where the scene asks for it and the model can."""
         if not self.problem.solves_crossing or self._others is not None or not self.is_rod:
             return None
-        return Crossing(Cables(("cable",), [self]), self.time_budget)
+        return Crossing(Strands([OneCable("cable", self)]), self.time_budget)
 
     def accelerate(self, acceleration: ArrayLike | None) -> None:
         """Makes the problem that of a cable which moves like this, or is at rest, until the next prediction."""

@@ -68,5 +68,5 @@ def _told(state: HarnessNetwork, run: Array) -> HarnessShape:
         clips=loads[state.clip_rows] if state.clip_rows else None,
         clips_of=problem.clips,
     )
-    state.weigh_sections(shape)
+    shape.weigh_sections(problem.gravity)
     return shape

@@ -9,7 +9,7 @@ from typing import Any, final
 
 import numpy as np
 
-from cable_shape.cable.pieces import energy_of_sections, pieces_of
+from cable_shape.cable.pieces import pieces_of
 from cable_shape.checks import Array
 from cable_shape.kernels.network import drive, guess, material, mesh, respond, tables
 from cable_shape.kernels.network.drive import I_DOUBT, I_ESTIMATE, INFO
@@ -20,7 +20,6 @@ from cable_shape.solve.bare import IDENTITY, bare_of
 from cable_shape.solve.cables import FREE_ROTATIONS, material_of
 from cable_shape.solve.harness_layout import LEVER, Layout, layout_of, ways_from
 from cable_shape.solve.harness_problem import HarnessProblem
-from cable_shape.solve.harness_shape import HarnessShape
 from cable_shape.solve.mesh import interpolated
 from cable_shape.solve.network import _SOFTER, Network
 
@@ -68,7 +67,6 @@ class HarnessNetwork(Network):
         self.bend = min(cable.mean_bending_stiffness for cable in cables)
         self.stretch = 0.0 if any(cable.axial_stiffness is None for cable in cables) else 1.0
         loads = [abs(x) for one in problem.segments.values() for x in (one.load * one.cable.length).ravel()]
-        self.sectioned = [(i, name) for i, (name, one) in enumerate(problem.harness.segments.items()) if one.sections]
         self._weight = 0.5 * sum(loads)  # N
         self.elastic = any(c.axial_stiffness is not None or c.shear_stiffness is not None for c in cables)
         self.rings: list[int] = []
@@ -414,16 +412,6 @@ class HarnessNetwork(Network):
             assert isinstance(end, FreeEnd)
             out += end.mass * float(gravity @ place[row])
         return -out
-
-    def weigh_sections(self, shape: HarnessShape) -> None:
-        """Adds to the energies of a shape what sections weigh more than the rest of their segments."""
-        problem = self.problem
-        for i, name in self.sectioned:
-            more = energy_of_sections(problem.harness.segments[name], shape.segments[name], problem.gravity)
-            shape.segments[name].energy += more
-            shape.energy += more
-            if shape.energies is not None:
-                shape.energies[i] += more
 
     def node_positions(self) -> tuple[Array, Array]:
         """Arc lengths (n,), those of each segment beyond a gap, and positions (n, 3) of the last solution's nodes."""

@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike
 
 from cable_shape import checks
 from cable_shape.cable.cable import Cable
-from cable_shape.cable.harness import SIDES, Harness
+from cable_shape.cable.harness import SIDES, Harness, split_end
+from cable_shape.cable.junction import Junction
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import FreeEnd, Grip, Pose
@@ -98,12 +99,19 @@ class HarnessProblem:
         self.ends: dict[str, Grip | FreeEnd] = dict.fromkeys(harness.open_ends, _FREE)
 
     @classmethod
-    def of_cables(cls, problems: Mapping[str, Problem]) -> HarnessProblem:
-        """Several cables as the segments of one, which no junction joins; their ends are where theirs are."""
+    def of_several(cls, parts: Sequence[Part]) -> HarnessProblem:
+        """Several cables and harnesses as one, in which none is joined to another; their ends are where theirs are."""
         other = object.__new__(cls)
-        first = next(iter(problems.values()))
-        other.harness = Harness({name: one.cable for name, one in problems.items()})
-        other.segments = dict(problems)
+        first = parts[0][0]
+        problems, junctions = dict[str, Problem](), list[Junction]()
+        for part, names in parts:
+            if isinstance(part, Problem):
+                problems[names[0]] = part
+                continue
+            problems.update(zip(names, part.segments.values(), strict=True))
+            junctions += [_renamed(one, dict(zip(part.segments, names, strict=True))) for one in part.harness.junctions]
+        other.harness = Harness({name: one.cable for name, one in problems.items()}, junctions)
+        other.segments = problems
         other.gravity, other.points, other.tolerance = first.gravity, first.points, first.tolerance
         # a scene's clips may hold each of them, under one name
         clips = [replace(clip, segment=name, name=None) for name, one in problems.items() for clip in one.clips]
@@ -113,15 +121,23 @@ class HarnessProblem:
         other.laid_out = {}
         other.bodies, other.gripping, other.links = first.bodies, first.gripping, first.links
         other.carried = carried_by(first.bodies, [clip for one in problems.values() for clip in one.clips])
-        other.follow(problems)
+        other.follow(parts)
         return other
 
-    def follow(self, problems: Mapping[str, Problem]) -> None:
-        """Puts the ends and links where these cables' are."""
-        self._given = None
-        self.links = next(iter(problems.values())).links
-        self._unplaced, self._clip_frames = False, np.concatenate([one.clip_frames for one in problems.values()])
-        self.ends = {f"{name}.{side}": getattr(one, side) for name, one in problems.items() for side in SIDES}
+    def follow(self, parts: Sequence[Part]) -> None:
+        """Puts the ends and links where those of these are, of which it was made."""
+        self._given, self.links = None, parts[0][0].links
+        self._unplaced, self.ends = False, {}
+        frames = []
+        for part, names in parts:
+            if isinstance(part, Problem):
+                frames.append(part.clip_frames)
+                self.ends.update((f"{names[0]}.{side}", getattr(part, side)) for side in SIDES)
+                continue
+            frames += [part.clip_frames[numbers] for numbers in part.clips.values()]
+            called = dict(zip(part.harness.ends, (f"{name}.{side}" for name in names for side in SIDES), strict=True))
+            self.ends.update((called[end], held) for end, held in part.ends.items())
+        self._clip_frames = np.concatenate(frames)
 
     def _segment(self, name: str, acceleration: ArrayLike | None) -> Problem:
         """What the problem is of one segment."""
@@ -163,9 +179,7 @@ class HarnessProblem:
 
     def beside(self, name: str, cable: Cable) -> HarnessProblem:
         """The same with a segment that differs little, see :meth:`Problem.beside`."""
-        other = object.__new__(HarnessProblem)
-        for slot in self.__slots__:
-            setattr(other, slot, getattr(self, slot))
+        other = copy.copy(self)
         other.harness = self.harness.replace(segments={**self.harness.segments, name: cable})
         other.segments = {**self.segments, name: self.segments[name].beside(cable)}
         other.laid_out = {}
@@ -280,6 +294,17 @@ class HarnessProblem:
         segment, _, side = end.rpartition(".")
         problem = self.segments[segment]
         return problem.fall(0.0) if side == "start" else problem.end_fall
+
+
+Part = tuple[Problem | HarnessProblem, Sequence[str]]  #: a cable, or a harness, and what its segments are called
+
+
+def _renamed(junction: Junction, names: Mapping[str, str]) -> Junction:
+    """The same of segments by other names."""
+    ends = {end: f"{names[split_end(end)[0]]}.{split_end(end)[1]}" for end in junction.ends}
+    frames = {ends[end]: frame for end, frame in junction.frames.items()}
+    name = f"{next(iter(names.values()))}.{junction.name}"
+    return Junction(name, tuple(ends.values()), junction.kind, frames, junction.mass)
 
 
 def _scenes_of(harness: Harness, scene: Scene | None) -> tuple[dict[str, Scene | None], dict[str, list[int]]]:

@@ -86,7 +86,7 @@ class HarnessSearch(Search):
             clips=self.loads[state.clip_rows] if state.clip_rows else None,
             clips_of=task.clips,
         )
-        state.weigh_sections(found)
+        found.weigh_sections(task.gravity)
         return found
 
     def no_shape(self, status: Status, poses: Array, detail: str, missing: float = 0.0) -> HarnessShape:  # type: ignore[override]

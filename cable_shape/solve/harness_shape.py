@@ -10,6 +10,7 @@ from typing import Any, final
 import numpy as np
 
 from cable_shape.cable.harness import Harness, split_end
+from cable_shape.cable.pieces import energy_of_sections
 from cable_shape.checks import Array
 from cable_shape.pose import Pose
 from cable_shape.shape import NO_TOUCHES, NUMBERS_PER_POINT, CableShape, ClipLoad, Status
@@ -172,6 +173,17 @@ class HarnessShape:
     def junctions(self) -> dict[str, Pose]:
         """The frame of each junction in the world, by its name."""
         return junctions_of(self.harness, self.segments)
+
+    def weigh_sections(self, gravity: Array) -> None:
+        """Adds to the energies what sections weigh more than the rest of their segments."""
+        for i, (name, cable) in enumerate(self.harness.segments.items()):
+            if not cable.sections:
+                continue
+            more = energy_of_sections(cable, self.segments[name], gravity)
+            self.segments[name].energy += more
+            self.energy += more
+            if self.energies is not None:
+                self.energies[i] += more
 
     def again(self) -> HarnessShape:
         """The same shape, marked as reused: arrays are shared, the time is 0."""

@@ -120,7 +120,7 @@ class HarnessTubeWatch:
             self._links = links
             self._still = self._at_rest(predictor, shape, ends, acceleration)
         if self._still is not None and inertia > 0.0 and self._swing is None:
-            self._swung = self._predict(self._loaded, ends, acceleration)
+            self._swung = self._predict(predictor, self._loaded, ends, acceleration)
             if all(line.status for _, line in self._swung):
                 self._swing = loaded([_line(line) for _, line in self._swung], _line(shape))
             else:
@@ -147,7 +147,7 @@ class HarnessTubeWatch:
         if self._ways.shape[1]:
             self._answers = predictor.sensitivity()
             answers = np.concatenate(list(self._answers.values()))
-        self._lines = self._predict(self._beside, ends, acceleration)
+        self._lines = self._predict(predictor, self._beside, ends, acceleration)
         lines = [_line(line) if line.status else None for _, line in self._lines]
         if any(one is None and other is None for one, other in zip(lines[0::2], lines[1::2], strict=True)):
             self.trouble = "harnesses one standard deviation away have no usable shape"
@@ -168,12 +168,18 @@ class HarnessTubeWatch:
             column += block.shape[1]
         return out
 
-    def _predict(self, beside: list[_Beside], ends: Ends, acceleration: Mapping[str, ArrayLike] | None) -> list[_Line]:
+    def _predict(
+        self,
+        predictor: HarnessPredictor,
+        beside: list[_Beside],
+        ends: Ends,
+        acceleration: Mapping[str, ArrayLike] | None,
+    ) -> list[_Line]:
         """Where harnesses beside the predicted one are held, and their shapes."""
         lines = []
-        for predictor, at, _ in beside:
+        for one, at, _ in beside:
             held = dict(ends) if self._known is None else self._known.held(at, ends)
-            lines.append((held, predictor.predict(held, links=self._links, acceleration=acceleration)))
+            lines.append((held, predictor.predict_beside(one, held, self._links, acceleration)))
         return lines
 
     def tail_tube(self, end: str, tail: Tail, shape: CableShape, ends: Ends) -> Tube | None:

@@ -354,6 +354,24 @@ def test_a_node_has_cables_and_harnesses_side_by_side(file, tmp_path):
         Assembly(settings(**names, input="joints", robot_file="robots/dual_arm.yaml"))
 
 
+def test_a_node_keeps_a_cable_and_a_harness_out_of_each_other(file, tmp_path):
+    cable, scene = tmp_path / "cable.yaml", tmp_path / "scene.yaml"
+    cable.write_text("{length: 1.0, linear_density: 0.1, bending_stiffness: 0.01, diameter: 0.008}\n")
+    scene.write_text("contact: solve\n")
+    names = {"cable_file": str(cable), "harness_file": str(file), "scene_file": str(scene)}
+    cycle = Assembly(settings(**names)).cycle
+    ends = {end: cs.Pose(place, ALONG) for end, place in PLACES.items()}
+    along_y = (-math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
+    for k, height in enumerate(np.linspace(0.6, 0.42, 19)):
+        pair = cs.Pose((0.2, -0.4, height), along_y), cs.Pose((0.2, 0.4, height), along_y)
+        report = cycle.step({"cable": pair, "h": ends}, stamp=k * 10**9)
+        assert {name: shape.status.name for name, shape in report.shapes.items()} == {"cable": "OK", "h": "OK"}
+    assert {contact.body for contact in report.shapes["cable"].contacts} == {"h/a"}
+    (on_a,) = report.shapes["h"].segments["a"].contacts
+    assert on_a.body == "cable"
+    assert report.clearance["h/a"].closest.distance == pytest.approx(0.0, abs=1e-4)
+
+
 def test_a_node_with_an_uncertainty_has_a_tube_message_for_every_segment(file, tmp_path):
     known = cs.Uncertainty({"bending_stiffness:each": 0.1}, (0.001, 0.0)).save(tmp_path / "known.yaml")
     cycle = Assembly(settings(harness_file=str(file), uncertainty_file=str(known))).cycle

@@ -1,4 +1,4 @@
-"""Cables that rest on each other or on themselves, without friction, on bodies and in clips, too: docs/contact.md.
+"""Cables and segments that rest on each other or on themselves, frictionless, on bodies, too: docs/contact.md.
 
 As long as no two cables overlap, and none has come past another, each is solved for alone. Otherwise those that touch
 are one network, with a push where they come nearest (`pile`).
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from time import perf_counter
-from typing import final
+from typing import Any, final
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from cable_shape.solve.touching.lift import levels
 from cable_shape.solve.touching.pile import Pile
 from cable_shape.solve.touching.piled import LOST, Piled, graded
 from cable_shape.solve.touching.spot import Spot, ordered
-from cable_shape.solve.touching.strands import Cables, Solo, Strands
+from cable_shape.solve.touching.strands import Strands
 
 MOST = 96  #: contacts at a time
 GROWTH = 0.3  #: of the cables' distance: by how much overlapping ones are pushed apart at a time
@@ -47,23 +47,15 @@ class Crossing(Piled):
 
     def is_of(self, problem: Problem) -> bool:
         """Whether it is of this one cable under these loads."""
-        return isinstance(self.strands, Cables) and self.strands.problems == [problem]
+        return [part.problem for part in self.strands.parts] == [problem]
 
-    def beside(self, cable: int, solo: Solo) -> CableShape:
-        """The shape of one cable as it would be now if it were another; all here stays as it is."""
-        cables = self._cables
-        solos = [solo if i == cable else one.twin() for i, one in enumerate(cables.solos)]
-        return self.among(Cables(cables.names, solos)).solve()[cable]
+    def beside(self, strand: int, solo: Any) -> Crossing:
+        """Once more, with another one for the part of this strand; all here stays as it is."""
+        return self.among(self.strands.with_solo(strand, solo))
 
     def twin(self) -> Crossing:
         """Once more: it goes on from the last equilibrium, and this one stays as it is."""
-        return self.among(self._cables.twin())
-
-    @property
-    def _cables(self) -> Cables:
-        """The strands, if they are those."""
-        assert isinstance(self.strands, Cables)
-        return self.strands
+        return self.among(self.strands.twin())
 
     def among(self, strands: Strands) -> Crossing:
         """The same with these for its cables, which are almost alike: it goes on from the last equilibrium."""
@@ -347,10 +339,11 @@ class Crossing(Piled):
         """The shapes of cables that are held higher the more others lie below them, and let down on those; none: no
         way.
 
-        Those that touch are the group then. Cables in clips are not lifted, nor segments of a harness.
+        Those that touch are the group then. What is in clips is not lifted.
         """
-        level = levels(spots, self._places.down) if self._leaps and isinstance(self.strands, Cables) else {}
-        if not level or any(self.strands.held_at(i) for i, k in level.items() if k > 0):
+        parts = self.strands.part_numbers()
+        level = levels(spots, parts, self._places.down) if self._leaps else {}
+        if not level or any(self.strands.held_at(i) for i, part in enumerate(parts) if level.get(part, 0) > 0):
             return []
         height = max(self._places.reach(spot.cables) for spot in spots)
         most = _HIGHEST * max(cable.length for cable in self.strands.cables)
@@ -374,8 +367,8 @@ class Crossing(Piled):
         return []
 
     def _held_higher(self, level: dict[int, int], height: float) -> Crossing | None:
-        """These cables, held so many times this height [m] higher; None if they touch there, or have no shape."""
-        other = Crossing(self._cables.twin(), self._time_budget)
+        """These parts, held so many times this height [m] higher; None if they touch there, or have no shape."""
+        other = Crossing(self.strands.twin(), self._time_budget)
         other._leaps = False
         other._lift(self, level, height)
         alone = other._alone([None] * len(other.strands.names))
@@ -384,8 +377,8 @@ class Crossing(Piled):
         return other if all(shape.usable for shape in other.solve()) else None
 
     def _lift(self, given: Crossing, level: dict[int, int], height: float) -> None:
-        """Holds the cables so many times a height [m] above where they are given."""
-        self._cables.higher(given._cables, level, -height * self._places.down)
+        """Holds parts so many times a height [m] above where they are given."""
+        self.strands.higher(given.strands, level, -height * self._places.down)
 
     def _take_over(self, other: Crossing, shapes: list[CableShape], frames: Array) -> bool:
         """Goes on from shapes that the same cables have elsewhere, between the same ends."""

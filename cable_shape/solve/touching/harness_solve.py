@@ -90,7 +90,7 @@ class HarnessSolve(Solve):
             touches=touches,
             bodies=state.bodies.names,
         )
-        state.cable.weigh_sections(shape)
+        shape.weigh_sections(problem.gravity)
         return shape
 
     def _leave(self, shape: HarnessShape) -> None:  # type: ignore[override]

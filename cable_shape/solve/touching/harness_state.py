@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from itertools import pairwise
 from typing import Any, final
 
 import numpy as np
 
 from cable_shape.cable.cable import Cable
+from cable_shape.cable.harness import split_end
 from cable_shape.cable.pieces import radius_of, widest
 from cable_shape.cable.rest_form import conjugate, times
 from cable_shape.checks import Array
@@ -269,22 +270,24 @@ class HarnessTouchState(TouchState):
             out[j] = max(out[j], values[a + x : b + x + 1].max())
         return out
 
-    def energy_of_masses(self) -> float:
-        gravity = self.problem.gravity
-        layout = self.cable.layout
+    def energy_of_masses(self, segments: Collection[str] | None = None) -> float:
+        """[J], potential energy of masses in the last solution: on these segments and their junctions, or on all."""
+        gravity, problem, layout = self.problem.gravity, self.problem, self.cable.layout
         places = self._grips[NOW, :, :3]
-        out = sum(mass * float(gravity @ places[row]) for row, mass, _ in layout.at_masses)
-        for end, how in self.problem.ends.items():
-            if isinstance(how, FreeEnd) and how.mass > 0.0:
+        own = problem.segments.keys() if segments is None else segments
+        rows = {k for name in own for j in layout.spans[name] for k in layout.structure.spans[j][:2]}
+        for junction in problem.harness.junctions:
+            if split_end(junction.ends[0])[0] in own:
+                rows.add(layout.knots["junction", junction.name])
+        out = sum(mass * float(gravity @ places[row]) for row, mass, _ in layout.at_masses if row in rows)
+        for end, how in problem.ends.items():
+            if isinstance(how, FreeEnd) and how.mass > 0.0 and split_end(end)[0] in own:
                 out += how.mass * float(gravity @ places[layout.knots["end", end]])
         return -out
 
     def models_of(self, name: str, cables: Sequence[Cable]) -> Array:
-        """(c, size): models with other cables as this segment, of cables that no junction joins, on this mesh."""
-        segments = self.problem.segments
-        own = segments[name]
-        others = [HarnessProblem.of_cables({**segments, name: own.beside(cable)}) for cable in cables]
-        return self.models_beside(*differences(self.problem, others))
+        """(c, size): models with other cables as this segment, on this mesh."""
+        return self.models_beside(*differences(self.problem, [self.problem.beside(name, one) for one in cables]))
 
     def models_beside(self, held: Array, arcs: Array) -> Array:  # type: ignore[override]
         """(c, size): models that differ as `harness_answers.differences` tells, on the mesh as it is.

@@ -31,7 +31,7 @@ from cable_shape.solve.touching.spot import (
     overlaps_at,
 )
 from cable_shape.solve.touching.step import FAR, WARM_ITERATIONS, Steps
-from cable_shape.solve.touching.strands import Cables, Strands
+from cable_shape.solve.touching.strands import Strands
 from cable_shape.solve.touching.told import Told
 from cable_shape.solve.touching.touching import ACCURACY, BURIED, inexact
 
@@ -218,16 +218,16 @@ class Pile:
         if status and not estimate <= self.tolerance:
             status, detail = Status.NOT_CONVERGED, inexact(estimate, self.tolerance)
         told = Told(
-            self.cables, self.spots, state, steps.buffer, steps.loads, steps.iterations, status, detail, self.overlap,
-            perf_counter() - began,
+            self.cables, self._strands.names, self._strands.cables, self.spots, state, steps.buffer, steps.loads,
+            iterations=steps.iterations, status=status, detail=detail, overlap=self.overlap,
+            solve_time=perf_counter() - began,
         )  # fmt: skip
         return self._strands.shapes(told)
 
     def member(self, cable: int, told: int | None = None) -> Member:
         """One of the cables, to ask for derivatives of its shape, or by it of that of another one, `told`."""
-        assert isinstance(self._strands, Cables)
         row = self.cables.index(cable if told is None else told)
-        return Member(self._state, self._strands.problems[cable], row, self._strands.key(cable))
+        return Member(self._state, self._strands.part_with(cable).problem, row, self._strands.key(cable))
 
     @property
     def state(self) -> HarnessTouchState:

@@ -12,10 +12,11 @@ from scipy.spatial.transform import Rotation
 import cable_shape as cs
 from cable_shape.solve.problem import Problem
 from cable_shape.solve.touching.crossing import Crossing
+from cable_shape.solve.touching.one_cable import OneCable
 from cable_shape.solve.touching.pile import Pile
 from cable_shape.solve.touching.places import Places
 from cable_shape.solve.touching.spot import Spot
-from cable_shape.solve.touching.strands import Cables
+from cable_shape.solve.touching.strands import Strands
 
 ALONG_X = Rotation.from_quat((0.5, 0.5, 0.5, 0.5))
 CABLE = cs.Cable(1.0, 0.1, 0.008, 0.006, diameter=0.008)
@@ -46,6 +47,12 @@ def lowered(heights, scene=ON_TABLE, low=0.04, angle=70.0, aside=(0.02, 0.01), *
 
 
 DOWN = np.linspace(0.21, 0.06, 61)
+
+
+def strands_of(names, problems):
+    """Cables by these names, of which nothing is solved for."""
+    pairs = zip(names, problems, strict=True)
+    return Strands([OneCable(name, SimpleNamespace(problem=problem)) for name, problem in pairs])
 
 
 def total(contacts, *bodies):
@@ -217,7 +224,7 @@ def test_clips_of_one_cable():
 def test_what_cannot_be_held_is_named():
     clip = cs.Clip(0.3, cs.Pose((-0.19, 0.0, 0.02)))
     problems = [Problem(CABLE, scene=cs.Scene(clips=[clip], contact="solve")), Problem(CABLE, scene=ON_TABLE)]
-    places = Places(Cables(("under", "over"), [SimpleNamespace(problem=problem) for problem in problems]))
+    places = Places(strands_of(("under", "over"), problems))
 
     def spot(*arcs):
         return Spot((0, 1), np.array(arcs), np.zeros((2, 3)), 0.008, np.array(arcs))
@@ -312,7 +319,7 @@ def test_ends_and_links_are_held_where_frames_have_them():
     grips = [cs.Grip(pose, offset=offset) for pose in across(20.0, 0.9, 0.3)]
     links = {"arm": cs.Pose((0.0, 0.0, 0.2)), "hand": cs.Pose((0.1, 0.0, 0.2)), "other": cs.Pose()}
     problems = [Problem(CABLE, scene=scene).move(grips[0], end, links) for end in (grips[1], None)]
-    cables = Cables("ab", [SimpleNamespace(problem=problem) for problem in problems])
+    cables = strands_of("ab", problems)
     frames = cables.frames()
     frames[:, :3] += np.arange(3.0 * len(frames)).reshape(-1, 3)
     frames[3] = frames[2]  # of a free end

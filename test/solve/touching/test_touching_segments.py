@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
-from cable_shape.solve.touching.harness_strands import joined_ends
+from cable_shape.solve.touching.one_harness import joined_ends
 
 ALONG_X = Rotation.from_quat((0.5, 0.5, 0.5, 0.5))
 SOLVE = cs.Scene(contact="solve")

@@ -1,10 +1,10 @@
-"""The segments of a harness, which may touch each other and themselves, as strands: :class:`HarnessStrands`."""
+"""A harness among strands, whose segments may touch each other, themselves and others: :class:`OneHarness`."""
 
 from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Protocol, final
 
 import numpy as np
@@ -14,18 +14,16 @@ from cable_shape.cable.pieces import widest
 from cable_shape.cable.rest_form import third_axis
 from cable_shape.checks import Array
 from cable_shape.kernels.contact import drive
-from cable_shape.pose import FreeEnd, Grip, Pose
-from cable_shape.scene.body_tables import clip_frames, link_rows
+from cable_shape.pose import Pose
 from cable_shape.shape import CableShape
 from cable_shape.solve.harness_problem import HarnessProblem
 from cable_shape.solve.harness_shape import HarnessShape
+from cable_shape.solve.problem import Problem
 from cable_shape.solve.rod_common import MODEL
-from cable_shape.solve.touching.harness_state import HarnessTouchState
 from cable_shape.solve.touching.spot import SHORTEST, Pair
-from cable_shape.solve.touching.strands import at_frame, same_shape
+from cable_shape.solve.touching.strands import Held, at_frame, lifted
 from cable_shape.solve.touching.told import Told
 
-_NOWHERE = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 _PARTED = 1.5  #: times as far as straight ends that leave a junction at an angle overlap
 _SHARP = 0.05  #: sine of half the angle at which two ends leave a junction, below which they never part
 
@@ -41,151 +39,102 @@ class HarnessSolo(Protocol):
     def go_on_from(self, shape: HarnessShape) -> None:
         """Makes a shape between the problem's ends the last one, if there are bodies it may lie on."""
 
+    def twin(self) -> HarnessSolo:
+        """Once more: it goes on from the last shape, and this one stays as it is."""
+
 
 @final
-class HarnessStrands:
-    """See :class:`.strands.Strands`; all segments are solved for together, if any."""
+class OneHarness:
+    """See :class:`.strands.Part`; its strands are the segments, in their order. name: before theirs, "" for none."""
 
-    def __init__(self, solo: HarnessSolo) -> None:
-        self.solo = solo
-        self.problem = solo.problem
-        self.names = tuple(self.problem.segments)
-        self.cables = list(self.problem.harness.segments.values())
-        self._joined = joined_ends(self.problem.harness)
+    def __init__(self, solo: HarnessSolo, name: str = "") -> None:
+        self.solo, self.problem, self._name = solo, solo.problem, name
+        harness = self.problem.harness
+        self._segments = tuple(harness.segments)
+        self.names = tuple(f"{name}/{one}" if name else one for one in self._segments)
+        self.cables = list(harness.segments.values())
+        self._joined = joined_ends(harness)
         #: Of which the strands' shapes are the segments: the one that was accepted last, if any, and the latest ones.
         self._accepted: list[HarnessShape] = []
         self._latest: list[HarnessShape] = []
 
     @property
-    def gravity(self) -> Array:
-        """See `Strands`."""
-        return self.problem.gravity
+    def problems(self) -> list[Problem]:
+        """See `Part`."""
+        return list(self.problem.segments.values())
 
-    def free(self, strand: int) -> tuple[bool, bool]:
-        """See `Strands`."""
-        return self._are(strand, FreeEnd)
-
-    def gripped(self, strand: int) -> tuple[bool, bool]:
-        """See `Strands`."""
-        return self._are(strand, Grip)
-
-    def _are(self, strand: int, kind: type) -> tuple[bool, bool]:
-        """Whether its start, its end, are of a kind."""
-        start, end = (isinstance(self.problem.ends.get(f"{self.names[strand]}.{side}"), kind) for side in SIDES)
+    def held(self, strand: int) -> Held:
+        """See `Part`."""
+        start, end = (self.problem.ends.get(f"{self._segments[strand]}.{side}") for side in SIDES)
         return start, end
 
-    def held_at(self, strand: int) -> list[float]:
-        """See `Strands`."""
-        return [clip.arc_length for clip in self.problem.segments[self.names[strand]].clips]
-
     def joined(self, pair: Pair) -> Array:
-        """See `Strands`."""
+        """See `Part`."""
         found = self._joined.get(pair)
         return np.zeros((2, 2)) if found is None else found
 
-    def hung_together(self, strands: Iterable[int]) -> list[int]:
-        """See `Strands`."""
-        return list(range(len(self.names))) if set(strands) else []
-
-    def kinds(self) -> list[tuple[str, str]]:
-        """See `Strands`."""
-        return [(end, getattr(held, "kind", "free")) for end, held in self.problem.ends.items()]
-
-    def frames(self) -> Array:
-        """See `Strands`."""
-        problem = self.problem
-        carried = problem.carried if problem.links is not None else {}
-        out = np.tile(_NOWHERE, (2 * len(self.names) + len(carried), 1))
-        for row, end in self._rows():
-            held = problem.ends[end]
-            if isinstance(held, Grip):
-                out[row] = held.cable_frame.array
-        if problem.links is not None and carried:
-            out[2 * len(self.names) :] = link_rows(problem.links, carried)
-        return out
-
-    def _rows(self) -> list[tuple[int, str]]:
-        """Rows of frames that belong to open ends."""
-        ends = [f"{name}.{side}" for name in self.names for side in SIDES]
-        return [(row, end) for row, end in enumerate(ends) if end in self.problem.ends]
-
-    def hold(self, frames: Array) -> None:
-        """See `Strands`."""
-        problem = self.problem
-        ends = {end: at_frame(problem.ends[end], frames[row]) for row, end in self._rows()}
-        links = dict(zip(problem.carried, map(Pose.trusted, frames[2 * len(self.names) :]), strict=False))
-        problem.move(ends, None if problem.links is None else {**problem.links, **links})
+    def hold(self, frames: Array, links: Mapping[str, Pose] | None) -> None:
+        """See `Part`."""
+        rows = dict(zip(self.problem.harness.ends, frames, strict=True))
+        self.problem.move({end: at_frame(held, rows[end]) for end, held in self.problem.ends.items()}, links)
 
     def given(self) -> Any:
-        """See `Strands`."""
+        """See `Part`."""
         return dict(self.problem.ends), self.problem.links
 
     def give_back(self, given: Any) -> None:
-        """See `Strands`."""
+        """See `Part`."""
         self.problem.move(*given)
 
+    def higher(self, given: Any, way: Array) -> None:
+        """See `Part`."""
+        ends, links = given
+        self.problem.move({end: lifted(held, way) for end, held in ends.items()}, links)
+
     def renewed(self) -> bool:
-        """See `Strands`."""
+        """See `Part`."""
         before, self.problem = self.problem, self.solo.problem
         return before is not self.problem
 
-    def network(self, strands: Sequence[int]) -> HarnessProblem:
-        """See `Strands`."""
-        return self.problem
+    def levers(self, shapes: Sequence[CableShape]) -> Array:
+        """See `Part`."""
+        if not any(end.position.any() for joint in self.problem.harness.junctions for end in joint.frames.values()):
+            return np.empty(0)
+        levers: Array = self._whole(shapes).buffer[len(shapes) * shapes[0].buffer.size :]
+        return levers
 
-    def key(self, strand: int) -> str:
-        """See `Strands`."""
-        return self.names[strand]
-
-    def follow(self, network: HarnessProblem, strands: Sequence[int]) -> None:
-        """See `Strands`: it is the harness itself."""
-
-    def poses(self, state: HarnessTouchState, strands: Sequence[int], frames: Array) -> Array:
-        """See `Strands`."""
-        problem, out = self.problem, state.aimed()
-        knots = state.cable.layout.knots
-        if problem.clips_move and problem.scene is not None:
-            placed = clip_frames(problem.scene.clips, frames[2 * len(self.names) :], problem.carried)
-            out[state.cable.clip_rows] = placed
-        for row, end in self._rows():
-            if isinstance(problem.ends[end], Grip):
-                out[knots["end", end]] = frames[row]
-        return out
-
-    def start(self, strands: Sequence[int], shapes: Sequence[CableShape] | Mapping[int, CableShape]) -> Any:
-        """See `Strands`."""
-        return self._whole(shapes)
-
-    def shapes(self, told: Told) -> list[CableShape]:
-        """See `Strands`."""
+    def shapes(self, told: Told, rows: range) -> list[CableShape]:
+        """See `Part`."""
         state, problem = told.state, self.problem
-        turned, count = state.info[drive.INFO :], state.gaps.size
-        bodies, touches = told.touches(self.names, self.cables)
+        levers = told.levers_of(rows)
+        loads = np.zeros((sum(map(len, problem.clips.values())), 7))
+        for row, numbers in zip(rows, problem.clips.values(), strict=True):
+            loads[numbers] = told.loads_on(row)
         whole = HarnessShape(
             problem.harness,
-            told.buffer.copy(),
+            np.concatenate([told.buffer_of(row) for row in (*rows, *levers)]),
             problem.points,
             model=MODEL,
             status=told.status,
             detail=told.detail,
-            energy=float(state.info[drive.I_ENERGY]) + state.energy_of_masses(),
-            energies=turned[2 * count :].copy(),
-            twists=turned[: 2 * count : 2].copy(),
+            energy=told.energy_with_masses(rows, levers),
+            energies=np.array([told.energy_of(row) for row in (*rows, *levers)]),
+            twists=np.array([told.twist_of(row) for row in (*rows, *levers)]),
             error_estimate=told.error_estimate,
             residual=float(state.info[drive.I_RESIDUAL]),
             iterations=told.iterations,
             solve_time=told.solve_time,
-            clips=told.loads if len(told.loads) else None,
+            clips=loads if len(loads) else None,
             clips_of=problem.clips,
-            touches=touches,
-            bodies=bodies,
+            touches=told.touches[rows.start : rows.stop],
+            bodies=told.bodies,
         )
-        state.cable.weigh_sections(whole)
+        whole.weigh_sections(problem.gravity)
         return self.take(whole)
 
-    def alone(self, held: Collection[int]) -> list[CableShape | None]:
-        """See `Strands`."""
-        return [None] * len(self.names) if held else list(self.take(self.solo.alone()))
+    def alone(self) -> list[CableShape]:
+        """See `Part`."""
+        return self.take(self.solo.alone())
 
     def take(self, whole: HarnessShape) -> list[CableShape]:
         """The segments' shapes of a harness's."""
@@ -193,12 +142,12 @@ class HarnessStrands:
         return list(whole.segments.values())
 
     def accept(self, shapes: Sequence[CableShape]) -> None:
-        """See `Strands`."""
+        """See `Part`."""
         self._accepted = [self._whole(shapes)]
 
-    def _whole(self, shapes: Sequence[CableShape] | Mapping[int, CableShape]) -> HarnessShape:
+    def _whole(self, shapes: Sequence[CableShape]) -> HarnessShape:
         """The harness's shape of which these are segments, whatever they are graded."""
-        every, name = [*self._accepted, *self._latest], self.names[0]
+        every, name = [*self._accepted, *self._latest], self._segments[0]
         return next(one for one in reversed(every) if one.segments[name].buffer is shapes[0].buffer)
 
     def as_one(self, shapes: Sequence[CableShape]) -> HarnessShape:
@@ -212,25 +161,22 @@ class HarnessStrands:
         other.solve_time, other.iterations = first.solve_time, first.iterations
         return other
 
-    def go_on_from(self, strands: Collection[int], shapes: Sequence[CableShape], frames: Array) -> None:
-        """See `Strands`."""
-        if strands:
-            given = self.given()
-            self.hold(frames)
-            self.solo.go_on_from(self.as_one(shapes))
-            self.give_back(given)
+    def go_on_from(self, shapes: Sequence[CableShape], frames: Array, links: Array) -> None:
+        """See `Part`."""
+        given = self.given()
+        _, known = given
+        there = dict(zip(self.problem.carried, map(Pose.trusted, links), strict=False))
+        self.hold(frames, None if known is None else {**known, **there})
+        self.solo.go_on_from(self.as_one(shapes))
+        self.give_back(given)
 
-    def comes_free(self, strands: Collection[int], shapes: Sequence[CableShape], frames: Array) -> bool:
-        """See `Strands`."""
-        if not strands:
-            return True
-        self.go_on_from(strands, shapes, frames)
-        alone = self.take(self.solo.alone())
-        return all(same_shape(one, shape) for one, shape in zip(alone, shapes, strict=True))
+    def twin(self) -> OneHarness:
+        """See `Part`."""
+        return self.of(self.solo.twin())
 
-    def of(self, solo: HarnessSolo) -> HarnessStrands:
-        """The same of what solves for a harness almost alike, which goes on from the last shape."""
-        other = HarnessStrands(solo)
+    def of(self, solo: Any) -> OneHarness:
+        """See `Part`."""
+        other = OneHarness(solo, self._name)
         other._accepted, other._latest = list(self._accepted), list(self._latest)
         return other
 
