@@ -22,10 +22,11 @@ from cable_shape.cycle.harness_cycle import HarnessCycle, HarnessCycles, beside_
 from cable_shape.cycle.seen import AsSeen
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import Ends, FreeEnd, Pose
-from cable_shape.prediction.cables_predictor import accelerate, check_ends, check_models, joined, told_of
+from cable_shape.prediction.cables_predictor import accelerate, check_ends, check_models
 from cable_shape.prediction.edits import EDITS, Edit, EditResult
 from cable_shape.prediction.harness_predictor import HarnessPredictor
 from cable_shape.prediction.layout import Layout
+from cable_shape.prediction.together import joined, told_of
 from cable_shape.safety.near import CableNear
 from cable_shape.safety.report import CycleReport
 from cable_shape.scene.plug import Plug
@@ -166,8 +167,8 @@ class Cycle:
         self._crossing: tuple[tuple[str, ...], Crossing] | None = None
         self._look_about()
         if self._solves_crossing:
-            solos = {name: self._cables[name].predictor.solo for name in self._beside if name in self._cables}
-            check_models(solos, self.scene)
+            together: dict[str, Part] = {**self._cables, **self._harnesses}
+            check_models({name: together[name].predictor.solo for name in self._beside}, self.scene)
         self.last_stamp: int | None = None
 
     @property

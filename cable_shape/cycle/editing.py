@@ -20,12 +20,12 @@ from cable_shape.cycle.harness_cycle import Found as FoundHarness
 from cable_shape.cycle.harness_cycle import HarnessCycle, HarnessCycles
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import Ends, FreeEnd, Grip, Pose
-from cable_shape.prediction.cables_predictor import joined, told_of
 from cable_shape.prediction.carried import carried, place_of, stretched
 from cable_shape.prediction.changes import Change, change_of, on_the_way
 from cable_shape.prediction.edits import Edit
 from cable_shape.prediction.layout import Laid, Layout, cable_id
 from cable_shape.prediction.solvers import Memory
+from cable_shape.prediction.together import joined, told_of
 from cable_shape.safety.report import Clearance
 from cable_shape.scene.scene import Clip
 from cable_shape.shape import CableShape, Status

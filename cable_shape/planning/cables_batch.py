@@ -25,7 +25,7 @@ from cable_shape.planning.harness_batch import MOST_NUMBERS, normalise, pose_tab
 from cable_shape.planning.row_judge import RowJudge
 from cable_shape.planning.shape_batch import Several, ShapeBatch
 from cable_shape.pose import GRIP_KINDS, Ends, FreeEnd, Grip, Pose
-from cable_shape.prediction.cables_predictor import CablesPredictor, of_all
+from cable_shape.prediction.cables_predictor import CablesPredictor, named_cables, of_all
 from cable_shape.safety.near import CableNear
 from cable_shape.scene.scene import Clip, Scene
 from cable_shape.shape import NUMBERS_PER_POINT, CableShape, Status
@@ -95,7 +95,7 @@ def predict_cables(
     deadline = math.inf
     if time_limit is not None:
         deadline = began + checks.number("time_limit", time_limit, above=0.0, unit="s")
-    predictor = CablesPredictor(cables, scene=scene, clips=clips, friction=False, **options)
+    predictor = CablesPredictor(named_cables(cables), scene=scene, clips=clips, friction=False, **options)
     given = _Given(predictor, ends, kinds)
     moves = checks.mapping("acceleration", acceleration, predictor.predictors, "Write {name of the cable: ..}.")
     work = _Work(predictor, given, moves, _known(uncertainty, predictor), deadline)

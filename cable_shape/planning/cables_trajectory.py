@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, NamedTuple, final
 
 import numpy as np
 
 from cable_shape import checks
-from cable_shape.cable.harness import SIDES, split_end
+from cable_shape.cable.cable import Cable
+from cable_shape.cable.harness import SIDES, Harness, split_end
 from cable_shape.checks import Array
+from cable_shape.cycle.harness_cycle import beside_each_other
+from cable_shape.cycle.harness_stability import HarnessStability
 from cable_shape.errors import ArgumentError, UnknownKeyError
 from cable_shape.kernels.safety import advance
-from cable_shape.planning.harness_trajectory import GRIPPERS, motion_of
+from cable_shape.planning.harness_trajectory import GRIPPERS, accelerate_segment, motion_of
 from cable_shape.planning.paths import EndsPath, GripPath, JointPath, Motion
 from cable_shape.planning.trajectory_report import Reason, TrajectoryCheck, Violation
 from cable_shape.planning.trajectory_walk import (
@@ -26,16 +30,24 @@ from cable_shape.planning.trajectory_walk import (
     jumped,
 )
 from cable_shape.pose import FreeEnd, Grip, Pose, as_grip
-from cable_shape.prediction.cables_predictor import CablesPredictor, named_cables, of_all
+from cable_shape.prediction.cables_predictor import CablesPredictor, named_parts, of_all
+from cable_shape.prediction.harness_predictor import HarnessPredictor
+from cable_shape.prediction.layout import cable_id
+from cable_shape.prediction.predictor import Predictor
+from cable_shape.prediction.together import names_of
 from cable_shape.robots.on_links import check_links
 from cable_shape.robots.robot import Robot
 from cable_shape.safety.near import CableNear
 from cable_shape.safety.report import Clearance
 from cable_shape.safety.warnings import metres
 from cable_shape.scene.scene import Scene
-from cable_shape.shape import Status
+from cable_shape.shape import CableShape, Status
+from cable_shape.solve.harness_shape import HarnessShape
 
-_WRITE = "Write {name of the cable: (starts, ends)} of every cable, tables (k, 7); ends may be a FreeEnd or None."
+_WRITE = (
+    "Write {name of the cable: (starts, ends)} of every cable, tables (k, 7); ends may be a FreeEnd or None. Of a "
+    "harness {end: table}."
+)
 _HELD = "Write ends={'a.start': 'left', 'a.end': 'right', 'b.start': Pose(...), 'b.end': FreeEnd()}."
 
 End = Pose | Grip | FreeEnd
@@ -55,10 +67,11 @@ def check_cables(
     **options: Any,
 ) -> TrajectoryCheck:
     """What :func:`cable_shape.check_trajectory` says; options: keywords of a CablesPredictor."""
-    longest = max(cable.length for cable in named_cables(cables).values())
+    named = named_parts(cables)
+    longest = max(one.longest if isinstance(one, Harness) else one.length for one in named.values())
     allowed = 1e-4 * longest if tolerance is None else tolerance
     predictor = CablesPredictor(
-        cables, model="cosserat", scene=scene, tolerance=allowed, **bodies_of(robot), **options
+        named, model="cosserat", scene=scene, tolerance=allowed, **bodies_of(robot), **options
     )  # fmt: skip
     if isinstance(trajectory, GripPath):
         raise ArgumentError.of("trajectory", trajectory, "there are several cables", _WRITE)
@@ -71,33 +84,53 @@ def check_cables(
     else:
         path = path if isinstance(path, JointPath) else JointPath.from_message(path)
         held, still = _held(ends)
+    known = [end for name, cable in named.items() for end in _ends_of(name, cable)]
     for end in (*held, *still):
-        if end not in {f"{name}.{side}" for name in predictor.predictors for side in SIDES}:
-            raise UnknownKeyError.among(
-                "ends", end, [f"{name}.{side}" for name in predictor.predictors for side in SIDES]
-            )
-    for name in predictor.predictors:
+        if end not in known:
+            raise UnknownKeyError.among("ends", end, known)
+    for name, cable in named.items():
+        if isinstance(cable, Harness):
+            continue  # its predictor refuses what nothing holds
         if f"{name}.start" not in held and not isinstance(still.get(f"{name}.start"), (Pose, Grip)):
             raise ArgumentError.of("ends", sorted((*held, *still)), f"nothing holds the start of cable {name!r}", _HELD)
     motion = Motion(path, robot)
     for own in predictor.scenes.values():
         check_links(motion.robot, own)
     moves = checks.mapping("acceleration", acceleration, predictor.predictors, "Write {name of the cable: (k, 3)}.")
-    moving = {}
-    for name, table in moves.items():
-        try:
-            moving[name] = accelerations_of(table, motion.waypoints, predictor.predictors[name].accelerate)
-        except ArgumentError as error:
-            raise ArgumentError(f"acceleration[{name!r}]: {error}") from None
+    moving = {name: _accelerations(name, table, motion, predictor.predictors[name]) for name, table in moves.items()}
     walk = _Walk(predictor, scene or Scene(), motion, held, still, moving, deadline, proceed)
     walk.run()
     return walk.found
+
+
+def _ends_of(name: str, cable: Cable | Harness) -> list[str]:
+    """What the ends of a cable, or of a harness, are called among others."""
+    if isinstance(cable, Harness):
+        return [f"{name}/{end}" for end in cable.open_ends]
+    return [f"{name}.{side}" for side in SIDES]
+
+
+def _accelerations(name: str, told: Any, motion: Motion, predictor: Predictor | HarnessPredictor) -> Any:
+    """Of a cable at the waypoints, or of segments of a harness by their names."""
+    try:
+        if isinstance(predictor, Predictor):
+            return accelerations_of(told, motion.waypoints, predictor.accelerate)
+        tables = checks.mapping("segments", told, predictor.harness.segments, "Write {segment: (k, 3)}.")
+        return {
+            one: accelerations_of(table, motion.waypoints, partial(accelerate_segment, predictor, one))
+            for one, table in tables.items()
+        }
+    except ArgumentError as error:
+        raise ArgumentError(f"acceleration[{name!r}]: {error}") from None
 
 
 def _path(tables: Mapping[str, Any], among: CablesPredictor) -> EndsPath:
     """The waypoints of all ends, by "cable.start" and "cable.end"."""
     told = {}
     for name, both in of_all("trajectory", tables, among.predictors, _WRITE).items():
+        if isinstance(both, Mapping):
+            told.update({f"{name}/{end}": table for end, table in both.items()})
+            continue
         if not isinstance(both, (tuple, list)) or len(both) != 2:
             raise ArgumentError.of(f"trajectory[{name!r}]", both, "it must be (starts, ends)", _WRITE)
         told.update({f"{name}.{side}": table for side, table in zip(SIDES, both, strict=True)})
@@ -118,14 +151,14 @@ def _held(ends: Mapping[str, Any] | None) -> tuple[tuple[str, ...], dict[str, En
 
 
 class _Sample(NamedTuple):
-    """One place that was solved for; all but the place and what is wrong there by cable."""
+    """One place that was solved for."""
 
     place: float
-    looks: dict[str, Look]
+    looks: dict[str, Look]  # here and below by strand: cables, and segments of harnesses, "h/a"
     clearance: dict[str, Clearance]  # the other cables in it
-    ends: dict[str, Array]  # (g, 7), of both ends, and of clips on links
+    ends: Array  # (g, 7), of what holds them, cable by cable, and clips on links
     links: dict[str, Array]  # (l, 7)
-    sensitivity: dict[str, Array]  # (n, 3, 6 g), by these of all cables
+    sensitivity: dict[str, Array]  # (n, 3, 6 g), by these
     violation: Violation | None
 
 
@@ -142,20 +175,27 @@ class _Walk(Walk[_Sample]):
         motion: Motion,
         held: tuple[str, ...],
         still: Mapping[str, End],
-        moving: Mapping[str, Array],
+        moving: Mapping[str, Any],
         deadline: float,
         proceed: Callable[[TrajectoryCheck], bool] | None,
     ) -> None:
         super().__init__(motion, deadline, proceed)
         self.predictor, self.held, self.still, self.moving = predictor, held, still, moving
-        cables = {name: one.cable for name, one in predictor.predictors.items()}
         gripped = {split_end(end)[0] for end in held}
-        self.judges = {
-            name: Judge(cable, predictor.scenes[name], motion.robot, name, name in gripped)
-            for name, cable in cables.items()
-        }
+        self.judges: dict[str, Judge] = {}
+        self.stabilities: dict[str, HarnessStability] = {}
+        cables: dict[str, Cable] = {}
+        meeting: set[frozenset[str]] = set()
+        for name, one in predictor.predictors.items():
+            own = one.harness.segments.values() if isinstance(one, HarnessPredictor) else [one.cable]
+            for strand, cable in zip(names_of(name, one), own, strict=True):
+                cables[strand] = cable
+                self.judges[strand] = Judge(cable, predictor.scenes[name], motion.robot, strand, strand in gripped)
+            if isinstance(one, HarnessPredictor):
+                self.stabilities[name] = HarnessStability(one, 0.0)
+                meeting |= beside_each_other(name, one.harness)
         links = () if motion.robot is None or scene.contact == "off" else motion.robot.link_geometry
-        self.near = None if scene.contact == "off" else CableNear(cables, scene, links)
+        self.near = None if scene.contact == "off" else CableNear(cables, scene, links, joined=meeting)
         self.limit = -math.inf if predictor.solves_crossing else scene.error_distance
 
     def tell(self, samples: list[_Sample]) -> None:
@@ -184,33 +224,42 @@ class _Walk(Walk[_Sample]):
         """The shapes there and all that is told of them."""
         grips, links = self.motion.at(place)
         ends = {**self.still, **dict(zip(self.held, grips, strict=True))}
-        both: dict[str, Any] = {name: (ends[f"{name}.start"], ends.get(f"{name}.end")) for name in self.judges}
-        moves = {name: self.motion.between(table, place) for name, table in self.moving.items()}
-        shapes = self.predictor.predict(both, links, acceleration=moves)
+        given = {name: _given(name, one, ends) for name, one in self.predictor.predictors.items()}
+        moves = {name: self._between(table, place) for name, table in self.moving.items()}
+        whole = self.predictor.predict(given, links, acceleration=moves)
+        shapes = {strand: one for name, shape in whole.items() for strand, one in _strands(name, shape).items()}
         clearance = {name: judge.checker.check(shapes[name], links) for name, judge in self.judges.items()}
         if self.near is not None:
             clearance = self.near.added(shapes, clearance)
         looks = {}
         for name, judge in self.judges.items():
-            free = both[name][1] is None or isinstance(both[name][1], FreeEnd)
-            state = self.predictor.state_of(name)
+            single = name in whole
+            free = not single or given[name][1] is None or isinstance(given[name][1], FreeEnd)
+            state = self.predictor.state_of(name) if single else None
             looks[name] = judge.look(shapes[name], links, state, not free, clearance[name])
+        for name, stability in self.stabilities.items():
+            stability.judge(whole[name], 0)
+            if stability.margin is not None:
+                softest = cable_id(name, stability.segment)
+                looks[softest] = looks[softest].with_stability(stability.margin)
         self.found.solved += 1
         good = all(shape.status and shape.status is not Status.UNSTABLE for shape in shapes.values())
         found = _Sample(
             place,
             looks,
             clearance,
-            {name: self._held(name, both[name]) for name in self.judges},
+            np.concatenate([_frames(one, given[name]) for name, one in self.predictor.predictors.items()]),
             {name: judge.frames(links) for name, judge in self.judges.items()},
             self.predictor.sensitivity(by_clips=True) if good else {},
             None,
         )
         return found._replace(violation=self._wrong(found))
 
-    def _held(self, name: str, ends: tuple[Pose | Grip, End | None]) -> Array:
-        """(g, 7), where a cable's ends are, and its clips on links."""
-        return np.concatenate((_frames(*ends), self.predictor.predictors[name].problem.moving_clips[1]))
+    def _between(self, tables: Any, place: float) -> Any:
+        """The accelerations of a cable there, or of segments."""
+        if isinstance(tables, Mapping):
+            return {one: self.motion.between(table, place) for one, table in tables.items()}
+        return self.motion.between(tables, place)
 
     def _wrong(self, sample: _Sample) -> Violation | None:
         """What is wrong at a place; the gravest first."""
@@ -233,9 +282,8 @@ class _Walk(Walk[_Sample]):
     def sure(self, a: _Sample, b: _Sample) -> bool:
         """See the base."""
         turned, reach = self.motion.turned(a.place, b.place), self.motion.reach
-        first, last = (np.concatenate(list(sample.ends.values())) for sample in (a, b))
-        way = np.empty(6 * len(first))
-        for i, (one, other) in enumerate(zip(first, last, strict=True)):
+        way = np.empty(6 * len(a.ends))
+        for i, (one, other) in enumerate(zip(a.ends, b.ends, strict=True)):
             advance.twist(one, other, way[6 * i : 6 * i + 6])
         moved = {}
         for name, judge in self.judges.items():
@@ -263,9 +311,27 @@ class _Walk(Walk[_Sample]):
         return True
 
 
-def _frames(start: Pose | Grip, end: End | None) -> Array:
-    """(2, 7), of the cable at both ends; a free one is told as the start."""
+def _given(name: str, predictor: Predictor | HarnessPredictor, ends: Mapping[str, End]) -> Any:
+    """What holds a cable, or a harness, as its predictor takes it."""
+    if isinstance(predictor, HarnessPredictor):
+        return {end: ends[f"{name}/{end}"] for end in predictor.harness.open_ends if f"{name}/{end}" in ends}
+    return ends[f"{name}.start"], ends.get(f"{name}.end")
+
+
+def _strands(name: str, shape: CableShape | HarnessShape) -> dict[str, CableShape]:
+    """The shape of a cable, or those of segments, by what they are called."""
+    if isinstance(shape, HarnessShape):
+        return {cable_id(name, segment): one for segment, one in shape.segments.items()}
+    return {name: shape}
+
+
+def _frames(predictor: Predictor | HarnessPredictor, given: Any) -> Array:
+    """(g, 7), where what holds it is, and clips on links; a cable's free end is told as its start."""
+    if isinstance(predictor, HarnessPredictor):
+        problem = predictor.problem
+        held = [end.cable_frame.array for end in problem.ends.values() if isinstance(end, Grip)]
+        return np.array([*held, *problem.clip_frames[problem.moving_clips]])
+    start, end = given
     first = as_grip("start", start).cable_frame.array
-    return np.array(
-        (first, first if end is None or isinstance(end, FreeEnd) else as_grip("end", end).cable_frame.array)
-    )
+    last = first if end is None or isinstance(end, FreeEnd) else as_grip("end", end).cable_frame.array
+    return np.array((first, last, *predictor.problem.moving_clips[1]))

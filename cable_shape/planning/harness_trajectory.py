@@ -61,7 +61,7 @@ def check_harness(
     moves = checks.mapping("acceleration", acceleration, harness.segments, "Write {segment: (k, 3)}.")
     for name, table in moves.items():
         try:
-            own = partial(_accelerate, predictor, name)
+            own = partial(accelerate_segment, predictor, name)
             walk.accelerations[name] = accelerations_of(table, motion.waypoints, own)
         except ArgumentError as error:
             raise ArgumentError(f"segment {name!r}: {error}") from None
@@ -85,7 +85,7 @@ def path_of(
     return path if isinstance(path, JointPath) else JointPath.from_message(path), *_held(ends)
 
 
-def _accelerate(predictor: HarnessPredictor, name: str, acceleration: Array) -> None:
+def accelerate_segment(predictor: HarnessPredictor, name: str, acceleration: Array) -> None:
     """Refuses what a segment cannot be accelerated by."""
     predictor.problem.moving({name: acceleration})
 

@@ -57,7 +57,7 @@ _SHORT = 2e-3
 
 
 def check_trajectory(
-    cable: Cable | Harness | Mapping[str, Cable],
+    cable: Cable | Harness | Mapping[str, Cable | Harness],
     scene: Scene | None,
     robot: Robot | None,
     trajectory: Path | EndsPath | Mapping[str, Any] | Sequence[Any] | object,
@@ -82,9 +82,9 @@ def check_trajectory(
 
     Parameters
     ----------
-    cable : Cable, Harness or mapping of name to Cable
-        With ``contact="solve"`` several cables are kept out of each other and of themselves; else they are not to come
-        nearer to each other than the scene's `error_distance`.
+    cable : Cable, Harness or mapping of name to Cable or Harness
+        With ``contact="solve"`` several are kept out of each other and of themselves; else they are not to come nearer
+        to each other than the scene's `error_distance`.
     robot : Robot, optional
         Needed for paths of joints. Its links are bodies around the cable.
     trajectory : JointPath, GripPath or trajectory_msgs/JointTrajectory, or a list of these with edits between them
@@ -92,8 +92,8 @@ def check_trajectory(
         at its own first waypoint, after `Regrip` where the gripper holds the cable then. Waypoints are counted through
         all paths; one that cannot be made is the violation of the waypoint before it, and ends the check. Of one cable.
         Of a harness an EndsPath, or the mapping that makes one, in place of a GripPath. Of several cables a mapping of
-        name to (starts, ends), tables (k, 7), ends may be a FreeEnd or None; or an EndsPath by "name.start" and
-        "name.end".
+        name to (starts, ends), tables (k, 7), ends may be a FreeEnd or None, of a harness to a mapping of ends; or an
+        EndsPath by "name.start" and "name.end", of a harness "name/a.start".
     tolerance : float, optional
         [m], of the shapes. Default: 1e-4 of the length.
     distributed_load : (2, 3) array_like, optional

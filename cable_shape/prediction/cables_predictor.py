@@ -11,68 +11,27 @@ from numpy.typing import ArrayLike
 
 from cable_shape import checks
 from cable_shape.cable.cable import Cable
+from cable_shape.cable.harness import Harness
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import Ends, FreeEnd, Grip, Pose
 from cable_shape.prediction.harness_predictor import HarnessPredictor
 from cable_shape.prediction.predictor import Predictor
+from cable_shape.prediction.together import join, joined, moved_with, names_of, rows_of, strands_of, told_of
 from cable_shape.scene.scene import Clip, Scene
 from cable_shape.shape import CableShape
 from cable_shape.solve.answers import ENDS, Solved, sensitivity
 from cable_shape.solve.touching.crossing import Crossing
-from cable_shape.solve.touching.one_cable import OneCable
-from cable_shape.solve.touching.one_harness import OneHarness
-from cable_shape.solve.touching.strands import Strands
 from cable_shape.solve.touching.told import ITSELF
 
 _REMEDY = "Write {name of the cable: ..}."
 _HELD, _ENDS = (Pose, Grip), (Pose, Grip, FreeEnd)
 
 
-def joined(predictors: Mapping[str, Predictor | HarnessPredictor]) -> Crossing:
-    """What keeps cables and harnesses out of each other and of themselves; it is left to that from now on."""
-    strands = strands_of(predictors)
-    crossing = Crossing(strands, next(iter(predictors.values())).time_budget)
-    _join(crossing, predictors)
-    return crossing
-
-
-def strands_of(predictors: Mapping[str, Predictor | HarnessPredictor]) -> Strands:
-    """Cables and segments of harnesses, of which each is solved for by its predictor."""
-    return Strands(
-        [
-            OneHarness(solo, name) if isinstance(solo, HarnessPredictor) else OneCable(name, solo)
-            for name, solo in predictors.items()
-        ]
-    )
-
-
-def told_of(predictors: Mapping[str, Any], shapes: Sequence[CableShape]) -> dict[str, Any]:
-    """Shapes that a crossing of these has found, strand by strand, as each of them tells its own."""
-    out, first = {}, 0
-    for name, predictor in predictors.items():
-        if isinstance(predictor, HarnessPredictor):
-            count = len(predictor.harness.segments)
-            out[name] = predictor.told(shapes[first : first + count])
-            first += count
-        else:
-            out[name] = predictor.told(shapes[first])
-            first += 1
-    return out
-
-
-def _join(crossing: Crossing, predictors: Mapping[str, Predictor | HarnessPredictor]) -> None:
-    """Has predictors leave what touches what to a crossing of all of them."""
-    first = 0
-    for predictor, part in zip(predictors.values(), crossing.strands.parts, strict=True):
-        predictor.join(crossing, first)
-        first += len(part.cables)
-
-
-def check_models(predictors: Mapping[str, Predictor], scene: Scene) -> None:
+def check_models(predictors: Mapping[str, Predictor | HarnessPredictor], scene: Scene) -> None:
     """Only the rod rests on other cables."""
     for name, predictor in predictors.items():
-        if not predictor.is_rod:
+        if isinstance(predictor, Predictor) and not predictor.is_rod:
             raise ArgumentError.of(
                 "scene.contact", scene.contact, f"the model of cable {name!r} knows no contact with other cables",
                 "Write contact='warn', or choose model='cosserat' and a bending stiffness above 0 N m^2.",
@@ -109,14 +68,20 @@ def lies_on_itself(shape: CableShape) -> bool:
 
 def named_cables(cables: object) -> dict[str, Cable]:
     """Cables by their names, one at least."""
+    found: dict[str, Any] = named_parts(cables, (Cable,))
+    return found
+
+
+def named_parts(cables: object, kinds: tuple[type, ...] = (Cable, Harness)) -> dict[str, Cable | Harness]:
+    """Cables and harnesses by their names, one at least."""
     checks.instance("cables", cables, (Mapping,), "Write {name: Cable(...)}.")
     assert isinstance(cables, Mapping)
     if not cables:
         raise ArgumentError("cables = {} is not allowed: there must be at least one. Give a Cable.")
     for name, cable in cables.items():
         checks.word("cables", name)
-        remedy = "Write Cable(length=..., ...); a harness is among cables in a Cycle alone: ask for it by itself."
-        checks.instance(f"cables[{name!r}]", cable, (Cable,), remedy)
+        remedy = "Write Cable(length=..., ...); harnesses are among cables in Cycle and check_trajectory alone."
+        checks.instance(f"cables[{name!r}]", cable, kinds, remedy)
     return dict(cables)
 
 
@@ -138,23 +103,25 @@ class CablesPredictor:
     With ``contact="solve"`` they are kept out of each other and of themselves; otherwise each is by itself. Parameters
     are those of :class:`cable_shape.Predictor` but for these:
 
-    cables : mapping of name to Cable
+    cables : mapping of name to Cable or Harness
+        Of a harness ends, accelerations and shapes are as of a :class:`HarnessPredictor`; `onto`, `begin`, `wound` and
+        `overlapping` are of cables alone.
     clips : mapping of cable name to sequence of Clip, optional
         What holds that cable, in place of the scene's `clips`, which hold every cable.
     distributed_load : (2, 3) array_like or mapping of cable name to (2, 3) array_like, optional
-        [N/m], one for all cables, or each its own.
+        [N/m], one for all cables, or each its own; of a harness by segment.
     """
 
     def __init__(
         self,
-        cables: Mapping[str, Cable],
+        cables: Mapping[str, Cable | Harness],
         *,
         scene: Scene | None = None,
         clips: Mapping[str, Sequence[Clip]] | None = None,
         distributed_load: ArrayLike | Mapping[str, ArrayLike] | None = None,
         **options: Any,
     ) -> None:
-        named = named_cables(cables)
+        named = named_parts(cables)
         if scene is not None:
             checks.instance("scene", scene, (Scene,), "Write Scene(obstacles=[...]), or Scene.from_yaml(path).")
         own_clips = checks.mapping("clips", clips, named, _REMEDY)
@@ -166,22 +133,24 @@ class CablesPredictor:
         self.scenes: dict[str, Scene] = {}
         #: Keywords of each cable's own Predictor but for model and tolerance.
         self.options: dict[str, dict[str, Any]] = {}
-        predictors: dict[str, Predictor] = {}
+        predictors: dict[str, Any] = {}
         model, tolerance = options.pop("model", "auto"), options.pop("tolerance", None)
         for name, cable in named.items():
             own = dataclasses.replace(self.scene, clips=own_clips[name]) if name in own_clips else self.scene
             self.scenes[name] = own
             self.options[name] = {**options, "scene": own, "distributed_load": loads.get(name)}
             try:
-                predictors[name] = Predictor(cable, model=model, tolerance=tolerance, **self.options[name])
+                made: Any = HarnessPredictor if isinstance(cable, Harness) else Predictor
+                predictors[name] = made(cable, model=model, tolerance=tolerance, **self.options[name])
             except ArgumentError as error:
                 raise type(error)(f"cable {name!r}: {error}") from None
         self._moving: dict[str, Any] = {}  # accelerations of the last shapes
         self._take(predictors)
 
-    def _take(self, predictors: dict[str, Predictor], crossing: Crossing | None = None) -> None:
+    def _take(self, predictors: dict[str, Any], crossing: Crossing | None = None) -> None:
         """Makes these the cables' own predictors."""
         self.predictors = predictors
+        self._rows = rows_of(predictors)
         if all(predictor.problem.solves_crossing for predictor in predictors.values()):
             check_models(predictors, self.scene)
             if crossing is None:
@@ -197,7 +166,7 @@ class CablesPredictor:
     def touching(self) -> frozenset[str]:
         """The cables that the last shapes have been solved for together, for they touch each other or themselves."""
         held = frozenset() if self._crossing is None else self._crossing.touching
-        return frozenset(name for i, name in enumerate(self.predictors) if i in held)
+        return frozenset(name for name, own in self._rows.items() if own[0] in held)
 
     def predict(
         self,
@@ -205,15 +174,18 @@ class CablesPredictor:
         links: Mapping[str, Pose] | None = None,
         *,
         acceleration: Mapping[str, ArrayLike] | None = None,
-    ) -> dict[str, CableShape]:
+    ) -> dict[str, Any]:
         """The shapes between these ends, of all the cables; never raises for a physical reason: look at `status`.
 
         grips, links, acceleration: as of :meth:`cable_shape.Cycle.step`.
         """
         self._move(grips, links, acceleration)
         if self._crossing is None:
-            return {name: predictor.alone() for name, predictor in self.predictors.items()}
-        return dict(zip(self.predictors, self._crossing.solve(), strict=True))
+            return {
+                name: one.solve() if isinstance(one, HarnessPredictor) else one.alone()
+                for name, one in self.predictors.items()
+            }
+        return told_of(self.predictors, self._crossing.solve())
 
     def overlapping(self, shapes: Mapping[str, CableShape]) -> bool:
         """Whether these shapes overlap each other or themselves; never, where cables are not kept out of each other."""
@@ -250,6 +222,9 @@ class CablesPredictor:
         ends = of_all("grips", grips, self.predictors, "Write {name of the cable: (start, end)} of every cable.")
         self._moving = checks.mapping("acceleration", acceleration, self.predictors, _REMEDY)
         for name, predictor in self.predictors.items():
+            if isinstance(predictor, HarnessPredictor):
+                predictor.move(ends[name], links, self._moving.get(name))
+                continue
             check_ends(name, ends[name])
             accelerate(name, predictor, self._moving.get(name))
             start, end = ends[name]
@@ -271,7 +246,7 @@ class CablesPredictor:
         crossing = None
         if self._crossing is not None:
             crossing = self._crossing.among(strands_of(predictors))
-            _join(crossing, predictors)
+            join(crossing, predictors)
         other._take(predictors, crossing)
         return other
 
@@ -284,26 +259,34 @@ class CablesPredictor:
 
     def state_of(self, name: str, told: str | None = None) -> Solved | None:
         """What has solved for a cable; told: the one whose answers to that cable are asked for, None if it has none."""
-        names = list(self.predictors)
         if told is not None and told != name:
-            return None if self._crossing is None else self._crossing.state_of(names.index(name), names.index(told))
-        return self.predictors[name].rod_state
+            rows = self._rows[name][0], self._rows[told][0]
+            return None if self._crossing is None else self._crossing.state_of(*rows)
+        state: Solved | None = self.predictors[name].rod_state
+        return state
 
     def sensitivity(self, *, by_clips: bool = False) -> dict[str, Array]:
         """{cable: (n, 3, 12 k)}: how the centrelines move with the ends of all k cables, in their order, start and end.
 
         Six columns an end, world axes, as of :meth:`cable_shape.Predictor.sensitivity`. by_clips: after those of a
-        cable's ends come those of its clips on robot links.
+        cable's ends come those of its clips on robot links. Of a harness it is {"harness/segment": ..}, and its columns
+        are those of its grips, see `HarnessPredictor.sensitivity`.
         """
         out = {}
         for told, predictor in self.predictors.items():
-            parts = []
-            for name, other in self.predictors.items():
-                state = self.state_of(name, told)
-                by = (*ENDS, *(other.problem.moving_clips[0] if by_clips else ()))
-                if state is None:
-                    parts.append(np.zeros((predictor.problem.points, 3, 6 * len(by))))
-                else:
-                    parts.append(sensitivity(state, by))
-            out[told] = np.concatenate(parts, axis=2)
+            blocks = [self._moved(told, name, by_clips=by_clips) for name in self.predictors]
+            columns, points = np.concatenate(blocks, axis=2), predictor.problem.points
+            for i, strand in enumerate(names_of(told, predictor)):
+                out[strand] = columns[i * points : (i + 1) * points]
         return out
+
+    def _moved(self, told: str, name: str, *, by_clips: bool) -> Array:
+        """(s n, 3, 6 m): how one moves with what holds another, or with what holds it."""
+        predictor, other = self.predictors[told], self.predictors[name]
+        if told == name and isinstance(predictor, HarnessPredictor):
+            return np.concatenate(list(predictor.sensitivity(by_clips=by_clips).values()))
+        if isinstance(predictor, HarnessPredictor) or isinstance(other, HarnessPredictor):
+            return moved_with(self._crossing, self._rows[told], other, self._rows[name][0], by_clips=by_clips)
+        state = self.state_of(name, told)
+        by = (*ENDS, *(other.problem.moving_clips[0] if by_clips else ()))
+        return np.zeros((predictor.problem.points, 3, 6 * len(by))) if state is None else sensitivity(state, by)

@@ -189,7 +189,7 @@ PATH = lowered(0.1, 0.05, 3)
         ({"acceleration": {"over": np.zeros((2, 3))}}, r"acceleration\['over'\].*\(3, 3\)"),
         ({"acceleration": {"top": np.zeros((3, 3))}}, "top"),
         ({"clips": {"top": []}}, "top"),
-        ({"cable": {"under": CABLE, "h": cs.Harness({"a": CABLE})}}, r"cables\['h'\].*by itself"),
+        ({"cable": {"under": CABLE, "over": "rope"}}, r"cables\['over'\].*Cable"),
         ({"cable": {}}, "at least one"),
     ],
 )

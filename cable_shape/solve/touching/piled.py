@@ -95,6 +95,23 @@ class Piled:
         both = {cable, cable if told is None else told}
         return self._group.member(cable, told) if both <= self.touching and self._group is not None else None
 
+    def columns(
+        self, strands: range, ends: Sequence[tuple[int, str]], clips: Sequence[tuple[int, int]]
+    ) -> Array | None:
+        """(s n, 3, 6 m): how these strands of a part move with ends of one, by strand and side, then with clips of it.
+
+        Clips are told by strand and place along it. None: they have not been solved for together.
+        """
+        others = {strand for strand, _ in (*ends, *clips)}
+        if self._group is None or not others.union(strands) <= self.touching:
+            return None
+        state, key = self._group.state, self.strands.key
+        numbers = [state.problem.clips[key(strand)][k] for strand, k in clips]
+        moved = state.sensitivities([f"{key(strand)}.{side}" for strand, side in ends], numbers)
+        points = state.problem.points
+        first = points * self._group.cables.index(strands[0])
+        return moved[first : first + points * len(strands)]
+
     @property
     def state(self) -> HarnessTouchState | None:
         """The memory of those that touch; None if none do."""
