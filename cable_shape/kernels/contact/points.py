@@ -10,11 +10,12 @@ from cable_shape.kernels.contact.near import NONE
 from cable_shape.kernels.contact.tables import Bodies
 from cable_shape.kernels.distance.surface import touch
 from cable_shape.kernels.network.compiled import inline, part, viewing
-from cable_shape.kernels.network.momentum import Momentum
+from cable_shape.kernels.network.momentum import Momentum, of_mass
 from cable_shape.kernels.network.motion import N_PROPS, PROP, PROPS, Motion
 from cable_shape.kernels.network.props import (
     DRY,
     ELEMENT,
+    GAVE,
     GRIP,
     HOLDER,
     LEVEL,
@@ -24,6 +25,7 @@ from cable_shape.kernels.network.props import (
     STUCK,
     WEIGHTS,
     place_of,
+    sticks,
     weigh,
 )
 from cable_shape.kernels.network.tables import Floats, Model, Plan
@@ -67,13 +69,15 @@ def find_points(
 ) -> None:  # fmt: skip
     """Fills the points of elements that bodies within `reach` [m] of them may hold, no more than `room`.
 
-    Forces go on from before, and so does a point that a body presses, unless its nodes are nearer to that.
+    Forces go on from before, and so does a point that a body presses, unless its nodes are nearer to that. An end that
+    nothing holds is one: where it is its own rotation tells, too, and planes that know of its forces alone would let
+    Newton's method go to and fro.
     """
     had, was = int(motion.par[N_PROPS]), part(motion.aside, 0, (PROPS, PROP))
     for i in range(had):
         for c in range(PROP):
             was[i, c] = motion.props[i, c]
-    count = 0
+    motion.par[N_PROPS] = 0.0
     for e in range(plan.left.shape[0]):
         node, h = plan.left[e], model.h[e]
         fat, length = thick[node], whole[node]
@@ -89,42 +93,60 @@ def find_points(
             middle = gap_at(bodies, b, h, 0.5, p, q, tp, tq, fat)
             if middle - 0.6 * h > reach:
                 continue
-            ends = min(gap_at(bodies, b, h, 0.0, p, q, tp, tq, fat), gap_at(bodies, b, h, 1.0, p, q, tp, tq, fat))
+            first, last = gap_at(bodies, b, h, 0.0, p, q, tp, tq, fat), gap_at(bodies, b, h, 1.0, p, q, tp, tq, fat)
             x, gap = nearest(bodies, b, h, p, q, tp, tq, fat, middle)
-            pressed = False
-            for k in range(had):
-                pressed = pressed or (int(was[k, ELEMENT]) == e and int(was[k, HOLDER]) == b and was[k, PUSH] > 0.0)
-            if gap > reach or not gap < ends + (NEARER if pressed else -NEARER) * length:
-                continue
-            i = count
-            if count < room:
-                count += 1
-            elif room == 0:
-                continue
-            else:
-                i = 0
-                for k in range(1, room):
-                    i = k if motion.props[k, GAP] > motion.props[i, GAP] else i
-                if motion.props[i, GAP] <= gap:
+            k = before_at(was, had, e, b, False)
+            pressed = k >= 0 and was[k, PUSH] > 0.0
+            for tip in range(2):
+                if tip == 1:
+                    x, gap, k = 1.0, last, before_at(was, had, e, b, True)
+                wanted = gap < min(first, last) + (NEARER if pressed else -NEARER) * length
+                if gap > reach or not (wanted if tip == 0 else motion.loose[node + 1] != 0.0):
                     continue
-            props = motion.props
-            for c in range(PROP):
-                props[i, c] = 0.0
-            props[i, ELEMENT], props[i, HOLDER], props[i, SHARE], props[i, GAP] = e, b, x, gap
-            weigh(props, i, h)
-            at = on_curve(h, x, p, q, tp, tq)
-            d, n, _ = touch(
-                bodies.table[b], bodies.frames[b], bodies.triangles, bodies.tree, at, NONE, False, bodies.stack
-            )  # fmt: skip
-            put3(props, i, NORMAL, n)
-            props[i, LEVEL] = dot(n, at) - (d - fat)
-            props[i, GRIP] = max(rough[node], bodies.rough[b])
-            put3(props, i, STUCK, at)
-            for k in range(had):
-                if int(was[k, ELEMENT]) == e and int(was[k, HOLDER]) == b:
+                i = place_for(motion, room, gap)
+                if i < 0:
+                    continue
+                props = motion.props
+                for c in range(PROP):
+                    props[i, c] = 0.0
+                props[i, ELEMENT], props[i, HOLDER], props[i, SHARE], props[i, GAP] = e, b, x, gap
+                weigh(props, i, h)
+                at = on_curve(h, x, p, q, tp, tq)
+                d, n, _ = touch(
+                    bodies.table[b], bodies.frames[b], bodies.triangles, bodies.tree, at, NONE, False, bodies.stack
+                )  # fmt: skip
+                put3(props, i, NORMAL, n)
+                props[i, LEVEL] = dot(n, at) - (d - fat)
+                props[i, GRIP] = max(rough[node], bodies.rough[b])
+                put3(props, i, STUCK, at)
+                if k >= 0:
                     props[i, PUSH] = was[k, PUSH]
                     put3(props, i, DRY, along(n, take3(was, k, DRY)))
-    motion.par[N_PROPS] = count
+
+
+@inline
+def before_at(was: Floats, had: int, e: int, b: int, tip: bool) -> int:
+    """Which of the points before lay between element e and body b, at the element's end or not; -1: none."""
+    found = -1
+    for k in range(had):
+        if int(was[k, ELEMENT]) == e and int(was[k, HOLDER]) == b and (was[k, SHARE] == 1.0) == tip:
+            found = k
+    return found
+
+
+@inline
+def place_for(motion: Motion, room: int, gap: float) -> int:
+    """The row for a point at this gap [m]: the next one, or, if all are taken, that of the farthest; -1: none."""
+    count = int(motion.par[N_PROPS])
+    if count < room:
+        motion.par[N_PROPS] = count + 1.0
+        return count
+    if room == 0:
+        return -1
+    i = 0
+    for k in range(1, room):
+        i = k if motion.props[k, GAP] > motion.props[i, GAP] else i
+    return i if motion.props[i, GAP] > gap else -1
 
 
 @viewing
@@ -279,26 +301,50 @@ def heavy_at(plan: Plan, motion: Motion, memory: Momentum, knot: int, node: int)
 
 
 @viewing
-def follow(plan: Plan, memory: Momentum, knot: int, node: int) -> None:
-    """Gives all nodes in the knot for which a node stands its rates."""
-    for j in range(plan.ends.shape[0] if knot >= 0 else 0):
-        for end in range(2):
-            if plan.ends[j, end] == knot:
-                put3(memory.velocity, plan.first[j + end] + j, 0, get3(memory.velocity, node))
-                put3(memory.acceleration, plan.first[j + end] + j, 0, get3(memory.acceleration, node))
+def rates_at(plan: Plan, motion: Motion, memory: Momentum, knot: int, node: int) -> tuple[Vector, Vector, Vector]:
+    """Velocity, acceleration and its jump of a node's mass, or their means in the knot for which it stands."""
+    total, v, a, g = 0.0, NONE, NONE, NONE
+    for k in range(plan.ends.shape[0] if knot >= 0 else 1):
+        for end in range(2 if knot >= 0 else 1):
+            if knot >= 0 and plan.ends[k, end] != knot:
+                continue
+            one = plan.first[k + end] + k if knot >= 0 else node
+            mass = memory.mass[one] + memory.point[one]
+            total += mass
+            v = add(v, scale(mass, of_mass(motion, memory.velocity, memory.turning, one)))
+            a = add(a, scale(mass, of_mass(motion, memory.acceleration, memory.bending, one)))
+            g = add(g, scale(mass, get3(memory.jump, one)))
+    return scale(1.0 / total, v), scale(1.0 / total, a), scale(1.0 / total, g)
+
+
+@viewing
+def speed_of(plan: Plan, motion: Motion, memory: Momentum, i: int, free: bool) -> Vector:
+    """[m/s], of a point as the masses of its nodes take it along, or those of them alone that nothing holds.
+
+    Frames that turn have no inertia of their own: how they take a point along is no part of an impact.
+    """
+    e, speed = int(motion.props[i, ELEMENT]), NONE
+    for side in range(2):
+        knot, node = knot_of(plan, motion, e, side), plan.left[e] + side
+        if knot != HELD or not free:
+            own, _, _ = rates_at(plan, motion, memory, knot, node)
+            speed = add(speed, scale(motion.props[i, WEIGHTS + side], own))
+    return speed
 
 
 @viewing
 def stop_points(
     plan: Plan, motion: Motion, memory: Momentum, before: Momentum, bodies: Bodies, rings: Floats, dt: float
-) -> tuple[float, float]:
+) -> tuple[float, float, float]:
     """Gives points that are pressed the speed of their bodies along the normal, and all of it where they stick.
 
-    What is in an eyelet gets the speed of that across the cable.
+    What is in an eyelet gets the speed of that across the cable. Velocities, accelerations and their jumps become the
+    nearest, by masses, that do so: energy falls, see `momentum`.
 
-    Returns what the bodies have worked, and what friction and impacts have taken [J].
+    Returns what the bodies have worked in the step and at its end, and what friction has taken [J]; the bodies' speeds
+    are in the columns GAVE.
     """
-    props, work, taken = motion.props, 0.0, 0.0
+    props, work, given, taken = motion.props, 0.0, 0.0, 0.0
     for i in range(int(motion.par[N_PROPS])):
         e, b = int(props[i, ELEMENT]), int(props[i, HOLDER])
         node = plan.left[e]
@@ -313,32 +359,42 @@ def stop_points(
         way = subtract(subtract(place_of(plan, props, i, motion.place, memory.tangent), old), went)
         work += dot(add(scale(props[i, PUSH], n), t), went)
         taken -= dot(t, way) if b >= 0 else 0.0
-        limit = props[i, GRIP] * props[i, PUSH]
-        sticks = props[i, GRIP] > 0.0 and dot(t, t) < 0.999 * limit * limit
-        light = 0.0
+        light, a, g = 0.0, NONE, NONE
         for side in range(2):
-            knot = knot_of(plan, motion, e, side)
-            mass, _ = heavy_at(plan, motion, memory, knot, node + side)
-            light += props[i, WEIGHTS + side] ** 2 / mass if knot != HELD else 0.0
+            knot, w = knot_of(plan, motion, e, side), props[i, WEIGHTS + side]
+            if knot != HELD:
+                mass, _ = heavy_at(plan, motion, memory, knot, node + side)
+                _, own, jump = rates_at(plan, motion, memory, knot, node + side)
+                light, a, g = light + w * w / mass, add(a, scale(w, own)), add(g, scale(w, jump))
         if light == 0.0:
             continue
-        arrived = (
-            0.0
-            if b < 0
-            else dot(n, subtract(place_of(plan, props, i, before.velocity, before.turning), scale(1.0 / dt, went)))
-        )
-        taken += 0.5 * arrived * arrived / light
-        v = subtract(place_of(plan, props, i, memory.velocity, memory.turning), scale(1.0 / dt, went))
-        a = place_of(plan, props, i, memory.acceleration, memory.bending)
+        put3(props, i, GAVE, scale(1.0 / dt, went))
+        v = subtract(speed_of(plan, motion, memory, i, False), take3(props, i, GAVE))
         if b < 0:
-            v, a = along(n, v), along(n, a)
-        elif not sticks:
-            v, a = scale(dot(n, v), n), scale(dot(n, a), n)
+            v, a, g = along(n, v), along(n, a), along(n, g)
+        elif not sticks(props, i):
+            v, a, g = scale(dot(n, v), n), scale(dot(n, a), n), scale(dot(n, g), n)
         for side in range(2):
             knot = knot_of(plan, motion, e, side)
+            if knot == HELD:
+                own, _, _ = rates_at(plan, motion, memory, knot, node + side)
+                given += props[i, WEIGHTS + side] / light * dot(v, own)
+                continue
             mass, _ = heavy_at(plan, motion, memory, knot, node + side)
-            f = -props[i, WEIGHTS + side] / (mass * light) if knot != HELD else 0.0
-            put3(memory.velocity, node + side, 0, add(get3(memory.velocity, node + side), scale(f, v)))
-            put3(memory.acceleration, node + side, 0, add(get3(memory.acceleration, node + side), scale(f, a)))
-            follow(plan, memory, knot, node + side)
-    return work, taken
+            f = -props[i, WEIGHTS + side] / (mass * light)
+            hasten(plan, memory, knot, node + side, scale(f, v), scale(f, a), scale(f, g))
+        given -= dot(v, went) / (dt * light)
+    return work, given, taken
+
+
+@viewing
+def hasten(plan: Plan, memory: Momentum, knot: int, node: int, v: Vector, a: Vector, g: Vector) -> None:
+    """Adds to velocity, acceleration and its jump of a node, or of all that is in the knot for which it stands."""
+    for k in range(plan.ends.shape[0] if knot >= 0 else 1):
+        for end in range(2 if knot >= 0 else 1):
+            if knot >= 0 and plan.ends[k, end] != knot:
+                continue
+            one = plan.first[k + end] + k if knot >= 0 else node
+            put3(memory.velocity, one, 0, add(get3(memory.velocity, one), v))
+            put3(memory.acceleration, one, 0, add(get3(memory.acceleration, one), a))
+            put3(memory.jump, one, 0, add(get3(memory.jump, one), g))

@@ -17,6 +17,7 @@ from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.contact.check import carried, passes
 from cable_shape.kernels.contact.guard import look_around
+from cable_shape.kernels.contact.impact import foresee, stop
 from cable_shape.kernels.contact.near import NONE
 from cable_shape.kernels.contact.points import (
     HELD,
@@ -24,36 +25,43 @@ from cable_shape.kernels.contact.points import (
     deepest,
     find_points,
     find_rings,
-    follow,
     heavy_at,
-    note_rings,
     on_curve,
-    stop_points,
 )
 from cable_shape.kernels.contact.tables import Bodies
 from cable_shape.kernels.distance.surface import place_bodies, touch
-from cable_shape.kernels.network.compiled import viewing
+from cable_shape.kernels.network.compiled import inline, viewing
 from cable_shape.kernels.network.momentum import (
     ENERGY,
     KINETIC,
     LAST_DT,
     RADIUS,
     Momentum,
-    kinetic,
+    Scheme,
     momentum_of,
     scheme_of,
 )
 from cable_shape.kernels.network.motion import DEPTH, N_PROPS, N_WALLED, PROPS, Motion, motion_of
 from cable_shape.kernels.network.newton import CONVERGED
-from cable_shape.kernels.network.props import DRY, GRIP, HOLDER, NORMAL, PUSH, SHARE, STUCK, place_of
+from cable_shape.kernels.network.props import (
+    DRY,
+    ELEMENT,
+    GAVE,
+    GRIP,
+    HOLDER,
+    NORMAL,
+    PUSH,
+    SHARE,
+    SOFT,
+    STUCK,
+    place_of,
+)
 from cable_shape.kernels.network.settle import I_ITERATIONS
 from cable_shape.kernels.network.swing_output import tell
 from cable_shape.kernels.network.swinging import (
-    I_DISSIPATED,
     I_ENERGY,
     I_KINETIC,
     I_PARTS,
-    I_WORK,
     attempt,
     part_way,
 )
@@ -72,7 +80,7 @@ from cable_shape.kernels.network.tables import (
     solution_size,
 )
 from cable_shape.kernels.network.walls import BODY, OUT, PUSHED, ROUGH, RUB, WALL
-from cable_shape.kernels.rod_algebra import Vector, add, dot, get3, put3, scale, subtract, take3
+from cable_shape.kernels.rod_algebra import Vector, dot, get3, put3, scale, subtract, take3
 
 #: A step goes in parts of this fraction of it at least, each tried from so many of `swinging.STARTS`.
 SHORTEST, TRIES = 1.0 / 256.0, 2
@@ -125,7 +133,7 @@ def step(
         bodies.counts, bodies.rough,
     )  # fmt: skip
     rings = skin.rings.copy()
-    done, part, sums = 0.0, 1.0, np.empty(info.shape[0])
+    done, part, sums, braced = 0.0, 1.0, np.empty(info.shape[0]), False
     while done < 1.0:
         part = min(part, 1.0 - done) if part < 0.75 * (1.0 - done) else 1.0 - done
         seconds = part * dt
@@ -150,15 +158,29 @@ def step(
         last = part <= SHORTEST
         if status == CONVERGED and fits(ints, floats, moving, remembered, now, skin, part):
             info[I_PARTS] += 1.0
-            stop(ints, floats, moving, remembered, seconds, now, skin, info)
+            stop(
+                ints, floats, sols, space, moving, remembered, seconds, now, skin.knot, skin.kept, skin.rings, info,
+                False,
+            )  # fmt: skip
             then[:, :, :] = now.frames
             done += part
             part *= 2.0
+            braced = False
             continue
         iterations = info[I_ITERATIONS]
         copy_back(skin.kept, sols, remembered, moving)
         copy(info, sums)
         info[I_ITERATIONS] = iterations
+        if last and not braced:
+            braced = True
+            part_way(plan, solution_of(ints, begin, NOW), solution_of(ints, sols, TRIAL), goal, done + part)
+            look(ints, floats, sols, moving, remembered, seconds, now, skin)
+            foresee(ints, moving, remembered, seconds)
+            stop(
+                ints, floats, sols, space, moving, remembered, seconds, now, skin.knot, skin.kept, skin.rings, info,
+                True,
+            )  # fmt: skip
+            continue
         if last:
             copy_back(kept, sols, remembered, moving)
             skin.rings[:, :] = rings
@@ -254,8 +276,11 @@ def look(
             skin.clear[node] = math.inf
             if skin.knot[node] == HELD:
                 continue
+            if motion.loose[node] != 0.0:
+                motion.walls[node, 0], skin.clear[node] = 0.0, reach
+                continue
             mass, drag = heavy_at(plan, motion, memory, skin.knot[node], node)
-            hold = mass * (1.0 - t.alpha) / (t.beta * dt * dt) + drag * t.gamma / (t.beta * dt)
+            hold = held_by(t, mass, drag)
             skin.clear[node], _ = look_around(
                 motion, bodies, bodies.then, node, get3(memory.place, node), model.s[node], skin.thick[node],
                 skin.whole[node], reach, FIRM * hold, ASPERITY * hold, False, skin.rough[node],
@@ -263,7 +288,19 @@ def look(
             motion.par[N_WALLED] += 1.0 if motion.walls[node, 0] > 0.0 else 0.0
     room = PROPS - skin.rings.shape[0]
     find_points(plan, model, motion, memory, bodies, skin.thick, skin.whole, skin.rough, reach, room)
+    for i in range(int(motion.par[N_PROPS])):
+        node = plan.left[int(motion.props[i, ELEMENT])] + 1
+        if motion.props[i, SHARE] == 1.0:
+            mass, drag = heavy_at(plan, motion, memory, skin.knot[node], node)
+            motion.props[i, SOFT] = 1.0 / (ASPERITY * held_by(t, mass, drag))
+            put3(motion.props, i, GAVE, scale(motion.props[i, SOFT], take3(motion.props, i, DRY)))
     find_rings(plan, model, motion, memory, skin.rings, skin.whole)
+
+
+@inline
+def held_by(t: Scheme, mass: float, drag: float) -> float:
+    """[N/m], how firmly the part of a step at hand holds a mass with its drag."""
+    return mass * (1.0 - t.alpha) / (t.beta * t.dt * t.dt) + drag * t.gamma / (t.beta * t.dt)
 
 
 @kernel
@@ -369,71 +406,6 @@ def passed(
 def middle(places: Floats, tangents: Floats, node: int, h: float) -> Vector:
     """Of the cubic between a node and the next one."""
     return on_curve(h, 0.5, get3(places, node), get3(places, node + 1), get3(tangents, node), get3(tangents, node + 1))
-
-
-@viewing
-def stop(
-    ints: Whole, floats: Floats, moving: Floats, remembered: Floats, dt: float, bodies: Bodies, skin: Skin,
-    info: Floats,
-) -> None:  # fmt: skip
-    """Gives what is pressed the speed of what presses it, and adds up work and what is dissipated."""
-    plan, model = plan_of(ints), model_of(ints, floats)
-    motion, memory = motion_of(ints, moving), momentum_of(ints, remembered)
-    a, b = skin.kept.shape[0] - moving.shape[0] - remembered.shape[0], skin.kept.shape[0] - moving.shape[0]
-    before = momentum_of(ints, skin.kept[a:b])
-    work, taken = stop_points(plan, motion, memory, before, bodies, skin.rings, dt)
-    note_rings(plan, model, motion, skin.rings)
-    for node in range(motion.walls.shape[0]):
-        if motion.walls[node, 0] > 0.0:
-            mass, _ = heavy_at(plan, motion, memory, skin.knot[node], node)
-            own, lost = stop_node(motion, memory, before, bodies, node, mass, dt)
-            follow(plan, memory, skin.knot[node], node)
-            work, taken = work + own, taken + lost
-    info[I_WORK] += work
-    info[I_DISSIPATED] += taken
-    memory.par[KINETIC], _ = kinetic(motion, memory)
-
-
-@viewing
-def stop_node(
-    motion: Motion, memory: Momentum, before: Momentum, bodies: Bodies, node: int, mass: float, dt: float
-) -> tuple[float, float]:
-    """The same of a node, with so much mass [kg]; returns work and what is dissipated [J]."""
-    walls, work, taken = motion.walls, 0.0, 0.0
-    old, x = get3(before.place, node), get3(motion.place, node)
-    v, a, was = get3(memory.velocity, node), get3(memory.acceleration, node), get3(before.velocity, node)
-    jump = get3(memory.jump, node)
-    first = second = NONE
-    for k in range(int(walls[node, 0])):
-        i = 1 + WALL * k
-        push, b = walls[node, i + PUSHED], int(walls[node, i + BODY])
-        if not push > 0.0:
-            continue
-        n, t = take3(walls, node, i + OUT), take3(walls, node, i + RUB)
-        went = subtract(carried(old, bodies.then[b], bodies.frames[b]), old)
-        speed = scale(1.0 / dt, went)
-        work += dot(add(scale(push, n), t), went)
-        taken -= dot(t, subtract(subtract(x, old), went))
-        limit = walls[node, i + ROUGH] * push
-        if limit > 0.0 and dot(t, t) < 0.999 * limit * limit:  # sticks
-            v, a, jump = speed, NONE, NONE
-        m = subtract(n, add(scale(dot(n, first), first), scale(dot(n, second), second)))
-        size = math.sqrt(dot(m, m))
-        if size < 1e-3:
-            continue
-        m = scale(1.0 / size, m)
-        if first == NONE:
-            first = m
-        elif second == NONE:
-            second = m
-        arrived = dot(m, subtract(was, speed))
-        taken += 0.5 * mass * arrived * arrived
-        v = subtract(v, scale(dot(m, subtract(v, speed)), m))
-        a, jump = subtract(a, scale(dot(m, a), m)), subtract(jump, scale(dot(m, jump), m))
-    put3(memory.velocity, node, 0, v)
-    put3(memory.acceleration, node, 0, a)
-    put3(memory.jump, node, 0, jump)
-    return work, taken
 
 
 @kernel

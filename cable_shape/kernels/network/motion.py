@@ -55,7 +55,7 @@ B2 = 18  # column of `Work.parts`
 #: direction 3, along which (EDGE not 0) or across which it does.
 FIRM, LIMIT, CENTRE, AXIS, EDGE, ROUGH = 0, 1, 2, 5, 8, 9
 #: Points inside elements that bodies may hold, see `props`: how many, columns of each, and directions of all.
-PROPS, PROP, ROWS = 12, 24, 36
+PROPS, PROP, ROWS = 12, 33, 36
 #: What `Motion.par` holds: how many points of elements bodies may hold, how many nodes have planes, how deep [m] the
 #: cable is in bodies between its nodes, and whether planes hold nodes as they would at their seats, see `seat`.
 N_PROPS, N_WALLED, DEPTH, SEATED = 0, 1, 2, 3

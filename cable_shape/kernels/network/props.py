@@ -60,8 +60,10 @@ from cable_shape.kernels.rod_algebra import (
 
 #: Columns of a point: element, body, share of the element, weights of y_a, y_b, d3_a, d3_b, outward normal 3,
 #: n . r at the surface [m], push [N], coefficient of friction, where it sticks 3 [m], friction 3 [N]. In an eyelet
-#: (friction below 0) the normal is the cable's tangent, and what would be friction is what holds it.
+#: (friction below 0) the normal is the cable's tangent, and what would be friction is what holds it. More columns, of
+#: asperities that give: by how much [m/N], and by how much they did under the friction before 3 [m].
 ELEMENT, HOLDER, SHARE, WEIGHTS, NORMAL, LEVEL, PUSH, GRIP, STUCK, DRY = 0, 1, 2, 3, 7, 10, 11, 12, 13, 16
+SOFT, GAVE = 29, 30
 MOST_ROUNDS, SAME = 200, 1e-12  # of forces in turns, and the change, of the largest, of the last
 
 
@@ -124,6 +126,13 @@ def direction(props: Floats, row: int) -> Vector:
         return n
     u = across(n)
     return u if row % 3 == 1 else cross(n, u)
+
+
+@inline
+def sticks(props: Floats, i: int) -> bool:
+    """Whether the friction of point i is less than it may be."""
+    t, limit = take3(props, i, DRY), props[i, GRIP] * props[i, PUSH]
+    return bool(props[i, GRIP] > 0.0 and dot(t, t) < 0.999 * limit * limit)
 
 
 @inline
@@ -222,6 +231,7 @@ def brace(ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: Floa
             forces[row], gaps[row] = props[i, PUSH], dot(to, r) - props[i, LEVEL]
         else:
             forces[row], gaps[row] = dot(to, take3(props, i, DRY)), dot(to, subtract(r, take3(props, i, STUCK)))
+            gaps[row] += props[i, SOFT] * forces[row] - dot(to, take3(props, i, GAVE))
         gaps[row] += moved(plan, sol, work, motion, shove, row)
     for row in range(rows):
         if not asked(motion, row):
@@ -236,6 +246,7 @@ def brace(ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: Floa
         solve(ints, floats, space, moving)
         for other in range(rows):
             answers[other, row] = moved(plan, sol, work, motion, shove, other) if asked(motion, other) else 0.0
+        answers[row, row] += props[row // 3, SOFT] if row % 3 > 0 else 0.0
     share(motion, rows, answers, gaps, forces, change)
     copy_rows(work.G, G, 3)
     copy_rows(motion.slack, slack, 3)

@@ -35,6 +35,7 @@ from cable_shape.kernels.network.tables import (
     LENGTH,
     NOW,
     SOFTEST,
+    SWINGS,
     TRIAL,
     Floats,
     Model,
@@ -65,6 +66,7 @@ from cable_shape.kernels.rod_algebra import (
 
 FAR = 4  # a frame turned by more than it may: the step in time was too long
 LARGEST_TURN = 0.3  # rad, of a frame in one step in time
+MORE = 3.0  # of forces among bodies in an iteration: times the largest, or 10 EI / h^2, Euler's load of an element
 LARGEST_STEP = 0.3  # rad, of an iteration
 BEYOND = 0.7  # rad, further than a step may turn a frame, at which an iteration gives up
 NUDGE = 1e-3  # rad
@@ -157,6 +159,18 @@ def missed(motion: Motion) -> float:
     return math.sqrt(largest)
 
 
+@inline
+def loaded(plan: Plan, model: Model, motion: Motion) -> float:
+    """What fraction of the step at hand makes no force larger than it may become in an iteration."""
+    most, now, soft = 0.0, 0.0, 0.0
+    for e in range(motion.lam.shape[0]):
+        step, n = get3(motion.step, e), get3(motion.lam, e)
+        most, now = max(most, dot(step, step)), max(now, dot(n, n))
+        soft = max(soft, max(model.section[e, 0], model.section[e, 1]) / (model.h[e] * model.h[e]))
+    limit = MORE * max(math.sqrt(now), 10.0 * soft)
+    return min(1.0, limit / math.sqrt(most)) if most > 0.0 else 1.0
+
+
 @viewing
 def newton(
     ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: Floats, far: float, most: int, least: float,
@@ -194,6 +208,8 @@ def newton(
         if not math.isfinite(largest):
             return NOT_FINITE
         fraction = min(1.0, LARGEST_STEP / largest) if largest > 0.0 else 1.0
+        if not free and model.par[SWINGS] != 0.0:
+            fraction = min(fraction, loaded(plan, model, motion))
         advance(ints, sols, space, fraction)
         for e in range(motion.lam.shape[0]):
             for c in range(3):

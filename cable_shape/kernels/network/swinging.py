@@ -190,7 +190,7 @@ def attempt(
     a = min(dt / last, 2.0) if last > 0.0 else 0.0
     least = min(LEAST, max(SHORTEST, LEAST_SHORT * dt * dt / memory.par[PERIOD]))
     touched = motion.par[N_WALLED] > 0.0 or motion.par[N_PROPS] > 0.0
-    most = MOST_TOUCHED if motion.par[N_WALLED] > 0.0 else MOST_ITERATIONS
+    most = MOST_TOUCHED if touched else MOST_ITERATIONS
     status = STALLED
     for i in range(start, len(STARTS)):
         forces, shape = STARTS[i]
