@@ -346,7 +346,8 @@ class HarnessPredictor:
             problem = self._still
         else:
             problem = _checked(HarnessProblem(harness, scene=scene, **self._keywords))
-        problem.ends, problem.links, problem._given = last.ends, last.links, None
+        problem.ends, problem._given = last.ends, None
+        problem.place(last.links)
         self.problem = problem
         self._last = self._found = None
         if self._crossing is not None and problem.harness is not last.harness:

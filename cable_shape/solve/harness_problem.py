@@ -224,12 +224,7 @@ class HarnessProblem:
             For an end that does not exist or is in a junction, and where nothing holds a part of the harness.
         """
         checks.instance("ends", ends, (Mapping,), "Write {'a.start': Pose(...), ...}.")
-        if links is not None:
-            checks.instance("links", links, (Mapping,), "Write {link: Pose(...)}.")
-        if self.scene is not None and self.clips_move:
-            rows = _NO_LINKS if links is None else link_rows(links, self.carried)
-            self._clip_frames, self._unplaced = clip_frames(self.scene.clips, rows, self.carried), links is None
-        self.links = links
+        self.place(links)
         given, now = self._given, self.ends
         if given is not None and given.keys() == ends.keys():
             for end, held in ends.items():
@@ -246,6 +241,15 @@ class HarnessProblem:
         self._check_held(now)
         self.ends, self._given = now, dict(ends)
         return self
+
+    def place(self, links: Mapping[str, Pose] | None) -> None:
+        """Puts the links there; None: they are not known."""
+        if links is not None:
+            checks.instance("links", links, (Mapping,), "Write {link: Pose(...)}.")
+        if self.scene is not None and self.clips_move:
+            rows = _NO_LINKS if links is None else link_rows(links, self.carried)
+            self._clip_frames, self._unplaced = clip_frames(self.scene.clips, rows, self.carried), links is None
+        self.links = links
 
     def _end(self, end: str, held: End) -> Grip | FreeEnd:
         """How an end is held; a bare Pose is clamped, None is free."""

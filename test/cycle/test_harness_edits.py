@@ -106,6 +106,27 @@ def test_a_segment_becomes_another_cable() -> None:
         assert np.abs(part.positions - again.segments[name].positions).max() < SAME
 
 
+@pytest.mark.parametrize("beside", [False, True])
+def test_a_segment_in_a_clip_on_a_link_becomes_another_cable(beside: bool) -> None:
+    on_link = cs.Clip(0.3, cs.Pose((0.1, 0.0, -0.15)), "ball", name="k", segment="a", link="tool")
+    parts: dict[str, Any] = {"h": halves(), **({"c": WHOLE} if beside else {})}
+    clips: dict[str, Any] = {"h": [on_link], **({"c": []} if beside else {})}
+    grips: dict[str, Any] = {"h": {"a.start": LEFT, "b.end": RIGHT}}
+    if beside:
+        grips["c"] = tuple(cs.Pose(end.position + np.array((0.0, 0.1, 0.0)), ALONG_X) for end in (LEFT, RIGHT))
+    links = {"tool": cs.Pose((0.1, 0.0, 1.0))}
+    cycle = cs.Cycle(parts, scene=cs.Scene(contact="solve"), clips=clips)
+    cycle.step(grips, 0, links)
+    stiffer = WHOLE.replace(length=0.7, bending_stiffness=0.011, tails={"end": 0.2})
+    result = cycle.edit(cs.SetCable(stiffer), cable="h/b")
+    assert result, result.reason
+    found: Any = cycle.step(grips, 1, links).shapes["h"]
+    scene = cycle.layout.scene_of_harness("h")
+    again: Any = cs.predict(cycle.layout.harness_of("h"), grips["h"], scene=scene, links=links)  # type: ignore[call-overload]
+    for name, part in found.segments.items():
+        assert np.abs(part.positions - again.segments[name].positions).max() < SAME
+
+
 REFUSED: list[tuple[Any, str | None, str]] = [
     (cs.Open("b.start"), None, "'b.start' is not allowed: it is in junction 'j', which holds it. Name an open end."),
     (cs.Regrip("a.end", 0.3), "h", "it is in junction 'j', which holds it"),

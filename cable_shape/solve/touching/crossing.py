@@ -382,6 +382,7 @@ class Crossing(Piled):
 
     def _take_over(self, other: Crossing, shapes: list[CableShape], frames: Array) -> bool:
         """Goes on from shapes that the same cables have elsewhere, between the same ends."""
+        self.strands.learn(other.strands)
         self.strands.go_on_from(range(len(shapes)), shapes, frames)
         self._group = None
         if other.touching:

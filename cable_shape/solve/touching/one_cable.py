@@ -131,6 +131,9 @@ class OneCable:
         """See `Part`."""
         self.solo.go_on_from(shapes[0], frames, links)
 
+    def learn(self, other: OneCable) -> None:
+        """See `Part`: that needs nothing."""
+
     def twin(self) -> OneCable:
         """See `Part`."""
         return self.of(self.solo.twin())

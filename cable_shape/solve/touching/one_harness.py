@@ -24,6 +24,7 @@ from cable_shape.solve.touching.spot import SHORTEST, Pair
 from cable_shape.solve.touching.strands import Held, at_frame, lifted
 from cable_shape.solve.touching.told import Told
 
+_MOST_FOUND = 16  #: shapes that may be found on the way from one equilibrium to the next, and come back
 _PARTED = 1.5  #: times as far as straight ends that leave a junction at an angle overlap
 _SHARP = 0.05  #: sine of half the angle at which two ends leave a junction, below which they never part
 
@@ -138,12 +139,12 @@ class OneHarness:
 
     def take(self, whole: HarnessShape) -> list[CableShape]:
         """The segments' shapes of a harness's."""
-        self._latest = [*self._latest[-3:], whole]
+        self._latest = [*self._latest[1 - _MOST_FOUND :], whole]
         return list(whole.segments.values())
 
     def accept(self, shapes: Sequence[CableShape]) -> None:
         """See `Part`."""
-        self._accepted = [self._whole(shapes)]
+        self._accepted, self._latest = [self._whole(shapes)], []
 
     def _whole(self, shapes: Sequence[CableShape]) -> HarnessShape:
         """The harness's shape of which these are segments, whatever they are graded."""
@@ -169,6 +170,10 @@ class OneHarness:
         self.hold(frames, None if known is None else {**known, **there})
         self.solo.go_on_from(self.as_one(shapes))
         self.give_back(given)
+
+    def learn(self, other: OneHarness) -> None:
+        """See `Part`."""
+        self._latest = [*self._latest, *other._accepted, *other._latest]
 
     def twin(self) -> OneHarness:
         """See `Part`."""

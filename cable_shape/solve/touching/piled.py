@@ -62,6 +62,7 @@ class Piled:
 
     def take_up(self, shapes: list[CableShape], spots: list[Spot]) -> None:
         """Makes shapes between the problems' ends, that touch in these places, the last equilibrium."""
+        self.strands.accept(shapes)
         self._last = shapes, self.strands.frames(), spots, frozenset()
         self._go_on()
 

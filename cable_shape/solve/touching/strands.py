@@ -81,6 +81,9 @@ class Part(Protocol):
     def go_on_from(self, shapes: Sequence[CableShape], frames: Array, links: Array) -> None:
         """Makes shapes between ends in `frames` the last ones of what solves for it alone."""
 
+    def learn(self, other: Any) -> None:
+        """Takes over what a twin has found: its shapes may come back to this one."""
+
     def twin(self) -> Part:
         """Once more: it goes on from the last shapes, and this one stays as it is."""
 
@@ -289,6 +292,11 @@ class Strands:
             if not all(map(_same_shape, part.alone(), shapes[own.start : own.stop])):
                 return False
         return True
+
+    def learn(self, other: Strands) -> None:
+        """Takes over what twins of these have found."""
+        for part, one in zip(self.parts, other.parts, strict=True):
+            part.learn(one)
 
     def twin(self) -> Strands:
         """Once more: they go on from the last shapes, and these stay as they are."""

@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
+from cable_shape.solve.touching.crossing import Crossing
 
 ALONG_X = Rotation.from_quat((0.5, 0.5, 0.5, 0.5))
 SOLVE = cs.Scene(contact="solve")
@@ -35,6 +36,7 @@ def forked(cable=ARM, **joint):
     return cs.Harness(dict.fromkeys(("stem", "l", "r"), cable), [fork])
 
 
+LEVER = {"l.start": cs.Pose((0.0, 0.006, 0.0), leaving(25.0).quaternion)}
 FORK = {
     "stem.start": posed((-0.48, 0.0, 0.0)),
     "l.end": posed((0.42, 0.2, 0.0), 25.0),
@@ -84,8 +86,7 @@ def lowered(cycle, heights=DOWN, **more):
 
 
 def test_a_cable_lies_on_two_arms_and_both_carry_what_presses():
-    frames = {"l.start": cs.Pose((0.0, 0.006, 0.0), leaving(25.0).quaternion)}  # on a lever
-    harness = forked(frames=frames, mass=0.01)
+    harness = forked(frames=LEVER, mass=0.01)
     cycle = cs.Cycle({"c": CABLE, "h": harness}, scene=SOLVE)
     free = lowered(cs.Cycle({"c": CABLE, "h": harness}, scene=cs.Scene(contact="warn")))
     reports = lowered(cycle)
@@ -314,3 +315,27 @@ def test_parts_are_asked_for_by_themselves():
         assert report.shapes.keys() == grips.keys()
         for name in grips.keys() - {"c"}:
             assert report.shapes[name].status is cs.Status.OK
+
+
+@pytest.mark.parametrize("upper", ["c", "h"])
+def test_what_cannot_be_pushed_apart_is_let_down_on_the_other(monkeypatch, upper):
+    monkeypatch.setattr(Crossing, "_grown", lambda *_: False)
+    cycle = cs.Cycle({"c": CABLE, "h": forked(frames=LEVER)}, scene=SOLVE)
+    height = 0.12 if upper == "c" else 0.11  # the cable's middle is above that of the arms, or below
+    grips = {"c": over(height), "h": FORK}
+    report = cycle.step(grips, stamp=next(STAMPS))
+    assert {name: shape.status.name for name, shape in report.shapes.items()} == {"c": "OK", "h": "OK"}
+    found = lines(report.shapes)
+    assert {contact.body for contact in found["c"].contacts} & {"h/l", "h/r"}
+    assert all((contact.normal[2] > 0.0) == (upper == "c") for contact in found["c"].contacts)
+    assert cycle.step({**grips, "c": over(height + 1e-3)}, stamp=next(STAMPS)).shapes["h"].status is cs.Status.OK
+
+
+def test_a_harness_goes_on_from_its_last_equilibrium_however_much_is_found_after():
+    predictor = cs.Predictor(forked(), scene=SOLVE)
+    shape = predictor.predict(FORK)
+    predictor.begin(shape, FORK, None)
+    part = predictor.crossing.strands.part_with(0)
+    for _ in range(40):
+        part.alone()
+    assert part.as_one(list(shape.segments.values())) is shape
