@@ -33,6 +33,7 @@ from cable_shape.solve.problem import Problem
 from cable_shape.solve.settle import Settling
 from cable_shape.solve.touching.bodies import TouchBodies
 from cable_shape.solve.touching.harness_state import Laid
+from cable_shape.solve.touching.touching import BURIED
 
 #: [m] bodies nearer than this to a node have a plane there while it comes to rest, and stiffness of the planes, in that
 #: of the elements beside them against bending, EI / h^3.
@@ -96,6 +97,7 @@ class Among:
             rings[:, 4], rings[:, 5:8] = supports[self._eyelets, 0], -supports[self._eyelets, 1:4]
         thickest = 0.5 * max(widest(cable) for cable in cables if cable is not None)
         self.bodies.take(problem.bodies, problem.gripping, problem.links, thickest, problem.carried)
+        self._plan, self._s = settling.plan, settling.model.s
         n, plan, h = settling.model.s.size, settling.plan, settling.model.h
         thick, whole, rough, bend, around = -np.ones(n), np.zeros(n), np.zeros(n), np.zeros(n), np.ones(n)
         for c, cable in enumerate(cables):
@@ -137,6 +139,26 @@ class Among:
         if links is not None and len(self.skin.links):
             self.bodies.move(self.bodies.link_rows(links))
         self.skin.goals[...] = clips[self._eyelets, :3]
+
+    def buried(self, poses: Array) -> tuple[int, float, str] | None:
+        """Which of the knots that are held is inside which body when they have come to `poses` (k, 7), and the gap [m];
+        after `move`. The words of it are those of :func:`cable_shape.solve.touching.touching.inside`."""
+        plan, thick = self._plan, self.skin.thick
+        for j, end in np.ndindex(plan.ends.shape):
+            knot, node = plan.ends[j, end], plan.first[j + end] + j
+            if self.skin.knot[node] != HELD or thick[node] < 0.0 or plan.vertices[knot, 1] >= 0:
+                continue
+            i, body, gap = swung.buried_then(
+                poses[knot : knot + 1],
+                self._s[node : node + 1],
+                BURIED,
+                self.skin.whole[node],
+                thick[node],
+                self.kernel,
+            )
+            if i >= 0:
+                return int(knot), float(gap), self.bodies.names[body]
+        return None
 
     def tell_eyelets(self, supports: Array) -> None:
         """Fills in the rows of eyelets among (k, 7): arc length [m] and force [N] on it."""

@@ -30,7 +30,7 @@ from cable_shape.solve.harness_outcome import out_of_reach
 from cable_shape.solve.harness_problem import End, HarnessProblem
 from cable_shape.solve.harness_shape import HarnessShape
 from cable_shape.solve.problem import GRAVITY
-from cable_shape.solve.touching import harness_solve
+from cable_shape.solve.touching import harness_solve, touching
 from cable_shape.solve.touching.harness_state import HarnessTouchState, Laid
 
 
@@ -270,6 +270,12 @@ class HarnessMotion(Traced):
             if self._still.clips_move:
                 self._still.move(ends, links)
             swing.among.move(links, self._still.clip_frames)
+            buried = swing.among.buried(poses)
+            if buried is not None:
+                knot, gap, body = buried
+                support = harness_solve.support_of(state.layout.knots, self._still.clip_names, knot)
+                words = touching.inside(*support, gap, body)
+                return failed(last, Status.NOT_CONVERGED, words + "The state is kept. ")
         out, velocity = self._buffers()
         if not swing.step(poses, dt, out, velocity):
             return failed(last, Status.NOT_CONVERGED, "A step could not be taken. The state is kept. ")

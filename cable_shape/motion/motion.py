@@ -283,8 +283,8 @@ class Motion(Traced):
         """The cable dt [s] later, when its ends have come here; never raises for a physical reason: look at `status`.
 
         Between the last ends and these they move in a straight line, and so do links; without `links` those
-        stay. OVERSTRETCHED, and NOT_CONVERGED where not even shorter steps do: the state is kept as it was, and the
-        shape is the last one.
+        stay. OVERSTRETCHED, and NOT_CONVERGED where not even shorter steps do, or a grip or clip would be inside a
+        body: the state is kept as it was, and the shape is the last one.
 
         Raises
         ------
@@ -312,6 +312,11 @@ class Motion(Traced):
             if self._still.clips_move:
                 self._still.move(start, end, links)
             swing.among.move(links, self._still.clip_frames)
+            buried = swing.among.buried(poses)
+            if buried is not None:
+                knot, gap, body = buried
+                words = touching.inside(*self._support(knot), gap, body)
+                return failed(last, Status.NOT_CONVERGED, words + "The state is kept. ")
         place, frame = last.positions[-1], last.quaternions[-1]
         out, velocity = self._buffers()
         if not swing.step(poses, dt, out, velocity):
@@ -460,6 +465,13 @@ class Motion(Traced):
         if swing.among is not None:
             swing.among.tell_eyelets(out)
         return out
+
+    def _support(self, knot: int) -> tuple[str, str]:
+        """What a knot is, and its name."""
+        held = [i for i, clip in enumerate(self._still.clips) if clip.kind != "slide"]
+        if 0 < knot <= len(held):
+            return "clip", f"clips[{held[knot - 1]}]"
+        return "grip", "start grip" if knot == 0 else "end grip"
 
     def _kinds(self) -> tuple[str, str, float]:
         """How the ends are held, and the mass of a plug."""

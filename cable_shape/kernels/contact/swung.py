@@ -15,7 +15,7 @@ import numpy as np
 
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.contact.check import carried, passes
+from cable_shape.kernels.contact.check import buried, carried, passes
 from cable_shape.kernels.contact.guard import look_around
 from cable_shape.kernels.contact.impact import foresee, stop
 from cable_shape.kernels.contact.near import NONE
@@ -437,6 +437,18 @@ def run(
         lost += 1 if code != CONVERGED else 0
         places[i, :, :], tangents[i, :, :], velocities[i, :, :] = memory.place, memory.tangent, memory.velocity
     return lost
+
+
+@kernel
+def buried_then(
+    support: Array, arc: Array, deepest: float, length: float, radius: float, bodies: Bodies
+) -> tuple[int, int, float]:  # fmt: skip
+    """`check.buried` of one support (1, 7) with the bodies where their links are to be."""
+    frames = bodies.frames.copy()
+    place_bodies(bodies.table, bodies.links, frames)
+    return buried(
+        support, arc, 1, deepest, length, bodies.table, frames, bodies.triangles, bodies.tree, radius, bodies.stack
+    )  # fmt: skip
 
 
 @kernel

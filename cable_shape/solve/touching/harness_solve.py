@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 from time import perf_counter
 from typing import Any, final
 
@@ -23,6 +24,14 @@ from cable_shape.solve.rod_common import MODEL
 from cable_shape.solve.touching.harness_state import HarnessTouchState
 from cable_shape.solve.touching.road import TAUT
 from cable_shape.solve.touching.touching import Solve
+
+
+def support_of(knots: Iterable[tuple[Any, ...]], clips: Sequence[str], i: int) -> tuple[str, str]:
+    """What knot i of a harness is, and its name; knots: of its layout, clips: their names."""
+    kind, name = list(knots)[i][:2]
+    if kind == "clip":
+        return "clip", f"clip {clips[int(name)]!r}"
+    return ("grip", f"grip {name!r}") if kind == "end" else ("part", f"{kind} {name!r}")
 
 
 def solve(
@@ -61,10 +70,7 @@ class HarnessSolve(Solve):
         return harness_search.solve(problem, deadline=self.deadline)[0]
 
     def _support(self, i: int, last: int) -> tuple[str, str]:
-        kind, name = list(self.state.cable.layout.knots)[i][:2]
-        if kind == "clip":
-            return "clip", f"clip {self.problem.clip_names[int(name)]!r}"
-        return ("grip", f"grip {name!r}") if kind == "end" else ("part", f"{kind} {name!r}")
+        return support_of(self.state.cable.layout.knots, self.problem.clip_names, i)
 
     def _shape(self, status: Status) -> HarnessShape:  # type: ignore[override]
         problem, state, steps, info = self.problem, self.state, self.steps, self.state.info

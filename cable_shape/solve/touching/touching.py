@@ -45,6 +45,14 @@ _LEAST_CHORD = 1e-3  #: of the length: ends that are nearer, seen from above, te
 ACCURACY = 5e-4  #: of the length: what a shape in contact is asked for where the tolerance is below
 
 
+def inside(what: str, name: str, gap: float, body: str) -> str:
+    """That what is called so, a grip or a clip, is inside a body, in words; gap [m] below 0."""
+    return (
+        f"the cable at the {name} is {-gap * 1e3:.1f} mm inside obstacle {body!r}. "
+        f"Move the {what} out of it, or leave the obstacle out of the scene. "
+    )
+
+
 def solve(
     problem: Problem, state: TouchState, rod: Network | None, *, deadline: float = math.inf, leaps: bool = True
 ) -> tuple[CableShape, Network | None]:
@@ -345,11 +353,7 @@ class Solve:
         i, body, gap = state.buried(frames, BURIED)
         if i < 0:
             return ""
-        what, name = self._support(i, len(frames) - 1)
-        return (
-            f"the cable at the {name} is {-gap * 1e3:.1f} mm inside obstacle {state.bodies.names[body]!r}. "
-            f"Move the {what} out of it, or leave the obstacle out of the scene. "
-        )
+        return inside(*self._support(i, len(frames) - 1), gap, state.bodies.names[body])
 
     def _support(self, i: int, last: int) -> tuple[str, str]:
         """What a support is, and its name."""
