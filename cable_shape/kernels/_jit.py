@@ -34,8 +34,10 @@ from numba.core import cgutils, imputils
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
 
 from cable_shape.kernels._late import Late
+from cable_shape.kernels._library import InLine, Whole
 
 HERE = Path(__file__).parent
+_COMPILING = frozenset(HERE.glob("_*.py"))  # this file, and what it is made of
 _IMPORT = re.compile(rb"^from cable_shape\.kernels([\w.]*) import (?:\(([^)]*)\)|([^\n]*))", re.MULTILINE)
 LARGE = 120  # instructions of a kernel that is not put in line
 _GROUP, _OTHERS = stat.S_IWGRP, stat.S_IWOTH
@@ -43,8 +45,9 @@ _GROUP, _OTHERS = stat.S_IWGRP, stat.S_IWOTH
 
 @cache
 def sources(file: Path) -> frozenset[Path]:
-    """A kernel file and all kernel files that it imports, directly or not, in whatever folder."""
-    found = {file, Path(__file__)}
+    """A kernel file and all kernel files that it imports, directly or not, in whatever folder; and how they are
+    compiled."""
+    found = {file, *_COMPILING}
     for dotted, several, one in _IMPORT.findall(file.read_bytes()):
         module = HERE.joinpath(*dotted.decode().split("."))
         names = re.findall(r"\w+", (several or one).decode())
@@ -261,7 +264,9 @@ class _Within:
     @cached_property
     def compiled(self) -> Any:
         """numba's dispatcher."""
-        made = numba.njit(error_model="numpy", **{"no_cpython_wrapper": True, **self.options})(self.function)
+        options = {"no_cpython_wrapper": True, **self.options}
+        compiler = InLine if options.get("forceinline") else Whole
+        made = numba.njit(error_model="numpy", pipeline_class=compiler, **options)(self.function)
         made._cache = _CacheWithin(self.function)
         return made
 
@@ -317,7 +322,7 @@ def kernel(function: Callable[..., Any] | None = None, late: types.Type | None =
     options.setdefault("no_cfunc_wrapper", True)  # no kernel is handed over as a value
 
     def decorate(f: Callable[..., Any]) -> Any:
-        compiled = numba.njit(error_model="numpy", **options)(f)
+        compiled = numba.njit(error_model="numpy", pipeline_class=Whole, **options)(f)
         if hasattr(compiled, "enable_caching"):  # not where NUMBA_DISABLE_JIT leaves the function as it is
             compiled._cache = _Cache(f)
             within = compiled.within = _Within(f, options, late)

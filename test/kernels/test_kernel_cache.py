@@ -259,6 +259,53 @@ def test_a_large_kernel_is_called_by_its_name_and_compiled_again_if_it_is_lost(t
     assert all(path.exists() for path in lost)
 
 
+IN_LINE = """
+from _jit import kernel
+
+@kernel(forceinline=True)
+def below(x):
+    return 2.0 * x if x < 1.0 else -x
+
+@kernel(forceinline=True)
+def between(x):
+    return below(x) + 1.0
+
+@kernel
+def first(x):
+    return between(x) + below(3.0 * x)
+
+@kernel
+def second(x):
+    return between(x) - 1.0
+"""
+PUT_IN_LINE = """
+import sys
+sys.path.insert(0, sys.argv[1])
+import own
+one = getattr(own, sys.argv[2])
+print(one(0.5), len(own.between.within.compiled.stats.cache_hits))
+(made,) = one.overloads.values()
+code = made.library._final_module
+print(sum("below" in f.name or "between" in f.name for f in code.functions))
+(part,) = own.between.within.compiled.overloads.values()
+print(part.library.get_pointer_to_function(part.fndesc.llvm_func_name) != 0, own.between(0.25))
+"""
+
+
+def test_a_kernel_that_is_always_in_line_is_kept_as_code_to_be_put_there_alone(tmp_path: Path) -> None:
+    (tmp_path / "source").mkdir()
+    shutil.copy(_jit.__file__, tmp_path / "source")
+    (tmp_path / "source" / "own.py").write_text(IN_LINE)
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+
+    def told(name: str) -> list[str]:
+        command = [sys.executable, "-c", PUT_IN_LINE, str(tmp_path / "source"), name]
+        return subprocess.run(command, env=environment, check=True, capture_output=True, text=True).stdout.split()
+
+    assert told("first") == ["0.5", "0", "0", "False", "1.5"]
+    assert told("second") == ["1.0", "1", "0", "True", "1.5"]  # what is cached is put in line, too
+
+
 RARE = """
 from numba import types
 from _jit import kernel
@@ -339,7 +386,7 @@ def test_all_kernel_files_that_a_kernel_imports_are_known(tmp_path: Path, monkey
     assert {str(file.relative_to(tmp_path)) for file in found} == set(files) - {
         "apart.py", "network/apart.py", "network/__init__.py",
     }  # fmt: skip
-    assert Path(_jit.__file__) in sources(tmp_path / "apart.py")
+    assert {path.name for path in sources(tmp_path / "apart.py")} >= {"_jit.py", "_late.py", "_library.py"}
 
 
 def test_all_imports_of_the_kernels_themselves_are_known() -> None:
