@@ -15,7 +15,7 @@ from cable_shape.safety.report import Ahead, Clearance
 from cable_shape.shape import CableShape
 from cable_shape.solve.harness_problem import End
 from cable_shape.solve.harness_shape import HarnessShape
-from cable_shape.uncertainty.motion_tube import MotionTube
+from cable_shape.uncertainty.motions_beside import MotionsBeside
 
 #: Ways to take a cable between its grips: at rest in every instant, or as it swings.
 MOTIONS = ("quasistatic", "dynamic")
@@ -42,9 +42,9 @@ class Dynamic(Generic[Shape]):
     input is late or missing that is bridged in the same way, and told; after a second it begins anew, at rest.
     """
 
-    def __init__(self, motion: Motion | HarnessMotion | MotionTube) -> None:
-        self.tube = motion if isinstance(motion, MotionTube) else None  # how well it is known
-        self.motion = motion.motion if isinstance(motion, MotionTube) else motion
+    def __init__(self, motion: Motion | HarnessMotion | MotionsBeside) -> None:
+        self.tube = motion if isinstance(motion, MotionsBeside) else None  # how well it is known
+        self.motion = motion.motion if isinstance(motion, MotionsBeside) else motion
         self.reset()
 
     def reset(self) -> None:

@@ -39,8 +39,8 @@ from cable_shape.scene.scene import Obstacle, Scene
 from cable_shape.shape import CableShape
 from cable_shape.solve.harness_problem import End
 from cable_shape.solve.harness_shape import HarnessShape
+from cable_shape.uncertainty.harness_motion_tube import HarnessMotionTube
 from cable_shape.uncertainty.harness_tube_watch import HarnessTubeWatch
-from cable_shape.uncertainty.motion_tube import MotionTube
 from cable_shape.uncertainty.uncertainty import Tube, Uncertainty
 
 Links = Mapping[str, Pose] | None
@@ -123,7 +123,7 @@ class HarnessCycle:
             self._dynamic = Dynamic(
                 HarnessMotion(harness, scene, **given)
                 if uncertainty is None
-                else MotionTube(harness, uncertainty, scene, **given)
+                else HarnessMotionTube(harness, uncertainty, scene, **given)
             )
         elif uncertainty is not None:
             self._known = HarnessTubeWatch(harness, uncertainty, scene=scene, **options)

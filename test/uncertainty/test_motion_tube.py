@@ -127,8 +127,14 @@ def test_a_harness_has_a_tube_of_each_segment(contact: bool):
         y, more = 0.05 * np.sin(0.12 * k), np.zeros((2, 3)) if off is None else off
         return {"a.start": cs.Pose((0, y, 0) + more[0], ALONG), "b.end": cs.Pose((0.8, y, 0.1) + more[1], ALONG)}
 
+    tubes = cs.MotionTube(harness, known, scene, points=11)
     for k in range(16):
         report = cycle.step({"h": go(k)}, stamp=10_000_000 * k)
+        own = tubes.begin(go(k)) if k == 0 else tubes.step(go(k), DT)
+    assert set(own) == set("abc")
+    for name, tube in own.items():
+        np.testing.assert_allclose(tube.radius, report.tubes[f"h/{name}"].radius, rtol=1e-6)
+        assert tube.holds
     assert set(report.tubes) == {"h/a", "h/b", "h/c"}
     touched = {name for name, one in report.shapes["h"].segments.items() if one.contacts}
     assert bool(touched) == contact
@@ -168,5 +174,10 @@ def test_where_none_is_known_it_says_why_and_what_is_refused():
     with pytest.raises(cs.ArgumentError, match="tails of a cable that swings have no tube"):
         cs.MotionTube(CABLE.replace(tails={"end": 0.1}), KNOWN)
     harness = cs.Harness({"a": CABLE, "b": CABLE}, [cs.Junction("j", ("a.end", "b.start"))])
-    with pytest.raises(cs.ArgumentError, match="steps cables alone"):
-        cs.MotionTube(harness, cs.Uncertainty()).begin(*ends(0))
+    branched = cs.MotionTube(harness, cs.Uncertainty(start=(1e-3, 0.0)), points=21)
+    with pytest.raises(cs.ArgumentError, match="mapping"):
+        branched.begin(*ends(0))
+    far = branched.begin({"a.start": ends(0)[0], "b.end": cs.Pose((2.2, 0, 0), ALONG)})
+    assert set(far) == {"a", "b"}
+    assert np.isnan(far["a"].radius).all()
+    assert branched.trouble == "there is no usable shape"
