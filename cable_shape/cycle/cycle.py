@@ -45,8 +45,8 @@ class Cycle:
     Parameters
     ----------
     cables : Cable, or mapping of name to Cable or Harness
-        A single cable is named "cable". Segments of a harness "h" are "h/a" in clearance, margins, warnings and tubes,
-        and in contacts, if there are others; it has no plug.
+        A single cable is named "cable". Segments of a harness "h" are "h/a" in clearance, margins, warnings, tubes
+        and contacts; it has no plug.
     scene : Scene, optional
     robot_links : sequence of Obstacle
         Collision geometry of the robot, each with its `link` set (see ``Robot.link_geometry``).

@@ -88,7 +88,7 @@ class HarnessCycle:
     ) -> None:
         self.name, self.scene = name, scene
         self.predictor = HarnessPredictor(
-            harness, scene=scene, robot_links=robot_links, gripping_links=gripping_links, **options
+            harness, scene=scene, robot_links=robot_links, gripping_links=gripping_links, name=name, **options
         )
         self.cables = {cable_id(name, segment): cable for segment, cable in harness.segments.items()}
         may_be_held = {cable_id(name, split_end(end)[0]) for end in harness.open_ends}

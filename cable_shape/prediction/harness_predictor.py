@@ -54,6 +54,8 @@ class HarnessPredictor:
         bodies and, but for harnesses in eyelets, of each other and of themselves.
     distributed_load : mapping of segment to (2, 3) array_like, optional
         [N/m], world, added to the weight.
+    name : str, optional
+        Contacts name segments "name/a"; default: "a".
 
     Raises
     ------
@@ -75,7 +77,9 @@ class HarnessPredictor:
         robot_links: Iterable[Obstacle] = (),
         gripping_links: Iterable[str] = (),
         friction: bool = True,
+        name: str = "",
     ) -> None:
+        self._name = name
         self.model = checks.one_of("model", model, MODELS)
         checks.optional_number("time_budget", time_budget, above=0.0, unit="s")
         self._keywords: dict[str, Any] = {
@@ -159,7 +163,11 @@ class HarnessPredictor:
 
     def _with_itself(self) -> Crossing | None:
         """What keeps segments out of each other and of themselves, where the scene asks for it."""
-        return Crossing(Strands([OneHarness(self)]), self.time_budget) if self.problem.solves_crossing else None
+        return (
+            Crossing(Strands([OneHarness(self, self._name)]), self.time_budget)
+            if self.problem.solves_crossing
+            else None
+        )
 
     @property
     def state(self) -> HarnessNetwork | None:

@@ -180,7 +180,7 @@ def test_segments_that_lie_on_each_other_stay_so_as_bodies_and_clips_come_and_go
         last: Any = cycle.step({"h": twisted(turns)}, stamp).shapes["h"]
         assert last.status is cs.Status.OK
     pressed = last.segments["a"].contacts[0]
-    assert pressed.body == "b"
+    assert pressed.body == "h/b"
     here = last.segments["a"]
     held = cs.Clip(float(here.arc_length[40]), cs.Pose(here.positions[40]), "ball", name="held", segment="a")
     for stamp, edit in enumerate((cs.Add(POST), cs.Insert(held), cs.Release("held"), cs.Remove("post")), 1000):

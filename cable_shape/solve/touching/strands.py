@@ -219,7 +219,7 @@ class Strands:
 
     def key(self, strand: int) -> str:
         """Its name in networks."""
-        return self.names[strand] if self._is_harness else f"c{strand}"
+        return list(self.parts[0].problem.segments)[strand] if self._is_harness else f"c{strand}"
 
     @property
     def _is_harness(self) -> bool:

@@ -339,3 +339,17 @@ def test_a_harness_goes_on_from_its_last_equilibrium_however_much_is_found_after
     for _ in range(40):
         part.alone()
     assert part.as_one(list(shape.segments.values())) is shape
+
+
+def test_segments_that_lie_on_each_other_are_no_nearer_for_their_tubes():
+    loose = cs.Harness({"d": CABLE, "e": CABLE})
+    cycle = cs.Cycle({"h": loose}, scene=SOLVE, uncertainty=cs.Uncertainty({"bending_stiffness": 0.2}))
+    ends = {"d.start": posed((-0.4, 0.0, 0.0)), "d.end": posed((0.4, 0.1, 0.0))}
+    for height in np.linspace(0.0, -0.12, 25):
+        pair = dict(zip(("e.start", "e.end"), over(height, 0.1), strict=True))
+        report = cycle.step({"h": {**ends, **pair}}, stamp=next(STAMPS))
+    (contact,) = report.shapes["h"].segments["d"].contacts
+    assert contact.body == "h/e"
+    (near,) = (body for body in report.clearance["h/d"].bodies if body.body == "h/e")
+    assert near.distance == pytest.approx(0.0, abs=5e-5)
+    assert report.tubes["h/d"].radius.max() > 1e-4

@@ -200,4 +200,4 @@ def test_a_cycle_keeps_segments_out_of_each_other_and_tells_the_contact():
         assert report.shapes["h"].status is cs.Status.OK
     assert gap(report.shapes["h"]) > -2e-5
     assert not report.warnings
-    assert [contact.body for contact in report.shapes["h"].segments["l"].contacts] == ["r"]
+    assert [contact.body for contact in report.shapes["h"].segments["l"].contacts] == ["h/r"]
