@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from harness_random import balance
@@ -31,12 +31,23 @@ def clip(arc: float, place: tuple[float, float, float], kind: str) -> cs.Clip:
 
 
 TABLE = cs.Obstacle("table", cs.HalfSpace(), cs.Pose((0.0, 0.0, -0.25)))
-HARNESSES: Mapping[str, cs.Scene] = {
-    "harness": cs.Scene(),
-    "harness in a clip and an eyelet": cs.Scene(
-        clips=[clip(0.2, (0.6, 0.05, -0.12), "fixed"), clip(0.4, (0.75, 0.08, -0.05), "slide")]
-    ),
-    "harness on bodies": cs.Scene(obstacles=[TABLE], contact="solve"),
+RING = (clip(0.2, (0.6, 0.05, -0.12), "fixed"), clip(0.4, (0.75, 0.08, -0.05), "slide"))
+ACROSS = cs.Cable(1.0, 0.05, 0.01, 0.008, diameter=0.008)
+
+
+class Around(NamedTuple):
+    """What the harness is in, and the cables that are let down across it, in `steps`."""
+
+    scene: cs.Scene
+    cables: Mapping[str, cs.Cable] = {}
+    steps: int = 2
+
+
+HARNESSES: Mapping[str, Around] = {
+    "harness": Around(cs.Scene()),
+    "harness in a clip and an eyelet": Around(cs.Scene(clips=RING)),
+    "harness on bodies": Around(cs.Scene(obstacles=[TABLE], contact="solve")),
+    "cable on a harness": Around(cs.Scene(contact="solve"), {"over": ACROSS}, 26),
 }
 
 
@@ -45,27 +56,38 @@ def ends_at(x: float, raised: float = 0.0) -> Ends:
     return {"a.start": cs.Pose((0.0, 0.0, 0.0), ALONG), "b.end": cs.Pose((0.9 + 0.02 * x, 0.1, 0.05 + raised), ALONG)}
 
 
+def over_at(x: float) -> tuple[cs.Pose, cs.Pose]:
+    """Where a cable is held that is let down onto the first half of the trunk."""
+    along_y, height = (-math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)), 0.15 - 0.08 * x
+    return cs.Pose((0.2, -0.42, height), along_y), cs.Pose((0.2, 0.42, height), along_y)
+
+
+def grips_at(around: Around, x: float, raised: float = 0.0) -> dict[str, Any]:
+    """Of all that there is."""
+    return {"h": ends_at(x, raised), **{name: over_at(x) for name in around.cables}}
+
+
 def longer(by: float) -> cs.Harness:
     """The harness with its segment b longer by so much [m]."""
     return HARNESS.replace(segments={**HARNESS.segments, "b": CABLE.replace(length=CABLE.length + by)})
 
 
-def led(scene: cs.Scene, harness: cs.Harness = HARNESS, raised: float = 0.0, **more: Any) -> cs.CycleReport:
-    """What a cycle says at the end of its way; more: of the step, or of the cycle."""
+def run(around: Around, harness: cs.Harness = HARNESS, **more: Any) -> tuple[cs.Cycle, cs.CycleReport]:
+    """A cycle at the end of its way, and its last report; more: of the step, or of the cycle."""
     moves = {"acceleration": {"h": more.pop("acceleration")}} if "acceleration" in more else {}
-    cycle = cs.Cycle({"h": harness}, scene=scene, tolerance=1e-6, **more)
-    cycle.step({"h": ends_at(0.0)}, 0, **moves)
-    report = cycle.step({"h": ends_at(1.0, raised)}, SECOND, **moves)
+    raised = more.pop("raised", 0.0)
+    cycle = cs.Cycle({"h": harness, **around.cables}, scene=around.scene, **{"tolerance": 1e-6, **more})
+    for k, x in enumerate(np.linspace(0.0, 1.0, around.steps)):
+        report = cycle.step(grips_at(around, float(x), raised * x), k * SECOND, **moves)
     assert report.shapes["h"].status is cs.Status.OK, report.shapes["h"].detail
-    return report
+    for name in around.cables:
+        assert report.shapes[name].contacts, "nothing touches"
+    return cycle, report
 
 
-def followed(scene: cs.Scene) -> cs.Predictor:
-    """A predictor at the end of the way."""
-    predictor = cs.Predictor(HARNESS, scene=scene, tolerance=1e-7)
-    for x in (0.0, 1.0):
-        assert predictor.predict(ends_at(x)).status is cs.Status.OK
-    return predictor
+def led(around: Around, harness: cs.Harness = HARNESS, **more: Any) -> cs.CycleReport:
+    """What that cycle says."""
+    return run(around, harness, **more)[1]
 
 
 def lines(report: cs.CycleReport) -> np.ndarray:
@@ -95,46 +117,48 @@ def balanced(shape: cs.HarnessShape, gravity: np.ndarray = G, more: np.ndarray |
     assert np.abs(carried + load).max() <= 1e-4 * np.linalg.norm(load), f"out of balance by {carried + load} N"
 
 
-def sensitivity(scene: cs.Scene) -> None:
+def sensitivity(around: Around) -> None:
     """By the height of a grip and by the length of a segment, beside differences."""
-    columns = np.concatenate(list(followed(scene).sensitivity(("b.end", "length:b")).values()))
-    above, below = (lines(led(scene, raised=x)) for x in (SIZE, -SIZE))
+    predictor = run(around, tolerance=1e-7)[0]._harnesses["h"].predictor
+    columns = np.concatenate(list(predictor.sensitivity(("b.end", "length:b")).values()))
+    above, below = (lines(led(around, raised=x)) for x in (SIZE, -SIZE))
     near(columns[:, :, 2], (above - below) / (2.0 * SIZE), 0.02)
-    above, below = (lines(led(scene, longer(x))) for x in (SIZE, -SIZE))
+    above, below = (lines(led(around, longer(x))) for x in (SIZE, -SIZE))
     near(columns[:, :, 6], (above - below) / (2.0 * SIZE), 0.05)
 
 
-def stability(scene: cs.Scene) -> None:
+def stability(around: Around) -> None:
     """Told, and a look ahead is where the harness is later."""
-    margins = led(scene).margins
+    cycle, report = run(around, tolerance=1e-7)
+    margins = {name: of for name, of in report.margins.items() if name.startswith("h/")}
     told = [m.value for name in margins for m in margins[name] if m.kind is cs.WarningKind.STABILITY]
     assert [x > 0.0 for x in told] == [True], f"told {told}"
-    predictor = followed(scene)
-    later = ends_at(1.0, 1e-3)
-    ahead, found = predictor.ahead()(later), predictor.predict(later)
+    later = grips_at(around, 1.0, 1e-3)
+    ahead = cycle._harnesses["h"].predictor.ahead()(later["h"])
+    found = cycle.step(later, 1000 * SECOND).shapes["h"]
     for name, one in ahead.segments.items():
         assert np.abs(one.positions - found.segments[name].positions).max() < 1e-5
 
 
-def tube(scene: cs.Scene) -> None:
+def tube(around: Around) -> None:
     """By the length of a segment, beside differences."""
-    report = led(scene, uncertainty=cs.Uncertainty({"length:b": SIZE}), quasistatic_limit=0.0)
-    way = 0.5 * (lines(led(scene, longer(SIZE))) - lines(led(scene, longer(-SIZE))))
+    report = led(around, uncertainty={"h": cs.Uncertainty({"length:b": SIZE})}, quasistatic_limit=0.0)
+    way = 0.5 * (lines(led(around, longer(SIZE))) - lines(led(around, longer(-SIZE))))
     told = np.concatenate([report.tubes[f"h/{name}"].covariance for name in HARNESS.segments])
     near(told, way[:, :, None] * way[:, None, :], 0.05)
 
 
-def acceleration(scene: cs.Scene) -> None:
+def acceleration(around: Around) -> None:
     """Forces balance under it, at the junction, too: its mass is that of a point there."""
     moving = np.array((0.3, 0.0, 1.0))
-    shape = led(scene, acceleration=dict.fromkeys(HARNESS.segments, moving)).shapes["h"]
+    shape = led(around, acceleration=dict.fromkeys(HARNESS.segments, moving)).shapes["h"]
     balanced(shape, G - moving)
 
 
-def distributed_load(scene: cs.Scene) -> None:
+def distributed_load(around: Around) -> None:
     """Forces balance under it."""
     load = np.array(((0.0, 0.05, -0.1), (0.0, 0.05, -0.1)))
-    shape = led(scene, distributed_load={"h": {"a": load}}).shapes["h"]
+    shape = led(around, distributed_load={"h": {"a": load}}).shapes["h"]
     balanced(shape, more=CABLE.length * load[0])
 
 
@@ -143,22 +167,26 @@ def tables(places: tuple[float, ...]) -> dict[str, np.ndarray]:
     return {end: np.array([ends_at(x)[end].array for x in places]) for end in ends_at(0.0)}
 
 
-def batch(scene: cs.Scene) -> None:
+def batch(around: Around) -> None:
     """Rows are what is found from nothing, and forces balance in them."""
-    found = cs.predict_batch(HARNESS, tables((0.0, 1.0)), scene=scene, tolerance=1e-6)
+    if around.cables:
+        cs.predict_batch({"h": HARNESS, **around.cables}, {}, scene=around.scene)
+    found = cs.predict_batch(HARNESS, tables((0.0, 1.0)), scene=around.scene, tolerance=1e-6)
     assert found.usable.all(), found.details
     for row in (0, 1):
-        shape = cs.predict(HARNESS, ends_at(float(row)), scene=scene, tolerance=1e-6)
+        shape = cs.predict(HARNESS, ends_at(float(row)), scene=around.scene, tolerance=1e-6)
         for name, one in shape.segments.items():
             assert np.abs(found.positions[name][row] - one.positions).max() < 1e-5
         balanced(found[row])
 
 
-def batch_tube(scene: cs.Scene) -> None:
+def batch_tube(around: Around) -> None:
     """Rows have the tube of differences."""
     known = cs.Uncertainty({"length:b": SIZE})
-    found = cs.predict_batch(HARNESS, tables((1.0,)), scene=scene, tolerance=1e-6, uncertainty=known)
-    shapes = [cs.predict(longer(x), ends_at(1.0), scene=scene, tolerance=1e-6) for x in (SIZE, -SIZE)]
+    if around.cables:
+        cs.predict_batch({"h": HARNESS, **around.cables}, {}, scene=around.scene, uncertainty=known)
+    found = cs.predict_batch(HARNESS, tables((1.0,)), scene=around.scene, tolerance=1e-6, uncertainty=known)
+    shapes = [cs.predict(longer(x), ends_at(1.0), scene=around.scene, tolerance=1e-6) for x in (SIZE, -SIZE)]
     for name in HARNESS.segments:
         above, below = (shape.segments[name] for shape in shapes)
         way = 0.5 * (above.positions - below.positions)
@@ -166,12 +194,14 @@ def batch_tube(scene: cs.Scene) -> None:
         assert np.abs(found.radius[name][0] - expected).max() <= 0.05 * expected.max() + 1e-6
 
 
-def calibrate(scene: cs.Scene) -> None:
+def calibrate(around: Around) -> None:
     """The stiffness of the trunk comes back from a shape."""
-    shape = led(scene).shapes["h"]
+    if around.cables:
+        cs.calibrate([{}], {"h": HARNESS, **around.cables}, "bending_stiffness", scene=around.scene, progress=False)
+    shape = led(around).shapes["h"]
     points = {name: one.positions[5:-5:5] for name, one in shape.segments.items()}
     arcs = {name: one.arc_length[5:-5:5] for name, one in shape.segments.items()}
-    seen = cs.HarnessObservation(ends_at(1.0), points, arcs, scene=scene)
+    seen = cs.HarnessObservation(ends_at(1.0), points, arcs, scene=around.scene)
     softer = {
         name: one.replace(bending_stiffness=0.009, twisting_stiffness=0.0072) for name, one in HARNESS.segments.items()
     }
@@ -180,14 +210,20 @@ def calibrate(scene: cs.Scene) -> None:
     assert abs(told / CABLE.mean_bending_stiffness - 1.0) < 0.02, f"{told:g} N m^2 found, 0.01 is true"
 
 
-def trajectory(scene: cs.Scene) -> None:
+def trajectory(around: Around) -> None:
     """The whole way is followed, and nothing is wrong with it but that bodies are near."""
-    found = cs.check_trajectory(HARNESS, scene, None, cs.EndsPath(tables((0.0, 1.0))))
+    if around.cables:
+        places = tuple(np.linspace(0.0, 1.0, around.steps).tolist())
+        across = tuple(np.array([over_at(x)[side].array for x in places]) for side in (0, 1))
+        path = {"h": tables(places), **dict.fromkeys(around.cables, across)}
+        found = cs.check_trajectory({"h": HARNESS, **around.cables}, around.scene, None, path)
+    else:
+        found = cs.check_trajectory(HARNESS, around.scene, None, cs.EndsPath(tables((0.0, 1.0))))
     assert found.done.all(), found.first
     assert found.first is None or found.first.reason is cs.Reason.CLEARANCE, found.first
 
 
-ASKED_OF_HARNESSES: Mapping[str, Callable[[cs.Scene], None]] = {
+ASKED_OF_HARNESSES: Mapping[str, Callable[[Around], None]] = {
     "sensitivity, mink tasks": sensitivity,
     "stability, snap ahead": stability,
     "tube": tube,
