@@ -353,3 +353,17 @@ def test_segments_that_lie_on_each_other_are_no_nearer_for_their_tubes():
     (near,) = (body for body in report.clearance["h/d"].bodies if body.body == "h/e")
     assert near.distance == pytest.approx(0.0, abs=5e-5)
     assert report.tubes["h/d"].radius.max() > 1e-4
+
+
+@pytest.mark.parametrize(("cable", "end"), [("c", "start"), ("c", "end"), ("h", "r.end")])
+def test_an_end_that_opens_lets_its_part_hang_over_the_other(cable, end):
+    cycle = cs.Cycle({"c": CABLE, "h": forked()}, scene=SOLVE)
+    lowered(cycle, DOWN[:12])
+    assert cycle.edit(cs.Open(end), cable=cable)
+    for height in DOWN[12:16]:
+        report = cycle.step({"c": over(height), "h": FORK}, stamp=next(STAMPS))
+        found = lines(report.shapes)
+        assert all(shape.status is cs.Status.OK for shape in found.values())
+        (contact,) = found["c"].contacts
+        assert found[contact.body].contacts[0].force == contact.force > 0.05
+        assert min(gap(found["c"], found[arm]) for arm in ("h/l", "h/r")) > -2e-5
