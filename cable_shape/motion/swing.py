@@ -153,7 +153,7 @@ class Swing:
         else:
             self.alive = self.among.rest(settling, self.memory, self.remembered, lying)
         whole = self.sols.size + self.remembered.size
-        self.kept = np.empty(whole if self.among is None else whole + self.moving.size)
+        self.kept = np.empty(whole + (self.remembered.size if self.among is None else self.moving.size))
         self.info, self._scratch = np.zeros(swinging.INFO), np.zeros(INFO)
         self.told = np.zeros(2 * int(self.ints[tables.N_CABLES]))
         self.memory.par[momentum.RADIUS] = radius

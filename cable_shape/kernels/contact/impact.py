@@ -1,20 +1,15 @@
 """What arrives at a body stops there, and what hangs on it stops with it: an impact runs along the cable.
 
 A node that stops changes how fast the elements beside it become shorter. They do not, so the next part of a step would
-have to make up for it, by forces that grow as it becomes shorter, until elements buckle under them. Instead the
-velocities v of nodes, d more than before they stopped, become v + c with
-
-    M c = J^T lam,   J (d + c) = 0,
-
-J the rates of the elements' chords, M the masses, of those that bodies press along the surface alone, and lam impulses
-along the elements. That is the network's own system (`moving`) with bars for elements, which take no impulse but along
-themselves, and is solved as such, knots and points of elements that bodies press with it.
+have to make up for it, by forces that grow as it becomes shorter, until elements buckle under them. Instead impulses
+run along the cable (`impulse`), of masses that bodies press along the surface alone, with knots and points of elements
+that bodies press.
 
 Nodes, and points between them, first stop as if nothing hung on them: their velocities become the nearest by masses,
 which is the projection in kinetic energy, and so do accelerations, of which the scheme's energy has sums of squares
 (`momentum`). Frames have no inertia, and are no part of it. An element whose chord became shorter does so on. Impulses
-may work on that: of c only so much is taken that there is no more energy than before, but for the work of bodies that
-move. Where all chords stay as they are (`taut`), c is all of such a projection.
+may work on that: of them only so much is taken that there is no more energy than before, but for the work of bodies
+that move. Where all chords stay as they are (`taut`), they are all of such a projection.
 
 Where a step does not lead anywhere although it is as short as may be, what would arrive in it stops ahead of it
 (`foresee`): a straight cable that comes down on its end would have to buckle in that time.
@@ -29,17 +24,14 @@ from cable_shape.kernels.contact.near import NONE
 from cable_shape.kernels.contact.points import heavy_at, note_rings, rates_at, speed_of, stop_points
 from cable_shape.kernels.contact.tables import Bodies
 from cable_shape.kernels.network.compiled import inline, viewing
+from cable_shape.kernels.network.impulse import bars, begin_anew, go_along, hold_on, note, spend
 from cable_shape.kernels.network.momentum import (
     KINETIC,
-    LAST_DT,
-    RADIUS,
     Momentum,
     kinetic,
     momentum_of,
-    scheme_of,
 )
 from cable_shape.kernels.network.motion import N_PROPS, Motion, motion_of
-from cable_shape.kernels.network.moving import factor, solve
 from cable_shape.kernels.network.props import (
     DRY,
     ELEMENT,
@@ -63,23 +55,18 @@ from cable_shape.kernels.network.tables import (
     TRIAL,
     Floats,
     Plan,
-    Solution,
     Whole,
-    Work,
     model_of,
     plan_of,
     solution_of,
-    work_of,
 )
 from cable_shape.kernels.network.walls import AT, BODY, OUT, PUSHED, ROUGH, RUB, WALL, across
 from cable_shape.kernels.rod_algebra import (
     Matrix,
-    Vector,
     add,
     apply,
     dot,
     get3,
-    get9,
     mscale,
     msub,
     outer,
@@ -91,9 +78,8 @@ from cable_shape.kernels.rod_algebra import (
 )
 from cable_shape.kernels.rod_element import IDENTITY
 
-#: A bar gives, of what a node does: along itself, so that a straight chain between two grips has no impulse too many,
-#: and across. A knot that a body stops has so many times its mass; no impulse turns a frame.
-ALONG, ACROSS, STOPPED, FIRM = 1e-9, 1e6, 1e9, 1e12
+#: A knot that a body stops has so many times its mass.
+STOPPED = 1e9
 #: Columns of a point for what it was before the impact, so many from LEVEL on; friction of one that sticks, and gap of
 #: one that nothing presses.
 KEPT, SPARE, FAST = 20, 9, 1e9
@@ -130,12 +116,13 @@ def stop(
             mass, _ = heavy_at(plan, motion, memory, knots[node], node)
             own, impact, lost = stop_node(plan, motion, memory, before, bodies, knots[node], node, mass, dt)
             work, given, taken = work + own, given + impact, taken + lost
-    given += pass_on(ints, floats, sols, space, moving, remembered, energy + given)
+    bars(ints, floats, space, moving, remembered)
+    pushed = shove(ints, floats, sols, space, moving, memory) if motion.par[N_PROPS] > 0.0 else 0.0
+    given += spend(ints, floats, space, moving, remembered, energy + given, pushed)
     memory.par[KINETIC], _ = kinetic(motion, memory)
     info[I_WORK] += work + given
     info[I_DISSIPATED] += taken + given + energy - memory.par[KINETIC]
-    for node in range(motion.hold.shape[0]):
-        motion.hold[node] = motion.origin[node, 0]
+    hold_on(motion)
 
 
 @viewing
@@ -173,46 +160,6 @@ def pressed(motion: Motion) -> bool:
     for i in range(int(motion.par[N_PROPS])):
         found = found or motion.props[i, HOLDER] < 0.0 or motion.props[i, PUSH] > 0.0
     return found
-
-
-@viewing
-def note(plan: Plan, motion: Motion, memory: Momentum, taut: bool) -> None:
-    """Before anything stops: velocities, and that masses alone hold nodes."""
-    for j in range(plan.ends.shape[0]):
-        first, last = plan.first[j] + j, plan.first[j + 1] + j
-        for node in range(first, last + 1):
-            mass = memory.mass[node] + memory.point[node]
-            put3(motion.seat, node, 0, NONE if taut else get3(memory.velocity, node))
-            motion.origin[node, 0], motion.hold[node] = motion.hold[node], mass
-            free = first < node < last or motion.loose[node] != 0.0
-            put9(motion.give, node, 0, mscale(1.0 / mass if free else 0.0, IDENTITY))
-            put3(motion.push, node, 0, NONE)
-        for c in range(24):
-            motion.press[j, c] = 0.0
-        for c in range(18):
-            motion.tilt[j, c] = 0.0
-
-
-@viewing
-def begin_anew(motion: Motion, memory: Momentum) -> None:
-    """Has masses go as fast as their energy tells (`kinetic`), without what the scheme still owes of accelerations."""
-    t = scheme_of(memory.par[RADIUS], memory.par[LAST_DT])
-    for node in range(motion.hold.shape[0]):
-        owed = scale(0.5 * t.alpha * t.dt, get3(memory.jump, node))
-        put3(memory.velocity, node, 0, add(get3(memory.velocity, node), owed))
-        for rates in (memory.acceleration, memory.bending, memory.jump):
-            put3(rates, node, 0, NONE)
-
-
-@viewing
-def go_along(plan: Plan, motion: Motion, memory: Momentum, sol: Solution, dt: float) -> None:
-    """Has elements beside knots that are given feel how fast those go in the next dt [s]."""
-    for j in range(plan.ends.shape[0]):
-        for end in range(2):
-            k, node = plan.ends[j, end], plan.first[j + end] + j
-            if plan.vertices[k, 1] < 0 and motion.loose[node] == 0.0:
-                rate = scale(1.0 / dt, subtract(take3(sol.pose, k, 0), get3(memory.place, node)))
-                put3(motion.seat, node, 0, subtract(get3(memory.velocity, node), rate))
 
 
 @viewing
@@ -279,87 +226,6 @@ def leave(plan: Plan, motion: Motion, node: int, mass: float, free: Matrix) -> N
         for end in range(2):
             if plan.first[j + end] + j == node:
                 put9(motion.press, j, 12 * end + 3, mscale(STOPPED * mass, msub(IDENTITY, free)))
-
-
-@viewing
-def pass_on(
-    ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: Floats, remembered: Floats, most: float
-) -> float:  # fmt: skip
-    """Passes on what has stopped since `note`, as far as there is no more energy than `most` [J] and what it returns.
-
-    That is what bodies work which impulses press on them [J].
-    """
-    plan, work, motion = plan_of(ints), work_of(ints, space), motion_of(ints, moving)
-    memory = momentum_of(ints, remembered)
-    stretch(plan, work, motion, memory)
-    factor(ints, floats, space, moving, 0.0)
-    given = 0.0
-    if motion.par[N_PROPS] > 0.0:
-        given = shove(ints, floats, sols, space, moving, memory)
-    solve(ints, floats, space, moving)
-    change = 0.0
-    before, _ = kinetic(motion, memory)
-    for j in range(plan.ends.shape[0]):
-        first, last = plan.first[j], plan.first[j + 1]
-        for e in range(first, last + 1):
-            node = e + j
-            v, pull = get3(memory.velocity, node), get3(motion.push, node)
-            if first < e < last or motion.loose[node] != 0.0:
-                pull = subtract(pull, get3(motion.step, e - 1))
-                pull = add(pull, get3(motion.step, e)) if e < last else pull
-                c = apply(get9(motion.give, node, 0), pull)
-                given += dot(subtract(scale(motion.hold[node], c), pull), v)
-            else:
-                end = 0 if e == first else 1
-                c = take3(work.move, plan.ends[j, end], 3)
-                given -= dot(apply(get9(motion.press, j, 12 * end + 3), c), v)
-                if plan.vertices[plan.ends[j, end], 1] < 0:
-                    pull = get3(motion.step, e) if end == 0 else scale(-1.0, get3(motion.step, e - 1))
-                    given -= dot(pull, slowed(motion, memory, node))
-            put3(motion.seat, node, 0, c)
-            put3(memory.velocity, node, 0, add(v, c))
-            change += 0.5 * motion.hold[node] * dot(c, c)
-    after, _ = kinetic(motion, memory)
-    # with the share x of it: before + b x + change x^2 <= most + given x
-    b, room = after - before - change - given, max(most - before, 0.0)
-    if b + change <= room:
-        return given
-    root = math.sqrt(b * b + 4.0 * change * room)
-    share = 2.0 * room / (b + root) if b > 0.0 else 0.5 * (root - b) / change
-    for node in range(motion.seat.shape[0]):
-        put3(memory.velocity, node, 0, add(get3(memory.velocity, node), scale(share - 1.0, get3(motion.seat, node))))
-    return share * given
-
-
-@inline
-def stretch(plan: Plan, work: Work, motion: Motion, memory: Momentum) -> None:
-    """Fills the matrix of elements as bars, and by how much what has stopped makes them longer [m/s]."""
-    total = 0.0
-    for k in range(work.D.shape[0]):
-        total += motion.hold[k]
-        put9(work.D, k, 0, mscale(FIRM, IDENTITY))
-        put3(work.G, k, 0, NONE)
-    for k in range(work.pull.shape[0]):
-        put3(work.pull, k, 0, NONE)
-    soft = work.D.shape[0] / total
-    for j in range(plan.ends.shape[0]):
-        for c in range(6):
-            motion.tug[j, c] = 0.0
-        for e in range(plan.first[j], plan.first[j + 1]):
-            k = e + j
-            way = subtract(get3(motion.place, k + 1), get3(motion.place, k))
-            t = scale(1.0 / math.sqrt(dot(way, way)), way)
-            rate = subtract(slowed(motion, memory, k + 1), slowed(motion, memory, k))
-            for c in range(9):
-                work.U[e, c] = work.parts[e, 9 + c] = work.parts[e, 18 + c] = 0.0
-            put9(work.parts, e, 27, mscale(soft, msub(mscale(ACROSS - ALONG, outer(t, t)), mscale(ACROSS, IDENTITY))))
-            put3(motion.slack, e, 0, scale(dot(t, rate), t))
-
-
-@inline
-def slowed(motion: Motion, memory: Momentum, node: int) -> Vector:
-    """[m/s], by how much a node has changed its velocity."""
-    return subtract(get3(memory.velocity, node), get3(motion.seat, node))
 
 
 @inline

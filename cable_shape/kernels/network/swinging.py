@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 
 from cable_shape.kernels.network.compiled import inline, viewing
+from cable_shape.kernels.network.impulse import make_taut
 from cable_shape.kernels.network.momentum import (
     ENERGY,
     KINETIC,
@@ -227,29 +228,39 @@ def step(
 ) -> int:  # fmt: skip
     """One step dt [s] to the knots `goal` (k, 7), in 1, 4, 8 or 16 parts; CONVERGED, or nothing has changed.
 
-    kept: room for solutions and memory.
+    Where none leads anywhere so once more from the cable made taut. kept: room for solutions and twice the memory.
     """
     plan, size, whole = plan_of(ints), solution_size(ints), sols.shape[0]
+    both = whole + remembered.shape[0]
     copy(kept[:whole], sols)
-    copy(kept[whole:], remembered)
-    parts, status = 1, CONVERGED
+    copy(kept[whole:both], remembered)
+    status, given, gone = CONVERGED, 0.0, 0.0
     info[I_ITERATIONS] = 0.0
-    while parts <= 16:
-        for i in range(info.shape[0]):
-            if i != I_ITERATIONS:
-                info[i] = 0.0
-        for i in range(parts):
-            part_way(plan, solution_of(ints, kept, NOW), solution_of(ints, sols, TRIAL), goal, (i + 1.0) / parts)
-            status = attempt(ints, floats, sols, space, moving, remembered, dt / parts, info, told, 0)
-            if status != CONVERGED:
-                break
-        if status == CONVERGED:
-            memory = momentum_of(ints, remembered)
-            info[I_PARTS], info[I_ENERGY], info[I_KINETIC] = parts, memory.par[ENERGY], memory.par[KINETIC]
-            return CONVERGED
-        copy(sols, kept[:whole])
-        copy(remembered, kept[whole:])
-        parts = 4 if parts == 1 else 2 * parts
+    for taut in range(2):
+        if taut == 1:
+            copy(kept[both : both + remembered.shape[0]], remembered)
+            part_way(plan, solution_of(ints, kept, NOW), solution_of(ints, sols, TRIAL), goal, 1.0)
+            given, gone = make_taut(ints, floats, sols, space, moving, remembered, dt)
+            copy(kept[whole:both], remembered)
+        parts = 1
+        while parts <= 16:
+            for i in range(info.shape[0]):
+                if i != I_ITERATIONS:
+                    info[i] = 0.0
+            info[I_WORK], info[I_DISSIPATED] = given, gone
+            for i in range(parts):
+                part_way(plan, solution_of(ints, kept, NOW), solution_of(ints, sols, TRIAL), goal, (i + 1.0) / parts)
+                status = attempt(ints, floats, sols, space, moving, remembered, dt / parts, info, told, 0)
+                if status != CONVERGED:
+                    break
+            if status == CONVERGED:
+                memory = momentum_of(ints, remembered)
+                info[I_PARTS], info[I_ENERGY], info[I_KINETIC] = parts, memory.par[ENERGY], memory.par[KINETIC]
+                return CONVERGED
+            copy(sols, kept[:whole])
+            copy(remembered, kept[whole:both])
+            parts = 4 if parts == 1 else 2 * parts
+    copy(remembered, kept[both : both + remembered.shape[0]])
     copy(sols[2 * size : 3 * size], sols[0:size])
     return status
 
