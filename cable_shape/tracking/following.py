@@ -194,11 +194,15 @@ class Following:
         """Fits that know of no look before."""
         unknown = self._filter.unknown
         expected = Known(stamp, np.zeros(unknown.size), unknown.covariance(SWING), SWING)
-        looks = []
-        for ends in self.guesses(cloud, told, seen, expected.covariance):
-            self._filter.rod.trail.reset()
-            look = self._tried(cloud, ends, expected, seen)
-            looks += [] if look is None else [look]
+        looks, trail = [], self._filter.rod.trail
+        trail.follows = False
+        try:
+            for ends in self.guesses(cloud, told, seen, expected.covariance):
+                trail.reset()
+                look = self._tried(cloud, ends, expected, seen)
+                looks += [] if look is None else [look]
+        finally:
+            trail.follows = True
         return looks
 
     def _odd(self, look: Look) -> float:

@@ -24,6 +24,10 @@ class Trail:
         self._make = make
         self.reset()
 
+    #: Whether a shape that touches something is followed; else each is found from nothing: of those that a cable may
+    #: have where nothing is known of it, the first is as good as any.
+    follows = True
+
     def reset(self) -> None:
         """Forgets all shapes."""
         self._solver = self._make()
@@ -34,6 +38,8 @@ class Trail:
     def solve(self, problem: Any) -> Any:
         """The shape of a problem that is used only here."""
         self._then = self.here
+        if self._solver.touching and not self.follows:
+            self._solver = self._make()
         self._before = None if self._solver.touching else self._solver.twin(problem, None)
         shape = self._solver.solve(problem)
         if shape.status:

@@ -15,6 +15,7 @@ from cable_shape.checks import Array
 from cable_shape.kernels.contact import afterwards, drive, press, run
 from cable_shape.kernels.contact.lay import room_for
 from cable_shape.kernels.contact.near import (
+    ARC,
     BARE,
     LINK,
     NEAR,
@@ -28,7 +29,7 @@ from cable_shape.kernels.contact.near import (
 )
 from cable_shape.kernels.contact.tables import Lying, Net
 from cable_shape.kernels.network import material, tables
-from cable_shape.kernels.network.tables import BEFORE, NOW
+from cable_shape.kernels.network.tables import BEFORE, NOW, TRIAL
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.shape import CableShape
 from cable_shape.solve.mesh import interpolated
@@ -54,6 +55,7 @@ _NOTHING: Array = np.zeros(3)
 _HELD = (0.0, 0.0, 0.0)
 _WIDER = 6  #: vertices more that an elimination joins with one, where stretches hang together by pairs
 _NOWHERE: Array = np.empty((0, 3))
+_DRAWN = 0.02  #: of the length: a cable that is longer or shorter by less is followed, not looked for from nothing
 _AT = 1e-9  #: loads nearer to an end than this fraction of the length are carried by it
 
 
@@ -141,6 +143,7 @@ class Laid:
         self._positions = _NOWHERE
         self._spacing = self._middles = np.empty(0)  # [m] of the nodes at first, and where
         self.bodies = TouchBodies()
+        self.points: Array = np.empty(0)  # [m], of loads between the ends
         self._arcs: Array = np.zeros(2)  # (b+1,) [m], of the supports; of eyelets, where they were laid out
         self.rings: Any = np.empty(0, np.int64)  # supports that are eyelets
         self.slid: Array = np.zeros((3, 2))  # (3, b+1) [m], arc lengths of the supports
@@ -168,12 +171,10 @@ class Laid:
         same_rings = arcs.size == self._arcs.size and np.array_equal(rings, self.rings)
         if same_rings:
             arcs[rings] = self._arcs[rings]  # what is in an eyelet is found
-        if not (
-            self.bodies.are(problem.bodies)
-            and same_rings
-            and self.length == length
-            and np.array_equal(arcs, self._arcs)
-        ):
+        alike, before = self.bodies.are(problem.bodies) and same_rings, (self._arcs, self.points)
+        same = alike and self.length == length and np.array_equal(arcs, self._arcs)
+        drawn = alike and not same and self._nearly(length, arcs)
+        if not (same or drawn):
             self.forget()
             self.elements = 0
         if arcs.size != self._arcs.size:
@@ -188,12 +189,39 @@ class Laid:
             self.cable.problem = _divided(problem)
         else:
             self._take_cable(problem)
+        if drawn and not self._draw_out(*before):
+            self.forget()
+            self.elements = 0
         if self.bodies.take(problem.bodies, problem.gripping, problem.links, 0.5 * widest(cable), problem.carried):
             self.forget()
         if kept:
             self._find_friction()
         else:
             self._kinds = ()
+
+    def _nearly(self, length: float, arcs: Array) -> bool:
+        """Whether a cable of that length, held there, is the one before but for a little."""
+        near = abs(length - self.length) <= _DRAWN * self.length and arcs.size == self._arcs.size
+        return bool(near and self.elements and self.single and not (self.rings.size or self.links))
+
+    def _draw_out(self, arcs: Array, points: Array) -> bool:
+        """Spreads the nodes, between supports and loads that were at `arcs` and `points`, over the cable as it is now.
+
+        False: it has other loads.
+        """
+        if points.size != self.points.size:
+            return False
+        then, now = np.concatenate((arcs, points)), np.concatenate((self._arcs, self.points))
+        nodes = np.interp(self.nodes, *mesh.spread(then, now, _NOTHING[:0]))
+        for old, new in zip(then, now, strict=True):
+            nodes[np.abs(self.nodes - old).argmin()] = new
+        self.near[:TRIAL, :, ARC] += nodes - self.nodes
+        share = now.max() / then.max()
+        self._spacing, self._middles = share * self._spacing, share * self._middles
+        self.slid[:] = self._arcs
+        self.s[:] = self.s_then[:] = nodes
+        self.h[:] = np.diff(nodes)
+        return True
 
     def _take_cable(self, problem: Problem) -> None:
         """Takes over what the cable is made of, and its loads."""
@@ -210,7 +238,7 @@ class Laid:
         for arc in arcs:
             at[np.abs(at - arc) < _AT * length] = arc
         inside = (at > _AT * length) & (at < (1.0 - _AT) * length)
-        self.points: Array = at[inside]
+        self.points = at[inside]
         self._stops: Array = np.union1d(self.points, arcs[1:-1])
         self.radius = radius_of(cable)
 
