@@ -265,7 +265,7 @@ class _Within:
     def compiled(self) -> Any:
         """numba's dispatcher."""
         options = {"no_cpython_wrapper": True, **self.options}
-        compiler = InLine if options.get("forceinline") else Whole
+        compiler = InLine if options.get("forceinline") and self.late is None else Whole
         made = numba.njit(error_model="numpy", pipeline_class=compiler, **options)(self.function)
         made._cache = _CacheWithin(self.function)
         return made
