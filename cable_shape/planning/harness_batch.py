@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from cable_shape import checks
 from cable_shape.cable.harness import Harness
+from cable_shape.cable.junction import Junction
 from cable_shape.checks import Array
 from cable_shape.cycle.harness_stability import HarnessStability
 from cable_shape.errors import ArgumentError
@@ -62,7 +63,9 @@ class HarnessBatch(Several[HarnessShape]):
         first = next(iter(parts.values()))
         self.points, self.bodies, self.horizon = first.points, first.bodies, first.horizon
         size = NUMBERS_PER_POINT * self.points
-        self.buffer: Array = np.full((len(self), size * len(parts)), math.nan)
+        beside = sum(joint.frame(end).position.any() for joint in _rigid(harness) for end in joint.ends)
+        #: After the segments come, as in a HarnessShape, what ends beside their junctions hang on.
+        self.buffer: Array = np.full((len(self), size * (len(parts) + int(beside))), math.nan)
         for i, part in enumerate(parts.values()):
             part.buffer = self.buffer[:, i * size : (i + 1) * size]
         self.energy: Array = np.full(len(self), math.nan)
@@ -217,6 +220,10 @@ def _pose(where: str, row: Array) -> Pose:
         return Pose(row[:3], row[3:])
     except ArgumentError as error:
         raise ArgumentError(f"{where}: {error}") from None
+
+
+def _rigid(harness: Harness) -> list[Junction]:
+    return [junction for junction in harness.junctions if junction.kind == "rigid"]
 
 
 @final

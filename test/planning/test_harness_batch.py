@@ -59,6 +59,17 @@ def test_every_row_is_the_cold_prediction_and_judged_as_in_a_cycle() -> None:
     assert batch.worst.max() == max(np.nanmax(used) for used in batch.used.values())
 
 
+def test_segments_that_leave_a_junction_beside_its_origin_have_rows() -> None:
+    beside = cs.Junction("j", ("a.end", "b.start"), frames={"b.start": cs.Pose((0.0, 0.02, 0.0))})
+    harness, given = cs.Harness({"a": CABLE, "b": CABLE}, [beside]), tables(2)
+    batch = cs.predict_batch(harness, given, points=60)
+    assert batch.usable.all()
+    for row, shape in enumerate(batch):
+        alone = cs.predict(harness, {end: pose(table[row]) for end, table in given.items()}, points=60)
+        np.testing.assert_array_equal(shape.buffer, alone.buffer)
+        np.testing.assert_array_equal(batch.positions["b"][row], alone.segments["b"].positions)
+
+
 def test_no_bit_of_a_row_depends_on_others() -> None:
     given, known = tables(), cs.Uncertainty({"bending_stiffness": 0.1}, (0.001, 0.01), (0.002, 0.01))
     whole = cs.predict_batch(HARNESS, given, points=60, uncertainty=known)
