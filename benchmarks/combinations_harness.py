@@ -11,6 +11,7 @@ from harness_random import balance
 
 import cable_shape as cs
 from cable_shape.cable.harness import split_end
+from cable_shape.planning.harness_batch import HarnessBatch
 
 ALONG = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))  # d3 along x
 CABLE = cs.Cable(0.6, 0.1, 0.01, 0.008, diameter=0.008)
@@ -21,6 +22,7 @@ HARNESS = cs.Harness(
 )
 G = np.array((0.0, 0.0, -9.81))
 SECOND, SIZE = 1_000_000_000, 2e-4  # ns; m, of differences
+PLACES = (0.0, 0.6)  # of rows; from nothing a cable that is held much lower comes to hang below the harness
 
 Ends = dict[str, cs.Pose]
 
@@ -167,14 +169,38 @@ def tables(places: tuple[float, ...]) -> dict[str, np.ndarray]:
     return {end: np.array([ends_at(x)[end].array for x in places]) for end in ends_at(0.0)}
 
 
+def paths(around: Around, places: tuple[float, ...]) -> dict[str, Any]:
+    """Of the harness and the cables across it (k, 7)."""
+    across = tuple(np.array([over_at(x)[side].array for x in places]) for side in (0, 1))
+    return {"h": tables(places), **dict.fromkeys(around.cables, across)}
+
+
+def rows(around: Around, harness: cs.Harness = HARNESS, **more: Any) -> HarnessBatch:
+    """A batch of `PLACES`; where there are cables they lie on it in the last row, and in that alone."""
+    options = {"scene": around.scene, "tolerance": 1e-6, **more}
+    if not around.cables:
+        return cs.predict_batch(harness, tables(PLACES), **options)
+    found = cs.predict_batch({"h": harness, **around.cables}, paths(around, PLACES), **options)
+    for name in around.cables:
+        assert [bool(row[name].contacts) for row in found] == [False, True], "not touching in the last row alone"
+    return found.harnesses["h"]
+
+
+def from_nothing(around: Around, x: float, harness: cs.Harness = HARNESS) -> cs.HarnessShape:
+    """The shape of the harness, predicted by itself, or in the first step of a cycle."""
+    if not around.cables:
+        return cs.predict(harness, ends_at(x), scene=around.scene, tolerance=1e-6)
+    cycle = cs.Cycle({"h": harness, **around.cables}, scene=around.scene, tolerance=1e-6)
+    found: cs.HarnessShape = cycle.step(grips_at(around, x), 0).shapes["h"]
+    return found
+
+
 def batch(around: Around) -> None:
     """Rows are what is found from nothing, and forces balance in them."""
-    if around.cables:
-        cs.predict_batch({"h": HARNESS, **around.cables}, {}, scene=around.scene)
-    found = cs.predict_batch(HARNESS, tables((0.0, 1.0)), scene=around.scene, tolerance=1e-6)
+    found = rows(around)
     assert found.usable.all(), found.details
-    for row in (0, 1):
-        shape = cs.predict(HARNESS, ends_at(float(row)), scene=around.scene, tolerance=1e-6)
+    for row, x in enumerate(PLACES):
+        shape = from_nothing(around, x)
         for name, one in shape.segments.items():
             assert np.abs(found.positions[name][row] - one.positions).max() < 1e-5
         balanced(found[row])
@@ -183,15 +209,13 @@ def batch(around: Around) -> None:
 def batch_tube(around: Around) -> None:
     """Rows have the tube of differences."""
     known = cs.Uncertainty({"length:b": SIZE})
-    if around.cables:
-        cs.predict_batch({"h": HARNESS, **around.cables}, {}, scene=around.scene, uncertainty=known)
-    found = cs.predict_batch(HARNESS, tables((1.0,)), scene=around.scene, tolerance=1e-6, uncertainty=known)
-    shapes = [cs.predict(longer(x), ends_at(1.0), scene=around.scene, tolerance=1e-6) for x in (SIZE, -SIZE)]
+    found = rows(around, uncertainty={"h": known} if around.cables else known)
+    shapes = [from_nothing(around, PLACES[-1], longer(x)) for x in (SIZE, -SIZE)]
     for name in HARNESS.segments:
         above, below = (shape.segments[name] for shape in shapes)
         way = 0.5 * (above.positions - below.positions)
         expected = known.radius(way[:, :, None] * way[:, None, :], above.tangents)
-        assert np.abs(found.radius[name][0] - expected).max() <= 0.05 * expected.max() + 1e-6
+        assert np.abs(found.radius[name][-1] - expected).max() <= 0.05 * expected.max() + 1e-6
 
 
 def calibrate(around: Around) -> None:
@@ -214,9 +238,7 @@ def trajectory(around: Around) -> None:
     """The whole way is followed, and nothing is wrong with it but that bodies are near."""
     if around.cables:
         places = tuple(np.linspace(0.0, 1.0, around.steps).tolist())
-        across = tuple(np.array([over_at(x)[side].array for x in places]) for side in (0, 1))
-        path = {"h": tables(places), **dict.fromkeys(around.cables, across)}
-        found = cs.check_trajectory({"h": HARNESS, **around.cables}, around.scene, None, path)
+        found = cs.check_trajectory({"h": HARNESS, **around.cables}, around.scene, None, paths(around, places))
     else:
         found = cs.check_trajectory(HARNESS, around.scene, None, cs.EndsPath(tables((0.0, 1.0))))
     assert found.done.all(), found.first

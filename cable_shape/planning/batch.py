@@ -72,9 +72,9 @@ def predict_batch(cable: Cable, starts: ArrayLike, ends: ArrayLike | FreeEnd | N
 @overload
 def predict_batch(cable: Harness, starts: Tables, **_: Any) -> HarnessBatch: ...
 @overload
-def predict_batch(cable: Mapping[str, Cable], starts: Mapping[str, Any], **_: Any) -> CablesBatch: ...
+def predict_batch(cable: Mapping[str, Cable | Harness], starts: Mapping[str, Any], **_: Any) -> CablesBatch: ...
 def predict_batch(  # type: ignore[misc]
-    cable: Cable | Harness | Mapping[str, Cable],
+    cable: Cable | Harness | Mapping[str, Cable | Harness],
     starts: Any,
     ends: Any = NOT_GIVEN,
     *,
@@ -105,12 +105,13 @@ def predict_batch(  # type: ignore[misc]
         Position [m] and quaternion x y z w of the cable frame at each end, in the world. `ends` may be a FreeEnd, which
         is that of all rows, or None: free without load. Of a harness `starts` alone: a mapping of held ends to such
         tables, and of free ones to FreeEnd; the answer is a :class:`cable_shape.planning.harness_batch.HarnessBatch`.
-        Of several cables, a mapping of name to Cable, `starts` alone, too: a mapping of name to (starts, ends), every
-        row a scene of all of them; the answer is a :class:`cable_shape.planning.cables_batch.CablesBatch`.
+        Of several, a mapping of name to Cable or Harness, `starts` alone, too: a mapping of name to (starts, ends), or
+        for a harness to its own mapping, every row a scene of all of them; the answer is a
+        :class:`cable_shape.planning.cables_batch.CablesBatch`.
     start_kind, end_kind : str
         How grips hold the ends: "clamped", "swivel" or "pinned", as of :class:`Grip`.
     kinds : mapping of end to str, optional
-        The same of a harness, and of several cables, by "name.start" and "name.end".
+        The same of a harness, and of several cables, by "name.start" and "name.end", and "h/a.start" of harness "h".
     clips : mapping of cable name to sequence of Clip, optional
         Of several cables: what holds that one, in place of the scene's `clips`, which hold every cable.
     model, gravity, points, tolerance, scene, distributed_load, acceleration
@@ -236,7 +237,9 @@ def _scenes(scene: Any, rows: int) -> list[tuple[Rows | None, Scene | None]]:
     return [(np.array(those), scene[those[0]]) for those in of.values()]
 
 
-def _predict_several(cables: Mapping[str, Cable], starts: Any, ends: Any, held: tuple[str, str], **more: Any) -> Any:
+def _predict_several(
+    cables: Mapping[str, Cable | Harness], starts: Any, ends: Any, held: tuple[str, str], **more: Any
+) -> Any:
     """Several cables, which take what one does in mappings by their names."""
     remedy = "Write predict_batch({'a': cable, ..}, {'a': (starts, ends), ..}, kinds={'a.start': 'swivel'})."
     if ends is not NOT_GIVEN:

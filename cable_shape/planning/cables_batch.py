@@ -1,8 +1,8 @@
-"""Many grasps of several cables that may touch each other: :class:`CablesBatch`, made by `predict_batch`.
+"""Many grasps of several cables and harnesses that may touch each other: :class:`CablesBatch`, made by `predict_batch`.
 
-Rows in which the cables, each found by itself, are clear of bodies, of each other and of themselves are done with that,
-in compiled code and threads. Others are solved one by one, from nothing, as :func:`cable_shape.predict` does. Either
-way a row's answer depends on its own ends and on nothing else.
+Rows in which these, each found by itself, are clear of bodies, of each other and of themselves are done with that, the
+cables in compiled code and threads. Others are solved one by one, from nothing, as :func:`cable_shape.predict` does.
+Either way a row's answer depends on its own ends and on nothing else.
 """
 
 from __future__ import annotations
@@ -14,39 +14,36 @@ from time import perf_counter
 from typing import Any, final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from cable_shape import checks
 from cable_shape.cable.cable import Cable
-from cable_shape.checks import Array
+from cable_shape.cable.harness import Harness
 from cable_shape.errors import ArgumentError
-from cable_shape.planning.batch_spread import check_tube
-from cable_shape.planning.harness_batch import MOST_NUMBERS, normalise, pose_table
+from cable_shape.planning.cables_parts import WRITE, CablePart, HarnessPart, Part
+from cable_shape.planning.harness_batch import MOST_NUMBERS, HarnessBatch, kinds_of, same_rows
 from cable_shape.planning.row_judge import RowJudge
 from cable_shape.planning.shape_batch import Several, ShapeBatch
-from cable_shape.pose import GRIP_KINDS, Ends, FreeEnd, Grip, Pose
-from cable_shape.prediction.cables_predictor import CablesPredictor, named_cables, of_all
+from cable_shape.prediction.cables_predictor import CablesPredictor, named_parts, of_all
+from cable_shape.prediction.harness_predictor import HarnessPredictor
 from cable_shape.safety.near import CableNear
+from cable_shape.safety.report import Clearance
 from cable_shape.scene.scene import Clip, Scene
 from cable_shape.shape import NUMBERS_PER_POINT, CableShape, Status
-from cable_shape.uncertainty.tube_watch import TubeWatch
 from cable_shape.uncertainty.uncertainty import Uncertainty
-
-SIDES = ("start", "end")
-_WRITE = "Write {name of the cable: (starts, ends)} of every cable, tables (k, 7); ends may be a FreeEnd or None."
-
-#: Tables of both ends of a cable, or what loads its free end.
-Tables = tuple[ArrayLike, ArrayLike | FreeEnd | None]
 
 
 @final
-class CablesBatch(Several[dict[str, CableShape]]):
-    """Shapes of several cables for k rows of ends; `batch[i]` is a mapping of cable name to CableShape.
+class CablesBatch(Several[dict[str, Any]]):
+    """Shapes of cables and harnesses for k rows of ends; `batch[i]` maps their names to CableShape and HarnessShape.
 
     Attributes
     ----------
     cables : mapping of cable name to ShapeBatch
-        All that is told of each. Of its `bodies` the last ones are the other cables and "itself".
+        All that is told of each, and of segments, by "h/a". Of its `bodies` the last ones are the other cables and
+        segments, and "itself"; those that meet in a junction are not checked against each other.
+    harnesses : mapping of harness name to HarnessBatch
+        Of which the segments are those of `cables`.
     positions, distances, used, radius : mapping of cable name to what its ShapeBatch has
     clearance, worst : (k,)
         Of all cables.
@@ -56,35 +53,56 @@ class CablesBatch(Several[dict[str, CableShape]]):
         As of :class:`cable_shape.ShapeBatch`.
     """
 
+    def __init__(self, strands: Mapping[str, ShapeBatch], parts: Mapping[str, ShapeBatch | HarnessBatch]) -> None:
+        super().__init__(strands)
+        self.of = dict(parts)  # of cables and harnesses, in the order that was given
+
     @property
     def cables(self) -> dict[str, ShapeBatch]:
         """See the class."""
         return self.parts
 
+    @property
+    def harnesses(self) -> dict[str, HarnessBatch]:
+        """See the class."""
+        return {name: one for name, one in self.of.items() if isinstance(one, HarnessBatch)}
+
     def tell(self, row: int) -> None:
         """Takes over what became of a row's cables."""
-        every = self.cables.values()
+        every = self.of.values()
         self.done[row] = all(batch.done[row] for batch in every)
         self.status[row] = max(int(batch.status[row]) for batch in every)
         self.iterations[row] = sum(int(batch.iterations[row]) for batch in every)
-        told = {name: batch.details[row] for name, batch in self.cables.items() if row in batch.details}
+        told = {name: batch.details[row] for name, batch in self.of.items() if row in batch.details}
         if told:
             self.details[row] = " ".join(f"cable {name!r}: {detail}" for name, detail in told.items())
 
-    def __getitem__(self, row: int) -> dict[str, CableShape]:
+    def end(self, errors: Mapping[int, ArgumentError], *, partial: bool, time: float) -> None:
+        """Of rows that are not done nothing is told but what is wrong with them."""
+        for one in self.cables.values():
+            for kept in (one.buffer, one.info, one.tables, one.margin_rows):
+                kept[~self.done] = math.nan
+        every: list[Any] = [self, *self.cables.values(), *self.harnesses.values()]
+        for batch in every:
+            batch.done[:] = self.done
+            batch.partial, batch.time = partial, time
+            batch.errors.update(errors)
+            batch.details.update({row: str(error) for row, error in errors.items()})
+
+    def __getitem__(self, row: int) -> dict[str, Any]:
         """The shapes of row `row`; of one that was not done the status is NOT_CONVERGED and positions are NaN."""
-        return {name: batch[row] for name, batch in self.cables.items()}
+        return {name: batch[row] for name, batch in self.of.items()}
 
 
 def predict_cables(
-    cables: Mapping[str, Cable],
-    ends: Mapping[str, Tables],
+    cables: Mapping[str, Cable | Harness],
+    ends: Mapping[str, Any],
     alone: Callable[..., ShapeBatch],
     *,
     kinds: Mapping[str, str] | None = None,
     clips: Mapping[str, Sequence[Clip]] | None = None,
     scene: Scene | None = None,
-    acceleration: Mapping[str, ArrayLike] | None = None,
+    acceleration: Mapping[str, Any] | None = None,
     uncertainty: Uncertainty | Mapping[str, Uncertainty] | None = None,
     threads: int | None = None,
     time_limit: float | None = None,
@@ -95,23 +113,16 @@ def predict_cables(
     deadline = math.inf
     if time_limit is not None:
         deadline = began + checks.number("time_limit", time_limit, above=0.0, unit="s")
-    predictor = CablesPredictor(named_cables(cables), scene=scene, clips=clips, friction=False, **options)
-    given = _Given(predictor, ends, kinds)
+    predictor = CablesPredictor(named_parts(cables), scene=scene, clips=clips, friction=False, **options)
+    parts = _parts(predictor, ends, kinds)
     moves = checks.mapping("acceleration", acceleration, predictor.predictors, "Write {name of the cable: ..}.")
-    work = _Work(predictor, given, moves, _known(uncertainty, predictor), deadline)
-    work.solve_alone(alone, threads, {key: options[key] for key in ("model", "tolerance") if key in options})
+    common = {key: options[key] for key in ("model", "tolerance") if key in options}
+    own = {name: {**one, **common} for name, one in predictor.options.items()}
+    work = _Work(predictor, parts, moves, _known(uncertainty, predictor), own, deadline)
+    work.solve_alone(alone, threads)
     work.solve_left()
     batch = work.batch
-    for one in batch.cables.values():
-        for kept in (one.buffer, one.info, one.tables, one.margin_rows):
-            kept[~batch.done] = math.nan
-        one.done[:] = batch.done
-        one.partial = batch.partial = not bool((batch.done | given.invalid).all())
-        one.errors.update(given.errors)
-        one.time = perf_counter() - began
-    batch.errors.update(given.errors)
-    batch.details.update({row: str(error) for row, error in given.errors.items()})
-    batch.time = perf_counter() - began
+    batch.end(work.errors, partial=not bool((batch.done | work.invalid).all()), time=perf_counter() - began)
     return batch
 
 
@@ -120,160 +131,129 @@ def _known(
 ) -> dict[str, Uncertainty]:
     """What is known of each cable; those that are known exactly are left out."""
     if isinstance(uncertainty, Uncertainty):
-        known = dict.fromkeys(among.predictors, uncertainty)
-    else:
-        remedy = "Write Uncertainty({...}), or {name of the cable: Uncertainty({...})}."
-        known = checks.mapping("uncertainty", uncertainty, among.predictors, remedy)
-    for name, one in known.items():
-        check_tube(one, among.predictors[name])
-    return known
+        return dict.fromkeys(among.predictors, uncertainty)
+    remedy = "Write Uncertainty({...}), or {name of the cable: Uncertainty({...})}."
+    return checks.mapping("uncertainty", uncertainty, among.predictors, remedy)
 
 
-@final
-class _Given:
-    """The ends of all rows, and which rows are not valid."""
-
-    def __init__(self, among: CablesPredictor, ends: Mapping[str, Tables], kinds: Mapping[str, str] | None) -> None:
-        names = among.predictors
-        told = of_all("starts", ends, names, _WRITE)
-        self.tables: dict[str, Array] = {}  # of held ends, "cable.start"
-        self.free: dict[str, FreeEnd] = {}
-        for name, both in told.items():
-            if not isinstance(both, (tuple, list)) or len(both) != 2:
-                raise ArgumentError.of(f"starts[{name!r}]", both, "it must be (starts, ends)", _WRITE)
-            self.tables[f"{name}.start"] = pose_table(f"{name}.start", both[0])
-            if both[1] is None or isinstance(both[1], FreeEnd):
-                self.free[name] = both[1] or FreeEnd()
-            else:
-                self.tables[f"{name}.end"] = pose_table(f"{name}.end", both[1])
-        lengths = {end: len(table) for end, table in self.tables.items()}
-        if len(set(lengths.values())) > 1:
-            raise ArgumentError.of("starts", lengths, "all must have as many rows", "Give a pose of each end a row.")
-        self.kinds = checks.mapping("kinds", kinds, self.tables, "Write {'a.start': 'swivel'}.")
-        for end, kind in self.kinds.items():
-            checks.one_of(f"kinds[{end!r}]", kind, GRIP_KINDS)
-        self.rows = next(iter(lengths.values()))
-        points = next(iter(names.values())).problem.points
-        most = MOST_NUMBERS // (NUMBERS_PER_POINT * points * len(names))
-        if self.rows > most:
-            bound = f"{most} rows of {points} points of {len(names)} cables are allowed"
-            raise ArgumentError.of("starts", f"{self.rows} rows", bound, "Split them.")
-        self.invalid: NDArray[np.bool_] = np.zeros(self.rows, np.bool_)
-        self.errors: dict[int, ArgumentError] = {}
-        for end, table in self.tables.items():
-            for row, error in normalise(end, table).items():
-                self.invalid[row] = True
-                self.errors.setdefault(row, error)
-
-    def kind(self, name: str, side: str) -> str:
-        """How an end is held."""
-        return str(self.kinds.get(f"{name}.{side}", "clamped"))
-
-    def ends(self, name: str, row: int) -> tuple[Grip, Grip | FreeEnd]:
-        """The ends of a cable in a row."""
-        held = [
-            Grip(Pose.trusted(self.tables[f"{name}.{side}"][row]), self.kind(name, side))
-            for side in SIDES
-            if f"{name}.{side}" in self.tables
-        ]
-        return held[0], held[1] if len(held) > 1 else self.free[name]
+def _parts(among: CablesPredictor, ends: Mapping[str, Any], kinds: Mapping[str, str] | None) -> dict[str, Part]:
+    """The cables and harnesses, with what holds them in each row."""
+    parts: dict[str, Part] = {}
+    for name, told in of_all("starts", ends, among.predictors, WRITE).items():
+        predictor = among.predictors[name]
+        harness = isinstance(predictor, HarnessPredictor)
+        parts[name] = HarnessPart(name, predictor, told) if harness else CablePart(name, predictor, told)
+    tables = {end: table for part in parts.values() for end, table in part.tables.items()}
+    same_rows("starts", tables)
+    named = kinds_of(kinds, tables)
+    for part in parts.values():
+        part.kinds = {end: kind for end, kind in named.items() if end in part.tables}
+    rows, strands = len(next(iter(tables.values()))), sum(len(part.cables) for part in parts.values())
+    points = next(iter(among.predictors.values())).problem.points
+    most = MOST_NUMBERS // (NUMBERS_PER_POINT * points * strands)
+    if rows > most:
+        bound = f"{most} rows of {points} points of {strands} cables are allowed"
+        raise ArgumentError.of("starts", f"{rows} rows", bound, "Split them.")
+    return parts
 
 
 @final
 class _Work:
-    """One call of :func:`predict_cables`."""
+    """One call of :func:`predict_cables`; options: of each one's own predictor."""
 
     def __init__(
         self,
         predictor: CablesPredictor,
-        given: _Given,
+        parts: Mapping[str, Part],
         moves: Mapping[str, Any],
         known: Mapping[str, Uncertainty],
+        options: Mapping[str, Mapping[str, Any]],
         deadline: float,
     ) -> None:
-        self.predictor, self.given, self.moves, self.known, self.deadline = predictor, given, moves, known, deadline
-        cables = {name: one.cable for name, one in predictor.predictors.items()}
+        self.predictor, self.parts, self.moves, self.options = predictor, parts, moves, options
+        self.deadline = deadline
+        rows = len(next(iter(next(iter(parts.values())).tables.values())))
+        self.errors: dict[int, ArgumentError] = {}
+        for part in parts.values():
+            self.errors = {**part.errors, **self.errors}
+        self.invalid: NDArray[np.bool_] = np.zeros(rows, np.bool_)
+        self.invalid[list(self.errors)] = True
+        cables = {strand: cable for part in parts.values() for strand, cable in part.cables.items()}
         scene = predictor.scene
         #: How many of a cable's bodies are none of the cables.
         self.fixed = 0 if scene.contact == "off" else sum(body.link is None for body in scene.obstacles)
         bodies = tuple(body for body in scene.obstacles if body.link is None) if self.fixed else ()
-        self.near = CableNear(cables, dataclasses.replace(scene, obstacles=bodies)) if scene.contact != "off" else None
-        self.judges = {
-            name: RowJudge(cable, predictor.scenes[name], () if self.near is None else self.near.bodies(name))
-            for name, cable in cables.items()
-        }
-        self.batch = CablesBatch(
-            {name: judge.batch(given.rows, predictor.predictors[name].problem) for name, judge in self.judges.items()}
-        )
-        self.tubes = {
-            name: TubeWatch(cables[name], one, **predictor.options[name])
-            for name, one in (known.items() if predictor.solves_crossing else ())
-        }
+        meeting = {pair for part in parts.values() for pair in part.meeting}
+        self.near = None
+        if scene.contact != "off":
+            self.near = CableNear(cables, dataclasses.replace(scene, obstacles=bodies), joined=meeting)
+        self.judges: dict[str, RowJudge] = {}
+        made: dict[str, ShapeBatch] = {}
+        for name, part in parts.items():
+            for (strand, cable), problem in zip(part.cables.items(), part.problems, strict=True):
+                others = () if self.near is None else self.near.bodies(strand)
+                judge = self.judges[strand] = RowJudge(cable, predictor.scenes[name], others)
+                made[strand] = judge.batch(rows, problem)
+        self.batch = CablesBatch(made, {name: part.batch(made) for name, part in parts.items()})
         for name, one in known.items():
-            told = self.batch.cables[name]
-            told.confidence, told.radius = one.confidence, np.full((given.rows, told.points), math.nan)
+            parts[name].know(one, together=predictor.solves_crossing, **options[name])
+            for strand in parts[name].cables:
+                told = made[strand]
+                told.confidence, told.radius = one.confidence, np.full((rows, told.points), math.nan)
 
-    # -- each cable by itself
+    # -- each by itself
 
-    def solve_alone(self, predict: Callable[..., ShapeBatch], threads: int | None, more: Mapping[str, Any]) -> None:
+    def solve_alone(self, predict: Callable[..., ShapeBatch], threads: int | None) -> None:
         """Every valid row in which nothing touches, or all of them where that is not solved for.
 
-        predict: rows of a single cable; more: its keywords beside those of the predictor.
+        predict: rows of a single cable.
         """
-        found = {name: self._each(predict, name, threads, more) for name in self.judges}
-        good: NDArray[np.bool_] = ~self.given.invalid
+        found = {name: self._each(predict, name, threads) for name in self.parts}
+        good: NDArray[np.bool_] = ~self.invalid
         for one in found.values():
             good &= one.done
             if self.predictor.solves_crossing:
                 good &= (one.status == Status.OK.value) & ~(one.clearance < 0.0)
-        for name, one in found.items():
-            self.batch.cables[name].tell_several_as(one)
         shapes = {row: {name: one[row] for name, one in found.items()} for row in np.flatnonzero(good).tolist()}
         if self.predictor.solves_crossing:
             shapes = {row: each for row, each in shapes.items() if not self.predictor.overlapping(each)}
-        for name, one in found.items():
-            _copy(one, self.batch.cables[name], np.array(list(shapes), np.int64), self.fixed)
+        rows, strands = np.array(list(shapes), np.int64), dict[str, ShapeBatch]()
+        for name, part in self.parts.items():
+            own: dict[str, ShapeBatch] = part.strands(found[name])
+            for strand, one in own.items():
+                _copy(one, self.batch.cables[strand], rows, self.fixed)
+            part.take(found[name], rows, self.batch.of[name])
+            strands.update(own)
         for row, each in shapes.items():
-            self._add_others(row, each, {name: one.clearance_of(row) for name, one in found.items()})
+            self._add_others(row, self._strands(each), {name: one.clearance_of(row) for name, one in strands.items()})
             self.batch.tell(row)
 
-    def _each(
-        self, predict: Callable[..., ShapeBatch], name: str, threads: int | None, more: Mapping[str, Any]
-    ) -> ShapeBatch:
-        """The rows of one cable as if nothing touched it."""
-        given, options = self.given, dict(self.predictor.options[name])
-        scene: Scene = options.pop("scene")
-        options.pop("friction")
+    def _each(self, predict: Callable[..., ShapeBatch], name: str, threads: int | None) -> Any:
+        """The rows of one as if nothing touched it."""
+        options = dict(self.options[name])
         if self.predictor.solves_crossing:
-            scene = dataclasses.replace(scene, contact="warn")
+            options["scene"] = dataclasses.replace(options["scene"], contact="warn")
         left = self.deadline - perf_counter()
-        free = name in given.free
+        options["time_limit"] = None if left == math.inf else max(left, 1e-9)
         try:
-            return predict(
-                self.predictor.predictors[name].cable,
-                given.tables[f"{name}.start"],
-                given.free[name] if free else given.tables[f"{name}.end"],
-                start_kind=given.kind(name, "start"),
-                end_kind="clamped" if free else given.kind(name, "end"),
-                scene=scene,
-                acceleration=self.moves.get(name),
-                uncertainty=self.known.get(name),
-                threads=threads,
-                time_limit=None if left == math.inf else max(left, 1e-9),
-                **options,
-                **more,
-            )
+            return self.parts[name].alone(predict, threads, acceleration=self.moves.get(name), **options)
         except ArgumentError as error:
             raise type(error)(f"cable {name!r}: {error}") from None
 
-    def _add_others(self, row: int, shapes: Mapping[str, CableShape], clearance: Mapping[str, Any]) -> None:
+    def _strands(self, shapes: Mapping[str, Any]) -> dict[str, CableShape]:
+        """The shapes of cables and of segments."""
+        return {strand: one for name, part in self.parts.items() for strand, one in part.strands(shapes[name]).items()}
+
+    def _add_others(self, row: int, shapes: Mapping[str, CableShape], clearance: Mapping[str, Clearance]) -> None:
         """How near the cables of a row that is done are to each other."""
         if self.near is None:
             return
         for name, one in self._joined(row, shapes, clearance).items():
             self.judges[name].keep_others(self.batch.cables[name], row, shapes[name], one, self.fixed)
 
-    def _joined(self, row: int, shapes: Mapping[str, CableShape], clearance: Mapping[str, Any]) -> dict[str, Any]:
+    def _joined(
+        self, row: int, shapes: Mapping[str, CableShape], clearance: Mapping[str, Clearance]
+    ) -> dict[str, Clearance]:
         """Clearances with the other cables in them."""
         if self.near is None:
             return dict(clearance)
@@ -289,30 +269,30 @@ class _Work:
         """Every valid row that is not done yet, if cables are kept out of each other."""
         if not self.predictor.solves_crossing:
             return
-        for row in np.flatnonzero(~(self.batch.done | self.given.invalid)).tolist():
+        for row in np.flatnonzero(~(self.batch.done | self.invalid)).tolist():
             if perf_counter() > self.deadline:
                 return
             self._solve_together(row)
 
     def _solve_together(self, row: int) -> None:
         """A row from nothing."""
-        ends: dict[str, Ends] = {name: self.given.ends(name, row) for name in self.judges}
+        ends = {name: part.ends(row) for name, part in self.parts.items()}
         self.predictor.reset()
-        shapes = self.predictor.predict(ends, acceleration=self.moves)
-        clearance = {}
-        for name, shape in shapes.items():
-            one, swell = self.batch.cables[name], None
-            if name in self.tubes and shape.status:
-                watch = self.tubes[name]
-                watch.reset()
-                tube = watch.tube(self.predictor.predictors[name], shape, ends[name], None, self.moves.get(name))
-                swell = None if tube is None else tube.radius
-                assert one.radius is not None
+        whole = self.predictor.predict(ends, acceleration=self.moves)
+        tubes = {
+            strand: tube
+            for name, part in self.parts.items()
+            for strand, tube in part.tubes(whole[name], ends[name], self.moves.get(name)).items()
+        }
+        shapes, clearance = self._strands(whole), {}
+        for strand, shape in shapes.items():
+            one, swell = self.batch.cables[strand], tubes[strand].radius if strand in tubes else None
+            if one.radius is not None:
                 one.radius[row] = math.nan if swell is None else swell
-            clearance[name] = self.judges[name].checker.check(shape, swell=swell)
-        for name, near in self._joined(row, shapes, clearance).items():
-            state, held = self.predictor.state_of(name), isinstance(ends[name][1], Grip)
-            self.judges[name].keep(self.batch.cables[name], row, shapes[name], near, state, held)
+            clearance[strand] = self.judges[strand].checker.check(shape, swell=swell)
+        clearance = self._joined(row, shapes, clearance)
+        for name, part in self.parts.items():
+            part.keep(self.batch.of[name], row, whole[name], clearance, self.judges)
         self.batch.tell(row)
 
 

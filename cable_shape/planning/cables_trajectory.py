@@ -34,15 +34,14 @@ from cable_shape.prediction.cables_predictor import CablesPredictor, named_parts
 from cable_shape.prediction.harness_predictor import HarnessPredictor
 from cable_shape.prediction.layout import cable_id
 from cable_shape.prediction.predictor import Predictor
-from cable_shape.prediction.together import names_of
+from cable_shape.prediction.together import by_strand, names_of
 from cable_shape.robots.on_links import check_links
 from cable_shape.robots.robot import Robot
 from cable_shape.safety.near import CableNear
 from cable_shape.safety.report import Clearance
 from cable_shape.safety.warnings import metres
 from cable_shape.scene.scene import Scene
-from cable_shape.shape import CableShape, Status
-from cable_shape.solve.harness_shape import HarnessShape
+from cable_shape.shape import Status
 
 _WRITE = (
     "Write {name of the cable: (starts, ends)} of every cable, tables (k, 7); ends may be a FreeEnd or None. Of a "
@@ -227,7 +226,7 @@ class _Walk(Walk[_Sample]):
         given = {name: _given(name, one, ends) for name, one in self.predictor.predictors.items()}
         moves = {name: self._between(table, place) for name, table in self.moving.items()}
         whole = self.predictor.predict(given, links, acceleration=moves)
-        shapes = {strand: one for name, shape in whole.items() for strand, one in _strands(name, shape).items()}
+        shapes = {strand: one for name, shape in whole.items() for strand, one in by_strand(name, shape).items()}
         clearance = {name: judge.checker.check(shapes[name], links) for name, judge in self.judges.items()}
         if self.near is not None:
             clearance = self.near.added(shapes, clearance)
@@ -316,13 +315,6 @@ def _given(name: str, predictor: Predictor | HarnessPredictor, ends: Mapping[str
     if isinstance(predictor, HarnessPredictor):
         return {end: ends[f"{name}/{end}"] for end in predictor.harness.open_ends if f"{name}/{end}" in ends}
     return ends[f"{name}.start"], ends.get(f"{name}.end")
-
-
-def _strands(name: str, shape: CableShape | HarnessShape) -> dict[str, CableShape]:
-    """The shape of a cable, or those of segments, by what they are called."""
-    if isinstance(shape, HarnessShape):
-        return {cable_id(name, segment): one for segment, one in shape.segments.items()}
-    return {name: shape}
 
 
 def _frames(predictor: Predictor | HarnessPredictor, given: Any) -> Array:

@@ -33,6 +33,7 @@ from cable_shape.uncertainty.uncertainty import Tube, Uncertainty
 
 #: More numbers than this are not kept: 8 GB of shapes.
 MOST_NUMBERS = 1_000_000_000
+_WRITE = "Write {'a.start': table of (k, 7), ...}; ends that are not named are free."
 
 #: What is told of the ends of all rows: tables of poses, or loads of free ends.
 Tables = Mapping[str, ArrayLike | FreeEnd | None]
@@ -144,7 +145,9 @@ def predict_rows(
         deadline = began + checks.number("time_limit", time_limit, above=0.0, unit="s")
     options["friction"] = False
     predictor = HarnessPredictor(harness, scene=scene, **options)
-    tables, grips, free = _told(harness, ends, kinds)
+    tables, free = tables_of(harness, ends)
+    named = kinds_of(kinds, tables)
+    grips = {end: Grip(IDENTITY, named.get(end, "clamped")) for end in tables}
     predictor.problem.move({**grips, **free})  # refuses what cannot be held
     rows, points = len(next(iter(tables.values()))), predictor.problem.points
     most = MOST_NUMBERS // (NUMBERS_PER_POINT * points * len(harness.segments))
@@ -171,23 +174,30 @@ def predict_rows(
     return batch
 
 
-def _told(
-    harness: Harness, ends: Tables, kinds: Mapping[str, str] | None
-) -> tuple[dict[str, Array], dict[str, Grip], dict[str, FreeEnd]]:
-    """Tables (k, 7) and grips at the origin of the held ends, and the free ends with their loads."""
-    remedy = "Write {'a.start': table of (k, 7), ...}; ends that are not named are free."
-    told = checks.mapping("ends", ends, harness.ends, remedy)
+def tables_of(harness: Harness, ends: Tables) -> tuple[dict[str, Array], dict[str, FreeEnd]]:
+    """Tables (k, 7) of the held ends, and the free ends with their loads."""
+    told = checks.mapping("ends", ends, harness.ends, _WRITE)
     free = {end: FreeEnd() if held is None else held for end, held in told.items() if _is_free(held)}
     tables = {end: pose_table(end, held) for end, held in told.items() if not _is_free(held)}
     if not tables:
-        raise ArgumentError.of("ends", list(told), "no end is held", remedy)
+        raise ArgumentError.of("ends", list(told), "no end is held", _WRITE)
+    same_rows("ends", tables)
+    return tables, free
+
+
+def same_rows(name: str, tables: Mapping[str, Array]) -> None:
+    """Refuses tables of which one is longer than another."""
     lengths = {end: len(table) for end, table in tables.items()}
     if len(set(lengths.values())) > 1:
-        raise ArgumentError.of("ends", lengths, "all must have as many rows", "Give a pose of each end a row.")
+        raise ArgumentError.of(name, lengths, "all must have as many rows", "Give a pose of each end a row.")
+
+
+def kinds_of(kinds: Mapping[str, str] | None, tables: Mapping[str, Array]) -> dict[str, str]:
+    """How held ends are held; those that are not named are clamped."""
     named = checks.mapping("kinds", kinds, tables, "Write {'a.start': 'swivel'}.")
     for end, kind in named.items():
         checks.one_of(f"kinds[{end!r}]", kind, GRIP_KINDS)
-    return tables, {end: Grip(IDENTITY, named.get(end, "clamped")) for end in tables}, free
+    return named
 
 
 def _is_free(held: object) -> bool:
@@ -261,9 +271,14 @@ class _Judged:
             if part.radius is not None:
                 part.radius[row] = math.nan if swell is None else swell
             judge.keep(part, row, segment, judge.checker.check(segment, swell=swell))
-        self.stability.reset()
-        self.stability.judge(shape, 0)
-        margin = self.stability.margin
-        if margin is not None:
-            told = batch.segments[self.stability.segment].margin_rows[row, loads_used.STABILITY]
-            told[: loads_used.TIME] = margin.used, margin.limit, margin.value, margin.arc_length
+        tell_stability(self.stability, shape, batch, row)
+
+
+def tell_stability(stability: HarnessStability, shape: HarnessShape, batch: HarnessBatch, row: int) -> None:
+    """Judges the shape just predicted, and tells a row with the segment that turns most."""
+    stability.reset()
+    stability.judge(shape, 0)
+    margin = stability.margin
+    if margin is not None:
+        told = batch.segments[stability.segment].margin_rows[row, loads_used.STABILITY]
+        told[: loads_used.TIME] = margin.used, margin.limit, margin.value, margin.arc_length

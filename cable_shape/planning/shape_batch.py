@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from typing import Generic, TypeVar, final
+from typing import Any, Generic, TypeVar, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from cable_shape.safety.report import BodyDistance, Clearance
 from cable_shape.shape import NUMBERS_PER_POINT, CableShape, Status
 from cable_shape.solve.harness_shape import HarnessShape
 
-_Shape = TypeVar("_Shape", CableShape, HarnessShape, dict[str, CableShape])
+_Shape = TypeVar("_Shape", CableShape, HarnessShape, dict[str, Any])
 _NOT_JUDGED = [status.value for status in NOT_JUDGED]
 
 

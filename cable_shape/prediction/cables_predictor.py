@@ -17,10 +17,11 @@ from cable_shape.errors import ArgumentError
 from cable_shape.pose import Ends, FreeEnd, Grip, Pose
 from cable_shape.prediction.harness_predictor import HarnessPredictor
 from cable_shape.prediction.predictor import Predictor
-from cable_shape.prediction.together import join, joined, moved_with, names_of, rows_of, strands_of, told_of
+from cable_shape.prediction.together import by_strand, join, joined, moved_with, names_of, rows_of, strands_of, told_of
 from cable_shape.scene.scene import Clip, Scene
 from cable_shape.shape import CableShape
 from cable_shape.solve.answers import ENDS, Solved, sensitivity
+from cable_shape.solve.harness_shape import HarnessShape
 from cable_shape.solve.touching.crossing import Crossing
 from cable_shape.solve.touching.told import ITSELF
 
@@ -80,7 +81,9 @@ def named_parts(cables: object, kinds: tuple[type, ...] = (Cable, Harness)) -> d
         raise ArgumentError("cables = {} is not allowed: there must be at least one. Give a Cable.")
     for name, cable in cables.items():
         checks.word("cables", name)
-        remedy = "Write Cable(length=..., ...); harnesses are among cables in Cycle and check_trajectory alone."
+        remedy = "Write Cable(length=..., ...)."
+        if Harness not in kinds:
+            remedy = "Write Cable(length=..., ...); no calibration knows harnesses among cables."
         checks.instance(f"cables[{name!r}]", cable, kinds, remedy)
     return dict(cables)
 
@@ -104,8 +107,8 @@ class CablesPredictor:
     are those of :class:`cable_shape.Predictor` but for these:
 
     cables : mapping of name to Cable or Harness
-        Of a harness ends, accelerations and shapes are as of a :class:`HarnessPredictor`; `onto`, `begin`, `wound` and
-        `overlapping` are of cables alone.
+        Of a harness ends, accelerations and shapes are as of a :class:`HarnessPredictor`; `onto`, `begin` and `wound`
+        are of cables alone.
     clips : mapping of cable name to sequence of Clip, optional
         What holds that cable, in place of the scene's `clips`, which hold every cable.
     distributed_load : (2, 3) array_like or mapping of cable name to (2, 3) array_like, optional
@@ -187,9 +190,10 @@ class CablesPredictor:
             }
         return told_of(self.predictors, self._crossing.solve())
 
-    def overlapping(self, shapes: Mapping[str, CableShape]) -> bool:
+    def overlapping(self, shapes: Mapping[str, CableShape | HarnessShape]) -> bool:
         """Whether these shapes overlap each other or themselves; never, where cables are not kept out of each other."""
-        return self._crossing is not None and self._crossing.overlap([shapes[name] for name in self.predictors])
+        strands = [one for name in self.predictors for one in by_strand(name, shapes[name]).values()]
+        return self._crossing is not None and self._crossing.overlap(strands)
 
     def wound(self, seen: Mapping[str, CableShape]) -> frozenset[str]:
         """The cables that touch another one or themselves, or nearly do, in shapes as they were seen."""

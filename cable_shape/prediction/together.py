@@ -15,6 +15,7 @@ from cable_shape.prediction.layout import cable_id
 from cable_shape.prediction.predictor import Predictor
 from cable_shape.scene.scene import Clip
 from cable_shape.shape import CableShape
+from cable_shape.solve.harness_shape import HarnessShape
 from cable_shape.solve.touching.crossing import Crossing
 from cable_shape.solve.touching.one_cable import OneCable
 from cable_shape.solve.touching.one_harness import OneHarness
@@ -44,6 +45,13 @@ def names_of(name: str, predictor: Any) -> list[str]:
     if isinstance(predictor, HarnessPredictor):
         return [cable_id(name, segment) for segment in predictor.harness.segments]
     return [name]
+
+
+def by_strand(name: str, shape: CableShape | HarnessShape) -> dict[str, CableShape]:
+    """The shape of a cable, or those of the segments of a harness, by what they are called."""
+    if isinstance(shape, HarnessShape):
+        return {cable_id(name, segment): one for segment, one in shape.segments.items()}
+    return {name: shape}
 
 
 def told_of(predictors: Mapping[str, Any], shapes: Sequence[CableShape]) -> dict[str, Any]:

@@ -241,8 +241,5 @@ def test_what_is_of_several_cables_is_refused_of_one() -> None:
         cs.predict_batch(CABLE, starts, ends, clips={"over": []})
     with pytest.raises(ArgumentError, match=r"uncertainty.*one cable"):
         cs.predict_batch(CABLE, starts, ends, uncertainty={"over": cs.Uncertainty({"length": 1e-3})})
-    harness = cs.Harness({"a": CABLE})
-    with pytest.raises(ArgumentError, match=r"cables.*harnesses.*Cycle and check_trajectory"):
-        cs.predict_batch({"h": harness}, GIVEN)  # type: ignore[dict-item]
     with pytest.raises(ArgumentError, match="at least one"):
         cs.predict_batch({}, {})
