@@ -213,10 +213,7 @@ def predict_batch(  # type: ignore[misc]
         if slopes:
             work.tell_slopes(cable, {**options, "tolerance": tolerance})
     assert batch is not None
-    for kept in (batch.buffer, batch.info, batch.tables, batch.margin_rows):
-        kept[~batch.done] = math.nan
-    batch.tables[np.isinf(batch.distances), 1:] = math.nan
-    batch.margin_rows[np.isnan(batch.used)] = math.nan
+    batch.blank()
     batch.partial = int(batch.done.sum()) + len(batch.errors) < len(batch)
     batch.time = perf_counter() - began
     return batch

@@ -79,15 +79,14 @@ class CablesBatch(Several[dict[str, Any]]):
 
     def end(self, errors: Mapping[int, ArgumentError], *, partial: bool, time: float) -> None:
         """Of rows that are not done nothing is told but what is wrong with them."""
-        for one in self.cables.values():
-            for kept in (one.buffer, one.info, one.tables, one.margin_rows):
-                kept[~self.done] = math.nan
         every: list[Any] = [self, *self.cables.values(), *self.harnesses.values()]
         for batch in every:
             batch.done[:] = self.done
             batch.partial, batch.time = partial, time
             batch.errors.update(errors)
             batch.details.update({row: str(error) for row, error in errors.items()})
+        for one in self.cables.values():
+            one.blank()
 
     def __getitem__(self, row: int) -> dict[str, Any]:
         """The shapes of row `row`; of one that was not done the status is NOT_CONVERGED and positions are NaN."""

@@ -168,8 +168,7 @@ def predict_rows(
         judged.solve(row, {**held, **free}, acceleration)
     for one in batch.parts.values():
         one.partial = batch.partial
-        for kept in (one.info, one.tables, one.margin_rows):
-            kept[~one.done] = math.nan
+        one.blank()
     batch.time = perf_counter() - began
     return batch
 

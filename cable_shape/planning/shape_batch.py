@@ -129,6 +129,13 @@ class ShapeBatch(Rows[CableShape]):
         )  # fmt: skip
         return mine == theirs
 
+    def blank(self) -> None:
+        """Makes NaN of rows that are not done, and of what is told beside distances and margins that there are not."""
+        for kept in (self.buffer, self.info, self.tables, self.margin_rows):
+            kept[~self.done] = math.nan
+        self.tables[np.isinf(self.distances), 1:] = math.nan
+        self.margin_rows[np.isnan(self.used)] = math.nan
+
     @property
     def several(self) -> NDArray[np.bool_]:
         """(k,), see the class."""

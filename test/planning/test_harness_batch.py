@@ -70,6 +70,16 @@ def test_segments_that_leave_a_junction_beside_its_origin_have_rows() -> None:
         np.testing.assert_array_equal(batch.positions["b"][row], alone.segments["b"].positions)
 
 
+def test_beside_a_distance_beyond_the_horizon_nothing_is_told() -> None:
+    given = tables(2)
+    for table in given.values():
+        table[1, 2] = 2.0
+    batch = cs.predict_batch(HARNESS, given, points=60, scene=SCENE)
+    for one in batch.segments.values():
+        assert one.distances[1].tolist() == [math.inf]
+        assert np.isnan(one.tables[1, 0, 1:]).all()
+
+
 def test_no_bit_of_a_row_depends_on_others() -> None:
     given, known = tables(), cs.Uncertainty({"bending_stiffness": 0.1}, (0.001, 0.01), (0.002, 0.01))
     whole = cs.predict_batch(HARNESS, given, points=60, uncertainty=known)

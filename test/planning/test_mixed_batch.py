@@ -137,6 +137,9 @@ def test_no_bit_of_a_row_depends_on_others_or_on_the_threads() -> None:
         np.testing.assert_array_equal(some.cables[name].buffer, own.buffer[order])
         np.testing.assert_array_equal(some.cables[name].tables, own.tables[order])
         np.testing.assert_array_equal(some.cables[name].margin_rows, own.margin_rows[order])
+        far = np.isinf(own.distances)
+        assert far.any()
+        assert np.isnan(own.tables[far, 1:]).all()
     np.testing.assert_array_equal(some.harnesses["h"].energy, whole.harnesses["h"].energy[order])
 
 
@@ -174,6 +177,25 @@ def test_without_contact_solved_for_each_is_what_it_is_alone() -> None:
         np.testing.assert_array_equal(batch.distances[name][:, :1], own.distances)
         np.testing.assert_array_equal(batch.used[name][:, : len(LOAD_MARGINS) + 1], own.used)
     assert batch.distances["c"][1, batch.cables["c"].bodies.index("h/l")] < -1e-3  # they overlap, and it is told
+
+
+@pytest.mark.parametrize("contact", ["warn", "solve"])
+def test_segments_of_one_harness_that_do_not_meet_are_checked_against_each_other(contact: str) -> None:
+    bend = cs.Pose(quaternion=Rotation.from_euler("x", 90.0, degrees=True).as_quat())
+    joints = [
+        cs.Junction("one", ("a.end", "b.start"), frames={"b.start": bend}),
+        cs.Junction("other", ("b.end", "c.start"), frames={"c.start": bend}),
+    ]
+    harness = cs.Harness({"a": ARM, "b": ARM.replace(length=0.05), "c": ARM}, joints)
+    scene = cs.Scene(contact=contact, warn_distance=0.05)
+    ends = {"a.start": posed((0.0, 0.0, 0.0))[None], "c.end": posed((0.0, 0.04, 0.02), 180.0)[None]}
+    batch = cs.predict_batch({"h": harness}, {"h": ends}, scene=scene, tolerance=TOLERANCE, points=80)
+    cycle = cs.Cycle({"h": harness}, scene=scene, tolerance=TOLERANCE, points=80)
+    report = cycle.step({"h": {end: pose(table[0]) for end, table in ends.items()}}, 0)
+    near = {body.body: body.distance for body in report.clearance["h/a"].bodies}
+    assert batch.cables["h/a"].bodies == ("h/b", "h/c", "itself")
+    assert batch.distances["h/a"][0, 1] == pytest.approx(near["h/c"], abs=5.0 * TOLERANCE)
+    assert batch.distances["h/a"][0, 0] == math.inf
 
 
 def test_kinds_free_ends_clips_loads_and_accelerations_are_those_of_each() -> None:
