@@ -83,7 +83,7 @@ def named_parts(cables: object, kinds: tuple[type, ...] = (Cable, Harness)) -> d
         checks.word("cables", name)
         remedy = "Write Cable(length=..., ...)."
         if Harness not in kinds:
-            remedy = "Write Cable(length=..., ...); no calibration knows harnesses among cables."
+            remedy = "Write Cable(length=..., ...); a harness is calibrated by itself, where it touches no cable."
         checks.instance(f"cables[{name!r}]", cable, kinds, remedy)
     return dict(cables)
 

@@ -232,6 +232,7 @@ def test_names_say_what_is_fitted_of_which() -> None:
         ({"observations": [{"under": None}]}, r"observations\[0\].*'over' is missing.*Write"),
         ({"observations": [{"under": 1, "over": 2}]}, r"observations\[0\]\['under'\].*Observation"),
         ({"observations": []}, "0 items.*one at least"),
+        ({"cable": {**TRUE, "h": cs.Harness(TRUE)}}, r"cables\['h'\] = Harness.*must be a Cable.*calibrated by itself"),
         ({"observations": {}}, "list of mappings"),
         ({"fit": "stiffness"}, "stiffness.*bending_stiffness"),
         ({"fit": "length:top"}, "top"),
