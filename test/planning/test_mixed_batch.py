@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import forks
 import numpy as np
 import pytest
+from forks import HELD, forked, posed
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
@@ -14,34 +16,13 @@ from cable_shape.errors import ArgumentError, UnknownKeyError
 from cable_shape.planning.cables_batch import CablesBatch
 from cable_shape.safety.report import LOAD_MARGINS, WarningKind
 
-ALONG_X = Rotation.from_quat((0.5, 0.5, 0.5, 0.5))
-CABLE = cs.Cable(
-    length=1.0, linear_density=0.05, bending_stiffness=0.01, twisting_stiffness=0.008, diameter=0.008, max_tension=5.0
-)
-ARM = CABLE.replace(length=0.5, diameter=0.006)
+CABLE = forks.CABLE.replace(max_tension=5.0)
 TABLE = cs.Obstacle("table", cs.HalfSpace(), cs.Pose((0.0, 0.0, -0.25)))
 SOLVED = cs.Scene(obstacles=[TABLE], contact="solve", warn_distance=0.05)
 TOLERANCE = 1e-6
-
-
-def posed(place: Any, yaw: float = 0.0) -> np.ndarray:
-    """Pose (7,) whose d3 is the x axis turned by an angle [degrees] about z."""
-    return np.array((*place, *(Rotation.from_euler("z", yaw, degrees=True) * ALONG_X).as_quat()))
-
-
-def leaving(yaw: float) -> cs.Pose:
-    turn = ALONG_X.inv() * Rotation.from_euler("z", yaw, degrees=True) * ALONG_X
-    return cs.Pose((0.0, 0.0, 0.0), turn.as_quat())
-
-
-FRAMES = {"l.start": leaving(25.0), "r.start": leaving(-25.0)}
-FORK = cs.Harness(dict.fromkeys(("stem", "l", "r"), ARM), [cs.Junction("j", ("stem.end", *FRAMES), frames=FRAMES)])
+FORK = forked(CABLE)
+ARM = FORK.segments["l"]
 PARTS: dict[str, Any] = {"c": CABLE, "h": FORK}
-HELD = {
-    "stem.start": posed((-0.48, 0.0, 0.0)),
-    "l.end": posed((0.42, 0.2, 0.0), 25.0),
-    "r.end": posed((0.42, -0.2, 0.0), -25.0),
-}
 HEIGHTS = (0.25, 0.12, 0.18, 0.11)
 
 
