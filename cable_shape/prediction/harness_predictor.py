@@ -18,7 +18,7 @@ from cable_shape.errors import ArgumentError
 from cable_shape.pose import FreeEnd, Grip, Pose, one_mapping
 from cable_shape.prediction.harness_columns import columns_by
 from cable_shape.prediction.harness_solver import HarnessSolver
-from cable_shape.prediction.reuse import kept, links_same, same_end
+from cable_shape.prediction.reuse import kept, links_same, same_ends
 from cable_shape.scene.mesh_convex import check_convex
 from cable_shape.scene.scene import Scene
 from cable_shape.scene.scene_parts import Obstacle
@@ -270,11 +270,9 @@ class HarnessPredictor:
         """
         one_mapping(ends, more)
         self.move(ends, links, acceleration)
-        problem, last = self.problem, self._last_ends
-        still = self._last is not None and links_same(self._last_links, problem)
-        if still and all(same_end(last[name], end) for name, end in problem.ends.items()):
-            assert self._last is not None
-            return self._last.again()
+        problem, last = self.problem, self._last
+        if last is not None and links_same(self._last_links, problem) and same_ends(self._last_ends, problem.ends):
+            return last.again()
         return self.solve()
 
     def move(
@@ -295,7 +293,12 @@ class HarnessPredictor:
 
     def solve(self) -> HarnessShape:
         """The shape of the problem as it is."""
-        return self._kept(self.alone()) if self._crossing is None else self.told(self._crossing.solve())
+        if self._crossing is not None:
+            return self.told(self._crossing.solve())
+        shape = self.alone()
+        assert self._found is not None
+        self._last, (_, self._last_ends, self._last_links) = shape, self._found
+        return shape
 
     def told(self, shapes: Sequence[CableShape]) -> HarnessShape:
         """The shape of which these, found between the problem's ends, are the segments."""
@@ -316,7 +319,7 @@ class HarnessPredictor:
         problem = self.problem
         if self._crossing is None and self._found is not None:
             shape, ends, links = self._found
-            if links_same(links, problem) and all(same_end(ends[name], end) for name, end in problem.ends.items()):
+            if links_same(links, problem) and same_ends(ends, problem.ends):
                 return shape.again()
         shape = self._solver.solve(problem)
         self._found = shape, dict(problem.ends), kept(problem.links)

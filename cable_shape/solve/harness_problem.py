@@ -223,7 +223,8 @@ class HarnessProblem:
         ArgumentError
             For an end that does not exist or is in a junction, and where nothing holds a part of the harness.
         """
-        checks.instance("ends", ends, (Mapping,), "Write {'a.start': Pose(...), ...}.")
+        if type(ends) is not dict:
+            checks.instance("ends", ends, (Mapping,), "Write {'a.start': Pose(...), ...}.")
         self.place(links)
         given, now = self._given, self.ends
         if given is not None and given.keys() == ends.keys():

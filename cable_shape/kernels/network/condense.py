@@ -257,26 +257,34 @@ def reduce(plan: Plan, model: Model, work: Work, j: int) -> None:
         put3(spans, j, GB, subtract(gb, apply(get9(spans, j, BB), press)))
 
 
+@inline
+def expand_force(plan: Plan, work: Work, j: int, ta: Vector, ya: Vector, tb: Vector, yb: Vector) -> Vector:
+    """Fills the step of the force of span j, and returns it; see `expand`."""
+    spans = work.spans
+    force = NONE
+    if joined(plan, j):
+        force = get3(work.gap, plan.forces[j, 0])
+    elif plan.known[j] == 0:
+        z = add(take3(spans, j, CLOSURE), subtract(yb, ya))
+        if plan.tied[j, 0] != 0:
+            z = add(z, tapply(get9(spans, j, BA), ta))
+        if plan.tied[j, 1] != 0:
+            z = add(z, tapply(get9(spans, j, BB), tb))
+        force = scale(-1.0, apply(get9(spans, j, SI), z))
+    put3(spans, j, FORCE, force)
+    return force
+
+
 @viewing(fastmath=FAST, forceinline=True)
 def expand(plan: Plan, work: Work, j: int, ta: Vector, ya: Vector, tb: Vector, yb: Vector) -> float:
     """Fills d and the step of the force of span j from the steps of its ends' rotations (own frames) and places.
 
     Returns the square of the largest norm of a node's rotation.
     """
-    P, Y, W, d, spans = work.P, work.Y, work.W, work.d, work.spans
+    P, Y, W, d = work.P, work.Y, work.W, work.d
     first, last = plan.first[j], plan.first[j + 1]
     tied = plan.tied[j, 0] != 0
-    force = NONE
-    if joined(plan, j):
-        force = get3(work.gap, plan.forces[j, 0])
-    elif plan.known[j] == 0:
-        z = add(take3(spans, j, CLOSURE), subtract(yb, ya))
-        if tied:
-            z = add(z, tapply(get9(spans, j, BA), ta))
-        if plan.tied[j, 1] != 0:
-            z = add(z, tapply(get9(spans, j, BB), tb))
-        force = scale(-1.0, apply(get9(spans, j, SI), z))
-    put3(spans, j, FORCE, force)
+    force = expand_force(plan, work, j, ta, ya, tb, yb)
     begin = first + 1 if tied else first
     x = tb
     end = last

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from cable_shape.kernels.network.compiled import viewing
-from cable_shape.kernels.network.graph import lead, solve, step_of_force
+from cable_shape.kernels.network.graph import any_moves, lead, solve, solve_forces, step_of_force
 from cable_shape.kernels.network.sliding import carried, slide_step, slides_of
 from cable_shape.kernels.network.system import release
 from cable_shape.kernels.network.tables import (
@@ -164,24 +164,19 @@ def balance(ints: Whole, floats: Floats, space: Floats) -> float:
     between places leave of a balance only this is asked, how the forces share it.
     """
     plan, model, work = plan_of(ints), model_of(ints, floats), work_of(ints, space)
-    moves = False
-    for k in range(plan.vertices.shape[0]):
-        moves = moves or plan.vertices[k, 1] >= 0
-    if not moves:
+    if not any_moves(plan):
         return 0.0
     first = last = math.inf
     largest = 0.0
     for _ in range(BALANCINGS):
         for k in range(plan.vertices.shape[0]):
             put3(work.pull, k, 0, scale(-1.0, get3(model.force, k)))
-        work.G[:, :] = 0.0
-        work.sums[:, :3] = 0.0
         for j in range(plan.ends.shape[0]):
             a, b = plan.ends[j, 0], plan.ends[j, 1]
             n = get3(work.pulled, j)
             put3(work.pull, a, 0, subtract(get3(work.pull, a), add(n, get3(model.weight, j))))
             put3(work.pull, b, 0, add(get3(work.pull, b), n))
-        solve(ints, floats, space)
+        solve_forces(ints, floats, space)
         largest, strongest = 0.0, 0.0
         for j in range(plan.ends.shape[0]):
             dl, n = step_of_force(work, j), get3(work.pulled, j)

@@ -13,6 +13,7 @@ from cable_shape.kernels.network.compiled import inline, viewing
 from cable_shape.kernels.network.condense import (
     BA,
     BB,
+    CLOSURE,
     GA,
     GB,
     KAA,
@@ -23,6 +24,7 @@ from cable_shape.kernels.network.condense import (
     ZERO,
     condense,
     expand,
+    expand_force,
     joined,
     reduce,
 )
@@ -97,6 +99,15 @@ def add_block(block: Floats, place: int, A: Matrix) -> None:
         add9(block, place, A)
     else:
         add9(block, -1 - place, transpose(A))
+
+
+@inline
+def any_moves(plan: Plan) -> bool:
+    """Whether a knot's place is unknown."""
+    moves = False
+    for k in range(plan.vertices.shape[0]):
+        moves = moves or plan.vertices[k, 1] >= 0
+    return moves
 
 
 @viewing(fastmath=FAST, forceinline=True)
@@ -336,6 +347,21 @@ def solve(ints: Whole, floats: Floats, space: Floats) -> float:
         if not size <= largest:
             largest = size
     return max(largest**0.5, 2.0 * farthest**0.5 / model.par[LENGTH])
+
+
+@viewing(fastmath=FAST)
+def solve_forces(ints: Whole, floats: Floats, space: Floats) -> None:
+    """The steps of the forces and of the knots that `solve` finds where of the right-hand side only `pull` is not 0."""
+    plan, model, work = plan_of(ints), model_of(ints, floats), work_of(ints, space)
+    for j in range(plan.ends.shape[0]):
+        for at in (CLOSURE, PRESS, GA, GB):
+            put3(work.spans, j, at, NONE)
+    collect(plan, model, work)
+    substitute(plan, work)
+    spread(plan, model, work)
+    for j in range(plan.ends.shape[0]):
+        ta, ya, tb, yb = steps_of_ends(plan, model, work, j, True)
+        expand_force(plan, work, j, ta, ya, tb, yb)
 
 
 @viewing(fastmath=FAST, forceinline=True)
