@@ -18,6 +18,7 @@ from cable_shape.kernels.network.correct import (
     OFF_MOMENT,
     correct,
 )
+from cable_shape.kernels.network.graph import any_moves
 from cable_shape.kernels.network.material import add_up, fill
 from cable_shape.kernels.network.newton import CONVERGED, I_STALE, newton
 from cable_shape.kernels.network.predict import (
@@ -82,6 +83,9 @@ LARGEST_TURN = 0.7  # rad, of an element: coarser ones misjudge stability
 # The estimated error is so many times what the correction leaves and what the interpolation misses: both are judged by
 # their leading term. Set so that on random scenes it is above the true error in 99 of 100 at any tolerance.
 MARGIN, MARGIN_OF_KNOTS = 14.0, 21.0
+# So many times what the last step with old factors left of an error they leave of the correction, too: where junctions
+# are free to move up to 19, when measured.
+STALE, STALE_OF_JUNCTIONS = 2.0, 20.0
 MOMENTS = 1.5  # times as much for moments, largest in layers of which the leading term is less sure
 INTERPOLATED, INTERPOLATED_OF_KNOTS = 0.45, 0.7
 # The correction is of first order: of a small one it may leave the fraction STRAYS times its size over the length, of
@@ -221,7 +225,7 @@ def attempt(
     correct(ints, floats, sols, space, run, told)
     several = plan.known.shape[0] > 1
     margin = MARGIN_OF_KNOTS if several else MARGIN
-    stale = 2.0 * info[I_STALE]
+    stale = (STALE_OF_JUNCTIONS if any_moves(plan) else STALE) * info[I_STALE]
     soft = model.par[SOFT]
     strays = min(STRAYS * soft * soft * told[OFF] / model.par[LENGTH], MOST_STRAYING * soft)
     info[I_DOUBT] = strays * told[OFF]

@@ -12,7 +12,7 @@ import math
 from numba import types
 
 from cable_shape.kernels.network.compiled import inline, viewing
-from cable_shape.kernels.network.graph import factor, solve, step_of_force
+from cable_shape.kernels.network.graph import any_moves, factor, solve, step_of_force
 from cable_shape.kernels.network.sliding import (
     columns,
     cut_short,
@@ -53,7 +53,9 @@ from cable_shape.kernels.rod_algebra import (
 
 CONVERGED, STALLED, NOT_FINITE = 0, 1, 2
 LARGEST_STEP = 0.6  # rad
-CHORD_FROM = 3e-3  # rad, and of the moments: below this a full step is followed by chord steps
+# rad, and of the moments: below this a full step is followed by chord steps; where junctions are free to move, whose
+# forces change by more than anything turns
+CHORD_FROM, CHORD_FROM_OF_JUNCTIONS = 3e-3, 6e-3
 STEP_TOLERANCE = 1e-5  # rad, of a chord step, which the correction of the discretisation error then includes
 FIRST_SHIFT, SHIFT_GROWTH, MOST_SHIFTS = 0.02, 6.0, 16  # the first as a fraction of stiffness / length^2
 SADDLE = 1e-5  # rad, a shifted step below this is no progress
@@ -198,6 +200,7 @@ def newton(
         wanted += 3 * (1 - plan.known[j])
     several = plan.known.shape[0] > 1
     runs = slides.way.shape[0] > 0
+    chord_from = CHORD_FROM_OF_JUNCTIONS if any_moves(plan) else CHORD_FROM
     shift = largest = 0.0
     iterations = avoided = 0
     while iterations < most:
@@ -205,7 +208,7 @@ def newton(
         info[I_ASSEMBLIES] += 1.0
         assemble(ints, floats, sols, space)
         # far away the last shift is the best bet; near an equilibrium only the unshifted inertia tells
-        trial = shift / SHIFT_GROWTH if largest > CHORD_FROM and shift > FIRST_SHIFT * softest else 0.0
+        trial = shift / SHIFT_GROWTH if largest > chord_from and shift > FIRST_SHIFT * softest else 0.0
         untested = trial > 0.0
         negative = 0
         for _ in range(MOST_SHIFTS):
@@ -253,7 +256,7 @@ def newton(
         if runs:
             move_along(ints, floats, run, fraction)
         since, stale = before, 0.0
-        while shift == 0.0 and fraction == 1.0 and before < CHORD_FROM and iterations < most:
+        while shift == 0.0 and fraction == 1.0 and before < chord_from and iterations < most:
             iterations += 1
             info[I_VALUE] = gradient(ints, floats, sols, space)
             largest = solve(ints, floats, space)

@@ -531,8 +531,8 @@ def softest_mode(
     """told: eigenvalue [N] nearest to zero, and the arc length [m] at which its mode turns most.
 
     By inverse iteration from `mode` (n, 3), which it improves: the eigenvalue is Rayleigh's quotient. NaN if the
-    iteration breaks down. With fresh factors, or those that the last solve left, which are of a point within
-    `newton.CHORD_FROM` of the solution. run: see `sliding.new_slides`; with eyelets factors are always fresh.
+    iteration breaks down. With fresh factors, or those that the last solve left, which are of a point as near to the
+    solution as `newton.CHORD_FROM` says. run: see `sliding.new_slides`; with eyelets factors are always fresh.
     """
     slides = run.shape[0] > 0
     if fresh or slides:
