@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import math
 
+from numba import types
+
 from cable_shape.kernels.network.compiled import viewing
 from cable_shape.kernels.network.graph import any_moves, lead, solve, solve_forces, step_of_force
 from cable_shape.kernels.network.sliding import carried, slide_step, slides_of
@@ -148,7 +150,8 @@ def correct(ints: Whole, floats: Floats, sols: Floats, space: Floats, run: Float
         math.sqrt(force),
         math.sqrt(moment),
     )
-    told[LEFT_FORCE] += balance(ints, floats, space)
+    if any_moves(plan):
+        told[LEFT_FORCE] += balance(ints, floats, space)
     total = 0.0
     for i in range(ERRORS):
         total += told[i]
@@ -156,7 +159,7 @@ def correct(ints: Whole, floats: Floats, sols: Floats, space: Floats, run: Float
         told[:] = math.inf
 
 
-@viewing
+@viewing(late=types.float64)
 def balance(ints: Whole, floats: Floats, space: Floats) -> float:
     """Balances the forces of the spans at knots that nothing holds; returns how uncertain they were, and are [N].
 
@@ -164,8 +167,6 @@ def balance(ints: Whole, floats: Floats, space: Floats) -> float:
     between places leave of a balance only this is asked, how the forces share it.
     """
     plan, model, work = plan_of(ints), model_of(ints, floats), work_of(ints, space)
-    if not any_moves(plan):
-        return 0.0
     first = last = math.inf
     largest = 0.0
     for _ in range(BALANCINGS):

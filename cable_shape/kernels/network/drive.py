@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numba import types
 
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.network.compiled import viewing
@@ -113,8 +114,13 @@ def pace_of(ints: Whole, floats: Floats, sols: Floats) -> float:
 @viewing
 def strip(ints: Whole, floats: Floats, sols: Floats) -> None:
     """Forces of spans beyond which nothing holds a place: they carry what hangs on them."""
-    if ints[N_STRIPPED] == 0:
-        return
+    if ints[N_STRIPPED] != 0:
+        strip_all(ints, floats, sols)
+
+
+@viewing(late=types.none)
+def strip_all(ints: Whole, floats: Floats, sols: Floats) -> None:
+    """`strip`, of which there are some."""
     plan, model, sol = plan_of(ints), model_of(ints, floats), solution_of(ints, sols, TRIAL)
     carried = model.carried
     copy_rows(carried, model.force, 3)
@@ -240,7 +246,8 @@ def attempt(
     info[I_TURN] = 2.0 * math.acos(cosine)
     for c in range(slides.way.shape[0]):
         sol.arc[c] = model.s[plan.first[plan.rings[c, 1] + 1] + plan.rings[c, 1]]
-    settle_leaves(ints, floats, sols, space)
+    if plan.stripped.shape[0] > 0:
+        settle_leaves(ints, floats, sols, space)
     for c in range(sol.turns.shape[0]):
         info[INFO + 2 * c + 1] = sol.turns[c]
     if points > 0:
@@ -249,7 +256,8 @@ def attempt(
             move_along(ints, floats, run, 1.0)
         sample(ints, floats, sols, space, points, out, info)
         info[I_ESTIMATE] += (INTERPOLATED_OF_KNOTS if several else INTERPOLATED) * info[I_INTERPOLATION]
-        knot_loads(ints, floats, space, loads)
+        if loads.shape[0] > 0:
+            knot_loads(ints, floats, space, loads)
         if runs:
             copy(floats, kept[half:])
         if not all_finite(info):
@@ -261,7 +269,7 @@ def attempt(
     return CONVERGED
 
 
-@viewing
+@viewing(late=types.none)
 def settle_leaves(ints: Whole, floats: Floats, sols: Floats, space: Floats) -> None:
     """Places of the knots that nothing holds, in the solution and corrected: where the spans lead from those held."""
     plan, sol, work = plan_of(ints), solution_of(ints, sols, TRIAL), work_of(ints, space)
@@ -316,15 +324,13 @@ def sample(ints: Whole, floats: Floats, sols: Floats, space: Floats, points: int
             info[INFO + 2 * cables + c] = sums[S_WORK]
 
 
-@viewing
+@viewing(late=types.none)
 def knot_loads(ints: Whole, floats: Floats, space: Floats, loads: Floats) -> None:
     """loads (k, 7): what the cables do to each knot: arc length [m] there, force [N] and moment [N m], world.
 
     Dead forces on the knot are part of it; the moment is about the knot.
     """
     plan, model, work = plan_of(ints), model_of(ints, floats), work_of(ints, space)
-    if loads.shape[0] == 0:
-        return
     for k in range(loads.shape[0]):
         loads[k, 0] = 0.0
         put3(loads, k, 1, get3(model.force, k))
