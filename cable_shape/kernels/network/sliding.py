@@ -211,6 +211,7 @@ def columns(ints: Whole, floats: Floats, sols: Floats, space: Floats, run: Float
     given = slides.way.shape[0]
     slides.slope[:, :, :] = 0.0
     slides.heavy[:, :, :] = 0.0
+    slides.still[:, :] = 0.0  # in contact the room is shared out anew with every network
     weight = slides.weight
     copy_rows(weight, model.weight, 3)
     copy_rows(slides.G, work.G, 3)
