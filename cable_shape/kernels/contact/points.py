@@ -30,12 +30,14 @@ from cable_shape.kernels.network.props import (
 )
 from cable_shape.kernels.network.tables import Floats, Model, Plan
 from cable_shape.kernels.network.walls import along
-from cable_shape.kernels.rod_algebra import Vector, add, dot, get3, put3, scale, subtract, take3
+from cable_shape.kernels.rod_algebra import Vector, add, apply, dot, get3, put3, scale, subtract, take3
 
 #: Of the length: a body that much nearer to a point of an element than to both of its nodes has a plane there.
 NEARER = 1e-5
 #: Of an element: where on it a body is nearest is found so well, in so many looks.
 LOOKS, GOLDEN = 7, 0.6180339887498949
+#: And then by so many steps of Newton's method, which end where one is as short as that: places depend on it smoothly.
+STEPS, SAME, NEXT = 6, 1e-12, 0.05
 #: Of the length: that much further on along the cable an eyelet is looked for. Columns of one: place 3 [m], cable, arc
 #: length [m], force on the cable 3 [N], its way in this part of a step 3 [m].
 FURTHER, RING, WENT = 0.05, 11, 8
@@ -109,6 +111,7 @@ def find_points(
                 props = motion.props
                 for c in range(PROP):
                     props[i, c] = 0.0
+                x = x if tip == 1 else found_again(bodies, b, h, x, p, q, tp, tq)
                 props[i, ELEMENT], props[i, HOLDER], props[i, SHARE], props[i, GAP] = e, b, x, gap
                 weigh(props, i, h)
                 at = on_curve(h, x, p, q, tp, tq)
@@ -250,6 +253,35 @@ def nearest(
     if min(f, g) < gap:
         return (left, f) if f < g else (right, g)
     return best, gap
+
+
+@inline
+def found_again(
+    bodies: Bodies, b: int, h: float, x: float, p: Vector, q: Vector, tp: Vector, tq: Vector
+) -> float:  # fmt: skip
+    """Where the gap to a body no longer changes along an element, near to the share x of it; x if that is not found."""
+    at, step = x, 1.0
+    for _ in range(STEPS):
+        y = 1.0 - at
+        r = on_curve(h, at, p, q, tp, tq)
+        way = subtract(q, p)
+        t = add(scale(6.0 * at * y, way), scale(h * y * (1.0 - 3.0 * at), tp))
+        t = add(t, scale(h * at * (3.0 * at - 2.0), tq))
+        u = add(scale(6.0 - 12.0 * at, way), scale(h * (6.0 * at - 4.0), tp))
+        u = add(u, scale(h * (6.0 * at - 2.0), tq))
+        _, n, H = touch(
+            bodies.table[b], bodies.frames[b], bodies.triangles, bodies.tree, r, NONE, False, bodies.stack
+        )  # fmt: skip
+        second = dot(n, u) + dot(t, apply(H, t))
+        if not second > 0.0:
+            return x
+        step = dot(n, t) / second
+        at -= step
+        if not (0.0 < at < 1.0 and abs(at - x) < NEXT):
+            return x
+        if abs(step) < SAME:
+            break
+    return at if abs(step) < NEXT * NEXT else x
 
 
 @viewing
