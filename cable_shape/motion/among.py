@@ -113,7 +113,7 @@ class Among:
         self.skin = swung.Skin(
             thick, whole, rough, _knots(settling, thick), np.empty(n),
             np.empty(settling.sols.size + remembered.size + settling.moving.size), self.bodies.moved_links.copy(),
-            rings, rings[:, :3].copy(),
+            rings, rings[:, :3].copy(), np.zeros((1 + swung.LOG, 3)), self.bodies.moved_links.copy(), rings.copy(),
         )  # fmt: skip
         for node in np.flatnonzero(self.skin.knot >= 0):
             beside = _nodes_in(settling, self.skin.knot[node])

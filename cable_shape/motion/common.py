@@ -35,8 +35,16 @@ class Traced:
 
     @property
     def traceable(self) -> bool:
-        """Whether derivatives can be carried along: it touches nothing."""
+        """Whether derivatives tell all of how it answers: it touches nothing."""
         return self._swing is not None and self._swing.among is None
+
+    @property
+    def breaks(self) -> int:
+        """In how many parts of steps since `begin` was given names something else was touched than before, or slipped.
+
+        Derivatives may break there: they go on as if it came in the same part, whatever changes.
+        """
+        return 0 if self._tangents is None else self._tangents.breaks
 
     @property
     def traced(self) -> bool:

@@ -18,7 +18,7 @@ from cable_shape.kernels.network import tables
 from cable_shape.motion.among import Among, Lying, without_eyelets
 from cable_shape.motion.common import MODEL, Traced, check_moves, enough, failed, steps_ahead, work_of
 from cable_shape.motion.swing import FEWEST, Load, Swing
-from cable_shape.motion.tangents import NUMBERS, RATE, Number, Tangents, Ways, check_free, number_of, traced
+from cable_shape.motion.tangents import NUMBERS, RATE, Number, Tangents, Ways, number_of, traced
 from cable_shape.pose import FreeEnd, Grip, Pose, one_mapping
 from cable_shape.scene.mesh_convex import check_convex
 from cable_shape.scene.scene import Obstacle, Scene
@@ -168,8 +168,6 @@ class HarnessMotion(Traced):
         if not swing.alive:
             detail = "The harness does not come to rest on the mesh of its motion. "
             return failed(shape, Status.NOT_CONVERGED, detail)
-        if by:
-            check_free(swing, False)
         self._take(state, swing, links)
         out, rates = self._buffers()
         swing.tell(out, rates)
@@ -329,7 +327,6 @@ class HarnessMotion(Traced):
         """
         if self._swing is None:
             raise ArgumentError("trace() needs a motion at rest, and there is none. Call begin first.")
-        check_free(self._swing, False)
         self._tangents = Tangents(self._swing, {}, moves)
 
     def _check_names(self, names: Sequence[str]) -> None:

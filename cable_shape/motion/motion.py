@@ -20,7 +20,7 @@ from cable_shape.motion.among import Among, Lying, without_eyelets
 from cable_shape.motion.common import MODEL, Traced, check_moves, enough, failed, steps_ahead, work_of
 from cable_shape.motion.run import Run
 from cable_shape.motion.swing import Swing, load_of, spread_evenly
-from cable_shape.motion.tangents import NUMBERS, RATE, Number, Pair, Tangents, Ways, check_free, number_of, traced
+from cable_shape.motion.tangents import NUMBERS, RATE, Number, Pair, Tangents, Ways, check_begun, number_of, traced
 from cable_shape.pose import NOT_GIVEN, FreeEnd, Grip, Pose, both_given
 from cable_shape.scene.mesh_convex import check_convex
 from cable_shape.scene.scene import Obstacle, Scene
@@ -174,7 +174,7 @@ class Motion(Traced):
         Raises
         ------
         ArgumentError
-            For wrong arguments; for `by` in contact, in eyelets, and beside `points`.
+            For wrong arguments; for `by` beside `points`.
         """
         both_given("begin(start, end)", end)
         checks.one_of("at", at, ("cable", "gripper"))
@@ -204,7 +204,7 @@ class Motion(Traced):
         if not swing.alive:
             return failed(shape, Status.NOT_CONVERGED, "The cable does not come to rest on the mesh of its motion. ")
         if by:
-            check_free(swing, seen is not None)
+            check_begun(seen is not None)
         self._state, self._swing, self._links = state, swing, links
         out, rates = self._buffers()
         swing.tell(out, rates)
@@ -345,7 +345,6 @@ class Motion(Traced):
         swing, state = self._swing, self._state
         if swing is None or state is None:
             raise ArgumentError("trace() needs a motion at rest, and there is none. Call begin first.")
-        check_free(swing, False)
         numbers = {}
         for column, (cables, step, scale) in pairs.items():
             above, below = (load_of(self.problem.beside(cable)) for cable in cables)
@@ -356,7 +355,8 @@ class Motion(Traced):
         """(points, 3, m): how the last shape would be another, d positions / d (by), columns in the order of `begin`'s.
 
         Exact but for rounding, between nodes of the cubic through them. Points keep their share of the length. Columns
-        of a free end, and of rotations that a grip or clip leaves free, are zero.
+        of a free end, and of rotations that a grip or clip leaves free, are zero. In contact what touches, sticks and
+        slips is held as it is, see `breaks`.
 
         Parameters
         ----------
@@ -411,7 +411,6 @@ class Motion(Traced):
             moves = np.zeros((len(dt), goals.shape[1], 6, ways.shape[3]))
             moves[:, 0], moves[:, -1] = ways[:, 0], 0.0 if isinstance(self.problem.end, FreeEnd) else ways[:, 1]
         if self._tangents is None:
-            check_free(swing, False)
             self._tangents = Tangents(swing, {}, Ways((), *self.knots, lambda: self.held, about_gripper=False))
         return self._tangents.run(goals, dt, moves)
 

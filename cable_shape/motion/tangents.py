@@ -11,7 +11,11 @@ import numpy as np
 from cable_shape.cable.cable import Cable
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
+from cable_shape.kernels.contact import held, swung_tangent
 from cable_shape.kernels.network import swing_tangent, tables
+from cable_shape.kernels.network.motion import PROPS, ROWS
+from cable_shape.kernels.network.swinging import INFO
+from cable_shape.kernels.network.walls import WALLS
 from cable_shape.motion.run import Derivative, Run, weights
 from cable_shape.motion.swing import Load, Swing, made_of
 from cable_shape.pose import FreeEnd, Grip
@@ -45,11 +49,8 @@ def number_of(cable: Cable, kind: str) -> Pair:
     return cables, step, value if value > 0.0 else 1.0
 
 
-def check_free(swing: Swing, seen: bool) -> None:
-    """Refuses what no tangents go through."""
-    if swing.among is not None:
-        bound = "a motion in contact, or in eyelets, knows no derivatives: what touches changes from step to step"
-        raise ArgumentError.of("by", "names", bound, "Leave it out, or write contact='warn'.")
+def check_begun(seen: bool) -> None:
+    """Refuses to carry tangents along from where they are not known."""
     if seen:
         bound = "a motion that begins as it is seen knows no derivatives of how it began"
         raise ArgumentError.of("by", "names", bound, "Begin at rest, without points.")
@@ -117,12 +118,18 @@ class Tangents:
         for row, column in enumerate(self._told.tolist()):
             if column in numbers:
                 self._put_number(row, numbers[column])
+        self.breaks = 0
         self._room = _room(swing)
         self._twists = self._move()
-        swing_tangent.begin(
+        arrays = (
             swing.ints, swing.floats, swing.sols, swing.work, swing.moving, swing.remembered, self._flat, self._twists,
             self._room,
         )  # fmt: skip
+        if swing.among is None:
+            swing_tangent.begin(*arrays)
+        else:
+            self._felt, self._aside = _room_among(swing, count)
+            swung_tangent.begin(*arrays, swing.among.kernel, swing.among.skin, self._felt, self._aside)
 
     def _put_number(self, row: int, number: Number) -> None:
         """What of the network changes with a number."""
@@ -152,10 +159,15 @@ class Tangents:
         swing = self._swing
         self._time += dt
         before, self._twists = self._twists, self._move()
-        swing_tangent.follow(
+        arrays = (
             swing.ints, swing.floats, swing.sols, swing.work, swing.moving, swing.remembered, goal, dt, swing.kept,
             swing.info, swing._scratch, self._flat, before, self._twists, self._room,
         )  # fmt: skip
+        among = swing.among
+        if among is None:
+            swing_tangent.follow(*arrays)
+        else:
+            self.breaks += swung_tangent.follow(*arrays, among.kernel, among.skin, self._felt, self._aside)
 
     def run(self, goals: Array, steps: Array, moves: Array) -> Run:
         """:meth:`Swing.run` with tangents; moves (T, k, 6, m): of the knots, m columns more that begin with it."""
@@ -170,11 +182,16 @@ class Tangents:
         found = np.empty((3, *told.shape[1:], len(flat)))
         every = np.zeros((3, *told.shape[1:], self._columns + extra))
         at = np.concatenate((self._told, self._columns + np.arange(extra)))
-        lost = swing_tangent.run(
+        arrays = (
             swing.ints, swing.floats, swing.sols, swing.work, swing.moving, swing.remembered, goals, steps, swing.kept,
             swing.info, swing._scratch, told[0], told[1], told[2], flat, begun, twists, self._room, found[0], found[1],
             found[2],
         )  # fmt: skip
+        if swing.among is None:
+            lost = swing_tangent.run(*arrays)
+        else:
+            felt = held.Felt(*(np.concatenate((a, np.zeros((extra, *a.shape[1:])))) for a in self._felt))
+            lost = swung_tangent.run(*arrays, swing.among.kernel, swing.among.skin, felt, self._aside)
         every[..., at] = found / np.concatenate((self._scale, np.ones(extra)))
         longer = np.zeros((len(swing.model.s), every.shape[-1]))
         for row, s, apart in self._longer:
@@ -230,3 +247,19 @@ def _room(swing: Swing) -> swing_tangent.Beside:
         np.zeros((nodes + elements + 2 * spans + knots, 3)), np.zeros((nodes, 3)), np.zeros((nodes, 3)),
         np.zeros((elements, 6)),
     )  # fmt: skip
+
+
+def _room_among(swing: Swing, count: int) -> tuple[held.Felt, swung_tangent.Aside]:
+    """For what bodies have to do with, of so many tangents, and for what they do to a network beside."""
+    assert swing.among is not None
+    skin, nodes = swing.among.skin, swing.model.s.size
+    felt = held.Felt(
+        np.zeros((count, nodes * WALLS, 3)), np.zeros((count, PROPS, 3)), np.zeros((count, nodes, 3)),
+        np.zeros((count, PROPS, 3)),
+    )  # fmt: skip
+    aside = swung_tangent.Aside(
+        np.zeros_like(skin.kept), skin.rings.copy(), np.zeros(INFO), np.zeros((ROWS, ROWS + 2)), np.zeros(ROWS),
+        np.zeros(swing_tangent.tangent_size.py_func(swing.ints)), np.zeros((nodes * WALLS, 3)), np.zeros((PROPS, 3)),
+        np.zeros((nodes, 3)),
+    )  # fmt: skip
+    return felt, aside

@@ -56,7 +56,7 @@ class Settling:
             at_rest: tables.Plan = tables.plan_of.py_func(ints)
             for j in loose_spans(at_rest):
                 self.motion.loose[self.plan.first[j + 1] + j] = 1.0
-        self.motion.par[motion.SEATED] = 0.0 if swings else 1.0
+        self.motion.par[motion.LAW] = motion.AS_IT_IS if swings else motion.SEATED
         self.model.par[SWINGS] = 1.0 if swings else 0.0
         self.motion.load[...], self.motion.weight[...] = self.model.load, self.model.weight
         self.unit = drag * self.model.par[LENGTH] ** 2 / self.model.par[SOFTEST]  # s

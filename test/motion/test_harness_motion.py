@@ -139,9 +139,6 @@ def test_what_it_refuses():
         motion.step(held(0.0, third=False), 0.01)
     with pytest.raises(cs.ArgumentError, match=r"segment 'a'.*linear_density"):
         cs.Motion(cs.Harness({"a": ARM.replace(linear_density=0.0)}))
-    motion = cs.Motion(Y, among(cs.HalfSpace(), (0.0, 0.0, -0.5)), points=12)
-    with pytest.raises(cs.ArgumentError, match="in contact"):
-        motion.begin(held(0.0), by=("a.start",))
     eyelets = [cs.Clip(0.03 * k, at(0.03 * k, 0.0), "slide", segment="a") for k in range(1, 14)]
     with pytest.raises(cs.ArgumentError, match="12 eyelets"):
         cs.Motion(Y, cs.Scene(clips=eyelets))

@@ -265,8 +265,5 @@ def test_what_is_refused():
     seen = np.linspace((0.1, 0, -0.1), (0.6, 0, -0.1), 5)
     with pytest.raises(cs.ArgumentError, match="begins as it is seen"):
         motion.begin(start, end, points=seen, by=("drag",))
-    scene = cs.Scene(obstacles=[cs.Obstacle("b", cs.Box((1, 1, 0.1)), cs.Pose((0, 0, -2)))], contact="solve")
-    with pytest.raises(cs.ArgumentError, match="in contact, or in eyelets, knows no derivatives"):
-        cs.Motion(CABLE, scene, points=21).begin(start, end, by=("drag",))
     with pytest.raises(cs.ArgumentError, match=r"unknown key 'drag'"):
         cs.Motion(Y).begin({"a.start": start, "b.end": end}, by=("drag",))

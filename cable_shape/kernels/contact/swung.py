@@ -92,6 +92,8 @@ FIRM, ASPERITY = 1e4, 10.0
 AFLOAT = 2e-4
 #: Of the length: that deep the cable may be in a body between its nodes after a part of a step.
 DEEP = 2e-4
+#: There is room for so many rows in `Skin.log`; in place of the start there.
+LOG, BRACED = 1024, -1.0
 #: Times the last one: so much longer a part may be without more ado.
 LONGER = 1.5
 #: Parts shorter than this go on where the cable is deep, or afloat, for all that.
@@ -110,6 +112,10 @@ class Skin(NamedTuple):
     links: Array  # (l, 7) where the links were that carry bodies
     rings: Array  # (e, RING) the eyelets, see `points`
     goals: Array  # (e, 3) [m] where those are at the end of the step
+    log: Array  # (1 + LOG, 3) how many parts the last step went in; of each where it began, its share, and the start
+    #             that led on, see `swinging.STARTS`; BRACED: what would arrive in it has stopped
+    links_then: Array  # (l, 7) links, and
+    rings_then: Array  # (e, RING) eyelets, before the last step
 
 
 @kernel
@@ -132,19 +138,17 @@ def step(
         bodies.table, then.copy(), then, bodies.triangles, bodies.tree, bodies.stack, bodies.links, bodies.measured,
         bodies.counts, bodies.rough,
     )  # fmt: skip
-    rings = skin.rings.copy()
+    rings = skin.rings_then
+    rings[:, :] = skin.rings
+    skin.links_then[:, :] = skin.links
+    skin.log[0, 0] = 0.0
     done, part, sums, braced = 0.0, 1.0, np.empty(info.shape[0]), False
     while done < 1.0:
         part = min(part, 1.0 - done) if part < 0.75 * (1.0 - done) else 1.0 - done
         seconds = part * dt
         copy_state(skin.kept, sols, remembered, moving)
         copy(sums, info)
-        between(links, skin.links, bodies.links, done + part)
-        place_bodies(now.table, links, now.frames)
-        for k in range(rings.shape[0]):
-            for i in range(3):
-                skin.rings[k, i] = rings[k, i] + (done + part) * (skin.goals[k, i] - rings[k, i])
-                skin.rings[k, WENT + i] = part * (skin.goals[k, i] - rings[k, i])
+        set_out(skin, bodies, now, links, done, part)
         status = CONVERGED - 1
         for start in range(TRIES):
             if start > 0:
@@ -158,6 +162,7 @@ def step(
         last = part <= SHORTEST
         if status == CONVERGED and fits(ints, floats, moving, remembered, now, skin, part):
             info[I_PARTS] += 1.0
+            note_part(skin, done, part, start)
             stop(
                 ints, floats, sols, space, moving, remembered, seconds, now, skin.knot, skin.kept, skin.rings, info,
                 False,
@@ -173,6 +178,7 @@ def step(
         info[I_ITERATIONS] = iterations
         if last and not braced:
             braced = True
+            note_part(skin, done, part, BRACED)
             part_way(plan, solution_of(ints, begin, NOW), solution_of(ints, sols, TRIAL), goal, done + part)
             look(ints, floats, sols, moving, remembered, seconds, now, skin)
             foresee(ints, moving, remembered, seconds)
@@ -182,6 +188,7 @@ def step(
             )  # fmt: skip
             continue
         if last:
+            skin.log[0, 0] = 0.0
             copy_back(kept, sols, remembered, moving)
             skin.rings[:, :] = rings
             size = solution_size(ints)
@@ -194,6 +201,26 @@ def step(
     skin.links[:, :] = bodies.links
     info[I_ENERGY], info[I_KINETIC] = memory.par[ENERGY], memory.par[KINETIC]
     return CONVERGED
+
+
+@viewing
+def set_out(skin: Skin, bodies: Bodies, now: Bodies, links: Floats, done: float, part: float) -> None:
+    """Puts links, the bodies on them and eyelets where they are after this part of the step, that much being done."""
+    between(links, skin.links_then, bodies.links, done + part)
+    place_bodies(now.table, links, now.frames)
+    rings = skin.rings_then
+    for k in range(rings.shape[0]):
+        for i in range(3):
+            skin.rings[k, i] = rings[k, i] + (done + part) * (skin.goals[k, i] - rings[k, i])
+            skin.rings[k, WENT + i] = part * (skin.goals[k, i] - rings[k, i])
+
+
+@inline
+def note_part(skin: Skin, done: float, part: float, start: float) -> None:
+    """Adds a row to the log."""
+    count = min(int(skin.log[0, 0]) + 1, LOG)
+    skin.log[0, 0] = count
+    skin.log[count, 0], skin.log[count, 1], skin.log[count, 2] = done, part, start
 
 
 @viewing
@@ -215,17 +242,19 @@ def copy_back(kept: Floats, sols: Floats, remembered: Floats, moving: Floats) ->
 
 
 @viewing
-def lengthen(memory: Momentum, dt: float) -> None:
+def lengthen(memory: Momentum, dt: float) -> float:
     """Scales accelerations for a part dt [s] that is longer than the last one: what of momentum they stand for stays.
 
     After an impact the scheme gives a mass half of dt a of velocity in the parts to come: in longer ones no more of it.
+    Returns by what it scales.
     """
     last = memory.par[LAST_DT]
     if not 0.0 < LONGER * last < dt:
-        return
+        return 1.0
     for rows in (memory.acceleration, memory.bending, memory.jump):
         for k in range(rows.shape[0]):
             put3(rows, k, 0, scale(last / dt, get3(rows, k)))
+    return float(last / dt)
 
 
 @viewing

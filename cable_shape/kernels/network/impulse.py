@@ -26,7 +26,7 @@ from cable_shape.kernels.network.momentum import (
     momentum_of,
     scheme_of,
 )
-from cable_shape.kernels.network.motion import Motion, motion_of
+from cable_shape.kernels.network.motion import FROZEN, LAW, SPENT, Motion, motion_of
 from cable_shape.kernels.network.moving import factor, solve
 from cable_shape.kernels.network.tables import (
     TRIAL,
@@ -61,6 +61,8 @@ from cable_shape.kernels.rod_element import IDENTITY
 #: and across; no impulse turns a frame.
 ALONG, ACROSS, FIRM = 1e-9, 1e6, 1e12
 NONE = (0.0, 0.0, 0.0)
+#: Shares of impulses that are told more exactly than they are known are further apart than this, beside each other.
+NEAR = 1e-2
 
 
 @viewing
@@ -143,7 +145,8 @@ def spend(
 ) -> float:  # fmt: skip
     """Passes on what has stopped since `note`, as far as there is no more energy than `most` [J] and what it returns.
 
-    That is what is worked by those that press, `given` [J] by impulses in `push`, and by given knots.
+    That is what is worked by those that press, `given` [J] by impulses in `push`, and by given knots. What share of
+    them that is stands in `SPENT`; where laws are frozen it is all where it was all, and else about as much.
     """
     solve(ints, floats, space, moving)
     plan, work, motion = plan_of(ints), work_of(ints, space), motion_of(ints, moving)
@@ -171,11 +174,16 @@ def spend(
             change += 0.5 * motion.hold[node] * dot(c, c)
     after, _ = kinetic(motion, memory)
     # with the share x of it: before + b x + change x^2 <= most + given x
-    b, room = after - before - change - given, max(most - before, 0.0)
-    if b + change <= room:
+    b, room, share = after - before - change - given, max(most - before, 0.0), 1.0
+    held = motion.par[LAW] == FROZEN
+    if motion.par[SPENT] < 1.0 if held else b + change > room:
+        root = math.sqrt(b * b + 4.0 * change * room)
+        share = 2.0 * room / (b + root) if b > 0.0 else 0.5 * (root - b) / change
+    if held and abs(share - motion.par[SPENT]) > NEAR:
+        share = motion.par[SPENT]
+    motion.par[SPENT] = share
+    if share == 1.0:
         return given
-    root = math.sqrt(b * b + 4.0 * change * room)
-    share = 2.0 * room / (b + root) if b > 0.0 else 0.5 * (root - b) / change
     for node in range(motion.seat.shape[0]):
         put3(memory.velocity, node, 0, add(get3(memory.velocity, node), scale(share - 1.0, get3(motion.seat, node))))
     return share * given

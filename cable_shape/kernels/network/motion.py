@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from cable_shape.kernels.network.compiled import inline, part, viewing
 from cable_shape.kernels.network.tables import Floats, Model, Plan, Solution, Whole, Work
-from cable_shape.kernels.network.walls import AT, KEPT, OUT, PUSHED, RUB, STIFF, WALL, WALLS, touched
+from cable_shape.kernels.network.walls import AT, KEPT, OUT, PUSHED, RUB, STIFF, WALL, WALLS, frozen, touched
 from cable_shape.kernels.rod_algebra import (
     Matrix,
     Vector,
@@ -57,8 +57,10 @@ FIRM, LIMIT, CENTRE, AXIS, EDGE, ROUGH = 0, 1, 2, 5, 8, 9
 #: Points inside elements that bodies may hold, see `props`: how many, columns of each, and directions of all.
 PROPS, PROP, ROWS = 12, 33, 36
 #: What `Motion.par` holds: how many points of elements bodies may hold, how many nodes have planes, how deep [m] the
-#: cable is in bodies between its nodes, and whether planes hold nodes as they would at their seats, see `seat`.
-N_PROPS, N_WALLED, DEPTH, SEATED = 0, 1, 2, 3
+#: cable is in bodies between its nodes, how planes hold nodes, and what share of impulses was passed on, see `impulse`.
+N_PROPS, N_WALLED, DEPTH, LAW, SPENT = 0, 1, 2, 3, 4
+#: How planes hold nodes: as they do, as they would at their seats (`seat`), or by laws that do not change (`frozen`).
+AS_IT_IS, SEATED, FROZEN = 0.0, 1.0, 2.0
 
 
 class Motion(NamedTuple):
@@ -86,7 +88,7 @@ class Motion(NamedTuple):
     rough: Floats  # (n, ROUGH) what holds a node along the planes against drag, see `rubbing`
     push: Floats  # (n, 3) [N], what acts on a node beside its elements, its mass and its planes
     tug: Floats  # (m, 6) [N], gradient in the places of the ends of spans, but for what knots and elements pull
-    par: Floats  # (4,) see `N_PROPS`
+    par: Floats  # (5,) see `N_PROPS`
     props: Floats  # (PROPS, PROP) those, see `props`
     was: Floats  # (1 + WALLS WALL,) room for the planes that a node has had
     aside: Floats  # room for `props`, see `aside_size`
@@ -120,7 +122,7 @@ def motion_of(ints: Whole, moving: Floats) -> Motion:
     o20 = o19 + ROUGH * k
     o21 = o20 + 3 * k
     o22 = o21 + 6 * m
-    o23 = o22 + 4
+    o23 = o22 + 5
     o24 = o23 + PROPS * PROP
     o25 = o24 + 1 + WALLS * WALL
     o26 = o25 + aside_size(ints)
@@ -147,7 +149,7 @@ def motion_of(ints: Whole, moving: Floats) -> Motion:
         part(moving, o19, (k, ROUGH)),
         part(moving, o20, (k, 3)),
         part(moving, o21, (m, 6)),
-        part(moving, o22, (4,)),
+        part(moving, o22, (5,)),
         part(moving, o23, (PROPS, PROP)),
         part(moving, o24, (1 + WALLS * WALL,)),
         part(moving, o25, (aside_size(ints),)),
@@ -160,7 +162,7 @@ def motion_size(ints: Whole) -> int:
     """Numbers of what motion adds to a network with this head."""
     nodes = ints[0] + ints[1]
     size = 21 * ints[0] + (29 + WALLS * WALL + ROUGH + CHAIN) * nodes + (51 + ENDS) * ints[1]
-    return size + 5 + PROPS * PROP + WALLS * WALL + aside_size(ints)
+    return size + 6 + PROPS * PROP + WALLS * WALL + aside_size(ints)
 
 
 @viewing(forceinline=True)
@@ -206,10 +208,10 @@ def put_places(plan: Plan, model: Model, sol: Solution, motion: Motion) -> None:
             else:
                 a = beside_aim(motion, sol, node)
                 pull = add(pull, subtract(get3(model.force, plan.ends[j, 1]), get3(motion.lam, last - 1)))
-            if motion.par[SEATED] != 0.0 and motion.walls[node, 0] > 0.0:
+            if motion.par[LAW] == SEATED and motion.walls[node, 0] > 0.0:
                 seat(motion, node, pull)
             elif motion.walls[node, 0] > 0.0:
-                touched(motion.walls, node, a, motion.hold[node], pull, motion.place, motion.give)
+                kept_out(motion, node, a, motion.hold[node], pull)
             else:
                 put3(motion.place, node, 0, add(a, scale(soft, pull)))
             if not inner:
@@ -237,7 +239,7 @@ def put_knot(plan: Plan, model: Model, sol: Solution, motion: Motion, j: int, en
                 pull = add(pull, add(get3(motion.lam, plan.first[i]), get3(motion.weight, i)))
             else:
                 pull = subtract(pull, get3(motion.lam, plan.first[i + 1] - 1))
-    touched(motion.walls, own, scale(1.0 / hold, a), hold, pull, motion.place, motion.give)
+    kept_out(motion, own, scale(1.0 / hold, a), hold, pull)
     put3(sol.pose, knot, 0, get3(motion.place, own))
     firm, _ = inverse(get9(motion.give, own, 0))
     put9(motion.press, j, 12 * end + 3, mshift(firm, -hold))
@@ -247,6 +249,15 @@ def put_knot(plan: Plan, model: Model, sol: Solution, motion: Motion, j: int, en
         n, t = take3(motion.walls, own, at + OUT), take3(motion.walls, own, at + RUB)
         force = add(force, add(scale(motion.walls[own, at + PUSHED], n), t))
     put3(motion.press, j, 12 * end, force)
+
+
+@inline
+def kept_out(motion: Motion, node: int, a: Vector, hold: float, pull: Vector) -> None:
+    """Puts a node that planes hold, which `hold` [N/m] draws to a, and a force pulls."""
+    if motion.par[LAW] == FROZEN:
+        frozen(motion.walls, node, a, hold, pull, motion.place, motion.give)
+    else:
+        touched(motion.walls, node, a, hold, pull, motion.place, motion.give)
 
 
 @viewing

@@ -214,7 +214,7 @@ def brace(ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: Floa
     o6 = o5 + ROWS * ROWS
     G, slack = part(motion.aside, 0, (n, 3)), part(motion.aside, o1, (N, 3))
     pull, tug = part(motion.aside, o2, (k, 3)), part(motion.aside, o3, (m, 6))
-    shove, answers = part(motion.aside, o4, (n, 3)), part(motion.aside, o5, (ROWS, ROWS))
+    shove, answers = aside_of(ints, motion)
     gaps, forces = part(motion.aside, o6, (ROWS,)), part(motion.aside, o6 + ROWS, (ROWS,))
     change = part(motion.aside, o6 + 2 * ROWS, (ROWS,))
     copy_rows(G, work.G, 3)
@@ -233,6 +233,26 @@ def brace(ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: Floa
             forces[row], gaps[row] = dot(to, take3(props, i, DRY)), dot(to, subtract(r, take3(props, i, STUCK)))
             gaps[row] += props[i, SOFT] * forces[row] - dot(to, take3(props, i, GAVE))
         gaps[row] += moved(plan, sol, work, motion, shove, row)
+    answer(ints, floats, sols, space, moving)
+    for row in range(rows):
+        answers[row, row] += props[row // 3, SOFT] if row % 3 > 0 and asked(motion, row) else 0.0
+    share(motion, rows, answers, gaps, forces, change)
+    copy_rows(work.G, G, 3)
+    copy_rows(motion.slack, slack, 3)
+    copy_rows(work.pull, pull, 3)
+    copy_rows(motion.tug, tug, 6)
+    for row in range(rows):
+        if change[row] != 0.0:
+            load(plan, model, sol, work, motion, shove, row, change[row])
+    release(plan, model, work.G)
+
+
+@viewing
+def answer(ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: Floats) -> None:
+    """Fills `answers`: how points go along all rows under a force of 1 N along each, with the factors at hand."""
+    plan, model, work, motion = plan_of(ints), model_of(ints, floats), work_of(ints, space), motion_of(ints, moving)
+    sol, rows = solution_of(ints, sols, TRIAL), 3 * int(motion.par[N_PROPS])
+    shove, answers = aside_of(ints, motion)
     for row in range(rows):
         if not asked(motion, row):
             continue
@@ -246,16 +266,14 @@ def brace(ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: Floa
         solve(ints, floats, space, moving)
         for other in range(rows):
             answers[other, row] = moved(plan, sol, work, motion, shove, other) if asked(motion, other) else 0.0
-        answers[row, row] += props[row // 3, SOFT] if row % 3 > 0 else 0.0
-    share(motion, rows, answers, gaps, forces, change)
-    copy_rows(work.G, G, 3)
-    copy_rows(motion.slack, slack, 3)
-    copy_rows(work.pull, pull, 3)
-    copy_rows(motion.tug, tug, 6)
-    for row in range(rows):
-        if change[row] != 0.0:
-            load(plan, model, sol, work, motion, shove, row, change[row])
-    release(plan, model, work.G)
+
+
+@inline
+def aside_of(ints: Whole, motion: Motion) -> tuple[Floats, Floats]:
+    """Forces of rows on the nodes (n, 3) [N], and answers to rows (ROWS, ROWS) [m/N], of `aside`."""
+    at = 3 * ints[0] + 3 * (ints[0] + ints[1]) + 6 * ints[1] + 3 * ints[2]
+    n = ints[0] + ints[1]
+    return part(motion.aside, at, (n, 3)), part(motion.aside, at + 3 * n, (ROWS, ROWS))
 
 
 @inline

@@ -15,6 +15,7 @@ import math
 from cable_shape.kernels.network.compiled import inline, viewing
 from cable_shape.kernels.network.depart import energy
 from cable_shape.kernels.network.motion import (
+    LAW,
     N_PROPS,
     N_WALLED,
     SEATED,
@@ -105,11 +106,13 @@ def assemble(ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: F
 
 @viewing
 def balance(ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: Floats) -> None:
-    """Fills the right-hand side of the trial alone, of what has mass and touches nothing: G, slack, tug, pull."""
+    """Fills the right-hand side of the trial alone, of what has mass: G, slack, tug, pull."""
     plan, model, work, motion = plan_of(ints), model_of(ints, floats), work_of(ints, space), motion_of(ints, moving)
     sol = solution_of(ints, sols, TRIAL)
     load_up(plan, model, motion, sol)
     gradient(ints, floats, sols, space)
+    if motion.par[N_PROPS] > 0.0:
+        lean(plan, model, sol, work, motion)
     put_places(plan, model, sol, motion)
     tilt_ends(plan, model, sol, work, motion)
     slacken(plan, work, motion)
@@ -215,7 +218,7 @@ def newton(
             for c in range(3):
                 motion.lam[e, c] += fraction * motion.step[e, c]
         give_way(ints, motion, fraction)
-        if motion.par[SEATED] != 0.0:
+        if motion.par[LAW] == SEATED:
             largest = max(largest, 2.0 * move_seats(plan, motion, fraction) / model.par[LENGTH])
         if shift == 0.0 and largest < least and (free or loose < LOOSE * least * model.par[LENGTH]):
             return CONVERGED

@@ -326,6 +326,12 @@ def round_of(
         add_sums(ints, to, 0.5 * sign / e)
     take_sums(ints, space, moving, to)
     solve(ints, floats, space, moving)
+    return go(ints, space, moving, tangent)
+
+
+@viewing
+def go(ints: Whole, space: Floats, moving: Floats, tangent: Floats) -> float:
+    """Adds what was solved for to x'; returns how much that is, of what changes most."""
     plan, t = plan_of(ints), tangent_of(ints, tangent)
     work, motion = work_of(ints, space), motion_of(ints, moving)
     for i in range(t.d.shape[0]):

@@ -11,6 +11,8 @@ of the place, `give`, takes limits of friction for constant, and is symmetric.
 
 from __future__ import annotations
 
+import math
+
 from cable_shape.kernels.network.compiled import inline, viewing
 from cable_shape.kernels.network.tables import Floats
 from cable_shape.kernels.rod_algebra import (
@@ -20,6 +22,7 @@ from cable_shape.kernels.rod_algebra import (
     apply,
     cross,
     dot,
+    get3,
     mscale,
     msub,
     outer,
@@ -37,6 +40,7 @@ from cable_shape.kernels.rod_element import IDENTITY
 WALLS, WALL = 4, 16
 BODY, OUT, AT, STIFF, KEPT, PUSHED, ROUGH, FIRM, REF, RUB = 0, 1, 4, 5, 6, 7, 8, 9, 10, 13
 MOST_SETS = 12  # that planes push
+FROZEN_ROUNDS = 8  # of the same where no law changes
 MOST_ROUNDS, SAME = 40, 1e-10  # of pushes and friction, and the change, of the largest force, of the last
 #: What D misses, of 1 / stiff, is rounding times stiff / hold: by so much a place misses, and no push would be known.
 REFINED = 2
@@ -120,6 +124,39 @@ def pushed(walls: Floats, node: int, a: Vector, hold: float, pull: Vector) -> tu
                 force = add(force, scale(push, n))
             x = add(x, apply(D, force))
     return x, D
+
+
+@viewing
+def frozen(walls: Floats, node: int, a: Vector, hold: float, pull: Vector, places: Floats, gives: Floats) -> None:
+    """`touched` near to a place at hand where no law changes: what is pressed is, sticks or slips, and nothing else is.
+
+    Planes without stiffness do nothing; those of infinite roughness stick, the others slip if they are rough.
+    """
+    x, D = get3(places, node), IDENTITY
+    for _ in range(FROZEN_ROUNDS):
+        force, D = subtract(pull, scale(hold, subtract(x, a))), mscale(1.0 / hold, IDENTITY)
+        for k in range(int(walls[node, 0])):
+            i = 1 + WALL * k
+            n, stiff, firm = take3(walls, node, i + OUT), walls[node, i + STIFF], walls[node, i + FIRM]
+            if stiff == 0.0:
+                continue
+            push = walls[node, i + KEPT] + stiff * (walls[node, i + AT] - dot(n, x))
+            d = along(n, subtract(x, take3(walls, node, i + REF)))
+            size, t = math.sqrt(dot(d, d)), (0.0, 0.0, 0.0)
+            D = stiffened(D, n, stiff)
+            if firm > 0.0 and walls[node, i + ROUGH] == math.inf:
+                t, u = scale(-firm, d), across(n)
+                D = stiffened(stiffened(D, u, firm), cross(n, u), firm)
+            elif firm > 0.0 and size > 0.0:
+                limit = walls[node, i + ROUGH] * push
+                t = scale(-limit / size, d)
+                D = stiffened(D, scale(1.0 / size, cross(n, d)), max(limit, 0.0) / size)
+            walls[node, i + PUSHED] = push
+            put3(walls, node, i + RUB, t)
+            force = add(force, add(scale(push, n), t))
+        x = add(x, apply(D, force))
+    put3(places, node, 0, x)
+    put9(gives, node, 0, D)
 
 
 @inline
