@@ -64,14 +64,25 @@ class ClipLoad:
     """What the cable does to the clip at `arc_length` [m].
 
     force, moment : (3,) [N], [N m], world: by the cable on the clip, the weight of a point mass in the clip included;
-    the moment about the clip.
+    the moment about the clip. friction [N]: of an eyelet on the cable, along it, towards its end; slips: whether that
+    is as much as friction can hold.
     """
 
     arc_length: float
     force: Array
     moment: Array
+    friction: float = 0.0
+    slips: bool = False
 
 
+def clip_loads(supports: Array, rubbed: Array) -> tuple[ClipLoad, ...]:
+    """What rows of `CableShape.supports` and `rubbed` tell; rubbed (0, 2): there is no friction."""
+    held: Any = rubbed if len(rubbed) else [(0.0, 0.0)] * len(supports)
+    rows = zip(supports, held, strict=True)
+    return tuple(ClipLoad(float(row[0]), row[1:4], row[4:], float(f), bool(slips)) for row, (f, slips) in rows)
+
+
+NOT_RUBBED = np.empty((0, 2))
 TOUCH = 13  #: numbers of a contact, see `CableShape.touches`
 NO_TOUCHES = np.empty((0, TOUCH))
 
@@ -127,6 +138,7 @@ class CableShape:
         "residual",
         "reused",
         "roll_error",
+        "rubbed",
         "solve_time",
         "status",
         "supports",
@@ -157,6 +169,7 @@ class CableShape:
         roll_error: float = 0.0,
         before: CableShape | None = None,
         supports: Array = _NO_SUPPORTS,
+        rubbed: Array = NOT_RUBBED,
         touches: Array = NO_TOUCHES,
         bodies: tuple[str, ...] = (),
         force_error: float = math.nan,
@@ -186,6 +199,7 @@ class CableShape:
         self.before = before  # SNAPPED: the last shape of the branch that ended, its ends where it did
         self.roll_error = roll_error  # rad, roll about d3 that the model leaves unmet at the end grip
         self.supports = supports  # (k, 7), of each clip: arc length [m], force [N] and moment [N m] on it
+        self.rubbed = rubbed  # (k, 2), of each clip: its friction along the cable [N], and 1: it slips; (0, 2): none
         #: (k, TOUCH), of each contact: arc length [m], row in `bodies`, point 3, normal 3, force [N], force along the
         #: surface 3 [N], 1: it slips
         self.touches = touches
@@ -193,7 +207,7 @@ class CableShape:
         self.force_error = force_error  # N, estimated largest error of `force`; NaN: not known
         self.moment_error = moment_error  # N m, estimated largest error of `moment`; NaN: not known
         self.missing_length = missing_length  # m, what an OVERSTRETCHED cable lacks
-        self.frictionless = frictionless  # surfaces it rests on have friction, which it does not know: it has no past
+        self.frictionless = frictionless  # surfaces or eyelets have friction, which it does not know: it has no past
         self.velocity = velocity  # (n, 3) [m/s], world, of a cable in motion; None: at rest
         self.kinetic_energy = kinetic_energy  # J, as the scheme keeps it (docs/motion.md): m v^2 / 2 but for dt^2
         self.work = work  # J, in the last step, of what holds and pulls the cable
@@ -298,7 +312,7 @@ class CableShape:
     @property
     def clips(self) -> tuple[ClipLoad, ...]:
         """Where each clip of the scene holds the cable, and the force and moment on it; in ascending arc length."""
-        return tuple(ClipLoad(float(row[0]), row[1:4], row[4:]) for row in self.supports)
+        return clip_loads(self.supports, self.rubbed)
 
     @property
     def contacts(self) -> tuple[Contact, ...]:

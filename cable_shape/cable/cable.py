@@ -67,7 +67,8 @@ class Cable:
     drag : float
         [N s/m^2], of a cable in motion: the air holds a metre of it back with drag times its velocity.
     friction : float
-        Coulomb's coefficient on bodies that it rests on, 0 to 10; of cable and body the larger one counts.
+        Coulomb's coefficient on bodies that it rests on, and in eyelets, 0 to 10; of cable and body, or eyelet, the
+        larger one counts.
 
     Raises
     ------

@@ -220,10 +220,14 @@ def without_eyelets(scene: Scene | None) -> Scene | None:
     Raises
     ------
     ArgumentError
-        If there are more than a motion has room for.
+        If there are more than a motion has room for, or one has friction.
     """
     if scene is None:
         return scene
+    for clip in scene.clips:
+        if clip.friction > 0.0:
+            bound = "eyelets hold a cable along it at rest only, not as it swings"
+            raise ArgumentError.of("Clip.friction", clip.friction, bound, "Leave it out, or predict shapes at rest.")
     held = [clip for clip in scene.clips if clip.kind != "slide"]
     count = len(scene.clips) - len(held)
     if count > PROPS:

@@ -66,7 +66,7 @@ class RowJudge:
         batch.missing_length[row] = shape.missing_length
         if shape.supports is not None and len(batch.loads[row]):
             batch.loads[row, 1:-1] = shape.supports
-        if len(shape.touches):
+        if len(shape.touches) or shape.frictionless:
             batch.touches[row] = shape.bodies, shape.touches, shape.frictionless
         batch.status[row] = shape.status.value
         if shape.detail:

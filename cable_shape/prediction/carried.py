@@ -10,7 +10,7 @@ import numpy as np
 from cable_shape.checks import Array
 from cable_shape.pose import Pose, multiply
 from cable_shape.prediction.layout import Laid
-from cable_shape.shape import CableShape
+from cable_shape.shape import NOT_RUBBED, CableShape
 from cable_shape.solve.mesh import interpolated
 
 _HALF_TURN: Array = np.array((-1.0, 0.0, 0.0, 0.0))  # undoes that of a tail which runs backwards, see `tails`
@@ -24,15 +24,19 @@ def carried(shape: CableShape, tails: Mapping[str, CableShape], before: Laid, af
     """
     known = {clip.name: row for clip, row in zip(before.clips, shape.supports, strict=False)}
     shift = before.first - after.first
-    supports = np.zeros((len(after.clips), 7))
-    for row, clip in zip(supports, after.clips, strict=True):
+    supports, rubbed = np.zeros((len(after.clips), 7)), np.zeros((len(after.clips), 2))
+    rubs = {clip.name: row for clip, row in zip(before.clips, shape.rubbed, strict=False)}
+    for row, rub, clip in zip(supports, rubbed, after.clips, strict=True):
         row[0] = clip.arc_length
         if clip.name in known:
             row[:] = known[clip.name]
             row[0] += shift
+        rub[:] = rubs.get(clip.name, 0.0)
+    if not rubs:
+        rubbed = NOT_RUBBED
     if (after.first, after.last) == (before.first, before.last):
         out = shape.again()
-        out.supports, out.reused = supports, False
+        out.supports, out.rubbed, out.reused = supports, rubbed, False
         return out
     arcs, line = _joined(shape, tails)
     length = after.cable.length
@@ -40,6 +44,7 @@ def carried(shape: CableShape, tails: Mapping[str, CableShape], before: Laid, af
     touches[:, 0] += shift
     touches = touches[(touches[:, 0] > 0.0) & (touches[:, 0] < length)]
     out = _sampled(shape, length, -shift, arcs, line, supports, touches)
+    out.rubbed = rubbed
     if shape.velocity is not None:  # tails go along with the grips
         out.velocity = _along(out.arc_length - shift, shape.arc_length, shape.velocity)
     return out
@@ -55,7 +60,7 @@ def stretched(shape: CableShape, length: float) -> CableShape:
     touches[:, 0] *= scale
     arcs = scale * shape.arc_length
     out = _sampled(shape, length, 0.0, arcs, _columns(shape), supports, touches)
-    out.velocity = shape.velocity
+    out.velocity, out.rubbed = shape.velocity, shape.rubbed
     return out
 
 

@@ -65,8 +65,8 @@ class Predictor:
         [s] of one prediction by the Cosserat rod, looked at between its attempts. After it the best shape so far is
         given, graded BUDGET if it is within tolerance, else BUDGET_EXCEEDED. Default: none.
     friction : bool
-        Whether bodies hold the cable by their friction and its own, which depends on the way here: what this predictor
-        has seen of it. False: as if they had none, and `shape.frictionless` says so.
+        Whether bodies and eyelets hold the cable by their friction and its own, which depends on the way here: what
+        this predictor has seen of it. False: as if they had none, and `shape.frictionless` says so.
 
     Raises
     ------

@@ -84,6 +84,7 @@ def turned_shape(shape: CableShape) -> CableShape:
         buffer=buffer,
         error_estimate=shape.unread_error,
         supports=_flipped(shape.supports, shape.length),
+        rubbed=shape.rubbed[::-1] * (-1.0, 1.0),
         touches=_flipped(shape.touches, shape.length),
         before=None if shape.before is None else turned_shape(shape.before),
         velocity=None if shape.velocity is None else shape.velocity[::-1],

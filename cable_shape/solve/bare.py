@@ -29,6 +29,7 @@ class Bare(NamedTuple):
     piece: slice
     at: slice
     act: slice
+    friction: slice
 
 
 @lru_cache(maxsize=256)
@@ -49,6 +50,7 @@ def bare_of(structure: Structure) -> Bare:
         piece=_place(model.piece, floats),
         at=_place(model.at, floats),
         act=_place(model.act, floats),
+        friction=_place(model.friction, floats),
     )
 
 

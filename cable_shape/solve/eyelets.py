@@ -1,8 +1,9 @@
-"""Clips through which the cable runs without friction: which arc lengths of the cable are in its eyelets.
+"""Clips through which the cable runs: which arc lengths of the cable are in its eyelets.
 
-At rest the force F of an eyelet has no part along the cable, F . d3 = 0: the energy is stationary in the arc length
-sigma at the eyelet, dE/dsigma = -F . d3. Near the solution sigma is one more unknown of the compiled Newton iteration
-(`kernels.network.sliding`); from afar it has a Newton iteration of its own, the rod being solved for every sigma.
+At rest the force F of an eyelet has no part along the cable but its friction f, F . d3 = f, see
+`kernels.network.gripping`; without, the energy is stationary in the arc length sigma there, dE/dsigma = -F . d3. Near
+the solution sigma is one more unknown of the compiled Newton iteration (`kernels.network.sliding`); from afar it has a
+Newton iteration of its own, the rod being solved for every sigma.
 """
 
 from __future__ import annotations
@@ -89,7 +90,8 @@ class Eyelets:
                     return False
             good = bounded
             turned += state.info[I_TURNED]
-        self.why = "the cable did not come to rest in its eyelets, which have no friction: make one a 'ball' clip. "
+        held = "which do not hold it" if self._state.rough.any() else "which have no friction"
+        self.why = f"the cable did not come to rest in its eyelets, {held}: make one a 'ball' clip. "
         return False
 
     def spread(self, frames: Array) -> None:
@@ -137,8 +139,10 @@ class Eyelets:
             ahead = (stops - arcs[ring]) * np.sign(full[ring])
             way = ahead[ahead > 0.0].min()
             if way < LEAST * length:
+                mu = state.rough[state.rings.index(ring)]
+                rubs = "without friction" if mu == 0.0 else f"whose friction, {mu:g}, does not hold it"
                 self.why = (
-                    f"{state.ring_name(ring)} is an eyelet without friction, and the cable runs through it until the "
+                    f"{state.ring_name(ring)} is an eyelet {rubs}, and the cable runs through it until the "
                     f"next clip, mass or end is reached, at {arcs[ring]:.3g} m: nothing holds it. Make it a 'ball' "
                     "clip. "
                 )

@@ -123,6 +123,13 @@ class HarnessNetwork(Network):
                 if j in spans:
                     self.ring_clips[first + j - spans.start + 1] = number
                     self.rings.append(first + j - spans.start + 1)
+        if self.rings:
+            assert problem.scene is not None
+            through = [problem.scene.clips[number] for number, _ in layout.rings]
+            segments = problem.harness.segments
+            self._take_friction([(clip, segments[str(clip.segment)]) for clip in through])
+        else:
+            self.rough, self.has_friction = _NO_STOPS, False
         self.cables = len(layout.structure.cables)
         self._held = [(layout.knots["end", end], end) for end, how in problem.ends.items() if type(how) is Grip]
         self._tips = [(layout.knots["end", end], end) for end, how in problem.ends.items() if type(how) is FreeEnd]
@@ -175,6 +182,7 @@ class HarnessNetwork(Network):
             0.0,
         )  # fmt: skip
         model.frame[...] = layout.frames
+        model.friction[...] = self.rough
         model.s[...] = self.arcs_now().ravel()
         materials = [material_of(one) for one in problem.segments.values()]
         levers = layout.levers
@@ -283,6 +291,11 @@ class HarnessNetwork(Network):
         for _, j in self.layout.rings:
             arcs[j, 1] = arcs[j + 1, 0] = self.nodes[runs[j][1]]
         return arcs
+
+    @property
+    def ring_rows(self) -> list[int]:
+        """Which of the scene's clips the eyelets are."""
+        return [number for number, _ in self.layout.rings]
 
     def ring_name(self, ring: int) -> str:
         """What an eyelet is called."""
@@ -452,6 +465,8 @@ class HarnessNetwork(Network):
                 force = np.interp(middles, whole.arc_length, whole.force[:, i])
                 now.lam[j, i] = (force - self.model.load[a - j : b - j, 3 + i]).mean()
         now.pose[...] = poses
+        if self.rings:
+            self.hold_along(whole)
         self.history, self._resumed = 1, True
 
     @property

@@ -85,6 +85,8 @@ class HarnessSearch(Search):
             before=self.before,  # type: ignore[arg-type]
             clips=self.loads[state.clip_rows] if state.clip_rows else None,
             clips_of=task.clips,
+            rubbed=state.rubbed(len(state.clip_rows)),
+            frictionless=state.knows_no_friction,
         )
         found.weigh_sections(task.gravity)
         return found
@@ -144,6 +146,7 @@ class HarnessSearch(Search):
     def _cold(self, poses: Array, wound: float = 0.0) -> HarnessShape:  # type: ignore[override]
         """From guesses, the likeliest first, then from some that settle against drag, until there is a stable shape."""
         state = self.state
+        self.cold = True
         state.align(poses)
         # what is too short between ends beside their junctions would bend the levers that hold them there
         if state.layout.levers and (short := self._too_short(self._guess(poses, 1.0))) is not None:

@@ -13,7 +13,7 @@ from cable_shape.cable.harness import Harness, split_end
 from cable_shape.cable.pieces import energy_of_sections
 from cable_shape.checks import Array
 from cable_shape.pose import Pose
-from cable_shape.shape import NO_TOUCHES, NUMBERS_PER_POINT, CableShape, ClipLoad, Status
+from cable_shape.shape import NO_TOUCHES, NOT_RUBBED, NUMBERS_PER_POINT, CableShape, ClipLoad, Status, clip_loads
 
 
 def junctions_of(harness: Harness, segments: Mapping[str, CableShape]) -> dict[str, Pose]:
@@ -47,6 +47,8 @@ class HarnessShape:
         [J], of a harness in motion, as of a CableShape.
     clips : tuple of ClipLoad
         What the harness does to the scene's clips, in their order.
+    frictionless : bool
+        Eyelets have friction, which the shape does not know: it has no past.
     """
 
     def __init__(
@@ -72,6 +74,8 @@ class HarnessShape:
         before: HarnessShape | None = None,
         clips: Array | None = None,
         clips_of: Mapping[str, list[int]] | None = None,
+        rubbed: Array = NOT_RUBBED,
+        frictionless: bool = False,
         touches: Sequence[Array] = (),
         bodies: tuple[str, ...] = (),
         velocity: Array | None = None,
@@ -100,6 +104,8 @@ class HarnessShape:
         self.before = before
         self.supports = np.empty((0, 7)) if clips is None else clips  # (k, 7), of each clip, in the scene's order
         self._clips_of = clips_of or {}
+        self.rubbed = rubbed  # (k, 2), as of a CableShape
+        self.frictionless = frictionless
         self.touches = touches  # of each segment (k, TOUCH), or none at all, see CableShape
         self.bodies = bodies
         self.velocity = velocity  # (c n, 3) [m/s], world, of one segment after the other; None: at rest
@@ -118,12 +124,15 @@ class HarnessShape:
         size = NUMBERS_PER_POINT * self.points
         levers = self.buffer[size * len(self.harness.segments) :]
         clips = np.zeros((sum(map(len, clips_of.values())), 7))
+        rubbed = np.zeros((len(clips), 2))
         for name, numbers in clips_of.items():
             clips[numbers] = segments[name].supports
+            if len(segments[name].rubbed):
+                rubbed[numbers] = segments[name].rubbed
         other = self.again()
         other.harness, other.reused = harness, False
         other.buffer = np.concatenate([*(segments[name].buffer for name in harness.segments), levers])
-        other.supports, other._clips_of = clips, clips_of
+        other.supports, other._clips_of, other.rubbed = clips, clips_of, rubbed
         other.touches = [segments[name].touches for name in harness.segments]
         rates = [one.velocity for one in (segments[name] for name in harness.segments) if one.velocity is not None]
         other.velocity = np.concatenate(rates) if len(rates) == len(harness.segments) else None
@@ -138,7 +147,7 @@ class HarnessShape:
     @property
     def clips(self) -> tuple[ClipLoad, ...]:
         """Where each clip of the scene holds the harness, and the force and moment on it; in the scene's order."""
-        return tuple(ClipLoad(float(row[0]), row[1:4], row[4:]) for row in self.supports)
+        return clip_loads(self.supports, self.rubbed)
 
     @cached_property
     def segments(self) -> dict[str, CableShape]:
@@ -161,6 +170,8 @@ class HarnessShape:
                 reused=self.reused,
                 twist=0.0 if self.twists is None else float(self.twists[i]),
                 supports=self.supports[self._clips_of.get(name, [])],
+                rubbed=self.rubbed[self._clips_of.get(name, [])] if len(self.rubbed) else NOT_RUBBED,
+                frictionless=self.frictionless,
                 force_error=self.force_error,
                 moment_error=self.moment_error,
                 touches=self.touches[i] if len(self.touches) else NO_TOUCHES,

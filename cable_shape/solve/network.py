@@ -17,9 +17,12 @@ from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.kernels.network import drive, guess, material, mesh, respond, start, tables
 from cable_shape.kernels.network.drive import I_DOUBT, I_ESTIMATE, I_TURN, INFO, LARGEST_TURN
+from cable_shape.kernels.network.gripping import FROM_FIRM, SLIPPED, TO, TO_FIRM, TO_PULL
 from cable_shape.kernels.network.tables import BEFORE, NOW, TRIAL
+from cable_shape.kernels.rod_guess import tangent
 from cable_shape.pose import FreeEnd, Grip
-from cable_shape.shape import CableShape
+from cable_shape.scene.scene_parts import Clip
+from cable_shape.shape import NOT_RUBBED, CableShape
 from cable_shape.solve.bare import Bare, bare_of
 from cable_shape.solve.cables import (
     AT,
@@ -56,6 +59,11 @@ _LENGTHENED = 0.02
 _structure = lru_cache(maxsize=256)(structure_of)
 
 
+def roughness(eyelets: Sequence[tuple[Clip, Cable]]) -> Array:
+    """(e,): coefficients of friction of eyelets, of clip and cable the larger."""
+    return np.array([max(clip.friction, cable_at(cable, clip.arc_length).friction) for clip, cable in eyelets])
+
+
 class Network:
     """The solver's memory for one cable, in clips or not; one object a predictor, not shared between threads.
 
@@ -72,6 +80,7 @@ class Network:
         self.factored = False  # whether `work` has factors at, or next to, the last solution
         self.fewest = 0  # elements with which a coarser mesh has failed
         self.info: Array = np.zeros(INFO + 2)
+        self.rough, self.has_friction = _NOTHING[:0], False  # (e,) as it counts, see `roughness`; whether there is any
         self.structure: Structure
         self.turns_freely = False
         self.rolls = False  # a dead moment on the free end may twist a start that does not hold its roll
@@ -140,6 +149,7 @@ class Network:
         self._clips = tuple(clip.kind for clip in problem.clips)
         self.spans = self.forces = arcs.size - 1
         self.rings = [i for i, kind in enumerate(self._clips, 1) if kind == "slide"]
+        self._take_friction([(problem.clips[i - 1], cable) for i in self.rings])
         self.kinks, self.sharpness = kinks_of(problem) if self.rings else (_NOTHING[:0], _NOTHING[:0])
         self._kinds = ()
         self.unsettle()
@@ -408,6 +418,7 @@ class Network:
         held[bare.force] = self._own.ravel()
         held[bare.force.stop - 3 : bare.force.stop] += self._tip
         held[bare.moment] = self._moment
+        held[bare.friction] = self.rough
         if self.points.size:
             held[bare.at] = self.points
             held[bare.act] = self.weights.ravel()
@@ -483,6 +494,8 @@ class Network:
             now.pose[j + 1, 3:] = now.q[b]
         now.turns[0] = shape.turns
         now.arc[...] = bounds[self.rings]
+        if self.rings:
+            self.hold_along(shape)
         self.history, self._resumed = 1, True
         return True
 
@@ -509,6 +522,49 @@ class Network:
         return self.nodes, positions
 
     # -- eyelets
+
+    def _take_friction(self, eyelets: Sequence[tuple[Clip, Cable]]) -> None:
+        """Takes over the friction of eyelets and of the cables in them."""
+        rough = roughness(eyelets)
+        self.has_friction = bool(rough.any())
+        self.rough = rough if self.problem.rubs else np.zeros(rough.size)
+
+    @property
+    def ring_rows(self) -> list[int]:
+        """Which of the clips the eyelets are."""
+        return [ring - 1 for ring in self.rings]
+
+    def rubbed(self, clips: int) -> Array:
+        """(clips, 2): the friction of each along the cable [N], and 1 if it slips; (0, 2) if there is none."""
+        if not self.rough.any():
+            return NOT_RUBBED
+        out = np.zeros((clips, 2))
+        work, model = tables.work_of.py_func(self.ints, self.work), self.model
+        for row, (_, j) in zip(self.ring_rows, self.structure.rings, strict=True):
+            force = work.pulled[j] - work.pulled[j + 1] - model.weight[j + 1]
+            out[row, 0] = force @ tangent(tuple(work.start[self.runs[j][1]]))
+        out[self.ring_rows, 1] = self.solution(NOW).grip[:, SLIPPED]
+        return out
+
+    @property
+    def knows_no_friction(self) -> bool:
+        """Whether eyelets have friction that the last solution does not know, since it has no past."""
+        if not self.has_friction:
+            return False
+        return not self.problem.rubs or bool((self.solution(NOW).grip[self.rough > 0.0, FROM_FIRM] <= 0.0).any())
+
+    def forget_friction(self) -> None:
+        """Has the friction of eyelets not count from the last solution: they begin without."""
+        if self.has_friction:
+            self.solution(NOW).grip[:, [FROM_FIRM, TO_FIRM]] = 0.0
+
+    def hold_along(self, shape: Any) -> None:
+        """Has the friction of eyelets count from this shape on, which the last solution is."""
+        if len(shape.rubbed) == 0:
+            return
+        now = self.solution(NOW)
+        now.grip[:, TO], now.grip[:, TO_PULL] = now.arc, shape.rubbed[self.ring_rows, 0]
+        now.grip[:, TO_FIRM], now.grip[:, SLIPPED] = self.neutral / self.length, shape.rubbed[self.ring_rows, 1]
 
     def ring_name(self, ring: int) -> str:
         """What an eyelet is called."""

@@ -312,7 +312,7 @@ class Problem:
 
     def hangs_like(self, last: Problem) -> bool:
         """Whether it is the same cable at rest under the same loads, in clips of the same kinds at the same places."""
-        held = [[(clip.arc_length, clip.kind) for clip in one.clips] for one in (last, self)]
+        held = [[(clip.arc_length, clip.kind, clip.friction) for clip in one.clips] for one in (last, self)]
         at_rest = self.swing is None and last.swing is None
         return (
             last.cable is self.cable

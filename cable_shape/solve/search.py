@@ -45,12 +45,13 @@ class Search:
     """One solve. Methods that return True leave an equilibrium as the network's last solution.
 
     `buffer` and `loads` take the shape and what it does to its supports, `iterations` counts Newton steps, `late` tells
-    that the deadline has passed, `info` what the last compiled solve told (see `drive`).
+    that the deadline has passed, `info` what the last compiled solve told (see `drive`), `cold` that solutions lead to
+    a start from nothing: friction does not count from them.
     """
 
     __slots__ = (
-        "before", "began", "buffer", "deadline", "eyelets", "finer", "info", "iterations", "last", "late", "loads",
-        "problem", "reached", "snapped", "softened", "state",
+        "before", "began", "buffer", "cold", "deadline", "eyelets", "finer", "info", "iterations", "last", "late",
+        "loads", "problem", "reached", "snapped", "softened", "state",
     )  # fmt: skip
 
     def __init__(
@@ -63,7 +64,7 @@ class Search:
         self.deadline = deadline
         self.began = began
         self.iterations = 0
-        self.late = self.snapped = self.softened = False
+        self.late = self.snapped = self.softened = self.cold = False
         self.finer = _FINER if state.spans > 1 else _FINER[:1]  # of meshes that guesses are still to be tried on
         self.before: CableShape | None = None  # the last shape of a branch that ended
         self.buffer, self.loads = self.room()
@@ -97,6 +98,8 @@ class Search:
     def inner(self, history: int, most: int, guard: bool, output: bool, far: float, again: bool, sliding: bool) -> bool:
         """The same; again: for supports that it has just been solved for; sliding: the cable runs through eyelets."""
         state = self.state
+        if self.cold:
+            state.forget_friction()
         code = _SOLVE(
             state.ints, state.floats, state.sols, state.work, self.buffer, state.info, self.loads,
             self.problem.points if output else 0, history, again, sliding, guard, most, far,
@@ -141,6 +144,7 @@ class Search:
         )
         if state.spans > 1:
             found.supports = self.loads[1:-1]
+            found.rubbed, found.frictionless = state.rubbed(len(found.supports)), state.knows_no_friction
         if problem.cable.sections:
             found.energy += energy_of_sections(problem.cable, found, problem.gravity)
         state.last = found
@@ -439,6 +443,7 @@ class Search:
     def _cold(self, poses: Array, wound: float = 0.0) -> CableShape:
         """From guesses, the likeliest first; windings are reached by turning the end."""
         problem, state = self.problem, self.state
+        self.cold = True
         end = problem.end
         turns = end.cable_frame.turns if isinstance(end, Grip) and not self.snapped else 0
         if abs(turns) > MOST_TURNS:

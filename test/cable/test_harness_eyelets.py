@@ -49,6 +49,55 @@ def test_two_segments_run_through_eyelets_as_one_cable_does() -> None:
     np.testing.assert_allclose(still.segments["a"].positions, two.segments["a"].positions, atol=2e-5)
 
 
+def rough(segment: str | None = None) -> cs.Scene:
+    clips = [cs.Clip(s, place, "slide", segment=segment, friction=0.05) for s, place in PLACES.items()]
+    return cs.Scene(clips=clips)
+
+
+def test_friction_holds_two_segments_in_eyelets_as_it_does_one_cable() -> None:
+    single = cs.Predictor(CABLE, scene=rough(), tolerance=1e-8)
+    several = cs.Predictor(halves(), scene=rough("a"), tolerance=1e-8)
+    slips = 0
+    for k, x in enumerate((0.0, 0.01, 0.02, 0.03, 0.04, 0.03, 0.02, 0.01, 0.0)):
+        end = cs.Pose((0.9 + x, 0.0, 0.0), ALONG)
+        one, two = single.predict(START, end), several.predict({"a.start": START, "b.end": end})
+        assert two.status is cs.Status.OK
+        assert two.frictionless is one.frictionless is (k == 0)
+        for mine, wanted in zip(two.clips, one.clips, strict=True):
+            assert mine.arc_length == pytest.approx(wanted.arc_length, abs=4e-5)  # asperities give 1e-4 of 0.8 and 1.2
+            if mine.slips and wanted.slips:
+                slips += 1
+                assert mine.friction == pytest.approx(wanted.friction, rel=1e-3)
+        assert two.segments["a"].clips[0].friction == two.clips[0].friction
+    assert 2 <= slips <= 16
+    batch = cs.predict_batch(halves(), {"a.start": [START.array], "b.end": [END.array]}, scene=rough("a"))
+    assert abs(batch[0].clips[0].friction) < 1e-6
+
+
+def test_a_fork_answers_grips_as_its_eyelets_stick_and_slip() -> None:
+    step, ends = 1e-6, {"a.start": START, "c.end": cs.FreeEnd(mass=0.02)}
+
+    def led(last: cs.Pose, mu: float) -> tuple[cs.Predictor, cs.HarnessShape]:
+        clips = [cs.Clip(s, place, "slide", segment="a", friction=mu) for s, place in PLACES.items()]
+        predictor = cs.Predictor(fork(), scene=cs.Scene(clips=clips), tolerance=1e-9)
+        for x in (0.0, 0.01, 0.02):
+            predictor.predict({**ends, "b.end": cs.Pose((0.9 + x, 0.0, 0.0), ALONG)})
+        return predictor, predictor.predict({**ends, "b.end": last})
+
+    told = set()
+    for mu in (0.05, 2.0):
+        predictor, shape = led(cs.Pose((0.93, 0.0, 0.0), ALONG), mu)
+        columns, at = predictor.sensitivity(), 6 * list(predictor.grips).index("b.end")
+        told |= {load.slips for load in shape.clips}
+        for axis in range(3):
+            way = step * np.eye(3)[axis]
+            above, below = (led(cs.Pose(np.array((0.93, 0.0, 0.0)) + sign * way, ALONG), mu)[1] for sign in (1.0, -1.0))
+            for name, one in columns.items():
+                wanted = (above.segments[name].positions - below.segments[name].positions) / (2.0 * step)
+                np.testing.assert_allclose(one[:, :, at + axis], wanted, atol=2e-4)
+    assert told == {True, False}
+
+
 def test_no_eyelet_of_a_fork_pulls_along_its_segment_and_shapes_answer_grips() -> None:
     predictor = cs.Predictor(fork(), scene=eyelets("a"), tolerance=1e-7)
     ends = {"a.start": START, "b.end": END, "c.end": cs.FreeEnd(mass=0.02)}

@@ -212,7 +212,7 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, Any]]] = {
     "Mesh": (cs.Mesh, {"vertices": np.eye(3), "faces": [[0, 1, 2]]}),
     "Mesh.from_file": (cs.Mesh.from_file, {"path": "nowhere.stl", "scale": 1.0}),
     "Obstacle": (cs.Obstacle, {"name": "a", "solid": cs.Sphere(1), "pose": START, "link": None, "friction": 0.1}),
-    "Clip": (cs.Clip, {"arc_length": 0.1, "pose": START, "kind": "ball"}),
+    "Clip": (cs.Clip, {"arc_length": 0.1, "pose": START, "kind": "slide", "friction": 0.2}),
     "PointMass": (cs.PointMass, {"arc_length": 0.1, "mass": 0.1}),
     "Plug": (cs.Plug, {"socket": "port", "offset": START}),
     "Scene": (cs.Scene, {key: getattr(SCENE, key) for key in SCENE_KEYS}),

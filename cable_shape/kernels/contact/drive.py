@@ -23,6 +23,7 @@ from cable_shape.kernels.distance.bounds import closest_points
 from cable_shape.kernels.network import drive as network
 from cable_shape.kernels.network.drive import BROKEN, FAR, knot_loads, sample
 from cable_shape.kernels.network.graph import factor
+from cable_shape.kernels.network.gripping import FROM, SLIPPED, TO, end_grips
 from cable_shape.kernels.network.newton import CONVERGED, STALLED
 from cable_shape.kernels.network.respond import SLIGHT
 from cable_shape.kernels.network.sliding import cut_short, move_along, slides_of
@@ -30,6 +31,7 @@ from cable_shape.kernels.network.system import assemble, gradient
 from cable_shape.kernels.network.tables import (
     BASE_SHIFT,
     BEFORE,
+    GRIP,
     LENGTH,
     N_CABLES,
     N_KNOTS,
@@ -82,17 +84,31 @@ def begin(lying: Lying, net: Net, a: float) -> bool:
         place_nodes(net, lying.s)
     if ints[N_CABLES] == 0:
         return False
+    supports = lying.held.shape[0]
+    for i in range(supports, lying.slid.shape[1]):
+        lying.slid[TRIAL, i] = lying.slid[NOW, i]
+    count_on(lying.slid[TRIAL, supports:])
     if net.run.shape[0] > 0 and a != 0.0:
         put(net, lying, TRIAL, near, NORMAL)
         slides, plan = slides_of(ints, net.run), plan_of(net.bare)
+        friction = model_of(ints, floats).friction
         for c in range(slides.way.shape[0]):
             j = plan.rings[c, 1]
             held = j + net.cable[net.piece[j]] + 1
-            slides.way[c] = a * (lying.slid[NOW, held] - lying.slid[BEFORE, held])
+            sticks = friction[c] > 0.0 and lying.slid[NOW, supports + c * GRIP + SLIPPED] == 0.0
+            slides.way[c] = 0.0 if sticks else a * (lying.slid[NOW, held] - lying.slid[BEFORE, held])
         move_along(ints, floats, net.run, cut_short(ints, floats, sols, net.run))
         from_model(net, lying.s, lying.h)
     meet_supports(lying, net)
     return True
+
+
+@kernel
+def count_on(grips: Array) -> None:
+    """Has what eyelets remember (e GRIP,) count from where it ended, see `gripping`."""
+    for c in range(grips.shape[0] // GRIP):
+        for i in range(3):
+            grips[c * GRIP + FROM + i] = grips[c * GRIP + TO + i]
 
 
 @kernel
@@ -131,6 +147,10 @@ def solve(
         lying.slid[TRIAL, j] = lying.s[lying.held[j]]
     off = position_error(net, lying.errors)
     uncorrected(lying, net)
+    end_grips(ints, floats, sols)
+    grip, supports = solution_of(ints, sols, TRIAL).grip, lying.held.shape[0]
+    for c in range(grip.shape[0]):
+        copy(lying.slid[TRIAL, supports + c * GRIP : supports + (c + 1) * GRIP], grip[c])
     par = model_of(net.bare, net.made).par
     remember(lying, bodies, FAINT * (weight + par[SOFTEST]), par[LENGTH])
     seen = np.zeros(network.INFO + 3 * lying.turns.shape[1])

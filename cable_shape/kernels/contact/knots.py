@@ -38,10 +38,12 @@ from cable_shape.kernels.network.compiled import viewing
 from cable_shape.kernels.network.drive import strip
 from cable_shape.kernels.network.material import add_up, fill
 from cable_shape.kernels.network.tables import (
+    GRIP,
     LENGTH,
     N_KNOTS,
     TRIAL,
     Model,
+    copy,
     model_of,
     plan_of,
     solution_of,
@@ -102,7 +104,9 @@ def put(net: Net, lying: Lying, which: int, near: Array, normal: int) -> None:
     ints, floats, sols = net.ints, net.floats, net.sols
     plan, model, sol = plan_of(ints), model_of(ints, floats), solution_of(ints, sols, TRIAL)
     q, ends, grips = lying.q[which], lying.ends[which], lying.grips[which]
-    known = net.bare[N_KNOTS]
+    known, supports = net.bare[N_KNOTS], lying.held.shape[0]
+    for c in range(sol.grip.shape[0]):
+        copy(sol.grip[c], lying.slid[which, supports + c * GRIP :])
     strip(ints, floats, sols)
     for x in range(plan.ends.shape[0] - 1, -1, -1):
         c = net.cable[x]

@@ -69,7 +69,7 @@ def room_for(bare: Whole, elements: int, wide: int, links: int) -> tuple[int, in
     e = head[N_RINGS]
     own = HEAD + n + 23 * m + 2 * k + 3 * v + head[N_BLOCKS] + head[N_TARGETS] + 2 * head[N_STRIPPED]
     own += 5 * head[N_CABLES] + 2 * e + 6 + LINK_PLAN * links
-    run = e * (12 * n + 9 * m + 6 * k + 2 * e + 2) + 4 * n + 14 * m + 3 * k if e > 0 else 0
+    run = e * (12 * n + 9 * m + 6 * k + 3 * e + 2) + 4 * n + 14 * m + 3 * k if e > 0 else 0
     room = 2 + 2 * k + 3 * EDGES * m + 3 * EDGES_OF_LINK * links + 5 * v + k
     return own, model_size(head), solution_size(head), work_size(head), run, room
 
@@ -540,6 +540,7 @@ def copy_cable(net: Net, made: Floats, s: Array, floats: Floats) -> None:
     old, model = model_of(net.bare, made), model_of(net.ints, floats)
     copy(model.breaks, old.breaks)
     copy(model.at, old.at)
+    copy(model.friction, old.friction)
     copy_rows(model.heavy, old.heavy, 3)
     copy_rows(model.piece, old.piece, old.piece.shape[1])
     copy_rows(model.act, old.act, 3)

@@ -258,7 +258,7 @@ def press(
         largest = solve(ints, floats, space)
         if runs_through:
             falling = slide_step(ints, floats, sols, space, net.run, 1.0)
-            largest = run_through(ints, floats, space, net.run)
+            largest = run_through(ints, floats, sols, space, net.run)
             if not reuse:
                 info[I_EXCESS] += falling
                 if falling > 0:

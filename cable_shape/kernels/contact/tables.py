@@ -30,7 +30,7 @@ class Lying(NamedTuple):
     ends: Array  # (3, m, 3) internal force at the end of each stretch, the loads there included [N]
     grips: Array  # (3, k, 7) poses of the knots of the network without contacts
     turns: Array  # (3, C)
-    slid: Array  # (3, b) arc lengths at the supports
+    slid: Array  # (3, b + e GRIP) arc lengths at the supports; what friction in the eyelets remembers, see `gripping`
     frames: Array  # (b, 7) scratch: frames of the supports
     reach: Array  # (l,) [m] least distance of the centrelines of a pair, see `link`
     pairs: Any  # (l, 3) scratch: nodes of the pairs; 1: the first one stays, see `link.STAYS`

@@ -20,6 +20,7 @@ from cable_shape.kernels.network.correct import (
     correct,
 )
 from cable_shape.kernels.network.graph import any_moves
+from cable_shape.kernels.network.gripping import SLIPPED, begin_grips, end_grips
 from cable_shape.kernels.network.material import add_up, fill
 from cable_shape.kernels.network.newton import CONVERGED, I_STALE, newton
 from cable_shape.kernels.network.predict import (
@@ -170,7 +171,8 @@ def predict(
         turn_knots(plan, model, before, now, sol, a)
     extrapolate(plan, before, now, sol, a)
     for c in range(way.shape[0]):
-        way[c] = a * (now.arc[c] - before.arc[c])
+        sticks = model.friction[c] > 0.0 and now.grip[c, SLIPPED] == 0.0
+        way[c] = 0.0 if sticks else a * (now.arc[c] - before.arc[c])
 
 
 @kernel
@@ -207,6 +209,8 @@ def attempt(
         return TAUT
     half = kept.shape[0] // 2
     copy(kept[:half], floats)
+    if sol.arc.shape[0] > 0:
+        begin_grips(ints, floats, sols, history > 0 and not again)
     if history > 0:
         predict(plan, model, before, now, sol, slides.way, history)
         if runs:
@@ -246,6 +250,8 @@ def attempt(
     info[I_TURN] = 2.0 * math.acos(cosine)
     for c in range(slides.way.shape[0]):
         sol.arc[c] = model.s[plan.first[plan.rings[c, 1] + 1] + plan.rings[c, 1]]
+    if runs:
+        end_grips(ints, floats, sols)
     if plan.stripped.shape[0] > 0:
         settle_leaves(ints, floats, sols, space)
     for c in range(sol.turns.shape[0]):

@@ -16,6 +16,7 @@ from cable_shape.kernels.network.compiled import inline, viewing
 from cable_shape.kernels.network.guess import bend_of, end_frame, length_of
 from cable_shape.kernels.network.material import add_up, fill
 from cable_shape.kernels.network.tables import (
+    GRIP,
     HEAD,
     NOW,
     TRIAL,
@@ -258,6 +259,7 @@ def copy_model(ints: Whole, floats: Floats, new_ints: Whole, new: Floats) -> Non
     copy(a.par, b.par)
     copy(a.breaks, b.breaks)
     copy(a.at, b.at)
+    copy(a.friction, b.friction)
     copy_rows(a.loose, b.loose, 3)
     copy_rows(a.force, b.force, 3)
     copy_rows(a.moment, b.moment, 3)
@@ -311,6 +313,7 @@ def carry_over(ints: Whole, floats: Floats, sols: Floats, new_ints: Whole, new: 
         copy_rows(now.lam, was.lam, 3)
         copy_rows(now.pose, was.pose, 7)
         copy(now.arc, was.arc)
+        copy_rows(now.grip, was.grip, GRIP)
         copy(now.turns, was.turns)
 
 

@@ -237,7 +237,7 @@ def newton(
             fraction = cut_short(ints, floats, sols, run)
             if fraction == 0.0:
                 return STALLED
-            largest = run_through(ints, floats, space, run)
+            largest = run_through(ints, floats, sols, space, run)
         info[I_ITERATIONS], info[I_STEP], info[I_SHIFT] = iterations, largest, shift
         if not math.isfinite(largest):
             return NOT_FINITE
@@ -262,7 +262,7 @@ def newton(
             largest = solve(ints, floats, space)
             if runs:
                 slide_step(ints, floats, sols, space, run, 1.0)
-                largest = run_through(ints, floats, space, run)
+                largest = run_through(ints, floats, sols, space, run)
             info[I_ITERATIONS], info[I_STEP] = iterations, largest
             if not math.isfinite(largest):
                 return NOT_FINITE

@@ -15,6 +15,7 @@ from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.network.compiled import inline, part, viewing
 from cable_shape.kernels.network.drive import strip
 from cable_shape.kernels.network.graph import factor, lead, solve, step_of_force
+from cable_shape.kernels.network.gripping import change_of_limit, holds, law
 from cable_shape.kernels.network.newton import size_at
 from cable_shape.kernels.network.sliding import columns, slide_step
 from cable_shape.kernels.network.system import NONE, assemble, gradient, release
@@ -306,13 +307,31 @@ def bent(model: Model, work: Work, e: int, i: int, y: float) -> float:
 
 @inline
 def pull_change(plan: Plan, model: Model, sol: Solution, work: Work, c: int) -> float:
-    """Change of F . d3 [N] at eyelet c by the answer at hand, the eyelet staying where it is on the cable."""
+    """Change of F . d3 [N] at eyelet c by the answer at hand, the eyelet staying where it is on the cable.
+
+    With friction, by how much more that is than the change of it: what slips goes on, what sticks gives as it does.
+    """
     j = plan.rings[c, 1]
     node = plan.first[j + 1] + j
     R = rotation(get4(sol.q, node))
     F = subtract(get3(sol.lam, j), add(get3(sol.lam, j + 1), get3(model.weight, j + 1)))
     dF = subtract(step_of_force(work, j), step_of_force(work, j + 1))
-    return dot(dF, apply(R, E3)) + dot(F, apply(R, cross(get3(work.d, node), E3)))
+    return (
+        dot(dF, apply(R, E3))
+        + dot(F, apply(R, cross(get3(work.d, node), E3)))
+        - friction_change(plan, model, sol, work, c, NONE, NONE, NONE)
+    )
+
+
+@inline
+def friction_change(
+    plan: Plan, model: Model, sol: Solution, work: Work, c: int, more: Vector, both: Vector, turn: Vector
+) -> float:
+    """Change of the friction of eyelet c by that of its limit, see `gripping.change_of_limit`."""
+    if not holds(model, sol, c):
+        return 0.0
+    limit, change = change_of_limit(plan, model, sol, work, c, more, both, turn)
+    return law(plan, model, sol, c, limit)[2] * change
 
 
 @viewing
@@ -347,6 +366,14 @@ def eyelets(
         y = 0.5 * model.h[a]
         u = (bent(model, work, a, 0, y), bent(model, work, a, 1, y), 0.0)
         J[c, c] += dot(F, apply(R, cross(u, E3)))
+        if holds(model, sol, c):
+            # forces on both sides change by the load over the way, too
+            load = scale(1.0 / model.h[a], subtract(take3(model.load, a, 6), take3(model.load, a, 0)))
+            J[c, c] += friction_change(plan, model, sol, work, c, NONE, NONE, NONE)
+            J[c, c] -= friction_change(plan, model, sol, work, c, NONE, load, u)
+            pull, firm, _, _ = law(plan, model, sol, c, change_of_limit(plan, model, sol, work, c, NONE, NONE, NONE)[0])
+            f[c] -= pull
+            J[c, c] -= firm
         if points > 0:
             jumps[:, :] = 0.0
             put3(jumps, j + 1, 0, scale(-1.0, after))
@@ -485,6 +512,9 @@ def one_answer(
         dw = scale(0.5 / step, subtract(get3(above.weight, j + 1), get3(below.weight, j + 1)))
         t = apply(rotation(get4(sol.q, node)), E3)
         df[c, column] = pull_change(plan, model, sol, work, c) - dot(dw, t)
+        if holds(model, sol, c):
+            df[c, column] += friction_change(plan, model, sol, work, c, NONE, NONE, NONE)
+            df[c, column] -= friction_change(plan, model, sol, work, c, dw, NONE, NONE)
     spread(ints, floats, sols, space, points, out, column, jumps, ds, part(kept, 0, (ints[0], 6)))
 
 

@@ -1,9 +1,9 @@
-"""Eyelets inside Newton's method: the arc length sigma of the cable at each is an unknown, F . d3 = 0 its equation.
+"""Eyelets inside Newton's method: the arc length sigma of the cable at each is an unknown, F . d3 = f its equation.
 
-F is the force of the eyelet on the cable, d3 the tangent at its node. The nodes between an eyelet and the next knots or
-point loads keep their shares of that stretch, so that all of the discrete system depends on sigma, by what the elements
-are made of: differences of the gradient are the columns of sigma, and what the factors answer to them reduces the
-system to one equation an eyelet.
+F is the force of the eyelet on the cable, d3 the tangent at its node, f its friction, see `gripping`, or 0. The nodes
+between an eyelet and the next knots or point loads keep their shares of that stretch, so that all of the discrete
+system depends on sigma, by what the elements are made of: differences of the gradient are the columns of sigma, and
+what the factors answer to them reduces the system to one equation an eyelet.
 """
 
 from __future__ import annotations
@@ -17,8 +17,9 @@ from numba import types
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.network.compiled import inline, part, viewing
 from cable_shape.kernels.network.graph import solve, step_of_force
+from cable_shape.kernels.network.gripping import any_holds, change_of_limit, holds, law, short_of_turning
 from cable_shape.kernels.network.material import fill_span
-from cable_shape.kernels.network.system import FORCE, release
+from cable_shape.kernels.network.system import FORCE, NONE, release
 from cable_shape.kernels.network.tables import (
     LENGTH,
     N_RINGS,
@@ -43,6 +44,7 @@ from cable_shape.kernels.rod_element import E3, element_gradient
 DIFFERENCE = 1e-6  # of the length, between two values of sigma
 REACH = 0.5  # of the slack of a span, or of the way to the next knot, that one step may use up
 LEAST = 2e-3  # of the length: an eyelet this near to a knot has been run through
+FINELY = 100.0  # see `hardly_gives`
 FIRST_PRESSED = 14  # of a plan's head: the first of the knots that bodies press on, where any can be
 
 
@@ -55,6 +57,7 @@ class Slides(NamedTuple):
     slope: Floats  # (e, N, 9) change of `first`
     heavy: Floats  # (e, m, 3) change of the spans' whole loads [N/m]
     J: Floats  # (e, e) change of F . d3 [N/m]
+    lift: Floats  # (e, e) change of the limits of friction [N/m]
     way: Floats  # (e,) step of sigma [m]
     pull: Floats  # (e,) F . d3 that is to vanish [N]
     A: Floats  # (e, e) scratch, as are the rest
@@ -73,7 +76,7 @@ def new_slides(ints: Whole, sliding: bool) -> Floats:
     n, m, k, e = ints[0], ints[1], ints[2], ints[N_RINGS]
     if e == 0 or not sliding:
         return np.zeros(0)
-    return np.zeros(e * (12 * n + 9 * m + 6 * k + 2 * e + 2) + 4 * n + 14 * m + 3 * k)
+    return np.zeros(e * (12 * n + 9 * m + 6 * k + 3 * e + 2) + 4 * n + 14 * m + 3 * k)
 
 
 @viewing(forceinline=True)
@@ -86,7 +89,8 @@ def slides_of(ints: Whole, run: Floats) -> Slides:
     o3 = o2 + e * k * 6
     o4 = o3 + e * n * 9
     o5 = o4 + e * m * 3
-    o6 = o5 + e * e
+    o6a = o5 + e * e
+    o6 = o6a + e * e
     o7 = o6 + e
     o8 = o7 + e
     o9 = o8 + e * e
@@ -99,7 +103,8 @@ def slides_of(ints: Whole, run: Floats) -> Slides:
     o15 = o14 + f * m * 3
     return Slides(
         part(run, 0, (e, n + m, 3)), part(run, o1, (e, m, 3)), part(run, o2, (e, k, 6)),
-        part(run, o3, (e, n, 9)), part(run, o4, (e, m, 3)), part(run, o5, (e, e)), part(run, o6, (e,)),
+        part(run, o3, (e, n, 9)), part(run, o4, (e, m, 3)), part(run, o5, (e, e)), part(run, o6a, (e, e)),
+        part(run, o6, (e,)),
         part(run, o7, (e,)), part(run, o8, (e, e)), part(run, o9, (f * (n + m),)), part(run, o10, (f * m, 3)),
         part(run, o11, (f * (n + m), 3)),
         part(run, o12, (f * m, 3)), part(run, o13, (f * k, 3)), part(run, o14, (f * m, 3)),
@@ -244,6 +249,9 @@ def columns(ints: Whole, floats: Floats, sols: Floats, space: Floats, run: Float
         copy_rows(slides.move[c], work.move, 6)
         for i in range(given):
             slides.J[i, c] = pull_along(plan, model, sol, work, slides.heavy[c], i)[1]
+            if holds(model, sol, i):
+                more = get3(slides.heavy[c], plan.rings[i, 1] + 1)
+                slides.lift[i, c] = change_of_limit(plan, model, sol, work, i, more, NONE, NONE)[1]
     copy_rows(work.G, slides.G, 3)
     copy_rows(work.sums, slides.closure, 3)
     copy_rows(work.pull, slides.places, 3)
@@ -293,6 +301,38 @@ def balanced(J: Floats, f: Floats, way: Floats, A: Floats) -> int:
     return negative
 
 
+@viewing
+def rubbed(plan: Plan, model: Model, sol: Solution, work: Work, slides: Slides, pulls: float) -> int:
+    """`balanced` with friction, where the directions in which the energy falls are counted as if limits were given.
+
+    A step that would take an eyelet from slipping one way to slipping the other ends where it sticks: Newton's method
+    would go to and fro between the two for ever.
+    """
+    f, J, way, lifted = slides.pull, slides.J, slides.way, slides.closure
+    count = f.shape[0]
+    for i in range(count):
+        if holds(model, sol, i):
+            limit, change = change_of_limit(plan, model, sol, work, i, NONE, NONE, NONE)
+            pull, firm, lifts, _ = law(plan, model, sol, i, limit)
+            f[i] -= pulls * pull + lifts * change
+            J[i, i] -= firm
+            lifted[i, 0], lifted[i, 1] = firm, lifts
+        else:
+            lifted[i, 0] = lifted[i, 1] = 0.0
+    negative = balanced(J, f, way, slides.A)
+    for i in range(count):
+        for c in range(count):
+            J[i, c] -= lifted[i, 1] * slides.lift[i, c]
+    balanced(J, f, way, slides.A)
+    for i in range(count):
+        for c in range(count):
+            J[i, c] += lifted[i, 1] * slides.lift[i, c]
+        J[i, i] += lifted[i, 0]
+        if pulls != 0.0 and lifted[i, 0] == 0.0 and lifted[i, 1] != 0.0:  # it slips
+            way[i] = short_of_turning(plan, model, sol, i, way[i], lifted[i, 1])
+    return negative
+
+
 @viewing(late=types.int64)
 def slide_step(ints: Whole, floats: Floats, sols: Floats, space: Floats, run: Floats, pulls: float) -> int:
     """Adds the steps of sigma, into `way`, and the answer to them to the step at hand.
@@ -311,7 +351,10 @@ def slide_step(ints: Whole, floats: Floats, sols: Floats, space: Floats, run: Fl
     for i in range(f.shape[0]):
         pull, change = pull_along(plan, model, sol, work, slides.still, i)
         f[i] = pulls * pull + change
-    negative = balanced(slides.J, f, slides.way, slides.A)
+    if any_holds(model, sol):
+        negative = rubbed(plan, model, sol, work, slides, pulls)
+    else:
+        negative = balanced(slides.J, f, slides.way, slides.A)
     for c in range(f.shape[0]):
         way = slides.way[c]
         for k in range(work.d.shape[0]):
@@ -365,9 +408,10 @@ def cut_short(ints: Whole, floats: Floats, sols: Floats, run: Floats) -> float:
 
 
 @viewing(late=types.float64)
-def run_through(ints: Whole, floats: Floats, space: Floats, run: Floats) -> float:
-    """The largest step: a rotation, or twice that of a place or along the cable / length."""
+def run_through(ints: Whole, floats: Floats, sols: Floats, space: Floats, run: Floats) -> float:
+    """The largest step: a rotation, or twice that of a place or along the cable / length; see `hardly_gives`, too."""
     model, work, slides = model_of(ints, floats), work_of(ints, space), slides_of(ints, run)
+    sol = solution_of(ints, sols, TRIAL)
     largest = 0.0
     for k in range(work.d.shape[0]):
         size = math.sqrt(dot(get3(work.d, k), get3(work.d, k)))
@@ -379,6 +423,16 @@ def run_through(ints: Whole, floats: Floats, space: Floats, run: Floats) -> floa
         largest = max(largest, 2.0 * math.sqrt(dot(y, y)) / length)
     for c in range(slides.way.shape[0]):
         largest = max(largest, 2.0 * abs(slides.way[c]) / length)
+    return max(largest, hardly_gives(model, sol, slides))
+
+
+@viewing(forceinline=True)
+def hardly_gives(model: Model, sol: Solution, slides: Slides) -> float:
+    """The largest step of an eyelet in which the cable sticks, FINELY times, / length: a hair counts there."""
+    largest = 0.0
+    for c in range(slides.way.shape[0]):
+        if holds(model, sol, c) and slides.closure[c, 0] > 0.0:
+            largest = max(largest, FINELY * abs(slides.way[c]) / model.par[LENGTH])
     return largest
 
 

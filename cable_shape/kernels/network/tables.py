@@ -46,6 +46,8 @@ SOFTEST, BASE_SHIFT, LENGTH, ELASTIC, STIFFEST, TURN_AT_REST, RIGID, SOFT, SWING
 LANES_SIZE, SCRATCH = max(rod_lanes.ROWS, rod_arcs.ROWS) * rod_lanes.LANES, 16
 #: Solutions that are kept.
 NOW, BEFORE, TRIAL = 0, 1, 2
+#: Numbers that a solution keeps of the friction of an eyelet, see `gripping`.
+GRIP = 7
 #: Numbers of a span's condensed matrix, see `condense`.
 CONDENSED = 72
 
@@ -111,6 +113,7 @@ class Model(NamedTuple):
     given: Floats  # (l, 3) [m] the step in its place that is not left to it
     links: Floats  # (links, LINK_MODEL)
     firmer: Floats  # (N, 2) [N m^2] of what has mass, see `rod_element.element_gradient`
+    friction: Floats  # (e,) coefficient of friction of the eyelets
 
 
 class Solution(NamedTuple):
@@ -120,6 +123,7 @@ class Solution(NamedTuple):
     lam: Floats  # (m, 3) internal force at the end of each span, the loads there included
     pose: Floats  # (k, 7) place and rotation of the knots
     arc: Floats  # (e,) arc length of the cable at its eyelets
+    grip: Floats  # (e, GRIP) what friction in them remembers, see `gripping`
     turns: Floats  # (c,)
 
 
@@ -282,6 +286,7 @@ def model_of(ints: Whole, floats: Floats) -> Model:
         part(floats, o23, (l, 3)),
         part(floats, o24, (ints[N_LINKS], LINK_MODEL)),
         part(floats, o25, (n, 2)),
+        part(floats, o25 + 2 * n, (ints[N_RINGS],)),
     )  # fmt: skip
 
 
@@ -296,25 +301,26 @@ def still_knots(model: Model) -> None:
 @viewing
 def solution_size(ints: Whole) -> int:
     """Numbers of one solution."""
-    return 4 * (ints[0] + ints[1]) + 3 * ints[1] + 7 * ints[2] + ints[N_RINGS] + ints[N_CABLES]
+    return 4 * (ints[0] + ints[1]) + 3 * ints[1] + 7 * ints[2] + (1 + GRIP) * ints[N_RINGS] + ints[N_CABLES]
 
 
 @viewing(forceinline=True)
 def solution_of(ints: Whole, sol: Floats, which: int) -> Solution:
     """The parts of solution NOW, BEFORE or TRIAL."""
     n, m, k, e, c = ints[0], ints[1], ints[2], ints[N_RINGS], ints[N_CABLES]
-    o0 = which * (4 * (n + m) + 3 * m + 7 * k + e + c)
+    o0 = which * (4 * (n + m) + 3 * m + 7 * k + (1 + GRIP) * e + c)
     o1 = o0 + (n + m) * 4
     o2 = o1 + m * 3
     o3 = o2 + k * 7
     o4 = o3 + e
-    o5 = o4 + c
+    o5 = o4 + GRIP * e
     return Solution(
         part(sol, o0, (n + m, 4)),
         part(sol, o1, (m, 3)),
         part(sol, o2, (k, 7)),
         part(sol, o3, (o4 - o3,)),
-        part(sol, o4, (o5 - o4,)),
+        part(sol, o4, (e, GRIP)),
+        part(sol, o5, (c,)),
     )  # fmt: skip
 
 
@@ -383,7 +389,7 @@ def model_size(ints: Whole) -> int:
     """Numbers of a model with this head."""
     n, m, k, c, p, a = ints[0], ints[1], ints[2], ints[N_CABLES], ints[N_PIECES], ints[N_POINTS]
     size = PAR + 30 * n + 18 * m + 12 * k + 3 * c + 4 * (p + c) + PIECE * p + 4 * a
-    return size + 27 * ints[N_PRESSED] + LINK_MODEL * ints[N_LINKS]
+    return size + 27 * ints[N_PRESSED] + LINK_MODEL * ints[N_LINKS] + ints[N_RINGS]
 
 
 @viewing

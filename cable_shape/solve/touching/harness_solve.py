@@ -93,6 +93,8 @@ class HarnessSolve(Solve):
             solve_time=perf_counter() - self.began,
             clips=steps.loads if len(steps.loads) else None,
             clips_of=problem.clips,
+            rubbed=state.rubbed(len(steps.loads)),
+            frictionless=state.knows_no_friction,
             touches=touches,
             bodies=state.bodies.names,
         )

@@ -19,7 +19,7 @@ from cable_shape.kernels.network import tables
 from cable_shape.kernels.network.mesh import move_nodes
 from cable_shape.kernels.network.tables import NOW
 from cable_shape.pose import FreeEnd
-from cable_shape.shape import NUMBERS_PER_POINT, TOUCH
+from cable_shape.shape import NOT_RUBBED, NUMBERS_PER_POINT, TOUCH
 from cable_shape.solve.cables import Structure
 from cable_shape.solve.harness_answers import differences
 from cable_shape.solve.harness_layout import Layout
@@ -52,6 +52,7 @@ class Laid:
         self.supports: Array = np.zeros((max(ring_arcs or (0,)), 7))
         for support, arc in (ring_arcs or {}).items():
             self.supports[support - 1, 0] = arc
+        self.rubbed: Array = getattr(shape, "rubbed", NOT_RUBBED)
         self.turns: Any = getattr(shape, "turns", 0)
         self.bodies = shape.bodies
         rows = [row + np.eye(TOUCH)[0] * gap for own, gap in zip(shape.touches, gaps, strict=False) for row in own]
@@ -106,8 +107,9 @@ class HarnessTouchState(TouchState):
         self._knots = np.concatenate(
             [[plan.ends[a, 0], *plan.ends[a:b, 1]] for a, b in zip(plan.cables[:-1], plan.cables[1:], strict=True)]
         )
-        if self.slid.shape[1] != every.size or self.turns.shape[1] != gaps.size:
-            self.slid, self.turns = np.zeros((3, every.size)), np.zeros((3, gaps.size))
+        wide = every.size + tables.GRIP * rings.size
+        if self.slid.shape[1] != wide or self.turns.shape[1] != gaps.size:
+            self.slid, self.turns = np.zeros((3, wide)), np.zeros((3, gaps.size))
             self.info = np.zeros(drive.INFO + 3 * gaps.size)
         count = int(network.bare[tables.N_KNOTS])
         if self._grips.shape[1] != count:
@@ -118,6 +120,10 @@ class HarnessTouchState(TouchState):
         thickest = 0.5 * max(widest(cable) for cable in segments)
         if self.bodies.take(problem.bodies, problem.gripping, problem.links, thickest, problem.carried):
             self.forget()
+
+    @property
+    def ring_rows(self) -> list[int]:
+        return self.cable.ring_rows
 
     @property
     def layout(self) -> Layout:

@@ -146,7 +146,7 @@ class Laid:
         self.points: Array = np.empty(0)  # [m], of loads between the ends
         self._arcs: Array = np.zeros(2)  # (b+1,) [m], of the supports; of eyelets, where they were laid out
         self.rings: Any = np.empty(0, np.int64)  # supports that are eyelets
-        self.slid: Array = np.zeros((3, 2))  # (3, b+1) [m], arc lengths of the supports
+        self.slid: Array = np.zeros((3, 2))  # (3, b+1 + e GRIP) [m], arc lengths of the supports, and see `eyelets`
         self.info: Array = np.zeros(drive.INFO + 3)
         self.length = 0.0
         self.links: tuple[Pair, ...] = ()  # of the last solution, when it was made
@@ -178,7 +178,9 @@ class Laid:
             self.forget()
             self.elements = 0
         if arcs.size != self._arcs.size:
-            self._grips, self.slid = np.zeros((3, arcs.size, 7)), np.zeros((3, arcs.size))
+            self._grips = np.zeros((3, arcs.size, 7))
+        if self.slid.shape[1] != arcs.size + tables.GRIP * rings.size:
+            self.slid = np.zeros((3, arcs.size + tables.GRIP * rings.size))
         kept = self.length > 0.0 and self.bend == self.bend_of_cables and problem.hangs_like(self.problem)
         self._arcs, self.rings = arcs, rings
         self._knots, self._moves = np.arange(arcs.size), np.zeros(arcs.size, dtype=bool)
@@ -218,7 +220,7 @@ class Laid:
         self.near[:TRIAL, :, ARC] += nodes - self.nodes
         share = now.max() / then.max()
         self._spacing, self._middles = share * self._spacing, share * self._middles
-        self.slid[:] = self._arcs
+        self.slid[:, : self._arcs.size] = self._arcs
         self.s[:] = self.s_then[:] = nodes
         self.h[:] = np.diff(nodes)
         return True

@@ -29,9 +29,10 @@ from cable_shape.kernels.contact.near import (
 )
 from cable_shape.kernels.network import respond as network_respond
 from cable_shape.kernels.network import tables
+from cable_shape.kernels.network.gripping import FROM, FROM_FIRM, FROM_PULL, SLIPPED, TO, TO_FIRM, TO_PULL
 from cable_shape.kernels.network.tables import BEFORE, NOW, TRIAL
 from cable_shape.pose import FreeEnd, Grip
-from cable_shape.shape import CableShape
+from cable_shape.shape import NOT_RUBBED, CableShape
 from cable_shape.solve.mesh import interpolated
 from cable_shape.solve.touching import mesh, resume
 from cable_shape.solve.touching.laid import Chain, Laid, Pair
@@ -62,7 +63,8 @@ class TouchState(Laid):
         self.elements = 0
         self.reach = np.array([pair.reach for pair in self.links])
         self._arcs[self.rings] = shape.supports[self.rings - 1, 0]
-        self.slid[:] = self._arcs - self._gap_of_supports
+        self.slid[:, : self._arcs.size] = self._arcs - self._gap_of_supports
+        self._hold_along(shape)
         nodes = np.concatenate([self._nodes_of(one, shape, finer) for one in self.chains])
         inside = self._within(nodes)
         self._spacing, self._middles = np.diff(nodes)[inside], (0.5 * (nodes[1:] + nodes[:-1]))[inside]
@@ -89,6 +91,50 @@ class TouchState(Laid):
         self.history = 1
         for array in (self.q, self.near, self.on, self.ends, self._grips, self.turns, self.slid):
             array[BEFORE] = array[NOW]
+
+    @property
+    def ring_rows(self) -> list[int]:
+        """Which of the clips of a shape the eyelets are."""
+        return [int(ring) - 1 for ring in self.rings]
+
+    @property
+    def eyelets(self) -> Array:
+        """(3, e, GRIP): what friction in the eyelets remembers, see `kernels.network.gripping`."""
+        return self.slid[:, self._arcs.size :].reshape(3, self.rings.size, tables.GRIP)
+
+    def _hold_along(self, shape: CableShape) -> None:
+        """Has the friction of eyelets count from this shape on."""
+        grips = self.eyelets
+        grips[:] = 0.0
+        if len(shape.rubbed) and self.rings.size:
+            rubbed = shape.rubbed[self.ring_rows]
+            grips[:, :, TO] = self.slid[:, self.rings]
+            grips[:, :, TO_PULL], grips[:, :, SLIPPED] = rubbed.T
+            grips[:, :, TO_FIRM] = self.cable.neutral / self.length
+
+    def rubbed(self, clips: int) -> Array:
+        """See `Network.rubbed`."""
+        if not self.cable.rough.any():
+            return NOT_RUBBED
+        out = np.zeros((clips, 2))
+        out[self.ring_rows] = self.eyelets[NOW][:, [TO_PULL, SLIPPED]]
+        return out
+
+    @property
+    def knows_no_friction(self) -> bool:
+        """Whether eyelets have friction that the last solution does not know, since it has no past."""
+        if not self.cable.has_friction:
+            return False
+        return not self.problem.rubs or bool((self.eyelets[NOW, self.cable.rough > 0.0, FROM_FIRM] <= 0.0).any())
+
+    def forget_friction(self) -> None:
+        """See `Network.forget_friction`."""
+        self.eyelets[NOW][:, [FROM_FIRM, TO_FIRM]] = 0.0
+
+    def count_again(self) -> None:
+        """Has the friction of eyelets count from where the last solution counts from: it is to be solved again."""
+        grips = self.eyelets[NOW]
+        grips[:, TO : TO + 3] = grips[:, FROM : FROM + 3]
 
     def _link(self, i: int, pair: Pair) -> None:
         """Tells the last solution of a pair."""
@@ -249,7 +295,7 @@ class TouchState(Laid):
         if self.tight != tight:
             self.tighten(tight)
         if self.elements != elements or self.rings.size:
-            self._arcs[self.rings] = (arrays[-1][NOW] + self._gap_of_supports)[self.rings]
+            self._arcs[self.rings] = (arrays[-1][NOW, : self._arcs.size] + self._gap_of_supports)[self.rings]
             self.elements = 0
             self.lay_out(nodes.copy())
         self.q, self.near, self.on, self.ends, self._grips, self.turns, self.slid = (a.copy() for a in arrays)
@@ -353,6 +399,7 @@ class TouchState(Laid):
         self.ends[NOW] /= less
         for column in (PRESS, SECOND_PRESS, *range(RUB, RUB + 3), *range(HELD, HELD + 3)):
             self.near[NOW, :, column] /= less
+        self.eyelets[NOW][:, [FROM_PULL, TO_PULL]] /= less
 
     def put_nodes_back(self) -> None:
         """Puts the nodes where they were before the last step."""

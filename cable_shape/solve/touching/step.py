@@ -115,6 +115,8 @@ class Steps:
 
         What is left to be done about it is not looked at.
         """
+        if history == 0:
+            self.state.count_again()
         code = self._call(max(history, 1), most, far, sunk, drag, _ANYWHERE, -1.0, math.inf)
         if code == UNSETTLED:
             self.state.accept(again=history == 0)
@@ -137,7 +139,10 @@ class Steps:
         state.factored = False
         state.s_then[:] = state.s
         rough = state.has_friction
-        smooth = rough and (not state.rubs or drag > 0.0 or sunk > 0.0)
+        smooth = not state.rubs or drag > 0.0 or sunk > 0.0
+        if smooth:
+            state.forget_friction()
+        smooth = rough and smooth
         lying, kernel = (state.smooth, bodies.smooth) if smooth else (state.lying, bodies.kernel)
         for gentle in (0, 1, 2) if rough and not smooth else (0,):
             tries = most + (GENTLE_ITERATIONS if gentle else 0)

@@ -439,9 +439,10 @@ class Solve:
             twist=info[9],
             solve_time=perf_counter() - self.began,
             supports=steps.loads,
+            rubbed=state.rubbed(len(steps.loads)),
             touches=found,
             bodies=state.bodies.names,
-            frictionless=state.touching and not state.rubs and state.has_friction,
+            frictionless=(state.touching and not state.rubs and state.has_friction) or state.knows_no_friction,
         )
         shape.energy += energy_of_sections(problem.cable, shape, problem.gravity)
         return shape
