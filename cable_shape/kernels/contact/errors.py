@@ -9,7 +9,7 @@ from cable_shape.kernels.contact.knots import slot_of
 from cable_shape.kernels.contact.near import BARE, NORMAL, PRESS, STEP, parting, tangent_of
 from cable_shape.kernels.contact.press import moves
 from cable_shape.kernels.contact.tables import Net
-from cable_shape.kernels.network.compiled import viewing
+from cable_shape.kernels.network.compiled import inline, viewing
 from cable_shape.kernels.network.graph import lead, solve, step_of_force
 from cable_shape.kernels.network.respond import still
 from cable_shape.kernels.network.sliding import carried, slide_step, slides_of
@@ -18,6 +18,7 @@ from cable_shape.kernels.network.tables import (
     N_KNOTS,
     STIFFEST,
     TRIAL,
+    Plan,
     model_of,
     plan_of,
     solution_of,
@@ -78,23 +79,34 @@ def position_error(net: Net, errors: Array) -> float:
 
 @viewing
 def shift_of(
-    q: Array, near: Array, on: Array, h: Array, k: int, least: float, flex: Array, before: bool, behind: bool
+    q: Array, near: Array, on: Array, h: Array, k: int, least: float, flex: Array, before: float, behind: float
 ) -> tuple[float, float]:
     """How far along the cable from node k its contact's force should act, and how far the node should be off [m].
 
     A contact alone, or the last of a row, belongs where the cable is nearest to the body; inside a row, nothing is
-    known to be amiss. What lies beyond half an element is the next node's, unless that is none to touch anything: a
-    knot, before or behind. least [1/m]: no less curved is the gap.
+    known to be amiss. before, behind [m]: how far it may belong there, see `beyond`. least [1/m]: no less curved is the
+    gap.
     """
     left, right = on[k - 1, 0] != BARE, on[k + 1, 0] != BARE
     slope = dot(tangent_of(q, k), take3(near, k, NORMAL))
     if (left and right) or slope == 0.0:
         return 0.0, 0.0
     second, _ = parting(q, h, near, k, flex)
-    both = 0.5 * (h[k - 1] + h[k])
-    limit = (both if behind else 0.5 * h[k]) if slope < 0.0 else (both if before else 0.5 * h[k - 1])
-    way = -slope / max(second, abs(slope) / limit, least)
+    way = -slope / max(second, abs(slope) / (behind if slope < 0.0 else before), least)
     return way, -way * (slope + 0.5 * second * way)
+
+
+@inline
+def beyond(plan: Plan, h: Array, k: int, x: int, end: int, known: int) -> float:
+    """[m] how far the contact at node k may belong along span x, at whose other end it is.
+
+    What lies beyond half an element is the next node's, unless that is none to touch anything, a knot: then what is
+    beyond, if the cable goes on in one with what it is tied to there, or all up to it.
+    """
+    own = h[k - 1 + end]
+    if not (plan.first[x + 1] == plan.first[x] + 1 and plan.ends[x, end] < known and plan.known[x] == 0):
+        return 0.5 * own
+    return 0.5 * (h[k - 1] + h[k]) if plan.tied[x, end] != 0 else own
 
 
 @viewing
@@ -113,8 +125,7 @@ def contact_error(net: Net, q: Array, near: Array, on: Array, h: Array, least: f
         if on[k, 0] == BARE:
             continue
         x = net.span[i]
-        before = plan.first[x + 1] == plan.first[x] + 1 and plan.ends[x, 0] < known and plan.known[x] == 0
-        behind = plan.first[x + 2] == plan.first[x + 1] + 1 and plan.ends[x + 1, 1] < known and plan.known[x + 1] == 0
+        before, behind = beyond(plan, h, k, x, 0, known), beyond(plan, h, k, x + 1, 1, known)
         way, off = shift_of(q, near, on, h, k, least, flex, before, behind)
         if way == 0.0:
             continue

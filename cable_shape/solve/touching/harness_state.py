@@ -179,7 +179,24 @@ class HarnessTouchState(TouchState):
         if chain.supports.start >= sum(self._of_cables[: self.bodied]):
             arcs = self._arcs[chain.supports]
             return np.linspace(arcs[0], arcs[-1], _OF_LEVER)
-        return super()._nodes_of(chain, shape, finer)
+        nodes = super()._nodes_of(chain, shape, finer)
+        return np.sort(np.concatenate((nodes, self._stand_ins(chain))))
+
+    def _stand_ins(self, chain: Chain) -> list[float]:
+        """Arc lengths [m] beside junctions and masses where this is the thickest segment: no knot that is not a contact
+        itself touches anything."""
+        first, last = chain.supports.start, chain.supports.stop - 1
+        out = []
+        for k in range(first + chain.free[0], last + 1 - chain.free[1]):
+            here = np.flatnonzero(self._knots[: sum(self._of_cables[: self.bodied])] == self._knots[k])
+            if self._moves[self._knots[k]] and k == here[np.argmax([self._radius_at(i) for i in here.tolist()])]:
+                out.append(float(self._arcs[k]) + (mesh.STAND_IN if k < last else -mesh.STAND_IN))
+        return out
+
+    def _radius_at(self, support: int) -> float:
+        """[m], of the segment that has this support."""
+        chain = next(one for one in self.chains if one.supports.start <= support < one.supports.stop)
+        return float(chain.along(self.arcs[support : support + 1] - self._gap_of_supports[support])[0, 1])
 
     def _elimination(self) -> tuple[Whole, int]:
         if self._order is None:

@@ -39,6 +39,7 @@ STRETCHED = 1.6  #: times as long as at first: elements that an eyelet has stret
 ASTRIDE = 0.05  #: cosine of the angle between cable and push of two contacts at both sides of an edge
 EVEN = 0.5  #: of their first length: shorter elements are joined before a road that found no way is tried again
 TIP = 5e-5  #: [m] from a free end, which is no support itself, to the node that stands in for it
+STAND_IN = 1e-5  #: [m], the same from a junction, or a mass of a harness
 KINKED = 0.3  #: of the tension: a contact that presses harder turns a taut cable at once
 _ABSCISSAE = 65
 _FORCE = 8  #: see `CableShape.touches`
