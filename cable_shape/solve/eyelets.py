@@ -18,6 +18,7 @@ from cable_shape.checks import Array
 from cable_shape.kernels.network.drive import I_TURNED
 from cable_shape.kernels.network.sliding import LEAST, REACH
 from cable_shape.solve.network import Network
+from cable_shape.solve.starts import COLD_ITERATIONS
 
 Inner = Callable[[int, int, bool, bool, float, bool, bool], bool]
 
@@ -46,6 +47,8 @@ class Eyelets:
         """Solves for the supports in the trial, and for what is in the eyelets; near: the trial is next to it."""
         if near and self._inner(history, most, guard, output, far, False, True):
             return True
+        if near and most < COLD_ITERATIONS and self._state.rough.any():
+            return False  # what sticks and slips is found sooner in smaller steps
         return not self._out_of_time() and self._outer(history, most, guard, output, far)
 
     def _outer(self, history: int, most: int, guard: bool, output: bool, far: float) -> bool:

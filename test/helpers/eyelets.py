@@ -1,4 +1,4 @@
-"""Cables that run through eyelets and rest on bodies: seeded motions."""
+"""Cables that run through eyelets and rest on bodies: seeded motions; and one that is led by its end."""
 
 from __future__ import annotations
 
@@ -8,10 +8,29 @@ from scene_contact import sway
 import cable_shape as cs
 from cable_shape.scene.scene import Solid
 
-ALONG_X = cs.Pose((0, 0, 0), (0.5, 0.5, 0.5, 0.5))
+ALONG_X = (0.5, 0.5, 0.5, 0.5)
 SIDEWAYS = cs.Pose((0, 0, 0), (np.sqrt(0.5), 0, 0, np.sqrt(0.5)))  # z along -y
 
 Step = tuple[cs.Scene, cs.Pose, cs.Pose]
+
+CABLE = cs.Cable(length=1.2, linear_density=0.05, bending_stiffness=0.01, diameter=0.008)
+FROM, PLACE = cs.Pose((0.0, 0.0, 0.0), ALONG_X), (0.4, 0.02, 0.38)
+
+
+def at(x: float, y: float = 0.0, z: float = 0.0) -> cs.Pose:
+    """Where the end is."""
+    return cs.Pose((0.8 + x, y, z), ALONG_X)
+
+
+def eyelet(friction: float, place=PLACE, **others) -> cs.Scene:
+    """A scene with one eyelet, e."""
+    return cs.Scene(clips=[cs.Clip(0.6, cs.Pose(place), "slide", "e", friction=friction)], **others)
+
+
+def led(scene: cs.Scene, ways, cable: cs.Cable = CABLE, **options) -> tuple[cs.Predictor, list[cs.CableShape]]:
+    """The shapes as the end goes these ways, and what has predicted them."""
+    predictor = cs.Predictor(cable, scene=scene, model="cosserat", points=121, **{"tolerance": 1e-8, **options})
+    return predictor, [predictor.predict(FROM, at(x)) for x in ways]
 
 
 def motions(steps: int, seed: int) -> dict[str, list[Step]]:
@@ -28,11 +47,11 @@ def motions(steps: int, seed: int) -> dict[str, list[Step]]:
         out = []
         for k in range(steps):
             held = [
-                cs.Clip(arc, cs.Pose(place[k], ALONG_X.quaternion), kind)
+                cs.Clip(arc, cs.Pose(place[k], ALONG_X), kind)
                 for (arc, _, _, kind), place in zip(clips, places, strict=True)
             ]
             scene = cs.Scene(obstacles=[body], clips=held, contact="solve")
-            out.append((scene, cs.Pose(start[k], ALONG_X.quaternion), cs.Pose(end[k], ALONG_X.quaternion)))
+            out.append((scene, cs.Pose(start[k], ALONG_X), cs.Pose(end[k], ALONG_X)))
         return out
 
     bar = cs.Pose((0.55, 0, 0.05)) * SIDEWAYS

@@ -6,29 +6,13 @@ import dataclasses
 
 import numpy as np
 import pytest
-from eyelets import motions
+from eyelets import ALONG_X, CABLE, FROM, at, eyelet, led, motions
 
 import cable_shape as cs
 from cable_shape.kernels.network import gripping
 from cable_shape.prediction.turned import turned_shape
 
-ALONG_X = (0.5, 0.5, 0.5, 0.5)
-CABLE = cs.Cable(length=1.2, linear_density=0.05, bending_stiffness=0.01, diameter=0.008)
-FROM, PLACE = cs.Pose((0.0, 0.0, 0.0), ALONG_X), (0.4, 0.02, 0.38)
 GIVES = 2.6e-4  # of the length: from its limit one way to that the other way, asperities give so much
-
-
-def at(x: float, y: float = 0.0, z: float = 0.0) -> cs.Pose:
-    return cs.Pose((0.8 + x, y, z), ALONG_X)
-
-
-def eyelet(friction: float, place=PLACE, **others) -> cs.Scene:
-    return cs.Scene(clips=[cs.Clip(0.6, cs.Pose(place), "slide", "e", friction=friction)], **others)
-
-
-def led(scene: cs.Scene, ways, cable: cs.Cable = CABLE, **options) -> tuple[cs.Predictor, list[cs.CableShape]]:
-    predictor = cs.Predictor(cable, scene=scene, model="cosserat", points=121, **{"tolerance": 1e-8, **options})
-    return predictor, [predictor.predict(FROM, at(x)) for x in ways]
 
 
 def to_and_fro(step: float, far: float = 0.06, times: int = 3) -> np.ndarray:
@@ -172,39 +156,47 @@ def test_a_clip_that_moves_and_one_that_comes_keep_what_is_known():
     assert again.clips[0].friction == pytest.approx(shape.clips[0].friction, rel=1e-6)
 
 
-# -- derivatives
+def test_what_would_run_to_a_side_balances_where_it_sticks():
+    """Let down with slack on both sides, a cable runs to the side that is heavier by a hair; held, it stays."""
+    arcs = {}
+    for mu in (0.0, 0.3):
+        predictor = cs.Predictor(CABLE, scene=eyelet(mu, (0.4, 0.0, 0.38)), model="cosserat")
+        for z in np.linspace(0.38, 0.1, 40):
+            predictor.scene = eyelet(mu, (0.4, 0.0, z))
+            shape = predictor.predict(FROM, at(0.0))
+            assert shape.status is cs.Status.OK
+        arcs[mu] = shape.clips[0].arc_length
+    assert abs(arcs[0.0] - 0.6) > 0.1
+    assert arcs[0.3] == pytest.approx(0.6, abs=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("mu", "ways", "slips"),
-    [
-        (0.2, np.arange(0.0, 0.05, 0.005), True),
-        (3.0, np.arange(0.0, 0.05, 0.005), False),
-        (0.2, (*np.arange(0.0, 0.05, 0.005), 0.0448), False),
-    ],
-    ids=["slips", "sticks", "turns back"],
-)
-def test_sensitivity_is_that_of_finite_differences(mu, ways, slips):
-    predictor, shapes = led(eyelet(mu), ways, tolerance=1e-10)
-    assert shapes[-1].clips[0].slips is slips
-    columns = predictor.sensitivity(("start", "end", "clip:e"))
-    h = 1e-6
+def test_smaller_steps_find_what_sticks_and_slips_sooner():
+    """Ways through one to three eyelets at which cables stick, slip and snap: 9,000 iterations where the point in each
+    eyelet was looked for first."""
+    cable = cs.Cable(length=1.3, linear_density=0.06, bending_stiffness=0.003, diameter=0.008)
+    t, iterations = np.linspace(0.0, 1.0, 40)[:, None], 0
+    for seed in (1, 4, 5, 7):
+        rng, count = np.random.default_rng(seed), 1 + seed % 3
 
-    def after(start=FROM, end=None, place=PLACE):
-        """The shape where only the last step was another one."""
-        other, _ = led(eyelet(mu), ways[:-1], tolerance=1e-10)
-        other.scene = eyelet(mu, place)
-        return other.predict(start, at(ways[-1]) if end is None else end).positions
+        def way(size, rng=rng):
+            waves = [rng.normal(size=3) * np.sin(np.pi * (k + 1) * t * rng.uniform(0.5, 2.0)) for k in range(4)]
+            return 0.5 * size * sum(waves)
 
-    for axis in range(3):
-        d = h * np.eye(3)[axis]
-        pairs = {
-            axis: [after(start=cs.Pose(FROM.position + sign * d, ALONG_X)) for sign in (1, -1)],
-            6 + axis: [after(end=at(ways[-1] + sign * d[0], sign * d[1], sign * d[2])) for sign in (1, -1)],
-            12 + axis: [after(place=np.array(PLACE) + sign * d) for sign in (1, -1)],
-        }
-        for column, (above, below) in pairs.items():
-            assert columns[:, :, column] == pytest.approx((above - below) / (2.0 * h), abs=1e-5)
+        middle = [np.array((0.9 * (i + 1) / (count + 1), 0.0, 0.0)) + rng.uniform(-0.12, 0.12, 3) for i in range(count)]
+        places, end = [place + way(0.05) for place in middle], np.array((0.9, 0.0, 0.0)) + way(0.06)
+        predictor = None
+        for k in range(len(t)):
+            rings = [
+                cs.Clip(1.3 * (i + 1) / (count + 1), cs.Pose(place[k]), "slide", friction=1.0)
+                for i, place in enumerate(places)
+            ]
+            if predictor is None:
+                predictor = cs.Predictor(cable, scene=cs.Scene(clips=rings), model="cosserat", tolerance=1e-5)
+            predictor.scene = cs.Scene(clips=rings)
+            shape = predictor.predict(FROM, cs.Pose(end[k], ALONG_X))
+            assert shape.usable or shape.status is cs.Status.OVERSTRETCHED
+            iterations += shape.iterations
+    assert iterations < 4000
 
 
 # -- motions of all kinds, judged from the shapes alone
