@@ -11,7 +11,7 @@ from cable_shape.solve.harness_network import HarnessNetwork
 from cable_shape.solve.harness_problem import HarnessProblem
 from cable_shape.solve.harness_shape import HarnessShape
 from cable_shape.solve.touching import harness_solve
-from cable_shape.solve.touching.harness_state import HarnessTouchState, Laid
+from cable_shape.solve.touching.harness_state import HarnessTouchState
 
 
 @final
@@ -53,7 +53,7 @@ class HarnessSolver:
         touch.move_bodies(touch.bodies.link_rows(problem.links))
         self.state = HarnessNetwork(problem)
         self.state.aim()
-        self.state.resume_from(Laid(shape, touch.gaps), touch.gaps, touch.knots_at(shape, frames))
+        self.state.resume_from(touch.whole(shape), touch.gaps, touch.knots_at(shape, frames))
         self._touch = touch if loose or problem.bodies else None
         if loose:
             touch.lie(shape, frames)  # type: ignore[arg-type]

@@ -74,6 +74,31 @@ def test_friction_holds_two_segments_in_eyelets_as_it_does_one_cable() -> None:
     assert abs(batch[0].clips[0].friction) < 1e-6
 
 
+@pytest.mark.parametrize("mu", [0.0, 1.0])
+def test_a_clip_comes_and_goes_beside_eyelets_that_hold_what_they_held(mu) -> None:
+    rings = [cs.Clip(s, place, "slide", f"e{s}", "a", friction=mu) for s, place in PLACES.items()]
+    cycle = cs.Cycle({"h": halves()}, scene=cs.Scene(clips=rings))
+    time = iter(range(0, 10**9, 10**7))
+
+    def step(x: float) -> cs.HarnessShape:
+        shape = cycle.step({"h": {"a.start": START, "b.end": cs.Pose((0.9 + x, 0.0, 0.0), ALONG)}}, stamp=next(time))
+        return shape.shapes["h"]
+
+    for x in (0.0, 0.005, 0.01, 0.015, 0.02):
+        before = step(x)
+    assert (abs(before.clips[0].friction) > 0.1) == (mu > 0.0)
+    branch = before.segments["b"]
+    clip = cs.Clip(float(branch.arc_length[70]), cs.Pose(branch.positions[70]), name="more", segment="b")
+    for edit, clips in ((cs.Insert(clip), 3), (cs.Release("more"), 2)):
+        assert cycle.edit(edit)
+        after = step(0.02)
+        assert after.status is cs.Status.OK
+        assert len(after.clips) == clips
+        for mine, wanted in zip(after.clips[:2], before.clips, strict=True):
+            assert mine.arc_length == pytest.approx(wanted.arc_length, abs=1e-6)
+            assert mine.friction == pytest.approx(wanted.friction, abs=1e-3)
+
+
 def test_a_fork_answers_grips_as_its_eyelets_stick_and_slip() -> None:
     step, ends = 1e-6, {"a.start": START, "c.end": cs.FreeEnd(mass=0.02)}
 

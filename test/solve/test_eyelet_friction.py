@@ -290,6 +290,20 @@ def test_a_cycle_remembers_and_tells_it():
     assert abs(mine.friction) > 0.1
 
 
+def test_a_clip_comes_and_goes_beside_an_eyelet_that_holds_what_it_held():
+    cycle = cs.Cycle(CABLE, scene=eyelet(3.0), model="cosserat")
+    for k in range(5):
+        shape = cycle.step({"cable": (FROM, at(0.01 * k))}, stamp=10_000_000 * k).shapes["cable"]
+    before = shape.clips[0]
+    assert abs(before.friction) > 0.5
+    clip = cs.Clip(float(shape.arc_length[30]), cs.Pose(shape.positions[30]), name="more")
+    for k, edit in enumerate((cs.Insert(clip), cs.Release("more")), 5):
+        assert cycle.edit(edit)
+        after = cycle.step({"cable": (FROM, at(0.04))}, stamp=10_000_000 * k).shapes["cable"].clips[-1]
+        assert after.arc_length == pytest.approx(before.arc_length, abs=1e-7)
+        assert after.friction == pytest.approx(before.friction, abs=1e-3)
+
+
 def test_what_swings_is_refused():
     with pytest.raises(cs.ArgumentError, match="at rest only, not as it swings"):
         cs.Motion(CABLE, eyelet(0.2))
