@@ -13,6 +13,7 @@ does not change the answer by a bit.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import final
 
@@ -138,7 +139,7 @@ class ClearanceChecker:
         if self._cable is not None and self._cable.sections:
             more = thicker(self._cable, shape.arc_length)
             swell = more if swell is None else swell if more is None else swell + more
-        result = np.empty((len(self.names), bounds.RESULT_COLUMNS))
+        result = np.full((len(self.names), bounds.RESULT_COLUMNS), math.nan)
         counts = np.empty(2, np.int64)
         rows = _NO_LINKS if links is None else link_rows(links, self._carried)
         tables = (self.tables[0], rows, *self.tables[1:])
@@ -171,7 +172,8 @@ class ClearanceChecker:
         line = shape.positions, shape.arc_length, self.radius
         swollen.closest_points(*line, np.ascontiguousarray(swell), self.grip_exclusion, *tables, result)
         result[resting] = kept
-        result[result[:, 0] > self.horizon, 0] = np.inf
+        result[result[:, 0] > self.horizon] = _BEYOND
 
 
 _NO_LINKS: Array = np.empty((0, 7))
+_BEYOND: Array = np.array((math.inf, *(bounds.RESULT_COLUMNS - 1) * (math.nan,)))

@@ -72,6 +72,14 @@ def test_horizon_lists_what_is_nearer_and_bounds_the_rest():
     assert both.closest is both.bodies[0]
 
 
+@pytest.mark.parametrize("swell", [None, np.full(41, 0.01)])
+def test_beside_a_distance_beyond_the_horizon_nothing_is_told(swell):
+    checker = ClearanceChecker(Scene([Obstacle("far", Sphere(0.1), Pose((0.0, 0.0, 5.0)))]), radius=RADIUS, horizon=0.2)
+    table = checker.check(straight((0, 0, 0), (1, 0, 0), 41), swell=swell).table
+    assert table[0, 0] == math.inf
+    assert np.isnan(table[0, 1:]).all()
+
+
 def test_nothing_to_check():
     checker = ClearanceChecker(Scene(), radius=RADIUS)
     cable = straight((0, 0, 0), (1, 0, 0))
