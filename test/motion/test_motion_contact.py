@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
+from cable_shape.kernels.network.motion import N_PROPS
+from cable_shape.kernels.network.props import DRY, GRIP, NORMAL, PUSH, STUCK, place_of
 
 ALONG = (0.5, 0.5, 0.5, 0.5)  # d3 along x
 G = 9.81
@@ -301,3 +303,29 @@ def test_bodies_that_are_not_convex_are_refused():
     scene = cs.Scene(obstacles=[cs.Obstacle("star", cs.Mesh(corners, faces))], contact="solve")
     with pytest.raises(cs.ArgumentError, match="star"):
         cs.Motion(CABLE, scene)
+
+
+def test_points_that_touch_near_each_other_stick_or_slip_as_coulomb_has_it():
+    """On both sides of a node, where the cable, which hardly stretches, makes them hold each other."""
+    cable = CABLE.replace(twisting_stiffness=8e-4, friction=0.3)
+    motion = cs.Motion(cable, TABLE, points=31, elements=20)
+    motion.begin(at(0.0, 0.0, 0.18), at(0.9, 0.0, 0.18))
+    seen = set()
+    for k in range(1, 13):
+        assert motion.step(at(0.0, 0.004 * k, 0.18), at(0.9, -0.004 * k, 0.18), 0.01).usable
+        swing = motion._swing
+        assert swing is not None
+        points = swing.motion.props[: int(swing.motion.par[N_PROPS])]
+        for i, row in enumerate(points):
+            if not row[PUSH] > 0.0:
+                continue
+            place = place_of.py_func(swing.plan, points, i, swing.memory.place, swing.memory.tangent)
+            way = np.array(place) - row[STUCK : STUCK + 3]
+            way -= row[NORMAL : NORMAL + 3] * (row[NORMAL : NORMAL + 3] @ way)
+            rub, most = row[DRY : DRY + 3], row[GRIP] * row[PUSH]
+            slips = bool(np.linalg.norm(rub) > 0.999 * most)
+            seen.add(slips)
+            assert np.linalg.norm(rub) < most * (1.0 + 1e-6)
+            assert np.linalg.norm(way) < 1e-9 or slips
+            assert not slips or rub @ way < 1e-6 * most * np.linalg.norm(way)
+    assert seen == {False, True}

@@ -29,6 +29,7 @@ from cable_shape.kernels.network.props import (
     STUCK,
     aside_of,
     direction,
+    eliminate,
     load,
     moved,
     now_at,
@@ -318,7 +319,7 @@ def yield_points(ints: Whole, sols: Floats, space: Floats, moving: Floats, rows:
                 add_way(motion, answers, change, rows, row, other, limit / size * way, count)
                 rows[row, other] += limit / size * way * motion.props[i, SOFT]
         rows[row, ROWS + 1] -= rows[row, ROWS]
-    eliminate(rows, change, count)
+    eliminate(rows, change, count, ROWS + 1)
 
 
 @inline
@@ -330,26 +331,6 @@ def add_way(
         if acts(motion, other):
             rows[row, other] += by * answers[of, other]
     rows[row, ROWS + 1] -= by * gone[of]
-
-
-@inline
-def eliminate(rows: Floats, out: Floats, count: int) -> None:
-    """Solves for `out` with the first `count` columns, and the right-hand side in column ROWS + 1."""
-    for k in range(count):
-        best = k
-        for i in range(k + 1, count):
-            best = i if abs(rows[i, k]) > abs(rows[best, k]) else best
-        for c in range(rows.shape[1]):
-            rows[k, c], rows[best, c] = rows[best, c], rows[k, c]
-        for i in range(k + 1, count):
-            f = rows[i, k] / rows[k, k]
-            for c in range(k, rows.shape[1]):
-                rows[i, c] -= f * rows[k, c]
-    for k in range(count - 1, -1, -1):
-        value = rows[k, ROWS + 1]
-        for c in range(k + 1, count):
-            value -= rows[k, c] * out[c]
-        out[k] = value / rows[k, k]
 
 
 @viewing

@@ -85,6 +85,8 @@ from cable_shape.kernels.rod_algebra import add, get3, get4, put3, rotation, sca
 #: Rounds of a part of a step: the matrix does not know how friction grows with the push, which makes more of them; at
 #: rest there is none.
 MOST_ROUNDS, MOST_SETTLED = 40, 6
+#: Differences of a tangent smaller than this go as far as those of one as large: planes are stiff, and rounding counts.
+SMALL = 0.003
 
 
 class Aside(NamedTuple):
@@ -121,7 +123,7 @@ def round_of(
     tangent: Floats, twists: Floats, to: Beside, bodies: Bodies, skin: Skin, felt: Felt, p: int, aside: Aside,
 ) -> float:  # fmt: skip
     """`swing_tangent.round_of`, forces on points with it."""
-    e = nearness(ints, floats, moving, tangent, twists)
+    e = nearness(ints, floats, moving, tangent, twists, SMALL)
     count = int(motion_of(ints, moving).par[N_PROPS])
     to.sums[:, :] = 0.0
     for row in range(3 * count):
@@ -153,7 +155,7 @@ def lead(
 
     With what stops after it; braced: what would arrive in it stops ahead of it, and nothing else.
     """
-    e = nearness(ints, floats, moving, tangent, twists)
+    e = nearness(ints, floats, moving, tangent, twists, SMALL)
     plan, t = plan_of(ints), tangent_of(ints, aside.next)
     copy(aside.next, tangent)
     for rows in (

@@ -168,7 +168,7 @@ def motion_size(ints: Whole) -> int:
 @viewing(forceinline=True)
 def aside_size(ints: Whole) -> int:
     """Numbers of `Motion.aside`."""
-    return 3 * ints[0] + 6 * (ints[0] + ints[1]) + 6 * ints[1] + 3 * ints[2] + ROWS * (ROWS + 4)
+    return 3 * ints[0] + 6 * (ints[0] + ints[1]) + 6 * ints[1] + 3 * ints[2] + ROWS * (2 * ROWS + 5)
 
 
 @inline

@@ -65,6 +65,7 @@ from cable_shape.kernels.rod_algebra import (
 ELEMENT, HOLDER, SHARE, WEIGHTS, NORMAL, LEVEL, PUSH, GRIP, STUCK, DRY = 0, 1, 2, 3, 7, 10, 11, 12, 13, 16
 SOFT, GAVE = 29, 30
 MOST_ROUNDS, SAME = 200, 1e-12  # of forces in turns, and the change, of the largest, of the last
+MOST_TRIES, FULL = 4, 1e-9  # of those, and how near to what it may be friction is where something slips
 
 
 @inline
@@ -236,7 +237,7 @@ def brace(ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: Floa
     answer(ints, floats, sols, space, moving)
     for row in range(rows):
         answers[row, row] += props[row // 3, SOFT] if row % 3 > 0 and asked(motion, row) else 0.0
-    share(motion, rows, answers, gaps, forces, change)
+    share(motion, rows, answers, gaps, forces, change, part(motion.aside, o6 + 3 * ROWS, (ROWS, ROWS + 2)))
     copy_rows(work.G, G, 3)
     copy_rows(motion.slack, slack, 3)
     copy_rows(work.pull, pull, 3)
@@ -277,8 +278,52 @@ def aside_of(ints: Whole, motion: Motion) -> tuple[Floats, Floats]:
 
 
 @inline
-def share(motion: Motion, rows: int, answers: Floats, gaps: Floats, forces: Floats, change: Floats) -> None:
-    """Fills `change`: pushes and friction, in turns, until each meets its law beside the others."""
+def share(
+    motion: Motion, rows: int, answers: Floats, gaps: Floats, forces: Floats, change: Floats, room: Floats
+) -> None:
+    """Fills `change`: pushes and friction, until each meets its law beside the others.
+
+    In turns, which seldom end where points near each other stick: there all at once, with what sticks and slips as
+    turns have left it, and once more in turns, that all laws hold.
+    """
+    for k in range(MOST_TRIES):
+        if take_turns(motion, rows, answers, gaps, forces, change) or k + 1 == MOST_TRIES:
+            break
+        for i in range(rows // 3):
+            room[3 * i, ROWS + 1] = 0.0 if is_full(motion, i, forces, change) else 1.0
+        for _ in range(rows // 3 + 1):
+            meet(motion, rows, answers, gaps, forces, change, room)
+            if not slip(motion, rows, forces, change, room):
+                break
+
+
+@inline
+def is_full(motion: Motion, i: int, forces: Floats, change: Floats) -> bool:
+    """Whether the friction of point i is as large as it may be."""
+    k, grip = 3 * i, motion.props[i, GRIP]
+    a, b, limit = forces[k + 1] + change[k + 1], forces[k + 2] + change[k + 2], grip * (forces[k] + change[k])
+    return bool(grip >= 0.0 and a * a + b * b >= ((1.0 - FULL) * limit) ** 2)
+
+
+@inline
+def slip(motion: Motion, rows: int, forces: Floats, change: Floats, room: Floats) -> bool:
+    """Has the point slip that sticks by most more than it may; False: none does."""
+    worst, most = -1, 1.0 + FULL
+    for i in range(rows // 3):
+        k, grip = 3 * i, motion.props[i, GRIP]
+        push = forces[k] + change[k]
+        if grip > 0.0 and push > 0.0 and room[k, ROWS + 1] > 0.0:
+            a, b = forces[k + 1] + change[k + 1], forces[k + 2] + change[k + 2]
+            ratio = (a * a + b * b) ** 0.5 / (grip * push)
+            worst, most = (i, ratio) if ratio > most else (worst, most)
+    if worst >= 0:
+        room[3 * worst, ROWS + 1] = 0.0
+    return worst >= 0
+
+
+@viewing
+def take_turns(motion: Motion, rows: int, answers: Floats, gaps: Floats, forces: Floats, change: Floats) -> bool:
+    """Changes forces in turns until all laws hold; whether they do."""
     for _ in range(MOST_ROUNDS):
         largest = worst = 0.0
         for i in range(rows // 3):
@@ -305,7 +350,57 @@ def share(motion: Motion, rows: int, answers: Floats, gaps: Floats, forces: Floa
             worst = max(worst, abs(f * a - forces[k + 1] - change[k + 1]), abs(f * b - forces[k + 2] - change[k + 2]))
             change[k + 1], change[k + 2] = f * a - forces[k + 1], f * b - forces[k + 2]
         if worst <= SAME * largest:
-            break
+            return True
+    return False
+
+
+@viewing
+def meet(
+    motion: Motion, rows: int, answers: Floats, gaps: Floats, forces: Floats, change: Floats, room: Floats
+) -> None:  # fmt: skip
+    """Changes all forces at once: what presses keeps to its plane, what sticks to its place, what slips to its limit.
+
+    What sticks has more than 0 in column ROWS + 1 of its first row in `room`.
+    """
+    for row in range(rows):
+        i, k = row // 3, 3 * (row // 3)
+        grip, push = motion.props[i, GRIP], forces[k] + change[k]
+        for c in range(rows):
+            room[row, c] = 1.0 if c == row else 0.0
+        room[row, ROWS] = change[row]
+        if not (asked(motion, row) and answers[row, row] > 0.0 and (grip < 0.0 or push > 0.0)):
+            continue
+        a, b = forces[k + 1] + change[k + 1], forces[k + 2] + change[k + 2]
+        size = (a * a + b * b) ** 0.5
+        if row == k or grip < 0.0 or room[k, ROWS + 1] > 0.0:
+            for c in range(rows):
+                room[row, c] = answers[row, c] if asked(motion, c) else 0.0
+            room[row, ROWS] = -gaps[row]
+        else:
+            share_of_push = grip * (a if row == k + 1 else b) / size
+            room[row, k] = -share_of_push
+            room[row, ROWS] = share_of_push * forces[k] - forces[row]
+    eliminate(room, change, rows, ROWS)
+
+
+@viewing
+def eliminate(room: Floats, out: Floats, count: int, right: int) -> None:
+    """Solves for `out` (count,) with the first `count` columns, and the right-hand side in column `right`."""
+    for k in range(count):
+        best = k
+        for i in range(k + 1, count):
+            best = i if abs(room[i, k]) > abs(room[best, k]) else best
+        for c in range(right + 1):
+            room[k, c], room[best, c] = room[best, c], room[k, c]
+        for i in range(k + 1, count):
+            f = room[i, k] / room[k, k]
+            for c in range(k, right + 1):
+                room[i, c] -= f * room[k, c]
+    for k in range(count - 1, -1, -1):
+        value = room[k, right]
+        for c in range(k + 1, count):
+            value -= room[k, c] * out[c]
+        out[k] = value / room[k, k]
 
 
 @inline

@@ -277,10 +277,12 @@ def farthest(rows: Floats, others: Floats) -> float:
 
 
 @viewing
-def nearness(ints: Whole, floats: Floats, moving: Floats, tangent: Floats, twists: Floats) -> float:
-    """How many times a tangent differences may go."""
+def nearness(
+    ints: Whole, floats: Floats, moving: Floats, tangent: Floats, twists: Floats, least: float
+) -> float:  # fmt: skip
+    """How many times a tangent differences may go; of one that is less than `least` as many as of that."""
     model, motion, t = model_of(ints, floats), motion_of(ints, moving), tangent_of(ints, tangent)
-    most = max(1.0, max(largest_of(t.d), max(largest_of(t.place), largest_of(twists)) / model.par[LENGTH]))
+    most = max(least, max(largest_of(t.d), max(largest_of(t.place), largest_of(twists)) / model.par[LENGTH]))
     for k in range(twists.shape[0]):
         w = take3(twists, k, 3)
         most = max(most, math.sqrt(dot(w, w)))
@@ -318,7 +320,7 @@ def round_of(
     tangent: Floats, twists: Floats, to: Beside,
 ) -> float:  # fmt: skip
     """Improves x' once; returns by how much, of what changes most."""
-    e = nearness(ints, floats, moving, tangent, twists)
+    e = nearness(ints, floats, moving, tangent, twists, 1.0)
     to.sums[:, :] = 0.0
     for sign in (1.0, -1.0):
         put_beside(ints, floats, sols, moving, before, dt, tangent, twists, sign * e, to)
@@ -352,7 +354,7 @@ def differences(
     twists: Floats, to: Beside,
 ) -> None:  # fmt: skip
     """Fills `to.move`, `to.turn` and `to.strain`: change of places, tangents and mean curvatures with x'."""
-    e = nearness(ints, floats, moving, tangent, twists)
+    e = nearness(ints, floats, moving, tangent, twists, 1.0)
     to.move[:, :] = 0.0
     to.turn[:, :] = 0.0
     to.strain[:, :] = 0.0

@@ -73,8 +73,9 @@ from cable_shape.kernels.rod_algebra import (
 )
 
 #: An iteration of a step that changes no more [rad] is the last: the next one would change its square. In short steps
-#: less, so that rates are as right: in units of the square of dt over sqrt(rho L^4 / EI).
-LEAST, LEAST_SHORT, SHORTEST = 3e-6, 0.3, 1e-8
+#: less, so that rates are as right: in units of the square of dt over sqrt(rho L^4 / EI). Among bodies, too: of the
+#: next one the square is not known, for the matrix does not know all of friction, and planes press that did not.
+LEAST, LEAST_SHORT, SHORTEST, RUBBED = 3e-6, 0.3, 1e-8, 0.01
 MOST_ITERATIONS, MOST_TOUCHED = 40, 60  # the latter where nodes may be pressed
 #: What Newton's method starts from: so much of how forces and shape changed in the last step is added to them. What
 #: changes fast is no guess: where one does not lead anywhere, the next one may.
@@ -192,6 +193,7 @@ def attempt(
     least = min(LEAST, max(SHORTEST, LEAST_SHORT * dt * dt / memory.par[PERIOD]))
     touched = motion.par[N_WALLED] > 0.0 or motion.par[N_PROPS] > 0.0
     most = MOST_TOUCHED if touched else MOST_ITERATIONS
+    least = RUBBED * least if touched else least
     status = STALLED
     for i in range(start, len(STARTS)):
         forces, shape = STARTS[i]
