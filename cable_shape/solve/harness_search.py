@@ -66,6 +66,7 @@ class HarnessSearch(Search):
         task, state, info = self.task, self.state, self.info
         told = state.info[INFO:].copy()
         cables = state.cables
+        rubbed, frictionless = state.told_friction(len(state.clip_rows))
         found = HarnessShape(
             task.harness,
             self.buffer,
@@ -85,8 +86,8 @@ class HarnessSearch(Search):
             before=self.before,  # type: ignore[arg-type]
             clips=self.loads[state.clip_rows] if state.clip_rows else None,
             clips_of=task.clips,
-            rubbed=state.rubbed(len(state.clip_rows)),
-            frictionless=state.knows_no_friction,
+            rubbed=rubbed,
+            frictionless=frictionless,
         )
         found.weigh_sections(task.gravity)
         return found

@@ -15,11 +15,10 @@ from cable_shape.cable.cable import Cable
 from cable_shape.cable.pieces import cable_at, pieces_of
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
-from cable_shape.kernels.network import drive, guess, material, mesh, respond, start, tables
+from cable_shape.kernels.network import drive, gripping, guess, material, mesh, respond, start, tables
 from cable_shape.kernels.network.drive import I_DOUBT, I_ESTIMATE, I_TURN, INFO, LARGEST_TURN
 from cable_shape.kernels.network.gripping import FROM_FIRM, SLIPPED, TO, TO_FIRM, TO_PULL
 from cable_shape.kernels.network.tables import BEFORE, NOW, TRIAL
-from cable_shape.kernels.rod_guess import tangent
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.scene.scene_parts import Clip
 from cable_shape.shape import NOT_RUBBED, CableShape
@@ -525,33 +524,28 @@ class Network:
 
     def _take_friction(self, eyelets: Sequence[tuple[Clip, Cable]]) -> None:
         """Takes over the friction of eyelets and of the cables in them."""
-        rough = roughness(eyelets)
+        rough, before = roughness(eyelets), self.rough
         self.has_friction = bool(rough.any())
         self.rough = rough if self.problem.rubs else np.zeros(rough.size)
+        if self.elements and before.size == rough.size:  # what had none has kept nothing
+            self.solution(NOW).grip[(before == 0.0) & (rough > 0.0)] = 0.0
 
     @property
     def ring_rows(self) -> list[int]:
         """Which of the clips the eyelets are."""
         return [ring - 1 for ring in self.rings]
 
-    def rubbed(self, clips: int) -> Array:
-        """(clips, 2): the friction of each along the cable [N], and 1 if it slips; (0, 2) if there is none."""
-        if not self.rough.any():
-            return NOT_RUBBED
-        out = np.zeros((clips, 2))
-        work, model = tables.work_of.py_func(self.ints, self.work), self.model
-        for row, (_, j) in zip(self.ring_rows, self.structure.rings, strict=True):
-            force = work.pulled[j] - work.pulled[j + 1] - model.weight[j + 1]
-            out[row, 0] = force @ tangent(tuple(work.start[self.runs[j][1]]))
-        out[self.ring_rows, 1] = self.solution(NOW).grip[:, SLIPPED]
-        return out
+    def told_friction(self, clips: int) -> tuple[Array, bool]:
+        """(clips, 2): the friction of each along the cable [N], and 1 if it slips; (0, 2) if there is none.
 
-    @property
-    def knows_no_friction(self) -> bool:
-        """Whether eyelets have friction that the last solution does not know, since it has no past."""
-        if not self.has_friction:
-            return False
-        return not self.problem.rubs or bool((self.solution(NOW).grip[self.rough > 0.0, FROM_FIRM] <= 0.0).any())
+        And whether eyelets have friction that the last solution does not know, since it has no past.
+        """
+        if not (self.has_friction and self.problem.rubs):
+            return NOT_RUBBED, self.has_friction
+        told = gripping.told(self.ints, self.floats, self.sols, self.work)
+        out = np.zeros((clips, 2))
+        out[self.ring_rows] = told[:, :2]
+        return out, not told[:, 2].all()
 
     def forget_friction(self) -> None:
         """Has the friction of eyelets not count from the last solution: they begin without."""

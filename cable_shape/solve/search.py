@@ -144,7 +144,8 @@ class Search:
         )
         if state.spans > 1:
             found.supports = self.loads[1:-1]
-            found.rubbed, found.frictionless = state.rubbed(len(found.supports)), state.knows_no_friction
+            if state.has_friction:
+                found.rubbed, found.frictionless = state.told_friction(len(found.supports))
         if problem.cable.sections:
             found.energy += energy_of_sections(problem.cable, found, problem.gravity)
         state.last = found

@@ -290,6 +290,19 @@ def test_a_cycle_remembers_and_tells_it():
     assert abs(mine.friction) > 0.1
 
 
+def test_what_friction_held_before_there_was_none_is_forgotten():
+    predictor, shapes = led(eyelet(3.0), np.arange(0.0, 0.05, 0.01))
+    held = shapes[-1].clips[0].arc_length
+    predictor.scene = eyelet(0.0)
+    smooth = predictor.predict(FROM, at(0.04)).clips[0].arc_length
+    assert abs(smooth - held) > 1e-3
+    predictor.scene = eyelet(3.0)
+    first, second = predictor.predict(FROM, at(0.04)), predictor.predict(FROM, at(0.05))
+    assert (first.frictionless, second.frictionless) == (True, False)
+    assert first.clips[0].arc_length == pytest.approx(smooth, abs=1e-6)
+    assert second.clips[0].arc_length == pytest.approx(smooth, abs=GIVES * CABLE.length)
+
+
 def test_a_clip_comes_and_goes_beside_an_eyelet_that_holds_what_it_held():
     cycle = cs.Cycle(CABLE, scene=eyelet(3.0), model="cosserat")
     for k in range(5):

@@ -209,7 +209,10 @@ def attempt(
         return TAUT
     half = kept.shape[0] // 2
     copy(kept[:half], floats)
-    if sol.arc.shape[0] > 0:
+    rubs = 0
+    for c in range(model.friction.shape[0]):
+        rubs += model.friction[c] > 0.0
+    if rubs > 0:
         begin_grips(ints, floats, sols, history > 0 and not again)
     if history > 0:
         predict(plan, model, before, now, sol, slides.way, history)
@@ -250,7 +253,7 @@ def attempt(
     info[I_TURN] = 2.0 * math.acos(cosine)
     for c in range(slides.way.shape[0]):
         sol.arc[c] = model.s[plan.first[plan.rings[c, 1] + 1] + plan.rings[c, 1]]
-    if runs:
+    if runs and rubs > 0:
         end_grips(ints, floats, sols)
     if plan.stripped.shape[0] > 0:
         settle_leaves(ints, floats, sols, space)

@@ -27,8 +27,10 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from numba import types
 
+from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.network.compiled import inline, viewing
 from cable_shape.kernels.network.graph import step_of_force
 from cable_shape.kernels.network.tables import (
@@ -46,6 +48,7 @@ from cable_shape.kernels.network.tables import (
     model_of,
     plan_of,
     solution_of,
+    work_of,
 )
 from cable_shape.kernels.rod_algebra import (
     Vector,
@@ -191,6 +194,24 @@ def begin_grips(ints: Whole, floats: Floats, sols: Floats, onward: bool) -> None
                 sol.grip[c, FROM + i] = sol.grip[c, TO + i]
 
 
+@kernel
+def told(ints: Whole, floats: Floats, sols: Floats, space: Floats) -> Floats:
+    """(e, 3): friction of the eyelets [N] in the last solution, its discretisation error taken off; 1: it slips.
+
+    And 1: it counts from a past, or there is none.
+    """
+    plan, model, work = plan_of(ints), model_of(ints, floats), work_of(ints, space)
+    now = solution_of(ints, sols, NOW)
+    out = np.empty((model.friction.shape[0], 3))
+    for c in range(out.shape[0]):
+        j = plan.rings[c, 1]
+        after = add(get3(work.pulled, j + 1), get3(model.weight, j + 1))
+        t = apply(rotation(get4(work.start, plan.first[j + 1] + j)), E3)
+        out[c, 0], out[c, 1] = dot(subtract(get3(work.pulled, j), after), t), now.grip[c, SLIPPED]
+        out[c, 2] = 0.0 if model.friction[c] > 0.0 and now.grip[c, FROM_FIRM] <= 0.0 else 1.0
+    return out
+
+
 @viewing(late=types.none)
 def end_grips(ints: Whole, floats: Floats, sols: Floats) -> None:
     """Makes the trial, which is solved, what the next one counts from."""
@@ -202,6 +223,7 @@ def end_grips(ints: Whole, floats: Floats, sols: Floats) -> None:
     for c in range(model.friction.shape[0]):
         mu = model.friction[c]
         if mu <= 0.0:
+            sol.grip[c, TO_FIRM] = 0.0
             continue
         a, b, t = forces_at(plan, model, sol, c)
         limit, _ = limit_of(mu, a, b, t, none, none, none)

@@ -78,6 +78,7 @@ class HarnessSolve(Solve):
         told = info[drive.INFO :]
         touches = state.touches_of_segments()
         state.touching = any(len(rows) for rows in touches)
+        rubbed, frictionless = state.told_friction(len(steps.loads))
         shape = HarnessShape(
             problem.harness,
             steps.buffer,
@@ -93,8 +94,8 @@ class HarnessSolve(Solve):
             solve_time=perf_counter() - self.began,
             clips=steps.loads if len(steps.loads) else None,
             clips_of=problem.clips,
-            rubbed=state.rubbed(len(steps.loads)),
-            frictionless=state.knows_no_friction,
+            rubbed=rubbed,
+            frictionless=frictionless,
             touches=touches,
             bodies=state.bodies.names,
         )

@@ -112,20 +112,14 @@ class TouchState(Laid):
             grips[:, :, TO_PULL], grips[:, :, SLIPPED] = rubbed.T
             grips[:, :, TO_FIRM] = self.cable.neutral / self.length
 
-    def rubbed(self, clips: int) -> Array:
-        """See `Network.rubbed`."""
-        if not self.cable.rough.any():
-            return NOT_RUBBED
-        out = np.zeros((clips, 2))
-        out[self.ring_rows] = self.eyelets[NOW][:, [TO_PULL, SLIPPED]]
-        return out
-
-    @property
-    def knows_no_friction(self) -> bool:
-        """Whether eyelets have friction that the last solution does not know, since it has no past."""
-        if not self.cable.has_friction:
-            return False
-        return not self.problem.rubs or bool((self.eyelets[NOW, self.cable.rough > 0.0, FROM_FIRM] <= 0.0).any())
+    def told_friction(self, clips: int) -> tuple[Array, bool]:
+        """See `Network.told_friction`."""
+        rough = self.cable.has_friction
+        if not (rough and self.problem.rubs):
+            return NOT_RUBBED, rough
+        out, grips = np.zeros((clips, 2)), self.eyelets[NOW]
+        out[self.ring_rows] = grips[:, [TO_PULL, SLIPPED]]
+        return out, bool((grips[self.cable.rough > 0.0, FROM_FIRM] <= 0.0).any())
 
     def forget_friction(self) -> None:
         """See `Network.forget_friction`."""

@@ -425,6 +425,7 @@ class Solve:
             steps.buffer[4 * n - 3 : 4 * n] = problem.end.cable_frame.position
         found = state.touches()
         state.touching = len(found) > 0
+        rubbed, frictionless = state.told_friction(len(steps.loads))
         shape = CableShape(
             steps.buffer,
             problem.points,
@@ -439,10 +440,10 @@ class Solve:
             twist=info[9],
             solve_time=perf_counter() - self.began,
             supports=steps.loads,
-            rubbed=state.rubbed(len(steps.loads)),
+            rubbed=rubbed,
             touches=found,
             bodies=state.bodies.names,
-            frictionless=(state.touching and not state.rubs and state.has_friction) or state.knows_no_friction,
+            frictionless=frictionless or (state.touching and not state.rubs and state.has_friction),
         )
         shape.energy += energy_of_sections(problem.cable, shape, problem.gravity)
         return shape
