@@ -52,20 +52,25 @@ def lowest(shape: cs.HarnessShape) -> float:
     ],
 )
 def test_two_arms_with_a_straight_junction_are_one_cable(scene: cs.Scene | None, steps: int, near: float):
-    """The junction hits the body, and rests on it, as what is inside a cable does."""
+    """The junction hits the body, and rests on it, as what is inside a cable does.
+
+    On a table it begins to lie aside, on either side: which one neither motion owes the other.
+    """
     arm = ARM.replace(diameter=0.01)
     harness = cs.Harness({"a": arm, "b": arm}, [cs.Junction("j", ("a.end", "b.start"))])
     motion = cs.Motion(harness, scene, points=31, elements=20)
     one = cs.Motion(arm.replace(length=1.0), scene, points=61, elements=40)
     shape, other = motion.begin({"a.start": at(0.0, 0.0), "b.end": at(0.7, 0.0)}), one.begin(at(0.0, 0.0), at(0.7, 0.0))
-    pushed = set()
+    pushed, aside = set(), np.ones(3)
+    if shape.segments["a"].positions[-1, 1] * other.positions[30, 1] < -1e-6:
+        aside[1] = -1.0
     for k in range(1, steps + 1):
         y = 0.1 * np.sin(0.1 * k)
-        ends = at(0.0, y), at(0.7, 0.5 * y, 0.3 * y)
-        shape, other = motion.step({"a.start": ends[0], "b.end": ends[1]}, 0.01), one.step(*ends, 0.01)
+        shape = motion.step({"a.start": at(0.0, y), "b.end": at(0.7, 0.5 * y, 0.3 * y)}, 0.01)
+        other = one.step(at(0.0, aside[1] * y), at(0.7, aside[1] * 0.5 * y, 0.3 * y), 0.01)
         assert shape.usable, shape.detail
         both = np.concatenate((shape.segments["a"].positions, shape.segments["b"].positions[1:]))
-        assert np.abs(both - other.positions).max() < near
+        assert np.abs(both - aside * other.positions).max() < near
         pushed |= {contact.arc_length for contact in shape.segments["a"].contacts}
     assert (scene is None and not pushed) or max(pushed) > 0.49
     if scene is not None:
