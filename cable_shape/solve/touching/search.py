@@ -14,7 +14,6 @@ _FIRST_STEP, _SMALLEST_STEP = 0.25, 1.0 / 512.0
 _FIRST_DRAG, _MOST_DRAG = 3e3, 1e9  #: of a sliding cable, in stiffness / length^2
 _AT_REST = 0.02  #: the same, times rad in a step: a cable that is driven by less looks for its equilibrium
 _SLIDES = 200  #: such steps at most
-_SEGMENTS = 3  #: of a harness that count in `most_of`
 
 
 def follow(steps: Steps, frames: Array) -> bool:
@@ -62,13 +61,11 @@ def relax(steps: Steps, frames: Array) -> bool:
     return False
 
 
-def most_of(steps: Steps) -> int:
-    """Iterations of a step from nothing: contacts of all segments begin and end one at a time."""
-    return WARM_ITERATIONS * min(steps.state.gaps.size, _SEGMENTS)
+def approach(steps: Steps, frames: Array, free: CableShape, away: Array, iterations: int = WARM_ITERATIONS) -> bool:
+    """Takes the bodies out of the cable's way along the unit vector `away` and brings them back in steps.
 
-
-def approach(steps: Steps, frames: Array, free: CableShape, away: Array) -> bool:
-    """Takes the bodies out of the cable's way along the unit vector `away` and brings them back in steps."""
+    iterations: of each at most.
+    """
     state = steps.state
     start = 0.25 * max(-steps.depth(free.buffer), DEEPEST)
     far = start
@@ -89,7 +86,7 @@ def approach(steps: Steps, frames: Array, free: CableShape, away: Array) -> bool
             return False
         to = done - step if done - step > 0.1 * step else 0.0
         state.bodies.shift(to * away)
-        if steps.go(frames, 1, most_of(steps), math.inf, jump=True):
+        if steps.go(frames, 1, iterations, math.inf, jump=True):
             done = to
             step = min(1.5 * step, most)
         else:
@@ -109,7 +106,7 @@ def grow(steps: Steps, frames: Array, free: CableShape) -> bool:
         if steps.out_of_time():
             return False
         to = sunk - step if sunk - step > 0.1 * step else 0.0
-        if steps.go(frames, 1, most_of(steps), math.inf, to, jump=True):
+        if steps.go(frames, 1, WARM_ITERATIONS, math.inf, to, jump=True):
             sunk = to
             step *= 1.5
         else:

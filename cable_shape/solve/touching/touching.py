@@ -41,6 +41,8 @@ _STUCK = (
 )
 _AWAY = 10.0  #: of the length: so far away, a body is in nobody's way
 _ATTEMPTS = (1.0, 0.0, -1.0)  #: bodies come from below, grow, come from above
+#: Of each step of a harness, where fewer lead nowhere: contacts of all its segments change, one at a time.
+_PATIENT = 90
 _LEAST_CHORD = 1e-3  #: of the length: ends that are nearer, seen from above, tell no side
 ACCURACY = 5e-4  #: of the length: what a shape in contact is asked for where the tolerance is below
 
@@ -312,6 +314,8 @@ class Solve:
         attempts: list[Callable[[], bool]] = [partial(self._bring, frames, free, way) for way in ways]
         if state.limpness < STIFF:
             attempts.insert(0 if state.limpness < LIMP else len(attempts), softer)
+        if state.gaps.size > 1:
+            attempts += [partial(self._bring, frames, free, attempt * down, _PATIENT) for attempt in _ATTEMPTS]
         for attempt in attempts:
             if steps.late:
                 return self._no_shape(Status.BUDGET_EXCEEDED, "")
@@ -330,9 +334,9 @@ class Solve:
             bodies.standing = self.steps.depth(free.buffer) > 0.0
             bodies.shift(np.zeros(3))
 
-    def _bring(self, frames: Array, free: CableShape, away: Array) -> bool:
-        """Whether the bodies come to the free shape from `away`, or grow if that is nowhere."""
-        found = approach(self.steps, frames, free, away) if away.any() else grow(self.steps, frames, free)
+    def _bring(self, frames: Array, free: CableShape, away: Array, most: int = WARM_ITERATIONS) -> bool:
+        """Whether the bodies come to the free shape from `away`, or grow if that is nowhere; most: iterations."""
+        found = approach(self.steps, frames, free, away, most) if away.any() else grow(self.steps, frames, free)
         self.state.bodies.shift(np.zeros(3))
         return found
 
