@@ -9,6 +9,8 @@ from types import MappingProxyType
 from typing import Any, final
 
 from cable_shape import checks
+from cable_shape.cable.rest_form import third_axis
+from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import IDENTITY, Pose
 
@@ -73,6 +75,11 @@ class Junction:
     def frame(self, end: str) -> Pose:
         """The cable frame of an end in the junction's frame; of a ball the identity."""
         return IDENTITY if self.kind == "ball" else self.frames.get(end, IDENTITY)
+
+    def leaving(self, end: str) -> Array:
+        """(3,), unit, in the junction's frame: where the segment goes that has this end."""
+        axis: Array = third_axis(self.frame(end).quaternion[None])[0]
+        return axis if end.endswith(".start") else -axis
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Junction, (self.name, self.ends, self.kind, dict(self.frames), self.mass)

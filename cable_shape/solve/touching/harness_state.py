@@ -10,7 +10,7 @@ from typing import Any, final
 import numpy as np
 
 from cable_shape.cable.cable import Cable
-from cable_shape.cable.harness import split_end
+from cable_shape.cable.harness import Harness, split_end
 from cable_shape.cable.pieces import radius_of, widest
 from cable_shape.cable.rest_form import conjugate, times
 from cable_shape.checks import Array
@@ -32,6 +32,7 @@ from cable_shape.solve.touching.laid import Chain
 from cable_shape.solve.touching.state import TouchState
 
 _OF_LEVER = 3  #: nodes
+_STRAIGHT = -0.98  #: cosine of the angle between two ends that go on in one
 
 
 @final
@@ -57,6 +58,17 @@ class Laid:
         self.bodies = shape.bodies
         rows = [row + np.eye(TOUCH)[0] * gap for own, gap in zip(shape.touches, gaps, strict=False) for row in own]
         self.touches: Array = np.array(rows).reshape(-1, TOUCH)
+
+
+def standing(harness: Harness) -> frozenset[str]:
+    """The ends beside which a node stands in for their junction: of the thickest segment at each, but where one runs
+    straight into another, and comes down on both sides."""
+    out = set[str]()
+    for joint in harness.junctions:
+        ways = np.array([joint.leaving(end) for end in joint.ends])
+        if joint.kind == "ball" or (ways @ ways.T).min() > _STRAIGHT:
+            out.add(max(joint.ends, key=lambda end: harness.segments[split_end(end)[0]].diameter))
+    return frozenset(out)
 
 
 @final
@@ -91,6 +103,7 @@ class HarnessTouchState(TouchState):
             self.forget()
             self.elements = 0
         self.gaps, self._of_cables, self._arcs = gaps, [one.size for one in own], every
+        self._standing = standing(harness)
         self.bodied = len(segments)
         self.cable, self._told = network, np.empty(0)
         self._structure: Structure | None = None
@@ -183,20 +196,11 @@ class HarnessTouchState(TouchState):
         return np.sort(np.concatenate((nodes, self._stand_ins(chain))))
 
     def _stand_ins(self, chain: Chain) -> list[float]:
-        """Arc lengths [m] beside junctions and masses where this is the thickest segment: no knot that is not a contact
-        itself touches anything."""
-        first, last = chain.supports.start, chain.supports.stop - 1
-        out = []
-        for k in range(first + chain.free[0], last + 1 - chain.free[1]):
-            here = np.flatnonzero(self._knots[: sum(self._of_cables[: self.bodied])] == self._knots[k])
-            if self._moves[self._knots[k]] and k == here[np.argmax([self._radius_at(i) for i in here.tolist()])]:
-                out.append(float(self._arcs[k]) + (mesh.STAND_IN if k < last else -mesh.STAND_IN))
-        return out
-
-    def _radius_at(self, support: int) -> float:
-        """[m], of the segment that has this support."""
-        chain = next(one for one in self.chains if one.supports.start <= support < one.supports.stop)
-        return float(chain.along(self.arcs[support : support + 1] - self._gap_of_supports[support])[0, 1])
+        """Arc lengths [m] of nodes that stand in for the junctions of a segment: no knot touches anything itself."""
+        name = list(self.problem.harness.segments)[next(i for i, one in enumerate(self.chains) if one is chain)]
+        low, high = self._arcs[chain.supports][[0, -1]]
+        places = {f"{name}.start": low + mesh.STAND_IN, f"{name}.end": high - mesh.STAND_IN}
+        return [float(arc) for end, arc in places.items() if end in self._standing]
 
     def _elimination(self) -> tuple[Whole, int]:
         if self._order is None:

@@ -11,7 +11,6 @@ import numpy as np
 
 from cable_shape.cable.harness import SIDES, Harness, split_end
 from cable_shape.cable.pieces import widest
-from cable_shape.cable.rest_form import third_axis
 from cable_shape.checks import Array
 from cable_shape.kernels.contact import drive
 from cable_shape.pose import Pose
@@ -236,9 +235,5 @@ def _overlap_at(harness: Harness, end: str, other: str, reach: float) -> float:
     junction = harness.junction_of(end)
     if junction is None or junction is not harness.junction_of(other) or junction.kind != "rigid":
         return 0.0
-    ways = []
-    for one in (end, other):
-        axis = third_axis(junction.frame(one).quaternion[None])[0]
-        ways.append(axis if split_end(one)[1] == "start" else -axis)
-    half = math.sqrt(max(0.0, 0.5 * (1.0 - float(ways[0] @ ways[1]))))
+    half = math.sqrt(max(0.0, 0.5 * (1.0 - float(junction.leaving(end) @ junction.leaving(other)))))
     return _PARTED * reach / half if half > _SHARP else math.inf

@@ -1,4 +1,4 @@
-"""Junctions that come down on a floor: no knot of a harness touches anything itself, a node beside it does."""
+"""Junctions that come down on a floor: none touches anything itself, a node beside it does."""
 
 from __future__ import annotations
 
