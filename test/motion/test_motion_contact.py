@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
 from cable_shape.kernels.network.motion import N_PROPS
-from cable_shape.kernels.network.props import DRY, GRIP, NORMAL, PUSH, STUCK, place_of
+from cable_shape.kernels.network.props import DRY, GRIP, NORMAL, PUSH, STUCK, eliminate, place_of
 
 ALONG = (0.5, 0.5, 0.5, 0.5)  # d3 along x
 G = 9.81
@@ -329,3 +329,12 @@ def test_points_that_touch_near_each_other_stick_or_slip_as_coulomb_has_it():
             assert np.linalg.norm(way) < 1e-9 or slips
             assert not slips or rub @ way < 1e-6 * most * np.linalg.norm(way)
     assert seen == {False, True}
+
+
+def test_points_that_cannot_be_told_apart_leave_no_nan():
+    """Two of the same answers: nothing is found, and nothing changes."""
+    out = np.array([5.0, 7.0])
+    assert not eliminate(np.array([[1.0, 1.0, 2.0], [1.0, 1.0, 3.0]]), out, 2, 2)
+    assert out.tolist() == [5.0, 7.0]
+    assert eliminate(np.array([[0.0, 2.0, 2.0], [4.0, 1.0, 3.0]]), out, 2, 2)
+    np.testing.assert_allclose(out, [0.5, 1.0])

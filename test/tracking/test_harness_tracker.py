@@ -141,9 +141,9 @@ def test_a_harness_on_a_table_stays_on_it_though_half_of_it_is_hidden():
     plain, now = off(cs.predict(KNOWN, ends_at(3), points=51, scene=TABLE), true), off(shape, true)
     assert now["trunk"] < 0.5 * plain["trunk"]
     assert now["right"] < 0.5 * plain["right"]
-    for name, one in shape.segments.items():
-        assert one.contacts, name
-        assert one.positions[:, 2].min() > 0.93 + 0.5 * KNOWN.segments[name].diameter - 1e-4
+    assert any(one.contacts for one in shape.segments.values())
+    for name, one in shape.segments.items():  # the trunk by the node of another that stands in for their junction
+        assert abs(one.positions[:, 2].min() - 0.93 - 0.5 * KNOWN.segments[name].diameter) < 1e-4, name
 
 
 @pytest.mark.parametrize("contact", ["warn", "solve"])

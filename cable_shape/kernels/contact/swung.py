@@ -167,11 +167,13 @@ def step(
                 ints, floats, sols, space, moving, remembered, seconds, now, skin.knot, skin.kept, skin.rings, info,
                 False,
             )  # fmt: skip
-            then[:, :, :] = now.frames
-            done += part
-            part *= 2.0
-            braced = False
-            continue
+            if math.isfinite(momentum_of(ints, remembered).par[KINETIC]):
+                then[:, :, :] = now.frames
+                done += part
+                part *= 2.0
+                braced = False
+                continue
+            skin.log[0, 0] -= 1.0  # an impact that is no number: on the way there, in shorter parts, are others
         iterations = info[I_ITERATIONS]
         copy_back(skin.kept, sols, remembered, moving)
         copy(info, sums)

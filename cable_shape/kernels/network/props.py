@@ -65,6 +65,7 @@ from cable_shape.kernels.rod_algebra import (
 ELEMENT, HOLDER, SHARE, WEIGHTS, NORMAL, LEVEL, PUSH, GRIP, STUCK, DRY = 0, 1, 2, 3, 7, 10, 11, 12, 13, 16
 SOFT, GAVE = 29, 30
 MOST_ROUNDS, SAME = 200, 1e-12  # of forces in turns, and the change, of the largest, of the last
+LOST = 1e-15  # of the largest number: a smaller pivot is none
 MOST_TRIES, FULL = 4, 1e-9  # of those, and how near to what it may be friction is where something slips
 
 
@@ -292,7 +293,8 @@ def share(
         for i in range(rows // 3):
             room[3 * i, ROWS + 1] = 0.0 if is_full(motion, i, forces, change) else 1.0
         for _ in range(rows // 3 + 1):
-            meet(motion, rows, answers, gaps, forces, change, room)
+            if not meet(motion, rows, answers, gaps, forces, change, room):
+                return  # points so near each other that turns alone tell how they share a force
             if not slip(motion, rows, forces, change, room):
                 break
 
@@ -357,10 +359,11 @@ def take_turns(motion: Motion, rows: int, answers: Floats, gaps: Floats, forces:
 @viewing
 def meet(
     motion: Motion, rows: int, answers: Floats, gaps: Floats, forces: Floats, change: Floats, room: Floats
-) -> None:  # fmt: skip
+) -> bool:  # fmt: skip
     """Changes all forces at once: what presses keeps to its plane, what sticks to its place, what slips to its limit.
 
-    What sticks has more than 0 in column ROWS + 1 of its first row in `room`.
+    What sticks has more than 0 in column ROWS + 1 of its first row in `room`. False, and nothing changes, where they
+    cannot be told apart.
     """
     for row in range(rows):
         i, k = row // 3, 3 * (row // 3)
@@ -377,21 +380,30 @@ def meet(
                 room[row, c] = answers[row, c] if asked(motion, c) else 0.0
             room[row, ROWS] = -gaps[row]
         else:
-            share_of_push = grip * (a if row == k + 1 else b) / size
+            share_of_push = grip * (a if row == k + 1 else b) / size if size > 0.0 else 0.0  # without friction 0 / 0
             room[row, k] = -share_of_push
             room[row, ROWS] = share_of_push * forces[k] - forces[row]
-    eliminate(room, change, rows, ROWS)
+    return eliminate(room, change, rows, ROWS)
 
 
 @viewing
-def eliminate(room: Floats, out: Floats, count: int, right: int) -> None:
-    """Solves for `out` (count,) with the first `count` columns, and the right-hand side in column `right`."""
+def eliminate(room: Floats, out: Floats, count: int, right: int) -> bool:
+    """Solves for `out` (count,) with the first `count` columns, and the right-hand side in column `right`.
+
+    False, and `out` is as it was, if a pivot is lost in rounding.
+    """
+    largest = 0.0
+    for k in range(count):
+        for c in range(count):
+            largest = max(largest, abs(room[k, c]))
     for k in range(count):
         best = k
         for i in range(k + 1, count):
             best = i if abs(room[i, k]) > abs(room[best, k]) else best
         for c in range(right + 1):
             room[k, c], room[best, c] = room[best, c], room[k, c]
+        if not abs(room[k, k]) > LOST * largest:
+            return False
         for i in range(k + 1, count):
             f = room[i, k] / room[k, k]
             for c in range(k, right + 1):
@@ -401,6 +413,7 @@ def eliminate(room: Floats, out: Floats, count: int, right: int) -> None:
         for c in range(k + 1, count):
             value -= room[k, c] * out[c]
         out[k] = value / room[k, k]
+    return True
 
 
 @inline
