@@ -11,6 +11,7 @@ import pytest
 from harness import Cell, NodeProcess
 
 from cable_shape import warm_up
+from cable_shape.shape import Status
 
 CABLE_YAML = "length: 1.2\nlinear_density: 0.1\nbending_stiffness: 0.01\ndiameter: 0.008\n"
 
@@ -84,7 +85,9 @@ def shared(start_for_all: Start) -> Cell:
 @pytest.fixture
 def cell(shared: Cell) -> Cell:
     """The shared node, predicting, with nothing kept from the test before."""
-    shared.predicted()
+    if Status(shared.predicted().status) is not Status.OK:  # a snap of the test before is told as long as nothing moves
+        shared.shape_at(shared.now(), (0.0, 0.0, 0.501), (0.8, 0.0, 0.5))
+        shared.predicted()
     shared.shapes.clear()
     shared.diagnostics.clear()
     return shared
