@@ -34,4 +34,12 @@ def test_what_is_no_array_is_refused():
     direct = Direct(filled)
     direct(Pair(np.arange(3.0), np.zeros(3)), 2.0)
     with pytest.raises(TypeError):
-        direct(([0.0], [1.0]), 2.0)
+        direct(Pair([0.0], [1.0]), 2.0)
+
+
+def test_a_number_of_another_kind_is_not_cut_off():
+    """Where the first call had a whole number, machine code takes whole numbers."""
+    pair = Pair(np.ones(2), np.zeros(2))
+    direct = Direct(filled)
+    assert direct(pair, 2) == 4.0
+    assert direct(pair, 2.5) == 5.0

@@ -380,7 +380,7 @@ def meet(
                 room[row, c] = answers[row, c] if asked(motion, c) else 0.0
             room[row, ROWS] = -gaps[row]
         else:
-            share_of_push = grip * (a if row == k + 1 else b) / size if size > 0.0 else 0.0  # without friction 0 / 0
+            share_of_push = grip * (a if row == k + 1 else b) / size if size > 0.0 else 0.0
             room[row, k] = -share_of_push
             room[row, ROWS] = share_of_push * forces[k] - forces[row]
     return eliminate(room, change, rows, ROWS)

@@ -315,7 +315,7 @@ class Solve:
         if state.limpness < STIFF:
             attempts.insert(0 if state.limpness < LIMP else len(attempts), softer)
         if state.gaps.size > 1:
-            attempts += [partial(self._bring, frames, free, attempt * down, _PATIENT) for attempt in _ATTEMPTS]
+            attempts += [partial(self._bring, frames, free, sign * down, _PATIENT) for sign in (1.0, -1.0)]
         for attempt in attempts:
             if steps.late:
                 return self._no_shape(Status.BUDGET_EXCEEDED, "")
