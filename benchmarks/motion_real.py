@@ -26,6 +26,9 @@ PRIORS = {
     "length": 0.01, "start_pitch": 0.3, "end_pitch": 0.3, "start_tilt": 0.3, "end_tilt": 0.3, "start_offset": 0.01,
     "end_offset": 0.01,
 }  # fmt: skip
+#: Frames are lost where all markers of the grips go more than so many times as far as before and after it, and at most
+#: by so much of that aside, if they move by this [m] a frame at least.
+LOST, ASIDE, STILL = 1.5, 0.5, 3e-4
 #: Mean over 5 s [mm] that is asked of cables 1 to 5 with eight numbers, and with all.
 ASKED = {"eight": (11.0, 5.5, 6.0, 6.0, 6.5), "all": (10.5, 5.0, 5.0, 5.0, 6.0)}
 #: Parts of the recordings, each held back once, where there are no others to judge.
@@ -80,6 +83,26 @@ def turned(tangents: np.ndarray, mean: np.ndarray, level: np.ndarray) -> np.ndar
     return (turns * middle).as_quat().reshape(*tangents.shape[:-1], 4)
 
 
+def times_of(grips: np.ndarray) -> np.ndarray:
+    """(T,) [s] of frames with these markers (T, 4, 3) [m] in both grips.
+
+    Frames are lost in some recordings: between two that follow each other all markers go as far as otherwise in two,
+    three or twelve. Where the grips do that, as they move before and after it, they took as long.
+    """
+    ways = np.diff(grips, axis=0).reshape(len(grips) - 1, -1)
+    lost = np.ones(len(ways))
+    for i in range(1, len(ways) - 1):
+        near = 0.5 * (ways[i - 1] + ways[i + 1])
+        size = float(near @ near)
+        if size < len(near) / 3.0 * STILL**2:
+            continue
+        times = float(ways[i] @ near) / size
+        whole, fastest = np.linalg.norm(ways[i]), max(np.linalg.norm(ways[i - 1]), np.linalg.norm(ways[i + 1]))
+        if whole > LOST * fastest and np.linalg.norm(ways[i] - times * near) < ASIDE * whole:
+            lost[i] = max(1, round(times))
+    return np.concatenate(((0.0,), np.cumsum(lost))) / RATE
+
+
 def looks(seen: Seen, frames: Frames, which: np.ndarray) -> list[cs.Observation]:
     """Every frame of these recordings."""
     at, out = seen.arc[2:-2] - seen.arc[1], []
@@ -87,8 +110,9 @@ def looks(seen: Seen, frames: Frames, which: np.ndarray) -> list[cs.Observation]
         x = seen.markers[k]
         start = turned(x[:, 1] - x[:, 0], frames.start, frames.level)
         end = turned(x[:, -1] - x[:, -2], frames.end, frames.level)
+        times = times_of(x[:, [0, 1, -2, -1]])
         out += [
-            cs.Observation(cs.Pose(r[1], start[i]), cs.Pose(r[-2], end[i]), r[2:-2], at, group=k, time=i / RATE)
+            cs.Observation(cs.Pose(r[1], start[i]), cs.Pose(r[-2], end[i]), r[2:-2], at, group=k, time=times[i])
             for i, r in enumerate(x)
         ]
     return out

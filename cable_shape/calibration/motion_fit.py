@@ -61,7 +61,7 @@ def calibrate_motion(
         forward.misses(found.values)
     remarks = [ONE_GROUP] if len(recordings) == 1 else []
     if forward.lost:
-        steps = sum(len(one.steps) - 1 for one in recordings)
+        steps = sum(len(one.parts) for one in recordings)
         remarks.append(f"{forward.lost} of {steps} steps in time could not be taken; there the cable stands still.")
     looks = [one.looks[i] for one, i in _some(recordings)]
     return Calibration(

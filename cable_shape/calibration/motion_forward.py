@@ -6,6 +6,8 @@ from collections.abc import Callable, Sequence
 from typing import Any, final
 
 import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation, RotationSpline
 
 from cable_shape import checks
 from cable_shape.calibration.observation import Observation
@@ -13,7 +15,7 @@ from cable_shape.calibration.parameters import Parameters, held
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.motion.motion import Motion
-from cable_shape.motion.run import Run
+from cable_shape.motion.run import STEP, Run
 from cable_shape.pose import FreeEnd, Grip, Pose
 
 #: Points of the shape in which a motion begins; it is not compared with anything.
@@ -47,6 +49,7 @@ class Recording:
         self.starts = np.array([look.start.cable_frame.array for look in looks])
         ends = [look.end.cable_frame.array for look in looks if isinstance(look.end, Grip)]
         self.ends = np.array(ends) if ends else None
+        self.ways = np.maximum(1, np.ceil(self.steps[1:] / STEP)).astype(np.int64)
         later = looks[2:]
         self.points = np.concatenate([look.points for look in later])
         self.arc_length = np.concatenate([look.arc_length for look in later])
@@ -58,6 +61,21 @@ class Recording:
     def _even(looks: Sequence[Observation]) -> bool:
         """Whether all looks see as many points."""
         return len({len(look.points) for look in looks}) == 1
+
+    @property
+    def parts(self) -> Array:
+        """[s], of the steps from the second look on: from look to look, in equal parts where that is long."""
+        return np.repeat(self.steps[1:] / self.ways, self.ways)
+
+    def parted(self, poses: Array) -> Array:
+        """The poses (T, 7) of all looks after each of `parts`, on a cubic spline through them."""
+        if self.ways.max() == 1:
+            return poses[2:]
+        looks = np.concatenate(((0.0,), np.cumsum(self.steps)))
+        times = self.steps[0] + np.cumsum(self.parts)
+        times[np.cumsum(self.ways) - 1] = looks[2:]
+        turns = RotationSpline(looks, Rotation.from_quat(poses[:, 3:]))(times).as_quat()
+        return np.hstack((CubicSpline(looks, poses[:, :3])(times), turns))
 
     def until(self, most: float) -> Recording:
         """Its looks of the first `most` [s]."""
@@ -156,8 +174,9 @@ class MotionForward:
         assert isinstance(start, Grip)
         if not one.begin(motion, start, end):
             return None
-        ends = None if one.ends is None else beside(one.ends[2:], far)
-        return motion.run(beside(one.starts[2:], near), ends, one.steps[1:])
+        ends = None if one.ends is None else one.parted(beside(one.ends, far))
+        run = motion.run(one.parted(beside(one.starts, near)), ends, one.parts)
+        return run.after((np.cumsum(one.ways) - 1).tolist())
 
 
 def recordings_of(seen: Sequence[Observation]) -> list[Recording]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from cable_shape.motion.harness_motion import HarnessMotion
 from cable_shape.motion.motion import Motion
+from cable_shape.motion.run import STEP
 from cable_shape.pose import Ends, Grip, Pose, between
 from cable_shape.safety.report import Ahead, Clearance
 from cable_shape.shape import CableShape
@@ -22,9 +23,8 @@ MOTIONS = ("quasistatic", "dynamic")
 QUASISTATIC, DYNAMIC = MOTIONS
 #: Every so many steps of a look ahead bodies are looked at.
 LOOK = 2
-#: [s], the longest single step, the shortest gap that is told of, and the longest that is bridged: after that it begins
-#: anew, at rest.
-STEP, GAP, LONGEST = 0.0105, 0.03, 1.0
+#: [s], the shortest gap that is told of, and the longest that is bridged: after that it begins anew, at rest.
+GAP, LONGEST = 0.03, 1.0
 #: A gap is more than so many times the median of the last steps, so many of them.
 _LATE, _LAST = 2.5, 9
 

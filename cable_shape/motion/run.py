@@ -8,6 +8,8 @@ import numpy as np
 
 from cable_shape.checks import Array
 
+#: [s], the longest single step of what goes on by itself from one pose of its grips to the next, seen or commanded.
+STEP = 0.0105
 #: By how much nodes are moved for a difference, in derivatives of them.
 _NEAR = 1e-6
 
@@ -54,6 +56,12 @@ class Run(NamedTuple):
     velocities: Array
     lost: int
     derivative: Derivative | None = None
+
+    def after(self, steps: list[int]) -> Run:
+        """The same after these steps alone, counted from 0, without a derivative."""
+        return self._replace(
+            places=self.places[steps], tangents=self.tangents[steps], velocities=self.velocities[steps], derivative=None
+        )
 
     def at(self, arc_length: Array) -> Array:
         """(T, m, 3) [m], of the cubic between the nodes at arc lengths (m,) [m]; beyond the ends: straight on."""

@@ -19,6 +19,7 @@ TRUE = cs.Cable(
 )
 KEPT = np.array((12, 25, 38, 50, 62, 75, 88))  # of 101 points
 DT = 0.02
+PARTS = 2  # of the time between two looks, in which the cable itself moves, as in a fit
 
 
 def smooth(t: float, whole: float) -> float:
@@ -37,14 +38,14 @@ def ends(group: int, t: float, free: bool = False) -> tuple[cs.Pose, cs.Pose | N
 
 
 def recordings(groups: Sequence[int], looks: int = 30, free: bool = False, **keywords: Any) -> list[cs.Observation]:
-    """What a camera sees of `TRUE` from rest on, every 20 ms."""
+    """What a camera sees of `TRUE` from rest on, every 20 ms, while its grips go their own way in between."""
     out = []
     for group in groups:
         motion = cs.Motion(TRUE, points=101)
         shape = motion.begin(*ends(group, 0.0, free))
         for k in range(looks):
-            if k > 1:  # two looks at rest, from which it begins
-                shape = motion.step(*ends(group, k * DT, free), DT)
+            for part in range(PARTS if k > 1 else 0):  # two looks at rest, from which it begins
+                shape = motion.step(*ends(group, (k - 1 + (part + 1) / PARTS) * DT, free), DT / PARTS)
             seen = {name: value(shape) for name, value in keywords.items()}
             start, end = ends(group, k * DT, free)
             out.append(cs.Observation(start, end, shape.positions[KEPT], group=group, time=k * DT, **seen))
@@ -94,6 +95,19 @@ def test_pitch_and_roll_of_grips_are_seen_in_a_swing():
     found = cs.calibrate(tilted, TRUE, ("start_pitch", "roll"), motion=True)
     assert found["start_tilt_1"].value == pytest.approx(pitch, abs=0.01)
     assert found["roll"].value == pytest.approx(roll, abs=0.05)
+
+
+@pytest.mark.parametrize("gap", [slice(4, 26, 2), slice(9, 14)], ids=["a slow camera", "frames are lost"])
+def test_looks_may_be_far_apart(gap: slice):
+    lost = set(range(30)[gap])
+    seen = [one for i, one in enumerate(recordings(range(3), arc_length=arc)) if i % 30 not in lost]
+    begin = TRUE.replace(bending_stiffness=0.006, twisting_stiffness=0.0045, retardation_time=0.03, drag=0.02)
+    fit = ("bending_stiffness", "retardation_time", "drag", "length")
+    found = cs.calibrate(seen, begin, fit, motion=True)
+    assert found["bending_stiffness"].value == pytest.approx(0.004, rel=0.03)
+    assert found["retardation_time"].value == pytest.approx(0.05, rel=0.05)
+    assert found["drag"].value == pytest.approx(0.03, rel=0.1)
+    assert found["length"].value == pytest.approx(1.0, abs=3e-4)
 
 
 @pytest.mark.parametrize("free", [False, True], ids=["two grips", "a free end"])
