@@ -237,7 +237,11 @@ def motion(kind: str, number: int) -> Motion:
         if given is not None and clear(given):
             rubs = FRICTION if number % 2 else 0.0
             bodies = [replace(body, friction=rubs) for body in given.scene.obstacles]
-            return given._replace(scene=cs.Scene(obstacles=bodies, contact="solve"))
+            scene = cs.Scene(obstacles=bodies, contact="solve")
+            if len(given.cables) > 1:
+                cables = {name: cable.replace(friction=rubs) for name, cable in given.cables.items()}
+                given = given._replace(cables=cables)
+            return given._replace(scene=scene)
     raise AssertionError(f"no motion {number} of kind {kind} in {TRIES} tries")
 
 

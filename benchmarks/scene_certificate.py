@@ -8,6 +8,7 @@ a body; and on the way from the shape before no body or cable is passed.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 from scipy.spatial.distance import cdist
@@ -82,8 +83,13 @@ def between(shape: cs.CableShape, arcs: Array) -> Array:
     )
 
 
-def judged(cable: cs.Cable, scene: cs.Scene, shape: cs.CableShape, clips: Array) -> tuple[str, ...]:
-    """What is wrong with a usable shape; clips (k, 4 or more): arc length and force on each clip."""
+def judged(
+    cable: cs.Cable, scene: cs.Scene, shape: cs.CableShape, clips: Array, beside: Mapping[str, cs.Cable] | None = None
+) -> tuple[str, ...]:
+    """What is wrong with a usable shape; clips (k, 4 or more): arc length and force on each clip.
+
+    beside: all cables that it may touch, by name.
+    """
     wrong = []
     allowed = DEEP + shape.error_estimate
     radius = 0.5 * cable.diameter
@@ -106,10 +112,11 @@ def judged(cable: cs.Cable, scene: cs.Scene, shape: cs.CableShape, clips: Array)
                 wrong.append(f"off: contact with {contact.body} is {1e3 * off:.2f} mm off")
             if along < 0.98:
                 wrong.append(f"normal: {contact.body} {along:.3f}")
-            rubs = contact.tangential_force
-            limit, size = max(cable.friction, body.friction) * contact.force, float(np.linalg.norm(rubs))
-            if size > 1.01 * limit + CONE * largest or abs(rubs @ contact.normal) > 1e-6 * largest:
-                wrong.append(f"cone: {size:.3g} N along {contact.body}, {limit:.3g} N can be held")
+        other = bodies.get(contact.body) or (beside or {}).get(contact.body, cable)
+        rubs = contact.tangential_force
+        limit, size = max(cable.friction, other.friction) * contact.force, float(np.linalg.norm(rubs))
+        if size > 1.01 * limit + CONE * largest or abs(rubs @ contact.normal) > 1e-6 * largest:
+            wrong.append(f"cone: {size:.3g} N along {contact.body}, {limit:.3g} N can be held")
     wrong += balance(cable, shape, clips)
     return tuple(wrong)
 

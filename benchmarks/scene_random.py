@@ -243,7 +243,7 @@ def run_motion(given: Motion, title: str) -> Found:
             statuses["too far apart" if none else shape.status.name] += 1
             if shape.usable:
                 bands[name].lie(shape)
-                texts += judged(given.cables[name], given.scene, shape, shape.supports)
+                texts += judged(given.cables[name], given.scene, shape, shape.supports, given.cables)
             elif not none:
                 lost.append(k)
         if all(shape.usable for shape in shapes.values()):

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from cable_shape.kernels.contact import link
 from cable_shape.kernels.contact.near import APART, NEAR, ON, TOWARD
+from cable_shape.kernels.contact.pair_friction import RUBS
 from cable_shape.kernels.contact.tables import Lying
 from cable_shape.kernels.network.tables import L_BENT, LINK_MODEL
 
@@ -35,7 +36,7 @@ def pair(seed, *, stays=False):
     lying = Lying(
         np.zeros(0, np.int64), empty, np.zeros(6), np.full(5, STEP), np.ones(6), np.ones(6), np.zeros(5), q, q[None],
         near[None], np.zeros((3, 6, ON), np.int64), empty, empty, empty, empty, empty, np.array((REACH,)),
-        np.array(((1, 4, stays),)), np.zeros(6),
+        np.array(((1, 4, stays),)), np.zeros(6), np.zeros((3, 1, RUBS)),
     )  # fmt: skip
     return lying, q, near, frames, bends, across
 

@@ -111,6 +111,8 @@ def predict(lying: Lying, net: Net, history: int) -> float:
                 let_go(near[TRIAL], k)
         if on[NOW, k, LINKED] == ACTIVE and on[BEFORE, k, LINK] == on[NOW, k, LINK]:
             push_on(near, on, k, a if on[BEFORE, k, LINKED] == ACTIVE else 0.0)
+    for i in range(lying.rubs.shape[1]):
+        copy(lying.rubs[TRIAL, i], lying.rubs[NOW, i])
     for j in range(ends.shape[1]):
         for i in range(3):
             ends[TRIAL, j, i] = f * ends[NOW, j, i] - a * ends[BEFORE, j, i]

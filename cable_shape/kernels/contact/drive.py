@@ -16,6 +16,7 @@ from cable_shape.kernels.contact.knots import close, from_model, place_nodes, pr
 from cable_shape.kernels.contact.lay import laid
 from cable_shape.kernels.contact.link import find_pairs, look_at_links, tie_pairs
 from cable_shape.kernels.contact.near import GRIP_EXCLUSION, NORMAL, ROUND
+from cable_shape.kernels.contact.pair_friction import goes_on_pairs, remember_pairs
 from cable_shape.kernels.contact.press import I_ASSEMBLIES, I_EXCESS, I_ITERATIONS, RUNNING, press, tell_pushes
 from cable_shape.kernels.contact.run import any_crowded
 from cable_shape.kernels.contact.tables import Bodies, Lying, Net
@@ -152,11 +153,13 @@ def solve(
     for c in range(grip.shape[0]):
         copy(lying.slid[TRIAL, supports + c * GRIP : supports + (c + 1) * GRIP], grip[c])
     par = model_of(net.bare, net.made).par
-    remember(lying, bodies, FAINT * (weight + par[SOFTEST]), par[LENGTH])
+    faint = FAINT * (weight + par[SOFTEST])
+    remember(lying, bodies, faint, par[LENGTH])
+    remember_pairs(lying, TRIAL, faint, par[LENGTH])
     seen = np.zeros(network.INFO + 3 * lying.turns.shape[1])
     sample(ints, floats, sols, space, points, out, seen)
     knot_loads(ints, floats, space, loads[: ints[N_KNOTS]])
-    tell_pushes(net, near, on)
+    tell_pushes(net, lying, near, on)
     info[I_ENERGY], info[I_TWIST] = seen[network.I_ENERGY], seen[network.INFO]
     copy(info[INFO:], seen[network.INFO :])
     for c in range(lying.turns.shape[1]):
@@ -277,6 +280,7 @@ def take_over(lying: Lying, to: int, of: int) -> None:
     copy_rows(lying.grips[to], lying.grips[of], lying.grips.shape[2])
     copy(lying.turns[to], lying.turns[of])
     copy(lying.slid[to], lying.slid[of])
+    copy_rows(lying.rubs[to], lying.rubs[of], lying.rubs.shape[2])
 
 
 @kernel
@@ -296,6 +300,7 @@ def refresh(lying: Lying, net: Net) -> None:
     find_pairs(lying, on)
     look_at_links(lying, near)
     tie_pairs(net, lying, q, near, on, False)
+    goes_on_pairs(net, lying, q, near, on, NOW)
     still_knots(model_of(ints, floats))
     factor(ints, floats, space, SLIGHT * par[BASE_SHIFT])
     size = solution_size(ints)

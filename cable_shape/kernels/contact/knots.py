@@ -33,6 +33,7 @@ from cable_shape.kernels.contact.near import (
     pressed,
     tangent_of,
 )
+from cable_shape.kernels.contact.pair_friction import PULLED, pulled
 from cable_shape.kernels.contact.tables import Lying, Net
 from cable_shape.kernels.network.compiled import viewing
 from cable_shape.kernels.network.drive import strip
@@ -103,7 +104,7 @@ def put(net: Net, lying: Lying, which: int, near: Array, normal: int) -> None:
     """
     ints, floats, sols = net.ints, net.floats, net.sols
     plan, model, sol = plan_of(ints), model_of(ints, floats), solution_of(ints, sols, TRIAL)
-    q, ends, grips = lying.q[which], lying.ends[which], lying.grips[which]
+    q, on, ends, grips = lying.q[which], lying.on[which], lying.ends[which], lying.grips[which]
     known, supports = net.bare[N_KNOTS], lying.held.shape[0]
     for c in range(sol.grip.shape[0]):
         copy(sol.grip[c], lying.slid[which, supports + c * GRIP :])
@@ -122,6 +123,8 @@ def put(net: Net, lying: Lying, which: int, near: Array, normal: int) -> None:
             force = add(add(get3(sol.lam, x + 1), get3(model.weight, x + 1)), get3(model.force, knot))
             force = add(force, pressed(near, k, normal))
             force = add(force, scale(near[k, PUSH], take3(near, k, TOWARD)))
+            if on[k, LINKED] == ACTIVE:
+                force = add(force, pulled(lying.rubs[which], on, k, PULLED))
         put3(sol.lam, x, 0, force)
     for i in range(plan.vertices.shape[0]):
         k = net.where[i]

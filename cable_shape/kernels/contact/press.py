@@ -54,6 +54,16 @@ from cable_shape.kernels.contact.near import (
     look,
     split,
 )
+from cable_shape.kernels.contact.pair_friction import (
+    NEXT,
+    PULLED,
+    any_rub,
+    forget_pulls,
+    hold_pairs,
+    lead_pairs,
+    pull_on,
+    pulled,
+)
 from cable_shape.kernels.contact.run import slide
 from cable_shape.kernels.contact.sets import drop, grow, meet, misplaced, spare_clips
 from cable_shape.kernels.contact.tables import Bodies, Lying, Net
@@ -178,6 +188,8 @@ def press(
             let_go(near, k)
             near[k, MATE] = 0.0
     find_pairs(lying, on)
+    rubs, of_pairs = rough and any_rub(lying), 1.0
+    forget_pulls(lying, not rubs)
     while iterations < most:
         iterations += 1
         one = iterations > BLOCK
@@ -232,6 +244,9 @@ def press(
         info[I_GAP] = max(info[I_GAP], tie_pairs(net, lying, q, near, on, reuse))
         if rough:
             flips, off_law, part = pull_along(net, lying, bodies, q, near, on, firm, faint, length, part, reuse)
+        if rubs:
+            turned, off, of_pairs = hold_pairs(net, lying, q, near, on, firm, faint, length, of_pairs, reuse)
+            flips, off_law = flips + turned, max(off_law, off)
         if drag > 0.0:
             hold_back(net, q, start, drag)
         wanted = ints[UNKNOWN] + active_pairs(lying, on)
@@ -282,6 +297,8 @@ def press(
                 slides_of(ints, net.run).way[:] = 0.0
             largest = KICK
             moves(net, near)
+        if rubs:
+            lead_pairs(net, lying, q, near, on, firm, faint, length)
         fraction = min(1.0, LARGEST_STEP / largest) if largest > 0.0 else 1.0
         fraction = min(fraction, allowed(near, on, bodies.table, lying.thick), allowed_apart(lying, near))
         if runs_through:
@@ -301,7 +318,7 @@ def press(
             if firm < 1.0 and largest < TIGHTENED:
                 firm = min(max(FIRMER * firm, FIRST[1]), 1.0)
                 changed = 1
-            done = small and changed == 0 and off_law < RUBBED and not pulls(net, near, on, least)
+            done = small and changed == 0 and off_law < RUBBED and not pulls(net, lying, near, on, least)
         forces_on(net, lying, near, on, lying.ends[TRIAL], fraction)
         for k in range(near.shape[0]):
             if lies(on, k):
@@ -385,7 +402,7 @@ def change_of(work: Work, slides: Slides, x: int, e: int) -> Vector:
 
 
 @viewing(forceinline=True)
-def jump_at(net: Net, near: Array, on: Array, i: int) -> Vector:
+def jump_at(net: Net, lying: Lying, near: Array, on: Array, i: int) -> Vector:
     """[N], what bodies push contact i by with the step: the jump of the force there."""
     sol, work = solution_of(net.ints, net.sols, TRIAL), work_of(net.ints, net.space)
     model = model_of(net.ints, net.floats)
@@ -395,13 +412,14 @@ def jump_at(net: Net, near: Array, on: Array, i: int) -> Vector:
     if on[k, LINKED] == ACTIVE:
         push = pushed_apart(net, near, on, k, 1.0)
         jump = subtract(jump, scale(push, take3(near, k, TOWARD)))
+        jump = subtract(jump, pulled(lying.rubs[TRIAL], on, k, NEXT))
     return jump
 
 
 @viewing(forceinline=True)
-def pushed(net: Net, near: Array, on: Array, i: int, fraction: float) -> float:
+def pushed(net: Net, lying: Lying, near: Array, on: Array, i: int, fraction: float) -> float:
     """[N], the push of a body on contact i with a fraction of the step."""
-    k, jump = net.where[i], jump_at(net, near, on, i)
+    k, jump = net.where[i], jump_at(net, lying, near, on, i)
     own = dot(jump, take3(near, k, NORMAL))
     if on[k, SECOND] != BARE:
         own, _ = split(near, k, jump)
@@ -409,23 +427,23 @@ def pushed(net: Net, near: Array, on: Array, i: int, fraction: float) -> float:
 
 
 @viewing(forceinline=True)
-def pushed_second(net: Net, near: Array, on: Array, i: int, fraction: float) -> float:
+def pushed_second(net: Net, lying: Lying, near: Array, on: Array, i: int, fraction: float) -> float:
     """The same of the second body; 0 without one."""
     k = net.where[i]
     if on[k, SECOND] == BARE:
         return 0.0
-    _, own = split(near, k, jump_at(net, near, on, i))
+    _, own = split(near, k, jump_at(net, lying, near, on, i))
     return float(near[k, SECOND_PRESS] + fraction * (own - near[k, SECOND_PRESS]))
 
 
 @viewing
-def pulls(net: Net, near: Array, on: Array, least: float) -> bool:
+def pulls(net: Net, lying: Lying, near: Array, on: Array, least: float) -> bool:
     """Whether a contact would pull by more than `least` [N] after the step."""
     count = 0
     for i in range(net.bare[N_KNOTS], net.ints[N_KNOTS]):
         k = net.where[i]
-        count += on[k, 0] != BARE and pushed(net, near, on, i, 1.0) < -least
-        count += pushed_second(net, near, on, i, 1.0) < -least
+        count += on[k, 0] != BARE and pushed(net, lying, near, on, i, 1.0) < -least
+        count += pushed_second(net, lying, near, on, i, 1.0) < -least
         count += on[k, LINKED] == ACTIVE and pushed_apart(net, near, on, k, 1.0) < -least
     return count > 0
 
@@ -438,16 +456,17 @@ def forces_on(net: Net, lying: Lying, near: Array, on: Array, ends: Array, fract
         knot = plan.ends[x, 1]
         if knot >= net.bare[N_KNOTS]:
             if on[net.where[knot], 0] != BARE:
-                second = pushed_second(net, near, on, knot, fraction)
+                second = pushed_second(net, lying, near, on, knot, fraction)
                 if near[net.where[knot], MATE] != 0.0:
-                    go_along(near, on, net.where[knot], jump_at(net, near, on, knot), fraction)
-                near[net.where[knot], PRESS] = pushed(net, near, on, knot, fraction)
+                    go_along(near, on, net.where[knot], jump_at(net, lying, near, on, knot), fraction)
+                near[net.where[knot], PRESS] = pushed(net, lying, near, on, knot, fraction)
                 near[net.where[knot], SECOND_PRESS] = second
         elif plan.known[x] != 0:
             put3(ends, net.stretch[x], 0, get3(sol.lam, x))
         else:
             put3(ends, net.stretch[x], 0, add(get3(ends, net.stretch[x]), scale(fraction, step_of_force(work, x))))
     go_apart(net, lying, near, on, fraction)
+    pull_on(lying, near, fraction)
 
 
 @viewing
@@ -486,7 +505,7 @@ def hold_back(net: Net, q: Array, start: Array, drag: float) -> None:
 
 
 @viewing
-def tell_pushes(net: Net, near: Array, on: Array) -> None:
+def tell_pushes(net: Net, lying: Lying, near: Array, on: Array) -> None:
     """Fills in the contacts' forces after the correction of the discretisation error.
 
     Where a body presses on a contact, too, the push of another cable is told by the jump of the force there.
@@ -504,6 +523,7 @@ def tell_pushes(net: Net, near: Array, on: Array) -> None:
             elif on[k, 0] != BARE:
                 if on[k, LINKED] == ACTIVE:
                     jump = subtract(jump, scale(near[k, PUSHED], n))
+                    jump = subtract(jump, pulled(lying.rubs[TRIAL], on, k, PULLED))
                 near[k, EXACT] = dot(jump, take3(near, k, NORMAL))
                 if on[k, SECOND] != BARE:
                     near[k, EXACT], near[k, SECOND_EXACT] = split(near, k, jump)

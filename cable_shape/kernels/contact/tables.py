@@ -35,6 +35,7 @@ class Lying(NamedTuple):
     reach: Array  # (l,) [m] least distance of the centrelines of a pair, see `link`
     pairs: Any  # (l, 3) scratch: nodes of the pairs; 1: the first one stays, see `link.STAYS`
     rough: Array  # (n,) coefficient of friction there
+    rubs: Array  # (3, l, 21) friction between the cables of a pair, see `pair_friction`
 
 
 class Bodies(NamedTuple):

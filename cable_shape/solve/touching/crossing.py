@@ -133,7 +133,7 @@ class Crossing(Piled):
             if crowded:
                 return self._give_up(free, crowded)
             spots = [spot.copy() for spot in old]
-            self._group = Pile(strands, self._shapes, self._frames, spots, self._more)
+            self._group = self._piled(self._shapes, self._frames, spots, self._more)
             free = [shape if i not in self.touching else None for i, shape in enumerate(free)]
         return self._give_up(free, LOST)
 
@@ -161,7 +161,8 @@ class Crossing(Piled):
             free = self.strands.alone(held)
             if any(shape is not None and not shape.status for shape in free):
                 break
-            self._group = Pile(self.strands, given, frames, [spot.copy() for spot in spots], more)
+            self._group = self._piled(given, frames, [spot.copy() for spot in spots], more)
+            self._group.rubs = False
             if self._group.buried or not (self._group.go(frames, search=True) and self._group.refined()):
                 break
             shapes = self._reported(free, Status.OK, began)
@@ -191,7 +192,7 @@ class Crossing(Piled):
             return False
         for finer in (usual.finer * factor for factor in _FINER if usual.finer * factor < _FINEST):
             spots = [spot.copy() for spot in usual.spots]
-            finer_one = Pile(self.strands, shapes, self._frames, spots, self._more, finer)
+            finer_one = self._piled(shapes, self._frames, spots, self._more, finer)
             self._group = finer_one
             if self._in_steps(finer_one, goal):
                 return True
@@ -302,7 +303,8 @@ class Crossing(Piled):
             crowded = self._places.crowded(spots)
             if crowded:
                 return self._give_up(list(shapes), crowded)
-            self._group = Pile(self.strands, given, frames, spots)
+            self._group = self._piled(given, frames, spots)
+            self._group.rubs = False
             if not self._grown(frames):
                 let_down = self._let_down(spots, frames)
                 if not let_down:
@@ -369,7 +371,7 @@ class Crossing(Piled):
     def _held_higher(self, level: dict[int, int], height: float) -> Crossing | None:
         """These parts, held so many times this height [m] higher; None if they touch there, or have no shape."""
         other = Crossing(self.strands.twin(), self._time_budget)
-        other._leaps = False
+        other._leaps = other._rubs = False
         other._lift(self, level, height)
         alone = other._alone([None] * len(other.strands.names))
         if not all(shape.usable for shape in alone) or other._places.overlaps(alone):
@@ -387,5 +389,6 @@ class Crossing(Piled):
         self._group = None
         if other.touching:
             spots = [spot.copy() for spot in other._spots]
-            self._group = Pile(self.strands, shapes, frames, spots, other._more)
+            self._group = self._piled(shapes, frames, spots, other._more)
+            self._group.rubs = False
         return self._group is None or (self._group.go(frames) and self._group.refined())

@@ -27,6 +27,7 @@ from cable_shape.kernels.contact.near import (
     sharpness,
     tangent_of,
 )
+from cable_shape.kernels.contact.pair_friction import RUBS
 from cable_shape.kernels.contact.tables import Lying, Net
 from cable_shape.kernels.network import material, tables
 from cable_shape.kernels.network.tables import BEFORE, NOW, TRIAL
@@ -109,6 +110,8 @@ class Pair(NamedTuple):
     push: float  # [N], 0: they do not touch
     places: Array  # (2, 3) [m]
     stays: bool = False  # the first node stays along its cable, see `kernels.contact.link`
+    pull: Array = _NOTHING  # (3,) [N], friction on the first cable
+    slips: bool = False
 
 
 class Laid:
@@ -151,6 +154,7 @@ class Laid:
         self.length = 0.0
         self.links: tuple[Pair, ...] = ()  # of the last solution, when it was made
         self.reach: Array = np.empty(0)  # (l,) [m], of the pairs
+        self.rubbing: Array = np.zeros((3, 0, RUBS))  # their friction, see `kernels.contact.pair_friction`
         self._knots: Any = np.arange(2)  # of the supports
         self._moves: Any = np.zeros(2, dtype=bool)  # of the knots: whether their place is looked for
         self._grips: Array = np.zeros((3, 2, 7))
@@ -418,6 +422,8 @@ class Laid:
         self.frames: Array = np.zeros((self._arcs.size, 7))
         self.held: Any = np.abs(nodes[:, None] - self._arcs).argmin(axis=0)
         self._pairs: Any = np.array([(0, 0, pair.stays) for pair in self.links], np.int64).reshape(-1, 3)
+        if not n_old:
+            self.rubbing = np.zeros((3, len(self.links), RUBS))
         self.widest = float(self.h[self.held[:-1]].max())
         self.loads: Array = np.zeros((n + 1, 7))
         self.s_then: Array = self.s.copy()  # before the last step
@@ -483,7 +489,7 @@ class Laid:
         return Lying(
             self.held, self.held_mask, self.s, self.h, self.flex, self.thick, self.errors, self.start, self.q,
             self.near, self.on, self.ends, self._grips, self.turns, self.slid, self.frames, self.reach, self._pairs,
-            self.rough,
+            self.rough, self.rubbing,
         )  # fmt: skip
 
     def insert(self, arcs: Array, shortest: float = LEAST_LENGTH) -> bool:

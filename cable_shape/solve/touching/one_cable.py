@@ -115,7 +115,7 @@ class OneCable:
             supports=told.loads_on(row),
             touches=told.touches[row],
             bodies=told.bodies,
-            frictionless=state.has_friction,
+            frictionless=told.frictionless,
         )
         shape.energy += energy_of_sections(problem.cable, shape, problem.gravity)
         return [shape]

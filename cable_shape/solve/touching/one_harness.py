@@ -126,6 +126,7 @@ class OneHarness:
             solve_time=told.solve_time,
             clips=loads if len(loads) else None,
             clips_of=problem.clips,
+            frictionless=told.frictionless,
             touches=told.touches[rows.start : rows.stop],
             bodies=told.bodies,
         )

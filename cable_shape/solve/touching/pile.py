@@ -52,10 +52,12 @@ class Pile:
         spots: list[Spot],
         more: Collection[int] = (),
         finer: float = 1.0,
+        *,
+        rubs: bool = True,
     ) -> None:
         """From the shapes of all the cables between these frames; more: cables that it has though they touch none.
 
-        finer: of so many times as many elements as usual.
+        finer: of so many times as many elements as usual. rubs: see `rubs`.
         """
         self._strands = strands
         self.spots, self.frames = spots, frames.copy()
@@ -63,7 +65,8 @@ class Pile:
         self.cables = strands.hung_together(self.more.union(cable for spot in spots for cable in spot.cables))
         self._problem = strands.network(self.cables)
         self._state = HarnessTouchState(self._problem)  # type: ignore[arg-type]
-        self._state.rubs = False  # what cables lie on below each other does not hold them
+        self.rubs = rubs
+        self.frictionless = False  # surfaces have friction, which the last equilibrium is without
         self._state.move_bodies(self._links(frames))
         self.finer = finer
         least = ACCURACY * self._problem.harness.longest if self._problem.bodies else 0.0
@@ -76,7 +79,8 @@ class Pile:
         state = self._state
         gaps = {cable: state.gaps[row] for row, cable in enumerate(self.cables)}
         state.links = tuple(
-            Pair(s.arcs + [gaps[cable] for cable in s.cables], s.reach, s.press, s.places, s.stays) for s in self.spots
+            Pair(s.arcs + [gaps[i] for i in s.cables], s.reach, s.press, s.places, s.stays, s.pull, s.slips)
+            for s in self.spots
         )
         poses = self._poses(self.frames)
         started = self._strands.start(self.cables, shapes)
@@ -87,6 +91,15 @@ class Pile:
         if not any(spot.press > 0.0 for spot in self.spots):  # on this mesh, before anything presses
             state.reach = np.zeros(len(self.spots))
             self._steps.go(poses, 1, WARM_ITERATIONS, FAR)
+
+    @property
+    def rubs(self) -> bool:
+        """Whether there is friction, where surfaces have some: not on ways that are no steps of the cables."""
+        return self._state.rubs
+
+    @rubs.setter
+    def rubs(self, rubs: bool) -> None:
+        self._state.rubs = rubs and all(part.problem.rubs for part in self._strands.parts)
 
     def _links(self, frames: Array) -> Array:
         """(m, 7), those of the links that carry bodies or clips."""
@@ -100,6 +113,7 @@ class Pile:
 
     def take(self) -> None:
         """The ends and links where the problems have them now."""
+        self._steps.iterations = 0
         self._strands.follow(self._problem, self.cables)
 
     @property
@@ -138,13 +152,18 @@ class Pile:
         links = self._links(frames)
         steps.links = links
         state.move_bodies(links)
-        poses, kept = self._poses(frames), self.keep()
+        poses, kept, rubbed = self._poses(frames), self.keep(), state.rubs
         found = steps.go(poses, state.history, WARM_ITERATIONS, math.inf if search else FAR) and self._take(frames)
         if not found and search:
             self.restore(kept)
             state.move_bodies(links)
+            rubs, state.rubs = state.rubs, False
             found = relax(steps, poses) and self._take(frames)
-        if not found:
+            state.rubs, rubbed = rubs, False
+        if found:
+            rows = any(spot.stays and spot.press > 0.0 for spot in self.spots)
+            self.frictionless = state.has_friction and (rows or not rubbed)
+        else:
             self.restore(kept)
         return found
 
@@ -156,6 +175,7 @@ class Pile:
         for spot, pair in zip(self.spots, state.pairs(), strict=True):
             gaps = [state.gaps[self.cables.index(cable)] for cable in spot.cables]
             spot.arcs, spot.places, spot.press = pair.arcs - gaps, pair.places, pair.push
+            spot.pull, spot.slips = pair.pull, pair.slips
         return all(self._keeps_off(spot, then) for spot, then in zip(self.spots, before, strict=True))
 
     def _keeps_off(self, spot: Spot, before: Spot) -> bool:
@@ -207,8 +227,10 @@ class Pile:
         while self.coarse and self.finer < _FINEST:
             self.finer *= 2.0
             self._start(dict(zip(self.cables, self.shapes(Status.OK, "", 0.0), strict=True)))
+            frictionless = self.frictionless
             if not self.go(self.frames):
                 return False
+            self.frictionless = self.frictionless or frictionless
         return True
 
     def shapes(self, status: Status, detail: str, began: float) -> list[CableShape]:
@@ -220,6 +242,7 @@ class Pile:
         told = Told(
             self.cables, self._strands.names, self._strands.cables, self.spots, state, steps.buffer, steps.loads,
             iterations=steps.iterations, status=status, detail=detail, overlap=self.overlap,
+            frictionless=self.frictionless,
             solve_time=perf_counter() - began,
         )  # fmt: skip
         return self._strands.shapes(told)

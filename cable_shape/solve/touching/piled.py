@@ -34,6 +34,7 @@ class Piled:
         self._time_budget, self._deadline = time_budget, math.inf
         self._patience, self._why = Patience(), ""
         self._halvings = 0
+        self._rubs = True  # whether cables go to and fro as they do, see `Pile.rubs`
         self._leaps = True  # whether another equilibrium is looked for where no way leads on
         self._places = Places(strands)
         self._rounds = Rounds(self._places.pairs)
@@ -126,12 +127,18 @@ class Piled:
         """Whether shapes overlap each other or themselves."""
         return bool(self._places.overlaps(list(shapes)))
 
+    def _piled(
+        self, shapes: list[CableShape], frames: Array, spots: list[Spot], more: Collection[int] = (), finer: float = 1.0
+    ) -> Pile:
+        """See `Pile`."""
+        return Pile(self.strands, shapes, frames, spots, more, finer, rubs=self._rubs)
+
     def _load(self) -> None:
         """Goes on from the last equilibrium under the loads that the problems now have."""
         self._kinds, self._reached = [], None
         if self._group is not None and self._shapes is not None:
             spots = [spot.copy() for spot in self._spots]
-            self._group = Pile(self.strands, self._shapes, self._frames, spots, self._more)
+            self._group = self._piled(self._shapes, self._frames, spots, self._more)
 
     def _reported(self, free: Sequence[CableShape | None], status: Status, began: float) -> list[CableShape]:
         """The shapes of all the cables."""
@@ -152,6 +159,7 @@ class Piled:
         self._shapes, self._frames = shapes, frames
         if group is not None:
             self._patience.succeed()
+            group.rubs = self._rubs
             for spot in group.spots:
                 spot.before = spot.arcs.copy()
             lines = {i: (shape.arc_length, shape.positions) for i, shape in enumerate(shapes)}
@@ -163,7 +171,7 @@ class Piled:
                 leaving = set(group.cables).difference(self.strands.hung_together(held))
                 spots = staying if self.strands.comes_free(leaving, shapes, frames) else group.spots
                 more = group.more
-                self._group = Pile(self.strands, shapes, frames, spots, more) if spots or more else None
+                self._group = self._piled(shapes, frames, spots, more) if spots or more else None
         self.strands.accept(shapes)
         self._last = shapes, frames, [spot.copy() for spot in self._spots], self._more
         self._reached = None
@@ -204,7 +212,7 @@ class Piled:
         self._group, self._reached = self._reached, None
         if (spots or more) and self._group is None:
             spots = [spot.copy() for spot in spots]
-            self._group = Pile(self.strands, self._shapes, self._frames, spots, more)
+            self._group = self._piled(self._shapes, self._frames, spots, more)
 
     def _give_up(
         self, shapes: Sequence[CableShape | None], detail: str, status: Status = Status.NOT_CONVERGED

@@ -52,11 +52,14 @@ def press_nodes(rows: Array, nodes: Array, held: Any, near: Array, on: Array) ->
                 near[k, RUB : RUB + 3] += part * row[9:12]
 
 
-def hold_nodes(nodes: Array, shape: CableShape, frames: Array, near: Array, on: Any) -> None:
-    """Has friction count from this shape on, at the nodes that `press_nodes` has pressed; frames (m, 4, 3): bodies'."""
+def hold_nodes(nodes: Array, own: Array, shape: CableShape, frames: Array, near: Array, on: Any) -> None:
+    """Has friction count from this shape on, at the nodes that `press_nodes` has pressed; frames (m, 4, 3): bodies'.
+
+    own (n,) [m]: arc lengths of the nodes on their own cable.
+    """
     for k in np.flatnonzero(on[:, 0] != BARE):
         axes, origin = frames[on[k, 0], :3], frames[on[k, 0], 3]
         spot = np.array([np.interp(nodes[k], shape.arc_length, column) for column in shape.positions.T])
         near[k, WAS : WAS + 3] = axes @ (spot - origin)
         near[k, HELD : HELD + 3] = axes @ near[k, RUB : RUB + 3]
-        near[k, ARC], near[k, MATE] = nodes[k], 1.0 + on[k, 0]
+        near[k, ARC], near[k, MATE] = own[k], 1.0 + on[k, 0]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import final
 
 import numpy as np
@@ -35,6 +35,7 @@ class Spot:
     centrelines; before (2,) [m]: the arc lengths in the last equilibrium that was accepted; hand: how the cables cross,
     of the sign of n . (t_a x t_b) between tangents t, which changes as they come through each other. stays: they lie
     along each other, and the first point stays where it is along its cable: rows of such stand for contact on a line.
+    pull (3,) [N]: friction on the first cable; slips: it is what can be held.
     """
 
     cables: Pair
@@ -45,6 +46,8 @@ class Spot:
     press: float = 0.0
     hand: float = 0.0
     stays: bool = False
+    pull: Array = field(default_factory=lambda: np.zeros(3))
+    slips: bool = False
 
     @property
     def distance(self) -> float:

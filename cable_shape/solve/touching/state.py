@@ -10,6 +10,7 @@ import numpy as np
 from cable_shape.cable.cable import Cable
 from cable_shape.checks import Array
 from cable_shape.kernels.contact import check, drive, respond
+from cable_shape.kernels.contact.friction import FAINT
 from cable_shape.kernels.contact.near import (
     ACTIVE,
     APART,
@@ -27,6 +28,7 @@ from cable_shape.kernels.contact.near import (
     SPOT,
     TOWARD,
 )
+from cable_shape.kernels.contact.pair_friction import PULLED, SLIPS, remember_pairs
 from cable_shape.kernels.network import respond as network_respond
 from cable_shape.kernels.network import tables
 from cable_shape.kernels.network.gripping import FROM, FROM_FIRM, FROM_PULL, SLIPPED, TO, TO_FIRM, TO_PULL
@@ -75,10 +77,13 @@ class TouchState(Laid):
         self._grips[NOW] = frames
         self._align()
         resume.press_nodes(rows, nodes, self.held, self.near[NOW], self.on[NOW])
-        if self.has_friction and self.single:
-            resume.hold_nodes(nodes, shape, self.bodies.frames, self.near[NOW], self.on[NOW])
+        if self.has_friction:
+            resume.hold_nodes(nodes, self.s, shape, self.bodies.frames, self.near[NOW], self.on[NOW])
         for i, pair in enumerate(self.links):
             self._link(i, pair)
+        if self.links:
+            faint = FAINT * (self.weight + self.made[tables.SOFTEST])
+            remember_pairs(self.lying, NOW, faint, self.made[tables.LENGTH])
         j = 0
         for chain in self.chains:
             arcs = self._arcs[chain.supports]
@@ -89,7 +94,7 @@ class TouchState(Laid):
                 j += 1
         self.turns[NOW] = shape.turns
         self.history = 1
-        for array in (self.q, self.near, self.on, self.ends, self._grips, self.turns, self.slid):
+        for array in self._solutions:
             array[BEFORE] = array[NOW]
 
     @property
@@ -140,6 +145,7 @@ class TouchState(Laid):
             self.on[NOW, k, LINKED] = ACTIVE if pair.push > 0.0 else BARE
             self.near[NOW, k, TOWARD : TOWARD + 3] = (1.0 - 2.0 * side) / size * way
             self.near[NOW, k, APART], self.near[NOW, k, PUSH] = size, max(pair.push, 0.0)
+        self.rubbing[NOW, i, PULLED : PULLED + 3], self.rubbing[NOW, i, SLIPS] = pair.pull, pair.slips
 
     def _linked(self, i: int, side: int) -> int:
         """The node of a pair on its first or second cable."""
@@ -157,7 +163,9 @@ class TouchState(Laid):
             k = [self._linked(i, side) for side in range(2)]
             active = self.on[NOW, k[0], LINKED] == ACTIVE
             push = float(self.near[NOW, k[0], PUSHED]) if active else 0.0
-            out.append(Pair(self.nodes[k], reach, push, self.near[NOW, k, SPOT : SPOT + 3].copy()))
+            pull, slips = self.rubbing[NOW, i, PULLED : PULLED + 3].copy(), bool(self.rubbing[NOW, i, SLIPS])
+            places = self.near[NOW, k, SPOT : SPOT + 3].copy()
+            out.append(Pair(self.nodes[k], reach, push, places, pull=pull, slips=slips))
         return out
 
     def _align(self) -> None:
@@ -277,11 +285,15 @@ class TouchState(Laid):
         now = self._now(then=then)
         return now._replace(arrays=[a.copy() for a in now.arrays])
 
+    @property
+    def _solutions(self) -> tuple[Array, ...]:
+        """What is kept of three solutions, of each array the rows NOW, BEFORE and TRIAL."""
+        return self.q, self.near, self.on, self.ends, self._grips, self.turns, self.rubbing, self.slid
+
     def _now(self, *, then: bool = False) -> Kept:
         """The same as long as nothing changes it."""
-        solutions = [self.q, self.near, self.on, self.ends, self._grips, self.turns, self.slid]
         nodes = (self.s_then if then else self.s) + (self._gap_of_nodes if self.gaps.size > 1 else 0.0)
-        return Kept(solutions, nodes, self.elements, self._spacing, self._middles, self.tight)
+        return Kept(list(self._solutions), nodes, self.elements, self._spacing, self._middles, self.tight)
 
     def restore(self, kept: Kept) -> None:
         """Puts back a `copy`, which stays as it is."""
@@ -292,7 +304,9 @@ class TouchState(Laid):
             self._arcs[self.rings] = (arrays[-1][NOW, : self._arcs.size] + self._gap_of_supports)[self.rings]
             self.elements = 0
             self.lay_out(nodes.copy())
-        self.q, self.near, self.on, self.ends, self._grips, self.turns, self.slid = (a.copy() for a in arrays)
+        self.q, self.near, self.on, self.ends, self._grips, self.turns, self.rubbing, self.slid = (
+            a.copy() for a in arrays
+        )
         self._put(nodes)
         self.unfactored()
         self.untidy = True
@@ -405,8 +419,7 @@ class TouchState(Laid):
     def came_from(self, kept: Kept) -> None:
         """Makes the last solution of a `copy` the one before the last, if they have the same elements."""
         if self.elements == kept.elements:
-            mine = (self.q, self.near, self.on, self.ends, self._grips, self.turns, self.slid)
-            for array, other in zip(mine, kept.arrays, strict=True):
+            for array, other in zip(self._solutions, kept.arrays, strict=True):
                 array[BEFORE] = other[NOW]
 
     @property

@@ -16,7 +16,6 @@ from cable_shape.shape import NUMBERS_PER_POINT, TOUCH, Status
 from cable_shape.solve.touching.harness_state import HarnessTouchState
 from cable_shape.solve.touching.spot import Spot
 
-NO_FRICTION = (0.0, 0.0, 0.0, 0.0)  #: along the surfaces of cables that touch
 ITSELF = "itself"  #: the body's name, where a cable touches itself
 
 
@@ -28,7 +27,7 @@ class Told:
     ----------
     bodies : tuple of str, what they may touch, by names
     touches : list of (k, TOUCH), the contacts of each as `CableShape` has them
-    overlap : float [m], see `Pile.overlap`
+    overlap, frictionless : see `Pile`
     """
 
     def __init__(
@@ -45,6 +44,7 @@ class Told:
         status: Status,
         detail: str,
         overlap: float,
+        frictionless: bool,
         solve_time: float,
     ) -> None:
         """names, every: of all cables, by their numbers; loads (k, 7): on the clips; solve_time [s].
@@ -52,6 +52,7 @@ class Told:
         buffer: of all shapes, one after the other, levers behind.
         """
         self.cables, self.state, self._buffer, self._loads = cables, state, buffer, loads
+        self.frictionless = frictionless
         self.iterations, self.status, self.detail, self.solve_time = iterations, status, detail, solve_time
         self.error_estimate = float(state.info[drive.I_ESTIMATE]) + overlap  # m, of the positions
         self.bodies, self.touches = self._contacts(names, every, spots)
@@ -104,7 +105,8 @@ class Told:
                     if name not in bodies:
                         bodies.append(name)
                     point = spot.places[1 - side] + 0.5 * widest(cables[other]) * normal
-                    row = (spot.arcs[side], bodies.index(name), *point, *normal, spot.press, *NO_FRICTION)
+                    pull = spot.pull if side == 0 else 0.0 - spot.pull
+                    row = (spot.arcs[side], bodies.index(name), *point, *normal, spot.press, *pull, spot.slips)
                     rows.append(np.array(row).reshape(1, TOUCH))
             found = np.vstack(rows)
             out.append(found[np.argsort(found[:, 0], kind="stable")])
