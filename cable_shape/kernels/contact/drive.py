@@ -16,7 +16,8 @@ from cable_shape.kernels.contact.knots import close, from_model, place_nodes, pr
 from cable_shape.kernels.contact.lay import laid
 from cable_shape.kernels.contact.link import find_pairs, look_at_links, tie_pairs
 from cable_shape.kernels.contact.near import GRIP_EXCLUSION, NORMAL, ROUND
-from cable_shape.kernels.contact.pair_friction import goes_on_pairs, remember_pairs
+from cable_shape.kernels.contact.pair_friction import remember_pairs
+from cable_shape.kernels.contact.pair_system import goes_on_pairs
 from cable_shape.kernels.contact.press import I_ASSEMBLIES, I_EXCESS, I_ITERATIONS, RUNNING, press, tell_pushes
 from cable_shape.kernels.contact.run import any_crowded
 from cable_shape.kernels.contact.tables import Bodies, Lying, Net

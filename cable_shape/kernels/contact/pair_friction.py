@@ -17,10 +17,10 @@ is the gradient of a convex function of z = (theta_a, y_a, theta_b, y_b), for
     dd/dz = P C,   C = (r_a n x R_a, 1, r_b n x R_b, -1),
 
 and C^T K C goes to the network's matrix, K = k P or, of what slips, k mu p / |t' - k d| times as much across its way.
-What cables along each other carry along their line is left out.
+What cables along each other carry along their line is left out. What it adds to Newton's system: `pair_system`.
 
-What stuck is taken to stick on in the first iteration, whatever that takes, and so is what slips one way in an
-iteration and would slip back in the next: it sticks, between asperities that give by far less than it goes in a step.
+What stuck is taken to stick at first, whatever that takes, and so is what slips one way in an iteration and would slip
+back in the next: it sticks, between asperities that give by far less than it goes in a step.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ import math
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.contact.friction import FIRMNESS, LEAST, NOTHING, onto
-from cable_shape.kernels.contact.link import STAYS, add_to, find_pairs
-from cable_shape.kernels.contact.near import ACTIVE, LINK, LINKED, NONE, PUSH, STEP, TOWARD, tangent_of, turning
-from cable_shape.kernels.contact.tables import Lying, Net
+from cable_shape.kernels.contact.link import STAYS, find_pairs, slopes
+from cable_shape.kernels.contact.near import ACTIVE, APART, LINK, LINKED, NONE, PUSH, TOWARD, tangent_of, turning
+from cable_shape.kernels.contact.tables import Lying
 from cable_shape.kernels.network.compiled import viewing
-from cable_shape.kernels.network.tables import L_BENT, TRIAL, model_of, plan_of, work_of
+from cable_shape.kernels.network.tables import TRIAL
 from cable_shape.kernels.rod_algebra import (
     Matrix,
     Vector,
@@ -42,44 +42,32 @@ from cable_shape.kernels.rod_algebra import (
     apply,
     cross,
     dot,
-    get3,
     get4,
-    get9,
-    hat,
-    madd,
     mscale,
     msub,
-    mul,
     outer,
     put3,
-    put9,
     rotation,
     scale,
     subtract,
     take3,
     tapply,
-    tmul,
 )
 from cable_shape.kernels.rod_element import IDENTITY
 
 #: Columns of `Lying.rubs`: what pulls the first cable [N], and does after the step; the last solution's normal in both
 #: frames, arc lengths [m] and pull [N] along the first cable and across it; how firm [N/m]; limit [N], and by how much
-#: mu times the push was off it; 1: it slips; 1: it touched then; 1: it is taken to stick; which way it slips.
-PULLED, NEXT, SIDES, ARCS, HELD, FIRM, LIMIT, OFF, SLIPS, KNOWN, STICKS, WAY = (
-    0,
-    3,
-    6,
-    12,
-    14,
-    16,
-    17,
-    18,
-    19,
-    20,
-    21,
-    22,
-)
-RUBS = 25
+#: mu times the push was off it; 1: it slips; 1: it touched then; 1: it is taken to stick, -1: to
+#: slip; what the law had in the iteration before; of what slips by as much as the push tells the way, unit, else 0;
+#: what the push grows by in the step besides [N]; how often it began or ended to slip; what it
+#: was taken to be pulled by [N].
+PULLED, NEXT, SIDES, ARCS, HELD, FIRM, LIMIT, OFF = 0, 3, 6, 12, 14, 16, 17, 18
+SLIPS, KNOWN, STICKS, WAY, DRAWN, MORE, TURNS, SIZE = 19, 20, 21, 22, 25, 28, 29, 30
+RUBS = 31
+#: So often a pair may begin or end to slip before it has to settle, to steps [rad] no longer than that, in between.
+RESTLESS, SETTLED = 3, 3e-7
+#: Of what it was pulled by: what is taken to stick has to be pulled by less after the next step.
+NEARER = 0.5
 
 
 @viewing
@@ -105,6 +93,8 @@ def forget_pulls(lying: Lying, all_of_it: bool) -> None:
     for i in range(rubs.shape[0]):
         rubs[i, LIMIT], rubs[i, STICKS] = -1.0, 0.0
         put3(rubs, i, WAY, NONE)
+        put3(rubs, i, DRAWN, NONE)
+        rubs[i, MORE] = rubs[i, TURNS] = 0.0
         if all_of_it:
             rubs[i, KNOWN] = 0.0
             put3(rubs, i, PULLED, NONE)
@@ -135,8 +125,27 @@ def plane_of(lying: Lying, q: Array, i: int, n: Vector) -> tuple[Vector, Vector]
 
 
 @viewing
-def way_of(lying: Lying, q: Array, near: Array, i: int, n: Vector) -> Vector:
-    """-d + something along n [m]."""
+def nearest(lying: Lying, q: Array, near: Array, i: int) -> tuple[Vector, Vector]:
+    """The normal where both knots of pair i have run to the nearest points, and how far they run [m], and 0.
+
+    Square to one that is on its way there, friction would have a part along the push.
+    """
+    a, b = lying.pairs[i, 0], lying.pairs[i, 1]
+    ra, rb, w11, w12, w22 = slopes(lying, q, near, i)
+    most = lying.reach[i]
+    first = min(max(-(w11 * ra + w12 * rb), -most), most)
+    second = min(max(-(w12 * ra + w22 * rb), -most), most)
+    way = add(scale(near[a, APART], take3(near, a, TOWARD)), scale(first, tangent_of(q, a)))
+    way = subtract(way, scale(second, tangent_of(q, b)))
+    size = math.sqrt(dot(way, way))
+    if not size > 0.0:
+        return take3(near, a, TOWARD), NONE
+    return scale(1.0 / size, way), (first, second, 0.0)
+
+
+@viewing
+def way_of(lying: Lying, q: Array, near: Array, i: int, runs: Vector) -> Vector:
+    """-d + something along n [m]; runs: see `nearest`."""
     rubs = lying.rubs[TRIAL]
     way = NONE
     for side in range(2):
@@ -145,6 +154,7 @@ def way_of(lying: Lying, q: Array, near: Array, i: int, n: Vector) -> Vector:
         was = take3(rubs, i, SIDES + 3 * side)
         was = subtract(was, scale(ahead, cross(turning(q, lying.h, near, k, lying.flex), was)))
         way = add(way, scale(radius(lying, i, side), apply(rotation(get4(q, k)), was)))
+        ahead += runs[side]  # the frame is that of the node as it is
         way = add(way, scale(ahead if side == 0 else -ahead, tangent_of(q, k)))
     return way
 
@@ -158,22 +168,22 @@ def law(
     limit = rubs[i, LIMIT]
     if rubs[i, KNOWN] == 0.0 or limit <= 0.0:
         return NONE, NOTHING, True
-    n = take3(near, lying.pairs[i, 0], TOWARD)
+    n, runs = nearest(lying, q, near, i)
     P = msub(IDENTITY, outer(n, n))
     e, f = plane_of(lying, q, i, n)
     firm = share * max(rubs[i, FIRM], max(limit, faint) / (FIRMNESS * length))
     pull = add(scale(rubs[i, HELD], e), scale(rubs[i, HELD + 1], f))
-    pull = add(pull, scale(firm, onto(P, way_of(lying, q, near, i, n))))
+    pull = add(pull, scale(firm, onto(P, way_of(lying, q, near, i, runs))))
     size = math.sqrt(dot(pull, pull))
-    if size <= limit or rubs[i, STICKS] != 0.0:
+    if rubs[i, STICKS] > 0.0 or (size <= limit and not (rubs[i, STICKS] < 0.0 and size > 0.0)):
         return pull, mscale(firm, P), size > limit
     part, along = limit / size, scale(1.0 / size, pull)
-    return scale(part, pull), mscale(part * firm, msub(P, outer(along, along))), True
+    return scale(part, pull), mscale(part * firm, msub(P, outer(along, along))), size > limit
 
 
 @viewing
 def limit_pairs(lying: Lying, near: Array, on: Array, part: float) -> tuple[float, float, float]:
-    """As `friction.limits`, of the pairs that touch."""
+    """As `friction.limits`, of the pairs that touch; a part above 1: mu p itself, see `solve_coupled`."""
     rubs = lying.rubs[TRIAL]
     told, bent = 0.0, 0.0
     left, largest = 0.0, 0.0
@@ -191,120 +201,41 @@ def limit_pairs(lying: Lying, near: Array, on: Array, part: float) -> tuple[floa
                 told += before * (off - before)
                 bent += (off - before) ** 2 if before != 0.0 else 0.0
             else:
-                rubs[i, LIMIT] += part * off
+                rubs[i, LIMIT] += min(part, 1.0) * off
                 rubs[i, OFF] = off
                 left, largest = max(left, abs(off)), max(largest, limit)
-        if turn == 0 and bent > 0.0:
+        if turn == 0 and bent > 0.0 and part <= 1.0:
             part = min(max(-part * told / bent, LEAST), 1.0)
     return part, left, largest
 
 
 @viewing
-def hold_pairs(
-    net: Net, lying: Lying, q: Array, near: Array, on: Array, share: float, faint: float, length: float, part: float,
-    factored: bool,
-) -> tuple[int, float, float]:  # fmt: skip
-    """Adds friction to what `link.tie_pairs` has told the model and to the pulls on both knots.
+def decide(lying: Lying, q: Array, near: Array, i: int, share: float, faint: float, length: float, step: float) -> bool:
+    """Tells whether pair i is taken to stick or to slip; returns whether that has changed. WAY takes what the law has.
 
-    Returns as `friction.pull_along` does.
+    What is taken to stick goes on so as long as that comes nearer to what can be held. What changes to and fro goes on
+    as it is until steps are short.
     """
-    plan, work, rubs = plan_of(net.ints), work_of(net.ints, net.space), lying.rubs[TRIAL]
-    part, miss, largest = limit_pairs(lying, near, on, part)
-    flips = 0
-    for i in range(rubs.shape[0]):
-        a = lying.pairs[i, 0]
-        if on[a, LINKED] != ACTIVE:
-            put3(rubs, i, PULLED, NONE)
-            continue
-        known, before = rubs[i, STICKS] != 0.0, take3(rubs, i, WAY)
-        rubs[i, STICKS] = 0.0
-        t, K, slips = law(lying, q, near, i, share, faint, length)
-        off = subtract(take3(rubs, i, PULLED), t)
-        miss = max(miss, math.sqrt(dot(off, off)))
-        put3(rubs, i, WAY, t)
-        stuck = rubs[i, SLIPS] == 0.0 if before == NONE else dot(t, before) < 0.0
-        if slips and stuck and not known and share > 0.0:
-            rubs[i, STICKS] = 1.0
-            t, K, _ = law(lying, q, near, i, share, faint, length)
-        flips += rubs[i, KNOWN] != 0.0 and (rubs[i, SLIPS] != 0.0) != slips
-        rubs[i, SLIPS] = 1.0 if slips else 0.0
-        turn = cross(take3(near, a, TOWARD), t)
-        for side in range(2):
-            knot, k = plan.links[i, side], lying.pairs[i, side]
-            node = plan.first[net.span[knot] + 1] + net.span[knot]
-            add_to(work.G, node, scale(radius(lying, i, side), tapply(rotation(get4(q, k)), turn)))
-            add_to(work.pull, knot, t if side == 1 else scale(-1.0, t))
-        if not factored:
-            add_rigid(net, lying, q, near, i, K)
-    return flips, miss / largest if largest > 0.0 else 0.0, part
-
-
-@viewing(forceinline=True)
-def block_of(lying: Lying, q: Array, i: int, n: Vector, x: int) -> Matrix:
-    """C's block of three columns, in the order of z."""
-    if x % 2 == 1:
-        return IDENTITY if x == 1 else mscale(-1.0, IDENTITY)
-    return mscale(radius(lying, i, x // 2), mul(hat(n), rotation(get4(q, lying.pairs[i, x // 2]))))
-
-
-@viewing
-def add_rigid(net: Net, lying: Lying, q: Array, near: Array, i: int, K: Matrix) -> None:
-    """Adds C^T K C to the second derivative of link i."""
-    links = model_of(net.ints, net.floats).links
-    n = take3(near, lying.pairs[i, 0], TOWARD)
-    at = L_BENT
-    for x in range(4):
-        left = tmul(block_of(lying, q, i, n, x), K)
-        for y in range(x, 4):
-            put9(links, i, at, madd(get9(links, i, at), mul(left, block_of(lying, q, i, n, y))))
-            at += 9
-
-
-@viewing
-def lead_pairs(
-    net: Net, lying: Lying, q: Array, near: Array, on: Array, share: float, faint: float, length: float
-) -> None:
-    """Tells what cables will pull each other by after the step, to first order."""
-    plan, work, rubs = plan_of(net.ints), work_of(net.ints, net.space), lying.rubs[TRIAL]
-    for i in range(rubs.shape[0]):
-        a, b = lying.pairs[i, 0], lying.pairs[i, 1]
-        if on[a, LINKED] != ACTIVE:
-            put3(rubs, i, NEXT, NONE)
-            continue
-        t, K, _ = law(lying, q, near, i, share, faint, length)
-        n = take3(near, a, TOWARD)
-        way = subtract(take3(near, a, STEP), take3(near, b, STEP))
-        for side in range(2):
-            knot, k = plan.links[i, side], lying.pairs[i, side]
-            node = plan.first[net.span[knot] + 1] + net.span[knot]
-            turn = apply(rotation(get4(q, k)), get3(work.d, node))
-            way = add(way, scale(radius(lying, i, side), cross(n, turn)))
-        put3(rubs, i, NEXT, subtract(t, apply(K, way)))
-
-
-@viewing
-def pull_on(lying: Lying, near: Array, fraction: float) -> None:
-    """Takes a fraction of the step of the pulls, square to the normals after it."""
     rubs = lying.rubs[TRIAL]
-    for i in range(rubs.shape[0]):
-        t, n = take3(rubs, i, PULLED), take3(near, lying.pairs[i, 0], TOWARD)
-        t = add(t, scale(fraction, subtract(take3(rubs, i, NEXT), t)))
-        put3(rubs, i, PULLED, subtract(t, scale(dot(t, n), n)))
-
-
-@viewing
-def goes_on_pairs(net: Net, lying: Lying, q: Array, near: Array, on: Array, which: int) -> None:
-    """Adds to the model what friction of pairs adds at solution `which`, as if what slips goes on."""
-    rubs = lying.rubs[which]
-    for i in range(rubs.shape[0]):
-        a = lying.pairs[i, 0]
-        if on[a, LINKED] != ACTIVE or roughness(lying, i) == 0.0 or rubs[i, FIRM] == 0.0:
-            continue
-        n, t = take3(near, a, TOWARD), take3(rubs, i, PULLED)
-        K, size = msub(IDENTITY, outer(n, n)), math.sqrt(dot(t, t))
-        if rubs[i, SLIPS] != 0.0 and size > 0.0:
-            K = msub(K, mscale(1.0 / (size * size), outer(t, t)))
-        add_rigid(net, lying, q, near, i, mscale(rubs[i, FIRM], K))
+    taken, before, slipped = rubs[i, STICKS] > 0.0, take3(rubs, i, WAY), rubs[i, SLIPS] != 0.0
+    rubs[i, STICKS] = 0.0
+    t, _, slips = law(lying, q, near, i, share, faint, length)
+    put3(rubs, i, WAY, t)
+    stuck = not slipped if before == NONE else dot(t, before) < 0.0
+    if rubs[i, TURNS] > RESTLESS and step > SETTLED:
+        slips = slipped
+        rubs[i, STICKS] = -1.0 if slipped else 1.0
+    elif slips and (stuck or taken) and share > 0.0:
+        rubs[i, STICKS] = 1.0
+        pull, _, _ = law(lying, q, near, i, share, faint, length)
+        size = math.sqrt(dot(pull, pull))
+        if taken and size > NEARER * rubs[i, SIZE]:
+            rubs[i, STICKS] = 0.0
+        rubs[i, SIZE] = size
+    turned = rubs[i, KNOWN] != 0.0 and slipped != slips
+    rubs[i, TURNS] += 1.0 if turned else 0.0
+    rubs[i, SLIPS] = 1.0 if slips else 0.0
+    return turned
 
 
 @kernel

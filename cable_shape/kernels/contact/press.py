@@ -54,16 +54,8 @@ from cable_shape.kernels.contact.near import (
     look,
     split,
 )
-from cable_shape.kernels.contact.pair_friction import (
-    NEXT,
-    PULLED,
-    any_rub,
-    forget_pulls,
-    hold_pairs,
-    lead_pairs,
-    pull_on,
-    pulled,
-)
+from cable_shape.kernels.contact.pair_friction import NEXT, PULLED, any_rub, forget_pulls, pulled
+from cable_shape.kernels.contact.pair_system import hold_pairs, lead_pairs, pull_on, solve_coupled
 from cable_shape.kernels.contact.run import slide
 from cable_shape.kernels.contact.sets import drop, grow, meet, misplaced, spare_clips
 from cable_shape.kernels.contact.tables import Bodies, Lying, Net
@@ -187,8 +179,9 @@ def press(
         for k in range(near.shape[0]):
             let_go(near, k)
             near[k, MATE] = 0.0
+    decided = False
     find_pairs(lying, on)
-    rubs, of_pairs = rough and any_rub(lying), 1.0
+    rubs, of_pairs = rough and any_rub(lying), 1.0 if gentle > 0 else 2.0
     forget_pulls(lying, not rubs)
     while iterations < most:
         iterations += 1
@@ -245,8 +238,14 @@ def press(
         if rough:
             flips, off_law, part = pull_along(net, lying, bodies, q, near, on, firm, faint, length, part, reuse)
         if rubs:
-            turned, off, of_pairs = hold_pairs(net, lying, q, near, on, firm, faint, length, of_pairs, reuse)
+            turned, off, of_pairs = hold_pairs(
+                net, lying, q, near, on, firm, faint, length, of_pairs, reuse, largest, decided
+            )
             flips, off_law = flips + turned, max(off_law, off)
+            decided = reuse and turned > 0
+            if decided:  # the factors are of what stuck or slipped before
+                reuse = False
+                continue
         if drag > 0.0:
             hold_back(net, q, start, drag)
         wanted = ints[UNKNOWN] + active_pairs(lying, on)
@@ -270,7 +269,7 @@ def press(
                 columns(ints, floats, sols, space, net.run)
         step_out(net, lying, near, on, 1.0)
         before = largest
-        largest = solve(ints, floats, space)
+        largest = solve_coupled(net, lying, q, near) if rubs else solve(ints, floats, space)
         if runs_through:
             falling = slide_step(ints, floats, sols, space, net.run, 1.0)
             largest = run_through(ints, floats, sols, space, net.run)

@@ -175,7 +175,7 @@ class Pile:
         for spot, pair in zip(self.spots, state.pairs(), strict=True):
             gaps = [state.gaps[self.cables.index(cable)] for cable in spot.cables]
             spot.arcs, spot.places, spot.press = pair.arcs - gaps, pair.places, pair.push
-            spot.pull, spot.slips = pair.pull, pair.slips
+            spot.pull, spot.slips = pair.pull - (pair.pull @ spot.normal) * spot.normal, pair.slips
         return all(self._keeps_off(spot, then) for spot, then in zip(self.spots, before, strict=True))
 
     def _keeps_off(self, spot: Spot, before: Spot) -> bool:
