@@ -63,7 +63,7 @@ from cable_shape.kernels.rod_algebra import (
 )
 from cable_shape.kernels.rod_element import IDENTITY
 
-#: So many pairs that slip are solved for along with their pushes; limits of more follow these.
+#: Up to so many pairs are solved for along with their pushes, where they slip; limits of more follow these.
 COUPLED = 8
 #: Least pivot: nearer to none, pairs lock, and limits follow the pushes, too.
 LOCKED = 0.05
@@ -163,7 +163,7 @@ def solve_coupled(net: Net, lying: Lying, q: Array, near: Array) -> float:
         if take3(rubs, i, DRAWN) != NONE:
             some[m] = i
             m += 1
-    if m == 0 or m > COUPLED:
+    if m == 0:
         return largest
     M = np.empty((m, m + 1))
     for x in range(m):

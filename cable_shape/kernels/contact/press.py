@@ -55,7 +55,7 @@ from cable_shape.kernels.contact.near import (
     split,
 )
 from cable_shape.kernels.contact.pair_friction import NEXT, PULLED, any_rub, forget_pulls, pulled
-from cable_shape.kernels.contact.pair_system import hold_pairs, lead_pairs, pull_on, solve_coupled
+from cable_shape.kernels.contact.pair_system import COUPLED, hold_pairs, lead_pairs, pull_on, solve_coupled
 from cable_shape.kernels.contact.run import slide
 from cable_shape.kernels.contact.sets import drop, grow, meet, misplaced, spare_clips
 from cable_shape.kernels.contact.tables import Bodies, Lying, Net
@@ -181,7 +181,8 @@ def press(
             near[k, MATE] = 0.0
     decided = False
     find_pairs(lying, on)
-    rubs, of_pairs = rough and any_rub(lying), 1.0 if gentle > 0 else 2.0
+    rubs, few = rough and any_rub(lying), active_pairs(lying, on) <= COUPLED
+    of_pairs = 2.0 if few and gentle == 0 else 1.0
     forget_pulls(lying, not rubs)
     while iterations < most:
         iterations += 1

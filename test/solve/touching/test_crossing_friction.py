@@ -209,3 +209,50 @@ def test_what_has_no_past_is_without_friction_and_says_so():
         shape = batch[1][name]
         assert shape.frictionless
         assert not any(contact.tangential_force.any() for contact in shape.contacts)
+
+
+def test_what_lies_on_a_table_below_another_cable_is_held_by_both():
+    """Dragged to and fro, the upper one and what it takes along; the table holds both where they lie on it, too."""
+    table = cs.Obstacle("table", cs.HalfSpace(), cs.Pose((0.0, 0.0, -0.05)), friction=0.4)
+    slack = CABLE.replace(bending_stiffness=0.004, twisting_stiffness=0.003, axial_stiffness=None)
+    cables = {"under": slack, "over": slack.replace(friction=0.4)}
+    scene = cs.Scene(obstacles=[table], contact="solve")
+    predictor, rows = CablesPredictor(cables, scene=scene, model="cosserat"), []
+
+    def held(y, height):
+        turn = Rotation.from_euler("z", 70.0, degrees=True)
+        ends = {"under": (Rotation.identity(), (0.0, 0.0, 0.0)), "over": (turn, (0.02, 0.01 + y, height))}
+        return predictor.predict({
+            name: tuple(cs.Pose(at + way.apply((x, 0.0, 0.0)), (way * ALONG_X).as_quat()) for x in (-0.25, 0.25))
+            for name, (way, at) in ends.items()
+        })  # fmt: skip
+
+    for height in np.linspace(0.03, 0.0, 16):
+        held(0.0, height)
+    for at in np.arange(120) / 40.0:
+        shapes = held(0.02 * math.sin(2.0 * math.pi * at), 0.0)
+        assert all(shape.status is cs.Status.OK and not shape.frictionless for shape in shapes.values())
+        on = {(name, c.body): c for name, shape in shapes.items() for c in shape.contacts}
+        keys = (("over", "table"), ("over", "under"), ("under", "table"))
+        rows.append([on[key].tangential_force[1] if key in on else 0.0 for key in keys])
+        for (name, _), c in on.items():
+            assert np.linalg.norm(c.tangential_force) <= 0.4 * c.force * 1.001 + 1e-6, name
+    second, third = np.array(rows).reshape(3, 40, 3)[1:]
+    assert np.abs(third - second).max() < 2e-3 * np.abs(third).max()
+    assert np.abs(third).max(axis=0).min() > 0.03
+
+
+def test_trajectories_and_twins_go_on_from_what_was_held():
+    """A twin, which differences, tubes and looks ahead are made of, carries the same as what it is of."""
+    taut = Taut()
+    for far in (0.001, 0.002, 0.003):
+        before = taut.drag(y=far)
+    crossing = taut.predictor._crossing
+    twin = crossing.twin()
+    twin.strands.hold(crossing.strands.frames())
+    again = {name: shape.contacts[0] for name, shape in zip(("under", "over"), twin.solve(), strict=True)}
+    assert again["over"].tangential_force == pytest.approx(before.tangential_force, abs=1e-4 * before.force)
+    steps = [Taut.grips(taut, y=y) for y in np.linspace(0.0, 0.02, 11)]
+    rows = {name: tuple(np.array([step[name][i].array for step in steps]) for i in (0, 1)) for name in steps[0]}
+    cables = {"under": CABLE, "over": CABLE.replace(friction=MU)}
+    assert cs.check_trajectory(cables, SOLVE, None, rows).done.all()
