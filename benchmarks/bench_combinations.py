@@ -112,7 +112,7 @@ def near(told: np.ndarray, expected: np.ndarray, part: float) -> None:
 def balanced(shape: cs.CableShape, cable: cs.Cable, more: np.ndarray) -> None:
     """Fails where forces of grips, clips and contacts do not carry the weight and `more` [N]."""
     carried = shape.force[-1] - shape.force[0]
-    carried = carried + sum((c.force * c.normal for c in shape.contacts), np.zeros(3))
+    carried = carried + sum((c.force * c.normal + c.tangential_force for c in shape.contacts), np.zeros(3))
     carried = carried - sum((load.force for load in shape.clips), np.zeros(3))
     load = cable.linear_density * cable.length * G + more
     assert np.abs(carried + load).max() <= 1e-4 * np.linalg.norm(load), f"out of balance by {carried + load} N"
