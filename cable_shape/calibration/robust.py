@@ -176,8 +176,7 @@ class Robust:
                 loss = self._loss(misses, scale, values - about)
                 found = None
                 while damping < 1e8:
-                    step = np.linalg.solve(scaled + damping * np.eye(len(values)), g / spread) / spread
-                    step *= min(1.0, float((self._most / np.maximum(np.abs(step), 1e-300)).min()))
+                    step = _within(scaled + damping * np.eye(len(values)), g / spread, self._most * spread) / spread
                     promised = float(g @ step)
                     found = self._search(values, misses, step, promised, loss, scale, about)
                     if found is not None and chord and found.won < _PAYS * promised:
@@ -295,6 +294,22 @@ class Robust:
             iterations=self._iteration, converged=place.converged, misses=misses, followed=place.misses,
             weights=weights, blind=blind, clustered=scatter.clustered,
         )  # fmt: skip
+
+
+def _within(A: Array, g: Array, most: Array) -> Array:
+    """(k,): the step x to where A x = g, no component above `most`; the others are the best beside those at theirs.
+
+    Of a number that is next to nothing, and whose logarithm is fitted, all would wait for its endless step otherwise.
+    """
+    x, free = np.zeros(len(g)), np.ones(len(g), dtype=bool)
+    while free.any():
+        x[free] = np.linalg.solve(A[np.ix_(free, free)], (g - A[:, ~free] @ x[~free])[free])
+        over = free & (np.abs(x) > most)
+        if not over.any():
+            break
+        worst = int(np.argmax(np.where(over, np.abs(x) / most, 0.0)))
+        x[worst], free[worst] = math.copysign(most[worst], x[worst]), False
+    return x
 
 
 def _noise(A: Array, scatter: Array) -> float:

@@ -68,3 +68,23 @@ def test_where_nothing_is_predicted_from_nothing_a_fit_ends_and_says_that_it_did
     assert np.abs(found.values).max() < 1e-3
     assert np.isfinite(found.misses).all()
     assert np.isfinite(found.covariance).all()
+
+
+def test_a_number_that_is_nothing_does_not_keep_the_others_from_their_answer() -> None:
+    """Its logarithm is fitted and has no least loss: a step that is cut to its largest would leave all where it was."""
+    rng = np.random.default_rng(6)
+    design, drawn = rng.normal(size=(400, 3, 3)), rng.normal(size=(400, 3)) ** 2
+    truth = np.array((4.0, -7.0, 2.0))
+    seen = design @ truth - 0.01 * drawn + 1e-3 * rng.normal(size=drawn.shape)  # below nothing is best
+
+    def misses(v: np.ndarray) -> np.ndarray:
+        return np.asarray(design @ v[:3] + np.exp(v[3]) * drawn - seen)
+
+    def derivative(v: np.ndarray, r: np.ndarray) -> np.ndarray:
+        return np.concatenate((design, (np.exp(v[3]) * drawn)[:, :, None]), axis=2)
+
+    most = np.array((20.0, 20.0, 20.0, 1.0))
+    fit = Robust(misses, derivative, misses, np.full(400, 3), np.arange(400), most, np.zeros((4, 4)))
+    found = fit.run(np.array((0.0, 0.0, 0.0, -12.0)))
+    assert found.values[:3] == pytest.approx(truth, abs=3e-3)
+    assert found.iterations < 15
