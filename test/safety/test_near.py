@@ -201,3 +201,45 @@ def test_what_leans_is_not_near_itself_nor_is_any_shape_on_the_way(seed, tilt):
         for x in (0.0, 0.3, 0.5, 0.8, 1.0):
             way = np.ascontiguousarray(p + x * (then - p))
             assert not any(counts_as_near(way, arcs, i, j, 0.02) for i in range(60) for j in range(i + 1, 60))
+
+
+def test_what_has_moved_far_is_not_near_itself_on_the_way_either():
+    ruled_out: list[bool] = []
+    moved_far(ruled_out)
+    assert 10 < sum(ruled_out) < len(ruled_out) - 10
+
+
+def moved_far(ruled_out):
+    """The bound of what may have come nearer, on smooth curves that move by up to `far` m and turn meanwhile."""
+
+    @settings(derandomize=True, deadline=None, max_examples=150)
+    @given(st.integers(0, 10**6), st.floats(0.0, 12.0), st.floats(0.0, 0.06))
+    def one(seed, bent, far):
+        ruled_out.append(is_ruled_out(seed, bent, far))
+
+    one()
+
+
+def is_ruled_out(seed, bent, far):
+    """Whether a random pair of shapes is; fails if it is near itself on the way for all that."""
+    rng = np.random.default_rng(seed)
+    arcs, reach = np.linspace(0.0, 0.6, 61), 0.02
+    curves = []
+    waves = rng.normal(size=(3, 3))
+    for k in range(2):
+        waves = waves + (0.1 * rng.normal(size=(3, 3)) if k else 0.0)
+        angles = np.array([sum(w * np.sin((i + 1) * 3.0 * arcs) for i, w in enumerate(row)) for row in waves])
+        x = bent * arcs + angles[0]
+        t = np.stack((np.cos(x), np.sin(x), 0.5 * np.sin(angles[1])), axis=1)
+        t /= np.linalg.norm(t, axis=1, keepdims=True)
+        curve = np.concatenate((np.zeros((1, 3)), np.cumsum(0.01 * t[1:], axis=0)))
+        curves.append(curve + k * far * rng.uniform(-1.0, 1.0, 3) / math.sqrt(3.0))
+    p, then = curves
+    out = apart_from_itself(p, arcs, then, 0.05, reach, 1e-9)
+    for x in np.linspace(0.0, 1.0, 9) if out else ():
+        way = np.ascontiguousarray(p + x * (then - p))
+        i, j = np.triu_indices(60, 1)
+        apart = np.linalg.norm(0.5 * (way[1:] + way[:-1])[i] - 0.5 * (way[1:] + way[:-1])[j], axis=1)
+        for a, b in zip(i[apart < reach - 0.01].tolist(), j[apart < reach - 0.01].tolist(), strict=True):
+            assert not counts_as_near(way, arcs, a, b, 0.05)
+    return bool(out)

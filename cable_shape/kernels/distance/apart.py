@@ -33,13 +33,28 @@ def leans(p: Array, x: float, y: float, z: float) -> bool:
 
 
 @kernel
-def moved(p: Array, p_then: Array, far: float) -> bool:
-    """Whether a point has moved by so much [m]."""
+def way_of(p: Array, p_then: Array, far: float) -> float:
+    """[m], how far a point has moved at most; 0 if that is less than `far`."""
+    largest = 0.0
     for i in range(p.shape[0]):
         x, y, z = p[i, 0] - p_then[i, 0], p[i, 1] - p_then[i, 1], p[i, 2] - p_then[i, 2]
-        if x * x + y * y + z * z >= far * far:
-            return True
-    return False
+        largest = max(largest, x * x + y * y + z * z)
+    return math.sqrt(largest) if largest >= far * far else 0.0
+
+
+@kernel
+def swing_of(p: Array, p_then: Array) -> float:
+    """[rad], above the largest angle by which a piece has turned; infinite where one may have turned by more than 1."""
+    largest = 0.0
+    for i in range(p.shape[0] - 1):
+        square = now = then = 0.0
+        for c in range(3):
+            a, b = p[i + 1, c] - p[i, c], p_then[i + 1, c] - p_then[i, c]
+            square, now, then = square + (a - b) ** 2, now + a * a, then + b * b
+        if not square < 0.7 * min(now, then):
+            return math.inf
+        largest = max(largest, square / min(now, then))
+    return 1.2 * math.sqrt(largest)  # the sine of that angle is at most the root
 
 
 @kernel
@@ -47,23 +62,22 @@ def apart_from_itself(p: Array, s: Array, p_then: Array, shortest: float, reach:
     """Whether a cable cannot have come near itself since then.
 
     It cannot if both shapes lean along their chord, for so do all shapes between them, linear in time; nor if no chunks
-    of it are within `reach` [m], see `cable_near`, and none has moved by `far` [m].
+    of it are within `reach` [m], see `cable_near`, and what both may have come nearer; below `far` [m] that is none.
     """
     last = p.shape[0] - 1
     x, y, z = p[last, 0] - p[0, 0], p[last, 1] - p[0, 1], p[last, 2] - p[0, 2]
     size = math.sqrt(x * x + y * y + z * z)
     if size > 0.0 and leans(p, x / size, y / size, z / size) and leans(p_then, x / size, y / size, z / size):
         return True
-    if moved(p, p_then, far):
-        return False
-    turned = turning(p)
-    if turned[-1] < TURN:
+    way = way_of(p, p_then, far)
+    turned, swing = turning(p), swing_of(p, p_then) if way > 0.0 else 0.0
+    if turned[-1] + 2.0 * swing < TURN:
         return True
     u = spheres_around(p)
     for k in range(u.shape[0]):
         for m in range(k, u.shape[0]):
-            low = bound(u, u, k, m)
-            if low <= reach and not apart_for_good(low, s, turned, k, m, shortest):
+            low = bound(u, u, k, m) - 2.0 * way
+            if low <= reach and not apart_for_good(low, s, turned, k, m, shortest, 2.0 * swing):
                 return False
     return True
 
@@ -84,11 +98,10 @@ def apart_but_joined(
 ) -> bool:  # fmt: skip
     """Whether two cables that hang together, see `cable_near.is_joined`, cannot have come near each other elsewhere.
 
-    They cannot if no pieces of them are within `reach` [m] but such as are joined, and no point of either has moved by
-    `far` [m].
+    They cannot if no pieces of them are within `reach` [m], and what they may have come nearer, but such as are joined;
+    below `far` [m] that is none.
     """
-    if moved(p, p_then, far) or moved(r, r_then, far):
-        return False
+    reach += way_of(p, p_then, far) + way_of(r, r_then, far)
     a, b = spheres_around(p), spheres_around(r)
     pieces, others = p.shape[0] - 1, r.shape[0] - 1
     length, other = s[pieces], u[others]

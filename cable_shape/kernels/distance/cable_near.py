@@ -112,10 +112,13 @@ def bound(u: Array, v: Array, k: int, m: int) -> float:
 
 
 @kernel
-def apart_for_good(low: float, s: Array, turned: Array, k: int, m: int, shortest: float) -> bool:
-    """Whether no pieces of the chunks k and m of one cable, at least `low` apart, count as near each other."""
+def apart_for_good(low: float, s: Array, turned: Array, k: int, m: int, shortest: float, more: float) -> bool:
+    """Whether no pieces of the chunks k and m of one cable, at least `low` apart, count as near each other.
+
+    more [rad]: by how much it may be turned besides.
+    """
     arc = s[min((m + 1) * CHUNK, s.shape[0] - 1)] - s[k * CHUNK]
-    return turned[m + 1] - turned[k] < TURN or arc < shortest or low > HALF_CIRCLE * arc + SLACK
+    return turned[m + 1] - turned[k] + more < TURN or arc < shortest or low > HALF_CIRCLE * arc + SLACK
 
 
 @kernel
@@ -154,7 +157,7 @@ def nearest(
         for k in range(u.shape[0]):
             for m in range(k if own else 0, v.shape[0]):
                 low = bound(u, v, k, m)
-                if low < least and not (own and apart_for_good(low, sa, turned, k, m, shortest)):
+                if low < least and not (own and apart_for_good(low, sa, turned, k, m, shortest, 0.0)):
                     least, k0, m0 = low, k, m
     solved = total = 0
     for first in range(2 if cull else 1):  # the most promising chunks first
@@ -167,7 +170,7 @@ def nearest(
                 total += size * (size - 1) // 2 if own and m == k else size * (other_end - m * CHUNK)
                 if cull:
                     low = bound(u, v, k, m)
-                    if low > within + SLACK or (own and apart_for_good(low, sa, turned, k, m, shortest)):
+                    if low > within + SLACK or (own and apart_for_good(low, sa, turned, k, m, shortest, 0.0)):
                         continue
                 for i in range(k * CHUNK, end):
                     for j in range(max(m * CHUNK, i + 1 if own else 0), other_end):
@@ -260,7 +263,7 @@ def spots(
     for k in range(u.shape[0]):
         for m in range(k if own else 0, v.shape[0]):
             low = bound(u, v, k, m)
-            if low > reach or (own and apart_for_good(low, sa, turned, k, m, shortest)):
+            if low > reach or (own and apart_for_good(low, sa, turned, k, m, shortest, 0.0)):
                 continue
             for i in range(k * CHUNK, min((k + 1) * CHUNK, pieces)):
                 for j in range(max(m * CHUNK, i + 1 if own else 0), min((m + 1) * CHUNK, others)):
