@@ -121,7 +121,7 @@ class HarnessCycle:
             given |= {"distributed_load": options.get("distributed_load"), "robot_links": robot_links}
             given["gripping_links"] = gripping_links
             self._dynamic = Dynamic(
-                HarnessMotion(harness, scene, **given)
+                HarnessMotion(harness, scene, name=name, **given)
                 if uncertainty is None
                 else HarnessMotionTube(harness, uncertainty, scene, **given)
             )

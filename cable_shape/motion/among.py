@@ -13,16 +13,17 @@ from cable_shape.cable.cable import Cable
 from cable_shape.cable.pieces import cable_at, widest
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
-from cable_shape.kernels.contact import swung
+from cable_shape.kernels.contact import swung, swung_touches
 from cable_shape.kernels.contact.check import TOUCH
 from cable_shape.kernels.contact.points import HELD, INSIDE, RING
 from cable_shape.kernels.contact.tables import Bodies
 from cable_shape.kernels.network.momentum import Momentum
 from cable_shape.kernels.network.motion import N_PROPS, PROPS
-from cable_shape.kernels.network.props import DRY, ELEMENT, HOLDER, SHARE
+from cable_shape.kernels.network.props import DRY, ELEMENT, HOLDER, PAIRED, PUSH, SHARE
 from cable_shape.kernels.network.settle import LARGEST_TURN
 from cable_shape.kernels.network.tables import NOW
 from cable_shape.kernels.network.walls import KEPT, PUSHED, STIFF, WALL, WALLS
+from cable_shape.motion.meeting import may_touch
 from cable_shape.pose import Pose
 from cable_shape.scene.scene import Scene
 from cable_shape.shape import CableShape
@@ -33,6 +34,7 @@ from cable_shape.solve.problem import Problem
 from cable_shape.solve.settle import Settling
 from cable_shape.solve.touching.bodies import TouchBodies
 from cable_shape.solve.touching.harness_state import Laid
+from cable_shape.solve.touching.told import ITSELF
 from cable_shape.solve.touching.touching import BURIED
 
 #: [m] bodies nearer than this to a node have a plane there while it comes to rest, and stiffness of the planes, in that
@@ -82,14 +84,15 @@ class Among:
     """Bodies, and what the nodes of one network are to them.
 
     cables: of the network; None: one that knows no bodies. eyelets: the numbers of those among the clips, and of
-    the cable that runs through each. supports (k, 7): what holds the clips at rest, see `CableShape`.
+    the cable that runs through each. supports (k, 7): what holds the clips at rest, see `CableShape`. names: of cables
+    that may touch each other.
     """
 
     def __init__(
         self, problem: Problem | HarnessProblem, cables: Sequence[Cable | None], eyelets: Sequence[tuple[int, int]],
-        supports: Array, settling: Settling, remembered: Array,
+        supports: Array, settling: Settling, remembered: Array, names: Sequence[str] = (),
     ) -> None:  # fmt: skip
-        self.bodies = TouchBodies()
+        self.bodies, self._cables = TouchBodies(), tuple(names)
         self._eyelets = [number for number, _ in eyelets]
         rings = np.zeros((len(eyelets), RING))
         if eyelets:
@@ -114,12 +117,23 @@ class Among:
             thick, whole, rough, _knots(settling, thick), np.empty(n),
             np.empty(settling.sols.size + remembered.size + settling.moving.size), self.bodies.moved_links.copy(),
             rings, rings[:, :3].copy(), np.zeros((1 + swung.LOG, 3)), self.bodies.moved_links.copy(), rings.copy(),
+            may_touch(problem),
         )  # fmt: skip
         for node in np.flatnonzero(self.skin.knot >= 0):
             beside = _nodes_in(settling, self.skin.knot[node])
             rough[node], bend[node], around[node] = rough[beside].max(), bend[beside].max(), around[beside].min()
         self._stiff = _FIRM * bend / np.maximum(around, 0.25 * h.mean()) ** 3
         self._out = np.empty((4 * n, TOUCH))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of what the cables may touch, themselves last."""
+        return (*self.bodies.names, *self._cables, ITSELF) if len(self.skin.touching) else self.bodies.names
+
+    @property
+    def met(self) -> bool:
+        """Whether cables have pressed on each other, or on themselves, in the last step."""
+        return bool(self.skin.log[0, swung.MET])
 
     @property
     def kernel(self) -> Bodies:
@@ -164,14 +178,29 @@ class Among:
         """Fills in the rows of eyelets among (k, 7): arc length [m] and force [N] on it."""
         supports[self._eyelets, 0], supports[self._eyelets, 1:4] = self.skin.rings[:, 4], -self.skin.rings[:, 5:8]
 
-    def touches(self, ints: Whole, floats: Array, moving: Array, cable: int) -> Array:
+    def touches(self, ints: Whole, floats: Array, moving: Array, remembered: Array, cable: int) -> Array:
         """(k, TOUCH), the contacts of a cable in the last step, in ascending arc length."""
-        count = swung.touches(ints, floats, moving, self.skin.thick, cable, self._out)
+        count = swung_touches.touches(ints, floats, moving, remembered, self.skin.thick, cable, self._out)
         found = self._out[:count].copy()
+        others = found[:, 1] >= swung_touches.OTHERS
+        to = found[others, 1] - swung_touches.OTHERS
+        found[others, 1] = len(self.bodies.names) + np.where(to == cable, len(self._cables), to)
         return found[np.argsort(found[:, 0], kind="stable")]
 
     def rest(self, settling: Settling, memory: Momentum, remembered: Array, lying: Lying) -> bool:
-        """Lays the network where it lies at rest among the bodies, and lets it come to rest there on its mesh."""
+        """Lays the network where it lies at rest among the bodies, and lets it come to rest there on its mesh.
+
+        If it does not in minding itself, as if it did not.
+        """
+        if self._rest(settling, memory, remembered, lying, self.skin):
+            return True
+        alone = self.skin._replace(touching=self.skin.touching[:0])
+        return len(self.skin.touching) > 0 and self._rest(settling, memory, remembered, lying, alone)
+
+    def _rest(
+        self, settling: Settling, memory: Momentum, remembered: Array, lying: Lying, skin: swung.Skin
+    ) -> bool:  # fmt: skip
+        """The same with what may be touched."""
         lay(settling, lying)
         motion, dt, far = settling.motion, _FIRST * settling.unit, LARGEST_TURN
         for _ in range(_MOST):
@@ -179,13 +208,16 @@ class Among:
             kept = [array.copy() for array in state]
             memory.place[...], memory.tangent[...] = motion.origin, _tangents(settling.solution(NOW).q)
             clear = swung.look_at_rest(
-                settling.ints, settling.floats, settling.moving, remembered, _REACH, self._stiff, self.kernel, self.skin
+                settling.ints, settling.floats, settling.moving, remembered, _REACH, self._stiff, self.kernel, skin
             )
             if settling.step(dt, far):
                 way = float(np.linalg.norm(motion.origin - kept[4], axis=1).max())
                 if way <= clear:
                     self._note_rings(settling)
                     if settling.at_rest(_AT_REST) and self._gap(motion.walls) < _CLOSED:
+                        pairs = motion.props[: int(motion.par[N_PROPS])]
+                        met = (pairs[:, HOLDER] == PAIRED) & (pairs[:, PUSH] > 0.0)
+                        self.skin.log[0, swung.MET] = met.any()
                         return True
                     dt = min(_LONGER * dt, _LONGEST * settling.unit)
                     continue

@@ -17,6 +17,7 @@ from cable_shape.errors import ArgumentError, UnknownKeyError
 from cable_shape.kernels.network import tables
 from cable_shape.motion.among import Among, Lying, without_eyelets
 from cable_shape.motion.common import MODEL, Traced, check_moves, enough, failed, steps_ahead, work_of
+from cable_shape.motion.meeting import harness_lying
 from cable_shape.motion.swing import FEWEST, Load, Swing
 from cable_shape.motion.tangents import NUMBERS, RATE, Number, Tangents, Ways, number_of, traced
 from cable_shape.pose import FreeEnd, Grip, Pose, one_mapping
@@ -44,6 +45,8 @@ class HarnessMotion(Traced):
         Clips, eyelets among them, and masses name their `segment`.
     points, elements : int
         Of each segment.
+    name : str, optional
+        Of the harness: contacts of segments with each other then are with "name/segment".
 
     Raises
     ------
@@ -62,7 +65,9 @@ class HarnessMotion(Traced):
         robot_links: Iterable[Obstacle] = (),
         gripping_links: Iterable[str] = (),
         distributed_load: Mapping[str, ArrayLike] | None = None,
+        name: str = "",
     ) -> None:
+        self._called = [f"{name}/{segment}" if name else segment for segment in getattr(harness, "segments", ())]
         options: dict[str, Any] = {"gravity": gravity, "points": points, "distributed_load": distributed_load}
         options |= {"robot_links": tuple(robot_links), "gripping_links": tuple(gripping_links)}
         self._still = HarnessProblem(harness, scene=scene, friction=False, **options)
@@ -156,7 +161,7 @@ class HarnessMotion(Traced):
             self._check_names(by)
         among = lying = None
         if self._touches:
-            shape = self._lie(ends, links)
+            shape = harness_lying(self._still.move(ends, links))
         else:
             shape, state = harness_search.solve(problem)
         if not shape.status:
@@ -215,8 +220,8 @@ class HarnessMotion(Traced):
 
     @property
     def _touches(self) -> bool:
-        """Whether there are bodies that are solved for, or eyelets."""
-        return bool(self.problem.bodies or self._eyelets)
+        """Whether there are bodies that are solved for, or eyelets, or segments touch each other."""
+        return bool(self.problem.bodies or self._eyelets or self._still.solves_crossing)
 
     def _take(self, state: HarnessNetwork, swing: Swing, links: Mapping[str, Pose] | None) -> None:
         """Makes this what is stepped."""
@@ -224,20 +229,13 @@ class HarnessMotion(Traced):
         held = {*(row for row, _ in state._held), *state.clip_rows}
         self._loose = [row for row in range(len(swing.solution.pose)) if row not in held]
 
-    def _lie(self, ends: Mapping[str, End], links: Mapping[str, Pose] | None) -> HarnessShape:
-        """At rest among bodies and in eyelets, without friction: how friction would hold it nothing tells."""
-        still = self._still.move(ends, links)
-        if still.bodies:
-            return harness_solve.solve(still, HarnessTouchState(still), None)[0]  # type: ignore[arg-type]
-        return harness_search.solve(still)[0]
-
     def _lay(self, lying: HarnessShape) -> tuple[HarnessNetwork, partial[Among], Lying]:
         """The network without eyelets as the harness lies, and what is known of bodies and eyelets."""
         touch = HarnessTouchState(self.problem)  # type: ignore[arg-type]
         knots, whole, state = touch.knots_at(lying, touch.aimed()), Laid(lying, touch.gaps), touch.cable
         state.resume_from(whole, touch.gaps, knots)
         cables = [*self.harness.segments.values(), *(None for _ in state.layout.levers)]
-        among = partial(Among, self._still, cables, self._eyelets, lying.supports)
+        among = partial(Among, self._still, cables, self._eyelets, lying.supports, names=self._called)
         return state, among, Lying.of(whole, touch.gaps, lying.velocity)
 
     def step(self, ends: Mapping[str, End], dt: float, links: Mapping[str, Pose] | None = None) -> HarnessShape:
@@ -412,7 +410,7 @@ class HarnessMotion(Traced):
             clips=self._supports(swing, state), clips_of=self._still.clips, velocity=velocity[: n * c],
             kinetic_energy=swing.kinetic_energy, work=float(info[2]), dissipated=float(info[3]),
             touches=[swing.touches(i) for i in range(c)],
-            bodies=() if swing.among is None else swing.among.bodies.names,
+            bodies=() if swing.among is None else swing.among.names,
         )  # fmt: skip
         shape.energy = swing.energy
         for name, end in problem.ends.items():

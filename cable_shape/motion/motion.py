@@ -16,6 +16,7 @@ from cable_shape.cable.cable import Cable
 from cable_shape.cable.harness import Harness
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
+from cable_shape.motion import meeting
 from cable_shape.motion.among import Among, Lying, without_eyelets
 from cable_shape.motion.common import MODEL, Traced, check_moves, enough, failed, steps_ahead, work_of
 from cable_shape.motion.run import Run
@@ -33,7 +34,6 @@ from cable_shape.solve.outcome import no_room
 from cable_shape.solve.problem import GRAVITY, Problem
 from cable_shape.solve.seen import seen_of
 from cable_shape.solve.touching import touching
-from cable_shape.solve.touching.state import TouchState
 
 
 @final
@@ -195,7 +195,7 @@ class Motion(Traced):
             return shape
         lying = None
         if self._touches:
-            shape = lying = _lying(self._still.move(start, end, links))
+            shape = lying = meeting.lying(self._still.move(start, end, links))
             if not lying.status:
                 return lying
         spread_evenly(state, self.elements or enough(shape, self.cable))
@@ -436,8 +436,9 @@ class Motion(Traced):
 
     @property
     def _touches(self) -> bool:
-        """Whether there are bodies that are solved for, or eyelets."""
-        return bool(self.problem.bodies) or len(self._still.clips) > len(self.problem.clips)
+        """Whether there are bodies that are solved for, or eyelets, or the cable touches itself."""
+        eyelets = len(self._still.clips) > len(self.problem.clips)
+        return bool(self.problem.bodies) or eyelets or self._still.solves_crossing
 
     def _among(
         self, shape: CableShape, start: Pose | Grip, end: Pose | Grip | FreeEnd | None, links: Mapping[str, Pose] | None
@@ -508,15 +509,8 @@ class Motion(Traced):
             dissipated=float(info[3]),
             supports=self._supports(swing),
             touches=swing.touches(),
-            bodies=() if swing.among is None else swing.among.bodies.names,
+            bodies=() if swing.among is None else swing.among.names,
         )
-
-
-def _lying(problem: Problem) -> CableShape:
-    """At rest among bodies and in eyelets, without friction: how friction would hold it nothing tells."""
-    if problem.bodies:
-        return touching.solve(problem, TouchState(problem), None)[0]
-    return cosserat.solve(problem)
 
 
 _MADE_FROM = inspect.signature(Motion.__init__)

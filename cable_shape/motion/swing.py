@@ -275,7 +275,7 @@ class Swing:
         """(k, TOUCH), what bodies do to one of its cables, see `kernels.contact.check`."""
         if self.among is None:
             return np.empty((0, TOUCH))
-        return self.among.touches(self.ints, self.floats, self.moving, cable)
+        return self.among.touches(self.ints, self.floats, self.moving, self.remembered, cable)
 
     def run(self, goals: Array, steps: Array) -> tuple[Array, Array, Array, int]:
         """Steps (T,) [s] to the knots goals (T, k, 7), one after the other.

@@ -118,7 +118,7 @@ class Tangents:
         for row, column in enumerate(self._told.tolist()):
             if column in numbers:
                 self._put_number(row, numbers[column])
-        self.breaks = 0
+        self.breaks, self._met = 0, swing.among is not None and swing.among.met
         self._room = _room(swing)
         self._twists = self._move()
         arrays = (
@@ -168,6 +168,7 @@ class Tangents:
             swing_tangent.follow(*arrays)
         else:
             self.breaks += swung_tangent.follow(*arrays, among.kernel, among.skin, self._felt, self._aside)
+            self._met = self._met or among.met
 
     def run(self, goals: Array, steps: Array, moves: Array) -> Run:
         """:meth:`Swing.run` with tangents; moves (T, k, 6, m): of the knots, m columns more that begin with it."""
@@ -192,6 +193,8 @@ class Tangents:
         else:
             felt = held.Felt(*(np.concatenate((a, np.zeros((extra, *a.shape[1:])))) for a in self._felt))
             lost = swung_tangent.run(*arrays, swing.among.kernel, swing.among.skin, felt, self._aside)
+            self._met = self._met or swing.among.met
+            self._check_met()
         every[..., at] = found / np.concatenate((self._scale, np.ones(extra)))
         longer = np.zeros((len(swing.model.s), every.shape[-1]))
         for row, s, apart in self._longer:
@@ -206,11 +209,23 @@ class Tangents:
             Derivative(s, told[0], told[1], every[0], every[1], every[2], longer),
         )
 
+    def _check_met(self) -> None:
+        """Refuses to tell what is not known."""
+        if self._met:
+            bound = "of a motion in which cables press on each other, or on themselves, there are none"
+            raise ArgumentError.of("derivatives", "asked for", bound, "Take the difference of two motions.")
+
     def columns(self, rates: bool = False) -> Array:
         """(c points, 3, p): change of the points of the network's cables, or their velocities, a unit of each number.
 
         Points keep their share of the length.
+
+        Raises
+        ------
+        ArgumentError
+            Where cables have pressed on each other, or on themselves: how they answer then is not carried along.
         """
+        self._check_met()
         swing, memory = self._swing, self._swing.memory
         ways = ("velocity", "turning") if rates else ("place", "tangent")
         places, tangents = _weights(swing, swing.model.s)

@@ -34,7 +34,6 @@ from cable_shape.kernels.network.momentum import (
 from cable_shape.kernels.network.motion import N_PROPS, Motion, motion_of
 from cable_shape.kernels.network.props import (
     DRY,
-    ELEMENT,
     GAVE,
     GRIP,
     HOLDER,
@@ -43,11 +42,12 @@ from cable_shape.kernels.network.props import (
     PUSH,
     SOFT,
     STUCK,
-    WEIGHTS,
     brace,
     give_way,
     now_at,
     place_of,
+    side_of,
+    sides,
     sticks,
 )
 from cable_shape.kernels.network.swinging import I_DISSIPATED, I_WORK
@@ -252,10 +252,10 @@ def shove(
         F = add(scale(props[i, PUSH], take3(props, i, NORMAL)), take3(props, i, DRY))
         held = subtract(speed_of(plan, motion, memory, i, False), speed_of(plan, motion, memory, i, True))
         given += dot(F, subtract(take3(props, i, GAVE), held))
-        node = plan.left[int(props[i, ELEMENT])]
-        for side in range(2):
-            own = scale(props[i, WEIGHTS + side], F)
-            put3(motion.push, node + side, 0, add(get3(motion.push, node + side), own))
+        for side in range(sides(props, i)):
+            e, end, weight, _ = side_of(props, i, side)
+            node = plan.left[e] + end
+            put3(motion.push, node, 0, add(get3(motion.push, node), scale(weight, F)))
         for c in range(SPARE):
             props[i, LEVEL + c] = props[i, KEPT + c]
     return given

@@ -11,7 +11,7 @@ from cable_shape.kernels.contact.tables import Bodies
 from cable_shape.kernels.distance.surface import touch
 from cable_shape.kernels.network.compiled import inline, part, viewing
 from cable_shape.kernels.network.momentum import Momentum, of_mass
-from cable_shape.kernels.network.motion import N_PROPS, PROP, PROPS, Motion
+from cable_shape.kernels.network.motion import N_PROPS, PAIRS, PROP, PROPS, Motion
 from cable_shape.kernels.network.props import (
     DRY,
     ELEMENT,
@@ -20,11 +20,13 @@ from cable_shape.kernels.network.props import (
     HOLDER,
     LEVEL,
     NORMAL,
+    PAIRED,
     PUSH,
     SHARE,
     STUCK,
-    WEIGHTS,
     place_of,
+    side_of,
+    sides,
     sticks,
     weigh,
 )
@@ -64,6 +66,17 @@ def gap_at(
     return d - thick
 
 
+@inline
+def put_aside(motion: Motion) -> tuple[int, Floats]:
+    """Puts points aside for others to come; returns how many there were, and those."""
+    had, was = int(motion.par[N_PROPS]), part(motion.aside, 0, (PROPS + PAIRS, PROP))
+    for i in range(had):
+        for c in range(PROP):
+            was[i, c] = motion.props[i, c]
+    motion.par[N_PROPS] = 0.0
+    return had, was
+
+
 @viewing
 def find_points(
     plan: Plan, model: Model, motion: Motion, memory: Momentum, bodies: Bodies, thick: Floats, whole: Floats,
@@ -75,11 +88,7 @@ def find_points(
     nothing holds is one: where it is its own rotation tells, too, and planes that know of its forces alone would let
     Newton's method go to and fro.
     """
-    had, was = int(motion.par[N_PROPS]), part(motion.aside, 0, (PROPS, PROP))
-    for i in range(had):
-        for c in range(PROP):
-            was[i, c] = motion.props[i, c]
-    motion.par[N_PROPS] = 0.0
+    had, was = put_aside(motion)
     for e in range(plan.left.shape[0]):
         node, h = plan.left[e], model.h[e]
         fat, length = thick[node], whole[node]
@@ -105,7 +114,7 @@ def find_points(
                 wanted = gap < min(first, last) + (NEARER if pressed else -NEARER) * length
                 if gap > reach or not (wanted if tip == 0 else motion.loose[node + 1] != 0.0):
                     continue
-                i = place_for(motion, room, gap)
+                i = place_for(motion, 0, room, gap)
                 if i < 0:
                     continue
                 props = motion.props
@@ -138,16 +147,19 @@ def before_at(was: Floats, had: int, e: int, b: int, tip: bool) -> int:
 
 
 @inline
-def place_for(motion: Motion, room: int, gap: float) -> int:
-    """The row for a point at this gap [m]: the next one, or, if all are taken, that of the farthest; -1: none."""
+def place_for(motion: Motion, first: int, end: int, gap: float) -> int:
+    """The row for a point at this gap [m]: the next one, or, if those before `end` are taken, that of the farthest.
+
+    Of those from `first` on; -1: none.
+    """
     count = int(motion.par[N_PROPS])
-    if count < room:
+    if count < end:
         motion.par[N_PROPS] = count + 1.0
         return count
-    if room == 0:
+    if first == end:
         return -1
-    i = 0
-    for k in range(1, room):
+    i = first
+    for k in range(first + 1, end):
         i = k if motion.props[k, GAP] > motion.props[i, GAP] else i
     return i if motion.props[i, GAP] > gap else -1
 
@@ -355,12 +367,13 @@ def speed_of(plan: Plan, motion: Motion, memory: Momentum, i: int, free: bool) -
 
     Frames that turn have no inertia of their own: how they take a point along is no part of an impact.
     """
-    e, speed = int(motion.props[i, ELEMENT]), NONE
-    for side in range(2):
-        knot, node = knot_of(plan, motion, e, side), plan.left[e] + side
+    speed = NONE
+    for side in range(sides(motion.props, i)):
+        e, end, weight, _ = side_of(motion.props, i, side)
+        knot, node = knot_of(plan, motion, e, end), plan.left[e] + end
         if knot != HELD or not free:
             own, _, _ = rates_at(plan, motion, memory, knot, node)
-            speed = add(speed, scale(motion.props[i, WEIGHTS + side], own))
+            speed = add(speed, scale(weight, own))
     return speed
 
 
@@ -378,13 +391,14 @@ def stop_points(
     """
     props, work, given, taken = motion.props, 0.0, 0.0, 0.0
     for i in range(int(motion.par[N_PROPS])):
-        e, b = int(props[i, ELEMENT]), int(props[i, HOLDER])
-        node = plan.left[e]
+        b = int(props[i, HOLDER])
         if b >= 0 and not props[i, PUSH] > 0.0:
             continue
         n, t = take3(props, i, NORMAL), take3(props, i, DRY)
         old = place_of(plan, props, i, before.place, before.tangent)
-        if b >= 0:
+        if props[i, HOLDER] == PAIRED:
+            went = NONE
+        elif b >= 0:
             went = subtract(carried(old, bodies.then[b], bodies.frames[b]), old)
         else:
             went = along(n, take3(rings, -1 - b, WENT))
@@ -392,11 +406,12 @@ def stop_points(
         work += dot(add(scale(props[i, PUSH], n), t), went)
         taken -= dot(t, way) if b >= 0 else 0.0
         light, a, g = 0.0, NONE, NONE
-        for side in range(2):
-            knot, w = knot_of(plan, motion, e, side), props[i, WEIGHTS + side]
+        for side in range(sides(props, i)):
+            e, end, w, _ = side_of(props, i, side)
+            knot, node = knot_of(plan, motion, e, end), plan.left[e] + end
             if knot != HELD:
-                mass, _ = heavy_at(plan, motion, memory, knot, node + side)
-                _, own, jump = rates_at(plan, motion, memory, knot, node + side)
+                mass, _ = heavy_at(plan, motion, memory, knot, node)
+                _, own, jump = rates_at(plan, motion, memory, knot, node)
                 light, a, g = light + w * w / mass, add(a, scale(w, own)), add(g, scale(w, jump))
         if light == 0.0:
             continue
@@ -406,15 +421,16 @@ def stop_points(
             v, a, g = along(n, v), along(n, a), along(n, g)
         elif not sticks(props, i):
             v, a, g = scale(dot(n, v), n), scale(dot(n, a), n), scale(dot(n, g), n)
-        for side in range(2):
-            knot = knot_of(plan, motion, e, side)
+        for side in range(sides(props, i)):
+            e, end, w, _ = side_of(props, i, side)
+            knot, node = knot_of(plan, motion, e, end), plan.left[e] + end
             if knot == HELD:
-                own, _, _ = rates_at(plan, motion, memory, knot, node + side)
-                given += props[i, WEIGHTS + side] / light * dot(v, own)
+                own, _, _ = rates_at(plan, motion, memory, knot, node)
+                given += w / light * dot(v, own)
                 continue
-            mass, _ = heavy_at(plan, motion, memory, knot, node + side)
-            f = -props[i, WEIGHTS + side] / (mass * light)
-            hasten(plan, memory, knot, node + side, scale(f, v), scale(f, a), scale(f, g))
+            mass, _ = heavy_at(plan, motion, memory, knot, node)
+            f = -w / (mass * light)
+            hasten(plan, memory, knot, node, scale(f, v), scale(f, a), scale(f, g))
         given -= dot(v, went) / (dt * light)
     return work, given, taken
 

@@ -18,6 +18,7 @@ from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.contact.check import buried, carried, passes
 from cable_shape.kernels.contact.guard import look_around
 from cable_shape.kernels.contact.impact import foresee, stop
+from cable_shape.kernels.contact.meeting import aim_again, find_pairs, parted, stay_apart, take_again
 from cable_shape.kernels.contact.near import NONE
 from cable_shape.kernels.contact.points import (
     HELD,
@@ -27,6 +28,7 @@ from cable_shape.kernels.contact.points import (
     find_rings,
     heavy_at,
     on_curve,
+    put_aside,
 )
 from cable_shape.kernels.contact.tables import Bodies
 from cable_shape.kernels.distance.surface import place_bodies, touch
@@ -41,7 +43,7 @@ from cable_shape.kernels.network.momentum import (
     momentum_of,
     scheme_of,
 )
-from cable_shape.kernels.network.motion import DEPTH, N_PROPS, N_WALLED, PROPS, Motion, motion_of
+from cable_shape.kernels.network.motion import DEPTH, N_PROPS, N_WALLED, PAIRS, PROP, PROPS, SCRATCH, Motion, motion_of
 from cable_shape.kernels.network.newton import CONVERGED
 from cable_shape.kernels.network.props import (
     DRY,
@@ -49,11 +51,10 @@ from cable_shape.kernels.network.props import (
     GAVE,
     GRIP,
     HOLDER,
-    NORMAL,
+    PAIRED,
     PUSH,
     SHARE,
     SOFT,
-    STUCK,
     place_of,
 )
 from cable_shape.kernels.network.settle import I_ITERATIONS
@@ -79,7 +80,7 @@ from cable_shape.kernels.network.tables import (
     solution_of,
     solution_size,
 )
-from cable_shape.kernels.network.walls import BODY, OUT, PUSHED, ROUGH, RUB, WALL
+from cable_shape.kernels.network.walls import BODY, PUSHED, WALL
 from cable_shape.kernels.rod_algebra import Vector, dot, get3, put3, scale, subtract, take3
 
 #: A step goes in parts of this fraction of it at least, each tried from so many of `swinging.STARTS`.
@@ -94,8 +95,12 @@ AFLOAT = 2e-4
 DEEP = 2e-4
 #: There is room for so many rows in `Skin.log`; in place of the start there.
 LOG, BRACED = 1024, -1.0
+#: Column of the first one: whether cables have pressed on each other in the step.
+MET = 1
 #: Times the last one: so much longer a part may be without more ado.
 LONGER = 1.5
+#: So often points of pairs are found once more, if one is further than that, of the length, from where it is to be.
+AGAIN, ON = 3, 1e-6
 #: Parts shorter than this go on where the cable is deep, or afloat, for all that.
 PATIENT = 1.0 / 16.0
 
@@ -112,10 +117,11 @@ class Skin(NamedTuple):
     links: Array  # (l, 7) where the links were that carry bodies
     rings: Array  # (e, RING) the eyelets, see `points`
     goals: Array  # (e, 3) [m] where those are at the end of the step
-    log: Array  # (1 + LOG, 3) how many parts the last step went in; of each where it began, its share, and the start
-    #             that led on, see `swinging.STARTS`; BRACED: what would arrive in it has stopped
+    log: Array  # (1 + LOG, 3) how many parts the last step went in, MET; of each where it began, its share, and the
+    #             start that led on, see `swinging.STARTS`; BRACED: what would arrive in it has stopped
     links_then: Array  # (l, 7) links, and
     rings_then: Array  # (e, RING) eyelets, before the last step
+    touching: Array  # (p, TOUCHING) what of its cables may touch each other, or itself, see `meeting`
 
 
 @kernel
@@ -141,8 +147,9 @@ def step(
     rings = skin.rings_then
     rings[:, :] = skin.rings
     skin.links_then[:, :] = skin.links
-    skin.log[0, 0] = 0.0
-    done, part, sums, braced = 0.0, 1.0, np.empty(info.shape[0]), False
+    skin.log[0, 0] = skin.log[0, MET] = 0.0
+    rows = np.empty((PAIRS, PROP))
+    done, part, sums, braced, minds = 0.0, 1.0, np.empty(info.shape[0]), False, True
     while done < 1.0:
         part = min(part, 1.0 - done) if part < 0.75 * (1.0 - done) else 1.0 - done
         seconds = part * dt
@@ -155,39 +162,52 @@ def step(
                 copy_back(skin.kept, sols, remembered, moving)
             part_way(plan, solution_of(ints, begin, NOW), solution_of(ints, sols, TRIAL), goal, done + part)
             lengthen(momentum_of(ints, remembered), seconds)
-            look(ints, floats, sols, moving, remembered, seconds, now, skin)
+            look(ints, floats, sols, moving, remembered, seconds, now, skin, minds)
             status = attempt(ints, floats, sols, space, moving, remembered, seconds, info, told, start)
+            for _ in range(AGAIN):
+                if status != CONVERGED or not come_nearer(ints, floats, moving, remembered, skin, rows):
+                    break
+                copy_back(skin.kept, sols, remembered, moving)
+                take_back(info, sums)
+                part_way(plan, solution_of(ints, begin, NOW), solution_of(ints, sols, TRIAL), goal, done + part)
+                lengthen(momentum_of(ints, remembered), seconds)
+                look(ints, floats, sols, moving, remembered, seconds, now, skin, minds)
+                take_again(motion_of(ints, moving), rows)
+                status = attempt(ints, floats, sols, space, moving, remembered, seconds, info, told, start)
             if status == CONVERGED:
                 break
         last = part <= SHORTEST
         if status == CONVERGED and fits(ints, floats, moving, remembered, now, skin, part):
             info[I_PARTS] += 1.0
             note_part(skin, done, part, start)
+            meets = not minds or press_each_other(motion_of(ints, moving))
             stop(
                 ints, floats, sols, space, moving, remembered, seconds, now, skin.knot, skin.kept, skin.rings, info,
                 False,
             )  # fmt: skip
             if math.isfinite(momentum_of(ints, remembered).par[KINETIC]):
+                skin.log[0, MET] = 1.0 if meets else skin.log[0, MET]
                 then[:, :, :] = now.frames
                 done += part
                 part *= 2.0
-                braced = False
+                braced, minds = False, True
                 continue
             skin.log[0, 0] -= 1.0  # an impact that is no number: on the way there, in shorter parts, are others
-        iterations = info[I_ITERATIONS]
         copy_back(skin.kept, sols, remembered, moving)
-        copy(info, sums)
-        info[I_ITERATIONS] = iterations
+        take_back(info, sums)
         if last and not braced:
             braced = True
             note_part(skin, done, part, BRACED)
             part_way(plan, solution_of(ints, begin, NOW), solution_of(ints, sols, TRIAL), goal, done + part)
-            look(ints, floats, sols, moving, remembered, seconds, now, skin)
+            look(ints, floats, sols, moving, remembered, seconds, now, skin, True)
             foresee(ints, moving, remembered, seconds)
             stop(
                 ints, floats, sols, space, moving, remembered, seconds, now, skin.knot, skin.kept, skin.rings, info,
                 True,
             )  # fmt: skip
+            continue
+        if last and minds and skin.touching.shape[0] > 0:
+            minds = False  # cables may overlap after so short a part, but not go through each other
             continue
         if last:
             skin.log[0, 0] = 0.0
@@ -231,7 +251,8 @@ def copy_state(kept: Floats, sols: Floats, remembered: Floats, moving: Floats) -
     a, b = sols.shape[0], sols.shape[0] + remembered.shape[0]
     copy(kept[:a], sols)
     copy(kept[a:b], remembered)
-    copy(kept[b:], moving)
+    some = moving.shape[0] - SCRATCH
+    copy(kept[b : b + some], moving[:some])
 
 
 @viewing
@@ -240,7 +261,42 @@ def copy_back(kept: Floats, sols: Floats, remembered: Floats, moving: Floats) ->
     a, b = sols.shape[0], sols.shape[0] + remembered.shape[0]
     copy(sols, kept[:a])
     copy(remembered, kept[a:b])
-    copy(moving, kept[b:])
+    some = moving.shape[0] - SCRATCH
+    copy(moving[:some], kept[b : b + some])
+
+
+@viewing
+def press_each_other(motion: Motion) -> bool:
+    """Whether cables do, or one does on itself."""
+    found = False
+    for i in range(int(motion.par[N_PROPS])):
+        found = found or (motion.props[i, HOLDER] == PAIRED and motion.props[i, PUSH] > 0.0)
+    return found
+
+
+@inline
+def take_back(info: Floats, sums: Floats) -> None:
+    """Makes it what it was before a part of a step, but for iterations."""
+    iterations = info[I_ITERATIONS]
+    copy(info, sums)
+    info[I_ITERATIONS] = iterations
+
+
+@viewing
+def come_nearer(
+    ints: Whole, floats: Floats, moving: Floats, remembered: Floats, skin: Skin, rows: Floats
+) -> bool:  # fmt: skip
+    """Whether pairs in a part of a step have come nearer than they were to, or press from away; fills `rows`."""
+    motion = motion_of(ints, moving)
+    points = int(motion.par[N_PROPS])
+    if points == 0 or motion.props[points - 1, HOLDER] != PAIRED:
+        return False
+    model, a = model_of(ints, floats), skin.kept.shape[0] - moving.shape[0] - remembered.shape[0]
+    before = momentum_of(ints, skin.kept[a : a + remembered.shape[0]])
+    off = aim_again(
+        plan_of(ints), model, motion, momentum_of(ints, remembered), before, skin.touching, rows
+    )  # fmt: skip
+    return bool(off > ON * model.par[LENGTH])
 
 
 @viewing
@@ -279,9 +335,12 @@ def between(links: Floats, then: Floats, now: Floats, x: float) -> None:
 @viewing
 def look(
     ints: Whole, floats: Floats, sols: Floats, moving: Floats, remembered: Floats, dt: float, bodies: Bodies,
-    skin: Skin,
+    skin: Skin, minds: bool,
 ) -> None:  # fmt: skip
-    """Gives nodes and points of elements the planes of what they may get to in a part dt [s] of a step."""
+    """Gives nodes and points of elements the planes of what they may get to in a part dt [s] of a step.
+
+    minds: cables each other, and themselves.
+    """
     plan, model, motion, memory = (
         plan_of(ints),
         model_of(ints, floats),
@@ -317,7 +376,7 @@ def look(
                 skin.whole[node], reach, FIRM * hold, ASPERITY * hold, False, skin.rough[node],
             )  # fmt: skip
             motion.par[N_WALLED] += 1.0 if motion.walls[node, 0] > 0.0 else 0.0
-    room = PROPS - skin.rings.shape[0]
+    room, had = PROPS - skin.rings.shape[0], int(motion.par[N_PROPS])
     find_points(plan, model, motion, memory, bodies, skin.thick, skin.whole, skin.rough, reach, room)
     for i in range(int(motion.par[N_PROPS])):
         node = plan.left[int(motion.props[i, ELEMENT])] + 1
@@ -326,6 +385,9 @@ def look(
             motion.props[i, SOFT] = 1.0 / (ASPERITY * held_by(t, mass, drag))
             put3(motion.props, i, GAVE, scale(motion.props[i, SOFT], take3(motion.props, i, DRY)))
     find_rings(plan, model, motion, memory, skin.rings, skin.whole)
+    if minds and skin.touching.shape[0] > 0:  # what comes together moves from both sides
+        both = MARGIN + 2.0 * parted(plan, memory, now, sol, dt)
+        find_pairs(plan, model, motion, memory, skin.touching, skin.whole, skin.rough, both, dt, had)
 
 
 @inline
@@ -355,8 +417,13 @@ def look_at_rest(
                 skin.whole[node], reach, stiff[node], 0.0, True, 0.0,
             )  # fmt: skip
             clear = min(clear, own)
-    motion.par[N_PROPS] = 0.0
+    had, _ = put_aside(motion)
     find_rings(plan, model, motion, memory, skin.rings, skin.whole)
+    if skin.touching.shape[0] > 0:
+        find_pairs(plan, model, motion, memory, skin.touching, skin.whole, skin.rough, 2.0 * MARGIN, 1.0, had)
+        clear = min(clear, MARGIN)
+        for i in range(int(motion.par[N_PROPS])):
+            motion.props[i, GRIP] *= 1.0 if motion.props[i, HOLDER] < 0.0 else 0.0
     return clear
 
 
@@ -384,7 +451,7 @@ def fits(
     for i in range(int(motion.par[N_PROPS]) if share > PATIENT else 0):
         at = place_of(plan, motion.props, i, motion.place, memory.tangent)
         node = plan.left[int(motion.props[i, 0])]
-        if motion.props[i, PUSH] > 0.0:
+        if motion.props[i, PUSH] > 0.0 and motion.props[i, HOLDER] != PAIRED:
             gap = gap_of(bodies, int(motion.props[i, HOLDER]), at, skin.thick[node])
             if gap > AFLOAT * skin.whole[node]:
                 return False
@@ -392,6 +459,13 @@ def fits(
     motion.par[DEPTH] = max(0.0, -deep)
     if share > PATIENT and deep < -DEEP * model.par[LENGTH]:
         return False
+    if skin.touching.shape[0] > 0:
+        apart, overlap = stay_apart(
+            plan, model, motion, memory, before, skin.touching, skin.whole, AFLOAT, share <= PATIENT
+        )  # fmt: skip
+        if not apart:
+            return False
+        motion.par[DEPTH] = max(motion.par[DEPTH], overlap)
     first = 0
     for c in range(plan.cables.shape[0] - 1):  # each cable for itself
         last = plan.first[plan.cables[c + 1]] + plan.cables[c + 1]
@@ -480,46 +554,3 @@ def buried_then(
     return buried(
         support, arc, 1, deepest, length, bodies.table, frames, bodies.triangles, bodies.tree, radius, bodies.stack
     )  # fmt: skip
-
-
-@kernel
-def touches(ints: Whole, floats: Floats, moving: Floats, thick: Array, cable: int, out: Array) -> int:
-    """Fills out (k, TOUCH) with what presses on nodes and elements of a cable, see `check.touches`; how many."""
-    plan, model, motion = plan_of(ints), model_of(ints, floats), motion_of(ints, moving)
-    first, last = plan.first[plan.cables[cable]], plan.first[plan.cables[cable + 1]]
-    count = 0
-    for node in range(first + plan.cables[cable], last + plan.cables[cable + 1]):
-        for k in range(int(motion.walls[node, 0])):
-            i = 1 + WALL * k
-            push, n, t = (
-                motion.walls[node, i + PUSHED],
-                take3(motion.walls, node, i + OUT),
-                take3(motion.walls, node, i + RUB),
-            )
-            if push > 0.0 and count < out.shape[0]:
-                x = subtract(get3(motion.place, node), scale(thick[node], n))
-                slips = dot(t, t) >= 0.999 * (motion.walls[node, i + ROUGH] * push) ** 2 and dot(t, t) > 0.0
-                put_touch(out, count, model.s[node], motion.walls[node, i + BODY], x, n, push, t, slips)
-                count += 1
-    for i in range(int(motion.par[N_PROPS])):
-        push, n, t = motion.props[i, PUSH], take3(motion.props, i, NORMAL), take3(motion.props, i, DRY)
-        e = int(motion.props[i, 0])
-        if push > 0.0 and first <= e < last and count < out.shape[0]:
-            node = plan.left[e]
-            x = subtract(take3(motion.props, i, STUCK), scale(thick[node], n))
-            slips = dot(t, t) >= 0.999 * (motion.props[i, GRIP] * push) ** 2 and dot(t, t) > 0.0
-            s = model.s[node] + motion.props[i, SHARE] * model.h[e]
-            put_touch(out, count, s, motion.props[i, HOLDER], x, n, push, t, slips)
-            count += 1
-    return count
-
-
-@viewing
-def put_touch(
-    out: Floats, k: int, s: float, body: float, x: Vector, n: Vector, push: float, t: Vector, slips: bool
-) -> None:
-    """Row k of contacts."""
-    out[k, 0], out[k, 1], out[k, 8], out[k, 12] = s, body, push, 1.0 if slips else 0.0
-    put3(out, k, 2, x)
-    put3(out, k, 5, n)
-    put3(out, k, 9, t)

@@ -30,7 +30,7 @@ from cable_shape.kernels.contact.held import (
     yield_points,
 )
 from cable_shape.kernels.contact.impact import foresee, stop
-from cable_shape.kernels.contact.swung import BRACED, Skin, copy_state, lengthen, look, set_out, step
+from cable_shape.kernels.contact.swung import BRACED, MET, Skin, copy_back, copy_state, lengthen, look, set_out, step
 from cable_shape.kernels.contact.tables import Bodies
 from cable_shape.kernels.distance.surface import place_bodies
 from cable_shape.kernels.network.compiled import viewing
@@ -44,10 +44,10 @@ from cable_shape.kernels.network.momentum import (
     move_on,
     strain_up,
 )
-from cable_shape.kernels.network.motion import N_PROPS, ROWS, motion_of, put_places
+from cable_shape.kernels.network.motion import N_PROPS, ROWS, Motion, motion_of, put_places
 from cable_shape.kernels.network.moving import factor, solve
 from cable_shape.kernels.network.newton import CONVERGED
-from cable_shape.kernels.network.props import answer, lean
+from cable_shape.kernels.network.props import HOLDER, PAIRED, answer, lean
 from cable_shape.kernels.network.settle import assemble, balance, load_up
 from cable_shape.kernels.network.swing_tangent import (
     MOST_AT_REST,
@@ -294,6 +294,16 @@ def settled(
     )  # fmt: skip
 
 
+@viewing
+def leave_pairs(motion: Motion) -> float:
+    """Leaves out pairs, which are last: where cables press on each other no derivative is told. Returns how many
+    points there were with them."""
+    count = motion.par[N_PROPS]
+    while motion.par[N_PROPS] > 0.0 and motion.props[int(motion.par[N_PROPS]) - 1, HOLDER] == PAIRED:
+        motion.par[N_PROPS] -= 1.0
+    return float(count)
+
+
 @kernel
 def begin(
     ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: Floats, remembered: Floats, tangents: Floats,
@@ -306,6 +316,7 @@ def begin(
     """
     model, motion, memory = model_of(ints, floats), motion_of(ints, moving), momentum_of(ints, remembered)
     lever, n = motion.lever.copy(), motion.lever.shape[0]
+    leave_pairs(motion)
     close(motion, memory)
     soften(model, motion, memory)
     for k in range(n):
@@ -395,9 +406,7 @@ def follow(
         bodies.counts, bodies.rough,
     )  # fmt: skip
     own, mixed = info.copy(), twists.copy()
-    copy(sols, kept[:whole])
-    copy(remembered, kept[whole:b])
-    copy(moving, kept[b:])
+    copy_back(kept, sols, remembered, moving)
     for row in range(1, int(skin.log[0, 0]) + 1):
         done, share, start = skin.log[row, 0], skin.log[row, 1], skin.log[row, 2]
         seconds, x, braced = share * dt, done + share, start == BRACED
@@ -412,7 +421,7 @@ def follow(
                 t.acceleration[:, :] *= scaled
                 t.bending[:, :] *= scaled
                 felt.jump[p] *= scaled
-        look(ints, floats, sols, moving, remembered, seconds, now, skin)
+        look(ints, floats, sols, moving, remembered, seconds, now, skin, True)
         copy(to.before, remembered)
         if braced:
             foresee(ints, moving, remembered, seconds)
@@ -420,6 +429,7 @@ def follow(
         else:
             attempt(ints, floats, sols, space, moving, remembered, seconds, own, told, int(start))
             copy(touched, moving)
+            leave_pairs(motion_of(ints, moving))
             carry_on(
                 ints, floats, sols, space, moving, to.before, seconds, tangents, mixed, to, now, skin, felt, aside
             )  # fmt: skip
@@ -427,18 +437,18 @@ def follow(
         stop(
             ints, floats, sols, space, moving, remembered, seconds, now, skin.knot, skin.kept, skin.rings, own, braced,
         )  # fmt: skip
+        points = leave_pairs(motion_of(ints, moving))
         for p in range(tangents.shape[0]):
             lead(
                 ints, floats, sols, moving, to.before, seconds, tangents[p], mixed[p], to, now, skin, felt, p, aside,
                 braced,
             )  # fmt: skip
             arrive(tangents[p], felt, p, aside)
+        motion_of(ints, moving).par[N_PROPS] = points
         found += 1 if braced or changes(ints, skin.kept[b:], moving) else 0
         if not braced:
             then[:, :, :] = now.frames
-    copy(sols, after[:whole])
-    copy(remembered, after[whole:b])
-    copy(moving, after[b:])
+    copy_back(after, sols, remembered, moving)
     skin.rings[:, :] = rings
     return found
 
@@ -451,7 +461,7 @@ def run(
     of_velocities: Floats, bodies: Bodies, skin: Skin, felt: Felt, aside: Aside,
 ) -> int:  # fmt: skip
     """`swing_tangent.run` among bodies, which stay where they are."""
-    memory, lost = momentum_of(ints, remembered), 0
+    memory, lost, met = momentum_of(ints, remembered), 0, 0.0
     for i in range(steps.shape[0]):
         code = step(
             ints, floats, sols, space, moving, remembered, goals[i], steps[i], kept, info, told, bodies, skin
@@ -463,8 +473,10 @@ def run(
             )  # fmt: skip
         else:
             lost += 1
+        met = max(met, skin.log[0, MET])
         places[i, :, :], tangents[i, :, :], velocities[i, :, :] = memory.place, memory.tangent, memory.velocity
         for p in range(derived.shape[0]):
             t = tangent_of(ints, derived[p])
             of_places[i, :, :, p], of_tangents[i, :, :, p], of_velocities[i, :, :, p] = t.place, t.tangent, t.velocity
+    skin.log[0, MET] = met
     return lost

@@ -54,10 +54,14 @@ B2 = 18  # column of `Work.parts`
 #: Columns of `Motion.rough`: firmness [N/m], 0: nothing rubs; how much it may pull [N]; place to which it pulls 3 [m];
 #: direction 3, along which (EDGE not 0) or across which it does.
 FIRM, LIMIT, CENTRE, AXIS, EDGE, ROUGH = 0, 1, 2, 5, 8, 9
-#: Points inside elements that bodies may hold, see `props`: how many, columns of each, and directions of all.
-PROPS, PROP, ROWS = 12, 33, 36
-#: What `Motion.par` holds: how many points of elements bodies may hold, how many nodes have planes, how deep [m] the
-#: cable is in bodies between its nodes, how planes hold nodes, and what share of impulses was passed on, see `impulse`.
+#: Points inside elements that bodies and eyelets may hold, and pairs of such that may touch each other, see `props`:
+#: how many, columns of each, and directions of all.
+PROPS, PAIRS, PROP = 12, 36, 40
+ROWS = 3 * (PROPS + PAIRS)
+SCRATCH = ROWS * (2 * ROWS + 5)  #: numbers at the end that are but room
+#: What `Motion.par` holds: how many points of elements there are, pairs with them, how many nodes have planes, how deep
+#: [m] the cable is in bodies between its nodes, how planes hold nodes, and what share of impulses was passed on, see
+#: `impulse`.
 N_PROPS, N_WALLED, DEPTH, LAW, SPENT = 0, 1, 2, 3, 4
 #: How planes hold nodes: as they do, as they would at their seats (`seat`), or by laws that do not change (`frozen`).
 AS_IT_IS, SEATED, FROZEN = 0.0, 1.0, 2.0
@@ -89,7 +93,7 @@ class Motion(NamedTuple):
     push: Floats  # (n, 3) [N], what acts on a node beside its elements, its mass and its planes
     tug: Floats  # (m, 6) [N], gradient in the places of the ends of spans, but for what knots and elements pull
     par: Floats  # (5,) see `N_PROPS`
-    props: Floats  # (PROPS, PROP) those, see `props`
+    props: Floats  # (PROPS + PAIRS, PROP) those, see `props`
     was: Floats  # (1 + WALLS WALL,) room for the planes that a node has had
     aside: Floats  # room for `props`, see `aside_size`
     press: Floats  # (m, 24) what the planes of knots that move do to the start and the end of a span, see `put_knot`
@@ -123,9 +127,9 @@ def motion_of(ints: Whole, moving: Floats) -> Motion:
     o21 = o20 + 3 * k
     o22 = o21 + 6 * m
     o23 = o22 + 5
-    o24 = o23 + PROPS * PROP
+    o24 = o23 + (PROPS + PAIRS) * PROP
     o25 = o24 + 1 + WALLS * WALL
-    o26 = o25 + aside_size(ints)
+    o26 = o25 + 24 * m
     return Motion(
         part(moving, 0, (n, 3)),
         part(moving, o1, (n, 3)),
@@ -150,10 +154,10 @@ def motion_of(ints: Whole, moving: Floats) -> Motion:
         part(moving, o20, (k, 3)),
         part(moving, o21, (m, 6)),
         part(moving, o22, (5,)),
-        part(moving, o23, (PROPS, PROP)),
+        part(moving, o23, (PROPS + PAIRS, PROP)),
         part(moving, o24, (1 + WALLS * WALL,)),
-        part(moving, o25, (aside_size(ints),)),
-        part(moving, o26, (m, 24)),
+        part(moving, o26, (aside_size(ints),)),
+        part(moving, o25, (m, 24)),
     )  # fmt: skip
 
 
@@ -162,13 +166,13 @@ def motion_size(ints: Whole) -> int:
     """Numbers of what motion adds to a network with this head."""
     nodes = ints[0] + ints[1]
     size = 21 * ints[0] + (29 + WALLS * WALL + ROUGH + CHAIN) * nodes + (51 + ENDS) * ints[1]
-    return size + 6 + PROPS * PROP + WALLS * WALL + aside_size(ints)
+    return size + 6 + (PROPS + PAIRS) * PROP + WALLS * WALL + aside_size(ints)
 
 
 @viewing(forceinline=True)
 def aside_size(ints: Whole) -> int:
     """Numbers of `Motion.aside`."""
-    return 3 * ints[0] + 6 * (ints[0] + ints[1]) + 6 * ints[1] + 3 * ints[2] + ROWS * (2 * ROWS + 5)
+    return 3 * ints[0] + 6 * (ints[0] + ints[1]) + 6 * ints[1] + 3 * ints[2] + SCRATCH
 
 
 @inline

@@ -8,6 +8,9 @@ A force on r acts on those four in the same shares, so that its work is theirs. 
 on the planes of nodes (`walls`, asperities that do not give) are found in every step of Newton's method together, from
 the answer of the whole network to each: there are few of them. In an eyelet r is held across the cable, whatever force
 it takes, and runs along it.
+
+Where two elements may touch each other r is the way from a point of the second to one of the first: the force on r acts
+on the first, and with the opposite sign on the second.
 """
 
 from __future__ import annotations
@@ -61,9 +64,11 @@ from cable_shape.kernels.rod_algebra import (
 #: Columns of a point: element, body, share of the element, weights of y_a, y_b, d3_a, d3_b, outward normal 3,
 #: n . r at the surface [m], push [N], coefficient of friction, where it sticks 3 [m], friction 3 [N]. In an eyelet
 #: (friction below 0) the normal is the cable's tangent, and what would be friction is what holds it. More columns, of
-#: asperities that give: by how much [m/N], and by how much they did under the friction before 3 [m].
+#: asperities that give: by how much [m/N], and by how much they did under the friction before 3 [m]. Of a pair, whose
+#: body is PAIRED: the second element, its share, minus the weights of that, and the row of what may touch.
 ELEMENT, HOLDER, SHARE, WEIGHTS, NORMAL, LEVEL, PUSH, GRIP, STUCK, DRY = 0, 1, 2, 3, 7, 10, 11, 12, 13, 16
 SOFT, GAVE = 29, 30
+PARTNER, OTHER, COUNTER, WHICH, PAIRED = 33, 34, 35, 39, 1e6
 MOST_ROUNDS, SAME = 200, 1e-12  # of forces in turns, and the change, of the largest, of the last
 LOST = 1e-15  # of the largest number: a smaller pivot is none
 MOST_TRIES, FULL = 4, 1e-9  # of those, and how near to what it may be friction is where something slips
@@ -79,9 +84,32 @@ def weigh(props: Floats, i: int, h: float) -> None:
 
 
 @inline
+def sides(props: Floats, i: int) -> int:
+    """How many nodes point i acts on: those of its element, and of the second one of a pair."""
+    return 4 if props[i, HOLDER] == PAIRED else 2
+
+
+@inline
+def side_of(props: Floats, i: int, side: int) -> tuple[int, int, float, float]:
+    """Element, its end (0 or 1), and the weights of place and tangent there, of one of those."""
+    if side < 2:
+        return int(props[i, ELEMENT]), side, props[i, WEIGHTS + side], props[i, WEIGHTS + 2 + side]
+    return int(props[i, PARTNER]), side - 2, props[i, COUNTER + side - 2], props[i, COUNTER + side]
+
+
+@inline
 def place_of(plan: Plan, props: Floats, i: int, places: Floats, tangents: Floats) -> Vector:
     """[m], of point i from places and tangents (n, 3) of the nodes; of rates of those its rate."""
-    node, w = plan.left[int(props[i, ELEMENT])], WEIGHTS
+    r = half_of(plan, props, i, ELEMENT, WEIGHTS, places, tangents)
+    if props[i, HOLDER] == PAIRED:
+        r = add(r, half_of(plan, props, i, PARTNER, COUNTER, places, tangents))
+    return r
+
+
+@inline
+def half_of(plan: Plan, props: Floats, i: int, element: int, w: int, places: Floats, tangents: Floats) -> Vector:
+    """What of that is of the element in one column, by the weights from another one on."""
+    node = plan.left[int(props[i, element])]
     r = add(scale(props[i, w], get3(places, node)), scale(props[i, w + 1], get3(places, node + 1)))
     r = add(r, scale(props[i, w + 2], get3(tangents, node)))
     return add(r, scale(props[i, w + 3], get3(tangents, node + 1)))
@@ -90,8 +118,17 @@ def place_of(plan: Plan, props: Floats, i: int, places: Floats, tangents: Floats
 @inline
 def now_at(plan: Plan, motion: Motion, sol: Solution, i: int) -> Vector:
     """[m], the same with the nodes where they are."""
+    r = half_now(plan, motion, sol, i, ELEMENT, WEIGHTS)
+    if motion.props[i, HOLDER] == PAIRED:
+        r = add(r, half_now(plan, motion, sol, i, PARTNER, COUNTER))
+    return r
+
+
+@inline
+def half_now(plan: Plan, motion: Motion, sol: Solution, i: int, element: int, w: int) -> Vector:
+    """See `half_of`."""
     props = motion.props
-    node, w = plan.left[int(props[i, ELEMENT])], WEIGHTS
+    node = plan.left[int(props[i, element])]
     r = add(scale(props[i, w], get3(motion.place, node)), scale(props[i, w + 1], get3(motion.place, node + 1)))
     for side in range(2):
         R = rotation(get4(sol.q, node + side))
@@ -106,18 +143,27 @@ def lean(plan: Plan, model: Model, sol: Solution, work: Work, motion: Motion) ->
         put3(motion.push, k, 0, (0.0, 0.0, 0.0))
     props = motion.props
     for i in range(int(motion.par[N_PROPS])):
-        e = int(props[i, ELEMENT])
-        j = plan.left[e] - e
         F = add(scale(props[i, PUSH], take3(props, i, NORMAL)), take3(props, i, DRY))
-        for side in range(2):
-            node = plan.left[e] + side
-            put3(motion.push, node, 0, add(get3(motion.push, node), scale(props[i, WEIGHTS + side], F)))
-            N = scale(-props[i, WEIGHTS + 2 + side], tapply(rotation(get4(sol.q, node)), F))
-            if (side == 0 and e == plan.first[j]) or (side == 1 and e == plan.first[j + 1] - 1):
-                add_turn(plan, model, work, j, side, (-N[1], N[0], 0.0), bent_by(N))
-            else:
-                put3(work.G, node, 0, add(get3(work.G, node), (-N[1], N[0], 0.0)))
-                put9(work.D, node, 0, madd(get9(work.D, node, 0), bent_by(N)))
+        lean_on(plan, model, sol, work, motion, int(props[i, ELEMENT]), i, WEIGHTS, F)
+        if props[i, HOLDER] == PAIRED:
+            lean_on(plan, model, sol, work, motion, int(props[i, PARTNER]), i, COUNTER, F)
+
+
+@inline
+def lean_on(
+    plan: Plan, model: Model, sol: Solution, work: Work, motion: Motion, e: int, i: int, w: int, F: Vector
+) -> None:  # fmt: skip
+    """The same of a force F [N] on element e, by the weights of point i from column w on."""
+    props, j = motion.props, plan.left[e] - e
+    for side in range(2):
+        node = plan.left[e] + side
+        put3(motion.push, node, 0, add(get3(motion.push, node), scale(props[i, w + side], F)))
+        N = scale(-props[i, w + 2 + side], tapply(rotation(get4(sol.q, node)), F))
+        if (side == 0 and e == plan.first[j]) or (side == 1 and e == plan.first[j + 1] - 1):
+            add_turn(plan, model, work, j, side, (-N[1], N[0], 0.0), bent_by(N))
+        else:
+            put3(work.G, node, 0, add(get3(work.G, node), (-N[1], N[0], 0.0)))
+            put9(work.D, node, 0, madd(get9(work.D, node, 0), bent_by(N)))
 
 
 @inline
@@ -150,15 +196,24 @@ def load(
 ) -> None:  # fmt: skip
     """Adds a force f [N] along a row to the right-hand side, and to `shove` on the nodes."""
     props, i, to = motion.props, row // 3, direction(motion.props, row)
-    e = int(props[i, ELEMENT])
-    j = plan.left[e] - e
+    load_on(plan, sol, work, motion, shove, int(props[i, ELEMENT]), i, WEIGHTS, to, f)
+    if props[i, HOLDER] == PAIRED:
+        load_on(plan, sol, work, motion, shove, int(props[i, PARTNER]), i, COUNTER, to, f)
+
+
+@inline
+def load_on(
+    plan: Plan, sol: Solution, work: Work, motion: Motion, shove: Floats, e: int, i: int, w: int, to: Vector, f: float
+) -> None:  # fmt: skip
+    """The same of element e, by the weights of point i from column w on."""
+    props, j = motion.props, plan.left[e] - e
     for side in range(2):
         node = plan.left[e] + side
         at = node - j  # the element at its right
-        F = scale(props[i, WEIGHTS + side] * f, to)
+        F = scale(props[i, w + side] * f, to)
         put3(shove, node, 0, add(get3(shove, node), F))
         R = rotation(get4(sol.q, node))
-        N = scale(-props[i, WEIGHTS + 2 + side] * f, tapply(R, to))
+        N = scale(-props[i, w + 2 + side] * f, tapply(R, to))
         way = apply(get9(motion.give, node, 0), F)
         loose = motion.loose[node] != 0.0
         if at == plan.first[j] or (at == plan.first[j + 1] and not loose):
@@ -177,8 +232,18 @@ def load(
 def moved(plan: Plan, sol: Solution, work: Work, motion: Motion, shove: Floats, row: int) -> float:
     """[m], by how much the point of a row goes along it in the last solve's step."""
     props, i, to = motion.props, row // 3, direction(motion.props, row)
-    e = int(props[i, ELEMENT])
-    j = plan.left[e] - e
+    way = moved_on(plan, sol, work, motion, shove, int(props[i, ELEMENT]), i, WEIGHTS, to)
+    if props[i, HOLDER] == PAIRED:
+        way += moved_on(plan, sol, work, motion, shove, int(props[i, PARTNER]), i, COUNTER, to)
+    return way
+
+
+@inline
+def moved_on(
+    plan: Plan, sol: Solution, work: Work, motion: Motion, shove: Floats, e: int, i: int, w: int, to: Vector
+) -> float:  # fmt: skip
+    """The same of element e, by the weights of point i from column w on."""
+    props, j = motion.props, plan.left[e] - e
     way = 0.0
     for side in range(2):
         node = plan.left[e] + side
@@ -194,7 +259,7 @@ def moved(plan: Plan, sol: Solution, work: Work, motion: Motion, shove: Floats, 
             else:
                 pull = add(pull, get3(motion.step, at))
             y = apply(get9(motion.give, node, 0), pull)
-        way += props[i, WEIGHTS + side] * dot(to, y) + props[i, WEIGHTS + 2 + side] * dot(to, turned)
+        way += props[i, w + side] * dot(to, y) + props[i, w + 2 + side] * dot(to, turned)
     return way
 
 

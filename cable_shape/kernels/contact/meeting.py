@@ -1,0 +1,451 @@
+"""Where cables that swing come near each other, or themselves: the rows of pairs of `props`, and a look after a step.
+
+Cables are looked at as straight pieces first (`distance.cable_near`), with what is near by lying along one cable, or
+about a junction, left out as at rest. From there Newton's method finds the two points whose distance is least, on the
+cubics between nodes. Where cables lie along each other there is no such place: the first point stays, and the second is
+where the other cable is square to the way there. Such rows are half an element apart.
+
+After a part of a step cables that lay one way round each other still do so if no piece of one has gone through one of
+the other on the straight way (`distance.passing`).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cable_shape.checks import Array
+from cable_shape.kernels._jit import kernel
+from cable_shape.kernels.contact.near import NONE
+from cable_shape.kernels.contact.points import GAP, on_curve, place_for
+from cable_shape.kernels.distance.cable_near import MOST_SPOTS, SPOT, is_joined, spots
+from cable_shape.kernels.distance.passing import CROSSING, MOST_CROSSINGS, crossings
+from cable_shape.kernels.network.compiled import inline, part, viewing
+from cable_shape.kernels.network.momentum import Momentum
+from cable_shape.kernels.network.motion import N_PROPS, PAIRS, PROP, PROPS, Motion
+from cable_shape.kernels.network.props import (
+    COUNTER,
+    DRY,
+    ELEMENT,
+    GRIP,
+    HOLDER,
+    LEVEL,
+    NORMAL,
+    OTHER,
+    PAIRED,
+    PARTNER,
+    PUSH,
+    SHARE,
+    STUCK,
+    WEIGHTS,
+    WHICH,
+    place_of,
+    weigh,
+)
+from cable_shape.kernels.network.tables import LENGTH, Floats, Model, Plan, Solution
+from cable_shape.kernels.network.walls import along
+from cable_shape.kernels.rod_algebra import Vector, add, dot, get3, put3, scale, subtract, take3
+
+#: A row of what may touch: two cables, or one twice; least distance of their centrelines [m]; of one, least cable
+#: between two points that do [m]; `cable_near.is_joined` 4 [m].
+ONE, TWO, KEEP, SHORTEST, JOINED, TOUCHING = 0, 1, 2, 3, 4, 8
+#: A pair of points: their distance [m]; arc lengths [m]; element and share of it of each; normal out of the second 3.
+APART, ARC, PLACE, OUT, MEETING = 0, 1, 3, 7, 10
+#: Straight pieces of an element, one for so many times the distance to be kept, no more than so many; and by how much
+#: of the length of a single piece an element that bends by 1 rad is beside it.
+LONG, MOST_PIECES, BULGE = 4.0, 4, 0.125
+#: Steps of Newton's method, and how far one may go, in elements; it ends where one is as short as the last number.
+STEPS, FAR, SAME = 12, 0.5, 1e-10
+#: Of second derivatives of half the squared distance by both arc lengths: smaller is that of cables along each other.
+ALONG = 0.03
+#: Cosine of the angle between the way from one point to the other and a cable that is square to it.
+SQUARE, ASLANT = 0.05, 0.5
+#: Of the length, and of the distance to be kept: by the smaller of both cables may overlap after a part of a step; if
+#: they overlap by more already only by a share of it more. Nearer than a share of that distance they are inside each
+#: other. Of the length, in a second: so fast they come apart.
+DEEP, THIN, DEEPER, INSIDE, APART_AGAIN = 2e-4, 0.1, 0.2, 0.5, 0.1
+
+
+@inline
+def piece_count(plan: Plan, model: Model, row: Floats) -> tuple[int, float]:
+    """How many straight pieces an element of the cables of a row is, and how long the longest element is [m]."""
+    longest = 0.0
+    for side in range(2):
+        cable = int(row[ONE + side])
+        for e in range(plan.first[plan.cables[cable]], plan.first[plan.cables[cable + 1]]):
+            longest = max(longest, model.h[e])
+    return int(min(max(math.ceil(longest / (LONG * row[KEEP])), 1.0), float(MOST_PIECES))), longest
+
+
+@kernel
+def pieces_of(
+    plan: Plan, model: Model, places: Floats, tangents: Floats, cable: int, pieces: int
+) -> tuple[Array, Array]:  # fmt: skip
+    """Arc lengths (n,) [m] and points (n, 3) of a cable, with so many straight pieces an element."""
+    a, b = plan.first[plan.cables[cable]], plan.first[plan.cables[cable + 1]]
+    n = pieces * (b - a) + 1
+    s, points = np.empty(n), np.empty((n, 3))
+    for e in range(a, b):
+        node, h = plan.left[e], model.h[e]
+        for k in range(pieces + 1):
+            x, i = k / pieces, pieces * (e - a) + k
+            s[i] = model.s[node] + h * x
+            put3(points, i, 0, place_at(plan, model, places, tangents, e, x))
+    return s, points
+
+
+@inline
+def place_at(plan: Plan, model: Model, places: Floats, tangents: Floats, e: int, x: float) -> Vector:
+    """[m], the cubic of element e at the share x."""
+    node = plan.left[e]
+    return on_curve(
+        model.h[e], x, get3(places, node), get3(places, node + 1), get3(tangents, node), get3(tangents, node + 1)
+    )  # fmt: skip
+
+
+@inline
+def rates_at(
+    plan: Plan, model: Model, places: Floats, tangents: Floats, e: int, x: float
+) -> tuple[Vector, Vector]:  # fmt: skip
+    """Its first and second derivative by arc length."""
+    node, h, y = plan.left[e], model.h[e], 1.0 - x
+    way, p, q = (
+        subtract(get3(places, node + 1), get3(places, node)),
+        get3(tangents, node),
+        get3(tangents, node + 1),
+    )
+    first = add(scale(6.0 * x * y / h, way), add(scale(y * (1.0 - 3.0 * x), p), scale(x * (3.0 * x - 2.0), q)))
+    second = add(scale((6.0 - 12.0 * x) / (h * h), way), scale((6.0 * x - 4.0) / h, p))
+    return first, add(second, scale((6.0 * x - 2.0) / h, q))
+
+
+@inline
+def shifted(plan: Plan, model: Model, cable: int, e: int, x: float, by: float) -> tuple[int, float]:
+    """Element and share a way `by` [m] further on along a cable, no further than the next element, or its end."""
+    a, b = plan.first[plan.cables[cable]], plan.first[plan.cables[cable + 1]]
+    x += by / model.h[e]
+    if x < 0.0 and e > a:
+        return e - 1, min(max(1.0 + x * model.h[e] / model.h[e - 1], 0.0), 1.0)
+    if x > 1.0 and e < b - 1:
+        return e + 1, min(max((x - 1.0) * model.h[e] / model.h[e + 1], 0.0), 1.0)
+    return e, min(max(x, 0.0), 1.0)
+
+
+@viewing
+def at_end(plan: Plan, cable: int, e: int, x: float) -> bool:
+    """Whether that is an end of the cable."""
+    a, b = plan.first[plan.cables[cable]], plan.first[plan.cables[cable + 1]]
+    return (e == a and x == 0.0) or (e == b - 1 and x == 1.0)
+
+
+@viewing
+def approach(plan: Plan, model: Model, places: Floats, tangents: Floats, row: Floats, meeting: Floats) -> bool:
+    """Moves a pair of points to where they are nearest; False if they are not the nearest of their surroundings.
+
+    row: of what may touch.
+    """
+    one, two = int(row[ONE]), int(row[TWO])
+    e, x, f, y = int(meeting[PLACE]), meeting[PLACE + 1], int(meeting[PLACE + 2]), meeting[PLACE + 3]
+    far, lies, begun = FAR * min(model.h[e], model.h[f]), False, math.inf
+    for k in range(STEPS):
+        w = subtract(place_at(plan, model, places, tangents, e, x), place_at(plan, model, places, tangents, f, y))
+        t, c = rates_at(plan, model, places, tangents, e, x)
+        u, d = rates_at(plan, model, places, tangents, f, y)
+        g, q, tt, uu, B = dot(w, t), -dot(w, u), dot(t, t), dot(u, u), -dot(t, u)
+        A, C = tt + dot(w, c), uu - dot(w, d)
+        if k == 0:
+            begun = dot(w, w)
+            lies = not (A > 0.0 and A * C - B * B > ALONG) and tt * uu - B * B < ALONG
+        if not (A > 0.0 and C > 0.0 and A * C - B * B > 0.5 * ALONG):
+            A, C = tt, uu
+        det = A * C - B * B
+        go, on = (0.0, -q / C) if lies or not det > 0.0 else ((q * B - g * C) / det, (g * B - q * A) / det)
+        go, on = min(max(go, -far), far), min(max(on, -far), far)
+        if at_end(plan, one, e, x) and (go < 0.0) == (x == 0.0) and go != 0.0:
+            go, on = 0.0, min(max(-q / C, -far), far)
+        elif at_end(plan, two, f, y) and (on < 0.0) == (y == 0.0) and on != 0.0:
+            on, go = 0.0, 0.0 if lies else min(max(-g / A, -far), far)
+        if abs(go) + abs(on) < SAME:
+            break
+        e, x = shifted(plan, model, one, e, x, go)
+        f, y = shifted(plan, model, two, f, y, on)
+    w = subtract(place_at(plan, model, places, tangents, e, x), place_at(plan, model, places, tangents, f, y))
+    t, _ = rates_at(plan, model, places, tangents, e, x)
+    u, _ = rates_at(plan, model, places, tangents, f, y)
+    size = math.sqrt(dot(w, w))
+    if not (size > 0.0 and size <= 1.01 * math.sqrt(begun)):
+        return False
+    n = scale(1.0 / size, w)
+    slants, other = abs(dot(n, t)), abs(dot(n, u))
+    if other > SQUARE and not (at_end(plan, two, f, y) and slants < SQUARE):
+        return False
+    if slants > (ASLANT if lies else SQUARE) and not at_end(plan, one, e, x):
+        return False
+    meeting[APART] = size
+    meeting[ARC], meeting[ARC + 1] = model.s[plan.left[e]] + x * model.h[e], model.s[plan.left[f]] + y * model.h[f]
+    meeting[PLACE], meeting[PLACE + 1], meeting[PLACE + 2], meeting[PLACE + 3] = e, x, f, y
+    meeting[OUT], meeting[OUT + 1], meeting[OUT + 2] = n
+    return True
+
+
+@kernel
+def meet(
+    plan: Plan, model: Model, places: Floats, tangents: Floats, row: Array, reach: float, out: Array
+) -> int:  # fmt: skip
+    """Fills out (MOST_SPOTS, MEETING) with where two cables that may touch are within `reach` [m]; returns how many."""
+    one, two = int(row[ONE]), int(row[TWO])
+    pieces, step = piece_count(plan, model, row)
+    s, p = pieces_of(plan, model, places, tangents, one, pieces)
+    u, r = (s, p) if one == two else pieces_of(plan, model, places, tangents, two, pieces)
+    a, b = plan.first[plan.cables[one]], plan.first[plan.cables[two]]
+    joined, found, meeting = row[JOINED:].reshape(2, 2), np.empty((MOST_SPOTS, SPOT)), np.empty(MEETING)
+    aside = max(0.5 * step, 2.0 * row[KEEP])
+    count = spots(p, s, r, u, one == two, row[SHORTEST], joined, reach + 2.0 * BULGE * step / pieces**2, aside, found)
+    kept = 0
+    for k in range(count):
+        for side in range(2):
+            first, arcs = (a, s) if side == 0 else (b, u)
+            i = 0
+            while i < arcs.shape[0] - 2 and arcs[i + 1] <= found[k, 1 + side]:
+                i += 1
+            e = first + i // pieces
+            meeting[PLACE + 2 * side] = e
+            share = (found[k, 1 + side] - model.s[plan.left[e]]) / model.h[e]
+            meeting[PLACE + 2 * side + 1] = min(max(share, 0.0), 1.0)
+        if not approach(plan, model, places, tangents, row, meeting) or meeting[APART] > reach:
+            continue
+        if one == two and meeting[ARC + 1] - meeting[ARC] < row[SHORTEST]:
+            continue
+        if is_joined(meeting[ARC], s[s.shape[0] - 1], meeting[ARC + 1], u[u.shape[0] - 1], joined):
+            continue
+        kept = keep(meeting, 0.45 * aside, out, kept)
+    return kept
+
+
+@kernel
+def keep(meeting: Array, aside: float, out: Array, count: int) -> int:
+    """Puts a pair of points among those of `out`, unless a nearer one is beside it; returns how many there are."""
+    left = 0
+    for k in range(count):
+        beside = abs(out[k, ARC] - meeting[ARC]) < aside and abs(out[k, ARC + 1] - meeting[ARC + 1]) < aside
+        if beside and out[k, APART] <= meeting[APART]:
+            return count
+    for k in range(count):
+        beside = abs(out[k, ARC] - meeting[ARC]) < aside and abs(out[k, ARC + 1] - meeting[ARC + 1]) < aside
+        if not beside:
+            out[left] = out[k]
+            left += 1
+    out[left] = meeting
+    return left + 1
+
+
+@kernel
+def find_pairs(
+    plan: Plan, model: Model, motion: Motion, memory: Momentum, touching: Array, whole: Array, rough: Array,
+    reach: float, dt: float, had: int,
+) -> None:  # fmt: skip
+    """Adds the pairs of points that may come to touch, within `reach` [m] in a part dt [s], the nearest if not all.
+
+    They come after all other points.
+    had: how many of `points.put_aside` there are; forces go on from those. Cables that overlap come apart by and by.
+    """
+    was, props = part(motion.aside, 0, (PROPS + PAIRS, PROP)), motion.props
+    first, found = int(motion.par[N_PROPS]), np.empty((MOST_SPOTS, MEETING))
+    for k in range(touching.shape[0]):
+        keep_off = touching[k, KEEP]
+        count = meet(plan, model, memory.place, memory.tangent, touching[k], keep_off + reach, found)
+        for j in range(count):
+            i = place_for(motion, first, first + PAIRS, found[j, APART] - keep_off)
+            if i < 0:
+                continue
+            for c in range(PROP):
+                props[i, c] = 0.0
+            e, f = int(found[j, PLACE]), int(found[j, PLACE + 2])
+            props[i, ELEMENT], props[i, SHARE], props[i, HOLDER] = e, found[j, PLACE + 1], PAIRED
+            props[i, PARTNER], props[i, OTHER], props[i, WHICH] = f, found[j, PLACE + 3], k
+            props[i, GAP] = found[j, APART] - keep_off
+            weigh_pair(props, i, model.h[e], model.h[f])
+            n = (found[j, OUT], found[j, OUT + 1], found[j, OUT + 2])
+            put3(props, i, NORMAL, n)
+            put3(props, i, STUCK, place_of(plan, props, i, memory.place, memory.tangent))
+            props[i, LEVEL] = min(keep_off, found[j, APART] + APART_AGAIN * dt * whole[plan.left[e]])
+            props[i, GRIP] = max(rough[plan.left[e]], rough[plan.left[f]])
+            b = pressed_before(plan, model, was, had, k, found[j, ARC], found[j, ARC + 1], model.h[e])
+            if b >= 0:
+                props[i, PUSH] = was[b, PUSH]
+                put3(props, i, DRY, along(n, take3(was, b, DRY)))
+
+
+@viewing
+def aim_again(
+    plan: Plan, model: Model, motion: Motion, memory: Momentum, before: Momentum, touching: Floats, rows: Floats
+) -> float:  # fmt: skip
+    """Fills rows (PAIRS, PROP) with the pairs as they are nearest after a part of a step, to be taken once more.
+
+    Returns by how much their distances miss what they were to be [m], 0 if none presses or should.
+    """
+    props, off, k = motion.props, 0.0, 0
+    meeting = part(motion.aside, 0, (MEETING,))
+    for i in range(int(motion.par[N_PROPS])):
+        if props[i, HOLDER] != PAIRED:
+            continue
+        for c in range(PROP):
+            rows[k, c] = props[i, c]
+        meeting[PLACE], meeting[PLACE + 1] = props[i, ELEMENT], props[i, SHARE]
+        meeting[PLACE + 2], meeting[PLACE + 3] = props[i, PARTNER], props[i, OTHER]
+        near = approach(plan, model, motion.place, memory.tangent, touching[int(props[i, WHICH])], meeting)
+        n = (meeting[OUT], meeting[OUT + 1], meeting[OUT + 2])
+        if near and dot(n, take3(props, i, NORMAL)) > 0.0:
+            rows[k, ELEMENT], rows[k, SHARE] = meeting[PLACE], meeting[PLACE + 1]
+            rows[k, PARTNER], rows[k, OTHER] = meeting[PLACE + 2], meeting[PLACE + 3]
+            weigh_pair(rows, k, model.h[int(meeting[PLACE])], model.h[int(meeting[PLACE + 2])])
+            put3(rows, k, NORMAL, n)
+            put3(rows, k, DRY, along(n, take3(props, i, DRY)))
+            put3(rows, k, STUCK, place_of(plan, rows, k, before.place, before.tangent))
+            miss = meeting[APART] - props[i, LEVEL]
+            off = max(off, abs(miss) if props[i, PUSH] > 0.0 else -miss)
+        k += 1
+    return off
+
+
+@viewing
+def take_again(motion: Motion, rows: Floats) -> None:
+    """Puts those in place of the pairs that `find_pairs` has found again."""
+    k = 0
+    for i in range(int(motion.par[N_PROPS])):
+        if motion.props[i, HOLDER] == PAIRED:
+            for c in range(PROP):
+                motion.props[i, c] = rows[k, c]
+            k += 1
+
+
+@viewing
+def parted(plan: Plan, memory: Momentum, now: Solution, sol: Solution, dt: float) -> float:
+    """[m], by how much more than all together nodes, and given knots, go in a part dt [s] of a step at most."""
+    mass, v, a = 0.0, NONE, NONE
+    for k in range(memory.mass.shape[0]):
+        mass += memory.mass[k]
+        v = add(v, scale(memory.mass[k], get3(memory.velocity, k)))
+        a = add(a, scale(memory.mass[k], get3(memory.acceleration, k)))
+    v, a, most = scale(1.0 / mass, v), scale(1.0 / mass, a), 0.0
+    for k in range(memory.mass.shape[0]):
+        w, b = subtract(get3(memory.velocity, k), v), subtract(get3(memory.acceleration, k), a)
+        most = max(most, dt * math.sqrt(dot(w, w)) + dt * dt * math.sqrt(dot(b, b)))
+    for k in range(sol.pose.shape[0]):
+        if plan.vertices[k, 1] < 0:
+            w = subtract(subtract(take3(sol.pose, k, 0), take3(now.pose, k, 0)), scale(dt, v))
+            most = max(most, math.sqrt(dot(w, w)))
+    return most
+
+
+@inline
+def weigh_pair(props: Floats, i: int, h: float, other: float) -> None:
+    """Fills the weights of pair i from its shares of elements so long [m]."""
+    own = props[i, SHARE]
+    props[i, SHARE] = props[i, OTHER]
+    weigh(props, i, other)
+    for c in range(4):
+        props[i, COUNTER + c] = -props[i, WEIGHTS + c]
+    props[i, SHARE] = own
+    weigh(props, i, h)
+
+
+@inline
+def pressed_before(
+    plan: Plan, model: Model, was: Floats, had: int, which: int, s: float, u: float, near: float
+) -> int:  # fmt: skip
+    """Which of the pairs before pressed nearest to these arc lengths [m], no further away than `near`; -1: none."""
+    found, least = -1, near
+    for k in range(had):
+        if was[k, HOLDER] != PAIRED or int(was[k, WHICH]) != which or not was[k, PUSH] > 0.0:
+            continue
+        e, f = int(was[k, ELEMENT]), int(was[k, PARTNER])
+        away = abs(model.s[plan.left[e]] + was[k, SHARE] * model.h[e] - s)
+        away += abs(model.s[plan.left[f]] + was[k, OTHER] * model.h[f] - u)
+        if away < least:
+            found, least = k, away
+    return found
+
+
+@kernel
+def stay_apart(
+    plan: Plan, model: Model, motion: Motion, memory: Momentum, before: Momentum, touching: Array, whole: Array,
+    afloat: float, patient: bool,
+) -> tuple[bool, float]:  # fmt: skip
+    """Whether cables have not gone through each other in a part of a step, and by how much they overlap at most [m].
+
+    Unless `patient` nor may they overlap, or press from further away than `afloat`, of the length.
+    """
+    found, rows, deepest = np.empty((MOST_SPOTS, MEETING)), np.empty((MOST_CROSSINGS, CROSSING)), 0.0
+    for k in range(touching.shape[0]):
+        row = touching[k]
+        if gone_through(plan, model, motion.place, memory.tangent, before, row, rows):
+            return False, 0.0
+        count = meet(plan, model, motion.place, memory.tangent, row, row[KEEP], found)
+        for j in range(count):
+            deepest = max(deepest, row[KEEP] - found[j, APART])
+            most = min(DEEP * model.par[LENGTH], THIN * row[KEEP])
+            level = asked_of(plan, model, motion, k, found[j], row[KEEP])
+            if not patient and found[j, APART] < min(row[KEEP] - most, level - DEEPER * most):
+                return False, 0.0
+    if patient:
+        return True, deepest
+    meeting = np.empty(MEETING)
+    for i in range(int(motion.par[N_PROPS])):
+        props = motion.props
+        if props[i, HOLDER] == PAIRED and props[i, PUSH] > 0.0:
+            meeting[PLACE], meeting[PLACE + 1] = props[i, ELEMENT], props[i, SHARE]
+            meeting[PLACE + 2], meeting[PLACE + 3] = props[i, PARTNER], props[i, OTHER]
+            row = touching[int(props[i, WHICH])]
+            near = approach(plan, model, motion.place, memory.tangent, row, meeting)
+            if near and meeting[APART] - row[KEEP] > afloat * whole[plan.left[int(props[i, ELEMENT])]]:
+                return False, 0.0
+    return True, deepest
+
+
+@viewing
+def asked_of(plan: Plan, model: Model, motion: Motion, which: int, meeting: Floats, keep_off: float) -> float:
+    """[m], at what distance pairs near this one were to be kept."""
+    props, level = motion.props, keep_off
+    for i in range(int(motion.par[N_PROPS])):
+        if props[i, HOLDER] != PAIRED or int(props[i, WHICH]) != which:
+            continue
+        e, f = int(props[i, ELEMENT]), int(props[i, PARTNER])
+        away = abs(model.s[plan.left[e]] + props[i, SHARE] * model.h[e] - meeting[ARC])
+        away = max(away, abs(model.s[plan.left[f]] + props[i, OTHER] * model.h[f] - meeting[ARC + 1]))
+        if away < model.h[e]:
+            level = min(level, props[i, LEVEL])
+    return level
+
+
+@kernel
+def gone_through(
+    plan: Plan, model: Model, places: Floats, tangents: Floats, before: Momentum, row: Array, out: Array
+) -> bool:  # fmt: skip
+    """Whether two cables that may touch have gone through each other since `before`, where they were not inside."""
+    one, two = int(row[ONE]), int(row[TWO])
+    pieces, _ = piece_count(plan, model, row)
+    s, p = pieces_of(plan, model, places, tangents, one, pieces)
+    _, p_then = pieces_of(plan, model, before.place, before.tangent, one, pieces)
+    u, r, r_then, skipped = s, p, p_then, 0
+    if one != two:
+        u, r = pieces_of(plan, model, places, tangents, two, pieces)
+        _, r_then = pieces_of(plan, model, before.place, before.tangent, two, pieces)
+    else:
+        skipped = math.ceil(row[SHORTEST] / (s[1] - s[0]))
+    joined = row[JOINED:].reshape(2, 2)
+    count = crossings(p_then, p, r_then, r, skipped, out)
+    for k in range(count):
+        i, j = int(out[k, 2]), int(out[k, 3])
+        at = s[i] + (out[k, 2] - i) * (s[i + 1] - s[i])
+        to = u[j] + (out[k, 3] - j) * (u[j + 1] - u[j])
+        if is_joined(at, s[s.shape[0] - 1], to, u[u.shape[0] - 1], joined):
+            continue
+        x, y, square = out[k, 2] - i, out[k, 3] - j, 0.0
+        for c in range(3):
+            gap = (1.0 - x) * p_then[i, c] + x * p_then[i + 1, c] - (1.0 - y) * r_then[j, c] - y * r_then[j + 1, c]
+            square += gap * gap
+        if square > (INSIDE * row[KEEP]) ** 2:
+            return True
+    return False
