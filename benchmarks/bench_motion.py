@@ -259,6 +259,71 @@ def measure_drops(figures: Figures, tries: int) -> None:
         figures.at_most(f"thrown on a table, EI {stiffness:.0e}: energy from nowhere in so many", beyond, 0, "{:.0f}")
 
 
+def went_through(p: np.ndarray, p_now: np.ndarray, r: np.ndarray, r_now: np.ndarray) -> int:
+    """How often pieces of two lines (n, 3) go through each other on the straight way, by looks at volumes between them."""
+    count, before = 0, None
+    for x in np.linspace(0.0, 1.0, 9):
+        a, b = p + x * (p_now - p), r + x * (r_now - r)
+        e, f, w = np.diff(a, axis=0)[:, None], np.diff(b, axis=0)[None], b[None, :-1] - a[:-1, None]
+        n = np.cross(e, f)
+        size = (n * n).sum(-1) + 1e-300
+        now = np.array([(n * w).sum(-1), (np.cross(w, f) * n).sum(-1) / size, (np.cross(w, e) * n).sum(-1) / size])
+        if before is not None:
+            share = np.abs(before[0]) / (np.abs(before[0]) + np.abs(now[0]) + 1e-300)
+            at = before[1:] + share * (now[1:] - before[1:])
+            count += int(((now[0] * before[0] < 0.0) & ((at >= 0.0) & (at < 1.0)).all(axis=0)).sum())
+        before = now
+    return count
+
+
+def meeting(rng: np.random.Generator, scene: cs.Scene | None, steps: int = 200) -> tuple[int, int, float, float]:
+    """Two cables that hang by one end each, which are shaken: steps lost and in which they touched, passes, and energy
+    beyond what was put in, of the most."""
+    stiffness, thick = 10.0 ** rng.uniform(-3.5, -2.0), rng.uniform(0.004, 0.012)
+    cable = cs.Cable(0.5, linear_density=0.05, bending_stiffness=stiffness, diameter=thick, drag=0.02)
+    rate, phase = rng.uniform(0.5, 2.5, (2, 3)), rng.uniform(0.0, 2.0 * np.pi, (2, 3))
+    size, aside = rng.uniform(0.03, 0.12, (2, 3)), np.array((0.15, 0.0, 0.0))
+    motion = cs.Motion(cs.Harness({"a": cable, "b": cable}, []), scene, points=101)
+
+    def held(t: float) -> dict[str, cs.Pose]:
+        ways = size * (np.sin(2.0 * np.pi * rate * t + phase) - np.sin(phase))
+        return {"a.start": cs.Pose(ways[0], ALONG), "b.start": cs.Pose(ways[1] + aside, ALONG)}
+
+    last = first = motion.begin(held(0.0))
+    lost = touched = passes = 0
+    above, given, most = 0.0, 0.0, 1e-12
+    for k in range(1, steps + 1):
+        shape = motion.step(held(DT * k), DT)
+        if not shape.usable:
+            lost += 1
+            continue
+        one, other = ([s.segments[name].positions for s in (last, shape)] for name in "ab")
+        passes += went_through(*one, *other)
+        touched += bool(shape.segments["a"].contacts)
+        given += shape.work
+        now = shape.energy + shape.kinetic_energy - first.energy
+        most, above, last = max(most, abs(now), abs(given)), max(above, now - given), shape
+    return lost, touched, passes, above / most
+
+
+def measure_meetings(figures: Figures, tries: int) -> None:
+    """Two cables thrown at each other."""
+    heading("Two cables thrown at each other: steps that were lost, and how often they went through each other")
+    for name, scene in (("kept out of each other", cs.Scene(contact="solve")), ("not", None)):
+        rng = np.random.default_rng(11)
+        rows = [meeting(rng, scene) for _ in tqdm(range(tries), leave=False, disable=None)]
+        lost, touched, passes = (sum(row[i] for row in rows) for i in range(3))
+        beyond = sum(row[3] > 1e-6 for row in rows)
+        print(f"{name:23}: {lost} of {200 * tries} steps lost, {passes} passes, {touched} steps with contact,")
+        print(
+            f"{'':23}  {beyond} of {tries} with energy from nowhere, at most {max(row[3] for row in rows):.1e} of the most"
+        )
+        if scene is not None:
+            figures.at_most("thrown at each other: steps lost", lost, 0, "{:.0f}")
+            figures.at_most("thrown at each other: passes", passes, 0, "{:.0f}")
+            figures.at_most("thrown at each other: energy from nowhere in so many", beyond, 0, "{:.0f}")
+
+
 def main() -> int:
     """All tables."""
     parser = bench_parser(__doc__, "few steps and whips")
@@ -278,6 +343,7 @@ def main() -> int:
     measure_order(figures, options.quick)
     measure_whips(figures, 3 if options.quick else 50)
     measure_drops(figures, 3 if options.quick else 50)
+    measure_meetings(figures, 3 if options.quick else 20)
     return finish(figures, options)
 
 

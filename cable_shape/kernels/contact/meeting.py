@@ -59,6 +59,8 @@ LONG, MOST_PIECES, BULGE = 4.0, 4, 0.125
 STEPS, FAR, SAME = 12, 0.5, 1e-10
 #: Of second derivatives of half the squared distance by both arc lengths: smaller is that of cables along each other.
 ALONG = 0.03
+#: [m], so much nearer pairs may come, and so many times what they go past each other, before they would have a row.
+MARGIN, SOONER = 5e-3, 2.0
 #: Cosine of the angle between the way from one point to the other and a cable that is square to it.
 SQUARE, ASLANT = 0.05, 0.5
 #: Of the length, and of the distance to be kept: by the smaller of both cables may overlap after a part of a step; if
@@ -256,22 +258,25 @@ def find_pairs(
         keep_off = touching[k, KEEP]
         count = meet(plan, model, memory.place, memory.tangent, touching[k], keep_off + reach, found)
         for j in range(count):
-            i = place_for(motion, first, first + PAIRS, found[j, APART] - keep_off)
+            gap, e, f = found[j, APART] - keep_off, int(found[j, PLACE]), int(found[j, PLACE + 2])
+            if gap > MARGIN + SOONER * (closing(plan, memory, e, found[j, PLACE + 1], f, found[j, PLACE + 3], dt)):
+                continue
+            i = place_for(motion, first, first + PAIRS, gap)
             if i < 0:
                 continue
             for c in range(PROP):
                 props[i, c] = 0.0
-            e, f = int(found[j, PLACE]), int(found[j, PLACE + 2])
             props[i, ELEMENT], props[i, SHARE], props[i, HOLDER] = e, found[j, PLACE + 1], PAIRED
             props[i, PARTNER], props[i, OTHER], props[i, WHICH] = f, found[j, PLACE + 3], k
-            props[i, GAP] = found[j, APART] - keep_off
+            props[i, GAP] = gap
             weigh_pair(props, i, model.h[e], model.h[f])
             n = (found[j, OUT], found[j, OUT + 1], found[j, OUT + 2])
             put3(props, i, NORMAL, n)
             put3(props, i, STUCK, place_of(plan, props, i, memory.place, memory.tangent))
             props[i, LEVEL] = min(keep_off, found[j, APART] + APART_AGAIN * dt * whole[plan.left[e]])
-            props[i, GRIP] = max(rough[plan.left[e]], rough[plan.left[f]])
             b = pressed_before(plan, model, was, had, k, found[j, ARC], found[j, ARC + 1], model.h[e])
+            if b >= 0 or gap < keep_off:  # what is further away does not rub in the part in which it arrives
+                props[i, GRIP] = max(rough[plan.left[e]], rough[plan.left[f]])
             if b >= 0:
                 props[i, PUSH] = was[b, PUSH]
                 put3(props, i, DRY, along(n, take3(was, b, DRY)))
@@ -337,6 +342,22 @@ def parted(plan: Plan, memory: Momentum, now: Solution, sol: Solution, dt: float
             w = subtract(subtract(take3(sol.pose, k, 0), take3(now.pose, k, 0)), scale(dt, v))
             most = max(most, math.sqrt(dot(w, w)))
     return most
+
+
+@inline
+def closing(plan: Plan, memory: Momentum, e: int, x: float, f: int, y: float, dt: float) -> float:
+    """[m], how far the points at shares x and y of two elements go past each other in dt [s], by what chords do."""
+    a, b = plan.left[e], plan.left[f]
+    v = between(memory.velocity, a, x)
+    w = between(memory.acceleration, a, x)
+    v, w = subtract(v, between(memory.velocity, b, y)), subtract(w, between(memory.acceleration, b, y))
+    return dt * math.sqrt(dot(v, v)) + dt * dt * math.sqrt(dot(w, w))
+
+
+@inline
+def between(rows: Floats, node: int, x: float) -> Vector:
+    """The mean of a row and the next one."""
+    return add(scale(1.0 - x, get3(rows, node)), scale(x, get3(rows, node + 1)))
 
 
 @inline

@@ -100,7 +100,7 @@ MET = 1
 #: Times the last one: so much longer a part may be without more ado.
 LONGER = 1.5
 #: So often points of pairs are found once more, if one is further than that, of the length, from where it is to be.
-AGAIN, ON = 3, 1e-6
+AGAIN, ON = 2, 5e-6
 #: Parts shorter than this go on where the cable is deep, or afloat, for all that.
 PATIENT = 1.0 / 16.0
 
