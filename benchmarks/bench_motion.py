@@ -260,7 +260,7 @@ def measure_drops(figures: Figures, tries: int) -> None:
 
 
 def went_through(p: np.ndarray, p_now: np.ndarray, r: np.ndarray, r_now: np.ndarray) -> int:
-    """How often pieces of two lines (n, 3) go through each other on the straight way, by looks at volumes between them."""
+    """How often pieces of two lines (n, 3) go through each other on the straight way, by looks at volumes."""
     count, before = 0, None
     for x in np.linspace(0.0, 1.0, 9):
         a, b = p + x * (p_now - p), r + x * (r_now - r)
@@ -316,7 +316,8 @@ def measure_meetings(figures: Figures, tries: int) -> None:
         beyond = sum(row[3] > 1e-6 for row in rows)
         print(f"{name:23}: {lost} of {200 * tries} steps lost, {passes} passes, {touched} steps with contact,")
         print(
-            f"{'':23}  {beyond} of {tries} with energy from nowhere, at most {max(row[3] for row in rows):.1e} of the most"
+            f"{'':23}  {beyond} of {tries} with energy from nowhere, "
+            f"at most {max(row[3] for row in rows):.1e} of the most"
         )
         if scene is not None:
             figures.at_most("thrown at each other: steps lost", lost, 0, "{:.0f}")
