@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -14,12 +15,15 @@ from cable_shape.calibration.observation import Observation
 from cable_shape.calibration.parameters import KNOWN, VARYING, Parameters
 from cable_shape.calibration.progress import Progress
 from cable_shape.calibration.result import Calibration, grips_of
+from cable_shape.calibration.robust import Fit
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 
 #: [s], of each recording that is fitted first, and in so many iterations at most: what is far off swings out of step.
 #: There logarithms have a prior of this, lest what is not seen so soon runs away.
 FIRST, _ROUGH, _NEAR = (0.5, 1.0), 8, 1.0
+#: [rad], turns from which the first of these fits begins with a roll: its loss has a minimum near each of several.
+_ROLLS, _ROLL = (0.0, 2.0 * math.pi / 3.0, -2.0 * math.pi / 3.0), ("roll", "start_roll")
 #: Points of a centreline, and how many of a fit are told, evenly spread.
 _POINTS, _TOLD = 101, 12
 
@@ -56,7 +60,9 @@ def calibrate_motion(
         for most in FIRST:
             if any(one.steps.sum() > most for one in recordings):
                 short = MotionForward(near, recordings, most, **loads)
-                values = fitted(short, lambda i, scale: i <= _ROUGH and told.step(i, scale), values).values
+                begin = _turned(parameters, values) if most == FIRST[0] else [values]
+                rough = [fitted(short, lambda i, scale: i <= _ROUGH and told.step(i, scale), one) for one in begin]
+                values = min(rough, key=_miss).values
         found = fitted(forward, told.step, values)
         forward.misses(found.values)
     remarks = [ONE_GROUP] if len(recordings) == 1 else []
@@ -71,6 +77,22 @@ def calibrate_motion(
         centrelines=tuple(_lines(forward, found.values, recordings)),
         grips=grips_of(seen, parameters, found.values),
     )
+
+
+def _turned(parameters: Parameters, values: Array) -> list[Array]:
+    """The values (k,), with each of some rolls if one is fitted."""
+    rolls = [parameters.where(name) for name in _ROLL if name in parameters.names]
+    if not rolls:
+        return [values]
+    out = [values.copy() for _ in _ROLLS]
+    for one, roll in zip(out, _ROLLS, strict=True):
+        one[rolls[0]] += roll
+    return out
+
+
+def _miss(found: Fit) -> float:
+    """[m], mean miss; infinite if there is none."""
+    return float(np.nan_to_num(np.linalg.norm(found.misses, axis=1), nan=math.inf).mean())
 
 
 def _some(recordings: Sequence[Recording]) -> list[tuple[Recording, int]]:
