@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import combinations_with_replacement
 from typing import Any, final
 
 import numpy as np
 
+from cable_shape.cable.cable import Cable
 from cable_shape.cable.pieces import widest
 from cable_shape.checks import Array
 from cable_shape.kernels.contact.meeting import JOINED, KEEP, ONE, SHORTEST, TOUCHING, TWO
@@ -23,16 +25,24 @@ from cable_shape.solve.touching.one_harness import OneHarness, joined_ends
 from cable_shape.solve.touching.state import TouchState
 from cable_shape.solve.touching.strands import Strands
 
+#: Elements within which what folds does not mind itself.
+_FOLD = 4.0
 
-def may_touch(problem: Problem | HarnessProblem) -> Array:
-    """(p, TOUCHING): which of its cables may touch each other, or themselves, as `kernels.contact.meeting` has it."""
+
+def may_touch(problem: Problem | HarnessProblem, longest: Sequence[float]) -> Array:
+    """(p, TOUCHING): which of its cables may touch each other, or themselves, as `kernels.contact.meeting` has it.
+
+    Not itself touches one that folds within its elements: longest [m], of each cable.
+    """
     if not problem.solves_crossing:
         return np.empty((0, TOUCHING))
     if isinstance(problem, Problem):
         cables, joined = [problem.cable], dict[spot.Pair, Array]()
     else:
         cables, joined = list(problem.harness.segments.values()), joined_ends(problem.harness)
-    pairs = list(combinations_with_replacement(range(len(cables)), 2))
+    pull = float(np.linalg.norm(problem.gravity))
+    folds = [_folds(cable, pull, h) for cable, h in zip(cables, longest, strict=False)]
+    pairs = [(a, b) for a, b in combinations_with_replacement(range(len(cables)), 2) if a != b or not folds[a]]
     thick = [widest(cable) for cable in cables]
     out = np.zeros((len(pairs), TOUCHING))
     for row, (a, b) in zip(out, pairs, strict=True):
@@ -41,6 +51,12 @@ def may_touch(problem: Problem | HarnessProblem) -> Array:
         if (a, b) in joined:
             row[JOINED:] = joined[a, b].ravel()
     return out
+
+
+def _folds(cable: Cable, pull: float, longest: float) -> bool:
+    """Whether it bends under its own weight within so many elements, (EI / w)^(1/3), where it comes down on itself."""
+    weight = cable.linear_density * pull
+    return weight * (_FOLD * longest) ** 3 > cable.mean_bending_stiffness
 
 
 def lying(problem: Problem) -> CableShape:

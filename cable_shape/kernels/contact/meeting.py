@@ -19,7 +19,7 @@ from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.contact.near import NONE
 from cable_shape.kernels.contact.points import GAP, on_curve, place_for
-from cable_shape.kernels.distance.cable_near import MOST_SPOTS, SPOT, is_joined, spots
+from cable_shape.kernels.distance.cable_near import SPOT, is_joined, spots
 from cable_shape.kernels.distance.passing import CROSSING, MOST_CROSSINGS, crossings
 from cable_shape.kernels.network.compiled import inline, part, viewing
 from cable_shape.kernels.network.momentum import Momentum
@@ -43,6 +43,7 @@ from cable_shape.kernels.network.props import (
     place_of,
     weigh,
 )
+from cable_shape.kernels.network.swinging import is_loose
 from cable_shape.kernels.network.tables import LENGTH, Floats, Model, Plan, Solution
 from cable_shape.kernels.network.walls import along
 from cable_shape.kernels.rod_algebra import Vector, add, dot, get3, put3, scale, subtract, take3
@@ -52,6 +53,7 @@ from cable_shape.kernels.rod_algebra import Vector, add, dot, get3, put3, scale,
 ONE, TWO, KEEP, SHORTEST, JOINED, TOUCHING = 0, 1, 2, 3, 4, 8
 #: A pair of points: their distance [m]; arc lengths [m]; element and share of it of each; normal out of the second 3.
 APART, ARC, PLACE, OUT, MEETING = 0, 1, 3, 7, 10
+MOST = 256  # of those of two cables
 #: Straight pieces of an element, one for so many times the distance to be kept, no more than so many; and by how much
 #: of the length of a single piece an element that bends by 1 rad is beside it.
 LONG, MOST_PIECES, BULGE = 4.0, 4, 0.125
@@ -63,10 +65,12 @@ ALONG = 0.03
 MARGIN, SOONER = 5e-3, 2.0
 #: Cosine of the angle between the way from one point to the other and a cable that is square to it.
 SQUARE, ASLANT = 0.05, 0.5
+#: Of the distance to be kept: points so near are a pair although they are not the nearest.
+CLOSE = 1.2
 #: Of the length, and of the distance to be kept: by the smaller of both cables may overlap after a part of a step; if
-#: they overlap by more already only by a share of it more. Nearer than a share of that distance they are inside each
-#: other. Of the length, in a second: so fast they come apart.
-DEEP, THIN, DEEPER, INSIDE, APART_AGAIN = 2e-4, 0.1, 0.2, 0.5, 0.1
+#: they overlap by more only by a share of it more. Nearer than a share of that distance they are inside each other. Of
+#: the length, in a second: so fast they come apart.
+DEEP, THIN, DEEPER, INSIDE, APART_AGAIN = 2e-4, 0.1, 0.2, 0.2, 0.1
 
 
 @inline
@@ -145,10 +149,11 @@ def at_end(plan: Plan, cable: int, e: int, x: float) -> bool:
 def approach(plan: Plan, model: Model, places: Floats, tangents: Floats, row: Floats, meeting: Floats) -> bool:
     """Moves a pair of points to where they are nearest; False if they are not the nearest of their surroundings.
 
-    row: of what may touch.
+    Such as all but touch stay where they were. row: of what may touch.
     """
     one, two = int(row[ONE]), int(row[TWO])
     e, x, f, y = int(meeting[PLACE]), meeting[PLACE + 1], int(meeting[PLACE + 2]), meeting[PLACE + 3]
+    first, at, second, to = e, x, f, y
     far, lies, begun = FAR * min(model.h[e], model.h[f]), False, math.inf
     for k in range(STEPS):
         w = subtract(place_at(plan, model, places, tangents, e, x), place_at(plan, model, places, tangents, f, y))
@@ -175,15 +180,17 @@ def approach(plan: Plan, model: Model, places: Floats, tangents: Floats, row: Fl
     w = subtract(place_at(plan, model, places, tangents, e, x), place_at(plan, model, places, tangents, f, y))
     t, _ = rates_at(plan, model, places, tangents, e, x)
     u, _ = rates_at(plan, model, places, tangents, f, y)
-    size = math.sqrt(dot(w, w))
-    if not (size > 0.0 and size <= 1.01 * math.sqrt(begun)):
-        return False
+    size = max(math.sqrt(dot(w, w)), 1e-300)
+    slants, other = abs(dot(w, t)) / size, abs(dot(w, u)) / size
+    found = size <= 1.01 * math.sqrt(begun)
+    found = found and (other <= SQUARE or (at_end(plan, two, f, y) and slants < SQUARE))
+    if not (found and (slants <= (ASLANT if lies else SQUARE) or at_end(plan, one, e, x))):
+        e, x, f, y = first, at, second, to
+        w = subtract(place_at(plan, model, places, tangents, e, x), place_at(plan, model, places, tangents, f, y))
+        size = math.sqrt(dot(w, w))
+        if not 0.0 < size < CLOSE * row[KEEP]:
+            return False
     n = scale(1.0 / size, w)
-    slants, other = abs(dot(n, t)), abs(dot(n, u))
-    if other > SQUARE and not (at_end(plan, two, f, y) and slants < SQUARE):
-        return False
-    if slants > (ASLANT if lies else SQUARE) and not at_end(plan, one, e, x):
-        return False
     meeting[APART] = size
     meeting[ARC], meeting[ARC + 1] = model.s[plan.left[e]] + x * model.h[e], model.s[plan.left[f]] + y * model.h[f]
     meeting[PLACE], meeting[PLACE + 1], meeting[PLACE + 2], meeting[PLACE + 3] = e, x, f, y
@@ -195,13 +202,13 @@ def approach(plan: Plan, model: Model, places: Floats, tangents: Floats, row: Fl
 def meet(
     plan: Plan, model: Model, places: Floats, tangents: Floats, row: Array, reach: float, out: Array
 ) -> int:  # fmt: skip
-    """Fills out (MOST_SPOTS, MEETING) with where two cables that may touch are within `reach` [m]; returns how many."""
+    """Fills out (MOST, MEETING) with where two cables that may touch are within `reach` [m]; returns how many."""
     one, two = int(row[ONE]), int(row[TWO])
     pieces, step = piece_count(plan, model, row)
     s, p = pieces_of(plan, model, places, tangents, one, pieces)
     u, r = (s, p) if one == two else pieces_of(plan, model, places, tangents, two, pieces)
     a, b = plan.first[plan.cables[one]], plan.first[plan.cables[two]]
-    joined, found, meeting = row[JOINED:].reshape(2, 2), np.empty((MOST_SPOTS, SPOT)), np.empty(MEETING)
+    joined, found, meeting = row[JOINED:].reshape(2, 2), np.empty((MOST, SPOT)), np.empty(MEETING)
     aside = max(0.5 * step, 2.0 * row[KEEP])
     count = spots(p, s, r, u, one == two, row[SHORTEST], joined, reach + 2.0 * BULGE * step / pieces**2, aside, found)
     kept = 0
@@ -253,7 +260,7 @@ def find_pairs(
     had: how many of `points.put_aside` there are; forces go on from those. Cables that overlap come apart by and by.
     """
     was, props = part(motion.aside, 0, (PROPS + PAIRS, PROP)), motion.props
-    first, found = int(motion.par[N_PROPS]), np.empty((MOST_SPOTS, MEETING))
+    first, found = int(motion.par[N_PROPS]), np.empty((MOST, MEETING))
     for k in range(touching.shape[0]):
         keep_off = touching[k, KEEP]
         count = meet(plan, model, memory.place, memory.tangent, touching[k], keep_off + reach, found)
@@ -326,7 +333,7 @@ def take_again(motion: Motion, rows: Floats) -> None:
 
 
 @viewing
-def parted(plan: Plan, memory: Momentum, now: Solution, sol: Solution, dt: float) -> float:
+def parted(plan: Plan, motion: Motion, memory: Momentum, now: Solution, sol: Solution, dt: float) -> float:
     """[m], by how much more than all together nodes, and given knots, go in a part dt [s] of a step at most."""
     mass, v, a = 0.0, NONE, NONE
     for k in range(memory.mass.shape[0]):
@@ -338,7 +345,7 @@ def parted(plan: Plan, memory: Momentum, now: Solution, sol: Solution, dt: float
         w, b = subtract(get3(memory.velocity, k), v), subtract(get3(memory.acceleration, k), a)
         most = max(most, dt * math.sqrt(dot(w, w)) + dt * dt * math.sqrt(dot(b, b)))
     for k in range(sol.pose.shape[0]):
-        if plan.vertices[k, 1] < 0:
+        if plan.vertices[k, 1] < 0 and not is_loose(plan, motion, k):
             w = subtract(subtract(take3(sol.pose, k, 0), take3(now.pose, k, 0)), scale(dt, v))
             most = max(most, math.sqrt(dot(w, w)))
     return most
@@ -398,7 +405,7 @@ def stay_apart(
 
     Unless `patient` nor may they overlap, or press from further away than `afloat`, of the length.
     """
-    found, rows, deepest = np.empty((MOST_SPOTS, MEETING)), np.empty((MOST_CROSSINGS, CROSSING)), 0.0
+    found, rows, deepest = np.empty((MOST, MEETING)), np.empty((MOST_CROSSINGS, CROSSING)), 0.0
     for k in range(touching.shape[0]):
         row = touching[k]
         if gone_through(plan, model, motion.place, memory.tangent, before, row, rows):

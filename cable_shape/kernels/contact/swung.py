@@ -386,7 +386,7 @@ def look(
             put3(motion.props, i, GAVE, scale(motion.props[i, SOFT], take3(motion.props, i, DRY)))
     find_rings(plan, model, motion, memory, skin.rings, skin.whole)
     if minds and skin.touching.shape[0] > 0:  # what comes together moves from both sides
-        both = MARGIN + 2.0 * parted(plan, memory, now, sol, dt)
+        both = MARGIN + 2.0 * parted(plan, motion, memory, now, sol, dt)
         find_pairs(plan, model, motion, memory, skin.touching, skin.whole, skin.rough, both, dt, had)
 
 
