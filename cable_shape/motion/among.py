@@ -113,12 +113,11 @@ class Among:
                 parts = [cable_at(cable, x) for x in settling.model.s[own].tolist()]
                 thick[own], rough[own] = [0.5 * part.diameter for part in parts], [part.friction for part in parts]
                 whole[own], bend[own] = cable.length, cable.mean_bending_stiffness
-        longest = [float(h[plan.first[a] : plan.first[b]].max()) for a, b in pairwise(plan.cables.tolist())]
         self.skin = swung.Skin(
             thick, whole, rough, _knots(settling, thick), np.empty(n),
             np.empty(settling.sols.size + remembered.size + settling.moving.size), self.bodies.moved_links.copy(),
             rings, rings[:, :3].copy(), np.zeros((1 + swung.LOG, 3)), self.bodies.moved_links.copy(), rings.copy(),
-            may_touch(problem, longest),
+            may_touch(problem),
         )  # fmt: skip
         for node in np.flatnonzero(self.skin.knot >= 0):
             beside = _nodes_in(settling, self.skin.knot[node])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import combinations_with_replacement
 from typing import Any, final
 
@@ -25,14 +24,14 @@ from cable_shape.solve.touching.one_harness import OneHarness, joined_ends
 from cable_shape.solve.touching.state import TouchState
 from cable_shape.solve.touching.strands import Strands
 
-#: Elements within which what folds does not mind itself.
+#: Diameters within which what folds does not mind itself.
 _FOLD = 4.0
 
 
-def may_touch(problem: Problem | HarnessProblem, longest: Sequence[float]) -> Array:
+def may_touch(problem: Problem | HarnessProblem) -> Array:
     """(p, TOUCHING): which of its cables may touch each other, or themselves, as `kernels.contact.meeting` has it.
 
-    Not itself touches one that folds within its elements: longest [m], of each cable.
+    One that folds within few diameters does not touch itself: it falls into a heap, for which there is no room.
     """
     if not problem.solves_crossing:
         return np.empty((0, TOUCHING))
@@ -41,7 +40,7 @@ def may_touch(problem: Problem | HarnessProblem, longest: Sequence[float]) -> Ar
     else:
         cables, joined = list(problem.harness.segments.values()), joined_ends(problem.harness)
     pull = float(np.linalg.norm(problem.gravity))
-    folds = [_folds(cable, pull, h) for cable, h in zip(cables, longest, strict=False)]
+    folds = [_folds(cable, pull) for cable in cables]
     pairs = [(a, b) for a, b in combinations_with_replacement(range(len(cables)), 2) if a != b or not folds[a]]
     thick = [widest(cable) for cable in cables]
     out = np.zeros((len(pairs), TOUCHING))
@@ -53,10 +52,9 @@ def may_touch(problem: Problem | HarnessProblem, longest: Sequence[float]) -> Ar
     return out
 
 
-def _folds(cable: Cable, pull: float, longest: float) -> bool:
-    """Whether it bends under its own weight within so many elements, (EI / w)^(1/3), where it comes down on itself."""
-    weight = cable.linear_density * pull
-    return weight * (_FOLD * longest) ** 3 > cable.mean_bending_stiffness
+def _folds(cable: Cable, pull: float) -> bool:
+    """Whether it bends under its own weight within so few diameters, (EI / w)^(1/3), where it comes down on itself."""
+    return cable.linear_density * pull * (_FOLD * widest(cable)) ** 3 > cable.mean_bending_stiffness
 
 
 def lying(problem: Problem) -> CableShape:
