@@ -344,7 +344,7 @@ def main() -> int:
     measure_order(figures, options.quick)
     measure_whips(figures, 3 if options.quick else 50)
     measure_drops(figures, 3 if options.quick else 50)
-    measure_meetings(figures, 3 if options.quick else 20)
+    measure_meetings(figures, 3 if options.quick else 60)
     return finish(figures, options)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
 from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
@@ -145,6 +146,30 @@ def test_what_is_thrown_at_each_other_does_not_pass(seed: int):
         counts.append(count)
     assert counts[0] == 0
     assert counts[1] > 0
+
+
+@pytest.mark.parametrize(("throw", "steps"), [(8, 135), (31, 112)])
+def test_what_lies_along_each_other_as_it_is_thrown_does_not_sink_in(throw: int, steps: int):
+    """The nearest points jump along the cables, from one end of where they lie to the other."""
+    rng = np.random.default_rng(11)
+    for _ in range(throw + 1):
+        stiff, thick = 10.0 ** rng.uniform(-3.5, -2.0), rng.uniform(0.004, 0.012)
+        rate, phase = rng.uniform(0.5, 2.5, (2, 3)), rng.uniform(0.0, 2.0 * np.pi, (2, 3))
+        size = rng.uniform(0.03, 0.12, (2, 3))
+    cable = cs.Cable(0.5, linear_density=0.05, bending_stiffness=stiff, diameter=thick, drag=0.02)
+    aside = np.array(((0.0, 0.0, 0.0), (0.15, 0.0, 0.0)))
+
+    def ends(t: float) -> dict[str, cs.Pose]:
+        way = size * (np.sin(2.0 * np.pi * rate * t + phase) - np.sin(phase)) + aside
+        return {"a.start": cs.Pose(way[0], X), "b.start": cs.Pose(way[1], X)}
+
+    motion = cs.Motion(several(a=cable, b=cable), SOLVED, points=401)
+    motion.begin(ends(0.0))
+    for k in range(1, steps + 1):
+        shape = motion.step(ends(0.01 * k), 0.01)
+        assert shape.usable, shape.detail
+        one, other = (shape.segments[name].positions for name in "ab")
+        assert cdist(one, other).min() > 0.97 * thick
 
 
 def test_an_impact_of_two_cables_keeps_momentum_and_makes_no_energy():

@@ -1,12 +1,9 @@
-"""Where cables that swing come near each other, or themselves: the rows of pairs of `props`, and a look after a step.
+"""Where cables that swing come near each other, or themselves: the rows of pairs of `props`.
 
 Cables are looked at as straight pieces first (`distance.cable_near`), with what is near by lying along one cable, or
 about a junction, left out as at rest. From there Newton's method finds the two points whose distance is least, on the
 cubics between nodes. Where cables lie along each other there is no such place: the first point stays, and the second is
 where the other cable is square to the way there. Such rows are half an element apart.
-
-After a part of a step cables that lay one way round each other still do so if no piece of one has gone through one of
-the other on the straight way (`distance.passing`).
 """
 
 from __future__ import annotations
@@ -20,7 +17,6 @@ from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.contact.near import NONE
 from cable_shape.kernels.contact.points import GAP, on_curve, place_for
 from cable_shape.kernels.distance.cable_near import SPOT, is_joined, spots
-from cable_shape.kernels.distance.passing import CROSSING, MOST_CROSSINGS, crossings
 from cable_shape.kernels.network.compiled import inline, part, viewing
 from cable_shape.kernels.network.momentum import Momentum
 from cable_shape.kernels.network.motion import N_PROPS, PAIRS, PROP, PROPS, Motion
@@ -44,7 +40,7 @@ from cable_shape.kernels.network.props import (
     weigh,
 )
 from cable_shape.kernels.network.swinging import is_loose
-from cable_shape.kernels.network.tables import LENGTH, Floats, Model, Plan, Solution
+from cable_shape.kernels.network.tables import Floats, Model, Plan, Solution
 from cable_shape.kernels.network.walls import along
 from cable_shape.kernels.rod_algebra import Vector, add, dot, get3, put3, scale, subtract, take3
 
@@ -65,12 +61,12 @@ ALONG = 0.03
 MARGIN, SOONER = 5e-3, 2.0
 #: Cosine of the angle between the way from one point to the other and a cable that is square to it.
 SQUARE, ASLANT = 0.05, 0.5
+#: Of how far apart they are looked for: pairs nearer to each other, along both cables, than that are one.
+SAME_PLACE = 0.45
 #: Of the distance to be kept: points so near are a pair although they are not the nearest.
 CLOSE = 1.2
-#: Of the length, and of the distance to be kept: by the smaller of both cables may overlap after a part of a step; if
-#: they overlap by more only by a share of it more. Nearer than a share of that distance they are inside each other. Of
-#: the length, in a second: so fast they come apart.
-DEEP, THIN, DEEPER, INSIDE, APART_AGAIN = 2e-4, 0.1, 0.2, 0.2, 0.1
+#: Of the length, in a second: so fast they come apart that overlap.
+APART_AGAIN = 0.1
 
 
 @inline
@@ -146,10 +142,13 @@ def at_end(plan: Plan, cable: int, e: int, x: float) -> bool:
 
 
 @viewing
-def approach(plan: Plan, model: Model, places: Floats, tangents: Floats, row: Floats, meeting: Floats) -> bool:
+def approach(
+    plan: Plan, model: Model, places: Floats, tangents: Floats, row: Floats, meeting: Floats, stays: bool
+) -> bool:  # fmt: skip
     """Moves a pair of points to where they are nearest; False if they are not the nearest of their surroundings.
 
-    Such as all but touch stay where they were. row: of what may touch.
+    Such as all but touch stay where they were. row: of what may touch. stays: the first point does, as where cables lie
+    along each other.
     """
     one, two = int(row[ONE]), int(row[TWO])
     e, x, f, y = int(meeting[PLACE]), meeting[PLACE + 1], int(meeting[PLACE + 2]), meeting[PLACE + 3]
@@ -163,7 +162,7 @@ def approach(plan: Plan, model: Model, places: Floats, tangents: Floats, row: Fl
         A, C = tt + dot(w, c), uu - dot(w, d)
         if k == 0:
             begun = dot(w, w)
-            lies = not (A > 0.0 and A * C - B * B > ALONG) and tt * uu - B * B < ALONG
+            lies = stays or (not (A > 0.0 and A * C - B * B > ALONG) and tt * uu - B * B < ALONG)
         if not (A > 0.0 and C > 0.0 and A * C - B * B > 0.5 * ALONG):
             A, C = tt, uu
         det = A * C - B * B
@@ -209,7 +208,7 @@ def meet(
     u, r = (s, p) if one == two else pieces_of(plan, model, places, tangents, two, pieces)
     a, b = plan.first[plan.cables[one]], plan.first[plan.cables[two]]
     joined, found, meeting = row[JOINED:].reshape(2, 2), np.empty((MOST, SPOT)), np.empty(MEETING)
-    aside = max(0.5 * step, 2.0 * row[KEEP])
+    aside = beside_of(step, row)
     count = spots(p, s, r, u, one == two, row[SHORTEST], joined, reach + 2.0 * BULGE * step / pieces**2, aside, found)
     kept = 0
     for k in range(count):
@@ -222,14 +221,20 @@ def meet(
             meeting[PLACE + 2 * side] = e
             share = (found[k, 1 + side] - model.s[plan.left[e]]) / model.h[e]
             meeting[PLACE + 2 * side + 1] = min(max(share, 0.0), 1.0)
-        if not approach(plan, model, places, tangents, row, meeting) or meeting[APART] > reach:
+        if not approach(plan, model, places, tangents, row, meeting, False) or meeting[APART] > reach:
             continue
         if one == two and meeting[ARC + 1] - meeting[ARC] < row[SHORTEST]:
             continue
         if is_joined(meeting[ARC], s[s.shape[0] - 1], meeting[ARC + 1], u[u.shape[0] - 1], joined):
             continue
-        kept = keep(meeting, 0.45 * aside, out, kept)
+        kept = keep(meeting, SAME_PLACE * aside, out, kept)
     return kept
+
+
+@inline
+def beside_of(step: float, row: Floats) -> float:
+    """[m], how far apart pairs are at least, of cables of a row with elements up to `step` [m] long."""
+    return max(0.5 * step, 2.0 * row[KEEP])
 
 
 @kernel
@@ -273,12 +278,9 @@ def find_pairs(
                 continue
             for c in range(PROP):
                 props[i, c] = 0.0
-            props[i, ELEMENT], props[i, SHARE], props[i, HOLDER] = e, found[j, PLACE + 1], PAIRED
-            props[i, PARTNER], props[i, OTHER], props[i, WHICH] = f, found[j, PLACE + 3], k
-            props[i, GAP] = gap
-            weigh_pair(props, i, model.h[e], model.h[f])
-            n = (found[j, OUT], found[j, OUT + 1], found[j, OUT + 2])
-            put3(props, i, NORMAL, n)
+            props[i, HOLDER], props[i, WHICH], props[i, GAP] = PAIRED, k, gap
+            put_pair(model, props, i, found[j])
+            n = take3(props, i, NORMAL)
             put3(props, i, STUCK, place_of(plan, props, i, memory.place, memory.tangent))
             props[i, LEVEL] = min(keep_off, found[j, APART] + APART_AGAIN * dt * whole[plan.left[e]])
             b = pressed_before(plan, model, was, had, k, found[j, ARC], found[j, ARC + 1], model.h[e])
@@ -287,49 +289,6 @@ def find_pairs(
             if b >= 0:
                 props[i, PUSH] = was[b, PUSH]
                 put3(props, i, DRY, along(n, take3(was, b, DRY)))
-
-
-@viewing
-def aim_again(
-    plan: Plan, model: Model, motion: Motion, memory: Momentum, before: Momentum, touching: Floats, rows: Floats
-) -> float:  # fmt: skip
-    """Fills rows (PAIRS, PROP) with the pairs as they are nearest after a part of a step, to be taken once more.
-
-    Returns by how much their distances miss what they were to be [m], 0 if none presses or should.
-    """
-    props, off, k = motion.props, 0.0, 0
-    meeting = part(motion.aside, 0, (MEETING,))
-    for i in range(int(motion.par[N_PROPS])):
-        if props[i, HOLDER] != PAIRED:
-            continue
-        for c in range(PROP):
-            rows[k, c] = props[i, c]
-        meeting[PLACE], meeting[PLACE + 1] = props[i, ELEMENT], props[i, SHARE]
-        meeting[PLACE + 2], meeting[PLACE + 3] = props[i, PARTNER], props[i, OTHER]
-        near = approach(plan, model, motion.place, memory.tangent, touching[int(props[i, WHICH])], meeting)
-        n = (meeting[OUT], meeting[OUT + 1], meeting[OUT + 2])
-        if near and dot(n, take3(props, i, NORMAL)) > 0.0:
-            rows[k, ELEMENT], rows[k, SHARE] = meeting[PLACE], meeting[PLACE + 1]
-            rows[k, PARTNER], rows[k, OTHER] = meeting[PLACE + 2], meeting[PLACE + 3]
-            weigh_pair(rows, k, model.h[int(meeting[PLACE])], model.h[int(meeting[PLACE + 2])])
-            put3(rows, k, NORMAL, n)
-            put3(rows, k, DRY, along(n, take3(props, i, DRY)))
-            put3(rows, k, STUCK, place_of(plan, rows, k, before.place, before.tangent))
-            miss = meeting[APART] - props[i, LEVEL]
-            off = max(off, abs(miss) if props[i, PUSH] > 0.0 else -miss)
-        k += 1
-    return off
-
-
-@viewing
-def take_again(motion: Motion, rows: Floats) -> None:
-    """Puts those in place of the pairs that `find_pairs` has found again."""
-    k = 0
-    for i in range(int(motion.par[N_PROPS])):
-        if motion.props[i, HOLDER] == PAIRED:
-            for c in range(PROP):
-                motion.props[i, c] = rows[k, c]
-            k += 1
 
 
 @viewing
@@ -368,6 +327,15 @@ def between(rows: Floats, node: int, x: float) -> Vector:
 
 
 @inline
+def put_pair(model: Model, props: Floats, i: int, meeting: Floats) -> None:
+    """Fills in where pair i is: its points, their weights, and the way out of the second."""
+    props[i, ELEMENT], props[i, SHARE] = meeting[PLACE], meeting[PLACE + 1]
+    props[i, PARTNER], props[i, OTHER] = meeting[PLACE + 2], meeting[PLACE + 3]
+    weigh_pair(props, i, model.h[int(meeting[PLACE])], model.h[int(meeting[PLACE + 2])])
+    put3(props, i, NORMAL, (meeting[OUT], meeting[OUT + 1], meeting[OUT + 2]))
+
+
+@inline
 def weigh_pair(props: Floats, i: int, h: float, other: float) -> None:
     """Fills the weights of pair i from its shares of elements so long [m]."""
     own = props[i, SHARE]
@@ -394,86 +362,3 @@ def pressed_before(
         if away < least:
             found, least = k, away
     return found
-
-
-@kernel
-def stay_apart(
-    plan: Plan, model: Model, motion: Motion, memory: Momentum, before: Momentum, touching: Array, whole: Array,
-    afloat: float, patient: bool,
-) -> tuple[bool, float]:  # fmt: skip
-    """Whether cables have not gone through each other in a part of a step, and by how much they overlap at most [m].
-
-    Unless `patient` nor may they overlap, or press from further away than `afloat`, of the length.
-    """
-    found, rows, deepest = np.empty((MOST, MEETING)), np.empty((MOST_CROSSINGS, CROSSING)), 0.0
-    for k in range(touching.shape[0]):
-        row = touching[k]
-        if gone_through(plan, model, motion.place, memory.tangent, before, row, rows):
-            return False, 0.0
-        count = meet(plan, model, motion.place, memory.tangent, row, row[KEEP], found)
-        for j in range(count):
-            deepest = max(deepest, row[KEEP] - found[j, APART])
-            most = min(DEEP * model.par[LENGTH], THIN * row[KEEP])
-            level = asked_of(plan, model, motion, k, found[j], row[KEEP])
-            if not patient and found[j, APART] < min(row[KEEP] - most, level - DEEPER * most):
-                return False, 0.0
-    if patient:
-        return True, deepest
-    meeting = np.empty(MEETING)
-    for i in range(int(motion.par[N_PROPS])):
-        props = motion.props
-        if props[i, HOLDER] == PAIRED and props[i, PUSH] > 0.0:
-            meeting[PLACE], meeting[PLACE + 1] = props[i, ELEMENT], props[i, SHARE]
-            meeting[PLACE + 2], meeting[PLACE + 3] = props[i, PARTNER], props[i, OTHER]
-            row = touching[int(props[i, WHICH])]
-            near = approach(plan, model, motion.place, memory.tangent, row, meeting)
-            if near and meeting[APART] - row[KEEP] > afloat * whole[plan.left[int(props[i, ELEMENT])]]:
-                return False, 0.0
-    return True, deepest
-
-
-@viewing
-def asked_of(plan: Plan, model: Model, motion: Motion, which: int, meeting: Floats, keep_off: float) -> float:
-    """[m], at what distance pairs near this one were to be kept."""
-    props, level = motion.props, keep_off
-    for i in range(int(motion.par[N_PROPS])):
-        if props[i, HOLDER] != PAIRED or int(props[i, WHICH]) != which:
-            continue
-        e, f = int(props[i, ELEMENT]), int(props[i, PARTNER])
-        away = abs(model.s[plan.left[e]] + props[i, SHARE] * model.h[e] - meeting[ARC])
-        away = max(away, abs(model.s[plan.left[f]] + props[i, OTHER] * model.h[f] - meeting[ARC + 1]))
-        if away < model.h[e]:
-            level = min(level, props[i, LEVEL])
-    return level
-
-
-@kernel
-def gone_through(
-    plan: Plan, model: Model, places: Floats, tangents: Floats, before: Momentum, row: Array, out: Array
-) -> bool:  # fmt: skip
-    """Whether two cables that may touch have gone through each other since `before`, where they were not inside."""
-    one, two = int(row[ONE]), int(row[TWO])
-    pieces, _ = piece_count(plan, model, row)
-    s, p = pieces_of(plan, model, places, tangents, one, pieces)
-    _, p_then = pieces_of(plan, model, before.place, before.tangent, one, pieces)
-    u, r, r_then, skipped = s, p, p_then, 0
-    if one != two:
-        u, r = pieces_of(plan, model, places, tangents, two, pieces)
-        _, r_then = pieces_of(plan, model, before.place, before.tangent, two, pieces)
-    else:
-        skipped = math.ceil(row[SHORTEST] / (s[1] - s[0]))
-    joined = row[JOINED:].reshape(2, 2)
-    count = crossings(p_then, p, r_then, r, skipped, out)
-    for k in range(count):
-        i, j = int(out[k, 2]), int(out[k, 3])
-        at = s[i] + (out[k, 2] - i) * (s[i + 1] - s[i])
-        to = u[j] + (out[k, 3] - j) * (u[j + 1] - u[j])
-        if is_joined(at, s[s.shape[0] - 1], to, u[u.shape[0] - 1], joined):
-            continue
-        x, y, square = out[k, 2] - i, out[k, 3] - j, 0.0
-        for c in range(3):
-            gap = (1.0 - x) * p_then[i, c] + x * p_then[i + 1, c] - (1.0 - y) * r_then[j, c] - y * r_then[j + 1, c]
-            square += gap * gap
-        if square > (INSIDE * row[KEEP]) ** 2:
-            return True
-    return False

@@ -18,7 +18,8 @@ from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.contact.check import buried, carried, passes
 from cable_shape.kernels.contact.guard import look_around
 from cable_shape.kernels.contact.impact import foresee, stop
-from cable_shape.kernels.contact.meeting import aim_again, find_pairs, parted, stay_apart, take_again
+from cable_shape.kernels.contact.meeting import find_pairs, parted
+from cable_shape.kernels.contact.meeting_again import aim_again, stay_apart, take_again
 from cable_shape.kernels.contact.near import NONE
 from cable_shape.kernels.contact.points import (
     HELD,
@@ -100,7 +101,7 @@ MET = 1
 #: Times the last one: so much longer a part may be without more ado.
 LONGER = 1.5
 #: So often points of pairs are found once more, if one is further than that, of the length, from where it is to be.
-AGAIN, ON = 2, 5e-6
+AGAIN, ON = 4, 5e-6
 #: Parts shorter than this go on where the cable is deep, or afloat, for all that.
 PATIENT = 1.0 / 16.0
 
@@ -165,7 +166,11 @@ def step(
             look(ints, floats, sols, moving, remembered, seconds, now, skin, minds)
             status = attempt(ints, floats, sols, space, moving, remembered, seconds, info, told, start)
             for _ in range(AGAIN):
-                if status != CONVERGED or not come_nearer(ints, floats, moving, remembered, skin, rows):
+                if (
+                    status != CONVERGED
+                    or not minds
+                    or not come_nearer(ints, floats, moving, remembered, seconds, skin, rows)
+                ):
                     break
                 copy_back(skin.kept, sols, remembered, moving)
                 take_back(info, sums)
@@ -284,17 +289,16 @@ def take_back(info: Floats, sums: Floats) -> None:
 
 @viewing
 def come_nearer(
-    ints: Whole, floats: Floats, moving: Floats, remembered: Floats, skin: Skin, rows: Floats
+    ints: Whole, floats: Floats, moving: Floats, remembered: Floats, dt: float, skin: Skin, rows: Floats
 ) -> bool:  # fmt: skip
-    """Whether pairs in a part of a step have come nearer than they were to, or press from away; fills `rows`."""
-    motion = motion_of(ints, moving)
-    points = int(motion.par[N_PROPS])
-    if points == 0 or motion.props[points - 1, HOLDER] != PAIRED:
+    """Whether cables in a part dt [s] have come nearer than they were to, or press from away; fills `rows`."""
+    if skin.touching.shape[0] == 0:
         return False
     model, a = model_of(ints, floats), skin.kept.shape[0] - moving.shape[0] - remembered.shape[0]
     before = momentum_of(ints, skin.kept[a : a + remembered.shape[0]])
     off = aim_again(
-        plan_of(ints), model, motion, momentum_of(ints, remembered), before, skin.touching, rows
+        plan_of(ints), model, motion_of(ints, moving), momentum_of(ints, remembered), before, skin.touching,
+        skin.whole, skin.rough, dt, rows,
     )  # fmt: skip
     return bool(off > ON * model.par[LENGTH])
 
