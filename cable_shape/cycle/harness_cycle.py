@@ -123,7 +123,7 @@ class HarnessCycle:
             self._dynamic = Dynamic(
                 HarnessMotion(harness, scene, name=name, **given)
                 if uncertainty is None
-                else HarnessMotionTube(harness, uncertainty, scene, **given)
+                else HarnessMotionTube(harness, uncertainty, scene, name=name, **given)
             )
         elif uncertainty is not None:
             self._known = HarnessTubeWatch(harness, uncertainty, scene=scene, **options)

@@ -163,6 +163,25 @@ def test_a_harness_has_a_tube_of_each_segment(contact: bool):
     assert np.abs(told - found).max() < 0.25 * found.max()
 
 
+def test_contacts_of_segments_are_called_by_the_harness_beside_a_tube():
+    """As without one: h/under, not under."""
+    cable = cs.Cable(0.55, linear_density=0.05, bending_stiffness=0.01, diameter=0.008, drag=0.05)
+    harness = cs.Harness({"under": cable, "over": cable}, [])
+    across = (-0.7071, 0.0, 0.0, 0.7071)
+    held = {
+        "under.start": cs.Pose((-0.25, 0.0, 0.0), ALONG), "under.end": cs.Pose((0.25, 0.0, 0.0), ALONG),
+        "over.start": cs.Pose((0.02, -0.25, -0.004), across), "over.end": cs.Pose((0.02, 0.25, -0.004), across),
+    }  # fmt: skip
+    for known in (None, {"h": cs.Uncertainty({"bending_stiffness:each": 0.1})}):
+        cycle = cs.Cycle(
+            {"h": harness}, scene=cs.Scene(contact="solve"), motion="dynamic", uncertainty=known, points=101
+        )  # fmt: skip
+        report = cycle.step({"h": held}, stamp=0)
+        segments = report.shapes["h"].segments
+        assert {contact.body for contact in segments["over"].contacts} == {"h/under"}
+        assert {contact.body for contact in segments["under"].contacts} == {"h/over"}
+
+
 def test_where_none_is_known_it_says_why_and_what_is_refused():
     tubes = cs.MotionTube(CABLE, cs.Uncertainty({"length": 1e-3}), points=21)
     tube = tubes.begin(ends(0)[0], cs.Pose((1.2, 0, 0), ALONG))
