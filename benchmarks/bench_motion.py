@@ -260,8 +260,11 @@ def measure_drops(figures: Figures, tries: int) -> None:
 
 
 def went_through(p: np.ndarray, p_now: np.ndarray, r: np.ndarray, r_now: np.ndarray) -> int:
-    """How often pieces of two lines (n, 3) go through each other on the straight way, by looks at volumes."""
-    count, before = 0, None
+    """How often pieces of two lines (n, 3) go through each other on the straight way, by looks at volumes.
+
+    Of pieces that are near enough for that: in a plane, and along each other, volumes tell nothing.
+    """
+    count, before, then = 0, None, None
     for x in np.linspace(0.0, 1.0, 9):
         a, b = p + x * (p_now - p), r + x * (r_now - r)
         e, f, w = np.diff(a, axis=0)[:, None], np.diff(b, axis=0)[None], b[None, :-1] - a[:-1, None]
@@ -271,8 +274,10 @@ def went_through(p: np.ndarray, p_now: np.ndarray, r: np.ndarray, r_now: np.ndar
         if before is not None:
             share = np.abs(before[0]) / (np.abs(before[0]) + np.abs(now[0]) + 1e-300)
             at = before[1:] + share * (now[1:] - before[1:])
-            count += int(((now[0] * before[0] < 0.0) & ((at >= 0.0) & (at < 1.0)).all(axis=0)).sum())
-        before = now
+            long = np.linalg.norm(e, axis=-1) + np.linalg.norm(f, axis=-1) + np.linalg.norm(w - then, axis=-1)
+            hit = (now[0] * before[0] < 0.0) & ((at >= 0.0) & (at < 1.0)).all(axis=0)
+            count += int((hit & (np.linalg.norm(w, axis=-1) < 1.1 * long)).sum())
+        before, then = now, w
     return count
 
 
