@@ -104,7 +104,8 @@ class CableCycle:
         before: CableCycle | None = None,
     ) -> None:
         self.name = name
-        self._dynamic, self._look_ahead = dynamic, look_ahead
+        self.dynamic: Any = dynamic  # or one of several that swing together, see `swinging`
+        self._look_ahead = look_ahead
         self._swung = None if dynamic is None else dynamic.tube
         self.predictor = predictor
         self.scene = scene
@@ -133,8 +134,8 @@ class CableCycle:
     def reset(self) -> None:
         """Forgets everything from before."""
         self.predictor.reset()
-        if self._dynamic is not None:
-            self._dynamic.reset()
+        if self.dynamic is not None:
+            self.dynamic.reset()
         for tail in self._tails.values():
             tail.reset()
         self._watch.reset()
@@ -173,10 +174,11 @@ class CableCycle:
         """The shape of the span, unless it has been solved for, and of the tails into `tails`."""
         start, end = ends
         self._acceleration = acceleration
-        if self._dynamic is not None:
+        shape: CableShape
+        if self.dynamic is not None:
             if acceleration is not None:
                 refuse_acceleration(self.name)
-            shape, self._rod = self._dynamic.predict(ends, stamp, links), None
+            shape, self._rod = self.dynamic.predict(ends, stamp, links), None
         else:
             shape = self.predictor.predict(start, end, links, acceleration=acceleration) if solved is None else solved
             self._rod = self.predictor.rod_state
@@ -206,9 +208,9 @@ class CableCycle:
 
     def swing_on(self, before: CableCycle, shape: CableShape, ends: Ends, links: Links) -> None:
         """Goes on from a shape with its velocity, the last one of the part before an edit."""
-        assert self._dynamic is not None
-        assert before._dynamic is not None
-        self._dynamic.go_on_from(before._dynamic, shape, ends, links)
+        assert self.dynamic is not None
+        assert before.dynamic is not None
+        self.dynamic.go_on_from(before.dynamic, shape, ends, links)
         self.begin(shape, ends, links)
 
     def hang(self, shape: CableShape, ends: Ends) -> dict[str, CableShape]:
@@ -250,8 +252,8 @@ class CableCycle:
         self._links = links
         if self.scene.contact == "off":
             return Clearance(beyond=0.0, robot_checked=links is not None)
-        if self._dynamic is not None and self._look_ahead > 0.0 and shape.status and not shape.reused:
-            looks = self._dynamic.ahead(self._look_ahead)
+        if self.dynamic is not None and self._look_ahead > 0.0 and shape.status and not shape.reused:
+            looks = self.dynamic.ahead(self._look_ahead)
             self.ahead = nearest(looks, lambda there: self._checker.check(there, links))
         elif not shape.reused:
             self.ahead = None
@@ -317,8 +319,8 @@ class CableCycle:
             more.append(tube_warning(self.name, shape, told.trouble))
         elif self.tube is not None and not self.tube.holds:
             more.append(narrow_warning(self.name, self.tube))
-        if self._dynamic is not None and self._dynamic.bridged:
-            more.append(bridged_warning(self.name, shape, self._dynamic.bridged))
+        if self.dynamic is not None and self.dynamic.bridged:
+            more.append(bridged_warning(self.name, shape, self.dynamic.bridged))
         if self.ahead is not None:
             more += ahead_warnings(self.name, self.scene, shape, self._judged, *self.ahead)
         more += [tail_warning(self.name, side, tail) for side, tail in self.tails.items() if not tail.status]
@@ -395,7 +397,7 @@ class CableCycles:
             keywords = {key: options[key] for key in ("robot_links", "gripping_links", "distributed_load")}
             keywords |= {"gravity": problem.gravity, "points": problem.points}
             made = Motion(cable, scene, **keywords) if known is None else MotionTube(cable, known, scene, **keywords)
-            dynamic = Dynamic[CableShape](made)
+            dynamic = Dynamic[CableShape](made, load)
         return CableCycle(
             name, predictor, scene, self.options["robot_links"], self.options["gripping_links"], plug,
             self.snap_horizon, self.count, tubes, self.quasistatic_limit if dynamic is None else None, dynamic,

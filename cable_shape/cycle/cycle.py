@@ -15,13 +15,15 @@ from numpy.typing import ArrayLike
 from cable_shape import checks
 from cable_shape.cable.cable import Cable
 from cable_shape.cable.harness import Harness
-from cable_shape.cycle.cable_cycle import CableCycle, CableCycles
+from cable_shape.cycle.cable_cycle import CableCycle, CableCycles, refuse_acceleration
 from cable_shape.cycle.dynamic import DYNAMIC, MOTIONS, QUASISTATIC
 from cable_shape.cycle.editing import Editing, Part
+from cable_shape.cycle.given import named_ones, opened_end, opened_ends
 from cable_shape.cycle.harness_cycle import HarnessCycle, HarnessCycles, beside_each_other
 from cable_shape.cycle.seen import AsSeen
+from cable_shape.cycle.swinging import Swinging, step_on
 from cable_shape.errors import ArgumentError
-from cable_shape.pose import Ends, FreeEnd, Pose
+from cable_shape.pose import Ends, Pose
 from cable_shape.prediction.cables_predictor import accelerate, check_ends, check_models
 from cable_shape.prediction.edits import EDITS, Edit, EditResult
 from cable_shape.prediction.harness_predictor import HarnessPredictor
@@ -75,9 +77,9 @@ class Cycle:
     motion : str
         "quasistatic": at rest in every instant; "dynamic": as it swings (:class:`cable_shape.Motion`), in steps of the
         stamps, with the swing in shapes, clearance, loads and warnings; a late input is bridged along the straight way,
-        with a warning, and after a second without one the cable begins anew, at rest. Without clips on links, tubes,
-        edits and distributed loads; with ``contact="solve"`` bodies keep cables out, harnesses not, nor cables each
-        other. Stability and snaps are not told.
+        with a warning, and after a second without one the cable begins anew, at rest. With ``contact="solve"`` bodies
+        keep cables and harnesses out, and, without eyelets, those of one `grips` that have no `uncertainty` each other.
+        Stability and snaps are not told.
     look_ahead : float
         [s], with motion="dynamic": how far to look where each cable swings if its grips stop now (`report.ahead`, and
         a warning where that is too near to something); 0: not at all.
@@ -105,7 +107,7 @@ class Cycle:
         motion: str = QUASISTATIC,
         look_ahead: float = 0.0,
     ) -> None:
-        named, harnesses = _named(cables)
+        named, harnesses = named_ones(cables)
         if scene is not None:
             checks.instance("scene", scene, (Scene,), "Write Scene(obstacles=[...]), or Scene.from_yaml(path).")
         robot_links = checks.entries("robot_links", robot_links, Obstacle)
@@ -144,6 +146,7 @@ class Cycle:
             "robot_links": robot_links,
             "gripping_links": gripping_links,
         }
+        self._bodies = {"robot_links": robot_links, "gripping_links": gripping_links}
         limit = ratio if ratio > 0.0 else None
         self._maker = CableCycles(
             model, tolerance, options, loads, own_plugs, known, horizon, limit, len(named), motion, look
@@ -165,6 +168,7 @@ class Cycle:
             self._harnesses[name] = self._harness_maker.make(name, harness, own, loads.get(name))
             self._joined |= beside_each_other(name, harness)
         self._crossing: tuple[tuple[str, ...], Crossing] | None = None
+        self._swinging: Swinging | None = None  # those that touch each other as they swing
         self._look_about()
         if self._solves_crossing:
             together: dict[str, Part] = {**self._cables, **self._harnesses}
@@ -286,7 +290,9 @@ class Cycle:
         if all(cable.predictor.problem.solves_crossing for cable in self._cables.values()):
             solved = {**dict.fromkeys(self._cables, True), **solved}
         #: The parts that are kept out of each other.
-        self._beside = [name for name, found in solved.items() if found and self._maker.motion == QUASISTATIC]
+        self._beside = [name for name, found in solved.items() if found]
+        if self._maker.motion == DYNAMIC:  # how well they are known is told of each for itself
+            self._beside = [name for name in self._beside if self._maker.uncertainty.get(name) is None]
 
     def step(
         self,
@@ -341,7 +347,7 @@ class Cycle:
         cables = {}
         held = {name: self._harnesses[name] for name in grips if name in self._harnesses}
         if held and self._layout is not None:
-            grips = {**grips, **{name: self._opened_ends(name, grips[name]) for name in held}}
+            grips = {**grips, **{name: opened_ends(self.layout.segments(name), grips[name]) for name in held}}
         for name in grips:
             if name in held:
                 continue
@@ -352,18 +358,24 @@ class Cycle:
             opened = "" if self._layout is None else self._layout.cables[name].opened
             check_ends(name, grips[name], opened)
             if opened:
-                grips = {**grips, name: _opened(grips[name], opened)}
+                grips = {**grips, name: opened_end(grips[name], opened)}
             cables[name] = cable
         for cable in cables.values():
             cable.look_again()
         for harness in held.values():
             harness.look_again()
         moving = checks.mapping("acceleration", acceleration, grips, "Write {name of the cable: (ax, ay, az)}.")
-        if moving or self._solves_crossing:
+        dynamic = self._maker.motion == DYNAMIC
+        if moving or (self._solves_crossing and not dynamic):
             for name, cable in cables.items():
                 accelerate(name, cable.predictor, moving.get(name))
         placed = (links() if self._pushed else None) if callable(links) else links
-        together = self._together(grips, placed, moving) if self._solves_crossing else {}
+        if dynamic:
+            for name in moving:
+                refuse_acceleration(name)
+            swings: dict[str, Any] = {**cables, **held}
+            self._swinging = step_on(self._swinging, swings, self._beside, grips, stamp, placed, self._bodies)
+        together = self._together(grips, placed, moving) if self._solves_crossing and not dynamic else {}
         shapes: dict[str, Any] = {
             name: cable.predict(grips[name], placed, together.get(name), moving.get(name), stamp)
             for name, cable in cables.items()
@@ -460,17 +472,6 @@ class Cycle:
             },
         )
 
-    def _opened_ends(self, name: str, ends: Any) -> Any:
-        """The ends of a harness, free where a gripper is open, whatever pose it has."""
-        if not isinstance(ends, Mapping):
-            return ends
-        out = dict(ends)
-        for segment, laid in self.layout.segments(name).items():
-            end = f"{segment}.{laid.opened}"
-            if laid.opened and not isinstance(out.get(end), FreeEnd):
-                out[end] = None
-        return out
-
     @property
     def _solves_crossing(self) -> bool:
         """Whether some are kept out of each other; one by itself sees to it that it stays out of itself."""
@@ -511,28 +512,3 @@ class Cycle:
             cable.reset()
         for harness in self._harnesses.values():
             harness.reset()
-
-
-def _opened(ends: Ends, side: str) -> Ends:
-    """The ends of a cable whose gripper at one of them is open, whatever pose it has."""
-    free = [end if isinstance(end, FreeEnd) else None for end in ends]
-    return (free[0], ends[1]) if side == "start" else (ends[0], free[1])  # type: ignore[return-value]
-
-
-def _named(cables: Cable | Mapping[str, Cable | Harness]) -> tuple[dict[str, Cable], dict[str, Harness]]:
-    """The cables and the harnesses by name; a cable that is alone is named "cable"."""
-    if isinstance(cables, Cable):
-        return {"cable": cables}, {}
-    if isinstance(cables, Harness):  # type: ignore[unreachable]
-        raise ArgumentError.of("cables", cables, "a harness needs a name", "Write Cycle({'h': harness}).")
-    if not isinstance(cables, Mapping):
-        raise ArgumentError.of("cables", cables, "it must be a Cable or a mapping", "Write {name: Cable(...)}.")
-    if not cables:
-        raise ArgumentError("cables = {} is not allowed: there must be at least one. Give a Cable.")
-    for name, cable in cables.items():
-        checks.word("cables", name)
-        checks.instance(f"cables[{name!r}]", cable, (Cable, Harness), "Write Cable(length=..., ...).")
-    return (
-        {name: cable for name, cable in cables.items() if isinstance(cable, Cable)},
-        {name: cable for name, cable in cables.items() if isinstance(cable, Harness)},
-    )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, Generic, TypeVar, cast, final
+from typing import Any, Generic, Protocol, TypeVar, cast, final
 
 import numpy as np
 
@@ -34,6 +34,22 @@ Held = Ends | Mapping[str, End]
 Shape = TypeVar("Shape", CableShape, HarnessShape)
 
 
+class Before(Protocol):
+    """What one goes on from."""
+
+    @property
+    def stamp(self) -> int | None:
+        """[ns], of the last step; None: there was none."""
+
+    @property
+    def steps(self) -> list[float]:
+        """[s], the last ones."""
+
+    @property
+    def motion(self) -> Any:
+        """That which took them."""
+
+
 @final
 class Dynamic(Generic[Shape]):
     """The motion of one cable or harness, from input to input.
@@ -42,25 +58,26 @@ class Dynamic(Generic[Shape]):
     input is late or missing that is bridged in the same way, and told; after a second it begins anew, at rest.
     """
 
-    def __init__(self, motion: Motion | HarnessMotion | MotionsBeside) -> None:
+    def __init__(self, motion: Motion | HarnessMotion | MotionsBeside, load: Any = None) -> None:
+        self.load = load  # the distributed load that the motion was made with
         self.tube = motion if isinstance(motion, MotionsBeside) else None  # how well it is known
         self.motion = motion.motion if isinstance(motion, MotionsBeside) else motion
         self.reset()
 
     def reset(self) -> None:
         """Forgets everything from before: the next shape is at rest."""
-        self._stamp: int | None = None  # of the last step that was taken
-        self._ends: Held | None = None  # at that
-        self._links: Links = None
-        self._last: Shape | None = None
+        self.stamp: int | None = None  # of the last step that was taken
+        self.ends: Held | None = None  # at that
+        self.links: Links = None
+        self.last: Shape | None = None
         self._kinds: tuple[str, ...] = ()
-        self._steps: list[float] = []  # s, the last ones
+        self.steps: list[float] = []  # s, the last ones
         self.bridged = 0.0  # s, without input before the last shape; 0: none was missing
 
     def predict(self, ends: Held, stamp: int, links: Links = None) -> Shape:
         """The shape at a stamp [ns], not older than the last, with the ends, and links that carry bodies, there."""
         self.bridged = 0.0
-        last, before = self._last, self._stamp
+        last, before = self.last, self.stamp
         seconds = math.nan if before is None else (stamp - before) * 1e-9
         if last is not None and seconds == 0.0:
             again = last.again()
@@ -74,25 +91,25 @@ class Dynamic(Generic[Shape]):
                 self._take(shape, ends, links, stamp)
                 self.bridged = gone
             return shape
-        if len(self._steps) > 1 and seconds > max(GAP, _LATE * float(np.median(self._steps))):
+        if len(self.steps) > 1 and seconds > max(GAP, _LATE * float(np.median(self.steps))):
             self.bridged = seconds
         shape = self._step(last, ends, links, stamp, seconds)
         if shape.status and not self.bridged:
-            self._steps = [*self._steps[1 - _LAST :], seconds]
+            self.steps = [*self.steps[1 - _LAST :], seconds]
         return shape
 
-    def go_on_from(self, other: Dynamic[Shape], shape: Shape, ends: Held, links: Links) -> None:
+    def go_on_from(self, other: Before, shape: Shape, ends: Held, links: Links) -> None:
         """Goes on as another one would, from a shape with its velocity that is its last one, but for an edit."""
-        if other._stamp is None:
+        if other.stamp is None:
             return
         motion: Any = self.motion
         motion.take_up(shape, *self._held(ends), links=links, left_by=other.motion)
-        self._steps = other._steps
-        self._take(shape, ends, links, other._stamp)
+        self.steps = other.steps
+        self._take(shape, ends, links, other.stamp)
 
     def _step(self, last: Shape, ends: Held, links: Links, stamp: int, seconds: float) -> Shape:
         """From the last shape to these ends, in parts; what was done of it before one could not be taken stays."""
-        begin, placed, ways = self._ends, self._links, max(1, math.ceil(seconds / STEP))
+        begin, placed, ways = self.ends, self.links, max(1, math.ceil(seconds / STEP))
         assert begin is not None
         shape, since = last, stamp - round(1e9 * seconds)
         for k in range(1, ways + 1):
@@ -127,15 +144,15 @@ class Dynamic(Generic[Shape]):
     def ahead(self, seconds: float) -> list[tuple[float, Shape]]:
         """Where it swings in that time [s] if its grips stop now: times from now [s] and shapes, those to look at; none
         without a state to go on from."""
-        if self._last is None:
+        if self.last is None:
             return []
         parts = max(1, math.ceil(seconds / STEP))
         found: Any = enumerate(self.motion.ahead(parts, seconds / parts), 1)
         return [(k * seconds / parts, one) for k, one in found if k % LOOK == 0 or k == parts]
 
     def _take(self, shape: Shape, ends: Held, links: Links, stamp: int) -> None:
-        self._last, self._stamp, self._ends, self._kinds = shape, stamp, ends, _kinds(ends)
-        self._links = links
+        self.last, self.stamp, self.ends, self._kinds = shape, stamp, ends, _kinds(ends)
+        self.links = links
 
 
 def nearest(ahead: Iterable[tuple[float, CableShape]], check: Callable[[CableShape], Clearance]) -> Ahead | None:

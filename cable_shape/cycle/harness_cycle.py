@@ -115,19 +115,20 @@ class HarnessCycle:
         self._standing = {one: Standing(scene) for one in self.cables}
         self.stability = HarnessStability(self.predictor, snap_horizon)
         self._known: HarnessTubeWatch | None = None
-        self._dynamic: Dynamic[HarnessShape] | None = None
+        self.dynamic: Any = None  # a `Dynamic`, or one of several that swing together, see `swinging`
         if look_ahead is not None:
             given: dict[str, Any] = {"gravity": gravity, "points": self.predictor.problem.points}
             given |= {"distributed_load": options.get("distributed_load"), "robot_links": robot_links}
             given["gripping_links"] = gripping_links
-            self._dynamic = Dynamic(
+            self.dynamic = Dynamic(
                 HarnessMotion(harness, scene, name=name, **given)
                 if uncertainty is None
-                else HarnessMotionTube(harness, uncertainty, scene, name=name, **given)
+                else HarnessMotionTube(harness, uncertainty, scene, name=name, **given),
+                options.get("distributed_load"),
             )
         elif uncertainty is not None:
             self._known = HarnessTubeWatch(harness, uncertainty, scene=scene, **options)
-        self._swung = None if self._dynamic is None else self._dynamic.tube
+        self._swung = None if self.dynamic is None else self.dynamic.tube
         self._look_ahead = look_ahead or 0.0
         self.ahead: dict[str, Ahead] = {}  # of the last shape's segments, by their ids
         self._tails: dict[str, Tail] = {}
@@ -145,8 +146,8 @@ class HarnessCycle:
     def reset(self) -> None:
         """Forgets everything from before."""
         self.predictor.reset()
-        if self._dynamic is not None:
-            self._dynamic.reset()
+        if self.dynamic is not None:
+            self.dynamic.reset()
         for watch in self._watches.values():
             watch.reset()
         for standing in self._standing.values():
@@ -172,12 +173,12 @@ class HarnessCycle:
         self._moving = acceleration
         if solved is not None:
             shape = solved
-        elif self._dynamic is None:
+        elif self.dynamic is None:
             shape = self.predictor.predict(ends, links=links, acceleration=acceleration)
         else:
             if acceleration is not None:
                 refuse_acceleration(self.name)
-            shape = self._dynamic.predict(ends, stamp, links)
+            shape = self.dynamic.predict(ends, stamp, links)
         self.tails = self._hang(shape, ends)
         if shape.status:
             self.found = Found(shape, self.tails, ends, links)
@@ -202,9 +203,9 @@ class HarnessCycle:
 
     def swing_on(self, before: HarnessCycle, shape: HarnessShape, ends: Mapping[str, End], links: Links) -> None:
         """Goes on from a shape with its velocity, the last one of the part before an edit."""
-        assert self._dynamic is not None
-        assert before._dynamic is not None
-        self._dynamic.go_on_from(before._dynamic, shape, ends, links)
+        assert self.dynamic is not None
+        assert before.dynamic is not None
+        self.dynamic.go_on_from(before.dynamic, shape, ends, links)
         self.begin(shape, ends, links)
 
     def go_on_from(self, other: HarnessCycle) -> None:
@@ -278,11 +279,11 @@ class HarnessCycle:
 
     def _look(self, shapes: Mapping[str, CableShape], links: Links) -> None:
         """Where the segments swing if the grips stop now, into `ahead`."""
-        if self._dynamic is None or self._look_ahead == 0.0 or any(shape.reused for shape in shapes.values()):
+        if self.dynamic is None or self._look_ahead == 0.0 or any(shape.reused for shape in shapes.values()):
             return
         self.ahead = {}
         usable = all(shape.status for shape in shapes.values())
-        looks = self._dynamic.ahead(self._look_ahead) if usable else []
+        looks = self.dynamic.ahead(self._look_ahead) if usable else []
         for one, checker in self._checkers.items():
             segment = one.rpartition("/")[2]
             found = nearest(
@@ -346,8 +347,8 @@ class HarnessCycle:
             more.append(tube_warning(first, shape, known.trouble))
         elif first in self.tubes and not self.tubes[first].holds:
             more.append(narrow_warning(first, self.tubes[first]))
-        if self._dynamic is not None and self._dynamic.bridged:
-            more.append(bridged_warning(first, shape, self._dynamic.bridged))
+        if self.dynamic is not None and self.dynamic.bridged:
+            more.append(bridged_warning(first, shape, self.dynamic.bridged))
         for one, told in self.ahead.items():
             more += ahead_warnings(one, self.scene, shapes[one], self._judged[one], *told)
         more += [tail_warning(one, side, tail) for (one, side), tail in self.tails.items() if not tail.status]

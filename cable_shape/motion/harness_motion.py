@@ -47,6 +47,8 @@ class HarnessMotion(Traced):
         Of each segment.
     name : str, optional
         Of the harness: contacts of segments with each other then are with "name/segment".
+    called : mapping of segment to str, optional
+        What they are with instead, where there is no name.
 
     Raises
     ------
@@ -66,8 +68,10 @@ class HarnessMotion(Traced):
         gripping_links: Iterable[str] = (),
         distributed_load: Mapping[str, ArrayLike] | None = None,
         name: str = "",
+        called: Mapping[str, str] | None = None,
     ) -> None:
-        self._called = [f"{name}/{segment}" if name else segment for segment in getattr(harness, "segments", ())]
+        segments = getattr(harness, "segments", ())
+        self._called = [f"{name}/{segment}" if name else (called or {}).get(segment, segment) for segment in segments]
         options: dict[str, Any] = {"gravity": gravity, "points": points, "distributed_load": distributed_load}
         options |= {"robot_links": tuple(robot_links), "gripping_links": tuple(gripping_links)}
         self._still = HarnessProblem(harness, scene=scene, friction=False, **options)

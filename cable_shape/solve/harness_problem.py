@@ -109,7 +109,7 @@ class HarnessProblem:
                 problems[names[0]] = part
                 continue
             problems.update(zip(names, part.segments.values(), strict=True))
-            junctions += [_renamed(one, dict(zip(part.segments, names, strict=True))) for one in part.harness.junctions]
+            junctions += [renamed(one, dict(zip(part.segments, names, strict=True))) for one in part.harness.junctions]
         other.harness = Harness({name: one.cable for name, one in problems.items()}, junctions)
         other.segments = problems
         other.gravity, other.points, other.tolerance = first.gravity, first.points, first.tolerance
@@ -304,7 +304,7 @@ class HarnessProblem:
 Part = tuple[Problem | HarnessProblem, Sequence[str]]  #: a cable, or a harness, and what its segments are called
 
 
-def _renamed(junction: Junction, names: Mapping[str, str]) -> Junction:
+def renamed(junction: Junction, names: Mapping[str, str]) -> Junction:
     """The same of segments by other names."""
     ends = {end: f"{names[split_end(end)[0]]}.{split_end(end)[1]}" for end in junction.ends}
     frames = {ends[end]: frame for end, frame in junction.frames.items()}

@@ -114,7 +114,7 @@ def test_what_swings_stays_out_of_bodies_and_of_links_that_move(swings: cs.Cable
     assert heights[-1] > heights[0] + 0.1
 
 
-def test_cables_that_swing_are_solved_each_for_itself():
+def test_clearance_of_cables_that_swing_is_that_to_each_other():
     scene = cs.Scene(contact="solve")
     cycle = cs.Cycle({"a": CABLE, "b": CABLE}, scene=scene, motion="dynamic", points=41)
     near, over = ends(0.0), tuple(cs.Pose((*pose.position[:2], 1.02), ALONG) for pose in ends(0.0))
