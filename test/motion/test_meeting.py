@@ -148,15 +148,21 @@ def test_what_is_thrown_at_each_other_does_not_pass(seed: int):
     assert counts[1] > 0
 
 
-@pytest.mark.parametrize(("throw", "steps"), [(8, 135), (31, 112)])
-def test_what_lies_along_each_other_as_it_is_thrown_does_not_sink_in(throw: int, steps: int):
+@pytest.mark.parametrize(
+    ("seed", "throw", "limp", "damped", "steps"),
+    [(11, 8, -3.5, True, 135), (11, 31, -3.5, True, 112), (5, 16, -4.0, False, 200)],
+)
+def test_what_lies_along_each_other_as_it_is_thrown_does_not_sink_in(
+    seed: int, throw: int, limp: float, damped: bool, steps: int
+):
     """The nearest points jump along the cables, from one end of where they lie to the other."""
-    rng = np.random.default_rng(11)
+    rng = np.random.default_rng(seed)
     for _ in range(throw + 1):
-        stiff, thick = 10.0 ** rng.uniform(-3.5, -2.0), rng.uniform(0.004, 0.012)
+        stiff, thick = 10.0 ** rng.uniform(limp, limp + (1.5 if damped else 1.0)), rng.uniform(0.004, 0.012)
         rate, phase = rng.uniform(0.5, 2.5, (2, 3)), rng.uniform(0.0, 2.0 * np.pi, (2, 3))
         size = rng.uniform(0.03, 0.12, (2, 3))
-    cable = cs.Cable(0.5, linear_density=0.05, bending_stiffness=stiff, diameter=thick, drag=0.02)
+    cable = cs.Cable(0.5, linear_density=0.05, bending_stiffness=stiff, diameter=thick)
+    cable = cable.replace(drag=0.02) if damped else cable.replace(friction=0.3)
     aside = np.array(((0.0, 0.0, 0.0), (0.15, 0.0, 0.0)))
 
     def ends(t: float) -> dict[str, cs.Pose]:

@@ -2,7 +2,8 @@
 
 A part that ends with a pair pressed, or with cables that overlap, is taken again with the pairs as they are then. Where
 two cables lie along each other the nearest points jump from end to end: points that come to those of another pair stay
-where they are on the first cable, and places where cables overlap beside all pairs become pairs.
+where they are on the first cable, and places where cables overlap beside all pairs become pairs. Others go half the way
+where they would go to and fro.
 
 Cables that lay one way round each other still do so if no piece of one has gone through one of the other on the
 straight way (`distance.passing`).
@@ -36,6 +37,7 @@ from cable_shape.kernels.contact.meeting import (
     piece_count,
     pieces_of,
     put_pair,
+    shifted,
 )
 from cable_shape.kernels.contact.points import GAP
 from cable_shape.kernels.distance.cable_near import is_joined
@@ -71,7 +73,7 @@ DEEP, THIN, DEEPER, INSIDE = 2e-4, 0.1, 0.2, 0.2
 @kernel
 def aim_again(
     plan: Plan, model: Model, motion: Motion, memory: Momentum, before: Momentum, touching: Array, whole: Array,
-    rough: Array, dt: float, rows: Array,
+    rough: Array, dt: float, half: bool, rows: Array,
 ) -> float:  # fmt: skip
     """Fills rows (PAIRS, PROP) with the pairs as they are nearest after a part dt [s] of a step, to be taken once more,
     and with places where cables overlap beside those.
@@ -93,6 +95,9 @@ def aim_again(
         gone = near and away_from(plan, model, props, i, meeting) > same_place(plan, model, row)
         if gone or (near and has_one(plan, model, rows, k, row, int(props[i, WHICH]), meeting)):
             put_meeting(props, i, meeting)
+            near = approach(plan, model, motion.place, memory.tangent, row, meeting, True)
+        elif near and half:
+            go_half_way(plan, model, props, i, row, meeting)
             near = approach(plan, model, motion.place, memory.tangent, row, meeting, True)
         if near and dot((meeting[OUT], meeting[OUT + 1], meeting[OUT + 2]), take3(props, i, NORMAL)) > 0.0:
             put_pair(model, rows, k, meeting)
@@ -121,6 +126,17 @@ def put_meeting(props: Floats, i: int, meeting: Floats) -> None:
     """Where pair i is, to approach from."""
     meeting[PLACE], meeting[PLACE + 1] = props[i, ELEMENT], props[i, SHARE]
     meeting[PLACE + 2], meeting[PLACE + 3] = props[i, PARTNER], props[i, OTHER]
+
+
+@inline
+def go_half_way(plan: Plan, model: Model, props: Floats, i: int, row: Floats, meeting: Floats) -> None:
+    """Moves a place half the way back to pair i: where one cable winds round another nearest points go to and fro."""
+    e, f = int(props[i, ELEMENT]), int(props[i, PARTNER])
+    back = 0.5 * (model.s[plan.left[e]] + props[i, SHARE] * model.h[e] - meeting[ARC])
+    e, meeting[PLACE + 1] = shifted(plan, model, int(row[ONE]), int(meeting[PLACE]), meeting[PLACE + 1], back)
+    back = 0.5 * (model.s[plan.left[f]] + props[i, OTHER] * model.h[f] - meeting[ARC + 1])
+    f, meeting[PLACE + 3] = shifted(plan, model, int(row[TWO]), int(meeting[PLACE + 2]), meeting[PLACE + 3], back)
+    meeting[PLACE], meeting[PLACE + 2] = e, f
 
 
 @viewing

@@ -100,8 +100,9 @@ LOG, BRACED = 1024, -1.0
 MET = 1
 #: Times the last one: so much longer a part may be without more ado.
 LONGER = 1.5
-#: So often points of pairs are found once more, if one is further than that, of the length, from where it is to be.
-AGAIN, ON = 4, 5e-6
+#: So often points of pairs are found once more, after so many times half the way, if one is further than that, of the
+#: length, from where it is to be.
+AGAIN, HALF, ON = 6, 2, 5e-6
 #: Parts shorter than this go on where the cable is deep, or afloat, for all that.
 PATIENT = 1.0 / 16.0
 
@@ -165,11 +166,11 @@ def step(
             lengthen(momentum_of(ints, remembered), seconds)
             look(ints, floats, sols, moving, remembered, seconds, now, skin, minds)
             status = attempt(ints, floats, sols, space, moving, remembered, seconds, info, told, start)
-            for _ in range(AGAIN):
+            for turn in range(AGAIN):
                 if (
                     status != CONVERGED
                     or not minds
-                    or not come_nearer(ints, floats, moving, remembered, seconds, skin, rows)
+                    or not come_nearer(ints, floats, moving, remembered, seconds, skin, turn >= HALF, rows)
                 ):
                     break
                 copy_back(skin.kept, sols, remembered, moving)
@@ -289,16 +290,20 @@ def take_back(info: Floats, sums: Floats) -> None:
 
 @viewing
 def come_nearer(
-    ints: Whole, floats: Floats, moving: Floats, remembered: Floats, dt: float, skin: Skin, rows: Floats
+    ints: Whole, floats: Floats, moving: Floats, remembered: Floats, dt: float, skin: Skin, half: bool,
+    rows: Floats,
 ) -> bool:  # fmt: skip
-    """Whether cables in a part dt [s] have come nearer than they were to, or press from away; fills `rows`."""
+    """Whether cables in a part dt [s] have come nearer than they were to, or press from away; fills `rows`.
+
+    half: with pairs half the way from where they were to where they are nearest now.
+    """
     if skin.touching.shape[0] == 0:
         return False
     model, a = model_of(ints, floats), skin.kept.shape[0] - moving.shape[0] - remembered.shape[0]
     before = momentum_of(ints, skin.kept[a : a + remembered.shape[0]])
     off = aim_again(
         plan_of(ints), model, motion_of(ints, moving), momentum_of(ints, remembered), before, skin.touching,
-        skin.whole, skin.rough, dt, rows,
+        skin.whole, skin.rough, dt, half, rows,
     )  # fmt: skip
     return bool(off > ON * model.par[LENGTH])
 
