@@ -67,7 +67,9 @@ def record() -> None:
         os.environ["NUMBA_CACHE_DIR"] = folder
         for stage in tqdm(STAGES, desc="record", unit="stage"):
             run = f"from cable_shape.warm_up.runs import STAGES; STAGES[{stage!r}]()"
+            before = os.times().children_user
             subprocess.run([sys.executable, "-c", run], check=True)
+            tqdm.write(f"{stage}: {os.times().children_user - before:.0f} s of processor time", file=sys.stderr)
             found = [one[1:] for one in kernel_list.cached()]
             entries += [kernel_list.Entry(stage, *one) for one in found if one not in known]
             known.update(found)
