@@ -324,6 +324,12 @@ class CableShape:
             for row in self.touches
         )
 
+    def presses(self, body: str) -> Array:
+        """(k,) [N], of the `contacts` with a body, or another cable."""
+        if body not in self.bodies:
+            return np.empty(0)
+        return np.asarray(self.touches[self.touches[:, 1] == self.bodies.index(body), 8])
+
     @property
     def tangents(self) -> Array:
         """(n, 3), unit, world: the third axis of the cable frame."""

@@ -119,7 +119,7 @@ class CableNear:
     ) -> None:
         """Fills the rows of two cables, or of one with itself."""
         spot, first, other = self._spot, shapes[a], shapes[b]
-        resting = any(contact.body == (ITSELF if a == b else b) for contact in first.contacts)
+        resting = first.presses(ITSELF if a == b else b).size > 0
         radii = tuple(0.5 * self._diameters[k] + (0.0 if resting else self._swell.get(k, 0.0)) for k in (a, b))
         near = cable_near.nearest(
             first.positions, first.arc_length, other.positions, other.arc_length, a == b, SHORTEST * self._diameters[a],

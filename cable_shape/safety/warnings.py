@@ -315,7 +315,7 @@ def _warning(
     if margin.kind is WarningKind.CLEARANCE:
         body = next(b for b in clearance.bodies if b.body == margin.other and b.arc_length == margin.arc_length)
         point, other = body.point_on_cable, body.point_on_body
-        pressed = sum(contact.force for contact in shape.contacts if contact.body == margin.other)
+        pressed = float(shape.presses(margin.other).sum())
         if pressed > 0.0 and margin.value > -DEEPEST_REST:
             severity = Severity.WARN
             where = f"{margin.other!r} {_at(margin.arc_length, shape.length)}"
