@@ -12,6 +12,7 @@ from scene_clips import print_clips
 from scene_contact import print_contact
 from scene_limp import print_limp
 from scene_margins import print_margins
+from scene_pile import print_pile
 from scene_random import print_random
 
 
@@ -25,6 +26,7 @@ def main() -> int:
     print_margins(figures, 200 if options.quick else 2000)
     print_contact(figures, quick=options.quick)
     print_limp(figures, 2 if options.quick else 6)
+    print_pile(figures, 1 if options.quick else 8)
     print_random(figures, 2 if options.quick else 25)
     return finish(figures, options)
 

@@ -29,11 +29,10 @@ from cable_shape.kernels.contact.near import (
     STEP,
     TOWARD,
     WAITS,
-    is_knot,
     tangent_of,
     turning,
 )
-from cable_shape.kernels.contact.run import NARROWEST, run_by
+from cable_shape.kernels.contact.run import NARROWEST
 from cable_shape.kernels.contact.tables import Lying, Net
 from cable_shape.kernels.network.compiled import viewing
 from cable_shape.kernels.network.tables import (
@@ -66,9 +65,6 @@ LEAST = 1e-3  # of the square of the second derivatives without bending: where l
 # of the distance to be kept, and of the least way to the next node: a knot nearer to a grip or a clip goes no further
 MOUTH, STOPS = 0.25, 1.1
 STAYS = 2  # column of `Lying.pairs`, 1: the first knot stays where it is along its cable
-MOST_SLIDE = 2.0  # of the distance to be kept, that a pair runs at a time
-# of its way that a knot has before it, and of the least that it may have: where there is less the next node moves
-ROOM, ROOMY = 3.0, 1.5
 
 
 @viewing
@@ -311,36 +307,3 @@ def go_apart(net: Net, lying: Lying, near: Array, on: Array, fraction: float) ->
             near[a, PUSH] = near[b, PUSH] = pushed_apart(net, near, on, a, fraction)
         way = scale(fraction, subtract(take3(near, a, STEP), take3(near, b, STEP)))
         aim(near, a, b, add(scale(near[a, APART], take3(near, a, TOWARD)), way))
-
-
-@viewing
-def slide_pairs(lying: Lying, q: Array, near: Array, on: Array) -> float:
-    """Moves the knots of pairs to where their cables are nearest; returns the longest way [m].
-
-    It is the way that there was to go of those that press on each other, of others what they have gone.
-    """
-    longest = 0.0
-    for i in range(lying.pairs.shape[0]):
-        ra, rb, w11, w12, w22 = slopes(lying, q, near, i)
-        limit = MOST_SLIDE * lying.reach[i]
-        active = on[lying.pairs[i, 0], LINKED] == ACTIVE
-        for side in range(2):
-            k = lying.pairs[i, side]
-            way = -(w11 * ra + w12 * rb) if side == 0 else -(w12 * ra + w22 * rb)
-            way = min(max(way, -limit), limit)
-            if active:
-                longest = max(longest, abs(way), make_room(lying, q, near, on, k, way))
-            longest = max(longest, abs(run_by(lying, q, near, k, way)))
-    return longest
-
-
-@viewing
-def make_room(lying: Lying, q: Array, near: Array, on: Array, k: int, way: float) -> float:
-    """Moves the node that is in the way of node k, if it is nothing but one of the mesh; returns how far [m]."""
-    both, ahead = lying.h[k - 1] + lying.h[k], lying.h[k] if way > 0.0 else lying.h[k - 1]
-    if ahead > max(ROOM * abs(way), ROOMY * NARROWEST * both):
-        return 0.0
-    j = k + 1 if way > 0.0 else k - 1
-    if is_knot(on, j) or is_support(lying, j):
-        return 0.0
-    return abs(run_by(lying, q, near, j, math.copysign(max(ROOM * abs(way), NARROWEST * both), way)))

@@ -28,9 +28,9 @@ from cable_shape.kernels.contact.link import (
     go_apart,
     look_at_links,
     pushed_apart,
-    slide_pairs,
     tie_pairs,
 )
+from cable_shape.kernels.contact.make_room import slide_pairs
 from cable_shape.kernels.contact.near import (
     ACTIVE,
     BARE,
@@ -196,7 +196,8 @@ def press(
         changed += change_links(lying, near, on, least if settled else math.inf, deep)
         runs = STANDS if running == 0 else (ROUND / length if iterations <= running else math.inf)
         slid = slide(lying, q, near, on, masses, runs, iterations <= min(MERGING, running))
-        slid = max(slid, slide_pairs(lying, q, near, on))
+        way, matters = slide_pairs(lying, q, near, on)
+        slid, matters = max(slid, way), max(slid, matters)
         reuse = reuse and changed == 0 and slid < RESTLESS * length
         if laid(net, lying, on):
             reuse = False
@@ -310,7 +311,7 @@ def press(
         again = reuse and iterations > 1
         done = False
         if calm:
-            small = slid < STEP_TOLERANCE * length and (
+            small = matters < STEP_TOLERANCE * length and (
                 largest < STEP_TOLERANCE
                 or (again and max(largest, before) < NEUTRAL_TOLERANCE)
                 or (again and largest < CHORD_TOLERANCE and largest < SURE * before)
