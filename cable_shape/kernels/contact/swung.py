@@ -102,7 +102,7 @@ MET = 1
 LONGER = 1.5
 #: So often points of pairs are found once more, after so many times half the way, if one is further than that, of the
 #: length, from where it is to be.
-AGAIN, HALF, ON = 6, 2, 5e-6
+AGAIN, HALF, ON = 6, 4, 5e-6
 #: Parts shorter than this go on where the cable is deep, or afloat, for all that.
 PATIENT = 1.0 / 16.0
 
