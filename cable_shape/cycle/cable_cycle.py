@@ -176,8 +176,6 @@ class CableCycle:
         self._acceleration = acceleration
         shape: CableShape
         if self.dynamic is not None:
-            if acceleration is not None:
-                refuse_acceleration(self.name)
             shape, self._rod = self.dynamic.predict(ends, stamp, links), None
         else:
             shape = self.predictor.predict(start, end, links, acceleration=acceleration) if solved is None else solved

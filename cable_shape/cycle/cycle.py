@@ -371,8 +371,9 @@ class Cycle:
                 accelerate(name, cable.predictor, moving.get(name))
         placed = (links() if self._pushed else None) if callable(links) else links
         if dynamic:
-            for name in moving:
-                refuse_acceleration(name)
+            for name, given in moving.items():
+                if given is not None:
+                    refuse_acceleration(name)
             swings: dict[str, Any] = {**cables, **held}
             self._swinging = step_on(self._swinging, swings, self._beside, grips, stamp, placed, self._bodies)
         together = self._together(grips, placed, moving) if self._solves_crossing and not dynamic else {}

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from cable_shape.cable.cable import Cable
 from cable_shape.cable.harness import Harness, split_end
-from cable_shape.cycle.cable_cycle import check_parts, refuse_acceleration
+from cable_shape.cycle.cable_cycle import check_parts
 from cable_shape.cycle.dynamic import DYNAMIC, QUASISTATIC, Dynamic, nearest
 from cable_shape.cycle.harness_stability import HarnessStability
 from cable_shape.cycle.seen import AsSeen
@@ -176,8 +176,6 @@ class HarnessCycle:
         elif self.dynamic is None:
             shape = self.predictor.predict(ends, links=links, acceleration=acceleration)
         else:
-            if acceleration is not None:
-                refuse_acceleration(self.name)
             shape = self.dynamic.predict(ends, stamp, links)
         self.tails = self._hang(shape, ends)
         if shape.status:
