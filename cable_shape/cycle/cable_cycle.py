@@ -26,7 +26,7 @@ from cable_shape.safety.allowed import Allowed
 from cable_shape.safety.clearance import ClearanceChecker
 from cable_shape.safety.margins import MarginWatch
 from cable_shape.safety.report import Ahead, BodyDistance, CableWarning, Clearance, Margin, WarningKind
-from cable_shape.safety.snap import SnapWatch, predicted_snap
+from cable_shape.safety.snap import Find, SnapWatch, predicted_snap
 from cable_shape.safety.warnings import (
     Standing,
     ahead_warnings,
@@ -258,13 +258,19 @@ class CableCycle:
         hanging = [(self._tails[side], tail, self.tail_tubes.get(side)) for side, tail in self.tails.items()]
         return check_parts(self._checker, shape, self.tube, hanging, links)
 
-    def margins(self, shape: CableShape, clearance: Clearance, ends: Ends, stamp: int) -> tuple[Margin, ...]:
-        """How far trouble is, and with it whether the cable is about to snap."""
+    def margins(
+        self, shape: CableShape, clearance: Clearance, ends: Ends, stamp: int, find: Find | None = None
+    ) -> tuple[Margin, ...]:
+        """How far trouble is, and with it whether the cable is about to snap.
+
+        find: what looks for that, of cables that touch.
+        """
         self._judged, forces = self._judge(shape, clearance)
         margins = self._watch.margins(shape, self._judged, stamp, state=self._rod, ends=ends) + forces
         if self._acceleration is not None:  # the prediction does not leave it out
             margins = tuple(margin for margin in margins if margin.kind is not WarningKind.QUASISTATIC)
-        self._snaps.look(self._watch.stability, stamp, None if self._watch.twists is None else self._snap_within)
+        find = find or (None if self._watch.twists is None else self._snap_within)
+        self._snaps.look(self._watch.stability, stamp, find)
         return margins
 
     def _judge(self, shape: CableShape, clearance: Clearance) -> tuple[Clearance, tuple[Margin, ...]]:

@@ -20,6 +20,7 @@ from cable_shape.cycle.dynamic import DYNAMIC, MOTIONS, QUASISTATIC
 from cable_shape.cycle.editing import Editing, Part
 from cable_shape.cycle.given import named_ones, opened_end, opened_ends
 from cable_shape.cycle.harness_cycle import HarnessCycle, HarnessCycles, beside_each_other
+from cable_shape.cycle.looking_ahead import Together
 from cable_shape.cycle.seen import AsSeen
 from cable_shape.cycle.swinging import Swinging, step_on
 from cable_shape.errors import ArgumentError
@@ -168,6 +169,7 @@ class Cycle:
             self._harnesses[name] = self._harness_maker.make(name, harness, own, loads.get(name))
             self._joined |= beside_each_other(name, harness)
         self._crossing: tuple[tuple[str, ...], Crossing] | None = None
+        self._ahead: Together | None = None  # of that
         self._swinging: Swinging | None = None  # those that touch each other as they swing
         self._look_about()
         if self._solves_crossing:
@@ -417,11 +419,13 @@ class Cycle:
         for name, tube in known.items():
             clearance[name] = dataclasses.replace(clearance[name], confidence=tube.confidence, holds=tube.holds)
         checked = perf_counter()
+        find = self._ahead.find(stamp) if together and self._ahead is not None else {}
         margins = {
-            name: cable.margins(shapes[name], clearance[name], grips[name], stamp) for name, cable in cables.items()
+            name: cable.margins(shapes[name], clearance[name], grips[name], stamp, find.get(name))
+            for name, cable in cables.items()
         }
         for name, harness in held.items():
-            margins.update(harness.margins(shapes[name], clearance, stamp))
+            margins.update(harness.margins(shapes[name], clearance, stamp, find.get(name)))
         measured = perf_counter()
         warnings = tuple(
             warning for name, cable in cables.items() for warning in cable.warnings(shapes[name], margins[name])
@@ -496,7 +500,10 @@ class Cycle:
             else:
                 start, end = ends
                 predictor.move(start, end, links)
-        return told_of(predictors, self._crossing[1].solve())
+        shapes = told_of(predictors, self._crossing[1].solve())
+        if self._ahead is None or self._ahead.crossing is not self._crossing[1]:
+            self._ahead = Together(self._crossing[1], predictors, self._maker.snap_horizon)
+        return shapes
 
     def _crossings_skipped(self, cables: Mapping[str, CableCycle]) -> int:
         """Pairs of cables, each with itself included, that bounds told not to have touched."""
@@ -509,6 +516,7 @@ class Cycle:
         self.last_stamp = None
         if self._crossing is not None:
             self._crossing[1].reset()
+            self._ahead = None
         for cable in self._cables.values():
             cable.reset()
         for harness in self._harnesses.values():

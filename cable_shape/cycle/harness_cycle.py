@@ -26,6 +26,7 @@ from cable_shape.safety.allowed import Allowed
 from cable_shape.safety.clearance import ClearanceChecker
 from cable_shape.safety.margins import MarginWatch
 from cable_shape.safety.report import Ahead, CableWarning, Clearance, Margin, WarningKind
+from cable_shape.safety.snap import Find
 from cable_shape.safety.warnings import (
     Standing,
     ahead_warnings,
@@ -291,9 +292,12 @@ class HarnessCycle:
                 self.ahead[one] = found
 
     def margins(
-        self, shape: HarnessShape, clearance: Mapping[str, Clearance], stamp: int
+        self, shape: HarnessShape, clearance: Mapping[str, Clearance], stamp: int, find: Find | None = None
     ) -> dict[str, tuple[Margin, ...]]:
-        """How far trouble is of every segment, stability with the one that turns most; times from two cycles."""
+        """How far trouble is of every segment, stability with the one that turns most; times from two cycles.
+
+        find: what looks for a snap, of what touches others.
+        """
         found = {}
         for one, part in self.parts(shape).items():
             self._judged[one], forces = self._judge(one, part, clearance[one])
@@ -303,7 +307,7 @@ class HarnessCycle:
                 one: tuple(m for m in margins if m.kind is not WarningKind.QUASISTATIC)
                 for one, margins in found.items()
             }
-        self.stability.judge(shape, stamp, None if self._seen is None else self._seen.rod)
+        self.stability.judge(shape, stamp, None if self._seen is None else self._seen.rod, find)
         if self.stability.margin is not None:
             softest = cable_id(self.name, self.stability.segment)
             found[softest] = (*found[softest], self.stability.margin)

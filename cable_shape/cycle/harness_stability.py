@@ -14,7 +14,7 @@ from cable_shape.pose import Grip
 from cable_shape.prediction.harness_predictor import HarnessPredictor
 from cable_shape.safety.margins import LONGEST_GAP, MarginWatch
 from cable_shape.safety.report import CableWarning, Clearance, Margin
-from cable_shape.safety.snap import SnapWatch, predicted_harness_snap
+from cable_shape.safety.snap import Find, SnapWatch, predicted_harness_snap
 from cable_shape.safety.warnings import snap_warning
 from cable_shape.scene.scene import Scene
 from cable_shape.solve.harness_network import HarnessNetwork
@@ -46,8 +46,17 @@ class HarnessStability:
         self.segment = ""  # that turns most in its softest mode
         self._shape: HarnessShape | None = None
 
-    def judge(self, shape: HarnessShape, stamp: int, rod: HarnessNetwork | HarnessTouchState | None = None) -> None:
-        """Takes over the shape just predicted, or that of another rod; looks ahead where a snap may be near."""
+    def judge(
+        self,
+        shape: HarnessShape,
+        stamp: int,
+        rod: HarnessNetwork | HarnessTouchState | None = None,
+        find: Find | None = None,
+    ) -> None:
+        """Takes over the shape just predicted, or that of another rod; looks ahead where a snap may be near.
+
+        find: what looks for it, of what touches others.
+        """
         state, self._shape = self._predictor.rod_state if rod is None else rod, shape
         if state is None or state.history == 0:
             self._watch.reset()
@@ -63,8 +72,8 @@ class HarnessStability:
         if self.margin is not None:
             self.segment = self._softest(state)
         twists = self._moved(stamp)
-        find = None if twists is None else partial(self._snap, twists)
-        self.snaps.look(self.margin, stamp, find)
+        own = None if twists is None else partial(self._snap, twists)
+        self.snaps.look(self.margin, stamp, find or own)
 
     def _snap(self, twists: dict[str, Array], horizon: float) -> tuple[float, float, HarnessShape] | None:
         predictor = self._predictor

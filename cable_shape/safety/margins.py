@@ -52,6 +52,7 @@ from cable_shape.solve.network import Network
 from cable_shape.solve.outcome import MODEL
 from cable_shape.solve.problem import GRAVITY
 from cable_shape.solve.quasistatic import bending_rate, swing_state
+from cable_shape.solve.touching.pile import Member
 
 #: [s], cycles further apart say nothing about the speed now.
 LONGEST_GAP = 0.5
@@ -291,6 +292,8 @@ class MarginWatch:
         )  # fmt: skip
         which, inertia = which & _LOADS, which >> BODIES
         kinds, names, bodies = _TOLD[which], _NAMELESS[which], clearance.bodies
+        if which & _STABLE and isinstance(state, Member):  # the mode may turn another cable more
+            self._told[3, len(kinds) - 1] = state.turns_most(self._mode)
         used, limits, values, places, times = self._told[:, : len(kinds) + len(bodies) + inertia].tolist()
         of: Iterable[WarningKind] = kinds
         others: Iterable[str] = names

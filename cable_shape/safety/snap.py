@@ -18,11 +18,15 @@ from cable_shape.solve.harness_shape import HarnessShape
 #: Solves on the way to the horizon.
 STEPS = 8
 #: A predicted snap that stands is looked for this much further ahead.
-_LONGER = 1.25
+LONGER = 1.25
 #: Looks ahead in the time of one horizon.
-_LOOKS = 10.0
+LOOKS = 10.0
 
 _Shape = TypeVar("_Shape", CableShape, HarnessShape)
+#: Between which times [s] a snap lies, and the shape after it, as `predicted_snap` returns them.
+Found = tuple[float, float, CableShape | HarnessShape]
+#: What looks for a snap within a horizon [s]; None: it does not snap.
+Find = Callable[[float], Found | None]
 
 
 def predicted_snap(
@@ -54,7 +58,7 @@ def predicted_snap(
     def shape_at(time: float) -> CableShape:
         return predict(moved(start, twists[:6], time), moved(end, twists[6:], time) if type(end) is Grip else end)
 
-    return _first(shape_at, horizon)
+    return first_snap(shape_at, horizon)
 
 
 def predicted_harness_snap(
@@ -66,10 +70,10 @@ def predicted_harness_snap(
     def shape_at(time: float) -> HarnessShape:
         return predict({end: moved(how, twists[end], time) if type(how) is Grip else how for end, how in ends.items()})
 
-    return _first(shape_at, horizon)
+    return first_snap(shape_at, horizon)
 
 
-def _first(shape_at: Callable[[float], _Shape], horizon: float) -> tuple[float, float, _Shape] | None:
+def first_snap(shape_at: Callable[[float], _Shape], horizon: float) -> tuple[float, float, _Shape] | None:
     """Between which times [s] the first snap is, and the shape after it."""
     for k in range(1, STEPS + 1):
         time = horizon * k / STEPS
@@ -105,17 +109,17 @@ class SnapWatch:
         self,
         stability: Margin | None,
         stamp: int,
-        find: Callable[[float], tuple[float, float, CableShape | HarnessShape] | None] | None,
+        find: Find | None,
     ) -> None:
         """Once a cycle. find: what predicts a snap within a horizon [s]; None: the motion is not known."""
         last, self.after = self.after, None
-        horizon = self._horizon * (1.0 if last is None else _LONGER)
+        horizon = self._horizon * (1.0 if last is None else LONGER)
         self.skipped = horizon > 0.0
         if stability is None or not stability.time_to_limit < horizon or find is None:
             self._looked = -math.inf
             return
         self.after = last
-        if not 0.0 <= (stamp - self._looked) * 1e-9 < horizon / _LOOKS:
+        if not 0.0 <= (stamp - self._looked) * 1e-9 < horizon / LOOKS:
             self.skipped = False
             self._looked = stamp
             time = stability.time_to_limit
@@ -130,8 +134,13 @@ class SnapWatch:
 def moved(grip: Grip, twist: Array, time: float) -> Grip:
     """The grip whose cable end keeps its velocity [m/s] and angular velocity [rad/s] (6,) for `time` [s]."""
     frame = grip.cable_frame
+    there = moved_frame(frame.array, twist, time)
+    return Grip(Pose(there[:3], there[3:], frame.turns), grip.kind, curvature=grip.curvature)
+
+
+def moved_frame(frame: Array, twist: Array, time: float) -> Array:
+    """(7,): where a frame is that keeps its velocity [m/s] and angular velocity [rad/s] (6,) for `time` [s]."""
     turn = 0.5 * time * twist[3:]
     half = math.sqrt(float(turn @ turn))
     q = np.append(np.sinc(half / math.pi) * turn, math.cos(half))
-    there = Pose(frame.position + time * twist[:3], multiply(q, frame.quaternion), frame.turns)
-    return Grip(there, grip.kind, curvature=grip.curvature)
+    return np.concatenate((frame[:3] + time * twist[:3], multiply(q, frame[3:])))

@@ -297,6 +297,14 @@ class HarnessTouchState(TouchState):
             out[j] = max(out[j], values[a + x : b + x + 1].max())
         return out
 
+    def turns_most(self, name: str, mode: Array) -> float:
+        """[m], arc length of a segment at which it turns most in a mode (nodes, 3) of the network."""
+        plan, s = tables.plan_of.py_func(self.net.ints), tables.model_of.py_func(self.net.ints, self.net.floats).s
+        turns, own = (mode * mode).sum(axis=1), self.cable.layout.spans[name]
+        runs = enumerate(pairwise(plan.first.tolist()))
+        nodes = np.concatenate([np.arange(a + x, b + x + 1) for x, (a, b) in runs if self.net.stretch[x] in own])
+        return float(s[nodes[turns[nodes].argmax()]])
+
     def energy_of_masses(self, segments: Collection[str] | None = None) -> float:
         """[J], potential energy of masses in the last solution: on these segments and their junctions, or on all."""
         gravity, problem, layout = self.problem.gravity, self.problem, self.cable.layout

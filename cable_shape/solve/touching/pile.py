@@ -280,6 +280,10 @@ class Member:
         """See `TouchState`."""
         return self._state.network_nodes
 
+    def turns_most(self, mode: Array) -> float:
+        """[m], arc length at which it turns most in a mode (nodes, 3) of all of them."""
+        return self._state.turns_most(self._name, mode)
+
     def knots_of(self, supports: Sequence[int]) -> Array:
         """Which knots these supports are."""
         knots, name = self._state.cable.layout.knots, self._name

@@ -1,0 +1,102 @@
+"""The next second of cables and harnesses that touch each other, if all their ends go on as they do: :class:`Together`.
+
+Cables that press on each other snap together. One look at all of them, moved all at once, tells each what it has to
+expect; of each by itself there would be as many looks, and the others would stand still in it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any, final
+
+import numpy as np
+
+from cable_shape.checks import Array
+from cable_shape.kernels.safety.speed import follow
+from cable_shape.prediction.together import rows_of
+from cable_shape.safety.margins import LONGEST_GAP
+from cable_shape.safety.snap import LONGER, LOOKS, Find, Found, first_snap, moved_frame
+from cable_shape.shape import CableShape
+from cable_shape.solve.harness_shape import HarnessShape
+from cable_shape.solve.touching.crossing import Crossing
+from cable_shape.solve.touching.one_harness import OneHarness
+
+
+@final
+class Together:
+    """Looks ahead for cables and harnesses that touch each other; links stay where they are.
+
+    predictors: by name, of what the crossing solves for, in its order. horizon: [s], as of `SnapWatch`.
+    """
+
+    def __init__(self, crossing: Crossing, predictors: Mapping[str, Any], horizon: float) -> None:
+        self.crossing, self._predictors, self._rows = crossing, dict(predictors), rows_of(predictors)
+        self._horizon = LONGER * horizon
+        self._stamp, self._frames = -math.inf, np.empty((0, 7))
+        self._twists: Array | None = None  # (n, 6), of the frames of the ends of all strands
+        self._looked = -math.inf  # ns
+        self._shapes_at: Callable[[float], dict[str, Any]] = _nothing
+
+    def find(self, stamp: int) -> dict[str, Find]:
+        """Once a cycle, after the crossing has solved: what looks for a snap of each that touches others.
+
+        None of them does where it is not known how the ends move.
+        """
+        before, now = self._frames, self.crossing.strands.frames()[: 2 * len(self.crossing.strands.names)]
+        seconds = (stamp - self._stamp) * 1e-9
+        self._stamp, self._frames, self._twists = stamp, now, None
+        if 0.0 < seconds <= LONGEST_GAP and len(before) == len(now):
+            both = np.empty((len(now), 12))
+            for a, b, twists in zip(before, now, both, strict=True):
+                follow(np.tile(a, 2), np.tile(b, 2), True, seconds, twists)
+            self._twists = both[:, :6]
+        touching = self.crossing.touching
+        if self._twists is None:
+            return {}
+        return {
+            name: partial(self._snap, name)
+            for name, own in self._rows.items()
+            if not (touching.isdisjoint(own) or touching <= set(own))
+        }
+
+    def _snap(self, name: str, horizon: float) -> Found | None:
+        """See `predicted_snap`. One look serves all that look in the time until the next one is due."""
+        age = (self._stamp - self._looked) * 1e-9
+        if not 0.0 <= age < horizon / LOOKS:
+            self._looked, age = self._stamp, 0.0
+            self._shapes_at = self._from_here()
+        found = first_snap(lambda time: self._shapes_at(time)[name], self._horizon)
+        if found is None or found[0] - age >= horizon:
+            return None
+        return found[0] - age, found[1] - age, found[2]
+
+    def _from_here(self) -> Callable[[float], dict[str, CableShape | HarnessShape]]:
+        """What tells all shapes by the time [s] from now, which is asked for in its order."""
+        frames, twists, twin = self._frames, self._twists, self.crossing.twin()
+        links = self.crossing.strands.frames()[len(frames) :]
+        known: dict[float, dict[str, CableShape | HarnessShape]] = {}
+        assert twists is not None
+
+        def at(time: float) -> dict[str, CableShape | HarnessShape]:
+            if time not in known:
+                there = [moved_frame(*end, time) for end in zip(frames, twists, strict=True)]
+                twin.strands.hold(np.concatenate((there, links)))
+                known[time] = self._told(twin)
+            return known[time]
+
+        return at
+
+    def _told(self, twin: Crossing) -> dict[str, CableShape | HarnessShape]:
+        """Each as its predictor tells it."""
+        shapes = twin.solve()
+        out: dict[str, CableShape | HarnessShape] = {}
+        for (name, rows), part in zip(self._rows.items(), twin.strands.parts, strict=True):
+            own = shapes[rows.start : rows.stop]
+            out[name] = part.as_one(own) if isinstance(part, OneHarness) else self._predictors[name].told(own[0])
+        return out
+
+
+def _nothing(_: float) -> dict[str, Any]:
+    return {}
