@@ -73,17 +73,21 @@ class Together:
         return found[0] - age, found[1] - age, found[2]
 
     def _from_here(self) -> Callable[[float], dict[str, CableShape | HarnessShape]]:
-        """What tells all shapes by the time [s] from now, which is asked for in its order."""
+        """What tells all shapes by the time [s] from now, which is asked for in its order; those of a loss stay."""
         frames, twists, twin = self._frames, self._twists, self.crossing.twin()
+        twin.afresh = False  # of a snap to where nothing is known nobody could be warned in time
         links = self.crossing.strands.frames()[len(frames) :]
         known: dict[float, dict[str, CableShape | HarnessShape]] = {}
         assert twists is not None
 
         def at(time: float) -> dict[str, CableShape | HarnessShape]:
             if time not in known:
-                there = [moved_frame(*end, time) for end in zip(frames, twists, strict=True)]
-                twin.strands.hold(np.concatenate((there, links)))
-                known[time] = self._told(twin)
+                last = known[next(reversed(known))] if known else {}
+                if all(shape.status for shape in last.values()):
+                    there = [moved_frame(*end, time) for end in zip(frames, twists, strict=True)]
+                    twin.strands.hold(np.concatenate((there, links)))
+                    last = self._told(twin)
+                known[time] = last
             return known[time]
 
         return at

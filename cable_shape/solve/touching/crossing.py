@@ -272,6 +272,8 @@ class Crossing(Piled):
         if not found:
             group.restore(kept)
             self._reached = group
+        if not self.afresh:
+            return self._give_up([None] * len(free), LOST)
         alone = self._alone(free)
         if not all(shape.status for shape in alone):
             return self._give_up(alone, "")

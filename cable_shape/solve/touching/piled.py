@@ -36,6 +36,7 @@ class Piled:
         self._halvings = 0
         self._rubs = True  # whether cables go to and fro as they do, see `Pile.rubs`
         self._leaps = True  # whether another equilibrium is looked for where no way leads on
+        self.afresh = True  # and from nothing, where there is none near by
         self._places = Places(strands)
         self._rounds = Rounds(self._places.pairs)
         self.reset()
