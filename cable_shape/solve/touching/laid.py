@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+from bisect import bisect_left
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -13,6 +14,7 @@ from cable_shape.cable.cable import Cable
 from cable_shape.cable.pieces import pieces_of, radius_of, stretches, widest
 from cable_shape.checks import Array
 from cable_shape.kernels.contact import afterwards, drive, press, run
+from cable_shape.kernels.contact.carry import carry
 from cable_shape.kernels.contact.lay import room_for
 from cable_shape.kernels.contact.near import (
     ARC,
@@ -33,7 +35,6 @@ from cable_shape.kernels.network import material, tables
 from cable_shape.kernels.network.tables import BEFORE, NOW, TRIAL
 from cable_shape.pose import FreeEnd, Grip
 from cable_shape.shape import CableShape
-from cable_shape.solve.mesh import interpolated
 from cable_shape.solve.network import Network
 from cable_shape.solve.plan import Whole
 from cable_shape.solve.problem import Problem
@@ -432,16 +433,12 @@ class Laid:
         if not n_old:
             return
         q, near, on, self.ends = old
-        match = np.abs(old_nodes[:, None] - nodes).argmin(axis=0)
-        same = np.abs(old_nodes[match] - nodes) < _AT * self.length
+        new = np.empty(n + 1, dtype=np.bool_)
         for which in (NOW, BEFORE):
-            self.q[which] = interpolated(nodes, old_nodes, q[which])
-            self.near[which, same] = near[which, match[same]]
-            self.on[which, same] = on[which, match[same]]
-            if np.count_nonzero(same) <= n_old:
-                mesh.share_out(self.nodes, self.near[which], self.on[which], old_nodes, near[which], on[which])
-            if self.has_friction and not same.all():
-                mesh.share_in(self.nodes, self.near[which], self.on[which], ~same)
+            own = self.q[which], self.near[which], self.on[which]
+            carry(old_nodes, q[which], near[which], on[which], nodes, *own, _AT * self.length, new)
+            if self.has_friction and new.any():
+                mesh.share_in(nodes, self.near[which], self.on[which], new)
 
     def _put(self, nodes: Array) -> None:
         """Puts the nodes there."""
@@ -495,17 +492,16 @@ class Laid:
     def insert(self, arcs: Array, shortest: float = LEAST_LENGTH) -> bool:
         """Adds nodes at these arc lengths; False if there is one at each already, or in an element shorter than this
         part of the length."""
-        nodes = self.nodes.copy()
-        for arc in arcs:
-            j = min(max(int(np.searchsorted(nodes, arc)), 1), nodes.size - 1)
+        nodes: list[float] = self.nodes.tolist()
+        for arc in arcs.tolist():
+            j = min(max(bisect_left(nodes, arc), 1), len(nodes) - 1)
             h = nodes[j] - nodes[j - 1]
             if h < shortest * self.length:
                 continue
-            at = min(max(arc, nodes[j - 1] + 0.2 * h), nodes[j] - 0.2 * h)
-            nodes = np.insert(nodes, j, at)
-        if nodes.size == self.elements + 1:
+            nodes.insert(j, min(max(arc, nodes[j - 1] + 0.2 * h), nodes[j] - 0.2 * h))
+        if len(nodes) == self.elements + 1:
             return False
-        self.lay_out(nodes)
+        self.lay_out(np.array(nodes))
         return True
 
     def ends_of_rows(self, shortest: float = LEAST_LENGTH) -> Array:

@@ -182,18 +182,6 @@ def evened(nodes: Array, free: Any, spacing: Array, middles: Array, stops: Array
     return None if kept.all() else nodes[kept]
 
 
-def share_out(nodes: Array, near: Array, on: Any, old_nodes: Array, old_near: Array, old_on: Any) -> None:
-    """Gives what contacts pressed at nodes that are no more to those beside them: the rest stays in balance."""
-    gone = np.flatnonzero((old_on[:, 0] != BARE) & ~np.isin(old_nodes, nodes))
-    for k in gone:
-        j = int(np.searchsorted(nodes, old_nodes[k]))
-        share = (old_nodes[k] - nodes[j - 1]) / (nodes[j] - nodes[j - 1])
-        for i, part in ((j - 1, 1.0 - share), (j, share)):
-            if on[i, 0] == old_on[k, 0]:
-                for column in (PRESS, *range(RUB, RUB + 3), *range(HELD, HELD + 3)):
-                    near[i, column] += part * old_near[k, column]
-
-
 def share_in(nodes: Array, near: Array, on: Any, new: Any) -> None:
     """Gives `new` nodes in rows of contacts their parts of what those beside them are held by: the rest stays as it is.
 

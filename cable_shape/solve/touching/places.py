@@ -245,6 +245,8 @@ class Places:
         shortest = SHORTEST * self._diameters[pair[0]]
         arcs, joined = (a.arc_length, b.arc_length), self._joined[pair]
         count = cable_near.spots(p, arcs[0], r, arcs[1], own, shortest, joined, reach, aside, self._out)
+        if count == 0:
+            return []
         rows = self._out[:count].copy()
         for row in rows:
             self._keep_off_mouths(row, pair, ((a, p), (b, r)))
