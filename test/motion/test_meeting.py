@@ -150,8 +150,8 @@ def test_what_is_thrown_at_each_other_does_not_pass(seed: int):
 
 @pytest.mark.parametrize(
     ("seed", "throw", "limp", "damped", "steps", "least"),
-    # undamped it is chaos, other machine code another way: it sank in by 0.12 and 0.16 of the distance to be kept
-    [(11, 8, -3.5, True, 135, 0.97), (11, 31, -3.5, True, 112, 0.97), (5, 16, -4.0, False, 200, 0.94)],
+    # undamped it is chaos: 1e-12 of the mass more leads elsewhere from step 145 on, and 0.15 of the distance in
+    [(11, 8, -3.5, True, 135, 0.97), (11, 31, -3.5, True, 112, 0.97), (5, 16, -4.0, False, 140, 0.94)],
 )
 def test_what_lies_along_each_other_as_it_is_thrown_does_not_sink_in(
     seed: int, throw: int, limp: float, damped: bool, steps: int, least: float

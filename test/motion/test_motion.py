@@ -144,6 +144,30 @@ def test_a_step_of_newton_is_what_differences_ask_for(end: cs.Pose | cs.Grip | c
     assert np.abs(rate + asked).max() < 1e-5 * np.abs(asked).max()
 
 
+@pytest.mark.parametrize("end", [END, cs.FreeEnd(mass=0.02)], ids=["grip", "plug"])
+def test_factors_that_stay_and_what_comes_again_lead_to_the_same(end: cs.Pose | cs.FreeEnd):
+    """Once the last way was as the one before Newton's method has its matrix once a step, and that of its start."""
+    quick, plain = (cs.Motion(CABLE, points=41, elements=20) for _ in range(2))
+    firsts = quick.begin(START, end), plain.begin(START, end)
+    ways, tried, own = [], [], []
+    for k in range(1, 61):
+        start = cs.Pose((0.0, 0.05 * smooth(k, 120.0), 0.0), ALONG)
+        shape = quick.step(start, end, 0.01)
+        tried.append(shape.iterations)
+        swing, other = quick._swing, plain._swing
+        assert swing is not None
+        assert other is not None
+        own.append(swing._scratch[settle.I_OWN])
+        other.memory.par[[momentum.LIKE, momentum.LIKE_FORCE]] = 0.0  # two steps carried on straight
+        longer = plain.step(start, end, 0.01)
+        ways.append(float(np.abs(shape.positions - longer.positions).max()))
+    assert max(ways) < 1e-8
+    assert np.abs(shape.positions - firsts[0].positions).max() > 0.01
+    assert swing.memory.par[[momentum.LIKE, momentum.LIKE_FORCE]].min() > 0.8
+    assert np.median(tried[20:]) > 1
+    assert np.median(own[20:]) == 1
+
+
 def test_a_pendulum_swings_as_a_rigid_one_does():
     """A stiff rod with a plug, let go beside the vertical."""
     mass, rod = 0.05, CABLE.replace(bending_stiffness=100.0)

@@ -87,9 +87,9 @@ def test_by_the_grips(names: tuple[str, str], kind: str):
     which = "rate" if names[0].startswith("velocity") else "offset"
     for column in (0, 1, 4, 5, 8, 9, 10, 11) if kind == "clamped" else (6, 9, 10, 11):
         way = np.zeros(12)
-        way[column] = 1e-4
+        way[column] = 1e-3  # with less, rounding counts: 4e-9 m/s in what a twist of a swivel does not change
         above, below = (swung(CABLE, end, **{which: sign * way})[1] for sign in (1.0, -1.0))  # type: ignore[arg-type]
-        check(moves[:, :, column], rates[:, :, column], above, below, 1e-4)
+        check(moves[:, :, column], rates[:, :, column], above, below, 1e-3)
 
 
 def test_by_what_holds_a_limp_cable_without_damping_that_carries_a_plug_in_a_clip():

@@ -84,7 +84,7 @@ from cable_shape.kernels.network.tables import (
 from cable_shape.kernels.network.walls import BODY, PUSHED, WALL
 from cable_shape.kernels.rod_algebra import Vector, dot, get3, put3, scale, subtract, take3
 
-#: A step goes in parts of this fraction of it at least, each tried from so many of `swinging.STARTS`.
+#: A step goes in parts of this fraction of it at least, each tried from so many of `swing_start.STARTS`.
 SHORTEST, TRIES = 1.0 / 256.0, 2
 #: [m] planes of bodies that much further away than nodes may get, in units of which way, are known.
 MARGIN, AHEAD = 5e-3, 1.5
@@ -120,7 +120,7 @@ class Skin(NamedTuple):
     rings: Array  # (e, RING) the eyelets, see `points`
     goals: Array  # (e, 3) [m] where those are at the end of the step
     log: Array  # (1 + LOG, 3) how many parts the last step went in, MET; of each where it began, its share, and the
-    #             start that led on, see `swinging.STARTS`; BRACED: what would arrive in it has stopped
+    #             start that led on, see `swing_start.STARTS`; BRACED: what would arrive in it has stopped
     links_then: Array  # (l, 7) links, and
     rings_then: Array  # (e, RING) eyelets, before the last step
     touching: Array  # (p, TOUCHING) what of its cables may touch each other, or itself, see `meeting`

@@ -28,7 +28,7 @@ from typing import NamedTuple
 
 from cable_shape.kernels.network.compiled import inline, part, viewing
 from cable_shape.kernels.network.motion import Motion, mass_place
-from cable_shape.kernels.network.tables import Floats, Model, Plan, Solution, Whole
+from cable_shape.kernels.network.tables import Floats, Model, Plan, Solution, Whole, solution_size
 from cable_shape.kernels.rod_algebra import (
     Vector,
     add,
@@ -55,14 +55,14 @@ from cable_shape.kernels.rod_element import (
 
 #: Numbers that belong to the whole, see `Momentum.par`.
 PAR = 8
-RADIUS, LAST_DT, ENERGY, KINETIC, LOSING, PERIOD = 0, 1, 2, 3, 4, 5
+RADIUS, LAST_DT, ENERGY, KINETIC, LOSING, PERIOD, LIKE, LIKE_FORCE = 0, 1, 2, 3, 4, 5, 6, 7
 
 
 class Momentum(NamedTuple):
     """What motion remembers of a network of N elements, n nodes and k knots; all world but curvatures."""
 
     par: Floats  # (PAR,) spectral radius; last step [s], 0: none; energy and kinetic energy [J]; what damping takes
-    #              [W]; mass length^3 / stiffness [s^2]
+    #              [W]; mass length^3 / stiffness [s^2]; what share of `swerve` and of that of the forces comes again
     mass: Floats  # (n,) [kg], of the cable around each node
     point: Floats  # (n,) [kg], of what else is there
     delay: Floats  # (N,) [s], retardation time
@@ -80,6 +80,8 @@ class Momentum(NamedTuple):
     strained: Floats  # (N, 6) and one before
     reaction: Floats  # (k, 6) [N, N m] of the knots on the cable
     jump: Floats  # (n, 3) [m/s^2], by how much the acceleration of each mass has changed in the last step
+    swerve: Floats  # (solution,) second difference of the last three solutions, in equal steps; else 0
+    swerving: Floats  # (N, 3) [N] and of the forces of the elements
 
 
 @viewing(forceinline=True)
@@ -104,6 +106,8 @@ def momentum_of(ints: Whole, memory: Floats) -> Momentum:
     o15 = o14 + 6 * n
     o16 = o15 + 6 * n
     o17 = o16 + 6 * ints[2]
+    o18 = o17 + 3 * k
+    o19 = o18 + solution_size(ints)
     return Momentum(
         part(memory, 0, (PAR,)),
         part(memory, o1, (k,)),
@@ -123,13 +127,15 @@ def momentum_of(ints: Whole, memory: Floats) -> Momentum:
         part(memory, o15, (n, 6)),
         part(memory, o16, (ints[2], 6)),
         part(memory, o17, (k, 3)),
+        part(memory, o18, (o19 - o18,)),
+        part(memory, o19, (n, 3)),
     )  # fmt: skip
 
 
 @viewing
 def momentum_size(ints: Whole) -> int:
     """Numbers that are remembered of a network with this head."""
-    return PAR + 23 * (ints[0] + ints[1]) + 34 * ints[0] + 6 * ints[2]
+    return PAR + 23 * (ints[0] + ints[1]) + 37 * ints[0] + 6 * ints[2] + solution_size(ints)
 
 
 class Scheme(NamedTuple):

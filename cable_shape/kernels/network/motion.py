@@ -382,32 +382,42 @@ def bent_by(N: Vector) -> Matrix:
 
 
 @inline
-def add_turn(plan: Plan, model: Model, work: Work, j: int, end: int, T: Vector, H: Matrix) -> None:
-    """Adds to gradient and matrix of the rotation at an end of span j, but for what is held there."""
+def pull_turn(plan: Plan, model: Model, work: Work, j: int, end: int, T: Vector) -> None:
+    """Adds to the gradient in the rotation at an end of span j, but for what is held there."""
+    node = plan.first[j + end] + j
+    for i in range(3):
+        work.G[node, i] += T[i] * (model.free[j, end, i] if plan.tied[j, end] == 0 else 1.0)
+
+
+@inline
+def firm_turn(plan: Plan, model: Model, work: Work, j: int, end: int, H: Matrix) -> None:
+    """Adds to the matrix of the rotation at an end of span j, but for what is held there."""
     node = plan.first[j + end] + j
     for i in range(3):
         own = model.free[j, end, i] if plan.tied[j, end] == 0 else 1.0
-        work.G[node, i] += own * T[i]
         for c in range(3):
             both = own * (model.free[j, end, c] if plan.tied[j, end] == 0 else 1.0)
             work.D[node, 3 * i + c] += both * H[3 * i + c]
 
 
 @viewing(forceinline=True)
-def tilt_ends(plan: Plan, model: Model, sol: Solution, work: Work, motion: Motion) -> None:
-    """Adds to gradient and matrix what masses beside the ends of spans do; `origin`, `tilt` and `tug` there."""
+def tilt_ends(plan: Plan, model: Model, sol: Solution, work: Work, motion: Motion, matrix: bool) -> None:
+    """Adds to the gradient what masses beside the ends of spans do, and to the matrix if asked; fills `origin`, `tug`
+    and, with the matrix, `tilt` there."""
     for j in range(plan.ends.shape[0]):
         for end in range(2):
             node = plan.first[j + end] + j
             lever, hold = motion.lever[node], motion.hold[node]
             if lever != 0.0:
-                R = rotation(get4(sol.q, node))
-                B = rotated(R)
                 put3(motion.origin, node, 0, beside_aim(motion, sol, node))
                 N = beside(motion, sol, node)
+                pull_turn(plan, model, work, j, end, (-N[1], N[0], 0.0))
+            if lever != 0.0 and matrix:
+                R = rotation(get4(sol.q, node))
+                B, N = rotated(R), beside(motion, sol, node)
                 answer = mscale(hold, get9(motion.give, node, 0))  # of the place to that to which it is held
                 stiff = mscale(-lever * lever * hold, mshift(answer, -1.0))
-                add_turn(plan, model, work, j, end, (-N[1], N[0], 0.0), madd(bent_by(N), tmul(B, mul(stiff, B))))
+                firm_turn(plan, model, work, j, end, madd(bent_by(N), tmul(B, mul(stiff, B))))
                 if motion.loose[node] != 0.0:  # the place turns with the node: a step of the last element
                     e = plan.first[j + 1] - 1
                     tilt = mscale(-lever, mul(answer, B))

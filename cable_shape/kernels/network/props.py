@@ -20,9 +20,10 @@ from cable_shape.kernels.network.motion import (
     N_PROPS,
     ROWS,
     Motion,
-    add_turn,
     bent_by,
+    firm_turn,
     motion_of,
+    pull_turn,
     rotated,
 )
 from cable_shape.kernels.network.moving import solve
@@ -160,7 +161,8 @@ def lean_on(
         put3(motion.push, node, 0, add(get3(motion.push, node), scale(props[i, w + side], F)))
         N = scale(-props[i, w + 2 + side], tapply(rotation(get4(sol.q, node)), F))
         if (side == 0 and e == plan.first[j]) or (side == 1 and e == plan.first[j + 1] - 1):
-            add_turn(plan, model, work, j, side, (-N[1], N[0], 0.0), bent_by(N))
+            pull_turn(plan, model, work, j, side, (-N[1], N[0], 0.0))
+            firm_turn(plan, model, work, j, side, bent_by(N))
         else:
             put3(work.G, node, 0, add(get3(work.G, node), (-N[1], N[0], 0.0)))
             put9(work.D, node, 0, madd(get9(work.D, node, 0), bent_by(N)))

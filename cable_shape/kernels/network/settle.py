@@ -72,12 +72,14 @@ LARGEST_STEP = 0.3  # rad, of an iteration
 BEYOND = 0.7  # rad, further than a step may turn a frame, at which an iteration gives up
 NUDGE = 1e-3  # rad
 TOLERANCE = 1e-9  # rad, and of half the length: the last iteration
+FALLING, LEFT = 0.1, 0.01  # of the iteration before, and of what a last one leaves: factors that stay are to do better
 FIRST_SHIFT, SHIFT_GROWTH, MOST_SHIFTS = 0.02, 6.0, 12  # as Newton's method at rest has them
 LOOSE = 0.03  # of the length times TOLERANCE: what elements may still miss among bodies, which press from one place on
 MOST_ITERATIONS = 30
 #: What `step` tells in `info`: iterations, largest turn of a frame [rad], largest force of drag at a node [N], largest
-#: internal force [N], negative eigenvalues beyond three a force, energy [J] after the step, last iteration [rad].
-I_ITERATIONS, I_TURNED, I_DRAG, I_FORCE, I_EXCESS, I_ENERGY, I_LAST = 0, 1, 2, 3, 4, 5, 6
+#: internal force [N], negative eigenvalues beyond three a force, energy [J] after the step, last iteration [rad];
+#: how many iterations had a matrix of their own.
+I_ITERATIONS, I_TURNED, I_DRAG, I_FORCE, I_EXCESS, I_ENERGY, I_LAST, I_OWN = 0, 1, 2, 3, 4, 5, 6, 7
 INFO = 8
 
 
@@ -90,7 +92,7 @@ def assemble(ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: F
     at_rest(ints, floats, sols, space)
     lean(plan, model, sol, work, motion)
     put_places(plan, model, sol, motion)
-    tilt_ends(plan, model, sol, work, motion)
+    tilt_ends(plan, model, sol, work, motion, True)
     slacken(plan, work, motion)
     for j in range(plan.ends.shape[0]):
         first, last = plan.first[j], plan.first[j + 1] - 1
@@ -114,7 +116,7 @@ def balance(ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: Fl
     if motion.par[N_PROPS] > 0.0:
         lean(plan, model, sol, work, motion)
     put_places(plan, model, sol, motion)
-    tilt_ends(plan, model, sol, work, motion)
+    tilt_ends(plan, model, sol, work, motion, False)
     slacken(plan, work, motion)
 
 
@@ -181,35 +183,48 @@ def newton(
 ) -> int:  # fmt: skip
     """Solves for one step in time from the trial as it is; returns CONVERGED, STALLED, NOT_FINITE or FAR.
 
-    least [rad]: an iteration that changes no more is the last.
+    least [rad]: an iteration that changes no more is the last, for the next one would change the square of that. One
+    with the factors of an earlier one leaves its change times all since then, and costs less than half: factors stay
+    where two more of those are enough for the same. Among bodies they do not: what presses is not smooth.
     """
     model, motion = model_of(ints, floats), motion_of(ints, moving)
     sol, now = solution_of(ints, sols, TRIAL), solution_of(ints, sols, NOW)
     softest, wanted = model.par[SOFTEST], 3 * ints[0]
     plan = plan_of(ints)
     free = motion.par[N_WALLED] == 0.0 and motion.par[N_PROPS] == 0.0
-    shift = 0.0
+    quick = free and model.par[SWINGS] != 0.0
+    shift = last = since = 0.0
+    stay = False
+    info[I_OWN] = 0.0
     for i in range(most):
         info[I_ITERATIONS] = i + 1.0
-        assemble(ints, floats, sols, space, moving)
-        loose = 0.0 if free else missed(motion)
-        trial = shift / SHIFT_GROWTH if shift > FIRST_SHIFT * softest else 0.0
-        negative = 0
-        for _ in range(MOST_SHIFTS):
-            negative = factor(ints, floats, space, moving, trial + model.par[BASE_SHIFT])
-            info[I_EXCESS] = negative - wanted
-            if negative <= wanted:
-                break
-            trial = max(SHIFT_GROWTH * trial, FIRST_SHIFT * softest)
-        if negative != wanted:
-            return STALLED
-        shift = trial
-        if motion.par[N_PROPS] > 0.0:
-            brace(ints, floats, sols, space, moving)
+        loose = 0.0
+        if stay:
+            balance(ints, floats, sols, space, moving)
+        else:
+            info[I_OWN] += 1.0
+            assemble(ints, floats, sols, space, moving)
+            loose = 0.0 if free else missed(motion)
+            trial = shift / SHIFT_GROWTH if shift > FIRST_SHIFT * softest else 0.0
+            negative = 0
+            for _ in range(MOST_SHIFTS):
+                negative = factor(ints, floats, space, moving, trial + model.par[BASE_SHIFT])
+                info[I_EXCESS] = negative - wanted
+                if negative <= wanted:
+                    break
+                trial = max(SHIFT_GROWTH * trial, FIRST_SHIFT * softest)
+            if negative != wanted:
+                return STALLED
+            shift = trial
+            if motion.par[N_PROPS] > 0.0:
+                brace(ints, floats, sols, space, moving)
         largest = solve(ints, floats, space, moving)
         info[I_LAST] = largest
         if not math.isfinite(largest):
             return NOT_FINITE
+        slow = stay and largest > FALLING * last
+        rate = max(since, largest / last) if stay else largest  # what is left of this change by the next one
+        since = since + largest if stay else largest
         fraction = min(1.0, LARGEST_STEP / largest) if largest > 0.0 else 1.0
         if not free and model.par[SWINGS] != 0.0:
             fraction = min(fraction, loaded(plan, model, motion))
@@ -220,8 +235,11 @@ def newton(
         give_way(ints, motion, fraction)
         if motion.par[LAW] == SEATED:
             largest = max(largest, 2.0 * move_seats(plan, motion, fraction) / model.par[LENGTH])
-        if shift == 0.0 and largest < least and (free or loose < LOOSE * least * model.par[LENGTH]):
+        enough = (LEFT if quick else 1.0) * least * least
+        if shift == 0.0 and largest * rate < enough and (free or loose < LOOSE * least * model.par[LENGTH]):
             return CONVERGED
+        stay = quick and shift == 0.0 and not slow and largest * since * since * since < LEFT * least * least
+        last = largest
         if not turned(sol, now) < far + BEYOND:
             return FAR
     return STALLED

@@ -33,11 +33,10 @@ from cable_shape.kernels.network.momentum import (
 )
 from cable_shape.kernels.network.motion import N_PROPS, N_WALLED, Motion, lever_torque, motion_of, put_places
 from cable_shape.kernels.network.newton import CONVERGED, STALLED
-from cable_shape.kernels.network.predict import extrapolate, follow, turn_ends, turn_knots
 from cable_shape.kernels.network.settle import I_EXCESS, I_ITERATIONS, I_LAST, load_up, newton
+from cable_shape.kernels.network.swing_start import STARTS, is_equal, note_swerve, start_from
 from cable_shape.kernels.network.system import gradient
 from cable_shape.kernels.network.tables import (
-    BEFORE,
     NOW,
     TRIAL,
     Floats,
@@ -77,9 +76,6 @@ from cable_shape.kernels.rod_algebra import (
 #: next one the square is not known, for the matrix does not know all of friction, and planes press that did not.
 LEAST, LEAST_SHORT, SHORTEST, RUBBED = 3e-6, 0.3, 1e-8, 0.01
 MOST_ITERATIONS, MOST_TOUCHED = 40, 60  # the latter where nodes may be pressed
-#: What Newton's method starts from: so much of how forces and shape changed in the last step is added to them. What
-#: changes fast is no guess: where one does not lead anywhere, the next one may.
-STARTS = ((1.0, 1.0), (0.0, 1.0), (-0.5, 1.0), (0.0, 0.0))
 #: What `step` tells in `info`: iterations of all its parts, into how many it went (0: it was not taken), work of the
 #: knots, dissipated by drag and damping, energy and kinetic energy after it [J].
 I_PARTS, I_WORK, I_DISSIPATED, I_ENERGY, I_KINETIC = 1, 2, 3, 4, 5
@@ -185,7 +181,7 @@ def attempt(
     """
     plan, model, motion = plan_of(ints), model_of(ints, floats), motion_of(ints, moving)
     memory = momentum_of(ints, remembered)
-    sol, now, before = solution_of(ints, sols, TRIAL), solution_of(ints, sols, NOW), solution_of(ints, sols, BEFORE)
+    sol, now = solution_of(ints, sols, TRIAL), solution_of(ints, sols, NOW)
     aim_nodes(motion, memory, dt)
     damp(model, memory, dt)
     last = memory.par[LAST_DT]
@@ -194,26 +190,23 @@ def attempt(
     touched = motion.par[N_WALLED] > 0.0 or motion.par[N_PROPS] > 0.0
     most = MOST_TOUCHED if touched else MOST_ITERATIONS
     least = RUBBED * least if touched else least
-    status = STALLED
-    for i in range(start, len(STARTS)):
+    status, i = STALLED, start
+    swerves = not touched and is_equal(memory, dt)
+    while i < len(STARTS):
         forces, shape = STARTS[i]
-        for e in range(motion.lam.shape[0]):
-            for c in range(3):
-                motion.lam[e, c] = memory.lam[e, c] + forces * a * (memory.lam[e, c] - memory.before[e, c])
-        follow(plan, now, sol)
-        turn_knots(plan, model, before, now, sol, shape * a)
-        extrapolate(plan, before, now, sol, shape * a)
-        turn_ends(plan, model, sol)
+        start_from(ints, sols, plan, model, motion, memory, forces * a, shape * a, swerves)
         status = newton(ints, floats, sols, space, moving, math.inf, most, least, told)
         info[I_ITERATIONS] += told[I_ITERATIONS]
         if status == STALLED and told[I_EXCESS] == 0.0 and told[I_LAST] < LEAST:
             status = CONVERGED
         if status == CONVERGED or touched or a == 0.0:
             break
+        i, swerves = (i, False) if swerves else (i + 1, False)
     if status != CONVERGED:
         return status
     info[I_WORK] += worked(plan, motion, memory, now, sol)
     info[I_DISSIPATED] += 0.5 * dt * memory.par[LOSING]
+    note_swerve(ints, sols, motion, memory, dt)
     take_stock(ints, floats, sols, space, moving, remembered, dt)
     info[I_WORK] += worked(plan, motion, memory, now, sol)
     info[I_DISSIPATED] += 0.5 * dt * memory.par[LOSING]
