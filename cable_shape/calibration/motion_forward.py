@@ -22,6 +22,8 @@ from cable_shape.pose import FreeEnd, Grip, Pose
 _POINTS = 12
 #: Points of a centreline that points without arc length are compared with.
 _DENSE = 101
+#: Elements, of meshes that are not made finer though steps are lost.
+_MOST = 100
 #: [1], of looks: two frames at least make a motion.
 FEWEST = 3
 _TIMES = "Write Observation(..., time=), in seconds."
@@ -132,12 +134,12 @@ class MotionForward:
         self.observations = list(recordings)
         self._loads = loads
         self._last: tuple[Array, Array] | None = None
+        self._finer: dict[Recording, int] = {}  # elements of those that need more
         self.lost = 0
 
     def run(self, values: Array, one: Recording) -> Run | None:
         """The nodes at all looks from the third one on; None: it does not begin."""
-        cable = self.parameters.make_cable(values)
-        return self._run(Motion(cable, points=_POINTS, **self._loads), values, one)
+        return self._run(self._motion(values), values, one)
 
     def misses(self, values: Array) -> Array:
         """(n, 3) [m]; NaN of recordings that do not begin."""
@@ -159,7 +161,7 @@ class MotionForward:
         return out
 
     def _misses(self, values: Array) -> Array:
-        motion = Motion(self.parameters.make_cable(values), points=_POINTS, **self._loads)
+        motion = self._motion(values)
         out, self.lost = [], 0
         for one in self.observations:
             run = self._run(motion, values, one)
@@ -168,7 +170,23 @@ class MotionForward:
             self.tick()
         return np.concatenate(out)
 
+    def _motion(self, values: Array, **finer: int) -> Motion:
+        """That of the cable of these numbers."""
+        return Motion(self.parameters.make_cable(values), points=_POINTS, **{**self._loads, **finer})
+
     def _run(self, motion: Motion, values: Array, one: Recording) -> Run | None:
+        """The nodes of a recording at its looks; where steps cannot be taken on the mesh as it is, on finer ones."""
+        elements = self._finer.get(one, 0)
+        if elements:
+            motion = self._motion(values, elements=elements)
+        run = self._once(motion, values, one)
+        while run is not None and run.lost and len(run.s) <= _MOST:
+            self._finer[one] = 2 * (len(run.s) - 1)
+            run = self._once(self._motion(values, elements=self._finer[one]), values, one)
+        return run
+
+    def _once(self, motion: Motion, values: Array, one: Recording) -> Run | None:
+        """The same on one mesh."""
         near, far = self.parameters.offset(values, "start"), self.parameters.offset(values, "end")
         start, end = held(one.looks[1].start, near), held(one.looks[1].end, far)
         assert isinstance(start, Grip)

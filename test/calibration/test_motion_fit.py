@@ -11,6 +11,8 @@ import pytest
 import yaml
 
 import cable_shape as cs
+from cable_shape.calibration.motion_forward import MotionForward, recordings_of
+from cable_shape.calibration.parameters import Parameters
 from cable_shape.command.cli import main
 
 ALONG = (0.5, 0.5, 0.5, 0.5)  # d3 along x
@@ -175,3 +177,33 @@ def test_a_roll_is_found_from_the_other_side():
     found = cs.calibrate(rolled, begin, ("bending_stiffness", "twisting_stiffness", "roll"), motion=True)
     assert found.scale < 1e-3
     assert np.cos(found["roll"].value - roll) > np.cos(0.1)
+
+
+def kinked(k: int) -> tuple[cs.Pose, cs.Pose]:
+    """Grips that turn a limp cable back onto itself, after k looks."""
+    t = 0.01 * k
+    pitch, out = 1.25 * np.sin(6.0 * t), 0.05 * np.sin(7.0 * t)
+    turns = [(0.0, sign * np.sin(pitch), 0.0, np.cos(pitch)) for sign in (1.0, -1.0)]
+    start, end = (cs.Pose((0, 0, 0), turn) * cs.Pose((0, 0, 0), ALONG) for turn in turns)
+    return start, cs.Pose((0.75, out, 0.1 * np.sin(6.0 * t)), end.quaternion)
+
+
+def test_where_elements_are_too_long_for_what_bends_at_a_grip_there_are_more():
+    """Elements that turn by almost pi hold up all steps that follow: the recording then tells of nothing else."""
+    cable = cs.Cable(0.9, 0.05, 1.5e-4, twisting_stiffness=2e-5, retardation_time=0.05, drag=0.01)
+    motion = cs.Motion(cable, points=101, elements=48)
+    shapes = [motion.begin(*kinked(0))] + [motion.step(*kinked(k), 0.01) for k in range(1, 60)]
+    assert all(shape.usable for shape in shapes)
+    seen = [
+        cs.Observation(*kinked(max(k - 1, 0)), shape.positions[KEPT], arc(shape), group=0, time=0.01 * k)
+        for k, shape in enumerate([shapes[0], *shapes])
+    ]
+    parameters = Parameters(cable, ("bending_stiffness",))
+    coarse = cs.Motion(cable, points=101, elements=16)
+    coarse.begin(*kinked(0))
+    assert not all(coarse.step(*kinked(k), 0.01).usable for k in range(1, 60)), "else this tests nothing"
+    forward = MotionForward(parameters, recordings_of(seen), elements=16)
+    missed = np.linalg.norm(forward.misses(parameters.start), axis=1)
+    assert forward.lost == 0
+    assert missed.max() < 0.02 * cable.length
+    assert np.median(missed) < 0.002 * cable.length
