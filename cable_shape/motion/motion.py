@@ -35,6 +35,11 @@ from cable_shape.solve.problem import GRAVITY, Problem
 from cable_shape.solve.seen import seen_of
 from cable_shape.solve.touching import touching
 
+#: Times as many elements as where it began, at most; and points of the shape that goes over to more, to an element.
+FINEST, _SAMPLES = 4, 8
+#: Elements that turn by more [rad] are too long, where a step takes more iterations than usual.
+_WIDE, _MANY = 1.0, 5
+
 
 @final
 class Motion(Traced):
@@ -62,7 +67,8 @@ class Motion(Traced):
         [N/m], as of :class:`cable_shape.Predictor`: dead, beside the weight. Of a harness by segment.
     elements : int, optional
         Of the whole cable, of equal length; at least four between two supports. Default: 20, or as many more as the
-        boundary layers sqrt(EI / |n|) of a limp cable, or its twist, ask for when it begins, up to 400.
+        boundary layers sqrt(EI / |n|) of a limp cable, or its twist, ask for when it begins, up to 400; twice and four
+        times as many from a step on that could not be taken on these.
 
     Raises
     ------
@@ -103,7 +109,7 @@ class Motion(Traced):
         self._swing: Swing | None = None
         self._last: CableShape | None = None
         self._links: Mapping[str, Pose] | None = None
-        self._error = 0.0
+        self._error, self._usual = 0.0, 0  # elements where it began
         self._tangents: Tangents | None = None
 
     @property
@@ -198,7 +204,8 @@ class Motion(Traced):
             shape = lying = meeting.lying(self._still.move(start, end, links))
             if not lying.status:
                 return lying
-        spread_evenly(state, self.elements or enough(shape, self.cable))
+        self._usual = self.elements or enough(shape, self.cable)
+        spread_evenly(state, self._usual)
         among = self._among(shape, start, end, links)
         swing = Swing(load_of(problem), state, among, None if lying is None else Lying.of(lying))
         if not swing.alive:
@@ -253,20 +260,12 @@ class Motion(Traced):
         both_given("take_up(shape, start, end)", end)
         checks.instance("shape", shape, (CableShape,), "Give that of another Motion.")
         self._swing = self._last = self._tangents = None
-        problem = self.problem.move(start, end, links)
-        state = Network(problem, shape)
-        poses, state.last = state.aim(problem.start, problem.end), shape
-        if not state.resume(poses):
+        self._usual = self.elements or enough(shape, self.cable)
+        going_on = self._going_on(self.problem.move(start, end, links), shape, self._usual)
+        if going_on is None:
             bound = f"it must be usable, of {self.cable.length:g} m, and have some points"
             raise ArgumentError.of("shape", shape, bound, "Give the last one of a motion of this cable.")
-        spread_evenly(state, self.elements or enough(shape, self.cable))
-        swing = Swing(
-            load_of(problem),
-            state,
-            self._among(shape, start, end, links),
-            Lying.of(shape, velocity=shape.velocity),
-            goes_on=True,
-        )
+        state, swing = going_on
         if left_by is not None and left_by._swing is not None and left_by.cable == self.cable:
             swing.go_on_as(left_by._swing)
         self._state, self._swing, self._links = state, swing, links
@@ -296,7 +295,7 @@ class Motion(Traced):
         swing, state, last = self._swing, self._state, self._last
         if swing is None or state is None or last is None:
             raise ArgumentError("step() needs a state to step from, and there is none. Call begin first.")
-        before = self.problem.end
+        held = self.problem.start, self.problem.end
         kinds, links = self._kinds(), self._links if links is None else dict(links)
         problem = self.problem.move(start, end, links)
         if self._kinds() != kinds:
@@ -320,16 +319,53 @@ class Motion(Traced):
         place, frame = last.positions[-1], last.quaternions[-1]
         out, velocity = self._buffers()
         if not swing.step(poses, dt, out, velocity):
+            finer = self._refined(*held)
+            if finer:
+                self._state, self._swing = finer
+                shape = self.step(start, end, dt, links)
+                if shape.status:
+                    return shape
+                self._state, self._swing = state, swing
+            self.problem.move(start, end, links)
             return failed(last, Status.NOT_CONVERGED, "A step could not be taken. The state is kept. ")
         if self._tangents is not None:
             self._tangents.follow(poses, dt)
         shape = self._shape(out, velocity, began, Status.OK, "")
-        shape.work += work_of(before, problem.end, shape, place, frame)
+        shape.work += work_of(held[1], problem.end, shape, place, frame)
         lost = shape.work - shape.dissipated
         lost -= shape.energy + shape.kinetic_energy - last.energy - last.kinetic_energy
         shape.lost = lost
         self._last, self._links = shape, links
+        if shape.iterations > _MANY and swing.widest_turn > _WIDE:
+            self._state, self._swing = self._refined(problem.start, problem.end) or (state, swing)
         return shape
+
+    def _refined(self, start: Grip, end: Grip | FreeEnd) -> tuple[Network, Swing] | None:
+        """The state between these ends, where it is, on elements half as long; None: there are enough, or as many as
+        were asked for, or derivatives are carried along."""
+        swing, last = self._swing, self._last
+        assert swing is not None
+        assert last is not None
+        count, problem = 2 * swing.model.h.size, self.problem.move(start, end, self._links)
+        if self.elements is not None or count > FINEST * self._usual or self._tangents is not None:
+            return None
+        points = _SAMPLES * count + 1
+        out, velocity = CableShape.new_buffer(points), np.empty((points, 3))
+        swing.tell(out, velocity, points)
+        shape = last.again()
+        shape.buffer, shape.points, shape.velocity = out, points, velocity
+        return self._going_on(problem, shape, count)
+
+    def _going_on(self, problem: Problem, shape: CableShape, elements: int) -> tuple[Network, Swing] | None:
+        """What goes on from a shape between the problem's ends, with its velocity; None: it is not of this cable."""
+        state = Network(problem, shape)
+        poses, state.last = state.aim(problem.start, problem.end), shape
+        if not state.resume(poses):
+            return None
+        spread_evenly(state, elements)
+        among = self._among(shape, problem.start, problem.end, problem.links)
+        lying = Lying.of(shape, velocity=shape.velocity)
+        return state, Swing(load_of(problem), state, among, lying, goes_on=True)
 
     def trace(self, pairs: Mapping[int, Pair], moves: Callable[[float], Array]) -> None:
         """Has `sensitivity` tell p columns from now on, the motion having just begun at rest.
@@ -425,9 +461,9 @@ class Motion(Traced):
             Before `begin`.
         """
         last, (start, end) = self._last, (self.problem.start, self.problem.end)
-        tangents, self._tangents = self._tangents, None
-        found = steps_ahead(self._swing, count, lambda: self.step(start, end, dt))
-        self._last, self._tangents = last, tangents
+        state, swing, tangents, self._tangents = self._state, self._swing, self._tangents, None
+        found = steps_ahead(swing, count, lambda: self.step(start, end, dt))
+        self._last, self._state, self._swing, self._tangents = last, state, swing, tangents
         return found
 
     def _known(self) -> tuple[str, ...]:

@@ -249,11 +249,11 @@ class Swing:
         self._move(seen.velocity(s), seen.velocity(s, 1))
         return done
 
-    def tell(self, out: Array, velocity: Array) -> None:
-        """Fills `out` and velocity of the shape at rest, see `swing_output`."""
+    def tell(self, out: Array, velocity: Array, points: int | None = None) -> None:
+        """Fills `out` and velocity of the last shape, see `swing_output`, of so many points."""
         swing_output.tell(
-            self.ints, self.floats, self.sols, self.work, self.moving, self.remembered, self.points, out, velocity,
-            self.told,
+            self.ints, self.floats, self.sols, self.work, self.moving, self.remembered, points or self.points, out,
+            velocity, self.told,
         )  # fmt: skip
 
     def step(self, poses: Array, dt: float, out: Array, velocity: Array) -> bool:
@@ -314,6 +314,13 @@ class Swing:
     def depth(self) -> float:
         """[m], how deep it is in a body between its nodes."""
         return float(self.motion.par[motion.DEPTH])
+
+    @property
+    def widest_turn(self) -> float:
+        """[rad], by which an element turns from one end to the other at most."""
+        q, left = self.solution.q, self.plan.left
+        cosines = np.abs((q[left] * q[left + 1]).sum(axis=1))
+        return float(2.0 * np.arccos(min(1.0, cosines.min())))
 
     @property
     def turns(self) -> int:
