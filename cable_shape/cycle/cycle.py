@@ -79,8 +79,8 @@ class Cycle:
         "quasistatic": at rest in every instant; "dynamic": as it swings (:class:`cable_shape.Motion`), in steps of the
         stamps, with the swing in shapes, clearance, loads and warnings; a late input is bridged along the straight way,
         with a warning, and after a second without one the cable begins anew, at rest. With ``contact="solve"`` bodies
-        keep cables and harnesses out, and, without eyelets, those of one `grips` that have no `uncertainty` each other.
-        Stability and snaps are not told.
+        keep cables and harnesses out, and, without eyelets, those of one `grips` each other; then none has an
+        `uncertainty`. Stability and snaps are not told.
     look_ahead : float
         [s], with motion="dynamic": how far to look where each cable swings if its grips stop now (`report.ahead`, and
         a warning where that is too near to something); 0: not at all.
@@ -293,8 +293,11 @@ class Cycle:
             solved = {**dict.fromkeys(self._cables, True), **solved}
         #: The parts that are kept out of each other.
         self._beside = [name for name, found in solved.items() if found]
-        if self._maker.motion == DYNAMIC:  # how well they are known is told of each for itself
-            self._beside = [name for name in self._beside if self._maker.uncertainty.get(name) is None]
+        known = [name for name in self._beside if self._maker.uncertainty.get(name) is not None]
+        if self._maker.motion == DYNAMIC and known and len(self._beside) > 1:
+            bound = "what swings with a tube would pass through other cables, which contact='solve' keeps out"
+            remedy = "Leave the uncertainty out, write motion='quasistatic', or give each cable a Cycle of its own."
+            raise ArgumentError.of("uncertainty", known, bound, remedy)
 
     def step(
         self,

@@ -13,10 +13,10 @@ from cable_shape.cable.cable import Cable
 from cable_shape.cable.pieces import cable_at, widest
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
-from cable_shape.kernels.contact import swung, swung_touches
+from cable_shape.kernels.contact import swung, swung_look, swung_touches
 from cable_shape.kernels.contact.check import TOUCH
 from cable_shape.kernels.contact.points import HELD, INSIDE, RING
-from cable_shape.kernels.contact.tables import Bodies
+from cable_shape.kernels.contact.tables import Bodies, Skin
 from cable_shape.kernels.network.momentum import Momentum
 from cable_shape.kernels.network.motion import N_PROPS, PROPS
 from cable_shape.kernels.network.props import DRY, ELEMENT, HOLDER, PAIRED, PUSH, SHARE
@@ -113,7 +113,7 @@ class Among:
                 parts = [cable_at(cable, x) for x in settling.model.s[own].tolist()]
                 thick[own], rough[own] = [0.5 * part.diameter for part in parts], [part.friction for part in parts]
                 whole[own], bend[own] = cable.length, cable.mean_bending_stiffness
-        self.skin = swung.Skin(
+        self.skin = Skin(
             thick, whole, rough, _knots(settling, thick), np.empty(n),
             np.empty(settling.sols.size + remembered.size + settling.moving.size), self.bodies.moved_links.copy(),
             rings, rings[:, :3].copy(), np.zeros((1 + swung.LOG, 3)), self.bodies.moved_links.copy(), rings.copy(),
@@ -198,7 +198,7 @@ class Among:
         return len(self.skin.touching) > 0 and self._rest(settling, memory, remembered, lying, alone)
 
     def _rest(
-        self, settling: Settling, memory: Momentum, remembered: Array, lying: Lying, skin: swung.Skin
+        self, settling: Settling, memory: Momentum, remembered: Array, lying: Lying, skin: Skin
     ) -> bool:  # fmt: skip
         """The same with what may be touched."""
         lay(settling, lying)
@@ -207,7 +207,7 @@ class Among:
             state = settling.sols, motion.walls, motion.props, motion.kept, motion.origin
             kept = [array.copy() for array in state]
             memory.place[...], memory.tangent[...] = motion.origin, _tangents(settling.solution(NOW).q)
-            clear = swung.look_at_rest(
+            clear = swung_look.look_at_rest(
                 settling.ints, settling.floats, settling.moving, remembered, _REACH, self._stiff, self.kernel, skin
             )
             if settling.step(dt, far):

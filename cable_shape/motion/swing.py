@@ -306,7 +306,9 @@ class Swing:
         """Takes over what loads a free end, of the cable by default; fall (3,) [m/s^2]: of its plug."""
         knot = knot if knot >= 0 else len(self.model.force) - 1
         tip = end.mass * fall + end.force
-        self.model.force[knot] += tip - self._tips[knot]
+        more = tip - self._tips[knot]
+        self.model.force[knot] += more
+        self.memory.par[ENERGY] -= more @ self.solution.pose[knot, :3]  # as `energy` counts it from now on
         self.model.moment[knot] = end.moment
         self._tips[knot] = tip
 

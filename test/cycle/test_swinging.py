@@ -70,7 +70,7 @@ def test_they_take_the_steps_of_one_motion_of_all():
 
 @pytest.mark.parametrize(
     ("scene", "known"),
-    [(None, None), (cs.Scene(), None), (SOLVED, cs.Uncertainty(start=(1e-3, 0.0)))],
+    [(None, None), (cs.Scene(), None), (cs.Scene(), cs.Uncertainty(start=(1e-3, 0.0)))],
     ids=["nothing", "warn", "tubes"],
 )
 def test_otherwise_each_swings_for_itself_to_the_bit(scene: cs.Scene | None, known: cs.Uncertainty | None):
@@ -82,6 +82,19 @@ def test_otherwise_each_swings_for_itself_to_the_bit(scene: cs.Scene | None, kno
         own = run(cs.Cycle({name: CABLE}, **options), 0, 55, (name,))
         np.testing.assert_array_equal(report.shapes[name].buffer, own.shapes[name].buffer)
     assert touched(report) == {"under": set(), "over": set()}
+
+
+@pytest.mark.parametrize("known", [("under",), ("under", "over")])
+def test_what_is_kept_out_of_each_other_has_no_tube_as_it_swings(known: tuple[str, ...]):
+    """Each tube would be of a motion by itself, and that goes through the other cable."""
+    spread = cs.Uncertainty(start=(1e-3, 0.0))
+    options: dict[str, Any] = {"uncertainty": dict.fromkeys(known, spread), "scene": SOLVED, "points": 41}
+    cables = {"under": CABLE, "over": CABLE}
+    with pytest.raises(cs.ArgumentError, match=r"would pass through other cables.*Leave the uncertainty out"):
+        cs.Cycle(cables, motion="dynamic", **options)
+    cs.Cycle(cables, motion="quasistatic", **options)
+    alone = cs.Cycle({"under": CABLE}, motion="dynamic", scene=SOLVED, uncertainty=spread)
+    assert run(alone, 0, 3, ("under",)).tubes["under"].radius.max() > 0.5e-3
 
 
 def test_what_holds_and_loads_each_is_that_of_each():

@@ -338,3 +338,25 @@ def test_points_that_cannot_be_told_apart_leave_no_nan():
     assert out.tolist() == [5.0, 7.0]
     assert eliminate(np.array([[0.0, 2.0, 2.0], [4.0, 1.0, 3.0]]), out, 2, 2)
     np.testing.assert_allclose(out, [0.5, 1.0])
+
+
+def test_an_end_that_comes_down_upright_makes_no_energy():
+    """Its elements turn far in the part of a step in which it does, for which shorter ones are taken."""
+    cable = cs.Cable(1.0, linear_density=0.1, bending_stiffness=1e-3, twisting_stiffness=1e-3 / 1.3, diameter=0.01)
+    motion = cs.Motion(cable, TABLE, points=41)
+    rates, phases, size = np.array((11.9, 11.3, 13.0)), np.array((3.7, 0.6, 2.6)), np.array((0.08, 0.08, 0.024))
+    first = motion.begin(at(0.0, 0.0, 1.1), None)
+    given, parts = energy_of(first), []
+    for k in range(1, 41):
+        t = 0.01 * k
+        way = smooth(min(t / 0.3, 1.0)) * size * np.sin(rates * t + phases)
+        down = 0.81 * smooth(min(t / 0.4, 1.0))
+        shape = motion.step(at(way[0], way[1], 1.1 + way[2] - down), None, 0.01)
+        assert shape.usable
+        given += shape.work
+        assert energy_of(shape) - given < 1e-6 * abs(given)
+        swing = motion._swing
+        assert swing is not None
+        parts.append(swing.info[1])
+    assert shape.contacts
+    assert max(parts) > 1

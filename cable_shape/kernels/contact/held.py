@@ -9,8 +9,8 @@ from cable_shape.checks import Array
 from cable_shape.kernels.contact.check import carried
 from cable_shape.kernels.contact.near import NONE
 from cable_shape.kernels.contact.points import before_at, curve, found_again, heavy_at, on_curve, slope
-from cable_shape.kernels.contact.swung import ASPERITY, FIRM, Skin, held_by
-from cable_shape.kernels.contact.tables import Bodies
+from cable_shape.kernels.contact.swung_look import ASPERITY, FIRM, held_by
+from cable_shape.kernels.contact.tables import Bodies, Skin
 from cable_shape.kernels.distance.surface import touch
 from cable_shape.kernels.network.compiled import inline, viewing
 from cable_shape.kernels.network.momentum import RADIUS, Momentum, Scheme, momentum_of, scheme_of
@@ -73,7 +73,7 @@ def lay_again(
     ints: Whole, moving: Floats, old: Floats, dt: float, to: Beside, bodies: Bodies, skin: Skin, rub: Floats,
     dry: Floats, push: Floats, by: float,
 ) -> None:  # fmt: skip
-    """Lays planes in a network beside, where `swung.look` would in a part dt [s] of a step: as they press now.
+    """Lays planes in a network beside, where `swung_look.look` would in a part dt [s] of a step: as they press now.
 
     old: what was pressed before the part. rub, dry, push: derivatives, see `Felt`, `by` times which it is away.
     """

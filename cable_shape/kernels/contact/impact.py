@@ -96,7 +96,7 @@ def stop(
     taut: no element becomes shorter or longer after it, not only not by it, with given knots as fast as on their way to
     the trial, dt [s] from now; and accelerations begin anew.
 
-    knots, kept, rings: of `swung.Skin`; in `kept` is what was remembered before the step dt [s].
+    knots, kept, rings: of `tables.Skin`; in `kept` is what was remembered before the step dt [s].
     """
     plan, model = plan_of(ints), model_of(ints, floats)
     motion, memory = motion_of(ints, moving), momentum_of(ints, remembered)

@@ -9,54 +9,35 @@ it takes over the speed of the body along the normal, and where it sticks in eve
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
-from cable_shape.kernels.contact.check import buried, carried, passes
-from cable_shape.kernels.contact.guard import look_around
+from cable_shape.kernels.contact.check import buried
 from cable_shape.kernels.contact.impact import foresee, stop
-from cable_shape.kernels.contact.meeting import find_pairs, parted
-from cable_shape.kernels.contact.meeting_again import aim_again, stay_apart, take_again
-from cable_shape.kernels.contact.near import NONE
+from cable_shape.kernels.contact.meeting_again import aim_again, take_again
 from cable_shape.kernels.contact.points import (
-    HELD,
     WENT,
-    deepest,
-    find_points,
-    find_rings,
-    heavy_at,
-    on_curve,
-    put_aside,
 )
-from cable_shape.kernels.contact.tables import Bodies
-from cable_shape.kernels.distance.surface import place_bodies, touch
+from cable_shape.kernels.contact.swung_fits import PATIENT, at_rest, fits, makes_energy
+from cable_shape.kernels.contact.swung_look import look
+from cable_shape.kernels.contact.tables import Bodies, Skin
+from cable_shape.kernels.distance.surface import place_bodies
 from cable_shape.kernels.network.compiled import inline, viewing
 from cable_shape.kernels.network.momentum import (
     ENERGY,
     KINETIC,
     LAST_DT,
-    RADIUS,
     Momentum,
-    Scheme,
     momentum_of,
-    scheme_of,
 )
-from cable_shape.kernels.network.motion import DEPTH, N_PROPS, N_WALLED, PAIRS, PROP, PROPS, SCRATCH, Motion, motion_of
+from cable_shape.kernels.network.motion import N_PROPS, PAIRS, PROP, SCRATCH, Motion, motion_of
 from cable_shape.kernels.network.newton import CONVERGED
 from cable_shape.kernels.network.props import (
-    DRY,
-    ELEMENT,
-    GAVE,
-    GRIP,
     HOLDER,
     PAIRED,
     PUSH,
-    SHARE,
-    SOFT,
-    place_of,
 )
 from cable_shape.kernels.network.settle import I_ITERATIONS
 from cable_shape.kernels.network.swing_output import tell
@@ -72,8 +53,6 @@ from cable_shape.kernels.network.tables import (
     NOW,
     TRIAL,
     Floats,
-    Model,
-    Plan,
     Whole,
     copy,
     model_of,
@@ -81,19 +60,10 @@ from cable_shape.kernels.network.tables import (
     solution_of,
     solution_size,
 )
-from cable_shape.kernels.network.walls import BODY, PUSHED, WALL
-from cable_shape.kernels.rod_algebra import Vector, dot, get3, put3, scale, subtract, take3
+from cable_shape.kernels.rod_algebra import get3, put3, scale
 
 #: A step goes in parts of this fraction of it at least, each tried from so many of `swing_start.STARTS`.
 SHORTEST, TRIES = 1.0 / 256.0, 2
-#: [m] planes of bodies that much further away than nodes may get, in units of which way, are known.
-MARGIN, AHEAD = 5e-3, 1.5
-#: Stiffness of planes and of asperities, in that with which a part of the step holds the node.
-FIRM, ASPERITY = 1e4, 10.0
-#: Of the length: a node that far off a body is not pressed by it, and a part of the step was too long.
-AFLOAT = 2e-4
-#: Of the length: that deep the cable may be in a body between its nodes after a part of a step.
-DEEP = 2e-4
 #: There is room for so many rows in `Skin.log`; in place of the start there.
 LOG, BRACED = 1024, -1.0
 #: Column of the first one: whether cables have pressed on each other in the step.
@@ -103,27 +73,6 @@ LONGER = 1.5
 #: So often points of pairs are found once more, after so many times half the way, if one is further than that, of the
 #: length, from where it is to be.
 AGAIN, HALF, ON = 6, 4, 5e-6
-#: Parts shorter than this go on where the cable is deep, or afloat, for all that.
-PATIENT = 1.0 / 16.0
-
-
-class Skin(NamedTuple):
-    """What a network of n nodes is to bodies."""
-
-    thick: Array  # (n,) [m] radius at each node; below 0: what there is of it knows no bodies
-    whole: Array  # (n,) [m] length of its cable
-    rough: Array  # (n,) coefficient of friction
-    knot: Array  # (n,) the knot that moves for which a node stands; INSIDE: for itself; HELD: it has no planes
-    clear: Array  # (n,) [m] room: how far each node may go
-    kept: Array  # room for a whole state
-    links: Array  # (l, 7) where the links were that carry bodies
-    rings: Array  # (e, RING) the eyelets, see `points`
-    goals: Array  # (e, 3) [m] where those are at the end of the step
-    log: Array  # (1 + LOG, 3) how many parts the last step went in, MET; of each where it began, its share, and the
-    #             start that led on, see `swing_start.STARTS`; BRACED: what would arrive in it has stopped
-    links_then: Array  # (l, 7) links, and
-    rings_then: Array  # (e, RING) eyelets, before the last step
-    touching: Array  # (p, TOUCHING) what of its cables may touch each other, or itself, see `meeting`
 
 
 @kernel
@@ -149,6 +98,7 @@ def step(
     rings = skin.rings_then
     rings[:, :] = skin.rings
     skin.links_then[:, :] = skin.links
+    still = at_rest(skin, bodies.links)
     skin.log[0, 0] = skin.log[0, MET] = 0.0
     rows = np.empty((PAIRS, PROP))
     done, part, sums, braced, minds = 0.0, 1.0, np.empty(info.shape[0]), False, True
@@ -183,7 +133,10 @@ def step(
             if status == CONVERGED:
                 break
         last = part <= SHORTEST
-        if status == CONVERGED and fits(ints, floats, moving, remembered, now, skin, part):
+        fitting = status == CONVERGED and fits(ints, floats, moving, remembered, now, skin, part)
+        if fitting and still and part > PATIENT:
+            fitting = not makes_energy(ints, floats, sols, moving, remembered, skin, info, sums)
+        if fitting:
             info[I_PARTS] += 1.0
             note_part(skin, done, part, start)
             meets = not minds or press_each_other(motion_of(ints, moving))
@@ -339,187 +292,6 @@ def between(links: Floats, then: Floats, now: Floats, x: float) -> None:
             size += links[k, i] ** 2 if i > 2 else 0.0
         for i in range(3, 7):
             links[k, i] /= math.sqrt(size)
-
-
-@viewing
-def look(
-    ints: Whole, floats: Floats, sols: Floats, moving: Floats, remembered: Floats, dt: float, bodies: Bodies,
-    skin: Skin, minds: bool,
-) -> None:  # fmt: skip
-    """Gives nodes and points of elements the planes of what they may get to in a part dt [s] of a step.
-
-    minds: cables each other, and themselves.
-    """
-    plan, model, motion, memory = (
-        plan_of(ints),
-        model_of(ints, floats),
-        motion_of(ints, moving),
-        momentum_of(ints, remembered),
-    )
-    sol, now, t = solution_of(ints, sols, TRIAL), solution_of(ints, sols, NOW), scheme_of(memory.par[RADIUS], dt)
-    farthest = 0.0
-    for k in range(memory.mass.shape[0]):
-        v, a, p = get3(memory.velocity, k), get3(memory.acceleration, k), get3(memory.place, k)
-        farthest = max(farthest, dt * math.sqrt(dot(v, v)) + dt * dt * math.sqrt(dot(a, a)))
-        for b in range(bodies.table.shape[0]):
-            if bodies.table[b, 11] >= 0.0:
-                way = subtract(carried(p, bodies.then[b], bodies.frames[b]), p)
-                farthest = max(farthest, math.sqrt(dot(way, way)))
-    for k in range(sol.pose.shape[0]):
-        way = subtract(take3(sol.pose, k, 0), take3(now.pose, k, 0))
-        farthest = max(farthest, math.sqrt(dot(way, way)))
-    reach = MARGIN + AHEAD * farthest
-    motion.par[N_WALLED] = 0.0
-    for j in range(plan.ends.shape[0]):
-        for node in range(plan.first[j] + j, plan.first[j + 1] + j + 1):
-            skin.clear[node] = math.inf
-            if skin.knot[node] == HELD:
-                continue
-            if motion.loose[node] != 0.0:
-                motion.walls[node, 0], skin.clear[node] = 0.0, reach
-                continue
-            mass, drag = heavy_at(plan, motion, memory, skin.knot[node], node)
-            hold = held_by(t, mass, drag)
-            skin.clear[node], _ = look_around(
-                motion, bodies, bodies.then, node, get3(memory.place, node), model.s[node], skin.thick[node],
-                skin.whole[node], reach, FIRM * hold, ASPERITY * hold, False, skin.rough[node],
-            )  # fmt: skip
-            motion.par[N_WALLED] += 1.0 if motion.walls[node, 0] > 0.0 else 0.0
-    room, had = PROPS - skin.rings.shape[0], int(motion.par[N_PROPS])
-    find_points(plan, model, motion, memory, bodies, skin.thick, skin.whole, skin.rough, reach, room)
-    for i in range(int(motion.par[N_PROPS])):
-        node = plan.left[int(motion.props[i, ELEMENT])] + 1
-        if motion.props[i, SHARE] == 1.0:
-            mass, drag = heavy_at(plan, motion, memory, skin.knot[node], node)
-            motion.props[i, SOFT] = 1.0 / (ASPERITY * held_by(t, mass, drag))
-            put3(motion.props, i, GAVE, scale(motion.props[i, SOFT], take3(motion.props, i, DRY)))
-    find_rings(plan, model, motion, memory, skin.rings, skin.whole)
-    if minds and skin.touching.shape[0] > 0:  # what comes together moves from both sides
-        both = MARGIN + 2.0 * parted(plan, motion, memory, now, sol, dt)
-        find_pairs(plan, model, motion, memory, skin.touching, skin.whole, skin.rough, both, dt, had)
-
-
-@inline
-def held_by(t: Scheme, mass: float, drag: float) -> float:
-    """[N/m], how firmly the part of a step at hand holds a mass with its drag."""
-    return mass * (1.0 - t.alpha) / (t.beta * t.dt * t.dt) + drag * t.gamma / (t.beta * t.dt)
-
-
-@kernel
-def look_at_rest(
-    ints: Whole, floats: Floats, moving: Floats, remembered: Floats, reach: float, stiff: Array, bodies: Bodies,
-    skin: Skin,
-) -> float:  # fmt: skip
-    """Planes of nodes alone, for a step against drag without friction: places and tangents are those remembered.
-
-    stiff (n,) [N/m]: of the planes. Returns how far [m] nodes may move before there may be one in a body that has no
-    plane for it.
-    """
-    plan, model, motion = plan_of(ints), model_of(ints, floats), motion_of(ints, moving)
-    memory, clear = momentum_of(ints, remembered), reach
-    for j in range(plan.ends.shape[0]):
-        for node in range(plan.first[j] + j, plan.first[j + 1] + j + 1):
-            if skin.knot[node] == HELD:
-                continue
-            own, _ = look_around(
-                motion, bodies, bodies.frames, node, get3(memory.place, node), model.s[node], skin.thick[node],
-                skin.whole[node], reach, stiff[node], 0.0, True, 0.0,
-            )  # fmt: skip
-            clear = min(clear, own)
-    had, _ = put_aside(motion)
-    find_rings(plan, model, motion, memory, skin.rings, skin.whole)
-    if skin.touching.shape[0] > 0:
-        find_pairs(plan, model, motion, memory, skin.touching, skin.whole, skin.rough, 2.0 * MARGIN, 1.0, had)
-        clear = min(clear, MARGIN)
-        for i in range(int(motion.par[N_PROPS])):
-            motion.props[i, GRIP] *= 1.0 if motion.props[i, HOLDER] < 0.0 else 0.0
-    return clear
-
-
-@kernel
-def fits(
-    ints: Whole, floats: Floats, moving: Floats, remembered: Floats, bodies: Bodies, skin: Skin, share: float
-) -> bool:  # fmt: skip
-    """Whether what a part of a step has come to, this share of it, may stand."""
-    plan, model, motion = plan_of(ints), model_of(ints, floats), motion_of(ints, moving)
-    a, b = skin.kept.shape[0] - moving.shape[0] - remembered.shape[0], skin.kept.shape[0] - moving.shape[0]
-    memory, before = momentum_of(ints, remembered), momentum_of(ints, skin.kept[a:b])
-    for j in range(plan.ends.shape[0]):
-        for node in range(plan.first[j] + j, plan.first[j + 1] + j + 1):
-            way = subtract(get3(motion.place, node), get3(before.place, node))
-            if dot(way, way) > skin.clear[node] ** 2:
-                return False
-            for k in range(int(motion.walls[node, 0]) if share > PATIENT else 0):
-                i = 1 + WALL * k
-                if (
-                    motion.walls[node, i + PUSHED] > 0.0
-                    and gap_of(bodies, int(motion.walls[node, i + BODY]), get3(motion.place, node), skin.thick[node])
-                    > AFLOAT * skin.whole[node]
-                ):
-                    return False
-    for i in range(int(motion.par[N_PROPS]) if share > PATIENT else 0):
-        at = place_of(plan, motion.props, i, motion.place, memory.tangent)
-        node = plan.left[int(motion.props[i, 0])]
-        if motion.props[i, PUSH] > 0.0 and motion.props[i, HOLDER] != PAIRED:
-            gap = gap_of(bodies, int(motion.props[i, HOLDER]), at, skin.thick[node])
-            if gap > AFLOAT * skin.whole[node]:
-                return False
-    deep = deepest(plan, model, motion, memory, bodies, skin.thick, skin.whole)
-    motion.par[DEPTH] = max(0.0, -deep)
-    if share > PATIENT and deep < -DEEP * model.par[LENGTH]:
-        return False
-    if skin.touching.shape[0] > 0:
-        apart, overlap = stay_apart(
-            plan, model, motion, memory, before, skin.touching, skin.whole, AFLOAT, share <= PATIENT
-        )  # fmt: skip
-        if not apart:
-            return False
-        motion.par[DEPTH] = max(motion.par[DEPTH], overlap)
-    first = 0
-    for c in range(plan.cables.shape[0] - 1):  # each cable for itself
-        last = plan.first[plan.cables[c + 1]] + plan.cables[c + 1]
-        fat = skin.thick[first]
-        if fat >= 0.0 and passed(plan, model, motion, memory, before, bodies, first, last, fat):
-            return False
-        first = last
-    return True
-
-
-@viewing
-def gap_of(bodies: Bodies, b: int, at: Vector, thick: float) -> float:
-    """[m], from body b to a cable at a place."""
-    d, _, _ = touch(bodies.table[b], bodies.frames[b], bodies.triangles, bodies.tree, at, NONE, False, bodies.stack)
-    return d - thick
-
-
-@kernel
-def passed(
-    plan: Plan, model: Model, motion: Motion, memory: Momentum, before: Momentum, bodies: Bodies, first: int,
-    last: int, thick: float,
-) -> bool:  # fmt: skip
-    """Whether the cable of nodes first to last - 1, or the middle of one of its elements, may have passed a body."""
-    count = last - first
-    s, old, new = np.empty(2 * count - 1), np.empty((2 * count - 1, 3)), np.empty((2 * count - 1, 3))
-    for k in range(count):
-        node = first + k
-        s[2 * k] = model.s[node]
-        put3(old, 2 * k, 0, get3(before.place, node))
-        put3(new, 2 * k, 0, get3(motion.place, node))
-        if k + 1 < count:
-            h = model.s[node + 1] - model.s[node]
-            s[2 * k + 1] = model.s[node] + 0.5 * h
-            put3(old, 2 * k + 1, 0, middle(before.place, before.tangent, node, h))
-            put3(new, 2 * k + 1, 0, middle(motion.place, memory.tangent, node, h))
-    found: bool = passes(
-        s, old, new, bodies.table, bodies.frames, bodies.then, bodies.triangles, bodies.tree, thick, bodies.stack
-    )
-    return found
-
-
-@viewing
-def middle(places: Floats, tangents: Floats, node: int, h: float) -> Vector:
-    """Of the cubic between a node and the next one."""
-    return on_curve(h, 0.5, get3(places, node), get3(places, node + 1), get3(tangents, node), get3(tangents, node + 1))
 
 
 @kernel

@@ -30,8 +30,9 @@ from cable_shape.kernels.contact.held import (
     yield_points,
 )
 from cable_shape.kernels.contact.impact import foresee, stop
-from cable_shape.kernels.contact.swung import BRACED, MET, Skin, copy_back, copy_state, lengthen, look, set_out, step
-from cable_shape.kernels.contact.tables import Bodies
+from cable_shape.kernels.contact.swung import BRACED, MET, copy_back, copy_state, lengthen, set_out, step
+from cable_shape.kernels.contact.swung_look import look
+from cable_shape.kernels.contact.tables import Bodies, Skin
 from cable_shape.kernels.distance.surface import place_bodies
 from cable_shape.kernels.network.compiled import viewing
 from cable_shape.kernels.network.momentum import (

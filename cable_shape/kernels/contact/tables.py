@@ -75,3 +75,22 @@ class Net(NamedTuple):
     #: (m,) 1 + number of the stretches, in an order in which places follow from each other; negative: from its end on
     tour: Any
     room: Any  # scratch
+
+
+class Skin(NamedTuple):
+    """What a network of n nodes is to bodies."""
+
+    thick: Array  # (n,) [m] radius at each node; below 0: what there is of it knows no bodies
+    whole: Array  # (n,) [m] length of its cable
+    rough: Array  # (n,) coefficient of friction
+    knot: Array  # (n,) the knot that moves for which a node stands; INSIDE: for itself; HELD: it has no planes
+    clear: Array  # (n,) [m] room: how far each node may go
+    kept: Array  # room for a whole state
+    links: Array  # (l, 7) where the links were that carry bodies
+    rings: Array  # (e, RING) the eyelets, see `points`
+    goals: Array  # (e, 3) [m] where those are at the end of the step
+    log: Array  # (1 + LOG, 3) how many parts the last step went in, MET; of each where it began, its share, and the
+    #             start that led on, see `swing_start.STARTS`; BRACED: what would arrive in it has stopped
+    links_then: Array  # (l, 7) links, and
+    rings_then: Array  # (e, RING) eyelets, before the last step
+    touching: Array  # (p, TOUCHING) what of its cables may touch each other, or itself, see `meeting`
