@@ -91,13 +91,20 @@ def problem_of(name: str) -> dict[str, Any]:
     }
 
 
-def run(simulator: str, jobs: Sequence[Job], repeats: int = 3) -> tuple[str, list[Settling | None]]:
-    """The simulator's version, and what became of each job (None: it did not come to rest)."""
+def run(
+    simulator: str, jobs: Sequence[Job], repeats: int = 3, swing: dict[str, Any] | None = None
+) -> tuple[str, list[Settling | None]]:
+    """The simulator's version, and what became of each job (None: it did not come to rest).
+
+    swing: what `rivals_common.Swing` is read from, where the cables are not to settle, but to swing.
+    """
     interpreter = python()
     if interpreter is None:
         raise FileNotFoundError(f"{VENV}: {MISSING}")
     problems = {name: problem_of(name) for name in dict.fromkeys(job.problem for job in jobs)}
     request = {"problems": problems, "jobs": [job._asdict() for job in jobs], "repeats": repeats}
+    if swing is not None:
+        request["swing"] = swing
     threads = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
     outside = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "PYTHONHOME")}
     done = subprocess.run(

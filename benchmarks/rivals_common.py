@@ -65,6 +65,27 @@ class Rod:
         return float(np.linalg.norm(places - self.exact(at), axis=1).mean()) / self.length
 
 
+@dataclass(frozen=True)
+class Swing:
+    """The end of a rod at rest goes `way` (3,) [m] in a time `whole` [s]; where the rod is at `times` (k,) [s]."""
+
+    way: np.ndarray
+    whole: float
+    times: tuple[float, ...]
+    exact: tuple[CubicSpline, ...]
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> Swing:
+        """From JSON."""
+        exact = tuple(CubicSpline(values["exact_at"], np.array(line)) for line in values["exact"])
+        return cls(np.array(values["way"]), values["whole"], tuple(values["times"]), exact)
+
+    def share(self, time: float) -> float:
+        """Of the way, at a time [s]: three times differentiable."""
+        x = min(time / self.whole, 1.0)
+        return x**4 * (35.0 - 84.0 * x + 70.0 * x**2 - 20.0 * x**3)
+
+
 class Simulation(Protocol):
     """One simulator with one rod, at its first guess."""
 
@@ -113,13 +134,44 @@ def settle(
     return Settled(float(last), steps, min(times, default=math.nan))
 
 
-def serve(make: Callable[[Rod, int, Setting], tuple[Callable[[], Simulation], int, int]], version: str) -> None:
-    """Answers one request: of each job its settling; `make` gives simulations, the limit, and how often to look."""
+def follow(make: Callable[[], Simulation], dt: float, rod: Rod, swing: Swing, repeats: int) -> Settled | None:
+    """Of a swing the mean error over its times, its steps [dt], and what these took at least; None: it diverged."""
+    counts = np.diff(np.round(np.array((0.0, *swing.times)) / dt).astype(int))
+    at = rod.length / len(make().joints())
+    error, times = 0.0, []
+    for _ in range(repeats):
+        simulation, error, spent = make(), 0.0, 0.0
+        for count, exact in zip(counts.tolist(), swing.exact, strict=True):
+            began = thread_time()
+            simulation.step(count)
+            spent += thread_time() - began
+            places = simulation.joints()
+            off = np.linalg.norm(places - exact((np.arange(len(places)) + 0.5) * at), axis=1)
+            error += float(off.mean()) / rod.length / len(counts)
+        times.append(spent)
+    return Settled(error, int(counts.sum()), min(times)) if error < 1.0 else None
+
+
+def serve(
+    make: Callable[[Rod, int, Setting], tuple[Callable[[], Simulation], int, int]],
+    version: str,
+    swinging: Callable[[Rod, int, Setting, Swing], tuple[Callable[[], Simulation], float]],
+) -> None:
+    """Answers one request: of each job its settling, or its swing.
+
+    make: gives simulations, the limit, and how often to look; swinging: those at rest, without damping, whose end goes,
+    and their time step [s].
+    """
     request = json.load(sys.stdin)
     rods = {name: Rod.of(values) for name, values in request["problems"].items()}
     answers = []
     for job in request["jobs"]:
         rod, joints = rods[job["problem"]], job["joints"]
+        if "swing" in request:
+            swing = Swing.of(request["swing"])
+            found = follow(*swinging(rod, joints, job["setting"], swing), rod, swing, request["repeats"])
+            answers.append(None if found is None else vars(found))
+            continue
         fresh, limit, every = make(rod, joints, job["setting"])
         found = settle(fresh, rod.off, limit, every, request["repeats"])
         answers.append(None if found is None else vars(found))

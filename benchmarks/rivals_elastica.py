@@ -14,7 +14,7 @@ from typing import Any
 
 import elastica as ea
 import numpy as np
-from rivals_common import GRAVITY, Rod, Setting, serve
+from rivals_common import GRAVITY, Rod, Setting, Swing, serve
 from scipy.spatial.transform import Rotation, Slerp
 
 RADIUS = 0.004
@@ -40,6 +40,8 @@ class Held(ea.ConstraintBase):
         self.turns = Slerp((0.0, 1.0), Rotation.concatenate((guess[1], rod.end[1])))
         self.start, self.end = self.nodes(*rod.start), self.nodes(*rod.end)
 
+    swing: Swing | None = None
+
     def nodes(self, place: np.ndarray, turn: Rotation) -> tuple[np.ndarray, np.ndarray]:
         """(3, 2) both nodes of a link centred there, and its (3, 3) directors as rows."""
         half = turn.apply((0.0, 0.0, 0.5 * self.link))
@@ -51,6 +53,8 @@ class Held(ea.ConstraintBase):
             t = time / self.duration
             x = t * t * t * (10.0 - 15.0 * t + 6.0 * t * t)
             end = self.nodes((1.0 - x) * self.places[0] + x * self.places[1], self.turns(x))
+        elif self.swing is not None:
+            end = (end[0] + (self.swing.share(time) * self.swing.way)[:, None], end[1])
         system.position_collection[:, :2], system.director_collection[:, :, 0] = self.start
         system.position_collection[:, -2:], system.director_collection[:, :, -1] = end
 
@@ -61,9 +65,11 @@ class Held(ea.ConstraintBase):
 
 
 class Cable:
-    """One rod at its first guess."""
+    """One rod at its first guess; or at `rest`, without damping, with an end that goes its way."""
 
-    def __init__(self, rod: Rod, joints: int, setting: Setting) -> None:
+    def __init__(
+        self, rod: Rod, joints: int, setting: Setting, rest: Cable | None = None, swing: Swing | None = None
+    ) -> None:
         h, links = rod.length / joints, joints + 1
         axial = rod.tension / setting["strain"]
         shear = SHEAR * axial
@@ -93,11 +99,17 @@ class Cable:
         self.simulator = Simulator()
         self.simulator.append(self.rod)
         guess = (0.5 * (nodes[-1] + nodes[-2]), frames[-1])
-        self.simulator.constrain(self.rod).using(Held, rod=rod, link=h, guess=guess, duration=setting["carry"])
+        carry = setting["carry"] if rest is None else 0.0
+        held = type("Held", (Held,), {"swing": swing})
+        self.simulator.constrain(self.rod).using(held, rod=rod, link=h, guess=guess, duration=carry)
         self.simulator.add_forcing_to(self.rod).using(ea.GravityForces, acc_gravity=np.array((0.0, 0.0, -GRAVITY)))
-        self.simulator.dampen(self.rod).using(
-            ea.AnalyticalLinearDamper, uniform_damping_constant=setting["damping"], time_step=self.dt
-        )
+        if rest is None:
+            self.simulator.dampen(self.rod).using(
+                ea.AnalyticalLinearDamper, uniform_damping_constant=setting["damping"], time_step=self.dt
+            )
+        else:
+            self.rod.position_collection[:] = rest.rod.position_collection
+            self.rod.director_collection[:] = rest.rod.director_collection
         self.simulator.finalize()
         self.stepper, self.time = ea.PositionVerlet(), 0.0
 
@@ -117,5 +129,12 @@ def make(rod: Rod, joints: int, setting: Setting) -> tuple:
     return lambda: Cable(rod, joints, setting), round(DURATION / dt), max(round(LOOK / dt), 1)
 
 
+def swinging(rod: Rod, joints: int, setting: Setting, swing: Swing) -> tuple:
+    """A maker of simulations at rest, and their time step [s]."""
+    rest = Cable(rod, joints, setting)
+    rest.step(round(DURATION / rest.dt))
+    return lambda: Cable(rod, joints, setting, rest, swing), rest.dt
+
+
 if __name__ == "__main__":
-    serve(make, version("pyelastica"))
+    serve(make, version("pyelastica"), swinging)

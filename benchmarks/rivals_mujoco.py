@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-from rivals_common import GRAVITY, Rod, Setting, serve
+from rivals_common import GRAVITY, Rod, Setting, Swing, serve
 from scipy.spatial.transform import Rotation
 
 #: Body frame in the cable frame: MuJoCo's cable runs along x.
@@ -36,7 +36,7 @@ MODEL = """
         <geom type="capsule" size="{radius}" mass="{mass}"/>
       </composite>
     </body>
-    <body name="grip" pos="{end}" quat="{end_quat}"/>
+    <body name="grip" mocap="true" pos="{end}" quat="{end_quat}"/>
   </worldbody>
   <equality>
     <weld body1="grip" body2="B_last" relpose="0 0 0 1 0 0 0" solref="{twice} 1" solimp="0.9999 0.9999 0.001"
@@ -97,5 +97,32 @@ def make(rod: Rod, joints: int, setting: Setting) -> tuple:
     return lambda: Cable(model, rod, joints, setting["damping"]), STEPS, 1
 
 
+class Swinging(Cable):
+    """One model from rest on, without damping, whose end goes its way."""
+
+    def __init__(self, model: mujoco.MjModel, rod: Rod, joints: int, rest: Cable, swing: Swing) -> None:
+        super().__init__(model, rod, joints, 0.0)
+        self.swing, self.end = swing, self.data.mocap_pos[0].copy()
+        self.data.qpos[:] = rest.data.qpos
+
+    def step(self, count: int) -> None:
+        model, data, swing = self.model, self.data, self.swing
+        for _ in range(count):
+            data.mocap_pos[0] = self.end + swing.share(data.time + model.opt.timestep) * swing.way
+            mujoco.mj_step(model, data)
+
+
+def swinging(rod: Rod, joints: int, setting: Setting, swing: Swing) -> tuple:
+    """A maker of simulations at rest, and their time step [s].
+
+    setting: that of a settling, and of how to swing from there.
+    """
+    rest = Cable(model_of(rod, joints, setting), rod, joints, setting["damping"])
+    rest.step(STEPS)
+    own = {"step": setting["swing_step"], "armature": setting["swing_armature"]}
+    model = model_of(rod, joints, own)
+    return lambda: Swinging(model, rod, joints, rest, swing), own["step"]
+
+
 if __name__ == "__main__":
-    serve(make, mujoco.__version__)
+    serve(make, mujoco.__version__, swinging)

@@ -11,6 +11,7 @@ import evidence_rivals
 import numpy as np
 import pytest
 import rivals_common
+import rivals_swing
 import rivals_tune
 from figures import Figures, bench_options, bench_parser, finish
 from problems import GRASPS
@@ -151,6 +152,9 @@ def test_the_rivals_come_near_the_rod_or_are_told_to_be_missing(
         assert found.keys() == GRASPS.keys()
         assert all(settling.error < 0.02 for series in found.values() for line in series.values() for settling in line)
         assert {len(series) for series in found.values()} == {2}
+        figures = Figures()
+        rivals_swing.print_swings(figures, quick=True)
+        assert len(figures.rows) == 2
     monkeypatch.setattr(evidence_rivals, "VENV", tmp_path)
     assert bench_rivals.main(["--quick"]) == 0
     assert "scripts/bench rivals --install" in capsys.readouterr().out
