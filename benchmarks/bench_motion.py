@@ -28,8 +28,11 @@ from time import perf_counter, process_time
 from typing import NamedTuple
 
 import numpy as np
+from clocks import Turns
 from figures import Figures, bench_options, bench_parser, finish, heading, machine
 from motion_real import TRAIN, measure_real
+from problems import GRASPS
+from problems import motion as planned
 from tqdm import tqdm
 
 import cable_shape as cs
@@ -111,6 +114,26 @@ def measure_harness(figures: Figures, steps: int) -> None:
     arms, cable = (1e6 * float(np.median(times[10:])) for times in seconds)
     print(f"three arms {arms:.0f}, a cable {cable:.0f}")
     figures.at_most("a step of three arms, through Python", arms, 150.0, "{:.0f}", " us")
+
+
+def measure_cycles(figures: Figures, steps: int) -> None:
+    """Cycles with what swings and with what is at rest, in turns, beside bodies and in contact."""
+    heading("A cycle, median: as it swings, in times of a cycle at rest")
+    cable, start, _ = GRASPS["B"]
+    cable = cable.replace(diameter=0.008, drag=0.02, retardation_time=0.05)
+    box = cs.Obstacle("box", cs.Box((0.1, 0.1, 0.1)), cs.Pose((0.4, 0.4, -0.3)))
+    for name, depth, contact in (("beside bodies", 0.6, "warn"), ("on a table", 0.22, "solve")):
+        table = cs.Obstacle("table", cs.HalfSpace(), cs.Pose((0.0, 0.0, -depth)))
+        scene = cs.Scene(obstacles=[table, box] if contact == "warn" else [table], contact=contact)
+        cycles = {way: cs.Cycle(cable, scene=scene, model="cosserat", motion=way) for way in ("quasistatic", "dynamic")}
+        turns = Turns(*cycles)
+        for k, end in enumerate(planned(steps)):
+            for way, cycle in cycles.items():
+                report = turns.of(way, lambda c=cycle, e=end, k=k: c.step({"cable": (start, e)}, 10_000_000 * k))
+                assert all(shape.usable for shape in report.shapes.values())
+        rest, swung = (1e6 * turns.medians[way] for way in cycles)
+        print(f"{name}: {rest:.0f} us at rest, {swung:.0f} us as it swings")
+        figures.at_most(f"cycle as it swings : at rest, {name}", swung / rest, 1.5, "{:.2f}")
 
 
 def measure_derivatives(figures: Figures, steps: int) -> None:
@@ -345,6 +368,7 @@ def main() -> int:
         return finish(figures, options)
     measure_steps(figures, 200 if options.quick else 1000)
     measure_harness(figures, 200 if options.quick else 1000)
+    measure_cycles(figures, 200 if options.quick else 1000)
     measure_derivatives(figures, 100 if options.quick else 500)
     measure_order(figures, options.quick)
     measure_whips(figures, 3 if options.quick else 50)

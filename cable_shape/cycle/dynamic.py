@@ -91,7 +91,7 @@ class Dynamic(Generic[Shape]):
                 self._take(shape, ends, links, stamp)
                 self.bridged = gone
             return shape
-        if len(self.steps) > 1 and seconds > max(GAP, _LATE * float(np.median(self.steps))):
+        if len(self.steps) > 1 and seconds > GAP and seconds > _LATE * float(np.median(self.steps)):
             self.bridged = seconds
         shape = self._step(last, ends, links, stamp, seconds)
         if shape.status and not self.bridged:
