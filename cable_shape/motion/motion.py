@@ -19,6 +19,7 @@ from cable_shape.errors import ArgumentError
 from cable_shape.motion import meeting
 from cable_shape.motion.among import Among, Lying, without_eyelets
 from cable_shape.motion.common import MODEL, Traced, check_moves, enough, failed, steps_ahead, work_of
+from cable_shape.motion.finer import FINEST, MANY, WIDE, going_on, sampled
 from cable_shape.motion.run import Run
 from cable_shape.motion.swing import Swing, load_of, spread_evenly
 from cable_shape.motion.tangents import NUMBERS, RATE, Number, Pair, Tangents, Ways, check_begun, number_of, traced
@@ -34,11 +35,6 @@ from cable_shape.solve.outcome import no_room
 from cable_shape.solve.problem import GRAVITY, Problem
 from cable_shape.solve.seen import seen_of
 from cable_shape.solve.touching import touching
-
-#: Times as many elements as where it began, at most; and points of the shape that goes over to more, to an element.
-FINEST, _SAMPLES = 4, 8
-#: Elements that turn by more [rad] are too long, where a step takes more iterations than usual.
-_WIDE, _MANY = 1.0, 5
 
 
 @final
@@ -261,11 +257,11 @@ class Motion(Traced):
         checks.instance("shape", shape, (CableShape,), "Give that of another Motion.")
         self._swing = self._last = self._tangents = None
         self._usual = self.elements or enough(shape, self.cable)
-        going_on = self._going_on(self.problem.move(start, end, links), shape, self._usual)
-        if going_on is None:
+        found = going_on(self.problem.move(start, end, links), shape, self._usual, self._among)
+        if found is None:
             bound = f"it must be usable, of {self.cable.length:g} m, and have some points"
             raise ArgumentError.of("shape", shape, bound, "Give the last one of a motion of this cable.")
-        state, swing = going_on
+        state, swing = found
         if left_by is not None and left_by._swing is not None and left_by.cable == self.cable:
             swing.go_on_as(left_by._swing)
         self._state, self._swing, self._links = state, swing, links
@@ -336,7 +332,7 @@ class Motion(Traced):
         lost -= shape.energy + shape.kinetic_energy - last.energy - last.kinetic_energy
         shape.lost = lost
         self._last, self._links = shape, links
-        if shape.iterations > _MANY and swing.widest_turn > _WIDE:
+        if shape.iterations > MANY and swing.widest_turn > WIDE:
             self._state, self._swing = self._refined(problem.start, problem.end) or (state, swing)
         return shape
 
@@ -349,23 +345,7 @@ class Motion(Traced):
         count, problem = 2 * swing.model.h.size, self.problem.move(start, end, self._links)
         if self.elements is not None or count > FINEST * self._usual or self._tangents is not None:
             return None
-        points = _SAMPLES * count + 1
-        out, velocity = CableShape.new_buffer(points), np.empty((points, 3))
-        swing.tell(out, velocity, points)
-        shape = last.again()
-        shape.buffer, shape.points, shape.velocity = out, points, velocity
-        return self._going_on(problem, shape, count)
-
-    def _going_on(self, problem: Problem, shape: CableShape, elements: int) -> tuple[Network, Swing] | None:
-        """What goes on from a shape between the problem's ends, with its velocity; None: it is not of this cable."""
-        state = Network(problem, shape)
-        poses, state.last = state.aim(problem.start, problem.end), shape
-        if not state.resume(poses):
-            return None
-        spread_evenly(state, elements)
-        among = self._among(shape, problem.start, problem.end, problem.links)
-        lying = Lying.of(shape, velocity=shape.velocity)
-        return state, Swing(load_of(problem), state, among, lying, goes_on=True)
+        return going_on(problem, sampled(swing, last, count), count, self._among)
 
     def trace(self, pairs: Mapping[int, Pair], moves: Callable[[float], Array]) -> None:
         """Has `sensitivity` tell p columns from now on, the motion having just begun at rest.

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
 from cable_shape.kernels.network import momentum, moving, settle, swinging, system, tables
-from cable_shape.motion.motion import FINEST
+from cable_shape.motion.finer import FINEST
 
 ALONG = (0.5, 0.5, 0.5, 0.5)  # d3 along x
 DOWN = (1.0, 0.0, 0.0, 0.0)
