@@ -283,12 +283,23 @@ def measure_drops(figures: Figures, tries: int) -> None:
 
 
 def went_through(p: np.ndarray, p_now: np.ndarray, r: np.ndarray, r_now: np.ndarray) -> int:
+    """How often two lines (n, 3) have gone through each other for good.
+
+    What goes through and back again on the straight way has turned in the step, and not gone through at all.
+    """
+    return abs(crossings(p, p_now, r, r_now, 33)) if crossings(p, p_now, r, r_now, 9, apart=False) else 0
+
+
+def crossings(
+    p: np.ndarray, p_now: np.ndarray, r: np.ndarray, r_now: np.ndarray, looks: int, apart: bool = True
+) -> int:  # fmt: skip
     """How often pieces of two lines (n, 3) go through each other on the straight way, by looks at volumes.
 
-    Of pieces that are near enough for that: in a plane, and along each other, volumes tell nothing.
+    Of pieces that are near enough for that: in a plane, and along each other, volumes tell nothing. apart: those from
+    one side less those from the other.
     """
     count, before, then = 0, None, None
-    for x in np.linspace(0.0, 1.0, 9):
+    for x in np.linspace(0.0, 1.0, looks):
         a, b = p + x * (p_now - p), r + x * (r_now - r)
         e, f, w = np.diff(a, axis=0)[:, None], np.diff(b, axis=0)[None], b[None, :-1] - a[:-1, None]
         n = np.cross(e, f)
@@ -299,7 +310,8 @@ def went_through(p: np.ndarray, p_now: np.ndarray, r: np.ndarray, r_now: np.ndar
             at = before[1:] + share * (now[1:] - before[1:])
             long = np.linalg.norm(e, axis=-1) + np.linalg.norm(f, axis=-1) + np.linalg.norm(w - then, axis=-1)
             hit = (now[0] * before[0] < 0.0) & ((at >= 0.0) & (at < 1.0)).all(axis=0)
-            count += int((hit & (np.linalg.norm(w, axis=-1) < 1.1 * long)).sum())
+            hit &= np.linalg.norm(w, axis=-1) < 1.1 * long
+            count += int((hit * (np.sign(now[0]) if apart else 1.0)).sum())
         before, then = now, w
     return count
 

@@ -198,13 +198,18 @@ def put_beside(
     twists: Floats, by: float, to: Beside,
 ) -> None:  # fmt: skip
     """Makes `to` the network at the end of a step dt [s], 0: at rest, `by` times the tangent away."""
-    size = solution_size(ints)
-    copy(to.sols[2 * size : 3 * size], sols[0:size])
+    put_made(ints, floats, moving, before, dt, tangent, by, to)
+    put_way(ints, floats, sols, moving, tangent, twists, by, to)
+
+
+@viewing
+def put_made(
+    ints: Whole, floats: Floats, moving: Floats, before: Floats, dt: float, tangent: Floats, by: float, to: Beside
+) -> None:  # fmt: skip
+    """The same of what it is made of, and remembers."""
     plan, model, own = plan_of(ints), model_of(ints, floats), model_of(ints, to.floats)
-    motion, there = motion_of(ints, moving), motion_of(ints, to.moving)
+    motion, there, t = motion_of(ints, moving), motion_of(ints, to.moving), tangent_of(ints, tangent)
     memory, then = momentum_of(ints, before), momentum_of(ints, to.remembered)
-    sol, t = solution_of(ints, to.sols, TRIAL), tangent_of(ints, tangent)
-    now = solution_of(ints, sols, NOW)
     for i in range(memory.par.shape[0]):
         then.par[i] = memory.par[i]
     for e in range(model.h.shape[0]):
@@ -217,8 +222,6 @@ def put_beside(
             own.rest[e, c] = then.rest[e, c] = memory.rest[e, c] + by * t.rest[e, c]
             then.strain[e, c] = memory.strain[e, c] + by * t.strain[e, c]
             then.strained[e, c] = memory.strained[e, c] + by * t.strained[e, c]
-        for c in range(3):
-            there.lam[e, c] = motion.lam[e, c] + by * t.lam[e, c]
     for i in range(memory.mass.shape[0]):
         then.mass[i], then.point[i] = memory.mass[i] + by * t.mass[i], memory.point[i]
         there.drag[i] = motion.drag[i] + by * t.drag[i]
@@ -233,6 +236,27 @@ def put_beside(
     for j in range(plan.ends.shape[0]):
         for c in range(3):
             there.weight[j, c] = motion.weight[j, c] + by * t.weight[j, c]
+    if dt > 0.0:
+        aim_nodes(there, then, dt)
+        damp(own, then, dt)
+    else:
+        soften(own, there, then)
+
+
+@viewing
+def put_way(
+    ints: Whole, floats: Floats, sols: Floats, moving: Floats, tangent: Floats, twists: Floats, by: float, to: Beside
+) -> None:  # fmt: skip
+    """The same of its rotations, forces and places."""
+    size = solution_size(ints)
+    copy(to.sols[2 * size : 3 * size], sols[0:size])
+    plan, model, t = plan_of(ints), model_of(ints, floats), tangent_of(ints, tangent)
+    motion, there = motion_of(ints, moving), motion_of(ints, to.moving)
+    sol, now = solution_of(ints, to.sols, TRIAL), solution_of(ints, sols, NOW)
+    for e in range(motion.lam.shape[0]):
+        for c in range(3):
+            there.lam[e, c] = motion.lam[e, c] + by * t.lam[e, c]
+    for j in range(plan.ends.shape[0]):
         first, last = plan.first[j] + j, plan.first[j + 1] + j
         for i in range(first, last + 1):
             d = get3(t.d, i)
@@ -249,11 +273,6 @@ def put_beside(
         q = (sol.pose[k, 3], sol.pose[k, 4], sol.pose[k, 5], sol.pose[k, 6])
         put3(sol.pose, k, 0, add(take3(sol.pose, k, 0), scale(by, way)))
         sol.pose[k, 3], sol.pose[k, 4], sol.pose[k, 5], sol.pose[k, 6] = qnormal(qmul(q, qexp(scale(by, turn))))
-    if dt > 0.0:
-        aim_nodes(there, then, dt)
-        damp(own, then, dt)
-    else:
-        soften(own, there, then)
 
 
 @inline
@@ -318,8 +337,8 @@ def take_sums(ints: Whole, space: Floats, moving: Floats, to: Beside) -> None:
 def round_of(
     ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: Floats, before: Floats, dt: float,
     tangent: Floats, twists: Floats, to: Beside,
-) -> float:  # fmt: skip
-    """Improves x' once; returns by how much, of what changes most."""
+) -> tuple[float, float]:  # fmt: skip
+    """Improves x' once; returns by how much, of what changes most, and how many times x' differences went."""
     e = nearness(ints, floats, moving, tangent, twists, 1.0)
     to.sums[:, :] = 0.0
     for sign in (1.0, -1.0):
@@ -328,7 +347,7 @@ def round_of(
         add_sums(ints, to, 0.5 * sign / e)
     take_sums(ints, space, moving, to)
     solve(ints, floats, space, moving)
-    return go(ints, space, moving, tangent)
+    return go(ints, space, moving, tangent), e
 
 
 @viewing
@@ -351,16 +370,22 @@ def go(ints: Whole, space: Floats, moving: Floats, tangent: Floats) -> float:
 @viewing
 def differences(
     ints: Whole, floats: Floats, sols: Floats, moving: Floats, before: Floats, dt: float, tangent: Floats,
-    twists: Floats, to: Beside,
+    twists: Floats, to: Beside, e: float,
 ) -> None:  # fmt: skip
-    """Fills `to.move`, `to.turn` and `to.strain`: change of places, tangents and mean curvatures with x'."""
-    e = nearness(ints, floats, moving, tangent, twists, 1.0)
+    """Fills `to.move`, `to.turn` and `to.strain`: change of places, tangents and mean curvatures with x'.
+
+    e: how many times x' the differences of `round_of` went, whose last one `to` still has; 0: it has not.
+    """
+    known = e > 0.0
+    e = e if known else nearness(ints, floats, moving, tangent, twists, 1.0)
     to.move[:, :] = 0.0
     to.turn[:, :] = 0.0
     to.strain[:, :] = 0.0
-    for sign in (1.0, -1.0):
+    for sign in (-1.0, 1.0):
         by = 0.5 * sign / e
-        put_beside(ints, floats, sols, moving, before, dt, tangent, twists, sign * e, to)
+        if sign > 0.0 or not known:
+            put_made(ints, floats, moving, before, dt, tangent, sign * e, to)
+        put_way(ints, floats, sols, moving, tangent, twists, sign * e, to)
         plan, model, work = plan_of(ints), model_of(ints, to.floats), work_of(ints, to.space)
         motion, memory = motion_of(ints, to.moving), momentum_of(ints, to.remembered)
         sol = solution_of(ints, to.sols, TRIAL)
@@ -404,11 +429,11 @@ def carry_on(
     rate = 0.0  # of what changes in a round, what does in the next: the most that was seen
     for p in range(tangents.shape[0]):
         t = tangent_of(ints, tangents[p])
-        last = 1.0
+        last, e = 1.0, 0.0
         for i in range(MOST_ROUNDS if dt > 0.0 else MOST_AT_REST):
-            change = round_of(ints, floats, sols, space, moving, before, dt, tangents[p], twists[p], to)
+            change, e = round_of(ints, floats, sols, space, moving, before, dt, tangents[p], twists[p], to)
             if dt == 0.0:
-                differences(ints, floats, sols, moving, before, dt, tangents[p], twists[p], to)
+                differences(ints, floats, sols, moving, before, dt, tangents[p], twists[p], to, 0.0)
                 change = max(change, farthest(t.place, to.move) / max(largest_of(to.move), SMALLEST))
                 copy_rows(t.place, to.move, 3)
             if i > 0 and dt > 0.0:
@@ -416,7 +441,8 @@ def carry_on(
             if not change * min(change / last, TRUST * rate if rate > 0.0 else 1.0, 1.0) > SAME:
                 break
             last = change
-        differences(ints, floats, sols, moving, before, dt, tangents[p], twists[p], to)
+        e = e if dt > 0.0 else 0.0
+        differences(ints, floats, sols, moving, before, dt, tangents[p], twists[p], to, e)
         for i in range(t.place.shape[0]):
             if dt > 0.0:
                 carry(t.place, t.velocity, t.acceleration, i, get3(to.move, i), scheme)
