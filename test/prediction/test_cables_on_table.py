@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from itertools import combinations
+
 import numpy as np
 import pytest
+import scene_pile
 from scipy.spatial.distance import cdist
 from scipy.spatial.transform import Rotation
 
@@ -40,3 +43,14 @@ def test_none_is_lost_where_some_lie_on_others(rows: int, over: float) -> None:
         assert min(line[:, 2].min() for line in lines) > 0.5 * DIAMETER - DEEPEST
         least = min(cdist(a, b).min() for i, a in enumerate(lines) for b in lines[i + 1 :])
         assert least > DIAMETER - DEEPEST
+
+
+def test_where_they_come_to_touch_elsewhere_as_they_leap_that_is_held_too() -> None:
+    """A branch of three cables of this pile ends in its last step; where it falls to, one of them meets the fourth."""
+    pile = scene_pile.Pile(4, 0)
+    cycle = cs.Cycle(pile.cables, scene=scene_pile.TABLE, model="cosserat", snap_horizon=0.0)
+    for k in range(scene_pile.STEPS):
+        shapes = cycle.step(pile.ends(k), 10_000_000 * k).shapes
+        assert all(shape.usable for shape in shapes.values()), {n: str(s.detail) for n, s in shapes.items()}
+    for a, b in combinations(shapes.values(), 2):
+        assert cdist(a.positions, b.positions).min() > scene_pile.DIAMETER - DEEPEST - 1e-4

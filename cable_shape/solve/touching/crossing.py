@@ -107,15 +107,32 @@ class Crossing(Piled):
             return self._cold(given, frames, Status.OK, began)
         if self._group is None and not self._places.near(given, self._shapes):
             return self._accept(given, frames)
+        return self._on(free, frames, began)
+
+    def _on(self, free: list[CableShape | None], frames: Array, began: float) -> list[CableShape]:
+        """From the last shapes to these ends; free: what those have alone that touch nothing so far."""
+        assert self._shapes is not None
         old = [spot.copy() for spot in self._spots]
-        for _ in range(_ROUNDS):
-            if self._group is None or self._along(frames):
+        for left in range(_ROUNDS - 1, -1, -1):
+            along = self._group is None or self._along(frames)
+            if along:
                 shapes = self._reported(free, Status.OK, began)
             elif any(spot.stays for spot in self._spots) and self._halvings < _HALVINGS:
                 return self._by_halves(frames)  # rows of contacts grow and shrink on the way
+            elif perf_counter() > self._deadline:  # what has been reached is where the next solve starts
+                late = Status.BUDGET_EXCEEDED
+                return [graded(shape, late, late.remedy) for shape in self._shapes]
+            elif not self._leaps:
+                return self._give_up([None] * len(free), LOST)
+            elif self._leapt(frames):
+                shapes = self._reported(free, Status.SNAPPED, began)
             else:
-                return self._snap(free, frames, began)
+                return self._anew(free, frames, began)
+            if not (along or self._places.overlaps(shapes, self._spots) or self._through(shapes)):
+                return self._accept(shapes, frames)
             missed = self._places.missed(shapes, self._shapes, self._spots)
+            if not along and (missed is None or left == 0):
+                return self._anew(free, frames, began)
             if missed is None:
                 return self._by_halves(frames)
             if not missed:
@@ -252,25 +269,23 @@ class Crossing(Piled):
             for i, shape in enumerate(shapes)
         ]
 
-    def _snap(self, free: list[CableShape | None], frames: Array, began: float) -> list[CableShape]:
-        """The branch ended: where the cables come to rest from where it did, or else from nothing."""
+    def _leapt(self, frames: Array) -> bool:
+        """Whether the cables come to rest from where their branch has ended."""
         group = self._group
         assert group is not None
-        assert self._shapes is not None
-        late = Status.BUDGET_EXCEEDED
-        if perf_counter() > self._deadline:  # what has been reached is where the next solve starts
-            return [graded(shape, late, late.remedy) for shape in self._shapes]
-        if not self._leaps:
-            return self._give_up([None] * len(free), LOST)
         kept = group.keep()
-        found = group.go(frames, search=True)
-        if found and group.refined():
-            shapes = self._reported(free, Status.SNAPPED, began)
-            if not (self._places.overlaps(shapes, self._spots) or self._through(shapes)):
-                return self._accept(shapes, frames)
+        if not group.go(frames, search=True):
+            group.restore(kept)
+            return False
+        return group.refined()
+
+    def _anew(self, free: list[CableShape | None], frames: Array, began: float) -> list[CableShape]:
+        """The branch ended, and led nowhere from there: from nothing."""
+        group = self._group
+        assert group is not None
+        found = group.frames.tobytes() == frames.tobytes()
         self._lose()
         if not found:
-            group.restore(kept)
             self._reached = group
         if not self.afresh:
             return self._give_up([None] * len(free), LOST)
