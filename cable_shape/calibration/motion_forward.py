@@ -177,12 +177,14 @@ class MotionForward:
     def _run(self, motion: Motion, values: Array, one: Recording) -> Run | None:
         """The nodes of a recording at its looks; where steps cannot be taken on the mesh as it is, on finer ones."""
         elements = self._finer.get(one, 0)
-        if elements:
-            motion = self._motion(values, elements=elements)
-        run = self._once(motion, values, one)
+        run = self._once(self._motion(values, elements=elements), values, one) if elements else None
+        run = run or self._once(motion, values, one)
         while run is not None and run.lost and len(run.s) <= _MOST:
-            self._finer[one] = 2 * (len(run.s) - 1)
-            run = self._once(self._motion(values, elements=self._finer[one]), values, one)
+            elements = 2 * (len(run.s) - 1)
+            finer = self._once(self._motion(values, elements=elements), values, one)
+            if finer is None:  # it does not begin there
+                break
+            run, self._finer[one] = finer, elements
         return run
 
     def _once(self, motion: Motion, values: Array, one: Recording) -> Run | None:
