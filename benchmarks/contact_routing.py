@@ -5,6 +5,7 @@
 One grip stays, the other goes where a robot would take it: round a post and to and fro, down onto walls and across
 them, into a channel, along it and out again. Every second motion has friction. Each step is judged by
 `scene_certificate`, and counts as lost without a usable shape unless `scene_band` proves that the cable is too short.
+One that snapped over a body has passed it unless `scene_slide` comes to rest on the same side.
 """
 
 from __future__ import annotations

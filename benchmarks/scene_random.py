@@ -20,6 +20,7 @@ import numpy as np
 from figures import Figures, heading
 from scene_band import Band
 from scene_certificate import Array, crossed, distances, judged, passed
+from scene_slide import slid_there
 from scipy.spatial.transform import Rotation
 from tqdm import tqdm
 
@@ -230,10 +231,11 @@ def run_motion(given: Motion, title: str) -> Found:
     cycle = cs.Cycle(given.cables, scene=given.scene, clips=given.clips or None, model="cosserat", points=301)
     statuses: Counter[str] = Counter()
     wrong: Counter[str] = Counter()
-    first, before, lost = "", None, []
+    first, before, lost, since = "", None, [], []
     bands = {name: Band(cable, given.scene, given.clips.get(name, [])) for name, cable in given.cables.items()}
     for k, grips in enumerate(given.steps):
         shapes = cycle.step(grips, stamp=10_000_000 * k).shapes
+        since.append(grips)
         texts = []
         for name, shape in shapes.items():
             clips = given.clips.get(name, [])
@@ -248,8 +250,8 @@ def run_motion(given: Motion, title: str) -> Found:
                 lost.append(k)
         if all(shape.usable for shape in shapes.values()):
             if before is not None:
-                texts += ways(given, before, shapes)
-            before = shapes
+                texts += ways(given, before, shapes, since)
+            before, since = shapes, [grips]
         for text in texts:
             wrong[text.split(":")[0]] += 1
             first = first or f"{title}, step {k}: {text}"
@@ -272,14 +274,25 @@ def short(clips: list[cs.Clip], length: float, start: cs.Pose, end: cs.Pose) -> 
     return False
 
 
-def ways(given: Motion, before: dict[str, cs.CableShape], shapes: dict[str, cs.CableShape]) -> list[str]:
-    """What was passed on the way from the last usable shapes."""
+def ways(
+    given: Motion,
+    before: dict[str, cs.CableShape],
+    shapes: dict[str, cs.CableShape],
+    since: list[dict[str, tuple[cs.Pose, cs.Pose]]],
+) -> list[str]:
+    """What was passed on the way from the last usable shapes, the grips of all steps since then being given.
+
+    A cable alone that snapped may have gone another way than straight: then it is where a chain slides, too.
+    """
     names = list(shapes)
-    texts = [
-        text
-        for name in names
-        if (text := passed(given.scene, 0.5 * given.cables[name].diameter, before[name], shapes[name]))
-    ]
+    texts = []
+    for name in names:
+        cable, shape = given.cables[name], shapes[name]
+        text = passed(given.scene, 0.5 * cable.diameter, before[name], shape)
+        alone = len(names) == 1 and not given.clips.get(name)
+        if text and alone and shape.status is cs.Status.SNAPPED:
+            text = "" if slid_there(cable, given.scene, before[name], shape, [step[name] for step in since]) else text
+        texts += [text] if text else []
     for i, one in enumerate(names):
         for other in names[i:]:
             reach = 0.5 * (given.cables[one].diameter + given.cables[other].diameter)
