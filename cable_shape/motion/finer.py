@@ -13,10 +13,10 @@ from cable_shape.shape import CableShape
 from cable_shape.solve.network import Network
 from cable_shape.solve.problem import Problem
 
-#: Times as many elements as where it began, at most.
-FINEST = 4
+#: Times as many elements as where it began, at most, and how many at most.
+FINEST, MOST = 4, 200
 #: Elements that turn by more [rad] are too long, where a step takes more iterations than usual.
-WIDE, MANY = 1.0, 5
+WIDE, MANY = 1.2, 5
 #: Points of a shape that goes over to more elements, to each of these.
 _SAMPLES = 8
 

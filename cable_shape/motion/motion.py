@@ -19,7 +19,7 @@ from cable_shape.errors import ArgumentError
 from cable_shape.motion import meeting
 from cable_shape.motion.among import Among, Lying, without_eyelets
 from cable_shape.motion.common import MODEL, Traced, check_moves, enough, failed, steps_ahead, work_of
-from cable_shape.motion.finer import FINEST, MANY, WIDE, going_on, sampled
+from cable_shape.motion.finer import FINEST, MANY, MOST, WIDE, going_on, sampled
 from cable_shape.motion.run import Run
 from cable_shape.motion.swing import Swing, load_of, spread_evenly
 from cable_shape.motion.tangents import NUMBERS, RATE, Number, Pair, Tangents, Ways, check_begun, number_of, traced
@@ -64,7 +64,7 @@ class Motion(Traced):
     elements : int, optional
         Of the whole cable, of equal length; at least four between two supports. Default: 20, or as many more as the
         boundary layers sqrt(EI / |n|) of a limp cable, or its twist, ask for when it begins, up to 400; twice and four
-        times as many from a step on that could not be taken on these.
+        times as many, up to 200, from where the first ones beside a grip or a clip turn too far in a step.
 
     Raises
     ------
@@ -343,9 +343,12 @@ class Motion(Traced):
         assert swing is not None
         assert last is not None
         count, problem = 2 * swing.model.h.size, self.problem.move(start, end, self._links)
-        if self.elements is not None or count > FINEST * self._usual or self._tangents is not None:
+        if self.elements is not None or count > min(FINEST * self._usual, MOST) or self._tangents is not None:
             return None
-        return going_on(problem, sampled(swing, last, count), count, self._among)
+        found = going_on(problem, sampled(swing, last, count), count, self._among)
+        if found is not None:
+            found[1].accelerate_as(swing)
+        return found
 
     def trace(self, pairs: Mapping[int, Pair], moves: Callable[[float], Array]) -> None:
         """Has `sensitivity` tell p columns from now on, the motion having just begun at rest.

@@ -172,6 +172,13 @@ class Swing:
         self._rest()
         memory.turning[...] = slope - np.einsum("ij,ij->i", slope, memory.tangent)[:, None] * memory.tangent
 
+    def accelerate_as(self, other: Swing) -> None:
+        """Has the nodes accelerate as those of another mesh of one cable do."""
+        mine, there = self.memory, other.memory
+        for own, rows in ((mine.acceleration, there.acceleration), (mine.bending, there.bending)):
+            for c in range(3):
+                own[:, c] = np.interp(self.model.s, other.model.s, rows[:, c])
+
     def go_on_as(self, other: Swing) -> None:
         """Makes the state of another one of the same cables this one's, if mesh, masses and what is held are the same.
 
@@ -319,8 +326,10 @@ class Swing:
 
     @property
     def widest_turn(self) -> float:
-        """[rad], by which an element turns from one end to the other at most."""
-        q, left = self.solution.q, self.plan.left
+        """[rad], by which an element beside what holds the cable turns from one end to the other at most."""
+        first, q = self.plan.first, self.solution.q
+        beside = np.concatenate((first[:-1], first[:-1] + 1, first[1:] - 2, first[1:] - 1))
+        left = self.plan.left[beside]
         cosines = np.abs((q[left] * q[left + 1]).sum(axis=1))
         return float(2.0 * np.arccos(min(1.0, cosines.min())))
 
