@@ -35,7 +35,7 @@ class Together:
         self.crossing, self._predictors, self._rows = crossing, dict(predictors), rows_of(predictors)
         self._horizon = LONGER * horizon
         self._stamp, self._frames = -math.inf, np.empty((0, 7))
-        self._twists: Array | None = None  # (n, 6), of the frames of the ends of all strands
+        self._twists: Callable[[], Array] | None = None
         self._looked = -math.inf  # ns
         self._shapes_at: Callable[[float], dict[str, Any]] = _nothing
 
@@ -44,17 +44,12 @@ class Together:
 
         None of them does where it is not known how the ends move.
         """
-        before, now = self._frames, self.crossing.strands.frames()[: 2 * len(self.crossing.strands.names)]
-        seconds = (stamp - self._stamp) * 1e-9
-        self._stamp, self._frames, self._twists = stamp, now, None
-        if 0.0 < seconds <= LONGEST_GAP and len(before) == len(now):
-            both = np.empty((len(now), 12))
-            for a, b, twists in zip(before, now, both, strict=True):
-                follow(np.tile(a, 2), np.tile(b, 2), True, seconds, twists)
-            self._twists = both[:, :6]
         touching = self.crossing.touching
-        if self._twists is None:
+        before, now, seconds = self._frames, self.crossing.frames, (stamp - self._stamp) * 1e-9
+        self._stamp, self._frames, self._twists = stamp, now, None
+        if not (touching and self._horizon > 0.0 and 0.0 < seconds <= LONGEST_GAP and len(before) == len(now)):
             return {}
+        self._twists = partial(_twists, before, now, seconds)
         return {
             name: partial(self._snap, name)
             for name, own in self._rows.items()
@@ -74,18 +69,17 @@ class Together:
 
     def _from_here(self) -> Callable[[float], dict[str, CableShape | HarnessShape]]:
         """What tells all shapes by the time [s] from now, which is asked for in its order; those of a loss stay."""
-        frames, twists, twin = self._frames, self._twists, self.crossing.twin()
+        assert self._twists is not None
+        frames, twists, twin = self._frames, self._twists(), self.crossing.twin()
+        twists[2 * len(twin.strands.names) :] = 0.0  # links
         twin.afresh = False  # of a snap to where nothing is known nobody could be warned in time
-        links = self.crossing.strands.frames()[len(frames) :]
         known: dict[float, dict[str, CableShape | HarnessShape]] = {}
-        assert twists is not None
 
         def at(time: float) -> dict[str, CableShape | HarnessShape]:
             if time not in known:
                 last = known[next(reversed(known))] if known else {}
                 if all(shape.status for shape in last.values()):
-                    there = [moved_frame(*end, time) for end in zip(frames, twists, strict=True)]
-                    twin.strands.hold(np.concatenate((there, links)))
+                    twin.strands.hold(np.array([moved_frame(*end, time) for end in zip(frames, twists, strict=True)]))
                     last = self._told(twin)
                 known[time] = last
             return known[time]
@@ -100,6 +94,14 @@ class Together:
             own = shapes[rows.start : rows.stop]
             out[name] = part.as_one(own) if isinstance(part, OneHarness) else self._predictors[name].told(own[0])
         return out
+
+
+def _twists(before: Array, now: Array, seconds: float) -> Array:
+    """(n, 6): how fast frames (n, 7) move [m/s] and turn [rad/s], world axes."""
+    both = np.empty((len(now), 12))
+    for a, b, twists in zip(before, now, both, strict=True):
+        follow(np.tile(a, 2), np.tile(b, 2), True, seconds, twists)
+    return both[:, :6]
 
 
 def _nothing(_: float) -> dict[str, Any]:

@@ -73,6 +73,11 @@ class Piled:
         self._kinds = []
 
     @property
+    def frames(self) -> Array:
+        """Those of the last equilibrium, see `Strands`; (0,) if there is none."""
+        return self._frames
+
+    @property
     def touching(self) -> frozenset[int]:
         """The cables that are held where they touch, or nearly do."""
         return frozenset(self._group.cables) if self._group is not None else frozenset()
