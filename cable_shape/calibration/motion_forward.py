@@ -134,7 +134,7 @@ class MotionForward:
         self.observations = list(recordings)
         self._loads = loads
         self._last: tuple[Array, Array] | None = None
-        self._finer: dict[Recording, int] = {}  # elements of those that need more
+        self._finer: dict[Recording, int] = {}  # elements of those that need more at the last numbers
         self.lost = 0
 
     def run(self, values: Array, one: Recording) -> Run | None:
@@ -144,6 +144,7 @@ class MotionForward:
     def misses(self, values: Array) -> Array:
         """(n, 3) [m]; NaN of recordings that do not begin."""
         if self._last is None or not np.array_equal(self._last[0], values):
+            self._finer.clear()
             self._last = values.copy(), self._misses(values)
         return self._last[1]
 
