@@ -15,15 +15,15 @@ from cable_shape.calibration.parameters import Parameters, held
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
 from cable_shape.motion.motion import Motion
-from cable_shape.motion.run import STEP, Run
+from cable_shape.motion.run import STEP, Run, joined
 from cable_shape.pose import FreeEnd, Grip, Pose
 
 #: Points of the shape in which a motion begins; it is not compared with anything.
 _POINTS = 12
 #: Points of a centreline that points without arc length are compared with.
 _DENSE = 101
-#: Elements, of meshes that are not made finer though steps are lost.
-_MOST = 100
+#: Elements, of meshes that are not made finer though steps are lost; and after how many steps that is looked at.
+_MOST, _PIECE = 100, 32
 #: [1], of looks: two frames at least make a motion.
 FEWEST = 3
 _TIMES = "Write Observation(..., time=), in seconds."
@@ -177,27 +177,38 @@ class MotionForward:
 
     def _run(self, motion: Motion, values: Array, one: Recording) -> Run | None:
         """The nodes of a recording at its looks; where steps cannot be taken on the mesh as it is, on finer ones."""
-        elements = self._finer.get(one, 0)
-        run = self._once(self._motion(values, elements=elements), values, one) if elements else None
-        run = run or self._once(motion, values, one)
+        known = self._finer.get(one, 0)
+        on = self._motion(values, elements=known) if known else motion
+        run = self._once(on, values, one)
+        if run is None and known:
+            on, run = motion, self._once(motion, values, one)
         while run is not None and run.lost and len(run.s) <= _MOST:
             elements = 2 * (len(run.s) - 1)
-            finer = self._once(self._motion(values, elements=elements), values, one)
-            if finer is None:  # it does not begin there
+            finer = self._motion(values, elements=elements)
+            found = self._once(finer, values, one)
+            if found is None:  # it does not begin there
                 break
-            run, self._finer[one] = finer, elements
-        return run
+            on, run, self._finer[one] = finer, found, elements
+        return self._once(on, values, one, whole=True) if run is not None and run.lost else run
 
-    def _once(self, motion: Motion, values: Array, one: Recording) -> Run | None:
-        """The same on one mesh."""
+    def _once(self, motion: Motion, values: Array, one: Recording, *, whole: bool = False) -> Run | None:
+        """The same on one mesh; without the rest if steps are lost, unless it is the `whole` that is asked for."""
         near, far = self.parameters.offset(values, "start"), self.parameters.offset(values, "end")
         start, end = held(one.looks[1].start, near), held(one.looks[1].end, far)
         assert isinstance(start, Grip)
         if not one.begin(motion, start, end):
             return None
-        ends = None if one.ends is None else one.parted(beside(one.ends, far))
-        run = motion.run(one.parted(beside(one.starts, near)), ends, one.parts)
-        return run.after((np.cumsum(one.ways) - 1).tolist())
+        starts, ends = one.parted(beside(one.starts, near)), None
+        if one.ends is not None:
+            ends = one.parted(beside(one.ends, far))
+        size = len(starts) if whole else _PIECE
+        runs: list[Run] = []
+        for k in range(0, len(starts), size):
+            own = slice(k, k + size)
+            runs.append(motion.run(starts[own], None if ends is None else ends[own], one.parts[own]))
+            if runs[-1].lost and not whole:
+                return runs[-1]
+        return joined(runs).after((np.cumsum(one.ways) - 1).tolist())
 
 
 def recordings_of(seen: Sequence[Observation]) -> list[Recording]:

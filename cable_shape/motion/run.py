@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -67,6 +68,17 @@ class Run(NamedTuple):
         """(T, m, 3) [m], of the cubic between the nodes at arc lengths (m,) [m]; beyond the ends: straight on."""
         places, ways = weights(self.s, np.asarray(arc_length, dtype=np.float64))
         return np.asarray(np.einsum("mn,tnc->tmc", places, self.places) + np.einsum("mn,tnc->tmc", ways, self.tangents))
+
+
+def joined(runs: Sequence[Run]) -> Run:
+    """Runs of one cable, each of which goes on from the one before, as one, without a derivative."""
+    return Run(
+        runs[0].s,
+        np.concatenate([run.places for run in runs]),
+        np.concatenate([run.tangents for run in runs]),
+        np.concatenate([run.velocities for run in runs]),
+        sum(run.lost for run in runs),
+    )
 
 
 def weights(s: Array, x: Array) -> tuple[Array, Array]:
