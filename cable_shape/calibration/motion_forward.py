@@ -124,11 +124,12 @@ class MotionForward:
 
     def __init__(
         self, parameters: Parameters, recordings: Sequence[Recording], most: float = np.inf,
-        tick: Callable[[], None] = lambda: None, **loads: Any,
+        tick: Callable[[], None] = lambda: None, finer: bool = True, **loads: Any,
     ) -> None:  # fmt: skip
-        """most [s]: of each recording that is looked at; loads: the keywords `gravity`, `scene` and `elements` of
-        :class:`cable_shape.Motion`."""
-        self.parameters, self.tick = parameters, tick
+        """most [s]: of each recording that is looked at; finer: whether recordings whose steps cannot be taken are run
+        through on finer meshes, too, which takes its time in a fit; loads: the keywords `gravity`, `scene` and
+        `elements` of :class:`cable_shape.Motion`."""
+        self.parameters, self.tick, self._refines = parameters, tick, finer
         if most < np.inf:
             recordings = [one.until(most) for one in recordings]
         self.observations = list(recordings)
@@ -177,6 +178,8 @@ class MotionForward:
 
     def _run(self, motion: Motion, values: Array, one: Recording) -> Run | None:
         """The nodes of a recording at its looks; where steps cannot be taken on the mesh as it is, on finer ones."""
+        if not self._refines:
+            return self._once(motion, values, one, whole=True)
         known = self._finer.get(one, 0)
         on = self._motion(values, elements=known) if known else motion
         run = self._once(on, values, one)
