@@ -332,7 +332,7 @@ class Motion(Traced):
         lost -= shape.energy + shape.kinetic_energy - last.energy - last.kinetic_energy
         shape.lost = lost
         self._last, self._links = shape, links
-        if shape.iterations > MANY and swing.widest_turn > WIDE:
+        if swing.among is None and shape.iterations > MANY and swing.widest_turn > WIDE:
             self._state, self._swing = self._refined(problem.start, problem.end) or (state, swing)
         return shape
 
