@@ -11,6 +11,7 @@ import os
 import subprocess
 from collections.abc import Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -107,10 +108,11 @@ def run(
         request["swing"] = swing
     threads = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
     outside = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "PYTHONHOME")}
-    done = subprocess.run(
-        (interpreter, HERE / WORKERS[simulator]), input=json.dumps(request), capture_output=True, text=True,
-        check=False, timeout=1800, env=outside | threads, cwd=HERE,
-    )  # fmt: skip
+    with TemporaryDirectory(prefix="rivals_") as folder:  # MuJoCo writes its warnings to a file where it runs
+        done = subprocess.run(
+            (interpreter, HERE / WORKERS[simulator]), input=json.dumps(request), capture_output=True, text=True,
+            check=False, timeout=1800, env=outside | threads, cwd=folder,
+        )  # fmt: skip
     if done.returncode:
         raise RuntimeError(f"{WORKERS[simulator]} failed:\n{done.stderr}")
     answer = json.loads(done.stdout.splitlines()[-1])

@@ -33,14 +33,15 @@ class Simulator(ea.BaseSystemCollection, ea.Constraints, ea.Forcing, ea.Damping)
 class Held(ea.ConstraintBase):
     """First and last link held; the last is carried from where the first guess has it to its place."""
 
-    def __init__(self, rod: Rod, link: float, guess: tuple[np.ndarray, Rotation], duration: float, **more: Any) -> None:
+    def __init__(
+        self, rod: Rod, link: float, guess: tuple[np.ndarray, Rotation], duration: float, swing: Swing | None,
+        **more: Any,
+    ) -> None:  # fmt: skip
         super().__init__(**more)
-        self.link, self.duration = link, duration
+        self.link, self.duration, self.swing = link, duration, swing
         self.places = np.array((guess[0], rod.end[0]))
         self.turns = Slerp((0.0, 1.0), Rotation.concatenate((guess[1], rod.end[1])))
         self.start, self.end = self.nodes(*rod.start), self.nodes(*rod.end)
-
-    swing: Swing | None = None
 
     def nodes(self, place: np.ndarray, turn: Rotation) -> tuple[np.ndarray, np.ndarray]:
         """(3, 2) both nodes of a link centred there, and its (3, 3) directors as rows."""
@@ -100,8 +101,7 @@ class Cable:
         self.simulator.append(self.rod)
         guess = (0.5 * (nodes[-1] + nodes[-2]), frames[-1])
         carry = setting["carry"] if rest is None else 0.0
-        held = type("Held", (Held,), {"swing": swing})
-        self.simulator.constrain(self.rod).using(held, rod=rod, link=h, guess=guess, duration=carry)
+        self.simulator.constrain(self.rod).using(Held, rod=rod, link=h, guess=guess, duration=carry, swing=swing)
         self.simulator.add_forcing_to(self.rod).using(ea.GravityForces, acc_gravity=np.array((0.0, 0.0, -GRAVITY)))
         if rest is None:
             self.simulator.dampen(self.rod).using(

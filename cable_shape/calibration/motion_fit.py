@@ -49,7 +49,7 @@ def calibrate_motion(
     parameters = Parameters(cable, fit, priors, supports)
     recordings = recordings_of(seen)
     with Progress(progress, proceed) as told:
-        loads["finer"] = False
+        loads |= {"finer": False}  # what a mesh makes of a cable is part of what is fitted: one for all
         forward, values = MotionForward(parameters, recordings, **loads), parameters.start
         if np.isnan(MotionForward(parameters, recordings, FIRST[0], **loads).misses(values)[:, 0]).all():
             raise ArgumentError.of(

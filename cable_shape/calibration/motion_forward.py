@@ -135,7 +135,6 @@ class MotionForward:
         self.observations = list(recordings)
         self._loads = loads
         self._last: tuple[Array, Array] | None = None
-        self._finer: dict[Recording, int] = {}  # elements of those that need more at the last numbers
         self.lost = 0
 
     def run(self, values: Array, one: Recording) -> Run | None:
@@ -145,7 +144,6 @@ class MotionForward:
     def misses(self, values: Array) -> Array:
         """(n, 3) [m]; NaN of recordings that do not begin."""
         if self._last is None or not np.array_equal(self._last[0], values):
-            self._finer.clear()
             self._last = values.copy(), self._misses(values)
         return self._last[1]
 
@@ -178,21 +176,16 @@ class MotionForward:
 
     def _run(self, motion: Motion, values: Array, one: Recording) -> Run | None:
         """The nodes of a recording at its looks; where steps cannot be taken on the mesh as it is, on finer ones."""
-        if not self._refines:
-            return self._once(motion, values, one, whole=True)
-        known = self._finer.get(one, 0)
-        on = self._motion(values, elements=known) if known else motion
-        run = self._once(on, values, one)
-        if run is None and known:
-            on, run = motion, self._once(motion, values, one)
-        while run is not None and run.lost and len(run.s) <= _MOST:
-            elements = 2 * (len(run.s) - 1)
-            finer = self._motion(values, elements=elements)
+        run = self._once(motion, values, one, whole=not self._refines)
+        if not self._refines or run is None:
+            return run
+        while run.lost and len(run.s) <= _MOST:
+            finer = self._motion(values, elements=2 * (len(run.s) - 1))
             found = self._once(finer, values, one)
             if found is None:  # it does not begin there
                 break
-            on, run, self._finer[one] = finer, found, elements
-        return self._once(on, values, one, whole=True) if run is not None and run.lost else run
+            motion, run = finer, found
+        return self._once(motion, values, one, whole=True) if run.lost else run
 
     def _once(self, motion: Motion, values: Array, one: Recording, *, whole: bool = False) -> Run | None:
         """The same on one mesh; without the rest if steps are lost, unless it is the `whole` that is asked for."""

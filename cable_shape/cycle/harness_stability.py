@@ -9,12 +9,11 @@ from typing import Any, final
 import numpy as np
 
 from cable_shape.checks import Array
-from cable_shape.kernels.safety.speed import follow
 from cable_shape.pose import Grip
 from cable_shape.prediction.harness_predictor import HarnessPredictor
 from cable_shape.safety.margins import LONGEST_GAP, MarginWatch
 from cable_shape.safety.report import CableWarning, Clearance, Margin
-from cable_shape.safety.snap import Find, SnapWatch, predicted_harness_snap
+from cable_shape.safety.snap import Find, SnapWatch, predicted_harness_snap, twist_between
 from cable_shape.safety.warnings import snap_warning
 from cable_shape.scene.scene import Scene
 from cable_shape.solve.harness_network import HarnessNetwork
@@ -96,12 +95,7 @@ class HarnessStability:
         self._stamp, self._frames = stamp, now
         if not (0.0 < seconds <= LONGEST_GAP and before.keys() == now.keys()):
             return None
-        out = {}
-        for end, frame in now.items():
-            twists = np.empty(12)
-            follow(np.tile(before[end], 2), np.tile(frame, 2), True, seconds, twists)
-            out[end] = twists[:6]
-        return out
+        return {end: twist_between(before[end], frame, seconds) for end, frame in now.items()}
 
     def warning(self, name: str) -> list[CableWarning]:
         """Of a snap that is about to come; name: of the harness."""

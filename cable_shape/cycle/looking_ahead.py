@@ -14,10 +14,9 @@ from typing import Any, final
 import numpy as np
 
 from cable_shape.checks import Array
-from cable_shape.kernels.safety.speed import follow
 from cable_shape.prediction.together import rows_of
 from cable_shape.safety.margins import LONGEST_GAP
-from cable_shape.safety.snap import LONGER, LOOKS, Find, Found, first_snap, moved_frame
+from cable_shape.safety.snap import LONGER, LOOKS, Find, Found, first_snap, moved_frame, twist_between
 from cable_shape.shape import CableShape
 from cable_shape.solve.harness_shape import HarnessShape
 from cable_shape.solve.touching.crossing import Crossing
@@ -97,11 +96,8 @@ class Together:
 
 
 def _twists(before: Array, now: Array, seconds: float) -> Array:
-    """(n, 6): how fast frames (n, 7) move [m/s] and turn [rad/s], world axes."""
-    both = np.empty((len(now), 12))
-    for a, b, twists in zip(before, now, both, strict=True):
-        follow(np.tile(a, 2), np.tile(b, 2), True, seconds, twists)
-    return both[:, :6]
+    """(n, 6), of frames (n, 7), see `twist_between`."""
+    return np.array([twist_between(a, b, seconds) for a, b in zip(before, now, strict=True)])
 
 
 def _nothing(_: float) -> dict[str, Any]:

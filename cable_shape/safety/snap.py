@@ -10,6 +10,7 @@ from typing import TypeVar, final
 import numpy as np
 
 from cable_shape.checks import Array
+from cable_shape.kernels.safety.speed import follow
 from cable_shape.pose import FreeEnd, Grip, Pose, multiply
 from cable_shape.safety.report import Margin
 from cable_shape.shape import CableShape, Status
@@ -136,6 +137,13 @@ def moved(grip: Grip, twist: Array, time: float) -> Grip:
     frame = grip.cable_frame
     there = moved_frame(frame.array, twist, time)
     return Grip(Pose(there[:3], there[3:], frame.turns), grip.kind, curvature=grip.curvature)
+
+
+def twist_between(before: Array, now: Array, seconds: float) -> Array:
+    """(6,): velocity [m/s] and angular velocity [rad/s], world axes, of what went from one frame (7,) to another."""
+    twists = np.empty(12)
+    follow(np.tile(before, 2), np.tile(now, 2), True, seconds, twists)
+    return twists[:6]
 
 
 def moved_frame(frame: Array, twist: Array, time: float) -> Array:
