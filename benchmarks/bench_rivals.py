@@ -1,5 +1,5 @@
 #!/usr/bin/env python
-"""MuJoCo's cable and PyElastica beside the rod: time to the equilibrium on the grasps A to D, a swing, and errors.
+"""MuJoCo's cable and PyElastica beside the rod: grasps A to D, a swing, contact with friction.
 
 scripts/bench rivals --install                              makes .venv-rivals with MuJoCo 3.17 and PyElastica 1.0
 scripts/bench rivals [--quick] [--save FILE] [--compare FILE]   prints what `scripts/bench evidence` draws
@@ -18,6 +18,7 @@ from evidence_pages import Pages, table
 from evidence_work import beside_rivals, cold, rows_of
 from figures import bench_options, bench_parser, finish, heading
 from problems import GRASPS
+from rivals_laid import print_laid
 from rivals_swing import print_swings
 
 HERE = Path(__file__).resolve().parent
@@ -54,6 +55,7 @@ def main(arguments: list[str] | None = None) -> int:
     head = ("grasp", "model", "setting", "links", "time / rod", "mean error / L")
     print(table(head, [row for name, series in results.items() for row in rows_of(name, series)]))
     print_swings(pages.figures, options.quick)
+    print_laid(pages.figures, options.quick)
     return finish(pages.figures, options)
 
 

@@ -99,28 +99,34 @@ def run(
 
     swing: what `rivals_common.Swing` is read from, where the cables are not to settle, but to swing.
     """
-    interpreter = python()
-    if interpreter is None:
-        raise FileNotFoundError(f"{VENV}: {MISSING}")
     problems = {name: problem_of(name) for name in dict.fromkeys(job.problem for job in jobs)}
     request = {"problems": problems, "jobs": [job._asdict() for job in jobs], "repeats": repeats}
     if swing is not None:
         request["swing"] = swing
-    threads = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
-    outside = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "PYTHONHOME")}
-    with TemporaryDirectory(prefix="rivals_") as folder:  # MuJoCo writes its warnings to a file where it runs
-        done = subprocess.run(
-            (interpreter, HERE / WORKERS[simulator]), input=json.dumps(request), capture_output=True, text=True,
-            check=False, timeout=1800, env=outside | threads, cwd=folder,
-        )  # fmt: skip
-    if done.returncode:
-        raise RuntimeError(f"{WORKERS[simulator]} failed:\n{done.stderr}")
-    answer = json.loads(done.stdout.splitlines()[-1])
+    answer = ask(WORKERS[simulator], request)
     found = [
         None if values is None else Settling(job, values["error"], values["steps"], values["seconds"])
         for job, values in zip(jobs, answer["answers"], strict=True)
     ]
     return answer["version"], found
+
+
+def ask(worker: str, request: dict[str, Any]) -> dict[str, Any]:
+    """What a script in the rivals' environment answers."""
+    interpreter = python()
+    if interpreter is None:
+        raise FileNotFoundError(f"{VENV}: {MISSING}")
+    threads = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
+    outside = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "PYTHONHOME")}
+    with TemporaryDirectory(prefix="rivals_") as folder:  # MuJoCo writes its warnings to a file where it runs
+        done = subprocess.run(
+            (interpreter, HERE / worker), input=json.dumps(request), capture_output=True, text=True,
+            check=False, timeout=1800, env=outside | threads, cwd=folder,
+        )  # fmt: skip
+    if done.returncode:
+        raise RuntimeError(f"{worker} failed:\n{done.stderr}")
+    answer: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    return answer
 
 
 def measured(quick: bool) -> dict[str, dict[str, list[Settling]]]:

@@ -17,23 +17,25 @@ from scipy.spatial.transform import Rotation
 ALONG_X = Rotation.from_matrix(((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)))
 RADIUS = 0.004
 STEPS = 400
+APART = '><flag contact="disable"/>'
 
 MODEL = """
 <mujoco>
   <compiler boundmass="0" boundinertia="0"/>
   <extension><plugin plugin="mujoco.elasticity.cable"/></extension>
-  <option timestep="{step}" integrator="implicitfast" jacobian="dense" tolerance="1e-10" gravity="0 0 {gravity}">
-    <flag contact="disable"/>
+  <option timestep="{step}" integrator="implicitfast" jacobian="dense" tolerance="1e-10" gravity="0 0 {gravity}"
+    {contact}
   </option>
   <size memory="100M"/>
   <worldbody>
-    <body pos="{start}" quat="{start_quat}">
+    {bodies}
+    <body name="hand" mocap="true" pos="{start}" quat="{start_quat}">
       <composite type="cable" curve="s" count="{vertices} 1 1" size="{size}" initial="none">
         <plugin plugin="mujoco.elasticity.cable">
           <config key="twist" value="{shear_modulus}"/><config key="bend" value="{modulus}"/>
         </plugin>
         <joint kind="main" armature="{armature}"/>
-        <geom type="capsule" size="{radius}" mass="{mass}"/>
+        <geom type="capsule" size="{radius}" mass="{mass}" {surface}/>
       </composite>
     </body>
     <body name="grip" mocap="true" pos="{end}" quat="{end_quat}"/>
@@ -51,8 +53,10 @@ def wxyz(rotation: Rotation) -> np.ndarray:
     return np.roll(rotation.as_quat(), 1, axis=-1)
 
 
-def model_of(rod: Rod, joints: int, setting: Setting) -> mujoco.MjModel:
-    """The compiled model."""
+def model_of(
+    rod: Rod, joints: int, setting: Setting, bodies: str = "", contact: str = APART, surface: str = ""
+) -> mujoco.MjModel:
+    """The compiled model; bodies: geoms of the world, contact: the rest of the options, surface: that of the cable."""
     h = rod.length / joints
     fourth = np.pi * RADIUS**4
     ends = {}
@@ -63,7 +67,7 @@ def model_of(rod: Rod, joints: int, setting: Setting) -> mujoco.MjModel:
         step=setting["step"], twice=2.0 * setting["step"], gravity=-GRAVITY, vertices=joints + 2, size=rod.length + h,
         modulus=4.0 * rod.bending_stiffness / fourth, shear_modulus=2.0 * rod.twisting_stiffness / fourth,
         armature=setting["armature"] * rod.bending_stiffness / 0.01, radius=RADIUS, mass=rod.linear_density * h,
-        lever=0.25 * rod.length, **ends,
+        lever=0.25 * rod.length, bodies=bodies, contact=contact, surface=surface, **ends,
     )  # fmt: skip
     return mujoco.MjModel.from_xml_string(xml)
 

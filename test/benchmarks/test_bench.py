@@ -11,6 +11,7 @@ import evidence_rivals
 import numpy as np
 import pytest
 import rivals_common
+import rivals_laid
 import rivals_swing
 import rivals_tune
 from figures import Figures, bench_options, bench_parser, finish
@@ -155,6 +156,18 @@ def test_the_rivals_come_near_the_rod_or_are_told_to_be_missing(
         figures = Figures()
         rivals_swing.print_swings(figures, quick=True)
         assert len(figures.rows) == 2
+        rivals_laid.print_laid(figures, quick=True)
+        assert figures.hold
     monkeypatch.setattr(evidence_rivals, "VENV", tmp_path)
     assert bench_rivals.main(["--quick"]) == 0
     assert "scripts/bench rivals --install" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", rivals_laid.SCENES)
+def test_cables_that_a_simulator_lays_beside_the_rod_touch_bodies_with_friction(name: str) -> None:
+    scene = rivals_laid.SCENES[name]()
+    _, last, _, lost = rivals_laid.rod(scene)
+    assert lost == 0
+    assert len({contact.body for contact in last.contacts}) == min(2, len(scene.bodies))
+    assert any(contact.tangential_force.any() for contact in last.contacts)
+    assert not last.frictionless
