@@ -372,11 +372,12 @@ def main() -> int:
     parser.add_argument("--train", type=Path, default=TRAIN, metavar="FOLDER", help="recordings to fit to")
     parser.add_argument("--cables", type=int, nargs="+", choices=range(1, 6), default=range(1, 6), metavar="K")
     parser.add_argument("--all", action="store_true", help="fit all that helps, not eight numbers")
+    parser.add_argument("--finer", action="store_true", help="fit and judge again on a mesh twice as fine")
     options = bench_options(parser)
     figures = Figures()
     print(machine())
     if options.data is not None:
-        measure_real(figures, options.data, options.train, list(options.cables), options.all)
+        measure_real(figures, options.data, options.train, list(options.cables), options.all, options.finer)
         return finish(figures, options)
     measure_steps(figures, 200 if options.quick else 1000)
     measure_harness(figures, 200 if options.quick else 1000)

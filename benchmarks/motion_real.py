@@ -11,7 +11,10 @@ from scipy.spatial.transform import Rotation
 from tqdm import tqdm
 
 import cable_shape as cs
+from cable_shape.calibration.motion_fit import calibrate_motion
 from cable_shape.calibration.motion_forward import MotionForward, recordings_of
+from cable_shape.motion.common import enough
+from cable_shape.motion.run import STEP
 
 TRAIN = Path(__file__).resolve().parents[2] / "shared" / "data" / "motion"
 DENSITY = 0.05  # kg/m, not measured: only EI / weight and what slows it shape these cables
@@ -31,6 +34,7 @@ PRIORS = {
 LOST, ASIDE, STILL = 1.5, 0.5, 3e-4
 #: Mean over 5 s [mm] that is asked of cables 1 to 5 with eight numbers, and with all.
 ASKED = {"eight": (11.0, 5.5, 6.0, 6.0, 6.5), "all": (10.5, 5.0, 5.0, 5.0, 6.0)}
+FINER = 0.3  #: [mm], by how much these change on a mesh twice as fine, in steps half as long
 #: Parts of the recordings, each held back once, where there are no others to judge.
 PARTS = 2
 
@@ -118,17 +122,29 @@ def looks(seen: Seen, frames: Frames, which: np.ndarray) -> list[cs.Observation]
     return out
 
 
-def misses(found: cs.Calibration, seen: list[cs.Observation], markers: int) -> np.ndarray:
+class Mesh(NamedTuple):
+    """The longest step in time [s], and how many elements; None: as many as it takes."""
+
+    longest: float = STEP
+    elements: int | None = None
+
+
+USUAL = Mesh()
+
+
+def misses(found: cs.Calibration, seen: list[cs.Observation], markers: int, mesh: Mesh = USUAL) -> np.ndarray:
     """(recordings, T - 2) [mm]: mean |difference| over x, y, z and all markers, the four given ones with none."""
     assert found.parameters is not None
     assert found.values is not None
-    recordings = recordings_of(seen)
-    each = np.abs(MotionForward(found.parameters, recordings).misses(found.values))
+    recordings = recordings_of(seen, mesh.longest)
+    each = np.abs(MotionForward(found.parameters, recordings, elements=mesh.elements).misses(found.values))
     assert np.isfinite(each).all(), "a recording does not begin"
     return 1e3 * each.reshape(len(recordings), -1, (markers - 4) * 3).sum(axis=2) / (3 * markers)
 
 
-def judged(number: int, folder: Path, train: Path, names: tuple[str, ...]) -> tuple[np.ndarray, list[cs.Calibration]]:
+def judged(
+    number: int, folder: Path, train: Path, names: tuple[str, ...], mesh: Mesh = USUAL
+) -> tuple[np.ndarray, list[cs.Calibration]]:
     """Misses of all recordings in a folder by fits to recordings in `train` that are not the same, and these fits."""
     judge = load(folder, number)
     learn = load(train, number) if (train / f"cable{number}_motion.npz").is_file() else judge
@@ -150,15 +166,24 @@ def judged(number: int, folder: Path, train: Path, names: tuple[str, ...]) -> tu
         held = np.flatnonzero(parts == part)
         others = np.flatnonzero(~same[held].any(axis=0))
         priors = {name: PRIORS[name] for name in names if name in PRIORS}
-        fits.append(
-            cs.calibrate(looks(learn, frames, others), cable, names, priors=priors, supports=SUPPORTS, motion=True)
-        )
-        out[held] = misses(fits[-1], looks(judge, frames, held), judge.markers.shape[2])
+        known = looks(learn, frames, others)
+        fits.append(calibrate_motion(known, cable, names, priors=priors, supports=SUPPORTS, **mesh._asdict()))
+        out[held] = misses(fits[-1], looks(judge, frames, held), judge.markers.shape[2], mesh)
     return out, fits
 
 
-def measure_real(figures: Figures, folder: Path, train: Path, numbers: list[int], every: bool) -> None:
-    """The table of docs/accuracy.md."""
+def twice(number: int, train: Path, fitted: cs.Calibration) -> Mesh:
+    """A mesh twice as fine as that of a fit, and steps half as long."""
+    seen = load(train, number)
+    first = looks(seen, frames_of(seen), np.arange(1))[0]
+    shape = cs.predict(fitted.cable, first.start, first.end, model="cosserat")
+    return Mesh(0.5 * STEP, 2 * enough(shape, fitted.cable))
+
+
+def measure_real(
+    figures: Figures, folder: Path, train: Path, numbers: list[int], every: bool, finer: bool = False
+) -> None:
+    """The table of docs/accuracy.md; finer: each again on a mesh twice as fine, fitted on its own."""
     what, names = ("all", ALL) if every else ("eight", EIGHT)
     heading(f"Real cables in fast motion, {what} numbers: held-back recordings, open loop over 5 s, DEFORM's measure")
     print(
@@ -175,5 +200,10 @@ def measure_real(figures: Figures, folder: Path, train: Path, numbers: list[int]
             f"{stiff:.2g} | {fits[0].cable.retardation_time:.3f} | {1e3 * fits[0].cable.length:.1f} |",
             flush=True,
         )
+        if finer:
+            mesh = twice(number, train, fits[0])
+            there = judged(number, folder, train, names, mesh)[0].mean()
+            told = f"cable {number}, {what} numbers: {there:.2f} mm with {mesh.elements} elements, changed by"
+            figures.at_most(told, abs(float(there - means.mean())), FINER, "{:.2f}", " mm")
         asked = ASKED[what][number - 1]
         figures.at_most(f"cable {number}, {what} numbers: mean over 5 s", float(means.mean()), asked, "{:.1f}", " mm")

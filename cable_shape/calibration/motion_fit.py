@@ -18,6 +18,7 @@ from cable_shape.calibration.result import Calibration, grips_of
 from cable_shape.calibration.robust import Fit
 from cable_shape.checks import Array
 from cable_shape.errors import ArgumentError
+from cable_shape.motion.run import STEP
 
 #: [s], of each recording that is fitted first, and in so many iterations at most: what is far off swings out of step.
 #: There logarithms have a prior of this, lest what is not seen so soon runs away.
@@ -37,9 +38,11 @@ def calibrate_motion(
     supports: int,
     proceed: Callable[[int, float], bool] | None = None,
     progress: bool = True,
+    longest: float = STEP,
     **loads: Any,
 ) -> Calibration:
-    """See :func:`cable_shape.calibrate` with `motion`; loads: `gravity` and `scene`.
+    """See :func:`cable_shape.calibrate` with `motion`; longest [s]: no step is longer; loads: `gravity`, `scene` and
+    `elements` of :class:`cable_shape.Motion`.
 
     Raises
     ------
@@ -47,7 +50,7 @@ def calibrate_motion(
         For wrong arguments, or if no recording has a usable shape to begin with.
     """
     parameters = Parameters(cable, fit, priors, supports)
-    recordings = recordings_of(seen)
+    recordings = recordings_of(seen, longest)
     with Progress(progress, proceed) as told:
         loads |= {"finer": False}  # what a mesh makes of a cable is part of what is fitted: one for all
         forward, values = MotionForward(parameters, recordings, **loads), parameters.start

@@ -37,8 +37,9 @@ class Recording:
     compared. Where these two do not see the same points it begins at rest.
     """
 
-    def __init__(self, looks: Sequence[Observation]) -> None:
-        self.looks = looks
+    def __init__(self, looks: Sequence[Observation], longest: float = STEP) -> None:
+        """longest [s]: no step in time is longer."""
+        self.looks, self._longest = looks, longest
         self.group = looks[0].group
         self.planar = looks[0].planar
         times = np.array([look.time for look in looks], dtype=np.float64)
@@ -51,7 +52,7 @@ class Recording:
         self.starts = np.array([look.start.cable_frame.array for look in looks])
         ends = [look.end.cable_frame.array for look in looks if isinstance(look.end, Grip)]
         self.ends = np.array(ends) if ends else None
-        self.ways = np.maximum(1, np.ceil(self.steps[1:] / STEP)).astype(np.int64)
+        self.ways = np.maximum(1, np.ceil(self.steps[1:] / longest)).astype(np.int64)
         later = looks[2:]
         self.points = np.concatenate([look.points for look in later])
         self.arc_length = np.concatenate([look.arc_length for look in later])
@@ -81,7 +82,7 @@ class Recording:
 
     def until(self, most: float) -> Recording:
         """Its looks of the first `most` [s]."""
-        return Recording(self.looks[: max(FEWEST, 1 + int((np.cumsum(self.steps) <= most).sum()))])
+        return Recording(self.looks[: max(FEWEST, 1 + int((np.cumsum(self.steps) <= most).sum()))], self._longest)
 
     def begin(self, motion: Motion, start: Grip, end: Grip | FreeEnd) -> bool:
         """Starts a motion at the second look, with these ends."""
@@ -207,8 +208,8 @@ class MotionForward:
         return joined(runs).after((np.cumsum(one.ways) - 1).tolist())
 
 
-def recordings_of(seen: Sequence[Observation]) -> list[Recording]:
-    """Observations, group by group, each in the order of time.
+def recordings_of(seen: Sequence[Observation], longest: float = STEP) -> list[Recording]:
+    """Observations, group by group, each in the order of time; longest [s]: no step between them is longer.
 
     Raises
     ------
@@ -226,7 +227,8 @@ def recordings_of(seen: Sequence[Observation]) -> list[Recording]:
         if len(looks) < FEWEST:
             bound = f"a motion has {FEWEST} at least"
             raise ArgumentError.of(f"looks of group {group}", len(looks), bound, "Leave the group out.")
-    return [Recording(sorted(looks, key=lambda look: checks.number("time", look.time))) for looks in groups.values()]
+    ordered = [sorted(looks, key=lambda look: checks.number("time", look.time)) for looks in groups.values()]
+    return [Recording(looks, longest) for looks in ordered]
 
 
 def beside(frames: Array, offset: Pose | None) -> Array:
