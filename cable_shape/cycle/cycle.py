@@ -18,11 +18,12 @@ from cable_shape.cable.harness import Harness
 from cable_shape.cycle.cable_cycle import CableCycle, CableCycles, refuse_acceleration
 from cable_shape.cycle.dynamic import DYNAMIC, MOTIONS, QUASISTATIC
 from cable_shape.cycle.editing import Editing, Part
-from cable_shape.cycle.given import named_ones, opened_end, opened_ends
+from cable_shape.cycle.given import BY_NAME, loads_of, look_of, named_ones, opened_end, opened_ends, uncertainties_of
 from cable_shape.cycle.harness_cycle import HarnessCycle, HarnessCycles, beside_each_other
 from cable_shape.cycle.looking_ahead import Together
 from cable_shape.cycle.seen import AsSeen
 from cable_shape.cycle.swinging import Swinging, step_on
+from cable_shape.cycle.told import beside
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import Ends, Pose
 from cable_shape.prediction.cables_predictor import accelerate, check_ends, check_models
@@ -38,7 +39,7 @@ from cable_shape.shape import CableShape
 from cable_shape.solve.problem import GRAVITY
 from cable_shape.solve.quasistatic import LIMIT
 from cable_shape.solve.touching.crossing import Crossing
-from cable_shape.uncertainty.uncertainty import Uncertainty
+from cable_shape.uncertainty.uncertainty import Tube, Uncertainty
 
 
 @final
@@ -113,31 +114,16 @@ class Cycle:
             checks.instance("scene", scene, (Scene,), "Write Scene(obstacles=[...]), or Scene.from_yaml(path).")
         robot_links = checks.entries("robot_links", robot_links, Obstacle)
         gripping_links = checks.entries("gripping_links", gripping_links, str, "Give a list of link names.")
-        remedy = "Write {name of the cable: ..}."
-        for name, lengths in checks.mapping("tails", tails, named, remedy).items():
+        for name, lengths in checks.mapping("tails", tails, named, BY_NAME).items():
             named[name] = named[name].replace(tails=lengths)
-        own_plugs = checks.mapping("plugs", plugs, named, remedy)
+        own_plugs = checks.mapping("plugs", plugs, named, BY_NAME)
         every = (*named, *harnesses)
-        own_clips = checks.mapping("clips", clips, every, remedy)
-        if isinstance(distributed_load, Mapping):
-            loads = checks.mapping("distributed_load", distributed_load, every, remedy)
-        else:
-            loads = dict.fromkeys(named, distributed_load)
+        own_clips = checks.mapping("clips", clips, every, BY_NAME)
+        loads = loads_of(distributed_load, named, every)
         horizon = checks.number("snap_horizon", snap_horizon, at_least=0.0, unit="s")
         ratio = checks.number("quasistatic_limit", quasistatic_limit, at_least=0.0)
         checks.one_of("motion", motion, MOTIONS)
-        look = checks.number("look_ahead", look_ahead, at_least=0.0, at_most=10.0, unit="s")
-        if look > 0.0 and motion != DYNAMIC:
-            remedy_of_look = "Write motion='dynamic', or leave it out."
-            raise ArgumentError.of(
-                "look_ahead", look, "only a cable that swings goes on when its grips stop", remedy_of_look
-            )
-        if isinstance(uncertainty, Uncertainty):
-            known: dict[str, Uncertainty] = dict.fromkeys(every, uncertainty)
-        else:
-            known = checks.mapping("uncertainty", uncertainty, every, f"Write Uncertainty(...). {remedy}")
-        for name, one in known.items():
-            checks.instance(f"uncertainty[{name!r}]", one, (Uncertainty,), "Write Uncertainty(...).")
+        look, known = look_of(look_ahead, motion), uncertainties_of(uncertainty, every)
         self._named = named
         self._scene = scene or Scene()
         options: dict[str, Any] = {
@@ -286,7 +272,7 @@ class Cycle:
         for harness in self._harnesses.values():
             self._parts.update(harness.cables)
         self._near = near or self._made_near(self._parts, self.scene)
-        parts: list[CableCycle | HarnessCycle] = [*self._cables.values(), *self._harnesses.values()]
+        parts: list[Part] = [*self._cables.values(), *self._harnesses.values()]
         self._pushed = any(part.predictor.problem.carried for part in parts)
         solved = {name: one.predictor.problem.solves_crossing for name, one in self._harnesses.items()}
         if all(cable.predictor.problem.solves_crossing for cable in self._cables.values()):
@@ -349,6 +335,82 @@ class Cycle:
         if seen is not None and not callable(seen):
             raise ArgumentError.of("seen", seen, "it must be a function", "Leave it out, or give one.")
         began = perf_counter()
+        grips, cables, held = self._taken(grips)
+        moving = checks.mapping("acceleration", acceleration, grips, "Write {name of the cable: (ax, ay, az)}.")
+        placed = (links() if self._pushed else None) if callable(links) else links
+        shapes, together = self._predicted(grips, cables, held, stamp, placed, moving)
+        if seen is not None:
+            for name, look in seen(shapes).items():
+                shapes[name] = look.shape
+                part: Part = held[name] if name in held else cables[name]
+                part.take_seen(look, grips[name])  # type: ignore[arg-type]
+        single: dict[str, CableShape] = {name: shapes[name] for name in cables}
+        parts = {name: harness.parts(shapes[name]) for name, harness in held.items()}
+        for own in parts.values():
+            single.update(own)
+        predicted = perf_counter()
+        if early is not None:
+            early(shapes)
+        if callable(links) and not self._pushed:
+            placed = links()
+        resumed = perf_counter()
+        tubes = self._tubes(grips, cables, held, shapes, stamp, placed)
+        clearance = {name: cable.check(shapes[name], placed) for name, cable in cables.items()}
+        for name, harness in held.items():
+            clearance.update(harness.check(parts[name], placed))
+        if self.scene.contact != "off":
+            swell = {name: float(tube.radius.max()) for name, tube in tubes.items()}
+            clearance = self._near.added(single, clearance, swell)
+        for name, tube in tubes.items():
+            clearance[name] = dataclasses.replace(clearance[name], confidence=tube.confidence, holds=tube.holds)
+        checked = perf_counter()
+        find = self._ahead.find(stamp) if together and self._ahead is not None else {}
+        margins = {
+            name: cable.margins(shapes[name], clearance[name], grips[name], stamp, find.get(name))
+            for name, cable in cables.items()
+        }
+        for name, harness in held.items():
+            margins.update(harness.margins(shapes[name], clearance, stamp, find.get(name)))
+        measured = perf_counter()
+        warnings = [
+            warning for name, cable in cables.items() for warning in cable.warnings(shapes[name], margins[name])
+        ]
+        for name, harness in held.items():
+            warnings += harness.warnings(parts[name], margins)
+        plugs = {name: cable.plug_error(shapes[name]) for name, cable in cables.items()}
+        ended = perf_counter()
+        self.last_stamp = stamp
+        return CycleReport(
+            stamp=stamp,
+            grips={name: ends if name in held else tuple(ends) for name, ends in grips.items()},  # type: ignore[misc]
+            links=placed,
+            shapes=shapes,
+            clearance=clearance,
+            warnings=tuple(warnings),
+            times={
+                "predict": predicted - began,
+                "clearance": checked - resumed,
+                "margins": measured - checked,
+                "warnings": ended - measured,
+                "total": predicted - began + ended - resumed,
+            },
+            skipped={
+                "reused": sum(s.reused for s in shapes.values()),
+                "pairs_culled": sum(c.pairs_culled for c in clearance.values()),
+                "snap_checks": sum(cable.snap_skipped for cable in cables.values())
+                + sum(harness.stability.snaps.skipped for harness in held.values()),
+                "crossings": self._crossings_skipped(cables),
+            },
+            margins=margins,
+            plugs={name: error for name, error in plugs.items() if error is not None},
+            tubes=tubes,
+            **beside(cables, held),
+        )
+
+    def _taken(
+        self, grips: Mapping[str, Ends]
+    ) -> tuple[Mapping[str, Ends], dict[str, CableCycle], dict[str, HarnessCycle]]:
+        """What is given of each cable, without what edits have opened, and the cables and harnesses that are."""
         cables = {}
         held = {name: self._harnesses[name] for name in grips if name in self._harnesses}
         if held and self._layout is not None:
@@ -365,16 +427,20 @@ class Cycle:
             if opened:
                 grips = {**grips, name: opened_end(grips[name], opened)}
             cables[name] = cable
-        for cable in cables.values():
-            cable.look_again()
-        for harness in held.values():
-            harness.look_again()
-        moving = checks.mapping("acceleration", acceleration, grips, "Write {name of the cable: (ax, ay, az)}.")
+        parts: list[Part] = [*cables.values(), *held.values()]
+        for part in parts:
+            part.look_again()
+        return grips, cables, held
+
+    def _predicted(
+        self, grips: Mapping[str, Ends], cables: Mapping[str, CableCycle], held: Mapping[str, HarnessCycle], stamp: int,
+        placed: Mapping[str, Pose] | None, moving: Mapping[str, Any],
+    ) -> tuple[dict[str, Any], bool]:  # fmt: skip
+        """All shapes, by name, and whether some were found together, at rest."""
         dynamic = self._maker.motion == DYNAMIC
         if moving or (self._solves_crossing and not dynamic):
             for name, cable in cables.items():
                 accelerate(name, cable.predictor, moving.get(name))
-        placed = (links() if self._pushed else None) if callable(links) else links
         if dynamic:
             for name, given in moving.items():
                 if given is not None:
@@ -386,99 +452,21 @@ class Cycle:
             name: cable.predict(grips[name], placed, together.get(name), moving.get(name), stamp)
             for name, cable in cables.items()
         }
-        single = dict(shapes)
-        parts: dict[str, dict[str, CableShape]] = {}
         for name, harness in held.items():
             ends: Any = grips[name]
             shapes[name] = harness.predict(ends, placed, moving.get(name), stamp, together.get(name))
-            parts[name] = harness.parts(shapes[name])
-            single.update(parts[name])
-        if seen is not None:
-            for name, look in seen(shapes).items():
-                shapes[name] = look.shape
-                if name in held:
-                    held[name].take_seen(look, grips[name])  # type: ignore[arg-type]
-                    parts[name] = held[name].parts(shapes[name])
-                    single.update(parts[name])
-                else:
-                    cables[name].take_seen(look, grips[name])
-                    single[name] = shapes[name]
-        predicted = perf_counter()
-        if early is not None:
-            early(shapes)
-        if callable(links) and not self._pushed:
-            placed = links()
-        resumed = perf_counter()
-        tubes = {name: cable.spread(shapes[name], grips[name], placed, stamp) for name, cable in cables.items()}
-        known = {name: tube for name, tube in tubes.items() if tube is not None}
+        return shapes, bool(together)
+
+    def _tubes(
+        self, grips: Mapping[str, Ends], cables: Mapping[str, CableCycle], held: Mapping[str, HarnessCycle],
+        shapes: Mapping[str, Any], stamp: int, placed: Mapping[str, Pose] | None,
+    ) -> dict[str, Tube]:  # fmt: skip
+        """About the shapes of cables and segments of which it is known how well they are known."""
+        found = {name: cable.spread(shapes[name], grips[name], placed, stamp) for name, cable in cables.items()}
+        known = {name: tube for name, tube in found.items() if tube is not None}
         for name, harness in held.items():
             known.update(harness.spread(shapes[name], grips[name], placed, stamp))  # type: ignore[arg-type]
-        swell = {name: float(tube.radius.max()) for name, tube in known.items()}
-        clearance = {name: cable.check(shapes[name], placed) for name, cable in cables.items()}
-        for name, harness in held.items():
-            clearance.update(harness.check(parts[name], placed))
-        if self.scene.contact != "off":
-            clearance = self._near.added(single, clearance, swell)
-        for name, tube in known.items():
-            clearance[name] = dataclasses.replace(clearance[name], confidence=tube.confidence, holds=tube.holds)
-        checked = perf_counter()
-        find = self._ahead.find(stamp) if together and self._ahead is not None else {}
-        margins = {
-            name: cable.margins(shapes[name], clearance[name], grips[name], stamp, find.get(name))
-            for name, cable in cables.items()
-        }
-        for name, harness in held.items():
-            margins.update(harness.margins(shapes[name], clearance, stamp, find.get(name)))
-        measured = perf_counter()
-        warnings = tuple(
-            warning for name, cable in cables.items() for warning in cable.warnings(shapes[name], margins[name])
-        )
-        for name, harness in held.items():
-            warnings = (*warnings, *harness.warnings(parts[name], margins))
-        plugs = {name: cable.plug_error(shapes[name]) for name, cable in cables.items()}
-        ended = perf_counter()
-        self.last_stamp = stamp
-        return CycleReport(
-            stamp=stamp,
-            grips={name: ends if name in held else tuple(ends) for name, ends in grips.items()},  # type: ignore[misc]
-            links=placed,
-            shapes=shapes,
-            clearance=clearance,
-            warnings=warnings,
-            times={
-                "predict": predicted - began,
-                "clearance": checked - resumed,
-                "margins": measured - checked,
-                "warnings": ended - measured,
-                "total": predicted - began + ended - resumed,
-            },
-            skipped={
-                "reused": sum(s.reused for s in shapes.values()),
-                "pairs_culled": sum(c.pairs_culled for c in clearance.values()),
-                "snap_checks": sum(cable.snap_skipped for cable in cables.values())
-                + sum(harness.stability.snaps.skipped for harness in held.values()),
-                "crossings": self._crossings_skipped(cables),
-            },
-            margins=margins,
-            tails={
-                **{(name, side): tail for name, cable in cables.items() for side, tail in cable.tails.items()},
-                **{key: tail for harness in held.values() for key, tail in harness.tails.items()},
-            },
-            after_snap={
-                **{name: cable.after_snap for name, cable in cables.items() if cable.after_snap is not None},
-                **{one: shape for harness in held.values() for one, shape in harness.after_snap.items()},
-            },
-            plugs={name: error for name, error in plugs.items() if error is not None},
-            ahead={
-                **{name: cable.ahead for name, cable in cables.items() if cable.ahead is not None},
-                **{one: ahead for harness in held.values() for one, ahead in harness.ahead.items()},
-            },
-            tubes=known,
-            tail_tubes={
-                **{(name, side): tube for name, cable in cables.items() for side, tube in cable.tail_tubes.items()},
-                **{key: tube for harness in held.values() for key, tube in harness.tail_tubes.items()},
-            },
-        )
+        return known
 
     @property
     def _solves_crossing(self) -> bool:
