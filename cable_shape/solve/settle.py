@@ -92,14 +92,12 @@ class Settling:
         """(n, 3) [m], of the nodes."""
         return self.motion.origin
 
-    def step(self, dt: float, far: float = settle.LARGEST_TURN) -> bool:
+    def step(self, dt: float, far: float = settle.LARGEST_TURN, most: int = settle.MOST_ITERATIONS) -> bool:
         """One step in time [s]; False, and nothing has moved, if it is too long to be followed.
 
-        far [rad]: by how much a frame may turn.
+        far [rad]: by how much a frame may turn; most: iterations.
         """
-        code = settle.step(
-            self.ints, self.floats, self.sols, self.work, self.moving, dt, far, settle.MOST_ITERATIONS, self.info
-        )
+        code = settle.step(self.ints, self.floats, self.sols, self.work, self.moving, dt, far, most, self.info)
         if code != CONVERGED:
             return False
         self.energy, self._moved = float(self.info[I_ENERGY]), True

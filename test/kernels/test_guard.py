@@ -152,6 +152,34 @@ def test_planes_hold_a_node_at_its_seat_as_differences_say(settling, seed):
     row[:] = 0.0
 
 
+def test_a_plane_that_sticks_to_a_node_at_its_seat_pulls_until_it_is_let_go(settling):
+    """Else two sets of planes might follow each other for ever."""
+    node, normal, hold = 5, np.array((0.0, 0.0, 1.0)), 1.0
+    a, row = settling.motion.origin[node].copy(), settling.motion.walls[node]
+    settling.motion.rough[node] = 0.0
+
+    def lift(height):
+        settling.motion.seat[node] = a + height * normal
+        motion.seat(settling.motion, node, (0.0, 0.0, 0.0))
+        return settling.motion.give[node, 8]
+
+    settling.motion.walls[...] = 0.0
+    walled(settling, node, [(normal, normal @ a, 100.0, 0.0)], hold)
+    free, held = pytest.approx(1.0 / hold), pytest.approx(1.0 / (hold + 100.0))
+    assert lift(1e-3) == free
+    motion.stick(settling.motion)  # nothing pushes
+    assert lift(1e-3) == free
+    assert lift(-1e-3) == held
+    motion.stick(settling.motion)
+    assert lift(1e-3) == held
+    assert row[1 + PUSHED] == 0.0
+    assert row[1 + walls.PULLED] == pytest.approx(-0.1)
+    assert motion.let_go(settling.motion)
+    assert lift(1e-3) == free
+    assert not motion.let_go(settling.motion)
+    settling.motion.walls[...] = 0.0
+
+
 SOLIDS = (cs.Sphere(0.05), cs.Box((0.2, 0.1, 0.05)), cs.Cylinder(0.04, 0.3), cs.Capsule(0.03, 0.2), cs.HalfSpace())
 
 

@@ -34,7 +34,7 @@ from cable_shape.kernels.network.tables import Floats, Model, Plan
 from cable_shape.kernels.network.walls import along
 from cable_shape.kernels.rod_algebra import Vector, add, apply, dot, get3, put3, scale, subtract, take3
 
-#: Of the length: a body that much nearer to a point of an element than to both of its nodes has a plane there.
+#: Of the length, in swings: a body that much nearer to a point of an element than to both its nodes has a plane there.
 NEARER = 1e-5
 #: Of an element: where on it a body is nearest is found so well, in so many looks.
 LOOKS, GOLDEN = 7, 0.6180339887498949
@@ -79,10 +79,13 @@ def put_aside(motion: Motion) -> tuple[int, Floats]:
 
 @viewing
 def find_points(
-    plan: Plan, model: Model, motion: Motion, memory: Momentum, bodies: Bodies, thick: Floats, whole: Floats,
-    rough: Floats, reach: float, room: int,
+    plan: Plan, model: Model, motion: Motion, places: Floats, tangents: Floats, bodies: Bodies, thick: Floats,
+    whole: Floats, rough: Floats, reach: float, nearer: float, edges: bool, room: int,
 ) -> None:  # fmt: skip
-    """Fills the points of elements that bodies within `reach` [m] of them may hold, no more than `room`.
+    """Fills the points of elements that bodies within `reach` [m] of them may hold, the nearest `room` of them.
+
+    places, tangents (n, 3): of the nodes. A body that is nearer to a point of an element than to both of its nodes, by
+    the part `nearer` of the length, has a plane there; edges: but not one that a plane at one of them has behind it.
 
     Forces go on from before, and so does a point that a body presses, unless its nodes are nearer to that. An end that
     nothing holds is one: where it is its own rotation tells, too, and planes that know of its forces alone would let
@@ -98,9 +101,9 @@ def find_points(
             if excluded(bodies, b, model.s[node] + 0.5 * h, length):
                 continue
             then, now = bodies.then[b], bodies.frames[b]
-            p, q = carried(get3(memory.place, node), then, now), carried(get3(memory.place, node + 1), then, now)
-            tp = subtract(carried(add(get3(memory.place, node), get3(memory.tangent, node)), then, now), p)
-            tq = subtract(carried(add(get3(memory.place, node + 1), get3(memory.tangent, node + 1)), then, now), q)
+            p, q = carried(get3(places, node), then, now), carried(get3(places, node + 1), then, now)
+            tp = subtract(carried(add(get3(places, node), get3(tangents, node)), then, now), p)
+            tq = subtract(carried(add(get3(places, node + 1), get3(tangents, node + 1)), then, now), q)
             middle = gap_at(bodies, b, h, 0.5, p, q, tp, tq, fat)
             if middle - 0.6 * h > reach:
                 continue
@@ -111,8 +114,14 @@ def find_points(
             for tip in range(2):
                 if tip == 1:
                     x, gap, k = 1.0, last, before_at(was, had, e, b, True)
-                wanted = gap < min(first, last) + (NEARER if pressed else -NEARER) * length
+                wanted = gap < min(first, last) + (nearer if pressed else -nearer) * length
                 if gap > reach or not (wanted if tip == 0 else motion.loose[node + 1] != 0.0):
+                    continue
+                if (
+                    edges
+                    and not pressed
+                    and (faces(bodies, b, p, q, fat, nearer * length) or faces(bodies, b, q, p, fat, nearer * length))
+                ):
                     continue
                 i = place_for(motion, 0, room, gap)
                 if i < 0:
@@ -134,6 +143,13 @@ def find_points(
                 if k >= 0:
                     props[i, PUSH] = was[k, PUSH]
                     put3(props, i, DRY, along(n, take3(was, k, DRY)))
+
+
+@inline
+def faces(bodies: Bodies, b: int, p: Vector, q: Vector, thick: float, off: float) -> bool:
+    """Whether q [m] is no further than `off` behind the plane between p and body b: so is then what is between both."""
+    d, n, _ = touch(bodies.table[b], bodies.frames[b], bodies.triangles, bodies.tree, p, NONE, False, bodies.stack)
+    return bool(d - thick + dot(n, subtract(q, p)) > -off)
 
 
 @inline

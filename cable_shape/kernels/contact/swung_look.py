@@ -11,6 +11,7 @@ from cable_shape.kernels.contact.guard import look_around
 from cable_shape.kernels.contact.meeting import find_pairs, parted
 from cable_shape.kernels.contact.points import (
     HELD,
+    NEARER,
     find_points,
     find_rings,
     heavy_at,
@@ -96,7 +97,10 @@ def look(
             )  # fmt: skip
             motion.par[N_WALLED] += 1.0 if motion.walls[node, 0] > 0.0 else 0.0
     room, had = PROPS - skin.rings.shape[0], int(motion.par[N_PROPS])
-    find_points(plan, model, motion, memory, bodies, skin.thick, skin.whole, skin.rough, reach, room)
+    find_points(
+        plan, model, motion, memory.place, memory.tangent, bodies, skin.thick, skin.whole, skin.rough, reach, NEARER,
+        False, room,
+    )  # fmt: skip
     for i in range(int(motion.par[N_PROPS])):
         node = plan.left[int(motion.props[i, ELEMENT])] + 1
         if motion.props[i, SHARE] == 1.0:

@@ -18,7 +18,20 @@ from typing import NamedTuple
 
 from cable_shape.kernels.network.compiled import inline, part, viewing
 from cable_shape.kernels.network.tables import Floats, Model, Plan, Solution, Whole, Work
-from cable_shape.kernels.network.walls import AT, KEPT, OUT, PUSHED, RUB, STIFF, WALL, WALLS, frozen, touched
+from cable_shape.kernels.network.walls import (
+    AT,
+    KEPT,
+    OUT,
+    PULLED,
+    PUSHED,
+    RUB,
+    STICKS,
+    STIFF,
+    WALL,
+    WALLS,
+    frozen,
+    touched,
+)
 from cable_shape.kernels.rod_algebra import (
     Matrix,
     Vector,
@@ -279,21 +292,52 @@ def seat(motion: Motion, node: int, pull: Vector) -> None:
 
 
 @viewing
-def move_seats(plan: Plan, motion: Motion, fraction: float) -> float:
-    """Takes seats along, by `fraction` of the step at hand; returns how far [m] one of a node with planes goes."""
+def move_seats(plan: Plan, motion: Motion, shove: Floats, fraction: float) -> float:
+    """Takes seats along, by `fraction` of the step at hand; returns how far [m] one of a node with planes goes.
+
+    shove (n, 3) [N]: what of the step is of points inside elements, if there are some.
+    """
     farthest = 0.0
     for j in range(plan.ends.shape[0]):
-        first, last = plan.first[j], plan.first[j + 1]
-        for e in range(first + 1, last):
-            node = e + j
-            if motion.walls[node, 0] == 0.0:
-                continue
-            change = subtract(get3(motion.step, e), get3(motion.step, e - 1))
-            to = add(get3(motion.place, node), apply(get9(motion.give, node, 0), change))
-            way = subtract(to, get3(motion.seat, node))
-            farthest = max(farthest, dot(way, way))
-            put3(motion.seat, node, 0, add(get3(motion.seat, node), scale(fraction, way)))
+        for e in range(plan.first[j] + 1, plan.first[j + 1]):
+            if motion.walls[e + j, 0] > 0.0:
+                way = way_of_seat(motion, shove, e, e + j)
+                farthest = max(farthest, dot(way, way))
+                put3(motion.seat, e + j, 0, add(get3(motion.seat, e + j), scale(fraction, way)))
     return math.sqrt(farthest)
+
+
+@viewing
+def stick(motion: Motion) -> None:
+    """Has planes that push a node at its seat go on to, should they pull, so that sets of them come to an end."""
+    for node in range(motion.walls.shape[0]):
+        for k in range(int(motion.walls[node, 0])):
+            i = 1 + WALL * k
+            if motion.walls[node, i + PUSHED] > 0.0:
+                motion.walls[node, i + STICKS] = 1.0
+
+
+@viewing
+def let_go(motion: Motion) -> bool:
+    """Has planes that pull no longer do so; whether there are some."""
+    found = False
+    for node in range(motion.walls.shape[0]):
+        for k in range(int(motion.walls[node, 0])):
+            i = 1 + WALL * k
+            if motion.walls[node, i + STICKS] > 0.0 and motion.walls[node, i + PULLED] < 0.0:
+                motion.walls[node, i + STICKS] = 0.0
+                found = True
+    return found
+
+
+@inline
+def way_of_seat(motion: Motion, shove: Floats, e: int, node: int) -> Vector:
+    """[m], the way of a node, left of element e, in the step at hand."""
+    change = subtract(get3(motion.step, e), get3(motion.step, e - 1))
+    if motion.par[N_PROPS] > 0.0:
+        change = add(change, get3(shove, node))
+    to = add(get3(motion.place, node), apply(get9(motion.give, node, 0), change))
+    return subtract(to, get3(motion.seat, node))
 
 
 @viewing
@@ -306,8 +350,8 @@ def forces(motion: Motion, node: int, pull: Vector, x: Vector) -> tuple[Vector, 
         i = 1 + WALL * k
         n, stiff = take3(walls, node, i + OUT), walls[node, i + STIFF]
         push = walls[node, i + KEPT] + stiff * (walls[node, i + AT] - dot(n, x))
-        walls[node, i + PUSHED] = max(push, 0.0)
-        if push > 0.0:
+        walls[node, i + PUSHED], walls[node, i + PULLED] = max(push, 0.0), push
+        if push > 0.0 or walls[node, i + STICKS] > 0.0:
             force, K = add(force, scale(push, n)), madd(K, outer(scale(stiff, n), n))
     return force, K
 

@@ -310,6 +310,7 @@ def brace(ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: Floa
     copy_rows(motion.slack, slack, 3)
     copy_rows(work.pull, pull, 3)
     copy_rows(motion.tug, tug, 6)
+    shove[:, :] = 0.0
     for row in range(rows):
         if change[row] != 0.0:
             load(plan, model, sol, work, motion, shove, row, change[row])

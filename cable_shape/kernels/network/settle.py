@@ -20,15 +20,17 @@ from cable_shape.kernels.network.motion import (
     N_WALLED,
     SEATED,
     Motion,
+    let_go,
     motion_of,
     move_seats,
     put_places,
+    stick,
     tilt_ends,
 )
 from cable_shape.kernels.network.moving import factor, solve
 from cable_shape.kernels.network.newton import CONVERGED, NOT_FINITE, STALLED, advance
 from cable_shape.kernels.network.predict import extrapolate, follow, turn_ends, turn_knots
-from cable_shape.kernels.network.props import brace, give_way, lean
+from cable_shape.kernels.network.props import aside_of, brace, give_way, lean
 from cable_shape.kernels.network.system import assemble as at_rest
 from cable_shape.kernels.network.system import gradient, release
 from cable_shape.kernels.network.tables import (
@@ -76,6 +78,7 @@ FALLING, LEFT = 0.1, 0.01  # of the iteration before, and of what a last one lea
 FIRST_SHIFT, SHIFT_GROWTH, MOST_SHIFTS = 0.02, 6.0, 12  # as Newton's method at rest has them
 LOOSE = 0.03  # of the length times TOLERANCE: what elements may still miss among bodies, which press from one place on
 MOST_ITERATIONS = 30
+STICKY = 10  # iterations, after which planes that push a node at its seat go on to
 #: What `step` tells in `info`: iterations, largest turn of a frame [rad], largest force of drag at a node [N], largest
 #: internal force [N], negative eigenvalues beyond three a force, energy [J] after the step, last iteration [rad];
 #: how many iterations had a matrix of their own.
@@ -196,6 +199,8 @@ def newton(
     shift = last = since = 0.0
     stay = False
     info[I_OWN] = 0.0
+    seated = motion.par[LAW] == SEATED
+    shove, _ = aside_of(ints, motion)
     for i in range(most):
         info[I_ITERATIONS] = i + 1.0
         loose = 0.0
@@ -233,11 +238,14 @@ def newton(
             for c in range(3):
                 motion.lam[e, c] += fraction * motion.step[e, c]
         give_way(ints, motion, fraction)
-        if motion.par[LAW] == SEATED:
-            largest = max(largest, 2.0 * move_seats(plan, motion, fraction) / model.par[LENGTH])
+        if seated:
+            largest = max(largest, 2.0 * move_seats(plan, motion, shove, fraction) / model.par[LENGTH])
         enough = (LEFT if quick else 1.0) * least * least
         if shift == 0.0 and largest * rate < enough and (free or loose < LOOSE * least * model.par[LENGTH]):
-            return CONVERGED
+            if not (seated and i > STICKY and let_go(motion)):
+                return CONVERGED
+        elif seated and i >= STICKY:
+            stick(motion)
         stay = quick and shift == 0.0 and not slow and largest * since * since * since < LEFT * least * least
         last = largest
         if not turned(sol, now) < far + BEYOND:

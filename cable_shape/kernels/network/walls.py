@@ -39,6 +39,8 @@ from cable_shape.kernels.rod_element import IDENTITY
 #: node would be without friction's force 3 [m], that force 3 [N].
 WALLS, WALL = 4, 16
 BODY, OUT, AT, STIFF, KEPT, PUSHED, ROUGH, FIRM, REF, RUB = 0, 1, 4, 5, 6, 7, 8, 9, 10, 13
+#: Of planes that nodes have at their seats: not 0: it goes on to push, should it pull; and its push or pull [N].
+STICKS, PULLED = ROUGH, FIRM
 MOST_SETS = 12  # that planes push
 FROZEN_ROUNDS = 8  # of the same where no law changes
 MOST_ROUNDS, SAME = 40, 1e-10  # of pushes and friction, and the change, of the largest force, of the last

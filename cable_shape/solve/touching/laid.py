@@ -545,6 +545,11 @@ class Laid:
         ]
         return max(cosines, default=0.0)
 
+    @property
+    def off_edges(self) -> bool:
+        """Whether `mesh.off_edges` says so of the last solution."""
+        return mesh.off_edges(self.h, self.q[NOW], self.near[NOW], self.on[NOW], self.flex, self.bodies)
+
     def run(self) -> float:
         """Takes contacts of the last solution that have no neighbour to where the cable is nearest, with their nodes.
 

@@ -15,6 +15,7 @@ from cable_shape.kernels.contact import afterwards, run
 from cable_shape.kernels.contact.near import (
     ARC,
     BARE,
+    CURVED,
     HELD,
     LINK,
     NORMAL,
@@ -23,9 +24,12 @@ from cable_shape.kernels.contact.near import (
     SECOND,
     SPOT,
     WAS,
+    along_cable,
     tangent_of,
 )
+from cable_shape.kernels.distance.surface import touch
 from cable_shape.shape import CableShape
+from cable_shape.solve.touching.bodies import TouchBodies
 
 ELEMENTS = 48  #: of a mesh before nodes are added, at least
 LAYERED = 0.5  #: of these, for the layers at what holds the cable
@@ -37,6 +41,7 @@ TURN, SOON = 0.03, 0.12  #: rad: elements beside a contact that turn by less are
 WORST = 0.5  #: of the contact that misses most: those above get nodes beside them
 STRETCHED = 1.6  #: times as long as at first: elements that an eyelet has stretched so far are divided
 ASTRIDE = 0.05  #: cosine of the angle between cable and push of two contacts at both sides of an edge
+SAME_FACE = 0.99  #: cosine of the angle by which a surface turns from where it is told to, over an edge
 EVEN = 0.5  #: of their first length: shorter elements are joined before a road that found no way is tried again
 TIP = 5e-5  #: [m] from a free end, which is no support itself, to the node that stands in for it
 STAND_IN = 1e-5  #: [m], the same from a junction of a harness
@@ -249,6 +254,26 @@ def join_over_edges(nodes: Array, q: Array, near: Array, on: Any, thick: Array, 
                     near[k, column] = 0.0
             if k != row[kept]:
                 on[k] = BARE
+
+
+def off_edges(h: Array, q: Array, near: Array, on: Any, flex: Array, bodies: TouchBodies) -> bool:
+    """Whether a contact that has no neighbour stands beside an edge over which it would run: its node alone holds it.
+
+    There the surface has turned by more than its curvature at the contact tells.
+    """
+    for k in np.flatnonzero(on[:, 0] != BARE):
+        second = along_cable(q, h, near, on, k, 0.0, flex)
+        if second <= 0.0:
+            continue
+        t, n = np.array(tangent_of(q, k)), near[k, NORMAL : NORMAL + 3]
+        way = min(max(-float(t @ n) / second, -0.5 * h[k - 1]), 0.5 * h[k])
+        b, there = on[k, 0], tuple(near[k, SPOT : SPOT + 3] + way * t)
+        body = bodies.table[b], bodies.frames[b], bodies.triangles, bodies.tree
+        turned = touch(*body, there, tuple(n), False, bodies.stack)[1]
+        told = n + way * near[k, CURVED : CURVED + 9].reshape(3, 3) @ t
+        if float(turned @ told) < SAME_FACE * float(np.linalg.norm(told)):
+            return True
+    return False
 
 
 def stretched(nodes: Array, inside: Any, spacing: Array, middles: Array) -> Array:

@@ -15,10 +15,12 @@ import numpy as np
 
 from cable_shape.checks import Array
 from cable_shape.kernels.contact import check, knots, lay
+from cable_shape.kernels.contact.between import guard_between
 from cable_shape.kernels.contact.guard import guard
 from cable_shape.kernels.contact.near import BARE, NORMAL, PRESS, RUB, SECOND, SECOND_NORMAL, SECOND_PRESS, SPOT
-from cable_shape.kernels.network import tables
-from cable_shape.kernels.network.settle import I_EXCESS, I_ITERATIONS
+from cable_shape.kernels.network import props, tables
+from cable_shape.kernels.network.motion import N_PROPS
+from cable_shape.kernels.network.settle import I_EXCESS, I_FORCE, I_ITERATIONS
 from cable_shape.kernels.network.tables import BEFORE, NOW, SOFTEST, TRIAL
 from cable_shape.kernels.network.walls import BODY, KEPT, OUT, PUSHED, STIFF, WALL, WALLS
 from cable_shape.solve.search import between
@@ -30,15 +32,27 @@ from cable_shape.solve.touching.state import TouchState
 #: a straight piece could not give otherwise: by 3.5e-5 under a tension of 35 times its weight, which leaves it as much
 #: sag. From there on what it is stretched by is what it lacks.
 TAUT = 1e-4
-#: [m] bodies nearer than this to a node have a plane there.
-REACH = 0.05
+#: [m] bodies nearer than this to a node have a plane there. So they have at a point of an element that is nearer than
+#: both of its nodes, by this part of the length.
+REACH, NEARER = 0.05, 1e-4
+#: Of weight times length: energy that a step may make, pushed out of planes that turn, and what it has to lose at least
+#: to lead on.
+_NONE, _LOWER = 1e-3, 1e-4
+#: So much of what planes have let in, pushes times depths, may be energy again in the next step.
+_OUT_AGAIN = 3.0
+#: Of the cable's radius: so deep a step may leave it in a body between nodes, or it was deeper before.
+_DEEP = 0.3
 #: Stiffness of planes, in that of the elements beside them against bending, EI / h^3, of which none counts as shorter
 #: than this part of the mean.
 _FIRM, _FINEST = 100.0, 0.05
 #: Steps in time, in units of `Settling.unit`: the longest one, and the shortest one before the way is cut.
 _LONGEST, _EASY, _SHORTEST = 30.0, 0.1, 1e-7
 _LONGER, _SHORTER, _CEILING, _EASIER = 8.0, 0.2, 0.3, 2.0
-_MOST = 100  #: steps that are tried
+_ITERATIONS = 60  #: of a step
+_MOST = 300  #: steps that are tried
+#: Of a step's way: a cable that goes back by as much in the next one goes to and fro, for planes turn as it does, or
+#: what rubs changes its mind. After so many times it is at rest, if it goes no further than `TAUT`.
+_TO_AND_FRO, _TURNS = 0.5, 8
 #: A cable that goes more than so many times as far as what holds and pushes it, and that part of its length, snaps.
 _FAR, _LITTLE = 10.0, 2e-3
 #: Cosine of the angle by which a plane that pushes may turn in a step.
@@ -105,6 +119,7 @@ class Road:
         for c in range(3 if known.any() else 0):
             settling.motion.origin[:, c] += np.interp(s, s[known], off[:, c])
         settling.motion.place[...] = settling.motion.origin
+        self._arcs = state.nodes[self.rows]
         self.thick = state.thick[self.rows].copy()
         self._rubs = state.rubs and state.has_friction
         self._pressed = pressed_by(near[self.rows], on[self.rows])
@@ -127,83 +142,130 @@ class Road:
         """(n, 3) [m], of the network's nodes."""
         return self.settling.motion.origin
 
-    def go(self, frames: Array) -> bool:
-        """To rest between the supports `frames` and with the bodies at `links`; False where no way leads on."""
+    def go(self, frames: Array, most: int) -> bool:
+        """To rest between the supports `frames` and with the bodies at `links`; False where no way leads on.
+
+        Or after so many steps that lead nowhere while bodies push the cable between nodes: see `pressed`.
+        """
         state, settling, bodies = self.state, self.settling, self.state.bodies
         origin, links = state.grips[NOW].copy(), bodies.links_then
         self._then = bodies.frames_then
         self.led = led_by(state, frames)
         self.moved = not np.array_equal(origin, frames) or not np.array_equal(links, self.links)
+        turns, low, was, way = 0, settling.energy, self.places.copy(), np.zeros_like(self.places)
         done, part = (0.0, 1.0) if self.moved else (1.0, 1.0)
-        most = longest = dt = _LONGEST * settling.unit
+        whole = longest = dt = _LONGEST * settling.unit
+        shortest = _SHORTEST * settling.unit / max(1.0, state.pull)  # what a taut cable does, it does so much faster
         for _ in range(_MOST):
             if self.out_of_time():
                 return False
             at = min(1.0, done + part)
             state.move_bodies(between(links, self.links, at))
             settling.poses[...] = between(origin, frames, at)
-            if self._step(dt):
+            if self._step(dt, at - done):
                 self.taken += 1
+                if settling.energy < low - _LOWER * state.weight * state.length:
+                    low = settling.energy
+                elif self.pressed.size:
+                    most -= 1
+                if most < 0:
+                    return False
                 done, part = at, _LONGER * part
                 if at == 1.0 and settling.at_rest(_AT_REST):
                     taut = self.taut
                     if self.gap < (_NEARLY * state.length if taut else _CLOSED):
                         return True
                     self.stiff *= _STIFFER if taut else 1.0
-                dt, longest = min(_LONGER * dt, longest), min(_EASIER * longest, most)
+                way, back = self.places - was, way
+                if done == 1.0 and float((way * back).sum()) < -_TO_AND_FRO * float((back * back).sum()):
+                    turns += 1
+                    if turns == _TURNS and np.abs(way).max() < TAUT * state.length:
+                        return True
+                    turns %= _TURNS
+                was = self.places.copy()
+                dt, longest = min(_LONGER * dt, longest), min(_EASIER * longest, whole)
                 continue
             longest = dt * _CEILING
             if settling.info[I_EXCESS] < 0.0:  # rounding: next to what a plane holds the nodes go too easily
-                most = longest
+                whole = longest
             dt *= _SHORTER
             if dt < _EASY * settling.unit:  # what hardly moves would be crushed at the grips
                 part = min(part, 1.0 - done) * _SHORTER if done < 1.0 else part
-            if dt < _SHORTEST * settling.unit:
+            if dt < shortest:
                 return False
         return False
 
-    def _step(self, dt: float) -> bool:
-        """One step in time [s] that passes nothing."""
+    def _step(self, dt: float, part: float) -> bool:
+        """One step in time [s] that passes nothing, with `part` of the way of supports and bodies.
+
+        It makes no energy but what these do.
+        """
         settling, motion, bodies = self.settling, self.settling.motion, self.state.bodies
-        sols, kept, origin, walls = settling.sols.copy(), motion.kept.copy(), motion.origin.copy(), motion.walls.copy()
-        then = self._then
-        clear, _ = self._guard()
-        done = self._rub(dt) if self._rubs else settling.step(dt)
+        start, origin, then, energy = self._changes(), motion.origin.copy(), self._then, settling.energy
+        let_in = self._let_in
+        clear, _, deep = self._guard()
+        done = self._rub(dt) if self._rubs else settling.step(dt, most=_ITERATIONS)
         self.iterations += int(settling.info[I_ITERATIONS])
         if done:
             self._told()
             way = np.linalg.norm(motion.origin - origin, axis=1).max()
-            done = way <= clear and not self._passes(origin, then) and self._guard()[1] > _TURNED
+            done = way <= clear and not self._passes(origin, then)
+            allowed = _OUT_AGAIN * abs(let_in) + self._work(part * self.led + max(0.0, -deep))
+            done = done and settling.energy <= energy + allowed
+        if done:
+            _, cosine, deeper = self._guard()
+            done = cosine > _TURNED and deeper > min(deep, -_DEEP * self.state.radius)
         if not done:
-            settling.sols[...], motion.kept[...], motion.origin[...], motion.walls[...] = sols, kept, origin, walls
+            self._take_back(start)
+            settling.energy = energy
             return False
         self._then = bodies.frames.copy()
         return True
 
+    def _work(self, way: float) -> float:
+        """[J], what supports and bodies may do on so much of their way [m], or to the cable that is so deep in them."""
+        force = float(self.settling.info[I_FORCE]) + self.pushes()[1].sum()
+        return float(way * force + _NONE * self.state.weight * self.state.length)
+
+    def _changes(self) -> list[Array]:
+        """What a step changes, for `_take_back`."""
+        return [a.copy() for a in self._changing]
+
+    def _take_back(self, start: list[Array]) -> None:
+        """Makes it what it was."""
+        for array, then in zip(self._changing, start, strict=True):
+            array[...] = then
+
+    @property
+    def _changing(self) -> tuple[Array, ...]:
+        motion = self.settling.motion
+        return self.settling.sols, motion.kept, motion.origin, motion.walls, motion.par, motion.props
+
     def _rub(self, dt: float) -> bool:
         """One step in time with friction, whose limits are those of the pushes after it."""
         settling, motion, frames = self.settling, self.settling.motion, self.state.bodies.frames
-        start = settling.sols.copy(), motion.kept.copy(), motion.origin.copy(), motion.walls.copy()
+        start = self._changes()
         (body, push, normal), tangents = self.pushes() if self.taken else self._pressed, self._tangents
         self.along.begin(body, push)
         self.along.tell(motion.rough, push, normal, frames, tangents)
         for i in range(_LIMITS):
-            if not settling.step(dt):
+            if not settling.step(dt, most=_ITERATIONS):
                 return False
             off = self.along.follow(*self.pushes()[:2])
             if off < _LAWFUL or i == _LIMITS - 1:
                 break
-            settling.sols[...], motion.kept[...], motion.origin[...], motion.walls[...] = start
+            self._take_back(start)
             self.along.tell(motion.rough, push, normal, frames, tangents)
         return True
 
-    def _guard(self) -> tuple[float, float]:
-        """Planes where the nodes are, see `guard`."""
-        settling, bodies = self.settling, self.state.bodies.kernel
-        clear, cosine = guard(
-            settling.ints, settling.floats, settling.moving, bodies, self.thick, self.wholes, REACH, self.stiff
-        )
-        return float(clear), float(cosine)
+    def _guard(self) -> tuple[float, float, float]:
+        """Planes where the nodes are, see `guard`, and between them, see `guard_between`; the gap is that there."""
+        settling, bodies = self.settling, self.state.bodies
+        kernel = bodies.kernel._replace(then=bodies.frames)
+        net, of_cable = (settling.ints, settling.floats), (kernel, self.thick, self.wholes, REACH)
+        clear, cosine = guard(*net, settling.moving, *of_cable, self.stiff)
+        between, turned, gap = guard_between(*net, settling.sols, settling.moving, *of_cable, NEARER)
+        return min(float(clear), float(between)), min(float(cosine), float(turned)), float(gap)
 
     def _passes(self, before: Array, then: Array) -> bool:
         """Whether a node, or the middle of an element, may have come past a body."""
@@ -238,6 +300,15 @@ class Road:
         rows = rows[rows[:, PUSHED] > 0.0]
         gaps = (rows[:, PUSHED] - rows[:, KEPT]) / rows[:, STIFF]
         self.gap, self._let_in = float(np.abs(gaps).max(initial=0.0)), float((rows[:, PUSHED] * gaps).sum())
+
+    @property
+    def pressed(self) -> Array:
+        """Arc lengths [m] of the points between nodes that bodies push."""
+        points = self.settling.motion.props[: int(self.settling.motion.par[N_PROPS])]
+        points = points[points[:, props.PUSH] > 0.0]
+        first = self.settling.plan.left[points[:, props.ELEMENT].astype(int)]
+        s = self._arcs
+        return np.asarray(s[first] + points[:, props.SHARE] * (s[first + 1] - s[first]))
 
     @property
     def far(self) -> bool:

@@ -34,6 +34,7 @@ _EXACT = 1e-5  #: of the length: an error from contacts below this is none of no
 SHORTEST = 1.25e-3
 _RUNS = 8  #: of taking contacts that stand along the cable
 _SQUARE = 1e-3  #: cosine of the angle between cable and push of a contact that stands on an edge: it runs there, else
+_PRESSED = 5  #: steps of a road in which bodies push the cable between nodes, before these become nodes
 _ROUNDS = 8  #: of adding nodes where the cable dips into a body between them
 _CONFIRMED = 4  #: meshes, each finer than the last, on which a shape is looked for that was found from nothing
 #: Of half a body's thickness and the cable's: how deep a point is that stands for one in the middle of the body, where
@@ -165,10 +166,15 @@ class Steps:
         exact, shortest = _EXACT * state.length, SHORTEST if self.still else LEAST_LENGTH
         for _ in range(_ROUNDS):
             # contacts that run were stopped: by their iterations, or by a node that is moved now
-            if refine and not self.still and (state.info[0] > RUNNING or (state.info[16] > exact and state.tidy())):
-                state.target(frames)
-                if not self.again(WARM_ITERATIONS, sunk=sunk):
-                    return False
+            if refine and not self.still:
+                stopped, askew = state.info[0] > RUNNING, not self._square
+                moved = (askew or (state.info[16] > exact and not stopped)) and state.tidy()
+                if moved or stopped:
+                    state.target(frames)
+                    if not self.again(WARM_ITERATIONS, sunk=sunk):
+                        return False
+                if moved and askew:
+                    continue
             arcs = self._dips(sunk)
             deep = arcs.size > 0
             if not deep and refine and not self._exact():
@@ -222,17 +228,32 @@ class Steps:
         fine = FINE * self.state.length
         return bool(self.state.info[16] <= fine and self.state.info[7] <= AMISS * fine)
 
+    @property
+    def _square(self) -> bool:
+        """Whether contacts on edges press the cable square, and none is held beside an edge by its node alone."""
+        return self.state.askew <= _SQUARE and not self.state.off_edges
+
     def by_road(self, frames: Array) -> Road | None:
         """Against drag to `frames`, in front of all bodies, to rest, which becomes the last solution; None: no way."""
-        road = Road(self.state, self.links, self.out_of_time)
-        if not road.go(frames):
-            if not self.state.even():
-                return None
-            road = Road(self.state, self.links, self.out_of_time)
-            if not road.go(frames):
-                return None
-        road.hand_over()
+        road = self._on_road(frames)
+        if road is None and self.state.even():
+            road = self._on_road(frames)
+        if road is not None:
+            road.hand_over()
         return road
+
+    def _on_road(self, frames: Array) -> Road | None:
+        """The road come to rest; None: no way.
+
+        What bodies push between nodes on it becomes nodes, and it begins anew.
+        """
+        state = self.state
+        for left in range(_ROUNDS, -1, -1):
+            road = Road(state, self.links, self.out_of_time)
+            there, arcs = road.go(frames, _PRESSED if left else MOST_ELEMENTS), road.pressed
+            if not arcs.size or state.elements + arcs.size > MOST_ELEMENTS or not state.insert(arcs, SHORTEST):
+                break
+        return road if there else None
 
     def stand(self, frames: Array) -> bool:
         """An equilibrium whose contacts stand at their nodes, from the last solution, which is near one.
@@ -248,7 +269,7 @@ class Steps:
             if not self.again(WARM_ITERATIONS, far=FAR) or self.passes(self.state.positions, self.buffer):
                 break
             self.state.remember(self.positions(self.buffer))
-            square = self.state.askew <= _SQUARE
+            square = self._square
             if square and self._exact():
                 return True
             if square:

@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from cable_shape.checks import Array
 from cable_shape.kernels.contact import afterwards
 from cable_shape.kernels.network.tables import NOW
 from cable_shape.solve.touching.road import TAUT
@@ -71,6 +72,23 @@ def _give_less(steps: Steps, part: float, missing: float) -> float:
         steps.take_back(kept)
     steps.take_back(kept)
     return math.inf
+
+
+def loosened(steps: Steps, frames: Array) -> bool:
+    """Whether the last solution, between supports `frames`, is now that of a cable that gives more.
+
+    It pulls as before, or where it is too short by as much less as it gives more.
+    """
+    state, kept, looser = steps.state, steps.kept(), LOOSER * steps.state.tight
+    for pulls_less in (False, True):
+        state.tighten(looser)
+        state.move_bodies(state.bodies.links_then)
+        if pulls_less:
+            state.pull_less(LOOSER)
+        if steps.go(frames, 1, WARM_ITERATIONS, FAR):
+            return True
+        steps.take_back(kept)
+    return False
 
 
 def pull(steps: Steps, least: float, most: float) -> None:

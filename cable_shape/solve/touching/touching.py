@@ -163,8 +163,15 @@ class Solve:
         if state.patience.left > 0 and not steps.late:
             state.patience.left -= 1
             return self._no_shape(Status.NOT_CONVERGED, _STUCK)
-        state.rubs = False
-        if relax(steps, frames):
+        rubbed, state.rubs = state.rubs and state.has_friction, False
+        if rubbed:  # what sticks may leave no way
+            shape = self._by_road(frames)
+            if shape is not None:
+                return shape
+            state.put_back(reached)
+            state.move_bodies(steps.links)
+        before, then = state.positions, state.bodies.frames_then
+        if relax(steps, frames) and not steps.goes_through(before, then, steps.buffer):
             return self._finish(Status.SNAPPED)
         state.put_back(reached)
         state.move_bodies(steps.links)
@@ -216,11 +223,7 @@ class Solve:
         state, steps = self.state, self.steps
         state.move_bodies(steps.links)
         led, before, there = led_by(state, frames), state.positions, state.grips[NOW].copy()
-        while state.tight < taut.LOOSEST:
-            state.tighten(taut.LOOSER * state.tight)
-            state.move_bodies(state.bodies.links_then)
-            if not steps.go(there, 1, WARM_ITERATIONS, FAR):
-                break
+        while state.tight < taut.LOOSEST and taut.loosened(steps, there):
             looser = state.put_aside()
             state.move_bodies(steps.links)
             if steps.go(frames, 1, WARM_ITERATIONS, FAR) or follow(steps, frames):
@@ -257,7 +260,7 @@ class Solve:
         steps.still = False
         if found:
             return self._arrived(before, then, led)
-        if not road.taut:
+        if not road.taut or (state.rubs and state.has_friction):  # without what sticks it may find its length
             return None
         state.put_back(at_rest)  # contacts that stand may have led past a body
         state.move_bodies(steps.links)
