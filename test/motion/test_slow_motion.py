@@ -34,7 +34,7 @@ def moved(scene: Scene, parts: int, still: int) -> list[cs.CableShape]:
     return out + [motion.step(*hands[-1], DT) for _ in range(still)]
 
 
-@pytest.mark.parametrize(("name", "near"), zip(SCENES, (5e-3, 1e-3, 1e-3), strict=True))
+@pytest.mark.parametrize(("name", "near"), list(zip(SCENES, (5e-3, 1e-3, 1e-3), strict=True)))
 def test_a_slow_motion_comes_to_the_shape_of_increments_at_rest(name: str, near: float) -> None:
     scene = SCENES[name]()
     _, rest, _, _ = rod(scene)
