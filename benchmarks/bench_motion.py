@@ -89,6 +89,37 @@ def measure_steps(figures: Figures, steps: int) -> None:
             figures.at_most("a step of 20 elements, through Python", python, 100.0, "{:.0f}", " us")
 
 
+def measure_touching(figures: Figures, steps: int) -> None:
+    """Times of a step of a cable that is swept over a table, compiled."""
+    heading("A step of 10 ms of 20 elements swept over a table [us], compiled, median")
+    from cable_shape.kernels.contact import swung
+
+    table = cs.Scene(obstacles=[cs.Obstacle("table", cs.HalfSpace(), cs.Pose((0.0, 0.0, -0.15)))], contact="solve")
+    for friction in (0.0, 0.3):
+        made = {"bending_stiffness": 3e-3, "diameter": 0.01, "friction": friction}
+        motion = cs.Motion(CABLE.replace(retardation_time=0.02, drag=0.02, **made), table, elements=20)
+        motion.begin(*ends(np.zeros(3), np.zeros(3)))
+        swing, state = motion._swing, motion._state
+        assert swing is not None
+        assert state is not None
+        assert swing.among is not None
+        spent, iterations, touched = [], [], []
+        for k in range(1, steps + 1):
+            way = 0.05 * np.sin(0.06 * k * np.array((1.0, 1.3, 0.7))) * np.array((1.0, 1.0, 0.2))
+            poses = state.aim(*(cs.Grip(pose) for pose in ends(way, 0.5 * way)))
+            began = perf_counter()
+            swung.step(
+                swing.ints, swing.floats, swing.sols, swing.work, swing.moving, swing.remembered, poses, DT, swing.kept,
+                swing.info, swing._scratch, swing.among.kernel, swing.among.skin,
+            )  # fmt: skip
+            spent.append(perf_counter() - began)
+            iterations.append(swing.info[0])
+            touched.append(len(swing.touches()))
+        compiled, name = 1e6 * float(np.median(spent[10:])), f"friction {friction}"
+        print(f"{name}: {compiled:.1f}   {np.median(iterations):.0f} iterations, {np.mean(touched):.1f} contacts")
+        figures.at_most(f"a step of 20 elements on a table, {name}, compiled", compiled, 75.0, "{:.0f}", " us")
+
+
 def measure_harness(figures: Figures, steps: int) -> None:
     """Times of a step of a harness, beside those of a cable, in turns."""
     heading("A step of 10 ms of a harness of three arms, 3 x 20 elements, and of a cable of 20 [us], processor time")
@@ -380,6 +411,7 @@ def main() -> int:
         measure_real(figures, options.data, options.train, list(options.cables), options.all, options.finer)
         return finish(figures, options)
     measure_steps(figures, 200 if options.quick else 1000)
+    measure_touching(figures, 200 if options.quick else 1000)
     measure_harness(figures, 200 if options.quick else 1000)
     measure_cycles(figures, 200 if options.quick else 1000)
     measure_derivatives(figures, 100 if options.quick else 500)

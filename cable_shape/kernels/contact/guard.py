@@ -15,7 +15,7 @@ from cable_shape.kernels.contact.check import carried
 from cable_shape.kernels.contact.near import GRIP_EXCLUSION, NONE
 from cable_shape.kernels.contact.tables import Bodies
 from cable_shape.kernels.distance.surface import touch
-from cable_shape.kernels.network.compiled import inline, viewing
+from cable_shape.kernels.network.compiled import inline
 from cable_shape.kernels.network.motion import Motion, motion_of
 from cable_shape.kernels.network.tables import Floats, Whole, model_of, plan_of
 from cable_shape.kernels.network.walls import (
@@ -59,7 +59,7 @@ def guard(
     return clear, cosine
 
 
-@viewing
+@inline
 def look_around(
     motion: Motion, bodies: Bodies, then: Array, node: int, place: Vector, arc: float, thick: float, whole: float,
     reach: float, stiff: float, firm: float, keeps: bool, rough: float,
@@ -71,7 +71,7 @@ def look_around(
     cable.
     """
     walls, was, clear, cosine = motion.walls, motion.was, math.inf, 1.0
-    for i in range(was.shape[0]):
+    for i in range(1 + WALL * int(walls[node, 0])):
         was[i] = walls[node, i]
     count = 0
     for b in range(bodies.table.shape[0]):

@@ -162,7 +162,7 @@ def pressed(motion: Motion) -> bool:
     return found
 
 
-@viewing
+@inline
 def stop_node(
     plan: Plan, motion: Motion, memory: Momentum, before: Momentum, bodies: Bodies, knot: int, node: int, mass: float,
     dt: float,
@@ -246,7 +246,7 @@ def shove(
         props[i, PUSH] = props[i, SOFT] = 0.0
         put3(props, i, STUCK, r)
         put3(props, i, DRY, NONE)
-    brace(ints, floats, sols, space, moving)
+    brace(ints, floats, sols, space, moving, False)
     give_way(ints, motion, 1.0)
     for i in range(int(motion.par[N_PROPS])):
         F = add(scale(props[i, PUSH], take3(props, i, NORMAL)), take3(props, i, DRY))

@@ -16,7 +16,7 @@ from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.contact.near import NONE
 from cable_shape.kernels.contact.points import GAP, on_curve, place_for
-from cable_shape.kernels.distance.cable_near import SPOT, is_joined, spots
+from cable_shape.kernels.distance.cable_near import HALF_CIRCLE, SPOT, TURN, is_joined, spots
 from cable_shape.kernels.network.compiled import inline, part, viewing
 from cable_shape.kernels.network.momentum import Momentum
 from cable_shape.kernels.network.motion import N_PROPS, PAIRS, PROP, PROPS, Motion
@@ -195,6 +195,94 @@ def approach(
     meeting[PLACE], meeting[PLACE + 1], meeting[PLACE + 2], meeting[PLACE + 3] = e, x, f, y
     meeting[OUT], meeting[OUT + 1], meeting[OUT + 2] = n
     return True
+
+
+@viewing
+def keep_off(
+    plan: Plan, model: Model, places: Floats, tangents: Floats, touching: Floats, reach: float, before: Floats,
+    before_tangents: Floats,
+) -> bool:  # fmt: skip
+    """Whether no cables that may touch are within `reach` [m] of what is to be kept, for all are single and straight
+    enough; nor have gone through themselves since `before`.
+
+    The slope of a cubic is between those of its Bezier points. If all have at least a part c along the way from end to
+    end, points are as far apart as c times the cable between them: as on half a circle if c is more than 2 / pi, and
+    else those between which it turns so far that they may count as near. No way between two shapes that both go on in
+    one direction goes through itself.
+    """
+    for k in range(touching.shape[0]):
+        cable = int(touching[k, ONE])
+        if int(touching[k, TWO]) != cable:
+            return False
+        to = end_to_end(plan, places, cable)
+        along = ways_along(plan, model, places, tangents, cable, to)
+        if not (along > 0.0 and ways_along(plan, model, before, before_tangents, cable, to) > 0.0):
+            return False
+        if along <= HALF_CIRCLE * (1.0 + SAME):
+            pieces, step = piece_count(plan, model, touching[k])
+            within = touching[k, KEEP] + reach + 2.0 * BULGE * step / pieces**2
+            if along * shortest_turn(plan, model, places, tangents, cable) <= within:
+                return False
+    return True
+
+
+@inline
+def end_to_end(plan: Plan, places: Floats, cable: int) -> Vector:
+    """A unit vector from the start of a cable to its end, 0 if there is none."""
+    j, k = plan.cables[cable], plan.cables[cable + 1]
+    way = subtract(get3(places, plan.first[k] + k - 1), get3(places, plan.first[j] + j))
+    size = math.sqrt(dot(way, way))
+    return scale(1.0 / size, way) if size > 0.0 else NONE
+
+
+@inline
+def slope_between(model: Model, places: Floats, tangents: Floats, node: int, e: int) -> Vector:
+    """Of the Bezier points of the slope of a cubic the one between its ends."""
+    way = scale(3.0 / model.h[e], subtract(get3(places, node + 1), get3(places, node)))
+    return subtract(way, add(get3(tangents, node), get3(tangents, node + 1)))
+
+
+@inline
+def ways_along(plan: Plan, model: Model, places: Floats, tangents: Floats, cable: int, to: Vector) -> float:
+    """How far a cable goes at least along a direction, of its length."""
+    least = math.inf
+    for e in range(plan.first[plan.cables[cable]], plan.first[plan.cables[cable + 1]]):
+        node = plan.left[e]
+        least = min(least, dot(to, get3(tangents, node)), dot(to, get3(tangents, node + 1)))
+        least = min(least, dot(to, slope_between(model, places, tangents, node, e)))
+    return least
+
+
+@inline
+def shortest_turn(plan: Plan, model: Model, places: Floats, tangents: Floats, cable: int) -> float:
+    """[m], at least so much of a cable is between places that count as near: it turns by `cable_near.TURN` there."""
+    a, b = plan.first[plan.cables[cable]], plan.first[plan.cables[cable + 1]]
+    turned = arc = 0.0
+    first, shortest = a, math.inf
+    for e in range(a, b):
+        turned, arc = turned + bends(plan, model, places, tangents, e), arc + model.h[e]
+        while turned >= TURN:  # less without the element at either end
+            shortest = min(shortest, arc - model.h[first] - model.h[e])
+            turned, arc = turned - bends(plan, model, places, tangents, first), arc - model.h[first]
+            first += 1
+    return max(shortest, 0.0)
+
+
+@inline
+def bends(plan: Plan, model: Model, places: Floats, tangents: Floats, e: int) -> float:
+    """[rad], by how much the cubic of an element turns at most."""
+    node = plan.left[e]
+    between = slope_between(model, places, tangents, node, e)
+    size = math.sqrt(dot(between, between))
+    if size == 0.0:
+        return math.pi
+    between = scale(1.0 / size, between)
+    total = 0.0
+    for k in range(2):
+        way = subtract(between, get3(tangents, node + k))
+        square = dot(way, way)
+        total += math.sqrt(square) * (1.0 + 0.15 * square) if square < 2.0 else math.pi
+    return total
 
 
 @kernel

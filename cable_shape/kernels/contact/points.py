@@ -8,6 +8,7 @@ from cable_shape.kernels.contact.check import carried
 from cable_shape.kernels.contact.guard import excluded
 from cable_shape.kernels.contact.near import NONE
 from cable_shape.kernels.contact.tables import Bodies
+from cable_shape.kernels.distance.distance import MESH
 from cable_shape.kernels.distance.surface import touch
 from cable_shape.kernels.network.compiled import inline, part, viewing
 from cable_shape.kernels.network.momentum import Momentum, of_mass
@@ -104,13 +105,15 @@ def find_points(
             p, q = carried(get3(places, node), then, now), carried(get3(places, node + 1), then, now)
             tp = subtract(carried(add(get3(places, node), get3(tangents, node)), then, now), p)
             tq = subtract(carried(add(get3(places, node + 1), get3(tangents, node + 1)), then, now), q)
-            middle = gap_at(bodies, b, h, 0.5, p, q, tp, tq, fat)
-            if middle - 0.6 * h > reach:
+            middle, least = nearest_bound(bodies, b, h, p, q, tp, tq, fat)
+            if middle - 0.6 * h > reach or least > reach:
                 continue
             first, last = gap_at(bodies, b, h, 0.0, p, q, tp, tq, fat), gap_at(bodies, b, h, 1.0, p, q, tp, tq, fat)
-            x, gap = nearest(bodies, b, h, p, q, tp, tq, fat, middle)
             k = before_at(was, had, e, b, False)
             pressed = k >= 0 and was[k, PUSH] > 0.0
+            x, gap = 0.5, math.inf
+            if least < min(first, last) + (NEARER if pressed else -NEARER) * length:
+                x, gap = nearest(bodies, b, h, p, q, tp, tq, fat, middle)
             for tip in range(2):
                 if tip == 1:
                     x, gap, k = 1.0, last, before_at(was, had, e, b, True)
@@ -256,6 +259,22 @@ def note_rings(plan: Plan, model: Model, motion: Motion, rings: Floats) -> None:
 
 
 @inline
+def nearest_bound(
+    bodies: Bodies, b: int, h: float, p: Vector, q: Vector, tp: Vector, tq: Vector, thick: float
+) -> tuple[float, float]:  # fmt: skip
+    """[m], the gap of body b to the middle of an element, and what no gap inside it is less than.
+
+    A convex body is behind its plane, and a cubic between its Bezier points.
+    """
+    at = on_curve(h, 0.5, p, q, tp, tq)
+    d, n, _ = touch(bodies.table[b], bodies.frames[b], bodies.triangles, bodies.tree, at, NONE, False, bodies.stack)
+    if int(bodies.table[b, 0]) == MESH:
+        return d - thick, -math.inf
+    low = min(dot(n, p), dot(n, q), dot(n, p) + h / 3.0 * dot(n, tp), dot(n, q) - h / 3.0 * dot(n, tq))
+    return d - thick, d - thick + low - dot(n, at)
+
+
+@inline
 def nearest(
     bodies: Bodies, b: int, h: float, p: Vector, q: Vector, tp: Vector, tq: Vector, thick: float, middle: float
 ) -> tuple[float, float]:  # fmt: skip
@@ -345,7 +364,7 @@ def knot_of(plan: Plan, motion: Motion, e: int, side: int) -> int:
     return HELD if knot >= 0 and plan.vertices[knot, 1] < 0 else knot
 
 
-@viewing
+@inline
 def heavy_at(plan: Plan, motion: Motion, memory: Momentum, knot: int, node: int) -> tuple[float, float]:
     """Mass [kg] and drag [N s/m] of a node, or of all that is in the knot for which it stands."""
     if knot < 0:
@@ -360,7 +379,7 @@ def heavy_at(plan: Plan, motion: Motion, memory: Momentum, knot: int, node: int)
     return mass, drag
 
 
-@viewing
+@inline
 def rates_at(plan: Plan, motion: Motion, memory: Momentum, knot: int, node: int) -> tuple[Vector, Vector, Vector]:
     """Velocity, acceleration and its jump of a node's mass, or their means in the knot for which it stands."""
     total, v, a, g = 0.0, NONE, NONE, NONE
@@ -377,7 +396,7 @@ def rates_at(plan: Plan, motion: Motion, memory: Momentum, knot: int, node: int)
     return scale(1.0 / total, v), scale(1.0 / total, a), scale(1.0 / total, g)
 
 
-@viewing
+@inline
 def speed_of(plan: Plan, motion: Motion, memory: Momentum, i: int, free: bool) -> Vector:
     """[m/s], of a point as the masses of its nodes take it along, or those of them alone that nothing holds.
 
@@ -451,7 +470,7 @@ def stop_points(
     return work, given, taken
 
 
-@viewing
+@inline
 def hasten(plan: Plan, memory: Momentum, knot: int, node: int, v: Vector, a: Vector, g: Vector) -> None:
     """Adds to velocity, acceleration and its jump of a node, or of all that is in the knot for which it stands."""
     for k in range(plan.ends.shape[0] if knot >= 0 else 1):

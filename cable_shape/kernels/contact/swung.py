@@ -16,11 +16,12 @@ from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.contact.check import buried
 from cable_shape.kernels.contact.impact import foresee, stop
+from cable_shape.kernels.contact.meeting import keep_off
 from cable_shape.kernels.contact.meeting_again import aim_again, take_again
 from cable_shape.kernels.contact.points import (
     WENT,
 )
-from cable_shape.kernels.contact.swung_fits import PATIENT, at_rest, fits, makes_energy
+from cable_shape.kernels.contact.swung_fits import PATIENT, at_rest, fits, makes_energy, press_each_other
 from cable_shape.kernels.contact.swung_look import look
 from cable_shape.kernels.contact.tables import Bodies, Skin
 from cable_shape.kernels.distance.surface import place_bodies
@@ -32,12 +33,11 @@ from cable_shape.kernels.network.momentum import (
     Momentum,
     momentum_of,
 )
-from cable_shape.kernels.network.motion import N_PROPS, PAIRS, PROP, SCRATCH, Motion, motion_of
+from cable_shape.kernels.network.motion import N_PROPS, PAIRS, PROP, SCRATCH, motion_of
 from cable_shape.kernels.network.newton import CONVERGED
 from cable_shape.kernels.network.props import (
     HOLDER,
     PAIRED,
-    PUSH,
 )
 from cable_shape.kernels.network.settle import I_ITERATIONS
 from cable_shape.kernels.network.swing_output import tell
@@ -224,15 +224,6 @@ def copy_back(kept: Floats, sols: Floats, remembered: Floats, moving: Floats) ->
     copy(moving[:some], kept[b : b + some])
 
 
-@viewing
-def press_each_other(motion: Motion) -> bool:
-    """Whether cables do, or one does on itself."""
-    found = False
-    for i in range(int(motion.par[N_PROPS])):
-        found = found or (motion.props[i, HOLDER] == PAIRED and motion.props[i, PUSH] > 0.0)
-    return found
-
-
 @inline
 def take_back(info: Floats, sums: Floats) -> None:
     """Makes it what it was before a part of a step, but for iterations."""
@@ -252,12 +243,15 @@ def come_nearer(
     """
     if skin.touching.shape[0] == 0:
         return False
+    plan, motion, memory = plan_of(ints), motion_of(ints, moving), momentum_of(ints, remembered)
     model, a = model_of(ints, floats), skin.kept.shape[0] - moving.shape[0] - remembered.shape[0]
     before = momentum_of(ints, skin.kept[a : a + remembered.shape[0]])
-    off = aim_again(
-        plan_of(ints), model, motion_of(ints, moving), momentum_of(ints, remembered), before, skin.touching,
-        skin.whole, skin.rough, dt, half, rows,
-    )  # fmt: skip
+    touching, paired = skin.touching, False
+    for i in range(int(motion.par[N_PROPS])):
+        paired = paired or motion.props[i, HOLDER] == PAIRED
+    if not paired and keep_off(plan, model, motion.place, memory.tangent, touching, 0.0, motion.place, memory.tangent):
+        return False
+    off = aim_again(plan, model, motion, memory, before, touching, skin.whole, skin.rough, dt, half, rows)
     return bool(off > ON * model.par[LENGTH])
 
 

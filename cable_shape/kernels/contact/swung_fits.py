@@ -6,6 +6,7 @@ import numpy as np
 
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.contact.check import passes
+from cable_shape.kernels.contact.meeting import keep_off
 from cable_shape.kernels.contact.meeting_again import stay_apart
 from cable_shape.kernels.contact.near import NONE
 from cable_shape.kernels.contact.points import deepest, on_curve
@@ -73,9 +74,13 @@ def fits(
     motion.par[DEPTH] = max(0.0, -deep)
     if share > PATIENT and deep < -DEEP * model.par[LENGTH]:
         return False
-    if skin.touching.shape[0] > 0:
+    touching = skin.touching
+    if touching.shape[0] > 0 and (
+        press_each_other(motion)
+        or not keep_off(plan, model, motion.place, memory.tangent, touching, 0.0, before.place, before.tangent)
+    ):
         apart, overlap = stay_apart(
-            plan, model, motion, memory, before, skin.touching, skin.whole, AFLOAT, share <= PATIENT
+            plan, model, motion, memory, before, touching, skin.whole, AFLOAT, share <= PATIENT
         )  # fmt: skip
         if not apart:
             return False
@@ -88,6 +93,15 @@ def fits(
             return False
         first = last
     return True
+
+
+@viewing
+def press_each_other(motion: Motion) -> bool:
+    """Whether cables do, or one does on itself."""
+    found = False
+    for i in range(int(motion.par[N_PROPS])):
+        found = found or (motion.props[i, HOLDER] == PAIRED and motion.props[i, PUSH] > 0.0)
+    return found
 
 
 @viewing

@@ -8,7 +8,7 @@ from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.contact.check import carried
 from cable_shape.kernels.contact.guard import look_around
-from cable_shape.kernels.contact.meeting import find_pairs, parted
+from cable_shape.kernels.contact.meeting import find_pairs, keep_off, parted
 from cable_shape.kernels.contact.points import (
     HELD,
     NEARER,
@@ -110,7 +110,8 @@ def look(
     find_rings(plan, model, motion, memory, skin.rings, skin.whole)
     if minds and skin.touching.shape[0] > 0:  # what comes together moves from both sides
         both = MARGIN + 2.0 * parted(plan, motion, memory, now, sol, dt)
-        find_pairs(plan, model, motion, memory, skin.touching, skin.whole, skin.rough, both, dt, had)
+        if not keep_off(plan, model, memory.place, memory.tangent, skin.touching, both, memory.place, memory.tangent):
+            find_pairs(plan, model, motion, memory, skin.touching, skin.whole, skin.rough, both, dt, had)
 
 
 @inline

@@ -29,6 +29,7 @@ from cable_shape.kernels.network.walls import (
     STIFF,
     WALL,
     WALLS,
+    as_before,
     frozen,
     touched,
 )
@@ -76,8 +77,9 @@ SCRATCH = ROWS * (2 * ROWS + 5)  #: numbers at the end that are but room
 #: [m] the cable is in bodies between its nodes, how planes hold nodes, and what share of impulses was passed on, see
 #: `impulse`.
 N_PROPS, N_WALLED, DEPTH, LAW, SPENT = 0, 1, 2, 3, 4
-#: How planes hold nodes: as they do, as they would at their seats (`seat`), or by laws that do not change (`frozen`).
-AS_IT_IS, SEATED, FROZEN = 0.0, 1.0, 2.0
+#: How planes hold nodes: as they do, as they would at their seats (`seat`), by laws that do not change (`frozen`), or
+#: as they did before (`as_before`).
+AS_IT_IS, SEATED, FROZEN, BEGUN = 0.0, 1.0, 2.0, 3.0
 
 
 class Motion(NamedTuple):
@@ -273,6 +275,8 @@ def kept_out(motion: Motion, node: int, a: Vector, hold: float, pull: Vector) ->
     """Puts a node that planes hold, which `hold` [N/m] draws to a, and a force pulls."""
     if motion.par[LAW] == FROZEN:
         frozen(motion.walls, node, a, hold, pull, motion.place, motion.give)
+    elif motion.par[LAW] == BEGUN:
+        as_before(motion.walls, node, a, hold, pull, motion.place, motion.give)
     else:
         touched(motion.walls, node, a, hold, pull, motion.place, motion.give)
 

@@ -266,10 +266,10 @@ def moved_on(
 
 
 @viewing
-def brace(ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: Floats) -> None:
+def brace(ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: Floats, known: bool) -> None:
     """Puts into the right-hand side the change of all forces after which a step of Newton's method meets their laws.
 
-    With the factors at hand; the change waits for `give_way`.
+    With the factors at hand; known: answers are those of them already. The change waits for `give_way`.
     """
     plan, model, work, motion = plan_of(ints), model_of(ints, floats), work_of(ints, space), motion_of(ints, moving)
     sol, props = solution_of(ints, sols, TRIAL), motion.props
@@ -302,9 +302,10 @@ def brace(ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: Floa
             forces[row], gaps[row] = dot(to, take3(props, i, DRY)), dot(to, subtract(r, take3(props, i, STUCK)))
             gaps[row] += props[i, SOFT] * forces[row] - dot(to, take3(props, i, GAVE))
         gaps[row] += moved(plan, sol, work, motion, shove, row)
-    answer(ints, floats, sols, space, moving)
-    for row in range(rows):
-        answers[row, row] += props[row // 3, SOFT] if row % 3 > 0 and asked(motion, row) else 0.0
+    if not known:
+        answer(ints, floats, sols, space, moving)
+        for row in range(rows):
+            answers[row, row] += props[row // 3, SOFT] if row % 3 > 0 and asked(motion, row) else 0.0
     share(motion, rows, answers, gaps, forces, change, part(motion.aside, o6 + 3 * ROWS, (ROWS, ROWS + 2)))
     copy_rows(work.G, G, 3)
     copy_rows(motion.slack, slack, 3)

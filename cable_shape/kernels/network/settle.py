@@ -15,6 +15,8 @@ import math
 from cable_shape.kernels.network.compiled import inline, viewing
 from cable_shape.kernels.network.depart import energy
 from cable_shape.kernels.network.motion import (
+    AS_IT_IS,
+    BEGUN,
     LAW,
     N_PROPS,
     N_WALLED,
@@ -54,6 +56,7 @@ from cable_shape.kernels.network.tables import (
     solution_size,
     work_of,
 )
+from cable_shape.kernels.network.walls import PUSHED, ROUGH, RUB, WALL, slips
 from cable_shape.kernels.rod_algebra import (
     add,
     dot,
@@ -75,7 +78,11 @@ BEYOND = 0.7  # rad, further than a step may turn a frame, at which an iteration
 NUDGE = 1e-3  # rad
 TOLERANCE = 1e-9  # rad, and of half the length: the last iteration
 FALLING, LEFT = 0.1, 0.01  # of the iteration before, and of what a last one leaves: factors that stay are to do better
+#: The same where something slips, of which the matrix does not know all; [rad] so much with them; and of what may be
+#: left: so much where something slips, or where it has changed what presses, for the square is not known there.
+SLIDING, STIRRED, RUBBED = 0.7, 1e-2, 0.01
 FIRST_SHIFT, SHIFT_GROWTH, MOST_SHIFTS = 0.02, 6.0, 12  # as Newton's method at rest has them
+MANY = 1000003  # numbers for what presses
 LOOSE = 0.03  # of the length times TOLERANCE: what elements may still miss among bodies, which press from one place on
 MOST_ITERATIONS = 30
 STICKY = 10  # iterations, after which planes that push a node at its seat go on to
@@ -179,6 +186,23 @@ def loaded(plan: Plan, model: Model, motion: Motion) -> float:
     return min(1.0, limit / math.sqrt(most)) if most > 0.0 else 1.0
 
 
+@inline
+def pressing(motion: Motion) -> tuple[int, bool]:
+    """A number for which planes of nodes push, stick and slip, and whether any slips.
+
+    Points of elements are no part of the matrix, and `brace` meets their laws in every iteration.
+    """
+    seen, slides = 1, False
+    for node in range(motion.walls.shape[0]):
+        for k in range(int(motion.walls[node, 0])):
+            i = 1 + WALL * k
+            push = motion.walls[node, i + PUSHED]
+            full = slips(take3(motion.walls, node, i + RUB), motion.walls[node, i + ROUGH] * push)
+            seen = (3 * seen + (2 if full else 1 if push > 0.0 else 0)) % MANY
+            slides = slides or full
+    return seen, slides
+
+
 @viewing
 def newton(
     ints: Whole, floats: Floats, sols: Floats, space: Floats, moving: Floats, far: float, most: int, least: float,
@@ -188,28 +212,38 @@ def newton(
 
     least [rad]: an iteration that changes no more is the last, for the next one would change the square of that. One
     with the factors of an earlier one leaves its change times all since then, and costs less than half: factors stay
-    where two more of those are enough for the same. Among bodies they do not: what presses is not smooth.
+    where two more of those are enough for the same. Among bodies they do as long as the same presses, and where
+    something slips as long as that changes less and less: no matrix does better there.
     """
     model, motion = model_of(ints, floats), motion_of(ints, moving)
     sol, now = solution_of(ints, sols, TRIAL), solution_of(ints, sols, NOW)
     softest, wanted = model.par[SOFTEST], 3 * ints[0]
     plan = plan_of(ints)
     free = motion.par[N_WALLED] == 0.0 and motion.par[N_PROPS] == 0.0
-    quick = free and model.par[SWINGS] != 0.0
+    quick = model.par[SWINGS] != 0.0 and (free or least > TOLERANCE)  # among bodies not where it comes to rest
     shift = last = since = 0.0
-    stay = False
+    stay, slides, seen = False, False, 0
     info[I_OWN] = 0.0
     seated = motion.par[LAW] == SEATED
     shove, _ = aside_of(ints, motion)
     for i in range(most):
         info[I_ITERATIONS] = i + 1.0
-        loose = 0.0
+        begun = i == 0 and quick and not free and motion.par[LAW] == AS_IT_IS
+        before = seen
         if stay:
             balance(ints, floats, sols, space, moving)
-        else:
+            seen, slides = pressing(motion)
+            stay = seen == before
+        if not stay:
             info[I_OWN] += 1.0
+            if begun:
+                seen, slides = pressing(motion)
+                motion.par[LAW] = BEGUN
             assemble(ints, floats, sols, space, moving)
-            loose = 0.0 if free else missed(motion)
+            if begun:
+                motion.par[LAW] = AS_IT_IS
+            else:
+                seen, slides = pressing(motion)
             trial = shift / SHIFT_GROWTH if shift > FIRST_SHIFT * softest else 0.0
             negative = 0
             for _ in range(MOST_SHIFTS):
@@ -221,13 +255,15 @@ def newton(
             if negative != wanted:
                 return STALLED
             shift = trial
-            if motion.par[N_PROPS] > 0.0:
-                brace(ints, floats, sols, space, moving)
+        loose = 0.0 if free else missed(motion)
+        if motion.par[N_PROPS] > 0.0:
+            brace(ints, floats, sols, space, moving, stay)
         largest = solve(ints, floats, space, moving)
         info[I_LAST] = largest
         if not math.isfinite(largest):
             return NOT_FINITE
-        slow = stay and largest > FALLING * last
+        slow = stay and largest > (SLIDING if slides else FALLING) * last
+        rough = not free and (slides or seen != before or i == 0)
         rate = max(since, largest / last) if stay else largest  # what is left of this change by the next one
         since = since + largest if stay else largest
         fraction = min(1.0, LARGEST_STEP / largest) if largest > 0.0 else 1.0
@@ -240,13 +276,18 @@ def newton(
         give_way(ints, motion, fraction)
         if seated:
             largest = max(largest, 2.0 * move_seats(plan, motion, shove, fraction) / model.par[LENGTH])
-        enough = (LEFT if quick else 1.0) * least * least
-        if shift == 0.0 and largest * rate < enough and (free or loose < LOOSE * least * model.par[LENGTH]):
+        enough, kept = least * least, LOOSE * least * model.par[LENGTH]
+        if quick:
+            enough *= RUBBED * RUBBED if rough else LEFT
+            kept *= 1.0 if free else RUBBED * (LEFT if stay else 1.0)  # of which factors that stay leave a share
+            rate = largest if rough else rate
+        if shift == 0.0 and not begun and largest * rate < enough and (free or loose < kept):
             if not (seated and i > STICKY and let_go(motion)):
                 return CONVERGED
         elif seated and i >= STICKY:
             stick(motion)
-        stay = quick and shift == 0.0 and not slow and largest * since * since * since < LEFT * least * least
+        stay = quick and shift == 0.0 and not slow and fraction == 1.0
+        stay = stay and (since < STIRRED if slides else largest * since * since * since < LEFT * least * least)
         last = largest
         if not turned(sol, now) < far + BEYOND:
             return FAR

@@ -72,9 +72,8 @@ from cable_shape.kernels.rod_algebra import (
 )
 
 #: An iteration of a step that changes no more [rad] is the last: the next one would change its square. In short steps
-#: less, so that rates are as right: in units of the square of dt over sqrt(rho L^4 / EI). Among bodies, too: of the
-#: next one the square is not known, for the matrix does not know all of friction, and planes press that did not.
-LEAST, LEAST_SHORT, SHORTEST, RUBBED = 3e-6, 0.3, 1e-8, 0.01
+#: less, so that rates are as right: in units of the square of dt over sqrt(rho L^4 / EI).
+LEAST, LEAST_SHORT, SHORTEST = 3e-6, 0.3, 1e-8
 MOST_ITERATIONS, MOST_TOUCHED = 40, 60  # the latter where nodes may be pressed
 #: What `step` tells in `info`: iterations of all its parts, into how many it went (0: it was not taken), work of the
 #: knots, dissipated by drag and damping, energy and kinetic energy after it [J].
@@ -189,9 +188,8 @@ def attempt(
     least = min(LEAST, max(SHORTEST, LEAST_SHORT * dt * dt / memory.par[PERIOD]))
     touched = motion.par[N_WALLED] > 0.0 or motion.par[N_PROPS] > 0.0
     most = MOST_TOUCHED if touched else MOST_ITERATIONS
-    least = RUBBED * least if touched else least
     status, i = STALLED, start
-    swerves = not touched and is_equal(memory, dt)
+    swerves = start == 0 and is_equal(memory, dt)
     while i < len(STARTS):
         forces, shape = STARTS[i]
         start_from(ints, sols, plan, model, motion, memory, forces * a, shape * a, swerves)

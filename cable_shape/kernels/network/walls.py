@@ -44,6 +44,7 @@ STICKS, PULLED = ROUGH, FIRM
 MOST_SETS = 12  # that planes push
 FROZEN_ROUNDS = 8  # of the same where no law changes
 MOST_ROUNDS, SAME = 40, 1e-10  # of pushes and friction, and the change, of the largest force, of the last
+SLIPS = 0.999  # of the square of the most that friction may be
 #: What D misses, of 1 / stiff, is rounding times stiff / hold: by so much a place misses, and no push would be known.
 REFINED = 2
 ROUNDING = 1e-12  # [m] a node this near to a plane is as it was, in front of it or pushed by it
@@ -71,18 +72,10 @@ def touched(walls: Floats, node: int, a: Vector, hold: float, pull: Vector, plac
         x, D = pushed(walls, node, a, hold, add(pull, rubbing(walls, node)))
     for k in range(count if rubs else 0):
         i = 1 + WALL * k
-        limit = walls[node, i + ROUGH] * walls[node, i + PUSHED]
-        if limit == 0.0:
-            continue
+        limit, firm = walls[node, i + ROUGH] * walls[node, i + PUSHED], walls[node, i + FIRM]
         n = take3(walls, node, i + OUT)
         d = along(n, subtract(x, take3(walls, node, i + REF)))
-        way = dot(d, d) ** 0.5
-        if way * walls[node, i + FIRM] <= limit:
-            u = across(n)
-            D = stiffened(D, u, walls[node, i + FIRM])
-            D = stiffened(D, cross(n, u), walls[node, i + FIRM])
-        else:
-            D = stiffened(D, scale(1.0 / way, cross(n, d)), limit / way)
+        D = rubbed(D, n, d, firm, limit, dot(d, d) ** 0.5 * firm > limit)
     put3(places, node, 0, x)
     put9(gives, node, 0, D)
 
@@ -126,6 +119,56 @@ def pushed(walls: Floats, node: int, a: Vector, hold: float, pull: Vector) -> tu
                 force = add(force, scale(push, n))
             x = add(x, apply(D, force))
     return x, D
+
+
+@viewing
+def as_before(walls: Floats, node: int, a: Vector, hold: float, pull: Vector, places: Floats, gives: Floats) -> None:
+    """`touched` with the planes pushing that pushed before, and rubbing as they did: where an iteration begins.
+
+    What is carried on in time tells less of which will push than where they pushed last.
+    """
+    x, D = add(a, scale(1.0 / hold, pull)), mscale(1.0 / hold, IDENTITY)
+    force = add(pull, rubbing(walls, node))
+    for k in range(int(walls[node, 0])):
+        i = 1 + WALL * k
+        if walls[node, i + PUSHED] > 0.0:
+            n, stiff = take3(walls, node, i + OUT), walls[node, i + STIFF]
+            force = add(force, scale(walls[node, i + KEPT] + stiff * (walls[node, i + AT] - dot(n, a)), n))
+            D = stiffened(D, n, stiff)
+    x = add(a, apply(D, force))
+    for k in range(int(walls[node, 0])):
+        i = 1 + WALL * k
+        if not walls[node, i + PUSHED] > 0.0:
+            continue
+        n, t = take3(walls, node, i + OUT), take3(walls, node, i + RUB)
+        limit = walls[node, i + ROUGH] * walls[node, i + PUSHED]
+        D = rubbed(
+            D, n, along(n, subtract(x, take3(walls, node, i + REF))), walls[node, i + FIRM], limit, slips(t, limit)
+        )
+        walls[node, i + PUSHED] = walls[node, i + KEPT] + walls[node, i + STIFF] * (walls[node, i + AT] - dot(n, x))
+    put3(places, node, 0, x)
+    put9(gives, node, 0, D)
+
+
+@inline
+def slips(t: Vector, limit: float) -> bool:
+    """Whether friction t is all it may be."""
+    return bool(limit > 0.0 and dot(t, t) >= SLIPS * limit * limit)
+
+
+@inline
+def rubbed(D: Matrix, n: Vector, d: Vector, firm: float, limit: float, slides: bool) -> Matrix:
+    """The derivative of a place with friction, on a plane with normal n where it is d from where it would be without.
+
+    limit: what it may be [N], 0: none; slides: it is.
+    """
+    way = dot(d, d) ** 0.5
+    if limit > 0.0 and slides and way > 0.0:
+        return stiffened(D, scale(1.0 / way, cross(n, d)), limit / way)
+    if limit > 0.0 and not slides:
+        u = across(n)
+        return stiffened(stiffened(D, u, firm), cross(n, u), firm)
+    return D
 
 
 @viewing
