@@ -12,11 +12,13 @@ from cable_shape.motion.swing import Swing, load_of, spread_evenly
 from cable_shape.shape import CableShape
 from cable_shape.solve.network import Network
 from cable_shape.solve.problem import Problem
+from cable_shape.solve.seen import Seen
 
 #: Times as many elements as where it began, at most, and how many at most.
 FINEST, MOST = 4, 200
 #: Elements that turn by more [rad] are too long, where a step takes more iterations than usual.
 WIDE, MANY = 1.2, 5
+FEWEST_DRAWN = 8  #: elements on which a cable is drawn to what was seen
 #: Points of a shape that goes over to more elements, to each of these.
 _SAMPLES = 8
 
@@ -45,3 +47,21 @@ def sampled(swing: Swing, last: CableShape, elements: int) -> CableShape:
     shape = last.again()
     shape.buffer, shape.points, shape.velocity = out, points, velocity
     return shape
+
+
+def drawn_coarsely(
+    problem: Problem, swing: Swing, shape: CableShape, seen: Seen, among: Callable[..., Any]
+) -> tuple[Network, Swing] | None:
+    """What is drawn to what was seen, from its shape at rest, on fewer elements, and goes on from there on as many as
+    before; None: it cannot be.
+
+    Many short ones buckle between points that are nearer to each other than the cable between them is long.
+    """
+    many = swing.model.h.size
+    rest, count = sampled(swing, shape, many), many // 2
+    while count >= FEWEST_DRAWN:
+        found = going_on(problem, rest, count, among)
+        if found is not None and found[1].draw_to(seen):
+            return going_on(problem, sampled(found[1], shape, many), many, among)
+        count //= 2
+    return None

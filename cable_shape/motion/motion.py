@@ -19,7 +19,7 @@ from cable_shape.errors import ArgumentError
 from cable_shape.motion import meeting
 from cable_shape.motion.among import Among, Lying, without_eyelets
 from cable_shape.motion.common import MODEL, Traced, check_moves, enough, failed, steps_ahead, work_of
-from cable_shape.motion.finer import FINEST, MANY, MOST, WIDE, going_on, sampled
+from cable_shape.motion.finer import FINEST, MANY, MOST, WIDE, drawn_coarsely, going_on, sampled
 from cable_shape.motion.run import Run
 from cable_shape.motion.swing import Swing, load_of, spread_evenly
 from cable_shape.motion.tangents import NUMBERS, RATE, Number, Pair, Tangents, Ways, check_begun, number_of, traced
@@ -214,9 +214,12 @@ class Motion(Traced):
         self._error = float(np.abs(out[problem.points : 4 * problem.points].reshape(-1, 3) - shape.positions).max())
         if seen is not None:
             if not swing.draw_to(seen):
-                self._swing = self._state = None
-                return failed(shape, Status.NOT_CONVERGED, "The cable could not be drawn to the points. ")
-            swing.tell(out, rates)
+                drawn = drawn_coarsely(problem, swing, shape, seen, self._among)
+                if drawn is None:
+                    self._swing = self._state = None
+                    return failed(shape, Status.NOT_CONVERGED, "The cable could not be drawn to the points. ")
+                self._state, self._swing = drawn
+            self._swing.tell(out, rates)
         status = Status.OK if seen is not None else shape.status
         self._last = self._shape(out, rates, began, status, "" if seen is not None else shape.detail)
         if by:

@@ -164,6 +164,7 @@ class Swing:
             return
         assert lying is not None
         self._move(*lying.moving(arcs))
+        self.motion.place[...] = self.memory.place  # nothing has held the nodes yet
 
     def _move(self, rate: Array, slope: Array) -> None:
         """Has the nodes move (n, 3) [m/s] from where they are, slope (n, 3) [1/s] along the cable."""
@@ -221,13 +222,13 @@ class Swing:
         swinging.take_stock(self.ints, self.floats, self.sols, self.work, self.moving, self.remembered, 0.0)
 
     def draw_to(self, seen: Seen) -> bool:
-        """Draws the nodes to a path by springs, and lets them move as that does; False if they cannot get there.
+        """Draws the nodes to a path by springs, and lets them move as it does; False if there is no way, and they stay.
 
         The springs are as stiff as the cable is in waves between the points. What they bend it by is let go in the
         first step.
         """
         memory, motion, s = self.memory, self.motion, self.model.s
-        aim = seen.places(s)
+        kept, aim = (self.sols.copy(), self.moving.copy(), self.remembered.copy()), seen.places(s)
         share = memory.mass / memory.mass.sum() * self.model.par[LENGTH]
         levers = motion.lever.copy()
         motion.lever[...] = 0.0
@@ -254,6 +255,8 @@ class Swing:
         motion.kept[...] = motion.lam
         motion.lever[...] = levers
         self._move(seen.velocity(s), seen.velocity(s, 1))
+        if not done:
+            self.sols[...], self.moving[...], self.remembered[...] = kept
         return done
 
     def tell(self, out: Array, velocity: Array, points: int | None = None) -> None:

@@ -403,6 +403,21 @@ def test_it_begins_as_it_is_seen():
     assert np.abs(one.positions - other.positions).max() < 0.01
 
 
+def test_it_begins_as_it_is_seen_on_short_elements_too():
+    """They buckle between points that are nearer to each other than the cable between them is long."""
+    cable = cs.Cable(0.9, 0.05, bending_stiffness=1e-4, drag=0.02, retardation_time=0.05)
+    end, at = cs.Pose((0.6, 0.0, 0.0), ALONG), np.linspace(0.1, 0.8, 8)
+    rest = cs.predict(cable, START, end)
+    ways = np.sin(np.outer(at, np.arange(1, 4)) * np.pi / 0.9) @ (
+        0.03 * np.random.default_rng(3).normal(size=(3, 3))
+    )  # fmt: skip
+    seen = np.stack([np.interp(at, rest.arc_length, column) for column in rest.positions.T], axis=1) + ways
+    found = [cs.Motion(cable, elements=n).begin(START, end, at, seen, np.zeros((8, 3))) for n in (40, 120, 160)]
+    assert all(shape.usable for shape in found)
+    for finer in found[1:]:
+        assert np.abs(finer.positions - found[0].positions).max() < 5e-3
+
+
 def test_what_is_seen_is_checked():
     motion, points = cs.Motion(CABLE, points=12), [(0.2, 0.0, -0.2), (0.5, 0.0, -0.2)]
     for given, match in (
