@@ -26,6 +26,7 @@ from cable_shape.solve.network import Network
 from cable_shape.solve.problem import Problem
 from cable_shape.solve.rod_common import MODEL, straight_line
 from cable_shape.solve.touching import taut
+from cable_shape.solve.touching.moments import TOO_MUCH, UNEVEN, refined, thin, uneven
 from cable_shape.solve.touching.road import TAUT, is_far, led_by
 from cable_shape.solve.touching.search import approach, follow, grow, relax
 from cable_shape.solve.touching.soften import LIMP, STIFF, soften
@@ -384,9 +385,13 @@ class Solve:
                 shape = self._too_short(status)
         if state.tight < 1.0 and taut.stretch_of(self.steps)[0] < taut.EASED * state.length:
             state.tighten(1.0)
-        if shape.status and state.touching and not self.steps.late and self._layered(shape):
-            shape = self._shape(status)
-            self._grade(shape)
+        if shape.status and state.touching and state.single and not self.steps.late and thin(state):
+            for finer in (self._layered, partial(refined, self.steps, self._shape)):
+                if shape.status and finer(shape):
+                    shape = self._shape(status)
+                    self._grade(shape)
+            if shape.status and uneven(state, shape, self.steps.loads, TOO_MUCH).size:
+                shape.status, shape.detail = Status.NOT_CONVERGED, UNEVEN
         if not state.touching:
             state.rest(shape, state.grips[NOW].copy())
             self._leave(shape)
@@ -408,17 +413,17 @@ class Solve:
     def _layered(self, shape: CableShape) -> bool:
         """Whether the solution is one on a new mesh, for tension has made the layers at what holds the cable thin."""
         state, steps = self.state, self.steps
-        pull = float(np.abs(state.ends[NOW]).max())  # within sqrt(3) of the largest force, but for what lies on bodies
-        if pull * state.widest**2 < state.bend or not state.single:
+        pull = float(np.abs(state.ends[NOW]).max())
+        if pull * state.widest**2 < state.bend:
             return False
         layer = math.sqrt(state.bend / pull)
         if layer > _THINNER * state.layer:
             return False
-        kept, frames = steps.kept(), state.grips[NOW].copy()
+        kept, frames, before = steps.kept(), state.grips[NOW].copy(), shape.positions.copy()
         state.layer = layer
         state.start_from(shape, frames)
         found = steps.go(frames, 1, WARM_ITERATIONS, FAR, jump=True) and steps.settle(frames)
-        if found and not steps.passes(shape.positions, steps.buffer):
+        if found and not steps.passes(before, steps.buffer):
             return True
         steps.take_back(kept)
         return False
