@@ -63,7 +63,7 @@ from cable_shape.kernels.network.tables import (
 from cable_shape.kernels.rod_algebra import get3, put3, scale
 
 #: A step goes in parts of this fraction of it at least, each tried from so many of `swing_start.STARTS`.
-SHORTEST, TRIES = 1.0 / 256.0, 2
+SHORTEST, TRIES = 1.0 / 256.0, 4
 #: There is room for so many rows in `Skin.log`; in place of the start there.
 LOG, BRACED = 1024, -1.0
 #: Column of the first one: whether cables have pressed on each other in the step.

@@ -81,7 +81,7 @@ FALLING, LEFT = 0.1, 0.01  # of the iteration before, and of what a last one lea
 #: The same where something slips, of which the matrix does not know all; [rad] so much with them; and of what may be
 #: left: so much where something slips, or where it has changed what presses, for the square is not known there.
 SLIDING, STIRRED, RUBBED = 0.7, 1e-2, 0.01
-FIRST_SHIFT, SHIFT_GROWTH, MOST_SHIFTS = 0.02, 6.0, 12  # as Newton's method at rest has them
+FIRST_SHIFT, SHIFT_GROWTH, MOST_SHIFTS = 0.02, 6.0, 16  # as Newton's method at rest has them
 MANY = 1000003  # numbers for what presses
 LOOSE = 0.03  # of the length times TOLERANCE: what elements may still miss among bodies, which press from one place on
 MOST_ITERATIONS = 30

@@ -7,6 +7,8 @@ that the error is of third order in the step, and less in what does not.
 
 from __future__ import annotations
 
+import math
+
 from cable_shape.kernels.network.compiled import inline, viewing
 from cable_shape.kernels.network.momentum import LAST_DT, LIKE, LIKE_FORCE, Momentum
 from cable_shape.kernels.network.motion import Motion
@@ -23,11 +25,12 @@ from cable_shape.kernels.network.tables import (
     solution_of,
     solution_size,
 )
-from cable_shape.kernels.rod_algebra import qnormal
+from cable_shape.kernels.rod_algebra import get4, qmul, qnormal
 
 #: What is started from: so much of how forces and shape changed in the last step is added to them. What changes fast is
 #: no guess: where one does not lead anywhere, the next one may.
 STARTS = ((1.0, 1.0), (0.0, 1.0), (-0.5, 1.0), (0.0, 0.0))
+SHAKEN = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.01, 1.0, 1.7), (0.1, 2.9, 2.7))  # so among bodies, see `shake`
 EQUAL = 1e-9  # of a step in time: such steps are equal
 
 
@@ -73,6 +76,20 @@ def swerve(plan: Plan, model: Model, motion: Motion, memory: Momentum, way: Solu
                 sol.pose[k, i] += a * way.pose[k, i]
         if plan.vertices[k, 0] >= 0 and model.loose[k, 0] != 0.0:
             turn_on(sol.pose, k, 3, way.pose, a)
+
+
+@inline
+def shake(plan: Plan, sol: Solution, size: float, one: float, other: float) -> None:
+    """Turns the trial's frames inside spans by up to `size` [rad] to and fro, each another way.
+
+    What is straight and pressed buckles, but Newton's method does not leave it: to which side nothing tells. one,
+    other: how far [rad] the turns about both directions across are apart from node to node.
+    """
+    for j in range(plan.ends.shape[0]):
+        for node in range(plan.first[j] + j + 1, plan.first[j + 1] + j):
+            turn = (0.5 * size * math.sin(one * node), 0.5 * size * math.cos(other * node), 0.0, 1.0)
+            q = qnormal(qmul(get4(sol.q, node), turn))
+            sol.q[node, 0], sol.q[node, 1], sol.q[node, 2], sol.q[node, 3] = q
 
 
 @inline

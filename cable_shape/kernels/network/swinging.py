@@ -34,7 +34,7 @@ from cable_shape.kernels.network.momentum import (
 from cable_shape.kernels.network.motion import N_PROPS, N_WALLED, Motion, lever_torque, motion_of, put_places
 from cable_shape.kernels.network.newton import CONVERGED, STALLED
 from cable_shape.kernels.network.settle import I_EXCESS, I_ITERATIONS, I_LAST, load_up, newton
-from cable_shape.kernels.network.swing_start import STARTS, is_equal, note_swerve, start_from
+from cable_shape.kernels.network.swing_start import SHAKEN, STARTS, is_equal, note_swerve, shake, start_from
 from cable_shape.kernels.network.system import gradient
 from cable_shape.kernels.network.tables import (
     NOW,
@@ -193,6 +193,9 @@ def attempt(
     while i < len(STARTS):
         forces, shape = STARTS[i]
         start_from(ints, sols, plan, model, motion, memory, forces * a, shape * a, swerves)
+        size, one, other = SHAKEN[i]
+        if touched and size > 0.0:
+            shake(plan, sol, size, one, other)
         status = newton(ints, floats, sols, space, moving, math.inf, most, least, told)
         info[I_ITERATIONS] += told[I_ITERATIONS]
         if status == STALLED and told[I_EXCESS] == 0.0 and told[I_LAST] < LEAST:
