@@ -167,13 +167,13 @@ class Steps:
         for _ in range(_ROUNDS):
             # contacts that run were stopped: by their iterations, or by a node that is moved now
             if refine and not self.still:
-                stopped, askew = state.info[0] > RUNNING, not self._square
-                moved = (askew or (state.info[16] > exact and not stopped)) and state.tidy()
+                stopped = state.info[0] > RUNNING
+                moved = (not self._square or (state.info[16] > exact and not stopped)) and state.tidy()
                 if moved or stopped:
                     state.target(frames)
                     if not self.again(WARM_ITERATIONS, sunk=sunk):
                         return False
-                if moved and askew:
+                if moved and not self._square:
                     continue
             arcs = self._dips(sunk)
             deep = arcs.size > 0

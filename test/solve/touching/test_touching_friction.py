@@ -240,12 +240,13 @@ def test_shapes_and_kernels_write_contacts_alike():
     assert check.TOUCH == TOUCH
 
 
-def test_a_contact_on_an_edge_that_a_node_stops_carries_no_more_than_friction_holds():
+@pytest.mark.parametrize(("number", "steps"), [(9, 138), (1, 192)])
+def test_a_contact_on_an_edge_that_a_node_stops_carries_no_more_than_friction_holds(number, steps):
     """It stood 0.08 mm beside where the cable is nearest, with a tenth more along the wall than friction holds."""
-    routed = contact_routing.motion("walls", 9)
+    routed = contact_routing.motion("walls", number)
     ((name, cable),) = routed.cables.items()
     cycle = cs.Cycle(routed.cables, scene=routed.scene, model="cosserat", points=301)
-    for k, grips in enumerate(routed.steps[:138]):
+    for k, grips in enumerate(routed.steps[:steps]):
         shape = cycle.step(grips, stamp=10_000_000 * k).shapes[name]
         if shape.usable:
             assert judged(cable, routed.scene, shape, shape.supports) == (), k
