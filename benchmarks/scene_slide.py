@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 import cable_shape as cs
 
-ELEMENTS = 120
+ELEMENTS = (120, 240)  # of chains: long ones may be caught on an edge that a cable gets over
 TAUT = 1e4  # stiffness against stretching, in weights a length
 HARD = 300.0  # stiffness of bodies, in weights a radius
 LONGEST = 0.4  # of the radius: a point's way in a step
@@ -30,15 +30,16 @@ SLOW, FAST = 1e-5, 1e3  # steps in time, in units in which the chain falls its l
 
 
 class Chain:
-    """Points (ELEMENTS + 1, 3) [m] of a cable held at both ends, in a scene; at rest or on the way there."""
+    """Points (n, 3) [m] of a cable held at both ends, in a scene; at rest or on the way there."""
 
     def __init__(self, cable: cs.Cable, scene: cs.Scene, positions: Array) -> None:
-        self.h = cable.length / ELEMENTS
+        elements = len(positions) - 1
+        self.h = cable.length / elements
         self.radius, self.length, self.scene = 0.5 * cable.diameter, cable.length, scene
         self.x = positions.copy()
         self.load = 9.81 * cable.linear_density * self.h
-        weight = self.load * ELEMENTS
-        self.taut, self.hard = TAUT * weight / self.length * ELEMENTS, HARD * weight / self.radius
+        self.weight = self.load * elements
+        self.taut, self.hard = TAUT * self.weight / self.length * elements, HARD * self.weight / self.radius
         self.bend = float(np.mean(cable.bending_stiffness)) / self.h**3
 
     def hold(self, start: cs.Pose, end: cs.Pose) -> None:
@@ -53,7 +54,7 @@ class Chain:
         then, m = self.x.copy(), self.load / (dt * self.length)
         energy, slope, band = self._energy(then, m)
         for _ in range(ITERATIONS):
-            if np.abs(slope).max() < 1e-6 * self.load * ELEMENTS:
+            if np.abs(slope).max() < 1e-6 * self.weight:
                 way = float(np.linalg.norm(self.x - then, axis=1).max())
                 if way <= LONGEST * self.radius:
                     return way, True
@@ -152,8 +153,8 @@ def _banded(blocks: Array) -> Array:
 
 
 def slid(cable: cs.Cable, scene: cs.Scene, before: Array, grips: list[tuple[cs.Pose, cs.Pose]]) -> tuple[Array, bool]:
-    """Where a cable slides from points `before` (ELEMENTS + 1, 3) [m] as its grips go from pair to pair, and whether
-    it is at rest there."""
+    """Where a cable slides from points `before` (n, 3) [m], evenly along it, as its grips go from pair to pair, and
+    whether it is at rest there."""
     chain = Chain(cable, scene, before)
     dt = 1e-3
     count = 0
@@ -192,11 +193,19 @@ class Line(NamedTuple):
 def slid_there(
     cable: cs.Cable, scene: cs.Scene, before: cs.CableShape, after: cs.CableShape, grips: list[tuple[cs.Pose, cs.Pose]]
 ) -> bool:
-    """Whether the chain comes to rest on the same side of all bodies as a shape, from the one before.
+    """Whether a chain comes to rest on the same side of all bodies as a shape, from the one before.
 
     grips: of all steps from that one to this.
     """
-    arcs = np.linspace(0.0, cable.length, ELEMENTS + 1)
+    return any(_slid_there(cable, scene, before, after, grips, elements) for elements in ELEMENTS)
+
+
+def _slid_there(
+    cable: cs.Cable, scene: cs.Scene, before: cs.CableShape, after: cs.CableShape,
+    grips: list[tuple[cs.Pose, cs.Pose]], elements: int,
+) -> bool:  # fmt: skip
+    """The same with so many elements."""
+    arcs = np.linspace(0.0, cable.length, elements + 1)
     x, rest = slid(
         cable, scene, np.stack([np.interp(arcs, before.arc_length, p) for p in before.positions.T], 1), grips
     )

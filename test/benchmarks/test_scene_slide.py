@@ -31,7 +31,7 @@ def laid():
 
 
 def points(shape):
-    arcs = np.linspace(0.0, CABLE.length, ELEMENTS + 1)
+    arcs = np.linspace(0.0, CABLE.length, ELEMENTS[0] + 1)
     return np.stack([np.interp(arcs, shape.arc_length, p) for p in shape.positions.T], axis=1)
 
 
