@@ -12,26 +12,11 @@ from scipy.optimize import minimize
 import cable_shape as cs
 from cable_shape.kernels.contact.guard import guard
 from cable_shape.kernels.network import motion, tables, walls
-from cable_shape.kernels.network.tables import NOW
 from cable_shape.kernels.network.walls import AT, BODY, KEPT, OUT, PUSHED, STIFF, WALL, WALLS
-from cable_shape.solve import cosserat
-from cable_shape.solve.network import Network
-from cable_shape.solve.problem import Problem
-from cable_shape.solve.settle import Settling
 from cable_shape.solve.touching.bodies import TouchBodies
 from cable_shape.solve.touching.held_along import pulls
 
-ALONG_X = (0.5, 0.5, 0.5, 0.5)
 RADIUS, REACH = 0.004, 0.3
-CABLE = cs.Cable(1.0, 0.05, 2e-3, diameter=2.0 * RADIUS)
-
-
-@pytest.fixture(scope="module")
-def settling():
-    problem = Problem(CABLE).move(cs.Pose((0, 0, 0), ALONG_X), cs.Pose((0.7, 0.1, 0.1), ALONG_X))
-    state = Network(problem)
-    assert cosserat.solve(problem, state).status is cs.Status.OK
-    return Settling(state.ints, state.floats, state.sols, NOW)
 
 
 def walled(settling, node, planes, hold):

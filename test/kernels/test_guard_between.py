@@ -12,23 +12,9 @@ from cable_shape.kernels.contact.points import GAP, on_curve
 from cable_shape.kernels.network import props
 from cable_shape.kernels.network.motion import N_PROPS, PROPS
 from cable_shape.kernels.network.tables import NOW
-from cable_shape.solve import cosserat
-from cable_shape.solve.network import Network
-from cable_shape.solve.problem import Problem
-from cable_shape.solve.settle import Settling
 from cable_shape.solve.touching.bodies import TouchBodies
 
-ALONG_X = (0.5, 0.5, 0.5, 0.5)
 RADIUS, REACH, NEARER = 0.004, 0.1, 1e-4
-CABLE = cs.Cable(1.0, 0.05, 2e-3, diameter=2.0 * RADIUS)
-
-
-@pytest.fixture(scope="module")
-def settling():
-    problem = Problem(CABLE).move(cs.Pose((0, 0, 0), ALONG_X), cs.Pose((0.7, 0.1, 0.1), ALONG_X))
-    state = Network(problem)
-    assert cosserat.solve(problem, state).status is cs.Status.OK
-    return Settling(state.ints, state.floats, state.sols, NOW)
 
 
 def guarded(settling, solid, pose):

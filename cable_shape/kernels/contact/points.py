@@ -112,12 +112,13 @@ def find_points(
             k = before_at(was, had, e, b, False)
             pressed = k >= 0 and was[k, PUSH] > 0.0
             x, gap = 0.5, math.inf
-            if least < min(first, last) + (NEARER if pressed else -NEARER) * length:
+            margin = (nearer if pressed else -nearer) * length
+            if least < min(first, last) + margin:
                 x, gap = nearest(bodies, b, h, p, q, tp, tq, fat, middle)
             for tip in range(2):
                 if tip == 1:
                     x, gap, k = 1.0, last, before_at(was, had, e, b, True)
-                wanted = gap < min(first, last) + (nearer if pressed else -nearer) * length
+                wanted = gap < min(first, last) + margin
                 if gap > reach or not (wanted if tip == 0 else motion.loose[node + 1] != 0.0):
                     continue
                 if (
