@@ -1,4 +1,4 @@
-"""A slow motion comes to the shapes that increments at rest come to: increments and steps in time, one law of friction."""
+"""A slow motion comes to the shapes of increments at rest: steps in time or not, one law of friction."""
 
 from __future__ import annotations
 
