@@ -2,8 +2,8 @@
 
 The file has `cable` (length, linear_density, EI1, EI2, GJ, EA, GA, rest_curvature), `gravity`, `start`, `end`
 (position, quaternion_xyzw; `end` null: free), `end_mass`, `end_force`, `end_moment`, `clips` (s, type, position,
-quaternion_xyzw), `point_masses` (s, mass), and the answer in `solution` (s, r). The end frame's winding is in the sign
-of its quaternion and in `twist`.
+quaternion_xyzw, and `retraction` of an eyelet), `point_masses` (s, mass), and the answer in `solution` (s, r). The end
+frame's winding is in the sign of its quaternion and in `twist`.
 """
 
 from __future__ import annotations
@@ -81,7 +81,12 @@ def _grip(fields: Mapping[str, Any], turns: int = 0) -> Grip:
 def _scene(values: Mapping[str, Any]) -> Scene | None:
     """The clips and point masses; None without any."""
     clips = tuple(
-        Clip(clip["s"], Pose(clip["position"], clip["quaternion_xyzw"] or _IDENTITY), clip["type"])
+        Clip(
+            clip["s"],
+            Pose(clip["position"], clip["quaternion_xyzw"] or _IDENTITY),
+            clip["type"],
+            retraction=clip.get("retraction", 0.0),
+        )
         for clip in values.get("clips") or ()
     )
     masses = tuple(PointMass(mass["s"], mass["mass"]) for mass in values.get("point_masses") or ())

@@ -252,14 +252,17 @@ def without_eyelets(scene: Scene | None) -> Scene | None:
     Raises
     ------
     ArgumentError
-        If there are more than a motion has room for, or one has friction.
+        If there are more than a motion has room for, or one has friction, or draws the cable in.
     """
     if scene is None:
         return scene
     for clip in scene.clips:
-        if clip.friction > 0.0:
-            bound = "eyelets hold a cable along it at rest only, not as it swings"
-            raise ArgumentError.of("Clip.friction", clip.friction, bound, "Leave it out, or predict shapes at rest.")
+        for key, value in (("friction", clip.friction), ("retraction", clip.retraction)):
+            if value != 0.0:
+                bound = (
+                    f"eyelets {'hold' if key == 'friction' else 'draw'} a cable along it at rest only, not as it swings"
+                )
+                raise ArgumentError.of(f"Clip.{key}", value, bound, "Leave it out, or predict shapes at rest.")
     held = [clip for clip in scene.clips if clip.kind != "slide"]
     count = len(scene.clips) - len(held)
     if count > PROPS:

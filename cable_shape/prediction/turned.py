@@ -53,7 +53,9 @@ def turned_cable(cable: Cable) -> Cable:
 def turned_scene(scene: Scene, length: float) -> Scene:
     """What holds and surrounds a cable of this length [m], told from its end."""
     clips = [
-        dataclasses.replace(clip, arc_length=length - clip.arc_length, pose=clip.pose * _TURN)
+        dataclasses.replace(
+            clip, arc_length=length - clip.arc_length, pose=clip.pose * _TURN, retraction=-clip.retraction
+        )
         for clip in reversed(scene.clips)
     ]
     masses = [dataclasses.replace(mass, arc_length=length - mass.arc_length) for mass in reversed(scene.masses)]

@@ -148,7 +148,7 @@ def _solid(kind: str, value: Any, where: str, folder: Path, scale: Any) -> Solid
 
 
 def _clip(values: Mapping[str, Any], where: str) -> Clip:
-    more = ("kind", "name", "segment", "link", "friction")
+    more = ("kind", "name", "segment", "link", "friction", "retraction")
     _required(values, where, ("arc_length", "position"), ("quaternion", *more))
     return Clip(values["arc_length"], _pose(values), **{key: values[key] for key in more if key in values})
 
@@ -204,8 +204,7 @@ def clip_entry(clip: Clip) -> dict[str, Any]:
     """An item of `clips`."""
     told = {key: getattr(clip, key) for key in ("name", "link")}
     more = {key: value for key, value in told.items() if value is not None}
-    if clip.friction:
-        more["friction"] = clip.friction
+    more.update((key, getattr(clip, key)) for key in ("friction", "retraction") if getattr(clip, key))
     return {"arc_length": clip.arc_length, **pose_entry(clip.pose), "kind": clip.kind, **more, **_segment_entry(clip)}
 
 

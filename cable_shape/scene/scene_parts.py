@@ -49,7 +49,8 @@ class Clip:
     "ball" holds the place of the material point, "fixed" its frame, "hinge" its place and d3: the cable may roll.
     "slide" is an eyelet through which the cable runs: it holds a place, `arc_length` is about which point is in it, and
     what is found is in the shape's `clips`. friction: Coulomb's coefficient, 0 to 10, of an eyelet; of cable and eyelet
-    the larger one counts. Of a scene's clips those without a `name` are "clip0",
+    the larger one counts. retraction [N]: by which an eyelet draws the cable through itself towards its start, below 0
+    towards its end, as the spring of a dress pack does. Of a scene's clips those without a `name` are "clip0",
     "clip1" and so on, in order of arc length. `segment`: of a harness, whose arc length is meant. With a `link` it is
     on that link of the robot, `pose` is in the link's frame, and it moves with the `links` that a prediction is given.
     """
@@ -61,6 +62,7 @@ class Clip:
     segment: str | None = None
     link: str | None = None
     friction: float = 0.0
+    retraction: float = 0.0
 
     def __post_init__(self) -> None:
         _number(self, "arc_length", "m")
@@ -70,14 +72,16 @@ class Clip:
         checks.instance("Clip.pose", self.pose, (Pose,), "Write Pose(position, quaternion).")
         checks.one_of("Clip.kind", self.kind, CLIP_KINDS)
         friction = checks.number("Clip.friction", self.friction, at_least=0.0, at_most=10.0)
-        object.__setattr__(self, "friction", friction)
-        if friction > 0.0 and self.kind != "slide":
-            raise ArgumentError.of(
-                "Clip.friction",
-                friction,
-                f"the cable runs through eyelets alone, and this is a {self.kind!r} clip",
-                "Make it a 'slide' clip, or leave friction out.",
-            )
+        retraction = checks.number("Clip.retraction", self.retraction, unit="N")
+        for key, value in (("friction", friction), ("retraction", retraction)):
+            object.__setattr__(self, key, value)
+            if value != 0.0 and self.kind != "slide":
+                raise ArgumentError.of(
+                    f"Clip.{key}",
+                    value,
+                    f"the cable runs through eyelets alone, and this is a {self.kind!r} clip",
+                    f"Make it a 'slide' clip, or leave {key} out.",
+                )
         if self.pose.turns:
             raise ArgumentError.of(
                 "Clip.pose.turns",

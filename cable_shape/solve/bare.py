@@ -30,6 +30,7 @@ class Bare(NamedTuple):
     at: slice
     act: slice
     friction: slice
+    draw: slice
 
 
 @lru_cache(maxsize=256)
@@ -51,6 +52,7 @@ def bare_of(structure: Structure) -> Bare:
         at=_place(model.at, floats),
         act=_place(model.act, floats),
         friction=_place(model.friction, floats),
+        draw=_place(model.draw, floats),
     )
 
 

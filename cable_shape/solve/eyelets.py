@@ -1,9 +1,10 @@
 """Clips through which the cable runs: which arc lengths of the cable are in its eyelets.
 
-At rest the force F of an eyelet has no part along the cable but its friction f, F . d3 = f, see
-`kernels.network.gripping`; without, the energy is stationary in the arc length sigma there, dE/dsigma = -F . d3. Near
-the solution sigma is one more unknown of the compiled Newton iteration (`kernels.network.sliding`); from afar it has a
-Newton iteration of its own, the rod being solved for every sigma.
+At rest the force F of an eyelet has no part along the cable but its friction f, see `kernels.network.gripping`, less
+the force r by which it draws the cable towards its start: F . d3 = f - r; without both the energy is stationary in the
+arc length sigma there, dE/dsigma = -F . d3. Near the solution sigma is one more unknown of the compiled Newton
+iteration (`kernels.network.sliding`); from afar it has a Newton iteration of its own, the rod being solved for every
+sigma.
 """
 
 from __future__ import annotations
@@ -142,17 +143,25 @@ class Eyelets:
             ahead = (stops - arcs[ring]) * np.sign(full[ring])
             way = ahead[ahead > 0.0].min()
             if way < LEAST * length:
-                mu = state.rough[state.rings.index(ring)]
-                rubs = "without friction" if mu == 0.0 else f"whose friction, {mu:g}, does not hold it"
                 self.why = (
-                    f"{state.ring_name(ring)} is an eyelet {rubs}, and the cable runs through it until the "
-                    f"next clip, mass or end is reached, at {arcs[ring]:.3g} m: nothing holds it. Make it a 'ball' "
-                    "clip. "
+                    f"{state.ring_name(ring)} is an eyelet {self._hold_of(ring)}, and the cable runs through it until "
+                    f"the next clip, mass or end is reached, at {arcs[ring]:.3g} m: nothing holds it. "
+                    f"{'Lower its retraction, or make' if self._drawn(ring) else 'Make'} it a 'ball' clip. "
                 )
                 return None
             if abs(full[ring]) > REACH * way:
                 fraction = min(fraction, REACH * way / abs(full[ring]))
         return np.asarray(arcs + fraction * full)
+
+    def _drawn(self, ring: int) -> float:
+        """[N], by which an eyelet draws the cable in."""
+        return float(self._state.drawn[self._state.rings.index(ring)])
+
+    def _hold_of(self, ring: int) -> str:
+        """What an eyelet does along the cable, in words."""
+        mu, pull = self._state.rough[self._state.rings.index(ring)], self._drawn(ring)
+        rubs = "without friction" if mu == 0.0 else f"whose friction, {mu:g}, does not hold it"
+        return rubs if pull == 0.0 else f"{rubs} that draws the cable in by {pull:g} N"
 
     def _feasible(self, frames: Array) -> Array:
         """Arc lengths for which each stretch of cable shares its slack out among its spans as before, or by length.

@@ -128,8 +128,9 @@ class HarnessNetwork(Network):
             through = [problem.scene.clips[number] for number, _ in layout.rings]
             segments = problem.harness.segments
             self._take_friction([(clip, segments[str(clip.segment)]) for clip in through])
+            self.drawn = np.array([clip.retraction for clip in through])
         else:
-            self.rough, self.has_friction = _NO_STOPS, False
+            self.rough, self.has_friction, self.drawn = _NO_STOPS, False, _NO_STOPS
         self.cables = len(layout.structure.cables)
         self._held = [(layout.knots["end", end], end) for end, how in problem.ends.items() if type(how) is Grip]
         self._tips = [(layout.knots["end", end], end) for end, how in problem.ends.items() if type(how) is FreeEnd]
@@ -182,7 +183,7 @@ class HarnessNetwork(Network):
             0.0,
         )  # fmt: skip
         model.frame[...] = layout.frames
-        model.friction[...] = self.rough
+        model.friction[...], model.draw[...] = self.rough, self.drawn
         model.s[...] = self.arcs_now().ravel()
         materials = [material_of(one) for one in problem.segments.values()]
         levers = layout.levers

@@ -80,6 +80,7 @@ class Network:
         self.fewest = 0  # elements with which a coarser mesh has failed
         self.info: Array = np.zeros(INFO + 2)
         self.rough, self.has_friction = _NOTHING[:0], False  # (e,) as it counts, see `roughness`; whether there is any
+        self.drawn: Array = _NOTHING[:0]  # (e,) [N], by which eyelets draw the cable towards its start
         self.structure: Structure
         self.turns_freely = False
         self.rolls = False  # a dead moment on the free end may twist a start that does not hold its roll
@@ -149,6 +150,7 @@ class Network:
         self.spans = self.forces = arcs.size - 1
         self.rings = [i for i, kind in enumerate(self._clips, 1) if kind == "slide"]
         self._take_friction([(problem.clips[i - 1], cable) for i in self.rings])
+        self.drawn = problem.retraction[self.ring_rows]
         self.kinks, self.sharpness = kinks_of(problem) if self.rings else (_NOTHING[:0], _NOTHING[:0])
         self._kinds = ()
         self.unsettle()
@@ -417,7 +419,7 @@ class Network:
         held[bare.force] = self._own.ravel()
         held[bare.force.stop - 3 : bare.force.stop] += self._tip
         held[bare.moment] = self._moment
-        held[bare.friction] = self.rough
+        held[bare.friction], held[bare.draw] = self.rough, self.drawn
         if self.points.size:
             held[bare.at] = self.points
             held[bare.act] = self.weights.ravel()

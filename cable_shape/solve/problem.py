@@ -61,6 +61,7 @@ class Problem:
     load_force : (k, 3) [N], world, of the concentrated loads (weights of point masses)
     masses : the point masses behind the concentrated loads
     clips : what holds the cable between its ends, in ascending arc length
+    retraction : (k,) [N], by which each of them draws the cable towards its start
     bodies : what the cable is kept out of in the equilibrium: first the bodies fixed in the world, then those on links
     carried : the links that carry bodies or clips, and what is on them, see :func:`carried_by`
     gripping : links that hold the cable, whose bodies it may touch near its ends
@@ -93,6 +94,7 @@ class Problem:
         "made",
         "masses",
         "points",
+        "retraction",
         "rubs",
         "scene",
         "start",
@@ -155,6 +157,7 @@ class Problem:
             self._load_masses(scene)
             self._check_clips(scene)
             self.clips = tuple(scene.clips)
+        self.retraction: Array = np.array([clip.retraction for clip in self.clips])
         self.bodies: tuple[Obstacle, ...] = ()
         if scene is not None and scene.contact == "solve":
             links = checks.entries("robot_links", robot_links, Obstacle)
@@ -293,6 +296,7 @@ class Problem:
         other.cache = {}
         other.load = last.load + share * (self.load - last.load)
         other.load_force = last.load_force + share * (self.load_force - last.load_force)
+        other.retraction = last.retraction + share * (self.retraction - last.retraction)
         rows = max([2, *(len(a) for a in (self.acceleration, last.acceleration) if a is not None)])
         before, now = _rows(last.acceleration, rows), _rows(self.acceleration, rows)
         other.acceleration = before + share * (now - before)
@@ -306,13 +310,20 @@ class Problem:
             return False
         if not np.array_equal(last.load_arc_length, self.load_arc_length):
             return False
+        if last.retraction.size != self.retraction.size:
+            return False
         swings = [np.empty(0) if one.swing is None else one.swing for one in (last, self)]
-        pairs = (swings, (last.load, self.load), (last.load_force, self.load_force), (last.end_fall, self.end_fall))
+        pairs = (
+            swings, (last.load, self.load), (last.load_force, self.load_force), (last.end_fall, self.end_fall),
+            (last.retraction, self.retraction),
+        )  # fmt: skip
         return not all(np.array_equal(one, other) for one, other in pairs)
 
     def hangs_like(self, last: Problem) -> bool:
         """Whether it is the same cable at rest under the same loads, in clips of the same kinds at the same places."""
-        held = [[(clip.arc_length, clip.kind, clip.friction) for clip in one.clips] for one in (last, self)]
+        held = [
+            [(clip.arc_length, clip.kind, clip.friction, clip.retraction) for clip in one.clips] for one in (last, self)
+        ]
         at_rest = self.swing is None and last.swing is None
         return (
             last.cable is self.cable

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -47,6 +48,26 @@ def test_two_segments_run_through_eyelets_as_one_cable_does() -> None:
         assert two.energy == pytest.approx(one.energy, abs=1e-6)
     still = cs.predict(halves(), {"a.start": START, "b.end": end}, scene=eyelets("a"))
     np.testing.assert_allclose(still.segments["a"].positions, two.segments["a"].positions, atol=2e-5)
+
+
+def test_retraction_draws_two_segments_through_eyelets_as_it_does_one_cable() -> None:
+    single, several = cs.Predictor(CABLE, tolerance=1e-8), cs.Predictor(halves(), tolerance=1e-8)
+    arcs = []
+    for pulls in ((0.1, -0.05), (0.3, -0.05), (1.0, 0.2), (0.1, -0.05)):
+        rings = [
+            cs.Clip(s, place, "slide", segment="a", retraction=pull)
+            for (s, place), pull in zip(PLACES.items(), pulls, strict=True)
+        ]
+        single.scene = cs.Scene(clips=[dataclasses.replace(ring, segment=None) for ring in rings])
+        several.scene = cs.Scene(clips=rings)
+        one, two = single.predict(START, END), several.predict({"a.start": START, "b.end": END})
+        assert two.status is one.status is cs.Status.OK
+        for mine, wanted in zip(two.clips, one.clips, strict=True):
+            assert mine.arc_length == pytest.approx(wanted.arc_length, abs=2e-6)
+            np.testing.assert_allclose(mine.force, wanted.force, atol=2e-4)
+        arcs.append([load.arc_length for load in two.clips])
+    assert arcs[3] == pytest.approx(arcs[0], abs=1e-6)
+    assert arcs[2][0] > arcs[0][0] + 3e-4
 
 
 def rough(segment: str | None = None) -> cs.Scene:

@@ -138,13 +138,15 @@ def solve(arms: Sequence[Arm], start: Sequence[Callable[[np.ndarray], np.ndarray
 @dataclass
 class Stop:
     """Where one stretch of a cable goes over into the next, or where the cable ends: held at `place`, in the frame
-    `rotation` or not, or running through it; else under a dead force and, at an end, a dead moment."""
+    `rotation` or not, or running through it, drawn towards the start; else under a dead force and, at an end, a dead
+    moment."""
 
     place: Sequence[float] | None = None
     rotation: Sequence[float] | None = None
     force: Sequence[float] = (0.0, 0.0, 0.0)
     moment: Sequence[float] = (0.0, 0.0, 0.0)
     slides: bool = False
+    draw: float = 0.0  # of a cable that does not stretch
 
     def held(self, Y: np.ndarray) -> list[np.ndarray]:
         """What place and frame ask of the states (13,)."""
@@ -162,7 +164,7 @@ class Stop:
         if self.slides:
             N = [turned(conjugate(Y[3:7]), Y[10:13]) for Y in (left, right)]
             before, after = (n[2] + 0.5 * np.asarray(rod.give) @ n**2 for n in N)
-            out.append(np.array([after - before]))
+            out.append(np.array([after - before - self.draw]))
         return out
 
     def ended(self, Y: np.ndarray) -> list[np.ndarray]:

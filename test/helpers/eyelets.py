@@ -22,15 +22,32 @@ def at(x: float, y: float = 0.0, z: float = 0.0) -> cs.Pose:
     return cs.Pose((0.8 + x, y, z), ALONG_X)
 
 
-def eyelet(friction: float, place=PLACE, **others) -> cs.Scene:
+def eyelet(friction: float, place=PLACE, retraction: float = 0.0, **others) -> cs.Scene:
     """A scene with one eyelet, e."""
-    return cs.Scene(clips=[cs.Clip(0.6, cs.Pose(place), "slide", "e", friction=friction)], **others)
+    clip = cs.Clip(0.6, cs.Pose(place), "slide", "e", friction=friction, retraction=retraction)
+    return cs.Scene(clips=[clip], **others)
 
 
 def led(scene: cs.Scene, ways, cable: cs.Cable = CABLE, **options) -> tuple[cs.Predictor, list[cs.CableShape]]:
     """The shapes as the end goes these ways, and what has predicted them."""
     predictor = cs.Predictor(cable, scene=scene, model="cosserat", points=121, **{"tolerance": 1e-8, **options})
     return predictor, [predictor.predict(FROM, at(x)) for x in ways]
+
+
+def limit(mu: float, before: np.ndarray, force: np.ndarray, tangent: np.ndarray) -> float:
+    """[N], what an eyelet holds that acts on the cable with a force; before: the cable's own force there."""
+    after = before - force
+    turn = np.arccos(np.clip(before @ after / (np.linalg.norm(before) * np.linalg.norm(after)), -1.0, 1.0))
+    across = np.linalg.norm(force - (force @ tangent) * tangent)
+    return float(across * np.sinh(0.5 * mu * turn) / np.sin(0.5 * turn))
+
+
+def at_eyelet(shape: cs.CableShape, load, weight: float) -> tuple[np.ndarray, np.ndarray]:
+    """The cable's force just before an eyelet, and its tangent there, from a shape's points."""
+    k = int(np.searchsorted(shape.arc_length, load.arc_length)) - 1
+    before = shape.force[k] + np.array((0.0, 0.0, weight)) * (load.arc_length - shape.arc_length[k])
+    tangent = np.array([np.interp(load.arc_length, shape.arc_length, x) for x in shape.tangents.T])
+    return before, tangent / np.linalg.norm(tangent)
 
 
 def motions(steps: int, seed: int) -> dict[str, list[Step]]:

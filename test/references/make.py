@@ -59,7 +59,12 @@ class Chain:
         stops += [
             (
                 clip["s"] / length,
-                Stop(np.array(clip["position"]) / length, clip["quaternion_xyzw"], slides=clip["type"] == "slide"),
+                Stop(
+                    np.array(clip["position"]) / length,
+                    clip["quaternion_xyzw"],
+                    slides=clip["type"] == "slide",
+                    draw=clip.get("retraction", 0.0) / force,
+                ),
             )
             for clip in values["clips"]
         ]

@@ -69,6 +69,13 @@ def case(name: str, cable: Values, start: tuple, place: tuple | None = None, end
     }  # fmt: skip
 
 
+def drawn(values: Values, *pulls: float) -> Values:
+    """The same whose eyelets draw the cable towards its start."""
+    for clip, pull in zip(values["clips"], pulls, strict=True):
+        clip["retraction"] = pull
+    return values
+
+
 def arch(load: float) -> Values:
     """The clamped-hinged arch of 215 degrees of DaDeppo and Schmidt (1975), as in test/solve/test_arch.py."""
     angle, tail = math.radians(215.0), 0.02
@@ -133,6 +140,8 @@ def all_cases() -> list[Values]:
              (0.0, 0.1, -0.2), 0.3, clips=((0.6, (0.4, -0.05, 0.2), "slide"),)),
         case("eyelets", cable(1.8, 0.1, 0.05, 0.03), (0.0, 0.1, 0.2), (1.2, 0.1, -0.1), (0.1, 0.2, 0.0), -0.2,
              clips=((0.6, (0.4, 0.05, 0.1), "slide"), (1.2, (0.8, -0.05, 0.12), "slide"))),
+        drawn(case("eyelets_drawn", cable(1.8, 0.1, 0.05, 0.03), (0.0, 0.1, 0.2), (1.2, 0.1, -0.1), (0.1, 0.2, 0.0),
+                   -0.2, clips=((0.6, (0.4, 0.05, 0.1), "slide"), (1.2, (0.8, -0.05, 0.12), "slide"))), 0.4, -0.25),
         arch(4.0), arch(8.5),
         catenary("level", 1.1, 0.3, (0.8, 0.0, 0.0)),
         catenary("inclined", 1.4, 0.2, (0.9, 0.3, 0.4)),

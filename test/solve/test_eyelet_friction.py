@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from eyelets import ALONG_X, CABLE, FROM, at, eyelet, led, motions
+from eyelets import ALONG_X, CABLE, FROM, at, at_eyelet, eyelet, led, limit, motions
 
 import cable_shape as cs
 from cable_shape.kernels.network import gripping
@@ -19,22 +19,6 @@ def to_and_fro(step: float, far: float = 0.06, times: int = 3) -> np.ndarray:
     there = np.arange(0.0, far - 0.5 * step, step)
     loop = [np.arange(far, -far + 0.5 * step, -step), np.arange(-far, far - 0.5 * step, step)]
     return np.concatenate([there, *loop * times, [far]])
-
-
-def limit(mu: float, before: np.ndarray, force: np.ndarray, tangent: np.ndarray) -> float:
-    """[N], what an eyelet holds that acts on the cable with a force; before: the cable's own force there."""
-    after = before - force
-    turn = np.arccos(np.clip(before @ after / (np.linalg.norm(before) * np.linalg.norm(after)), -1.0, 1.0))
-    across = np.linalg.norm(force - (force @ tangent) * tangent)
-    return float(across * np.sinh(0.5 * mu * turn) / np.sin(0.5 * turn))
-
-
-def at_eyelet(shape: cs.CableShape, load, weight: float) -> tuple[np.ndarray, np.ndarray]:
-    """The cable's force just before an eyelet, and its tangent there, from a shape's points."""
-    k = int(np.searchsorted(shape.arc_length, load.arc_length)) - 1
-    before = shape.force[k] + np.array((0.0, 0.0, weight)) * (load.arc_length - shape.arc_length[k])
-    tangent = np.array([np.interp(load.arc_length, shape.arc_length, x) for x in shape.tangents.T])
-    return before, tangent / np.linalg.norm(tangent)
 
 
 # -- the law

@@ -14,24 +14,27 @@ from cable_shape.solve.problem import Problem
 
 
 @pytest.mark.parametrize(
-    ("mu", "ways", "slips"),
+    ("mu", "drawn", "ways", "slips"),
     [
-        (0.2, np.arange(0.0, 0.05, 0.005), True),
-        (3.0, np.arange(0.0, 0.05, 0.005), False),
-        (0.2, (*np.arange(0.0, 0.05, 0.005), 0.0448), False),
+        (0.2, 0.0, np.arange(0.0, 0.05, 0.005), True),
+        (3.0, 0.0, np.arange(0.0, 0.05, 0.005), False),
+        (0.2, 0.0, (*np.arange(0.0, 0.05, 0.005), 0.0448), False),
+        (0.0, 0.3, np.arange(0.0, 0.02, 0.002), False),  # on the side that it is drawn from the cable is nearly taut
+        (0.2, 0.3, np.arange(0.0, 0.02, 0.002), True),
+        (3.0, 0.3, np.arange(0.0, 0.02, 0.002), False),
     ],
-    ids=["slips", "sticks", "turns back"],
+    ids=["slips", "sticks", "turns back", "drawn in", "drawn in, slips", "drawn in, sticks"],
 )
-def test_sensitivity_is_that_of_finite_differences(mu, ways, slips):
-    predictor, shapes = led(eyelet(mu), ways, tolerance=1e-10)
+def test_sensitivity_is_that_of_finite_differences(mu, drawn, ways, slips):
+    predictor, shapes = led(eyelet(mu, PLACE, drawn), ways, tolerance=1e-10)
     assert shapes[-1].clips[0].slips is slips
     columns = predictor.sensitivity(("start", "end", "clip:e"))
     h = 1e-6
 
     def after(start=FROM, end=None, place=PLACE):
         """The shape where only the last step was another one."""
-        other, _ = led(eyelet(mu), ways[:-1], tolerance=1e-10)
-        other.scene = eyelet(mu, place)
+        other, _ = led(eyelet(mu, PLACE, drawn), ways[:-1], tolerance=1e-10)
+        other.scene = eyelet(mu, place, drawn)
         return other.predict(start, at(ways[-1]) if end is None else end).positions
 
     for axis in range(3):

@@ -541,6 +541,7 @@ def copy_cable(net: Net, made: Floats, s: Array, floats: Floats) -> None:
     copy(model.breaks, old.breaks)
     copy(model.at, old.at)
     copy(model.friction, old.friction)
+    copy(model.draw, old.draw)
     copy_rows(model.heavy, old.heavy, 3)
     copy_rows(model.piece, old.piece, old.piece.shape[1])
     copy_rows(model.act, old.act, 3)

@@ -207,7 +207,8 @@ def told(ints: Whole, floats: Floats, sols: Floats, space: Floats) -> Floats:
         j = plan.rings[c, 1]
         after = add(get3(work.pulled, j + 1), get3(model.weight, j + 1))
         t = apply(rotation(get4(work.start, plan.first[j + 1] + j)), E3)
-        out[c, 0], out[c, 1] = dot(subtract(get3(work.pulled, j), after), t), now.grip[c, SLIPPED]
+        out[c, 0] = dot(subtract(get3(work.pulled, j), after), t) + model.draw[c]
+        out[c, 1] = now.grip[c, SLIPPED]
         out[c, 2] = 0.0 if model.friction[c] > 0.0 and now.grip[c, FROM_FIRM] <= 0.0 else 1.0
     return out
 

@@ -260,6 +260,7 @@ def copy_model(ints: Whole, floats: Floats, new_ints: Whole, new: Floats) -> Non
     copy(a.breaks, b.breaks)
     copy(a.at, b.at)
     copy(a.friction, b.friction)
+    copy(a.draw, b.draw)
     copy_rows(a.loose, b.loose, 3)
     copy_rows(a.force, b.force, 3)
     copy_rows(a.moment, b.moment, 3)

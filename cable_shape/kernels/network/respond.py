@@ -360,7 +360,7 @@ def eyelets(
             J[i, c] = pull_change(plan, model, sol, work, i)
         R = rotation(get4(sol.q, e + j))
         F = subtract(get3(sol.lam, j), add(get3(sol.lam, j + 1), get3(model.weight, j + 1)))
-        f[c] = dot(F, apply(R, E3))
+        f[c] = dot(F, apply(R, E3)) + model.draw[c]
         # the tangent at the eyelet changes by the curvature, too
         a = e - 1
         y = 0.5 * model.h[a]

@@ -1,9 +1,10 @@
-"""Eyelets inside Newton's method: the arc length sigma of the cable at each is an unknown, F . d3 = f its equation.
+"""Eyelets inside Newton's method: the arc length sigma of the cable at each is an unknown, F . d3 = f - r its equation.
 
-F is the force of the eyelet on the cable, d3 the tangent at its node, f its friction, see `gripping`, or 0. The nodes
-between an eyelet and the next knots or point loads keep their shares of that stretch, so that all of the discrete
-system depends on sigma, by what the elements are made of: differences of the gradient are the columns of sigma, and
-what the factors answer to them reduces the system to one equation an eyelet.
+F is the force of the eyelet on the cable, d3 the tangent at its node, f its friction, see `gripping`, or 0, r the force
+by which it draws the cable towards its start. The nodes between an eyelet and the next knots or point loads keep their
+shares of that stretch, so that all of the discrete system depends on sigma, by what the elements are made of:
+differences of the gradient are the columns of sigma, and what the factors answer to them reduces the system to one
+equation an eyelet.
 """
 
 from __future__ import annotations
@@ -59,7 +60,7 @@ class Slides(NamedTuple):
     J: Floats  # (e, e) change of F . d3 [N/m]
     lift: Floats  # (e, e) change of the limits of friction [N/m]
     way: Floats  # (e,) step of sigma [m]
-    pull: Floats  # (e,) F . d3 that is to vanish [N]
+    pull: Floats  # (e,) F . d3 - f + r, which is to vanish [N]
     A: Floats  # (e, e) scratch, as are the rest
     s: Floats  # (n,)
     weight: Floats  # (m, 3)
@@ -350,7 +351,7 @@ def slide_step(ints: Whole, floats: Floats, sols: Floats, space: Floats, run: Fl
     f = slides.pull
     for i in range(f.shape[0]):
         pull, change = pull_along(plan, model, sol, work, slides.still, i)
-        f[i] = pulls * pull + change
+        f[i] = pulls * (pull + model.draw[i]) + change
     if any_holds(model, sol):
         negative = rubbed(plan, model, sol, work, slides, pulls)
     else:

@@ -114,6 +114,7 @@ class Model(NamedTuple):
     links: Floats  # (links, LINK_MODEL)
     firmer: Floats  # (N, 2) [N m^2] of what has mass, see `rod_element.element_gradient`
     friction: Floats  # (e,) coefficient of friction of the eyelets
+    draw: Floats  # (e,) [N], by which they draw the cable towards its start
 
 
 class Solution(NamedTuple):
@@ -287,6 +288,7 @@ def model_of(ints: Whole, floats: Floats) -> Model:
         part(floats, o24, (ints[N_LINKS], LINK_MODEL)),
         part(floats, o25, (n, 2)),
         part(floats, o25 + 2 * n, (ints[N_RINGS],)),
+        part(floats, o25 + 2 * n + ints[N_RINGS], (ints[N_RINGS],)),
     )  # fmt: skip
 
 
@@ -389,7 +391,7 @@ def model_size(ints: Whole) -> int:
     """Numbers of a model with this head."""
     n, m, k, c, p, a = ints[0], ints[1], ints[2], ints[N_CABLES], ints[N_PIECES], ints[N_POINTS]
     size = PAR + 30 * n + 18 * m + 12 * k + 3 * c + 4 * (p + c) + PIECE * p + 4 * a
-    return size + 27 * ints[N_PRESSED] + LINK_MODEL * ints[N_LINKS] + ints[N_RINGS]
+    return size + 27 * ints[N_PRESSED] + LINK_MODEL * ints[N_LINKS] + 2 * ints[N_RINGS]
 
 
 @viewing
