@@ -101,6 +101,7 @@ EXTRAS = {
     "pinocchio": "robots",
     "mink": "robots",
     "mujoco": "robots",
+    "coacd": "meshes",
     "ezdxf": "drawings",
     "OCP": "cad",
     "pyarrow": "studies",

@@ -326,9 +326,8 @@ class CableShape:
 
     def presses(self, body: str) -> Array:
         """(k,) [N], of the `contacts` with a body, or another cable."""
-        if body not in self.bodies:
-            return np.empty(0)
-        return np.asarray(self.touches[self.touches[:, 1] == self.bodies.index(body), 8])
+        rows = [row for row, name in enumerate(self.bodies) if name == body]
+        return np.asarray(self.touches[np.isin(self.touches[:, 1], rows), 8])
 
     @property
     def tangents(self) -> Array:

@@ -21,7 +21,7 @@ from cable_shape.motion.meeting import harness_lying
 from cable_shape.motion.swing import FEWEST, Load, Swing
 from cable_shape.motion.tangents import NUMBERS, RATE, Number, Tangents, Ways, number_of, traced
 from cable_shape.pose import FreeEnd, Grip, Pose, one_mapping
-from cable_shape.scene.mesh_convex import check_convex
+from cable_shape.scene.mesh_parts import divided
 from cable_shape.scene.scene import Obstacle, Scene
 from cable_shape.shape import NUMBERS_PER_POINT, Status
 from cable_shape.solve import harness_search
@@ -82,7 +82,7 @@ class HarnessMotion(Traced):
                 check_moves(cable)
             except ArgumentError as error:
                 raise ArgumentError(f"segment {name!r}: {error}") from None
-        check_convex(self._still.bodies)
+        divided(self._still.bodies)
         order, clips = list(harness.segments), () if scene is None else scene.clips
         rows = ((i, clip.segment) for i, clip in enumerate(clips) if clip.kind == "slide")
         self._eyelets = [(i, order.index(name)) for i, name in rows if name is not None]
@@ -406,14 +406,16 @@ class HarnessMotion(Traced):
         assert swing is not None
         assert state is not None
         info, n, c = swing.info, problem.points, len(self.harness.segments)
+        touches = [swing.touches(i) for i in range(c)]
+        off = max(map(swing.deviation, touches), default=0.0)
         shape = HarnessShape(
             self.harness, out[: NUMBERS_PER_POINT * n * c], n, model=MODEL, status=status, detail=detail,
             twists=swing.told[: 2 * c : 2],
-            error_estimate=self._error + float(swing.told[1 : 2 * c : 2].max()) + swing.depth,
+            error_estimate=self._error + float(swing.told[1 : 2 * c : 2].max()) + swing.depth + off,
             iterations=int(info[0]), solve_time=perf_counter() - began,
             clips=self._supports(swing, state), clips_of=self._still.clips, velocity=velocity[: n * c],
             kinetic_energy=swing.kinetic_energy, work=float(info[2]), dissipated=float(info[3]),
-            touches=[swing.touches(i) for i in range(c)],
+            touches=touches,
             bodies=() if swing.among is None else swing.among.names,
         )  # fmt: skip
         shape.energy = swing.energy

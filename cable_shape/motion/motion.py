@@ -24,7 +24,7 @@ from cable_shape.motion.run import Run
 from cable_shape.motion.swing import Swing, load_of, spread_evenly
 from cable_shape.motion.tangents import NUMBERS, RATE, Number, Pair, Tangents, Ways, check_begun, number_of, traced
 from cable_shape.pose import NOT_GIVEN, FreeEnd, Grip, Pose, both_given
-from cable_shape.scene.mesh_convex import check_convex
+from cable_shape.scene.mesh_parts import divided
 from cable_shape.scene.scene import Obstacle, Scene
 from cable_shape.scene.scene_parts import clip_names
 from cable_shape.shape import CableShape, Status
@@ -100,7 +100,7 @@ class Motion(Traced):
         self.problem = Problem(cable, scene=without_eyelets(scene), **options)
         self.elements = None if elements is None else checks.integer("elements", elements, at_least=4, at_most=2000)
         check_moves(cable)
-        check_convex(self._still.bodies)
+        divided(self._still.bodies)
         self._state: Network | None = None
         self._swing: Swing | None = None
         self._last: CableShape | None = None
@@ -507,7 +507,7 @@ class Motion(Traced):
         swing = self._swing
         assert swing is not None
         end = self.problem.end
-        info = swing.info
+        info, touches = swing.info, swing.touches()
         energy = swing.energy
         if isinstance(end, FreeEnd):
             n = self.problem.points
@@ -520,7 +520,7 @@ class Motion(Traced):
             status=status,
             detail=detail,
             energy=energy,
-            error_estimate=self._error + float(swing.told[1]) + swing.depth,
+            error_estimate=self._error + float(swing.told[1]) + swing.depth + swing.deviation(touches),
             iterations=int(info[0]),
             solve_time=perf_counter() - began,
             turns=swing.turns,
@@ -530,7 +530,7 @@ class Motion(Traced):
             work=float(info[2]),
             dissipated=float(info[3]),
             supports=self._supports(swing),
-            touches=swing.touches(),
+            touches=touches,
             bodies=() if swing.among is None else swing.among.names,
         )
 

@@ -287,6 +287,10 @@ class Swing:
             return np.empty((0, TOUCH))
         return self.among.touches(self.ints, self.floats, self.moving, self.remembered, cable)
 
+    def deviation(self, touches: Array) -> float:
+        """[m], how far the bodies of contacts (k, TOUCH) are at most off what they are in place of."""
+        return 0.0 if self.among is None else self.among.bodies.deviation(touches)
+
     def run(self, goals: Array, steps: Array) -> tuple[Array, Array, Array, int]:
         """Steps (T,) [s] to the knots goals (T, k, 7), one after the other.
 

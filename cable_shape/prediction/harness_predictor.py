@@ -19,7 +19,7 @@ from cable_shape.pose import FreeEnd, Grip, Pose, one_mapping
 from cable_shape.prediction.harness_columns import columns_by
 from cable_shape.prediction.harness_solver import HarnessSolver
 from cable_shape.prediction.reuse import kept, links_same, same_ends
-from cable_shape.scene.mesh_convex import check_convex
+from cable_shape.scene.mesh_parts import divided
 from cable_shape.scene.scene import Scene
 from cable_shape.scene.scene_parts import Obstacle
 from cable_shape.shape import CableShape
@@ -454,5 +454,5 @@ def _solved(together: Crossing, first: int) -> HarnessShape:
 def _checked(problem: HarnessProblem) -> HarnessProblem:
     """The problem, if its contacts can be solved for."""
     if problem.bodies:
-        check_convex(problem.bodies)
+        divided(problem.bodies)
     return problem

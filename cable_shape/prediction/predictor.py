@@ -20,7 +20,7 @@ from cable_shape.errors import ArgumentError
 from cable_shape.pose import NOT_GIVEN, FreeEnd, Grip, Pose, both_given, one_mapping
 from cable_shape.prediction.reuse import Ends, Links, kept, unmoved
 from cable_shape.prediction.solvers import MODELS, ClosedForm, Memory, Rod, solver_of
-from cable_shape.scene.mesh_convex import check_convex
+from cable_shape.scene.mesh_parts import divided
 from cable_shape.scene.scene import Obstacle, Scene
 from cable_shape.shape import CableShape
 from cable_shape.solve import cosserat
@@ -474,7 +474,7 @@ class Predictor:
                     f"model {self.model!r} of this cable knows no clips",
                     "Remove the clips, or choose model='cosserat' and a bending stiffness above 0 N m^2.",
                 )
-        check_convex(problem.bodies)
+        divided(problem.bodies)
         return problem
 
 

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cable_shape.errors import ArgumentError
-
 if TYPE_CHECKING:
-    from cable_shape.scene.scene_parts import Obstacle
     from cable_shape.scene.solids import Mesh
 
 #: A mesh is convex if it fills its convex hull but for this fraction of the volume, and has no more surface.
@@ -24,26 +20,6 @@ _MOST_FACES = 2000
 def is_convex(mesh: Mesh) -> bool:
     """Whether the mesh is closed, its triangles counter-clockwise from outside, and convex but for rounding."""
     return half_thickness(mesh) > 0.0
-
-
-def check_convex(bodies: Iterable[Obstacle]) -> None:
-    """Refuses meshes with which contact is not solved for.
-
-    Raises
-    ------
-    ArgumentError
-        For a mesh that is not closed and convex.
-    """
-    from cable_shape.scene.solids import Mesh
-
-    for body in bodies:
-        if isinstance(body.solid, Mesh) and not is_convex(body.solid):
-            raise ArgumentError.of(
-                f"obstacle {body.name!r}",
-                body.solid,
-                "contact is solved for with closed convex meshes only",
-                "Divide it into convex parts, one obstacle each, or write contact='warn'.",
-            )
 
 
 @functools.lru_cache(maxsize=256)

@@ -225,7 +225,7 @@ def test_what_is_refused_names_the_part() -> None:
     assert not shape.usable
     assert "the cable at the grip 'a.start' is 54.0 mm inside obstacle 'table'" in shape.detail
     corner = cs.Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
-    with pytest.raises(cs.ArgumentError, match="closed convex meshes only"):
+    with pytest.raises(cs.ArgumentError, match="with closed meshes"):
         cs.Predictor(fork(), scene=over(corner))
 
 

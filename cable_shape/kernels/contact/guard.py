@@ -12,7 +12,7 @@ import math
 from cable_shape.checks import Array
 from cable_shape.kernels._jit import kernel
 from cable_shape.kernels.contact.check import carried
-from cable_shape.kernels.contact.near import GRIP_EXCLUSION, NONE
+from cable_shape.kernels.contact.near import BARE, GRIP_EXCLUSION, NONE
 from cable_shape.kernels.contact.tables import Bodies
 from cable_shape.kernels.distance.surface import touch
 from cable_shape.kernels.network.compiled import inline
@@ -33,7 +33,7 @@ from cable_shape.kernels.network.walls import (
     WALLS,
     along,
 )
-from cable_shape.kernels.rod_algebra import Vector, add, dot, get3, put3, scale
+from cable_shape.kernels.rod_algebra import Vector, add, dot, get3, put3, scale, take3
 
 
 @kernel
@@ -80,17 +80,22 @@ def look_around(
         p = place if keeps else carried(place, then[b], bodies.frames[b])
         d, n, _ = touch(bodies.table[b], bodies.frames[b], bodies.triangles, bodies.tree, p, NONE, False, bodies.stack)
         gap = d - thick
-        if gap > reach or count == WALLS:
+        i, off = count, gap
+        if count == WALLS:
+            i, off = farthest(walls, node, p, gap)
+        if gap > reach or i == BARE:
             clear = min(clear, max(gap, 0.0))
             continue
-        at, kept, t = 1 + WALL * count, 0.0, NONE
+        if i < count:
+            clear = min(clear, max(off, 0.0))
+        at, kept, t = 1 + WALL * i, 0.0, NONE
         for k in range(int(was[0])):
             o = 1 + WALL * k
             if int(was[o + BODY]) == b and was[o + PUSHED] > 0.0:
                 kept, t = was[o + PUSHED], (was[o + RUB], was[o + RUB + 1], was[o + RUB + 2])
                 cosine = min(cosine, dot(n, (was[o + OUT], was[o + OUT + 1], was[o + OUT + 2])))
-        for i in range(at, at + WALL):
-            walls[node, i] = 0.0
+        for c in range(at, at + WALL):
+            walls[node, c] = 0.0
         walls[node, at + BODY] = b
         put3(walls, node, at + OUT, n)
         walls[node, at + AT], walls[node, at + STIFF] = dot(n, p) - gap, stiff
@@ -102,9 +107,21 @@ def look_around(
             walls[node, at + ROUGH], walls[node, at + FIRM] = max(rough, bodies.rough[b]), firm
             put3(walls, node, at + RUB, t)
             put3(walls, node, at + REF, add(p, scale(1.0 / firm, t)))
-        count += 1
+        count = max(count, i + 1)
     walls[node, 0] = count
     return clear, cosine
+
+
+@inline
+def farthest(walls: Array, node: int, place: Vector, gap: float) -> tuple[int, float]:
+    """Which of a node's planes is farthest from `place`, and how far [m]; BARE: none is as far as this gap."""
+    found, most = BARE, gap
+    for k in range(int(WALLS)):
+        at = 1 + WALL * k
+        own = dot(take3(walls, node, at + OUT), place) - walls[node, at + AT]
+        if own > most:
+            found, most = k, own
+    return found, most
 
 
 @inline

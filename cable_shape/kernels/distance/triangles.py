@@ -250,3 +250,14 @@ def mesh_segment(
                 best, best_t, found = square, t, i
                 limit = min(limit, math.sqrt(best) + SLACK)
     return best_t, math.sqrt(best), found
+
+
+@kernel
+def mesh_points(
+    triangles: Array, nodes: Array, root: int, closed: bool, points: Array, cull: bool, stack: Indices, out: Array
+) -> None:
+    """Fills out (n,) with the distances of points (n, 3) to the mesh, see `mesh_point`."""
+    for k in range(points.shape[0]):
+        out[k] = mesh_point(
+            triangles, nodes, root, closed, points[k, 0], points[k, 1], points[k, 2], np.inf, cull, stack
+        )[0]

@@ -15,6 +15,7 @@ from cable_shape.kernels.distance.triangles import STACK_SIZE
 from cable_shape.pose import Pose
 from cable_shape.scene.body_tables import body_tables, link_rows
 from cable_shape.scene.mesh_convex import half_thickness
+from cable_shape.scene.mesh_parts import divided
 from cable_shape.scene.scene import Mesh, Obstacle
 
 HORIZON = 0.02  #: [m] bodies further away are only bounded
@@ -24,11 +25,14 @@ HORIZON = 0.02  #: [m] bodies further away are only bounded
 class TouchBodies:
     """What they are, where they are, and where they were at the last solution.
 
-    Those on links come last; they are left out as long as it is not known where the links are.
+    Those on links come last; they are left out as long as it is not known where the links are. A body that is divided
+    into convex parts is several, of one name.
     """
 
     def __init__(self) -> None:
         self._bodies: tuple[Obstacle, ...] = ()
+        self._rows: list[Obstacle] = []
+        self._off: Array = np.zeros(0)  # [m], of each row
         self.names: tuple[str, ...] = ()  # of the bodies whose places are known
         self.frames: Array = np.zeros((0, 4, 3))  # where they are
         self.frames_then = self.frames  # where they were at the last solution
@@ -56,13 +60,14 @@ class TouchBodies:
         """
         self._bodies = bodies
         self._carried = carried
-        self._tables = body_tables(bodies, tuple(self._carried), gripping)
-        for row, body in zip(self._tables[0], bodies, strict=True):
+        self._rows, self._off = divided(bodies)
+        self._tables = body_tables(self._rows, tuple(self._carried), gripping)
+        for row, body in zip(self._tables[0], self._rows, strict=True):
             if isinstance(body.solid, Mesh):
                 row[14] = half_thickness(body.solid)
         self._origins = self._tables[0][:, 4:7].copy()
-        self.rough: Array = np.array([body.friction for body in bodies])
-        self._fixed = sum(body.link is None for body in bodies)
+        self.rough: Array = np.array([body.friction for body in self._rows])
+        self._fixed = sum(body.link is None for body in self._rows)
         self.horizon = radius + HORIZON
         self.counts: Any = np.empty(2, np.int64)
         self.thinnest = min((surface.reach_of(body) for body in self._tables[0]), default=math.inf)
@@ -85,7 +90,7 @@ class TouchBodies:
     def _put(self, links: Array) -> bool:
         all_bodies, self.triangles, self.tree = self._tables
         count = len(all_bodies) if len(links) else self._fixed
-        names = tuple(body.name for body in self._bodies[:count])
+        names = tuple(body.name for body in self._rows[:count])
         others = names != self.names
         if others:
             self.names = names
@@ -119,6 +124,15 @@ class TouchBodies:
             self.table, self.frames, self.frames_then, self.triangles, self.tree, self.stack, self.moved_links,
             self.measured, self.counts, self.rough[: len(self.table)],
         )  # fmt: skip
+
+    def rows_of(self, name: str) -> list[int]:
+        """The rows of a body, of a divided one those of its parts."""
+        return [row for row, other in enumerate(self.names) if other == name]
+
+    def deviation(self, touches: Array) -> float:
+        """[m], how far the bodies of contacts (k, TOUCH) are at most off what they are in place of."""
+        rows = touches[:, 1].astype(int)
+        return float(self._off[rows[rows < len(self.names)]].max(initial=0.0))
 
     def remember(self) -> None:
         """Where they are is where they were at the last solution."""

@@ -124,6 +124,9 @@ class HarnessSolve(Solve):
             lacking = max(lacking, missing if missing > TAUT * cable.length else 0.0)
         return lacking
 
+    def _deviation(self, shape: HarnessShape) -> float:  # type: ignore[override]
+        return max(map(self.state.bodies.deviation, shape.touches), default=0.0)
+
     def _no_shape(self, status: Status, detail: str) -> HarnessShape:  # type: ignore[override]
         problem, state = self.problem, self.state
         network = state.cable

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Any
 
 import numpy as np
@@ -15,13 +16,24 @@ _NEAR = 0.1  #: of an element: a node nearer to a contact is its node
 
 
 def pressed_rows(shape: CableShape, names: tuple[str, ...]) -> Array:
-    """(k, TOUCH), the shape's contacts with the bodies of these names, the row of the name in place of the body."""
-    rows = [
-        (row[0], names.index(shape.bodies[int(row[1])]), *row[2:])
-        for row in shape.touches
-        if shape.bodies[int(row[1])] in names
-    ]
+    """(k, TOUCH), the shape's contacts with the bodies of these names, the row of the name in place of the body.
+
+    Parts of one body have its name, in one order.
+    """
+    known = {one: row for row, one in enumerate(numbered(names))}
+    told = numbered(shape.bodies)
+    rows = [(row[0], known[told[int(row[1])]], *row[2:]) for row in shape.touches if told[int(row[1])] in known]
     return np.array(rows).reshape(-1, TOUCH)
+
+
+def numbered(names: tuple[str, ...]) -> list[tuple[str, int]]:
+    """Each name, and how many of the same were before."""
+    seen: Counter[str] = Counter()
+    out = []
+    for name in names:
+        out.append((name, seen[name]))
+        seen[name] += 1
+    return out
 
 
 def with_lone(nodes: Array, rows: Array) -> Array:

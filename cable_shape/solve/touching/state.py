@@ -377,12 +377,13 @@ class TouchState(Laid):
         """(points, 3, 6), (e, 6): how positions and the eyelets' pulls change as a body moves. Needs no `refresh`."""
         points, bodies = self.problem.points, self.bodies
         out, df = np.zeros((self.sampled, 3, 6)), np.zeros((self.rings.size, 6))
-        if name in bodies.names:
+        for at in bodies.rows_of(name):
             self.refresh()
-            at = bodies.names.index(name)
+            own, pulls = np.zeros_like(out), np.zeros_like(df)
             respond.body_columns(
-                self.net, self.q[NOW], self.near[NOW], self.on[NOW], at, bodies.frames[at, 3:], points, out, df
+                self.net, self.q[NOW], self.near[NOW], self.on[NOW], at, bodies.frames[at, 3:], points, own, pulls
             )
+            out, df = out + own, df + pulls
         return out, df
 
     def put_aside(self) -> tuple[Any, ...]:

@@ -22,6 +22,7 @@ from cable_shape.shape import NUMBERS_PER_POINT, CableShape
 from cable_shape.solve.harness_problem import HarnessProblem
 from cable_shape.solve.problem import Problem
 from cable_shape.solve.touching.harness_state import HarnessTouchState
+from cable_shape.solve.touching.resume import numbered
 from cable_shape.solve.touching.spot import Pair
 from cable_shape.solve.touching.told import Told
 
@@ -101,10 +102,12 @@ class Shapes:
     def __init__(self, shapes: Sequence[CableShape], levers: Sequence[Array]) -> None:
         self.points = shapes[0].points
         self.buffer: Array = np.concatenate([*(shape.buffer for shape in shapes), *levers])
-        self.bodies = tuple(dict.fromkeys(name for shape in shapes for name in shape.bodies))
+        told = [numbered(shape.bodies) for shape in shapes]
+        bodies = list(dict.fromkeys(one for names in told for one in names))
+        self.bodies = tuple(name for name, _ in bodies)
         self.touches = [shape.touches.copy() for shape in shapes]
-        for shape, rows in zip(shapes, self.touches, strict=True):
-            rows[:, 1] = [self.bodies.index(shape.bodies[int(body)]) for body in rows[:, 1]]
+        for names, rows in zip(told, self.touches, strict=True):
+            rows[:, 1] = [bodies.index(names[int(body)]) for body in rows[:, 1]]
         self.turns = np.zeros(self.buffer.size // (NUMBERS_PER_POINT * self.points), dtype=int)
         self.turns[: len(shapes)] = [shape.turns for shape in shapes]
 

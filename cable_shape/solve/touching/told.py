@@ -56,6 +56,7 @@ class Told:
         self.iterations, self.status, self.detail, self.solve_time = iterations, status, detail, solve_time
         self.error_estimate = float(state.info[drive.I_ESTIMATE]) + overlap  # m, of the positions
         self.bodies, self.touches = self._contacts(names, every, spots)
+        self.error_estimate += max(map(state.bodies.deviation, self.touches), default=0.0)
         self._segments = list(state.problem.segments)
 
     def buffer_of(self, row: int) -> Array:

@@ -395,7 +395,12 @@ class Solve:
         if not state.touching:
             state.rest(shape, state.grips[NOW].copy())
             self._leave(shape)
+        shape.error_estimate += self._deviation(shape)
         return shape
+
+    def _deviation(self, shape: CableShape) -> float:
+        """[m], how far the bodies that it touches are off what they are in place of."""
+        return self.state.bodies.deviation(shape.touches)
 
     def _too_short(self, status: Status) -> CableShape:
         """The last solution as that of a cable that hardly gives; one that gives and pulls little is what stays."""

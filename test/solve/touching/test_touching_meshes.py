@@ -115,12 +115,3 @@ def test_which_meshes_are_convex():
     dented = CORNERS.copy()
     dented[apex] = (-0.05, -0.15, -0.05)
     assert not is_convex(cs.Mesh(dented, BLOCK.faces)), "dented"
-
-
-def test_a_mesh_that_is_not_convex_is_refused_by_name():
-    dented = CORNERS.copy()
-    dented[np.argmax(CORNERS.sum(axis=1))] = (-0.05, -0.15, -0.05)
-    scene = over(cs.Mesh(dented, BLOCK.faces))
-    with pytest.raises(cs.ArgumentError, match=r"obstacle 'part'.*convex.*Divide it"):
-        cs.Predictor(CABLE, scene=scene, model="cosserat")
-    assert cs.Predictor(CABLE, scene=scene.replace(contact="warn"), model="cosserat").scene is not None
