@@ -23,6 +23,7 @@ from cable_shape.prediction.predictor import Predictor
 from cable_shape.prediction.tails import Tail, held_frame
 from cable_shape.prediction.turned import TurnedPredictor
 from cable_shape.safety.allowed import Allowed
+from cable_shape.safety.caught import Caught
 from cable_shape.safety.clearance import ClearanceChecker
 from cable_shape.safety.margins import MarginWatch
 from cable_shape.safety.report import Ahead, BodyDistance, CableWarning, Clearance, Margin, WarningKind
@@ -121,6 +122,7 @@ class CableCycle:
         checker = ClearanceChecker(scene, cable=cable, robot_links=robot_links, gripping_links=gripping_links)
         self._checker = checker
         self._allowed = Allowed(scene, cable, robot_links, gripping_links)
+        self._caught = Caught(cable, scene, problem.gravity)
         self._plug = plug
         self._snaps = SnapWatch(snap_horizon)
         moving = np.concatenate((checker.moving, np.ones(cables, dtype=np.bool_)))  # other cables, and itself
@@ -267,6 +269,7 @@ class CableCycle:
         """
         self._judged, forces = self._judge(shape, clearance)
         margins = self._watch.margins(shape, self._judged, stamp, state=self._rod, ends=ends) + forces
+        margins += self._caught.margins(shape, ends[1])
         if self._acceleration is not None:  # the prediction does not leave it out
             margins = tuple(margin for margin in margins if margin.kind is not WarningKind.QUASISTATIC)
         find = find or (None if self._watch.twists is None else self._snap_within)

@@ -23,6 +23,7 @@ from cable_shape.prediction.harness_predictor import HarnessPredictor
 from cable_shape.prediction.layout import cable_id
 from cable_shape.prediction.tails import Tail, held_frame
 from cable_shape.safety.allowed import Allowed
+from cable_shape.safety.caught import Caught
 from cable_shape.safety.clearance import ClearanceChecker
 from cable_shape.safety.margins import MarginWatch
 from cable_shape.safety.report import Ahead, CableWarning, Clearance, Margin, WarningKind
@@ -109,6 +110,7 @@ class HarnessCycle:
         self._judged: dict[str, Clearance] = {}  # of which there may be alarm
         self._links: Links = None  # where they were in the last check
         gravity = self.predictor.problem.gravity
+        self._caught = {one: Caught(cable, scene, gravity, self.cables.values()) for one, cable in self.cables.items()}
         self._watches = {
             one: MarginWatch(cable, scene, gravity=gravity, quasistatic_limit=quasistatic_limit)
             for one, cable in self.cables.items()
@@ -302,6 +304,7 @@ class HarnessCycle:
         for one, part in self.parts(shape).items():
             self._judged[one], forces = self._judge(one, part, clearance[one])
             found[one] = self._watches[one].margins(part, self._judged[one], stamp) + forces
+            found[one] += self._caught[one].margins(part)
         if self._moving is not None:  # the prediction does not leave it out
             found = {
                 one: tuple(m for m in margins if m.kind is not WarningKind.QUASISTATIC)

@@ -29,6 +29,7 @@ class WarningKind(enum.Enum):
     STABILITY = 7
     SNAP = 8
     QUASISTATIC = 9
+    CAUGHT = 10
     CONTACT_FORCE = 11
 
 

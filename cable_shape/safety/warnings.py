@@ -49,6 +49,8 @@ class Levels:
             return cls(math.nextafter(1.0, 2.0), math.nextafter(error, 3.0))  # at the very distance all is still well
         if kind is WarningKind.QUASISTATIC:
             return cls(1.0, INERTIA_ERROR)
+        if kind is WarningKind.CAUGHT:  # what it may come to, the cable's own limits say
+            return cls(1.0, math.inf)
         return cls(STRETCH_FRACTION if kind is WarningKind.OVERSTRETCHED else WARN_FRACTION, 1.0)
 
     def severity(self, used: float, before: Severity | None) -> Severity | None:
@@ -389,6 +391,11 @@ def _words(margin: Margin, length: float) -> str:
         return (
             f"is pressed on {margin.other!r}, most {where}with {value:.3g} N of at most {limit:.3g} N. "
             "Lift the cable, or let it be pressed harder."
+        )
+    if margin.kind is WarningKind.CAUGHT:
+        return (
+            f"is caught on {margin.other!r}, most {where}and drawn taut there: it is held with {value:.3g} N, and "
+            f"at ease with {limit:.3g} N at most. Go back, or lift it off."
         )
     if margin.kind is WarningKind.STRESS:
         stress = f"stress {value * 1e-6:.3g} MPa of at most {limit * 1e-6:.3g} MPa"

@@ -51,6 +51,7 @@ KINDS: dict[WarningKind, Colour] = {
     WarningKind.STABILITY: (240, 98, 146, 255),
     WarningKind.QUASISTATIC: (230, 238, 156, 255),
     WarningKind.CONTACT_FORCE: (255, 138, 101, 255),
+    WarningKind.CAUGHT: (255, 82, 140, 255),
 }
 AXES: tuple[Colour, Colour, Colour] = ((240, 84, 84, 255), (104, 200, 90, 255), (84, 142, 255, 255))
 

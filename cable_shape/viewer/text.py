@@ -19,7 +19,9 @@ def millimetres(distance: float) -> str:
 
 
 #: kinds of margins, in the order in which they are drawn
-MARGIN_KINDS = (WarningKind.CLEARANCE, *LOAD_MARGINS, WarningKind.QUASISTATIC, WarningKind.CONTACT_FORCE)
+MARGIN_KINDS = (
+    WarningKind.CLEARANCE, *LOAD_MARGINS, WarningKind.QUASISTATIC, WarningKind.CONTACT_FORCE, WarningKind.CAUGHT,
+)  # fmt: skip
 
 
 def kind_name(kind: WarningKind) -> str:

@@ -85,12 +85,10 @@ def inexact(estimate: float, allowed: float) -> str:
     )
 
 
-def too_short(missing: float) -> str:
-    """What is the matter with a cable that lacks so much [m]."""
-    return (
-        f"the cable is {missing:.3g} m too short for its way past the obstacles that it lies on. "
-        "Bring the ends closer. "
-    )
+def too_short(missing: float, bodies: list[str]) -> str:
+    """What is the matter with a cable that lacks so much [m] on its way past these."""
+    past = " and ".join(map(repr, bodies)) or "the obstacles"
+    return f"the cable is {missing:.3g} m too short for its way past {past}. Bring the ends closer. "
 
 
 class Solve:
@@ -265,7 +263,7 @@ class Solve:
             return None
         state.put_back(at_rest)  # contacts that stand may have led past a body
         state.move_bodies(steps.links)
-        shape = self._no_shape(Status.OVERSTRETCHED, too_short(road.missing))
+        shape = self._no_shape(Status.OVERSTRETCHED, too_short(road.missing, self._touched()))
         shape.missing_length = road.missing
         return shape
 
@@ -480,7 +478,7 @@ class Solve:
         detail = ""
         if shape.missing_length > 0.0:
             shape.status, shape.error_estimate = Status.OVERSTRETCHED, math.inf
-            detail = too_short(shape.missing_length) + "It is drawn as if it were longer."
+            detail = too_short(shape.missing_length, self._touched()) + "It is drawn as if it were longer."
         elif self.steps.late:
             shape.status = Status.BUDGET if within else Status.BUDGET_EXCEEDED
         elif not within:
@@ -488,6 +486,11 @@ class Solve:
         elif shape.status is Status.OK and self.state.info[2] != 0.0:
             shape.status = Status.UNSTABLE
         shape.detail = detail or ("" if shape.status is Status.OK else shape.status.remedy)
+
+    def _touched(self) -> list[str]:
+        """The names of the bodies that push the cable in the last solution."""
+        rows = self.state.touches()[:, 1].tolist()
+        return [self.state.bodies.names[int(body)] for body in dict.fromkeys(rows)]
 
     def _stretched(self, shape: CableShape) -> float:
         """[m] what a cable that does not stretch lacks, 0 if that is next to nothing; its error grows by as much.
