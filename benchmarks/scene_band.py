@@ -104,11 +104,12 @@ class Band:
         if self._drawn is not None:
             was = self._drawn
             moved = math.dist(start.position, was[0].position) + math.dist(end.position, was[1].position)
-            if math.isfinite(was[3]) and abs(was[3] - least) > moved:
+            if abs(was[3] - least) > moved:
                 return was[3] > least
         x = None if self._drawn is None else self._drawn[2]
         x, lacks = drawn(self.cable, self.scene, self.clips, self.shape, start, end, x)
-        self._drawn = start, end, x, lacks
+        if math.isfinite(lacks):
+            self._drawn = start, end, x, lacks
         return lacks > least
 
 
