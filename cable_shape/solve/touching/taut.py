@@ -51,7 +51,24 @@ def tightened(steps: Steps, missing: float) -> bool:
             missing, changed, part = left, True, max(part**2, _TIGHTER)
         else:
             part = math.sqrt(part)
-    return changed
+    return (missing > TAUT * state.length and state.tight > 1.0 and led_to_its_length(steps)) or changed
+
+
+def led_to_its_length(steps: Steps) -> bool:
+    """Whether the last solution is now that of a cable that gives no more than usual, to which the road has led.
+
+    Newton's method may find none where a cable that gets tighter lets go of much that it lies on.
+    """
+    state, kept, frames = steps.state, steps.kept(), steps.state.grips[NOW].copy()
+    state.tighten(1.0)
+    road = steps.by_road(frames)
+    if road is not None and not road.taut:
+        found = steps.go(frames, 1, WARM_ITERATIONS, FAR) or (steps.stand(frames) and steps.settle(frames))
+        steps.still = False
+        if found and stretch_of(steps)[1] <= TAUT * state.length:
+            return True
+    steps.take_back(kept)
+    return False
 
 
 def _give_less(steps: Steps, part: float, missing: float) -> float:

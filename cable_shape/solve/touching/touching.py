@@ -263,6 +263,8 @@ class Solve:
             return None
         state.put_back(at_rest)  # contacts that stand may have led past a body
         state.move_bodies(steps.links)
+        if state.tight > 1.0 and taut.led_to_its_length(steps):
+            return self._arrived(before, then, led)
         shape = self._no_shape(Status.OVERSTRETCHED, too_short(road.missing, self._touched()))
         shape.missing_length = road.missing
         return shape

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 import contact_routing
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose
 from scene_certificate import judged
 
@@ -52,6 +55,30 @@ def test_a_rough_cable_drawn_round_three_posts_is_hardly_lost():
     shapes = [predictor.predict(*grips[name]) for grips in routed.steps[:75]]
     assert sum(not shape.usable for shape in shapes) <= 2
     assert any(shape.frictionless for shape in shapes)  # and says so
+
+
+@pytest.mark.parametrize("stiffness", [0.0015, 0.002])
+def test_a_cable_drawn_beyond_its_length_has_its_shape_again_where_it_had_it_on_the_way_out(stiffness):
+    """A stiff hairpin, which lets go of half the post then: the road leads on where Newton's method does not."""
+    half = math.sqrt(0.5)
+    out, back = (0.0, half, 0.0, half), (0.0, -half, 0.0, half)
+    places = (0.04, (0.0, 0.0)), (0.01, (-0.15, -0.08))
+    posts = [cs.Obstacle(f"post{i}", cs.Cylinder(r, 4.0), cs.Pose((x, y, 0.0))) for i, (r, (x, y)) in enumerate(places)]
+    cable, scene = cs.Cable(0.8, 0.05, stiffness, diameter=0.006), cs.Scene(obstacles=posts, contact="solve")
+    predictor = cs.Predictor(cable, scene=scene, model="cosserat")
+
+    def step(k: int, away: float) -> cs.CableShape:
+        z = 0.03 * math.sin(0.05 * k)
+        return predictor.predict(cs.Pose((-away, -0.12, z), out), cs.Pose((-away, 0.12, -z), back))
+
+    way = [*np.arange(0.0, 0.26, 0.01), *np.arange(0.26, 0.33, 0.0015)]
+    shapes = [step(k, away) for k, away in enumerate(way)]
+    last = max(k for k, shape in enumerate(shapes) if shape.usable)
+    assert len(way) - last > 4
+    assert not any(shape.usable for shape in shapes[last + 1 :])
+    back_again = [step(k, away) for k, away in reversed(list(enumerate(way[last:], last)))]
+    assert back_again[-1].usable
+    assert back_again[-1].missing_length == 0.0
 
 
 def test_moments_inside_of_elements_are_those_of_the_forces_where_tension_makes_layers_thin():
