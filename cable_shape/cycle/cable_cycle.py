@@ -19,8 +19,9 @@ from cable_shape.errors import ArgumentError
 from cable_shape.kernels.distance import bounds
 from cable_shape.motion.motion import Motion
 from cable_shape.pose import Ends, Grip, Pose
+from cable_shape.prediction.harness_predictor import HarnessPredictor
 from cable_shape.prediction.predictor import Predictor
-from cable_shape.prediction.tails import Tail, held_frame
+from cable_shape.prediction.tails import Tail, held_frame, runs
 from cable_shape.prediction.turned import TurnedPredictor
 from cable_shape.safety.allowed import Allowed
 from cable_shape.safety.caught import Caught
@@ -40,7 +41,7 @@ from cable_shape.safety.warnings import (
 )
 from cable_shape.scene.plug import Plug, PlugError, plug_error
 from cable_shape.scene.scene import Obstacle, Scene
-from cable_shape.shape import CableShape
+from cable_shape.shape import CableShape, Status
 from cable_shape.solve.answers import Solved
 from cable_shape.solve.problem import NAMED_TOLERANCE
 from cable_shape.uncertainty.motion_tube import MotionTube
@@ -112,13 +113,10 @@ class CableCycle:
         self.scene = scene
         cable, problem = predictor.cable, predictor.problem
         self._tails: dict[str, Tail]
+        hanging = tail_options(predictor.solo, scene, robot_links, gripping_links)
+        self._tails = {side: Tail(cable, side, length, **hanging) for side, length in cable.tails.items()}
         if before is not None and predictor.is_rod and before.predictor.cable == cable:
-            self._tails = {side: tail.twin() for side, tail in before._tails.items()}
-        else:
-            self._tails = {
-                side: Tail(cable, side, length, gravity=problem.gravity, points=problem.points)
-                for side, length in cable.tails.items()
-            }
+            self._tails.update({side: tail.twin() for side, tail in before._tails.items() if not tail.lies})
         checker = ClearanceChecker(scene, cable=cable, robot_links=robot_links, gripping_links=gripping_links)
         self._checker = checker
         self._allowed = Allowed(scene, cable, robot_links, gripping_links)
@@ -182,16 +180,16 @@ class CableCycle:
         else:
             shape = self.predictor.predict(start, end, links, acceleration=acceleration) if solved is None else solved
             self._rod = self.predictor.rod_state
-        self.tails = self.hang(shape, ends)
+        self.tails = self.hang(shape, ends, links)
         if shape.status:
             self.found = Found(shape, self.tails, ends, links)
         return shape
 
-    def take_seen(self, seen: AsSeen, ends: Ends) -> None:
+    def take_seen(self, seen: AsSeen, ends: Ends, links: Links) -> None:
         """Judges a shape that was seen in place of that which was just predicted."""
         assert isinstance(seen.shape, CableShape)
         self._seen, self._rod = seen, seen.rod
-        self.tails = self.hang(seen.shape, ends)
+        self.tails = self.hang(seen.shape, ends, links)
 
     def look_again(self) -> None:
         """Before the next prediction: after a shape that was seen it is no repetition, though ends stood still."""
@@ -204,7 +202,7 @@ class CableCycle:
         self.predictor.look_again()
         if self._tubes is not None and shape.length == self.predictor.cable.length:
             self._tubes.begin(shape, ends, links)
-        self.found = Found(shape, self.hang(shape, ends), ends, links)
+        self.found = Found(shape, self.hang(shape, ends, links), ends, links)
 
     def swing_on(self, before: CableCycle, shape: CableShape, ends: Ends, links: Links) -> None:
         """Goes on from a shape with its velocity, the last one of the part before an edit."""
@@ -213,17 +211,24 @@ class CableCycle:
         self.dynamic.go_on_from(before.dynamic, shape, ends, links)
         self.begin(shape, ends, links)
 
-    def hang(self, shape: CableShape, ends: Ends) -> dict[str, CableShape]:
+    def begin_tails(self, lying: Mapping[str, CableShape], shape: CableShape, ends: Ends, links: Links) -> None:
+        """Has tails of a shape between these ends go on from how they lie, by side."""
+        for side, tail in lying.items():
+            grip = ends[0] if side == "start" else ends[1]
+            if isinstance(grip, (Pose, Grip)) and side in self._tails and self._tails[side].lies:
+                self._tails[side].begin(tail, held_frame(grip, shape, side), links)
+
+    def hang(self, shape: CableShape, ends: Ends, links: Links) -> dict[str, CableShape]:
         """The tails of a shape between these ends, by side."""
         tails = {}
         for side, tail in self._tails.items():
             grip = ends[0] if side == "start" else ends[1]
             if isinstance(grip, (Pose, Grip)):
-                tails[side] = tail.predict(held_frame(grip, shape, side))
+                tails[side] = tail.predict(held_frame(grip, shape, side), links)
         return tails
 
     def check_shape(self, shape: CableShape, links: Links) -> Clearance:
-        """The clearance of a shape, without its tails."""
+        """The clearance of the shape of a span, or of a tail."""
         return self._checker.check(shape, links)
 
     def spread(self, shape: CableShape, ends: Ends, links: Links, stamp: int) -> Tube | None:
@@ -280,14 +285,10 @@ class CableCycle:
         """The clearance of which there may be alarm, and the margins of forces of contact that is meant."""
         if not self._allowed:
             return clearance, ()
-        lines = [(shape.arc_length, shape.positions)]
-        for side, tail in self.tails.items():
-            arcs = np.array([self._tails[side].along(at, shape.length) for at in tail.arc_length])
-            order = slice(None, None, -1 if side == "start" else 1)
-            lines.append((arcs[order], tail.positions[order]))
+        hanging = [(tail, *runs(side, shape.length)) for side, tail in self.tails.items()]
         known = [tube for tube in (self.tube, *self.tail_tubes.values()) if tube is not None]
         swell = max((float(tube.radius.max()) for tube in known), default=0.0)
-        return self._allowed.judged(shape, clearance, lines, self._links, swell)
+        return self._allowed.judged(shape, clearance, self._links, swell, hanging)
 
     def _snap_within(self, horizon: float) -> tuple[float, float, CableShape] | None:
         """See `predicted_snap`."""
@@ -317,6 +318,7 @@ class CableCycle:
             margins=margins,
             standing=self._standing,
             period=self._watch.period,
+            tails=tuple(self.tails.values()),
         )
         more, after, stability = [], self.after_snap, self._watch.stability
         told = self._tubes if self._swung is None else self._swung
@@ -330,7 +332,9 @@ class CableCycle:
             more.append(bridged_warning(self.name, shape, self.dynamic.bridged))
         if self.ahead is not None:
             more += ahead_warnings(self.name, self.scene, shape, self._judged, *self.ahead)
-        more += [tail_warning(self.name, side, tail) for side, tail in self.tails.items() if not tail.status]
+        more += [
+            tail_warning(self.name, side, tail) for side, tail in self.tails.items() if tail.status is not Status.OK
+        ]
         if not more:
             return found
         return tuple(sorted((*found, *more), key=lambda w: (-w.severity.value, -w.margin)))
@@ -415,6 +419,21 @@ class CableCycles:
         """Refuses what a cable that swings does not go together with."""
         if not predictor.is_rod:
             raise ArgumentError.of("model", self.model, "only the Cosserat rod swings", "Choose 'cosserat' or 'auto'.")
+
+
+def tail_options(
+    predictor: Predictor | HarnessPredictor,
+    scene: Scene,
+    robot_links: Sequence[Obstacle],
+    gripping_links: Sequence[str],
+) -> dict[str, Any]:
+    """Keywords of the tails of what this predicts, in this scene."""
+    budget = None if predictor.time_budget == math.inf else predictor.time_budget
+    problem = predictor.problem
+    return {
+        "gravity": problem.gravity, "points": problem.points, "scene": scene, "robot_links": robot_links,
+        "gripping_links": gripping_links, "time_budget": budget,
+    }  # fmt: skip
 
 
 def refuse_acceleration(name: str) -> NoReturn:

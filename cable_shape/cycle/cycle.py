@@ -343,7 +343,7 @@ class Cycle:
             for name, look in seen(shapes).items():
                 shapes[name] = look.shape
                 part: Part = held[name] if name in held else cables[name]
-                part.take_seen(look, grips[name])  # type: ignore[arg-type]
+                part.take_seen(look, grips[name], placed)  # type: ignore[arg-type]
         single: dict[str, CableShape] = {name: shapes[name] for name in cables}
         parts = {name: harness.parts(shapes[name]) for name, harness in held.items()}
         for own in parts.values():

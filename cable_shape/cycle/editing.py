@@ -20,7 +20,7 @@ from cable_shape.cycle.harness_cycle import Found as FoundHarness
 from cable_shape.cycle.harness_cycle import HarnessCycle, HarnessCycles
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import Ends, FreeEnd, Grip, Pose
-from cable_shape.prediction.carried import carried, place_of, stretched
+from cable_shape.prediction.carried import carried, carried_tails, place_of, stretched
 from cable_shape.prediction.changes import Change, change_of, on_the_way
 from cable_shape.prediction.edits import Edit
 from cable_shape.prediction.layout import Laid, Layout, cable_id
@@ -156,10 +156,10 @@ class Editing:
         for name, cycle in made.items():
             found: Any = self.cycles[name].found
             if found is not None and isinstance(cycle, CableCycle):
-                clearance = cycle.check_shape(found.shape, found.links)
-                checked.append((name, cycle.predictor.cable, clearance))
+                parts = (found.shape, *found.tails.values())
+                checked += [(name, cycle.predictor.cable, cycle.check_shape(one, found.links)) for one in parts]
             elif found is not None and isinstance(cycle, HarnessCycle):
-                checked += cycle.check_shape(found.shape, found.links)
+                checked += cycle.check_found(found)
         for name, cable, clearance in checked:
             radius = 0.5 * cable.diameter
             for body in clearance.bodies:
@@ -207,7 +207,8 @@ class _Way:
             assert found is not None
             before, after = layout.cables[name], change.origin.cables[name]
             shape = carried(found.shape, found.tails, before, after)
-            self._known[name] = Found(shape, {}, _ends(found, shape, before, after), found.links)
+            self._known[name] = known = Found(shape, {}, _ends(found, shape, before, after), found.links)
+            new.begin_tails(carried_tails(found.shape, found.tails, before, after), shape, known.ends, found.links)
             alike = (before.opened == "start") == (after.opened == "start")
             stays = alike and (before.first, before.last) == (after.first, after.last)
             self._memories[name] = predictor.memory if stays else None
@@ -372,18 +373,21 @@ def _ends(found: Found, shape: CableShape, before: Laid, after: Laid) -> Ends:
 def _carried_harness(found: Any, layout: Layout, change: Change, name: str, new: HarnessCycle) -> FoundHarness:
     """Where a harness is after an edit, as `carried` has it of each segment, and what holds its ends."""
     before, after = layout.segments(name), change.origin.segments(name)
-    parts, ends = {}, dict(found.ends)
+    parts, ends, lying = {}, dict(found.ends), dict[str, CableShape]()
     for one, laid in after.items():
         then, id_of = before[one], cable_id(name, one)
         tails = {side: tail for (of, side), tail in found.tails.items() if of == id_of}
         old = found.shape.segments[one]
         parts[one] = shape = carried(old, tails, then, laid)
+        lying.update((f"{one}.{side}", tail) for side, tail in carried_tails(old, tails, then, laid).items())
         held: Any = tuple(ends.get(f"{one}.{side}") for side in TAIL_SIDES)
         for side, way in zip(TAIL_SIDES, _ends(Found(old, {}, held, None), shape, then, laid), strict=True):
             if f"{one}.{side}" in ends or way is not None:
                 ends[f"{one}.{side}"] = way
     harness = change.origin.harness_of(name)
-    return FoundHarness(_as_one(found.shape, harness, parts, new), {}, ends, found.links)
+    whole = _as_one(found.shape, harness, parts, new)
+    new.begin_tails(lying, whole, ends, found.links)
+    return FoundHarness(whole, {}, ends, found.links)
 
 
 def _stretched_harness(shape: HarnessShape, harness: Harness, part: HarnessCycle) -> HarnessShape:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from cable_shape.cable.cable import Cable
 from cable_shape.cable.harness import Harness, split_end
-from cable_shape.cycle.cable_cycle import check_parts
+from cable_shape.cycle.cable_cycle import check_parts, tail_options
 from cable_shape.cycle.dynamic import DYNAMIC, QUASISTATIC, Dynamic, nearest
 from cable_shape.cycle.harness_stability import HarnessStability
 from cable_shape.cycle.seen import AsSeen
@@ -21,7 +21,7 @@ from cable_shape.motion.harness_motion import HarnessMotion
 from cable_shape.pose import Grip, Pose
 from cable_shape.prediction.harness_predictor import HarnessPredictor
 from cable_shape.prediction.layout import cable_id
-from cable_shape.prediction.tails import Tail, held_frame
+from cable_shape.prediction.tails import Tail, held_frame, runs
 from cable_shape.safety.allowed import Allowed
 from cable_shape.safety.caught import Caught
 from cable_shape.safety.clearance import ClearanceChecker
@@ -38,7 +38,7 @@ from cable_shape.safety.warnings import (
     warnings_of,
 )
 from cable_shape.scene.scene import Obstacle, Scene
-from cable_shape.shape import CableShape
+from cable_shape.shape import CableShape, Status
 from cable_shape.solve.harness_problem import End
 from cable_shape.solve.harness_shape import HarnessShape
 from cable_shape.uncertainty.harness_motion_tube import HarnessMotionTube
@@ -135,10 +135,10 @@ class HarnessCycle:
         self._look_ahead = look_ahead or 0.0
         self.ahead: dict[str, Ahead] = {}  # of the last shape's segments, by their ids
         self._tails: dict[str, Tail] = {}
+        hanging = tail_options(self.predictor, scene, robot_links, gripping_links)
         for end, long in harness.tails.items():
             segment, side = split_end(end)
-            points = self.predictor.problem.points
-            self._tails[end] = Tail(harness.segments[segment], side, long, gravity=gravity, points=points)
+            self._tails[end] = Tail(harness.segments[segment], side, long, **hanging)
         self.tails: dict[tuple[str, str], CableShape] = {}  # by id of the segment and side
         self.tubes: dict[str, Tube] = {}  # of the last shape's segments, if they are asked for and known
         self.tail_tubes: dict[tuple[str, str], Tube] = {}  # of its tails, likewise
@@ -180,16 +180,16 @@ class HarnessCycle:
             shape = self.predictor.predict(ends, links=links, acceleration=acceleration)
         else:
             shape = self.dynamic.predict(ends, stamp, links)
-        self.tails = self._hang(shape, ends)
+        self.tails = self._hang(shape, ends, links)
         if shape.status:
             self.found = Found(shape, self.tails, ends, links)
         return shape
 
-    def take_seen(self, seen: AsSeen, ends: Mapping[str, End]) -> None:
+    def take_seen(self, seen: AsSeen, ends: Mapping[str, End], links: Links) -> None:
         """Judges a shape that was seen in place of that which was just predicted."""
         assert isinstance(seen.shape, HarnessShape)
         self._seen = seen
-        self.tails = self._hang(seen.shape, ends)
+        self.tails = self._hang(seen.shape, ends, links)
 
     def look_again(self) -> None:
         """Before the next prediction: after a shape that was seen it is no repetition, though ends stood still."""
@@ -200,7 +200,7 @@ class HarnessCycle:
     def begin(self, shape: HarnessShape, ends: Mapping[str, End], links: Links) -> None:
         """Takes over a shape at which its predictor has arrived: the next step is not that shape again, but goes on."""
         self.predictor.look_again()
-        self.found = Found(shape, self._hang(shape, ends), ends, links)
+        self.found = Found(shape, self._hang(shape, ends, links), ends, links)
 
     def swing_on(self, before: HarnessCycle, shape: HarnessShape, ends: Mapping[str, End], links: Links) -> None:
         """Goes on from a shape with its velocity, the last one of the part before an edit."""
@@ -214,20 +214,31 @@ class HarnessCycle:
         for one, standing in self._standing.items():
             standing.go_on_from(other._standing[one])
 
-    def _hang(self, shape: HarnessShape, ends: Mapping[str, End]) -> dict[tuple[str, str], CableShape]:
+    def begin_tails(
+        self, lying: Mapping[str, CableShape], shape: HarnessShape, ends: Mapping[str, End], links: Links
+    ) -> None:
+        """Has tails of a shape between these ends go on from how they lie, by the ends that they hang beyond."""
+        for end, tail in lying.items():
+            held, (segment, side) = ends.get(end), split_end(end)
+            if isinstance(held, (Pose, Grip)) and end in self._tails and self._tails[end].lies:
+                self._tails[end].begin(tail, held_frame(held, shape.segments[segment], side), links)
+
+    def _hang(self, shape: HarnessShape, ends: Mapping[str, End], links: Links) -> dict[tuple[str, str], CableShape]:
         """The tails of a shape between these ends."""
         tails = {}
         for end, tail in self._tails.items():
             held, (segment, side) = ends.get(end), split_end(end)
             if isinstance(held, (Pose, Grip)):
                 there = held_frame(held, shape.segments[segment], side)
-                tails[cable_id(self.name, segment), side] = tail.predict(there)
+                tails[cable_id(self.name, segment), side] = tail.predict(there, links)
         return tails
 
-    def check_shape(self, shape: HarnessShape, links: Links) -> list[tuple[str, Cable, Clearance]]:
-        """Every segment by its id, and the clearance of its shape, without tails."""
+    def check_found(self, found: Found) -> list[tuple[str, Cable, Clearance]]:
+        """Every segment by its id, and the clearance of its shape, and of its tails."""
+        tails = ((one, tail) for (one, _), tail in found.tails.items())
         return [
-            (one, self.cables[one], self._checkers[one].check(part, links)) for one, part in self.parts(shape).items()
+            (one, self.cables[one], self._checkers[one].check(part, found.links))
+            for one, part in (*self.parts(found.shape).items(), *tails)
         ]
 
     def spread(self, shape: HarnessShape, ends: Mapping[str, End], links: Links, stamp: int) -> dict[str, Tube]:
@@ -320,17 +331,14 @@ class HarnessCycle:
         """The clearance of a segment of which there may be alarm, and the margins of forces of meant contact."""
         if not self._allowed[one]:
             return clearance, ()
-        lines = [(shape.arc_length, shape.positions)]
+        hanging: list[tuple[CableShape, float, float]] = []
         known = [self.tubes[one]] if one in self.tubes else []
         for key, tail in self.tails.items():
             if key[0] == one:
-                own = self._tails[self._end_of(key)]
-                arcs = np.array([own.along(at, shape.length) for at in tail.arc_length])
-                order = slice(None, None, -1 if key[1] == "start" else 1)
-                lines.append((arcs[order], tail.positions[order]))
+                hanging.append((tail, *runs(key[1], shape.length)))
                 known += [self.tail_tubes[key]] if key in self.tail_tubes else []
         swell = max((float(tube.radius.max()) for tube in known), default=0.0)
-        return self._allowed[one].judged(shape, clearance, lines, self._links, swell)
+        return self._allowed[one].judged(shape, clearance, self._links, swell, hanging)
 
     @property
     def after_snap(self) -> dict[str, CableShape]:
@@ -356,7 +364,9 @@ class HarnessCycle:
             more.append(bridged_warning(first, shape, self.dynamic.bridged))
         for one, told in self.ahead.items():
             more += ahead_warnings(one, self.scene, shapes[one], self._judged[one], *told)
-        more += [tail_warning(one, side, tail) for (one, side), tail in self.tails.items() if not tail.status]
+        more += [
+            tail_warning(one, side, tail) for (one, side), tail in self.tails.items() if tail.status is not Status.OK
+        ]
         return more + [
             warning
             for one, shape in shapes.items()
@@ -370,6 +380,7 @@ class HarnessCycle:
                 margins=margins[one],
                 standing=self._standing[one],
                 period=self._watches[one].period,
+                tails=[tail for (of, _), tail in self.tails.items() if of == one],
             )
         ]
 

@@ -102,7 +102,7 @@ class RowJudge:
     ) -> Array:
         """(6 + m, COLUMNS), NaN where there is none; radius (n,) [m]: of the tube that the clearance is of."""
         swell = 0.0 if radius is None else float(np.nan_to_num(radius).max())
-        judged, forces = self.allowed.judged(shape, clearance, [(shape.arc_length, shape.positions)], None, swell)
+        judged, forces = self.allowed.judged(shape, clearance, None, swell)
         rows = np.full((margins.BODIES + len(self.names), margins.COLUMNS), math.nan)
         self.watch.reset()
         columns: dict[str | WarningKind, int] = {kind: i for i, kind in enumerate(LOAD_MARGINS)}

@@ -344,7 +344,7 @@ class Judge:
         """Distances and margins of a shape; held: grips hold both ends; clearance: if it is known, and of more."""
         if clearance is None:
             clearance = self.checker.check(shape, links)
-        judged, forces = self._allowed.judged(shape, clearance, [(shape.arc_length, shape.positions)], links)
+        judged, forces = self._allowed.judged(shape, clearance, links)
         margins = self.watch.margins(shape, judged, 0, state=state, held=held) + forces
         used = [math.nan] * len(_LOADS) + [0.0] * len(self._forces)
         for margin in margins:

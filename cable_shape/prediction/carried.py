@@ -7,9 +7,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from cable_shape.cable.cable import TAIL_SIDES
 from cable_shape.checks import Array
 from cable_shape.pose import Pose, multiply
 from cable_shape.prediction.layout import Laid
+from cable_shape.prediction.tails import runs
+from cable_shape.prediction.turned import turned_shape
 from cable_shape.shape import NOT_RUBBED, CableShape
 from cable_shape.solve.mesh import interpolated
 
@@ -40,13 +43,26 @@ def carried(shape: CableShape, tails: Mapping[str, CableShape], before: Laid, af
         return out
     arcs, line = _joined(shape, tails)
     length = after.cable.length
-    touches = shape.touches.copy()
-    touches[:, 0] += shift
-    touches = touches[(touches[:, 0] > 0.0) & (touches[:, 0] < length)]
-    out = _sampled(shape, length, -shift, arcs, line, supports, touches)
+    touches, names = _joined_touches(shape, tails)
+    out = _sampled(shape, length, -shift, arcs, line, supports, _between(touches, -shift, length), names)
     out.rubbed = rubbed
     if shape.velocity is not None:  # tails go along with the grips
         out.velocity = _along(out.arc_length - shift, shape.arc_length, shape.velocity)
+    return out
+
+
+def carried_tails(
+    shape: CableShape, tails: Mapping[str, CableShape], before: Laid, after: Laid
+) -> dict[str, CableShape]:
+    """The tails that the same cable has where it is held as `after`, by side: what lies beyond the grips there."""
+    out: dict[str, CableShape] = {}
+    arcs, line = _joined(shape, tails)
+    touches, names = _joined_touches(shape, tails)
+    for side, length in after.cable.tails.items():
+        first = after.first - before.first - length if side == "start" else after.last - before.first
+        of_none, theirs = np.zeros((0, 7)), _between(touches, first, length)
+        own = _sampled(shape, length, first, arcs, line, of_none, theirs, names)
+        out[side] = turned_shape(own) if side == "start" else own
     return out
 
 
@@ -59,14 +75,15 @@ def stretched(shape: CableShape, length: float) -> CableShape:
     supports[:, 0] *= scale
     touches[:, 0] *= scale
     arcs = scale * shape.arc_length
-    out = _sampled(shape, length, 0.0, arcs, _columns(shape), supports, touches)
+    out = _sampled(shape, length, 0.0, arcs, _columns(shape), supports, touches, shape.bodies)
     out.velocity, out.rubbed = shape.velocity, shape.rubbed
     return out
 
 
 def _sampled(
-    shape: CableShape, length: float, first: float, arcs: Array, line: list[Array], supports: Array, touches: Array
-) -> CableShape:
+    shape: CableShape, length: float, first: float, arcs: Array, line: list[Array], supports: Array, touches: Array,
+    bodies: tuple[str, ...],
+) -> CableShape:  # fmt: skip
     """A shape of this length [m] from `first` [m] on, of a line (k, ..) given at arc lengths `arcs` (k,)."""
     n = shape.points
     here = np.linspace(first, first + length, n)
@@ -91,7 +108,7 @@ def _sampled(
         twist=twist,
         supports=supports,
         touches=touches,
-        bodies=shape.bodies,
+        bodies=bodies,
     )
 
 
@@ -123,6 +140,29 @@ def _joined(shape: CableShape, tails: Mapping[str, CableShape]) -> tuple[Array, 
         arcs.append(shape.length + tail.arc_length[1:])
         lines.append([part[1:] for part in _columns(tail)])
     return np.concatenate(arcs), [np.concatenate(parts) for parts in zip(*lines, strict=True)]
+
+
+def _joined_touches(shape: CableShape, tails: Mapping[str, CableShape]) -> tuple[Array, tuple[str, ...]]:
+    """Contacts of the span and of its tails by arc length [m] from the start grip, and the names of the bodies."""
+    names = tuple(dict.fromkeys((*shape.bodies, *(name for tail in tails.values() for name in tail.bodies))))
+    rows = []
+    for part, first, way in (
+        (shape, 0.0, 1.0),
+        *((tails[s], *runs(s, shape.length)) for s in TAIL_SIDES if s in tails),
+    ):
+        own = part.touches.copy()
+        own[:, 0] = first + way * own[:, 0]
+        own[:, 1] = [names.index(part.bodies[int(body)]) for body in own[:, 1]]
+        rows.append(own)
+    every = np.concatenate(rows)
+    return every[np.argsort(every[:, 0], kind="stable")], names
+
+
+def _between(touches: Array, first: float, length: float) -> Array:
+    """Those on a stretch, by arc length on it."""
+    own = touches[(touches[:, 0] > first) & (touches[:, 0] < first + length)].copy()
+    own[:, 0] -= first
+    return own
 
 
 def _along(at: Array, arcs: Array, values: Array) -> Array:

@@ -4,12 +4,15 @@ A cable longer than the span between its grips ends in two tails, each a cable o
 grip holds its tail as it holds the span, so that neither feels the other: span and tails together are the exact shape.
 At a swivel or pinned grip the tail leaves along the span's tangent, and the moment of its weight on the span is left
 out. The tail at the start runs backwards: in its own frame d1 is that of the cable, d2 and d3 are reversed.
+
+In a scene with ``contact="solve"`` bodies and robot links keep a tail out, too, with friction and memory, and it is
+kept out of itself: it is a cable like others, with a free end. Of the span and of other cables it knows nothing.
 """
 
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import final
 
 from numpy.typing import ArrayLike
@@ -20,11 +23,13 @@ from cable_shape.cable.pieces import cable_at
 from cable_shape.errors import ArgumentError
 from cable_shape.pose import Grip, Pose, as_grip
 from cable_shape.prediction.predictor import Predictor
+from cable_shape.scene.scene import Obstacle, Scene
 from cable_shape.shape import CableShape
 from cable_shape.solve.problem import GRAVITY, MAX_POINTS, MIN_POINTS, TAIL_TOLERANCE
 
 _BACKWARDS = Pose(quaternion=(1.0, 0.0, 0.0, 0.0))  # half a turn about d1
 _FEWEST_POINTS = 12
+_FEWEST_AMONG_BODIES = 30  #: what lies on something is bent in places
 
 
 @final
@@ -42,9 +47,11 @@ class Tail:
     gravity : (3,) array_like
         [m/s^2], world.
     points : int
-        Of the whole cable; a tail gets its share, but not fewer than 12.
+        Of the whole cable; a tail gets its share, but not fewer than 12, and where it may lie on bodies 30.
     own_points : int, optional
         Of the tail itself, in place of its share.
+    scene, robot_links, gripping_links, time_budget
+        As for :class:`Predictor`. Of the scene its bodies keep the tail out, if contact with them is solved for.
     """
 
     __slots__ = ("cable", "predictor", "side")
@@ -58,22 +65,49 @@ class Tail:
         gravity: ArrayLike = GRAVITY,
         points: int = 150,
         own_points: int | None = None,
+        scene: Scene | None = None,
+        robot_links: Iterable[Obstacle] = (),
+        gripping_links: Iterable[str] = (),
+        time_budget: float | None = None,
     ) -> None:
         self.side = checks.one_of("side", side, TAIL_SIDES)
         self.cable = tail_cable(cable, side, length)
         checks.integer("points", points, at_least=MIN_POINTS, at_most=MAX_POINTS)
-        share = max(_FEWEST_POINTS, round(points * self.cable.length / cable.length))
+        limp = cable.mean_bending_stiffness == 0.0
+        among = None if limp or scene is None else _bodies_of(scene)
+        fewest = _FEWEST_POINTS if among is None else _FEWEST_AMONG_BODIES
+        share = max(fewest, round(points * self.cable.length / cable.length))
         self.predictor = Predictor(
             self.cable,
-            model="catenary" if cable.mean_bending_stiffness == 0.0 else "cosserat",
+            model="catenary" if limp else "cosserat",
             gravity=gravity,
             points=share if own_points is None else own_points,
             tolerance=TAIL_TOLERANCE * self.cable.length,
+            scene=among,
+            robot_links=() if among is None else robot_links,
+            gripping_links=() if among is None else gripping_links,
+            time_budget=time_budget,
         )
 
-    def predict(self, frame: Pose) -> CableShape:
-        """The tail at a grip whose cable frame is `frame`; arc length counts from the grip outwards."""
-        return self.predictor.predict(frame * _BACKWARDS if self.side == "start" else frame, None)
+    @property
+    def lies(self) -> bool:
+        """Whether there is something that it may lie on, the robot's links or itself."""
+        return self.predictor.scene is not None
+
+    def predict(self, frame: Pose, links: Mapping[str, Pose] | None = None) -> CableShape:
+        """The tail at a grip whose cable frame is `frame`; arc length counts from the grip outwards.
+
+        links: where the robot's are, see :meth:`Predictor.predict`.
+        """
+        return self.predictor.predict(self._own(frame), None, links)
+
+    def begin(self, shape: CableShape, frame: Pose, links: Mapping[str, Pose] | None) -> None:
+        """Goes on from a shape at a grip with this cable frame, with the links there."""
+        self.predictor.begin(shape, (self._own(frame), None), links)
+
+    def _own(self, frame: Pose) -> Pose:
+        """The frame in which it begins."""
+        return frame * _BACKWARDS if self.side == "start" else frame
 
     def twin(self) -> Tail:
         """Once more: it goes on from the last shape, and this one stays as it is."""
@@ -83,11 +117,22 @@ class Tail:
 
     def along(self, arc_length: float, length: float) -> float:
         """Arc length [m] on the tail as that of a span of `length` [m]: negative, or beyond the length."""
-        return -arc_length if self.side == "start" else length + arc_length
+        first, way = runs(self.side, length)
+        return first + way * arc_length
 
     def reset(self) -> None:
         """Forgets the last solution."""
         self.predictor.reset()
+
+
+def runs(side: str, length: float) -> tuple[float, float]:
+    """Where on a span of `length` [m] the tail at this side begins, and whether it runs on (1) or back (-1)."""
+    return (0.0, -1.0) if side == "start" else (length, 1.0)
+
+
+def _bodies_of(scene: Scene) -> Scene | None:
+    """What of a scene a tail may lie on; None if contact is not solved for."""
+    return Scene(obstacles=scene.obstacles, contact="solve") if scene.contact == "solve" else None
 
 
 def tail_cable(cable: Cable, side: str, length: float) -> Cable:
@@ -110,6 +155,8 @@ def predict_tails(
     *,
     gravity: ArrayLike = GRAVITY,
     points: int = 150,
+    scene: Scene | None = None,
+    links: Mapping[str, Pose] | None = None,
 ) -> dict[str, CableShape]:
     """The tails of a cable held by two grips, solved once from nothing; the keys are "start" and "end".
 
@@ -119,6 +166,10 @@ def predict_tails(
         Their cable frames hold the tails. A free end (None) has none.
     tails : mapping of "start" and "end" to a length [m], optional
         Default: those of the cable.
+    scene : Scene, optional
+        With ``contact="solve"`` its bodies keep the tails out.
+    links : mapping of robot link to its Pose in the world, optional
+        Where bodies on links are; without it these are left out.
 
     Raises
     ------
@@ -133,7 +184,7 @@ def predict_tails(
         if grip is None:
             raise ArgumentError.of(f"tails.{side}", length, "nothing holds this end", "Lengthen the cable instead.")
         frame = as_grip(side, grip).cable_frame
-        shapes[side] = Tail(cable, side, length, gravity=gravity, points=points).predict(frame)
+        shapes[side] = Tail(cable, side, length, gravity=gravity, points=points, scene=scene).predict(frame, links)
     return shapes
 
 

@@ -20,8 +20,8 @@ from cable_shape.scene.body_tables import body_tables, carried_by, link_rows
 from cable_shape.scene.scene import Allow, Obstacle, Scene
 from cable_shape.shape import CableShape
 
-#: Arc lengths (n,) [m] from the start grip and positions (n, 3) [m] of a cable's span, or of one of its tails.
-Line = tuple[Array, Array]
+#: A span, or a tail, where on the cable that begins [m], and which way it runs, 1 or -1.
+Part = tuple[CableShape, float, float]
 
 
 @final
@@ -53,9 +53,9 @@ class Allowed:
         self,
         shape: CableShape,
         clearance: Clearance,
-        lines: Sequence[Line],
         links: Mapping[str, Pose] | None = None,
         swell: float = 0.0,
+        tails: Sequence[Part] = (),
     ) -> tuple[Clearance, tuple[Margin, ...]]:
         """The clearance of which there may be alarm, and the margins of the forces.
 
@@ -64,50 +64,56 @@ class Allowed:
 
         Parameters
         ----------
-        lines : sequence of (arc lengths (n,) [m], positions (n, 3) [m])
-            The span, and its tails.
         links : mapping of robot link to its Pose in the world, optional
         swell : float
             [m], by how much the cable is taken for thicker.
+        tails : sequence of (shape, [m] where it begins, 1 or -1)
+            What hangs beyond the grips, and runs on from there, or back.
         """
         if not self._of or shape.status in NOT_JUDGED:
             return clearance, ()
+        parts = ((shape, 0.0, 1.0), *tails)
         bodies, table = [], None if clearance.table is None else clearance.table.copy()
         for body in clearance.bodies:
             allows = self._of.get(body.body)
-            if allows is None or not self._may_touch(allows, shape, clearance, body):
+            if allows is None or not self._may_touch(allows, parts, clearance, body):
                 bodies.append(body)
                 continue
-            rest = self._rest(body.body, allows, lines, links, swell)
+            rest = self._rest(body.body, allows, parts, links, swell)
             if table is not None:
                 same = (table[:, 0] == body.distance) & (table[:, 1] == body.arc_length)
                 table[np.flatnonzero(same)[0]] = math.inf if rest is None else rest
             if rest is not None:
                 bodies.append(BodyDistance(body.body, float(rest[0]), float(rest[1]), rest[2:5], rest[5:8]))
-        forces = [margin for name in self._of for margin in self._force(name, shape)]
+        forces = [margin for name in self._of for margin in self._force(name, parts)]
         return dataclasses.replace(clearance, bodies=tuple(bodies), table=table), tuple(forces)
 
-    def _may_touch(self, allows: Sequence[Allow], shape: CableShape, clearance: Clearance, body: BodyDistance) -> bool:
+    def _may_touch(
+        self, allows: Sequence[Allow], parts: Sequence[Part], clearance: Clearance, body: BodyDistance
+    ) -> bool:
         """Whether a body may be where it is: on a stretch where that is meant, not too hard, nor bent too far there."""
         if clearance.confidence == 0.0 and body.distance < -DEEPEST_REST:
             return False
         here = [allow for allow in allows if allow.stretch[0] <= body.arc_length <= allow.stretch[1]]
         return any(
-            (allow.max_force is None or _pressed(shape, allow)[0] <= allow.max_force) and not self._bent(shape, allow)
+            (allow.max_force is None or _pressed(parts, allow)[0] <= allow.max_force)
+            and not any(self._bent(part, allow) for part in parts)
             for allow in here
         )
 
-    def _bent(self, shape: CableShape, allow: Allow) -> bool:
-        """Whether the cable is bent further than it may be, on the stretch that a body may touch."""
+    def _bent(self, part: Part, allow: Allow) -> bool:
+        """Whether a part is bent further than the cable may be, on the stretch that a body may touch."""
+        shape, first, way = part
         limits = [one.min_bend_radius for _, _, one in pieces_of(self._cable) if one.min_bend_radius is not None]
         if not limits or float(shape.bend_radius.min()) >= max(limits):
             return False
         low, high = allow.stretch
-        arcs = shape.arc_length
+        arcs = first + way * shape.arc_length
         for start, end, piece in pieces_of(self._cable):
             if piece.min_bend_radius is None:
                 continue
-            there = (arcs >= max(start, low)) & (arcs <= min(end, high))
+            begins, ends = (-math.inf if start == 0.0 else start), (math.inf if end == self._cable.length else end)
+            there = (arcs >= max(begins, low)) & (arcs <= min(ends, high))
             if (shape.bend_radius[there] < piece.min_bend_radius).any():
                 return True
         return False
@@ -116,7 +122,7 @@ class Allowed:
         self,
         name: str,
         allows: Sequence[Allow],
-        lines: Sequence[Line],
+        parts: Sequence[Part],
         links: Mapping[str, Pose] | None,
         swell: float,
     ) -> Array | None:
@@ -125,6 +131,7 @@ class Allowed:
         if body is None or (body.link is not None and links is None):
             return None
         stretches = sorted(allow.stretch for allow in allows)
+        lines = [_line(part) for part in parts if part[0].status not in NOT_JUDGED]
         left = [_between(stretches, float(arcs[0]), float(arcs[-1])) for arcs, _ in lines]
         if not any(left):
             return None
@@ -146,25 +153,33 @@ class Allowed:
                     best = result[0]
         return best
 
-    def _force(self, name: str, shape: CableShape) -> list[Margin]:
+    def _force(self, name: str, parts: Sequence[Part]) -> list[Margin]:
         """The margin of the force of a body, where there is one and a limit of it: of its stretches the worst."""
         found = []
         for allow in self._of[name]:
             if allow.max_force is not None:
-                force, at = _pressed(shape, allow)
+                force, at = _pressed(parts, allow)
                 used = force / allow.max_force
                 found.append(Margin(WarningKind.CONTACT_FORCE, used, allow.max_force, force, at, name))
         worst = max(found, key=lambda margin: margin.used, default=None)
         return [worst] if worst is not None and worst.value > 0.0 else []
 
 
-def _pressed(shape: CableShape, allow: Allow) -> tuple[float, float]:
+def _line(part: Part) -> tuple[Array, Array]:
+    """Arc lengths (n,) [m] from the start grip, ascending, and positions (n, 3) [m]."""
+    shape, first, way = part
+    order = slice(None, None, 1 if way > 0.0 else -1)
+    return first + way * shape.arc_length[order], shape.positions[order]
+
+
+def _pressed(parts: Sequence[Part], allow: Allow) -> tuple[float, float]:
     """[N], the force of a body on a stretch in all, and [m] where most of it is."""
     low, high = allow.stretch
     rows = [
-        (force, arc)
+        (force, first + way * arc)
+        for shape, first, way in parts
         for arc, body, force in shape.touches[:, [0, 1, 8]].tolist()
-        if shape.bodies[int(body)] == allow.body and low <= arc <= high
+        if shape.bodies[int(body)] == allow.body and low <= first + way * arc <= high
     ]
     return (sum(force for force, _ in rows), max(rows)[1]) if rows else (0.0, 0.0)
 

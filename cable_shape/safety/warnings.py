@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import final
@@ -115,6 +115,7 @@ def warnings_of(
     margins: tuple[Margin, ...] | None = None,
     standing: Standing | None = None,
     period: float = math.nan,
+    tails: Sequence[CableShape] = (),
 ) -> tuple[CableWarning, ...]:
     """All warnings that hold for one cable, errors first, then by falling margin.
 
@@ -139,11 +140,13 @@ def warnings_of(
         The warnings of the last cycle: one that stands is over only 5 % below where it began.
     period : float
         [s], with which the cable swings.
+    tails : optional
+        That hang beyond the grips, and may lie on bodies, too.
     """
     if margins is None:
         margins = margins_of(cable, scene, shape, clearance)
     found = [
-        _warning(cable_id, margin, severity, scene, shape, clearance, period)
+        _warning(cable_id, margin, severity, scene, (shape, *tails), clearance, period)
         for margin, severity in (standing or Standing(scene)).judge(margins)
     ]
     if shape.status is Status.OVERSTRETCHED:
@@ -164,11 +167,13 @@ def _status(cable_id: str, shape: CableShape, tolerance: float) -> CableWarning:
 
 
 def tail_warning(cable_id: str, side: str, tail: CableShape) -> CableWarning:
-    """A tail without a shape."""
+    """A tail without a shape, or with one to be looked at."""
     text = f"{cable_id}: tail at the {side}: {tail.status.name}. {tail.detail or tail.status.remedy}"
-    text += " Its clearance was not judged."
+    if tail.status in NOT_JUDGED:
+        text += " Its clearance was not judged."
+    severity = Severity.WARN if tail.status else Severity.ERROR
     limit = TAIL_TOLERANCE * tail.length
-    return _doubt(cable_id, tail, Severity.ERROR, text, tail.error_estimate, limit, f"{side} tail")
+    return _doubt(cable_id, tail, severity, text, tail.error_estimate, limit, f"{side} tail")
 
 
 def tube_warning(cable_id: str, shape: CableShape, reason: str) -> CableWarning:
@@ -309,15 +314,16 @@ def _warning(
     margin: Margin,
     severity: Severity,
     scene: Scene,
-    shape: CableShape,
+    parts: Sequence[CableShape],
     clearance: Clearance,
     period: float,
 ) -> CableWarning:
-    """One margin that is used up, or nearly."""
+    """One margin that is used up, or nearly; parts: the span, and its tails."""
+    shape = parts[0]
     if margin.kind is WarningKind.CLEARANCE:
         body = next(b for b in clearance.bodies if b.body == margin.other and b.arc_length == margin.arc_length)
         point, other = body.point_on_cable, body.point_on_body
-        pressed = float(shape.presses(margin.other).sum())
+        pressed = sum(float(part.presses(margin.other).sum()) for part in parts)
         if pressed > 0.0 and margin.value > -DEEPEST_REST:
             severity = Severity.WARN
             where = f"{margin.other!r} {_at(margin.arc_length, shape.length)}"

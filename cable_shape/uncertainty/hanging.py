@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
 from cable_shape.checks import Array
-from cable_shape.pose import Grip
+from cable_shape.pose import Grip, Pose
 from cable_shape.prediction.tails import Tail, held_frame
 from cable_shape.shape import CableShape
+
+#: Of the keywords of predictors, those that their tails have, too.
+TAIL_OPTIONS = ("gravity", "points", "scene", "robot_links", "gripping_links")
 
 
 def turned_by(grip: Grip, side: str, span: CableShape, twists: Array, answers: Array, ways: Array) -> Array:
@@ -28,11 +31,11 @@ def turned_by(grip: Grip, side: str, span: CableShape, twists: Array, answers: A
     return np.concatenate((twists[:3], np.cross(along, turned, axisb=0, axisc=0)))
 
 
-def hanging(beside: Iterable[tuple[Tail, Grip, CableShape]]) -> list[Array | None]:
+def hanging(beside: Iterable[tuple[Tail, Grip, CableShape]], links: Mapping[str, Pose] | None) -> list[Array | None]:
     """(n, 3) [m] of the tails that spans beside the predicted one have in these grips; None without a usable shape."""
     places: list[Array | None] = []
     for tail, grip, span in beside:
-        found = tail.predict(held_frame(grip, span, tail.side)) if span.status else None
+        found = tail.predict(held_frame(grip, span, tail.side), links) if span.status else None
         places.append(found.positions if found is not None and found.status else None)
     return places
 

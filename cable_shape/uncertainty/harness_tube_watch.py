@@ -21,7 +21,7 @@ from cable_shape.shape import CableShape
 from cable_shape.solve.harness_problem import End
 from cable_shape.solve.harness_shape import HarnessShape
 from cable_shape.solve.problem import GRAVITY
-from cable_shape.uncertainty.hanging import hanging, tail_answers, turned_by
+from cable_shape.uncertainty.hanging import TAIL_OPTIONS, hanging, tail_answers, turned_by
 from cable_shape.uncertainty.tube_watch import STEP, both_nan, carried, covariance_of, loaded
 from cable_shape.uncertainty.uncertainty import Tube, Uncertainty, directions_of
 
@@ -58,7 +58,7 @@ class HarnessTubeWatch:
         self._known, steps = uncertainty.harness_parameters(harness)
         middle = np.empty(0) if self._known is None else self._known.start
         self._of_grip = {side: directions_of(getattr(uncertainty, side)).T for side in ("start", "end")}
-        loads: dict[str, Any] = {key: options[key] for key in ("gravity", "points") if key in options}
+        loads: dict[str, Any] = {key: options[key] for key in TAIL_OPTIONS if key in options}
         own = _tails(harness, loads)
         points = {end: tail.predictor.problem.points for end, tail in own.items()}
 
@@ -194,10 +194,10 @@ class HarnessTubeWatch:
                 row, grip = 6 * self._grips.index(end), as_grip(end, ends[end])  # type: ignore[arg-type]
                 span, answers = self._last[segment].shape, self._answers[segment]
                 root = turned_by(grip, side, span, self._ways[row : row + 6], answers, self._ways)
-            lines = _hanging(self._lines, self._beside, end)
+            lines = _hanging(self._lines, self._beside, end, self._links)
             still = covariance_of(lines, shape.positions, tail_answers(tail, shape.points, errors), root)
         if swing is None and self._swing is not None:
-            swing = loaded(_hanging(self._swung, self._loaded, end), shape.positions)
+            swing = loaded(_hanging(self._swung, self._loaded, end, self._links), shape.positions)
         self._hanging[end] = still, swing
         inertia = self._last[segment].inertia
         return self._tube(shape, still if swing is None or not inertia > 0.0 else still + inertia**2 * swing, inertia)
@@ -229,8 +229,9 @@ def _tails(harness: Harness, loads: Mapping[str, Any], points: Mapping[str, int]
     return out
 
 
-def _hanging(lines: list[_Line], rods: list[_Beside], end: str) -> list[Array | None]:
+def _hanging(lines: list[_Line], rods: list[_Beside], end: str, links: Mapping[str, Pose] | None) -> list[Array | None]:
     """(n, 3) [m] of the tails that harnesses beside the predicted one have there; None without a usable shape."""
     segment, _ = split_end(end)
     pairs = zip(lines, rods, strict=True)
-    return hanging((rod.tails[end], as_grip(end, held[end]), line.segments[segment]) for (held, line), rod in pairs)  # type: ignore[arg-type]
+    beside = ((rod.tails[end], as_grip(end, held[end]), line.segments[segment]) for (held, line), rod in pairs)  # type: ignore[arg-type]
+    return hanging(beside, links)

@@ -25,7 +25,7 @@ from cable_shape.shape import CableShape
 from cable_shape.solve.outcome import MODEL
 from cable_shape.solve.problem import GRAVITY
 from cable_shape.solve.quasistatic import inertia_of
-from cable_shape.uncertainty.hanging import hanging, tail_answers, turned_by
+from cable_shape.uncertainty.hanging import TAIL_OPTIONS, hanging, tail_answers, turned_by
 from cable_shape.uncertainty.uncertainty import Tube, Uncertainty, directions_of
 
 #: Load of the rods that show how a shape answers its inertia, as a fraction of the weight.
@@ -102,6 +102,7 @@ class TubeWatch:
         self._poses = uncertainty.poses
         self._answers: Array = np.empty((0, 3, 12))  # of the last span to its ends
         self._ways: Array = self._poses  # how these move
+        self._links: Mapping[str, Pose] | None = None  # at the last shape
         self._lines: list[_Line] = []  # of `_beside`
         self._swung: list[_Line] = []  # of `_loaded`; none before they are asked for
         self._forget()
@@ -111,7 +112,7 @@ class TubeWatch:
         else:
             given, steps = parameters, directions_of(uncertainty.covariance)
         middle = np.empty(0) if given is None else given.start if values is None else values
-        hanging: dict[str, Any] = {key: options[key] for key in ("gravity", "points") if key in options}
+        hanging: dict[str, Any] = {key: options[key] for key in TAIL_OPTIONS if key in options}
         own = {side: Tail(cable, side, long, **hanging).predictor for side, long in cable.tails.items()}
 
         def beside(at: Array, **changes: Any) -> _Beside:
@@ -173,7 +174,7 @@ class TubeWatch:
         if inertia > 0.0 and not self._loaded:
             remedy = "Give a gravity, or leave it out."
             raise ArgumentError.of("inertia", inertia, "without gravity there is no weight to compare it with", remedy)
-        self.trouble = ""
+        self.trouble, self._links = "", links
         if not shape.reused or self._still is None:
             self._forget()
             self._still = self._at_rest(predictor, shape, ends, links, acceleration)
@@ -243,7 +244,7 @@ class TubeWatch:
         if still is None:
             still = self._tail_covariance(tail, shape, _held(ends))
         if swing is None and self._swing is not None:
-            swing = loaded(_hanging(self._swung, self._loaded, tail.side), shape.positions)
+            swing = loaded(_hanging(self._swung, self._loaded, tail.side, self._links), shape.positions)
         self._tails[tail.side] = still, swing
         return self._tube(shape, still, swing, self._last.inertia)
 
@@ -256,7 +257,7 @@ class TubeWatch:
             assert self._last is not None
             twists = self._ways[:6] if side == "start" else self._ways[6:]
             root = turned_by(grip, side, self._last.shape, twists, self._answers, self._ways)
-        lines = _hanging(self._lines, self._beside, side)
+        lines = _hanging(self._lines, self._beside, side, self._links)
         return covariance_of(lines, shape.positions, tail_answers(tail, shape.points, errors), root)
 
     def _tube(self, shape: CableShape, still: Array, swing: Array | None, inertia: float) -> Tube:
@@ -273,14 +274,16 @@ def _held(ends: Ends) -> dict[str, Grip | FreeEnd]:
     return {"start": as_grip("start", ends[0]), "end": far}
 
 
-def _hanging(lines: list[_Line], rods: list[_Beside], side: str) -> list[Array | None]:
+def _hanging(
+    lines: list[_Line], rods: list[_Beside], side: str, links: Mapping[str, Pose] | None
+) -> list[Array | None]:
     """(n, 3) [m] of the tails that rods beside the predicted one have there; None without a usable shape."""
     beside = []
     for (there, line), (_, _, tails) in zip(lines, rods, strict=True):
         own = there[side]
         assert isinstance(own, Grip)
         beside.append((tails[side], own, line))
-    return hanging(beside)
+    return hanging(beside, links)
 
 
 def loaded(lines: Sequence[Array | None], middle: Array) -> Array:
