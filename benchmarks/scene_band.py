@@ -21,7 +21,7 @@ POINTS = 201  # of the band
 #: Of the cable's length: nodes nearer to a body have a plane there; how far ends go at once; a step in which no node
 #: goes further is the last; how much longer than the cable the band must be.
 REACH, PULLED, SETTLED, LONGER = 0.2, 0.02, 1e-6, 2e-5
-STEPS = 400  # at most
+STEPS, WHOLE, PART = 400, 60, 0.3  # at most; after so many a step goes this part of its way: it may go in circles
 NEAR = 0.5  # of half a body's thickness and the cable's: how far a node goes in a step
 #: How firm planes are, of the springs between nodes; how often it is looked at which are pressed, and how often all
 #: that are wrong change together.
@@ -135,14 +135,14 @@ def drawn(
     goal = np.array([pose.position for pose in (start, *[clip.pose for clip in clips], end)])
     furthest = NEAR * min([thickness(body.solid) for body in scene.obstacles] + [0.2 * length]) + NEAR * radius
     settled = False
-    for _ in range(STEPS):
+    for i in range(STEPS):
         left = goal - x[where]
         far = float(np.linalg.norm(left, axis=1).max())
         x[where] += left * min(1.0, PULLED * length / max(far, 1e-300))
         there = far <= PULLED * length
         step = drawn_once(x, where, planes(bodies, radius, REACH * length, x)) - x
         most = float(np.linalg.norm(step, axis=1).max())
-        x += step * min(1.0, furthest / max(most, 1e-300))
+        x += step * min(1.0 if i < WHOLE else PART, furthest / max(most, 1e-300))
         settled = there and most < SETTLED * length
         if settled:
             break
